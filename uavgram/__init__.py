@@ -1,0 +1,1 @@
+"""Ground measurements with honest uncertainties from drone photos, flight logs and lengths."""

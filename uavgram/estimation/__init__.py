@@ -1,0 +1,1 @@
+"""Least squares, first values, propagation of covariance, tests for blunders."""

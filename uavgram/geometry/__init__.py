@@ -1,0 +1,1 @@
+"""Pure kernels on plain arrays, with analytic Jacobians; NaN marks what has no answer."""

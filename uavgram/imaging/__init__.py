@@ -1,0 +1,1 @@
+"""Pixels: previews and rendering."""

@@ -1,0 +1,1 @@
+"""Files to model types and back, one file per format; computes nothing."""

@@ -1,0 +1,1 @@
+"""Frozen data: what flows between the stages."""

@@ -1,0 +1,90 @@
+"""Photos as files, and frames as instants: names and times, never pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from uavgram.model.arrays import Bools, Floats, freeze, freeze_as
+
+TimeSource = Literal["exif", "filename", "none"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Photos:
+    """F photos as they lie on disk, in the order of their names.
+
+    Attributes
+    ----------
+    frame_id
+        (F,) file names, unique in the project.
+    path
+        (F,) where they are.
+    width_px, height_px
+        (F,) size of the stored, unrotated image.
+    file_time_s
+        (F,) the camera clock's reading as UTC seconds since the Unix epoch (a stated zone taken
+        off, otherwise read as if it were UTC); NaN where the file states none.
+    file_time_resolution_s
+        (F,) the step of that reading: 1.0 for plain EXIF, 0.001 with three sub-second digits.
+    time_source
+        Where the readings come from, one for all photos.
+    """
+
+    frame_id: tuple[str, ...]
+    path: tuple[str, ...]
+    width_px: Floats
+    height_px: Floats
+    file_time_s: Floats
+    file_time_resolution_s: Floats
+    time_source: TimeSource
+
+    def __post_init__(self) -> None:
+        n = len(self.frame_id)
+        freeze(
+            self,
+            may_be_nan=("file_time_s", "file_time_resolution_s"),
+            width_px=(n,),
+            height_px=(n,),
+            file_time_s=(n,),
+            file_time_resolution_s=(n,),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frames:
+    """F frames and the instants of their exposures.
+
+    Attributes
+    ----------
+    frame_id
+        (F,) names, those of the photos.
+    time_utc_s
+        (F,) UTC seconds since the Unix epoch; NaN where unknown.
+    sigma_time_s
+        (F,) of each frame's own timing error (resolution, jitter), without what all frames have
+        in common; NaN where the time is.
+    matched
+        (F,) whether the instant lies inside the flight log.
+    reason
+        (F,) why a frame is unmatched; empty where it is matched.
+    clock_offset_s
+        Camera clock minus UTC, as assumed here (a file time t was really t - offset).
+    clock_offset_sigma_s
+        Its prior standard deviation, common to all frames.
+    """
+
+    frame_id: tuple[str, ...]
+    time_utc_s: Floats
+    sigma_time_s: Floats
+    matched: Bools
+    reason: tuple[str, ...]
+    clock_offset_s: float
+    clock_offset_sigma_s: float
+
+    def __post_init__(self) -> None:
+        n = len(self.frame_id)
+        freeze(self, may_be_nan=("time_utc_s", "sigma_time_s"), time_utc_s=(n,), sigma_time_s=(n,))
+        freeze_as(self, np.bool_, matched=(n,))

@@ -1,0 +1,131 @@
+"""What people observed: picked pixels, taped lengths, points with known coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from uavgram.model.arrays import Bools, Floats, freeze, freeze_as
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Picks:
+    """P picked pixels.
+
+    Attributes
+    ----------
+    image
+        (P,) file name of the photo.
+    label
+        (P,) name of the physical point.
+    pixel_px
+        (P, 2) in the original, distorted, unrotated image; (0, 0) = centre of the top-left pixel.
+    sigma_px
+        (P,) of each coordinate; NaN where the file gives none.
+    height_m
+        (P,) known height of the point above the ground plane; NaN where the file gives none.
+    """
+
+    image: tuple[str, ...]
+    label: tuple[str, ...]
+    pixel_px: Floats
+    sigma_px: Floats
+    height_m: Floats
+
+    def __post_init__(self) -> None:
+        n = len(self.image)
+        freeze(
+            self,
+            may_be_nan=("sigma_px", "height_m"),
+            pixel_px=(n, 2),
+            sigma_px=(n,),
+            height_m=(n,),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownLines:
+    """L taped lengths between two labels.
+
+    Attributes
+    ----------
+    name, start, end
+        (L,) of the line, and the labels of its ends.
+    length_m, sigma_m
+        (L,) straight 3-D distance and its standard deviation.
+    adjust
+        (L,) True: an observation; False: withheld, only judged.
+    """
+
+    name: tuple[str, ...]
+    start: tuple[str, ...]
+    end: tuple[str, ...]
+    length_m: Floats
+    sigma_m: Floats
+    adjust: Bools
+
+    def __post_init__(self) -> None:
+        n = len(self.name)
+        freeze(self, length_m=(n,), sigma_m=(n,))
+        freeze_as(self, np.bool_, adjust=(n,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownPoints:
+    """C points with known coordinates, geodetic or local, as the file has them.
+
+    Attributes
+    ----------
+    label
+        (C,) names.
+    kind
+        ``geodetic``: (latitude_deg, longitude_deg, height_m); ``local``: (east_m, north_m, up_m)
+        in the world's axes.
+    coordinates
+        (C, 3) as `kind` says.
+    sigma_m
+        (C, 3) east, north, up.
+    """
+
+    label: tuple[str, ...]
+    kind: Literal["geodetic", "local"]
+    coordinates: Floats
+    sigma_m: Floats
+
+    def __post_init__(self) -> None:
+        n = len(self.label)
+        freeze(self, coordinates=(n, 3), sigma_m=(n, 3))
+
+
+MeasurementKind = Literal[
+    "distance",
+    "polyline",
+    "area",
+    "angle",
+    "line_distance",
+    "coordinate",
+    "skid_speed",
+    "speed",
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasurementRequest:
+    """One thing to measure.
+
+    Attributes
+    ----------
+    name, kind
+        Its name; what it is.
+    points
+        Labels in order.
+    parameters
+        Numbers that the kind needs, such as mu and mu_sigma of a skid speed.
+    """
+
+    name: str
+    kind: MeasurementKind
+    points: tuple[str, ...]
+    parameters: tuple[tuple[str, float], ...] = ()

@@ -1,0 +1,86 @@
+"""Exterior orientation: camera poses with their covariances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Poses:
+    """N camera poses.
+
+    Attributes
+    ----------
+    frame_id
+        (N,) names.
+    center_world_m
+        (N, 3) projection centres.
+    world_from_camera
+        (N, 3, 3) rotations.
+    covariance
+        (N, 6, 6) of (δcentre in world [m], δθ in camera [rad]), true R = R @ exp(δθ).
+    """
+
+    frame_id: tuple[str, ...]
+    center_world_m: Floats
+    world_from_camera: Floats
+    covariance: Floats
+
+    def __post_init__(self) -> None:
+        n = len(self.frame_id)
+        freeze(self, center_world_m=(n, 3), world_from_camera=(n, 3, 3), covariance=(n, 6, 6))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TelemetryPrior:
+    """What the flight log says of N poses, without what is a shared unknown of the adjustment.
+
+    A camera stands at ``p(t) - bias + Rb l`` and looks along ``Rz Rm(t) C exp(boresight)`` with
+    t = `time_s` - clock correction; see geometry/telemetry_pose.py.
+
+    Attributes
+    ----------
+    frame_index
+        (N,) into the survey's frames.
+    time_s
+        (N,) UTC instants at zero clock correction.
+    gimbal_from_camera
+        (3, 3) camera axes in the mount's frame (of the gimbal, or of the body).
+    covariance
+        (N, 6, 6) independent from frame to frame: (δcentre world m, δθ camera rad).
+    clock_sigma_s
+        Prior sigma of the clock correction.
+    boresight_sigma_rad, heading_bias_sigma_rad
+        Prior sigmas of those shared unknowns.
+    lever_arm_m, lever_arm_sigma_m
+        (3,) autopilot to camera, body FRD; prior sigma of each axis.
+    position_bias_sigma_m
+        (3,) east, north, up.
+    """
+
+    frame_index: Ints
+    time_s: Floats
+    gimbal_from_camera: Floats
+    covariance: Floats
+    clock_sigma_s: float
+    boresight_sigma_rad: float
+    heading_bias_sigma_rad: float
+    lever_arm_m: Floats
+    lever_arm_sigma_m: float
+    position_bias_sigma_m: Floats
+
+    def __post_init__(self) -> None:
+        n = len(self.frame_index)
+        freeze_as(self, np.int64, frame_index=(n,))
+        freeze(
+            self,
+            time_s=(n,),
+            gimbal_from_camera=(3, 3),
+            covariance=(n, 6, 6),
+            lever_arm_m=(3,),
+            position_bias_sigma_m=(3,),
+        )

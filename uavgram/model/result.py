@@ -1,0 +1,421 @@
+"""Everything that a run computed: the content of results.json as frozen, batched data.
+
+NaN stands for "there is none" (null in the file).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from uavgram.model.arrays import Bools, Floats, freeze
+from uavgram.model.camera import Calibration
+from uavgram.model.message import Message
+from uavgram.model.world import World
+
+
+@dataclass(frozen=True, kw_only=True)
+class InputDigest:
+    """Chain of custody of one input file."""
+
+    path: str
+    sha256: str
+    size_bytes: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Provenance:
+    """What made this result: program, inputs, options.
+
+    Attributes
+    ----------
+    options
+        The project as understood, as JSON-ready pairs of dotted key and value.
+    packages
+        Pairs of package name and version.
+    """
+
+    program: str
+    version: str
+    created_utc: str
+    inputs: tuple[InputDigest, ...]
+    options: tuple[tuple[str, object], ...]
+    seed: int | None
+    packages: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Estimate:
+    """A shared unknown: value and standard deviation, both (n,)."""
+
+    value: Floats
+    sigma: Floats
+
+    def __post_init__(self) -> None:
+        n = len(self.value)
+        freeze(self, value=(n,), sigma=(n,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SharedResult:
+    """The unknowns that all frames share, after the adjustment.
+
+    Attributes
+    ----------
+    boresight_deg, lever_arm_m, position_bias_m, heading_bias_deg, clock_offset_s
+        Of the telemetry; None without a log. Biases are log minus truth; the position bias is
+        (east, north, up); the boresight a rotation vector in the camera frame.
+    plane_height_m, plane_slope_deg
+        At the pivot; [d up / d east, d up / d north] as angles.
+    plane_pivot_m
+        (2,) east and north of the point about which the slopes turn.
+    intrinsics
+        In the order of the lens model's parameters.
+    """
+
+    boresight_deg: Estimate | None
+    lever_arm_m: Estimate | None
+    position_bias_m: Estimate | None
+    heading_bias_deg: Estimate | None
+    clock_offset_s: Estimate | None
+    plane_height_m: Estimate
+    plane_slope_deg: Estimate
+    plane_pivot_m: Floats
+    intrinsics: Estimate
+
+    def __post_init__(self) -> None:
+        freeze(self, plane_pivot_m=(2,))
+
+
+FrameStatus = Literal["refined", "seeded", "unmatched", "rejected"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PoseTable:
+    """F poses, NaN in all of a row where a frame has none; conventions as in `Poses`."""
+
+    center_world_m: Floats
+    world_from_camera: Floats
+    covariance: Floats
+
+    def __post_init__(self) -> None:
+        n = len(self.center_world_m)
+        names = ("center_world_m", "world_from_camera", "covariance")
+        freeze(
+            self,
+            may_be_nan=names,
+            center_world_m=(n, 3),
+            world_from_camera=(n, 3, 3),
+            covariance=(n, 6, 6),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrameResults:
+    """F frames, as many as there are photos.
+
+    Attributes
+    ----------
+    frame_id, path
+        (F,) file name; where the photo is.
+    time_utc_s
+        (F,) of the exposure, after the adjustment; NaN where unknown.
+    status, reason
+        (F,) ``refined`` (in the adjustment, with at least one pick), ``seeded``, ``unmatched``,
+        ``rejected``; and why.
+    seed, refined
+        Poses from the telemetry, and after the adjustment.
+    """
+
+    frame_id: tuple[str, ...]
+    path: tuple[str, ...]
+    time_utc_s: Floats
+    status: tuple[FrameStatus, ...]
+    reason: tuple[str, ...]
+    seed: PoseTable
+    refined: PoseTable
+
+    def __post_init__(self) -> None:
+        freeze(self, may_be_nan=("time_utc_s",), time_utc_s=(len(self.frame_id),))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PointResults:
+    """K ground points.
+
+    Attributes
+    ----------
+    label
+        (K,) names.
+    position_world_m
+        (K, 3) east, north, up.
+    covariance_m2
+        (K, 2, 2) of east and north.
+    ellipse_95_m
+        (K, 2) semi-major and semi-minor axis of the 95 % ellipse (2.4477 sigma).
+    ellipse_azimuth_rad
+        (K,) of the major axis, clockwise from north, in [0, pi).
+    latitude_deg, longitude_deg
+        (K,) NaN with gauge ``plane``.
+    frames
+        (K,) the names of the frames in which it was picked and used.
+    """
+
+    label: tuple[str, ...]
+    position_world_m: Floats
+    covariance_m2: Floats
+    ellipse_95_m: Floats
+    ellipse_azimuth_rad: Floats
+    latitude_deg: Floats
+    longitude_deg: Floats
+    frames: tuple[tuple[str, ...], ...]
+
+    def __post_init__(self) -> None:
+        n = len(self.label)
+        freeze(
+            self,
+            may_be_nan=("latitude_deg", "longitude_deg"),
+            position_world_m=(n, 3),
+            covariance_m2=(n, 2, 2),
+            ellipse_95_m=(n, 2),
+            ellipse_azimuth_rad=(n,),
+            latitude_deg=(n,),
+            longitude_deg=(n,),
+        )
+
+
+LineStatus = Literal["used", "suspect", "removed", "checked", "unseen"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LineResults:
+    """L known lengths, as given and as adjusted.
+
+    Attributes
+    ----------
+    length_m, sigma_m
+        (L,) as given.
+    adjusted_m, adjusted_sigma_m
+        (L,) from the adjusted points; NaN where an end was never picked.
+    residual_m
+        (L,) adjusted minus given.
+    w, redundancy, mdb_m
+        (L,) Baarda's standardised residual, redundancy number in [0, 1] and minimal detectable
+        bias; for a withheld line w is its error over the joint sigma, the others NaN.
+    status
+        (L,) ``used``, ``suspect``, ``removed``, ``checked`` (withheld), ``unseen``.
+    """
+
+    name: tuple[str, ...]
+    start: tuple[str, ...]
+    end: tuple[str, ...]
+    length_m: Floats
+    sigma_m: Floats
+    adjusted_m: Floats
+    adjusted_sigma_m: Floats
+    residual_m: Floats
+    w: Floats
+    redundancy: Floats
+    mdb_m: Floats
+    status: tuple[LineStatus, ...]
+
+    def __post_init__(self) -> None:
+        n = len(self.name)
+        computed = ("adjusted_m", "adjusted_sigma_m", "residual_m", "w", "redundancy", "mdb_m")
+        freeze(self, length_m=(n,), sigma_m=(n,))
+        freeze(self, may_be_nan=computed, **dict.fromkeys(computed, (n,)))
+
+
+PickStatus = Literal["used", "suspect", "removed", "unused"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PickResults:
+    """P picks, as given and how well they fit.
+
+    Attributes
+    ----------
+    image, label, pixel_px, sigma_px
+        As given, defaults filled in.
+    residual_px
+        (P, 2) adjusted projection minus pick; NaN where unused.
+    w
+        (P,) the larger (in magnitude) standardised residual of the two coordinates.
+    redundancy
+        (P,) mean of the two coordinates' redundancy numbers.
+    status
+        (P,) ``used``, ``suspect``, ``removed``, ``unused`` (its frame is not in the adjustment).
+    """
+
+    image: tuple[str, ...]
+    label: tuple[str, ...]
+    pixel_px: Floats
+    sigma_px: Floats
+    residual_px: Floats
+    w: Floats
+    redundancy: Floats
+    status: tuple[PickStatus, ...]
+
+    def __post_init__(self) -> None:
+        n = len(self.image)
+        freeze(self, pixel_px=(n, 2), sigma_px=(n,))
+        freeze(
+            self,
+            may_be_nan=("residual_px", "w", "redundancy"),
+            residual_px=(n, 2),
+            w=(n,),
+            redundancy=(n,),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeasurementResults:
+    """M measured values with their joint covariance.
+
+    Attributes
+    ----------
+    name, kind, points
+        (M,) what was asked for. A ``coordinate`` gives two rows, named ``NAME east`` and
+        ``NAME north``.
+    value, sigma
+        (M,) in `unit`; NaN where it cannot be computed.
+    unit
+        (M,) m, m2, deg or m/s.
+    interval_95
+        (M, 2) lower and upper bound.
+    correlation
+        (M, M), same order; NaN in rows that cannot be computed.
+    """
+
+    name: tuple[str, ...]
+    kind: tuple[str, ...]
+    points: tuple[tuple[str, ...], ...]
+    value: Floats
+    sigma: Floats
+    unit: tuple[str, ...]
+    interval_95: Floats
+    correlation: Floats
+
+    def __post_init__(self) -> None:
+        n = len(self.name)
+        names = ("value", "sigma", "interval_95", "correlation")
+        freeze(
+            self,
+            may_be_nan=names,
+            value=(n,),
+            sigma=(n,),
+            interval_95=(n, 2),
+            correlation=(n, n),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PointChecks:
+    """C check points: result minus known coordinates.
+
+    Attributes
+    ----------
+    error_m, sigma_m
+        (C, 3) east, north, up; sigma joint of result and known coordinates.
+    mahalanobis
+        (C,) square root of the error's squared Mahalanobis distance.
+    """
+
+    label: tuple[str, ...]
+    error_m: Floats
+    sigma_m: Floats
+    mahalanobis: Floats
+
+    def __post_init__(self) -> None:
+        n = len(self.label)
+        freeze(self, error_m=(n, 3), sigma_m=(n, 3), mahalanobis=(n,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LineChecks:
+    """C withheld lengths: adjusted minus taped, its sigma, and their ratio."""
+
+    name: tuple[str, ...]
+    error_m: Floats
+    sigma_m: Floats
+    z: Floats
+
+    def __post_init__(self) -> None:
+        n = len(self.name)
+        freeze(self, error_m=(n,), sigma_m=(n,), z=(n,))
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroupFactor:
+    """Variance factor of one group of observations (``pixels``, ``lengths``, ``telemetry``...).
+
+    `redundancy` is the group's share of the degrees of freedom; `probability` that of a variance
+    factor at least as large by chance (upper tail).
+    """
+
+    name: str
+    observations: int
+    redundancy: float
+    variance_factor: float
+    probability: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Alternative:
+    """Another pose that explains the lengths (nearly) as well: they alone do not decide.
+
+    `cost` is its weighted sum of squared residuals; `values` are the measured values under it,
+    in the order of the measurements.
+    """
+
+    frame_id: str
+    cost: float
+    height_m: float
+    tilt_deg: float
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolutionSummary:
+    """How the adjustment went."""
+
+    degrees_of_freedom: int
+    variance_factor: float
+    chi2_probability: float
+    iterations: int
+    converged: bool
+    alternatives: tuple[Alternative, ...]
+    groups: tuple[GroupFactor, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Result:
+    """The content of results.json (schema 1)."""
+
+    name: str
+    provenance: Provenance
+    world: World
+    camera: Calibration
+    """As given, before the adjustment."""
+    shared: SharedResult
+    frames: FrameResults
+    points: PointResults
+    lines: LineResults
+    picks: PickResults
+    measurements: MeasurementResults
+    point_checks: PointChecks
+    line_checks: LineChecks
+    solution: SolutionSummary
+    messages: tuple[Message, ...]
+
+    @property
+    def has_seed(self) -> Bools:
+        """(F,) whether a frame has a pose from the telemetry."""
+        return np.isfinite(self.frames.seed.center_world_m[:, 0])
+
+    @property
+    def has_refined(self) -> Bools:
+        """(F,) whether a frame has an adjusted pose."""
+        return np.isfinite(self.frames.refined.center_world_m[:, 0])

@@ -1,0 +1,341 @@
+"""What a flight log says: neutral tables, one set per boot of the autopilot, and the track."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
+
+HeightDatum = Literal["msl", "ellipsoid"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PositionSamples:
+    """N positions of the vehicle.
+
+    Attributes
+    ----------
+    time_boot_s
+        (N,) increasing, seconds since this boot.
+    latitude_deg, longitude_deg
+        (N,) WGS 84.
+    height_m
+        (N,) above `datum`.
+    height_home_m
+        (N,) above home as the log has it; NaN where it has none.
+    datum
+        What `height_m` is above.
+    source
+        The message they come from, such as ``POS`` or ``GLOBAL_POSITION_INT``.
+    """
+
+    time_boot_s: Floats
+    latitude_deg: Floats
+    longitude_deg: Floats
+    height_m: Floats
+    height_home_m: Floats
+    datum: HeightDatum
+    source: str
+
+    def __post_init__(self) -> None:
+        n = len(self.time_boot_s)
+        freeze(
+            self,
+            may_be_nan=("height_home_m",),
+            time_boot_s=(n,),
+            latitude_deg=(n,),
+            longitude_deg=(n,),
+            height_m=(n,),
+            height_home_m=(n,),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AttitudeSamples:
+    """N attitudes of the vehicle.
+
+    Attributes
+    ----------
+    time_boot_s
+        (N,) increasing.
+    ned_from_body_xyzw
+        (N, 4) unit quaternions, body FRD to local NED.
+    source
+        The message they come from.
+    """
+
+    time_boot_s: Floats
+    ned_from_body_xyzw: Floats
+    source: str
+
+    def __post_init__(self) -> None:
+        n = len(self.time_boot_s)
+        freeze(self, time_boot_s=(n,), ned_from_body_xyzw=(n, 4))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GimbalSamples:
+    """N attitudes of the gimbal: roll and pitch earth-referenced, yaw as `yaw_frame` says.
+
+    Attributes
+    ----------
+    time_boot_s
+        (N,) increasing.
+    roll_rad, pitch_rad, yaw_rad
+        (N,) Z-Y-X angles; x of the gimbal's frame is the optical axis, image up its -z.
+    yaw_frame
+        ``earth``: from north; ``vehicle``: from the vehicle's heading, whose yaw (only) is to be
+        added.
+    source
+        The message they come from.
+    """
+
+    time_boot_s: Floats
+    roll_rad: Floats
+    pitch_rad: Floats
+    yaw_rad: Floats
+    yaw_frame: Literal["earth", "vehicle"]
+    source: str
+
+    def __post_init__(self) -> None:
+        n = len(self.time_boot_s)
+        freeze(self, time_boot_s=(n,), roll_rad=(n,), pitch_rad=(n,), yaw_rad=(n,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EstimatorSigmas:
+    """N statements of the estimator about its own standard deviations; NaN where it is silent.
+
+    Attributes
+    ----------
+    time_boot_s
+        (N,) increasing.
+    horizontal_m, vertical_m
+        (N,) of position, one axis.
+    tilt_rad, yaw_rad
+        (N,) of attitude.
+    source
+        The messages they come from.
+    """
+
+    time_boot_s: Floats
+    horizontal_m: Floats
+    vertical_m: Floats
+    tilt_rad: Floats
+    yaw_rad: Floats
+    source: str
+
+    def __post_init__(self) -> None:
+        n = len(self.time_boot_s)
+        columns = ("horizontal_m", "vertical_m", "tilt_rad", "yaw_rad")
+        freeze(self, may_be_nan=columns, time_boot_s=(n,), **dict.fromkeys(columns, (n,)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CameraEvents:
+    """N exposures that the log knows of.
+
+    Attributes
+    ----------
+    time_boot_s
+        (N,) of the exposure (feedback where there is one, else the command).
+    image_number
+        (N,) the autopilot's own count; -1 where it has none.
+    confirmed
+        (N,) 1.0 where the camera's feedback confirms it, 0.0 where only the trigger is known.
+    source
+        The messages they come from, such as ``CAM`` or ``TRIG+CAM``.
+    """
+
+    time_boot_s: Floats
+    image_number: Ints
+    confirmed: Floats
+    source: str
+
+    def __post_init__(self) -> None:
+        n = len(self.time_boot_s)
+        freeze(self, time_boot_s=(n,), confirmed=(n,))
+        freeze_as(self, np.int64, image_number=(n,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ClockSamples:
+    """N pairs of boot time and UTC.
+
+    Attributes
+    ----------
+    time_boot_s, utc_s
+        (N,) seconds since boot; seconds since the Unix epoch.
+    source
+        ``gps`` (DataFlash GPS week and milliseconds), ``system_time``, or ``receive`` (the ground
+        station's clock: late by an unknown, varying delay).
+    """
+
+    time_boot_s: Floats
+    utc_s: Floats
+    source: Literal["gps", "system_time", "receive"]
+
+    def __post_init__(self) -> None:
+        n = len(self.time_boot_s)
+        freeze(self, time_boot_s=(n,), utc_s=(n,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HomeSamples:
+    """N statements of home, each in force from its time on.
+
+    Attributes
+    ----------
+    time_boot_s, latitude_deg, longitude_deg, height_m
+        (N,); height above `datum`.
+    datum
+        What `height_m` is above.
+    source
+        The message they come from.
+    """
+
+    time_boot_s: Floats
+    latitude_deg: Floats
+    longitude_deg: Floats
+    height_m: Floats
+    datum: HeightDatum
+    source: str
+
+    def __post_init__(self) -> None:
+        n = len(self.time_boot_s)
+        freeze(self, time_boot_s=(n,), latitude_deg=(n,), longitude_deg=(n,), height_m=(n,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Boot:
+    """One power-up of one autopilot: all of its tables share one boot clock.
+
+    A table that the log does not have is empty in `clocks`, and None elsewhere.
+    """
+
+    positions: PositionSamples | None
+    attitudes: AttitudeSamples | None
+    gimbal: GimbalSamples | None
+    sigmas: EstimatorSigmas | None
+    events: CameraEvents | None
+    home: HomeSamples | None
+    clocks: tuple[ClockSamples, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MessageCount:
+    """How often one message type occurs in a log, and between which times since boot [s]."""
+
+    name: str
+    count: int
+    first_s: float
+    last_s: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightLog:
+    """A flight log, read.
+
+    Attributes
+    ----------
+    path, kind
+        The file; ``dataflash`` or ``tlog``.
+    vehicle, firmware
+        As the log states them; empty where it does not.
+    boots
+        At least one.
+    messages
+        What the file holds, by type, sorted by name.
+    undulation_m
+        Geoid height above the ellipsoid from the log itself; NaN where it has none.
+    notes
+        What was odd about the file (bad bytes skipped, a truncated tail...), in plain words.
+    """
+
+    path: str
+    kind: Literal["dataflash", "tlog"]
+    vehicle: str
+    firmware: str
+    boots: tuple[Boot, ...]
+    messages: tuple[MessageCount, ...]
+    undulation_m: float
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BootClock:
+    """The line from one boot's clock to UTC: ``utc = offset_s + rate * time_boot``.
+
+    Attributes
+    ----------
+    offset_s, rate
+        Of the line; rate is 1 + drift.
+    sigma_s
+        Standard deviation of a converted instant, common to the boot.
+    source
+        Which clock samples it was made of.
+    """
+
+    offset_s: float
+    rate: float
+    sigma_s: float
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Track:
+    """A flight in the local ENU world on the UTC clock, ready to be interpolated.
+
+    Attributes
+    ----------
+    position_time_s
+        (N,) strictly increasing UTC seconds since the Unix epoch.
+    position_world_m
+        (N, 3) of the autopilot's reference point.
+    attitude_time_s
+        (M,) strictly increasing.
+    world_from_body_xyzw
+        (M, 4) unit quaternions, body FRD to ENU.
+    gimbal_time_s
+        (L,) strictly increasing; L = 0 where the camera is fixed to the body.
+    world_from_gimbal_xyzw
+        (L, 4) unit quaternions, gimbal (x optical axis, -z image up) to ENU.
+    sigma_time_s
+        (S,) strictly increasing; S >= 1.
+    sigma_position_m
+        (S, 2) horizontal and vertical standard deviations of one position.
+    sigma_attitude_rad
+        (S, 2) of roll and pitch, and of yaw.
+    source
+        Which messages it is made of.
+    """
+
+    position_time_s: Floats
+    position_world_m: Floats
+    attitude_time_s: Floats
+    world_from_body_xyzw: Floats
+    gimbal_time_s: Floats
+    world_from_gimbal_xyzw: Floats
+    sigma_time_s: Floats
+    sigma_position_m: Floats
+    sigma_attitude_rad: Floats
+    source: str
+
+    def __post_init__(self) -> None:
+        n, m = len(self.position_time_s), len(self.attitude_time_s)
+        k, s = len(self.gimbal_time_s), len(self.sigma_time_s)
+        freeze(
+            self,
+            position_time_s=(n,),
+            position_world_m=(n, 3),
+            attitude_time_s=(m,),
+            world_from_body_xyzw=(m, 4),
+            gimbal_time_s=(k,),
+            world_from_gimbal_xyzw=(k, 4),
+            sigma_time_s=(s,),
+            sigma_position_m=(s, 2),
+            sigma_attitude_rad=(s, 2),
+        )

@@ -1,0 +1,1 @@
+"""The stages of a run: pure functions of frozen data; none imports another."""

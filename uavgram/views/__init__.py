@@ -1,0 +1,1 @@
+"""Model types turned into something to look at; computes nothing."""
