@@ -1,1 +1,1 @@
-"""The YAML that a person writes, parsed into model types: the only place that knows yaml and pydantic."""
+"""The YAML that a person writes, parsed into model types; only here yaml and pydantic."""

@@ -1,0 +1,25 @@
+"""Where the tests find real flights: outside the repository, skipped with a reason when absent."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="session")
+def data_dir() -> Path:
+    """Folder of real flights, twins and calibration sets."""
+    folder = Path(os.environ.get("UAVGRAM_DATA", ROOT.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"no flight data at {folder}; set UAVGRAM_DATA to their folder")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def repository() -> Path:
+    """Root of the source tree: configs/ and logs/ lie below it."""
+    return ROOT
