@@ -6,7 +6,8 @@ default stands. They keep the file's units (degrees); stages convert at their en
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Literal
 
 from uavgram.model.telemetry import HeightDatum
@@ -14,9 +15,46 @@ from uavgram.model.telemetry import HeightDatum
 Auto = Literal["auto"]
 
 
-def _require(condition: bool, message: str) -> None:  # noqa: FBT001
-    if not condition:
-        raise ValueError(message)
+class OptionsError(ValueError):
+    """Options out of their range: all of one class at once.
+
+    Attributes
+    ----------
+    faults
+        Pairs of field name and what is wrong with its value.
+    """
+
+    def __init__(self, owner: object, faults: tuple[tuple[str, str], ...]) -> None:
+        self.faults = faults
+        texts = (f"{name} {text}, got {getattr(owner, name)!r}" for name, text in faults)
+        super().__init__(f"{type(owner).__name__}: " + "; ".join(texts))
+
+
+def _require(owner: object, **rules: tuple[bool, str]) -> None:
+    """Check rules of fields (name=(holds, "must ...")), and that every number is finite."""
+    faults = {
+        field_.name: "must be a finite number"
+        for field_ in fields(owner)  # type: ignore[arg-type]  # every caller is a dataclass
+        if not _is_finite(getattr(owner, field_.name))
+    }
+    for name, (holds, text) in rules.items():
+        if not holds:
+            faults.setdefault(name, text)
+    if faults:
+        raise OptionsError(owner, tuple(faults.items()))
+
+
+def _is_finite(value: object) -> bool:
+    if isinstance(value, tuple):
+        return all(_is_finite(part) for part in value)
+    return not isinstance(value, float) or math.isfinite(value)
+
+
+_POSITIVE = "must be greater than 0"
+
+
+def _all_positive(value: tuple[float, ...] | Auto) -> bool:
+    return isinstance(value, str) or all(part > 0 for part in value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,8 +66,11 @@ class GeodeticOrigin:
     height_m: float
 
     def __post_init__(self) -> None:
-        _require(abs(self.latitude_deg) <= 90, "latitude_deg must lie between -90 and 90")
-        _require(abs(self.longitude_deg) <= 360, "longitude_deg must lie between -360 and 360")
+        _require(
+            self,
+            latitude_deg=(abs(self.latitude_deg) <= 90, "must lie between -90 and 90"),
+            longitude_deg=(abs(self.longitude_deg) <= 360, "must lie between -360 and 360"),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,9 +91,12 @@ class GroundOptions:
     roughness_sigma_m: float = 0.0
 
     def __post_init__(self) -> None:
-        _require(self.height_sigma_m > 0, "height_sigma_m must be greater than 0")
-        _require(0 < self.slope_sigma_deg < 45, "slope_sigma_deg must lie between 0 and 45")
-        _require(self.roughness_sigma_m >= 0, "roughness_sigma_m must not be negative")
+        _require(
+            self,
+            height_sigma_m=(self.height_sigma_m > 0, _POSITIVE),
+            slope_sigma_deg=(0 < self.slope_sigma_deg < 45, "must lie between 0 and 45"),
+            roughness_sigma_m=(self.roughness_sigma_m >= 0, "must not be negative"),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,8 +112,11 @@ class MountOptions:
     lever_arm_sigma_m: float = 0.1
 
     def __post_init__(self) -> None:
-        _require(self.boresight_sigma_deg > 0, "boresight_sigma_deg must be greater than 0")
-        _require(self.lever_arm_sigma_m > 0, "lever_arm_sigma_m must be greater than 0")
+        _require(
+            self,
+            boresight_sigma_deg=(self.boresight_sigma_deg > 0, _POSITIVE),
+            lever_arm_sigma_m=(self.lever_arm_sigma_m > 0, _POSITIVE),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,8 +129,14 @@ class TimeOptions:
     offset_sigma_s: float = 1.0
 
     def __post_init__(self) -> None:
-        _require(self.offset_sigma_s > 0, "offset_sigma_s must be greater than 0")
-        _require("%" in self.filename_format, "filename_format must be a strptime pattern")
+        _require(
+            self,
+            offset_sigma_s=(self.offset_sigma_s > 0, _POSITIVE),
+            filename_format=(
+                "%" in self.filename_format,
+                'must be a strptime pattern, such as "%Y%m%d_%H%M%S"',
+            ),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,10 +149,13 @@ class TelemetryOptions:
     heading_bias_sigma_deg: float = 2.0
 
     def __post_init__(self) -> None:
-        for name in ("position_sigma_m", "attitude_sigma_deg", "position_bias_sigma_m"):
-            value = getattr(self, name)
-            _require(value == "auto" or min(value) > 0, f"{name} must be greater than 0")
-        _require(self.heading_bias_sigma_deg > 0, "heading_bias_sigma_deg must be greater than 0")
+        _require(
+            self,
+            position_sigma_m=(_all_positive(self.position_sigma_m), _POSITIVE),
+            attitude_sigma_deg=(_all_positive(self.attitude_sigma_deg), _POSITIVE),
+            position_bias_sigma_m=(_all_positive(self.position_bias_sigma_m), _POSITIVE),
+            heading_bias_sigma_deg=(self.heading_bias_sigma_deg > 0, _POSITIVE),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +166,10 @@ class SolveOptions:
     significance: float = 0.001
 
     def __post_init__(self) -> None:
-        _require(0 < self.significance < 0.5, "significance must lie between 0 and 0.5")
+        _require(
+            self,
+            significance=(0 < self.significance < 0.5, "must lie between 0 and 0.5"),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,5 +198,39 @@ class Project:
     solve: SolveOptions = field(default_factory=SolveOptions)
 
     def __post_init__(self) -> None:
-        _require(bool(self.images), "images must name at least one pattern")
-        _require(self.picks_sigma_px > 0, "picks_sigma_px must be greater than 0")
+        given = {"log": self.log, "lines": self.lines, "measure": self.measure}
+        given |= {"control": self.control, "check": self.check}
+        given |= {"name": self.name, "camera": self.camera, "picks": self.picks}
+        given |= {"output": self.output}
+        _require(
+            self,
+            **{key: (text != "", "must not be empty") for key, text in given.items()},
+            images=(
+                bool(self.images) and all(self.images),
+                "must name at least one file or pattern",
+            ),
+            picks_sigma_px=(self.picks_sigma_px > 0, _POSITIVE),
+        )
+
+
+def option_pairs(options: object, prefix: str = "") -> tuple[tuple[str, object], ...]:
+    """List every option as a pair of dotted key and value, as `Provenance.options` wants them.
+
+    Parameters
+    ----------
+    options
+        A `Project`, or any options class.
+    prefix
+        Key of `options` within its owner.
+
+    Returns
+    -------
+    tuple of (str, object)
+        Such as ``("mount.pitch_deg", -90.0)``, in the order of the classes; values are text,
+        numbers, None, or tuples of these.
+    """
+    pairs: list[tuple[str, object]] = []
+    for field_ in fields(options):  # type: ignore[arg-type]  # options are dataclasses
+        value, key = getattr(options, field_.name), prefix + field_.name
+        pairs += option_pairs(value, f"{key}.") if is_dataclass(value) else [(key, value)]
+    return tuple(pairs)

@@ -1,0 +1,128 @@
+"""The adjusted survey: estimates, their joint covariance, and how each observation fits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.estimation.least_squares import Minimum
+from uavgram.estimation.normal_equations import Covariance
+from uavgram.estimation.survey_problem import SurveyProblem
+from uavgram.estimation.survey_state import State
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.survey import Survey
+
+
+@dataclass(frozen=True, eq=False)
+class Adjustment:
+    """An adjusted survey.
+
+    Attributes
+    ----------
+    problem
+        The likelihood (holds the survey, the unknowns' layout and the pivot of the slopes).
+    minimum
+        State, residual blocks, factorised normal matrix.
+    covariance
+        Of all unknowns that share an observation; joint covariances of others come from the
+        factor.
+    """
+
+    problem: SurveyProblem
+    minimum: Minimum[State]
+    covariance: Covariance
+
+    @property
+    def survey(self) -> Survey:
+        """The observations."""
+        return self.problem.survey
+
+    @property
+    def state(self) -> State:
+        """The estimates."""
+        return self.minimum.state
+
+    def label_index(self, label: str) -> int:
+        """Position of a label; -1 where it is not among the adjusted points."""
+        try:
+            return self.survey.label.index(label)
+        except ValueError:
+            return -1
+
+    def frame_covariance(self) -> Floats:
+        """(F, 6, 6) of (δcentre world, δθ camera)."""
+        frames = np.arange(self.problem.layout.frames)
+        return self.covariance.blocks(self.problem.layout.frame_columns(frames))
+
+    def points(self) -> tuple[Floats, Floats]:
+        """All points: positions (K, 3), and covariances (K, 3, 3) of east, north, up."""
+        layout = self.problem.layout
+        label = np.arange(layout.points)
+        world, jacobian, columns = self._points_with_jacobian(label)
+        joint = self.covariance.blocks(columns)
+        return world, np.einsum("nij,njk,nlk->nil", jacobian, joint, jacobian, optimize=True)
+
+    def joint_points(self, label: Ints) -> tuple[Floats, Floats]:
+        """Some points: positions (n, 3), and their joint covariance (3n, 3n)."""
+        world, jacobian, columns = self._points_with_jacobian(label)
+        unknowns, place = np.unique(columns, return_inverse=True)
+        place = place.reshape(columns.shape)
+        dense = np.zeros((len(label), 3, len(unknowns)))
+        rows = np.arange(len(label))[:, None, None]
+        np.add.at(dense, (rows, np.arange(3)[:, None], place[:, None, :]), jacobian)
+        flat = dense.reshape(3 * len(label), len(unknowns))
+        return world, flat @ self.minimum.factor.joint(unknowns) @ flat.T
+
+    def shared(self, first: int, count: int) -> Floats:
+        """(count, count) covariance of neighbouring shared unknowns."""
+        return self.minimum.factor.joint(first + np.arange(count))
+
+    def _points_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:
+        layout = self.problem.layout
+        world, d_point, d_plane = self.problem.world_points(self.state, label)
+        columns = np.concatenate(
+            [
+                layout.point_columns(label),
+                layout.shared_columns(layout.first_plane, layout.plane, len(label)),
+            ],
+            axis=1,
+        )
+        return world, np.concatenate([d_point, d_plane], axis=2), columns
+
+
+@dataclass(frozen=True)
+class Removal:
+    """An observation that was left out because it does not fit: kind, index, and its w then."""
+
+    kind: str
+    index: int
+    w: float
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """What the refine stage returns.
+
+    Attributes
+    ----------
+    adjustment
+        The result.
+    pick_index, line_index
+        Into the picks and lines of the survey that was handed in, for those of `adjustment`.
+    pick_removed, line_removed
+        (P,), (L,) of the survey handed in: taken out as blunders.
+    pick_reason
+        Why picks (index into the survey handed in) were left out beforehand.
+    alternatives
+        Other minima that explain the lengths as well.
+    """
+
+    adjustment: Adjustment
+    pick_index: Ints
+    line_index: Ints
+    removals: tuple[Removal, ...]
+    pick_removed: Bools
+    line_removed: Bools
+    pick_reason: dict[int, str]
+    alternatives: tuple[Adjustment, ...]

@@ -1,0 +1,120 @@
+"""Levenberg-Marquardt over any state: the loop alone, without knowing what is adjusted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from uavgram.estimation.normal_equations import Block, Factor, NormalEquations
+from uavgram.model.arrays import Floats
+
+State = TypeVar("State")
+
+CONVERGED = 1e-10
+"""Predicted fall of the weighted sum of squares below which the rest is no longer worth a step:
+its square root is the length of that step in units of the unknowns' own sigmas."""
+
+AT_REST = 1e-4
+"""Undamped predicted fall (a hundredth of a sigma, squared) up to which a result counts as
+converged; kinks of the interpolated flight keep it from being exactly zero."""
+
+MAX_ITERATIONS = 60
+MAX_DAMPING = 1e12
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum(Generic[State]):
+    """Where the iterations ended.
+
+    Attributes
+    ----------
+    state, blocks
+        The state, and its whitened residuals and Jacobians.
+    factor
+        Of the undamped normal matrix there.
+    cost
+        Weighted sum of squared residuals.
+    iterations, converged
+        Accepted and refused steps together; whether they came to rest.
+    """
+
+    state: State
+    blocks: dict[str, Block]
+    factor: Factor
+    cost: float
+    iterations: int
+    converged: bool
+
+
+def minimise(
+    state: State,
+    evaluate: Callable[[State], dict[str, Block] | None],
+    update: Callable[[State, Floats], State],
+    size: int,
+) -> Minimum[State]:
+    """Minimise a sum of squared whitened residuals.
+
+    Parameters
+    ----------
+    state
+        First values.
+    evaluate
+        Residuals and Jacobians by group; None where the state is impossible (ground behind the
+        camera): such a step is refused.
+    update
+        State and increment (size,) to new state.
+    size
+        Number of unknowns.
+
+    Returns
+    -------
+    Minimum
+        Also where it did not converge: `converged` says so.
+
+    Raises
+    ------
+    SingularError
+        An unknown is not determined.
+    ValueError
+        The first values are impossible.
+
+    References
+    ----------
+    Marquardt 1963 (scaling of the damping by the diagonal); Nielsen 1999, "Damping parameter in
+    Marquardt's method", IMM-REP-1999-05, eq. 2.5 (the damping's own update).
+    """
+    blocks = evaluate(state)
+    if blocks is None:
+        raise ValueError("the first values are impossible")
+    normal = NormalEquations(list(blocks.values()), size)
+    damping, growth = 1e-6, 2.0
+    iteration = 0
+    while iteration < MAX_ITERATIONS:
+        iteration += 1
+        step = -normal.factor(damping).solve(normal.gradient)
+        predicted = float(-step @ (2.0 * normal.gradient + normal.normal @ step))
+        if predicted < CONVERGED or damping > MAX_DAMPING:
+            break
+        trial = update(state, step)
+        trial_blocks = evaluate(trial)
+        trial_cost = np.inf if trial_blocks is None else _cost(trial_blocks)
+        gain = (normal.cost - trial_cost) / predicted
+        if trial_blocks is not None and gain > 0:
+            state, blocks = trial, trial_blocks
+            normal = NormalEquations(list(blocks.values()), size)
+            damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3)
+            growth = 2.0
+        else:
+            damping *= growth
+            growth *= 2.0
+    factor = normal.factor()
+    # Newton's decrement without damping: how far below the minimum of the model still lies.
+    decrement = float(normal.gradient @ factor.solve(normal.gradient))
+    return Minimum(state, blocks, factor, normal.cost, iteration, decrement < AT_REST)
+
+
+def _cost(blocks: dict[str, Block]) -> float:
+    return float(sum(np.sum(b.residual**2) for b in blocks.values()))

@@ -1,0 +1,303 @@
+"""The one likelihood: every observation of a survey as whitened residuals with Jacobians.
+
+Residuals are predicted minus observed, over the observation's standard deviation. Each prior
+enters once: the telemetry of a frame against what the shared unknowns (boresight, lever arm,
+biases, clock) predict for it, and each shared unknown against its own prior.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.estimation.normal_equations import Block
+from uavgram.estimation.survey_state import Layout, State, layout_of
+from uavgram.geometry.projection import project_with_jacobian
+from uavgram.geometry.rotation import hat, log_so3, right_jacobian_inverse
+from uavgram.geometry.telemetry_pose import exposures_at, predict_pose
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.survey import Survey
+
+GAUGE_SIGMA = np.array([1e-4, 1e-4, 1e-6])
+"""Of the three conditions that fix a free gauge [m, m, rad]: they are met exactly at the minimum,
+so their size moves no estimate; small enough to add nothing to a covariance."""
+
+TELEMETRY_PARTS = {
+    "boresight": slice(0, 3),
+    "lever_arm": slice(3, 6),
+    "position_bias": slice(6, 9),
+    "heading_bias": slice(9, 10),
+    "clock": slice(10, 11),
+}
+
+
+class SurveyProblem:
+    """Residuals and Jacobians of a survey.
+
+    Parameters
+    ----------
+    survey
+        The observations.
+    pivot_m
+        (2,) east and north of the scene's centroid, where slopes turn.
+    line_used
+        (L,) which lengths are observations.
+    """
+
+    def __init__(self, survey: Survey, pivot_m: Floats, line_used: Bools) -> None:
+        self.survey = survey
+        self.pivot_m = pivot_m
+        self.line_index = np.flatnonzero(line_used)
+        self.intrinsic_basis = covariance_root(survey.calibration.covariance)
+        self.layout: Layout = layout_of(survey, self.intrinsic_basis.shape[1])
+        telemetry = survey.telemetry
+        if telemetry is not None:
+            self.telemetry_whitening = np.linalg.inv(np.linalg.cholesky(telemetry.covariance))
+            self.telemetry_mean, self.telemetry_sigma = _shared_prior(survey)
+
+    def intrinsics(self, state: State) -> Floats:
+        """(P,) the interior orientation of a state."""
+        return self.survey.calibration.parameters + self.intrinsic_basis @ state.intrinsic
+
+    def world_points(self, state: State, label: Ints) -> tuple[Floats, Floats, Floats]:
+        """World coordinates (n, 3) of labels, and their Jacobians.
+
+        Returns
+        -------
+        point_world : (n, 3)
+        d_point : (n, 3, point_size)
+            By the point's own unknowns.
+        d_plane : (n, 3, layout.plane)
+            By the plane.
+        """
+        own = state.point[label]
+        from_pivot = own[:, :2] - self.pivot_m
+        up = state.plane[0] + from_pivot @ state.plane[1:] + self.survey.height_above_m[label]
+        d_point = np.zeros((len(label), 3, self.layout.point_size))
+        d_point[:, 0, 0] = d_point[:, 1, 1] = 1.0
+        d_point[:, 2, :2] = state.plane[1:]
+        if self.layout.point_size == 3:
+            up = up + own[:, 2]
+            d_point[:, 2, 2] = 1.0
+        d_plane = np.zeros((len(label), 3, self.layout.plane))
+        if self.layout.plane:
+            d_plane[:, 2, 0] = 1.0
+            d_plane[:, 2, 1:] = from_pivot
+        return np.column_stack([own[:, :2], up]), d_point, d_plane
+
+    def evaluate(self, state: State) -> dict[str, Block] | None:
+        """All whitened residuals by group; None where a picked point lies behind its camera."""
+        pixels = self._pixels(state)
+        if pixels is None:
+            return None
+        blocks = {"pixels": pixels, "calibration": self._calibration(state)}
+        if len(self.line_index):
+            blocks["lengths"] = self._lengths(state)
+        if len(self.survey.control_label):
+            blocks["control"] = self._control(state)
+        if self.layout.point_size == 3:
+            blocks["roughness"] = self._roughness(state)
+        if self.layout.plane:
+            blocks["plane"] = self._plane(state)
+        else:
+            blocks["gauge"] = self._gauge(state)
+        if self.survey.telemetry is not None:
+            try:
+                blocks |= self._telemetry(state)
+            except ValueError:  # the clock correction leads out of the log
+                return None
+        return blocks
+
+    def _pixels(self, state: State) -> Block | None:
+        survey, layout = self.survey, self.layout
+        frame = survey.pick_frame
+        label = survey.pick_label
+        world, d_point, d_plane = self.world_points(state, label)
+        camera_from_world = np.swapaxes(state.rotation, 1, 2)[frame]
+        from_center = world - state.center[frame]
+        camera = np.einsum("nij,nj->ni", camera_from_world, from_center)
+        pixel, d_camera, d_intrinsics = project_with_jacobian(
+            survey.calibration.model, self.intrinsics(state), camera
+        )
+        if not np.isfinite(pixel).all():
+            return None
+        weight = 1.0 / survey.pick_sigma_px
+        d_world = d_camera @ camera_from_world
+        jacobian = np.concatenate(
+            [
+                d_world @ d_point,
+                -d_world,
+                d_camera @ hat(camera),
+                d_intrinsics @ self.intrinsic_basis,
+                d_world @ d_plane,
+            ],
+            axis=2,
+        )
+        n = len(frame)
+        columns = np.concatenate(
+            [
+                layout.point_columns(label),
+                layout.frame_columns(frame),
+                layout.shared_columns(layout.first_intrinsic, layout.intrinsics, n),
+                layout.shared_columns(layout.first_plane, layout.plane, n),
+            ],
+            axis=1,
+        )
+        residual = pixel - survey.pixel_px
+        return Block(residual * weight[:, None], columns, jacobian * weight[:, None, None])
+
+    def _lengths(self, state: State) -> Block:
+        survey = self.survey
+        start, end = survey.line_start[self.line_index], survey.line_end[self.line_index]
+        length, jacobian, columns = self.lengths_between(state, start, end)
+        sigma = survey.length_sigma_m[self.line_index]
+        residual = (length - survey.length_m[self.line_index]) / sigma
+        return Block(residual[:, None], columns, jacobian[:, None, :] / sigma[:, None, None])
+
+    def lengths_between(self, state: State, start: Ints, end: Ints) -> tuple[Floats, Floats, Ints]:
+        """3-D lengths (n,) between labels, their gradients (n, k) and the unknowns' columns."""
+        start_world, d_start, start_plane = self.world_points(state, start)
+        end_world, d_end, end_plane = self.world_points(state, end)
+        along = end_world - start_world
+        length = np.linalg.norm(along, axis=1)
+        unit = along / np.where(length > 0, length, 1.0)[:, None]
+        jacobian = np.concatenate(
+            [
+                -np.einsum("ni,nij->nj", unit, d_start),
+                np.einsum("ni,nij->nj", unit, d_end),
+                np.einsum("ni,nij->nj", unit, end_plane - start_plane),
+            ],
+            axis=1,
+        )
+        layout = self.layout
+        columns = np.concatenate(
+            [
+                layout.point_columns(start),
+                layout.point_columns(end),
+                layout.shared_columns(layout.first_plane, layout.plane, len(start)),
+            ],
+            axis=1,
+        )
+        return length, jacobian, columns
+
+    def _control(self, state: State) -> Block:
+        survey, layout = self.survey, self.layout
+        label = survey.control_label
+        world, d_point, d_plane = self.world_points(state, label)
+        weight = 1.0 / survey.control_sigma_m
+        columns = np.concatenate(
+            [
+                layout.point_columns(label),
+                layout.shared_columns(layout.first_plane, layout.plane, len(label)),
+            ],
+            axis=1,
+        )
+        jacobian = np.concatenate([d_point, d_plane], axis=2)
+        residual = (world - survey.control_world_m) * weight
+        return Block(residual, columns, jacobian * weight[:, :, None])
+
+    def _calibration(self, state: State) -> Block:
+        return _prior(state.intrinsic, self.layout.first_intrinsic)
+
+    def _roughness(self, state: State) -> Block:
+        sigma = self.survey.ground.roughness_sigma_m
+        columns = self.layout.point_columns(np.arange(self.layout.points))[:, 2:]
+        jacobian = np.full((self.layout.points, 1, 1), 1.0 / sigma)
+        return Block(state.point[:, 2:] / sigma, columns, jacobian)
+
+    def _plane(self, state: State) -> Block:
+        ground = self.survey.ground
+        sigma = np.array([ground.height_sigma_m, ground.slope_sigma_rad, ground.slope_sigma_rad])
+        mean = np.array([ground.height_m, 0.0, 0.0])
+        return _prior((state.plane - mean) / sigma, self.layout.first_plane, 1.0 / sigma)
+
+    def _gauge(self, state: State) -> Block:
+        """First frame above x = y = 0, its image up towards north.
+
+        u = R (0, -1, 0) is image up in the world; u_east = 0. With R exp(δθ):
+        δu = R (δθ x (0, -1, 0)), its east part row R_east . (δθ_z, 0, -δθ_x).
+        """
+        east = state.rotation[0, 0]
+        residual = np.array([state.center[0, 0], state.center[0, 1], -east[1]])
+        jacobian = np.zeros((3, 6))
+        jacobian[0, 0] = jacobian[1, 1] = 1.0
+        jacobian[2, 3], jacobian[2, 5] = -east[2], east[0]
+        columns = self.layout.frame_columns(np.zeros(1, dtype=np.int64))
+        whitened = (residual / GAUGE_SIGMA)[None]
+        return Block(whitened, columns, (jacobian / GAUGE_SIGMA[:, None])[None])
+
+    def _telemetry(self, state: State) -> dict[str, Block]:
+        prior, track, layout = self.survey.telemetry, self.survey.track, self.layout
+        assert prior is not None  # noqa: S101  (the caller asked)
+        assert track is not None  # noqa: S101
+        clock = state.telemetry[TELEMETRY_PARTS["clock"]]
+        exposures = exposures_at(
+            (track.position_time_s, track.position_world_m),
+            (track.attitude_time_s, track.world_from_body_xyzw),
+            (track.gimbal_time_s, track.world_from_gimbal_xyzw),
+            prior.time_s - clock,
+        )
+        center, rotation, d_shared = predict_pose(
+            exposures, prior.gimbal_from_camera, state.telemetry
+        )
+        frame = prior.frame_index
+        turn = log_so3(np.swapaxes(rotation, 1, 2) @ state.rotation[frame])
+        residual = np.concatenate([state.center[frame] - center, turn], axis=1)
+        # turn = log(P^T R): by R exp(a) it moves by Jr^-1(turn) a, by P exp(b) by -Jr^-1(-turn) b
+        # (Sola et al. 2018, eq. 68 to 70).
+        jacobian = np.zeros((len(frame), 6, 6 + layout.telemetry))
+        jacobian[:, :3, :3] = np.eye(3)
+        jacobian[:, 3:, 3:6] = right_jacobian_inverse(turn)
+        jacobian[:, :3, 6:] = -d_shared[:, :3]
+        jacobian[:, 3:, 6:] = -right_jacobian_inverse(-turn) @ d_shared[:, 3:]
+        columns = np.concatenate(
+            [
+                layout.frame_columns(frame),
+                layout.shared_columns(layout.first_telemetry, layout.telemetry, len(frame)),
+            ],
+            axis=1,
+        )
+        white = self.telemetry_whitening
+        blocks = {
+            "telemetry": Block(np.einsum("nij,nj->ni", white, residual), columns, white @ jacobian)
+        }
+        scaled = (state.telemetry - self.telemetry_mean) / self.telemetry_sigma
+        for name, part in TELEMETRY_PARTS.items():
+            first = layout.first_telemetry + part.start
+            blocks[name] = _prior(scaled[part], first, 1.0 / self.telemetry_sigma[part])
+        return blocks
+
+
+def covariance_root(covariance: Floats) -> Floats:
+    """(P, r) matrix L with L L^T = covariance; r leaves out what is known exactly.
+
+    The eigenvalues are those of the correlation matrix, so that pixels and distortion
+    coefficients weigh alike when the rank is decided.
+    """
+    sigma = np.sqrt(np.diag(covariance))
+    scale = np.where(sigma > 0, sigma, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    kept = values > 1e-12
+    return np.asarray(scale[:, None] * vectors[:, kept] * np.sqrt(values[kept]))
+
+
+def _prior(scaled: Floats, first: int, weight: Floats | None = None) -> Block:
+    """Block of independent priors on neighbouring unknowns, residuals already in sigmas."""
+    n = len(scaled)
+    columns = (first + np.arange(n))[:, None]
+    weight = np.ones(n) if weight is None else weight
+    return Block(scaled[:, None], columns, weight[:, None, None])
+
+
+def _shared_prior(survey: Survey) -> tuple[Floats, Floats]:
+    """Mean and sigma (11,) of the telemetry's shared unknowns."""
+    prior = survey.telemetry
+    assert prior is not None  # noqa: S101  (the caller asked)
+    mean = np.zeros(11)
+    mean[TELEMETRY_PARTS["lever_arm"]] = prior.lever_arm_m
+    sigma = np.empty(11)
+    sigma[TELEMETRY_PARTS["boresight"]] = prior.boresight_sigma_rad
+    sigma[TELEMETRY_PARTS["lever_arm"]] = prior.lever_arm_sigma_m
+    sigma[TELEMETRY_PARTS["position_bias"]] = prior.position_bias_sigma_m
+    sigma[TELEMETRY_PARTS["heading_bias"]] = prior.heading_bias_sigma_rad
+    sigma[TELEMETRY_PARTS["clock"]] = prior.clock_sigma_s
+    return mean, sigma

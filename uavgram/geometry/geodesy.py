@@ -1,0 +1,83 @@
+"""WGS 84 latitude, longitude and ellipsoidal height to local east-north-up, and back (PROJ)."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pyproj import Transformer
+from pyproj.enums import TransformDirection
+
+from uavgram.model.arrays import Floats
+
+Origin = tuple[float, float, float]
+
+
+def enu_from_geodetic(
+    latitude_deg: ArrayLike, longitude_deg: ArrayLike, height_m: ArrayLike, origin: Origin
+) -> Floats:
+    """Turn geodetic coordinates into local ones.
+
+    Parameters
+    ----------
+    latitude_deg, longitude_deg, height_m
+        (N,) each, WGS 84, heights in the origin's datum (an undulation common to scene and origin
+        drops out to about a part per million of the distances).
+    origin
+        Latitude [deg], longitude [deg], height [m] of the local origin.
+
+    Returns
+    -------
+    (N, 3)
+        East, north, up [m] in the tangent plane at the origin: over 1 km the earth falls 8 cm
+        below it. NaN where the input is no place on earth.
+    """
+    latitude, longitude, height = _columns(latitude_deg, longitude_deg, height_m)
+    east, north, up = _to_enu(origin).transform(longitude, latitude, height)
+    return _finite_or_nan(np.stack([east, north, up], axis=-1))
+
+
+def geodetic_from_enu(enu: Floats, origin: Origin) -> tuple[Floats, Floats, Floats]:
+    """Turn local coordinates into geodetic ones.
+
+    Parameters
+    ----------
+    enu
+        (N, 3) east, north, up [m].
+    origin
+        Latitude [deg], longitude [deg], height [m] of the local origin.
+
+    Returns
+    -------
+    latitude_deg, longitude_deg, height_m : (N,)
+        WGS 84, height in the origin's datum; NaN where the input is.
+    """
+    east, north, up = _columns(*np.asarray(enu, np.float64).T)
+    longitude, latitude, height = _to_enu(origin).transform(
+        east, north, up, direction=TransformDirection.INVERSE
+    )
+    return _finite_or_nan(latitude), _finite_or_nan(longitude), _finite_or_nan(height)
+
+
+@lru_cache(maxsize=16)
+def _to_enu(origin: Origin) -> Transformer:
+    """Geodetic (lon, lat in degrees, h) to topocentric; closed formulas, so no grids, no network."""
+    latitude, longitude, height = origin
+    # .17g: the origin to its last digit
+    return Transformer.from_pipeline(
+        "+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84 "
+        f"+lat_0={latitude:.17g} +lon_0={longitude:.17g} +h_0={height:.17g}"
+    )
+
+
+def _columns(*values: ArrayLike) -> list[Floats]:
+    """Copies (PROJ may work in place) of one shape."""
+    columns = np.broadcast_arrays(*(np.asarray(v, np.float64) for v in values))
+    return [np.array(column) for column in columns]
+
+
+def _finite_or_nan(values: Floats) -> Floats:
+    """PROJ marks a failure by infinity."""
+    values = np.asarray(values, np.float64)
+    return np.asarray(np.where(np.isfinite(values), values, np.nan))

@@ -1,0 +1,73 @@
+"""GPS weeks and UTC: the leap seconds between them.
+
+Times are UTC seconds since the Unix epoch, float64: good to 0.2 microseconds today.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, date, datetime
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from uavgram.model.arrays import Floats, Ints
+
+
+def _utc_s(year: int, month: int, day: int) -> float:
+    return datetime(year, month, day, tzinfo=UTC).timestamp()
+
+
+#: Start of GPS time, 1980-01-06, when GPS and UTC agreed.
+GPS_EPOCH_UTC_S = _utc_s(1980, 1, 6)
+
+#: Outside these a clock was not set: no MAVLink before 2009, and a clock fresh from its battery
+#: says 1970 or 1980, a receiver whose week count rolled over once, twenty years too early.
+MIN_PLAUSIBLE_UTC_S = _utc_s(2009, 1, 1)
+MAX_PLAUSIBLE_UTC_S = _utc_s(2080, 1, 1)
+
+SECONDS_PER_WEEK = 604800.0
+
+# IERS Bulletin C: the days from whose first moment GPS was one second further ahead of UTC. None
+# has been announced after 2017, and by resolution 4 of CGPM 27 (2022) none may come for long.
+_LEAP_DAYS = tuple(
+    date.fromisoformat(day)
+    for day in (
+        "1981-07-01 1982-07-01 1983-07-01 1985-07-01 1988-01-01 1990-01-01 1991-01-01 1992-07-01 "
+        "1993-07-01 1994-07-01 1996-01-01 1997-07-01 1999-01-01 2006-01-01 2009-01-01 2012-07-01 "
+        "2015-07-01 2017-01-01"
+    ).split()
+)
+_LEAP_UTC_S = np.array([_utc_s(day.year, day.month, day.day) for day in _LEAP_DAYS])
+# The same moments counted without leap seconds, as GPS does.
+_LEAP_GPS_S = _LEAP_UTC_S + np.arange(1, len(_LEAP_UTC_S) + 1)
+
+
+def leap_seconds(utc_s: ArrayLike) -> Ints:
+    """Count GPS minus UTC [s] at UTC instants (...) since the Unix epoch; 0 before 1981."""
+    return np.searchsorted(_LEAP_UTC_S, np.asarray(utc_s, np.float64), side="right")
+
+
+def utc_from_gps(week: ArrayLike, milliseconds: ArrayLike) -> Floats:
+    """Convert GPS weeks and milliseconds of the week to UTC.
+
+    Parameters
+    ----------
+    week
+        (...) full week number since 1980-01-06 (not modulo 1024).
+    milliseconds
+        (...) since the start of the week.
+
+    Returns
+    -------
+    (...)
+        UTC seconds since the Unix epoch, with the leap seconds in force at that instant. A leap
+        second itself (23:59:60) takes the number of the second after it.
+    """
+    gps_s = (
+        GPS_EPOCH_UTC_S
+        + np.asarray(week, np.float64) * SECONDS_PER_WEEK
+        + np.asarray(milliseconds, np.float64) * 1e-3
+    )
+    # The inserted second [leap - 1, leap) already counts as the next day.
+    ahead = np.searchsorted(_LEAP_GPS_S - 1, gps_s, side="right")
+    return np.asarray(gps_s - ahead, np.float64)

@@ -1,0 +1,232 @@
+"""Rotations: vectors, quaternions (x, y, z, w), yaw-pitch-roll and matrices, all batched.
+
+A rotation matrix ``a_from_b`` turns coordinates in b into coordinates in a. A rotation vector is
+axis times angle [rad].
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uavgram.model.arrays import Floats
+
+
+def _constant(rows: list[list[float]]) -> Floats:
+    matrix = np.array(rows)
+    matrix.flags.writeable = False
+    return matrix
+
+
+#: North-east-down to east-north-up (its own inverse).
+ENU_FROM_NED: Floats = _constant([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]])
+
+#: OpenCV camera (x right, y down, z forward) to gimbal (x optical axis, y right, z image down).
+GIMBAL_FROM_CAMERA: Floats = _constant([[0, 0, 1], [1, 0, 0], [0, 1, 0.0]])
+
+# Below this squared angle the series are more accurate than the closed forms, which cancel.
+_SMALL_ANGLE_SQUARED = 0.09
+# Sola's Jacobian (t - sin t) / t^3 = sum (-1)^k t^2k / (2k + 3)!
+_RIGHT_SERIES = (1 / 6, -1 / 120, 1 / 5040, -1 / 362880, 1 / 39916800, -1 / 6227020800)
+# Its inverse (1 - t/2 cot t/2) / t^2 = sum |B_2k| t^(2k - 2) / (2k)!, B the Bernoulli numbers
+_INVERSE_SERIES = (
+    1 / 12,
+    1 / 720,
+    1 / 30240,
+    1 / 1209600,
+    1 / 47900160,
+    691 / 1307674368000,
+)
+# Cosine of pitch below which yaw and roll turn about one axis and only their sum means something.
+_LOCKED_COSINE = 1e-9
+
+
+def hat(v: Floats) -> Floats:
+    """Cross-product matrices: ``hat(v) @ w == cross(v, w)``; (..., 3) to (..., 3, 3)."""
+    v = np.asarray(v, np.float64)
+    matrix = np.zeros((*v.shape, 3))
+    matrix[..., 2, 1] = v[..., 0]
+    matrix[..., 1, 2] = -v[..., 0]
+    matrix[..., 0, 2] = v[..., 1]
+    matrix[..., 2, 0] = -v[..., 1]
+    matrix[..., 1, 0] = v[..., 2]
+    matrix[..., 0, 1] = -v[..., 2]
+    return matrix
+
+
+def exp_so3(v: Floats) -> Floats:
+    """Rotation matrices of rotation vectors [rad] (Rodrigues); (..., 3) to (..., 3, 3)."""
+    v = np.asarray(v, np.float64)
+    angle = np.linalg.norm(v, axis=-1)
+    # (1 - cos t) / t^2 = sinc(t / 2)^2 / 2 loses no digits near zero.
+    first = np.sinc(angle / np.pi)
+    second = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+    return _combine(v, first, second)
+
+
+def log_so3(rotation: Floats) -> Floats:
+    """Rotation vectors [rad] of rotation matrices, angle at most pi; (..., 3, 3) to (..., 3).
+
+    By way of the quaternion, which is accurate near zero and near pi alike.
+    """
+    q = xyzw_from_matrix(rotation)
+    vector, w = q[..., :3], q[..., 3]
+    size = np.linalg.norm(vector, axis=-1)
+    tiny = size < 1e-12
+    # angle / sin(angle / 2); its limit at zero is 2, and w is 1 to the last digit there
+    factor = np.where(tiny, 2.0, 2 * np.arctan2(size, w) / np.where(tiny, 1.0, size))
+    return np.asarray(factor[..., None] * vector)
+
+
+def right_jacobian(v: Floats) -> Floats:
+    """Right Jacobians of SO(3): ``exp(v + d) = exp(v) exp(J d)`` to first order.
+
+    Parameters
+    ----------
+    v
+        (..., 3) rotation vectors [rad].
+
+    Returns
+    -------
+    (..., 3, 3)
+        After Sola, Deray, Atchuthan (2018), "A micro Lie theory", eq. 143.
+    """
+    v = np.asarray(v, np.float64)
+    squared = np.sum(v * v, axis=-1)
+    small, safe = _split_small(squared)
+    angle = np.sqrt(safe)
+    closed = (angle - np.sin(angle)) / (safe * angle)
+    second = np.where(small, _horner(_RIGHT_SERIES, squared), closed)
+    first = -0.5 * np.sinc(np.sqrt(squared) / (2 * np.pi)) ** 2
+    return _combine(v, first, second)
+
+
+def right_jacobian_inverse(v: Floats) -> Floats:
+    """Inverses of the right Jacobians: ``log(exp(v) exp(d)) = v + J^-1 d`` to first order.
+
+    Parameters
+    ----------
+    v
+        (..., 3) rotation vectors [rad], shorter than 2 pi.
+
+    Returns
+    -------
+    (..., 3, 3)
+        After Sola, Deray, Atchuthan (2018), eq. 144.
+    """
+    v = np.asarray(v, np.float64)
+    squared = np.sum(v * v, axis=-1)
+    small, safe = _split_small(squared)
+    half = 0.5 * np.sqrt(safe)
+    closed = (1 - half / np.tan(half)) / safe
+    second = np.where(small, _horner(_INVERSE_SERIES, squared), closed)
+    return _combine(v, np.full_like(squared, 0.5), second)
+
+
+def matrix_from_xyzw(xyzw: Floats) -> Floats:
+    """Rotation matrices of quaternions (x, y, z, w) of any length; NaN for the zero quaternion.
+
+    (..., 4) to (..., 3, 3).
+    """
+    q = np.asarray(xyzw, np.float64)
+    squared = np.sum(q * q, axis=-1)
+    # R = I + 2 w/|q|^2 hat(v) + 2/|q|^2 hat(v)^2
+    second = 2 / np.where(squared > 0, squared, np.nan)
+    return _combine(q[..., :3], second * q[..., 3], second)
+
+
+def xyzw_from_matrix(rotation: Floats) -> Floats:
+    """Convert rotation matrices (..., 3, 3) to unit quaternions (x, y, z, w), w >= 0; (..., 4)."""
+    r = np.asarray(rotation, np.float64)
+    # 4 q q^T is linear in R (Shepperd 1978); its longest row has no cancellation.
+    outer = np.empty((*r.shape[:-2], 4, 4))
+    trace = np.trace(r, axis1=-2, axis2=-1)
+    outer[..., :3, :3] = r + np.swapaxes(r, -1, -2)
+    for i in range(3):
+        outer[..., i, i] = 1 - trace + 2 * r[..., i, i]
+        j, k = (i + 1) % 3, (i + 2) % 3
+        outer[..., 3, i] = outer[..., i, 3] = r[..., k, j] - r[..., j, k]
+    outer[..., 3, 3] = 1 + trace
+    best = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
+    q = np.take_along_axis(outer, best[..., None, None], axis=-2)[..., 0, :]
+    q /= np.linalg.norm(q, axis=-1, keepdims=True)
+    return np.asarray(np.where(q[..., 3:] < 0, -q, q))
+
+
+def matrix_from_ypr(yaw: ArrayLike, pitch: ArrayLike, roll: ArrayLike) -> Floats:
+    """Rotation matrices Rz(yaw) Ry(pitch) Rx(roll) of angles [rad].
+
+    As ArduPilot and PX4 define attitude: intrinsic Z-Y-X, ``ned_from_body``.
+
+    Parameters
+    ----------
+    yaw, pitch, roll
+        (...) each; they broadcast.
+
+    Returns
+    -------
+    (..., 3, 3)
+    """
+    angles = np.broadcast_arrays(*(np.asarray(a, np.float64) for a in (yaw, pitch, roll)))
+    cy, cp, cr = (np.cos(a) for a in angles)
+    sy, sp, sr = (np.sin(a) for a in angles)
+    rows = (
+        (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+        (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+        (-sp, cp * sr, cp * cr),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def ypr_from_matrix(rotation: Floats) -> tuple[Floats, Floats, Floats]:
+    """Yaw, pitch, roll [rad] of rotation matrices ``Rz(yaw) Ry(pitch) Rx(roll)``.
+
+    Parameters
+    ----------
+    rotation
+        (..., 3, 3).
+
+    Returns
+    -------
+    yaw, pitch, roll : (...)
+        Pitch within +-pi/2. Looking straight up or down (pitch +-pi/2) yaw and roll turn about
+        the same axis: roll is zero there, and yaw has it all.
+    """
+    r = np.asarray(rotation, np.float64)
+    cosine = np.hypot(r[..., 0, 0], r[..., 1, 0])
+    pitch = np.arctan2(-r[..., 2, 0], cosine)
+    locked = cosine < _LOCKED_COSINE
+    yaw = np.where(
+        locked,
+        np.arctan2(-r[..., 0, 1], r[..., 1, 1]),
+        np.arctan2(r[..., 1, 0], r[..., 0, 0]),
+    )
+    # Roll is what is left after taking that yaw away, so the three always belong together.
+    sin_yaw, cos_yaw = np.sin(yaw), np.cos(yaw)
+    roll = np.arctan2(
+        sin_yaw * r[..., 0, 2] - cos_yaw * r[..., 1, 2],
+        cos_yaw * r[..., 1, 1] - sin_yaw * r[..., 0, 1],
+    )
+    return yaw, pitch, roll
+
+
+def _combine(v: Floats, first: Floats, second: Floats) -> Floats:
+    """``I + first hat(v) + second hat(v)^2``."""
+    cross = hat(v)
+    return np.asarray(
+        np.eye(3) + first[..., None, None] * cross + second[..., None, None] * (cross @ cross)
+    )
+
+
+def _split_small(squared: Floats) -> tuple[NDArray[Any], Floats]:
+    small = squared < _SMALL_ANGLE_SQUARED
+    return small, np.where(small, 1.0, squared)
+
+
+def _horner(coefficients: tuple[float, ...], x: Floats) -> Floats:
+    result = np.zeros_like(x)
+    for coefficient in reversed(coefficients):
+        result = result * x + coefficient
+    return result

@@ -1,0 +1,186 @@
+"""Quantities measured between ground points, with their gradients.
+
+Every function takes (K, 3) points [m] and returns the value and its gradient (K, 3) by the points.
+Where the value has no derivative (coincident points, a flat angle, a point on the line), both are
+NaN: no standard deviation could be given for it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+
+Measured = tuple[float, Floats]
+
+
+def distance(points: Floats) -> Measured:
+    """Measure the straight 3-D distance [m] of two points.
+
+    Parameters
+    ----------
+    points
+        (2, 3) [m].
+
+    Returns
+    -------
+    value, gradient
+        Metres, and (2, 3) without unit; NaN for coincident points.
+    """
+    return polyline(_checked(points, exactly=2))
+
+
+def polyline(points: Floats) -> Measured:
+    """Measure the length [m] of a line through points, in 3-D.
+
+    Parameters
+    ----------
+    points
+        (K, 3) [m], K >= 2.
+
+    Returns
+    -------
+    value, gradient
+        Metres, and (K, 3) without unit; NaN where two neighbours coincide.
+    """
+    points = _checked(points, at_least=2)
+    unit, length = _unit(np.diff(points, axis=0))
+    gradient = np.zeros_like(points)
+    gradient[1:] += unit
+    gradient[:-1] -= unit
+    return _defined(float(length.sum()), gradient)
+
+
+def area(points: Floats) -> Measured:
+    """Measure the area [m2] that a closed polygon encloses, in 3-D.
+
+    The length of its vector area ``1/2 sum p_i x p_(i+1)``: the area as seen along the polygon's
+    own normal. Where the outline crosses itself (`polygon_self_intersects`) parts cancel.
+
+    Parameters
+    ----------
+    points
+        (K, 3) corners in order [m], K >= 3.
+
+    Returns
+    -------
+    value, gradient
+        Square metres, and (K, 3) in metres; NaN where the points lie on one line.
+    """
+    points = _checked(points, at_least=3)
+    local = points - points.mean(axis=0)  # far from the origin the products would cancel
+    after, before = np.roll(local, -1, axis=0), np.roll(local, 1, axis=0)
+    normal, size = _unit(0.5 * np.cross(local, after).sum(axis=0))
+    return _defined(float(size), 0.5 * np.cross(after - before, normal))
+
+
+def angle(points: Floats) -> Measured:
+    """Measure the angle [rad] at the middle one of three points, in 3-D.
+
+    Parameters
+    ----------
+    points
+        (3, 3) [m]; the vertex is the second.
+
+    Returns
+    -------
+    value, gradient
+        Radians from 0 to pi, and (3, 3) in rad/m; NaN where a leg has no length, and for angles of
+        exactly 0 or pi.
+    """
+    points = _checked(points, exactly=3)
+    legs, lengths = _unit(points[[0, 2]] - points[1])
+    cosine = float(legs[0] @ legs[1])
+    # Kahan: atan2 keeps its digits where the arc cosine loses them.
+    value = float(np.arctan2(np.linalg.norm(np.cross(legs[0], legs[1])), cosine))
+    across, _ = _unit(legs[::-1] - cosine * legs)  # from each leg towards the other
+    ends = -across / lengths[:, None]
+    return _defined(value, np.stack([ends[0], -ends.sum(axis=0), ends[1]]))
+
+
+def line_distance(points: Floats) -> Measured:
+    """Measure the perpendicular 3-D distance [m] of a point from a straight line.
+
+    Parameters
+    ----------
+    points
+        (3, 3) [m]: the point, then two points of the line.
+
+    Returns
+    -------
+    value, gradient
+        Metres, and (3, 3) without unit; NaN where the two points coincide, or the first lies on
+        the line.
+    """
+    points = _checked(points, exactly=3)
+    along, length = _unit(points[2] - points[1])
+    offset = points[0] - points[1]
+    foot = offset @ along
+    normal, value = _unit(offset - foot * along)
+    share = foot / length  # 0 where the foot is the line's first point, 1 at its second
+    return _defined(float(value), np.stack([normal, (share - 1) * normal, -share * normal]))
+
+
+def polygon_self_intersects(points_2d: Floats) -> bool:
+    """Tell whether the outline of a polygon crosses or touches itself.
+
+    Parameters
+    ----------
+    points_2d
+        (K, 2) corners in order; a corner given twice in a row counts once.
+    """
+    points = np.asarray(points_2d, np.float64)
+    points = points[(points != np.roll(points, 1, axis=0)).any(axis=1)]
+    k = len(points)
+    if k < 3:
+        return k > 0  # there and back again
+    end = np.roll(points, -1, axis=0)
+    i, j = np.triu_indices(k, 1)
+    apart = (j - i > 1) & (j - i < k - 1)
+    i, j = i[apart], j[apart]
+    return _folds_back(points) or bool(_share_a_point(points[i], end[i], points[j], end[j]).any())
+
+
+def _folds_back(points: Floats) -> bool:
+    """Whether an edge runs back over the one before it."""
+    edge = np.roll(points, -1, axis=0) - points
+    before = np.roll(edge, 1, axis=0)
+    straight = edge[:, 0] * before[:, 1] == edge[:, 1] * before[:, 0]
+    return bool((straight & (np.sum(edge * before, axis=1) < 0)).any())
+
+
+def _share_a_point(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
+    """(N,) whether segments ab and cd have a point in common; (N, 2) each."""
+
+    def side(p: Floats, q: Floats, r: Floats) -> Floats:
+        u, v = q - p, r - p
+        return np.sign(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+
+    straddle = (side(a, b, c) * side(a, b, d) <= 0) & (side(c, d, a) * side(c, d, b) <= 0)
+    # Segments of one line pass the test above wherever they lie: their boxes must meet as well.
+    low = np.maximum(np.minimum(a, b), np.minimum(c, d))
+    high = np.minimum(np.maximum(a, b), np.maximum(c, d))
+    return np.asarray(straddle & (low <= high).all(axis=1))
+
+
+def _checked(points: Floats, *, exactly: int | None = None, at_least: int = 2) -> Floats:
+    points = np.asarray(points, np.float64)
+    wanted = exactly if exactly is not None else max(at_least, len(points))
+    if points.shape != (wanted, 3):
+        count = f"{exactly}" if exactly is not None else f"at least {at_least}"
+        raise ValueError(f"expected {count} points of shape (K, 3), got shape {points.shape}")
+    return points
+
+
+def _unit(vector: Floats) -> tuple[Floats, Floats]:
+    """Vectors (..., 3) at unit length, and their lengths (...); both NaN for the zero vector."""
+    length = np.linalg.norm(vector, axis=-1)
+    length = np.where(length > 0, length, np.nan)
+    return vector / length[..., None], length
+
+
+def _defined(value: float, gradient: Floats) -> Measured:
+    """Both or neither."""
+    if np.isfinite(value) and np.isfinite(gradient).all():
+        return value, gradient
+    return float("nan"), np.full_like(gradient, np.nan)

@@ -1,0 +1,135 @@
+"""Where the telemetry puts a camera, as a function of what the whole flight has in common.
+
+With the vehicle at p (world), its attitude Rb (world from body), the mount's attitude Rm (world
+from gimbal, or Rb again for a camera fixed to the body) and the nominal C (mount from camera)::
+
+    center            = p(t) - position_bias + Rz Rb(t) lever_arm
+    world_from_camera = Rz Rm(t) C exp(boresight)
+
+    Rz = rotation by +heading_bias about up,   t = stated instant - clock correction
+
+Biases are log minus truth. Headings run clockwise, rotations about up counterclockwise: taking a
+heading bias away turns the vehicle by plus that angle about up.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.geometry.interpolation import interpolate_position, interpolate_rotation
+from uavgram.geometry.rotation import exp_so3, hat, right_jacobian
+from uavgram.model.arrays import Floats
+
+UP = np.array([0.0, 0.0, 1.0])
+
+BORESIGHT = slice(0, 3)
+LEVER_ARM = slice(3, 6)
+POSITION_BIAS = slice(6, 9)
+HEADING_BIAS = slice(9, 10)
+CLOCK = slice(10, 11)
+SHARED_SIZE = 11
+
+
+class Exposures(NamedTuple):
+    """N interpolated instants of a flight.
+
+    Attributes
+    ----------
+    position
+        (N, 3) vehicle in the world [m].
+    velocity
+        (N, 3) its velocity [m/s].
+    world_from_body
+        (N, 3, 3) rotations.
+    body_rate
+        (N, 3) angular velocity in body axes [rad/s].
+    world_from_mount
+        (N, 3, 3) rotations of what the camera is fixed to.
+    mount_rate
+        (N, 3) its angular velocity in its own axes [rad/s].
+    """
+
+    position: Floats
+    velocity: Floats
+    world_from_body: Floats
+    body_rate: Floats
+    world_from_mount: Floats
+    mount_rate: Floats
+
+
+def exposures_at(
+    position_track: tuple[Floats, Floats],
+    attitude_track: tuple[Floats, Floats],
+    gimbal_track: tuple[Floats, Floats],
+    at_s: Floats,
+) -> Exposures:
+    """Interpolate a flight at N instants.
+
+    Parameters
+    ----------
+    position_track
+        (times [s], (n, 3) positions in the world [m]).
+    attitude_track, gimbal_track
+        (times [s], (n, 4) unit quaternions xyzw to the world); an empty gimbal track stands for a
+        camera fixed to the body.
+    at_s
+        (N,) instants on the same clock.
+
+    Raises
+    ------
+    ValueError
+        An instant lies outside a track.
+    """
+    position, velocity = interpolate_position(*position_track, at_s)
+    world_from_body, body_rate = interpolate_rotation(*attitude_track, at_s)
+    if len(gimbal_track[0]):
+        world_from_mount, mount_rate = interpolate_rotation(*gimbal_track, at_s)
+    else:
+        world_from_mount, mount_rate = world_from_body, body_rate
+    return Exposures(position, velocity, world_from_body, body_rate, world_from_mount, mount_rate)
+
+
+def predict_pose(
+    exposures: Exposures, mount_from_camera: Floats, shared: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Camera poses from the telemetry, with their derivatives by the shared unknowns.
+
+    Parameters
+    ----------
+    exposures
+        N instants, interpolated at stated instant minus clock correction.
+    mount_from_camera
+        (3, 3) nominal rotation, without boresight.
+    shared
+        (11,) boresight [rad], lever arm [m], position bias [m], heading bias [rad], clock
+        correction [s]; see the slices of this module. The clock correction acts through
+        `exposures` and is not read here.
+
+    Returns
+    -------
+    center_world : (N, 3)
+    world_from_camera : (N, 3, 3)
+    jacobian : (N, 6, 11)
+        Of (δcentre in world, δθ in camera with R exp(δθ)) by the shared unknowns.
+    """
+    turn = exp_so3(shared[HEADING_BIAS] * UP)
+    arm = turn @ exposures.world_from_body
+    offset = arm @ shared[LEVER_ARM]
+    center = exposures.position - shared[POSITION_BIAS] + offset
+    boresight = shared[BORESIGHT]
+    camera_in_mount = mount_from_camera @ exp_so3(boresight)
+    rotation = turn @ exposures.world_from_mount @ camera_in_mount
+
+    jacobian = np.zeros((len(center), 6, SHARED_SIZE))
+    jacobian[:, :3, LEVER_ARM] = arm
+    jacobian[:, :3, POSITION_BIAS] = -np.eye(3)
+    jacobian[:, :3, 9] = np.cross(UP, offset)
+    # d/dclock of exp(...) at t - clock: the vehicle was further back on its way and in its turn.
+    spin = (hat(exposures.body_rate) @ shared[LEVER_ARM][:, None])[..., 0]
+    jacobian[:, :3, 10] = -exposures.velocity - np.einsum("nij,nj->ni", arm, spin)
+    jacobian[:, 3:, BORESIGHT] = right_jacobian(boresight)
+    jacobian[:, 3:, 9] = np.einsum("nij,i->nj", rotation, UP)
+    jacobian[:, 3:, 10] = -exposures.mount_rate @ camera_in_mount
+    return center, rotation, jacobian

@@ -1,0 +1,168 @@
+"""What lies on the ground of the built-in scene: an accident at a side road, in its own axes.
+
+Scene axes: x along the main road, y to its left, metres, origin at the middle of the scene. `Site`
+(model/scene.py) says where that origin lies in the world and where the road leads.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Mark = Literal["checker", "cross", "disc"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScenePoint:
+    """A labelled point with the mark that shows it.
+
+    Attributes
+    ----------
+    label
+        Its name, painted beside the mark.
+    x_m, y_m
+        Scene axes.
+    mark
+        ``checker``: a plate of four fields; ``cross``: sprayed paint; ``disc``: a round target.
+    """
+
+    label: str
+    x_m: float
+    y_m: float
+    mark: Mark = "cross"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneLine:
+    """A length to be taped between two labels; `check` ones are withheld and only judged."""
+
+    name: str
+    start: str
+    end: str
+    use: Literal["adjust", "check"] = "adjust"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vehicle:
+    """A car, drawn flat on the ground.
+
+    Attributes
+    ----------
+    x_m, y_m, heading_deg
+        Its middle, and its heading from the scene's x axis, counterclockwise.
+    length_m, width_m
+        Of its body.
+    color_rgb
+        0 to 255.
+    """
+
+    x_m: float
+    y_m: float
+    heading_deg: float
+    length_m: float
+    width_m: float
+    color_rgb: tuple[int, int, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoadLayout:
+    """Main road along x, with a side road that joins it from the right (-y).
+
+    Attributes
+    ----------
+    width_m
+        Of the main road's asphalt.
+    side_x_m, side_width_m
+        Axis and width of the side road.
+    corner_radius_m
+        Of the kerbs between the two.
+    skid_marks
+        Polylines of (x, y).
+    vehicles
+        What came to rest there.
+    debris
+        Corners (x, y) of the field over which glass and plastic lie.
+    """
+
+    width_m: float
+    side_x_m: float
+    side_width_m: float
+    corner_radius_m: float
+    skid_marks: tuple[tuple[tuple[float, float], ...], ...]
+    vehicles: tuple[Vehicle, ...]
+    debris: tuple[tuple[float, float], ...]
+
+
+DEMO_ROAD = RoadLayout(
+    width_m=7.0,
+    side_x_m=6.0,
+    side_width_m=6.0,
+    corner_radius_m=4.0,
+    skid_marks=(
+        ((-15.5, -1.0), (-10.0, -0.95), (-5.3, -0.72), (-1.5, -0.32), (1.4, 0.12), (2.6, 0.36)),
+        ((-15.1, -2.5), (-9.8, -2.45), (-5.0, -2.22), (-1.2, -1.8), (1.75, -1.35), (2.9, -1.12)),
+    ),
+    vehicles=(
+        Vehicle(
+            x_m=4.0, y_m=-0.1, heading_deg=12.0, length_m=4.5, width_m=1.82, color_rgb=(38, 74, 128)
+        ),
+        Vehicle(
+            x_m=7.6, y_m=1.3, heading_deg=70.0, length_m=4.2, width_m=1.75, color_rgb=(172, 34, 30)
+        ),
+    ),
+    debris=((8.6, -3.0), (13.6, -2.3), (15.2, 2.1), (10.6, 3.0)),
+)
+
+
+def _points(mark: Mark, *rows: tuple[str, float, float]) -> tuple[ScenePoint, ...]:
+    return tuple(ScenePoint(label=label, x_m=x, y_m=y, mark=mark) for label, x, y in rows)
+
+
+DEMO_POINTS: tuple[ScenePoint, ...] = (
+    *_points(
+        "checker",
+        ("R1", -20.0, 5.6),
+        ("R2", -8.0, 5.5),
+        ("R3", 6.0, 5.5),
+        ("R4", 19.0, 5.6),
+        ("R5", -19.0, -5.2),
+        ("R6", -6.0, -5.6),
+        ("R7", 15.5, -6.0),
+        ("R8", 21.5, -4.9),
+    ),
+    *_points(
+        "cross",
+        ("P1", -15.5, -1.0),  # left skid mark: start, end, middle (P15)
+        ("P2", 1.4, 0.12),
+        ("P3", -15.1, -2.5),  # right skid mark
+        ("P4", 1.75, -1.35),
+        ("P5", 5.0, 1.5),  # wheels of the cars
+        ("P6", 8.3, -0.3),
+        ("P7", 9.3, 2.0),
+        ("P8", 6.0, -1.6),  # gouge in the asphalt: the impact
+        ("P9", 8.6, -3.0),  # debris field
+        ("P10", 13.6, -2.3),
+        ("P11", 15.2, 2.1),
+        ("P12", 10.6, 3.0),
+        ("P13", 6.3, -8.2),  # stop line of the side road
+        ("P14", 8.7, -8.2),
+        ("P15", -5.3, -0.72),
+        ("P16", -11.0, 3.2),  # edge line
+    ),
+    *_points(
+        "disc",
+        ("C1", -16.0, 9.0),
+        ("C2", 14.5, 9.2),
+        ("C3", -12.0, -9.0),
+        ("C4", 17.5, -9.3),
+    ),
+)
+
+DEMO_LINES: tuple[SceneLine, ...] = (
+    SceneLine(name="L1", start="R1", end="R2"),
+    SceneLine(name="L2", start="R3", end="R4"),
+    SceneLine(name="L3", start="R5", end="R6"),
+    SceneLine(name="L4", start="R7", end="R8"),
+    SceneLine(name="L5", start="R2", end="R6"),
+    SceneLine(name="L6", start="R3", end="R7", use="check"),
+)

@@ -1,0 +1,175 @@
+"""Assemble: names become indices, and everything observed becomes one survey."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from uavgram.errors import GeometryError
+from uavgram.model.arrays import Floats, Ints, freeze_as
+from uavgram.model.camera import Calibration
+from uavgram.model.observations import KnownLines, Picks
+from uavgram.model.options import GroundOptions
+from uavgram.model.pose import Poses, TelemetryPrior
+from uavgram.model.survey import Ground, Survey
+from uavgram.model.telemetry import Track
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ControlPoints:
+    """Points with known coordinates in the local world: (C,) labels, (C, 3) metres and sigmas."""
+
+    label: tuple[str, ...]
+    world_m: Floats
+    sigma_m: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Telemetry:
+    """Seed poses, their prior for the adjustment, and the flight to interpolate."""
+
+    poses: Poses
+    prior: TelemetryPrior
+    track: Track
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Assembled:
+    """A survey, and where the project's picks and lines went.
+
+    Attributes
+    ----------
+    survey
+        Ready to refine.
+    pick_index
+        (P,) into the survey's picks; -1 for picks in frames without a pose.
+    line_index
+        (L,) into the survey's lines; -1 for withheld lines and those with an end never picked.
+    """
+
+    survey: Survey
+    pick_index: Ints
+    line_index: Ints
+
+    def __post_init__(self) -> None:
+        freeze_as(self, np.int64, pick_index=(len(self.pick_index),))
+        freeze_as(self, np.int64, line_index=(len(self.line_index),))
+
+
+def assemble(
+    calibration: Calibration,
+    picks: Picks,
+    lines: KnownLines,
+    control: ControlPoints,
+    telemetry: Telemetry | None,
+    ground: GroundOptions,
+    picks_sigma_px: float,
+) -> Assembled:
+    """Make one survey of what was observed.
+
+    Frames take part where they have a pick and, with a log, an instant in it. The gauge is
+    ``world`` where telemetry or two picked control points fix position and heading.
+
+    Raises
+    ------
+    GeometryError
+        No frame takes part.
+    """
+    posed = set(picks.image) if telemetry is None else set(telemetry.poses.frame_id)
+    used = np.array([image in posed for image in picks.image], dtype=bool)
+    if not used.any():
+        raise GeometryError(
+            "no usable frame remains: not one pick lies in a photo that the flight log covers; "
+            "the reasons stand with the frames (uavgram check)"
+        )
+    order = picks.image if telemetry is None else telemetry.poses.frame_id
+    picked = {picks.image[i] for i in np.flatnonzero(used)}
+    frame_id = tuple(f for f in dict.fromkeys(order) if f in picked)
+    label = tuple(dict.fromkeys(picks.label[i] for i in np.flatnonzero(used)))
+    label_at = {name: k for k, name in enumerate(label)}
+    frame_at = {name: k for k, name in enumerate(frame_id)}
+    chosen = np.flatnonzero(used)
+    seen = [
+        i
+        for i in range(len(lines.name))
+        if lines.adjust[i] and lines.start[i] in label_at and lines.end[i] in label_at
+    ]
+    known = [i for i, name in enumerate(control.label) if name in label_at]
+    gauge: Literal["world", "plane"] = (
+        "world" if telemetry is not None or len(known) >= 2 else "plane"
+    )
+    if gauge == "plane":
+        known = []
+    sigma = np.where(np.isnan(picks.sigma_px), picks_sigma_px, picks.sigma_px)
+    survey = Survey(
+        frame_id=frame_id,
+        seeds=None if telemetry is None else _ordered(telemetry.poses, frame_id),
+        telemetry=None if telemetry is None else _prior(telemetry, frame_at),
+        track=None if telemetry is None else telemetry.track,
+        calibration=calibration,
+        label=label,
+        height_above_m=_heights(picks, label_at),
+        pick_frame=np.array([frame_at[picks.image[i]] for i in chosen]),
+        pick_label=np.array([label_at[picks.label[i]] for i in chosen]),
+        pixel_px=picks.pixel_px[chosen],
+        pick_sigma_px=sigma[chosen],
+        line_start=np.array([label_at[lines.start[i]] for i in seen], dtype=np.int64),
+        line_end=np.array([label_at[lines.end[i]] for i in seen], dtype=np.int64),
+        length_m=lines.length_m[seen],
+        length_sigma_m=lines.sigma_m[seen],
+        control_label=np.array([label_at[control.label[i]] for i in known], dtype=np.int64),
+        control_world_m=control.world_m[known],
+        control_sigma_m=control.sigma_m[known],
+        ground=Ground(
+            height_m=ground.height_m,
+            height_sigma_m=ground.height_sigma_m,
+            slope_sigma_rad=float(np.deg2rad(ground.slope_sigma_deg)),
+            roughness_sigma_m=ground.roughness_sigma_m,
+        ),
+        gauge=gauge,
+    )
+    pick_index = np.full(len(picks.image), -1)
+    pick_index[chosen] = np.arange(len(chosen))
+    line_index = np.full(len(lines.name), -1)
+    line_index[seen] = np.arange(len(seen))
+    return Assembled(survey=survey, pick_index=pick_index, line_index=line_index)
+
+
+def _heights(picks: Picks, label_at: dict[str, int]) -> Floats:
+    """(K,) known height of each label above the plane; stated at one pick, it holds for all."""
+    height = np.zeros(len(label_at))
+    for i, name in enumerate(picks.label):
+        if name in label_at and np.isfinite(picks.height_m[i]):
+            height[label_at[name]] = picks.height_m[i]
+    return height
+
+
+def _ordered(poses: Poses, frame_id: tuple[str, ...]) -> Poses:
+    row = {name: k for k, name in enumerate(poses.frame_id)}
+    index = [row[name] for name in frame_id]
+    return Poses(
+        frame_id=frame_id,
+        center_world_m=poses.center_world_m[index],
+        world_from_camera=poses.world_from_camera[index],
+        covariance=poses.covariance[index],
+    )
+
+
+def _prior(telemetry: Telemetry, frame_at: dict[str, int]) -> TelemetryPrior:
+    prior = telemetry.prior
+    names = [telemetry.poses.frame_id[k] for k in prior.frame_index]
+    rows = [k for k, name in enumerate(names) if name in frame_at]
+    return TelemetryPrior(
+        frame_index=np.array([frame_at[names[k]] for k in rows]),
+        time_s=prior.time_s[rows],
+        gimbal_from_camera=prior.gimbal_from_camera,
+        covariance=prior.covariance[rows],
+        clock_sigma_s=prior.clock_sigma_s,
+        boresight_sigma_rad=prior.boresight_sigma_rad,
+        heading_bias_sigma_rad=prior.heading_bias_sigma_rad,
+        lever_arm_m=prior.lever_arm_m,
+        lever_arm_sigma_m=prior.lever_arm_sigma_m,
+        position_bias_sigma_m=prior.position_bias_sigma_m,
+    )

@@ -1,0 +1,53 @@
+"""Reconstruct: ground points with their covariances, ellipses and geographic coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.estimation.adjustment import Adjustment
+from uavgram.geometry.ellipse import ELLIPSE_95, error_ellipse
+from uavgram.geometry.geodesy import geodetic_from_enu
+from uavgram.model.arrays import Floats
+from uavgram.model.result import PointResults
+from uavgram.model.world import World
+
+
+def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
+    """Ground points of an adjusted survey, in the order of their labels.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    world
+        Where the local world lies; points get latitude and longitude where it is tied to the
+        earth.
+    """
+    survey = adjustment.survey
+    position, covariance = adjustment.points()
+    planar = covariance[:, :2, :2]
+    major, minor, azimuth = error_ellipse(planar)
+    latitude, longitude = _geographic(position, world)
+    frames = tuple(
+        tuple(survey.frame_id[f] for f in survey.pick_frame[survey.pick_label == k])
+        for k in range(len(survey.label))
+    )
+    return PointResults(
+        label=survey.label,
+        position_world_m=position,
+        covariance_m2=planar,
+        ellipse_95_m=ELLIPSE_95 * np.column_stack([major, minor]),
+        ellipse_azimuth_rad=azimuth,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        frames=frames,
+    )
+
+
+def _geographic(position: Floats, world: World) -> tuple[Floats, Floats]:
+    if world.latitude_deg is None or world.longitude_deg is None or world.height_m is None:
+        nowhere = np.full(len(position), np.nan)
+        return nowhere, nowhere
+    origin = (world.latitude_deg, world.longitude_deg, world.height_m)
+    latitude, longitude, _ = geodetic_from_enu(position, origin)
+    return latitude, longitude

@@ -1,0 +1,130 @@
+"""Seed: the pose of each frame at its exposure, from the telemetry alone, with its covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.geometry.rotation import GIMBAL_FROM_CAMERA, matrix_from_ypr
+from uavgram.geometry.telemetry_pose import (
+    BORESIGHT,
+    CLOCK,
+    HEADING_BIAS,
+    LEVER_ARM,
+    POSITION_BIAS,
+    SHARED_SIZE,
+    exposures_at,
+    predict_pose,
+)
+from uavgram.model.arrays import Floats
+from uavgram.model.frames import Frames
+from uavgram.model.options import MountOptions, TelemetryOptions
+from uavgram.model.pose import Poses, TelemetryPrior
+from uavgram.model.telemetry import Track
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Seeds:
+    """Seed poses of the matched frames.
+
+    Attributes
+    ----------
+    poses
+        With the marginal covariance: everything that may be wrong, shared causes included.
+    prior
+        The same telemetry as the adjustment needs it; `frame_index` runs over `poses`.
+    """
+
+    poses: Poses
+    prior: TelemetryPrior
+
+
+def seed(frames: Frames, track: Track, mount: MountOptions, telemetry: TelemetryOptions) -> Seeds:
+    """Interpolate the flight at every matched frame and turn it into camera poses.
+
+    The covariance is made of the log's sigmas, the frame's timing sigma times speed and turn
+    rate, and, in the marginal, of what all frames share: clock, boresight, lever arm, biases.
+    """
+    matched = np.flatnonzero(frames.matched)
+    time_s = frames.time_utc_s[matched]
+    exposures = exposures_at(
+        (track.position_time_s, track.position_world_m),
+        (track.attitude_time_s, track.world_from_body_xyzw),
+        (track.gimbal_time_s, track.world_from_gimbal_xyzw),
+        time_s,
+    )
+    mount_from_camera = nominal_mount(mount, gimbal=len(track.gimbal_time_s) > 0)
+    shared, shared_sigma = _shared(frames, mount, telemetry)
+    center, rotation, jacobian = predict_pose(exposures, mount_from_camera, shared)
+    own = _own_covariance(track, rotation, jacobian, time_s, frames.sigma_time_s[matched])
+    marginal = own + np.einsum("nik,k,njk->nij", jacobian, shared_sigma**2, jacobian)
+    prior = TelemetryPrior(
+        frame_index=np.arange(len(matched)),
+        time_s=time_s,
+        gimbal_from_camera=mount_from_camera,
+        covariance=own,
+        clock_sigma_s=float(shared_sigma[CLOCK][0]),
+        boresight_sigma_rad=float(shared_sigma[BORESIGHT][0]),
+        heading_bias_sigma_rad=float(shared_sigma[HEADING_BIAS][0]),
+        lever_arm_m=np.array(mount.lever_arm_m),
+        lever_arm_sigma_m=mount.lever_arm_sigma_m,
+        position_bias_sigma_m=shared_sigma[POSITION_BIAS],
+    )
+    poses = Poses(
+        frame_id=tuple(frames.frame_id[i] for i in matched),
+        center_world_m=center,
+        world_from_camera=rotation,
+        covariance=marginal,
+    )
+    return Seeds(poses=poses, prior=prior)
+
+
+def nominal_mount(mount: MountOptions, *, gimbal: bool) -> Floats:
+    """(3, 3) camera axes in the frame of what carries it: the gimbal, or the body."""
+    if gimbal:
+        return np.array(GIMBAL_FROM_CAMERA)
+    yaw, pitch, roll = np.deg2rad([mount.yaw_deg, mount.pitch_deg, mount.roll_deg])
+    return np.asarray(matrix_from_ypr(yaw, pitch, roll) @ GIMBAL_FROM_CAMERA)
+
+
+def _shared(
+    frames: Frames, mount: MountOptions, telemetry: TelemetryOptions
+) -> tuple[Floats, Floats]:
+    """Values and prior sigmas (11,) of what all frames share."""
+    shared, sigma = np.zeros(SHARED_SIZE), np.zeros(SHARED_SIZE)
+    shared[LEVER_ARM] = mount.lever_arm_m
+    horizontal, vertical = telemetry.position_bias_sigma_m
+    sigma[BORESIGHT] = np.deg2rad(mount.boresight_sigma_deg)
+    sigma[LEVER_ARM] = mount.lever_arm_sigma_m
+    sigma[POSITION_BIAS] = [horizontal, horizontal, vertical]
+    sigma[HEADING_BIAS] = np.deg2rad(telemetry.heading_bias_sigma_deg)
+    sigma[CLOCK] = frames.clock_offset_sigma_s
+    return shared, sigma
+
+
+def _own_covariance(
+    track: Track,
+    world_from_camera: Floats,
+    jacobian: Floats,
+    time_s: Floats,
+    sigma_time_s: Floats,
+) -> Floats:
+    """(N, 6, 6) what is independent from frame to frame."""
+    position = _at(track.sigma_time_s, track.sigma_position_m, time_s)
+    attitude = _at(track.sigma_time_s, track.sigma_attitude_rad, time_s)
+    covariance = np.zeros((len(time_s), 6, 6))
+    covariance[:, [0, 1, 2], [0, 1, 2]] = position[:, [0, 0, 1]] ** 2
+    # Roll and pitch tilt about horizontal axes, yaw turns about up: diagonal in the world.
+    world = attitude[:, [0, 0, 1]] ** 2
+    covariance[:, 3:, 3:] = np.einsum(
+        "nki,nk,nkj->nij", world_from_camera, world, world_from_camera
+    )
+    # A frame's own timing error moves it along its way and its turn, both at once.
+    along = jacobian[:, :, CLOCK] * sigma_time_s[:, None, None]
+    return np.asarray(covariance + along @ np.swapaxes(along, 1, 2))
+
+
+def _at(time_s: Floats, value: Floats, at_s: Floats) -> Floats:
+    """Piecewise linear sigmas (N, 2), constant beyond the ends."""
+    return np.column_stack([np.interp(at_s, time_s, column) for column in value.T])
