@@ -1,1 +1,35 @@
-"""Ground measurements with honest uncertainties from drone photos, flight logs and lengths."""
+"""Ground measurements with honest uncertainties from drone photos, flight logs and lengths.
+
+>>> import uavgram
+>>> result = uavgram.run("project.yaml")        # doctest: +SKIP
+>>> result = uavgram.load_results("out/results.json")        # doctest: +SKIP
+
+Importing loads nothing heavy and does nothing; the stages (``uavgram.stages``) and kernels
+(``uavgram.geometry``) are public too.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from uavgram.errors import UavgramError
+    from uavgram.io.results import load_results
+    from uavgram.model.result import Result
+    from uavgram.pipeline.run import run
+
+__all__ = ["Result", "UavgramError", "load_results", "run"]
+
+_HOME = {
+    "Result": "uavgram.model.result",
+    "UavgramError": "uavgram.errors",
+    "load_results": "uavgram.io.results",
+    "run": "uavgram.pipeline.run",
+}
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401
+    if name not in _HOME:
+        raise AttributeError(f"module 'uavgram' has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOME[name]), name)

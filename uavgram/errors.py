@@ -13,7 +13,11 @@ Anything else that is raised is a bug and keeps its traceback.
 
 from __future__ import annotations
 
+import difflib
 import os
+from collections.abc import Iterable, Sequence
+
+MOST_FAULTS_SHOWN = 20
 
 
 class UavgramError(Exception):
@@ -40,6 +44,27 @@ class InputError(UavgramError):
         place = self.path if line is None else f"{self.path}:{line}"
         super().__init__(f"{place}: {message}")
 
+    @classmethod
+    def of_all(
+        cls, path: str | os.PathLike[str], faults: Sequence[tuple[int | None, str]]
+    ) -> InputError:
+        """Make one error of all mistakes of a file, in the order of their lines.
+
+        Parameters
+        ----------
+        path
+            The file.
+        faults
+            At least one pair of line number (None where lines mean nothing) and message; each
+            message but the first gets its own ``path:line:``, as compilers do.
+        """
+        ordered = sorted(faults, key=lambda fault: fault[0] or 0)
+        (line, message), rest = ordered[0], ordered[1:MOST_FAULTS_SHOWN]
+        texts = [message, *(str(cls(path, text, at)) for at, text in rest)]
+        if len(ordered) > MOST_FAULTS_SHOWN:
+            texts.append(f"... and {len(ordered) - MOST_FAULTS_SHOWN} more mistakes in this file")
+        return cls(path, "\n".join(texts), line)
+
 
 class GeometryError(UavgramError):
     """The scene, as given, has no solution; the message names the frame or label."""
@@ -47,3 +72,16 @@ class GeometryError(UavgramError):
 
 class OutputError(UavgramError):
     """A result that could not be written; earlier results are untouched."""
+
+
+def near_miss(word: str, known: Iterable[str]) -> str:
+    """Suggest the known word that is spelled most like `word`.
+
+    Returns
+    -------
+    str
+        ``did you mean 'boresight_sigma_deg'?``, or an empty string where nothing is close.
+    """
+    by_lower = {name.lower(): name for name in known}
+    close = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
+    return f"did you mean {by_lower[close[0]]!r}?" if close else ""

@@ -142,16 +142,22 @@ def _telemetry(rng, time, center, rotation, noise):
         body = heading.T @ predicted @ boresight.T @ GIMBAL_FROM_CAMERA.T
         logged_rotation.append(body)
         logged_position.append(c - e[:3] + shared[6:9] - heading @ body @ shared[3:6])
-    # Logged at the true instants; the stated ones are late by the clock correction.
+    # Logged before and after each true instant, on a straight and steady way through it; the
+    # stated instants are late by the clock correction.
+    sampled = (time[:, None] + np.array([-0.5, 0.5])).ravel()
+    velocity, rate = rng.normal(0, 3, (len(time), 3)), rng.normal(0, 0.05, (len(time), 3))
+    ends = [Rotation.from_rotvec(0.5 * sign * rate) for sign in (-1, 1)]
+    middle = Rotation.from_matrix(np.array(logged_rotation))
+    attitude = np.stack([(middle * end).as_quat() for end in ends], axis=1).reshape(-1, 4)
+    position = np.array(logged_position)[:, None] + np.array([-0.5, 0.5])[:, None] * velocity[:, None]
     track = Track(
-        position_time_s=time, position_world_m=np.array(logged_position), attitude_time_s=time,
-        world_from_body_xyzw=Rotation.from_matrix(np.array(logged_rotation)).as_quat(),
+        position_time_s=sampled, position_world_m=position.reshape(-1, 3), attitude_time_s=sampled,
+        world_from_body_xyzw=attitude,
         gimbal_time_s=np.zeros(0), world_from_gimbal_xyzw=np.zeros((0, 4)),
         sigma_time_s=time[:1], sigma_position_m=np.array([[0.5, 0.6]]),
         sigma_attitude_rad=np.array([[0.015, 0.02]]), source="test",
     )
-    # Instants inside the log only: the outermost two are held in by a fraction of the clock.
-    stated = np.clip(time + shared[10], time[0] + 0.2, time[-1] - 0.2)
+    stated = time + shared[10]
     prior = TelemetryPrior(
         frame_index=np.arange(len(time)), time_s=stated, gimbal_from_camera=GIMBAL_FROM_CAMERA,
         covariance=np.tile(own, (len(time), 1, 1)), clock_sigma_s=0.05, boresight_sigma_rad=0.02,

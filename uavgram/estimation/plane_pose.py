@@ -87,7 +87,9 @@ def _refine(
     for _ in range(ITERATIONS):
         normal = np.einsum("sli,slj->sij", jacobian, jacobian)
         diagonal = np.einsum("sii->si", normal)
-        damped = normal + np.eye(3) * (damping[:, None] * diagonal + 1e-300)[:, None, :]
+        # The trace keeps a candidate solvable whose lengths are blind to a direction of m.
+        ridge = damping[:, None] * diagonal + 1e-12 * diagonal.sum(axis=1, keepdims=True)
+        damped = normal + np.eye(3) * ridge[:, None, :]
         gradient = np.einsum("sli,sl->si", jacobian, residual)
         step = -np.linalg.solve(damped, gradient[..., None])[..., 0]
         new_residual, new_jacobian, new_cost = evaluate(planes + step)

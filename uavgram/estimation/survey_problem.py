@@ -116,7 +116,7 @@ class SurveyProblem:
         from_center = world - state.center[frame]
         camera = np.einsum("nij,nj->ni", camera_from_world, from_center)
         pixel, d_camera, d_intrinsics = project_with_jacobian(
-            survey.calibration.model, self.intrinsics(state), camera
+            survey.calibration.model, self.intrinsics(state), camera, beyond_fold="extend"
         )
         if not np.isfinite(pixel).all():
             return None

@@ -22,6 +22,9 @@ from uavgram.model.camera import LensModel
 
 # Tighter than the 1e-9 px that is promised: Newton's last step passes both at once.
 _TOLERANCE_PX = 1e-10
+_START_PX = 0.01  # near enough for Newton's steps in the plane
+_ROUNDING = 8 * float(np.finfo(float).eps)  # of pixels so far out that 1e-10 px is less than that
+_SMALLEST_SLOPE = 1e-30
 _TABLE_NODES = 1024
 _RADIAL_STEPS = 60  # at the fold itself a step only halves the distance
 _NEWTON_STEPS = 40
@@ -110,14 +113,15 @@ def _undistort(model: LensModel, parameters: Floats, target: Floats) -> Floats:
     distorted = np.hypot(target[:, 0], target[:, 1])
     fold = fold_argument(model, coefficients)
     limit = fold if model == "brown" else min(fold, np.pi / 2)
-    tolerance = _TOLERANCE_PX / float(parameters[:2].max())
+    radial_only = model == "fisheye" or not coefficients[2:4].any()
+    tolerance = (_TOLERANCE_PX if radial_only else _START_PX) / float(parameters[:2].max())
     odd = radial_coefficients(model, coefficients)
     argument, found = _invert_odd(odd, distorted, limit, tolerance)
     radius = argument if model == "brown" else np.tan(argument)
     # The limit at the principal point is one; the point itself is zero whatever the factor.
     factor = np.divide(radius, distorted, out=np.ones_like(radius), where=distorted > 0)
     point = target * factor[:, None]
-    if model == "fisheye" or not coefficients[2:4].any():
+    if radial_only:
         point[~found] = np.nan
         return point
     return _newton(parameters, target, point)
@@ -135,31 +139,38 @@ def _invert_odd(odd: Floats, value: Floats, limit: float, tolerance: float) -> t
     """
     finite = np.isfinite(value)
     value = np.where(finite, value, 0.0)
-    if not np.isfinite(limit):
-        limit = 1.0
-        while _odd(odd, np.array([limit]))[0][0] < value.max(initial=0.0):
-            limit *= 2
-    node = np.linspace(0.0, limit, _TABLE_NODES)
+    node = np.linspace(0.0, _table_end(odd, value.max(initial=0.0), limit), _TABLE_NODES)
     height = _odd(odd, node)[0]
     above = np.clip(np.searchsorted(height, value), 1, _TABLE_NODES - 1)
     low, high = node[above - 1], node[above]
     argument = np.interp(value, height, node)
     found = np.zeros(len(value), bool)
     active = np.flatnonzero(finite & (value < height[-1]))
-    for _ in range(_RADIAL_STEPS):
+    for _ in range(_RADIAL_STEPS):  # pragma: no branch (a limit, not a plan)
         t = argument[active]
         have, slope = _odd(odd, t)
         residual = have - value[active]
-        done = np.abs(residual) <= tolerance
+        done = np.abs(residual) <= tolerance + _ROUNDING * value[active]
         found[active[done]] = True
-        # Zero slope only at the fold, where the bracket then holds the step.
-        step = residual / np.maximum(slope, np.finfo(float).tiny)
-        improved = np.clip(t - step, low[active], high[active])
+        low[active] = np.where(residual < 0, t, low[active])
+        high[active] = np.where(residual > 0, t, high[active])
+        # Zero slope only at the fold; a step that leaves the bracket gives way to halving it.
+        improved = t - residual / np.maximum(slope, _SMALLEST_SLOPE)
+        outside = (improved < low[active]) | (improved > high[active])
+        improved[outside] = 0.5 * (low[active] + high[active])[outside]
         argument[active] = np.where(done, t, improved)
         active = active[~done]
         if not len(active):
             break
     return argument, found
+
+
+def _table_end(odd: Floats, largest_value: float, limit: float) -> float:
+    """Smallest power of two, or else `limit`, at which the odd polynomial reaches the value."""
+    end = min(1.0, limit)
+    while end < limit and _odd(odd, np.array([end]))[0][0] < largest_value:
+        end = min(2 * end, limit)
+    return end
 
 
 def _odd(odd: Floats, t: Floats) -> tuple[Floats, Floats]:
@@ -188,10 +199,11 @@ def _newton(parameters: Floats, target: Floats, start: Floats) -> Floats:
     # A start on the fold has no derivative to follow.
     now = _inside(start[index], 0.99 * largest)
     wanted = target[index]
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(_NEWTON_STEPS):  # pragma: no branch (a limit, not a plan)
         lens = distort("brown", parameters[4:], now[:, 0], now[:, 1])
         miss = np.stack([lens.x, lens.y], axis=-1) - wanted
-        done = (np.abs(miss) * parameters[:2]).max(axis=1) <= _TOLERANCE_PX
+        allowed = _TOLERANCE_PX + _ROUNDING * np.abs(wanted * parameters[:2])
+        done = (np.abs(miss) * parameters[:2] <= allowed).all(axis=1)
         good = done & ~folded(lens, now[:, 0], now[:, 1], largest)
         point[index[good]] = now[good]
         determinant = lens.a * lens.c - lens.b * lens.b

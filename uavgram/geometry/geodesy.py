@@ -22,8 +22,8 @@ def enu_from_geodetic(
     Parameters
     ----------
     latitude_deg, longitude_deg, height_m
-        (N,) each, WGS 84, heights in the origin's datum (an undulation common to scene and origin
-        drops out to about a part per million of the distances).
+        (N,) each, WGS 84, heights in the origin's datum (of an undulation that scene
+        and origin share, 5 parts per million of the distances remain for each 30 m).
     origin
         Latitude [deg], longitude [deg], height [m] of the local origin.
 
@@ -33,7 +33,7 @@ def enu_from_geodetic(
         East, north, up [m] in the tangent plane at the origin: over 1 km the earth falls 8 cm
         below it. NaN where the input is no place on earth.
     """
-    latitude, longitude, height = _columns(latitude_deg, longitude_deg, height_m)
+    latitude, longitude, height = np.broadcast_arrays(latitude_deg, longitude_deg, height_m)
     east, north, up = _to_enu(origin).transform(longitude, latitude, height)
     return _finite_or_nan(np.stack([east, north, up], axis=-1))
 
@@ -53,7 +53,7 @@ def geodetic_from_enu(enu: Floats, origin: Origin) -> tuple[Floats, Floats, Floa
     latitude_deg, longitude_deg, height_m : (N,)
         WGS 84, height in the origin's datum; NaN where the input is.
     """
-    east, north, up = _columns(*np.asarray(enu, np.float64).T)
+    east, north, up = np.asarray(enu, np.float64).T
     longitude, latitude, height = _to_enu(origin).transform(
         east, north, up, direction=TransformDirection.INVERSE
     )
@@ -62,19 +62,13 @@ def geodetic_from_enu(enu: Floats, origin: Origin) -> tuple[Floats, Floats, Floa
 
 @lru_cache(maxsize=16)
 def _to_enu(origin: Origin) -> Transformer:
-    """Geodetic (lon, lat in degrees, h) to topocentric; closed formulas, so no grids, no network."""
+    """Geodetic (lon, lat in degrees, h) to topocentric: closed formulas, no grids, no network."""
     latitude, longitude, height = origin
     # .17g: the origin to its last digit
     return Transformer.from_pipeline(
         "+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84 "
         f"+lat_0={latitude:.17g} +lon_0={longitude:.17g} +h_0={height:.17g}"
     )
-
-
-def _columns(*values: ArrayLike) -> list[Floats]:
-    """Copies (PROJ may work in place) of one shape."""
-    columns = np.broadcast_arrays(*(np.asarray(v, np.float64) for v in values))
-    return [np.array(column) for column in columns]
 
 
 def _finite_or_nan(values: Floats) -> Floats:

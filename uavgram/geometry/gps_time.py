@@ -28,14 +28,14 @@ MAX_PLAUSIBLE_UTC_S = _utc_s(2080, 1, 1)
 SECONDS_PER_WEEK = 604800.0
 
 # IERS Bulletin C: the days from whose first moment GPS was one second further ahead of UTC. None
-# has been announced after 2017, and by resolution 4 of CGPM 27 (2022) none may come for long.
+# had been announced after that of 2017 when this was written (program version 0.1).
 _LEAP_DAYS = tuple(
     date.fromisoformat(day)
     for day in (
-        "1981-07-01 1982-07-01 1983-07-01 1985-07-01 1988-01-01 1990-01-01 1991-01-01 1992-07-01 "
-        "1993-07-01 1994-07-01 1996-01-01 1997-07-01 1999-01-01 2006-01-01 2009-01-01 2012-07-01 "
-        "2015-07-01 2017-01-01"
-    ).split()
+        *("1981-07-01", "1982-07-01", "1983-07-01", "1985-07-01", "1988-01-01", "1990-01-01"),
+        *("1991-01-01", "1992-07-01", "1993-07-01", "1994-07-01", "1996-01-01", "1997-07-01"),
+        *("1999-01-01", "2006-01-01", "2009-01-01", "2012-07-01", "2015-07-01", "2017-01-01"),
+    )
 )
 _LEAP_UTC_S = np.array([_utc_s(day.year, day.month, day.day) for day in _LEAP_DAYS])
 # The same moments counted without leap seconds, as GPS does.
@@ -68,6 +68,5 @@ def utc_from_gps(week: ArrayLike, milliseconds: ArrayLike) -> Floats:
         + np.asarray(week, np.float64) * SECONDS_PER_WEEK
         + np.asarray(milliseconds, np.float64) * 1e-3
     )
-    # The inserted second [leap - 1, leap) already counts as the next day.
-    ahead = np.searchsorted(_LEAP_GPS_S - 1, gps_s, side="right")
+    ahead = np.searchsorted(_LEAP_GPS_S, gps_s, side="right")
     return np.asarray(gps_s - ahead, np.float64)

@@ -103,12 +103,12 @@ def _meet(
     clearance = center[..., 2] - plane[0] - lateral @ plane[1:] - np.asarray(height_above)
     descent = ray @ _normal(plane)
     clearance, descent = np.broadcast_arrays(clearance, descent)
-    meets = (descent < 0) & (clearance > 0)
-    descent = np.where(meets, descent, np.nan)
-    with np.errstate(over="ignore", invalid="ignore"):  # a ray level but for its last digit
+    descent = np.where((descent < 0) & (clearance > 0), descent, np.nan)
+    with np.errstate(over="ignore"):  # a ray level but for its last digit meets at infinity
         distance = -clearance / descent
-        point = center + distance[..., None] * ray
-    return _Meeting(point, distance, descent)
+    descent = np.where(np.isfinite(distance), descent, np.nan)
+    distance = np.where(np.isfinite(distance), distance, np.nan)
+    return _Meeting(center + distance[..., None] * ray, distance, descent)
 
 
 def _normal(plane: Floats) -> Floats:

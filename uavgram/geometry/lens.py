@@ -113,10 +113,11 @@ def fold_argument(model: LensModel, coefficients: Floats) -> float:
     t is the undistorted radius (brown) or the angle from the optical axis [rad] (fisheye).
     """
     odd = radial_coefficients(model, coefficients)
-    slope = np.concatenate([[1.0], odd * (2 * np.arange(len(odd)) + 3)])  # by powers of t^2
-    roots = np.roots(slope[::-1])
-    crossings = roots[(np.abs(roots.imag) == 0) & (roots.real > 0)].real
-    return float(np.sqrt(crossings.min())) if len(crossings) else float("inf")
+    # The slope is 1 + 3 c1 t^2 + 5 c2 t^4 + ...; as a polynomial in 1 / t^2 it starts with 1, so
+    # coefficients near zero do no harm, and the nearest fold is its largest root.
+    roots = np.roots(np.concatenate([[1.0], odd * (2 * np.arange(len(odd)) + 3)]))
+    crossings = roots[(roots.imag == 0) & (roots.real > 0)].real
+    return 1.0 / math.sqrt(crossings.max()) if len(crossings) else math.inf
 
 
 def largest_radius(model: LensModel, parameters: Floats) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Bools, Floats
 
 Measured = tuple[float, Floats]
 
@@ -149,7 +149,7 @@ def _folds_back(points: Floats) -> bool:
     return bool((straight & (np.sum(edge * before, axis=1) < 0)).any())
 
 
-def _share_a_point(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
+def _share_a_point(a: Floats, b: Floats, c: Floats, d: Floats) -> Bools:
     """(N,) whether segments ab and cd have a point in common; (N, 2) each."""
 
     def side(p: Floats, q: Floats, r: Floats) -> Floats:

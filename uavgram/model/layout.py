@@ -23,13 +23,17 @@ class ScenePoint:
     x_m, y_m
         Scene axes.
     mark
-        ``checker``: a plate of four fields; ``cross``: sprayed paint; ``disc``: a round target.
+        ``checker``: a plate of four fields; ``cross``: sprayed paint; ``disc``: a round target,
+        whose coordinates the survey knows and keeps to judge the result.
+    label_side
+        On which side of the mark, for one who looks along x, the label is painted.
     """
 
     label: str
     x_m: float
     y_m: float
     mark: Mark = "cross"
+    label_side: Literal["left", "right"] = "right"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,17 +118,26 @@ DEMO_ROAD = RoadLayout(
 )
 
 
-def _points(mark: Mark, *rows: tuple[str, float, float]) -> tuple[ScenePoint, ...]:
-    return tuple(ScenePoint(label=label, x_m=x, y_m=y, mark=mark) for label, x, y in rows)
+def _points(
+    mark: Mark, side: Literal["left", "right"], *rows: tuple[str, float, float]
+) -> tuple[ScenePoint, ...]:
+    return tuple(
+        ScenePoint(label=label, x_m=x, y_m=y, mark=mark, label_side=side) for label, x, y in rows
+    )
 
 
 DEMO_POINTS: tuple[ScenePoint, ...] = (
     *_points(
         "checker",
-        ("R1", -20.0, 5.6),
-        ("R2", -8.0, 5.5),
-        ("R3", 6.0, 5.5),
-        ("R4", 19.0, 5.6),
+        "left",
+        ("R1", -20.0, 5.4),
+        ("R2", -8.0, 5.3),
+        ("R3", 6.0, 5.3),
+        ("R4", 19.0, 5.4),
+    ),
+    *_points(
+        "checker",
+        "right",
         ("R5", -19.0, -5.2),
         ("R6", -6.0, -5.6),
         ("R7", 15.5, -6.0),
@@ -132,25 +145,31 @@ DEMO_POINTS: tuple[ScenePoint, ...] = (
     ),
     *_points(
         "cross",
-        ("P1", -15.5, -1.0),  # left skid mark: start, end, middle (P15)
-        ("P2", 1.4, 0.12),
-        ("P3", -15.1, -2.5),  # right skid mark
-        ("P4", 1.75, -1.35),
-        ("P5", 5.0, 1.5),  # wheels of the cars
-        ("P6", 8.3, -0.3),
-        ("P7", 9.3, 2.0),
-        ("P8", 6.0, -1.6),  # gouge in the asphalt: the impact
-        ("P9", 8.6, -3.0),  # debris field
-        ("P10", 13.6, -2.3),
-        ("P11", 15.2, 2.1),
-        ("P12", 10.6, 3.0),
-        ("P13", 6.3, -8.2),  # stop line of the side road
-        ("P14", 8.7, -8.2),
+        "left",
+        ("P1", -15.5, -1.0),  # left skid mark: start, middle, end
         ("P15", -5.3, -0.72),
+        ("P2", 1.4, 0.12),
+        ("P5", 5.0, 1.5),  # wheels of the cars
+        ("P11", 15.2, 2.1),  # debris field
+        ("P12", 10.6, 3.0),
+        ("P13", 6.2, -8.2),  # stop line of the side road
         ("P16", -11.0, 3.2),  # edge line
     ),
     *_points(
+        "cross",
+        "right",
+        ("P3", -15.1, -2.5),  # right skid mark
+        ("P4", 1.75, -1.35),
+        ("P6", 8.3, -0.3),
+        ("P7", 9.3, 2.0),
+        ("P8", 6.0, -1.6),  # gouge in the asphalt: the impact
+        ("P9", 8.6, -3.0),
+        ("P10", 13.6, -2.3),
+        ("P14", 8.3, -8.2),
+    ),
+    *_points(
         "disc",
+        "right",
         ("C1", -16.0, 9.0),
         ("C2", 14.5, 9.2),
         ("C3", -12.0, -9.0),

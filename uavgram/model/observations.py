@@ -99,6 +99,19 @@ class KnownPoints:
         freeze(self, coordinates=(n, 3), sigma_m=(n, 3))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownWorldPoints:
+    """Points with known coordinates in the local world: (C,) labels, (C, 3) metres and sigmas."""
+
+    label: tuple[str, ...]
+    world_m: Floats
+    sigma_m: Floats
+
+    def __post_init__(self) -> None:
+        n = len(self.label)
+        freeze(self, world_m=(n, 3), sigma_m=(n, 3))
+
+
 MeasurementKind = Literal[
     "distance",
     "polyline",

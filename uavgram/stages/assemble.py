@@ -10,20 +10,11 @@ import numpy as np
 from uavgram.errors import GeometryError
 from uavgram.model.arrays import Floats, Ints, freeze_as
 from uavgram.model.camera import Calibration
-from uavgram.model.observations import KnownLines, Picks
+from uavgram.model.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.model.options import GroundOptions
 from uavgram.model.pose import Poses, TelemetryPrior
 from uavgram.model.survey import Ground, Survey
 from uavgram.model.telemetry import Track
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ControlPoints:
-    """Points with known coordinates in the local world: (C,) labels, (C, 3) metres and sigmas."""
-
-    label: tuple[str, ...]
-    world_m: Floats
-    sigma_m: Floats
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,7 +53,7 @@ def assemble(
     calibration: Calibration,
     picks: Picks,
     lines: KnownLines,
-    control: ControlPoints,
+    control: KnownWorldPoints,
     telemetry: Telemetry | None,
     ground: GroundOptions,
     picks_sigma_px: float,

@@ -15,9 +15,9 @@ from uavgram.estimation.reliability import (
     reliability,
     upper_tail,
 )
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message
-from uavgram.model.observations import KnownLines
+from uavgram.model.observations import KnownLines, KnownWorldPoints
 from uavgram.model.result import (
     GroupFactor,
     LineChecks,
@@ -55,7 +55,7 @@ class PickTable:
     label: tuple[str, ...]
     pixel_px: Floats
     sigma_px: Floats
-    survey_index: Floats
+    survey_index: Ints
 
 
 def judge_picks(
@@ -71,7 +71,7 @@ def judge_picks(
     numbers = reliability(block, adjustment.covariance)
     row_of = {int(s): row for row, s in enumerate(refined.pick_index)}
     messages = []
-    for i, survey_index in enumerate(table.survey_index.astype(int)):
+    for i, survey_index in enumerate(table.survey_index):
         row = row_of.get(int(survey_index), -1)
         if survey_index >= 0 and refined.pick_removed[survey_index]:
             status[i] = "removed"
@@ -103,7 +103,7 @@ def judge_picks(
 
 
 def judge_lines(
-    refined: Refined, lines: KnownLines, survey_index: Floats, significance: float
+    refined: Refined, lines: KnownLines, survey_index: Ints, significance: float
 ) -> tuple[LineResults, LineChecks, tuple[Message, ...]]:
     """Adjusted length, residual, w, redundancy and status of every known length.
 
@@ -174,7 +174,7 @@ def _adjusted_lengths(
 
 
 def _fit_of_observed(
-    refined: Refined, survey_index: Floats, columns: dict[str, Floats], significance: float
+    refined: Refined, survey_index: Ints, columns: dict[str, Floats], significance: float
 ) -> None:
     adjustment = refined.adjustment
     block = adjustment.minimum.blocks.get("lengths")
@@ -185,7 +185,7 @@ def _fit_of_observed(
     row_of = {int(s): row for row, s in enumerate(used)}
     sigma = adjustment.survey.length_sigma_m[adjustment.problem.line_index]
     mdb = minimal_detectable_bias(numbers.redundancy[:, 0], sigma, significance)
-    for i, index in enumerate(survey_index.astype(int)):
+    for i, index in enumerate(survey_index):
         row = row_of.get(int(index), -1)
         if row >= 0:
             columns["w"][i] = numbers.w[row, 0]
@@ -224,23 +224,30 @@ def _line_checks(lines: LineResults) -> LineChecks:
 
 
 def judge_points(
-    adjustment: Adjustment, label: tuple[str, ...], world_m: Floats, sigma_m: Floats
+    adjustment: Adjustment, known: KnownWorldPoints
 ) -> tuple[PointChecks, tuple[Message, ...]]:
-    """Result minus known coordinates (C, 3) of check points; those never picked are named."""
-    index = np.array([adjustment.label_index(p) for p in label], dtype=np.int64)
+    """Result minus known coordinates of check points; those never picked are named.
+
+    Nothing is judged with gauge ``plane``: coordinates mean nothing there.
+    """
+    index = np.array([adjustment.label_index(p) for p in known.label], dtype=np.int64)
+    if adjustment.survey.gauge == "plane":
+        index = index[:0]
     seen = np.flatnonzero(index >= 0)
     position, covariance = adjustment.points()
-    error = position[index[seen]] - world_m[seen]
-    joint = covariance[index[seen]] + sigma_m[seen][:, :, None] ** 2 * np.eye(3)
+    error = position[index[seen]] - known.world_m[seen]
+    joint = covariance[index[seen]] + known.sigma_m[seen][:, :, None] ** 2 * np.eye(3)
     squared = np.einsum("ni,ni->n", error, np.linalg.solve(joint, error[..., None])[..., 0])
     checks = PointChecks(
-        label=tuple(label[i] for i in seen),
+        label=tuple(known.label[i] for i in seen),
         error_m=error,
         sigma_m=np.sqrt(np.einsum("nii->ni", joint)),
         mahalanobis=np.sqrt(squared),
     )
     messages = tuple(
-        Message("warning", "check-unseen", f"The check point {label[i]!r} has no usable pick.")
+        Message(
+            "warning", "check-unseen", f"The check point {known.label[i]!r} has no usable pick."
+        )
         for i in np.flatnonzero(index < 0)
     )
     return checks, messages

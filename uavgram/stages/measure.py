@@ -20,7 +20,7 @@ STANDARD_GRAVITY = 9.80665
 """m/s^2 (CGPM 1901); the local value differs by less than 0.3 %, a speed by less than 0.15 %."""
 
 UNITS = {"area": "m2", "angle": "deg", "skid_speed": "m/s", "speed": "m/s"}
-AXES = ("east", "north", "up")
+AXES = ("east", "north")
 
 
 class _Row(NamedTuple):
@@ -48,7 +48,7 @@ def measure(
     adjustment
         The adjusted survey.
     requests
-        What to measure. A ``coordinate`` gives three rows, its east, north and up.
+        What to measure. A ``coordinate`` gives two rows, its east and north.
     frames
         Times of the exposures, for ``speed``.
 
@@ -103,7 +103,7 @@ def _rows(
         return [_speed(request, points, adjustment, frames)]
     value, gradient = getattr(shapes, kind)(points)
     if not np.isfinite(value) or not np.isfinite(gradient).all():
-        raise _UnmeasurableError("its points coincide")
+        raise _UnmeasurableError("its points coincide or lie in line")
     if kind == "area" and shapes.polygon_self_intersects(points[:, :2]):
         raise _UnmeasurableError("its outline crosses itself: give the points in order around it")
     if kind == "angle":

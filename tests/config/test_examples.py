@@ -1,0 +1,68 @@
+"""configs/: the files that a user copies load, say the real defaults, and belong together."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields, is_dataclass
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from uavgram.config.camera import load_camera
+from uavgram.config.project import load_project
+from uavgram.io.known_points import read_known_points
+from uavgram.io.lines import read_lines
+from uavgram.io.measure import read_measure
+from uavgram.io.opencv_calibration import is_opencv_calibration, read_opencv_calibration
+from uavgram.io.picks import read_picks
+from uavgram.model.observations import MeasurementKind
+from uavgram.model.options import Project
+
+
+@pytest.fixture
+def project(repository):
+    return load_project(repository / "configs" / "project.yaml")
+
+
+def test_the_example_project_states_the_real_defaults(project):
+    plain = Project(name="x", images=("x",), camera="x", picks="x")
+
+    for key in ("world", "ground", "mount", "time", "telemetry", "picks_sigma_px", "solve"):
+        assert getattr(project, key) == getattr(plain, key)
+
+
+def test_the_example_project_names_every_key(repository, project):
+    text = (repository / "configs" / "project.yaml").read_text()
+
+    for field in fields(Project):
+        assert re.search(rf"^(# )?{field.name}:", text, re.MULTILINE), field.name
+        section = getattr(project, field.name)
+        for inner in fields(section) if is_dataclass(section) else ():
+            assert re.search(rf"^  {inner.name}:", text, re.MULTILINE), inner.name
+
+
+def test_the_example_cameras_are_one_camera_in_two_formats(repository):
+    own = load_camera(repository / "configs" / "camera.yaml")
+    path = repository / "configs" / "camera_opencv.yaml"
+    theirs, messages = read_opencv_calibration(path)
+
+    assert is_opencv_calibration(path)
+    assert not is_opencv_calibration(repository / "configs" / "camera.yaml")
+    np.testing.assert_array_equal(own.parameters, theirs.parameters)
+    np.testing.assert_array_equal(own.covariance, theirs.covariance)
+    assert [m.code for m in messages] == ["camera-sigma-from-file"]
+
+
+def test_the_example_tables_belong_together(project):
+    picks = read_picks(project.picks)
+    lines = read_lines(project.lines)
+    requests = read_measure(project.measure)
+    known = (read_known_points(project.control), read_known_points(project.check))
+
+    labels = set(picks.label)
+    assert {*lines.start, *lines.end} <= labels
+    assert {label for request in requests for label in request.points} <= labels
+    assert {label for points in known for label in points.label} <= labels
+    assert lines.adjust.tolist() == [True, True, True, False]
+    assert {request.kind for request in requests} == {*get_args(MeasurementKind)} - {"speed"}

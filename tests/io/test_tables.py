@@ -1,0 +1,112 @@
+"""CSV tables: every kind of broken file gives its message with the right line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from uavgram.errors import InputError
+from uavgram.io.tables import Columns, parse_number, read_table
+
+COLUMNS = Columns(
+    text=("name",), numbers=("length_m",), optional_text=("use",), optional_numbers=("sigma_m",)
+)
+
+
+@pytest.fixture
+def read(tmp_path):
+    def _read(content: str | bytes):
+        path = tmp_path / "t.csv"
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        table = read_table(path, COLUMNS)
+        table.raise_faults()
+        return table
+
+    return _read
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "name,length_m,use,sigma_m\na,1.5,,\nb,2,check,0.1\n",
+        b"\xef\xbb\xbfname,length_m,use,sigma_m\r\na,1.5,,\r\nb,2,check,0.1\r\n",
+        "sigma_m,use,length_m,name\n,, 1.5 ,a\n\n,,,\n0.1,check,2,b",
+        'name,"length_m",use,sigma_m\n"a",1.5,,\n"b",2,check,1e-1\n\n\n',
+    ],
+    ids=["plain", "spreadsheet", "other order, blank lines", "quotes"],
+)
+def test_the_same_table_in_several_dialects(read, content):
+    table = read(content)
+
+    assert table.text == {"name": ("a", "b"), "use": ("", "check")}
+    np.testing.assert_array_equal(table.numbers["length_m"], [1.5, 2.0])
+    np.testing.assert_array_equal(table.numbers["sigma_m"], [np.nan, 0.1])
+
+
+def test_absent_optional_columns_are_empty(read):
+    table = read("name,length_m\na,1\n")
+
+    assert table.text["use"] == ("",)
+    assert np.isnan(table.numbers["sigma_m"]).all()
+    assert table.header == ("name", "length_m")
+
+
+def test_rows_keep_their_line_numbers_across_blank_lines_and_quoted_breaks(read):
+    table = read('name,length_m\n\n"a\nb",1\n,,\nc,2\n'.replace(",,\n", ",\n"))
+
+    assert table.line.tolist() == [3, 6]
+
+
+@pytest.mark.parametrize(
+    ("content", "line", "words"),
+    [
+        ("", 1, "the file is empty"),
+        ("\n\n", 1, "the file is empty"),
+        ("name;length_m\na;1\n", 1, "separated by commas"),
+        ("name\tlength_m\na\t1\n", 1, "separated by commas"),
+        ("name,sigma_m\na,1\n", 1, "column 'length_m' is missing"),
+        ("name,length_m,sigma\na,1,1\n", 1, "unknown column 'sigma': did you mean 'sigma_m'?"),
+        ("name,length_m,xyz\na,1,1\n", 1, "unknown column 'xyz': known are name, length_m"),
+        ("name,length_m,name\na,1,b\n", 1, "column 'name' is there twice"),
+        ("name,length_m\na,1\nb,2,3\n", 3, "3 cells, but the header has 2"),
+        ("name,length_m\na\n", 2, "1 cells, but the header has 2"),
+        ("name,length_m\n,1\n", 2, "name is empty"),
+        ("name,length_m\na,\n", 2, "length_m is empty"),
+        ("name,length_m\na,1\nb,x\n", 3, "length_m must be a number (got 'x')"),
+        ('name,length_m\na,"1,5"\n', 2, "decimal point"),
+        ("name,length_m\na,12 m\n", 2, "write the number alone"),
+        ("name,length_m\na,nan\n", 2, "must be a number (got 'nan')"),
+        ("name,length_m\na,-inf\n", 2, "must be a number (got '-inf')"),
+        ("name,length_m\na,1e999\n", 2, "must be a number (got '1e999')"),
+        ("name,length_m\na,1_000\n", 2, "must be a number (got '1_000')"),
+        ("name,length_m\na,٣\n", 2, "must be a number"),
+        ("name,length_m,sigma_m\na,1,?\n", 2, "sigma_m must be a number"),
+        ('name,length_m\na,1\n"b,2\n', 3, 'is a quote (") missing?'),
+        (b"name,length_m\na,1\n\xe9,2\n", 3, "UTF-8"),
+        ("name,length_m\na,1\n".encode("utf-16"), 1, "UTF-16"),
+    ],
+)
+def test_a_mistake_is_named_with_its_line(read, content, line, words):
+    with pytest.raises(InputError) as caught:
+        read(content)
+
+    assert caught.value.line == line
+    assert words in caught.value.message
+    assert "\n" not in caught.value.message
+
+
+def test_all_mistakes_come_at_once(read):
+    with pytest.raises(InputError) as caught:
+        read("name,length_m\na,x\n,2\nc,y\n")
+
+    assert [line.split("t.csv:")[1][0] for line in str(caught.value).splitlines()] == list("234")
+
+
+def test_a_missing_file_is_an_input_error(tmp_path):
+    with pytest.raises(InputError, match="No such file"):
+        read_table(tmp_path / "absent.csv", COLUMNS)
+
+
+@pytest.mark.parametrize("text", ["1", "-2.5", "+.5", "3.", "1e-3", "007"])
+def test_decimal_numbers_are_read(text):
+    assert parse_number(text) == float(text)

@@ -1,0 +1,180 @@
+"""The command line: arguments -> one call of the pipeline -> exit status."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeVar
+
+import cyclopts
+from cyclopts import App, Parameter
+
+from uavgram.errors import UavgramError
+
+if TYPE_CHECKING:
+    from uavgram.pipeline.progress import Progress
+
+Item = TypeVar("Item")
+Verbose = Annotated[bool, Parameter(name=["--verbose", "-v"], negative=())]
+
+DONE, PROBLEM, WRONG_USAGE, INTERRUPTED = 0, 1, 2, 130
+
+app = App(
+    name="uavgram",
+    help="Ground measurements with honest uncertainties from a drone's photos, its flight log and "
+    "a few taped lengths.",
+    help_format="plaintext",
+    version_flags=["--version"],
+)
+
+
+@app.command
+def run(project: Path, /, *, output: Path | None = None, verbose: Verbose = False) -> int:
+    """Measure: read the project, adjust, and write all outputs.
+
+    Parameters
+    ----------
+    project
+        The project file (project.yaml).
+    output
+        Folder of the outputs; by default the one that the project names.
+    verbose
+        Say what is being done.
+    """
+    from uavgram.pipeline.run import FROM_PROJECT
+    from uavgram.pipeline.run import run as run_project
+    from uavgram.views.table import measurement_table, message_lines
+
+    _log_to_stderr(verbose=verbose)
+    result = run_project(project, FROM_PROJECT if output is None else output, _progress())
+    _say(measurement_table(result), "", *message_lines(result))
+    return DONE
+
+
+@app.command
+def demo(
+    *, output: Path = Path("uavgram-demo"), seed: int | None = None, verbose: Verbose = False
+) -> int:
+    """Write the built-in survey (flight, photos, log, picks), run it, and compare with its truth.
+
+    Parameters
+    ----------
+    output
+        Folder of the survey; its results go to DIR/out.
+    seed
+        Of the random errors; by default always the same survey.
+    verbose
+        Say what is being done.
+    """
+    from uavgram.model.scene import DemoScenario
+    from uavgram.pipeline.demo import demo as run_demo
+    from uavgram.views.table import message_lines, truth_table
+
+    _log_to_stderr(verbose=verbose)
+    scenario = DemoScenario() if seed is None else DemoScenario().with_seed(seed)
+    result, truth, project = run_demo(output, scenario, _progress())
+    recording = project.parent / "out" / "recording.rrd"
+    _say(truth_table(result, truth), "", *message_lines(result))
+    _say("", f"project:   {project}", f"results:   {recording.with_name('results.json')}")
+    _say(f"report:    {recording.with_name('report.html')}", f"look:      uavgram view {recording}")
+    return DONE
+
+
+@app.command
+def check(project: Path, /) -> int:
+    """Read and validate every input of a project; run nothing.
+
+    Parameters
+    ----------
+    project
+        The project file (project.yaml).
+    """
+    from uavgram.pipeline.check import check as check_project
+    from uavgram.views.table import check_lines
+
+    checked = check_project(project)
+    _say(*check_lines(checked.inputs.photos, checked.posed.frames, checked.messages))
+    return DONE
+
+
+@app.command(name="log")
+def show_log(file: Path, /) -> int:
+    """Say what is in a flight log: span, vehicle, messages, clock, camera events.
+
+    Parameters
+    ----------
+    file
+        DataFlash .bin/.BIN/.log or MAVLink .tlog.
+    """
+    from uavgram.io.flight_log import read_flight_log
+    from uavgram.stages.log_summary import summarise_log
+    from uavgram.views.log_summary import log_summary_lines
+
+    _say(*log_summary_lines(summarise_log(read_flight_log(file))))
+    return DONE
+
+
+@app.command
+def view(recording: Path, /) -> int:
+    """Open a recording in the Rerun viewer.
+
+    Parameters
+    ----------
+    recording
+        A recording.rrd from an output folder.
+    """
+    from uavgram.views.viewer import open_viewer
+
+    open_viewer(recording)
+    return DONE
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit status.
+
+    0: done; 1: a problem that the user can solve, told in one message; 2: wrong usage. Anything
+    else is a bug and keeps its traceback.
+    """
+    try:
+        status = app(arguments, exit_on_error=False, result_action="return_value")
+    except cyclopts.CycloptsError:
+        return WRONG_USAGE
+    except UavgramError as error:
+        sys.stderr.write(f"uavgram: {error}\n")
+        return PROBLEM
+    except KeyboardInterrupt:
+        sys.stderr.write("uavgram: interrupted; earlier results are as they were\n")
+        return INTERRUPTED
+    return status if isinstance(status, int) else DONE
+
+
+def _say(*lines: str) -> None:
+    sys.stdout.write("\n".join(lines) + "\n")
+
+
+def _log_to_stderr(*, verbose: bool) -> None:
+    level = logging.INFO if verbose else logging.WARNING
+    logging.basicConfig(stream=sys.stderr, level=level, format="%(message)s", force=True)
+
+
+def _progress() -> Progress:
+    """Progress bars on a terminal, nothing elsewhere."""
+    from uavgram.pipeline.progress import silent
+
+    if not sys.stderr.isatty():
+        return silent
+    from rich.console import Console
+    from rich.progress import track
+
+    console = Console(stderr=True)
+
+    def bar(items: Iterable[Item], what: str, total: int, /) -> Iterable[Item]:
+        return track(items, description=what, total=total, console=console, transient=True)
+
+    return bar
+
+
+if __name__ == "__main__":
+    sys.exit(main())

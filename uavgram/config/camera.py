@@ -1,0 +1,154 @@
+"""camera.yaml -> `Calibration`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.config.strict_yaml import Document, read_yaml
+from uavgram.config.validation import validate
+from uavgram.errors import InputError
+from uavgram.model.arrays import Floats
+from uavgram.model.camera import PARAMETER_NAMES, Calibration, LensModel
+
+RELATIVE_TOLERANCE = 1e-6  # of symmetry and definiteness: files are rounded to some digits
+
+
+@dataclass(frozen=True, kw_only=True)
+class _CameraFile:
+    """The keys of camera.yaml."""
+
+    model: LensModel
+    width_px: int
+    height_px: int
+    parameters: tuple[float, ...]
+    name: str = ""
+    sigma: tuple[float, ...] | None = None
+    covariance: tuple[tuple[float, ...], ...] | None = None
+
+
+def load_camera(path: str | Path) -> Calibration:
+    """Read a camera file of this program (OpenCV's own: `uavgram.io.opencv_calibration`).
+
+    Raises
+    ------
+    InputError
+        Names file, line and key of every mistake: those of the YAML, a wrong number of
+        parameters, a parameter out of range, a covariance that is none.
+    """
+    path = Path(path).absolute()
+    document = read_yaml(path)
+    camera = validate(_CameraFile, document)
+    faults = _faults(camera)
+    if faults:
+        placed = [(document.line_of((key,)), f"{key}: {text}") for key, text in faults]
+        raise InputError.of_all(path, placed)
+    covariance = _covariance(camera, document)
+    return Calibration(
+        name=camera.name or path.stem,
+        model=camera.model,
+        width_px=camera.width_px,
+        height_px=camera.height_px,
+        parameters=np.array(camera.parameters),
+        covariance=covariance,
+    )
+
+
+def _faults(camera: _CameraFile) -> list[tuple[str, str]]:
+    """List what is wrong with sizes, counts and ranges, as pairs of key and message."""
+    faults = [
+        (key, f"must be greater than 0 (got {getattr(camera, key)})")
+        for key in ("width_px", "height_px")
+        if getattr(camera, key) <= 0
+    ]
+    names = PARAMETER_NAMES[camera.model]
+    n = len(names)
+    order = f"{n} numbers in the order {' '.join(names)}"
+    if len(camera.parameters) != n:
+        count = len(camera.parameters)
+        faults.append(("parameters", f"the {camera.model} model needs {order} (got {count})"))
+    elif not faults:
+        faults += _parameter_faults(camera)
+    if camera.sigma is None and camera.covariance is None:
+        faults.append(("parameters", f"say how well they are known: add 'sigma: [...]', {order}"))
+    if camera.sigma is not None and camera.covariance is not None:
+        faults.append(("sigma", "stands beside covariance: keep one of the two"))
+    if camera.sigma is not None:
+        if len(camera.sigma) != n:
+            faults.append(("sigma", f"must be {order} (got {len(camera.sigma)})"))
+        elif min(camera.sigma) < 0:
+            faults.append(("sigma", f"must not be negative (got {min(camera.sigma)})"))
+    if camera.covariance is not None:
+        sizes = {len(row) for row in camera.covariance}
+        if len(camera.covariance) != n or sizes != {n}:
+            rows, columns = len(camera.covariance), "/".join(map(str, sorted(sizes)))
+            text = f"must have {n} rows of {order} (got {rows} rows of {columns})"
+            faults.append(("covariance", text))
+    return faults
+
+
+def _parameter_faults(camera: _CameraFile) -> list[tuple[str, str]]:
+    """Check that focal length and principal point are pixels of this image."""
+    fx, fy, cx, cy = camera.parameters[:4]
+    faults = []
+    for name, focal_px in (("fx", fx), ("fy", fy)):
+        if focal_px <= 0:
+            faults.append(("parameters", f"{name} must be greater than 0 (got {focal_px})"))
+        elif not 0.1 < focal_px / camera.width_px < 100:
+            faults.append(
+                (
+                    "parameters",
+                    f"{name} must be in pixels (got {focal_px}, at a width of "
+                    f"{camera.width_px} px): millimetres times width_px over the sensor's width",
+                )
+            )
+    for name, centre_px, size in (("cx", cx, camera.width_px), ("cy", cy, camera.height_px)):
+        if not 0 <= centre_px <= size:
+            text = f"{name} must be in pixels, inside the image (got {centre_px}, size {size})"
+            faults.append(("parameters", text))
+    return faults
+
+
+def _covariance(camera: _CameraFile, document: Document) -> Floats:
+    """(P, P) covariance from either key; symmetric and positive semidefinite, or an error."""
+    if camera.covariance is None:
+        return np.diag(np.square(np.array(camera.sigma, dtype=np.float64)))
+    names = PARAMETER_NAMES[camera.model]
+    matrix = np.array(camera.covariance, dtype=np.float64)
+    variance = np.diag(matrix)
+    for i in np.flatnonzero(variance < 0):
+        raise InputError(
+            document.path,
+            f"covariance: the variance of {names[i]} is negative ({variance[i]})",
+            document.line_of(("covariance", int(i))),
+        )
+    # As a correlation matrix all elements are comparable; a variance of 0 holds a parameter fixed.
+    sigma = np.sqrt(variance)
+    scale = np.where(sigma > 0, sigma, 1.0)
+    correlation = matrix / np.outer(scale, scale)
+    _check_symmetric(correlation, matrix, names, document)
+    lowest = float(np.linalg.eigvalsh((correlation + correlation.T) / 2)[0])
+    if lowest < -RELATIVE_TOLERANCE:
+        raise InputError(
+            document.path,
+            "covariance: is not positive semidefinite (as a correlation matrix its lowest "
+            f"eigenvalue is {lowest:.3g}), so it is no covariance: copy all of it from the "
+            "calibration, or give 'sigma' instead",
+            document.line_of(("covariance",)),
+        )
+    return (matrix + matrix.T) / 2
+
+
+def _check_symmetric(
+    correlation: Floats, matrix: Floats, names: tuple[str, ...], document: Document
+) -> None:
+    i, j = np.unravel_index(np.argmax(np.abs(correlation - correlation.T)), matrix.shape)
+    if abs(correlation[i, j] - correlation[j, i]) > RELATIVE_TOLERANCE:
+        raise InputError(
+            document.path,
+            f"covariance: is not symmetric: {names[i]} with {names[j]} is {matrix[i, j]}, but "
+            f"{names[j]} with {names[i]} is {matrix[j, i]}",
+            document.line_of(("covariance", int(i))),
+        )

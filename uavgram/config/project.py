@@ -1,0 +1,82 @@
+"""project.yaml -> `Project`."""
+
+from __future__ import annotations
+
+import glob
+from dataclasses import replace
+from pathlib import Path
+
+from uavgram.config.faults import Fault
+from uavgram.config.strict_yaml import Document, Plain, read_yaml
+from uavgram.config.validation import validate
+from uavgram.errors import near_miss
+from uavgram.model.options import Project
+
+_INPUT_FILES = ("log", "camera", "picks", "lines", "measure", "control", "check")
+
+
+def load_project(path: str | Path) -> Project:
+    """Read a project file.
+
+    Parameters
+    ----------
+    path
+        The file. Its paths are relative to its folder.
+
+    Returns
+    -------
+    Project
+        With absolute paths and patterns (the folder's own glob characters escaped), and the
+        folder's name where the file gives none.
+
+    Raises
+    ------
+    InputError
+        Names file, line, key and value of every mistake at once: syntax, unknown or missing keys,
+        wrong types, values out of range, input files that do not exist.
+    """
+    path = Path(path).absolute()
+    document = read_yaml(path)
+    data = document.data
+    missing: tuple[Fault, ...] = ()
+    if isinstance(data, dict):
+        data = {"name": path.parent.name, **data}
+        if isinstance(data.get("images"), str):
+            data["images"] = [data["images"]]
+        missing = _missing_files(data, path.parent)
+    project = validate(Project, Document(path, data, document.lines, document.faults), missing)
+    return _with_absolute_paths(project, path.parent)
+
+
+def _missing_files(data: dict[str, Plain], folder: Path) -> tuple[Fault, ...]:
+    """Find the named input files that are not there."""
+    faults = []
+    for key in _INPUT_FILES:
+        name = data.get(key)
+        if not isinstance(name, str) or not name or (folder / name).is_file():
+            continue
+        faults.append(Fault((key,), _why_missing(folder / name, name)))
+    return tuple(faults)
+
+
+def _why_missing(path: Path, name: str) -> str:
+    if path.is_dir():
+        return f"{name!r} is a folder: name a file"
+    if not path.parent.is_dir():
+        return f"no such file {name!r}: there is no folder {path.parent}"
+    guess = near_miss(path.name, [p.name for p in path.parent.iterdir()])
+    return f"no such file {name!r} in {path.parent}" + (f": {guess}" if guess else "")
+
+
+def _with_absolute_paths(project: Project, folder: Path) -> Project:
+    root = glob.escape(str(folder))
+    changed: dict[str, str] = {
+        key: str(folder / name)
+        for key in (*_INPUT_FILES, "output")
+        if (name := getattr(project, key)) is not None
+    }
+    images = tuple(
+        pattern if Path(pattern).is_absolute() else f"{root}/{pattern}"
+        for pattern in project.images
+    )
+    return replace(project, images=images, **changed)  # type: ignore[arg-type]

@@ -1,0 +1,215 @@
+"""YAML as people mean it: the core schema of YAML 1.2, with the line of every key and value.
+
+PyYAML on its own reads ``1e-3`` as text, ``no`` as false, ``12:30`` as 750 and ``010`` as 8, and
+lets the last of two equal keys win. Here numbers are those of YAML 1.2.2, section 10.3.2 (decimal
+ones; a leading zero makes text), only true and false are booleans, and equal keys are mistakes.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from uavgram.errors import InputError
+
+KeyPath = tuple[str | int, ...]
+Plain = str | int | float | bool | None | list["Plain"] | dict[str, "Plain"]
+
+DEEPEST = 20  # composing is recursive; no file of ours nests deeper than 3
+_PREFIX = "tag:yaml.org,2002:"
+
+
+@dataclass(frozen=True)
+class Document:
+    """A YAML file as plain data.
+
+    Attributes
+    ----------
+    path
+        The file.
+    data
+        Mappings, lists, text, whole numbers, finite floats, booleans and None.
+    lines
+        Line number (from 1) of each key and each list item, by its path from the root.
+    faults
+        Mistakes that leave the rest readable (equal keys), as pairs of line and message.
+    """
+
+    path: Path
+    data: Plain
+    lines: dict[KeyPath, int]
+    faults: tuple[tuple[int, str], ...]
+
+    def line_of(self, key_path: KeyPath) -> int:
+        """Line of a key or item, or of the nearest thing around it that the file has."""
+        while key_path and key_path not in self.lines:
+            key_path = key_path[:-1]
+        return self.lines.get(key_path, 1)
+
+
+def read_yaml(path: Path) -> Document:
+    """Read a YAML file that a person wrote.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is not UTF-8, is no YAML, is empty, or uses what this program
+        does not know (several documents, aliases, tags).
+    """
+    text = _read_text(path)
+    try:
+        root = _compose(path, text)
+    except yaml.MarkedYAMLError as fault:
+        is_unclosed = "end of stream" in str(fault.problem) or "<stream end>" in str(fault.problem)
+        mark = fault.context_mark if is_unclosed else fault.problem_mark
+        line = mark.line + 1 if mark else None
+        raise InputError(path, _explain(fault), line) from fault
+    except yaml.reader.ReaderError as fault:
+        line = text.count("\n", 0, fault.position) + 1
+        raise InputError(
+            path, f"character {chr(fault.character)!r} is not allowed: delete it", line
+        ) from fault
+    if root is None:
+        raise InputError(path, "the file is empty", 1)
+    plain = _Builder(path)
+    return Document(path, plain.build(root, ()), plain.lines, tuple(plain.faults))
+
+
+def _read_text(path: Path) -> str:
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as fault:
+        line = fault.object.count(b"\n", 0, fault.start) + 1
+        raise InputError(path, "is not UTF-8 text: save it as UTF-8", line) from fault
+    except OSError as fault:
+        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+
+
+def _compose(path: Path, text: str) -> yaml.Node | None:
+    depth = 0
+    for event in yaml.parse(text, Loader=yaml.SafeLoader):
+        depth += isinstance(event, yaml.CollectionStartEvent)
+        depth -= isinstance(event, yaml.CollectionEndEvent)
+        if depth > DEEPEST:
+            line = event.start_mark.line + 1 if event.start_mark else None
+            raise InputError(path, f"more than {DEEPEST} levels of nesting", line)
+        if isinstance(event, yaml.NodeEvent):
+            _refuse_sigils(path, event)
+    return yaml.compose(text, Loader=yaml.SafeLoader)
+
+
+def _refuse_sigils(path: Path, event: yaml.NodeEvent) -> None:
+    """Refuse aliases (*), anchors (&) and tags (!): here they are slips for quoted text."""
+    tag = getattr(event, "tag", None)
+    if isinstance(event, yaml.AliasEvent):
+        what = f"*{event.anchor} is an alias"
+    elif event.anchor is not None:
+        what = f"&{event.anchor} is an anchor"
+    elif tag is not None:
+        what = f"{tag.replace(_PREFIX, '!!')} is a tag"
+    else:
+        return
+    line = event.start_mark.line + 1 if event.start_mark else None
+    raise InputError(
+        path, f"{what}, which has no use here: put text that begins with *, & or ! in quotes", line
+    )
+
+
+_EXPLANATIONS = {
+    "'\\t'": "a tab stands where spaces belong: indent with spaces",
+    "scanning an alias": "text that begins with * must stand in quotes, such as '*.jpg'",
+    "another document": "a second document (---) begins here: only one is allowed",
+    "mapping values are not allowed": (
+        "a colon stands where none is allowed: put text that holds a colon in quotes, and check "
+        "the indentation"
+    ),
+    "quoted scalar": "a quote is opened here and never closed",
+    "<stream end>": "a bracket is opened here and never closed",
+    "simple key": "expected 'key: value' here: is a colon, or the space after it, missing?",
+    "cannot start any token": "text that begins with one of % @ ` must stand in quotes",
+}
+
+
+def _explain(fault: yaml.MarkedYAMLError) -> str:
+    """Say in plain words what the parser stumbled over."""
+    said = f"{fault.problem or ''} ({fault.context or 'here'})"
+    plain = (text for part, text in _EXPLANATIONS.items() if part in said)
+    return next(plain, f"is not valid YAML: {said}")
+
+
+class _Builder:
+    """Plain data from YAML nodes, noting lines and faults on the way."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.lines: dict[KeyPath, int] = {}
+        self.faults: list[tuple[int, str]] = []
+
+    def build(self, node: yaml.Node, at: KeyPath) -> Plain:
+        self.lines.setdefault(at, _line(node))
+        if isinstance(node, yaml.MappingNode):
+            return self._mapping(node, at)
+        if isinstance(node, yaml.SequenceNode):
+            return [self.build(item, (*at, i)) for i, item in enumerate(node.value)]
+        # PyYAML tags a plain scalar by the rules of YAML 1.1: resolve what was written again.
+        is_quoted = isinstance(node, yaml.ScalarNode) and node.style is not None
+        return str(node.value) if is_quoted else resolve_scalar(str(node.value))
+
+    def _mapping(self, node: yaml.MappingNode, at: KeyPath) -> dict[str, Plain]:
+        result: dict[str, Plain] = {}
+        for key_node, value_node in node.value:
+            if not isinstance(key_node, yaml.ScalarNode):
+                place = dotted(at) or "the file"
+                raise InputError(self.path, f"{place}: a key must be plain text", _line(key_node))
+            key = key_node.value  # the text as written: keys such as `no` or `1` stay text
+            if key in result:
+                first = self.lines[(*at, key)]
+                self.faults.append(
+                    (
+                        _line(key_node),
+                        f"{dotted((*at, key))}: stands here twice, first in line {first}: "
+                        f"keep one of the two",
+                    )
+                )
+                continue
+            self.lines[(*at, key)] = _line(key_node)
+            result[key] = self.build(value_node, (*at, key))
+        return result
+
+
+_RESOLVERS: tuple[tuple[re.Pattern[str], Callable[[str], Plain]], ...] = (
+    (re.compile(r"~|null|Null|NULL|"), lambda _: None),
+    (re.compile(r"true|True|TRUE"), lambda _: True),
+    (re.compile(r"false|False|FALSE"), lambda _: False),
+    (re.compile(r"[-+]?(0|[1-9][0-9]{0,17})"), int),
+    (re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?"), float),
+)
+
+
+def resolve_scalar(written: str) -> Plain:
+    """Read an unquoted scalar by YAML 1.2.2, section 10.3.2, decimal and finite numbers only.
+
+    Whatever is no such number stays text (``010``, ``12:30``, ``.nan``, ``0x10``, ``1_000``), so
+    that it is refused where a number is wanted, with the text in the message.
+    """
+    for pattern, convert in _RESOLVERS:
+        if pattern.fullmatch(written):
+            value = convert(written)
+            is_infinite = isinstance(value, float) and math.isinf(value)
+            return written if is_infinite else value
+    return written
+
+
+def _line(node: yaml.Node) -> int:
+    return int(node.start_mark.line) + 1
+
+
+def dotted(key_path: KeyPath) -> str:
+    """Write a path the way people name it: ``telemetry.position_sigma_m[0]``."""
+    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key_path)
+    return text.removeprefix(".")

@@ -1,0 +1,93 @@
+"""Plain data from a file -> frozen dataclasses, with every mistake of the file in one error.
+
+The dataclasses of the model are the schema: pydantic reads them, unknown keys are mistakes at every
+level, and nothing is converted silently (strict: text is no number, true is no number).
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Generic, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from uavgram.config.faults import Fault, faults_of
+from uavgram.config.strict_yaml import Document, KeyPath, Plain, dotted
+from uavgram.errors import InputError
+
+Schema = TypeVar("Schema")
+
+
+class _Root(BaseModel, Generic[Schema]):
+    """Carries the configuration: plain dataclasses, nested ones too, inherit it from here only."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    root: Schema
+
+
+def validate(
+    schema: type[Schema], document: Document, more_faults: tuple[Fault, ...] = ()
+) -> Schema:
+    """Make a `schema` of a file's data.
+
+    Parameters
+    ----------
+    schema
+        A frozen dataclass of keyword-only fields, nested at will.
+    document
+        The file; its root must be a mapping.
+    more_faults
+        Mistakes that the caller found, to be reported together with the others.
+
+    Raises
+    ------
+    InputError
+        Names the line, key and value of every mistake.
+    """
+    if not isinstance(document.data, dict):
+        raise InputError(document.path, "must consist of lines 'key: value'", 1)
+    value, faults = _validate_all(schema, document.data)
+    placed = [
+        (document.line_of(fault.at), f"{dotted(fault.at)}: {fault.text}")
+        for fault in (*more_faults, *faults)
+    ]
+    placed += document.faults
+    if placed or value is None:
+        raise InputError.of_all(document.path, placed)
+    return value
+
+
+def _validate_all(
+    schema: type[Schema], data: dict[str, Plain]
+) -> tuple[Schema | None, list[Fault]]:
+    """Validate, and find every mistake.
+
+    A dataclass checks the ranges of its fields only once all of them have the right type. So
+    what is wrong is taken out (its default steps in) and the rest tried again, until nothing new
+    turns up.
+    """
+    faults: dict[KeyPath, Fault] = {}
+    while True:
+        try:
+            # Strict JSON mode: mappings become dataclasses and lists tuples, and nothing else is
+            # converted; strict Python mode would want instances.
+            text = json.dumps({"root": data})
+            return _Root[schema].model_validate_json(text).root, list(faults.values())  # type: ignore[valid-type]
+        except ValidationError as error:
+            new = [f for f in faults_of(error.errors(), schema, data) if f.at not in faults]
+        faults |= {fault.at: fault for fault in new}
+        if not new:  # only required keys are left, which no default can stand in for
+            return None, list(faults.values())
+        data = _without(data, [fault.at for fault in new])
+
+
+def _without(data: dict[str, Plain], paths: list[KeyPath]) -> dict[str, Plain]:
+    """Copy `data` without the named keys, of the top two levels at most."""
+    copy: dict[str, Plain] = json.loads(json.dumps(data))
+    for path in paths:
+        holder = copy
+        inner = copy.get(str(path[0]))
+        if isinstance(inner, dict) and len(path) > 1:
+            holder = inner
+        holder.pop(str(path[1] if holder is inner else path[0]), None)
+    return copy

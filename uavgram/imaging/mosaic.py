@@ -1,0 +1,230 @@
+"""The ground as the photos show it: a top view put together from previews."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from uavgram.geometry.projection import project
+from uavgram.imaging.preview import Pixels, Preview, decode_preview
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.result import Result
+
+MAX_SIZE_PX = 1536
+# The mosaic reaches this share of the scene's size beyond the outermost points.
+MARGIN = 0.35
+# Rays flatter than this above the ground (20 degrees) smear one photo pixel over many metres.
+LEAST_SINE = 0.342
+# Frames times cells when choosing the frame of each cell: about a second of projections.
+CHOICE_BUDGET = 4_000_000
+CELL_PX = 16
+
+
+@dataclass(frozen=True, eq=False)
+class GroundTexture:
+    """A top view of the ground plane, north up.
+
+    Attributes
+    ----------
+    rgb
+        (H, W, 3) row 0 is the northernmost.
+    covered
+        (H, W) whether any photo shows it.
+    west_m, north_m
+        World coordinates of the outer corner of pixel [0, 0].
+    pixel_size_m
+        Edge of a pixel.
+    """
+
+    rgb: Pixels
+    covered: Bools
+    west_m: float
+    north_m: float
+    pixel_size_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Cameras:
+    """N posed frames: ids, (N, 3) centres and (N, 3, 3) rotations in the world."""
+
+    frame_id: tuple[str, ...]
+    center_world_m: Floats
+    world_from_camera: Floats
+
+
+def ground_texture(
+    result: Result, previews: Mapping[str, Preview], max_size_px: int = MAX_SIZE_PX
+) -> GroundTexture | None:
+    """Warp the photos onto the adjusted ground plane, each spot from the frame most above it.
+
+    Parameters
+    ----------
+    result
+        Refined poses and lens, plane and points.
+    previews
+        By frame name; frames without one are left out.
+    max_size_px
+        Longer side of the mosaic.
+
+    Returns
+    -------
+    None where no refined frame has a preview, or none looks down at the scene.
+    """
+    rows = [
+        i
+        for i, name in enumerate(result.frames.frame_id)
+        if result.has_refined[i] and name in previews
+    ]
+    if not rows:
+        return None
+    cameras = _Cameras(
+        tuple(result.frames.frame_id[i] for i in rows),
+        result.frames.refined.center_world_m[rows],
+        result.frames.refined.world_from_camera[rows],
+    )
+    low, high = _extent(result, cameras)
+    pixel_size = max(
+        float((high - low).max()) / max_size_px, _finest_pixel(result, cameras, previews)
+    )
+    size = (high - low) / pixel_size
+    cell = CELL_PX
+    while float(size.prod()) / cell**2 * len(rows) > CHOICE_BUDGET:
+        cell *= 2
+    columns, lines = np.maximum(np.ceil(size / cell), 1).astype(int)
+    grid = _Grid(
+        result, float(low[0]), float(high[1]), pixel_size, cell, (int(lines), int(columns))
+    )
+    return _mosaic(grid, cameras, previews)
+
+
+def plane_height(result: Result, east_north_m: Floats) -> Floats:
+    """(...) heights of the adjusted plane under (..., 2) world positions."""
+    slope = np.tan(np.radians(result.shared.plane_slope_deg.value))
+    offset = (east_north_m - result.shared.plane_pivot_m) @ slope
+    return np.asarray(result.shared.plane_height_m.value[0] + offset, dtype=np.float64)
+
+
+def _extent(result: Result, cameras: _Cameras) -> tuple[Floats, Floats]:
+    """South-west and north-east corner: points with a margin, or the cameras with their height."""
+    points = result.points.position_world_m[:, :2]
+    if len(points):
+        low, high = points.min(axis=0), points.max(axis=0)
+        margin = MARGIN * max(float((high - low).max()), 1.0)
+    else:
+        low = cameras.center_world_m[:, :2].min(axis=0)
+        high = cameras.center_world_m[:, :2].max(axis=0)
+        below = plane_height(result, cameras.center_world_m[:, :2])
+        margin = max(float(np.median(cameras.center_world_m[:, 2] - below)), 1.0)
+    return low - margin, high + margin
+
+
+def _finest_pixel(result: Result, cameras: _Cameras, previews: Mapping[str, Preview]) -> float:
+    """What a preview pixel measures on the ground below: a finer mosaic shows nothing more."""
+    below = plane_height(result, cameras.center_world_m[:, :2])
+    height = float(np.abs(cameras.center_world_m[:, 2] - below).min())
+    scale = min(previews[name].scale[0] for name in cameras.frame_id)
+    return height * scale / float(result.shared.intrinsics.value[0])
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Square cells of the mosaic, `cell_px` pixels wide, and how frames see them."""
+
+    result: Result
+    west_m: float
+    north_m: float
+    pixel_size_m: float
+    cell_px: int
+    shape: tuple[int, int]
+
+    def world(self, column_px: Floats, row_px: Floats) -> Floats:
+        """(..., 3) world positions of points given in pixels from the north-west corner."""
+        spots = np.stack(
+            [
+                self.west_m + column_px * self.pixel_size_m,
+                self.north_m - row_px * self.pixel_size_m,
+            ],
+            axis=-1,
+        )
+        return np.concatenate([spots, plane_height(self.result, spots)[..., None]], axis=-1)
+
+    def pixels_in(self, cameras: _Cameras, frame: int, world_m: Floats) -> Floats:
+        """(..., 2) original pixels of a frame; NaN outside the photo and where rays are flat."""
+        camera = self.result.camera
+        rays = world_m - cameras.center_world_m[frame]
+        pixel = project(
+            camera.model,
+            self.result.shared.intrinsics.value,
+            rays @ cameras.world_from_camera[frame],
+        )
+        size = np.array([camera.width_px, camera.height_px]) - 1
+        inside = ((pixel >= 0) & (pixel <= size)).all(axis=-1) & (_sine(rays) > LEAST_SINE)
+        return np.where(inside[..., None], pixel, np.nan)
+
+
+def _sine(rays: Floats) -> Floats:
+    """(...) sine of the angle at which (..., 3) rays from above meet level ground."""
+    return np.asarray(-rays[..., 2] / np.linalg.norm(rays, axis=-1), dtype=np.float64)
+
+
+def _mosaic(
+    grid: _Grid, cameras: _Cameras, previews: Mapping[str, Preview]
+) -> GroundTexture | None:
+    choice = _choose(grid, cameras)
+    cell, (rows, columns) = grid.cell_px, grid.shape
+    rgb = np.zeros((rows, cell, columns, cell, 3), dtype=np.uint8)
+    covered = np.zeros((rows, cell, columns, cell), dtype=np.bool_)
+    within = np.arange(cell) + 0.5
+    for frame in np.unique(choice[choice >= 0]):
+        i, j = np.nonzero(choice == frame)
+        row = np.repeat(i[:, None] * cell + within, cell, axis=1)
+        column = np.tile(j[:, None] * cell + within, cell)
+        pixel = grid.pixels_in(cameras, int(frame), grid.world(column, row))
+        picture = _sample(previews[cameras.frame_id[frame]], pixel)
+        seen = np.isfinite(pixel[..., 0])
+        rgb[i, :, j] = np.where(seen[..., None], picture, 0).reshape(-1, cell, cell, 3)
+        covered[i, :, j] = seen.reshape(-1, cell, cell)
+    if not covered.any():
+        return None
+    size = (rows * cell, columns * cell)
+    return GroundTexture(
+        rgb.reshape(*size, 3),
+        covered.reshape(size),
+        grid.west_m,
+        grid.north_m,
+        grid.pixel_size_m,
+    )
+
+
+def _choose(grid: _Grid, cameras: _Cameras) -> Ints:
+    """(R, C) the frame that sees all of a cell, and it most steeply; -1 for none."""
+    edges = [np.arange(n + 1.0) * grid.cell_px for n in grid.shape]
+    row, column = np.meshgrid(*edges, indexing="ij")
+    world = grid.world(column, row)
+    best = np.zeros(grid.shape)
+    choice = np.full(grid.shape, -1, dtype=np.int64)
+    for frame in range(len(cameras.frame_id)):
+        corner = np.isfinite(grid.pixels_in(cameras, frame, world)[..., 0])
+        seen = corner[:-1, :-1] & corner[1:, :-1] & corner[:-1, 1:] & corner[1:, 1:]
+        sine = _sine(world[:-1, :-1] - cameras.center_world_m[frame])
+        better = seen & (sine > best)
+        best[better], choice[better] = sine[better], frame
+    return choice
+
+
+def _sample(preview: Preview, pixel: Floats) -> Pixels:
+    """(n, m, 3) RGB of a preview at (n, m, 2) original pixels; anything where those are NaN."""
+    at = (np.nan_to_num(pixel) + 0.5) / preview.scale - 0.5
+    return np.asarray(
+        cv2.remap(
+            decode_preview(preview),
+            at[..., 0].astype(np.float32),
+            at[..., 1].astype(np.float32),
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        ),
+        dtype=np.uint8,
+    )

@@ -1,0 +1,135 @@
+"""A photo reduced for looking at: unrotated, and with its scale to the original."""
+
+from __future__ import annotations
+
+import os
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from uavgram.errors import InputError
+
+Pixels = NDArray[np.uint8]
+
+MAX_WIDTH_PX = 1600
+JPEG_QUALITY = 80
+
+# Decoding at 1/2, 1/4 or 1/8 of the size costs a fraction of decoding all of a JPEG.
+_REDUCED = {
+    1: cv2.IMREAD_COLOR,
+    2: cv2.IMREAD_REDUCED_COLOR_2,
+    4: cv2.IMREAD_REDUCED_COLOR_4,
+    8: cv2.IMREAD_REDUCED_COLOR_8,
+}
+# A reduced photo may be this much narrower than asked for: sooner that than decode four times as
+# many pixels.
+_NARROWER = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Preview:
+    """A reduced photo in the orientation of the stored pixels.
+
+    Attributes
+    ----------
+    jpeg
+        Encoded picture.
+    width_px, height_px
+        Its size.
+    scale
+        Original pixels per preview pixel, along u and v. With (0, 0) the centre of the top-left
+        pixel in both: original = (preview + 0.5) * scale - 0.5.
+    """
+
+    jpeg: bytes
+    width_px: int
+    height_px: int
+    scale: tuple[float, float]
+
+
+def read_preview(path: str | os.PathLike[str], max_width_px: int = MAX_WIDTH_PX) -> Preview:
+    """Reduce one photo.
+
+    Parameters
+    ----------
+    path
+        Any format that OpenCV reads. EXIF rotation is not applied.
+    max_width_px
+        The preview is at most this wide, and never wider than the photo.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is no photo.
+    """
+    try:
+        encoded = Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(path, f"cannot be read: {error.strerror}") from error
+    size = jpeg_size(encoded)
+    reduction = _reduction(size[0], max_width_px) if size else 1
+    pixels = _decode(encoded, _REDUCED[reduction] | cv2.IMREAD_IGNORE_ORIENTATION)
+    if pixels is None:
+        raise InputError(path, "is no photo that can be decoded; replace it or leave it out")
+    height, width = pixels.shape[:2]
+    # libjpeg's last column stands for a partial block: its pixels are `reduction` wide all the same
+    covered = np.array([width, height], dtype=np.float64) * reduction
+    if width > max_width_px:
+        width, height = max_width_px, max(1, round(height * max_width_px / width))
+        pixels = np.asarray(
+            cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8
+        )
+    encoded_preview = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
+    return Preview(
+        jpeg=encoded_preview.tobytes(),
+        width_px=width,
+        height_px=height,
+        scale=(float(covered[0] / width), float(covered[1] / height)),
+    )
+
+
+def decode_preview(preview: Preview) -> Pixels:
+    """(height, width, 3) RGB of a preview."""
+    pixels = _decode(preview.jpeg, cv2.IMREAD_COLOR)
+    if pixels is None:  # previews are encoded by this module
+        raise ValueError("a preview holds no JPEG")
+    return np.ascontiguousarray(pixels[:, :, ::-1])
+
+
+def jpeg_size(encoded: bytes) -> tuple[int, int] | None:
+    """Width and height of the stored pixels from the header of a JPEG; None for other formats.
+
+    ISO/IEC 10918-1, B.2.2: the frame header is the first marker SOF0 to SOF15 that is none of DHT
+    (C4), JPG (C8) and DAC (CC).
+    """
+    if encoded[:2] != b"\xff\xd8":
+        return None
+    at = 2
+    while at + 9 <= len(encoded):
+        marker = encoded[at + 1]
+        if encoded[at] != 0xFF or marker == 0xFF:  # fill bytes before a marker
+            at += 1
+            continue
+        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+            height, width = struct.unpack(">HH", encoded[at + 5 : at + 9])
+            return width, height
+        at += 2 + struct.unpack(">H", encoded[at + 2 : at + 4])[0]
+    return None
+
+
+def _reduction(width_px: int, max_width_px: int) -> int:
+    """The strongest reduction that leaves (nearly) enough pixels."""
+    return max((r for r in _REDUCED if width_px / r >= _NARROWER * max_width_px), default=1)
+
+
+def _decode(encoded: bytes, flags: int) -> Pixels | None:
+    try:
+        pixels = cv2.imdecode(np.frombuffer(encoded, np.uint8), flags)
+    except cv2.error:  # an empty buffer, or a header with absurd sizes
+        return None
+    # OpenCV's stubs promise an array; it returns None for what is no picture
+    return None if pixels is None else np.asarray(pixels, dtype=np.uint8)

@@ -1,0 +1,280 @@
+"""Where a DataFlash log says that the vehicle was and how it was turned, and how well.
+
+Field meanings: ArduPilot libraries/AP_AHRS/AP_AHRS_Logging.cpp, AP_NavEKF3_Logging.cpp,
+AP_Mount_Backend.cpp, AP_GPS.cpp (LogStructure.h of each).
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavgram.geometry.rotation import matrix_from_ypr, xyzw_from_matrix
+from uavgram.io.dataflash_tables import Columns
+from uavgram.io.samples import are_angles, in_order, is_height, near_its_track
+from uavgram.model.arrays import Floats
+from uavgram.model.telemetry import (
+    AttitudeSamples,
+    EstimatorSigmas,
+    GimbalSamples,
+    PositionSamples,
+)
+
+
+class Tables(Protocol):
+    """What the binary and the text form have in common."""
+
+    def count(self, name: str) -> int:
+        """How many messages of this type there are."""
+        ...
+
+    def columns(self, name: str, rows: slice = ...) -> Columns:
+        """Their fields as columns."""
+        ...
+
+
+def boot_time_s(columns: Columns) -> Floats:
+    """(N,) seconds since boot: TimeUS, before ArduPilot 3.3 T (of GPS) or TimeMS."""
+    for name, unit_s in (("TimeUS", 1e-6), ("T", 1e-3), ("TimeMS", 1e-3)):
+        if name in columns:
+            return np.asarray(columns[name], dtype=np.float64) * unit_s
+    rows = len(next(iter(columns.values()))) if columns else 0
+    return np.full(rows, np.nan)
+
+
+def numbers(columns: Columns, *names: str) -> Floats:
+    """(N,) the first of these fields that exists, as float64; NaN where none does."""
+    for name in names:
+        if name in columns:
+            return np.asarray(columns[name], dtype=np.float64)
+    return np.full(len(boot_time_s(columns)), np.nan)
+
+
+def rows_where(columns: Columns, keep: NDArray[Any]) -> Columns:
+    """The same columns, fewer rows."""
+    return {name: values[keep] for name, values in columns.items()}
+
+
+def primary_core(tables: Tables) -> int:
+    """The estimator core that flew most of the time (XKF4.PI)."""
+    for name in ("XKF4", "NKF4"):
+        columns = tables.columns(name)
+        if "PI" in columns:
+            cores = numbers(columns, "PI")
+            cores = cores[(cores >= 0) & (cores < 8)].astype(np.int64)
+            if len(cores):
+                return int(np.bincount(cores).argmax())
+    return 0
+
+
+def of_core(tables: Tables, names: tuple[str, ...], core: int) -> tuple[str, Columns]:
+    """The first of these message types that the log has, rows of one core only."""
+    for name in names:
+        columns = tables.columns(name)
+        if columns and "C" in columns:
+            columns = rows_where(columns, np.asarray(columns["C"]) == core)
+        if len(boot_time_s(columns)):
+            return name, columns
+    return "", {}
+
+
+def positions(tables: Tables, core: int) -> tuple[PositionSamples | None, tuple[str, ...]]:
+    """POS; else the estimator's offsets from its origin; else the receiver's positions."""
+    if tables.count("POS"):
+        return _positions_of(tables.columns("POS"), "POS")
+    name, columns = of_core(tables, ("XKF1", "NKF1", "EKF1"), core)
+    origins = tables.columns("ORGN")
+    if name and origins:
+        placed = _placed(columns, origins)
+        samples, notes = _positions_of(placed, f"{name}+ORGN")
+        if samples is not None:
+            return samples, notes
+    gps = receiver(tables)
+    if not gps:
+        return None, ()
+    samples, notes = _positions_of(gps, "GPS")
+    return samples, (
+        *notes,
+        "positions are the receiver's own (no POS, no XKF1 with ORGN): they lag by its delay",
+    )
+
+
+def receiver(tables: Tables) -> Columns:
+    """GPS rows with a 3-D fix, of the first receiver."""
+    columns = tables.columns("GPS")
+    if not columns or "Lat" not in columns:
+        return {}
+    keep = numbers(columns, "Status") >= 3
+    if "I" in columns:
+        keep &= numbers(columns, "I") == numbers(columns, "I").min()
+    return rows_where(columns, keep)
+
+
+def _positions_of(columns: Columns, source: str) -> tuple[PositionSamples | None, tuple[str, ...]]:
+    time = boot_time_s(columns)
+    latitude, longitude = numbers(columns, "Lat"), numbers(columns, "Lng")
+    height = numbers(columns, "Alt")
+    rows = in_order(time, near_its_track(latitude, longitude) & is_height(height))
+    dropped = len(time) - len(rows)
+    notes = (f"{dropped} of {len(time)} {source} rows make no sense and were dropped",)
+    if not len(rows):
+        return None, notes if dropped else ()
+    home = numbers(columns, "RelHomeAlt", "RelAlt")[rows]
+    samples = PositionSamples(
+        time_boot_s=time[rows],
+        latitude_deg=latitude[rows],
+        longitude_deg=longitude[rows],
+        height_m=height[rows],
+        height_home_m=np.where(is_height(home), home, np.nan),
+        datum="msl",
+        source=source,
+    )
+    return samples, notes if dropped else ()
+
+
+def _placed(columns: Columns, origins: Columns) -> Columns:
+    """Offsets from the estimator's origin as latitude, longitude and altitude.
+
+    With ArduPilot's own scale, as it made the offsets with it (libraries/AP_Common/Location.cpp,
+    LATLON_TO_M = 0.011131884502145034 m per 1e-7 degrees).
+    """
+    is_origin = numbers(origins, "Type") == 0
+    origins = rows_where(origins, is_origin)
+    since = boot_time_s(origins)
+    if not len(since):
+        return {}
+    time = boot_time_s(columns)
+    row = np.clip(np.searchsorted(since, time, side="right") - 1, 0, None)
+    latitude_0 = numbers(origins, "Lat")[row]
+    meters_per_deg = 0.011131884502145034 * 1e7
+    latitude = latitude_0 + numbers(columns, "PN") / meters_per_deg
+    scale = np.cos(np.radians((latitude_0 + latitude) / 2))
+    return {
+        "TimeUS": time * 1e6,
+        "Lat": latitude,
+        "Lng": numbers(origins, "Lng")[row] + numbers(columns, "PE") / (meters_per_deg * scale),
+        "Alt": numbers(origins, "Alt")[row] - numbers(columns, "PD"),
+    }
+
+
+def attitudes(tables: Tables, core: int) -> AttitudeSamples | None:
+    """ATT, else the estimator's quaternions."""
+    columns = tables.columns("ATT")
+    if columns:
+        angles_deg = np.stack([numbers(columns, n) for n in ("Yaw", "Pitch", "Roll")], axis=1)
+        time = boot_time_s(columns)
+        rows = in_order(time, are_angles(angles_deg))
+        if len(rows):
+            yaw, pitch, roll = np.radians(angles_deg[rows]).T
+            return AttitudeSamples(
+                time_boot_s=time[rows],
+                ned_from_body_xyzw=xyzw_from_matrix(matrix_from_ypr(yaw, pitch, roll)),
+                source="ATT",
+            )
+    name, columns = of_core(tables, ("XKQ", "XKQ1", "NKQ", "NKQ1"), core)
+    if not name:
+        return None
+    # ArduPilot stores w x y z
+    xyzw = np.stack([numbers(columns, n) for n in ("Q2", "Q3", "Q4", "Q1")], axis=1)
+    length = np.linalg.norm(xyzw, axis=1)
+    time = boot_time_s(columns)
+    rows = in_order(time, np.abs(length - 1) < 0.01)
+    if not len(rows):
+        return None
+    unit = xyzw[rows] / length[rows, None]
+    return AttitudeSamples(time_boot_s=time[rows], ned_from_body_xyzw=unit, source=name)
+
+
+def gimbal(tables: Tables) -> GimbalSamples | None:
+    """MNT of the first mount: yaw from north (YawE) where it is known, else from the nose."""
+    columns = tables.columns("MNT")
+    if not columns or "Pitch" not in columns:
+        return None
+    if "I" in columns:
+        instance = numbers(columns, "I")
+        columns = rows_where(columns, instance == instance.min())
+    earth = numbers(columns, "YawE")
+    vehicle = numbers(columns, "YawB")
+    use_earth = np.isfinite(earth).sum() >= np.isfinite(vehicle).sum() > 0 or (
+        np.isfinite(earth).any() and not np.isfinite(vehicle).any()
+    )
+    yaw = earth if use_earth else vehicle
+    angles = np.stack([numbers(columns, "Roll"), numbers(columns, "Pitch"), yaw], axis=1)
+    time = boot_time_s(columns)
+    rows = in_order(time, are_angles(angles))
+    if not len(rows):
+        return None
+    roll, pitch, yaw = np.radians(angles[rows]).T
+    return GimbalSamples(
+        time_boot_s=time[rows],
+        roll_rad=roll,
+        pitch_rad=pitch,
+        yaw_rad=yaw,
+        yaw_frame="earth" if use_earth else "vehicle",
+        source="MNT",
+    )
+
+
+def sigmas(tables: Tables, core: int) -> EstimatorSigmas | None:
+    """The estimator's variances and the receiver's accuracies, the larger of the two.
+
+    XKV1's V07, V08, V09 are position variances [m²]; XKF4's errRP is the standard deviation of
+    tilt [rad] (its SP, SH... are test ratios and no standard deviations); GPA has the receiver's
+    own. The estimator alone is over-confident wherever the receiver's error is correlated.
+    """
+    parts: list[tuple[str, Floats, dict[str, Floats]]] = []
+    name, columns = of_core(tables, ("XKV1", "NKV1"), core)
+    if name:
+        v = [numbers(columns, f"V{i:02d}") for i in (7, 8, 9)]
+        variances = {"horizontal": (v[0] + v[1]) / 2, "vertical": v[2]}
+        parts.append(
+            (name, boot_time_s(columns), {k: np.sqrt(np.abs(x)) for k, x in variances.items()})
+        )
+    columns = tables.columns("GPA")
+    if columns:
+        accuracy = {"horizontal": numbers(columns, "HAcc"), "vertical": numbers(columns, "VAcc")}
+        parts.append(("GPA", boot_time_s(columns), accuracy))
+    name, columns = of_core(tables, ("XKF4", "NKF4"), core)
+    if name:
+        parts.append((name, boot_time_s(columns), {"tilt": numbers(columns, "errRP")}))
+    return merged_sigmas(parts)
+
+
+def merged_sigmas(
+    parts: list[tuple[str, Floats, dict[str, Floats]]],
+) -> EstimatorSigmas | None:
+    """Statements of several messages, interpolated to the times of the first that says anything.
+
+    Parameters
+    ----------
+    parts
+        Message name, (N,) times, and its columns by ``horizontal``, ``vertical`` [m], ``tilt``,
+        ``yaw`` [rad]; where two messages state the same, the larger holds.
+    """
+    base: Floats | None = None
+    used: list[str] = []
+    merged: dict[str, Floats] = {}
+    for name, time, columns in parts:
+        for key, values in columns.items():
+            limit = 1000.0 if key in ("horizontal", "vertical") else 1.0
+            rows = in_order(time, (values > 0) & (values < limit))
+            if not len(rows):
+                continue
+            base = time[rows] if base is None else base
+            here = np.interp(base, time[rows], values[rows])
+            merged[key] = np.fmax(merged[key], here) if key in merged else here
+            if name not in used:
+                used.append(name)
+    if base is None:
+        return None
+    silent = np.full(len(base), np.nan)
+    return EstimatorSigmas(
+        time_boot_s=base,
+        horizontal_m=merged.get("horizontal", silent),
+        vertical_m=merged.get("vertical", silent),
+        tilt_rad=merged.get("tilt", silent),
+        yaw_rad=merged.get("yaw", silent),
+        source="+".join(used),
+    )

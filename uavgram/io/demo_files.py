@@ -1,0 +1,247 @@
+"""A simulated survey as the files that a real one would leave behind, its truth beside them."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from uavgram.errors import OutputError
+from uavgram.io.exif_writer import CaptureTags, with_exif
+from uavgram.io.mavlink_writer import write_tlog
+from uavgram.model.arrays import Floats
+from uavgram.model.simulation import SimulatedSurvey
+
+JPEG_QUALITY = 92
+MAKE = "uavgram"
+
+
+def write_demo(folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[np.uint8]]) -> Path:
+    """Write a simulated survey: photos, log, camera, picks, lengths, checks, project and truth.
+
+    Parameters
+    ----------
+    folder
+        Where to; made if absent. Files of the same names are overwritten.
+    survey
+        What to write.
+    photos
+        (H, W, 3) BGR, one for each frame, in order; may be made as they are asked for.
+
+    Returns
+    -------
+    Path of the project file, which is written last.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be written, or its photos/ holds photos of another survey.
+    """
+    try:
+        _make_photo_folder(folder / "photos", survey.frame_id)
+        _write_photos(folder / "photos", survey, photos)
+        write_tlog(folder / "flight.tlog", survey.log)
+        _write_tables(folder, survey)
+        (folder / "camera.yaml").write_text(_camera_yaml(survey), encoding="utf-8")
+        truth = json.dumps(truth_as_json(survey), indent=1) + "\n"
+        (folder / "truth.json").write_text(truth, encoding="utf-8")
+        project = folder / "project.yaml"
+        project.write_text(_project_yaml(survey), encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be written: {error.strerror}; name another") from error
+    return project
+
+
+def truth_as_json(survey: SimulatedSurvey) -> dict[str, object]:
+    """What really was, in metres, radians, seconds and pixels; world origin = the log's home."""
+    truth, site = survey.truth, survey.scenario.site
+    lost = np.flatnonzero(~survey.event_has_photo)
+    lengths = zip(survey.lines.name, survey.lines.start, survey.lines.end, strict=True)
+    measured = zip(
+        truth.measurement_name,
+        truth.measurement_value.tolist(),
+        truth.measurement_unit,
+        strict=True,
+    )
+    return {
+        "seed": survey.scenario.seed,
+        "world": {
+            "latitude_deg": site.latitude_deg,
+            "longitude_deg": site.longitude_deg,
+            "height_msl_m": site.height_msl_m,
+        },
+        "ground": {
+            "height_m": truth.plane_height_m,
+            "slope": truth.plane_slope.tolist(),
+            "pivot_m": truth.plane_pivot_m.tolist(),
+        },
+        "intrinsics": truth.intrinsics.tolist(),
+        "boresight_rad": truth.boresight_rad.tolist(),
+        "lever_arm_m": truth.lever_arm_m.tolist(),
+        "position_bias_m": truth.position_bias_m.tolist(),
+        "heading_bias_rad": truth.heading_bias_rad,
+        "clock_offset_s": truth.clock_offset_s,
+        "boot_to_utc_s": survey.log.boot_utc_s,
+        "lost_exposures_utc_s": (survey.log.boot_utc_s + survey.log.event_time_s[lost]).tolist(),
+        "frames": {
+            name: {"time_utc_s": time, "center_world_m": center, "world_from_camera": rotation}
+            for name, time, center, rotation in zip(
+                truth.frame_id,
+                truth.time_utc_s.tolist(),
+                truth.center_world_m.tolist(),
+                truth.world_from_camera.tolist(),
+                strict=True,
+            )
+        },
+        "points": dict(zip(truth.label, truth.point_world_m.tolist(), strict=True)),
+        "lines": [
+            {"name": name, "from": start, "to": end, "length_m": length}
+            for (name, start, end), length in zip(
+                lengths, truth.line_length_m.tolist(), strict=True
+            )
+        ],
+        "measurements": [
+            {"name": name, "value": value, "unit": unit} for name, value, unit in measured
+        ],
+    }
+
+
+def _make_photo_folder(folder: Path, frame_id: Sequence[str]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    strangers = sorted({p.name for p in folder.glob("*.jpg")} - set(frame_id))
+    if strangers:
+        raise OutputError(
+            f"{folder}: holds photos of another survey ({strangers[0]}...), which the project "
+            "would take for its own; name an empty folder"
+        )
+
+
+def _write_photos(
+    folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[np.uint8]]
+) -> None:
+    times = survey.file_time_utc_s.tolist()
+    zone_h = survey.scenario.errors.camera_zone_h
+    for name, time, photo in zip(survey.frame_id, times, photos, strict=True):
+        done, jpeg = cv2.imencode(".jpg", photo, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+        if not done:
+            raise ValueError(f"{name}: an image of shape {photo.shape} cannot be encoded")
+        tags = CaptureTags(time_utc_s=time, zone_h=zone_h, make=MAKE, model=survey.calibration.name)
+        (folder / name).write_bytes(with_exif(jpeg.tobytes(), tags))
+
+
+def _write_tables(folder: Path, survey: SimulatedSurvey) -> None:
+    picks, lines, checks = survey.picks, survey.lines, survey.checks
+    _write_csv(
+        folder / "picks.csv",
+        ("image", "label", "u_px", "v_px", "sigma_px"),
+        zip(
+            picks.image,
+            picks.label,
+            *_texts(picks.pixel_px, 3),
+            *_texts(picks.sigma_px[:, None], 2),
+            strict=True,
+        ),
+    )
+    _write_csv(
+        folder / "lines.csv",
+        ("name", "from", "to", "length_m", "sigma_m", "use"),
+        zip(
+            lines.name,
+            lines.start,
+            lines.end,
+            *_texts(np.column_stack([lines.length_m, lines.sigma_m]), 4),
+            ("adjust" if adjust else "check" for adjust in lines.adjust.tolist()),
+            strict=True,
+        ),
+    )
+    _write_csv(
+        folder / "check.csv",
+        ("label", "east_m", "north_m", "up_m", "sigma_m"),
+        zip(
+            checks.label,
+            *_texts(np.column_stack([checks.coordinates, checks.sigma_m[:, 0]]), 4),
+            strict=True,
+        ),
+    )
+    _write_csv(
+        folder / "measure.csv",
+        ("name", "kind", "points", "parameters"),
+        (
+            (
+                request.name,
+                request.kind,
+                ";".join(request.points),
+                ";".join(f"{name}={value}" for name, value in request.parameters),
+            )
+            for request in survey.measurements
+        ),
+    )
+
+
+def _write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)
+
+
+def _texts(columns: Floats, digits: int) -> list[list[str]]:
+    """Columns of (N, K) numbers as text."""
+    return [[f"{value:.{digits}f}" for value in column] for column in columns.T.tolist()]
+
+
+def _number(value: float) -> str:
+    """Write a number that every YAML reader takes for one: 1e-05 is text to YAML 1.1."""
+    text = repr(float(value))
+    return text if "." in text or "e" not in text else text.replace("e", ".0e")
+
+
+def _camera_yaml(survey: SimulatedSurvey) -> str:
+    camera = survey.calibration
+    rows = [", ".join(_number(v) for v in row) for row in camera.covariance.tolist()]
+    return "\n".join(
+        [
+            f"name: {camera.name}",
+            f"model: {camera.model}",
+            f"width_px: {camera.width_px}",
+            f"height_px: {camera.height_px}",
+            "# fx fy cx cy k1 k2 p1 p2 k3; the true camera is drawn from this covariance",
+            f"parameters: [{', '.join(_number(v) for v in camera.parameters.tolist())}]",
+            "covariance:",
+            *(f"  - [{row}]" for row in rows),
+            "",
+        ]
+    )
+
+
+def _project_yaml(survey: SimulatedSurvey) -> str:
+    errors = survey.scenario.errors
+    arm = ", ".join(_number(v) for v in errors.lever_arm_m)
+    return f"""\
+# A simulated survey of a road accident; truth.json says what really was.
+name: {survey.scenario.name}
+images: photos/*.jpg
+log: flight.tlog
+camera: camera.yaml
+picks: picks.csv
+lines: lines.csv           # taped lengths; the one of use "check" is withheld
+measure: measure.csv
+check: check.csv           # surveyed points, only to judge the result
+output: out
+ground:
+  height_sigma_m: 0.5      # the scene lies a little below the place of take-off
+mount:
+  gimbal: auto             # the log has the gimbal's attitude
+  boresight_sigma_deg: 1.5
+  lever_arm_m: [{arm}]
+  lever_arm_sigma_m: 0.05
+time:
+  offset_s: auto           # the camera's clock is wrong; the log's camera events tell by how much
+  offset_sigma_s: 0.05
+picks_sigma_px: {_number(errors.pick_px)}
+"""

@@ -1,0 +1,46 @@
+"""Chain of custody: SHA-256 of every input file."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from uavgram.errors import InputError
+from uavgram.model.result import InputDigest
+
+
+def digest_inputs(
+    paths: Iterable[str | Path], folder: str | Path | None = None
+) -> tuple[InputDigest, ...]:
+    """Digest input files, each once, in the order given.
+
+    Parameters
+    ----------
+    paths
+        The files.
+    folder
+        Paths inside this folder (the project's) are named relative to it, with ``/``, so that
+        results do not depend on where a project lies; others stay as they are.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read.
+    """
+    return tuple(digest_file(path, folder) for path in dict.fromkeys(map(Path, paths)))
+
+
+def digest_file(path: str | Path, folder: str | Path | None = None) -> InputDigest:
+    """Digest one input file; see `digest_inputs`."""
+    path = Path(path)
+    try:
+        with path.open("rb") as stream:
+            sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+            size = os.fstat(stream.fileno()).st_size
+    except OSError as fault:
+        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    inside = folder is not None and path.is_relative_to(folder)
+    name = path.relative_to(folder).as_posix() if inside and folder is not None else str(path)
+    return InputDigest(path=name, sha256=sha256, size_bytes=size)

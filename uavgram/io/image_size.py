@@ -1,0 +1,79 @@
+"""Width and height of a photo from its header: no pixel is decoded."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import BinaryIO
+
+import cv2
+
+from uavgram.errors import InputError
+
+_PNG = b"\x89PNG\r\n\x1a\n"
+# Start-of-frame markers of JPEG (ITU-T T.81, table B.1); 0xC4, 0xC8 and 0xCC are none.
+_JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_JPEG_ALONE = frozenset({0x01, *range(0xD0, 0xD8)})  # markers without a segment
+
+
+def image_size(path: str | Path) -> tuple[int, int]:
+    """Width and height [px] of the stored, unrotated image.
+
+    JPEG and PNG are read from their headers; every other kind is decoded by OpenCV.
+
+    Raises
+    ------
+    InputError
+        The file is missing, or no photo.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            head = file.read(26)
+            if head[:2] == b"\xff\xd8":
+                file.seek(2)
+                size = _jpeg_size(file)
+            elif head[:8] == _PNG and len(head) >= 24:
+                size = struct.unpack(">II", head[16:24])
+            else:
+                size = _decoded_size(path)
+    except OSError as error:
+        raise InputError(path, f"cannot be read: {error.strerror}") from error
+    if size is None or min(size) <= 0:
+        raise InputError(path, "is no photo that can be read; take it out of `images`")
+    return int(size[0]), int(size[1])
+
+
+def _jpeg_size(file: BinaryIO) -> tuple[int, int] | None:
+    while True:
+        byte = file.read(1)
+        if not byte:
+            return None
+        if byte != b"\xff":
+            return None
+        marker = file.read(1)
+        while marker == b"\xff":  # fill bytes
+            marker = file.read(1)
+        if not marker or marker[0] in (0xD9, 0xDA):
+            return None
+        if marker[0] in _JPEG_ALONE:
+            continue
+        segment = file.read(2)
+        if len(segment) < 2:
+            return None
+        length = int.from_bytes(segment, "big")
+        if marker[0] in _JPEG_FRAMES:
+            frame = file.read(5)
+            if len(frame) < 5:
+                return None
+            height, width = struct.unpack(">HH", frame[1:5])
+            return int(width), int(height)
+        file.seek(length - 2, 1)
+
+
+def _decoded_size(path: str | Path) -> tuple[int, int] | None:
+    if not cv2.haveImageReader(str(path)):
+        return None
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION)
+    if image is None:
+        return None
+    return image.shape[1], image.shape[0]

@@ -1,0 +1,170 @@
+"""The output folder: results appear complete, or not at all."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from uavgram.errors import OutputError
+
+if sys.platform != "win32":  # without locks, what killed runs left behind stays
+    import fcntl
+
+log = logging.getLogger(__name__)
+
+PREFIX = ".uavgram-unfinished-"
+LAST = "results.json"  # whoever finds a new one finds everything else new too
+_FULL = {errno.ENOSPC, errno.EDQUOT}
+
+
+@contextmanager
+def staged_output(folder: str | Path) -> Iterator[Path]:
+    """Give a hidden folder to write into; move its files into `folder` once all are complete.
+
+    The hidden folder lies inside `folder`, so on the same file system. Its files replace those of
+    the same name one by one (``os.replace``), `results.json` last; other files stay. On any
+    failure, Ctrl-C included, the files of `folder` are as before, and the hidden folder is gone;
+    what a killed run left behind goes when the next run starts.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be written to, or the disk is full.
+    """
+    folder = Path(folder).absolute()
+    with _told_as_output_errors(folder):
+        existed = folder.is_dir()
+        folder.mkdir(parents=True, exist_ok=True)
+        _remove_stale(folder)
+        staging = Path(tempfile.mkdtemp(prefix=PREFIX, dir=folder))
+        lock = _lock(staging)
+        try:
+            (staging / "files").mkdir()
+            yield staging / "files"
+            _commit(staging, folder)
+        finally:
+            shutil.rmtree(staging, ignore_errors=True)
+            if lock is not None:
+                os.close(lock)
+            if not existed:
+                with suppress(OSError):  # it holds results now, or someone else's files
+                    folder.rmdir()
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write a text file in one step: the old one, or the new one, and nothing between.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written; an earlier one is untouched.
+    """
+    path = path.absolute()
+    unfinished = path.with_name(f".{path.name}.unfinished")
+    with _told_as_output_errors(path.parent):
+        try:
+            with unfinished.open("w", encoding="utf-8", newline="") as stream:
+                stream.write(text)
+                stream.flush()
+                os.fsync(stream.fileno())
+            unfinished.replace(path)
+        finally:
+            unfinished.unlink(missing_ok=True)
+
+
+@contextmanager
+def _told_as_output_errors(folder: Path) -> Iterator[None]:
+    """Turn failures to write below `folder` into errors that say what to do."""
+    try:
+        yield
+    except OSError as fault:
+        name = os.fspath(fault.filename) if fault.filename is not None else ""
+        is_ours = isinstance(name, str) and Path(name).is_relative_to(folder)
+        if fault.errno in _FULL:
+            why = "the disk is full; free some space, or choose another folder with --output"
+        elif is_ours or name in {str(parent) for parent in folder.parents}:
+            why = f"{fault.strerror} ({name}); choose another folder with --output"
+        else:
+            raise
+        raise OutputError(
+            f"{folder}: cannot write results, earlier ones are untouched; {why}"
+        ) from fault
+
+
+def _lock(staging: Path) -> int | None:
+    """Mark a hidden folder as in use, for as long as this process lives."""
+    if sys.platform == "win32":
+        return None
+    handle = os.open(staging, os.O_RDONLY)
+    with suppress(OSError):  # some network file systems know no locks
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    return handle
+
+
+def _remove_stale(folder: Path) -> None:
+    """Remove hidden folders and files whose process is no more."""
+    if sys.platform == "win32":
+        return
+    for stale in folder.glob(f"{PREFIX}*"):
+        with suppress(OSError):  # locked by a living run, or gone already
+            handle = os.open(stale, os.O_RDONLY)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                log.info("removing %s, which a killed run left behind", stale)
+                shutil.rmtree(stale) if stale.is_dir() else stale.unlink()
+            finally:
+                os.close(handle)
+
+
+def _commit(staging: Path, folder: Path) -> None:
+    """Move all files into place; undo everything if one of them fails."""
+    source, backup = staging / "files", staging / "earlier"
+    names = sorted(
+        (path.relative_to(source) for path in source.rglob("*") if path.is_file()),
+        key=lambda name: (name.as_posix() == LAST, name.as_posix()),
+    )
+    for name in names:
+        _flush(source / name)
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        if (folder / name).is_file():
+            (backup / name).parent.mkdir(parents=True, exist_ok=True)
+            _keep(folder / name, backup / name)
+    try:
+        for name in names:
+            (source / name).replace(folder / name)
+    except BaseException:
+        for name in names:
+            _restore(source / name, backup / name, folder / name)
+        raise
+
+
+def _flush(path: Path) -> None:
+    handle = os.open(path, os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _keep(path: Path, backup: Path) -> None:
+    """Keep a second name of a file, which costs nothing; a copy where that is not possible."""
+    try:
+        backup.hardlink_to(path)
+    except OSError:
+        shutil.copy2(path, backup)
+
+
+def _restore(source: Path, backup: Path, target: Path) -> None:
+    if source.exists():
+        return  # was not moved yet
+    if backup.exists():
+        backup.replace(target)
+    else:
+        target.unlink(missing_ok=True)

@@ -1,0 +1,85 @@
+"""picks.csv -> `Picks`."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.io.tables import Columns, Table, read_table
+from uavgram.model.observations import Picks
+
+_COLUMNS = Columns(
+    text=("image", "label"),
+    numbers=("u_px", "v_px"),
+    optional_numbers=("sigma_px", "height_m"),
+)
+
+
+def read_picks(path: str | Path) -> Picks:
+    """Read picked pixels.
+
+    Raises
+    ------
+    InputError
+        Names file and line of every mistake: those of any table, no pick at all, a path where a
+        file name is wanted, a semicolon in a label, a label picked twice in one image, a label
+        with two different heights, a sigma that is not greater than 0.
+    """
+    table = read_table(path, _COLUMNS)
+    if not len(table.line):
+        table.faults.append((1, "holds no pick: add a line for each picked pixel"))
+    table.require_positive("sigma_px")
+    _check_names(table)
+    _check_doubles(table)
+    _check_heights(table)
+    table.raise_faults()
+    return Picks(
+        image=table.text["image"],
+        label=table.text["label"],
+        pixel_px=np.stack([table.numbers["u_px"], table.numbers["v_px"]], axis=1),
+        sigma_px=table.numbers["sigma_px"],
+        height_m=table.numbers["height_m"],
+    )
+
+
+def _check_names(table: Table) -> None:
+    for row, (image, label) in enumerate(
+        zip(table.text["image"], table.text["label"], strict=True)
+    ):
+        if re.search(r"[/\\]", image):
+            name = re.split(r"[/\\]", image)[-1]
+            table.blame(row, f"image must be the file's name alone: {name!r} (got {image!r})")
+        if ";" in label:
+            table.blame(
+                row, f"label {label!r} holds a semicolon, which separates labels in measure.csv"
+            )
+
+
+def _check_doubles(table: Table) -> None:
+    first: dict[tuple[str, str], int] = {}
+    for row, pick in enumerate(zip(table.text["image"], table.text["label"], strict=True)):
+        if all(pick) and pick in first:
+            image, label = pick
+            table.blame(
+                row,
+                f"label {label!r} is picked twice in image {image!r}, first in line "
+                f"{table.line[first[pick]]}: one physical point has one pick in an image; remove "
+                "one, or rename it if it is another point",
+            )
+        first.setdefault(pick, row)
+
+
+def _check_heights(table: Table) -> None:
+    first: dict[str, int] = {}
+    heights = table.numbers["height_m"]
+    for row in np.flatnonzero(np.isfinite(heights)):
+        label = table.text["label"][row]
+        earlier = first.setdefault(label, int(row))
+        if heights[earlier] != heights[row]:
+            table.blame(
+                int(row),
+                f"height_m of label {label!r} is {heights[row]:g} here, but {heights[earlier]:g} "
+                f"in line {table.line[earlier]}: one physical point has one height",
+            )

@@ -1,0 +1,52 @@
+"""Check a project: read and validate every input and match the photos; compute nothing."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavgram.model.message import Message
+from uavgram.pipeline.compute import Posed, pose_frames
+from uavgram.pipeline.inputs import Inputs, read_inputs
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Checked:
+    """What a project holds, and what is odd about it."""
+
+    inputs: Inputs
+    posed: Posed
+    messages: tuple[Message, ...]
+
+
+def check(project: str | os.PathLike[str]) -> Checked:
+    """Read and validate every input of a project.
+
+    Raises
+    ------
+    UavgramError
+        The first problem that would stop a run.
+    """
+    inputs = read_inputs(Path(project))
+    posed = pose_frames(inputs)
+    messages = (*inputs.messages, *posed.messages, *_unseen(inputs))
+    return Checked(inputs=inputs, posed=posed, messages=messages)
+
+
+def _unseen(inputs: Inputs) -> list[Message]:
+    """Labels that lengths, measurements or known points name and nobody picked."""
+    picked = set(inputs.picks.label)
+    named = [
+        (f"line {name!r}", label)
+        for name, *ends in zip(inputs.lines.name, inputs.lines.start, inputs.lines.end, strict=True)
+        for label in ends
+    ]
+    named += [(f"measurement {r.name!r}", p) for r in inputs.requests for p in r.points]
+    named += [("the control points", label) for label in inputs.control.label]
+    named += [("the check points", label) for label in inputs.check.label]
+    return [
+        Message("warning", "label-unseen", f"Point {label!r} of {what} is never picked.")
+        for what, label in named
+        if label not in picked
+    ]

@@ -1,0 +1,44 @@
+"""The built-in survey: simulated, photographed, written to a folder, and run like any other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from uavgram.imaging.render import render_photos
+from uavgram.io.demo_files import write_demo
+from uavgram.model.result import Result
+from uavgram.model.scene import DemoScenario
+from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.run import run
+from uavgram.stages.simulate.survey import simulate
+
+
+def demo(
+    folder: Path, scenario: DemoScenario, progress: Progress = silent
+) -> tuple[Result, Mapping[str, float], Path]:
+    """Make a survey with known truth, and run it.
+
+    Parameters
+    ----------
+    folder
+        Where its files go; made if absent.
+    scenario
+        The numbers that define it.
+    progress
+        Shows long loops.
+
+    Returns
+    -------
+    result : Result
+    truth
+        True values by the names of the measurements.
+    project
+        The project file.
+    """
+    survey = simulate(scenario)
+    photos = progress(render_photos(survey), "rendering photos", len(survey.frame_id))
+    project = write_demo(folder, survey, photos)
+    result = run(project, progress=progress)
+    names, values = survey.truth.measurement_name, survey.truth.measurement_value.tolist()
+    return result, dict(zip(names, values, strict=True)), project

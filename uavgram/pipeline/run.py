@@ -1,0 +1,100 @@
+"""Run a project: read, compute, and write every output, complete or not at all."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from enum import Enum
+from pathlib import Path
+from typing import Literal
+
+from uavgram.imaging.mosaic import ground_texture
+from uavgram.imaging.preview import Preview, read_preview
+from uavgram.io.geojson import write_geojson
+from uavgram.io.measurements_csv import write_measurements_csv
+from uavgram.io.outputs import staged_output
+from uavgram.io.results import write_results
+from uavgram.model.result import Result
+from uavgram.pipeline.compute import compute
+from uavgram.pipeline.inputs import read_inputs
+from uavgram.pipeline.journal import Journal
+from uavgram.pipeline.progress import Progress, silent
+from uavgram.views.recording.write import write_recording
+from uavgram.views.report import write_report
+
+
+class _Output(Enum):
+    FROM_PROJECT = "as the project says"
+
+
+FROM_PROJECT = _Output.FROM_PROJECT
+"""Write to the folder that the project names."""
+
+OutputChoice = str | os.PathLike[str] | None | Literal[_Output.FROM_PROJECT]
+
+
+def run(
+    project: str | os.PathLike[str],
+    output: OutputChoice = FROM_PROJECT,
+    progress: Progress = silent,
+) -> Result:
+    """Run a project from its inputs to its outputs.
+
+    Parameters
+    ----------
+    project
+        The project file.
+    output
+        Folder of the outputs; by default the one that the project names, None: write nothing.
+    progress
+        Shows long loops.
+
+    Returns
+    -------
+    Result
+        The content of results.json.
+
+    Raises
+    ------
+    UavgramError
+        A problem that the user can solve. Earlier results are untouched.
+    """
+    journal = Journal()
+    with journal.step("read the inputs"):
+        inputs = read_inputs(Path(project))
+    with journal.step("adjust and measure"):
+        result = compute(inputs)
+    journal.result(result)
+    folder = inputs.project.output if output is FROM_PROJECT else output
+    if folder is not None:
+        with staged_output(Path(folder)) as staging:
+            _write_outputs(result, staging, journal, progress)
+    return result
+
+
+def _write_outputs(result: Result, folder: Path, journal: Journal, progress: Progress) -> None:
+    with journal.step("decode previews"):
+        previews = _previews(result, progress)
+    writers: dict[str, Callable[[Path], None]] = {
+        "points.geojson": lambda path: write_geojson(result, path),
+        "measurements.csv": lambda path: write_measurements_csv(result, path),
+        "report.html": lambda path: write_report(result, path),
+        "recording.rrd": lambda path: write_recording(
+            result, previews, ground_texture(result, previews), path
+        ),
+        "results.json": lambda path: write_results(result, path),
+    }
+    for name, write in progress(writers.items(), "writing", len(writers)):
+        with journal.step(f"write {name}"):
+            write(folder / name)
+    journal.write(folder / "run.jsonl")
+
+
+def _previews(result: Result, progress: Progress) -> dict[str, Preview]:
+    """Reduced photos by frame name; decoding leaves Python, so threads help."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        decoded = pool.map(read_preview, result.frames.path)
+        names = result.frames.frame_id
+        shown = progress(zip(names, decoded, strict=True), "previews", len(names))
+        return dict(shown)

@@ -1,0 +1,177 @@
+"""The true flight: where the vehicle is, how it leans, where its gimbal looks, its exposures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import lfilter
+
+from uavgram.model.arrays import Floats, freeze
+from uavgram.model.scene import FlightPlan, Site
+
+STEP_S = 0.01
+GRAVITY_M_S2 = 9.80665
+ON_GROUND_S = 8.0
+CLIMB_M_S = 3.0
+LEAD_M = 6.0  # straight flight before and after the exposures of a strip
+CORNER_SIGMA_S = 0.8  # how softly the vehicle turns, brakes and speeds up
+WOBBLE_TAU_S = 1.5
+DRAG_PER_S = 0.25  # a multicopter leans about 6 degrees into 4.5 m/s
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Motion:
+    """N instants of the true flight, `STEP_S` apart.
+
+    Attributes
+    ----------
+    time_s
+        (N,) from the start of the recording.
+    position_world_m, velocity_world_m_s
+        (N, 3) of the autopilot.
+    body_rpy_rad
+        (N, 3) roll, pitch, yaw of the body, FRD to NED; yaw without jumps.
+    gimbal_rpy_rad
+        (N, 3) roll and pitch from the earth, yaw from the vehicle's heading.
+    exposure_time_s
+        (E,) increasing.
+    """
+
+    time_s: Floats
+    position_world_m: Floats
+    velocity_world_m_s: Floats
+    body_rpy_rad: Floats
+    gimbal_rpy_rad: Floats
+    exposure_time_s: Floats
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        freeze(
+            self,
+            time_s=(n,),
+            position_world_m=(n, 3),
+            velocity_world_m_s=(n, 3),
+            body_rpy_rad=(n, 3),
+            gimbal_rpy_rad=(n, 3),
+            exposure_time_s=(None,),
+        )
+
+
+def gauss_markov(
+    rng: np.random.Generator, count: int, step_s: float, tau_s: float, sigma: Floats
+) -> Floats:
+    """Draw (count, K) stationary first-order Gauss-Markov noise with sigmas (K,).
+
+    x[i+1] = a x[i] + w, a = exp(-step / tau), var w = sigma^2 (1 - a^2) (Gelb 1974, section 3.8).
+    """
+    decay = np.exp(-step_s / tau_s)
+    white = rng.standard_normal((count, len(sigma)))
+    white[1:] *= np.sqrt(1.0 - decay**2)
+    correlated: Floats = lfilter([1.0], [1.0, -decay], white, axis=0)
+    return correlated * sigma
+
+
+def scene_axes(site: Site) -> Floats:
+    """Give the (2, 2) rotation ``east_north = axes @ scene_xy``."""
+    azimuth = np.deg2rad(site.road_azimuth_deg)
+    return np.array([[np.sin(azimuth), -np.cos(azimuth)], [np.cos(azimuth), np.sin(azimuth)]])
+
+
+def fly(plan: FlightPlan, site: Site, rng: np.random.Generator) -> Motion:
+    """Fly the plan: up from home, along the road and back beside it, home, down.
+
+    Parameters
+    ----------
+    plan, site
+        Of the scenario.
+    rng
+        Draws trigger places and wobble.
+    """
+    waypoints, speeds = _waypoints(plan, site)
+    leg_s = np.linalg.norm(np.diff(waypoints, axis=0), axis=1) / speeds
+    knots = ON_GROUND_S + np.concatenate([[0.0], np.cumsum(leg_s)])
+    time = np.arange(0.0, knots[-1] + ON_GROUND_S, STEP_S)
+    path = np.stack([np.interp(time, knots, column) for column in waypoints.T], axis=1)
+    path = gaussian_filter1d(path, CORNER_SIGMA_S / STEP_S, axis=0, mode="nearest")
+    # On the ground nothing wobbles.
+    aloft = np.clip(path[:, 2:] / plan.height_m, 0.0, 1.0)
+    path = path + aloft * _wobble(rng, len(time), np.full(3, plan.wobble_m))
+    velocity = np.gradient(path, STEP_S, axis=0)
+    yaw = _heading(knots, time, site)
+    body = _lean(velocity, yaw)
+    tilt_sigma = np.deg2rad([plan.tilt_wobble_deg, plan.tilt_wobble_deg, plan.tilt_wobble_deg / 2])
+    body = body + aloft * _wobble(rng, len(time), tilt_sigma)
+    gimbal = _wobble(rng, len(time), np.full(3, np.deg2rad(plan.gimbal_wobble_deg)))
+    gimbal[:, 1] += np.deg2rad(plan.gimbal_pitch_deg)
+    return Motion(
+        time_s=time,
+        position_world_m=path,
+        velocity_world_m_s=velocity,
+        body_rpy_rad=body,
+        gimbal_rpy_rad=gimbal,
+        exposure_time_s=_exposures(plan, knots, rng),
+    )
+
+
+def at(motion: Motion, column: Floats, instants_s: Floats) -> Floats:
+    """Interpolate an (N, 3) column of the motion at (E,) instants, linearly: (E, 3)."""
+    return np.stack([np.interp(instants_s, motion.time_s, part) for part in column.T], axis=1)
+
+
+def _waypoints(plan: FlightPlan, site: Site) -> tuple[Floats, Floats]:
+    """Corners of the flight (8, 3) in the world, and the speed of each leg (7,)."""
+    reach = plan.strip_half_length_m + LEAD_M
+    # The optical axis meets the ground ahead of the vehicle: fly so that the footprints, not the
+    # vehicle, are spread about the scene's middle.
+    above_ground_m = plan.height_m - site.ground_height_m
+    ahead = above_ground_m / np.tan(np.deg2rad(-plan.gimbal_pitch_deg))
+    side = plan.strip_offset_m
+    scene = np.array(
+        [
+            [-reach - ahead, -side],
+            [reach - ahead, -side],
+            [reach + ahead, side],
+            [-reach + ahead, side],
+        ]
+    )
+    strip = scene @ scene_axes(site).T + [site.scene_east_m, site.scene_north_m]
+    level = np.full((6, 1), plan.height_m)
+    plane = np.vstack([[0.0, 0.0], strip, [0.0, 0.0]])
+    waypoints = np.vstack([np.zeros(3), np.hstack([plane, level]), np.zeros(3)])
+    cruise = plan.speed_m_s
+    return waypoints, np.array([CLIMB_M_S, cruise, cruise, cruise, cruise, cruise, CLIMB_M_S])
+
+
+def _exposures(plan: FlightPlan, knots: Floats, rng: np.random.Generator) -> Floats:
+    """Instants (E,) at which the vehicle passes the planned places of both strips."""
+    count = plan.photos_per_strip
+    along = LEAD_M + np.linspace(0.0, 2.0 * plan.strip_half_length_m, count)
+    jitter = rng.uniform(-plan.trigger_jitter_m, plan.trigger_jitter_m, (2, count))
+    return (knots[[2, 4], None] + (along + jitter) / plan.speed_m_s).ravel()
+
+
+def _heading(knots: Floats, time: Floats, site: Site) -> Floats:
+    """Yaw (N,): along the road on the first strip, turned about between the strips, then kept."""
+    azimuth = np.deg2rad(site.road_azimuth_deg)
+    middle = 0.5 * (knots[3] + knots[4])
+    yaw = np.where(time < middle, azimuth, azimuth + np.pi)
+    return gaussian_filter1d(yaw, CORNER_SIGMA_S / STEP_S, mode="nearest")
+
+
+def _lean(velocity: Floats, yaw: Floats) -> Floats:
+    """Roll, pitch, yaw (N, 3) of a multicopter: its thrust balances gravity, drag, acceleration."""
+    force = np.gradient(velocity, STEP_S, axis=0) + DRAG_PER_S * velocity
+    force = gaussian_filter1d(force, 0.3 / STEP_S, axis=0, mode="nearest")
+    east, north, up = force.T
+    ahead = np.sin(yaw) * east + np.cos(yaw) * north
+    right = np.cos(yaw) * east - np.sin(yaw) * north
+    up = up + GRAVITY_M_S2
+    return np.stack([np.arctan2(right, np.hypot(ahead, up)), -np.arctan2(ahead, up), yaw], axis=1)
+
+
+def _wobble(rng: np.random.Generator, count: int, sigma: Floats) -> Floats:
+    """Smooth random motion (count, K) of about the given sigmas."""
+    rough = gauss_markov(rng, count, STEP_S, WOBBLE_TAU_S, sigma)
+    return gaussian_filter1d(rough, 0.25 / STEP_S, axis=0, mode="nearest")

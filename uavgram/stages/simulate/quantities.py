@@ -1,0 +1,69 @@
+"""True values of what is measured, from true positions: short formulas of their own.
+
+The measuring stage has its own code, with covariances; sharing it here would hide its mistakes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.constants import g as GRAVITY_M_S2  # noqa: N812
+
+from uavgram.model.arrays import Floats
+from uavgram.model.observations import MeasurementRequest
+
+UNITS = {
+    "distance": "m",
+    "polyline": "m",
+    "line_distance": "m",
+    "area": "m2",
+    "angle": "deg",
+    "skid_speed": "m/s",
+}
+
+
+def measured_values(
+    requests: Sequence[MeasurementRequest], row: Mapping[str, int], points_world_m: Floats
+) -> tuple[tuple[str, ...], Floats, tuple[str, ...]]:
+    """Names, true values and units of the requests; a coordinate gives two, east and north.
+
+    Parameters
+    ----------
+    requests
+        What is asked for; kind ``speed`` is left out, nothing moves in a simulated scene.
+    row
+        Index of each label in `points_world_m`.
+    points_world_m
+        (K, 3).
+    """
+    names: list[str] = []
+    values: list[float] = []
+    units: list[str] = []
+    for request in requests:
+        at = points_world_m[[row[label] for label in request.points]]
+        if request.kind == "coordinate":
+            names += [f"{request.name} east", f"{request.name} north"]
+            values += at[0, :2].tolist()
+            units += ["m", "m"]
+        elif request.kind != "speed":
+            names.append(request.name)
+            values.append(_value(request, at))
+            units.append(UNITS[request.kind])
+    return tuple(names), np.array(values), tuple(units)
+
+
+def _value(request: MeasurementRequest, at: Floats) -> float:
+    steps = np.linalg.norm(np.diff(at, axis=0), axis=1)
+    if request.kind in {"distance", "polyline"}:
+        return float(steps.sum())
+    if request.kind == "skid_speed":
+        return float(np.sqrt(2.0 * dict(request.parameters)["mu"] * GRAVITY_M_S2 * steps.sum()))
+    if request.kind == "area":
+        # Half the length of the summed cross products: area of a plane polygon in space.
+        return float(np.linalg.norm(np.cross(at, np.roll(at, -1, axis=0)).sum(axis=0)) / 2.0)
+    if request.kind == "angle":
+        a, b = at[0] - at[1], at[2] - at[1]
+        return float(np.rad2deg(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
+    along = at[2] - at[1]
+    return float(np.linalg.norm(np.cross(at[0] - at[1], along)) / np.linalg.norm(along))

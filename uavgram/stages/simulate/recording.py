@@ -1,0 +1,123 @@
+"""What the autopilot writes down of a flight: everything slightly wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+
+from uavgram.geometry.geodesy import geodetic_from_enu
+from uavgram.model.arrays import Floats, freeze
+from uavgram.model.scene import DemoScenario, ErrorSpec, Site
+from uavgram.model.simulation import SimulatedLog
+from uavgram.stages.simulate.motion import STEP_S, Motion, at, gauss_markov
+
+POSITION_EVERY = 10  # of the motion's steps: 10 Hz
+ATTITUDE_EVERY = 5  # 20 Hz
+GIMBAL_EVERY = 10
+GPS_EVERY = 20  # 5 Hz
+GPS_LAG_STEPS = 10  # receivers are late by 0.1 to 0.2 s (ArduPilot PR 8763)
+GPS_NOISE_M = (0.25, 0.4)  # of each fix, beside what the estimator shares with it
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightBiases:
+    """What is wrong all through the flight, log minus truth: (3,) m, rad; and the true mount."""
+
+    position_m: Floats
+    heading_rad: float
+    boresight_rad: Floats
+    lever_arm_m: Floats
+
+    def __post_init__(self) -> None:
+        freeze(self, position_m=(3,), boresight_rad=(3,), lever_arm_m=(3,))
+
+
+def draw_biases(errors: ErrorSpec, rng: np.random.Generator) -> FlightBiases:
+    """Draw the errors that all frames share."""
+    horizontal, vertical = errors.position_bias_m
+    return FlightBiases(
+        position_m=rng.standard_normal(3) * [horizontal, horizontal, vertical],
+        heading_rad=float(np.deg2rad(errors.heading_bias_deg) * rng.standard_normal()),
+        boresight_rad=np.deg2rad(errors.boresight_deg) * rng.standard_normal(3),
+        lever_arm_m=errors.lever_arm_m + errors.lever_arm_sigma_m * rng.standard_normal(3),
+    )
+
+
+def start_utc_s(scenario: DemoScenario) -> float:
+    """Instant of the recording's start, seconds since the Unix epoch."""
+    return datetime.fromisoformat(scenario.flight.start_utc).timestamp()
+
+
+def record(
+    scenario: DemoScenario, motion: Motion, biases: FlightBiases, rng: np.random.Generator
+) -> SimulatedLog:
+    """Write down a flight as an autopilot does, with the scenario's errors."""
+    errors, site, boot_s = scenario.errors, scenario.site, scenario.flight.boot_s
+    position, gps = _estimated_positions(errors, motion, biases, rng)
+    body, gimbal = _estimated_angles(errors, motion, biases, rng)
+    events = motion.exposure_time_s
+    events = events + errors.event_jitter_s * rng.standard_normal(len(events))
+    gps_rows = slice(GPS_LAG_STEPS, None, GPS_EVERY)
+    gps_position = gps[: len(motion.time_s) - GPS_LAG_STEPS : GPS_EVERY]
+    every = {
+        "position": slice(None, None, POSITION_EVERY),
+        "attitude": slice(None, None, ATTITUDE_EVERY),
+        "gimbal": slice(None, None, GIMBAL_EVERY),
+    }
+    # A receiver knows its scatter and drift, not what is wrong all through the flight.
+    accuracy = np.hypot(errors.position_drift_m, GPS_NOISE_M)
+    east, north, up = motion.velocity_world_m_s[every["position"]].T
+    return SimulatedLog(
+        boot_utc_s=start_utc_s(scenario) - boot_s,
+        home_geodetic=np.array([site.latitude_deg, site.longitude_deg, site.height_msl_m]),
+        undulation_m=site.undulation_m,
+        position_time_s=boot_s + motion.time_s[every["position"]],
+        position_geodetic=geodetic_msl(position[every["position"]], site),
+        velocity_ned_m_s=np.stack([north, east, -up], axis=1),
+        attitude_time_s=boot_s + motion.time_s[every["attitude"]],
+        attitude_rpy_rad=body[every["attitude"]],
+        gimbal_time_s=boot_s + motion.time_s[every["gimbal"]],
+        gimbal_rpy_rad=gimbal[every["gimbal"]],
+        gps_time_s=boot_s + motion.time_s[gps_rows],
+        gps_geodetic=geodetic_msl(gps_position, site),
+        gps_accuracy_m=np.tile(accuracy, (len(gps_position), 1)),
+        event_time_s=boot_s + events,
+        event_geodetic=geodetic_msl(at(motion, position, events), site),
+        event_rpy_rad=at(motion, body, events),
+    )
+
+
+def geodetic_msl(position_world_m: Floats, site: Site) -> Floats:
+    """Latitude, longitude [deg], height above mean sea level [m], (N, 3), of the world's (N, 3)."""
+    ellipsoid_m = site.height_msl_m + site.undulation_m
+    origin = (site.latitude_deg, site.longitude_deg, ellipsoid_m)
+    latitude, longitude, height = geodetic_from_enu(position_world_m, origin)
+    return np.column_stack([latitude, longitude, height - site.undulation_m])
+
+
+def _estimated_positions(
+    errors: ErrorSpec, motion: Motion, biases: FlightBiases, rng: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """Position of the estimator and of the receiver (N, 3): they drift alike, fixes scatter."""
+    horizontal, vertical = errors.position_drift_m
+    sigma = np.array([horizontal, horizontal, vertical])
+    count = len(motion.time_s)
+    drift = gauss_markov(rng, count, STEP_S, errors.position_drift_tau_s, sigma)
+    estimated = motion.position_world_m + biases.position_m + drift
+    scatter = np.array([GPS_NOISE_M[0], GPS_NOISE_M[0], GPS_NOISE_M[1]])
+    return estimated, estimated + scatter * rng.standard_normal((count, 3))
+
+
+def _estimated_angles(
+    errors: ErrorSpec, motion: Motion, biases: FlightBiases, rng: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """Logged roll, pitch, yaw of body and gimbal, (N, 3) each."""
+    count, tau = len(motion.time_s), errors.attitude_tau_s
+    body_sigma = np.deg2rad([errors.attitude_deg, errors.attitude_deg, errors.heading_deg])
+    body = motion.body_rpy_rad + gauss_markov(rng, count, STEP_S, tau, body_sigma)
+    body[:, 2] += biases.heading_rad
+    gimbal_sigma = np.full(3, np.deg2rad(errors.gimbal_deg))
+    gimbal = motion.gimbal_rpy_rad + gauss_markov(rng, count, STEP_S, tau, gimbal_sigma)
+    return body, gimbal

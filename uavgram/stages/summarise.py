@@ -1,0 +1,210 @@
+"""Summarise: the adjusted survey as the tables of a result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from uavgram.estimation.adjustment import Adjustment, Refined
+from uavgram.estimation.reliability import upper_tail
+from uavgram.estimation.survey_problem import TELEMETRY_PARTS
+from uavgram.model.arrays import Floats
+from uavgram.model.frames import Frames
+from uavgram.model.pose import Poses
+from uavgram.model.result import (
+    Alternative,
+    Estimate,
+    FrameResults,
+    FrameStatus,
+    GroupFactor,
+    PoseTable,
+    SharedResult,
+    SolutionSummary,
+)
+
+
+def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedResult:
+    """Shared unknowns with their standard deviations, angles in degrees.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    clock_offset_s
+        Camera clock minus UTC as it was assumed; the clock correction is added to it.
+    """
+    layout, state = adjustment.problem.layout, adjustment.state
+    basis = adjustment.problem.intrinsic_basis
+    intrinsic = adjustment.shared(layout.first_intrinsic, layout.intrinsics)
+    intrinsic_sigma = np.sqrt(np.einsum("ij,jk,ik->i", basis, intrinsic, basis))
+    plane_sigma = _sigmas(adjustment, layout.first_plane, layout.plane, 3)
+    slope = state.plane[1:]
+    part = _telemetry_parts(adjustment)
+    return SharedResult(
+        boresight_deg=_in_degrees(part.get("boresight")),
+        lever_arm_m=part.get("lever_arm"),
+        position_bias_m=part.get("position_bias"),
+        heading_bias_deg=_in_degrees(part.get("heading_bias")),
+        clock_offset_s=_shifted(part.get("clock"), clock_offset_s),
+        plane_height_m=Estimate(value=state.plane[:1], sigma=plane_sigma[:1]),
+        plane_slope_deg=Estimate(
+            value=np.rad2deg(np.arctan(slope)),
+            sigma=np.rad2deg(plane_sigma[1:] / (1.0 + slope**2)),
+        ),
+        plane_pivot_m=adjustment.problem.pivot_m,
+        intrinsics=Estimate(value=adjustment.problem.intrinsics(state), sigma=intrinsic_sigma),
+    )
+
+
+def _telemetry_parts(adjustment: Adjustment) -> dict[str, Estimate]:
+    layout, state = adjustment.problem.layout, adjustment.state
+    if not layout.telemetry:
+        return {}
+    sigma = _sigmas(adjustment, layout.first_telemetry, layout.telemetry, layout.telemetry)
+    return {
+        name: Estimate(value=state.telemetry[part], sigma=sigma[part])
+        for name, part in TELEMETRY_PARTS.items()
+    }
+
+
+def _sigmas(adjustment: Adjustment, first: int, count: int, size: int) -> Floats:
+    """(size,) standard deviations of shared unknowns; 0 where they are the gauge."""
+    if not count:
+        return np.zeros(size)
+    return np.sqrt(np.diag(adjustment.shared(first, count)))
+
+
+def _in_degrees(estimate: Estimate | None) -> Estimate | None:
+    if estimate is None:
+        return None
+    return Estimate(value=np.rad2deg(estimate.value), sigma=np.rad2deg(estimate.sigma))
+
+
+def _shifted(estimate: Estimate | None, by: float) -> Estimate | None:
+    if estimate is None:
+        return None
+    return Estimate(value=estimate.value + by, sigma=estimate.sigma)
+
+
+def summarise_frames(
+    frames: Frames,
+    path: tuple[str, ...],
+    seeds: Poses | None,
+    refined: Refined,
+    picked: Mapping[str, str],
+) -> FrameResults:
+    """Status and poses of every frame of the project.
+
+    Parameters
+    ----------
+    frames
+        All F frames.
+    path
+        (F,) of their photos.
+    seeds
+        Poses from the telemetry, of the matched frames.
+    refined
+        The adjusted survey.
+    picked
+        Frame name to the reason why its picks were left out (empty where they were not), for
+        every frame with picks.
+    """
+    adjustment = refined.adjustment
+    adjusted = Poses(
+        frame_id=adjustment.survey.frame_id,
+        center_world_m=adjustment.state.center,
+        world_from_camera=adjustment.state.rotation,
+        covariance=adjustment.frame_covariance(),
+    )
+    status: list[FrameStatus] = []
+    reason: list[str] = []
+    for i, name in enumerate(frames.frame_id):
+        state, why = _status(name, adjusted, picked, seeds, frames.reason[i])
+        status.append(state)
+        reason.append(why)
+    clock = 0.0
+    if adjustment.problem.layout.telemetry:
+        clock = float(adjustment.state.telemetry[TELEMETRY_PARTS["clock"]][0])
+    return FrameResults(
+        frame_id=frames.frame_id,
+        path=path,
+        time_utc_s=frames.time_utc_s - clock,
+        status=tuple(status),
+        reason=tuple(reason),
+        seed=_table(frames.frame_id, seeds),
+        refined=_table(frames.frame_id, adjusted),
+    )
+
+
+def _status(
+    name: str, adjusted: Poses, picked: Mapping[str, str], seeds: Poses | None, reason: str
+) -> tuple[FrameStatus, str]:
+    if name in adjusted.frame_id:
+        return "refined", ""
+    if seeds is not None and name not in seeds.frame_id:
+        return "unmatched", reason
+    if name in picked:
+        return "rejected", picked[name] or "its picks do not determine its pose"
+    if seeds is None:
+        return "unmatched", "no flight log and no picks"
+    return "seeded", "no picks"
+
+
+def _table(frame_id: tuple[str, ...], poses: Poses | None) -> PoseTable:
+    """Poses in the order of the frames, NaN where a frame has none."""
+    count = len(frame_id)
+    center, rotation = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
+    covariance = np.full((count, 6, 6), np.nan)
+    if poses is not None:
+        row = {name: i for i, name in enumerate(frame_id)}
+        index = [row[name] for name in poses.frame_id]
+        center[index], rotation[index] = poses.center_world_m, poses.world_from_camera
+        covariance[index] = poses.covariance
+    return PoseTable(center_world_m=center, world_from_camera=rotation, covariance=covariance)
+
+
+def summarise_solution(
+    refined: Refined,
+    groups: tuple[GroupFactor, ...],
+    alternative_values: tuple[tuple[float, ...], ...],
+) -> SolutionSummary:
+    """Degrees of freedom, variance factor, convergence, and what else the lengths allow.
+
+    Parameters
+    ----------
+    refined
+        The adjusted survey and its alternatives.
+    groups
+        Variance factors by group.
+    alternative_values
+        The measured values under each alternative.
+    """
+    minimum = refined.adjustment.minimum
+    observations = sum(block.residual.size for block in minimum.blocks.values())
+    degrees = observations - refined.adjustment.problem.layout.size
+    factor = minimum.cost / degrees if degrees > 0 else np.nan
+    return SolutionSummary(
+        degrees_of_freedom=degrees,
+        variance_factor=factor,
+        chi2_probability=upper_tail(minimum.cost, degrees),
+        iterations=minimum.iterations,
+        converged=minimum.converged,
+        alternatives=tuple(
+            _alternative(other, values)
+            for other, values in zip(refined.alternatives, alternative_values, strict=True)
+        ),
+        groups=groups,
+    )
+
+
+def _alternative(adjustment: Adjustment, values: tuple[float, ...]) -> Alternative:
+    state = adjustment.state
+    tilt = np.arccos(np.clip(-state.rotation[0, 2, 2], -1.0, 1.0))
+    return Alternative(
+        frame_id=adjustment.survey.frame_id[0],
+        cost=adjustment.minimum.cost,
+        height_m=float(state.center[0, 2]),
+        tilt_deg=float(np.rad2deg(tilt)),
+        values=values,
+    )

@@ -1,0 +1,192 @@
+"""Shapes to draw a result with: outlines, frusta, lines; nothing here estimates anything."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from uavgram.geometry.projection import project
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.result import PoseTable, Result
+
+NICE_FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+
+# A straight line bends in a distorted photo: this many samples keep the chord error below a pixel.
+LINE_SAMPLES = 49
+
+
+def nice_factor(size: float, wanted: float) -> int:
+    """The largest factor of the 1-2-5 series with which `size` stays within `wanted`."""
+    if not (size > 0 and np.isfinite(size)):
+        return 1
+    return max((f for f in NICE_FACTORS if f * size <= wanted), default=1)
+
+
+def ellipse_outlines(
+    center: Floats, semi_axes: Floats, azimuth_rad: Floats, factor: float, samples: int = 33
+) -> Floats:
+    """(K, samples, 2) closed outlines, east and north.
+
+    Parameters
+    ----------
+    center
+        (K, 2) east, north.
+    semi_axes
+        (K, 2) semi-major, semi-minor [m].
+    azimuth_rad
+        (K,) of the major axis, clockwise from north.
+    factor
+        Exaggeration.
+    """
+    turn = np.linspace(0.0, 2 * np.pi, samples)
+    along = np.stack([np.sin(azimuth_rad), np.cos(azimuth_rad)], axis=-1)
+    across = np.stack([along[:, 1], -along[:, 0]], axis=-1)
+    major = (factor * semi_axes[:, 0])[:, None, None] * along[:, None, :]
+    minor = (factor * semi_axes[:, 1])[:, None, None] * across[:, None, :]
+    outline = center[:, None, :] + np.cos(turn)[:, None] * major + np.sin(turn)[:, None] * minor
+    return np.asarray(outline, dtype=np.float64)
+
+
+def frustum_corners(result: Result) -> Floats:
+    """(4, 3) corners of the photo as rays z = 1 of the undistorted camera, clockwise."""
+    fx, fy, cx, cy = result.shared.intrinsics.value[:4]
+    u = np.array([0, 1, 1, 0]) * result.camera.width_px - 0.5
+    v = np.array([0, 0, 1, 1]) * result.camera.height_px - 0.5
+    return np.stack([(u - cx) / fx, (v - cy) / fy, np.ones(4)], axis=-1)
+
+
+def frusta(result: Result, poses: PoseTable, depth_m: float) -> Floats:
+    """(N, 10, 3) one open polyline per frame that has a pose: the photo's frame and four edges."""
+    posed = np.isfinite(poses.center_world_m[:, 0])
+    center = poses.center_world_m[posed]
+    world = np.einsum("nij,kj->nki", poses.world_from_camera[posed], frustum_corners(result))
+    corners = center[:, None, :] + depth_m * world
+    apex = center[:, None, :]
+    top_left, top_right, bottom_right, bottom_left = (corners[:, k : k + 1] for k in range(4))
+    return np.concatenate(
+        [
+            *(top_left, top_right, bottom_right, bottom_left, top_left),
+            *(apex, top_right, bottom_right, apex, bottom_left),
+        ],
+        axis=1,
+    )
+
+
+def flight_order(result: Result) -> Ints:
+    """(F,) frames by time; by name where no time is known."""
+    time = result.frames.time_utc_s
+    key = time if np.isfinite(time).any() else np.arange(len(time), dtype=np.float64)
+    return np.argsort(key, kind="stable").astype(np.int64)
+
+
+def track(result: Result, poses: PoseTable) -> Floats:
+    """(N, 3) centres of the frames that have a pose, in the order of flight."""
+    centers = poses.center_world_m[flight_order(result)]
+    return np.asarray(centers[np.isfinite(centers[:, 0])], dtype=np.float64)
+
+
+def point_index(result: Result) -> dict[str, int]:
+    """Row of each label."""
+    return {label: k for k, label in enumerate(result.points.label)}
+
+
+def reference_strips(result: Result) -> dict[int, Floats]:
+    """(2, 3) ends in the world of each known length that has both, by its row."""
+    rows, lines = point_index(result), result.lines
+    position = result.points.position_world_m
+    return {
+        i: position[[rows[start], rows[end]]]
+        for i, (start, end) in enumerate(zip(lines.start, lines.end, strict=True))
+        if start in rows and end in rows
+    }
+
+
+def measured_strips(result: Result) -> dict[int, list[Floats]]:
+    """(n, 3) polylines that show each computed measurement, by its row; coordinates have none."""
+    rows, strips = point_index(result), {}
+    measured = result.measurements
+    for i, (kind, labels) in enumerate(zip(measured.kind, measured.points, strict=True)):
+        if np.isfinite(measured.value[i]) and all(label in rows for label in labels):
+            corners = result.points.position_world_m[[rows[label] for label in labels]]
+            strips[i] = _shape(kind, corners)
+    return strips
+
+
+def _shape(kind: str, corners: Floats) -> list[Floats]:
+    if kind == "coordinate" or len(corners) < 2:
+        return []
+    if kind == "area":
+        return [np.concatenate([corners, corners[:1]])]
+    if kind == "line_distance" and len(corners) > 2:
+        start, end = corners[1], corners[-1]
+        along = end - start
+        squared = float(along @ along)
+        share = float((corners[0] - start) @ along) / squared if squared > 0 else 0.0
+        return [np.stack([corners[0], start + share * along])]
+    return [corners]
+
+
+def longest_middle(strips: list[Floats]) -> Floats:
+    """(D,) middle of the longest segment of (n, D) polylines: where a label goes."""
+    starts = np.concatenate([strip[:-1] for strip in strips])
+    ends = np.concatenate([strip[1:] for strip in strips])
+    longest = int(np.argmax(np.linalg.norm(ends - starts, axis=1)))
+    return np.asarray((starts[longest] + ends[longest]) / 2, dtype=np.float64)
+
+
+def in_photo(result: Result, pixel: Floats) -> Bools:
+    """(...) whether (..., 2) pixels lie in the photo; NaN does not."""
+    size = np.array([result.camera.width_px, result.camera.height_px])
+    return np.asarray(((pixel >= -0.5) & (pixel <= size - 0.5)).all(axis=-1), dtype=np.bool_)
+
+
+def project_from(
+    result: Result,
+    center_world_m: Floats,
+    world_from_camera: Floats,
+    points_m: Floats,
+    *,
+    adjusted_lens: bool = True,
+) -> Floats:
+    """(..., 2) original pixels of (..., 3) world points in one camera; NaN outside the photo."""
+    lens = result.shared.intrinsics.value if adjusted_lens else result.camera.parameters
+    pixel = project(result.camera.model, lens, (points_m - center_world_m) @ world_from_camera)
+    return np.where(in_photo(result, pixel)[..., None], pixel, np.nan)
+
+
+def sampled(strip: Floats) -> Floats:
+    """(m, 3) the polyline with LINE_SAMPLES points on each segment."""
+    share = np.linspace(0.0, 1.0, LINE_SAMPLES)[:, None]
+    return np.concatenate([a + share * (b - a) for a, b in pairwise(strip)])
+
+
+def visible_runs(pixel: Floats) -> list[Floats]:
+    """Pieces of a (m, 2) polyline without NaN, each of two points or more."""
+    good = np.isfinite(pixel[:, 0])
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
+    runs = [pixel[a:b] for a, b in edges.reshape(-1, 2)]
+    return [run for run in runs if len(run) >= 2]
+
+
+def uncovered(anchors: Floats, half_widths: Floats, height: float, most: int) -> Ints:
+    """Rows of texts, taken in order, that cover none taken before.
+
+    Parameters
+    ----------
+    anchors
+        (N, 2) middles of the texts.
+    half_widths
+        (N,) half the length of each text, in the same unit.
+    height
+        Of a text.
+    most
+        How many are taken at most.
+    """
+    taken: list[int] = []
+    for i, anchor in enumerate(anchors):
+        gap = np.abs(anchors[taken] - anchor)
+        free = (gap[:, 0] >= half_widths[taken] + half_widths[i]) | (gap[:, 1] >= height)
+        if len(taken) < most and free.all():
+            taken.append(i)
+    return np.array(taken, dtype=np.int64)

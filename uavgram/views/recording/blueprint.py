@@ -1,0 +1,197 @@
+"""How the recording is laid out when it opens."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun.blueprint as rrb
+
+from uavgram.model.arrays import Floats
+from uavgram.model.result import Result
+from uavgram.views.recording.documents import FRAME_SHEET, LINES, POINTS, SUMMARY
+from uavgram.views.recording.geography import MAP
+from uavgram.views.recording.legend import LEGEND
+from uavgram.views.recording.photo import PHOTO
+from uavgram.views.recording.plots import (
+    HEIGHT,
+    RESIDUAL_REFINED,
+    RESIDUAL_SEED,
+    STATUS,
+    Curves,
+)
+from uavgram.views.recording.scene import Scene
+from uavgram.views.recording.stream import FRAME_TIMELINE
+from uavgram.views.style import Rgb
+
+BACKGROUND: Rgb = (13, 16, 17)
+NORTH_UP = (0, 1, 0)
+# A map tile of zoom 0 is 256 pixels of the equator wide.
+METRES_PER_PIXEL_AT_ZOOM_0 = 40_075_016.7 / 256
+MAP_PX = 300
+MOST_ZOOM = 19.0
+# The photo's own drawings lie on the photo, not in space.
+_NOT_IN_SPACE = [
+    f"- {PHOTO}/{name}/**"
+    for name in (
+        "residual_exaggerated",
+        "residual_exaggerated_suspect",
+        "from_flight_log",
+        "from_refined",
+        "picked",
+        "picked_suspect",
+        "labels",
+        "known_lengths",
+        "measured",
+    )
+]
+
+
+def blueprint(result: Result, scene: Scene, curves: Curves) -> rrb.Blueprint:
+    """The layout for this result: only views that have something to show."""
+    left = rrb.Vertical(
+        _survey(scene),
+        rrb.Spatial2DView(origin=LEGEND, name="Legend", titlebar=False, background=BACKGROUND),
+        rrb.Horizontal(*_plots(result, curves)),
+        row_shares=[10, 0.95, 2.9],
+    )
+    right = rrb.Vertical(
+        rrb.Spatial2DView(
+            origin=PHOTO,
+            name=f"Photo: picks white, residuals ×{scene.residual_factor} blue, "
+            "flight log alone orange",
+            background=BACKGROUND,
+            visual_bounds=rrb.VisualBounds2D(
+                x_range=[0, result.camera.width_px], y_range=[0, result.camera.height_px]
+            ),
+        ),
+        rrb.StateTimelineView(origin=STATUS, name="Frames"),
+        _tabs(result, scene),
+        row_shares=[5.2, 1.25, 5.0],
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(left, right, column_shares=[1.35, 1]),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=FRAME_TIMELINE, fps=2, play_state="paused"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _survey(scene: Scene) -> rrb.Spatial3DView:
+    reach = max(scene.size_m, 1.1 * scene.height_m)
+    target = scene.middle_m + np.array([0.0, 0.0, 0.25 * scene.height_m])
+    return rrb.Spatial3DView(
+        origin="/",
+        contents=["+ /survey/**", "- /survey/point_names/**", *_NOT_IN_SPACE],
+        name="Survey: local metres, north away from you",
+        background=BACKGROUND,
+        line_grid=False,
+        eye_controls=_eye(target + reach * np.array([-0.22, -0.95, 0.68]), target),
+    )
+
+
+def _eye(
+    position: Floats, target: Floats, up: tuple[int, int, int] = (0, 0, 1)
+) -> rrb.EyeControls3D:
+    return rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=up
+    )
+
+
+def _plots(result: Result, curves: Curves) -> list[rrb.TimeSeriesView]:
+    plots = [_plot(RESIDUAL_REFINED, "Residual, refined, rms [px]", curves.refined_rms_px)]
+    if np.isfinite(curves.seed_rms_px).any():
+        plots.append(_plot(RESIDUAL_SEED, "Flight log alone, rms [px]", curves.seed_rms_px))
+    frames = result.frames
+    heights = np.concatenate(
+        [frames.seed.center_world_m[:, 2], frames.refined.center_world_m[:, 2]]
+    )
+    spread = np.sqrt(
+        np.concatenate([frames.seed.covariance[:, 2, 2], frames.refined.covariance[:, 2, 2]])
+    )
+    known = np.isfinite(heights)
+    if known.any():
+        bounds = (heights - 2 * spread)[known].min(), (heights + 2 * spread)[known].max()
+        plots.append(
+            rrb.TimeSeriesView(
+                origin=HEIGHT,
+                name="Camera height, 1 σ band [m]",
+                axis_y=rrb.ScalarAxis(range=_wider(*bounds)),
+                plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
+            )
+        )
+    return plots
+
+
+def _plot(origin: str, name: str, values: Floats) -> rrb.TimeSeriesView:
+    known = values[np.isfinite(values)]
+    top = 1.15 * float(known.max()) if len(known) else 1.0
+    return rrb.TimeSeriesView(
+        origin=origin,
+        name=name,
+        axis_y=rrb.ScalarAxis(range=(0.0, max(top, 1e-3))),
+        plot_legend=rrb.PlotLegend(visible=False),
+    )
+
+
+def _wider(low: float, high: float) -> tuple[float, float]:
+    margin = max(0.1 * (high - low), 0.01)
+    return low - margin, high + margin
+
+
+def _tabs(result: Result, scene: Scene) -> rrb.Tabs:
+    tabs: list[rrb.View] = [
+        rrb.TextDocumentView(origin=SUMMARY, name="Summary"),
+        rrb.TextDocumentView(origin=FRAME_SHEET, name="Frame"),
+        _plan(scene),
+    ]
+    if scene.worst_point is not None:
+        tabs.append(_worst_point(result, scene.worst_point))
+    tabs += [
+        rrb.TextDocumentView(origin=LINES, name="Lines"),
+        rrb.TextDocumentView(origin=POINTS, name="Points"),
+    ]
+    if result.world.gauge == "world" and np.isfinite(result.points.latitude_deg).any():
+        tabs.append(rrb.MapView(origin=MAP, name="Map", zoom=_zoom(result, scene)))
+    return rrb.Tabs(*tabs, active_tab=0)
+
+
+def _plan(scene: Scene) -> rrb.Spatial3DView:
+    position = scene.middle_m + np.array([0.0, 0.0, 1.25]) * scene.size_m
+    return rrb.Spatial3DView(
+        origin="/",
+        contents=[
+            *("+ /survey/ground/**", "+ /survey/points/**", "+ /survey/known_lengths/**"),
+            *("+ /survey/measured/**", "+ /survey/point_names/**"),
+        ],
+        name="Top view, north up",
+        background=BACKGROUND,
+        line_grid=False,
+        eye_controls=_eye(position, scene.middle_m, NORTH_UP),
+    )
+
+
+def _worst_point(result: Result, row: int) -> rrb.Spatial3DView:
+    spot = result.points.position_world_m[row]
+    major, minor = result.points.ellipse_95_m[row]
+    position = spot + np.array([0.0, 0.0, 5.0 * major])
+    return rrb.Spatial3DView(
+        origin="/",
+        contents=[
+            "+ /survey/ground/**",
+            "+ /survey/points/picked",
+            "+ /survey/point_names/**",
+            "+ /survey/points/ellipse_95_true_size/**",
+        ],
+        name=f"Worst point {result.points.label[row]}: ±{100 * major:.1f} × {100 * minor:.1f} cm",
+        background=BACKGROUND,
+        line_grid=False,
+        eye_controls=_eye(position, spot, NORTH_UP),
+    )
+
+
+def _zoom(result: Result, scene: Scene) -> float:
+    """Of a map on which the scene is MAP_PX pixels wide."""
+    latitude = np.radians(float(np.nanmean(result.points.latitude_deg)))
+    metres_per_pixel = METRES_PER_PIXEL_AT_ZOOM_0 * np.cos(latitude)
+    return float(np.clip(np.log2(metres_per_pixel * MAP_PX / scene.size_m), 1.0, MOST_ZOOM))

@@ -1,0 +1,94 @@
+"""The legend as a picture: Rerun has neither a legend in 3-D nor a colour bar."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+from PIL import Image, ImageDraw, ImageFont
+
+from uavgram.model.result import Result
+from uavgram.views.recording.scene import Scene
+from uavgram.views.recording.stream import Recorder
+from uavgram.views.recording.survey import sigma_shares
+from uavgram.views.style import (
+    BAD,
+    MEASURED,
+    REFERENCE,
+    REFINED,
+    SEED,
+    WITHHELD,
+    Rgb,
+    scale_colours,
+)
+
+LEGEND = "legend"
+# Twice the size it is shown at, for sharp letters.
+WIDTH_PX, HEIGHT_PX = 2260, 108
+BACKGROUND: Rgb = (13, 16, 17)
+TEXT: Rgb = (225, 228, 232)
+FONT_PX = 30
+ROWS_PX = (10, 60)
+
+
+def log_legend(recorder: Recorder, result: Result, scene: Scene) -> None:
+    """Log the picture."""
+    image = np.asarray(draw_legend(result, scene))
+    recorder.static(LEGEND, rr.Image(image, color_model="RGB").compress(jpeg_quality=92))
+
+
+def draw_legend(result: Result, scene: Scene) -> Image.Image:
+    """Swatches of the lines that occur, and the colour scale of the ellipses."""
+    image = Image.new("RGB", (WIDTH_PX, HEIGHT_PX), BACKGROUND)
+    pen = ImageDraw.Draw(image)
+    font = ImageFont.load_default(FONT_PX)
+    middle_x = 20
+    rows = [20.0, 20.0]
+    for row, text, colour in _entries(result):
+        y = ROWS_PX[row] + FONT_PX / 2 + 3
+        x = rows[row]
+        pen.line([(x, y), (x + 56, y)], fill=colour, width=9)
+        pen.text((x + 70, ROWS_PX[row]), text, fill=TEXT, font=font)
+        rows[row] = x + 70 + pen.textlength(text, font=font) + 46
+    middle_x = int(max(rows)) + 10
+    if result.points.label:
+        _scale(pen, font, result, scene, middle_x)
+    return image
+
+
+def _entries(result: Result) -> list[tuple[int, str, Rgb]]:
+    """Row, text and colour of each swatch; only of what can be seen."""
+    status = set(result.lines.status)
+    entries: list[tuple[int, str, Rgb]] = []
+    if result.has_seed.any():
+        entries.append((0, "camera, flight log", SEED))
+    if result.has_refined.any():
+        entries.append((1, "camera, refined", REFINED))
+    if "used" in status:
+        entries.append((0, "known length", REFERENCE))
+    if status & {"suspect", "removed"}:
+        entries.append((0, "known length, suspect", BAD))
+    if "checked" in status:
+        entries.append((1, "known length, withheld", WITHHELD))
+    if np.isfinite(result.measurements.value).any():
+        entries.append((1, "measured", MEASURED))
+    return entries
+
+
+def _scale(
+    pen: ImageDraw.ImageDraw,
+    font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
+    result: Result,
+    scene: Scene,
+    left: int,
+) -> None:
+    _, low, high = sigma_shares(result)
+    colours = scale_colours(np.linspace(0, 1, 300))
+    words = f"95 % ellipse: outline x{scene.ellipse_factor}, filled at true size"
+    pen.text((left, ROWS_PX[0]), words, fill=TEXT, font=font)
+    y = ROWS_PX[1] + 6
+    first = f"{100 * low:.1f} cm"
+    pen.text((left, ROWS_PX[1]), first, fill=TEXT, font=font)
+    x = left + int(pen.textlength(first, font=font)) + 16
+    for k, colour in enumerate(colours):
+        pen.line([(x + k, y), (x + k, y + 26)], fill=tuple(int(c) for c in colour))
+    pen.text((x + 316, ROWS_PX[1]), f"{100 * high:.1f} cm", fill=TEXT, font=font)

@@ -1,0 +1,89 @@
+"""Sizes of the scene: from them follow the eye, line widths, frusta and exaggerations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.imaging.mosaic import plane_height
+from uavgram.model.arrays import Floats
+from uavgram.model.result import Result
+from uavgram.views.drawing import nice_factor, track
+
+# Share of the scene's size that the median exaggerated ellipse may fill.
+ELLIPSE_SHARE = 0.03
+# Share of the photo's width that the larger exaggerated residuals may fill.
+RESIDUAL_SHARE = 0.07
+# Depth of a frustum: share of the height, and of the way from one exposure to the next.
+FRUSTUM_SHARE = 0.12
+SPACING_SHARE = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What the pictures are scaled by.
+
+    Attributes
+    ----------
+    middle_m
+        (3,) centre of the points on the ground.
+    size_m
+        Longer side of the points' (or the cameras') bounding box.
+    height_m
+        Typical height of the cameras above the ground.
+    frustum_m
+        Depth at which a frustum is cut off.
+    ellipse_factor, residual_factor
+        Exaggerations, from the 1-2-5 series.
+    worst_point
+        Row of the point with the largest ellipse; None without points.
+    """
+
+    middle_m: Floats
+    size_m: float
+    height_m: float
+    frustum_m: float
+    ellipse_factor: int
+    residual_factor: int
+    worst_point: int | None
+
+
+def measure_scene(result: Result) -> Scene:
+    """Take the sizes of a result."""
+    cameras = np.concatenate(
+        [result.frames.refined.center_world_m, result.frames.seed.center_world_m]
+    )
+    cameras = cameras[np.isfinite(cameras[:, 0])]
+    points = result.points.position_world_m
+    scene = points if len(points) else cameras if len(cameras) else np.zeros((1, 3))
+    low, high = scene.min(axis=0), scene.max(axis=0)
+    size = max(float((high - low)[:2].max()), 1.0)
+    middle = (low + high) / 2
+    middle[2] = plane_height(result, middle[:2])
+    height = float(np.median(cameras[:, 2] - middle[2])) if len(cameras) else size
+    major = result.points.ellipse_95_m[:, 0]
+    residual = np.linalg.norm(result.picks.residual_px, axis=1)
+    residual = residual[np.isfinite(residual)]
+    return Scene(
+        middle_m=middle,
+        size_m=size,
+        height_m=max(height, 0.1),
+        frustum_m=_frustum_depth(result, max(height, 0.1)),
+        ellipse_factor=nice_factor(
+            float(np.median(major)) if len(major) else 0.0, ELLIPSE_SHARE * size
+        ),
+        residual_factor=nice_factor(
+            float(np.quantile(residual, 0.9)) if len(residual) else 0.0,
+            RESIDUAL_SHARE * result.camera.width_px,
+        ),
+        worst_point=int(np.argmax(major)) if len(major) else None,
+    )
+
+
+def _frustum_depth(result: Result, height_m: float) -> float:
+    """Short enough that frusta in a row can be told apart."""
+    poses = result.frames.refined if result.has_refined.any() else result.frames.seed
+    steps = np.linalg.norm(np.diff(track(result, poses), axis=0), axis=1)
+    spacing = float(np.median(steps)) if len(steps) else np.inf
+    return max(min(FRUSTUM_SHARE * height_m, SPACING_SHARE * spacing), 0.02 * height_m)

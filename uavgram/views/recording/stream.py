@@ -1,0 +1,102 @@
+"""An open recording: rows by frame and capture time, static things, and names Rerun accepts."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.result import Result
+
+APPLICATION_ID = "uavgram"
+FRAME_TIMELINE = "frame"
+TIME_TIMELINE = "capture_time"
+
+# Makes the columns for some of the frames.
+Columns = Callable[[Ints], list[rr.ComponentColumnList]]
+
+
+def entity(*parts: str) -> str:
+    """A path of names that people wrote, with only the characters that Rerun takes unescaped."""
+    return "/".join(re.sub(r"[^A-Za-z0-9_.-]", "_", part) or "_" for part in parts)
+
+
+@contextmanager
+def strict_rerun() -> Iterator[None]:
+    """Rerun raises instead of warning, here and only here: the switch is global."""
+    before = rr.strict_mode()
+    rr.set_strict_mode(True)
+    try:
+        yield
+    finally:
+        rr.set_strict_mode(before)
+
+
+def recording_id(result: Result) -> str:
+    """The same for the same program, inputs and options: a rerun replaces the earlier review."""
+    provenance = result.provenance
+    said = (provenance.program, provenance.version, provenance.inputs, provenance.options)
+    return hashlib.sha256(repr((result.name, *said)).encode()).hexdigest()[:32]
+
+
+@dataclass(frozen=True, eq=False)
+class Recorder:
+    """A recording stream with the frames' times.
+
+    Attributes
+    ----------
+    stream
+        Rerun's recording stream.
+    time_utc_s
+        (F,) NaN where unknown: such a row is on the timeline ``frame`` only.
+    """
+
+    stream: rr.RecordingStream
+    time_utc_s: Floats
+
+    def static(self, path: str, *archetypes: rr.AsComponents) -> None:
+        """Log what does not change with time."""
+        self.stream.log(path, *archetypes, static=True)
+
+    def rows(self, path: str, frames: Ints, columns: Columns) -> None:
+        """Log one row for each of these frames; `columns` makes the columns of some of them."""
+        timed = np.isfinite(self.time_utc_s[frames])
+        for some in (frames[timed], frames[~timed]):
+            if not len(some):
+                continue
+            indexes = [rr.TimeColumn(FRAME_TIMELINE, sequence=some)]
+            if timed.any() and np.isfinite(self.time_utc_s[some[0]]):
+                nanoseconds = np.round(self.time_utc_s[some] * 1e9).astype("datetime64[ns]")
+                indexes.append(rr.TimeColumn(TIME_TIMELINE, timestamp=nanoseconds))
+            for column in columns(some):
+                self.stream.send_columns(path, indexes=indexes, columns=column)
+
+
+@contextmanager
+def open_recorder(result: Result, path: str | os.PathLike[str]) -> Iterator[Recorder]:
+    """Write a recording to a file; complete when the block ends.
+
+    The batcher never flushes by the clock, so that two equal runs give equal chunks.
+    """
+    with strict_rerun():
+        stream = rr.RecordingStream(
+            APPLICATION_ID,
+            recording_id=recording_id(result),
+            send_properties=False,
+            batcher_config=rr.ChunkBatcherConfig.NEVER(),
+        )
+        stream.set_log_time_enabled(False)
+        try:
+            stream.save(os.fspath(path))
+            stream.send_recording_name(result.name)
+            yield Recorder(stream, result.frames.time_utc_s)
+            stream.flush()
+        finally:
+            stream.disconnect()

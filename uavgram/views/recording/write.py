@@ -1,0 +1,80 @@
+"""Write the review of a result: one call, one complete file."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from uavgram.errors import OutputError
+from uavgram.imaging.mosaic import GroundTexture
+from uavgram.imaging.preview import Preview
+from uavgram.model.result import Result
+from uavgram.views.recording.blueprint import blueprint
+from uavgram.views.recording.documents import log_documents
+from uavgram.views.recording.geography import log_map, log_origin
+from uavgram.views.recording.legend import log_legend
+from uavgram.views.recording.photo import log_photos, project_picks
+from uavgram.views.recording.plots import log_plots, residual_curves
+from uavgram.views.recording.scene import measure_scene
+from uavgram.views.recording.stream import Recorder, open_recorder
+from uavgram.views.recording.survey import log_survey
+from uavgram.views.verdict import judge
+
+log = logging.getLogger(__name__)
+
+
+def write_recording(
+    result: Result,
+    previews: Mapping[str, Preview],
+    texture: GroundTexture | None,
+    path: str | os.PathLike[str],
+) -> None:
+    """Write a Rerun recording with its blueprint inside.
+
+    Parameters
+    ----------
+    result
+        What to show.
+    previews
+        Reduced photos by frame name; a frame without one shows only what is drawn on it.
+    texture
+        Top view of the ground, or None.
+    path
+        The .rrd file; replaced only once the new one is complete.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    target = Path(path)
+    unfinished = target.with_name(f".{target.name}.unfinished")
+    try:
+        with open_recorder(result, unfinished) as recorder:
+            _log_everything(recorder, result, previews, texture)
+        unfinished.replace(target)
+    except OSError as error:
+        raise OutputError(f"{target}: the recording cannot be written: {error}") from error
+    finally:
+        unfinished.unlink(missing_ok=True)
+    log.info("recording of %d frames: %s", len(result.frames.frame_id), target)
+
+
+def _log_everything(
+    recorder: Recorder,
+    result: Result,
+    previews: Mapping[str, Preview],
+    texture: GroundTexture | None,
+) -> None:
+    scene, picks = measure_scene(result), project_picks(result)
+    curves = residual_curves(result, picks)
+    log_origin(recorder, result)
+    log_survey(recorder, result, scene, texture)
+    log_legend(recorder, result, scene)
+    log_photos(recorder, result, scene, previews, picks)
+    log_plots(recorder, result, curves)
+    log_documents(recorder, result, judge(result), scene, picks, curves)
+    log_map(recorder, result)
+    recorder.stream.send_blueprint(blueprint(result, scene, curves))

@@ -1,0 +1,55 @@
+"""One colour per meaning, in the recording and in the report alike."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.imaging.preview import Pixels
+from uavgram.model.arrays import Floats
+
+Rgb = tuple[int, int, int]
+
+SEED: Rgb = (255, 140, 26)
+REFINED: Rgb = (64, 150, 255)
+REFERENCE: Rgb = (255, 80, 185)
+WITHHELD: Rgb = (190, 130, 255)
+BAD: Rgb = (255, 59, 48)
+MEASURED: Rgb = (40, 215, 185)
+OBSERVED: Rgb = (255, 255, 255)
+QUIET: Rgb = (140, 145, 155)
+GOOD: Rgb = (40, 150, 80)
+WARNING: Rgb = (200, 140, 20)
+
+LINE_COLOURS: dict[str, Rgb] = {
+    "used": REFERENCE,
+    "suspect": BAD,
+    "removed": BAD,
+    "checked": WITHHELD,
+    "unseen": QUIET,
+}
+FRAME_COLOURS: dict[str, Rgb] = {
+    "refined": GOOD,
+    "check picks": WARNING,
+    "seeded": REFINED,
+    "unmatched": QUIET,
+    "rejected": BAD,
+}
+
+# Five anchors of matplotlib's "plasma" (Smith and van der Walt 2015): even steps of lightness.
+_SCALE = np.array(
+    [(13, 8, 135), (126, 3, 168), (204, 71, 120), (248, 149, 64), (240, 249, 33)], dtype=np.float64
+)
+# Its darkest fifth vanishes on dark ground.
+_DARKEST = 0.2
+
+
+def scale_colours(share: Floats) -> Pixels:
+    """(N, 3) colours from dark (0) to light (1)."""
+    at = (_DARKEST + (1 - _DARKEST) * np.clip(share, 0.0, 1.0)) * (len(_SCALE) - 1)
+    channels = [np.interp(at, np.arange(len(_SCALE)), _SCALE[:, c]) for c in range(3)]
+    return np.stack(channels, axis=-1).round().astype(np.uint8)
+
+
+def hex_colour(rgb: Rgb) -> str:
+    """``#rrggbb``."""
+    return "#{:02x}{:02x}{:02x}".format(*rgb)

@@ -1,0 +1,101 @@
+"""Plain text for a terminal: the measurements, worst first, and the messages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from uavgram.model.frames import Frames, Photos
+from uavgram.model.message import Message
+from uavgram.model.result import Result
+from uavgram.views.wording import (
+    KIND_WORDS,
+    decimals_for,
+    interval,
+    number,
+    relative,
+    utc,
+    with_sigma,
+    worst_first,
+)
+
+HEADER = ("measurement", "kind", "points", "value ± 1 sigma", "95 % interval", "sigma/value")
+RIGHT_ALIGNED = (3, 4, 5)
+
+
+def measurement_table(result: Result) -> str:
+    """Measurements as aligned columns, the least certain first.
+
+    Returns
+    -------
+    Lines without a trailing newline; a sentence where nothing was asked for.
+    """
+    rows = result.measurements
+    if not rows.name:
+        return "No measurements were asked for (measure: in the project file)."
+    cells: list[tuple[str, ...]] = [HEADER]
+    for i in worst_first(rows):
+        value, sigma, unit = float(rows.value[i]), float(rows.sigma[i]), rows.unit[i]
+        low, high = (float(bound) for bound in rows.interval_95[i])
+        cells.append(
+            (
+                rows.name[i],
+                KIND_WORDS.get(rows.kind[i], rows.kind[i]),
+                " ".join(rows.points[i]),
+                with_sigma(value, sigma, unit),
+                interval(low, high, sigma, unit),
+                "–" if rows.kind[i] == "coordinate" else relative(value, sigma, unit),
+            )
+        )
+    return aligned(cells)
+
+
+def message_lines(result: Result) -> list[str]:
+    """One line per message: errors first, then warnings, then the choices that were made."""
+    rank = {"error": 0, "warning": 1, "info": 2}
+    ordered = sorted(result.messages, key=lambda message: rank[message.level])
+    return [f"{message.level}: {message.text}" for message in ordered]
+
+
+def aligned(cells: Sequence[tuple[str, ...]], right: tuple[int, ...] = RIGHT_ALIGNED) -> str:
+    """Rows of text as columns two blanks apart, a rule below the first row."""
+    widths = [max(len(row[c]) for row in cells) for c in range(len(cells[0]))]
+    lines = [
+        "  ".join(
+            text.rjust(width) if c in right else text.ljust(width)
+            for c, (text, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in cells
+    ]
+    return "\n".join([lines[0], "-" * max(len(line) for line in lines), *lines[1:]])
+
+
+def truth_table(result: Result, truth: Mapping[str, float]) -> str:
+    """Measurements beside their true values, where those are known, in the project's order."""
+    rows = result.measurements
+    cells = [("measurement", "points", "value ± 1 sigma", "truth", "error", "error/sigma")]
+    for i, name in enumerate(rows.name):
+        value, sigma, unit = float(rows.value[i]), float(rows.sigma[i]), rows.unit[i]
+        known = truth.get(name, float("nan"))
+        decimals = decimals_for(sigma, unit)
+        cells.append(
+            (
+                name,
+                " ".join(rows.points[i]),
+                with_sigma(value, sigma, unit),
+                number(known, decimals),
+                number(value - known, decimals, signed=True),
+                number((value - known) / sigma, 1, signed=True),
+            )
+        )
+    return aligned(cells, right=(2, 3, 4, 5))
+
+
+def check_lines(photos: Photos, frames: Frames, messages: Sequence[Message]) -> list[str]:
+    """What `uavgram check` has to say: one line per photo, then the messages."""
+    cells = [("photo", "size", "exposure (UTC)", "in the log")]
+    for i, name in enumerate(frames.frame_id):
+        matched = "yes" if frames.matched[i] else frames.reason[i]
+        size = f"{photos.width_px[i]:.0f} x {photos.height_px[i]:.0f}"
+        cells.append((name, size, utc(float(frames.time_utc_s[i])), matched))
+    said = [f"{message.level}: {message.text}" for message in messages]
+    return [*aligned(cells, right=()).splitlines(), "", *said, "every input can be read"]

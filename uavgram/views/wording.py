@@ -1,0 +1,130 @@
+"""Numbers and results in words, the same in the terminal, the report and the recording."""
+
+from __future__ import annotations
+
+import math
+from datetime import UTC, datetime
+
+import numpy as np
+
+from uavgram.model.arrays import Ints
+from uavgram.model.result import MeasurementResults, Result
+
+NOT_COMPUTED = "not computed"
+
+UNIT_WORDS = {"m": "m", "m2": "m²", "deg": "°", "m/s": "m/s"}
+
+KIND_WORDS = {
+    "distance": "distance",
+    "polyline": "length along",
+    "area": "area",
+    "angle": "angle",
+    "line_distance": "distance from line",
+    "coordinate": "coordinate",
+    "skid_speed": "speed from skid",
+    "speed": "speed",
+}
+
+LINE_STATUS_WORDS = {
+    "used": "used",
+    "suspect": "SUSPECT",
+    "removed": "removed",
+    "checked": "withheld, judged",
+    "unseen": "not seen",
+}
+
+FRAME_STATUS_WORDS = {
+    "refined": "refined",
+    "seeded": "no picks",
+    "unmatched": "not in the log",
+    "rejected": "rejected",
+}
+
+
+def decimals_for(sigma: float, unit: str = "m") -> int:
+    """How many decimals a value deserves: two significant digits of its sigma.
+
+    Lengths show at least centimetres and never more than tenths of a millimetre.
+    """
+    least, most = (2, 4) if unit == "m" else (0, 4)
+    if not math.isfinite(sigma) or sigma <= 0:
+        return max(least, 2)
+    return min(max(1 - math.floor(math.log10(sigma)), least), most)
+
+
+def number(value: float, decimals: int = 3, *, signed: bool = False) -> str:
+    """Fixed decimals, an en dash for NaN, and no negative zero."""
+    if not math.isfinite(value):
+        return "–"
+    text = f"{value:+.{decimals}f}" if signed else f"{value:.{decimals}f}"
+    return text if float(text) else f"{0:.{decimals}f}"
+
+
+def chance(probability: float) -> str:
+    """A probability; what is too small for three decimals says so."""
+    return "< 0.001" if probability < 0.001 else number(probability, 3)
+
+
+def with_sigma(value: float, sigma: float, unit: str) -> str:
+    """``12.345 ± 0.021 m``."""
+    if not math.isfinite(value):
+        return NOT_COMPUTED
+    places = decimals_for(sigma, unit)
+    return f"{value:.{places}f} ± {sigma:.{places}f} {UNIT_WORDS.get(unit, unit)}"
+
+
+def interval(low: float, high: float, sigma: float, unit: str) -> str:
+    """``12.304 to 12.386 m``, or an en dash."""
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return "–"
+    places = decimals_for(sigma, unit)
+    return f"{low:.{places}f} to {high:.{places}f} {UNIT_WORDS.get(unit, unit)}"
+
+
+def relative(value: float, sigma: float, unit: str) -> str:
+    """Sigma in percent of the value, where that means something (not for angles)."""
+    if unit == "deg" or not math.isfinite(value) or value == 0:
+        return "–"
+    return f"{100 * sigma / abs(value):.2f} %"
+
+
+def utc(time_utc_s: float) -> str:
+    """``2026-01-05 11:00:02.40`` or an en dash."""
+    if not math.isfinite(time_utc_s):
+        return "–"
+    return datetime.fromtimestamp(time_utc_s, tz=UTC).strftime("%Y-%m-%d %H:%M:%S.%f")[:-4]
+
+
+def place(result: Result) -> str:
+    """Where the origin of the world lies, in one sentence."""
+    world = result.world
+    if world.gauge == "plane" or world.latitude_deg is None or world.longitude_deg is None:
+        return (
+            "No telemetry ties this survey to the earth: shapes, lengths and angles hold; "
+            "position and north are a free choice, so there is no map."
+        )
+    datum = {"msl": "mean sea level", "ellipsoid": "the WGS 84 ellipsoid"}[world.height_datum]
+    height = "" if world.height_m is None else f", {world.height_m:.2f} m above {datum}"
+    return (
+        f"Origin: latitude {world.latitude_deg:.7f}°, longitude {world.longitude_deg:.7f}°{height}."
+    )
+
+
+def worst_first(measurements: MeasurementResults) -> Ints:
+    """Order in which to show measurements: what has no value, then the least certain.
+
+    Uncertainty is compared relative to the value; for angles as the angle itself in radians; for
+    coordinates, whose value says nothing of scale, relative to the median measured distance.
+
+    Returns
+    -------
+    (M,) indices; ties keep the order of the request.
+    """
+    value, sigma = np.abs(measurements.value), measurements.sigma
+    kind, unit = np.array(measurements.kind, dtype=str), np.array(measurements.unit, dtype=str)
+    lengths = value[(unit == "m") & (kind != "coordinate") & np.isfinite(value)]
+    typical_m = float(np.median(lengths)) if lengths.size else 1.0
+    scale = np.where(kind == "coordinate", max(typical_m, 1e-9), np.maximum(value, 1e-9))
+    badness = np.where(unit == "deg", np.radians(sigma), sigma / scale)
+    badness = np.where(np.isfinite(value), badness, np.inf)
+    return np.argsort(-badness, kind="stable").astype(np.int64)
