@@ -55,14 +55,16 @@ def test_checker_targets_lie_where_they_are_projected(survey, photos, index):
 
 def test_sprayed_crosses_lie_where_they_are_projected(survey, photos):
     photo = photos[4].astype(float)
-    yellow = np.clip(photo[..., 2] - photo[..., 0] - 60, 0, None)
-    alone = {"P5", "P6", "P7", "P8", "P9"}  # no other yellow paint within reach
+    yellow = photo[..., 2] - photo[..., 0]
+    alone = {"P5", "P7", "P8"}  # nothing yellow or red within reach
     marks = [m for m in true_marks(survey, 4, "cross") if m[0] in alone]
-    assert len(marks) >= 4
+    assert len(marks) == 3
     for label, pixel in marks:
         u0, v0 = np.round(pixel).astype(int)
         reach = 17  # all of the cross, nothing of its label
         weight = yellow[v0 - reach : v0 + reach + 1, u0 - reach : u0 + reach + 1]
+        weight = weight - np.median(weight)
+        weight[np.abs(weight) < 12] = 0.0  # asphalt is not quite grey
         v, u = np.indices(weight.shape) - reach
         center = np.array(
             [u0 + np.sum(u * weight) / weight.sum(), v0 + np.sum(v * weight) / weight.sum()]

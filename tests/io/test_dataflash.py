@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 from pymavlink import DFReader
+
 from uavgram.errors import InputError
 from uavgram.io import dataflash_tables
 from uavgram.io.dataflash import read_dataflash
@@ -18,9 +19,7 @@ REAL = (
     "logs/copter_3.4.4.bin",
     "logs/pymavlink_test.BIN",
 )
-USED = (
-    "POS ATT MNT GPS GPA CAM TRIG ORGN MSG VER XKF1 XKF4 XKQ XKV1 NKF1 NKF4 NKQ1 BARO MODE PARM"
-).split()
+USED = ["POS", "ATT", "MNT", "GPS", "GPA", "CAM", "TRIG", "ORGN", "MSG", "VER", "XKF1", "XKF4", "XKQ", "XKV1", "NKF1", "NKF4", "NKQ1", "BARO", "MODE", "PARM"]
 
 
 @pytest.fixture

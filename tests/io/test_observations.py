@@ -117,7 +117,7 @@ def test_a_header_alone_is_a_table_without_rows(write):
         (read_measure, MEASURE + "m,polyline,a;;b,\n", 2, "empty label"),
         (read_measure, MEASURE + "m,polyline,a;a;b,\n", 2, "names 'a' twice in a row"),
         (read_measure, MEASURE + "m,area,a;b;c;b,\n", 2, "needs different points"),
-        (read_measure, MEASURE + "m,skid_speed,a;b,\n", 2, "needs the parameter mu:"),
+        (read_measure, MEASURE + "m,skid_speed,a;b,\n", 2, "needs the parameter mu and mu_sigma"),
         (read_measure, MEASURE + "m,skid_speed,a;b,mu=0.7\n", 2, "needs the parameter mu_sigma"),
         (read_measure, MEASURE + "m,skid_speed,a;b,mu=0;mu_sigma=0\n", 2, "mu must be greater"),
         (read_measure, MEASURE + "m,skid_speed,a;b,mu=1;mu_sigma=-1\n", 2, "must not be negative"),

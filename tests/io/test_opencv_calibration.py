@@ -125,7 +125,7 @@ def test_a_ros_camera_info_file_has_no_yaml_header(tmp_path):
         ({"size": None}, "states no image size"),
         ({"size": (0, 480)}, "must be whole pixels"),
         ({"matrix": K[:2]}, "must be 3 x 3"),
-        ({"matrix": K + [[0, 5, 0], [0, 0, 0], [0, 0, 0]]}, "without skew"),
+        ({"matrix": K + 5 * np.eye(3, k=1)}, "without skew"),
         ({"matrix": -K}, "must be positive"),
         ({"matrix": np.full((3, 3), np.nan)}, "not finite"),
         ({"distortion": np.ones((1, 8))}, "the brown model has 5"),

@@ -204,3 +204,14 @@ def test_a_scenario_that_contradicts_itself_is_refused():
         DemoScenario(points=(point, point), lines=(), measurements=())
     with pytest.raises(ValueError, match="unknown points"):
         DemoScenario(points=(point,))
+
+
+def test_the_road_is_as_slippery_as_it_is_and_not_as_people_state_it():
+    def true_mu(seed):
+        truth = simulate(DemoScenario().with_seed(seed)).truth
+        values = dict(zip(truth.measurement_name, truth.measurement_value, strict=True))
+        return values["speed from skid"] ** 2 / (2 * 9.80665 * values["skid left"])
+
+    z = (np.array([true_mu(seed) for seed in range(20)]) - 0.7) / 0.05
+    low, high = chi2.interval(0.999, len(z))
+    assert low < np.sum(z**2) < high

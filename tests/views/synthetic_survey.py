@@ -95,6 +95,8 @@ def poses(count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]
 
 def project(center: np.ndarray, rotation: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(K, 2) pixels after OpenCV."""
+    if not len(points):
+        return np.zeros((0, 2))
     k = np.array([[LENS[0], 0, LENS[2]], [0, LENS[1], LENS[3]], [0, 0, 1.0]])
     rvec = cv2.Rodrigues(rotation.T)[0]
     image, _ = cv2.projectPoints(points, rvec, -rotation.T @ center, k, LENS[4:])

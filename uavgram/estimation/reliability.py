@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2, norm
 
-from uavgram.estimation.normal_equations import Block, Covariance
+from uavgram.estimation.normal_equations import Block, Covariance, Factor
 from uavgram.model.arrays import Floats
 
 POWER = 0.80
@@ -61,6 +61,53 @@ def minimal_detectable_bias(redundancy: Floats, sigma: Floats, significance: flo
     return np.where(
         checked, sigma * noncentrality / np.sqrt(np.where(checked, redundancy, 1)), np.nan
     )
+
+
+class GroupFit(NamedTuple):
+    """How one group of observations fits as a whole.
+
+    `redundancy` is the group's share of the degrees of freedom, `variance_factor` its sum of
+    squares over that share (NaN without redundancy), `probability` that of a factor at least as
+    large by chance.
+    """
+
+    redundancy: float
+    variance_factor: float
+    probability: float
+
+
+EXACT_GROUP = 400
+"""Observations up to which a group's cofactor matrix is computed whole."""
+
+
+def group_fit(block: Block, factor: Factor, covariance: Covariance) -> GroupFit:
+    """Variance factor of a group and its chi-square test.
+
+    The residuals of one group have the cofactor matrix Q = I - A S A^T, which is no projector: a
+    sum of squares with Satterthwaite's degrees of freedom tr(Q)^2 / tr(Q^2) and scale
+    tr(Q^2) / tr(Q) (Satterthwaite 1946, eq. 9); for one observation that is its w-test. In large
+    groups, which carry nearly all of their own unknowns, tr(Q^2) = tr(Q).
+    """
+    squares = float(np.sum(block.residual**2))
+    if block.residual.size <= EXACT_GROUP:
+        cofactor = _cofactor(block, factor)
+        trace, trace_of_square = float(np.trace(cofactor)), float(np.sum(cofactor**2))
+    else:
+        trace = float(reliability(block, covariance).redundancy.sum())
+        trace_of_square = trace
+    if trace <= NO_REDUNDANCY:
+        return GroupFit(max(trace, 0.0), np.nan, 1.0)
+    scale = trace_of_square / trace
+    return GroupFit(trace, squares / trace, upper_tail(squares / scale, trace / scale))
+
+
+def _cofactor(block: Block, factor: Factor) -> Floats:
+    n, r, k = block.jacobian.shape
+    rows = np.zeros((n, r, factor.size))
+    at = np.broadcast_to(block.columns[:, None, :], (n, r, k))
+    np.add.at(rows, (np.arange(n)[:, None, None], np.arange(r)[:, None], at), block.jacobian)
+    flat = rows.reshape(n * r, factor.size)
+    return np.asarray(np.eye(n * r) - flat @ factor.solve(np.ascontiguousarray(flat.T)))
 
 
 def upper_tail(squares: float, degrees: float) -> float:

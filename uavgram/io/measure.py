@@ -97,8 +97,11 @@ def _parameters(table: Table, row: int, kind: MeasurementKind) -> tuple[tuple[st
             table.blame(row, f"parameter {name} must be a number (got {text!r}){number_hint(text)}")
         if equals:
             found.setdefault(name, float("nan") if number is None else number)
-    for name in (name for name in wanted if name not in found):
-        table.blame(row, f"kind {kind} needs the parameter {name}: parameters mu=0.7;mu_sigma=0.05")
+    if missing := [name for name in wanted if name not in found]:
+        table.blame(
+            row,
+            f"kind {kind} needs the parameter {' and '.join(missing)}, such as mu=0.7;mu_sigma=0.05",
+        )
     if found.get("mu", 1.0) <= 0:
         table.blame(row, f"parameter mu must be greater than 0 (got {found['mu']:g})")
     if found.get("mu_sigma", 0.0) < 0:

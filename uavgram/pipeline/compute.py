@@ -135,6 +135,7 @@ def compute(inputs: Inputs) -> Result:
         refined, inputs.lines, assembled.line_index, significance
     )
     checks, unseen_messages = judge_points(adjustment, check)
+    groups, group_messages = judge_groups(adjustment, significance)
     return Result(
         name=project.name,
         provenance=_provenance(inputs),
@@ -154,7 +155,7 @@ def compute(inputs: Inputs) -> Result:
         measurements=measurements,
         point_checks=checks,
         line_checks=line_checks,
-        solution=summarise_solution(refined, judge_groups(adjustment), others),
+        solution=summarise_solution(refined, groups, others),
         messages=(
             *inputs.messages,
             *posed.messages,
@@ -166,6 +167,7 @@ def compute(inputs: Inputs) -> Result:
             *line_messages,
             *pick_messages,
             *unseen_messages,
+            *group_messages,
             *judge_priors(adjustment, significance),
         ),
     )

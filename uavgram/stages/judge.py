@@ -11,9 +11,9 @@ from uavgram.estimation.adjustment import Adjustment, Refined
 from uavgram.estimation.reliability import (
     correlated_w,
     critical_value,
+    group_fit,
     minimal_detectable_bias,
     reliability,
-    upper_tail,
 )
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message
@@ -253,26 +253,33 @@ def judge_points(
     return checks, messages
 
 
-def judge_groups(adjustment: Adjustment) -> tuple[GroupFactor, ...]:
-    """Variance factor of each group of observations, with its share of the redundancy."""
-    groups = []
+GROUP_WORDS = {
+    "pixels": "picks (their sigmas, or a wrong label)",
+    "lengths": "known lengths (their sigmas, or a wrong reading)",
+    "control": "control points (their sigmas, or a wrong label)",
+    "telemetry": "telemetry (its sigmas, the gimbal or the times)",
+    "calibration": "calibration of the camera (its sigmas, or another focus or resolution)",
+}
+
+
+def judge_groups(
+    adjustment: Adjustment, significance: float
+) -> tuple[tuple[GroupFactor, ...], tuple[Message, ...]]:
+    """Variance factor of each group of observations; a message on each that is too large."""
+    groups, messages = [], []
     for name, block in adjustment.minimum.blocks.items():
         if name == "gauge":
             continue
-        share = float(reliability(block, adjustment.covariance).redundancy.sum())
-        squares = float(np.sum(block.residual**2))
-        factor = squares / share if share > 1e-6 else np.nan
-        probability = upper_tail(squares, share)
-        groups.append(
-            GroupFactor(
-                name=name,
-                observations=block.residual.size,
-                redundancy=share,
-                variance_factor=factor,
-                probability=probability,
+        fit = group_fit(block, adjustment.minimum.factor, adjustment.covariance)
+        groups.append(GroupFactor(name=name, observations=block.residual.size, **fit._asdict()))
+        if fit.probability < significance and name in GROUP_WORDS:
+            text = (
+                f"The {GROUP_WORDS[name]} fit worse than stated: variance factor "
+                f"{fit.variance_factor:.1f}, probability {fit.probability:.1g}. The uncertainties "
+                "of the results are too small until this is cleared up."
             )
-        )
-    return tuple(groups)
+            messages.append(Message("warning", "group-misfit", text))
+    return tuple(groups), tuple(messages)
 
 
 def judge_priors(adjustment: Adjustment, significance: float) -> tuple[Message, ...]:

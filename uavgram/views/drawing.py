@@ -187,6 +187,8 @@ def uncovered(anchors: Floats, half_widths: Floats, height: float, most: int) ->
     for i, anchor in enumerate(anchors):
         gap = np.abs(anchors[taken] - anchor)
         free = (gap[:, 0] >= half_widths[taken] + half_widths[i]) | (gap[:, 1] >= height)
-        if len(taken) < most and free.all():
+        if free.all():
             taken.append(i)
+        if len(taken) == most:
+            break
     return np.array(taken, dtype=np.int64)

@@ -6,6 +6,7 @@ The measuring stage has its own code, with covariances; sharing it here would hi
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.constants import g as GRAVITY_M_S2  # noqa: N812
@@ -51,6 +52,23 @@ def measured_values(
             values.append(_value(request, at))
             units.append(UNITS[request.kind])
     return tuple(names), np.array(values), tuple(units)
+
+
+def with_true_friction(
+    requests: Sequence[MeasurementRequest], rng: np.random.Generator
+) -> tuple[MeasurementRequest, ...]:
+    """Replace the stated friction of skids (mu, mu_sigma) by a true one drawn from it."""
+    return tuple(
+        replace(request, parameters=(("mu", _draw_friction(dict(request.parameters), rng)),))
+        if request.kind == "skid_speed"
+        else request
+        for request in requests
+    )
+
+
+def _draw_friction(stated: Mapping[str, float], rng: np.random.Generator) -> float:
+    drawn = stated["mu"] + stated.get("mu_sigma", 0.0) * float(rng.standard_normal())
+    return max(drawn, 0.01)  # no road pushes
 
 
 def _value(request: MeasurementRequest, at: Floats) -> float:

@@ -8,11 +8,11 @@ from uavgram.geometry.projection import project
 from uavgram.geometry.rotation import ENU_FROM_NED, GIMBAL_FROM_CAMERA, exp_so3, matrix_from_ypr
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera import Calibration
-from uavgram.model.observations import KnownLines, KnownPoints, Picks
+from uavgram.model.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
 from uavgram.model.scene import CameraSpec, DemoScenario
 from uavgram.model.simulation import SimulatedLog, SimulatedSurvey, SurveyTruth
 from uavgram.stages.simulate.motion import Motion, at, fly, scene_axes
-from uavgram.stages.simulate.quantities import measured_values
+from uavgram.stages.simulate.quantities import measured_values, with_true_friction
 from uavgram.stages.simulate.recording import (
     FlightBiases,
     draw_biases,
@@ -37,15 +37,16 @@ def simulate(scenario: DemoScenario) -> SimulatedSurvey:
     What the survey's files will say, and the truth behind them.
     """
     # One stream for each kind of error: another number of points leaves the flight as it was.
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(scenario.seed).spawn(5)]
-    motion_rng, bias_rng, log_rng, camera_rng, people_rng = streams
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(scenario.seed).spawn(6)]
+    motion_rng, bias_rng, log_rng, camera_rng, people_rng, road_rng = streams
     motion = fly(scenario.flight, scenario.site, motion_rng)
     biases = draw_biases(scenario.errors, bias_rng)
     log = record(scenario, motion, biases, log_rng)
     calibration = calibration_of(scenario.camera)
     intrinsics = camera_rng.multivariate_normal(calibration.parameters, calibration.covariance)
     stored = np.arange(len(motion.exposure_time_s)) != scenario.errors.lost_exposure
-    truth = _truth(scenario, motion, biases, intrinsics, stored)
+    requests = with_true_friction(scenario.measurements, road_rng)
+    truth = _truth(scenario, requests, motion, biases, intrinsics, stored)
     return _observe(scenario, log, calibration, truth, stored, people_rng)
 
 
@@ -76,6 +77,7 @@ def point_positions(scenario: DemoScenario) -> Floats:
 
 def _truth(
     scenario: DemoScenario,
+    requests: tuple[MeasurementRequest, ...],
     motion: Motion,
     biases: FlightBiases,
     intrinsics: Floats,
@@ -86,7 +88,7 @@ def _truth(
     points = point_positions(scenario)
     row = {point.label: i for i, point in enumerate(scenario.points)}
     ends = np.array([[row[line.start], row[line.end]] for line in scenario.lines], dtype=int)
-    names, values, units = measured_values(scenario.measurements, row, points)
+    names, values, units = measured_values(requests, row, points)
     return SurveyTruth(
         frame_id=tuple(f"IMG_{i + 1:04d}.jpg" for i in range(len(center))),
         time_utc_s=start_utc_s(scenario) + motion.exposure_time_s[stored],

@@ -10,6 +10,7 @@ from uavgram.model.result import Result
 from uavgram.views.recording.documents import FRAME_SHEET, LINES, POINTS, SUMMARY
 from uavgram.views.recording.geography import MAP
 from uavgram.views.recording.legend import LEGEND
+from uavgram.views.recording.overlay import OVERLAYS
 from uavgram.views.recording.photo import PHOTO
 from uavgram.views.recording.plots import (
     HEIGHT,
@@ -29,29 +30,19 @@ METRES_PER_PIXEL_AT_ZOOM_0 = 40_075_016.7 / 256
 MAP_PX = 300
 MOST_ZOOM = 19.0
 # The photo's own drawings lie on the photo, not in space.
-_NOT_IN_SPACE = [
-    f"- {PHOTO}/{name}/**"
-    for name in (
-        "residual_exaggerated",
-        "residual_exaggerated_suspect",
-        "from_flight_log",
-        "from_refined",
-        "picked",
-        "picked_suspect",
-        "labels",
-        "known_lengths",
-        "measured",
-    )
-]
+_NOT_IN_SPACE = [f"- {PHOTO}/{name}/**" for name in OVERLAYS]
 
 
 def blueprint(result: Result, scene: Scene, curves: Curves) -> rrb.Blueprint:
     """The layout for this result: only views that have something to show."""
+    # a curve through one frame shows nothing
+    several = len(result.frames.frame_id) > 1
+    plots = [rrb.Horizontal(*_plots(result, curves))] if several else []
     left = rrb.Vertical(
         _survey(scene),
         rrb.Spatial2DView(origin=LEGEND, name="Legend", titlebar=False, background=BACKGROUND),
-        rrb.Horizontal(*_plots(result, curves)),
-        row_shares=[10, 0.95, 2.9],
+        *plots,
+        row_shares=[10, 0.95, 2.9][: 2 + len(plots)],
     )
     right = rrb.Vertical(
         rrb.Spatial2DView(

@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 
 from uavgram.model.result import MeasurementResults, Result
-from uavgram.views.recording.photo import FramePicks
+from uavgram.views.recording.frame_picks import FramePicks
 from uavgram.views.recording.plots import Curves
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder

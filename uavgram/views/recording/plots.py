@@ -9,7 +9,7 @@ import rerun as rr
 
 from uavgram.model.arrays import Floats
 from uavgram.model.result import PoseTable, Result
-from uavgram.views.recording.photo import FramePicks
+from uavgram.views.recording.frame_picks import FramePicks
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import FRAME_COLOURS, REFINED, SEED, Rgb
 from uavgram.views.wording import FRAME_STATUS_WORDS

@@ -13,6 +13,8 @@ from uavgram.views.drawing import nice_factor, track
 
 # Share of the scene's size that the median exaggerated ellipse may fill.
 ELLIPSE_SHARE = 0.03
+# The same among many: share of the way from one point to the next.
+CROWD_SHARE = 0.4
 # Share of the photo's width that the larger exaggerated residuals may fill.
 RESIDUAL_SHARE = 0.07
 # Depth of a frustum: share of the height, and of the way from one exposure to the next.
@@ -71,7 +73,8 @@ def measure_scene(result: Result) -> Scene:
         height_m=max(height, 0.1),
         frustum_m=_frustum_depth(result, max(height, 0.1)),
         ellipse_factor=nice_factor(
-            float(np.median(major)) if len(major) else 0.0, ELLIPSE_SHARE * size
+            float(np.median(major)) if len(major) else 0.0,
+            size * min(ELLIPSE_SHARE, CROWD_SHARE / np.sqrt(max(len(major), 1))),
         ),
         residual_factor=nice_factor(
             float(np.quantile(residual, 0.9)) if len(residual) else 0.0,

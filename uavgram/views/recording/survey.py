@@ -109,7 +109,7 @@ def _points(recorder: Recorder, result: Result, scene: Scene) -> None:
         "survey/points/picked",
         rr.Points3D(
             position,
-            radii=rr.Radius.ui_points(2.0),
+            radii=rr.Radius.ui_points(2.0 if few else 1.0),
             colors=OBSERVED,
             labels=points.label,
             show_labels=False,

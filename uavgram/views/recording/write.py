@@ -13,9 +13,11 @@ from uavgram.imaging.preview import Preview
 from uavgram.model.result import Result
 from uavgram.views.recording.blueprint import blueprint
 from uavgram.views.recording.documents import log_documents
+from uavgram.views.recording.frame_picks import project_picks
 from uavgram.views.recording.geography import log_map, log_origin
 from uavgram.views.recording.legend import log_legend
-from uavgram.views.recording.photo import log_photos, project_picks
+from uavgram.views.recording.overlay import log_overlay
+from uavgram.views.recording.photo import PHOTO, log_photos
 from uavgram.views.recording.plots import log_plots, residual_curves
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.stream import Recorder, open_recorder
@@ -73,7 +75,8 @@ def _log_everything(
     log_origin(recorder, result)
     log_survey(recorder, result, scene, texture)
     log_legend(recorder, result, scene)
-    log_photos(recorder, result, scene, previews, picks)
+    log_photos(recorder, result, scene, previews)
+    log_overlay(recorder, result, scene, picks, PHOTO)
     log_plots(recorder, result, curves)
     log_documents(recorder, result, judge(result), scene, picks, curves)
     log_map(recorder, result)

@@ -1,0 +1,182 @@
+"""The output folder: results appear complete, or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from uavgram.errors import OutputError
+from uavgram.io import outputs
+from uavgram.io.outputs import PREFIX, replace_text, staged_output
+
+
+def content(folder: Path) -> dict[str, str]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_text()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+@pytest.fixture
+def earlier(tmp_path):
+    """An output folder with the results of an earlier run, and a file of someone else."""
+    folder = tmp_path / "out"
+    (folder / "previews").mkdir(parents=True)
+    for name in ("results.json", "report.html", "previews/a.png", "notes.txt"):
+        (folder / name).write_text("old")
+    return folder
+
+
+def run_and_fail(folder: Path, failure: BaseException | type[BaseException]) -> None:
+    with staged_output(folder) as staging:
+        write_all(staging)
+        raise failure
+
+
+def write_all(staging: Path) -> None:
+    (staging / "previews").mkdir()
+    for name in ("results.json", "report.html", "previews/a.png", "added.csv"):
+        (staging / name).write_text("new")
+
+
+def test_complete_results_replace_earlier_ones_and_leave_other_files(earlier):
+    with staged_output(earlier) as staging:
+        write_all(staging)
+        assert set(content(earlier).values()) >= {"old"}
+        assert (earlier / "results.json").read_text() == "old"
+
+    names = ("results.json", "report.html", "previews/a.png", "added.csv")
+    assert content(earlier) == {**dict.fromkeys(names, "new"), "notes.txt": "old"}
+
+
+def test_a_new_folder_is_made_with_its_parents(tmp_path):
+    with staged_output(tmp_path / "a" / "b") as staging:
+        write_all(staging)
+
+    assert (tmp_path / "a" / "b" / "results.json").read_text() == "new"
+
+
+@pytest.mark.parametrize("failure", [RuntimeError, KeyboardInterrupt, SystemExit])
+def test_a_failed_run_leaves_everything_as_it_was(earlier, failure):
+    before = content(earlier)
+
+    with pytest.raises(failure):
+        run_and_fail(earlier, failure)
+    assert content(earlier) == before
+    assert not list(earlier.glob(".*"))
+
+
+def test_a_failed_first_run_leaves_no_folder(tmp_path):
+    with pytest.raises(RuntimeError):
+        run_and_fail(tmp_path / "out", RuntimeError)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("failure", [OSError(errno.EIO, "I/O"), KeyboardInterrupt()])
+@pytest.mark.parametrize("moves", [0, 1, 3])
+def test_a_failure_while_moving_undoes_what_was_moved(earlier, monkeypatch, failure, moves):
+    before = content(earlier)
+    move, count = Path.replace, []
+
+    def failing(self, target):
+        if "files" in self.parts:
+            count.append(self)
+            if len(count) > moves:
+                raise failure
+        return move(self, target)
+
+    monkeypatch.setattr(Path, "replace", failing)
+    with pytest.raises(type(failure)), staged_output(earlier) as staging:
+        write_all(staging)
+    assert content(earlier) == before
+
+
+def test_results_json_is_moved_last(earlier, monkeypatch):
+    move, order = Path.replace, []
+    monkeypatch.setattr(Path, "replace", lambda s, t: (order.append(Path(t).name), move(s, t))[1])
+    with staged_output(earlier) as staging:
+        write_all(staging)
+        (staging / "zzz.txt").touch()
+
+    assert len(order) == 5
+    assert order[-1] == "results.json"
+
+
+def test_a_folder_in_the_place_of_a_file_is_an_output_error(earlier):
+    (earlier / "added.csv").mkdir()
+    before = content(earlier)
+
+    with pytest.raises(OutputError, match="--output"), staged_output(earlier) as staging:
+        write_all(staging)
+    assert content(earlier) == before
+
+
+def test_a_file_in_the_place_of_the_folder_is_an_output_error(tmp_path):
+    (tmp_path / "out").touch()
+
+    with pytest.raises(OutputError, match="choose another folder"), staged_output(tmp_path / "out"):
+        pass
+    with pytest.raises(OutputError), staged_output(tmp_path / "out" / "deeper"):
+        pass
+
+
+def test_a_full_disk_is_an_output_error_with_the_way_out(earlier):
+    before = content(earlier)
+
+    with pytest.raises(OutputError, match="disk is full; free some space"):
+        run_and_fail(earlier, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+    assert content(earlier) == before
+
+
+def test_a_failure_elsewhere_keeps_its_own_name(earlier, tmp_path):
+    with pytest.raises(FileNotFoundError), staged_output(earlier):
+        (tmp_path / "absent.jpg").read_bytes()
+
+
+def test_what_a_killed_run_left_goes_when_the_next_starts_but_a_living_run_stays(earlier):
+    script = (
+        "import sys, time\n"
+        "from uavgram.io.outputs import staged_output\n"
+        "with staged_output(sys.argv[1]) as staging:\n"
+        "    (staging / 'half').write_text('x')\n"
+        "    print('ready', flush=True)\n"
+        "    time.sleep(60)\n"
+    )
+    command = [sys.executable, "-c", script, str(earlier)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as run:
+        assert run.stdout.readline() == b"ready\n"
+        with staged_output(earlier):
+            assert len(list(earlier.glob(f"{PREFIX}*"))) == 2  # ours, and the living one
+        run.send_signal(signal.SIGKILL)
+    (left,) = earlier.glob(f"{PREFIX}*")
+    assert (earlier / "results.json").read_text() == "old"
+
+    with staged_output(earlier):
+        assert not left.exists()
+
+
+def test_text_is_replaced_in_one_step(tmp_path, monkeypatch):
+    path = tmp_path / "results.json"
+    replace_text(path, "old ü\n")
+    monkeypatch.setattr(outputs.os, "fsync", lambda _: (_ for _ in ()).throw(OSError(28, "full")))
+
+    with pytest.raises(OutputError, match="disk is full"):
+        replace_text(path, "new")
+    assert path.read_bytes() == "old ü\n".encode()
+    assert [p.name for p in tmp_path.iterdir()] == ["results.json"]
+
+
+def test_files_have_the_permissions_of_any_new_file(tmp_path):
+    (tmp_path / "plain").touch()
+    with staged_output(tmp_path / "out") as staging:
+        replace_text(staging / "results.json", "x")
+
+    modes = {(tmp_path / name).stat().st_mode for name in ("plain", "out/results.json")}
+    assert len(modes) == 1

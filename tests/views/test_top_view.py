@@ -1,0 +1,43 @@
+"""The scaled drawing of the report."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from uavgram.views.top_view import top_view
+
+
+def test_the_drawing_is_to_scale_and_north_is_up(survey):
+    result = survey.build()
+    view = top_view(result)
+    drawn = np.array(view.dots)
+    world = result.points.position_world_m[:, :2]
+    per_metre = view.bar / view.bar_m
+
+    np.testing.assert_allclose(np.diff(drawn[:, 0]), np.diff(world[:, 0]) * per_metre, atol=1e-6)
+    np.testing.assert_allclose(np.diff(drawn[:, 1]), -np.diff(world[:, 1]) * per_metre, atol=1e-6)
+
+
+def test_everything_lies_on_the_sheet(survey):
+    view = top_view(survey.build())
+    strokes = (*view.lines, *view.ellipses)
+    spots = np.array([p.split(",") for stroke in strokes for p in stroke.points.split()], dtype=float)
+
+    assert (spots >= 0).all()
+    assert (spots <= [view.width, view.height]).all()
+
+
+def test_without_telemetry_north_is_not_claimed(survey):
+    assert top_view(survey.build()).north_known
+    assert not top_view(survey.build(telemetry=False)).north_known
+
+
+def test_one_point_alone_can_be_drawn_and_none_is_no_drawing(survey):
+    assert top_view(survey.build(point_count=1, lines=(), measures=())).dots
+    assert top_view(survey.build(point_count=0, lines=(), measures=())) is None
+
+
+@pytest.mark.parametrize("name", ["R3 hedge 11.21 m", "path 38.212 m"])
+def test_lines_and_measurements_are_named(survey, name):
+    assert name in [text.text for text in top_view(survey.build()).texts]

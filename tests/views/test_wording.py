@@ -1,0 +1,55 @@
+"""Numbers in words."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from uavgram.views.wording import chance, decimals_for, number, relative, with_sigma, worst_first
+
+
+@pytest.mark.parametrize(
+    ("sigma", "unit", "decimals"),
+    [(0.021, "m", 3), (0.0004, "m", 4), (3.2, "m", 2), (3.2, "m2", 1), (0.09, "deg", 3), (25, "m2", 0)],
+)
+def test_a_value_shows_two_digits_of_its_sigma(sigma, unit, decimals):
+    assert decimals_for(sigma, unit) == decimals
+
+
+def test_a_value_and_its_sigma_end_at_the_same_digit():
+    assert with_sigma(12.34567, 0.0213, "m") == "12.346 ± 0.021 m"
+    assert with_sigma(143.04, 0.912, "m2") == "143.04 ± 0.91 m²"
+
+
+def test_what_cannot_be_computed_says_so():
+    assert with_sigma(np.nan, np.nan, "m") == "not computed"
+    assert number(np.nan) == "–"
+
+
+def test_there_is_no_negative_zero():
+    assert number(-0.0001, 2, signed=True) == "0.00"
+
+
+def test_a_tiny_probability_is_not_shown_as_zero():
+    assert chance(3e-7) == "< 0.001"
+    assert chance(0.25) == "0.250"
+
+
+def test_an_angle_has_no_relative_sigma():
+    assert relative(87.0, 0.1, "deg") == "–"
+    assert relative(-50.0, 0.1, "m") == "0.20 %"
+
+
+def test_the_worst_measurement_comes_first_and_what_has_no_value_before_it(survey):
+    rows = survey.build().measurements
+    order = [rows.name[i] for i in worst_first(rows)]
+
+    assert order[:2] == ["to the tree", "patch"]  # 0.9 of 143 m² is 0.6 %: more than any length
+    assert order[-1] == "skid left"  # 21 mm of 40 m
+
+
+def test_a_coordinate_near_zero_is_not_the_worst_for_being_small(survey):
+    rows = survey.build().measurements
+    order = [rows.name[i] for i in worst_first(rows)]
+
+    assert order.index("road width") < order.index("rest position north")  # 12 mm of 6.3 m; 34 mm

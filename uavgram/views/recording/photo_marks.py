@@ -1,0 +1,85 @@
+"""Points, lines and texts on the photo: one row per frame, in original pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import rerun as rr
+
+from uavgram.model.arrays import Floats, Ints
+from uavgram.views.recording.stream import Recorder
+from uavgram.views.style import OBSERVED, Rgb
+
+# Rerun puts the corner of the first pixel at (0, 0), we its centre (DESIGN, Conventions).
+CENTRE_PX = 0.5
+
+
+def log_polylines(
+    recorder: Recorder, path: str, per_frame: list[list[Floats]], colour: Rgb, width: float
+) -> None:
+    """Per frame a list of (n, 2) polylines; `width` in points of the screen."""
+    radius = rr.Radius.ui_points(width / 2)
+    recorder.static(path, rr.LineStrips2D.from_fields(colors=colour, radii=radius))
+    _batches(
+        recorder,
+        path,
+        [len(strips) for strips in per_frame],
+        lambda some: rr.LineStrips2D.columns(
+            strips=[strip + CENTRE_PX for i in some for strip in per_frame[i]]
+        ),
+    )
+
+
+def log_dots(
+    recorder: Recorder, path: str, per_frame: list[Floats], colour: Rgb, size: float
+) -> None:
+    """Per frame (n, 2) points; `size` is their radius in points of the screen."""
+    radius = rr.Radius.ui_points(size)
+    recorder.static(path, rr.Points2D.from_fields(colors=colour, radii=radius))
+    _batches(
+        recorder,
+        path,
+        [len(pixel) for pixel in per_frame],
+        lambda some: rr.Points2D.columns(
+            positions=np.concatenate([per_frame[i] for i in some]) + CENTRE_PX
+        ),
+    )
+
+
+def log_texts(
+    recorder: Recorder,
+    path: str,
+    anchors: list[Floats],
+    texts: list[list[str]],
+) -> None:
+    """White texts without a dot."""
+    recorder.static(
+        path,
+        rr.Points2D.from_fields(colors=OBSERVED, radii=rr.Radius.ui_points(0.0), show_labels=True),
+    )
+    _batches(
+        recorder,
+        path,
+        [len(words) for words in texts],
+        lambda some: rr.Points2D.columns(
+            positions=np.concatenate([anchors[i] for i in some]) + CENTRE_PX,
+            labels=[text for i in some for text in texts[i]],
+        ),
+    )
+
+
+def _batches(
+    recorder: Recorder,
+    path: str,
+    lengths: list[int],
+    columns: Callable[[Ints], rr.ComponentColumnList],
+) -> None:
+    """One row per frame, an empty one too: it wipes out what the frame before has drawn."""
+    counts = np.array(lengths, dtype=np.int64)
+    if counts.any():
+        recorder.rows(
+            path,
+            np.arange(len(counts)),
+            lambda some: [columns(some).partition(counts[some])],
+        )
