@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import cyclopts
-from cyclopts import App, Parameter
+from cyclopts import App, Parameter, validators
 
 from uavgram.errors import UavgramError
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 Verbose = Annotated[bool, Parameter(name=["--verbose", "-v"], negative=())]
+Seed = Annotated[int, Parameter(validator=validators.Number(gte=0))]
 
 DONE, PROBLEM, WRONG_USAGE, INTERRUPTED = 0, 1, 2, 130
 
@@ -26,7 +27,12 @@ app = App(
     help="Ground measurements with honest uncertainties from a drone's photos, its flight log and "
     "a few taped lengths.",
     help_format="plaintext",
+    help_formatter="plain",  # no boxes: help and usage errors read the same in a file as on screen
     version_flags=["--version"],
+    print_error=False,  # `main` tells every error in one form
+    exit_on_error=False,
+    suppress_keyboard_interrupt=False,
+    result_action="return_value",
 )
 
 
@@ -55,7 +61,7 @@ def run(project: Path, /, *, output: Path | None = None, verbose: Verbose = Fals
 
 @app.command
 def demo(
-    *, output: Path = Path("uavgram-demo"), seed: int | None = None, verbose: Verbose = False
+    *, output: Path = Path("uavgram-demo"), seed: Seed | None = None, verbose: Verbose = False
 ) -> int:
     """Write the built-in survey (flight, photos, log, picks), run it, and compare with its truth.
 
@@ -138,8 +144,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     else is a bug and keeps its traceback.
     """
     try:
-        status = app(arguments, exit_on_error=False, result_action="return_value")
-    except cyclopts.CycloptsError:
+        status = app(arguments)
+    except cyclopts.CycloptsError as error:
+        sys.stderr.write(f"uavgram: {error}\nTry: uavgram --help\n")
         return WRONG_USAGE
     except UavgramError as error:
         sys.stderr.write(f"uavgram: {error}\n")

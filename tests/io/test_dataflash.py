@@ -19,7 +19,10 @@ REAL = (
     "logs/copter_3.4.4.bin",
     "logs/pymavlink_test.BIN",
 )
-USED = ["POS", "ATT", "MNT", "GPS", "GPA", "CAM", "TRIG", "ORGN", "MSG", "VER", "XKF1", "XKF4", "XKQ", "XKV1", "NKF1", "NKF4", "NKQ1", "BARO", "MODE", "PARM"]
+USED = (
+    *("POS", "ATT", "MNT", "GPS", "GPA", "CAM", "TRIG", "ORGN", "MSG", "VER", "BARO", "MODE"),
+    *("PARM", "XKF1", "XKF4", "XKQ", "XKV1", "NKF1", "NKF4", "NKQ1"),
+)
 
 
 @pytest.fixture

@@ -215,3 +215,22 @@ def test_the_road_is_as_slippery_as_it_is_and_not_as_people_state_it():
     z = (np.array([true_mu(seed) for seed in range(20)]) - 0.7) / 0.05
     low, high = chi2.interval(0.999, len(z))
     assert low < np.sum(z**2) < high
+
+
+def test_the_road_leads_where_the_site_says_and_left_is_left(survey):
+    position = dict(zip(survey.truth.label, survey.truth.point_world_m, strict=True))
+    east, north, _ = position["R4"] - position["R1"]  # both at y = 5.4
+    assert np.rad2deg(np.arctan2(east, north)) == pytest.approx(62.0)
+    along = np.array([east, north, 0.0]) / np.hypot(east, north)
+    to_left = position["R4"] - position["R8"]
+    assert np.cross(along, to_left)[2] > 0
+
+
+def test_the_vehicle_flies_nose_first(survey):
+    log = survey.log
+    speed = np.hypot(*log.velocity_ned_m_s[:, :2].T)
+    first, last = log.event_time_s[[0, 5]]
+    rows = (log.position_time_s > first) & (log.position_time_s < last) & (speed > 2)
+    course = np.arctan2(log.velocity_ned_m_s[rows, 1], log.velocity_ned_m_s[rows, 0])
+    yaw = np.interp(log.position_time_s[rows], log.attitude_time_s, log.attitude_rpy_rad[:, 2])
+    assert np.abs(np.rad2deg(course - yaw)).max() < 12

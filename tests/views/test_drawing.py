@@ -104,7 +104,9 @@ def test_an_area_is_closed_and_what_was_not_computed_is_not_drawn(survey):
     assert result.measurements.name.index("to the tree") not in strips
 
 
-@pytest.mark.parametrize(("size", "factor"), [(0.1, 20), (0.11, 10), (5.0, 1), (0.0, 1), (np.nan, 1)])
+@pytest.mark.parametrize(
+    ("size", "factor"), [(0.1, 20), (0.11, 10), (5.0, 1), (0.0, 1), (np.nan, 1)]
+)
 def test_exaggerations_are_round_numbers_that_stay_within_the_limit(size, factor):
     assert drawing.nice_factor(size, 2.0) == factor
 

@@ -10,8 +10,10 @@ def test_the_table_lists_every_measurement_worst_first_in_straight_columns(surve
     header, rule, *rows = measurement_table(result).splitlines()
 
     assert len(rows) == len(result.measurements.name)
-    assert rows[0].startswith("to the tree") and "not computed" in rows[0]
-    assert rows[-1].startswith("skid left") and "39.612 ± 0.021 m" in rows[-1]
+    assert rows[0].startswith("to the tree")
+    assert "not computed" in rows[0]
+    assert rows[-1].startswith("skid left")
+    assert "39.612 ± 0.021 m" in rows[-1]
     assert {len(row) for row in rows} == {len(rule)} == {len(header)}
 
 

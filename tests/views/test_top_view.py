@@ -22,7 +22,9 @@ def test_the_drawing_is_to_scale_and_north_is_up(survey):
 def test_everything_lies_on_the_sheet(survey):
     view = top_view(survey.build())
     strokes = (*view.lines, *view.ellipses)
-    spots = np.array([p.split(",") for stroke in strokes for p in stroke.points.split()], dtype=float)
+    spots = np.array(
+        [p.split(",") for stroke in strokes for p in stroke.points.split()], dtype=float
+    )
 
     assert (spots >= 0).all()
     assert (spots <= [view.width, view.height]).all()

@@ -29,7 +29,14 @@ def test_a_suspect_length_is_named_first_with_its_error(survey):
 def test_every_flaw_of_the_survey_is_among_the_reasons(survey):
     reasons = " ".join(judge(survey.build()).reasons)
 
-    for flaw in ("1 pick suspect", "DSC_0011.jpg", "DSC_0005.jpg", "to the tree", "R6 fence", "1.62"):
+    for flaw in (
+        "1 pick suspect",
+        "DSC_0011.jpg",
+        "DSC_0005.jpg",
+        "to the tree",
+        "R6 fence",
+        "1.62",
+    ):
         assert flaw in reasons
 
 

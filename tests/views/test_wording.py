@@ -10,7 +10,14 @@ from uavgram.views.wording import chance, decimals_for, number, relative, with_s
 
 @pytest.mark.parametrize(
     ("sigma", "unit", "decimals"),
-    [(0.021, "m", 3), (0.0004, "m", 4), (3.2, "m", 2), (3.2, "m2", 1), (0.09, "deg", 3), (25, "m2", 0)],
+    [
+        (0.021, "m", 3),
+        (0.0004, "m", 4),
+        (3.2, "m", 2),
+        (3.2, "m2", 1),
+        (0.09, "deg", 3),
+        (25, "m2", 0),
+    ],
 )
 def test_a_value_shows_two_digits_of_its_sigma(sigma, unit, decimals):
     assert decimals_for(sigma, unit) == decimals

@@ -133,7 +133,7 @@ def _candidates(
         found.append(Candidate(offset, matched))
         middle = (votes[k] + votes[last[k] - 1]) / 2
         count[np.abs(votes + tolerance - middle) <= 2 * tolerance] = 0
-    return sorted(_distinct(found, tolerance), key=lambda c: -c.matched)
+    return sorted(_distinct(found, tolerance), key=lambda c: (-c.matched, abs(c.offset_s)))
 
 
 def _distinct(found: list[Candidate], tolerance: float) -> list[Candidate]:
@@ -165,22 +165,42 @@ def _result(
     *,
     unique: bool,
 ) -> Alignment:
-    offset = candidates[0].offset_s
+    offset, sigma = _refined(photo_s, resolution_s, event_s, tolerance, candidates[0].offset_s)
     index = _assigned(photo_s, event_s, offset, tolerance)
     residual = np.where(index >= 0, photo_s - offset - event_s[index], np.nan)
-    shift = float(np.nanmean(residual)) if (index >= 0).any() else 0.0
-    residual -= shift
-    pairs = max(int((index >= 0).sum()), 1)
-    spread = float(np.nanstd(residual)) if pairs > 1 else tolerance
-    alone = _is_alone(photo_s - offset - shift, event_s, tolerance)
+    alone = _is_alone_both_ways(photo_s - offset, event_s, index, tolerance)
     return Alignment(
         unique=unique,
         candidates=tuple(candidates),
-        offset_s=offset + shift,
-        offset_sigma_s=max(spread, resolution_s / np.sqrt(12)) / np.sqrt(pairs),
+        offset_s=offset,
+        offset_sigma_s=sigma,
         event_index=np.where(alone, index, -1),
         residual_s=np.where(alone, residual, np.nan),
     )
+
+
+def _refined(
+    photo_s: Floats, resolution_s: float, event_s: Floats, tolerance: float, offset: float
+) -> tuple[float, float]:
+    """Offset and its sigma from all pairs.
+
+    Of a coarse clock the reading's error is uniform over its step, and the middle between the
+    extremes is far better than the mean: sigma = step / sqrt(2 (n + 1) (n + 2)).
+    """
+    coarse = resolution_s > 0.1
+    reach = 1.2 * tolerance if coarse else tolerance
+    residual, index = _nearest(photo_s, event_s, offset)
+    near = np.abs(residual) <= reach
+    certain = near & _is_alone_both_ways(photo_s - offset, event_s, index, reach)
+    pairs = residual[certain if certain.sum() >= 3 else near]
+    n = len(pairs)
+    if n == 0:
+        return offset, tolerance
+    if coarse:
+        middle = float(pairs.min() + pairs.max()) / 2
+        return offset + middle, float(resolution_s / np.sqrt(2 * (n + 1) * (n + 2)))
+    spread = max(float(np.std(pairs)), resolution_s / np.sqrt(12))
+    return offset + float(np.mean(pairs)), float(spread / np.sqrt(n))
 
 
 def _assigned(photo_s: Floats, event_s: Floats, offset: float, tolerance: float) -> Ints:
@@ -196,6 +216,15 @@ def _assigned(photo_s: Floats, event_s: Floats, offset: float, tolerance: float)
     kept = inside[rows, columns]
     index[rows[kept]] = columns[kept]
     return index
+
+
+def _is_alone_both_ways(time_s: Floats, event_s: Floats, index: Ints, tolerance: float) -> Bools:
+    """(F,) whether photo and event have no other partner within the tolerance.
+
+    An event that two photos could claim is nobody's for certain: one photo's own may be lost.
+    """
+    claimed_once = _is_alone(event_s, np.sort(time_s), tolerance)
+    return np.asarray(_is_alone(time_s, event_s, tolerance) & claimed_once[index])
 
 
 def _is_alone(time_s: Floats, event_s: Floats, tolerance: float) -> Bools:

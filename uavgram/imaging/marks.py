@@ -10,12 +10,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uavgram.imaging.raster import GroundRaster, Image, lay
+from uavgram.imaging.raster import GroundRaster, Image, lay, soften
 from uavgram.model.layout import ScenePoint
 
 RESOLUTION_M = 0.004
 HALF_HEIGHT_PX, NEAR_PX, FAR_PX = 72, 72, 384  # FAR: where the label is
-TEXT_SCALE, TEXT_GAP_PX = 3.0, 88
+TEXT_SCALE, TEXT_THICKNESS, TEXT_GAP_PX = 3.0, 10, 88
+RIM_PX = 13
 
 WHITE = (236, 240, 240, 255)
 BLACK = (26, 26, 28, 255)
@@ -40,6 +41,7 @@ def mark_raster(point: ScenePoint) -> GroundRaster:
             lay(image, color, _mask(radius < size))
     else:
         narrow = np.minimum(np.abs(right), np.abs(down))
+        lay(image, BLACK, _mask((narrow < 0.048) & (square < 0.24)), 0.35)
         lay(image, SPRAY, _mask((narrow < 0.028) & (square < 0.22)), 0.95)
     _write(image, point, left_px)
     return GroundRaster(
@@ -57,13 +59,14 @@ def _mask(where: NDArray[np.bool_]) -> Image:
 def _write(image: Image, point: ScenePoint, left_px: int) -> None:
     """Spray the label, upright for one who looks along x, with a dark rim to be legible."""
     font = cv2.FONT_HERSHEY_DUPLEX
-    (width, height), _ = cv2.getTextSize(point.label, font, TEXT_SCALE, 10)
+    (width, height), _ = cv2.getTextSize(point.label, font, TEXT_SCALE, TEXT_THICKNESS)
     at_px = left_px + TEXT_GAP_PX if point.label_side == "right" else left_px - TEXT_GAP_PX - width
     base = (at_px, HALF_HEIGHT_PX + height // 2)
-    for color, thickness, strength in ((BLACK, 24, 0.6), (_text_color(point), 10, 0.95)):
-        mask = np.zeros(image.shape[:2], np.uint8)
-        cv2.putText(mask, point.label, base, font, TEXT_SCALE, [255], thickness, cv2.LINE_AA)
-        lay(image, color, mask, strength)
+    mask = np.zeros(image.shape[:2], np.uint8)
+    cv2.putText(mask, point.label, base, font, TEXT_SCALE, [255], TEXT_THICKNESS, cv2.LINE_AA)
+    rim = np.asarray(cv2.dilate(mask, np.ones((RIM_PX, RIM_PX), np.uint8)), np.uint8)
+    lay(image, BLACK, soften(rim, 2.5), 0.55)
+    lay(image, _text_color(point), mask, 0.95)
 
 
 def _text_color(point: ScenePoint) -> tuple[int, int, int, int]:

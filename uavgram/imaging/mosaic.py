@@ -204,12 +204,13 @@ def _choose(grid: _Grid, cameras: _Cameras) -> Ints:
     edges = [np.arange(n + 1.0) * grid.cell_px for n in grid.shape]
     row, column = np.meshgrid(*edges, indexing="ij")
     world = grid.world(column, row)
+    middle = (world[:-1, :-1] + world[1:, 1:]) / 2
     best = np.zeros(grid.shape)
     choice = np.full(grid.shape, -1, dtype=np.int64)
     for frame in range(len(cameras.frame_id)):
         corner = np.isfinite(grid.pixels_in(cameras, frame, world)[..., 0])
         seen = corner[:-1, :-1] & corner[1:, :-1] & corner[:-1, 1:] & corner[1:, 1:]
-        sine = _sine(world[:-1, :-1] - cameras.center_world_m[frame])
+        sine = _sine(middle - cameras.center_world_m[frame])
         better = seen & (sine > best)
         best[better], choice[better] = sine[better], frame
     return choice

@@ -15,7 +15,7 @@ from uavgram.errors import OutputError
 from uavgram.io.exif_writer import CaptureTags, with_exif
 from uavgram.io.mavlink_writer import write_tlog
 from uavgram.model.arrays import Floats
-from uavgram.model.simulation import SimulatedSurvey
+from uavgram.model.simulation import SimulatedSurvey, SurveyTruth
 
 JPEG_QUALITY = 92
 MAKE = "uavgram"
@@ -46,7 +46,8 @@ def write_demo(folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[n
         _make_photo_folder(folder / "photos", survey.frame_id)
         _write_photos(folder / "photos", survey, photos)
         write_tlog(folder / "flight.tlog", survey.log)
-        _write_tables(folder, survey)
+        _write_observations(folder, survey)
+        _write_requests(folder, survey)
         (folder / "camera.yaml").write_text(_camera_yaml(survey), encoding="utf-8")
         truth = json.dumps(truth_as_json(survey), indent=1) + "\n"
         (folder / "truth.json").write_text(truth, encoding="utf-8")
@@ -61,13 +62,6 @@ def truth_as_json(survey: SimulatedSurvey) -> dict[str, object]:
     """What really was, in metres, radians, seconds and pixels; world origin = the log's home."""
     truth, site = survey.truth, survey.scenario.site
     lost = np.flatnonzero(~survey.event_has_photo)
-    lengths = zip(survey.lines.name, survey.lines.start, survey.lines.end, strict=True)
-    measured = zip(
-        truth.measurement_name,
-        truth.measurement_value.tolist(),
-        truth.measurement_unit,
-        strict=True,
-    )
     return {
         "seed": survey.scenario.seed,
         "world": {
@@ -88,27 +82,43 @@ def truth_as_json(survey: SimulatedSurvey) -> dict[str, object]:
         "clock_offset_s": truth.clock_offset_s,
         "boot_to_utc_s": survey.log.boot_utc_s,
         "lost_exposures_utc_s": (survey.log.boot_utc_s + survey.log.event_time_s[lost]).tolist(),
-        "frames": {
-            name: {"time_utc_s": time, "center_world_m": center, "world_from_camera": rotation}
-            for name, time, center, rotation in zip(
-                truth.frame_id,
-                truth.time_utc_s.tolist(),
-                truth.center_world_m.tolist(),
-                truth.world_from_camera.tolist(),
+        "frames": _frames_as_json(truth),
+        "points": dict(zip(truth.label, truth.point_world_m.tolist(), strict=True)),
+        "lines": _lengths_as_json(survey),
+        "measurements": [
+            {"name": name, "value": value, "unit": unit}
+            for name, value, unit in zip(
+                truth.measurement_name,
+                truth.measurement_value.tolist(),
+                truth.measurement_unit,
                 strict=True,
             )
-        },
-        "points": dict(zip(truth.label, truth.point_world_m.tolist(), strict=True)),
-        "lines": [
-            {"name": name, "from": start, "to": end, "length_m": length}
-            for (name, start, end), length in zip(
-                lengths, truth.line_length_m.tolist(), strict=True
-            )
-        ],
-        "measurements": [
-            {"name": name, "value": value, "unit": unit} for name, value, unit in measured
         ],
     }
+
+
+def _frames_as_json(truth: SurveyTruth) -> dict[str, object]:
+    rows = zip(
+        truth.frame_id,
+        truth.time_utc_s.tolist(),
+        truth.center_world_m.tolist(),
+        truth.world_from_camera.tolist(),
+        strict=True,
+    )
+    return {
+        name: {"time_utc_s": time, "center_world_m": center, "world_from_camera": rotation}
+        for name, time, center, rotation in rows
+    }
+
+
+def _lengths_as_json(survey: SimulatedSurvey) -> list[dict[str, object]]:
+    lines, lengths = survey.lines, survey.truth.line_length_m.tolist()
+    return [
+        {"name": name, "from": start, "to": end, "length_m": length}
+        for name, start, end, length in zip(
+            lines.name, lines.start, lines.end, lengths, strict=True
+        )
+    ]
 
 
 def _make_photo_folder(folder: Path, frame_id: Sequence[str]) -> None:
@@ -134,8 +144,9 @@ def _write_photos(
         (folder / name).write_bytes(with_exif(jpeg.tobytes(), tags))
 
 
-def _write_tables(folder: Path, survey: SimulatedSurvey) -> None:
-    picks, lines, checks = survey.picks, survey.lines, survey.checks
+def _write_observations(folder: Path, survey: SimulatedSurvey) -> None:
+    """picks.csv and lines.csv."""
+    picks, lines = survey.picks, survey.lines
     _write_csv(
         folder / "picks.csv",
         ("image", "label", "u_px", "v_px", "sigma_px"),
@@ -159,6 +170,11 @@ def _write_tables(folder: Path, survey: SimulatedSurvey) -> None:
             strict=True,
         ),
     )
+
+
+def _write_requests(folder: Path, survey: SimulatedSurvey) -> None:
+    """measure.csv, and check.csv to judge the answers."""
+    checks = survey.checks
     _write_csv(
         folder / "check.csv",
         ("label", "east_m", "north_m", "up_m", "sigma_m"),

@@ -6,6 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from uavgram.errors import near_miss
 from uavgram.model.message import Message
 from uavgram.pipeline.compute import Posed, pose_frames
 from uavgram.pipeline.inputs import Inputs, read_inputs
@@ -45,8 +46,10 @@ def _unseen(inputs: Inputs) -> list[Message]:
     named += [(f"measurement {r.name!r}", p) for r in inputs.requests for p in r.points]
     named += [("the control points", label) for label in inputs.control.label]
     named += [("the check points", label) for label in inputs.check.label]
-    return [
-        Message("warning", "label-unseen", f"Point {label!r} of {what} is never picked.")
-        for what, label in named
-        if label not in picked
-    ]
+    return [_never_picked(what, label, picked) for what, label in named if label not in picked]
+
+
+def _never_picked(what: str, label: str, picked: set[str]) -> Message:
+    near = near_miss(label, sorted(picked))
+    hint = f" ({near})" if near else ""
+    return Message("warning", "label-unseen", f"Point {label!r} of {what} is never picked{hint}.")

@@ -16,7 +16,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from uavgram.errors import UavgramError
+from uavgram.errors import GeometryError, UavgramError
 from uavgram.estimation.adjustment import Refined
 from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.model.arrays import Floats
@@ -68,6 +68,9 @@ def pose_frames(inputs: Inputs) -> Posed:
     project = inputs.project
     matched = synchronise(inputs.photos, inputs.log, project.time)
     frames = matched.frames
+    if not frames.matched.any():
+        reasons = "; ".join(f"{name}: {why}" for name, why in zip(frames.frame_id, frames.reason, strict=True))
+        raise GeometryError(f"no usable frame remains, {inputs.log.path} covers no photo: {reasons}")
     first = float(np.nanmin(np.where(frames.matched, frames.time_utc_s, np.nan)))
     home, datum, home_messages = find_home(matched.boot, matched.clock, first)
     latitude, longitude, height = home
@@ -94,12 +97,7 @@ def pose_frames(inputs: Inputs) -> Posed:
         world=world,
         frames=frames,
         telemetry=Telemetry(poses=seeds.poses, prior=seeds.prior, track=track),
-        messages=(
-            *matched.messages,
-            *home_messages,
-            *track_messages,
-            *_unmatched_messages(frames),
-        ),
+        messages=(*matched.messages, *home_messages, *track_messages),
     )
 
 
@@ -259,14 +257,6 @@ def _no_points() -> KnownWorldPoints:
     return KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empty((0, 3)))
 
 
-def _unmatched_messages(frames: Frames) -> tuple[Message, ...]:
-    return tuple(
-        Message("warning", "frame-unmatched", f"Photo {name!r} is not used: {frames.reason[i]}.")
-        for i, name in enumerate(frames.frame_id)
-        if not frames.matched[i]
-    )
-
-
 def _gauge_messages(inputs: Inputs, world: World) -> tuple[Message, ...]:
     if world.gauge == "world":
         return ()
@@ -323,4 +313,4 @@ def _flatten(prefix: str, tree: dict[str, object], into: dict[str, object]) -> N
         if isinstance(value, dict):
             _flatten(f"{prefix}{key}.", value, into)
         else:
-            into[f"{prefix}{key}"] = list(value) if isinstance(value, tuple) else value
+            into[f"{prefix}{key}"] = value

@@ -16,6 +16,8 @@ from uavgram.model.pose import Poses, TelemetryPrior
 from uavgram.model.survey import Ground, Survey
 from uavgram.model.telemetry import Track
 
+NO_CONTROL = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empty((0, 3)))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Telemetry:
@@ -53,7 +55,7 @@ def assemble(
     calibration: Calibration,
     picks: Picks,
     lines: KnownLines,
-    control: KnownWorldPoints,
+    control: KnownWorldPoints | None,
     telemetry: Telemetry | None,
     ground: GroundOptions,
     picks_sigma_px: float,
@@ -68,6 +70,7 @@ def assemble(
     GeometryError
         No frame takes part.
     """
+    control = control or NO_CONTROL
     posed = set(picks.image) if telemetry is None else set(telemetry.poses.frame_id)
     used = np.array([image in posed for image in picks.image], dtype=bool)
     if not used.any():

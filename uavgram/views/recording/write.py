@@ -54,6 +54,7 @@ def write_recording(
     target = Path(path)
     unfinished = target.with_name(f".{target.name}.unfinished")
     try:
+        unfinished.touch()  # Rerun's own complaint about a missing folder is no OSError
         with open_recorder(result, unfinished) as recorder:
             _log_everything(recorder, result, previews, texture)
         unfinished.replace(target)

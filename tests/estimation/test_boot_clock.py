@@ -1,0 +1,80 @@
+"""Which of a log's clocks is believed."""
+
+import numpy as np
+import pytest
+
+from uavgram.errors import UavgramError
+from uavgram.estimation.boot_clock import as_text, fit_boot_clock, to_boot, to_utc
+from uavgram.model.telemetry import Boot, ClockSamples
+
+EPOCH = 1.7e9
+TIME = np.arange(20.0, 300.0, 0.5)
+
+
+def boot(**clocks):
+    return Boot(
+        positions=None,
+        attitudes=None,
+        gimbal=None,
+        sigmas=None,
+        events=None,
+        home=None,
+        clocks=tuple(
+            ClockSamples(time_boot_s=TIME, utc_s=utc, source=name) for name, utc in clocks.items()
+        ),
+    )
+
+
+def test_system_time_wins_over_a_receive_clock_that_is_seconds_off():
+    clock, messages = fit_boot_clock(
+        boot(system_time=EPOCH + TIME, receive=EPOCH + 3.7 + 1.004 * TIME)
+    )
+    assert clock.source == "system_time"
+    assert clock.offset_s == pytest.approx(EPOCH, abs=1e-3)
+    assert [m.code for m in messages] == ["clock-station-off"]
+
+
+@pytest.mark.parametrize("wrong_s", [2.8e10, -3 * 86400.0, -EPOCH])
+def test_nonsense_system_time_yields_to_the_receive_clock(wrong_s):
+    rng = np.random.default_rng(1)
+    late = EPOCH + TIME + rng.exponential(0.1, len(TIME))
+    clock, messages = fit_boot_clock(boot(system_time=EPOCH + TIME + wrong_s, receive=late))
+    assert clock.source == "receive"
+    assert clock.offset_s == pytest.approx(EPOCH, abs=0.05)
+    assert [(m.level, m.code) for m in messages] == [("warning", "clock-receive")]
+
+
+def test_a_system_time_that_stands_still_is_rejected():
+    clock, _ = fit_boot_clock(boot(system_time=np.full(len(TIME), EPOCH), receive=EPOCH + TIME))
+    assert clock.source == "receive"
+
+
+def test_gps_wins_over_everything():
+    clock, messages = fit_boot_clock(boot(receive=EPOCH + 5 + TIME, gps=EPOCH + TIME))
+    assert clock.source == "gps"
+    assert messages == ()
+
+
+def test_a_log_without_any_utc_is_refused_with_the_way_out():
+    with pytest.raises(UavgramError, match="no GPS time, no SYSTEM_TIME"):
+        fit_boot_clock(boot())
+    with pytest.raises(UavgramError, match="nonsense"):
+        fit_boot_clock(boot(system_time=2.9e10 + TIME, receive=TIME))
+
+
+def test_both_ways_of_the_clock_are_inverse():
+    clock, _ = fit_boot_clock(boot(gps=EPOCH + TIME * (1 + 1e-4)))
+    assert to_boot(clock, to_utc(clock, TIME)) == pytest.approx(TIME, abs=1e-6)
+
+
+def test_instants_are_written_for_people():
+    assert as_text(1533430850.0) == "2018-08-05 01:00:50 UTC"
+    assert as_text(-5.0) == "-5 s since 1970"
+
+
+def test_the_real_cuav_clock_is_the_receive_clock(data_dir):
+    from uavgram.io.tlog import read_tlog
+
+    clock, messages = fit_boot_clock(read_tlog(data_dir / "cuav" / "flight.tlog").boots[0])
+    assert clock.source == "receive"
+    assert "2909" in messages[0].text or "2908" in messages[0].text

@@ -1,0 +1,114 @@
+"""The ground put together from photos of a known ground."""
+
+from __future__ import annotations
+
+import runpy
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from uavgram.imaging import mosaic
+from uavgram.imaging.mosaic import ground_texture, plane_height
+from uavgram.imaging.preview import Preview
+
+SCALE = 4
+
+
+@pytest.fixture(scope="module")
+def survey():
+    path = Path(__file__).parents[1] / "views" / "synthetic_survey.py"
+    return SimpleNamespace(**runpy.run_path(str(path)))
+
+
+def previews(survey, result, paint=None):
+    made = {}
+    for i in np.flatnonzero(result.has_refined):
+        poses = result.frames.refined
+        rgb = survey.render(poses.center_world_m[i], poses.world_from_camera[i], SCALE)
+        if paint is not None:
+            rgb[:] = paint(i)
+        made[result.frames.frame_id[i]] = Preview(
+            survey.jpeg(rgb), rgb.shape[1], rgb.shape[0], (float(SCALE), float(SCALE))
+        )
+    return made
+
+
+def spots(texture):
+    """(H, W, 2) world east and north of the pixels' centres."""
+    rows, columns = texture.covered.shape
+    east = texture.west_m + (np.arange(columns) + 0.5) * texture.pixel_size_m
+    north = texture.north_m - (np.arange(rows) + 0.5) * texture.pixel_size_m
+    return np.stack(np.meshgrid(east, north), axis=-1)
+
+
+def test_the_mosaic_shows_the_ground_where_it_is(survey):
+    result = survey.build()
+    texture = ground_texture(result, previews(survey, result))
+    at = spots(texture)
+    truth = survey.ground_rgb(at[..., 0], at[..., 1]).astype(float)
+    difference = np.abs(texture.rgb - truth).mean(axis=-1)[texture.covered]
+
+    assert texture.covered.mean() > 0.6
+    assert np.median(difference) < 3
+    # the brown field's western edge, at east -29, to a pixel
+    row = np.argmin(np.abs(at[:, 0, 1] + 18))
+    red = texture.rgb[row, :, 0].astype(int)
+    edge = at[row, np.argmax((red > 110) & (at[row, :, 0] < -20)), 0]
+    assert edge == pytest.approx(-29, abs=1.5 * texture.pixel_size_m)
+
+
+def test_each_spot_comes_from_the_frame_most_above_it(survey):
+    result = survey.build(clean=True)
+    texture = ground_texture(result, previews(survey, result, paint=lambda i: (12 * i, 60, 60)))
+    at = spots(texture)[8::16, 8::16]
+    shown = texture.rgb[8::16, 8::16, 0].astype(float) / 12
+    centers = result.frames.refined.center_world_m
+    away = np.linalg.norm(at[:, :, None] - centers[:, :2], axis=-1) / centers[:, 2]
+    inside = texture.covered[8::16, 8::16] & (
+        away.min(axis=-1) < 0.2
+    )  # well inside the photo below
+    nearest = away.argmin(axis=-1)
+
+    assert inside.sum() > 100
+    assert np.mean(np.round(shown[inside]) == nearest[inside]) > 0.97
+
+
+def test_a_sloping_plane_is_met_at_its_slope(survey):
+    result = survey.build()
+    shared = replace(
+        result.shared,
+        plane_height_m=replace(result.shared.plane_height_m, value=[2.0]),
+        plane_slope_deg=replace(result.shared.plane_slope_deg, value=[45.0, 0.0]),
+        plane_pivot_m=[10.0, 0.0],
+    )
+    height = plane_height(replace(result, shared=shared), np.array([[10.0, 5.0], [13.0, -7.0]]))
+
+    np.testing.assert_allclose(height, [2.0, 5.0])
+
+
+def test_the_mosaic_stays_within_its_size(survey):
+    result = survey.build()
+    texture = ground_texture(result, previews(survey, result), max_size_px=200)
+
+    assert max(texture.covered.shape) <= 200 + mosaic.CELL_PX
+
+
+def test_without_photos_or_refined_frames_there_is_no_mosaic(survey):
+    result = survey.build()
+    nowhere = np.full_like(result.frames.refined.center_world_m, np.nan)
+    refined = replace(result.frames.refined, center_world_m=nowhere)
+    unposed = replace(result, frames=replace(result.frames, refined=refined))
+
+    assert ground_texture(result, {}) is None
+    assert ground_texture(unposed, previews(survey, result)) is None
+
+
+def test_hundreds_of_frames_choose_in_coarser_cells(survey):
+    result = survey.build(frame_count=500)
+    some = dict(list(previews(survey, survey.build(frame_count=20)).items()))
+    texture = ground_texture(result, some)
+
+    assert texture.covered.any()

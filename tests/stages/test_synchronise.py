@@ -1,0 +1,221 @@
+"""Photos on the flight's clock: against simulated flights with truth, and what is refused."""
+
+import json
+
+import numpy as np
+import pytest
+
+from uavgram.errors import UavgramError
+from uavgram.io.flight_log import read_flight_log
+from uavgram.io.photos import read_photos
+from uavgram.model.frames import Photos
+from uavgram.model.options import TimeOptions
+from uavgram.model.telemetry import (
+    AttitudeSamples,
+    Boot,
+    CameraEvents,
+    ClockSamples,
+    FlightLog,
+    PositionSamples,
+)
+from uavgram.stages.synchronise import synchronise
+
+EPOCH = 1.7e9
+CUAV = TimeOptions(
+    source="filename", filename_format="%Y%m%d%H%M%S%fZ", offset_s=0.0, offset_sigma_s=0.5
+)
+
+
+def flight(event_s=None, confirmed=None, start=10.0, end=400.0, gap=None):
+    """A flight with 10 Hz tables on the boot clock, UTC = EPOCH + boot."""
+    time = np.arange(start, end, 0.1)
+    if gap is not None:
+        time = time[(time < gap[0]) | (time > gap[1])]
+    n = len(time)
+    events = None
+    if event_s is not None:
+        events = CameraEvents(
+            time_boot_s=event_s,
+            image_number=np.arange(len(event_s)),
+            confirmed=np.ones(len(event_s)) if confirmed is None else confirmed,
+            source="TRIG+CAM",
+        )
+    return Boot(
+        positions=PositionSamples(
+            time_boot_s=time,
+            latitude_deg=np.full(n, -35.0),
+            longitude_deg=np.full(n, 149.0),
+            height_m=np.full(n, 600.0),
+            height_home_m=np.full(n, 60.0),
+            datum="msl",
+            source="POS",
+        ),
+        attitudes=AttitudeSamples(
+            time_boot_s=time, ned_from_body_xyzw=np.tile([0, 0, 0, 1.0], (n, 1)), source="ATT"
+        ),
+        gimbal=None,
+        sigmas=None,
+        events=events,
+        home=None,
+        clocks=(ClockSamples(time_boot_s=time, utc_s=EPOCH + time, source="gps"),),
+    )
+
+
+def log_of(*boots):
+    return FlightLog(
+        path="flight.BIN",
+        kind="dataflash",
+        vehicle="",
+        firmware="",
+        boots=boots,
+        messages=(),
+        undulation_m=float("nan"),
+        notes=(),
+    )
+
+
+def photos_at(time_s, resolution=0.001, source="exif"):
+    n = len(time_s)
+    return Photos(
+        frame_id=tuple(f"{k:03d}.jpg" for k in range(n)),
+        path=tuple(f"{k:03d}.jpg" for k in range(n)),
+        width_px=np.full(n, 10),
+        height_px=np.full(n, 10),
+        file_time_s=time_s,
+        file_time_resolution_s=np.full(n, resolution),
+        time_source=source,
+    )
+
+
+def uneven(count, seed=1, start=50.0):
+    return start + np.cumsum(np.random.default_rng(seed).uniform(1.2, 2.8, count))
+
+
+@pytest.mark.parametrize("kind", ["BIN", "tlog"])
+def test_the_twins_unknown_clock_offset_is_found_from_its_events(data_dir, kind):
+    folder = data_dir / "wind_oblique"
+    options = TimeOptions(source="exif", offset_sigma_s=0.05)
+    photos, _ = read_photos((str(folder / "photos" / "*.jpg"),), options)
+    result = synchronise(photos, read_flight_log(folder / f"flight.{kind}"), options)
+    truth = json.loads((data_dir / "truth" / "wind_oblique.json").read_text())
+    frames = result.frames
+    assert frames.clock_offset_s == pytest.approx(truth["exif_offset_s"], abs=0.005)
+    assert frames.clock_offset_sigma_s <= 0.05
+    expected = [truth["frames"][name]["time_utc_s"] for name in frames.frame_id]
+    assert np.abs(frames.time_utc_s - expected).max() < 0.002
+    assert frames.matched.all()
+
+
+@pytest.mark.parametrize("kind", ["BIN", "tlog"])
+@pytest.mark.parametrize("offset", [0.0, "auto"])
+def test_the_calm_twins_instants_are_right(data_dir, kind, offset):
+    folder = data_dir / "calm_nadir"
+    options = TimeOptions(source="exif", offset_s=offset, offset_sigma_s=0.05)
+    photos, _ = read_photos((str(folder / "photos" / "*.jpg"),), options)
+    frames = synchronise(photos, read_flight_log(folder / f"flight.{kind}"), options).frames
+    truth = json.loads((data_dir / "truth" / "calm_nadir.json").read_text())
+    expected = [truth["frames"][name]["time_utc_s"] for name in frames.frame_id]
+    assert np.abs(frames.time_utc_s - expected).max() < 0.002
+
+
+def test_a_stated_offset_leaves_cuavs_late_clock_to_the_adjustment(data_dir):
+    folder = data_dir / "cuav"
+    photos, _ = read_photos((str(folder / "photos" / "*.jpg"),), CUAV)
+    result = synchronise(photos, read_flight_log(folder / "flight.tlog"), CUAV)
+    frames = result.frames
+    assert frames.matched.all()
+    np.testing.assert_array_equal(frames.time_utc_s, photos.file_time_s)
+    assert frames.clock_offset_s == 0.0
+    assert frames.clock_offset_sigma_s == pytest.approx(0.51, abs=0.01)
+    assert "clock-receive" in {m.code for m in result.messages}
+
+
+def test_no_offset_and_no_events_asks_for_an_offset(data_dir):
+    options = TimeOptions(source="filename", filename_format=CUAV.filename_format)
+    folder = data_dir / "cuav"
+    photos, _ = read_photos((str(folder / "photos" / "*.jpg"),), options)
+    with pytest.raises(UavgramError, match=r"set time\.offset_s"):
+        synchronise(photos, read_flight_log(folder / "flight.tlog"), options)
+
+
+def test_photos_without_times_are_paired_in_order_only_where_counts_agree():
+    events = uneven(20)
+    confirmed = np.ones(20)
+    confirmed[[3, 9]] = 0
+    log = log_of(flight(events, confirmed))
+    nothing = np.full(18, np.nan)
+    result = synchronise(photos_at(nothing, source="none"), log, TimeOptions())
+    np.testing.assert_allclose(result.frames.time_utc_s, EPOCH + events[confirmed > 0], atol=1e-5)
+    for count in (17, 19, 20):
+        with pytest.raises(UavgramError, match=f"{count} photos and 18 confirmed"):
+            synchronise(photos_at(np.full(count, np.nan), source="none"), log, TimeOptions())
+
+
+def test_evenly_spaced_events_are_refused_with_the_candidates():
+    events = 50 + 2.0 * np.arange(40)
+    photos = photos_at(EPOCH + events[5:20] + 0.5)
+    with pytest.raises(UavgramError, match=r"clearly best: \+0\.500 s \(15 of 15 photos\)"):
+        synchronise(photos, log_of(flight(events)), TimeOptions())
+
+
+def test_a_coarse_file_time_takes_the_time_of_its_event():
+    events = uneven(40)
+    photos = photos_at(np.floor(EPOCH + events + 0.3), resolution=1.0)
+    options = TimeOptions(offset_s=0.0, offset_sigma_s=0.3)
+    result = synchronise(photos, log_of(flight(events)), options)
+    error = result.frames.time_utc_s - EPOCH - events
+    snapped = np.abs(error) < 1e-5
+    assert snapped.mean() > 0.9
+    assert result.frames.sigma_time_s[snapped].max() < 0.02
+    assert "time-aligned" in {m.code for m in result.messages}
+
+
+def test_a_coarse_file_time_without_events_keeps_its_own_sigma():
+    photos = photos_at(EPOCH + np.array([100.0, 102.0, 105.0]), resolution=1.0)
+    options = TimeOptions(offset_s=0.0, offset_sigma_s=0.3)
+    frames = synchronise(photos, log_of(flight()), options).frames
+    np.testing.assert_allclose(frames.sigma_time_s, 1 / np.sqrt(12))
+
+
+def test_a_log_of_another_day_names_both_spans_and_the_difference():
+    photos = photos_at(EPOCH + 36000.0 + np.array([100.0, 110.0]))
+    with pytest.raises(
+        UavgramError, match=r"no photo lies in the flight.*wrong by about \+36"
+    ) as e:
+        synchronise(photos, log_of(flight()), TimeOptions(offset_s=0.0))
+    assert "2023-11-15" in str(e.value)  # of the photos
+    assert "2023-11-14 22:13:30 UTC" in str(e.value)  # where the log begins
+
+
+def test_frames_outside_the_log_or_in_its_gaps_are_unmatched_with_a_reason():
+    photos = photos_at(EPOCH + np.array([5.0, 100.0, 205.0, 210.5, 500.0, np.nan]))
+    boot = flight(gap=(200.0, 210.0))
+    result = synchronise(photos, log_of(boot), TimeOptions(source="exif", offset_s=0.0))
+    frames = result.frames
+    assert frames.matched.tolist() == [False, True, False, True, False, False]
+    assert frames.reason[1] == ""
+    for k, words in ((0, "before the log"), (2, "gap"), (4, "after the log"), (5, "no capture")):
+        assert words in frames.reason[k]
+    assert np.isnan(frames.time_utc_s[5])
+    unmatched = [m for m in result.messages if m.code == "frame-unmatched"]
+    assert len(unmatched) == 4
+
+
+def test_of_several_boots_the_one_with_the_photos_is_taken():
+    first, second = flight(end=100.0), flight(start=200.0, end=400.0)
+    photos = photos_at(EPOCH + np.array([250.0, 260.0]))
+    result = synchronise(photos, log_of(first, second), TimeOptions(offset_s=0.0))
+    assert result.boot is second
+    events = uneven(15, start=220.0)
+    aligned = synchronise(
+        photos_at(EPOCH + events + 3.0), log_of(first, flight(events, start=200.0)), TimeOptions()
+    )
+    assert aligned.frames.clock_offset_s == pytest.approx(3.0, abs=1e-3)
+
+
+def test_a_lost_event_leaves_its_photo_with_its_file_time():
+    events = uneven(30)
+    photos = photos_at(EPOCH + events + 3.0)
+    result = synchronise(photos, log_of(flight(np.delete(events, 12))), TimeOptions())
+    np.testing.assert_allclose(result.frames.time_utc_s, EPOCH + events, atol=1e-3)
+    assert "photo-without-event" in {m.code for m in result.messages}

@@ -1,0 +1,49 @@
+"""Every word of the README is true: its Python runs, its commands exist."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from uavgram.cli import app
+
+
+@pytest.fixture(scope="module")
+def readme(repository):
+    return (repository / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def demo_folder(tmp_path_factory):
+    from uavgram.model.scene import DemoScenario
+    from uavgram.pipeline.demo import demo
+
+    folder = tmp_path_factory.mktemp("readme")
+    demo(folder, DemoScenario())
+    return folder
+
+
+def test_the_python_of_the_readme_runs_on_the_demo(readme, demo_folder, monkeypatch, capsys):
+    monkeypatch.chdir(demo_folder)
+    blocks = re.findall(r"```python\n(.*?)```", readme, flags=re.DOTALL)
+    names: dict[str, object] = {}
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), names)  # noqa: S102  (our own words)
+
+    assert len(blocks) == 2
+    assert "skid left: 16.9" in capsys.readouterr().out
+    assert names["again"].measurements.name == names["result"].measurements.name
+    assert names["covariance"].shape == (6, 6)
+
+
+def test_every_command_that_the_readme_names_exists(readme):
+    named = set(re.findall(r"uavgram ([a-z]+)", "\n".join(re.findall(r"`+[^`]+`+", readme))))
+
+    assert {"demo", "run", "check", "log", "view"} <= named
+    assert named <= {name for name in app if not name.startswith("-")}
+
+
+def test_the_files_and_the_picture_that_the_readme_names_are_there(readme, repository):
+    for name in re.findall(r"!\[[^]]*\]\(([^)]+)\)", readme):
+        assert (repository / name).is_file(), name
+    assert Path(repository, "configs", "project.yaml").is_file()

@@ -1,0 +1,72 @@
+"""Which instant of the flight belongs to which photo.
+
+The log's boot clock is tied to UTC (estimation/boot_clock.py); the photos' clock is tied to it by
+a stated offset, or by aligning photos with the log's camera events. Photos are never paired with
+events by their order alone, unless both are equally many and the project asks for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from uavgram.model.frames import Frames, Photos
+from uavgram.model.message import Message
+from uavgram.model.options import TimeOptions
+from uavgram.model.telemetry import Boot, BootClock, FlightLog
+from uavgram.stages.synchronise.boots import usable_boots
+from uavgram.stages.synchronise.placement import placed_frames, unmatched_messages
+from uavgram.stages.synchronise.timing import by_alignment, by_offset, by_order
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Synchronised:
+    """Frames on the clock of one boot of the log.
+
+    Attributes
+    ----------
+    frames
+        One for each photo, in the photos' order.
+    boot, clock
+        The boot that contains them, and its line to UTC.
+    messages
+        What was chosen, and what is odd.
+    """
+
+    frames: Frames
+    boot: Boot
+    clock: BootClock
+    messages: tuple[Message, ...]
+
+
+def synchronise(photos: Photos, log: FlightLog, options: TimeOptions) -> Synchronised:
+    """Give every photo its instant in the flight.
+
+    Parameters
+    ----------
+    photos
+        With their file times, in the order of their names.
+    log
+        The flight; of several boots the one that contains the photos is taken.
+    options
+        Source of the times; offset of the camera's clock, or ``auto``.
+
+    Raises
+    ------
+    UavgramError
+        No boot has UTC, no photo lies in the flight, the alignment with the camera events is not
+        unique, or there is nothing that could tell the offset. The message says how to settle it.
+    """
+    usable = usable_boots(log)
+    if options.source == "events" or photos.time_source == "none":
+        chosen, timing = by_order(photos, usable, options)
+    elif options.offset_s == "auto":
+        chosen, timing = by_alignment(photos, usable, options)
+    else:
+        chosen, timing = by_offset(photos, usable, options, float(options.offset_s))
+    frames = placed_frames(photos, chosen, timing)
+    return Synchronised(
+        frames=frames,
+        boot=chosen.boot,
+        clock=chosen.clock,
+        messages=(*chosen.messages, *timing.messages, *unmatched_messages(frames)),
+    )

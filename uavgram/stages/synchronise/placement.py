@@ -1,0 +1,69 @@
+"""Frames with their instants, and why one has no place in the log."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.estimation.boot_clock import as_text, to_utc
+from uavgram.model.arrays import Floats
+from uavgram.model.frames import Frames, Photos
+from uavgram.model.message import Message
+from uavgram.stages.synchronise.boots import ClockedBoot, is_inside
+from uavgram.stages.synchronise.timing import Timing
+
+LONGEST_GAP_S = 1.0  # to the nearest logged position
+
+
+def placed_frames(photos: Photos, chosen: ClockedBoot, timing: Timing) -> Frames:
+    """Frames with the reason why one has no place in the log."""
+    positions = chosen.boot.positions
+    logged = np.zeros(0) if positions is None else to_utc(chosen.clock, positions.time_boot_s)
+    time = timing.time_utc_s
+    known = np.isfinite(time)
+    inside = is_inside(time, chosen)
+    gap = np.full(len(time), np.inf)
+    gap[known] = _to_nearest(time[known], logged)
+    matched = inside & (gap <= LONGEST_GAP_S)
+    first, last = chosen.span_utc_s()
+    reasons = []
+    for k in range(len(time)):
+        if matched[k]:
+            reasons.append("")
+        elif not known[k]:
+            reasons.append("no capture time in the file")
+        elif not inside[k]:
+            reasons.append(_outside(float(time[k]), first, last))
+        else:
+            reasons.append(f"the log has a gap here: its nearest position is {gap[k]:.1f} s away")
+    return Frames(
+        frame_id=photos.frame_id,
+        time_utc_s=time,
+        sigma_time_s=np.where(known, timing.sigma_time_s, np.nan),
+        matched=matched,
+        reason=tuple(reasons),
+        clock_offset_s=timing.offset_s,
+        clock_offset_sigma_s=timing.offset_sigma_s,
+    )
+
+
+def _outside(time: float, first: float, last: float) -> str:
+    if time < first:
+        return f"taken {first - time:.1f} s before the log begins ({as_text(time)})"
+    return f"taken {time - last:.1f} s after the log ends ({as_text(time)})"
+
+
+def _to_nearest(time: Floats, samples: Floats) -> Floats:
+    """(F,) distance to the nearest sample."""
+    if not len(samples):
+        return np.full(len(time), np.inf)
+    right = np.clip(np.searchsorted(samples, time), 0, len(samples) - 1)
+    left = np.maximum(right - 1, 0)
+    return np.minimum(np.abs(samples[right] - time), np.abs(time - samples[left]))
+
+
+def unmatched_messages(frames: Frames) -> tuple[Message, ...]:
+    return tuple(
+        Message("warning", "frame-unmatched", f"{frame}: {reason}")
+        for frame, reason in zip(frames.frame_id, frames.reason, strict=True)
+        if reason
+    )
