@@ -27,7 +27,6 @@ app = App(
     help="Ground measurements with honest uncertainties from a drone's photos, its flight log and "
     "a few taped lengths.",
     help_format="plaintext",
-    help_formatter="plain",  # no boxes: help and usage errors read the same in a file as on screen
     version_flags=["--version"],
     print_error=False,  # `main` tells every error in one form
     exit_on_error=False,

@@ -94,3 +94,13 @@ def test_nothing_to_align_is_said():
     assert not result.unique
     assert result.candidates == ()
     assert (result.event_index == -1).all()
+
+
+def test_an_event_that_two_photos_could_claim_is_nobodys():
+    event = survey(np.random.default_rng(9), 60, 0.8)
+    event[30] = event[29] + 0.4  # closer than the step of the photos' clock
+    photo = np.floor(event + 3.3)
+    result = align(photo, 1.0, np.delete(event, 30))
+    assert result.unique
+    assert result.event_index[29] == -1
+    assert result.event_index[30] == -1

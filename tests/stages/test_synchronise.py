@@ -219,3 +219,10 @@ def test_a_lost_event_leaves_its_photo_with_its_file_time():
     result = synchronise(photos, log_of(flight(np.delete(events, 12))), TimeOptions())
     np.testing.assert_allclose(result.frames.time_utc_s, EPOCH + events, atol=1e-3)
     assert "photo-without-event" in {m.code for m in result.messages}
+
+
+def test_a_file_time_was_really_that_much_earlier_than_the_camera_said():
+    photos = photos_at(EPOCH + np.array([100.0, 110.0]) + 3600.0)
+    frames = synchronise(photos, log_of(flight()), TimeOptions(offset_s=3600.0)).frames
+    np.testing.assert_allclose(frames.time_utc_s, EPOCH + np.array([100.0, 110.0]))
+    assert frames.clock_offset_s == 3600.0

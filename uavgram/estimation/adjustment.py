@@ -63,6 +63,39 @@ class Adjustment:
         joint = self.covariance.blocks(columns)
         return world, np.einsum("nij,njk,nlk->nil", jacobian, joint, jacobian, optimize=True)
 
+    def relative_points(self) -> Floats:
+        """Covariances (K, 2, 2) of east and north within the survey.
+
+        What all points have in common, a shift and a turn, is taken out: the receiver's bias and
+        the heading say nothing about the scene's shape.
+
+        Notes
+        -----
+        S-transformation to the datum of all points (Baarda 1973, "S-transformations and criterion
+        matrices"; inner constraints): with G (2K, 3) the shifts and the turn of all points, Q
+        their covariance and H = (G^T G)^-1 G^T, the blocks of (I - G H) Q (I - G H)^T.
+        """
+        layout = self.problem.layout
+        label = np.arange(layout.points)
+        planar = layout.point_columns(label)[:, :2]
+        free = np.zeros((layout.points, 2, 3))
+        from_middle = self.state.point[:, :2] - self.state.point[:, :2].mean(axis=0)
+        free[:, 0, 0] = free[:, 1, 1] = 1.0
+        free[:, 0, 2], free[:, 1, 2] = -from_middle[:, 1], from_middle[:, 0]
+        own = self.covariance.blocks(planar)
+        gram = np.einsum("nij,nik->jk", free, free)
+        if np.linalg.cond(gram) > 1e12:  # a single point has no shape
+            return np.zeros_like(own)
+        shape = np.einsum("jk,nik->nij", np.linalg.inv(gram), free)
+        right = np.zeros((layout.size, 3))
+        right[planar.ravel()] = shape.reshape(-1, 3)
+        solved = self.minimum.factor.solve(right)
+        cross = solved[planar]
+        common = right.T @ solved
+        mixed = np.einsum("nij,nkj->nik", cross, free)
+        spread = np.einsum("nij,jk,nlk->nil", free, common, free)
+        return np.asarray(own - mixed - np.swapaxes(mixed, 1, 2) + spread)
+
     def joint_points(self, label: Ints) -> tuple[Floats, Floats]:
         """Some points: positions (n, 3), and their joint covariance (3n, 3n)."""
         world, jacobian, columns = self._points_with_jacobian(label)

@@ -76,7 +76,7 @@ class NormalEquations:
         empty = np.flatnonzero(self.diagonal <= 0)
         if empty.size:
             raise SingularError(int(empty[0]))
-        return Factor(self.normal, self.diagonal, damping)
+        return Factor(self.normal, self.jacobian, self.diagonal, damping)
 
 
 def _stack(blocks: list[Block], size: int) -> sp.csr_matrix:
@@ -102,9 +102,11 @@ class Factor:
     whether a pivot is zero.
     """
 
-    def __init__(self, normal: sp.csc_matrix, diagonal: Floats, damping: float) -> None:
+    def __init__(
+        self, normal: sp.csc_matrix, jacobian: sp.csr_matrix, diagonal: Floats, damping: float
+    ) -> None:
         self._scale = 1.0 / np.sqrt(diagonal)
-        self._pattern = normal
+        self._jacobian = jacobian
         scaled = sp.diags(self._scale) @ normal @ sp.diags(self._scale)
         scaled = (scaled + damping * sp.identity(len(diagonal))).tocsc()
         self.size = len(diagonal)
@@ -140,7 +142,13 @@ class Factor:
         return Covariance(dense=None, selected=self._inverse_on_pattern())
 
     def _inverse_on_pattern(self) -> sp.csr_matrix:
-        pattern = self._pattern.tocsc()
+        # Not the pattern of J^T J itself: scipy drops the products that cancel to zero there, and
+        # the inverse has no zeros at these places.
+        ones = sp.csr_matrix(
+            (np.ones(self._jacobian.nnz), self._jacobian.indices, self._jacobian.indptr),
+            shape=self._jacobian.shape,
+        )
+        pattern = (ones.T @ ones).tocsc()
         data = np.empty_like(pattern.data)
         for start in range(0, self.size, CHUNK):
             columns = np.arange(start, min(start + CHUNK, self.size))
@@ -194,15 +202,20 @@ def _cholesky(scaled: Floats) -> Floats:
 
 def _sparse_lu(scaled: sp.csc_matrix) -> SuperLU:
     try:
-        lu = splu(
-            scaled,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-    except RuntimeError:  # SuperLU: "Factor is exactly singular"
-        raise SingularError(int(np.argmin(scaled.diagonal()))) from None
+        lu = _symmetric_lu(scaled)
+    except RuntimeError:  # SuperLU: "Factor is exactly singular", without saying where
+        # Half of what counts as singular: the factorisation passes, and its least pivot tells.
+        lu = _symmetric_lu((scaled + 0.5 * SINGULAR * sp.identity(scaled.shape[0])).tocsc())
     pivots = lu.U.diagonal()
     if pivots.min() < SINGULAR:
         raise SingularError(int(np.flatnonzero(lu.perm_c == int(np.argmin(pivots)))[0]))
     return lu
+
+
+def _symmetric_lu(scaled: sp.csc_matrix) -> SuperLU:
+    return splu(
+        scaled,
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )

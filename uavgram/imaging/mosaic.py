@@ -14,7 +14,8 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result import Result
 
 MAX_SIZE_PX = 1536
-# The mosaic reaches this share of the scene's size beyond the outermost points.
+# The mosaic reaches beyond the outermost points by this share of the scene's size, or of the
+# cameras' height.
 MARGIN = 0.35
 # Rays flatter than this above the ground (20 degrees) smear one photo pixel over many metres.
 LEAST_SINE = 0.342
@@ -110,14 +111,15 @@ def plane_height(result: Result, east_north_m: Floats) -> Floats:
 def _extent(result: Result, cameras: _Cameras) -> tuple[Floats, Floats]:
     """South-west and north-east corner: points with a margin, or the cameras with their height."""
     points = result.points.position_world_m[:, :2]
+    below = plane_height(result, cameras.center_world_m[:, :2])
+    height = float(np.median(cameras.center_world_m[:, 2] - below))
     if len(points):
         low, high = points.min(axis=0), points.max(axis=0)
-        margin = MARGIN * max(float((high - low).max()), 1.0)
+        margin = max(MARGIN * float((high - low).max()), MARGIN * height, 1.0)
     else:
         low = cameras.center_world_m[:, :2].min(axis=0)
         high = cameras.center_world_m[:, :2].max(axis=0)
-        below = plane_height(result, cameras.center_world_m[:, :2])
-        margin = max(float(np.median(cameras.center_world_m[:, 2] - below)), 1.0)
+        margin = max(height, 1.0)
     return low - margin, high + margin
 
 

@@ -18,8 +18,8 @@ VERTICES = 64  # of an ellipse: its area is short of the curve's by 0.16 %
 
 _OPEN = {"distance", "polyline", "skid_speed", "speed", "angle"}
 _NO_PLACE = (
-    "The result has no geographic position (gauge 'plane': no flight log ties it to the earth), so "
-    "it cannot be drawn on a map. The coordinates in the local plane are in results.json."
+    "The result has no geographic position (nothing ties its world to the earth, such as a flight "
+    "log), so it cannot be drawn on a map. The local coordinates are in results.json."
 )
 
 

@@ -100,7 +100,8 @@ def _parameters(table: Table, row: int, kind: MeasurementKind) -> tuple[tuple[st
     if missing := [name for name in wanted if name not in found]:
         table.blame(
             row,
-            f"kind {kind} needs the parameter {' and '.join(missing)}, such as mu=0.7;mu_sigma=0.05",
+            f"kind {kind} needs the parameter {' and '.join(missing)}, "
+            "such as mu=0.7;mu_sigma=0.05",
         )
     if found.get("mu", 1.0) <= 0:
         table.blame(row, f"parameter mu must be greater than 0 (got {found['mu']:g})")

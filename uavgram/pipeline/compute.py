@@ -69,8 +69,12 @@ def pose_frames(inputs: Inputs) -> Posed:
     matched = synchronise(inputs.photos, inputs.log, project.time)
     frames = matched.frames
     if not frames.matched.any():
-        reasons = "; ".join(f"{name}: {why}" for name, why in zip(frames.frame_id, frames.reason, strict=True))
-        raise GeometryError(f"no usable frame remains, {inputs.log.path} covers no photo: {reasons}")
+        reasons = "; ".join(
+            f"{name}: {why}" for name, why in zip(frames.frame_id, frames.reason, strict=True)
+        )
+        raise GeometryError(
+            f"no usable frame remains, {inputs.log.path} covers no photo: {reasons}"
+        )
     first = float(np.nanmin(np.where(frames.matched, frames.time_utc_s, np.nan)))
     home, datum, home_messages = find_home(matched.boot, matched.clock, first)
     latitude, longitude, height = home

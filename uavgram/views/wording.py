@@ -60,6 +60,11 @@ def number(value: float, decimals: int = 3, *, signed: bool = False) -> str:
     return text if float(text) else f"{0:.{decimals}f}"
 
 
+def size_text(length_m: float) -> str:
+    """``4.2 cm`` or ``4.92 m``."""
+    return f"{100 * length_m:.1f} cm" if length_m < 1.0 else f"{length_m:.2f} m"
+
+
 def chance(probability: float) -> str:
     """A probability; what is too small for three decimals says so."""
     return "< 0.001" if probability < 0.001 else number(probability, 3)

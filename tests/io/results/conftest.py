@@ -46,7 +46,11 @@ def _points(rng: np.random.Generator) -> PointResults:
         position_world_m=rng.normal(size=(3, 3)) * 20,
         covariance_m2=root @ root.transpose(0, 2, 1),
         ellipse_95_m=[[0.2, 0.1], [0.3, 0.3], [5.0, 1.0]],
-        ellipse_azimuth_rad=[0.0, 1.2345678901234567, 3.1],
+        ellipse_azimuth_rad=[
+            0.3852781571486482,
+            1.2345678901234567,
+            3.1,
+        ],  # [0]: degrees would lose a bit
         latitude_deg=[50.1, 50.1002, 50.1001],
         longitude_deg=[-104.6, -104.6003, -104.5999],
         frames=(("a.jpg", "b.jpg"), ("a.jpg",), ()),

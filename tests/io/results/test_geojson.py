@@ -91,9 +91,10 @@ def test_values_that_cannot_be_computed_are_null(features):
     assert skid["properties"]["upper_95"] is None
 
 
-def test_without_a_place_on_earth_it_is_empty_and_says_why(sample_result, tmp_path):
+@pytest.mark.parametrize("gauge", ["plane", "world"])
+def test_without_a_place_on_earth_it_is_empty_and_says_why(sample_result, tmp_path, gauge):
     world = replace(
-        sample_result.world, latitude_deg=None, longitude_deg=None, height_m=None, gauge="plane"
+        sample_result.world, latitude_deg=None, longitude_deg=None, height_m=None, gauge=gauge
     )
     path = tmp_path / "points.geojson"
     write_geojson(replace(sample_result, world=world), path)

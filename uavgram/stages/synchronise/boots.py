@@ -65,5 +65,6 @@ def usable_boots(log: FlightLog) -> list[ClockedBoot]:
 
 
 def is_inside(time_utc_s: Floats, clocked: ClockedBoot) -> Bools:
+    """(F,) whether position and attitude are both known at these instants."""
     first, last = clocked.span_utc_s()
     return np.asarray((time_utc_s >= first) & (time_utc_s <= last))  # NaN compares False

@@ -62,6 +62,7 @@ def _to_nearest(time: Floats, samples: Floats) -> Floats:
 
 
 def unmatched_messages(frames: Frames) -> tuple[Message, ...]:
+    """One warning for each frame that has no place in the log."""
     return tuple(
         Message("warning", "frame-unmatched", f"{frame}: {reason}")
         for frame, reason in zip(frames.frame_id, frames.reason, strict=True)

@@ -22,9 +22,14 @@ from uavgram.views.recording.plots import (
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import FRAME_TIMELINE
 from uavgram.views.style import Rgb
+from uavgram.views.wording import size_text
 
 BACKGROUND: Rgb = (13, 16, 17)
 NORTH_UP = (0, 1, 0)
+# From the south, a little from the west, and from above.
+TO_THE_EYE = np.array([-0.185, -0.80, 0.572]) / np.linalg.norm([-0.185, -0.80, 0.572])
+# Tangents of half the angles of view that the scene may fill (Rerun's eye opens 55 degrees).
+HALF_WIDTH, HALF_HEIGHT = 0.60, 0.40
 # A map tile of zoom 0 is 256 pixels of the equator wide.
 METRES_PER_PIXEL_AT_ZOOM_0 = 40_075_016.7 / 256
 MAP_PX = 300
@@ -69,16 +74,28 @@ def blueprint(result: Result, scene: Scene, curves: Curves) -> rrb.Blueprint:
 
 
 def _survey(scene: Scene) -> rrb.Spatial3DView:
-    reach = max(scene.size_m, 1.1 * scene.height_m)
-    target = scene.middle_m + np.array([0.0, 0.0, 0.25 * scene.height_m])
+    target, distance = _fit(scene.key_points_m)
+    filled = [] if scene.fill_ellipses else ["- /survey/points/ellipse_95_true_size/**"]
     return rrb.Spatial3DView(
         origin="/",
-        contents=["+ /survey/**", "- /survey/point_names/**", *_NOT_IN_SPACE],
+        contents=["+ /survey/**", "- /survey/point_names/**", *filled, *_NOT_IN_SPACE],
         name="Survey: local metres, north away from you",
         background=BACKGROUND,
         line_grid=False,
-        eye_controls=_eye(target + reach * np.array([-0.22, -0.95, 0.68]), target),
+        eye_controls=_eye(target + distance * TO_THE_EYE, target),
     )
+
+
+def _fit(points_m: Floats) -> tuple[Floats, float]:
+    """What to look at, and from how far, to have all (N, 3) points in the first view."""
+    target = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
+    right = np.cross([0.0, 0.0, 1.0], TO_THE_EYE)
+    right /= np.linalg.norm(right)
+    offset = points_m - target
+    nearer = offset @ TO_THE_EYE
+    aside = np.abs(offset @ right) / HALF_WIDTH
+    above = np.abs(offset @ np.cross(TO_THE_EYE, right)) / HALF_HEIGHT
+    return target, max(float((nearer + np.maximum(aside, above)).max()), 1.0)
 
 
 def _eye(
@@ -149,11 +166,13 @@ def _tabs(result: Result, scene: Scene) -> rrb.Tabs:
 
 def _plan(scene: Scene) -> rrb.Spatial3DView:
     position = scene.middle_m + np.array([0.0, 0.0, 1.25]) * scene.size_m
+    filled = [] if scene.fill_ellipses else ["- /survey/points/ellipse_95_true_size/**"]
     return rrb.Spatial3DView(
         origin="/",
         contents=[
             *("+ /survey/ground/**", "+ /survey/points/**", "+ /survey/known_lengths/**"),
             *("+ /survey/measured/**", "+ /survey/point_names/**"),
+            *filled,
         ],
         name="Top view, north up",
         background=BACKGROUND,
@@ -174,7 +193,7 @@ def _worst_point(result: Result, row: int) -> rrb.Spatial3DView:
             "+ /survey/point_names/**",
             "+ /survey/points/ellipse_95_true_size/**",
         ],
-        name=f"Worst point {result.points.label[row]}: ±{100 * major:.1f} × {100 * minor:.1f} cm",
+        name=f"Worst point {result.points.label[row]}: ±{size_text(major)} × {size_text(minor)}",
         background=BACKGROUND,
         line_grid=False,
         eye_controls=_eye(position, spot, NORTH_UP),

@@ -22,6 +22,7 @@ from uavgram.views.wording import (
     interval,
     number,
     place,
+    size_text,
     utc,
     with_sigma,
     worst_first,
@@ -207,10 +208,12 @@ def _pictures(result: Result, scene: Scene) -> str:
         major, minor = result.points.ellipse_95_m[scene.worst_point]
         worst = (
             f" The largest is that of '{plain(result.points.label[scene.worst_point])}': "
-            f"{100 * major:.1f} by {100 * minor:.1f} cm (half axes)."
+            f"{size_text(major)} by {size_text(minor)} (half axes)."
         )
     return (
-        f"Ellipses hold 95 %: filled at true size, outlined ×{scene.ellipse_factor}.{worst} "
+        f"Ellipses hold 95 %; outlines are drawn ×{scene.ellipse_factor}.{worst} They are of "
+        "positions on the earth: what all points have in common, such as the flight's position, "
+        "cancels in lengths, areas and angles. "
         f"Residuals in the photo are drawn ×{scene.residual_factor}."
     )
 
@@ -246,7 +249,7 @@ def points_page(result: Result) -> str:
         (
             plain(points.label[k]),
             *(number(x) for x in points.position_world_m[k]),
-            f"{100 * points.ellipse_95_m[k, 0]:.1f} × {100 * points.ellipse_95_m[k, 1]:.1f}",
+            " × ".join(size_text(float(axis)) for axis in points.ellipse_95_m[k]),
             f"{np.degrees(points.ellipse_azimuth_rad[k]):.0f}°",
             str(len(points.frames[k])),
         )
@@ -257,7 +260,7 @@ def points_page(result: Result) -> str:
         "east [m]",
         "north [m]",
         "up [m]",
-        "95 % half axes [cm]",
+        "95 % half axes",
         "azimuth",
         "frames",
     )

@@ -17,6 +17,7 @@ MOST_LABELS = 14
 # one, and the height of a line.
 HALF_LETTER = 0.0062
 LINE_HEIGHT = 0.062
+MANY_LINES = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +26,11 @@ class Labels:
 
     anchor_m: Floats
     text: tuple[str, ...]
+
+
+def line_width(count: int) -> float:
+    """Points on the screen: many lines are drawn thinner."""
+    return 4.0 if count <= MANY_LINES else 1.5
 
 
 def reference_text(result: Result, row: int) -> str:

@@ -20,6 +20,7 @@ from uavgram.views.style import (
     Rgb,
     scale_colours,
 )
+from uavgram.views.wording import size_text
 
 LEGEND = "legend"
 # Twice the size it is shown at, for sharp letters.
@@ -74,6 +75,11 @@ def _entries(result: Result) -> list[tuple[int, str, Rgb]]:
     return entries
 
 
+def enlarged(factor: int) -> str:
+    """How large ellipses are drawn, in words that the legend's font has."""
+    return "at true size" if factor == 1 else f"x{factor}"
+
+
 def _scale(
     pen: ImageDraw.ImageDraw,
     font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
@@ -83,12 +89,13 @@ def _scale(
 ) -> None:
     _, low, high = sigma_shares(result)
     colours = scale_colours(np.linspace(0, 1, 300))
-    words = f"95 % ellipse: outline x{scene.ellipse_factor}, filled at true size"
+    words = f"95 % ellipse: outline {enlarged(scene.ellipse_factor)}"
+    words += ", filled at true size" if scene.fill_ellipses else ""
     pen.text((left, ROWS_PX[0]), words, fill=TEXT, font=font)
     y = ROWS_PX[1] + 6
-    first = f"{100 * low:.1f} cm"
+    first = size_text(low)
     pen.text((left, ROWS_PX[1]), first, fill=TEXT, font=font)
     x = left + int(pen.textlength(first, font=font)) + 16
     for k, colour in enumerate(colours):
         pen.line([(x + k, y), (x + k, y + 26)], fill=tuple(int(c) for c in colour))
-    pen.text((x + 316, ROWS_PX[1]), f"{100 * high:.1f} cm", fill=TEXT, font=font)
+    pen.text((x + 316, ROWS_PX[1]), size_text(high), fill=TEXT, font=font)

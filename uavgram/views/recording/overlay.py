@@ -21,6 +21,7 @@ from uavgram.views.recording.frame_picks import FramePicks
 from uavgram.views.recording.labels import (
     HALF_LETTER,
     LINE_HEIGHT,
+    line_width,
     measured_text,
     reference_text,
 )
@@ -135,8 +136,9 @@ def _lines(recorder: Recorder, result: Result, photo: str) -> list[list[Word]]:
                 runs[shape.entity][frame] += pieces
                 longest = max(pieces, key=len)
                 words[frame].append((longest[len(longest) // 2], shape.text))
+    width = line_width(len(shapes))
     for name, per_frame in runs.items():
-        log_polylines(recorder, f"{photo}/{name}", per_frame, colours[name], 3.0)
+        log_polylines(recorder, f"{photo}/{name}", per_frame, colours[name], width)
     return words
 
 

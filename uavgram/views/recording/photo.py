@@ -82,10 +82,12 @@ def _previews(recorder: Recorder, result: Result, previews: Mapping[str, Preview
     path = f"{PHOTO}/picture"
     if not len(shown):
         return
-    missing = np.setdiff1d(np.arange(len(names)), shown)
-    # otherwise the photo of the frame before would stay
+    # a frame without a photo must not show that of the frame before
+    opacity = np.isin(np.arange(len(names)), shown).astype(np.float32)
     recorder.rows(
-        path, missing, lambda some: [rr.Clear.columns(is_recursive=np.zeros(len(some), np.bool_))]
+        path,
+        np.arange(len(names)),
+        lambda some: [rr.EncodedImage.columns(opacity=opacity[some])],
     )
     recorder.static(path, rr.EncodedImage.from_fields(media_type="image/jpeg", draw_order=-10.0))
     scales = np.array([[*previews[names[i]].scale, 1.0] for i in shown])

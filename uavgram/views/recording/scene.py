@@ -15,6 +15,8 @@ from uavgram.views.drawing import nice_factor, track
 ELLIPSE_SHARE = 0.03
 # The same among many: share of the way from one point to the next.
 CROWD_SHARE = 0.4
+# Ellipses larger than this share of the scene are not filled.
+FILL_SHARE = 0.02
 # Share of the photo's width that the larger exaggerated residuals may fill.
 RESIDUAL_SHARE = 0.07
 # Depth of a frustum: share of the height, and of the way from one exposure to the next.
@@ -38,8 +40,12 @@ class Scene:
         Depth at which a frustum is cut off.
     ellipse_factor, residual_factor
         Exaggerations, from the 1-2-5 series.
+    fill_ellipses
+        Whether ellipses filled at true size leave enough of the ground to be seen.
     worst_point
         Row of the point with the largest ellipse; None without points.
+    key_points_m
+        (N, 3) what the first view has to show: points and cameras.
     """
 
     middle_m: Floats
@@ -48,7 +54,9 @@ class Scene:
     frustum_m: float
     ellipse_factor: int
     residual_factor: int
+    fill_ellipses: bool
     worst_point: int | None
+    key_points_m: Floats
 
 
 def measure_scene(result: Result) -> Scene:
@@ -80,7 +88,9 @@ def measure_scene(result: Result) -> Scene:
             float(np.quantile(residual, 0.9)) if len(residual) else 0.0,
             RESIDUAL_SHARE * result.camera.width_px,
         ),
+        fill_ellipses=not len(major) or float(np.median(major)) <= FILL_SHARE * size,
         worst_point=int(np.argmax(major)) if len(major) else None,
+        key_points_m=np.concatenate([scene, cameras]),
     )
 
 

@@ -16,7 +16,7 @@ from uavgram.views.drawing import (
     reference_strips,
     track,
 )
-from uavgram.views.recording.labels import survey_labels
+from uavgram.views.recording.labels import line_width, survey_labels
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import (
@@ -54,7 +54,7 @@ def log_survey(
     _reference_lines(recorder, result)
     strips = [strip for some in measured_strips(result).values() for strip in some]
     if strips:
-        recorder.static("survey/measured", _strips(strips, MEASURED, 4.0))
+        recorder.static("survey/measured", _strips(strips, MEASURED, line_width(len(strips))))
     labels = survey_labels(result, scene.size_m)
     if labels.text:
         lift = np.array([0.0, 0.0, LABEL_LIFT * scene.size_m])
@@ -64,9 +64,14 @@ def log_survey(
 
 
 def sigma_shares(result: Result) -> tuple[Floats, float, float]:
-    """(K,) place of each point's semi-major axis between the smallest and the largest [m]."""
+    """(K,) place of each point's semi-major axis on a scale, and the ends of the scale [m].
+
+    The scale reaches from the smallest to the largest, and at least from half the largest: what is
+    nearly equal has nearly the same colour.
+    """
     major = result.points.ellipse_95_m[:, 0]
-    low, high = float(major.min()), float(major.max())
+    high = float(major.max())
+    low = min(float(major.min()), high / 2)
     share = (major - low) / max(high - low, 1e-12)
     return share, low, high
 

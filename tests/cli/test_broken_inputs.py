@@ -1,0 +1,200 @@
+"""Every input broken in turn: status 1, a message that names the place, earlier results kept."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+TABLES = ("picks", "lines", "measure", "check")
+
+
+@pytest.mark.parametrize("key", ["log", "camera", *TABLES])
+def test_a_missing_file_is_named_with_the_line_that_names_it(project, fails, key):
+    name = next(n.name for n in project.folder.iterdir() if n.stem == {"log": "flight"}.get(key, key))
+    (project / name).unlink()
+    line = next(
+        k
+        for k, text in enumerate(project.path.read_text(encoding="utf-8").splitlines(), 1)
+        if text.startswith(f"{key}:")
+    )
+    fails(f"{project.path}:{line}", name)
+
+
+def test_no_project_file_is_named(project, fails):
+    project.path.unlink()
+    fails(project.path)
+
+
+def test_no_photos_are_told_with_the_pattern(project, fails):
+    project.set(images="photos/*.png")
+    fails("photos/*.png")
+
+
+@pytest.mark.parametrize(
+    ("addition", "places"),
+    [
+        ("grond:\n  height_m: 0\n", ("grond", "ground")),
+        ("name: again\n", ("name",)),
+        ("picks_sigma_px: [1\n", ()),
+        ("telemetry:\n  position_sigma_m: [1e-3x, 2]\n", ("1e-3x",)),
+        ("telemetry:\n  heading_bias_sigma_deg: .nan\n", ("heading_bias_sigma_deg",)),
+        ("telemetry:\n  heading_bias_sigma_deg: -1\n", ("heading_bias_sigma_deg", "-1")),
+        ("solve:\n  outliers: maybe\n", ("outliers", "maybe")),
+    ],
+)
+def test_a_wrong_project_file_is_named_with_its_line(project, fails, addition, places):
+    before = project.path.read_text(encoding="utf-8")
+    project.path.write_text(before + addition, encoding="utf-8")
+    line = before.count("\n") + 1
+    told = fails(project.path, *places)
+    assert any(f"{project.path}:{k}" in told for k in range(line, line + 3)), told
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "places"),
+    [
+        ("parameters:", "paramters:", ("paramters",)),
+        ("width_px: 400", "width_px: wide", ("width_px", "wide")),
+        ("width_px: 400", "width_px: 0", ("width_px",)),
+        ("width_px: 400", "width_px: 400\nwidth_px: 400", ("width_px",)),
+    ],
+)
+def test_a_wrong_camera_file_is_named_with_its_line(project, fails, old, new, places):
+    project.edit("camera.yaml", old, new)
+    fails(f"{project / 'camera.yaml'}:", *places)
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_wrong_column_is_named(project, fails, name):
+    file = project / f"{name}.csv"
+    column = file.read_text(encoding="utf-8").split(",")[1]
+    project.edit(f"{name}.csv", column, f"{column}x")
+    fails(f"{file}:1", f"{column}x", column)
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_file_without_a_word_is_named(project, fails, name):
+    (project / f"{name}.csv").write_bytes(b"")
+    fails(project / f"{name}.csv", "empty")
+
+
+CELLS = [
+    ("picks", "u_px", "left", ("u_px", "left")),
+    ("picks", "v_px", "nan", ("v_px", "nan")),
+    ("picks", "v_px", "inf", ("v_px", "inf")),
+    ("picks", "label", "", ("label",)),
+    ("picks", "sigma_px", "0", ("sigma_px",)),
+    ("lines", "length_m", "0", ("length_m",)),
+    ("lines", "length_m", "-3.2", ("length_m", "-3.2")),
+    ("lines", "length_m", "12 m", ("length_m", "12 m")),
+    ("lines", "length_m", "NaN", ("length_m", "NaN")),
+    ("lines", "sigma_m", "0", ("sigma_m",)),
+    ("lines", "use", "chek", ("chek", "check")),
+    ("measure", "kind", "distnce", ("distnce", "distance")),
+    ("measure", "points", "P1", ("needs at least 2", "'P1'")),
+    ("check", "east_m", "far", ("east_m", "far")),
+    ("check", "sigma_m", "-1", ("sigma_m",)),
+]
+
+
+@pytest.mark.parametrize(("table", "column", "value", "places"), CELLS)
+def test_a_wrong_cell_is_named_with_its_line(project, fails, table, column, value, places):
+    project.cell(f"{table}.csv", 2, column, value)
+    fails(f"{project / table}.csv:3", *places)
+
+
+def test_a_measurement_named_twice_is_named(project, fails):
+    project.cell("measure.csv", 2, "name", "skid left")
+    fails(f"{project / 'measure.csv'}:3", "skid left")
+
+
+def test_a_photo_that_is_no_photo_is_named(project, fails):
+    (project / "photos" / "IMG_0003.jpg").write_bytes(b"this is no photo")
+    fails(project / "photos" / "IMG_0003.jpg")
+
+
+def test_an_empty_photo_is_named(project, fails):
+    (project / "photos" / "IMG_0003.jpg").write_bytes(b"")
+    fails(project / "photos" / "IMG_0003.jpg")
+
+
+def test_a_photo_with_nothing_behind_its_header_is_named(project, fails):
+    photo = project / "photos" / "IMG_0003.jpg"
+    encoded = photo.read_bytes()
+    frame = encoded.index(b"\xff\xc0")
+    photo.write_bytes(encoded[: frame + 12])
+    fails(photo)
+
+
+def test_photos_of_another_size_are_named(project, fails):
+    photo = project / "photos" / "IMG_0005.jpg"
+    assert cv2.imwrite(str(photo), np.zeros((90, 160, 3), np.uint8))
+    fails(photo, "160 x 90", "400 x 300")
+
+
+def test_a_pick_in_an_unknown_photo_is_named(project, fails):
+    project.cell("picks.csv", 4, "image", "IMG_9002.jpg")
+    fails(f"{project / 'picks.csv'}", "IMG_9002.jpg")
+
+
+def test_a_pick_outside_the_photo_is_named(project, fails):
+    project.cell("picks.csv", 4, "u_px", "400.1")
+    fails(f"{project / 'picks.csv'}", "400.1", "400 x 300")
+
+
+def test_an_empty_log_is_named(project, fails):
+    (project / "flight.tlog").write_bytes(b"")
+    fails(project / "flight.tlog")
+
+
+@pytest.mark.parametrize("name", ["flight.tlog", "flight.bin", "flight.dat"])
+def test_a_log_of_garbage_is_named(project, fails, name):
+    noise = np.random.default_rng(7).integers(0, 256, 20_000, dtype=np.uint8)
+    (project / name).write_bytes(noise.tobytes())
+    project.set(log=name)
+    fails(project / name)
+
+
+def test_a_log_of_another_day_is_told_with_both_times(project, fails, repository):
+    project.set(log=str(repository / "logs" / "twin_short.tlog"))
+    project.edit("project.yaml", "offset_s: auto", "offset_s: 0.0")
+    assert "2026-05-09" in fails("another flight")
+
+
+def test_an_alignment_that_is_not_unique_says_how_to_settle_it(project, fails):
+    for photo in sorted((project / "photos").iterdir())[1:]:
+        photo.unlink()
+    lines = (project / "picks.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    kept = [line for line in lines if line.startswith(("image", "IMG_0001"))]
+    (project / "picks.csv").write_text("".join(kept), encoding="utf-8")
+    fails("time.offset_s")
+
+
+def test_no_usable_frame_is_an_error_with_the_way_out(project, fails):
+    """Picks only in a photo that the log does not cover."""
+    project.set(time={"offset_s": -3600.0})
+    fails("offset")
+
+
+def test_a_truncated_log_is_read_with_a_note(project, command):
+    log = project / "flight.tlog"
+    log.write_bytes(log.read_bytes()[:-7])
+    done = command("run", project.path)
+    assert done.status == 0, done.stderr
+    assert "warning: " in done.stdout
+    assert "flight.tlog" in done.stdout or "truncated" in done.stdout or "cut" in done.stdout
+
+
+def test_all_mistakes_of_a_file_are_told_at_once(project, fails):
+    project.cell("picks.csv", 2, "u_px", "left")
+    project.cell("picks.csv", 5, "v_px", "right")
+    told = fails(f"{project / 'picks.csv'}:3", f"{project / 'picks.csv'}:6")
+    assert len(told.splitlines()) == 2
+
+
+def test_check_refuses_what_run_refuses(project, command):
+    project.cell("lines.csv", 1, "length_m", "0")
+    done = command("check", project.path)
+    assert done.status == 1
+    assert f"{project / 'lines.csv'}:2" in done.stderr

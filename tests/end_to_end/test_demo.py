@@ -1,0 +1,62 @@
+"""`uavgram demo`: a survey with known truth, from nothing to results."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import uavgram
+
+
+@pytest.fixture(scope="module")
+def result(demo):
+    return uavgram.load_results(demo.out / "results.json")
+
+
+def is_number(word):
+    return word.lstrip("+-").replace(".", "", 1).isdigit()
+
+
+def test_it_ends_well_and_says_where_everything_is(demo):
+    assert demo.status == 0
+    assert demo.stderr == ""
+    for name in ("results.json", "report.html", "recording.rrd"):
+        assert str(demo.out / name) in demo.stdout
+        assert (demo.out / name).stat().st_size > 0
+    assert f"uavgram view {demo.out / 'recording.rrd'}" in demo.stdout
+
+
+def test_each_measurement_is_printed_beside_its_truth(demo):
+    for row in demo.truth["measurements"]:
+        line = next(x for x in demo.stdout.splitlines() if x.startswith(row["name"] + "  "))
+        numbers = [float(word) for word in line.replace("±", " ").split() if is_number(word)]
+        assert min(abs(number - row["value"]) for number in numbers[2:]) < 0.006, line
+        assert "±" in line
+
+
+def test_measurements_agree_with_the_truth(demo, result):
+    known = {row["name"]: row["value"] for row in demo.truth["measurements"]}
+    rows = result.measurements
+    assert set(rows.name) == set(known)
+    z = np.array([(rows.value[i] - known[n]) / rows.sigma[i] for i, n in enumerate(rows.name)])
+    assert np.abs(z).max() < 4
+    lengths = [i for i, kind in enumerate(rows.kind) if kind == "distance"]
+    relative = [abs(rows.value[i] / known[rows.name[i]] - 1) for i in lengths]
+    assert np.mean(relative) < 0.003
+
+
+def test_the_withheld_length_and_the_surveyed_points_judge_it(result):
+    assert "checked" in result.lines.status
+    assert len(result.line_checks.name) == result.lines.status.count("checked")
+    assert np.abs(result.line_checks.z).max() < 4
+    assert len(result.point_checks.label) == 4
+    assert result.point_checks.mahalanobis.max() < 4
+
+
+def test_the_cameras_clock_is_found(demo, result):
+    offset = result.shared.clock_offset_s
+    assert offset.value[0] == pytest.approx(demo.truth["clock_offset_s"], abs=0.05)
+
+
+def test_every_photo_of_the_demo_is_refined(result):
+    assert set(result.frames.status) == {"refined"}

@@ -1,0 +1,80 @@
+"""The package from Python: `uavgram.run`, `uavgram.load_results`, and an import without weight."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import uavgram
+
+
+def assert_same(one, other, where="result"):
+    """Equal field by field, to the last bit, NaN equal to NaN."""
+    assert type(one) is type(other), where
+    if dataclasses.is_dataclass(one):
+        for field in dataclasses.fields(one):
+            name = field.name
+            assert_same(getattr(one, name), getattr(other, name), f"{where}.{name}")
+    elif isinstance(one, np.ndarray):
+        assert one.dtype == other.dtype, where
+        np.testing.assert_array_equal(one, other, err_msg=where)
+    elif isinstance(one, tuple):
+        assert len(one) == len(other), where
+        for k, pair in enumerate(zip(one, other, strict=True)):
+            assert_same(*pair, f"{where}[{k}]")
+    elif isinstance(one, float) and np.isnan(one):
+        assert np.isnan(other), where
+    else:
+        assert one == other, where
+
+
+def test_loading_gives_the_object_that_run_returned(demo, tmp_path):
+    returned = uavgram.run(demo.project, output=tmp_path / "out")
+    assert_same(returned, uavgram.load_results(tmp_path / "out" / "results.json"))
+    assert isinstance(returned, uavgram.Result)
+
+
+def test_output_none_writes_nothing(demo, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    before = {path: path.stat().st_mtime_ns for path in demo.folder.rglob("*")}
+    uavgram.run(demo.project, output=None)
+    assert {path: path.stat().st_mtime_ns for path in demo.folder.rglob("*")} == before
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_result_is_frozen(demo):
+    result = uavgram.load_results(demo.out / "results.json")
+    with pytest.raises(ValueError, match="read-only"):
+        result.measurements.value[0] = 0.0
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        result.name = "other"
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="nonsense"):
+        uavgram.nonsense  # noqa: B018
+
+
+def loaded_by(code):
+    """Top-level packages in sys.modules of a fresh process after `code`."""
+    script = f"{code}\nimport sys\nprint(*sorted({{name.split('.')[0] for name in sys.modules}}))"
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    return set(done.stdout.splitlines()[-1].split())
+
+
+HEAVY = {"numpy", "scipy", "cv2", "rerun", "pymavlink", "yaml", "pydantic", "pyproj", "jinja2"}
+
+
+def test_import_loads_nothing_heavy():
+    assert not loaded_by("import uavgram") & (HEAVY | {"cyclopts", "rich"})
+
+
+def test_help_loads_nothing_heavy():
+    code = "from uavgram.cli import main\nassert main(['--help']) == 0\nmain(['run', '--help'])"
+    assert not loaded_by(code) & HEAVY

@@ -1,0 +1,107 @@
+"""Digital twins: real autopilot code in its simulator, so every pose and point is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+RUNS = [
+    ("calm_nadir", "flight.BIN", "report"),
+    ("calm_nadir", "flight.tlog", "report"),
+    ("calm_nadir", "flight.BIN", "remove"),
+    ("wind_oblique", "flight.BIN", "report"),
+    ("wind_oblique", "flight.tlog", "report"),
+    ("wind_oblique", "flight.BIN", "remove"),
+]
+
+
+@pytest.fixture(scope="module", params=RUNS, ids="-".join)
+def run(request, run_flight, truth, into_true_world):
+    name, log, outliers = request.param
+    result = run_flight(name, log=log, solve={"outliers": outliers})
+    known = truth(name)
+    return name, result, known, into_true_world(result, known)
+
+
+def errors(result, known):
+    true = np.array([known["measurements"][name] for name in result.measurements.name])
+    return result.measurements.value - true, true
+
+
+def squared_mahalanobis(poses, rows, result, known, shift):
+    """Of true minus estimated pose: (centre in the world, rotation vector in the camera)."""
+    values = []
+    for i in rows:
+        frame = known["frames"][result.frames.frame_id[i]]
+        turn = poses.world_from_camera[i].T @ np.array(frame["world_from_camera"])
+        centre = np.array(frame["center_world_m"]) - shift - poses.center_world_m[i]
+        error = np.concatenate([centre, Rotation.from_matrix(turn).as_rotvec()])
+        values.append(error @ np.linalg.solve(poses.covariance[i], error))
+    return np.array(values)
+
+
+def test_distances_are_right(run):
+    _, result, known, _ = run
+    error, true = errors(result, known)
+    assert len(true) > 90
+    assert np.mean(np.abs(error) / true) <= 0.003
+
+
+def test_sigmas_are_honest(run):
+    _, result, known, _ = run
+    error, _ = errors(result, known)
+    assert 0.3 <= np.sqrt(np.mean((error / result.measurements.sigma) ** 2)) <= 2.6
+
+
+def test_every_refined_pose_lies_within_its_covariance(run):
+    _, result, known, shift = run
+    rows = [i for i, status in enumerate(result.frames.status) if status == "refined"]
+    assert len(rows) == len(known["frames"])
+    assert (squared_mahalanobis(result.frames.refined, rows, result, known, shift) <= 28).all()
+
+
+def test_every_seed_lies_within_its_covariance(run):
+    _, result, known, shift = run
+    rows = np.flatnonzero(result.has_seed)
+    assert len(rows) == len(known["frames"])
+    assert (squared_mahalanobis(result.frames.seed, rows, result, known, shift) <= 28).all()
+
+
+def test_refining_makes_poses_more_certain(run):
+    _, result, _, _ = run
+    rows = result.has_refined
+    before = np.linalg.slogdet(result.frames.seed.covariance[rows])[1]
+    after = np.linalg.slogdet(result.frames.refined.covariance[rows])[1]
+    assert (after < before - 6).all()
+
+
+def test_the_clock_offset_is_found(run):
+    name, result, known, _ = run
+    offset = result.shared.clock_offset_s
+    assert offset.value[0] == pytest.approx(known["exif_offset_s"], abs=0.05)
+    if name == "wind_oblique":
+        assert offset.value[0] == pytest.approx(4.37, abs=0.05)
+
+
+def test_points_lie_within_their_covariance(run):
+    _, result, known, shift = run
+    points = result.points
+    true = np.array([known["points"][label] for label in points.label])
+    error = (true - shift - points.position_world_m)[:, :2]
+    squared = np.einsum("ki,kij,kj->k", error, np.linalg.inv(points.covariance_m2), error)
+    assert (squared <= 28).all()
+
+
+def test_no_good_length_is_removed(run):
+    _, result, _, _ = run
+    assert "removed" not in result.lines.status
+
+
+@pytest.mark.parametrize("name", ["calm_nadir", "wind_oblique"])
+def test_telemetry_alone_stays_within_its_own_sigmas(run_flight, truth, name):
+    result = run_flight(name, lines=None)
+    error, true = errors(result, truth(name))
+    # An independent dense solver reaches 0.19 and 0.75 % without lines.
+    assert np.mean(np.abs(error) / true) <= 0.015
+    assert np.sqrt(np.mean((error / result.measurements.sigma) ** 2)) <= 2.6

@@ -1,0 +1,156 @@
+"""The joint solution equals that of scipy on residuals by OpenCV and scipy's rotations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation, Slerp
+
+from uavgram.model.options import SolveOptions
+from uavgram.stages.refine import refine
+
+CASES = {
+    "telemetry": {},
+    "telemetry without lines": {"lines": 0},
+    "one frame": {"frames": 1},
+    "control": {"control": 4, "telemetry": False},
+    "telemetry and control": {"control": 3},
+    "roughness": {"roughness": 0.05, "control": 2},
+    "heights": {"heights": {1: 0.8, 4: 1.5, 7: -0.4}},
+    "gauge plane": {"telemetry": False, "gauge": "plane", "lines": 8},
+}
+
+
+class Oracle:
+    """The same likelihood, written anew: unknowns in their own units, rotations as vectors.
+
+    The order is that of the package, so that results compare one to one; the interior orientation
+    stands in pixels and is therefore compared apart.
+    """
+
+    def __init__(self, scenes, survey, start, pivot):
+        self.scenes, self.survey, self.start, self.pivot = scenes, survey, start, pivot
+        self.k, self.f = len(survey.label), len(survey.frame_id)
+        self.rough = survey.ground.roughness_sigma_m > 0
+        self.world = survey.gauge == "world"
+        sizes = [self.k * (3 if self.rough else 2), 6 * self.f, 9]
+        sizes += [3 if self.world else 0, 0 if survey.telemetry is None else 11]
+        self.parts = [
+            slice(a, a + n) for a, n in zip(np.cumsum([0, *sizes[:-1]]), sizes, strict=True)
+        ]
+        self.size = sum(sizes)
+
+    def unpack(self, x):
+        points, frames, intrinsics, plane, telemetry = (x[p] for p in self.parts)
+        frames = frames.reshape(self.f, 6)
+        rotation = [
+            r @ Rotation.from_rotvec(v).as_matrix()
+            for r, v in zip(self.start.rotation, frames[:, 3:], strict=True)
+        ]
+        point = self.start.point + points.reshape(self.k, -1)
+        plane = self.start.plane + (plane if self.world else 0.0)
+        telemetry = self.start.telemetry + telemetry
+        return point, self.start.center + frames[:, :3], rotation, intrinsics, plane, telemetry
+
+    def residuals(self, x):
+        s = self.survey
+        point, center, rotation, intrinsics, plane, shared = self.unpack(x)
+        up = plane[0] + (point[:, :2] - self.pivot) @ plane[1:] + s.height_above_m
+        if self.rough:
+            up = up + point[:, 2]
+        world = np.column_stack([point[:, :2], up])
+        camera = s.calibration.parameters + intrinsics
+        out = []
+        for f in range(self.f):
+            rows = np.flatnonzero(s.pick_frame == f)
+            pixel, _ = self.scenes.cv_pixels(
+                camera, center[f], rotation[f], world[s.pick_label[rows]]
+            )
+            out.append((pixel - s.pixel_px[rows]) / s.pick_sigma_px[rows, None])
+        apart = world[s.line_start] - world[s.line_end]
+        out.append((np.sqrt((apart**2).sum(1)) - s.length_m) / s.length_sigma_m)
+        out.append((world[s.control_label] - s.control_world_m) / s.control_sigma_m)
+        root = np.linalg.cholesky(np.linalg.inv(s.calibration.covariance))
+        out.append(root.T @ intrinsics)
+        ground = s.ground
+        if self.rough:
+            out.append(point[:, 2] / ground.roughness_sigma_m)
+        if self.world:
+            out.append((plane[0] - ground.height_m) / ground.height_sigma_m)
+            out.append(plane[1:] / ground.slope_sigma_rad)
+        else:
+            out.append(center[0, :2] / 1e-4)
+            out.append(rotation[0][0, 1] / 1e-6)
+        if s.telemetry is not None:
+            out += self.telemetry(center, rotation, shared)
+        return np.concatenate([np.ravel(o) for o in out])
+
+    def telemetry(self, center, rotation, shared):
+        prior, track = self.survey.telemetry, self.survey.track
+        at = prior.time_s - shared[10]
+        position = [np.interp(at, track.position_time_s, c) for c in track.position_world_m.T]
+        slerp = Slerp(track.attitude_time_s, Rotation.from_quat(track.world_from_body_xyzw))
+        turn = Rotation.from_euler("z", shared[9])
+        body = turn * slerp(at)
+        predicted = (
+            body
+            * Rotation.from_matrix(prior.gimbal_from_camera)
+            * Rotation.from_rotvec(shared[:3])
+        )
+        expected = np.stack(position, 1) - shared[6:9] + body.apply(shared[3:6])
+        turned = (predicted.inv() * Rotation.from_matrix(rotation)).as_rotvec()
+        white = np.linalg.cholesky(np.linalg.inv(prior.covariance[0])).T
+        assert (prior.covariance == prior.covariance[0]).all()
+        own = np.concatenate([center - expected, turned], axis=1) @ white.T
+        sigma = [prior.boresight_sigma_rad] * 3 + [prior.lever_arm_sigma_m] * 3
+        sigma += [*prior.position_bias_sigma_m, prior.heading_bias_sigma_rad, prior.clock_sigma_s]
+        mean = np.zeros(11)
+        mean[3:6] = prior.lever_arm_m
+        return [own, (shared - mean) / sigma]
+
+
+@pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
+def test_estimates_and_sigmas_equal_those_of_scipy(scenes, scene_factory, options):
+    survey = scene_factory(11, **options).survey
+    refined, _ = refine(survey, SolveOptions())
+    adjustment = refined.adjustment
+    assert refined.alternatives == ()
+    assert adjustment.minimum.converged
+    problem, state = adjustment.problem, adjustment.state
+    layout = problem.layout
+
+    # Scaled by our own sigmas, which decides nothing but how well the matrices are conditioned.
+    joint = adjustment.minimum.factor.joint(np.arange(layout.size))
+    basis = problem.intrinsic_basis
+    part = slice(layout.first_intrinsic, layout.first_plane)
+    sigma = np.sqrt(np.diag(joint))
+    sigma[part] = np.sqrt(np.diag(basis @ joint[part, part] @ basis.T))
+    ours = np.zeros(layout.size)
+    ours[part] = problem.intrinsics(state) - survey.calibration.parameters
+
+    oracle = Oracle(scenes, survey, state, problem.pivot_m)
+    offset = 0.3 * np.random.default_rng(0).normal(size=layout.size)
+
+    def scaled(z):
+        return oracle.residuals(ours + sigma * z)
+
+    found = least_squares(
+        scaled, offset, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15
+    )
+    assert np.abs(found.x).max() < 1e-4, np.abs(found.x).argmax()
+    assert 2 * found.cost == pytest.approx(adjustment.minimum.cost, rel=1e-7)
+
+    jacobian = central(scaled, found.x)
+    theirs = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    np.testing.assert_allclose(theirs, 1.0, rtol=1e-5)
+
+
+def central(function, x):
+    """Fourth-order central differences, a hundredth of a sigma apart."""
+    columns = []
+    for step in 1e-2 * np.eye(len(x)):
+        near = function(x + step) - function(x - step)
+        far = function(x + 2 * step) - function(x - 2 * step)
+        columns.append((8 * near - far) / (12 * 1e-2))
+    return np.stack(columns, axis=1)

@@ -1,0 +1,104 @@
+"""The loop against certified results, and what it does where there is no way down."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from uavgram.estimation.least_squares import minimise
+from uavgram.estimation.normal_equations import Block, SingularError
+
+# NIST Statistical Reference Datasets, Misra1a (nonlinear regression, lower difficulty).
+Y = np.array(
+    [10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02, 44.82, 50.76, 55.05, 61.01, 66.40, 75.47, 81.78]
+)
+X = np.array(
+    [77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3, 536.8, 593.1, 689.1, 760.0]
+)
+CERTIFIED = np.array([2.3894212918e2, 5.5015643181e-4])
+CERTIFIED_SD = np.array([2.7070075241, 7.2668688436e-6])
+RESIDUAL_SD = 0.10187876330
+
+
+def misra(b):
+    fall = np.exp(-b[1] * X)
+    jacobian = np.stack([1 - fall, b[0] * X * fall], axis=1)
+    columns = np.tile([0, 1], (len(X), 1))
+    return {"y": Block((b[0] * (1 - fall) - Y)[:, None], columns, jacobian[:, None, :])}
+
+
+@pytest.mark.parametrize("start", [(500.0, 1e-4), (250.0, 5e-4)])
+def test_misra1a_of_nist_to_its_certified_digits(start):
+    found = minimise(np.array(start), misra, lambda b, step: b + step, 2)
+    variance = found.cost / (len(X) - 2)
+    sigma = np.sqrt(np.diag(found.factor.joint(np.arange(2))) * variance)
+
+    assert found.converged
+    np.testing.assert_allclose(found.state, CERTIFIED, rtol=1e-8)
+    np.testing.assert_allclose(np.sqrt(variance), RESIDUAL_SD, rtol=1e-9)
+    np.testing.assert_allclose(sigma, CERTIFIED_SD, rtol=1e-7)
+
+
+def line(residual, slope):
+    return {"one": Block(np.array([[residual]]), np.zeros((1, 1), int), np.array([[[slope]]]))}
+
+
+def test_a_step_into_the_impossible_is_refused_and_a_shorter_one_taken():
+    # log(x) = log(1e-3) from x = 2: Newton's first step leads to x < 0.
+    tried = []
+
+    def evaluate(x):
+        tried.append(x[0])
+        return None if x[0] <= 0 else line(np.log(x[0]) - np.log(1e-3), 1 / x[0])
+
+    found = minimise(np.array([2.0]), evaluate, lambda x, step: x + step, 1)
+
+    assert min(tried) < 0
+    assert found.converged
+    assert found.state[0] == pytest.approx(1e-3, rel=1e-6)
+
+
+def test_impossible_first_values_are_an_error():
+    with pytest.raises(ValueError, match="first values"):
+        minimise(np.zeros(1), lambda _: None, lambda x, step: x + step, 1)
+
+
+def test_a_jacobian_that_leads_uphill_never_converges_and_says_so():
+    found = minimise(
+        np.array([1.0]), lambda x: line(x[0], -1.0), lambda x, step: x + step, 1
+    )
+    assert not found.converged
+    assert found.state[0] == 1.0
+
+
+def test_a_minimum_at_infinity_is_not_reported_as_converged():
+    # exp(-x / 1000) goes on falling: sixty steps do not bring it to rest.
+    found = minimise(
+        np.array([0.0]),
+        lambda x: line(1e6 * np.exp(-x[0] / 1e3), -1e3 * np.exp(-x[0] / 1e3)),
+        lambda x, step: x + np.clip(step, -1, 1),
+        1,
+    )
+    assert not found.converged
+
+
+def test_the_cost_never_rises():
+    costs = []
+
+    def evaluate(b):
+        blocks = misra(b)
+        costs.append(float(np.sum(blocks["y"].residual ** 2)))
+        return blocks
+
+    found = minimise(np.array([500.0, 1e-4]), evaluate, lambda b, step: b + step, 2)
+    assert found.cost == min(costs)
+
+
+def test_an_undetermined_unknown_is_named_even_where_damping_hides_it():
+    def evaluate(x):
+        columns = np.array([[0, 1]])
+        return {"sum": Block(np.array([[x.sum() - 1]]), columns, np.ones((1, 1, 2)))}
+
+    with pytest.raises(SingularError) as error:
+        minimise(np.zeros(2), evaluate, lambda x, step: x + step, 2)
+    assert error.value.index in (0, 1)
