@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from uavgram.views import drawing
+from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH, measure_scene, on_screen
 
 
 def test_an_outline_is_the_95_percent_contour_of_its_covariance(survey):
@@ -116,3 +117,18 @@ def test_texts_do_not_cover_each_other():
 
     assert drawing.uncovered(anchors, np.full(4, 1.0), 2.0, 10).tolist() == [0, 2, 3]
     assert drawing.uncovered(anchors, np.full(4, 1.0), 2.0, 2).tolist() == [0, 2]
+
+
+def test_the_first_view_has_all_points_and_cameras_in_it(survey):
+    result = survey.build()
+    scene = measure_scene(result)
+    everything = np.concatenate(
+        [
+            result.points.position_world_m,
+            result.frames.refined.center_world_m[result.has_refined],
+        ]
+    )
+    tangent = np.abs(on_screen(scene, everything))
+
+    assert (tangent <= [HALF_WIDTH + 1e-9, HALF_HEIGHT + 1e-9]).all()
+    assert (tangent.max(axis=0) / [HALF_WIDTH, HALF_HEIGHT]).max() > 0.9

@@ -11,19 +11,19 @@ from __future__ import annotations
 
 import importlib.metadata
 import sys
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
 import numpy as np
 
-from uavgram.errors import GeometryError, UavgramError
+from uavgram.errors import GeometryError, InputError, UavgramError
 from uavgram.estimation.adjustment import Refined
 from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.model.arrays import Floats
 from uavgram.model.frames import Frames
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownPoints, KnownWorldPoints
-from uavgram.model.options import GeodeticOrigin, Project
+from uavgram.model.options import GeodeticOrigin, Project, option_pairs
 from uavgram.model.result import Provenance, Result
 from uavgram.model.telemetry import FlightLog, HeightDatum
 from uavgram.model.world import World
@@ -42,7 +42,7 @@ from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
 from uavgram.stages.seed import seed
 from uavgram.stages.summarise import summarise_frames, summarise_shared, summarise_solution
-from uavgram.stages.synchronise import synchronise
+from uavgram.stages.synchronise import Synchronised, synchronise
 from uavgram.stages.trajectory import build_track, find_home
 
 PACKAGES = ("numpy", "scipy", "opencv-python-headless", "pymavlink", "pyproj", "rerun-sdk")
@@ -66,7 +66,7 @@ def pose_frames(inputs: Inputs) -> Posed:
     if inputs.log is None:
         return _without_log(inputs)
     project = inputs.project
-    matched = synchronise(inputs.photos, inputs.log, project.time)
+    matched = _synchronise(inputs, inputs.log)
     frames = matched.frames
     if not frames.matched.any():
         reasons = "; ".join(
@@ -173,6 +173,13 @@ def compute(inputs: Inputs) -> Result:
             *judge_priors(adjustment, significance),
         ),
     )
+
+
+def _synchronise(inputs: Inputs, log: FlightLog) -> Synchronised:
+    try:
+        return synchronise(inputs.photos, log, inputs.project.time)
+    except UavgramError as fault:  # the stage knows instants; which file they are of is known here
+        raise InputError(log.path, str(fault).removeprefix(f"{log.path}: ")) from fault
 
 
 def _without_log(inputs: Inputs) -> Posed:
@@ -297,8 +304,6 @@ def _picked_frames(inputs: Inputs, assembled: Assembled, refined: Refined) -> di
 
 
 def _provenance(inputs: Inputs) -> Provenance:
-    options: dict[str, object] = {}
-    _flatten("", asdict(inputs.project), options)
     versions = [(name, importlib.metadata.version(name)) for name in PACKAGES]
     python = ".".join(str(part) for part in sys.version_info[:3])
     return Provenance(
@@ -306,15 +311,7 @@ def _provenance(inputs: Inputs) -> Provenance:
         version=importlib.metadata.version("uavgram"),
         created_utc=datetime.now(UTC).isoformat(timespec="seconds"),
         inputs=inputs.digests,
-        options=tuple(options.items()),
+        options=option_pairs(inputs.project),
         seed=None,
         packages=(("python", python), *versions),
     )
-
-
-def _flatten(prefix: str, tree: dict[str, object], into: dict[str, object]) -> None:
-    for key, value in tree.items():
-        if isinstance(value, dict):
-            _flatten(f"{prefix}{key}.", value, into)
-        else:
-            into[f"{prefix}{key}"] = value

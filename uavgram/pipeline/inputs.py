@@ -80,7 +80,7 @@ def read_inputs(path: Path) -> Inputs:
     _check_sizes(project, calibration, photos)
     _check_picks(project, picks, photos)
     log = read_flight_log(project.log) if project.log else None
-    notes = () if log is None else tuple(Message("warning", "log-note", n) for n in log.notes)
+    notes = () if log is None else _log_notes(log)
     named = (project.camera, project.picks, project.log, project.lines, project.measure)
     files = [str(path), *(f for f in (*named, project.control, project.check) if f), *photos.path]
     return Inputs(
@@ -97,6 +97,11 @@ def read_inputs(path: Path) -> Inputs:
         digests=digest_inputs(files, path.absolute().parent),
         messages=(*messages, *photo_messages, *notes),
     )
+
+
+def _log_notes(log: FlightLog) -> tuple[Message, ...]:
+    name = Path(log.path).name
+    return tuple(Message("warning", "log-note", f"{name}: {note}") for note in log.notes)
 
 
 def _camera(path: Path) -> tuple[Calibration, tuple[Message, ...]]:

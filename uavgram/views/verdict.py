@@ -61,10 +61,11 @@ def _counts(result: Result) -> str:
     lines = np.array(result.lines.status, dtype=str)
     used = int(np.isin(lines, ("used", "suspect")).sum())
     withheld = int((lines == "checked").sum())
+    checks = f" ({withheld} withheld as a check)" if withheld else ""
     computed = int(np.isfinite(result.measurements.value).sum())
     return (
         f"{int((status == 'refined').sum())} of {len(status)} frames refined, "
-        f"{used} of {len(lines)} known lengths used{f' ({withheld} withheld as a check)' if withheld else ''}, "
+        f"{used} of {len(lines)} known lengths used{checks}, "
         f"{computed} of {len(result.measurements.name)} measurements computed."
     )
 

@@ -19,17 +19,13 @@ from uavgram.views.recording.plots import (
     STATUS,
     Curves,
 )
-from uavgram.views.recording.scene import Scene
+from uavgram.views.recording.scene import TO_THE_EYE, Scene
 from uavgram.views.recording.stream import FRAME_TIMELINE
 from uavgram.views.style import Rgb
 from uavgram.views.wording import size_text
 
 BACKGROUND: Rgb = (13, 16, 17)
 NORTH_UP = (0, 1, 0)
-# From the south, a little from the west, and from above.
-TO_THE_EYE = np.array([-0.185, -0.80, 0.572]) / np.linalg.norm([-0.185, -0.80, 0.572])
-# Tangents of half the angles of view that the scene may fill (Rerun's eye opens 55 degrees).
-HALF_WIDTH, HALF_HEIGHT = 0.60, 0.40
 # A map tile of zoom 0 is 256 pixels of the equator wide.
 METRES_PER_PIXEL_AT_ZOOM_0 = 40_075_016.7 / 256
 MAP_PX = 300
@@ -74,7 +70,6 @@ def blueprint(result: Result, scene: Scene, curves: Curves) -> rrb.Blueprint:
 
 
 def _survey(scene: Scene) -> rrb.Spatial3DView:
-    target, distance = _fit(scene.key_points_m)
     filled = [] if scene.fill_ellipses else ["- /survey/points/ellipse_95_true_size/**"]
     return rrb.Spatial3DView(
         origin="/",
@@ -82,20 +77,8 @@ def _survey(scene: Scene) -> rrb.Spatial3DView:
         name="Survey: local metres, north away from you",
         background=BACKGROUND,
         line_grid=False,
-        eye_controls=_eye(target + distance * TO_THE_EYE, target),
+        eye_controls=_eye(scene.target_m + scene.distance_m * TO_THE_EYE, scene.target_m),
     )
-
-
-def _fit(points_m: Floats) -> tuple[Floats, float]:
-    """What to look at, and from how far, to have all (N, 3) points in the first view."""
-    target = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
-    right = np.cross([0.0, 0.0, 1.0], TO_THE_EYE)
-    right /= np.linalg.norm(right)
-    offset = points_m - target
-    nearer = offset @ TO_THE_EYE
-    aside = np.abs(offset @ right) / HALF_WIDTH
-    above = np.abs(offset @ np.cross(TO_THE_EYE, right)) / HALF_HEIGHT
-    return target, max(float((nearer + np.maximum(aside, above)).max()), 1.0)
 
 
 def _eye(

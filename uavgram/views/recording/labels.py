@@ -9,14 +9,15 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.result import Result
 from uavgram.views.drawing import longest_middle, measured_strips, reference_strips, uncovered
+from uavgram.views.recording.scene import Scene, on_screen
 from uavgram.views.wording import UNIT_WORDS, decimals_for, worst_first
 
 # Rerun does not keep labels from covering each other: beyond a dozen, tables are read instead.
 MOST_LABELS = 14
-# Size of a letter on a usual screen, as a share of the scene and of the photo: half the width of
-# one, and the height of a line.
-HALF_LETTER = 0.0062
-LINE_HEIGHT = 0.062
+# Size of a letter on a usual screen: half the width of one, and the height of a line. In the survey
+# as tangents of angles of view, in the photo as shares of its width and height.
+HALF_LETTER_ON_SCREEN, LINE_ON_SCREEN = 0.0052, 0.034
+HALF_LETTER, LINE_HEIGHT = 0.0062, 0.062
 MANY_LINES = 20
 
 
@@ -51,7 +52,7 @@ def measured_text(result: Result, row: int) -> str:
     return f"{rows.name[row]} {value}"
 
 
-def survey_labels(result: Result, scene_size_m: float) -> Labels:
+def survey_labels(result: Result, scene: Scene) -> Labels:
     """Suspect lines first, then measurements (worst first), then the other known lengths.
 
     A label that would cover one before it is left out: the tables have them all.
@@ -70,6 +71,6 @@ def survey_labels(result: Result, scene_size_m: float) -> Labels:
         if i not in suspect
     ]
     anchors = np.reshape([anchor for _, anchor in rows], (-1, 3))
-    half_widths = HALF_LETTER * scene_size_m * np.array([len(text) for text, _ in rows])
-    kept = uncovered(anchors[:, :2], half_widths, LINE_HEIGHT * scene_size_m, MOST_LABELS)
+    half_widths = HALF_LETTER_ON_SCREEN * np.array([len(text) for text, _ in rows])
+    kept = uncovered(on_screen(scene, anchors), half_widths, LINE_ON_SCREEN, MOST_LABELS)
     return Labels(anchors[kept], tuple(rows[i][0] for i in kept))

@@ -23,6 +23,11 @@ RESIDUAL_SHARE = 0.07
 FRUSTUM_SHARE = 0.12
 SPACING_SHARE = 0.7
 
+# From the south, a little from the west, and from above.
+TO_THE_EYE = np.array([-0.185, -0.80, 0.572]) / np.linalg.norm([-0.185, -0.80, 0.572])
+# Tangents of half the angles of view that the scene may fill (Rerun's eye opens 55 degrees).
+HALF_WIDTH, HALF_HEIGHT = 0.70, 0.46
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
@@ -44,8 +49,8 @@ class Scene:
         Whether ellipses filled at true size leave enough of the ground to be seen.
     worst_point
         Row of the point with the largest ellipse; None without points.
-    key_points_m
-        (N, 3) what the first view has to show: points and cameras.
+    target_m, distance_m
+        (3,) what the first view looks at, and from how far, to show all points and cameras.
     """
 
     middle_m: Floats
@@ -56,7 +61,8 @@ class Scene:
     residual_factor: int
     fill_ellipses: bool
     worst_point: int | None
-    key_points_m: Floats
+    target_m: Floats
+    distance_m: float
 
 
 def measure_scene(result: Result) -> Scene:
@@ -75,6 +81,7 @@ def measure_scene(result: Result) -> Scene:
     major = result.points.ellipse_95_m[:, 0]
     residual = np.linalg.norm(result.picks.residual_px, axis=1)
     residual = residual[np.isfinite(residual)]
+    target, distance = _fit(np.concatenate([scene, cameras]))
     return Scene(
         middle_m=middle,
         size_m=size,
@@ -90,7 +97,8 @@ def measure_scene(result: Result) -> Scene:
         ),
         fill_ellipses=not len(major) or float(np.median(major)) <= FILL_SHARE * size,
         worst_point=int(np.argmax(major)) if len(major) else None,
-        key_points_m=np.concatenate([scene, cameras]),
+        target_m=target,
+        distance_m=distance,
     )
 
 
@@ -100,3 +108,26 @@ def _frustum_depth(result: Result, height_m: float) -> float:
     steps = np.linalg.norm(np.diff(track(result, poses), axis=0), axis=1)
     spacing = float(np.median(steps)) if len(steps) else np.inf
     return max(min(FRUSTUM_SHARE * height_m, SPACING_SHARE * spacing), 0.02 * height_m)
+
+
+def _seen_from(points_m: Floats, target_m: Floats) -> tuple[Floats, Floats, Floats]:
+    """(N,) of (N, 3) points about a target: to the right, upward, and towards the eye."""
+    right = np.cross([0.0, 0.0, 1.0], TO_THE_EYE)
+    right /= np.linalg.norm(right)
+    offset = points_m - target_m
+    return offset @ right, offset @ np.cross(TO_THE_EYE, right), offset @ TO_THE_EYE
+
+
+def _fit(points_m: Floats) -> tuple[Floats, float]:
+    """What to look at, and from how far, to have all (N, 3) points in the first view."""
+    target = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
+    right, upward, nearer = _seen_from(points_m, target)
+    aside = np.maximum(np.abs(right) / HALF_WIDTH, np.abs(upward) / HALF_HEIGHT)
+    return target, max(float((nearer + aside).max()), 1.0)
+
+
+def on_screen(scene: Scene, points_m: Floats) -> Floats:
+    """(N, 2) of (N, 3) points in the first view, right and up, as tangents of angles."""
+    right, upward, nearer = _seen_from(points_m, scene.target_m)
+    depth = np.maximum(scene.distance_m - nearer, 1e-9)
+    return np.stack([right / depth, upward / depth], axis=-1)

@@ -55,7 +55,7 @@ def log_survey(
     strips = [strip for some in measured_strips(result).values() for strip in some]
     if strips:
         recorder.static("survey/measured", _strips(strips, MEASURED, line_width(len(strips))))
-    labels = survey_labels(result, scene.size_m)
+    labels = survey_labels(result, scene)
     if labels.text:
         lift = np.array([0.0, 0.0, LABEL_LIFT * scene.size_m])
         recorder.static("survey/labels", _texts(labels.anchor_m + lift, labels.text))

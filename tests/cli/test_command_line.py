@@ -1,0 +1,134 @@
+"""The command line: what it prints, where, and with which exit status."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+ESCAPE = "\x1b"
+
+
+def test_run_prints_the_measurements_worst_first_and_then_the_messages(project, command):
+    done = command("run", project.path)
+    assert (done.status, done.stderr) == (0, "")
+    assert ESCAPE not in done.stdout
+    table, said = done.stdout.split("\n\n", 1)
+    shares = [
+        row.split()[-2] for row in table.splitlines() if row.endswith("%") and "m/s" not in row
+    ]
+    assert len(shares) >= 7
+    assert shares == sorted(shares, key=float, reverse=True)
+    assert "info: camera clock minus UTC is +2.60" in said
+
+
+def test_verbose_says_the_steps_on_stderr(project, command):
+    done = command("run", project.path, "-v")
+    assert done.status == 0
+    steps = done.stderr.splitlines()
+    for step in ("read the inputs", "adjust and measure", "write results.json"):
+        assert step in steps
+    assert steps.index("read the inputs") < steps.index("write results.json")
+    assert ESCAPE not in done.stderr
+    assert "±" in done.stdout
+
+
+def test_output_goes_where_it_is_asked_to(project, command):
+    before = project.outputs()
+    assert command("run", project.path, "--output", project / "else" / "where").status == 0
+    assert (project / "else" / "where" / "results.json").is_file()
+    assert project.outputs() == before
+
+
+def test_check_lists_photos_and_writes_nothing(project, command):
+    before = project.outputs()
+    done = command("check", project.path)
+    assert (done.status, done.stderr) == (0, "")
+    assert done.stdout.splitlines()[-1] == "every input can be read"
+    assert sum(line.startswith("IMG_") for line in done.stdout.splitlines()) == 13
+    assert project.outputs() == before
+
+
+def test_log_says_what_is_in_it(project, command):
+    done = command("log", project / "flight.tlog")
+    assert (done.status, done.stderr) == (0, "")
+    for word in ("2026-05-09", "CAMERA_FEEDBACK", "ATTITUDE"):
+        assert word in done.stdout
+    assert ESCAPE not in done.stdout
+
+
+@pytest.mark.parametrize("name", ["twin_short.tlog", "twin_short.BIN"])
+def test_log_reads_both_formats(repository, command, name):
+    done = command("log", repository / "logs" / name)
+    assert done.status == 0
+    assert "2026-11-21" in done.stdout
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["rnu", "project.yaml"],
+        ["run"],
+        ["run", "a.yaml", "b.yaml"],
+        ["run", "a.yaml", "--outptu", "x"],
+        ["run", "a.yaml", "--output"],
+        ["demo", "--seed", "many"],
+        ["demo", "--seed", "-1"],
+        ["check"],
+        ["log"],
+        ["view"],
+    ],
+)
+def test_wrong_usage_is_status_2_on_stderr(command, arguments, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = command(*arguments)
+    assert done.status == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("uavgram: ")
+    assert "uavgram --help" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_mistyped_command_is_suggested(command):
+    assert '"run"' in command("rnu", "project.yaml").stderr
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["run", "no.yaml"], ["check", "no.yaml"], ["log", "no.tlog"], ["view", "no.rrd"]],
+)
+def test_a_file_that_is_not_there_is_status_1(command, arguments):
+    done = command(*arguments)
+    assert done.status == 1
+    assert done.stdout == ""
+    assert arguments[1] in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_help_names_every_command(command):
+    done = command("--help")
+    assert done.status == 0
+    for name in ("run", "demo", "check", "log", "view"):
+        assert f" {name} " in done.stdout
+    assert ESCAPE not in done.stdout
+
+
+def test_version_is_that_of_the_package(command):
+    from importlib.metadata import version
+
+    assert command("--version").stdout.strip() == version("uavgram")
+
+
+def test_the_module_runs_too_with_status_and_plain_text(project):
+    """In a process of its own: exit statuses, pipes instead of a terminal."""
+    arguments = [sys.executable, "-m", "uavgram"]
+    good = subprocess.run([*arguments, "check", project.path], capture_output=True, check=False)
+    assert good.returncode == 0
+    assert b"every input can be read" in good.stdout
+    assert ESCAPE.encode() not in good.stdout + good.stderr
+    bad = subprocess.run([*arguments, "run", "no.yaml"], capture_output=True, check=False)
+    assert bad.returncode == 1
+    assert bad.stderr.startswith(b"uavgram: ")
+    wrong = subprocess.run([*arguments, "rnu"], capture_output=True, check=False)
+    assert wrong.returncode == 2

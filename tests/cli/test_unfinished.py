@@ -1,0 +1,122 @@
+"""Runs that break off while they write: earlier results stay, and no half-made file appears."""
+
+from __future__ import annotations
+
+import errno
+import importlib
+import os
+from pathlib import Path
+
+import pytest
+
+run_module = importlib.import_module("uavgram.pipeline.run")
+
+
+@pytest.fixture
+def changed(project):
+    """A project whose new results would differ from the earlier ones in every file."""
+    project.cell("measure.csv", 1, "name", "other name")
+    return project
+
+
+def raise_at(module, name, fault, monkeypatch):
+    def fail(*_args, **_kwargs):
+        raise fault
+
+    monkeypatch.setattr(module, name, fail)
+
+
+WRITERS = [
+    "read_preview", "write_geojson", "write_measurements_csv", "write_report", "write_recording",
+    "write_results",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("step", WRITERS)
+def test_a_full_disk_is_told_and_changes_nothing(changed, fails, monkeypatch, step):
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    raise_at(run_module, step, full, monkeypatch)
+    fails(changed.out, "disk is full", "--output")
+
+
+@pytest.mark.parametrize("step", ["compute", *WRITERS])
+def test_ctrl_c_changes_nothing(changed, command, monkeypatch, step):
+    before = changed.outputs()
+    raise_at(run_module, step, KeyboardInterrupt(), monkeypatch)
+    done = command("run", changed.path)
+    assert done.status == 130
+    assert done.stdout == ""
+    assert done.stderr == "uavgram: interrupted; earlier results are as they were\n"
+    assert changed.outputs() == before
+
+
+@pytest.mark.parametrize("fault", [OSError(errno.ENOSPC, "full"), KeyboardInterrupt()])
+@pytest.mark.parametrize("after", [0, 3, 5])
+def test_a_failure_amid_moving_the_files_undoes_the_moved_ones(
+    changed, command, monkeypatch, fault, after
+):
+    before = changed.outputs()
+    moved = []
+    replace = Path.replace
+
+    def fail(self, target):
+        if Path(target).parent == changed.out and self.parent.name == "files":
+            if len(moved) == after:
+                moved.append("failed")
+                raise fault
+            moved.append(target)
+        return replace(self, target)
+
+    monkeypatch.setattr(Path, "replace", fail)
+    done = command("run", changed.path)
+    assert "failed" in moved
+    assert done.status == (1 if isinstance(fault, OSError) else 130)
+    assert done.stderr.count("uavgram: ") == 1
+    assert changed.outputs() == before
+
+
+def test_a_bug_keeps_its_traceback_and_changes_nothing(changed, command, monkeypatch):
+    before = changed.outputs()
+    raise_at(run_module, "write_results", ZeroDivisionError("a bug"), monkeypatch)
+    with pytest.raises(ZeroDivisionError):
+        command("run", changed.path)
+    assert changed.outputs() == before
+
+
+def test_no_permission_is_told_with_the_folder(project, command, monkeypatch):
+    """By the message of the system, because tests may run as root, whom nothing stops."""
+    mkdir = Path.mkdir
+
+    def refuse(self, *args, **kwargs):
+        if self.name == "forbidden":
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(self))
+        return mkdir(self, *args, **kwargs)
+
+    monkeypatch.setattr(Path, "mkdir", refuse)
+    folder = project.folder / "forbidden"
+    done = command("run", project.path, "--output", folder)
+    assert done.status == 1
+    assert done.stderr.startswith("uavgram: ")
+    assert str(folder) in done.stderr
+    assert "Permission denied" in done.stderr
+    assert not folder.exists()
+
+
+def test_an_output_that_is_a_file_is_told(project, command):
+    done = command("run", project.path, "--output", project / "picks.csv")
+    assert done.status == 1
+    assert str(project / "picks.csv") in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_first_run_that_fails_leaves_no_folder(changed, command, monkeypatch):
+    raise_at(run_module, "write_results", OSError(errno.ENOSPC, "full"), monkeypatch)
+    done = command("run", changed.path, "--output", changed / "new")
+    assert done.status == 1
+    assert not (changed / "new").exists()
+
+
+def test_files_of_others_in_the_folder_stay(project, command):
+    (project.out / "notes.txt").write_text("mine", encoding="utf-8")
+    assert command("run", project.path).status == 0
+    assert (project.out / "notes.txt").read_text(encoding="utf-8") == "mine"

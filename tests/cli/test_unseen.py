@@ -1,0 +1,110 @@
+"""What is missing but no mistake: kept and told, status 0."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+import uavgram
+
+
+@pytest.fixture
+def runs(command, project):
+    """Run the project: status 0; results as read back, and what was said."""
+
+    def run():
+        done = command("run", project.path)
+        assert done.status == 0, done.stderr
+        assert done.stderr == ""
+        return uavgram.load_results(project.out / "results.json"), done.stdout
+
+    return run
+
+
+def messages(result, code):
+    return [message.text for message in result.messages if message.code == code]
+
+
+def test_a_length_with_an_end_never_picked_is_unseen(project, runs):
+    project.cell("lines.csv", 2, "from", "R33")
+    result, said = runs()
+    assert result.lines.status[1] == "unseen"
+    assert str(result.lines.adjusted_m[1]) == "nan"
+    (text,) = messages(result, "line-unseen")
+    assert "'L2'" in text
+    assert "did you mean 'R" in text
+    assert f"warning: {text}" in said
+    assert json.loads((project.out / "results.json").read_text())["lines"][1]["adjusted_m"] is None
+
+
+def test_all_other_numbers_are_those_of_the_project_without_that_length(project, runs):
+    lines = (project / "lines.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    project.cell("lines.csv", 2, "from", "nobody")
+    unseen, _ = runs()
+    (project / "lines.csv").write_text("".join(lines[:2] + lines[3:]), encoding="utf-8")
+    without, _ = runs()
+    assert unseen.measurements.value.tolist() == without.measurements.value.tolist()
+
+
+def test_a_measurement_of_a_label_never_picked_is_null(project, runs):
+    project.cell("measure.csv", 1, "points", "P1;P22")
+    result, said = runs()
+    content = json.loads((project.out / "results.json").read_text())
+    assert content["measurements"][0]["value"] is None
+    assert content["measurements"][0]["sigma"] is None
+    (text,) = messages(result, "measurement-null")
+    assert "'skid left'" in text
+    assert "'P22'" in text
+    assert "did you mean 'P2'" in text
+    assert f"warning: {text}" in said
+    assert (project.out / "measurements.csv").read_text().splitlines()[1].count(",,") >= 1
+
+
+def test_a_check_point_never_picked_is_told(project, runs):
+    project.cell("check.csv", 1, "label", "C11")
+    result, _ = runs()
+    assert "C11" not in result.point_checks.label
+    assert any("'C11'" in message.text for message in result.messages)
+
+
+def test_a_photo_outside_the_flight_is_unmatched(project, runs):
+    photo = project / "photos" / "IMG_0013.jpg"
+    encoded = photo.read_bytes()
+    assert b"2026:05:09 07:" in encoded
+    photo.write_bytes(encoded.replace(b"2026:05:09 07:", b"2026:05:09 11:"))
+    result, said = runs()
+    assert result.frames.status == ("refined",) * 12 + ("unmatched",)
+    assert "after the log ends" in result.frames.reason[12]
+    assert not result.has_refined[12]
+    assert not result.has_seed[12]
+    (text,) = messages(result, "frame-unmatched")
+    assert "IMG_0013.jpg" in text
+    assert said.count(text) == 1
+    picks = [s for s, image in zip(result.picks.status, result.picks.image) if image[4:8] == "0013"]
+    assert set(picks) == {"unused"}
+
+
+def test_a_photo_without_picks_is_seeded(project, runs):
+    lines = (project / "picks.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    kept = [line for line in lines if not line.startswith("IMG_0004")]
+    (project / "picks.csv").write_text("".join(kept), encoding="utf-8")
+    result, _ = runs()
+    assert result.frames.status[3] == "seeded"
+    assert result.has_seed[3]
+
+
+def test_check_tells_of_labels_never_picked_and_suggests_the_near_miss(project, command):
+    project.cell("lines.csv", 2, "from", "R33")
+    project.cell("measure.csv", 1, "points", "P1;P22")
+    done = command("check", project.path)
+    assert done.status == 0
+    assert "'R33' of line 'L2' is never picked (did you mean 'R" in done.stdout
+    assert "'P22' of measurement 'skid left' is never picked (did you mean 'P2'?)" in done.stdout
+
+
+def test_without_measurements_the_table_says_so(project, command):
+    project.set(measure=None)
+    done = command("run", project.path)
+    assert done.status == 0
+    assert "No measurements were asked for" in done.stdout
