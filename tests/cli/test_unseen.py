@@ -81,8 +81,8 @@ def test_a_photo_outside_the_flight_is_unmatched(project, runs):
     (text,) = messages(result, "frame-unmatched")
     assert "IMG_0013.jpg" in text
     assert said.count(text) == 1
-    picks = [s for s, image in zip(result.picks.status, result.picks.image) if image[4:8] == "0013"]
-    assert set(picks) == {"unused"}
+    picks = zip(result.picks.image, result.picks.status, strict=True)
+    assert {status for image, status in picks if image == "IMG_0013.jpg"} == {"unused"}
 
 
 def test_a_photo_without_picks_is_seeded(project, runs):
@@ -108,3 +108,13 @@ def test_without_measurements_the_table_says_so(project, command):
     done = command("run", project.path)
     assert done.status == 0
     assert "No measurements were asked for" in done.stdout
+
+
+def test_measurements_of_nothing_but_labels_never_picked_are_all_null(project, runs):
+    header = (project / "measure.csv").read_text(encoding="utf-8").splitlines()[0]
+    commas = "," * (header.count(",") - 2)
+    rows = [f"{name},distance,X1;X2{commas}" for name in ("one", "two")]
+    (project / "measure.csv").write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    result, _ = runs()
+    assert [str(value) for value in result.measurements.value] == ["nan", "nan"]
+    assert len(messages(result, "measurement-null")) == 2

@@ -94,9 +94,7 @@ class Oracle:
         turn = Rotation.from_euler("z", shared[9])
         body = turn * slerp(at)
         predicted = (
-            body
-            * Rotation.from_matrix(prior.gimbal_from_camera)
-            * Rotation.from_rotvec(shared[:3])
+            body * Rotation.from_matrix(prior.gimbal_from_camera) * Rotation.from_rotvec(shared[:3])
         )
         expected = np.stack(position, 1) - shared[6:9] + body.apply(shared[3:6])
         turned = (predicted.inv() * Rotation.from_matrix(rotation)).as_rotvec()
@@ -135,9 +133,7 @@ def test_estimates_and_sigmas_equal_those_of_scipy(scenes, scene_factory, option
     def scaled(z):
         return oracle.residuals(ours + sigma * z)
 
-    found = least_squares(
-        scaled, offset, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15
-    )
+    found = least_squares(scaled, offset, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15)
     # Scipy's forward differences leave 1e-4 sigma: one step with better ones.
     jacobian = central(scaled, found.x)
     best = found.x - np.linalg.lstsq(jacobian, scaled(found.x))[0]

@@ -10,10 +10,40 @@ from uavgram.estimation.normal_equations import Block, SingularError
 
 # NIST Statistical Reference Datasets, Misra1a (nonlinear regression, lower difficulty).
 Y = np.array(
-    [10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02, 44.82, 50.76, 55.05, 61.01, 66.40, 75.47, 81.78]
+    [
+        10.07,
+        14.73,
+        17.94,
+        23.93,
+        29.61,
+        35.18,
+        40.02,
+        44.82,
+        50.76,
+        55.05,
+        61.01,
+        66.40,
+        75.47,
+        81.78,
+    ]
 )
 X = np.array(
-    [77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3, 536.8, 593.1, 689.1, 760.0]
+    [
+        77.6,
+        114.9,
+        141.1,
+        190.8,
+        239.9,
+        289.0,
+        332.8,
+        378.4,
+        434.8,
+        477.3,
+        536.8,
+        593.1,
+        689.1,
+        760.0,
+    ]
 )
 CERTIFIED = np.array([2.3894212918e2, 5.5015643181e-4])
 CERTIFIED_SD = np.array([2.7070075241, 7.2668688436e-6])
@@ -65,9 +95,7 @@ def test_impossible_first_values_are_an_error():
 
 
 def test_a_jacobian_that_leads_uphill_never_converges_and_says_so():
-    found = minimise(
-        np.array([1.0]), lambda x: line(x[0], -1.0), lambda x, step: x + step, 1
-    )
+    found = minimise(np.array([1.0]), lambda x: line(x[0], -1.0), lambda x, step: x + step, 1)
     assert not found.converged
     assert found.state[0] == 1.0
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uavgram.estimation import normal_equations
+from uavgram.estimation import nested_dissection, normal_equations
 from uavgram.estimation.normal_equations import Block, NormalEquations, SingularError
 from uavgram.estimation.survey_problem import SurveyProblem
 
@@ -20,7 +20,7 @@ CASES = {
 def blocks_of(scene):
     lines = np.ones(len(scene.survey.line_start), dtype=bool)
     problem = SurveyProblem(scene.survey, scene.pivot, lines)
-    return problem.evaluate(scene.truth), problem.layout.size
+    return problem.evaluate(scene.truth), problem.layout
 
 
 def dense_jacobian(blocks, size):
@@ -36,26 +36,27 @@ def dense_jacobian(blocks, size):
     return np.array(rows)
 
 
-@pytest.fixture(params=["dense", "sparse"])
+@pytest.fixture(params=["dense", "sparse", "points first"])
 def branch(request, monkeypatch):
-    if request.param == "sparse":
+    if request.param != "dense":
         monkeypatch.setattr(normal_equations, "DENSE_LIMIT", 0)
-        monkeypatch.setattr(normal_equations, "CHUNK", 7)
+        monkeypatch.setattr(nested_dissection, "LEAF", 2)
     return request.param
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
 def test_solution_and_covariances_equal_the_dense_inverse(scene_factory, options, branch):
-    blocks, size = blocks_of(scene_factory(3, frames=6, **options))
+    blocks, layout = blocks_of(scene_factory(3, frames=6, **options))
+    size, structure = layout.size, layout.structure if branch == "points first" else None
     jacobian = dense_jacobian(blocks, size)
     scale = 1 / np.linalg.norm(jacobian, axis=0)
     inverse = np.linalg.inv((jacobian * scale).T @ (jacobian * scale)) * np.outer(scale, scale)
     sigma = np.sqrt(np.diag(inverse))
 
-    factor = NormalEquations(list(blocks.values()), size).factor()
+    factor = NormalEquations(list(blocks.values()), size, structure).factor()
     covariance = factor.covariance()
 
-    assert (factor._sparse is not None) == (branch == "sparse")
+    assert (factor._sparse is not None) == (branch != "dense")
     right = np.random.default_rng(0).normal(size=(size, 3)) / sigma[:, None]
     error = (factor.solve(right) - inverse @ right) / sigma[:, None]
     assert np.abs(error).max() < 1e-6 * np.sqrt(size)
@@ -112,15 +113,14 @@ def test_two_unknowns_of_which_only_the_sum_is_observed_are_named(branch, weight
 @pytest.mark.parametrize("frame", [0, 2, 3])
 def test_a_frame_that_three_picks_cannot_hold_is_named(scene_factory, branch, frame):
     scene = scene_factory(3, telemetry=False, control=12)
-    blocks, size = blocks_of(scene)
+    blocks, layout = blocks_of(scene)
     picks = np.flatnonzero(scene.survey.pick_frame == frame)
     keep = np.setdiff1d(np.arange(len(scene.survey.pick_frame)), picks[2:])
     pixels = blocks["pixels"]
-    blocks["pixels"] = Block(
-        pixels.residual[keep], pixels.columns[keep], pixels.jacobian[keep]
-    )
+    blocks["pixels"] = Block(pixels.residual[keep], pixels.columns[keep], pixels.jacobian[keep])
     with pytest.raises(SingularError) as error:
-        NormalEquations(list(blocks.values()), size).factor()
+        structure = layout.structure if branch == "points first" else None
+        NormalEquations(list(blocks.values()), layout.size, structure).factor()
     assert (error.value.index - 24) // 6 == frame
 
 

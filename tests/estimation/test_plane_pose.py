@@ -19,7 +19,9 @@ def camera_over_plane(rng, max_tilt_deg):
     tilt, azimuth, spin = rng.uniform(0, np.deg2rad(max_tilt_deg)), *rng.uniform(0, 2 * np.pi, 2)
     axis = np.array([np.cos(azimuth), np.sin(azimuth), 0])
     rotation = Rotation.from_rotvec(tilt * axis).as_matrix() @ DOWN
-    return np.array([0, 0, rng.uniform(10, 60)]), rotation @ Rotation.from_euler("z", spin).as_matrix()
+    return np.array([0, 0, rng.uniform(10, 60)]), rotation @ Rotation.from_euler(
+        "z", spin
+    ).as_matrix()
 
 
 def points_in_view(rng, center, rotation, count):
@@ -94,7 +96,9 @@ def test_three_lengths_give_every_solution_of_an_exhaustive_search(figure):
         exact = [f.plane for f in found if f.cost < 1e-6]
         normals = normal_grid()[rng.permutation(len(normal_grid()))[:60]]
         starts = [n / (center[2] * rng.uniform(0.6, 1.5)) for n in normals]
-        expected = every_exact_solution(ray[a], ray[b], length, [*starts, true_plane(center, rotation)])
+        expected = every_exact_solution(
+            ray[a], ray[b], length, [*starts, true_plane(center, rotation)]
+        )
         for m in expected:
             if np.degrees(np.arccos(m[2] / np.linalg.norm(m))) < 85:
                 near = min(np.linalg.norm(m - p) / np.linalg.norm(m) for p in exact)

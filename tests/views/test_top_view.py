@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -28,6 +30,15 @@ def test_everything_lies_on_the_sheet(survey):
 
     assert (spots >= 0).all()
     assert (spots <= [view.width, view.height]).all()
+
+
+def test_ellipses_as_large_as_the_scene_are_neither_filled_nor_enlarged(survey):
+    result = survey.build()
+    wide = replace(result.points, ellipse_95_m=result.points.ellipse_95_m + 5.0)
+    view = top_view(replace(result, points=wide))
+
+    assert (view.ellipse_factor, view.fill_ellipses) == (1, False)
+    assert top_view(result).fill_ellipses
 
 
 def test_without_telemetry_north_is_not_claimed(survey):

@@ -12,7 +12,9 @@ from uavgram.config.validation import validate
 from uavgram.errors import near_miss
 from uavgram.model.options import Project
 
-_INPUT_FILES = ("log", "camera", "picks", "lines", "measure", "control", "check")
+_INPUT_FILES = ("log", "poses", "camera", "picks", "lines", "measure", "control", "check")
+FROM_PHOTOS = "exif"
+"""Value of `poses` that names no file."""
 
 
 def load_project(path: str | Path) -> Project:
@@ -53,10 +55,16 @@ def _missing_files(data: dict[str, Plain], folder: Path) -> tuple[Fault, ...]:
     faults = []
     for key in _INPUT_FILES:
         name = data.get(key)
-        if not isinstance(name, str) or not name or (folder / name).is_file():
+        if not isinstance(name, str) or not name or _is_no_path(key, name):
+            continue
+        if (folder / name).is_file():
             continue
         faults.append(Fault((key,), _why_missing(folder / name, name)))
     return tuple(faults)
+
+
+def _is_no_path(key: str, name: str | None) -> bool:
+    return key == "poses" and name == FROM_PHOTOS
 
 
 def _why_missing(path: Path, name: str) -> str:
@@ -73,7 +81,7 @@ def _with_absolute_paths(project: Project, folder: Path) -> Project:
     changed: dict[str, str] = {
         key: str(folder / name)
         for key in (*_INPUT_FILES, "output")
-        if (name := getattr(project, key)) is not None
+        if (name := getattr(project, key)) is not None and not _is_no_path(key, name)
     }
     images = tuple(
         pattern if Path(pattern).is_absolute() else f"{root}/{pattern}"

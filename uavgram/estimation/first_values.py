@@ -75,6 +75,9 @@ def _lines_in_frame(survey: Survey, frame: int) -> tuple[Ints, Ints, Ints]:
     # A known height would need its own ray; such lines refine the pose but do not start it.
     level = survey.height_above_m[survey.line_start] == survey.height_above_m[survey.line_end]
     line = np.flatnonzero((start >= 0) & (end >= 0) & level)
+    # Both ends picked on the same pixel: no plane gives that line a length.
+    apart = (survey.pixel_px[start[line]] != survey.pixel_px[end[line]]).any(axis=1)
+    line = line[apart]
     return start[line], end[line], line
 
 
@@ -122,7 +125,10 @@ class PlaneNetwork:
             return None
         center, rotation = pose_above_plane(plane)
         local = self._ground_points(center, rotation, known)
-        turn, shift = align_in_plane(local, target)
+        meets = np.isfinite(local[:, 0])  # its own plane may not reach a point that others see
+        if meets.sum() < 2:
+            return None
+        turn, shift = align_in_plane(local[meets], target[meets])
         return turn @ center + shift, turn @ rotation
 
     def _place(self, frame: int, center: Floats, rotation: Floats) -> None:

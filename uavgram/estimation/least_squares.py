@@ -9,6 +9,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from uavgram.estimation.normal_equations import Block, Factor, NormalEquations
+from uavgram.estimation.sparse_factor import Structure
 from uavgram.model.arrays import Floats
 
 State = TypeVar("State")
@@ -54,6 +55,7 @@ def minimise(
     evaluate: Callable[[State], dict[str, Block] | None],
     update: Callable[[State, Floats], State],
     size: int,
+    structure: Structure | None = None,
 ) -> Minimum[State]:
     """Minimise a sum of squared whitened residuals.
 
@@ -68,6 +70,8 @@ def minimise(
         State and increment (size,) to new state.
     size
         Number of unknowns.
+    structure
+        What they are, for a good elimination order of large systems.
 
     Returns
     -------
@@ -89,7 +93,7 @@ def minimise(
     blocks = evaluate(state)
     if blocks is None:
         raise ValueError("the first values are impossible")
-    normal = NormalEquations(list(blocks.values()), size)
+    normal = NormalEquations(list(blocks.values()), size, structure)
     damping, growth = 1e-6, 2.0
     iteration = 0
     while iteration < MAX_ITERATIONS:
@@ -104,7 +108,7 @@ def minimise(
         gain = (normal.cost - trial_cost) / predicted
         if trial_blocks is not None and gain > 0:
             state, blocks = trial, trial_blocks
-            normal = NormalEquations(list(blocks.values()), size)
+            normal = NormalEquations(list(blocks.values()), size, structure, normal.symbolic())
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3)
             growth = 2.0
         else:

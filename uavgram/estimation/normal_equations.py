@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
-from scipy.sparse.linalg import SuperLU, splu
 
+from uavgram.estimation.multifrontal import NotPositiveError
+from uavgram.estimation.sparse_factor import SparseFactor, Structure, Symbolic, gather_blocks
 from uavgram.model.arrays import Floats, Ints
 
 DENSE_LIMIT = 2500
@@ -21,9 +22,6 @@ DENSE_LIMIT = 2500
 
 SINGULAR = 1e-13
 """Smallest pivot of the scaled normal matrix (unit diagonal) that still carries information."""
-
-CHUNK = 256
-"""Columns of the inverse computed at a time."""
 
 
 class SingularError(ValueError):
@@ -56,13 +54,21 @@ class Block:
 class NormalEquations:
     """J^T J and J^T r of a list of blocks, over `size` unknowns."""
 
-    def __init__(self, blocks: list[Block], size: int) -> None:
+    def __init__(
+        self,
+        blocks: list[Block],
+        size: int,
+        structure: Structure | None = None,
+        symbolic: Symbolic | None = None,
+    ) -> None:
         self.size = size
+        self._structure = structure or Structure.plain(size)
+        self._symbolic = symbolic
         self.jacobian = _stack(blocks, size)
         residual = np.concatenate([b.residual.ravel() for b in blocks])
         self.cost = float(residual @ residual)
         self.gradient = self.jacobian.T @ residual
-        self.normal = (self.jacobian.T @ self.jacobian).tocsc()
+        self.normal = (self.jacobian.T @ self.jacobian).tocsr()
         self.diagonal = self.normal.diagonal()
 
     def factor(self, damping: float = 0.0) -> Factor:
@@ -76,7 +82,13 @@ class NormalEquations:
         empty = np.flatnonzero(self.diagonal <= 0)
         if empty.size:
             raise SingularError(int(empty[0]))
-        return Factor(self.normal, self.jacobian, self.diagonal, damping)
+        return Factor(self.normal, self.symbolic(), self.diagonal, damping)
+
+    def symbolic(self) -> Symbolic | None:
+        """What serves every system of the same pattern; None where the system is small."""
+        if self._symbolic is None and self.size > DENSE_LIMIT:
+            self._symbolic = Symbolic(self.jacobian, self._structure)
+        return self._symbolic
 
 
 def _stack(blocks: list[Block], size: int) -> sp.csr_matrix:
@@ -103,19 +115,21 @@ class Factor:
     """
 
     def __init__(
-        self, normal: sp.csc_matrix, jacobian: sp.csr_matrix, diagonal: Floats, damping: float
+        self, normal: sp.csr_matrix, symbolic: Symbolic | None, diagonal: Floats, damping: float
     ) -> None:
         self._scale = 1.0 / np.sqrt(diagonal)
-        self._jacobian = jacobian
         scaled = sp.diags(self._scale) @ normal @ sp.diags(self._scale)
-        scaled = (scaled + damping * sp.identity(len(diagonal))).tocsc()
+        scaled = (scaled + damping * sp.identity(len(diagonal))).tocsr()
         self.size = len(diagonal)
         self._dense: Floats | None = None
-        self._sparse: SuperLU | None = None
-        if self.size <= DENSE_LIMIT:
+        self._sparse: SparseFactor | None = None
+        if symbolic is None:
             self._dense = _cholesky(scaled.toarray())
         else:
-            self._sparse = _sparse_lu(scaled)
+            try:
+                self._sparse = SparseFactor(scaled, symbolic, SINGULAR)
+            except NotPositiveError as error:
+                raise SingularError(error.index) from None
 
     def solve(self, right: Floats) -> Floats:
         """Solve for one (n,) or several (n, m) right-hand sides."""
@@ -124,7 +138,8 @@ class Factor:
             y = scipy.linalg.cho_solve((self._dense, True), right * scale, check_finite=False)
         else:
             assert self._sparse is not None  # noqa: S101  (one of the two is always there)
-            y = self._sparse.solve(np.ascontiguousarray(right * scale))
+            scaled = np.ascontiguousarray(right * scale)
+            y = self._sparse.solve(scaled.reshape(self.size, -1)).reshape(right.shape)
         return np.asarray(y * scale)
 
     def joint(self, indices: Ints) -> Floats:
@@ -139,27 +154,10 @@ class Factor:
         if self._dense is not None:
             inverse = self.solve(np.eye(self.size))
             return Covariance(dense=0.5 * (inverse + inverse.T), selected=None)
-        return Covariance(dense=None, selected=self._inverse_on_pattern())
-
-    def _inverse_on_pattern(self) -> sp.csr_matrix:
-        # Not the pattern of J^T J itself: scipy drops the products that cancel to zero there, and
-        # the inverse has no zeros at these places.
-        ones = sp.csr_matrix(
-            (np.ones(self._jacobian.nnz), self._jacobian.indices, self._jacobian.indptr),
-            shape=self._jacobian.shape,
-        )
-        pattern = (ones.T @ ones).tocsc()
-        data = np.empty_like(pattern.data)
-        for start in range(0, self.size, CHUNK):
-            columns = np.arange(start, min(start + CHUNK, self.size))
-            right = np.zeros((self.size, len(columns)))
-            right[columns, np.arange(len(columns))] = 1.0
-            solution = self.solve(right)
-            first, last = pattern.indptr[columns[0]], pattern.indptr[columns[-1] + 1]
-            within = np.repeat(np.arange(len(columns)), np.diff(pattern.indptr)[columns])
-            data[first:last] = solution[pattern.indices[first:last], within]
-        inverse = sp.csc_matrix((data, pattern.indices, pattern.indptr), shape=pattern.shape)
-        return inverse.tocsr()
+        assert self._sparse is not None  # noqa: S101  (one of the two is always there)
+        scale = sp.diags(self._scale)
+        selected = (scale @ self._sparse.inverse_on_pattern() @ scale).tocsr()
+        return Covariance(dense=None, selected=selected)
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,18 +172,11 @@ class Covariance:
 
         With a selected inverse, all unknowns of a group must share observations.
         """
-        rows = np.broadcast_to(columns[:, :, None], (*columns.shape, columns.shape[1]))
-        cols = np.swapaxes(rows, 1, 2)
         if self.dense is not None:
-            return np.asarray(self.dense[rows, cols])
+            rows = np.broadcast_to(columns[:, :, None], (*columns.shape, columns.shape[1]))
+            return np.asarray(self.dense[rows, np.swapaxes(rows, 1, 2)])
         assert self.selected is not None  # noqa: S101  (one of the two is always there)
-        values = np.empty(rows.shape)
-        step = max(1, 2_000_000 // columns.shape[1] ** 2)
-        for start in range(0, len(columns), step):
-            part = slice(start, start + step)
-            picked = self.selected[rows[part].ravel(), cols[part].ravel()]
-            values[part] = np.asarray(picked).reshape(values[part].shape)
-        return values
+        return gather_blocks(self.selected, columns)
 
 
 def _cholesky(scaled: Floats) -> Floats:
@@ -198,24 +189,3 @@ def _cholesky(scaled: Floats) -> Floats:
     if pivots.min() < SINGULAR:
         raise SingularError(int(np.argmin(pivots)))
     return np.asarray(lower)
-
-
-def _sparse_lu(scaled: sp.csc_matrix) -> SuperLU:
-    try:
-        lu = _symmetric_lu(scaled)
-    except RuntimeError:  # SuperLU: "Factor is exactly singular", without saying where
-        # Half of what counts as singular: the factorisation passes, and its least pivot tells.
-        lu = _symmetric_lu((scaled + 0.5 * SINGULAR * sp.identity(scaled.shape[0])).tocsc())
-    pivots = lu.U.diagonal()
-    if pivots.min() < SINGULAR:
-        raise SingularError(int(np.flatnonzero(lu.perm_c == int(np.argmin(pivots)))[0]))
-    return lu
-
-
-def _symmetric_lu(scaled: sp.csc_matrix) -> SuperLU:
-    return splu(
-        scaled,
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )

@@ -13,7 +13,7 @@ from uavgram.estimation.normal_equations import Block
 from uavgram.estimation.survey_state import Layout, State, layout_of
 from uavgram.geometry.projection import project_with_jacobian
 from uavgram.geometry.rotation import hat, log_so3, right_jacobian_inverse
-from uavgram.geometry.telemetry_pose import exposures_at, predict_pose
+from uavgram.geometry.telemetry_pose import exposures_of, predict_pose
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey import Survey
 
@@ -230,12 +230,8 @@ class SurveyProblem:
         assert prior is not None  # noqa: S101  (the caller asked)
         assert track is not None  # noqa: S101
         clock = state.telemetry[TELEMETRY_PARTS["clock"]]
-        exposures = exposures_at(
-            (track.position_time_s, track.position_world_m),
-            (track.attitude_time_s, track.world_from_body_xyzw),
-            (track.gimbal_time_s, track.world_from_gimbal_xyzw),
-            prior.time_s - clock,
-        )
+        names = [self.survey.frame_id[i] for i in prior.frame_index]
+        exposures = exposures_of(track, names, prior.time_s - clock)
         center, rotation, d_shared = predict_pose(
             exposures, prior.gimbal_from_camera, state.telemetry
         )

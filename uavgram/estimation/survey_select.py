@@ -63,6 +63,17 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
     return Selection(reduced, picks, lines)
 
 
+def select_lines(survey: Survey, keep: Bools) -> Survey:
+    """Keep the known lengths in `keep` (L,), and everything else."""
+    return replace(
+        survey,
+        line_start=survey.line_start[keep],
+        line_end=survey.line_end[keep],
+        length_m=survey.length_m[keep],
+        length_sigma_m=survey.length_sigma_m[keep],
+    )
+
+
 def _some_poses(poses: Poses, index: Ints) -> Poses:
     return Poses(
         frame_id=tuple(poses.frame_id[i] for i in index),

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from uavgram.estimation.sparse_factor import Structure
 from uavgram.geometry.rotation import exp_so3
 from uavgram.geometry.telemetry_pose import SHARED_SIZE
 from uavgram.model.arrays import Floats, Ints
@@ -64,6 +65,17 @@ class Layout:
     def size(self) -> int:
         """Number of unknowns."""
         return self.first_telemetry + self.telemetry
+
+    @property
+    def structure(self) -> Structure:
+        """For the elimination order."""
+        return Structure(
+            size=self.size,
+            points=self.points,
+            point_size=self.point_size,
+            block_size=6,
+            first_shared=self.first_intrinsic,
+        )
 
     def point_columns(self, index: Ints) -> Ints:
         """(n, point_size) unknowns of n points."""

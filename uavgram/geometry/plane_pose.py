@@ -24,7 +24,7 @@ def lengths_on_plane(plane: Floats, start_ray: Floats, end_ray: Floats) -> tuple
     Returns
     -------
     length : (S, L)
-        NaN where an end lies behind the camera or at the horizon.
+        NaN where an end lies behind the camera or at the horizon, or both on one ray.
     jacobian : (S, L, 3)
         By m: u . (-Xa (Xa . dm) + Xb (Xb . dm)), u the unit vector from end to start.
     """
@@ -32,6 +32,7 @@ def lengths_on_plane(plane: Floats, start_ray: Floats, end_ray: Floats) -> tuple
     end = _point(plane, end_ray)
     along = start - end
     length = np.linalg.norm(along, axis=-1)
+    length = np.where(length > 0, length, np.nan)  # without a direction there is no derivative
     unit = along / length[..., None]
     jacobian = np.sum(unit * end, -1, keepdims=True) * end
     jacobian -= np.sum(unit * start, -1, keepdims=True) * start

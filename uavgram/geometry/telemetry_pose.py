@@ -14,6 +14,7 @@ heading bias away turns the vehicle by plus that angle about up.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ import numpy as np
 from uavgram.geometry.interpolation import interpolate_position, interpolate_rotation
 from uavgram.geometry.rotation import exp_so3, hat, right_jacobian
 from uavgram.model.arrays import Floats
+from uavgram.model.photo_poses import Flight, PhotoExposures
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -89,6 +91,41 @@ def exposures_at(
     else:
         world_from_mount, mount_rate = world_from_body, body_rate
     return Exposures(position, velocity, world_from_body, body_rate, world_from_mount, mount_rate)
+
+
+def exposures_of(flight: Flight, frame_id: Sequence[str], at_s: Floats) -> Exposures:
+    """Exposures of N frames: interpolated in a track, or those that came with the photos.
+
+    Parameters
+    ----------
+    flight
+        A track, or photo exposures, which stand still: no time moves them.
+    frame_id, at_s
+        (N,) names, and instants on the track's clock (not read for photo exposures).
+
+    Raises
+    ------
+    ValueError
+        An instant lies outside the track.
+    """
+    if not isinstance(flight, PhotoExposures):
+        return exposures_at(
+            (flight.position_time_s, flight.position_world_m),
+            (flight.attitude_time_s, flight.world_from_body_xyzw),
+            (flight.gimbal_time_s, flight.world_from_gimbal_xyzw),
+            at_s,
+        )
+    row = {name: k for k, name in enumerate(flight.frame_id)}
+    index = [row[name] for name in frame_id]
+    still = np.zeros((len(index), 3))
+    return Exposures(
+        position=flight.position_world_m[index],
+        velocity=still,
+        world_from_body=flight.world_from_body[index],
+        body_rate=still,
+        world_from_mount=flight.world_from_gimbal[index],
+        mount_rate=still,
+    )
 
 
 def predict_pose(

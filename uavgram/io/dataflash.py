@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +11,8 @@ import numpy as np
 from uavgram.errors import InputError
 from uavgram.io import dataflash_events, dataflash_pose
 from uavgram.io.dataflash_pose import Tables, boot_time_s
-from uavgram.io.dataflash_tables import DataflashTables, index_binary
-from uavgram.io.dataflash_text import TextTables, index_text
+from uavgram.io.dataflash_tables import index_binary
+from uavgram.io.dataflash_text import index_text
 from uavgram.io.samples import restarts
 from uavgram.model.telemetry import Boot, FlightLog, MessageCount
 
@@ -25,7 +25,7 @@ def read_dataflash(path: str | Path) -> FlightLog:
     Raises
     ------
     InputError
-        The file is missing, empty, no DataFlash log, or holds no position.
+        The file is missing, empty, no DataFlash log, or holds no complete message.
     """
     tables = _index(str(path))
     parts = _parts(tables)
@@ -36,10 +36,11 @@ def read_dataflash(path: str | Path) -> FlightLog:
     for part in parts:
         boot, remarks = _boot(part)
         notes.extend(remarks)
-        if boot.positions is not None:
-            boots.append(boot)
-    if not boots:
-        raise InputError(path, _no_positions(tables))
+        boots.append(boot)
+    if not tables.names:
+        raise InputError(
+            path, "holds no complete message: the file is cut or damaged; copy it once more"
+        )
     vehicle, firmware = _vehicle(tables)
     return FlightLog(
         path=str(path),
@@ -53,7 +54,7 @@ def read_dataflash(path: str | Path) -> FlightLog:
     )
 
 
-def _index(path: str) -> DataflashTables | TextTables:
+def _index(path: str) -> Tables:
     try:
         data = Path(path).read_bytes()
     except OSError as error:
@@ -65,21 +66,14 @@ def _index(path: str) -> DataflashTables | TextTables:
     return index_binary(path, data)
 
 
-def _parts(tables: DataflashTables | TextTables) -> list[Tables]:
-    """One set of tables for each boot; binary files only, text has no common order."""
-    if isinstance(tables, TextTables):
-        return [tables]
+def _parts(tables: Tables) -> list[Tables]:
+    """One set of tables for each boot."""
     guide = max(("ATT", "POS", "GPS"), key=tables.count)
     if tables.count(guide) == 0:
         return [tables]
-    starts = tables.offsets[guide][restarts(boot_time_s(tables.columns(guide)))]
-    edges = [0, *starts.tolist(), len(tables.data)]
-    return [_between(tables, edges[i], edges[i + 1]) for i in range(len(edges) - 1)]
-
-
-def _between(tables: DataflashTables, start: int, end: int) -> DataflashTables:
-    inside = {name: o[(o >= start) & (o < end)] for name, o in tables.offsets.items()}
-    return replace(tables, offsets=inside)
+    starts = tables.places(guide)[restarts(boot_time_s(tables.columns(guide)))]
+    edges = [0, *starts.tolist(), sys.maxsize]
+    return [tables.between(edges[i], edges[i + 1]) for i in range(len(edges) - 1)]
 
 
 def _boot(tables: Tables) -> tuple[Boot, tuple[str, ...]]:
@@ -99,32 +93,13 @@ def _boot(tables: Tables) -> tuple[Boot, tuple[str, ...]]:
     return boot, (*position_notes, *event_notes)
 
 
-def _names(tables: DataflashTables | TextTables) -> list[str]:
-    names = tables.rows if isinstance(tables, TextTables) else tables.offsets
-    return sorted(name for name in names if tables.count(name))
-
-
-def _no_positions(tables: DataflashTables | TextTables) -> str:
-    names = _names(tables)
-    if not names:
-        return "holds no complete message: the file is cut or damaged; copy it once more"
-    held = ", ".join(names[:15]) + (", ..." if len(names) > 15 else "")
-    return (
-        "holds no usable position (POS, XKF1 with ORGN, or GPS with a 3-D fix); "
-        f"it holds {held}. Was it recorded in flight, with GPS?"
-    )
-
-
-def _counts(tables: DataflashTables | TextTables) -> tuple[MessageCount, ...]:
+def _counts(tables: Tables) -> tuple[MessageCount, ...]:
     found = []
-    for name in _names(tables):
-        ends = [tables.columns(name, rows) for rows in (slice(0, 1), slice(-1, None))]
-        first, last = (boot_time_s(c)[0] if c and "TimeUS" in c else np.nan for c in ends)
-        found.append(
-            MessageCount(
-                name=name, count=tables.count(name), first_s=float(first), last_s=float(last)
-            )
-        )
+    for name in tables.names:
+        ends = tables.ends(name)
+        times = boot_time_s(ends) if "TimeUS" in ends else np.full(1, np.nan)
+        first, last = float(times[0]), float(times[-1])
+        found.append(MessageCount(name, tables.count(name), first, last))
     return tuple(found)
 
 

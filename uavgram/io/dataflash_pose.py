@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.geometry.rotation import matrix_from_ypr, xyzw_from_matrix
-from uavgram.io.dataflash_tables import Columns
+from uavgram.io.dataflash_formats import Columns
 from uavgram.io.samples import are_angles, in_order, is_height, near_its_track
 from uavgram.model.arrays import Floats
 from uavgram.model.telemetry import (
@@ -26,12 +26,34 @@ from uavgram.model.telemetry import (
 class Tables(Protocol):
     """What the binary and the text form have in common."""
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Message types that the log holds, sorted."""
+        ...
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was odd about the file."""
+        ...
+
     def count(self, name: str) -> int:
         """How many messages of this type there are."""
         ...
 
-    def columns(self, name: str, rows: slice = ...) -> Columns:
+    def places(self, name: str) -> NDArray[np.int64]:
+        """(N,) where in the file the messages of one type begin, in the order of `columns`."""
+        ...
+
+    def columns(self, name: str) -> Columns:
         """Their fields as columns."""
+        ...
+
+    def ends(self, name: str) -> Columns:
+        """The columns of the first and the last message only."""
+        ...
+
+    def between(self, start: int, end: int) -> Tables:
+        """The messages that begin in this range of the file."""
         ...
 
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uavgram.errors import InputError
-from uavgram.io.dataflash_tables import TEXT_CHARACTERS, Columns, Format
+from uavgram.io.dataflash_formats import TEXT_CHARACTERS, Columns, Format
+
+_LONGEST_TEXT = 64  # bytes of format Z; a damaged line may be longer
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,43 +21,83 @@ class TextTables:
 
     Attributes
     ----------
+    data
+        The bytes of the file.
     formats
-        By message name.
-    rows
-        By message name: the fields of each line, as text.
+        By message name; of one that is redefined the last holds.
+    starts
+        By message name: where its lines begin, increasing.
     notes
         What was odd about the file.
     """
 
+    data: bytes
     formats: dict[str, Format]
-    rows: dict[str, list[tuple[str, ...]]]
+    starts: dict[str, list[int]]
     notes: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Message types that the file holds, sorted."""
+        return tuple(sorted(self.starts))
 
     def count(self, name: str) -> int:
         """How many messages of this type the file holds."""
-        return len(self.rows.get(name, ()))
+        return len(self.starts.get(name, ()))
 
-    def columns(self, name: str, rows: slice = slice(None)) -> Columns:
+    def places(self, name: str) -> NDArray[np.int64]:
+        """(N,) where the lines of one type begin."""
+        return np.array(self.starts.get(name, ()), dtype=np.int64)
+
+    def columns(self, name: str) -> Columns:
         """Every field of one message type as a column; text forms carry scaled values."""
-        if self.count(name) == 0:
+        return self._decoded(name, self.starts.get(name, []))
+
+    def ends(self, name: str) -> Columns:
+        """The columns of the first and the last message of one type only."""
+        starts = self.starts.get(name, [])
+        return self._decoded(name, [*starts[:1], *starts[-1:]])
+
+    def _decoded(self, name: str, starts: list[int]) -> Columns:
+        if not starts:
             return {}
         fmt = self.formats[name]
-        fields = zip(*self.rows[name][rows], strict=True)
+        fields = zip(*(self._fields(at, len(fmt.fields)) for at in starts), strict=True)
         return {
-            field: _numbers(texts) if c not in TEXT_CHARACTERS else np.array(texts, dtype=np.bytes_)
+            field: _numbers(texts) if c not in TEXT_CHARACTERS else _texts(texts)
             for field, c, texts in zip(fmt.fields, fmt.characters, fields, strict=True)
         }
 
+    def _fields(self, start: int, count: int) -> tuple[bytes, ...]:
+        """The fields of one line; commas beyond the last field belong to its text."""
+        end = self.data.find(b"\n", start)
+        line = self.data[start : end if end >= 0 else len(self.data)]
+        _, *fields = (part.strip() for part in line.split(b",", count))
+        # fewer where the format was defined anew
+        return (*fields, *(b"" for _ in range(count - len(fields))))
 
-def _numbers(texts: Sequence[str]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    def between(self, start: int, end: int) -> TextTables:
+        """The messages that begin in this range of bytes."""
+        inside = {
+            name: at[bisect_left(at, start) : bisect_left(at, end)]
+            for name, at in self.starts.items()
+        }
+        return replace(self, starts={name: at for name, at in inside.items() if at})
+
+
+def _numbers(texts: Sequence[bytes]) -> NDArray[np.float64]:
     """Texts as float64, NaN where one is no number."""
     try:
-        return np.array(texts, dtype=np.float64)
+        return np.array([float(text) for text in texts])
     except ValueError:
         return np.array([_number(text) for text in texts])
 
 
-def _number(text: str) -> float:
+def _texts(texts: Sequence[bytes]) -> NDArray[np.bytes_]:
+    return np.array([text[:_LONGEST_TEXT] for text in texts], dtype=np.bytes_)
+
+
+def _number(text: bytes) -> float:
     try:
         return float(text)
     except ValueError:
@@ -69,28 +113,32 @@ def index_text(path: str, data: bytes) -> TextTables:
         There is no FMT line in the file.
     """
     formats: dict[str, Format] = {}
-    rows: dict[str, list[tuple[str, ...]]] = {}
-    skipped = 0
-    for line in data.decode("latin-1").splitlines():
-        name, *fields = (part.strip() for part in line.split(","))
-        if name == "FMT" and len(fields) >= 4:
-            _add_format(formats, fields)
-        elif name in formats and len(fields) >= len(formats[name].fields):
-            rows.setdefault(name, []).append(_joined(fields, len(formats[name].fields)))
-        elif line.strip():
+    starts: dict[str, list[int]] = {}
+    skipped = at = 0
+    while at < len(data):
+        end = data.find(b"\n", at)
+        end = end if end >= 0 else len(data)
+        comma = data.find(b",", at, end)
+        key = data[at : comma if comma >= 0 else end].strip().decode("latin-1")
+        if key == "FMT":
+            _add_format(formats, data[at:end])
+        elif key in formats and data.count(b",", at, end) >= len(formats[key].fields):
+            starts.setdefault(key, []).append(at)
+        elif data[at:end].strip():
             skipped += 1
+        at = end + 1
     if not formats:
         raise InputError(path, "is no DataFlash log in text form: it has no FMT line")
     notes = (f"{skipped} lines belong to no defined message",) if skipped else ()
-    return TextTables(formats, rows, notes)
+    return TextTables(data, formats, starts, notes)
 
 
-def _add_format(formats: dict[str, Format], fields: list[str]) -> None:
+def _add_format(formats: dict[str, Format], line: bytes) -> None:
+    """Note what a FMT line states, where it makes sense."""
+    _, *fields = (part.strip() for part in line.decode("latin-1").split(","))
+    if len(fields) < 5:
+        return
     number, length, name, characters, *names = fields
-    if number.isdigit() and length.isdigit() and len(names) == len(characters):
+    distinct = len(set(names)) == len(names) == len(characters) > 0
+    if number.isdecimal() and length.isdecimal() and distinct:
         formats[name] = Format(int(number), int(length), name, characters, tuple(names))
-
-
-def _joined(fields: list[str], count: int) -> tuple[str, ...]:
-    """Commas beyond the last field belong to its text."""
-    return (*fields[: count - 1], ", ".join(fields[count - 1 :]))

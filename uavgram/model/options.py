@@ -176,7 +176,8 @@ class SolveOptions:
 class Project:
     """A project file: which inputs, and every option.
 
-    Paths are those of the file, made absolute; `images` are patterns.
+    Paths are those of the file, made absolute; `images` are patterns. `poses` is ``exif`` or a
+    path, and stands in place of `log`.
     """
 
     name: str
@@ -184,6 +185,7 @@ class Project:
     camera: str
     picks: str
     log: str | None = None
+    poses: str | None = None
     lines: str | None = None
     measure: str | None = None
     control: str | None = None
@@ -198,19 +200,25 @@ class Project:
     solve: SolveOptions = field(default_factory=SolveOptions)
 
     def __post_init__(self) -> None:
-        given = {"log": self.log, "lines": self.lines, "measure": self.measure}
+        given = {"log": self.log, "poses": self.poses, "lines": self.lines, "measure": self.measure}
         given |= {"control": self.control, "check": self.check}
         given |= {"name": self.name, "camera": self.camera, "picks": self.picks}
         given |= {"output": self.output}
         _require(
             self,
-            **{key: (text != "", "must not be empty") for key, text in given.items()},
+            **{key: (text != "", "must not be empty") for key, text in given.items()}
+            | self._one_source(),
             images=(
                 bool(self.images) and all(self.images),
                 "must name at least one file or pattern",
             ),
             picks_sigma_px=(self.picks_sigma_px > 0, _POSITIVE),
         )
+
+    def _one_source(self) -> dict[str, tuple[bool, str]]:
+        if self.poses is None or self.log is None:
+            return {}
+        return {"poses": (False, "cannot stand beside `log`: leave one of the two out")}
 
 
 def option_pairs(options: object, prefix: str = "") -> tuple[tuple[str, object], ...]:

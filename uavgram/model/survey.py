@@ -9,8 +9,8 @@ import numpy as np
 
 from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
 from uavgram.model.camera import Calibration
+from uavgram.model.photo_poses import Flight
 from uavgram.model.pose import Poses, TelemetryPrior
-from uavgram.model.telemetry import Track
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,8 +45,8 @@ class Survey:
         First poses and their marginal covariances, in the order of `frame_id`; None without
         telemetry.
     telemetry, track
-        Their prior without what is a shared unknown, and the flight to interpolate; None without
-        a log. The prior's `frame_index` runs over 0..F-1.
+        Their prior without what is a shared unknown, and the flight to interpolate (or the photos'
+        own poses); None without either. The prior's `frame_index` runs over 0..F-1.
     calibration
         Interior orientation beforehand.
     label, height_above_m
@@ -66,7 +66,7 @@ class Survey:
     frame_id: tuple[str, ...]
     seeds: Poses | None
     telemetry: TelemetryPrior | None
-    track: Track | None
+    track: Flight | None
     calibration: Calibration
     label: tuple[str, ...]
     height_above_m: Floats

@@ -10,6 +10,7 @@ import numpy as np
 from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
 
 HeightDatum = Literal["msl", "ellipsoid"]
+LogKind = Literal["dataflash", "tlog", "ulog"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -148,12 +149,23 @@ class CameraEvents:
         (N,) 1.0 where the camera's feedback confirms it, 0.0 where only the trigger is known.
     source
         The messages they come from, such as ``CAM`` or ``TRIG+CAM``.
+    instant
+        What the times of confirmed events are: ``feedback``, stamped by a wire from the camera
+        (the exposure itself); ``command``, when the autopilot ordered it, a shutter's lag earlier.
+    repeated
+        Image numbers that the log states more than once, each once and sorted.
+    lost
+        Image numbers that are missing between the first and the last, sorted: shots that the
+        autopilot counted and this log does not hold.
     """
 
     time_boot_s: Floats
     image_number: Ints
     confirmed: Floats
     source: str
+    instant: Literal["feedback", "command"] = "command"
+    repeated: tuple[int, ...] = ()
+    lost: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.time_boot_s)
@@ -242,7 +254,7 @@ class FlightLog:
     Attributes
     ----------
     path, kind
-        The file; ``dataflash`` or ``tlog``.
+        The file; ``dataflash``, ``tlog`` or ``ulog``.
     vehicle, firmware
         As the log states them; empty where it does not.
     boots
@@ -256,7 +268,7 @@ class FlightLog:
     """
 
     path: str
-    kind: Literal["dataflash", "tlog"]
+    kind: LogKind
     vehicle: str
     firmware: str
     boots: tuple[Boot, ...]
@@ -277,12 +289,18 @@ class BootClock:
         Standard deviation of a converted instant, common to the boot.
     source
         Which clock samples it was made of.
+    drift_sigma
+        Standard deviation of the rate, about the middle of the samples; NaN where not stated.
+    scatter_s
+        Robust standard deviation of one sample about the line; NaN where not stated.
     """
 
     offset_s: float
     rate: float
     sigma_s: float
     source: str
+    drift_sigma: float = float("nan")
+    scatter_s: float = float("nan")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,20 +12,20 @@ from uavgram.model.arrays import Floats, Ints, freeze_as
 from uavgram.model.camera import Calibration
 from uavgram.model.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.model.options import GroundOptions
+from uavgram.model.photo_poses import Flight
 from uavgram.model.pose import Poses, TelemetryPrior
 from uavgram.model.survey import Ground, Survey
-from uavgram.model.telemetry import Track
 
 NO_CONTROL = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empty((0, 3)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Telemetry:
-    """Seed poses, their prior for the adjustment, and the flight to interpolate."""
+    """Seed poses, their prior for the adjustment, and the flight to interpolate (or the photos' own)."""
 
     poses: Poses
     prior: TelemetryPrior
-    track: Track
+    track: Flight
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

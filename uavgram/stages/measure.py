@@ -167,7 +167,7 @@ def _results(rows: list[_Row], place: dict[str, int], covariance: Floats) -> Mea
     for i, row in enumerate(rows):
         if row.gradient is not None:  # a point may occur twice in one outline
             np.add.at(jacobian[i], [place[p] for p in row.request.points], row.gradient)
-    flat = jacobian.reshape(len(rows), -1)
+    flat = jacobian.reshape(len(rows), 3 * len(place))  # either may be 0
     joint = flat @ covariance @ flat.T if len(place) else np.zeros((len(rows), len(rows)))
     joint[np.diag_indices(len(rows))] += [row.other_variance for row in rows]
     sigma = np.sqrt(np.diag(joint))

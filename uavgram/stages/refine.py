@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -21,7 +21,7 @@ from uavgram.estimation.least_squares import Minimum, minimise
 from uavgram.estimation.normal_equations import SingularError
 from uavgram.estimation.reliability import critical_value, reliability
 from uavgram.estimation.survey_problem import SurveyProblem
-from uavgram.estimation.survey_select import select_picks
+from uavgram.estimation.survey_select import select_lines, select_picks
 from uavgram.estimation.survey_state import State, move
 from uavgram.geometry.back_projection import back_project
 from uavgram.model.arrays import Bools, Floats
@@ -31,6 +31,9 @@ from uavgram.model.survey import Survey
 
 AS_GOOD = 0.001
 """Probability below which an alternative's extra cost rules it out."""
+
+TIE = 1e-3
+"""Relative difference of standardised residuals below which they do not tell blunders apart."""
 
 BEYOND_LENS = "the lens model cannot be inverted at that pixel"
 NO_GROUND = "its ray does not meet the ground in front of the camera"
@@ -66,27 +69,34 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         The observations do not determine the survey; the message names what is missing.
     """
     keep, reason = _in_lens(survey)
-    pick_removed = np.zeros(len(survey.pick_frame), dtype=bool)
-    line_removed = np.zeros(len(survey.line_start), dtype=bool)
+    out = {
+        "pick": np.zeros(len(survey.pick_frame), dtype=bool),
+        "line": np.zeros(len(survey.line_start), dtype=bool),
+    }
     removals: list[Removal] = []
-    while True:
-        refined = _adjust(survey, keep & ~pick_removed, line_removed, reason)
-        blunder = _largest(refined, options) if options.outliers == "remove" else None
-        if blunder is None:
+    remarks: list[Message] = []
+    refined = _adjust(survey, keep, out["line"], reason)
+    while options.outliers == "remove":
+        blunders = _blunders(refined, options)
+        if len(blunders) != 1:
+            remarks += [_not_located(survey, blunders)] if blunders else []
+            break
+        (blunder,) = blunders
+        out[blunder.kind][blunder.index] = True
+        try:
+            refined = _adjust(survey, keep & ~out["pick"], out["line"], reason)
+        except GeometryError as why:  # nothing is left to solve by: better with it than not at all
+            out[blunder.kind][blunder.index] = False
+            remarks.append(_indispensable(survey, blunder, why))
             break
         removals.append(blunder)
-        (pick_removed if blunder.kind == "pick" else line_removed)[blunder.index] = True
-    result = Refined(
-        adjustment=refined.adjustment,
-        pick_index=refined.pick_index,
-        line_index=refined.line_index,
+    result = replace(
+        refined,
         removals=tuple(removals),
-        pick_removed=pick_removed,
-        line_removed=line_removed,
-        pick_reason=refined.pick_reason,
-        alternatives=refined.alternatives,
+        pick_removed=out["pick"],
+        line_removed=out["line"],
     )
-    return result, _messages(survey, result)
+    return result, (*_messages(survey, result), *remarks)
 
 
 def _in_lens(survey: Survey) -> tuple[Bools, dict[int, str]]:
@@ -105,25 +115,20 @@ def _adjust(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, 
                 + "; ".join(sorted(set(reason.values())))
             )
         selection = select_picks(survey, keep)
-        starts = _first_values(selection.survey)
-        usable, why = _usable(selection.survey, starts[0])
-        if usable.all():
+        line_used = ~line_removed[selection.line_index]
+        starts = _first_values(select_lines(selection.survey, line_used))
+        unusable = [_unusable(selection.survey, values) for values in starts]
+        # Of several poses that explain the lengths, one that sees sky where points were picked
+        # comes after those that see ground.
+        fewest = min(unusable, key=len)
+        if not fewest:
             break
-        left = selection.pick_index[~usable]
-        reason |= {int(i): why for i in left}
+        left = selection.pick_index[list(fewest)]
+        reason |= dict(zip(left.tolist(), fewest.values(), strict=True))
         keep = keep.copy()
         keep[left] = False
-    line_used = ~line_removed[selection.line_index]
-    found = [_minimise(selection.survey, values, line_used) for values in starts]
-    found.sort(key=lambda minimum: minimum[1].cost)
-    best, *others = found
-    adjustment = _adjustment(*best)
-    limit = best[1].cost + float(chi2.ppf(1 - AS_GOOD, 1))
-    alternatives = tuple(
-        _adjustment(*other)
-        for other in others
-        if other[1].converged and other[1].cost < limit and _apart(adjustment, other[1].state)
-    )
+    possible = [v for v, without in zip(starts, unusable, strict=True) if not without]
+    adjustment, *alternatives = _minima(selection.survey, possible, line_used)
     return Refined(
         adjustment=adjustment,
         pick_index=selection.pick_index,
@@ -132,8 +137,29 @@ def _adjust(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, 
         pick_removed=np.zeros(0, dtype=bool),
         line_removed=line_removed,
         pick_reason=reason,
-        alternatives=alternatives,
+        alternatives=tuple(alternatives),
     )
+
+
+def _minima(survey: Survey, starts: list[FirstValues], line_used: Bools) -> list[Adjustment]:
+    """The best minimum, and every other one that explains the observations nearly as well."""
+    found = []
+    undetermined: GeometryError | None = None
+    for values in starts:
+        try:
+            found.append(_minimise(survey, values, line_used))
+        except GeometryError as error:  # one start may lie where two solutions merge
+            undetermined = undetermined or error
+    if undetermined is not None and not found:
+        raise undetermined
+    found.sort(key=lambda minimum: minimum[1].cost)
+    limit = found[0][1].cost + float(chi2.ppf(1 - AS_GOOD, 1))
+    minima = [_adjustment(*found[0])]
+    for problem, minimum in found[1:]:
+        as_good = minimum.converged and minimum.cost < limit
+        if as_good and all(_apart(known, minimum.state) for known in minima):
+            minima.append(_adjustment(problem, minimum))
+    return minima
 
 
 def _first_values(survey: Survey) -> list[FirstValues]:
@@ -198,15 +224,15 @@ def _at_gauge(network: PlaneNetwork) -> FirstValues:
     )
 
 
-def _usable(survey: Survey, values: FirstValues) -> tuple[Bools, str]:
-    """Which picks have first values that lie in front of their camera, and why not."""
+def _unusable(survey: Survey, values: FirstValues) -> dict[int, str]:
+    """Picks without first values in front of their camera, and why."""
     frame, label = survey.pick_frame, survey.pick_label
     up = np.full(len(label), values.height_m) + survey.height_above_m[label]
     world = np.column_stack([values.point_m[label], up])
     depth = np.einsum("ni,ni->n", world - values.center[frame], values.rotation[frame][:, :, 2])
     placed = np.isfinite(values.center[frame, 0])
     usable = placed & (np.nan_to_num(depth, nan=-1.0) > 0)
-    return usable, NO_GROUND if placed.all() else NOT_JOINED
+    return {int(i): NO_GROUND if placed[i] else NOT_JOINED for i in np.flatnonzero(~usable)}
 
 
 def _minimise(
@@ -227,7 +253,11 @@ def _minimise(
     )
     try:
         minimum = minimise(
-            state, problem.evaluate, lambda now, step: move(layout, now, step), layout.size
+            state,
+            problem.evaluate,
+            lambda now, step: move(layout, now, step),
+            layout.size,
+            layout.structure,
         )
     except SingularError as error:
         raise GeometryError(
@@ -248,19 +278,24 @@ def _apart(adjustment: Adjustment, other: State) -> bool:
     return bool(np.abs(here - other.point[:, :2]).max() > 1e-3 * span)
 
 
-def _largest(refined: Refined, options: SolveOptions) -> Removal | None:
-    """The pick or length with the largest standardised residual above the critical value."""
+def _blunders(refined: Refined, options: SolveOptions) -> list[Removal]:
+    """The pick or length with the largest standardised residual above the critical value.
+
+    More than one where they tie: with a single redundancy every standardised residual is the
+    same, and nothing tells which observation is wrong (Foerstner 1983, separability).
+    """
     adjustment = refined.adjustment
     blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
-    found = []
-    w = np.abs(reliability(blocks["pixels"], covariance).w).max(axis=1)
-    found.append(("pick", int(refined.pick_index[w.argmax()]), float(w.max())))
+    pick = np.abs(reliability(blocks["pixels"], covariance).w).max(axis=1)
+    found = [Removal("pick", int(i), float(w)) for i, w in zip(refined.pick_index, pick)]
     if "lengths" in blocks:
-        w = np.abs(reliability(blocks["lengths"], covariance).w)[:, 0]
+        line = np.abs(reliability(blocks["lengths"], covariance).w)[:, 0]
         used = refined.line_index[adjustment.problem.line_index]
-        found.append(("line", int(used[w.argmax()]), float(w.max())))
-    kind, index, size = max(found, key=lambda item: item[2])
-    return Removal(kind, index, size) if size > critical_value(options.significance) else None
+        found += [Removal("line", int(i), float(w)) for i, w in zip(used, line)]
+    largest = max(removal.w for removal in found)
+    if largest <= critical_value(options.significance):
+        return []
+    return [removal for removal in found if removal.w >= (1.0 - TIE) * largest]
 
 
 def _messages(survey: Survey, refined: Refined) -> tuple[Message, ...]:
@@ -284,15 +319,36 @@ def _messages(survey: Survey, refined: Refined) -> tuple[Message, ...]:
 
 
 def _removal(survey: Survey, removal: Removal) -> str:
+    what = _observation(survey, removal)
+    return f"{what} was removed as a blunder (w = {removal.w:.1f}); the rest was adjusted anew."
+
+
+def _observation(survey: Survey, removal: Removal) -> str:
     if removal.kind == "pick":
         label = survey.label[survey.pick_label[removal.index]]
         frame = survey.frame_id[survey.pick_frame[removal.index]]
-        what = f"The pick of {label!r} in {frame!r}"
-    else:
-        start = survey.label[survey.line_start[removal.index]]
-        end = survey.label[survey.line_end[removal.index]]
-        what = f"The length {start!r} to {end!r}"
-    return f"{what} was removed as a blunder (w = {removal.w:.1f}); the rest was adjusted anew."
+        return f"The pick of {label!r} in {frame!r}"
+    start = survey.label[survey.line_start[removal.index]]
+    end = survey.label[survey.line_end[removal.index]]
+    return f"The length {start!r} to {end!r}"
+
+
+def _not_located(survey: Survey, blunders: list[Removal]) -> Message:
+    lines = [_observation(survey, b) for b in blunders if b.kind == "line"]
+    named = ", ".join(lines or [_observation(survey, b) for b in blunders[:4]])
+    text = (
+        f"There is a blunder (w = {blunders[0].w:.1f}), but {len(blunders)} observations could be "
+        f"the wrong one, so none was removed: {named}. Look at them, or tape another line."
+    )
+    return Message("warning", "blunder-not-located", text)
+
+
+def _indispensable(survey: Survey, removal: Removal, why: GeometryError) -> Message:
+    text = (
+        f"{_observation(survey, removal)} looks like a blunder (w = {removal.w:.1f}), but was kept: "
+        f"without it, {why}"
+    )
+    return Message("warning", "blunder-kept", text)
 
 
 def _ambiguity(refined: Refined) -> list[Message]:
@@ -307,7 +363,7 @@ def _ambiguity(refined: Refined) -> list[Message]:
             "not close a triangle, or give the flight log."
         )
         messages.append(Message("warning", "ambiguous-pose", text))
-    if len(refined.line_index) == 3:
+    if len(refined.adjustment.problem.line_index) == 3:
         text = (
             "Three lengths alone: nothing checks them, and they may have several solutions. Tape "
             "a fourth line that does not close a triangle."

@@ -14,14 +14,14 @@ from uavgram.geometry.telemetry_pose import (
     LEVER_ARM,
     POSITION_BIAS,
     SHARED_SIZE,
-    exposures_at,
+    exposures_of,
     predict_pose,
 )
 from uavgram.model.arrays import Floats
 from uavgram.model.frames import Frames
 from uavgram.model.options import MountOptions, TelemetryOptions
+from uavgram.model.photo_poses import Flight, PhotoExposures
 from uavgram.model.pose import Poses, TelemetryPrior
-from uavgram.model.telemetry import Track
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,24 +40,32 @@ class Seeds:
     prior: TelemetryPrior
 
 
-def seed(frames: Frames, track: Track, mount: MountOptions, telemetry: TelemetryOptions) -> Seeds:
-    """Interpolate the flight at every matched frame and turn it into camera poses.
+def seed(frames: Frames, flight: Flight, mount: MountOptions, telemetry: TelemetryOptions) -> Seeds:
+    """Look every matched frame up in the flight and turn its exposure into a camera pose.
 
-    The covariance is made of the log's sigmas, the frame's timing sigma times speed and turn
+    Parameters
+    ----------
+    frames
+        A matched one has an instant within the track, or a row in the photo exposures.
+    flight
+        A log's track, or the poses of the photos themselves.
+    mount, telemetry
+        How the camera sits, and how far to trust what is known of the flight.
+
+    The covariance is made of the flight's sigmas, the frame's timing sigma times speed and turn
     rate, and, in the marginal, of what all frames share: clock, boresight, lever arm, biases.
     """
     matched = np.flatnonzero(frames.matched)
-    time_s = frames.time_utc_s[matched]
-    exposures = exposures_at(
-        (track.position_time_s, track.position_world_m),
-        (track.attitude_time_s, track.world_from_body_xyzw),
-        (track.gimbal_time_s, track.world_from_gimbal_xyzw),
-        time_s,
-    )
-    mount_from_camera = nominal_mount(mount, gimbal=len(track.gimbal_time_s) > 0)
+    names = tuple(frames.frame_id[i] for i in matched)
+    # Photo poses may come without any time, and need none: what stands still has no speed.
+    time_s = np.nan_to_num(frames.time_utc_s[matched], nan=0.0)
+    sigma_time_s = np.nan_to_num(frames.sigma_time_s[matched], nan=0.0)
+    exposures = exposures_of(flight, names, time_s)
+    gimbal = isinstance(flight, PhotoExposures) or len(flight.gimbal_time_s) > 0
+    mount_from_camera = nominal_mount(mount, gimbal=gimbal)
     shared, shared_sigma = _shared(frames, mount, telemetry)
     center, rotation, jacobian = predict_pose(exposures, mount_from_camera, shared)
-    own = _own_covariance(track, rotation, jacobian, time_s, frames.sigma_time_s[matched])
+    own = _own_covariance(_sigmas(flight, names, time_s), rotation, jacobian, sigma_time_s)
     marginal = own + np.einsum("nik,k,njk->nij", jacobian, shared_sigma**2, jacobian)
     prior = TelemetryPrior(
         frame_index=np.arange(len(matched)),
@@ -72,7 +80,7 @@ def seed(frames: Frames, track: Track, mount: MountOptions, telemetry: Telemetry
         position_bias_sigma_m=shared_sigma[POSITION_BIAS],
     )
     poses = Poses(
-        frame_id=tuple(frames.frame_id[i] for i in matched),
+        frame_id=names,
         center_world_m=center,
         world_from_camera=rotation,
         covariance=marginal,
@@ -103,17 +111,24 @@ def _shared(
     return shared, sigma
 
 
+def _sigmas(flight: Flight, names: tuple[str, ...], time_s: Floats) -> tuple[Floats, Floats]:
+    """Position (N, 2) and attitude (N, 2) sigmas of the frames."""
+    if isinstance(flight, PhotoExposures):
+        index = [flight.frame_id.index(name) for name in names]
+        return flight.sigma_position_m[index], flight.sigma_attitude_rad[index]
+    position = _at(flight.sigma_time_s, flight.sigma_position_m, time_s)
+    return position, _at(flight.sigma_time_s, flight.sigma_attitude_rad, time_s)
+
+
 def _own_covariance(
-    track: Track,
+    sigmas: tuple[Floats, Floats],
     world_from_camera: Floats,
     jacobian: Floats,
-    time_s: Floats,
     sigma_time_s: Floats,
 ) -> Floats:
     """(N, 6, 6) what is independent from frame to frame."""
-    position = _at(track.sigma_time_s, track.sigma_position_m, time_s)
-    attitude = _at(track.sigma_time_s, track.sigma_attitude_rad, time_s)
-    covariance = np.zeros((len(time_s), 6, 6))
+    position, attitude = sigmas
+    covariance = np.zeros((len(position), 6, 6))
     covariance[:, [0, 1, 2], [0, 1, 2]] = position[:, [0, 0, 1]] ** 2
     # Roll and pitch tilt about horizontal axes, yaw turns about up: diagonal in the world.
     world = attitude[:, [0, 0, 1]] ** 2

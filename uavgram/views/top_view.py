@@ -23,7 +23,8 @@ WIDTH = 900.0
 MARGIN = 60.0
 LEAST_HEIGHT, MOST_HEIGHT = 260.0, 1000.0
 HALF_LETTER, LINE_HEIGHT = 3.1, 14.0
-ELLIPSE_SHARE = 0.03
+ELLIPSE_SHARE, FILL_SHARE = 0.03, 0.05
+MOST_ROOM = 0.3
 MOST_NAMES = 60
 # On white paper the screen's light colours are too faint.
 INK = {
@@ -71,8 +72,8 @@ class TopView:
         (x, y) of the points.
     texts
         Names and lengths that do not cover each other.
-    ellipse_factor
-        Exaggeration of the ellipses.
+    ellipse_factor, fill_ellipses
+        Exaggeration of the ellipses; whether they are small enough to be filled.
     bar_m, bar
         Length of the scale bar in the world and in the drawing.
     north_known
@@ -86,6 +87,7 @@ class TopView:
     dots: tuple[tuple[float, float], ...]
     texts: tuple[Text, ...]
     ellipse_factor: int
+    fill_ellipses: bool
     bar_m: float
     bar: float
     north_known: bool
@@ -112,16 +114,18 @@ def top_view(result: Result) -> TopView | None:
     if not len(position):
         return None
     low, high = position[:, :2].min(axis=0), position[:, :2].max(axis=0)
+    extent_m = max(float((high - low).max()), 1.0)
+    major = result.points.ellipse_95_m[:, 0]
+    factor = nice_factor(float(np.median(major)), ELLIPSE_SHARE * extent_m)
+    # room for the ellipses too, unless they would leave none for the points
+    room = min(factor * float(major.max()), MOST_ROOM * extent_m)
+    low, high = low - room, high + room
     size = np.maximum(high - low, 1.0)
     scale = min((WIDTH - 2 * MARGIN) / size[0], (MOST_HEIGHT - 2 * MARGIN) / size[1])
     sheet = _Sheet(
         west_m=float(low[0] - ((WIDTH - 2 * MARGIN) / scale - size[0]) / 2),
         north_m=float(high[1]),
         scale=float(scale),
-    )
-    extent_m = float(size.max())
-    factor = nice_factor(
-        float(np.median(result.points.ellipse_95_m[:, 0])), ELLIPSE_SHARE * extent_m
     )
     bar_m = _nice_length(extent_m / 5)
     return TopView(
@@ -132,6 +136,7 @@ def top_view(result: Result) -> TopView | None:
         dots=tuple((float(x), float(y)) for x, y in sheet(position)),
         texts=tuple(_texts(result, sheet)),
         ellipse_factor=factor,
+        fill_ellipses=factor * float(np.median(major)) <= FILL_SHARE * extent_m,
         bar_m=bar_m,
         bar=bar_m * sheet.scale,
         north_known=result.world.gauge == "world",

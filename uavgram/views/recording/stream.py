@@ -1,10 +1,13 @@
-"""An open recording: rows by frame and capture time, static things, and names Rerun accepts."""
+"""An open recording: rows by frame and capture time, and what stands still.
+
+Entity paths are fixed words: names that people wrote appear in texts only, never in a path, where
+Rerun would complain of blanks and other characters.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import os
-import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,11 +24,6 @@ TIME_TIMELINE = "capture_time"
 
 # Makes the columns for some of the frames.
 Columns = Callable[[Ints], list[rr.ComponentColumnList]]
-
-
-def entity(*parts: str) -> str:
-    """A path of names that people wrote, with only the characters that Rerun takes unescaped."""
-    return "/".join(re.sub(r"[^A-Za-z0-9_.-]", "_", part) or "_" for part in parts)
 
 
 @contextmanager

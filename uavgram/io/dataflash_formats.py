@@ -1,0 +1,114 @@
+"""Format messages of ArduPilot's DataFlash logs: what each message type holds.
+
+The layout is ArduPilot's (libraries/AP_Logger/LogStructure.h): every message starts with
+0xA3 0x95 and its type; type 0x80 (FMT) defines the others: length, name, one format character per
+field, field names.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Columns = dict[str, NDArray[Any]]
+
+HEADER = b"\xa3\x95"
+FMT_TYPE, FMT_LENGTH = 0x80, 89
+
+# Format character: numpy type, and what the stored integer is divided by.
+# Division, not multiplication by 0.01 or 1e-7: 12345 / 100 is the double nearest to 123.45.
+_NUMPY_TYPES: dict[str, tuple[str, float | None]] = {
+    "a": ("(32,)<i2", None),
+    "b": ("<i1", None),
+    "B": ("<u1", None),
+    "M": ("<i1", None),
+    "h": ("<i2", None),
+    "H": ("<u2", None),
+    "i": ("<i4", None),
+    "I": ("<u4", None),
+    "q": ("<i8", None),
+    "Q": ("<u8", None),
+    "g": ("<f2", None),
+    "f": ("<f4", None),
+    "d": ("<f8", None),
+    "n": ("S4", None),
+    "N": ("S16", None),
+    "Z": ("S64", None),
+    "c": ("<i2", 100.0),
+    "C": ("<u2", 100.0),
+    "e": ("<i4", 100.0),
+    "E": ("<u4", 100.0),
+    "L": ("<i4", 1e7),
+}
+TEXT_CHARACTERS = "nNZa"  # neither numbers nor scaled
+
+
+@dataclass(frozen=True)
+class Format:
+    """One message type as a file defines it.
+
+    Attributes
+    ----------
+    number, length
+        Type byte; bytes of the whole message, its three header bytes included.
+    name, characters, fields
+        As in the FMT message.
+    """
+
+    number: int
+    length: int
+    name: str
+    characters: str
+    fields: tuple[str, ...]
+
+    def dtype(self) -> np.dtype[Any] | None:
+        """Structured type of the bytes after the header; None where the format makes no sense."""
+        if len(self.fields) != len(self.characters) or len(set(self.fields)) != len(self.fields):
+            return None
+        if not self.fields or any(c not in _NUMPY_TYPES for c in self.characters):
+            return None
+        dtype = np.dtype(
+            [(f, _NUMPY_TYPES[c][0]) for f, c in zip(self.fields, self.characters, strict=True)]
+        )
+        return dtype if dtype.itemsize + 3 == self.length else None
+
+    def decoded(self, data: NDArray[np.uint8], starts: NDArray[np.int64]) -> Columns:
+        """Every field as a column, scaled as its format character says.
+
+        Parameters
+        ----------
+        data
+            Bytes of the file.
+        starts
+            (N,) where complete messages of this format begin.
+        """
+        dtype = self.dtype()
+        if dtype is None:
+            return {}
+        windows = np.lib.stride_tricks.sliding_window_view(data, self.length)
+        records = windows[starts][:, 3:].copy().view(dtype)[:, 0]
+        return {
+            field: _scaled(records[field], _NUMPY_TYPES[c][1])
+            for field, c in zip(self.fields, self.characters, strict=True)
+        }
+
+
+def _scaled(raw: NDArray[Any], divisor: float | None) -> NDArray[Any]:
+    return np.ascontiguousarray(raw) if divisor is None else raw / divisor
+
+
+def format_at(data: bytes, start: int) -> Format | None:
+    """The format message that begins here; None where it is cut or makes no sense."""
+    body = data[start + 3 : start + FMT_LENGTH]
+    if len(body) < FMT_LENGTH - 3:
+        return None
+    name, characters, fields = (
+        part.split(b"\0")[0].decode("latin-1") for part in (body[2:6], body[6:22], body[22:86])
+    )
+    fmt = Format(body[0], body[1], name, characters, tuple(fields.split(",")))
+    named = re.fullmatch(r"[A-Za-z0-9_]{1,4}", name) is not None
+    return fmt if named and fmt.dtype() is not None else None

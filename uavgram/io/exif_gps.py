@@ -1,0 +1,76 @@
+"""The place that a photo's EXIF states (CIPA DC-008, 4.6.6 GPS attribute information)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import exifread
+import numpy as np
+
+from uavgram.errors import InputError
+
+_ALTITUDE_SIGN = {0: 1.0, 1: -1.0, 2: 1.0, 3: -1.0}
+
+
+@dataclass(frozen=True)
+class ExifPlace:
+    """Latitude, longitude [deg] and altitude [m]; NaN where EXIF states none.
+
+    `above_sea` is True where EXIF says so (Exif 3.0, references 2 and 3); the older references 0
+    and 1 mean sea level or the ellipsoid, as the maker pleases.
+    """
+
+    latitude_deg: float = float("nan")
+    longitude_deg: float = float("nan")
+    altitude_m: float = float("nan")
+    above_sea: bool = False
+
+
+def read_exif_place(path: str | Path) -> ExifPlace:
+    """Read a photo's GPS tags; (0, 0), which stands for "no fix", counts as none.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            tags = exifread.process_file(file, details=False)
+    except OSError as fault:
+        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    latitude = _degrees(tags, "Latitude", "S")
+    longitude = _degrees(tags, "Longitude", "W")
+    if latitude == 0.0 and longitude == 0.0:
+        latitude = longitude = float("nan")
+    reference = _numbers(tags.get("GPS GPSAltitudeRef"))
+    code = int(reference[0]) if reference else 0
+    altitude = _numbers(tags.get("GPS GPSAltitude"))
+    return ExifPlace(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_m=altitude[0] * _ALTITUDE_SIGN.get(code, 1.0) if altitude else float("nan"),
+        above_sea=code in (2, 3),
+    )
+
+
+def _degrees(tags: dict[str, Any], name: str, negative: str) -> float:
+    """Degrees, minutes, seconds to signed degrees; NaN where a part, or the reference, is absent."""
+    parts = _numbers(tags.get(f"GPS GPS{name}"))
+    reference = str(tags.get(f"GPS GPS{name}Ref", "")).strip("\0 ").upper()
+    if len(parts) != 3 or not reference:
+        return float("nan")
+    size = float(np.dot(parts, [1.0, 1 / 60, 1 / 3600]))
+    return -size if reference.startswith(negative) else size
+
+
+def _numbers(tag: Any) -> list[float]:  # noqa: ANN401 - exifread has no types
+    """Numbers of a tag; none where one of them has a zero denominator."""
+    numbers: list[float] = []
+    for value in getattr(tag, "values", []):
+        if getattr(value, "den", 1) == 0:
+            return []
+        numbers.append(float(value))
+    return numbers
