@@ -21,6 +21,7 @@ from uavgram.model.result import (
     LineResults,
     MeasurementResults,
     PickResults,
+    PlanarUncertainty,
     PointChecks,
     PointResults,
     PoseTable,
@@ -349,6 +350,11 @@ def build(
             covariance_m2=points["covariance"],
             ellipse_95_m=points["ellipse"],
             ellipse_azimuth_rad=points["azimuth"],
+            relative=PlanarUncertainty(
+                covariance_m2=points["covariance"] / 16,
+                ellipse_95_m=points["ellipse"] / 4,
+                ellipse_azimuth_rad=points["azimuth"],
+            ),
             latitude_deg=points["geo"][:, 0],
             longitude_deg=points["geo"][:, 1],
             frames=tuple(

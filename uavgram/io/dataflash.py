@@ -79,8 +79,8 @@ def _parts(tables: Tables) -> list[Tables]:
 def _boot(tables: Tables) -> tuple[Boot, tuple[str, ...]]:
     core = dataflash_pose.primary_core(tables)
     positions, position_notes = dataflash_pose.positions(tables, core)
-    events, event_notes = dataflash_events.camera_events(tables)
     clock = dataflash_events.gps_clock(tables)
+    events, event_notes = dataflash_events.camera_events(tables, clock)
     boot = Boot(
         positions=positions,
         attitudes=dataflash_pose.attitudes(tables, core),
@@ -99,7 +99,8 @@ def _counts(tables: Tables) -> tuple[MessageCount, ...]:
         ends = tables.ends(name)
         times = boot_time_s(ends) if "TimeUS" in ends else np.full(1, np.nan)
         first, last = float(times[0]), float(times[-1])
-        found.append(MessageCount(name, tables.count(name), first, last))
+        count = tables.count(name)
+        found.append(MessageCount(name=name, count=count, first_s=first, last_s=last))
     return tuple(found)
 
 

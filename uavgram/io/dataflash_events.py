@@ -5,59 +5,99 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.geometry.gps_time import utc_from_gps
+from uavgram.io.dataflash_formats import Columns
 from uavgram.io.dataflash_pose import Tables, boot_time_s, numbers, receiver, rows_where
 from uavgram.io.samples import in_order, is_height, is_place
-from uavgram.model.arrays import Floats, Ints
+from uavgram.io.shots import (
+    first_of_instant,
+    image_numbers,
+    lost_numbers,
+    repeated_numbers,
+    shot_notes,
+)
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.telemetry import CameraEvents, ClockSamples, HomeSamples
 
 
-def camera_events(tables: Tables) -> tuple[CameraEvents | None, tuple[str, ...]]:
+def camera_events(
+    tables: Tables, clock: ClockSamples | None
+) -> tuple[CameraEvents | None, tuple[str, ...]]:
     """CAM joined with TRIG by the image number.
 
     With a feedback pin TRIG is the command and CAM the exposure (some 0.1 s later), and a TRIG
-    whose number has no CAM is a missed shot; without one there is CAM only, at the command.
+    whose number has no CAM is a missed shot; without one there is CAM only, at the command
+    (ArduPilot, libraries/AP_Camera/AP_Camera_Backend.cpp).
+
+    Parameters
+    ----------
+    tables
+        Of one boot.
+    clock
+        Its GPS clock, for firmware before 3.3, whose CAM has no boot time.
     """
-    cam_time, cam_number = _shots(tables, "CAM")
-    trig_time, trig_number = _shots(tables, "TRIG")
+    cam_time, cam_number, notes = _shots(tables, "CAM", clock)
+    trig_time, trig_number, _ = _shots(tables, "TRIG", clock)
     missed = ~np.isin(trig_number, cam_number) | (trig_number < 0)
-    notes = []
-    if tables.count("CAM") and "TimeUS" not in tables.columns("CAM", slice(0, 1)):
-        notes.append("CAM rows carry no boot time (firmware before 3.3) and were not used")
     time = np.concatenate([cam_time, trig_time[missed]])
     number = np.concatenate([cam_number, trig_number[missed]])
     confirmed = np.concatenate([np.ones(len(cam_time)), np.zeros(int(missed.sum()))])
     order = np.argsort(time, kind="stable")  # spikes were taken out of each type by itself
-    rows = order[np.diff(time[order], prepend=-np.inf) > 0]
+    rows = order[first_of_instant(time[order])]
     if not len(rows):
-        return None, tuple(notes)
-    if missed.any() and len(cam_time):
-        numbers_text = ", ".join(str(n) for n in trig_number[missed][:20])
-        notes.append(f"{int(missed.sum())} triggers without feedback (image {numbers_text})")
-    doubled = len(cam_number) - len(np.unique(cam_number)) if (cam_number >= 0).all() else 0
-    if doubled:
-        notes.append(f"{doubled} CAM messages repeat an image number")
+        return None, notes
     present = [name for name, has in (("TRIG", trig_time), ("CAM", cam_time)) if len(has)]
     events = CameraEvents(
         time_boot_s=time[rows],
         image_number=number[rows],
         confirmed=confirmed[rows],
         source="+".join(present),
+        instant="feedback" if present == ["TRIG", "CAM"] else "command",
+        repeated=repeated_numbers(cam_number),
+        lost=lost_numbers(number),
     )
-    return events, tuple(notes)
+    return events, (*notes, *shot_notes(events))
 
 
-def _shots(tables: Tables, name: str) -> tuple[Floats, Ints]:
-    """Boot times and image numbers (-1: none) of CAM or TRIG, first camera only."""
+def _shots(
+    tables: Tables, name: str, clock: ClockSamples | None
+) -> tuple[Floats, Ints, tuple[str, ...]]:
+    """Boot times and image numbers (-1: none) of CAM or TRIG, first camera only; remarks."""
     columns = tables.columns(name)
     if not columns:
-        return np.zeros(0), np.zeros(0, dtype=np.int64)
-    if "I" in columns:
-        camera = numbers(columns, "I")
-        columns = rows_where(columns, camera == camera.min())
-    number = np.nan_to_num(numbers(columns, "Img", "Image"), nan=-1.0).astype(np.int64)
-    time = boot_time_s(columns) if "TimeUS" in columns else np.full(len(number), np.nan)
+        return np.zeros(0), np.zeros(0, dtype=np.int64), ()
+    notes: tuple[str, ...] = ()
+    camera = numbers(columns, "I")
+    if "I" in columns and len(cameras := np.unique(camera[np.isfinite(camera)])) > 1:
+        columns = rows_where(columns, camera == cameras[0])
+        held = " and ".join(f"{c:.0f}" for c in cameras)
+        notes = (f"{name} is of cameras {held}; number {cameras[0]:.0f} was used",)
+    if any(field in columns for field in ("TimeUS", "TimeMS", "T")):
+        time = boot_time_s(columns)
+    else:
+        time = _by_gps_time(columns, clock)
+        remark = "carries no boot time (firmware before 3.3): placed by GPS time, up to 0.2 s early"
+        notes = (*notes, f"{name} {remark}")
     rows = in_order(time, np.ones(len(time), dtype=bool))
-    return time[rows], number[rows]
+    return time[rows], image_numbers(numbers(columns, "Img", "Image"))[rows], notes
+
+
+def _by_gps_time(columns: Columns, clock: ClockSamples | None) -> Floats:
+    """(N,) boot times of rows that state the GPS time of the last fix; NaN where unknown."""
+    if clock is None:
+        return np.full(len(next(iter(columns.values()))), np.nan)
+    week, milliseconds = numbers(columns, "GPSWeek"), numbers(columns, "GPSTime")
+    sane = _is_gps_time(week, milliseconds)
+    utc = utc_from_gps(np.where(sane, week, 0.0), np.where(sane, milliseconds, 0.0))
+    order = np.argsort(clock.utc_s, kind="stable")
+    known, since_boot = clock.utc_s[order], clock.time_boot_s[order]
+    inside = sane & (utc >= known[0] - 1) & (utc <= known[-1] + 1)
+    return np.where(inside, np.interp(utc, known, since_boot), np.nan)
+
+
+def _is_gps_time(week: Floats, milliseconds: Floats) -> Bools:
+    return np.asarray(
+        (week > 1000) & (week < 5000) & (milliseconds >= 0) & (milliseconds < 604800000)
+    )
 
 
 def home(tables: Tables) -> HomeSamples | None:
@@ -88,16 +128,15 @@ def gps_clock(tables: Tables) -> ClockSamples | None:
     The boot time is that of the fix's arrival (GPA.SMS) where the log has it: TimeUS is when the
     row was written, up to 40 ms later.
     """
-    columns = receiver(tables)
+    columns, accuracies = receiver(tables)
     if not columns:
         return None
     week = numbers(columns, "GWk", "Week")
     # before 3.3 GPS.TimeMS is the GPS time and T the boot time
     milliseconds = numbers(columns, "GMS") if "GMS" in columns else numbers(columns, "TimeMS")
     time = boot_time_s(columns)
-    time = np.where(np.isnan(arrival := _arrival_s(tables, time)), time, arrival)
-    sane = (week > 1000) & (week < 5000) & (milliseconds >= 0) & (milliseconds < 604800000)
-    rows = in_order(time, sane)
+    time = np.where(np.isnan(arrival := _arrival_s(accuracies, time)), time, arrival)
+    rows = in_order(time, _is_gps_time(week, milliseconds))
     if not len(rows):
         return None
     return ClockSamples(
@@ -107,14 +146,10 @@ def gps_clock(tables: Tables) -> ClockSamples | None:
     )
 
 
-def _arrival_s(tables: Tables, logged_s: Floats) -> Floats:
+def _arrival_s(columns: Columns, logged_s: Floats) -> Floats:
     """(N,) GPA.SMS of the row logged at the same time, NaN where there is none."""
-    columns = tables.columns("GPA")
     if "SMS" not in columns:
         return np.full(len(logged_s), np.nan)
-    if "I" in columns:
-        instance = numbers(columns, "I")
-        columns = rows_where(columns, instance == instance.min())
     time, sample = boot_time_s(columns), numbers(columns, "SMS") * 1e-3
     rows = in_order(time, np.abs(time - sample) < 1.0)
     if not len(rows):
@@ -125,7 +160,7 @@ def _arrival_s(tables: Tables, logged_s: Floats) -> Floats:
 
 def undulation_m(tables: Tables) -> float:
     """Geoid above ellipsoid: median of GPA.AEl - GPS.Alt; NaN where the log has it not."""
-    gps, gpa = receiver(tables), tables.columns("GPA")
+    gps, gpa = receiver(tables)
     if not gps or "AEl" not in gpa:
         return float("nan")
     height = numbers(gps, "Alt")

@@ -113,7 +113,7 @@ def positions(tables: Tables, core: int) -> tuple[PositionSamples | None, tuple[
         samples, notes = _positions_of(placed, f"{name}+ORGN")
         if samples is not None:
             return samples, notes
-    gps = receiver(tables)
+    gps, _ = receiver(tables)
     if not gps:
         return None, ()
     samples, notes = _positions_of(gps, "GPS")
@@ -123,15 +123,40 @@ def positions(tables: Tables, core: int) -> tuple[PositionSamples | None, tuple[
     )
 
 
-def receiver(tables: Tables) -> Columns:
-    """GPS rows with a 3-D fix, of the first receiver."""
-    columns = tables.columns("GPS")
-    if not columns or "Lat" not in columns:
-        return {}
-    keep = numbers(columns, "Status") >= 3
-    if "I" in columns:
-        keep &= numbers(columns, "I") == numbers(columns, "I").min()
-    return rows_where(columns, keep)
+def receiver(tables: Tables) -> tuple[Columns, Columns]:
+    """Rows with a 3-D fix of the receiver that was in use, and its accuracies.
+
+    Returns
+    -------
+    gps, gpa
+        Columns of GPS (before 3.6 also GPS2) and of GPA (GPA2); empty where the log has none.
+    """
+    for name, accuracies in (("GPS", "GPA"), ("GPS2", "GPA2")):
+        columns = tables.columns(name)
+        if not columns or "Lat" not in columns:
+            continue
+        columns = rows_where(columns, numbers(columns, "Status") >= 3)
+        instance = _instance_in_use(columns)
+        columns = _of_instance(columns, instance)
+        if len(boot_time_s(columns)):
+            return columns, _of_instance(tables.columns(accuracies), instance)
+    return {}, {}
+
+
+def _instance_in_use(columns: Columns) -> float:
+    """Receiver that flew most of the time (U), else the one with most fixes, else the first."""
+    instance = numbers(columns, "I")
+    instance = np.where(np.isfinite(instance), instance, 0.0)
+    used = numbers(columns, "U") > 0
+    seen, count = np.unique(instance[used] if used.any() else instance, return_counts=True)
+    return float(seen[count.argmax()]) if len(seen) else 0.0
+
+
+def _of_instance(columns: Columns, instance: float) -> Columns:
+    if "I" not in columns:
+        return columns
+    stated = numbers(columns, "I")
+    return rows_where(columns, np.where(np.isfinite(stated), stated, 0.0) == instance)
 
 
 def _positions_of(columns: Columns, source: str) -> tuple[PositionSamples | None, tuple[str, ...]]:
@@ -254,7 +279,7 @@ def sigmas(tables: Tables, core: int) -> EstimatorSigmas | None:
         parts.append(
             (name, boot_time_s(columns), {k: np.sqrt(np.abs(x)) for k, x in variances.items()})
         )
-    columns = tables.columns("GPA")
+    _, columns = receiver(tables)
     if columns:
         accuracy = {"horizontal": numbers(columns, "HAcc"), "vertical": numbers(columns, "VAcc")}
         parts.append(("GPA", boot_time_s(columns), accuracy))

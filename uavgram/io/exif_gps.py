@@ -57,7 +57,7 @@ def read_exif_place(path: str | Path) -> ExifPlace:
 
 
 def _degrees(tags: dict[str, Any], name: str, negative: str) -> float:
-    """Degrees, minutes, seconds to signed degrees; NaN where a part, or the reference, is absent."""
+    """Signed degrees of degrees, minutes, seconds; NaN where a part or the reference is absent."""
     parts = _numbers(tags.get(f"GPS GPS{name}"))
     reference = str(tags.get(f"GPS GPS{name}Ref", "")).strip("\0 ").upper()
     if len(parts) != 3 or not reference:

@@ -7,31 +7,58 @@ from pathlib import Path
 from uavgram.errors import InputError
 from uavgram.io.dataflash import read_dataflash
 from uavgram.io.tlog import read_tlog
+from uavgram.io.ulog import ULOG_MAGIC, read_ulog
 from uavgram.model.telemetry import FlightLog
 
 _DATAFLASH_SUFFIXES = (".bin", ".log")
 _DATAFLASH_FORMAT = b"\xa3\x95\x80"  # the first message of a DataFlash file, a format message
-_ULOG_MAGIC = b"ULog\x01\x12\x35"
+_POSITION_TYPES = {
+    "dataflash": "POS, XKF1 with ORGN, or GPS with a 3-D fix",
+    "tlog": "GLOBAL_POSITION_INT or GPS_RAW_INT of an autopilot",
+    "ulog": "vehicle_global_position, vehicle_local_position with its origin, or GPS",
+}
 
 
-def read_flight_log(path: str | Path) -> FlightLog:
-    """Read a DataFlash log (.bin, .BIN, text .log) or a MAVLink telemetry log (.tlog).
+def read_flight_log(path: str | Path, *, positions_needed: bool = True) -> FlightLog:
+    """Read a DataFlash log (.bin, .BIN, text .log), a MAVLink .tlog or a PX4 ULog (.ulg).
+
+    Parameters
+    ----------
+    path
+        The file.
+    positions_needed
+        Refuse a log that never says where the vehicle was.
 
     Raises
     ------
     InputError
         The file is missing, of no known kind, damaged beyond use, or without positions.
     """
+    log = _read(path)
+    if positions_needed and all(boot.positions is None for boot in log.boots):
+        names = [message.name for message in log.messages]
+        held = ", ".join(names[:15]) + (", ..." if len(names) > 15 else "")
+        raise InputError(
+            path,
+            f"holds no usable position ({_POSITION_TYPES[log.kind]}); it holds {held}. "
+            "Was it recorded in flight, with GPS?",
+        )
+    return log
+
+
+def _read(path: str | Path) -> FlightLog:
     suffix = Path(path).suffix.lower()
     head = _head(path)
-    if head.startswith(_ULOG_MAGIC) or suffix == ".ulg":
-        raise InputError(path, "is a PX4 ULog, which this version does not read; give a .tlog")
+    if head.startswith(ULOG_MAGIC) or suffix == ".ulg":
+        return read_ulog(path)
     if head.startswith(_DATAFLASH_FORMAT) or b"FMT," in head or suffix in _DATAFLASH_SUFFIXES:
         return read_dataflash(path)
     if suffix == ".tlog" or (len(head) > 8 and head[8] in (0xFD, 0xFE)):
         return read_tlog(path)
     raise InputError(
-        path, "is no flight log known here: DataFlash .bin or .log of ArduPilot, MAVLink .tlog"
+        path,
+        "is no flight log known here: DataFlash .bin or .log of ArduPilot, MAVLink .tlog, "
+        "PX4 .ulg",
     )
 
 

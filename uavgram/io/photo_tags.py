@@ -98,14 +98,14 @@ def pix4d_pose(xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
         return None
     nadir = np.radians([_angles(xmp, PIX4D, "{}")])
     yaw, pitch, roll = np.degrees(gimbal_from_nadir(nadir)[0]).tolist()
-    vertical_crs = xmp.get((PIX4D, "VerticalCS"), "").lower()
-    datum: HeightDatum = "ellipsoid" if vertical_crs == "ellipsoidal" else "msl"
+    system = xmp.get((PIX4D, "VertCS"), "").lower()
+    datum: HeightDatum = "ellipsoid" if system == "ellipsoidal" else "msl"
     return TagPose(
         latitude_deg=exif.latitude_deg,
         longitude_deg=exif.longitude_deg,
         height_m=exif.altitude_m,
         datum=datum,
-        datum_guess="" if vertical_crs or exif.above_sea else EXIF_GUESS,
+        datum_guess="" if system or exif.above_sea else EXIF_GUESS,
         ypr_deg=(yaw, pitch, roll),
         sigma_horizontal_m=_first_number(xmp, PIX4D, ("GPSXYAccuracy",)),
         sigma_vertical_m=_first_number(xmp, PIX4D, ("GPSZAccuracy",)),

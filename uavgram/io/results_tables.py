@@ -19,6 +19,7 @@ from uavgram.model.result import (
     MeasurementResults,
     PickResults,
     PickStatus,
+    PlanarUncertainty,
     PointChecks,
     PointResults,
     PoseTable,
@@ -140,17 +141,16 @@ def _load_poses(rows: Sequence[Record | None]) -> PoseTable:
 
 def dump_points(points: PointResults) -> list[Record]:
     """Ground points; degrees for people, and the radians that they are made of."""
-    ellipses = _records(
-        semi_major_m=plain(points.ellipse_95_m[:, 0]),
-        semi_minor_m=plain(points.ellipse_95_m[:, 1]),
-        azimuth_deg=plain(np.rad2deg(points.ellipse_azimuth_rad)),
-        azimuth_rad=plain(points.ellipse_azimuth_rad),
+    relative = _records(
+        covariance_m2=plain(points.relative.covariance_m2),
+        ellipse_95=_dump_ellipses(points.relative),
     )
     return _records(
         label=points.label,
         position_world_m=plain(points.position_world_m),
         covariance_m2=plain(points.covariance_m2),
-        ellipse_95=ellipses,
+        ellipse_95=_dump_ellipses(points),
+        relative=relative,
         latitude_deg=plain(points.latitude_deg),
         longitude_deg=plain(points.longitude_deg),
         frames=[list(names) for names in points.frames],
@@ -159,18 +159,34 @@ def dump_points(points: PointResults) -> list[Record]:
 
 def load_points(records: Sequence[Record]) -> PointResults:
     """Inverse of `dump_points`."""
-    ellipses = [record["ellipse_95"] for record in records]
-    axes = [[ellipse["semi_major_m"], ellipse["semi_minor_m"]] for ellipse in ellipses]
     return PointResults(
         label=texts(records, "label"),
         position_world_m=column(records, "position_world_m", 3),
-        covariance_m2=column(records, "covariance_m2", 2, 2),
-        ellipse_95_m=numbers(axes, len(records), 2),
-        ellipse_azimuth_rad=column(ellipses, "azimuth_rad"),
+        **_load_uncertainty(records),
+        relative=PlanarUncertainty(**_load_uncertainty([r["relative"] for r in records])),
         latitude_deg=column(records, "latitude_deg"),
         longitude_deg=column(records, "longitude_deg"),
         frames=tuple(tuple(text(name) for name in record["frames"]) for record in records),
     )
+
+
+def _dump_ellipses(points: PointResults | PlanarUncertainty) -> list[Record]:
+    return _records(
+        semi_major_m=plain(points.ellipse_95_m[:, 0]),
+        semi_minor_m=plain(points.ellipse_95_m[:, 1]),
+        azimuth_deg=plain(np.rad2deg(points.ellipse_azimuth_rad)),
+        azimuth_rad=plain(points.ellipse_azimuth_rad),
+    )
+
+
+def _load_uncertainty(records: Sequence[Record]) -> dict[str, Floats]:
+    ellipses = [record["ellipse_95"] for record in records]
+    axes = [[ellipse["semi_major_m"], ellipse["semi_minor_m"]] for ellipse in ellipses]
+    return {
+        "covariance_m2": column(records, "covariance_m2", 2, 2),
+        "ellipse_95_m": numbers(axes, len(records), 2),
+        "ellipse_azimuth_rad": column(ellipses, "azimuth_rad"),
+    }
 
 
 _LINE_NUMBERS = (

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 # Expat itself, not a tree: declarations of types and entities are refused before they can expand.
-from xml.parsers import expat  # noqa: S407
+from xml.parsers import expat
 
 from uavgram.errors import InputError
 from uavgram.io.jpeg import XMP_HEAD, parse_jpeg

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
-from uavgram.model.arrays import Bools, Floats, freeze, freeze_as
+from uavgram.model.arrays import Bools, Floats, Ints, freeze, freeze_as
 from uavgram.model.telemetry import HeightDatum, Track
 
 
@@ -69,6 +70,15 @@ class PhotoPoses:
             **dict.fromkeys((*optional, *sigmas), (n,)),
             **dict.fromkeys(turns, (n, 3)),
         )
+
+    def rows(self, index: Ints) -> PhotoPoses:
+        """Pick the photos at `index` (M,), in that order."""
+        columns: dict[str, Any] = {
+            part.name: getattr(self, part.name)[index]
+            for part in fields(self)
+            if isinstance(getattr(self, part.name), np.ndarray)
+        }
+        return replace(self, frame_id=tuple(self.frame_id[k] for k in index), **columns)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -142,6 +142,29 @@ class FrameResults:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class PlanarUncertainty:
+    """Uncertainty of K points in the plane.
+
+    Attributes
+    ----------
+    covariance_m2
+        (K, 2, 2) of east and north.
+    ellipse_95_m
+        (K, 2) semi-major and semi-minor axis of the 95 % ellipse (2.4477 sigma).
+    ellipse_azimuth_rad
+        (K,) of the major axis, clockwise from north, in [0, pi).
+    """
+
+    covariance_m2: Floats
+    ellipse_95_m: Floats
+    ellipse_azimuth_rad: Floats
+
+    def __post_init__(self) -> None:
+        n = len(self.covariance_m2)
+        freeze(self, covariance_m2=(n, 2, 2), ellipse_95_m=(n, 2), ellipse_azimuth_rad=(n,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PointResults:
     """K ground points.
 
@@ -157,6 +180,9 @@ class PointResults:
         (K, 2) semi-major and semi-minor axis of the 95 % ellipse (2.4477 sigma).
     ellipse_azimuth_rad
         (K,) of the major axis, clockwise from north, in [0, pi).
+    relative
+        The same within the survey: what all points have in common, a shift and a turn, is taken
+        out. It tells how well the scene's shape is known, whatever the receiver's bias.
     latitude_deg, longitude_deg
         (K,) NaN with gauge ``plane``.
     frames
@@ -168,6 +194,7 @@ class PointResults:
     covariance_m2: Floats
     ellipse_95_m: Floats
     ellipse_azimuth_rad: Floats
+    relative: PlanarUncertainty
     latitude_deg: Floats
     longitude_deg: Floats
     frames: tuple[tuple[str, ...], ...]

@@ -8,7 +8,7 @@ from uavgram.estimation.adjustment import Adjustment
 from uavgram.geometry.ellipse import ELLIPSE_95, error_ellipse
 from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.result import PointResults
+from uavgram.model.result import PlanarUncertainty, PointResults
 from uavgram.model.world import World
 
 
@@ -25,8 +25,7 @@ def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
     """
     survey = adjustment.survey
     position, covariance = adjustment.points()
-    planar = covariance[:, :2, :2]
-    major, minor, azimuth = error_ellipse(planar)
+    absolute = _in_plane(covariance[:, :2, :2])
     latitude, longitude = _geographic(position, world)
     frames = tuple(
         tuple(survey.frame_id[f] for f in survey.pick_frame[survey.pick_label == k])
@@ -35,12 +34,22 @@ def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
     return PointResults(
         label=survey.label,
         position_world_m=position,
-        covariance_m2=planar,
-        ellipse_95_m=ELLIPSE_95 * np.column_stack([major, minor]),
-        ellipse_azimuth_rad=azimuth,
+        covariance_m2=absolute.covariance_m2,
+        ellipse_95_m=absolute.ellipse_95_m,
+        ellipse_azimuth_rad=absolute.ellipse_azimuth_rad,
+        relative=_in_plane(adjustment.relative_points()),
         latitude_deg=latitude,
         longitude_deg=longitude,
         frames=frames,
+    )
+
+
+def _in_plane(covariance_m2: Floats) -> PlanarUncertainty:
+    major, minor, azimuth = error_ellipse(covariance_m2)
+    return PlanarUncertainty(
+        covariance_m2=covariance_m2,
+        ellipse_95_m=ELLIPSE_95 * np.column_stack([major, minor]),
+        ellipse_azimuth_rad=azimuth,
     )
 
 

@@ -287,11 +287,11 @@ def _blunders(refined: Refined, options: SolveOptions) -> list[Removal]:
     adjustment = refined.adjustment
     blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
     pick = np.abs(reliability(blocks["pixels"], covariance).w).max(axis=1)
-    found = [Removal("pick", int(i), float(w)) for i, w in zip(refined.pick_index, pick)]
+    found = [Removal("pick", int(refined.pick_index[k]), float(w)) for k, w in enumerate(pick)]
     if "lengths" in blocks:
         line = np.abs(reliability(blocks["lengths"], covariance).w)[:, 0]
         used = refined.line_index[adjustment.problem.line_index]
-        found += [Removal("line", int(i), float(w)) for i, w in zip(used, line)]
+        found += [Removal("line", int(used[k]), float(w)) for k, w in enumerate(line)]
     largest = max(removal.w for removal in found)
     if largest <= critical_value(options.significance):
         return []
@@ -345,8 +345,8 @@ def _not_located(survey: Survey, blunders: list[Removal]) -> Message:
 
 def _indispensable(survey: Survey, removal: Removal, why: GeometryError) -> Message:
     text = (
-        f"{_observation(survey, removal)} looks like a blunder (w = {removal.w:.1f}), but was kept: "
-        f"without it, {why}"
+        f"{_observation(survey, removal)} looks like a blunder (w = {removal.w:.1f}), but was "
+        f"kept: without it, {why}"
     )
     return Message("warning", "blunder-kept", text)
 

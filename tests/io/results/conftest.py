@@ -17,6 +17,7 @@ from uavgram.model.result import (
     LineResults,
     MeasurementResults,
     PickResults,
+    PlanarUncertainty,
     PointChecks,
     PointResults,
     PoseTable,
@@ -51,6 +52,11 @@ def _points(rng: np.random.Generator) -> PointResults:
             1.2345678901234567,
             3.1,
         ],  # [0]: degrees would lose a bit
+        relative=PlanarUncertainty(
+            covariance_m2=root.transpose(0, 2, 1) @ root,
+            ellipse_95_m=[[0.02, 0.01], [0.03, 0.03], [0.5, 0.1]],
+            ellipse_azimuth_rad=[0.1, 2.2, 3.05],
+        ),
         latitude_deg=[50.1, 50.1002, 50.1001],
         longitude_deg=[-104.6, -104.6003, -104.5999],
         frames=(("a.jpg", "b.jpg"), ("a.jpg",), ()),

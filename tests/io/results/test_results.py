@@ -31,15 +31,22 @@ def assert_same(a, b, where="result"):
         assert a == b or both_nan, where
 
 
+def no_rows_of(table):
+    """Cut a table of rows, and the tables in it, down to no row."""
+    parts = {field.name: getattr(table, field.name) for field in fields(table)}
+    return replace(
+        table,
+        **{k: no_rows_of(v) if is_dataclass(v) else v[:0] for k, v in parts.items()},
+    )
+
+
 def without_records(result: Result) -> Result:
     """Cut every table of a result down to no row, and leave out what a plane gauge lacks."""
     empty = {}
     for field in fields(result):
         part = getattr(result, field.name)
         if field.name in {"points", "lines", "picks", "point_checks", "line_checks"}:
-            empty[field.name] = replace(
-                part, **{f.name: getattr(part, f.name)[:0] for f in fields(part)}
-            )
+            empty[field.name] = no_rows_of(part)
     rows = result.measurements
     no_rows = {f.name: getattr(rows, f.name)[:0] for f in fields(rows)}
     no_rows["correlation"] = np.empty((0, 0))
@@ -123,7 +130,8 @@ def test_the_keys_of_the_contract_are_there(sample_result):
         ("frames", "frame_id time_utc_s status reason seed refined"),
         (
             "points",
-            "label position_world_m covariance_m2 ellipse_95 latitude_deg longitude_deg frames",
+            "label position_world_m covariance_m2 ellipse_95 relative latitude_deg longitude_deg "
+            "frames",
         ),
         (
             "lines",

@@ -1,0 +1,168 @@
+"""OpenDroneMap's geo.txt: first the coordinate system, then a line for each photo.
+
+``name x y [z] [yaw pitch roll] [horizontal and vertical accuracy] [anything]``, angles as nadir
+angles in degrees, all zero where unknown (docs.opendronemap.org, "Image Geolocation Files").
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pyproj import CRS, Transformer
+from pyproj.exceptions import CRSError
+
+from uavgram.errors import InputError
+from uavgram.geometry.nadir_angles import gimbal_from_nadir
+from uavgram.io.tables import parse_number
+from uavgram.model.arrays import Floats
+from uavgram.model.message import Message
+from uavgram.model.photo_poses import PhotoPoses
+from uavgram.model.telemetry import HeightDatum
+
+_UTM = re.compile(r"WGS84\s+UTM\s+([0-9]{1,2})\s*([NS])", re.IGNORECASE)
+_COUNTS = (4, 7, 9)  # cells with name: to the height, to the angles, to the accuracies
+
+
+@dataclass(frozen=True)
+class _Row:
+    line: int
+    name: str
+    xyz: tuple[float, float, float]
+    angles: tuple[float, float, float]
+    sigmas: tuple[float, float]
+
+
+def read_geo_txt(path: str | Path, heights: HeightDatum) -> tuple[PhotoPoses, tuple[Message, ...]]:
+    """Read a geo.txt.
+
+    Parameters
+    ----------
+    path
+        The file.
+    heights
+        Datum of its heights where its coordinate system names none.
+
+    Raises
+    ------
+    InputError
+        Names file and line of every mistake: an unknown coordinate system, text for a number, a
+        line without height, a photo that stands twice, a place outside the earth.
+    """
+    path = Path(path)
+    lines = _lines(path)
+    crs = _crs(path, *lines[0])
+    rows = _rows(path, lines[1:])
+    datum, guess = _datum(crs, heights)
+    xyz = np.array([row.xyz for row in rows])
+    latitude, longitude = _geodetic(path, crs, xyz, rows)
+    nadir = np.radians([row.angles for row in rows])
+    messages: tuple[Message, ...] = ()
+    if not nadir.any():  # what the format says for "not available"
+        nadir = np.full_like(nadir, np.nan)
+        text = f"{path.name}: all angles are zero, which stands for unknown"
+        messages = (Message("info", "geo-without-angles", text),)
+    sigmas = np.array([row.sigmas for row in rows])
+    sigmas = np.where(sigmas > 0, sigmas, np.nan)
+    unknown = np.full(len(rows), np.nan)
+    poses = PhotoPoses(
+        frame_id=tuple(row.name for row in rows),
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        height_m=xyz[:, 2],
+        height_home_m=unknown,
+        datum=datum,
+        datum_guess=guess,
+        time_utc_s=unknown,
+        ypr_rad=gimbal_from_nadir(nadir),
+        vehicle_ypr_rad=np.full((len(rows), 3), np.nan),
+        sigma_horizontal_m=sigmas[:, 0],
+        sigma_vertical_m=sigmas[:, 1],
+        sigma_attitude_rad=unknown,
+        source="geo.txt",
+    )
+    return poses, messages
+
+
+def _lines(path: Path) -> list[tuple[int, str]]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as fault:
+        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    except UnicodeDecodeError as fault:
+        raise InputError(path, "is not UTF-8 text: is it a geo.txt?") from fault
+    lines = [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1)]
+    lines = [(k, line) for k, line in lines if line and not line.startswith("#")]
+    if len(lines) < 2:
+        raise InputError(path, "needs a coordinate system (EPSG:4326), then a line for each photo")
+    return lines
+
+
+def _crs(path: Path, line: int, header: str) -> CRS:
+    utm = _UTM.fullmatch(header)
+    if utm is not None:
+        zone, south = int(utm[1]), utm[2].upper() == "S"
+        header = f"EPSG:{(32700 if south else 32600) + zone}"
+    try:
+        return CRS.from_user_input(header)
+    except CRSError as fault:
+        raise InputError(
+            path,
+            f"{header!r} is no coordinate system: the first line must be such as EPSG:4326, a "
+            "PROJ text, or WGS84 UTM 16N",
+            line,
+        ) from fault
+
+
+def _rows(path: Path, lines: list[tuple[int, str]]) -> list[_Row]:
+    rows: list[_Row] = []
+    faults: list[tuple[int | None, str]] = []
+    seen: dict[str, int] = {}
+    for line, text in lines:
+        name, *cells = text.split()
+        count = max((n for n in _COUNTS if n <= len(cells) + 1), default=0)
+        numbers = [parse_number(cell) for cell in cells[: count - 1]]
+        good = [value for value in numbers if value is not None]
+        if not count:
+            faults.append((line, f"{name!r} has no height: a pose needs name, x, y and z"))
+        elif len(good) < len(numbers):
+            faults.append((line, f"must be a number (got {cells[numbers.index(None)]!r})"))
+        elif name in seen:
+            faults.append((line, f"{name!r} stands in line {seen[name]} already: keep one"))
+        else:
+            good += [0.0] * (8 - len(good))
+            rows.append(
+                _Row(line, name, (good[0], good[1], good[2]), (*good[3:6],), (*good[6:8],))  # type: ignore[arg-type]
+            )
+        seen.setdefault(name, line)
+    if faults:
+        raise InputError.of_all(path, faults)
+    return rows
+
+
+def _datum(crs: CRS, heights: HeightDatum) -> tuple[HeightDatum, str]:
+    """Heights of a compound system hang on a geoid, those of a 3-D one on the ellipsoid."""
+    if crs.is_compound:
+        return "msl", ""
+    if len(crs.axis_info) == 3:
+        return "ellipsoid", ""
+    return heights, f"{crs.name} has no heights; world.heights was taken"
+
+
+def _geodetic(path: Path, crs: CRS, xyz: Floats, rows: list[_Row]) -> tuple[Floats, Floats]:
+    flat = crs.to_2d() if not crs.is_compound else crs.sub_crs_list[0]
+    to_wgs84 = Transformer.from_crs(flat, "EPSG:4326", always_xy=True)
+    longitude, latitude = (np.asarray(v) for v in to_wgs84.transform(xyz[:, 0], xyz[:, 1]))
+    # inf where a projection has no inverse there; compares False
+    inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360)
+    if not inside.all():
+        k = int(np.flatnonzero(~inside)[0])
+        raise InputError(
+            path,
+            f"({xyz[k, 0]:g}, {xyz[k, 1]:g}) is no place in {crs.name}: x (longitude, east) comes "
+            "first",
+            rows[k].line,
+        )
+    return latitude, longitude
