@@ -5,7 +5,10 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import pytest
+# Many small systems: threads inside one of them only wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import pytest  # noqa: E402  (after the number of threads is set, before numpy is loaded)
 
 ROOT = Path(__file__).parents[1]
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import logging
+import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import cyclopts
 from cyclopts import App, Parameter, validators
@@ -19,6 +21,9 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 Verbose = Annotated[bool, Parameter(name=["--verbose", "-v"], negative=())]
 Seed = Annotated[int, Parameter(validator=validators.Number(gte=0))]
+Samples = Annotated[
+    int, Parameter(name="--monte-carlo", validator=validators.Number(gte=100, lte=1_000_000))
+]
 
 DONE, PROBLEM, WRONG_USAGE, INTERRUPTED = 0, 1, 2, 130
 
@@ -36,7 +41,15 @@ app = App(
 
 
 @app.command
-def run(project: Path, /, *, output: Path | None = None, verbose: Verbose = False) -> int:
+def run(
+    project: Path,
+    /,
+    *,
+    output: Path | None = None,
+    monte_carlo: Samples | None = None,
+    seed: Seed = 0,
+    verbose: Verbose = False,
+) -> int:
     """Measure: read the project, adjust, and write all outputs.
 
     Parameters
@@ -45,15 +58,21 @@ def run(project: Path, /, *, output: Path | None = None, verbose: Verbose = Fals
         The project file (project.yaml).
     output
         Folder of the outputs; by default the one that the project names.
+    monte_carlo
+        Repeat the adjustment N times with everything drawn anew, and compare the sigmas.
+    seed
+        Of those draws.
     verbose
         Say what is being done.
     """
+    from uavgram.pipeline.compute import Sampling
     from uavgram.pipeline.run import FROM_PROJECT
     from uavgram.pipeline.run import run as run_project
     from uavgram.views.table import measurement_table, message_lines
 
     _log_to_stderr(verbose=verbose)
-    result = run_project(project, FROM_PROJECT if output is None else output, _progress())
+    sampling = None if monte_carlo is None else Sampling(monte_carlo, seed)
+    result = run_project(project, FROM_PROJECT if output is None else output, _progress(), sampling)
     _say(measurement_table(result), "", *message_lines(result))
     return DONE
 
@@ -105,19 +124,68 @@ def check(project: Path, /) -> int:
 
 
 @app.command(name="log")
-def show_log(file: Path, /) -> int:
-    """Say what is in a flight log: span, vehicle, messages, clock, camera events.
+def show_log(
+    file: Path,
+    /,
+    *,
+    json: Annotated[bool, Parameter(negative=())] = False,
+    plot: Path | None = None,
+) -> int:
+    """Say what is in a flight log: span, vehicle, boots, messages, clock, camera events.
 
     Parameters
     ----------
     file
-        DataFlash .bin/.BIN/.log or MAVLink .tlog.
+        ArduPilot DataFlash .bin/.BIN/.log, MAVLink .tlog, or PX4 .ulg.
+    json
+        Print a JSON object instead of text.
+    plot
+        Also draw track, heights, clock and camera events to this PNG.
     """
     from uavgram.io.flight_log import read_flight_log
+    from uavgram.io.outputs import replace_bytes
     from uavgram.stages.log_summary import summarise_log
+    from uavgram.views.log_json import log_summary_json
     from uavgram.views.log_summary import log_summary_lines
 
-    _say(*log_summary_lines(summarise_log(read_flight_log(file))))
+    summary = summarise_log(read_flight_log(file, positions_needed=False))
+    if plot is not None:
+        from uavgram.views.log_plot import log_plot_png
+
+        replace_bytes(plot, log_plot_png(summary))
+    _say(log_summary_json(summary)) if json else _say(*log_summary_lines(summary))
+    return DONE
+
+
+@app.command
+def geotag(
+    project: Path,
+    /,
+    *,
+    output: Path | None = None,
+    poses: Literal["seed", "refined"] = "refined",
+    exif: bool = False,
+) -> int:
+    """Hand the photos' poses over: geo.txt (OpenDroneMap), pix4d.csv, and tagged copies.
+
+    Parameters
+    ----------
+    project
+        The project file (project.yaml).
+    output
+        Folder of the files; by default `geotag` in the project's output folder.
+    poses
+        As adjusted (refined), or as the log or the photos have them (seed).
+    exif
+        Also write copies of the photos with the pose in EXIF and XMP; the originals stay as they
+        are.
+    """
+    from uavgram.pipeline.geotag import geotag as write_tags
+    from uavgram.views.table import geotag_lines
+
+    done = write_tags(project, output, poses, exif=exif, progress=_progress())
+    _say(*geotag_lines(done.tags, done.messages), "", f"written:   {done.folder}")
+    _say(*(f"           {name}" for name in done.files))
     return DONE
 
 
@@ -150,6 +218,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except UavgramError as error:
         sys.stderr.write(f"uavgram: {error}\n")
         return PROBLEM
+    except BrokenPipeError:  # who reads our output has left (head, less): the files are written
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
     except KeyboardInterrupt:
         sys.stderr.write("uavgram: interrupted; earlier results are as they were\n")
         return INTERRUPTED
@@ -157,7 +228,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _say(*lines: str) -> None:
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a terminal without ± is no reason to fail
+        sys.stdout.reconfigure(errors="replace")
     sys.stdout.write("\n".join(lines) + "\n")
+    sys.stdout.flush()
 
 
 def _log_to_stderr(*, verbose: bool) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -132,3 +133,28 @@ def test_the_module_runs_too_with_status_and_plain_text(project):
     assert bad.stderr.startswith(b"uavgram: ")
     wrong = subprocess.run([*arguments, "rnu"], capture_output=True, check=False)
     assert wrong.returncode == 2
+
+
+def test_a_reader_that_leaves_early_is_no_error(repository):
+    """As `uavgram log FILE | head -1` does."""
+    log = repository / "logs" / "twin_short.tlog"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "uavgram", "log", log],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    process.stderr.close()
+    assert process.wait() == 0
+
+
+def test_a_terminal_without_special_characters_shows_others(project):
+    done = subprocess.run(
+        [sys.executable, "-m", "uavgram", "run", project.path],
+        capture_output=True,
+        check=False,
+        env=os.environ | {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"},
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"skid left" in done.stdout

@@ -19,7 +19,7 @@ from uavgram.model.survey import Ground, Survey
 from uavgram.model.telemetry import Track
 
 INTRINSICS = np.array([1500.0, 1505.0, 1010.0, 740.0, -0.08, 0.03, 3e-4, -2e-4, 0.005])
-INTRINSIC_SIGMA = np.array([3.0, 4.0, 2.0, 2.5, 2e-3, 3e-3, 1e-4, 1.5e-4, 1e-3])
+INTRINSIC_SIGMA = np.array([12.0, 15.0, 8.0, 10.0, 6e-3, 6e-3, 4e-4, 6e-4, 2e-3])
 FOCAL_CORRELATION = 0.9
 GIMBAL_FROM_CAMERA = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
 
@@ -37,13 +37,13 @@ SOURCES = (
     "heading_bias",
     "clock",
 )
-OFF = 1e-3
-"""Of its usual sigma is what a source still has in the model when it is switched off."""
+OFF = 0.05
+"""Of its usual sigma is what a source still has, in the model and in the data, when it is off."""
 
 PIXEL_SIGMA = 0.7
 CONTROL_SIGMA = np.array([0.02, 0.03, 0.05])
 PLANE_SIGMA = np.array([0.3, 0.01, 0.01])
-SHARED_SIGMA = np.array([*[0.02] * 3, *[0.05] * 3, 0.6, 1.0, 1.5, 0.02, 0.05])
+SHARED_SIGMA = np.array([*[0.02] * 3, *[0.15] * 3, 0.6, 1.0, 1.5, 0.02, 0.05])
 SHARED_SOURCE = ("boresight",) * 3 + ("lever_arm",) * 3 + ("position_bias",) * 3
 SHARED_SOURCE += ("heading_bias", "clock")
 LEVER_ARM = np.array([0.12, -0.05, 0.08])
@@ -61,7 +61,7 @@ class Scene:
 
 
 class Sources:
-    """Which errors are switched on: sigma in the model, and noise in the data."""
+    """Which errors are switched on: factors of the sigmas in the model, and of the noise."""
 
     def __init__(self, on: tuple[str, ...] | None, noise: float) -> None:
         unknown = set(on or ()) - set(SOURCES)
@@ -72,7 +72,7 @@ class Sources:
         return 1.0 if name in self._on else OFF
 
     def noise(self, name: str) -> float:
-        return self._noise if name in self._on else 0.0
+        return self._noise * self.sigma(name)
 
 
 def look_down(yaw: float, tilt: float) -> np.ndarray:
@@ -245,14 +245,16 @@ def _telemetry(rng, source, time, center, rotation):
         body = heading.T @ predicted @ boresight.T @ GIMBAL_FROM_CAMERA.T
         logged_rotation.append(body)
         logged_position.append(c + e[:3] + shared[6:9] - heading @ body @ shared[3:6])
-    # Logged before and after each true instant, on a straight and steady way through it; the
-    # stated instants are late by the clock correction.
-    sampled = (time[:, None] + np.array([-0.5, 0.5])).ravel()
+    # Logged twice before and after each true instant, on a straight and steady way through it, so
+    # that any fair interpolation gives that way; the stated instants are late by the clock
+    # correction.
+    instants = np.array([-0.6, -0.45, 0.45, 0.6])
+    sampled = (time[:, None] + instants).ravel()
     velocity, rate = rng.normal(0, 3, (len(time), 3)), rng.normal(0, 0.05, (len(time), 3))
-    ends = [Rotation.from_rotvec(0.5 * sign * rate) for sign in (-1, 1)]
+    turns = [Rotation.from_rotvec(instant * rate) for instant in instants]
     middle = Rotation.from_matrix(np.array(logged_rotation))
-    attitude = np.stack([(middle * end).as_quat() for end in ends], axis=1).reshape(-1, 4)
-    way = np.array([-0.5, 0.5])[:, None] * velocity[:, None]
+    attitude = np.stack([(middle * turn).as_quat() for turn in turns], axis=1).reshape(-1, 4)
+    way = instants[:, None] * velocity[:, None]
     track = Track(
         position_time_s=sampled,
         position_world_m=(np.array(logged_position)[:, None] + way).reshape(-1, 3),

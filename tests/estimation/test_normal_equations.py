@@ -72,7 +72,8 @@ def test_solution_and_covariances_equal_the_dense_inverse(scene_factory, options
             np.testing.assert_allclose(joint / unit, expected, atol=1e-7, err_msg=name)
 
 
-def test_unknowns_that_share_an_observation_keep_their_covariance_where_products_cancel(branch):
+@pytest.mark.usefixtures("branch")
+def test_unknowns_that_share_an_observation_keep_their_covariance_where_products_cancel():
     # a + b, a - b and c + a + b, c - a: J^T J has an exact zero at (a, b); the covariance has none.
     block = Block(
         residual=np.zeros((4, 1)),
@@ -87,15 +88,17 @@ def test_unknowns_that_share_an_observation_keep_their_covariance_where_products
     np.testing.assert_allclose(covariance.blocks(np.array([[0, 1, 2]]))[0], expected)
 
 
-def test_an_unknown_without_any_observation_is_named(branch):
+@pytest.mark.usefixtures("branch")
+def test_an_unknown_without_any_observation_is_named():
     block = Block(np.zeros((2, 1)), np.array([[0], [2]]), np.ones((2, 1, 1)))
     with pytest.raises(SingularError) as error:
         NormalEquations([block], 3).factor()
     assert error.value.index == 1
 
 
+@pytest.mark.usefixtures("branch")
 @pytest.mark.parametrize("weights", [(1.0, 1.0), (0.7, 1.3), (1e-3, 1e4)])
-def test_two_unknowns_of_which_only_the_sum_is_observed_are_named(branch, weights):
+def test_two_unknowns_of_which_only_the_sum_is_observed_are_named(weights):
     # Unknown 5 and 6 of eight appear only as a weighted sum.
     n = 8
     alone = [i for i in range(n) if i not in (5, 6)]
@@ -118,13 +121,15 @@ def test_a_frame_that_three_picks_cannot_hold_is_named(scene_factory, branch, fr
     keep = np.setdiff1d(np.arange(len(scene.survey.pick_frame)), picks[2:])
     pixels = blocks["pixels"]
     blocks["pixels"] = Block(pixels.residual[keep], pixels.columns[keep], pixels.jacobian[keep])
+    structure = layout.structure if branch == "points first" else None
+    normal = NormalEquations(list(blocks.values()), layout.size, structure)
     with pytest.raises(SingularError) as error:
-        structure = layout.structure if branch == "points first" else None
-        NormalEquations(list(blocks.values()), layout.size, structure).factor()
+        normal.factor()
     assert (error.value.index - 24) // 6 == frame
 
 
-def test_damping_makes_a_singular_system_solvable(branch):
+@pytest.mark.usefixtures("branch")
+def test_damping_makes_a_singular_system_solvable():
     block = Block(np.ones((1, 1)), np.array([[0, 1]]), np.ones((1, 1, 2)))
     normal = NormalEquations([block], 2)
     step = normal.factor(1e-3).solve(normal.gradient)

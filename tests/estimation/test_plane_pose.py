@@ -126,7 +126,7 @@ def test_lengths_that_no_plane_explains_still_give_the_best_one():
 
 def test_two_picks_on_the_same_pixel_are_no_length():
     ray = np.array([[0.1, 0.1, 1], [0.2, -0.1, 1], [-0.3, 0.2, 1], [0.0, 0.3, 1]])
-    end = ray + [0.1, 0.05, 0]
+    end = ray + np.array([0.1, 0.05, 0])
     end[1] = ray[1]
     assert search_plane(ray, end, np.full(4, 5.0), np.full(4, 0.01)) == ()
 

@@ -1,8 +1,9 @@
 """The likelihood's residuals and Jacobians."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from dataclasses import replace
 
 from uavgram.estimation.survey_problem import SurveyProblem, covariance_root
 from uavgram.estimation.survey_state import move

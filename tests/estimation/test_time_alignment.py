@@ -1,9 +1,23 @@
 """Photos and events under an unknown clock offset."""
 
+import importlib.util
+import time
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from uavgram.estimation.camera_clock import fit_camera_clock
 from uavgram.estimation.time_alignment import align
+
+
+def load_shutters():
+    """The module shutters.py beside this one."""
+    path = Path(__file__).with_name("shutters.py")
+    spec = importlib.util.spec_from_file_location("uavgram_test_shutters", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def survey(rng, events, spread):
@@ -26,7 +40,7 @@ def test_uneven_spacing_gives_the_offset_and_every_pair(offset, resolution, spre
         assert result.offset_s == pytest.approx(
             offset - resolution / 2, abs=0.1 * resolution + 1e-3
         )
-        paired = result.event_index >= 0
+        paired = result.certain
         assert np.array_equal(logged[result.event_index[paired]], taken[paired])  # no wrong pair
         if resolution < 0.1:
             assert paired.sum() == np.isin(taken, logged).sum()
@@ -71,14 +85,16 @@ def test_a_photo_that_no_event_belongs_to_stays_alone():
     assert np.isnan(result.residual_s[-1])
 
 
-def test_two_events_within_the_resolution_leave_a_photo_unpaired():
+def test_two_events_within_the_resolution_leave_a_photo_uncertain():
     rng = np.random.default_rng(7)
     event = np.sort(np.append(survey(rng, 60, 0.8), 150.0))
     event = np.sort(np.append(event, 150.2))
     result = align(np.floor(event + 3.3), 1.0, event)
-    paired = result.event_index >= 0
-    assert not paired[np.searchsorted(event, [150.0, 150.2])].any()
-    assert np.array_equal(result.event_index[paired], np.flatnonzero(paired))
+    doubtful = np.searchsorted(event, [150.0, 150.2])
+    assert not result.certain[doubtful].any()
+    assert {result.status[k] for k in doubtful} == {"crowded"}
+    certain = np.flatnonzero(result.certain)
+    assert np.array_equal(result.event_index[certain], certain)
 
 
 def test_a_drifting_clock_is_followed():
@@ -96,11 +112,88 @@ def test_nothing_to_align_is_said():
     assert (result.event_index == -1).all()
 
 
-def test_an_event_that_two_photos_could_claim_is_nobodys():
+def test_an_event_that_two_photos_could_claim_is_nobodys_for_certain():
     event = survey(np.random.default_rng(9), 60, 0.8)
     event[30] = event[29] + 0.4  # closer than the step of the photos' clock
     photo = np.floor(event + 3.3)
     result = align(photo, 1.0, np.delete(event, 30))
     assert result.unique
-    assert result.event_index[29] == -1
-    assert result.event_index[30] == -1
+    assert not result.certain[[29, 30]].any()
+
+
+def test_a_photo_whose_event_and_whose_neighbours_photo_are_both_lost_is_never_certain():
+    # Events down to 0.9 s apart and a clock of 1 s: the photo falls on the neighbour's event.
+    rng = np.random.default_rng(3)
+    event = 100 + np.cumsum(rng.uniform(0.9, 5.0, 150))
+    photo = np.floor(event + 3.3)
+    fell = 0
+    for k in range(1, 149):
+        result = align(np.delete(photo, k), 1.0, np.delete(event, k - 1))
+        assert result.unique
+        wrong = result.event_index[k - 1] == k - 1  # its own is gone: this is the next event
+        fell += wrong
+        assert not (wrong and result.certain[k - 1])
+    assert fell >= 3  # the trap was there
+
+
+def test_exposures_at_whole_seconds_leave_the_offset_open_over_the_step():
+    event = 100.0 + np.cumsum(np.random.default_rng(4).integers(2, 6, 80))
+    coarse = fit_camera_clock(event, np.floor(event + 0.9), 1.0)
+    assert coarse.offset_sigma_s == pytest.approx(1 / np.sqrt(12), abs=0.01)
+    spread = survey(np.random.default_rng(4), 80, 0.8)
+    filled = fit_camera_clock(spread, np.floor(spread + 0.9), 1.0)
+    assert filled.offset_sigma_s < 0.03
+    assert filled.offset_s == pytest.approx(0.4, abs=3 * filled.offset_sigma_s)
+
+
+@pytest.mark.parametrize("resolution", [0.001, 1.0])
+def test_offset_and_drift_lie_within_their_sigmas(resolution):
+    z = []
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        event = survey(rng, int(rng.integers(10, 300)), 0.8)
+        offset, drift = rng.uniform(-5, 5), rng.normal(0, 1e-4)
+        exposure = event + rng.normal(0, 0.008, len(event))
+        reading = exposure + offset + drift * (exposure - event.mean())
+        clock = fit_camera_clock(event, np.floor(reading / resolution) * resolution, resolution)
+        error = clock.offset_s - (offset - resolution / 2)
+        z.append([error / clock.offset_sigma_s, (clock.drift - drift) / clock.drift_sigma])
+    rms = np.sqrt(np.mean(np.square(z), axis=0))
+    # 200 draws of a unit normal: 1 +- 0.05; a coarse clock's slack is counted generously
+    assert 0.85 < rms[1] < 1.15 if resolution < 0.1 else 0.5 < rms[1] < 1.15
+    assert 0.85 < rms[0] < 1.15 if resolution < 0.1 else 0.4 < rms[0] < 1.15
+
+
+def test_a_significant_drift_is_told_and_a_small_one_is_not():
+    event = survey(np.random.default_rng(8), 300, 0.4)
+    assert align(event * (1 + 80e-6) + 500, 0.001, event).clock.drifts
+    assert not align(event + 500, 0.001, event).clock.drifts
+
+
+def test_photos_of_another_flight_are_refused():
+    shutters = load_shutters()
+    cases = [shutters.make_case(seed) for seed in range(40)]
+    for one, other in zip(cases, cases[1:] + cases[:1], strict=True):
+        assert not align(one.photo_s, one.resolution_s, other.event_s).unique
+
+
+def test_random_flights_give_right_pairs_or_a_refusal():
+    # A sample of tests/statistical/test_matching.py.
+    shutters = load_shutters()
+    for seed in range(5000, 5060):
+        case = shutters.make_case(seed)
+        result = align(case.photo_s, case.resolution_s, case.event_s)
+        if result.unique:
+            wrong = result.certain & (result.event_index != case.truth)
+            assert not wrong.any(), seed
+        elif len(case.photo_s) >= 30:
+            assert not case.uneven, seed
+
+
+@pytest.mark.parametrize("resolution", [0.001, 1.0])
+def test_400_photos_and_450_events_take_well_under_a_second(resolution):
+    event = survey(np.random.default_rng(11), 450, 0.9)
+    photo = np.floor((event[:400] + 36000.3) / resolution) * resolution
+    start = time.process_time()
+    assert align(photo, resolution, event).unique
+    assert time.process_time() - start < 0.5

@@ -1,6 +1,8 @@
 """Truth of the simulated flights."""
 
+import importlib.util
 import json
+from pathlib import Path
 
 import pytest
 
@@ -13,3 +15,13 @@ def truth(data_dir):
         return json.loads((data_dir / "truth" / f"{name}.json").read_text())
 
     return load
+
+
+@pytest.fixture(scope="session")
+def tagged_jpeg():
+    """Helpers that make small JPEGs with tags."""
+    path = Path(__file__).with_name("tagged_jpeg.py")
+    spec = importlib.util.spec_from_file_location("uavgram_tests_tagged_jpeg", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

@@ -8,10 +8,11 @@ import pytest
 from pymavlink import DFReader
 
 from uavgram.errors import InputError
-from uavgram.io import dataflash_tables
+from uavgram.io import dataflash_index
 from uavgram.io.dataflash import read_dataflash
 from uavgram.io.dataflash_tables import index_binary
 from uavgram.io.dataflash_text import index_text
+from uavgram.io.flight_log import read_flight_log
 
 REAL = (
     "calm_nadir/flight.BIN",
@@ -61,10 +62,10 @@ def test_every_field_equals_pymavlinks(data_dir, name):
 @pytest.mark.parametrize("name", REAL)
 def test_the_loop_finds_the_messages_that_the_compiled_indexer_finds(data_dir, name):
     data = (data_dir / name).read_bytes()
-    compiled = dataflash_tables._indexed_by_pymavlink(data)
+    compiled = dataflash_index.indexed_by_pymavlink(data)
     if compiled is None:
         pytest.skip("this pymavlink has no compiled indexer")
-    loop = dataflash_tables._indexed_by_loop(data)
+    loop = dataflash_index.indexed_by_loop(data)
     assert compiled[129:] == loop[129:]
 
 
@@ -128,9 +129,12 @@ def test_a_log_without_pos_falls_back_to_the_estimator_and_then_to_the_receiver(
 
     def without(*names):
         table = index_binary(str(path), data)
-        kept = {k: v for k, v in table.offsets.items() if k not in names}
         order = sorted(
-            (int(at), table.formats[name].length) for name, ats in kept.items() for at in ats
+            (at, piece.format.length)
+            for name, pieces in table.pieces.items()
+            for piece in pieces
+            for at in piece.starts
+            if name not in names
         )
         return b"".join(data[at : at + length] for at, length in order)
 
@@ -196,7 +200,7 @@ def test_a_truncated_tail_costs_one_message_and_is_noted(data_dir, path_of):
 def test_damaged_rows_do_not_reach_the_track(data_dir, path_of):
     path = data_dir / "calm_nadir" / "flight.BIN"
     data = bytearray(path.read_bytes())
-    starts = index_binary(str(path), bytes(data)).offsets["POS"]
+    starts = index_binary(str(path), bytes(data)).places("POS")
     struct.pack_into("<Q", data, int(starts[100]) + 3, 2**40)  # a wild time
     struct.pack_into("<i", data, int(starts[200]) + 11, 0)  # latitude 0
     struct.pack_into("<f", data, int(starts[300]) + 19, float("nan"))  # no altitude
@@ -243,9 +247,10 @@ def test_a_log_without_positions_says_what_it_holds(data_dir, path_of):
     data = path.read_bytes()
     tables = index_binary(str(path), data)
     parts = [
-        data[int(at) : int(at) + tables.formats[name].length]
+        data[at : at + piece.format.length]
         for name in ("FMT", "ATT", "BARO")
-        for at in tables.offsets[name]
+        for piece in tables.pieces[name]
+        for at in piece.starts
     ]
     with pytest.raises(InputError, match="it holds ATT, BARO, FMT"):
-        read_dataflash(path_of(b"".join(parts)))
+        read_flight_log(path_of(b"".join(parts)))

@@ -8,7 +8,8 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import all as dialect
 
 from uavgram.errors import InputError
-from uavgram.io.mavlink_frames import message_name, scan_frames
+from uavgram.io.mavlink_dialect import message_name
+from uavgram.io.mavlink_frames import scan_frames
 from uavgram.io.tlog import read_tlog
 
 REAL = (
@@ -48,7 +49,8 @@ def test_every_field_equals_pymavlinks(data_dir, name):
         if len(rows) != len(messages):  # pymavlink loses good frames behind damaged bytes
             assert 0 < len(rows) - len(messages) < 5, kind
             stamps = {round(m._timestamp, 5) for m in messages}
-            rows = np.array([r for r in rows if round(frames.receive_s[r], 5) in stamps])
+            received = frames.receive_s(rows).round(5).tolist()
+            rows = rows[[stamp in stamps for stamp in received]]
         if len(rows) != len(messages):
             continue
         columns = frames.columns(kind, rows)

@@ -8,14 +8,16 @@ import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clock_line import ClockLine, fit_line, fit_lower_envelope
+from uavgram.geometry.gps_time import MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.telemetry import Boot, BootClock, ClockSamples
 
 _DAY_S = 86400.0
-_FIRST_S, _LAST_S = 1.0e9, 4.0e9  # 2001 to 2096: MAVLink is of 2009
 _WORST_DRIFT = 2e-3
 _WORST_SCATTER_S = 0.5
+_WORST_STATION_SCATTER_S = 2.0
+_JUMP_S = 0.4
 # A fix reaches the autopilot 60 to 220 ms after its epoch, by receiver (ArduPilot pull requests
 # #5405 and #8763), and its arrival is what the log has: common to the flight, unknown.
 RECEIVER_LAG_SIGMA_S = 0.1
@@ -37,17 +39,21 @@ def fit_boot_clock(boot: Boot) -> tuple[BootClock, tuple[Message, ...]]:
     by_source = {samples.source: samples for samples in boot.clocks}
     gps, system, receive = (by_source.get(name) for name in ("gps", "system_time", "receive"))
     if gps is not None and _is_plausible(line := _line(gps), gps):
-        return _clock(line, RECEIVER_LAG_SIGMA_S, "gps"), ()
+        return _clock(line, RECEIVER_LAG_SIGMA_S, "gps"), _jumps(line, gps)
     station = None if receive is None else fit_lower_envelope(receive.time_boot_s, receive.utc_s)
     station_is_dated = (
-        station is not None and receive is not None and _is_dated(station, receive.time_boot_s)
+        station is not None
+        and receive is not None
+        and station.scatter_s < _WORST_STATION_SCATTER_S
+        and _is_dated(station, receive.time_boot_s)
     )
     reason = ""
     if system is not None:
         line = _line(system)
         reason = _objection(line, system, station if station_is_dated else None)
         if not reason:
-            return _clock(line, RECEIVER_LAG_SIGMA_S, "system_time"), _difference(line, station)
+            remarks = (*_jumps(line, system), *_difference(line, station))
+            return _clock(line, RECEIVER_LAG_SIGMA_S, "system_time"), remarks
     if station is None or not station_is_dated:
         raise UavgramError(
             "the log ties its boot clock to no UTC"
@@ -90,13 +96,28 @@ def _clock(line: ClockLine, systematic_s: float, source: str) -> BootClock:
         rate=line.rate,
         sigma_s=float(np.hypot(line.sigma_s, systematic_s)),
         source=source,
+        drift_sigma=line.drift_sigma,
+        scatter_s=line.scatter_s,
     )
+
+
+def _jumps(line: ClockLine, samples: ClockSamples) -> tuple[Message, ...]:
+    """A warning where readings lie a good part of a second off the line: late leap seconds."""
+    off_s = line.residual_s(samples.time_boot_s, samples.utc_s)
+    jumped = np.abs(off_s) > _JUMP_S
+    if not jumped.any():
+        return ()
+    text = (
+        f"{int(jumped.sum())} of {len(off_s)} {samples.source} clock readings jump off the others, "
+        f"by {float(np.median(off_s[jumped])):+.2f} s in the median: they were left out"
+    )
+    return (Message("warning", "clock-jumps", text),)
 
 
 def _is_dated(line: ClockLine, time_boot_s: Floats) -> bool:
     """Whether the line tells times at which there were autopilots."""
     middle = line.offset_s + line.rate * float(np.median(time_boot_s))
-    return _FIRST_S < middle < _LAST_S
+    return MIN_PLAUSIBLE_UTC_S < middle < MAX_PLAUSIBLE_UTC_S
 
 
 def _is_plausible(line: ClockLine, samples: ClockSamples) -> bool:

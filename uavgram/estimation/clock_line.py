@@ -11,6 +11,7 @@ from uavgram.model.arrays import Floats
 # Autopilots were measured to run 18 to 146 ppm off; a short log must not invent more than that.
 DRIFT_SIGMA = 2e-4
 _STEPS = 30
+_LONGEST_DELAY_S = 600.0  # a reading further off the others is damaged
 _TUKEY = 4.685  # of the biweight, 95 % efficient for normal errors (Huber 1981)
 
 
@@ -26,12 +27,20 @@ class ClockLine:
         Robust standard deviation of one pair about it.
     sigma_s
         Standard deviation of the line at the middle of the readings.
+    drift_sigma
+        Standard deviation of the rate.
     """
 
     offset_s: float
     rate: float
     scatter_s: float
     sigma_s: float
+    drift_sigma: float
+
+    def residual_s(self, time_s: Floats, other_s: Floats) -> Floats:
+        """(N,) by how much readings of the other clock are ahead of the line."""
+        # the offset last: beside 1e9 s a microsecond of the others would be lost
+        return np.asarray((other_s - self.offset_s) - self.rate * time_s)
 
 
 def fit_line(time_s: Floats, other_s: Floats) -> ClockLine:
@@ -68,6 +77,7 @@ def fit_line(time_s: Floats, other_s: Floats) -> ClockLine:
         rate=rate,
         scatter_s=scatter,
         sigma_s=float(scatter / np.sqrt(max(float(weight.sum()), 1.0))),
+        drift_sigma=float(scatter / np.sqrt(weight @ t**2 + (scatter / DRIFT_SIGMA) ** 2)),
     )
 
 
@@ -99,6 +109,8 @@ def fit_lower_envelope(time_s: Floats, other_s: Floats, bin_s: float = 5.0) -> C
     those.
     """
     late = other_s - time_s
+    near = np.abs(late - np.median(late)) < _LONGEST_DELAY_S
+    time_s, other_s, late = time_s[near], other_s[near], late[near]
     order = np.lexsort((late, np.floor((time_s - time_s[0]) / bin_s)))
     bins = np.floor((time_s[order] - time_s[0]) / bin_s)
     least = order[np.diff(bins, prepend=-np.inf) > 0]

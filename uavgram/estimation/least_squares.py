@@ -94,7 +94,7 @@ def minimise(
     if blocks is None:
         raise ValueError("the first values are impossible")
     normal = NormalEquations(list(blocks.values()), size, structure)
-    damping, growth = 1e-6, 2.0
+    damping, growth = 1e-9, 2.0
     iteration = 0
     while iteration < MAX_ITERATIONS:
         iteration += 1

@@ -157,6 +157,7 @@ class Factor:
         assert self._sparse is not None  # noqa: S101  (one of the two is always there)
         scale = sp.diags(self._scale)
         selected = (scale @ self._sparse.inverse_on_pattern() @ scale).tocsr()
+        selected.sum_duplicates()  # sorted rows: entries are found by bisection
         return Covariance(dense=None, selected=selected)
 
 

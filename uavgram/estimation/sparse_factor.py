@@ -130,6 +130,7 @@ class SparseFactor:
         symbolic = self._symbolic
         out, kept = symbolic.eliminated, symbolic.kept
         reduced = self._front.inverse_on_pattern(symbolic.reduced)
+        reduced.sum_duplicates()  # sorted rows: entries are found by bisection
         coupling, own = self._eliminated_part(reduced)
         size, whole = symbolic.structure.size, []
         for rows, columns, part in (

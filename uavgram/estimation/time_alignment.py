@@ -1,23 +1,37 @@
 """Which of a camera's photos is which of an autopilot's events, when the clocks differ.
 
-Monotone alignment with gaps on both sides: the offset between the clocks is the one under which
-most photos fall on an event each. Every difference of a photo's and an event's time votes; the
-densest windows of votes are the candidates, and only a clear winner counts. Evenly spaced events
-fit at several offsets: that is seen, not guessed away.
+Monotone alignment with gaps on both sides. The search for the offset (offset_search.py) says
+whether only one fits; here its pairs are drawn, the camera's clock is fitted to them with its
+drift, and every pair is asked whether another one could explain the photo as well. Evenly spaced
+events fit at several offsets: that is seen, not guessed away.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from scipy.ndimage import minimum_filter1d
 from scipy.optimize import linear_sum_assignment
 
+from uavgram.estimation.camera_clock import CameraClock, fit_camera_clock, is_within
+from uavgram.estimation.offset_search import Search, search_offsets
 from uavgram.model.arrays import Bools, Floats, Ints
 
-JITTER_LEVELS_S = (0.004, 0.03, 0.1)  # exposure against event; tried from strict to loose
-DRIFT = 1e-4  # of the camera's clock against the autopilot's, at most
-_CANDIDATES = 24
+PairStatus = Literal["certain", "hidden", "crowded", "none"]
+_STATUS: tuple[PairStatus, ...] = ("certain", "hidden", "crowded", "none")
+_CERTAIN = 0
+_LEAST_PAIRS = 3
+
+_GATE_SIGMAS = 5.0
+_GATE_FLOOR_S, _GATE_LIMIT_S = 0.03, 0.25
+_LINE_SIGMAS = 4.0
+# No event closer to another than this share of the least spacing around it, nor than any camera
+# shoots: where the log lost one, its neighbours still show how fast the camera was triggered.
+_SPACING_SHARE = 0.6
+_FASTEST_S = 0.1
+_SPACINGS_AROUND = 21
 
 
 @dataclass(frozen=True)
@@ -35,23 +49,45 @@ class Alignment:
     Attributes
     ----------
     unique
-        Whether one offset is clearly better than every other.
+        Whether one offset is clearly better than every other; pairs mean nothing without it.
     candidates
         Best first; at least one unless there is nothing to align.
-    offset_s, offset_sigma_s
-        Photo clock minus event clock by the best candidate.
+    clock
+        Of the camera, by the best candidate: offset and drift with their sigmas.
     event_index
-        (F,) the photo's event, -1 where it has none or where a neighbouring event fits too.
+        (F,) the photo's event, -1 where it has none; each event at most once.
+    status
+        (F,) ``certain``: no other event and no other photo comes into question. ``crowded``: one
+        does. ``hidden``: the photo's own event and the paired event's own photo may both be lost.
+        ``none``: no event.
     residual_s
-        (F,) photo time - offset - event time; NaN without an event.
+        (F,) photo time on the events' clock - event time; NaN without an event.
+    photo_event_s
+        (F,) the photos' own times on the events' clock.
     """
 
     unique: bool
     candidates: tuple[Candidate, ...]
-    offset_s: float
-    offset_sigma_s: float
+    clock: CameraClock
     event_index: Ints
+    status: tuple[PairStatus, ...]
     residual_s: Floats
+    photo_event_s: Floats
+
+    @property
+    def certain(self) -> Bools:
+        """(F,) whether the pair can be relied on."""
+        return np.array([status == "certain" for status in self.status], dtype=bool)
+
+    @property
+    def offset_s(self) -> float:
+        """Photo clock minus event clock at the middle of the pairs."""
+        return self.clock.offset_s
+
+    @property
+    def offset_sigma_s(self) -> float:
+        """Standard deviation of `offset_s`."""
+        return self.clock.offset_sigma_s
 
 
 def align(
@@ -73,20 +109,26 @@ def align(
     bounds_s
         Between which the offset must lie.
     """
-    result = _none(len(photo_s))
-    if not len(photo_s) or not len(event_s):
-        return result
-    span = float(np.ptp(photo_s))
-    for jitter in JITTER_LEVELS_S:
-        tolerance = resolution_s / 2 + jitter + DRIFT * span / 2
-        candidates = _candidates(photo_s, event_s, tolerance, bounds_s)
-        if not candidates:
-            continue
-        unique = _is_clear(candidates, len(photo_s))
-        result = _result(photo_s, resolution_s, event_s, tolerance, candidates, unique=unique)
-        if unique:
-            return result
-    return result
+    photo = np.asarray(photo_s, dtype=np.float64)
+    event = np.asarray(event_s, dtype=np.float64)
+    if not len(photo) or not len(event):
+        return _none(len(photo))
+    search = search_offsets(photo, resolution_s, event, bounds_s)
+    if not search.fits:
+        return _none(len(photo))
+    clock = _fitted(photo, resolution_s, event, search)
+    time = clock.to_event(photo)
+    tolerance = resolution_s / 2 + _gate_s(clock) + _LINE_SIGMAS * clock.sigma_at(time)
+    index = _assigned(time, event, tolerance)
+    return Alignment(
+        unique=search.unique,
+        candidates=tuple(Candidate(fit.clock.offset_s, fit.matched) for fit in search.fits),
+        clock=clock,
+        event_index=index,
+        status=_named(_status(time, event, index, tolerance)),
+        residual_s=np.where(index >= 0, time - event[index], np.nan),
+        photo_event_s=time,
+    )
 
 
 def _none(count: int) -> Alignment:
@@ -94,141 +136,86 @@ def _none(count: int) -> Alignment:
     return Alignment(
         unique=False,
         candidates=(),
-        offset_s=float("nan"),
-        offset_sigma_s=float("nan"),
+        clock=CameraClock(float("nan"), 0.0, 0.0),
         event_index=np.full(count, -1, dtype=np.int64),
+        status=_named(np.full(count, 3)),
         residual_s=nothing,
+        photo_event_s=nothing,
     )
 
 
-def _is_clear(candidates: list[Candidate], photos: int) -> bool:
-    """Three pairs at least, most photos matched, and a lead that chance does not give."""
-    best = candidates[0].matched
-    second = candidates[1].matched if len(candidates) > 1 else 0
-    return best >= 3 and best >= 0.75 * photos and best - second >= max(2, 0.15 * best)
+def _gate_s(clock: CameraClock) -> float:
+    """How far a shutter may be from its event beside the readings' step."""
+    return float(np.clip(_GATE_SIGMAS * clock.jitter_s, _GATE_FLOOR_S, _GATE_LIMIT_S))
 
 
-def _candidates(
-    photo_s: Floats, event_s: Floats, tolerance: float, bounds_s: tuple[float, float]
-) -> list[Candidate]:
-    """Offsets that differ by more than the tolerance, most matched photos first."""
-    votes = np.sort((photo_s[:, None] - event_s[None, :]).ravel())
-    votes = votes[(votes >= bounds_s[0]) & (votes <= bounds_s[1])]
-    if not len(votes):
-        return []
-    last = np.searchsorted(votes, votes + 2 * tolerance, side="right")
-    count = last - np.arange(len(votes))
-    found: list[Candidate] = []
-    for _ in range(_CANDIDATES):
-        k = int(np.argmax(count))
-        if count[k] <= 0:
-            break
-        offset = float(np.mean(votes[k : last[k]]))
-        for _ in range(3):  # settle on the mean of its own pairs
-            residual, index = _nearest(photo_s, event_s, offset)
-            near = np.abs(residual) <= tolerance
-            offset += float(residual[near].mean()) if near.any() else 0.0
-        residual, index = _nearest(photo_s, event_s, offset)
-        matched = len(np.unique(index[np.abs(residual) <= tolerance]))
-        found.append(Candidate(offset, matched))
-        middle = (votes[k] + votes[last[k] - 1]) / 2
-        count[np.abs(votes + tolerance - middle) <= 2 * tolerance] = 0
-    return sorted(_distinct(found, tolerance), key=lambda c: (-c.matched, abs(c.offset_s)))
+def _fitted(photo_s: Floats, resolution_s: float, event_s: Floats, search: Search) -> CameraClock:
+    """The camera's clock from its unmistakable pairs; the scatter is theirs, not the search's."""
+    clock = search.fits[0].clock
+    reach = max(search.tolerance_s, resolution_s / 2 + _GATE_FLOOR_S)
+    for _ in range(3):
+        time = clock.to_event(photo_s)
+        tolerance = np.full(len(time), reach)
+        index = _assigned(time, event_s, tolerance)
+        if not (index >= 0).any():
+            return clock
+        used = _is_alone_both_ways(time, event_s, index, tolerance)
+        if used.sum() < _LEAST_PAIRS:
+            used = index >= 0
+        clock = fit_camera_clock(event_s[index[used]], photo_s[used], resolution_s)
+        reach = resolution_s / 2 + _gate_s(clock)
+    return clock
 
 
-def _distinct(found: list[Candidate], tolerance: float) -> list[Candidate]:
-    """Candidates that did not settle on a better one."""
-    kept: list[Candidate] = []
-    for candidate in sorted(found, key=lambda c: -c.matched):
-        if all(abs(candidate.offset_s - other.offset_s) > 2 * tolerance for other in kept):
-            kept.append(candidate)
-    return kept
-
-
-def _nearest(photo_s: Floats, event_s: Floats, offset: float) -> tuple[Floats, Ints]:
-    """(F,) photo time - offset - nearest event's time, and that event."""
-    time = photo_s - offset
-    right = np.clip(np.searchsorted(event_s, time), 1, max(len(event_s) - 1, 1))
-    left = right - 1
-    right = np.minimum(right, len(event_s) - 1)
-    closer_left = np.abs(time - event_s[left]) <= np.abs(time - event_s[right])
-    index = np.where(closer_left, left, right)
-    return time - event_s[index], index.astype(np.int64)
-
-
-def _result(
-    photo_s: Floats,
-    resolution_s: float,
-    event_s: Floats,
-    tolerance: float,
-    candidates: list[Candidate],
-    *,
-    unique: bool,
-) -> Alignment:
-    offset, sigma = _refined(photo_s, resolution_s, event_s, tolerance, candidates[0].offset_s)
-    index = _assigned(photo_s, event_s, offset, tolerance)
-    residual = np.where(index >= 0, photo_s - offset - event_s[index], np.nan)
-    alone = _is_alone_both_ways(photo_s - offset, event_s, index, tolerance)
-    return Alignment(
-        unique=unique,
-        candidates=tuple(candidates),
-        offset_s=offset,
-        offset_sigma_s=sigma,
-        event_index=np.where(alone, index, -1),
-        residual_s=np.where(alone, residual, np.nan),
-    )
-
-
-def _refined(
-    photo_s: Floats, resolution_s: float, event_s: Floats, tolerance: float, offset: float
-) -> tuple[float, float]:
-    """Offset and its sigma from all pairs.
-
-    Of a coarse clock the reading's error is uniform over its step, and the middle between the
-    extremes is far better than the mean: sigma = step / sqrt(2 (n + 1) (n + 2)).
-    """
-    coarse = resolution_s > 0.1
-    reach = 1.2 * tolerance if coarse else tolerance
-    residual, index = _nearest(photo_s, event_s, offset)
-    near = np.abs(residual) <= reach
-    certain = near & _is_alone_both_ways(photo_s - offset, event_s, index, reach)
-    pairs = residual[certain if certain.sum() >= 3 else near]
-    n = len(pairs)
-    if n == 0:
-        return offset, tolerance
-    if coarse:
-        middle = float(pairs.min() + pairs.max()) / 2
-        return offset + middle, float(resolution_s / np.sqrt(2 * (n + 1) * (n + 2)))
-    spread = max(float(np.std(pairs)), resolution_s / np.sqrt(12))
-    return offset + float(np.mean(pairs)), float(spread / np.sqrt(n))
-
-
-def _assigned(photo_s: Floats, event_s: Floats, offset: float, tolerance: float) -> Ints:
+def _assigned(time_s: Floats, event_s: Floats, tolerance_s: Floats) -> Ints:
     """(F,) one event for one photo: most pairs within the tolerance, then least squares.
 
     On a line the cheapest assignment with a convex cost never crosses: it is monotone.
     """
-    residual = photo_s[:, None] - offset - event_s[None, :]
-    inside = np.abs(residual) <= tolerance
-    far = 1e3 * (len(photo_s) + 1) * tolerance**2  # one pair more outweighs any residuals
+    residual = time_s[:, None] - event_s[None, :]
+    inside = is_within(residual, tolerance_s[:, None])
+    # one pair more outweighs any residuals
+    far = 1e3 * (len(time_s) + 1) * float(np.max(tolerance_s)) ** 2
     rows, columns = linear_sum_assignment(np.where(inside, residual**2, far))
-    index = np.full(len(photo_s), -1, dtype=np.int64)
+    index = np.full(len(time_s), -1, dtype=np.int64)
     kept = inside[rows, columns]
     index[rows[kept]] = columns[kept]
     return index
 
 
-def _is_alone_both_ways(time_s: Floats, event_s: Floats, index: Ints, tolerance: float) -> Bools:
+def _named(codes: Ints) -> tuple[PairStatus, ...]:
+    names: list[PairStatus] = [_STATUS[code] for code in codes]
+    return tuple(names)
+
+
+def _status(time_s: Floats, event_s: Floats, index: Ints, tolerance_s: Floats) -> Ints:
+    """(F,) index into `_STATUS`."""
+    alone = _is_alone_both_ways(time_s, event_s, index, tolerance_s)
+    hidden = _could_hide_its_own(time_s, event_s, index, tolerance_s)
+    return np.where(index < 0, 3, np.where(~alone, 2, np.where(hidden, 1, _CERTAIN)))
+
+
+def _is_alone_both_ways(time_s: Floats, event_s: Floats, index: Ints, tolerance_s: Floats) -> Bools:
     """(F,) whether photo and event have no other partner within the tolerance.
 
     An event that two photos could claim is nobody's for certain: one photo's own may be lost.
     """
-    claimed_once = _is_alone(event_s, np.sort(time_s), tolerance)
-    return np.asarray(_is_alone(time_s, event_s, tolerance) & claimed_once[index])
+    claims = is_within(time_s[:, None] - event_s[None, :], tolerance_s[:, None])
+    return np.asarray((claims.sum(axis=1) == 1) & (claims.sum(axis=0)[index] == 1) & (index >= 0))
 
 
-def _is_alone(time_s: Floats, event_s: Floats, tolerance: float) -> Bools:
-    """(F,) whether one event only lies within the tolerance."""
-    first = np.searchsorted(event_s, time_s - tolerance, side="left")
-    last = np.searchsorted(event_s, time_s + tolerance, side="right")
-    return np.asarray(last - first == 1)
+def _could_hide_its_own(time_s: Floats, event_s: Floats, index: Ints, tolerance_s: Floats) -> Bools:
+    """(F,) whether an event that the log lost could be the photo's, beside the paired one.
+
+    It would lie within the photo's tolerance, and keep a camera's spacing to its neighbours.
+    """
+    if len(event_s) < 2:
+        return np.ones(len(time_s), dtype=bool)
+    spacing = minimum_filter1d(np.diff(event_s), _SPACINGS_AROUND, mode="nearest")
+    padded = np.concatenate([[-np.inf], event_s, [np.inf]])
+    k = np.maximum(index, 0)
+    least = np.maximum(_SPACING_SHARE * spacing[np.minimum(k, len(spacing) - 1)], _FASTEST_S)
+    own = event_s[k]
+    after = own + least < np.minimum(time_s + tolerance_s, padded[k + 2] - least)
+    before = own - least > np.maximum(time_s - tolerance_s, padded[k] + least)
+    return np.asarray(after | before)

@@ -33,6 +33,6 @@ def nadir_from_gimbal(ypr_rad: Floats) -> Floats:
 
 
 def _angles(rotation: Floats, given: Floats) -> Floats:
-    known = np.isfinite(given).all(axis=1)
+    known = np.asarray(np.isfinite(given).all(axis=1))
     angles = np.stack(ypr_from_matrix(rotation), axis=1)
     return np.asarray(np.where(known[:, None], angles, np.nan))

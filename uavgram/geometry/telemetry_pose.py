@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.interpolation import interpolate_position, interpolate_rotation
+from uavgram.geometry.interpolation import smooth_position, smooth_rotation
 from uavgram.geometry.rotation import exp_so3, hat, right_jacobian
 from uavgram.model.arrays import Floats
 from uavgram.model.photo_poses import Flight, PhotoExposures
@@ -84,10 +84,10 @@ def exposures_at(
     ValueError
         An instant lies outside a track.
     """
-    position, velocity = interpolate_position(*position_track, at_s)
-    world_from_body, body_rate = interpolate_rotation(*attitude_track, at_s)
+    position, velocity = smooth_position(*position_track, at_s)
+    world_from_body, body_rate = smooth_rotation(*attitude_track, at_s)
     if len(gimbal_track[0]):
-        world_from_mount, mount_rate = interpolate_rotation(*gimbal_track, at_s)
+        world_from_mount, mount_rate = smooth_rotation(*gimbal_track, at_s)
     else:
         world_from_mount, mount_rate = world_from_body, body_rate
     return Exposures(position, velocity, world_from_body, body_rate, world_from_mount, mount_rate)

@@ -10,6 +10,7 @@ import numpy as np
 
 from uavgram.errors import InputError
 from uavgram.io import dataflash_events, dataflash_pose
+from uavgram.io.boot_span import consistent
 from uavgram.io.dataflash_pose import Tables, boot_time_s
 from uavgram.io.dataflash_tables import index_binary
 from uavgram.io.dataflash_text import index_text
@@ -90,7 +91,8 @@ def _boot(tables: Tables) -> tuple[Boot, tuple[str, ...]]:
         home=dataflash_events.home(tables),
         clocks=() if clock is None else (clock,),
     )
-    return boot, (*position_notes, *event_notes)
+    boot, remarks = consistent(boot)
+    return boot, (*position_notes, *event_notes, *remarks)
 
 
 def _counts(tables: Tables) -> tuple[MessageCount, ...]:

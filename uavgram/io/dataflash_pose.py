@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from uavgram.geometry.rotation import matrix_from_ypr, xyzw_from_matrix
 from uavgram.io.dataflash_formats import Columns
-from uavgram.io.samples import are_angles, in_order, is_height, near_its_track
+from uavgram.io.samples import are_angles, are_body_angles, in_order, is_height, near_its_track
 from uavgram.model.arrays import Floats
 from uavgram.model.telemetry import (
     AttitudeSamples,
@@ -163,7 +163,7 @@ def _positions_of(columns: Columns, source: str) -> tuple[PositionSamples | None
     time = boot_time_s(columns)
     latitude, longitude = numbers(columns, "Lat"), numbers(columns, "Lng")
     height = numbers(columns, "Alt")
-    rows = in_order(time, near_its_track(latitude, longitude) & is_height(height))
+    rows = in_order(time, near_its_track(time, latitude, longitude, height), dense=True)
     dropped = len(time) - len(rows)
     notes = (f"{dropped} of {len(time)} {source} rows make no sense and were dropped",)
     if not len(rows):
@@ -210,11 +210,11 @@ def attitudes(tables: Tables, core: int) -> AttitudeSamples | None:
     """ATT, else the estimator's quaternions."""
     columns = tables.columns("ATT")
     if columns:
-        angles_deg = np.stack([numbers(columns, n) for n in ("Yaw", "Pitch", "Roll")], axis=1)
+        angles_deg = np.stack([numbers(columns, n) for n in ("Roll", "Pitch", "Yaw")], axis=1)
         time = boot_time_s(columns)
-        rows = in_order(time, are_angles(angles_deg))
+        rows = in_order(time, are_body_angles(angles_deg), dense=True)
         if len(rows):
-            yaw, pitch, roll = np.radians(angles_deg[rows]).T
+            roll, pitch, yaw = np.radians(angles_deg[rows]).T
             return AttitudeSamples(
                 time_boot_s=time[rows],
                 ned_from_body_xyzw=xyzw_from_matrix(matrix_from_ypr(yaw, pitch, roll)),
@@ -227,7 +227,7 @@ def attitudes(tables: Tables, core: int) -> AttitudeSamples | None:
     xyzw = np.stack([numbers(columns, n) for n in ("Q2", "Q3", "Q4", "Q1")], axis=1)
     length = np.linalg.norm(xyzw, axis=1)
     time = boot_time_s(columns)
-    rows = in_order(time, np.abs(length - 1) < 0.01)
+    rows = in_order(time, np.abs(length - 1) < 0.01, dense=True)
     if not len(rows):
         return None
     unit = xyzw[rows] / length[rows, None]

@@ -91,14 +91,11 @@ class DataflashTables:
         if not pieces:
             return {}
         first, last = pieces[0], pieces[-1]
-        return self._decoded(
-            [(first.format, first.starts[:1]), (last.format, last.starts[-1:])]
-        )
+        return self._decoded([(first.format, first.starts[:1]), (last.format, last.starts[-1:])])
 
     def _decoded(self, parts: list[tuple[Format, list[int]]]) -> Columns:
         decoded = [
-            (fmt, fmt.decoded(self.data, np.array(starts, dtype=np.int64)))
-            for fmt, starts in parts
+            (fmt, fmt.decoded(self.data, np.array(starts, dtype=np.int64))) for fmt, starts in parts
         ]
         return decoded[0][1] if len(decoded) == 1 else _joined(decoded)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,11 @@ import numpy as np
 
 from uavgram.errors import InputError
 
+# exifread trusts counts and offsets, and ends in these where a block is corrupt.
+_WHAT_EXIFREAD_RAISES = (
+    *(AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError),
+    *(struct.error, ZeroDivisionError),
+)
 _ALTITUDE_SIGN = {0: 1.0, 1: -1.0, 2: 1.0, 3: -1.0}
 
 
@@ -38,9 +44,13 @@ def read_exif_place(path: str | Path) -> ExifPlace:
     """
     try:
         with Path(path).open("rb") as file:
-            tags = exifread.process_file(file, details=False)
+            tags = exifread.process_file(file, details=False, extract_thumbnail=False)
     except OSError as fault:
         raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    except _WHAT_EXIFREAD_RAISES as fault:
+        raise InputError(
+            path, f"its EXIF is broken ({fault}): leave this photo out, or copy it anew"
+        ) from fault
     latitude = _degrees(tags, "Latitude", "S")
     longitude = _degrees(tags, "Longitude", "W")
     if latitude == 0.0 and longitude == 0.0:
@@ -67,10 +77,10 @@ def _degrees(tags: dict[str, Any], name: str, negative: str) -> float:
 
 
 def _numbers(tag: Any) -> list[float]:  # noqa: ANN401 - exifread has no types
-    """Numbers of a tag; none where one of them has a zero denominator."""
-    numbers: list[float] = []
-    for value in getattr(tag, "values", []):
-        if getattr(value, "den", 1) == 0:
-            return []
-        numbers.append(float(value))
-    return numbers
+    """Numbers of a tag; none where one of them is no number, as in a corrupt block."""
+    values = getattr(tag, "values", [])
+    try:
+        numbers = [float(value) for value in values]
+    except (TypeError, ValueError, ZeroDivisionError):
+        return []
+    return numbers if np.isfinite(numbers).all() else []

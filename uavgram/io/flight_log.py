@@ -57,8 +57,7 @@ def _read(path: str | Path) -> FlightLog:
         return read_tlog(path)
     raise InputError(
         path,
-        "is no flight log known here: DataFlash .bin or .log of ArduPilot, MAVLink .tlog, "
-        "PX4 .ulg",
+        "is no flight log known here: DataFlash .bin or .log of ArduPilot, MAVLink .tlog, PX4 .ulg",
     )
 
 

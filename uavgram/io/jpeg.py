@@ -40,7 +40,8 @@ def parse_jpeg(data: bytes) -> Jpeg | None:
     """Split a JPEG file; None where it is none, or its segments are cut short."""
     if not data.startswith(b"\xff\xd8"):
         return None
-    at, segments = 2, []
+    at = 2
+    segments: list[Segment] = []
     while at + 4 <= len(data):
         if data[at] != 0xFF:
             return None

@@ -3,28 +3,26 @@
 A .tlog is a row of records: 8 bytes of time (big-endian microseconds since 1970 on the receiver's
 clock; some programs keep a link number in the lowest two bits) and one MAVLink frame, version 1
 (0xFE) or 2 (0xFD). Frame layout and checksum: https://mavlink.io/en/guide/serialization.html.
-Message definitions are pymavlink's (dialect "all").
 """
 
 from __future__ import annotations
 
-import re
-import struct
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pymavlink.dialects.v20 import all as dialect
 
-from uavgram.model.arrays import Bools, Ints
+from uavgram.io.mavlink_checksum import checksums
+from uavgram.io.mavlink_dialect import checksum_extra, message_dtype, message_number
+from uavgram.model.arrays import Bools, Floats, Ints
 
 Columns = dict[str, NDArray[Any]]
 
 _V1, _V2 = 0xFE, 0xFD
-# A record can begin here: a time before the year 2106 and a start-of-frame byte.
-_RECORD = re.compile(rb"\x00[\x00-\x0f].{6}[\xfe\xfd]", re.DOTALL)
+_CHUNK = 1 << 23  # bytes searched at a time
+_LATEST = 0x10  # second byte of a time: 2^52 microseconds are the year 2112
+_ROWS = 1 << 16  # messages decoded at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +39,8 @@ class FrameTable:
         (N,).
     payload_start, payload_length
         (N,) where the payload lies.
-    receive_s
-        (N,) the receiver's clock, seconds since 1970.
+    rows_by_id
+        Message number: its rows, increasing.
     skipped_bytes, bad_checksum
         What of the file is no frame; how many frames failed their checksum.
     unknown
@@ -51,196 +49,186 @@ class FrameTable:
 
     data: NDArray[np.uint8]
     start: Ints
-    message_id: Ints
-    system: Ints
-    component: Ints
+    message_id: NDArray[np.int32]
+    system: NDArray[np.uint8]
+    component: NDArray[np.uint8]
     payload_start: Ints
-    payload_length: Ints
-    receive_s: NDArray[np.float64]
+    payload_length: NDArray[np.uint8]
+    rows_by_id: dict[int, Ints]
     skipped_bytes: int
     bad_checksum: int
     unknown: int
 
     def rows(self, name: str, mask: Bools | None = None) -> Ints:
         """(K,) rows of one message type, of those that the mask admits."""
-        found = self.message_id == message_number(name)
-        return np.flatnonzero(found if mask is None else found & mask).astype(np.int64)
+        found = self.rows_by_id.get(message_number(name), np.zeros(0, dtype=np.int64))
+        return found if mask is None else found[mask[found]]
+
+    def receive_s(self, rows: Ints) -> Floats:
+        """(K,) the receiver's clock at these rows, seconds since 1970."""
+        stamps = np.lib.stride_tricks.sliding_window_view(self.data, 8)[self.start[rows] - 8]
+        return np.asarray(stamps.view(">u8")[:, 0].astype(np.float64) * 1e-6)
 
     def columns(self, name: str, rows: Ints) -> Columns:
         """Every field of one message type as a column; what was trimmed or absent is zero."""
-        dtype = _message_dtype(name)
-        size = dtype.itemsize
-        at = np.arange(size)
-        where = self.payload_start[rows, None] + at
-        inside = at < self.payload_length[rows, None]
-        body = np.where(inside, self.data[np.minimum(where, len(self.data) - 1)], 0)
-        records = np.ascontiguousarray(body.astype(np.uint8)).view(dtype)
-        return {field: records[field][:, 0] for field in dtype.names or ()}
+        dtype = message_dtype(name)
+        records = np.empty(len(rows), dtype=dtype)
+        bodies = records.view(np.uint8).reshape(len(rows), dtype.itemsize)
+        for low in range(0, len(rows), _ROWS):
+            part = rows[low : low + _ROWS]
+            bodies[low : low + _ROWS] = self._payloads(part, dtype.itemsize)
+        return {field: records[field] for field in dtype.names or ()}
 
-
-def message_number(name: str) -> int:
-    """Number of a message, -1 where the dialect has none of this name."""
-    return _numbers_by_name().get(name, -1)
-
-
-def message_name(number: int) -> str:
-    """Name of a message."""
-    known = dialect.mavlink_map.get(number)
-    return str(known.msgname) if known is not None else f"UNKNOWN_{number}"
-
-
-@cache
-def _numbers_by_name() -> dict[str, int]:
-    return {str(known.msgname): int(number) for number, known in dialect.mavlink_map.items()}
-
-
-def _message_dtype(name: str) -> np.dtype[Any]:
-    message = dialect.mavlink_map[message_number(name)]
-    kinds = {"c": "S1", "b": "<i1", "B": "<u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4"}
-    kinds |= {"q": "<i8", "Q": "<u8", "f": "<f4", "d": "<f8"}
-    codes = re.findall(r"(\d*)([a-zA-Z])", message.unpacker.format)
-    fields = []
-    for field, (length, code) in zip(message.ordered_fieldnames, codes, strict=True):
-        if code == "s":
-            fields.append((field, f"S{length}"))
+    def _payloads(self, rows: Ints, size: int) -> NDArray[np.uint8]:
+        """(K, size) payloads, filled up with zeros or cut."""
+        start, length = self.payload_start[rows], self.payload_length[rows]
+        last = len(self.data) - size
+        if last < 0 or (len(start) and start[-1] > last):
+            # the last frames of the file may be shorter than their whole message
+            where = start[:, None] + np.arange(size)
+            bodies = self.data[np.minimum(where, len(self.data) - 1)]
         else:
-            fields.append((field, f"({length},){kinds[code]}" if length else kinds[code]))
-    return np.dtype(fields)
+            bodies = np.lib.stride_tricks.sliding_window_view(self.data, size)[start]
+        if len(length) and length.min() < size:
+            bodies[np.arange(size) >= length[:, None]] = 0
+        return bodies
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidates:
+    """Places that look like a record: a possible time, then a frame that ends inside the file."""
+
+    start: Ints
+    end: Ints
+    second: Bools
+    length: NDArray[np.uint8]
+    number: NDArray[np.int32]
+
+    def only(self, keep: NDArray[Any]) -> _Candidates:
+        return _Candidates(
+            self.start[keep],
+            self.end[keep],
+            self.second[keep],
+            self.length[keep],
+            self.number[keep],
+        )
 
 
 def scan_frames(data: bytes) -> FrameTable:
     """Find every frame of a telemetry log and test its checksum.
 
-    Frames of unknown messages are skipped by their length. After damaged bytes the scan goes on
-    at the next place that looks like a record.
+    A frame is what has a record's time before it and a correct checksum, wherever it lies; so
+    damaged bytes cost no more than the frames that they hit. Frames that fail, or whose message
+    nobody here defines, are counted where another record follows them.
     """
-    starts, skipped = _walk(data)
     array = np.frombuffer(data, dtype=np.uint8)
-    start = np.array(starts, dtype=np.int64)
-    second = array[start] == _V2
-    length = array[start + 1].astype(np.int64)
-    head = np.where(second, 10, 6)
-    number = np.where(second, _number_at(array, start + 7), _byte_at(array, start + 5))
-    extra = np.array([_checksum_extra(n) for n in number.tolist()], dtype=np.int64)
-    expected = checksums(array, start + 1, head - 1 + length, extra)
-    written = array[start + head + length].astype(np.int64) | (
-        array[start + head + length + 1].astype(np.int64) << 8
-    )
-    known = extra >= 0
-    good = known & (expected == written)
-    receive = [int.from_bytes(data[s - 8 : s], "big") * 1e-6 for s in starts]
+    found = _candidates(array)
+    extra = checksum_extra(found.number)
+    good = _has_right_checksum(array, found, extra)
+    sound = found.only(good)
+    sound = sound.only(_apart(sound))
+    others = np.flatnonzero(~good)
+    others = others[_is_followed(array, found.end[others])]
+    others = others[~_overlaps(found.only(others), sound)]
+    others = others[_apart(found.only(others))]
+    failed = int((extra[others] >= 0).sum())
+    read = _bytes_of(sound) + _bytes_of(found.only(others))
+    sender = sound.start + np.where(sound.second, 5, 3)
     return FrameTable(
         data=array,
-        start=start[good],
-        message_id=number[good],
-        system=np.where(second, _byte_at(array, start + 5), _byte_at(array, start + 3))[good],
-        component=np.where(second, _byte_at(array, start + 6), _byte_at(array, start + 4))[good],
-        payload_start=(start + head)[good],
-        payload_length=length[good],
-        receive_s=np.array(receive, dtype=np.float64)[good],
-        skipped_bytes=skipped,
-        bad_checksum=int((known & ~good).sum()),
-        unknown=int((~known).sum()),
+        start=sound.start,
+        message_id=sound.number,
+        system=array[sender],
+        component=array[sender + 1],
+        payload_start=sound.start + np.where(sound.second, 10, 6),
+        payload_length=sound.length,
+        rows_by_id=_grouped(sound.number),
+        skipped_bytes=len(array) - read,
+        bad_checksum=failed,
+        unknown=len(others) - failed,
     )
 
 
-def _byte_at(data: NDArray[np.uint8], at: Ints) -> Ints:
-    """Bytes at these places; the last one of the file where a short frame ends before."""
-    return data[np.minimum(at, len(data) - 1)].astype(np.int64)
-
-
-def _number_at(data: NDArray[np.uint8], at: Ints) -> Ints:
-    """Message numbers of version 2: three bytes, little-endian."""
-    return _byte_at(data, at) | _byte_at(data, at + 1) << 8 | _byte_at(data, at + 2) << 16
-
-
-def _walk(data: bytes) -> tuple[list[int], int]:
-    """Offsets of frames that end inside the file, and how many bytes belong to none."""
-    starts: list[int] = []
-    size, at, skipped = len(data), 0, 0
-    while at + 16 < size + 1:
-        total = _frame_length(data, at + 8)
-        end = at + 8 + total
-        fits = total > 0 and end <= size
-        # the next record's frame must begin where this one says; else trust only its checksum
-        if fits and (end + 8 >= size or data[end + 8] in (_V1, _V2) or _is_intact(data, at + 8)):
-            starts.append(at + 8)
-            at = end
-            continue
-        found = _RECORD.search(data, at + 1)
-        after = found.start() if found else size
-        skipped += after - at
-        at = after
-    return starts, skipped + max(0, size - at)
-
-
-def _frame_length(data: bytes, start: int) -> int:
-    """Bytes of the frame that begins here; 0 where none does."""
-    if data[start] == _V1:
-        return data[start + 1] + 8
-    if data[start] == _V2 and start + 2 < len(data):
-        return data[start + 1] + 12 + (13 if data[start + 2] & 1 else 0)
-    return 0
-
-
-def _is_intact(data: bytes, start: int) -> bool:
-    """Whether the checksum of one frame is right."""
+def _candidates(data: NDArray[np.uint8]) -> _Candidates:
+    """Every place of the file that could be a frame."""
+    parts = [np.zeros(0, dtype=np.int64)]
+    for low in range(8, len(data), _CHUNK):
+        chunk = data[low : low + _CHUNK]
+        at = np.flatnonzero((chunk - np.uint8(_V2)) <= 1) + low  # 0xFD or 0xFE
+        at = at[data[at - 7] < _LATEST]
+        parts.append(at[data[at - 8] == 0])
+    start = np.concatenate(parts)
+    start = start[start + 8 <= len(data)]
     second = data[start] == _V2
-    length, head = data[start + 1], 10 if second else 6
-    number = int.from_bytes(data[start + 7 : start + 10], "little") if second else data[start + 5]
-    extra = _checksum_extra(number)
-    if extra < 0:
-        return False
-    array = np.frombuffer(data[start + 1 : start + head + length], dtype=np.uint8)
-    found = checksums(array, np.zeros(1, np.int64), np.array([len(array)]), np.array([extra]))
-    (written,) = struct.unpack_from("<H", data, start + head + length)
-    return bool(found[0] == written)
+    start = start[~second | (start + 12 <= len(data))]
+    second = data[start] == _V2
+    length = data[start + 1]
+    signed = second & (data[start + 2] & 1 > 0)
+    end = start + length + np.where(second, 12, 8) + np.where(signed, 13, 0)
+    number = np.where(second, 0, data[start + 5]).astype(np.int32)
+    wide = start[second]
+    number[second] = (
+        data[wide + 7].astype(np.int32)
+        | data[wide + 8].astype(np.int32) << 8
+        | data[wide + 9].astype(np.int32) << 16
+    )
+    return _Candidates(start, end, second, length, number).only(end <= len(data))
 
 
-def _checksum_extra(number: int) -> int:
-    """The byte that ties a checksum to the message's definition; -1 for an unknown message."""
-    known = dialect.mavlink_map.get(number)
-    return int(known.crc_extra) if known is not None else -1
+def _has_right_checksum(
+    data: NDArray[np.uint8], found: _Candidates, extra: NDArray[np.int16]
+) -> Bools:
+    """(N,) whether the checksum is that of the bytes; false where the message is unknown."""
+    known = np.flatnonzero(extra >= 0)
+    start = found.start[known]
+    covered = found.length[known] + np.where(found.second[known], 9, 5)
+    stated = data[start + 1 + covered].astype(np.uint16)
+    stated |= data[start + 2 + covered].astype(np.uint16) << 8
+    good = np.zeros(len(extra), dtype=bool)
+    good[known] = checksums(data, start + 1, covered, extra[known]) == stated
+    return good
 
 
-def _checksum_table() -> NDArray[np.uint16]:
-    """CRC-16/MCRF4XX (reflected polynomial 0x8408) of each byte."""
-    table = np.arange(256, dtype=np.uint16)
-    for _ in range(8):
-        table = np.where(table & 1, (table >> 1) ^ np.uint16(0x8408), table >> 1)
-    return table.astype(np.uint16)
+def _apart(found: _Candidates) -> Bools:
+    """(N,) whether to keep a record: not where it begins inside of one that was kept."""
+    keep = np.ones(len(found.start), dtype=bool)
+    if np.all(found.start[1:] - 8 >= found.end[:-1]):
+        return keep
+    free_from = 0
+    for k, (start, end) in enumerate(zip(found.start.tolist(), found.end.tolist(), strict=True)):
+        if start - 8 < free_from:
+            keep[k] = False
+        else:
+            free_from = end
+    return keep
 
 
-_TABLE = _checksum_table()
+def _overlaps(found: _Candidates, sound: _Candidates) -> Bools:
+    """(N,) whether a record lies on one of the sound ones, which are apart."""
+    if not len(sound.start):
+        return np.zeros(len(found.start), dtype=bool)
+    following = np.searchsorted(sound.start - 8, found.start - 8, side="right")
+    before = sound.end[np.maximum(following - 1, 0)]
+    inside = (following > 0) & (before > found.start - 8)
+    after = sound.start[np.minimum(following, len(sound.start) - 1)] - 8
+    return inside | ((following < len(sound.start)) & (after < found.end))
 
 
-def checksums(data: NDArray[np.uint8], start: Ints, length: Ints, extra: Ints) -> Ints:
-    """MAVLink checksum (CRC-16/MCRF4XX) of N byte ranges.
-
-    Parameters
-    ----------
-    data
-        Bytes.
-    start, length
-        (N,) the ranges.
-    extra
-        (N,) the message's own byte, appended to its range.
-
-    Returns
-    -------
-    (N,)
-    """
-    order = np.argsort(-length, kind="stable")
-    first, long = start[order], length[order]
-    crc = np.full(len(start), 0xFFFF, dtype=np.uint16)
-    for k in range(int(long[0]) if len(long) else 0):
-        active = int(np.searchsorted(-long, -k, side="left"))  # ranges longer than k come first
-        crc[:active] = _step(crc[:active], data[first[:active] + k])
-    result = np.empty(len(start), dtype=np.int64)
-    result[order] = crc
-    return _step(result.astype(np.uint16), (extra & 0xFF).astype(np.uint8)).astype(np.int64)
+def _is_followed(data: NDArray[np.uint8], end: Ints) -> Bools:
+    """(N,) whether another record, or the end of the file, follows."""
+    mark = data[np.minimum(end + 8, len(data) - 1)]
+    return np.asarray((end + 8 >= len(data)) | (mark == _V1) | (mark == _V2))
 
 
-def _step(crc: NDArray[np.uint16], byte: NDArray[np.uint8]) -> NDArray[np.uint16]:
-    table_step: NDArray[np.uint16] = (crc >> 8) ^ _TABLE[(crc ^ byte) & 0xFF]
-    return table_step
+def _bytes_of(found: _Candidates) -> int:
+    return int((found.end - found.start + 8).sum())
+
+
+def _grouped(number: NDArray[np.int32]) -> dict[int, Ints]:
+    """Message number: its rows, increasing; the numbers are ones that a dialect defines."""
+    # 16 bits, where they suffice: a radix sort
+    narrow = number.astype(np.uint16) if not len(number) or number.max() < 1 << 16 else number
+    order = np.argsort(narrow, kind="stable")
+    count = np.bincount(number) if len(number) else np.zeros(0, dtype=np.int64)
+    edges = np.append(0, np.cumsum(count))
+    return {int(n): order[edges[n] : edges[n + 1]] for n in np.flatnonzero(count)}

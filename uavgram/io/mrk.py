@@ -110,6 +110,9 @@ def _read_rows(path: Path) -> _Rows:
     table = np.array([[float(x) for x in m.groups()] for _, m in matches if m is not None])
     number = table[:, 0].astype(np.int64)
     line = np.array([k for k, _ in matches])
+    lost = np.flatnonzero((np.abs(table[:, 6]) > 90) | (np.abs(table[:, 7]) > 180))
+    if lost.size:
+        raise InputError(path, "its position is no place on earth", int(line[lost[0]]))
     twice = np.flatnonzero(np.diff(np.sort(number)) == 0)
     if twice.size:
         value = np.sort(number)[twice[0]]

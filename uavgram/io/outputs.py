@@ -59,7 +59,12 @@ def staged_output(folder: str | Path) -> Iterator[Path]:
 
 
 def replace_text(path: Path, text: str) -> None:
-    """Write a text file in one step: the old one, or the new one, and nothing between.
+    """Write a text file (UTF-8) in one step: see `replace_bytes`."""
+    replace_bytes(path, text.encode())
+
+
+def replace_bytes(path: Path, content: bytes) -> None:
+    """Write a file in one step: the old one, or the new one, and nothing between.
 
     Raises
     ------
@@ -70,8 +75,8 @@ def replace_text(path: Path, text: str) -> None:
     unfinished = path.with_name(f".{path.name}.unfinished")
     with _told_as_output_errors(path.parent):
         try:
-            with unfinished.open("w", encoding="utf-8", newline="") as stream:
-                stream.write(text)
+            with unfinished.open("wb") as stream:
+                stream.write(content)
                 stream.flush()
                 os.fsync(stream.fileno())
             unfinished.replace(path)

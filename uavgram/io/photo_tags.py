@@ -7,16 +7,17 @@ turn; the first that finds its tags decides, and EXIF alone comes last.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from uavgram.errors import InputError
 from uavgram.geometry.nadir_angles import gimbal_from_nadir
 from uavgram.io.exif_gps import ExifPlace, read_exif_place
-from uavgram.io.xmp import DJI, PIX4D, XmpTags, read_xmp
+from uavgram.io.xmp import DJI, PIX4D, XMP, XmpTags, read_xmp
 from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.photo_poses import PhotoPoses
@@ -28,6 +29,8 @@ NONE: Angles = (math.nan, math.nan, math.nan)
 # An RTK receiver states its own noise; base, antenna phase centre and the way from the antenna to
 # the camera are not in it.
 RTK_FLOOR_HORIZONTAL_M, RTK_FLOOR_VERTICAL_M = 0.05, 0.10
+# Programs that turn photos on a click, and leave the pose tags as they were.
+_EDITORS = re.compile(r"windows|viewer|picasa|photoshop|lightroom|gimp|irfan|photos", re.IGNORECASE)
 _UPSIDE_DOWN_DEG = 90.0
 _NEAR_NADIR_DEG = 30.0
 
@@ -54,6 +57,7 @@ class TagPose:
     sigma_horizontal_m: float = math.nan
     sigma_vertical_m: float = math.nan
     source: str = ""
+    editor: str = ""
 
 
 def dji_pose(xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
@@ -168,7 +172,7 @@ def read_photo_tags(photos: Photos) -> tuple[PhotoPoses, tuple[Message, ...]]:
         sigma_attitude_rad=np.full(len(rows), np.nan),
         source=", ".join(dict.fromkeys(p.source for p in chosen)),
     )
-    return poses, _oddities(frame_id, chosen)
+    return poses, (*_oddities(frame_id, chosen), *_edited(frame_id, chosen))
 
 
 def first_maker(photos: Photos) -> str:
@@ -184,7 +188,9 @@ def first_maker(photos: Photos) -> str:
 def _read_pose(path: str) -> TagPose:
     xmp, exif = read_xmp(path), read_exif_place(path)
     poses = (read(xmp, exif) for read in MAKERS)
-    return next(pose for pose in poses if pose is not None)
+    pose = next(pose for pose in poses if pose is not None)
+    tool = xmp.get((XMP, "CreatorTool"), "")
+    return replace(pose, editor=tool if _EDITORS.search(tool) else "")
 
 
 def _one_datum(photos: Photos, rows: list[int], poses: list[TagPose]) -> HeightDatum:
@@ -225,6 +231,19 @@ def _oddities(frame_id: tuple[str, ...], poses: list[TagPose]) -> tuple[Message,
         )
         messages.append(Message("warning", "gimbal-upside-down", text))
     return tuple(messages)
+
+
+def _edited(frame_id: tuple[str, ...], poses: list[TagPose]) -> tuple[Message, ...]:
+    edited = [(name, p.editor) for name, p in zip(frame_id, poses, strict=True) if p.editor]
+    if not edited:
+        return ()
+    name, editor = edited[0]
+    text = (
+        f"{len(edited)} photos (the first is {name}) were saved by {editor}: if it turned or "
+        "cropped them, their pose tags and the camera file no longer fit; use the camera's own "
+        "files"
+    )
+    return (Message("warning", "photo-edited", text),)
 
 
 def _angles(xmp: XmpTags, namespace: str, pattern: str) -> Angles:

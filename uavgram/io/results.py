@@ -46,6 +46,7 @@ def dump_results(result: Result) -> str:
         "picks": tables.dump_picks(result.picks),
         "measurements": tables.dump_measurements(result.measurements),
         "measurement_correlation": tables.plain(result.measurements.correlation),
+        "monte_carlo": parts.dump_monte_carlo(result.monte_carlo),
         "checks": point_checks + tables.dump_line_checks(result.line_checks),
         "solution": parts.dump_solution(result.solution),
         "messages": [{"level": m.level, "code": m.code, "text": m.text} for m in result.messages],
@@ -99,6 +100,7 @@ def _result(content: dict[str, Any]) -> Result:
         measurements=tables.load_measurements(
             content["measurements"], content["measurement_correlation"]
         ),
+        monte_carlo=parts.load_monte_carlo(content["monte_carlo"]),
         point_checks=tables.load_point_checks([c for c in checks if "label" in c]),
         line_checks=tables.load_line_checks([c for c in checks if "label" not in c]),
         solution=parts.load_solution(content["solution"]),

@@ -12,6 +12,7 @@ from uavgram.model.result import (
     Estimate,
     GroupFactor,
     InputDigest,
+    MonteCarloResults,
     Provenance,
     SharedResult,
     SolutionSummary,
@@ -249,4 +250,33 @@ def load_solution(record: Record) -> SolutionSummary:
             )
             for one in record["groups"]
         ),
+    )
+
+
+def dump_monte_carlo(sampled: MonteCarloResults | None) -> Record | None:
+    """Sampled values, in the order of the measurements; null where none were asked for."""
+    if sampled is None:
+        return None
+    return {
+        "samples": sampled.samples,
+        "failed": sampled.failed,
+        "seed": sampled.seed,
+        "mean": plain(sampled.mean),
+        "sigma": plain(sampled.sigma),
+        "interval_95": plain(sampled.interval_95),
+    }
+
+
+def load_monte_carlo(record: Record | None) -> MonteCarloResults | None:
+    """Inverse of `dump_monte_carlo`."""
+    if record is None:
+        return None
+    count = len(record["mean"])
+    return MonteCarloResults(
+        samples=record["samples"],
+        failed=record["failed"],
+        seed=record["seed"],
+        mean=numbers(record["mean"], count),
+        sigma=numbers(record["sigma"], count),
+        interval_95=numbers(record["interval_95"], count, 2),
     )

@@ -9,6 +9,10 @@ from scipy.ndimage import median_filter
 from uavgram.model.arrays import Bools, Floats, Ints
 
 LONGEST_BOOT_S = 30 * 86400.0
+_DENSE_ROWS, _LONE_ROWS, _LONE_GAP_S = 20, 3, 1800.0
+# Faster than any aircraft that takes photos of the ground, gusts and steps of the estimator added.
+_FASTEST_M_S, _STEP_M = 200.0, 30.0
+_METERS_PER_DEG = 111e3
 RESTART_S = 1.0  # a clock that steps back by more has been restarted (or the byte is damaged)
 
 
@@ -23,7 +27,7 @@ def is_spike(time_s: Floats) -> Bools:
     return np.asarray(np.abs(time_s - median_filter(time_s, size=7, mode="nearest")) > RESTART_S)
 
 
-def in_order(time_s: Floats, believable: Bools) -> Ints:
+def in_order(time_s: Floats, believable: Bools, *, dense: bool = False) -> Ints:
     """Rows to keep: believable, of a possible time, no spike; sorted, each instant once.
 
     Parameters
@@ -32,6 +36,8 @@ def in_order(time_s: Floats, believable: Bools) -> Ints:
         (N,) seconds since boot.
     believable
         (N,) whether the row's values make sense.
+    dense
+        The table has many rows a second: single ones half an hour from all others are damaged.
 
     Returns
     -------
@@ -42,8 +48,24 @@ def in_order(time_s: Floats, believable: Bools) -> Ints:
     rows = np.flatnonzero(possible & believable)
     rows = rows[~is_spike(time[rows])]
     rows = rows[np.argsort(time[rows], kind="stable")]
+    if dense:
+        rows = _without_lone_ends(time, rows)
     first_of_instant = np.diff(time[rows], prepend=-np.inf) > 0
     return rows[first_of_instant].astype(np.int64)
+
+
+def _without_lone_ends(time_s: Floats, rows: Ints) -> Ints:
+    """Rows of a dense table less single ones far before its first or after its last.
+
+    `is_spike` cannot tell a damaged time at an end, which is in order.
+    """
+    if len(rows) < _DENSE_ROWS:
+        return rows
+    apart = np.diff(time_s[rows])
+    far = np.flatnonzero(apart > _LONE_GAP_S)
+    first = int(far[far < _LONE_ROWS].max(initial=-1)) + 1
+    last = int(far[far >= len(apart) - _LONE_ROWS].min(initial=len(rows) - 1)) + 1
+    return rows[first:last]
 
 
 def restarts(time_s: Floats) -> Ints:
@@ -66,22 +88,60 @@ def is_height(height_m: NDArray[np.floating]) -> Bools:
 
 
 def near_its_track(
-    latitude_deg: NDArray[np.floating], longitude_deg: NDArray[np.floating]
+    time_s: Floats,
+    latitude_deg: NDArray[np.floating],
+    longitude_deg: NDArray[np.floating],
+    height_m: NDArray[np.floating],
 ) -> Bools:
-    """(N,) whether a position lies near the median one, or else has damaged bytes."""
-    if len(latitude_deg) == 0:
-        return np.zeros(0, dtype=bool)
-    place = is_place(latitude_deg, longitude_deg)
-    if not place.any():
-        return place
-    far_n = np.abs(latitude_deg - np.median(latitude_deg[place]))
-    far_e = np.abs(
-        (longitude_deg - np.median(longitude_deg[place]) + 180) % 360 - 180
-    )  # across the date line as well
-    return np.asarray(place & (far_n < 2) & (far_e < 5))
+    """(N,) whether a position is one, and fits its neighbours in time, or else has damaged bytes.
+
+    It fits where it lies no further from the median of seven neighbours than the fastest aircraft
+    flies meanwhile. A step that stays (a fix found, an origin set) is no damage.
+    """
+    fits = is_place(latitude_deg, longitude_deg) & is_height(height_m) & np.isfinite(time_s)
+    rows = np.flatnonzero(fits)
+    rows = rows[~is_spike(time_s[rows])]
+    if len(rows) < 3:
+        return fits
+    time, middle = time_s[rows], float(np.median(latitude_deg[rows]))
+    longitude = longitude_deg[rows]
+    # across the date line as well
+    east = (longitude - longitude[len(rows) // 2] + 180) % 360 - 180
+    reach = np.abs(time - _shifted(time, 3)) + np.abs(time - _shifted(time, -3))
+    allowed = _STEP_M + _FASTEST_M_S * np.minimum(reach, 10.0)
+    off_n = _off_its_median(latitude_deg[rows]) * _METERS_PER_DEG
+    off_e = _off_its_median(east) * _METERS_PER_DEG * np.cos(np.radians(middle))
+    off_u = _off_its_median(height_m[rows])
+    near = (off_n < allowed) & (off_e < allowed) & (off_u < allowed)
+    fits[rows[~near]] = False
+    return fits
 
 
-def are_angles(angles_deg: Floats) -> Bools:
-    """(N,) whether all angles of a row (N, K) [deg] are ones; NaN and wild values are none."""
-    small = np.abs(angles_deg) <= 361  # NaN compares False; firmware writes 360.0 and rounds up
+def _shifted(values: Floats, by: int) -> Floats:
+    """(N,) the value `by` rows before each; the end's own value beyond it."""
+    at = np.clip(np.arange(len(values)) - by, 0, len(values) - 1)
+    return np.asarray(values[at])
+
+
+def _off_its_median(values: NDArray[np.floating]) -> Floats:
+    """(N,) distance from the median of seven neighbours; at the ends of the seven end rows."""
+    found = median_filter(values, size=min(7, len(values)), mode="nearest")
+    if len(values) >= 7:
+        found[:3], found[-3:] = np.median(values[:7]), np.median(values[-7:])
+    return np.abs(values - found)
+
+
+def are_body_angles(rpy_deg: Floats) -> Bools:
+    """(N,) whether rows of roll, pitch, yaw (N, 3) [deg] are a vehicle's attitude."""
+    rounded_up = 0.1
+    limits = np.array([180.0, 90.0, 360.0]) + rounded_up
+    return np.asarray((np.abs(rpy_deg) <= limits).all(axis=1))
+
+
+def are_angles(rpy_deg: Floats) -> Bools:
+    """(N,) whether rows of roll, pitch, yaw (N, 3) [deg] are angles; NaN and wild values are none.
+
+    Firmware writes 360.0 and rounds up, and a gimbal may say 270 for -90.
+    """
+    small = np.abs(rpy_deg) <= 361  # NaN compares False
     return np.asarray(small.all(axis=1))

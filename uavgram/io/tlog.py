@@ -6,24 +6,23 @@ import re
 from pathlib import Path
 
 import numpy as np
-from pymavlink.dialects.v20 import all as dialect
 
 from uavgram.errors import InputError
 from uavgram.io import tlog_pose
-from uavgram.io.mavlink_frames import FrameTable, message_name, scan_frames
+from uavgram.io.boot_span import consistent
+from uavgram.io.mavlink_dialect import message_name, vehicle_kind
+from uavgram.io.mavlink_frames import FrameTable, scan_frames
 from uavgram.io.samples import in_order, is_height, is_place
+from uavgram.io.tlog_events import camera_events
 from uavgram.io.tlog_stream import Stream, boots, vehicles
 from uavgram.model.telemetry import (
     Boot,
-    CameraEvents,
     ClockSamples,
     FlightLog,
     HomeSamples,
     MessageCount,
 )
 
-_EPOCH_USEC = 1e15  # a greater time is microseconds since 1970 (2001 on), a smaller one since boot
-_WRAP_S = 2.0**32 * 1e-6
 _FIRMWARE = re.compile(r"\b(Ardu\w+|APM:\w+|PX4)\s+[Vv]?\d[\w.\-]*(\s+\(\w+\))?")
 
 
@@ -33,7 +32,7 @@ def read_tlog(path: str | Path) -> FlightLog:
     Raises
     ------
     InputError
-        The file is missing, empty, no telemetry log, or holds no position of a vehicle.
+        The file is missing, empty, no telemetry log, or holds nothing of an autopilot.
     """
     frames = _frames(str(path))
     systems = vehicles(frames)
@@ -47,10 +46,9 @@ def read_tlog(path: str | Path) -> FlightLog:
     for stream in streams:
         boot, remarks = _boot(stream)
         notes.extend(remarks)
-        if boot.positions is not None:
-            found.append(boot)
+        found.append(boot)
     if not found:
-        raise InputError(path, _no_positions(frames))
+        raise InputError(path, _no_autopilot(frames))
     vehicle, firmware = _vehicle(frames, systems[0])
     return FlightLog(
         path=str(path),
@@ -89,66 +87,21 @@ def _scan_notes(frames: FrameTable) -> list[str]:
 
 
 def _boot(stream: Stream) -> tuple[Boot, tuple[str, ...]]:
-    events, notes = _events(stream)
+    events, event_notes = camera_events(stream)
+    positions, position_notes = tlog_pose.positions(stream)
+    attitudes = tlog_pose.attitudes(stream)
+    gimbal, gimbal_notes = tlog_pose.gimbal(stream, attitudes)
     boot = Boot(
-        positions=tlog_pose.positions(stream),
-        attitudes=tlog_pose.attitudes(stream),
-        gimbal=tlog_pose.gimbal(stream),
+        positions=positions,
+        attitudes=attitudes,
+        gimbal=gimbal,
         sigmas=tlog_pose.sigmas(stream),
         events=events,
         home=_home(stream),
         clocks=_clocks(stream),
     )
-    return boot, notes
-
-
-def _events(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...]]:
-    """CAMERA_FEEDBACK on the boot clock.
-
-    Its time_usec changes its clock (ArduPilot, AP_Camera_Backend.cpp): UTC without a feedback pin,
-    microseconds since boot in 32 bits with one. UTC is taken back to the boot clock by the
-    vehicle's own SYSTEM_TIME, whose clock it is, right or wrong.
-    """
-    columns, rows = stream.columns("CAMERA_FEEDBACK")
-    if not columns:
-        return None, ()
-    stated = columns["time_usec"].astype(np.float64)
-    near = stream.boot_s(rows)
-    since_boot = stated * 1e-6
-    since_boot += np.round((near - since_boot) / _WRAP_S) * _WRAP_S
-    is_utc = stated > _EPOCH_USEC
-    notes = []
-    if is_utc.any():
-        offset, known = _utc_minus_boot(stream, rows)
-        since_boot = np.where(is_utc, stated * 1e-6 - offset if known else np.nan, since_boot)
-        if not known:
-            notes.append(
-                f"{int(is_utc.sum())} CAMERA_FEEDBACK messages state UTC but the log has no "
-                "SYSTEM_TIME to place them; they were not used"
-            )
-    kept = in_order(since_boot, np.abs(since_boot - near) < 60.0)
-    if not len(kept):
-        return None, tuple(notes)
-    events = CameraEvents(
-        time_boot_s=since_boot[kept],
-        image_number=columns["img_idx"].astype(np.int64)[kept],
-        confirmed=np.ones(len(kept)),
-        source="CAMERA_FEEDBACK",
-    )
-    return events, tuple(notes)
-
-
-def _utc_minus_boot(stream: Stream, rows: np.ndarray) -> tuple[np.ndarray, bool]:
-    """(K,) the vehicle's UTC minus its boot time at these frames; whether it states any."""
-    columns, found = stream.columns("SYSTEM_TIME")
-    if not columns:
-        return np.zeros(len(rows)), False
-    utc = columns["time_unix_usec"].astype(np.float64) * 1e-6
-    some = utc > 0
-    if not some.any():
-        return np.zeros(len(rows)), False
-    difference = utc - columns["time_boot_ms"] * 1e-3
-    return np.interp(rows, found[some], difference[some]), True
+    boot, remarks = consistent(boot)
+    return boot, (*position_notes, *gimbal_notes, *event_notes, *remarks)
 
 
 def _clocks(stream: Stream) -> tuple[ClockSamples, ...]:
@@ -162,7 +115,7 @@ def _clocks(stream: Stream) -> tuple[ClockSamples, ...]:
             clocks.append(
                 ClockSamples(time_boot_s=time[rows], utc_s=utc[rows], source="system_time")
             )
-    receive = stream.frames.receive_s[stream.clock_row]
+    receive = stream.frames.receive_s(stream.clock_row)
     rows = in_order(stream.clock_boot_s, receive > 0)
     if len(rows):
         clocks.append(
@@ -196,30 +149,29 @@ def _home(stream: Stream) -> HomeSamples | None:
 def _undulation_m(streams: list[Stream]) -> float:
     """Geoid above ellipsoid: median of alt_ellipsoid - alt in GPS_RAW_INT; NaN without (0)."""
     for stream in streams:
-        columns, _ = stream.columns("GPS_RAW_INT")
+        columns, _ = tlog_pose.receiver(stream)
         if not columns:
             continue
         ellipsoid, sea_level = columns["alt_ellipsoid"] / 1e3, columns["alt"] / 1e3
-        stated = (columns["alt_ellipsoid"] != 0) & (columns["fix_type"] >= 3)
+        stated = columns["alt_ellipsoid"] != 0
         stated &= np.abs(ellipsoid - sea_level) < 150
         if stated.any():
             return float(np.median((ellipsoid - sea_level)[stated]))
     return float("nan")
 
 
-def _no_positions(frames: FrameTable) -> str:
-    names = sorted({message_name(int(n)) for n in np.unique(frames.message_id)})
+def _no_autopilot(frames: FrameTable) -> str:
+    names = sorted(message_name(number) for number in frames.rows_by_id)
     held = ", ".join(names[:15]) + (", ..." if len(names) > 15 else "")
     return (
-        "holds no usable GLOBAL_POSITION_INT of an autopilot; "
-        f"it holds {held}. Was it recorded in flight, with GPS?"
+        "holds no message of an autopilot that tells its time since boot; "
+        f"it holds {held}. Was it recorded with the autopilot connected?"
     )
 
 
 def _counts(frames: FrameTable, streams: list[Stream]) -> tuple[MessageCount, ...]:
     counts = []
-    for number in np.unique(frames.message_id).tolist():
-        rows = np.flatnonzero(frames.message_id == number)
+    for number, rows in frames.rows_by_id.items():
         times = _boot_times(rows, streams)
         counts.append(
             MessageCount(
@@ -245,11 +197,8 @@ def _boot_times(rows: np.ndarray, streams: list[Stream]) -> list[float]:
 def _vehicle(frames: FrameTable, system: int) -> tuple[str, str]:
     """Kind of vehicle by its heartbeat; firmware by its greeting, else by AUTOPILOT_VERSION."""
     mine = (frames.system == system) & (frames.component == 1)
-    beats = frames.columns("HEARTBEAT", frames.rows("HEARTBEAT", mine)).get(
-        "type", np.zeros(0, int)
-    )
-    kind = dialect.enums["MAV_TYPE"].get(int(beats[-1])) if len(beats) else None
-    vehicle = kind.name.removeprefix("MAV_TYPE_").lower().replace("_", " ") if kind else ""
+    beats = frames.columns("HEARTBEAT", frames.rows("HEARTBEAT", mine))["type"]
+    vehicle = vehicle_kind(int(beats[-1])) if len(beats) else ""
     for text in frames.columns("STATUSTEXT", frames.rows("STATUSTEXT", mine)).get("text", ()):
         found = _FIRMWARE.search(bytes(text).decode("latin-1"))
         if found:

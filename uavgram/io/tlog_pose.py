@@ -5,17 +5,16 @@ Units and frames: https://mavlink.io/en/messages/common.html, message by message
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from uavgram.geometry.rotation import (
-    matrix_from_xyzw,
-    matrix_from_ypr,
-    xyzw_from_matrix,
-    ypr_from_matrix,
-)
+from uavgram.geometry.interpolation import interpolate_rotation
+from uavgram.geometry.rotation import matrix_from_ypr, xyzw_from_matrix, ypr_from_matrix
+from uavgram.io import gimbal as gimbal_forms
 from uavgram.io.dataflash_pose import merged_sigmas
 from uavgram.io.mavlink_frames import Columns
-from uavgram.io.samples import are_angles, in_order, is_height, near_its_track
+from uavgram.io.samples import in_order, is_height, near_its_track
 from uavgram.io.tlog_stream import Stream
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.telemetry import (
@@ -25,30 +24,54 @@ from uavgram.model.telemetry import (
     PositionSamples,
 )
 
-# GIMBAL_DEVICE_FLAGS
-_YAW_LOCK, _YAW_IN_VEHICLE_FRAME, _YAW_IN_EARTH_FRAME = 16, 32, 64
 
-
-def positions(stream: Stream) -> PositionSamples | None:
-    """GLOBAL_POSITION_INT."""
+def positions(stream: Stream) -> tuple[PositionSamples | None, tuple[str, ...]]:
+    """GLOBAL_POSITION_INT; else the receiver's own."""
     columns, _ = stream.columns("GLOBAL_POSITION_INT")
+    if columns:
+        time, above_home = columns["time_boot_ms"] * 1e-3, columns["relative_alt"] / 1e3
+        samples, notes = _position_samples(columns, time, above_home, "GLOBAL_POSITION_INT")
+        if samples is not None:
+            return samples, notes
+    columns, rows = receiver(stream)
     if not columns:
-        return None
-    time = columns["time_boot_ms"] * 1e-3
+        return None, ()
+    time = stream.boot_s(rows)
+    samples, notes = _position_samples(columns, time, np.full(len(time), np.nan), "GPS_RAW_INT")
+    remark = "positions are the receiver's own (no GLOBAL_POSITION_INT): they lag by its delay"
+    return samples, notes if samples is None else (*notes, remark)
+
+
+def _position_samples(
+    columns: Columns, time_s: Floats, above_home_m: Floats, source: str
+) -> tuple[PositionSamples | None, tuple[str, ...]]:
     latitude, longitude = columns["lat"] / 1e7, columns["lon"] / 1e7
     height = columns["alt"] / 1e3
-    rows = in_order(time, near_its_track(latitude, longitude) & is_height(height))
+    fixed = (columns["lat"] != 0) | (columns["lon"] != 0)
+    rows = in_order(time_s, near_its_track(time_s, latitude, longitude, height), dense=True)
+    dropped = int(fixed.sum()) - len(rows)
+    notes = (f"{dropped} of {len(fixed)} {source} messages make no sense or repeat a time",)
     if not len(rows):
-        return None
-    return PositionSamples(
-        time_boot_s=time[rows],
+        return None, ()
+    samples = PositionSamples(
+        time_boot_s=time_s[rows],
         latitude_deg=latitude[rows],
         longitude_deg=longitude[rows],
         height_m=height[rows],
-        height_home_m=(columns["relative_alt"] / 1e3)[rows],
+        height_home_m=np.where(is_height(above_home_m), above_home_m, np.nan)[rows],
         datum="msl",
-        source="GLOBAL_POSITION_INT",
+        source=source,
     )
+    return samples, notes if dropped else ()
+
+
+def receiver(stream: Stream) -> tuple[Columns, Ints]:
+    """Messages with a 3-D fix of the first receiver that has any, and their frames."""
+    for name in ("GPS_RAW_INT", "GPS2_RAW"):
+        columns, rows = stream.columns(name)
+        if columns and (fixed := columns["fix_type"] >= 3).any():
+            return {field: values[fixed] for field, values in columns.items()}, rows[fixed]
+    return {}, np.zeros(0, dtype=np.int64)
 
 
 def attitudes(stream: Stream) -> AttitudeSamples | None:
@@ -70,7 +93,7 @@ def attitudes(stream: Stream) -> AttitudeSamples | None:
 def _attitude_samples(columns: Columns, xyzw: Floats, source: str) -> AttitudeSamples | None:
     time = columns["time_boot_ms"] * 1e-3
     length = np.linalg.norm(xyzw, axis=1)
-    rows = in_order(time, np.abs(length - 1) < 0.01)
+    rows = in_order(time, np.abs(length - 1) < 0.01, dense=True)
     if not len(rows):
         return None
     return AttitudeSamples(
@@ -80,35 +103,23 @@ def _attitude_samples(columns: Columns, xyzw: Floats, source: str) -> AttitudeSa
     )
 
 
-def gimbal(stream: Stream) -> GimbalSamples | None:
+def gimbal(
+    stream: Stream, attitudes: AttitudeSamples | None
+) -> tuple[GimbalSamples | None, tuple[str, ...]]:
     """The gimbal's attitude from the first of its messages that the log has, newest first."""
-    return _gimbal_device(stream) or _mount_orientation(stream) or _mount_status(stream)
+    samples = _gimbal_device(stream) or _mount_orientation(stream)
+    return (samples, ()) if samples is not None else _mount_status(stream, attitudes)
 
 
 def _gimbal_device(stream: Stream) -> GimbalSamples | None:
     columns, _ = stream.columns("GIMBAL_DEVICE_ATTITUDE_STATUS")
     if not columns:
         return None
-    q = columns["q"].astype(np.float64)[:, [1, 2, 3, 0]]
-    length = np.linalg.norm(q, axis=1)
-    flags = columns["flags"]
-    # Neither frame flag (older firmware): the lock flag says which frame the yaw is in.
-    earth = (flags & _YAW_IN_EARTH_FRAME > 0) | (
-        (flags & _YAW_IN_VEHICLE_FRAME == 0) & (flags & _YAW_LOCK > 0)
-    )
-    use_earth = bool(earth.mean() > 0.5)
-    time = columns["time_boot_ms"] * 1e-3
-    rows = in_order(time, (np.abs(length - 1) < 0.01) & (earth == use_earth))
-    if not len(rows):
-        return None
-    yaw, pitch, roll = ypr_from_matrix(matrix_from_xyzw(q[rows] / length[rows, None]))
-    return GimbalSamples(
-        time_boot_s=time[rows],
-        roll_rad=roll,
-        pitch_rad=pitch,
-        yaw_rad=yaw,
-        yaw_frame="earth" if use_earth else "vehicle",
-        source="GIMBAL_DEVICE_ATTITUDE_STATUS",
+    return gimbal_forms.from_device_status(
+        columns["time_boot_ms"] * 1e-3,
+        columns["q"].astype(np.float64),
+        columns["flags"].astype(np.int64),
+        "GIMBAL_DEVICE_ATTITUDE_STATUS",
     )
 
 
@@ -118,34 +129,56 @@ def _mount_orientation(stream: Stream) -> GimbalSamples | None:
         return None
     angles_deg = np.stack([columns[k] for k in ("roll", "pitch", "yaw")], axis=1)
     time = columns["time_boot_ms"] * 1e-3
-    return _mount_samples(time, angles_deg.astype(np.float64), "MOUNT_ORIENTATION")
+    return gimbal_forms.from_angles(time, angles_deg.astype(np.float64), "MOUNT_ORIENTATION")
 
 
-def _mount_status(stream: Stream) -> GimbalSamples | None:
+def _mount_status(
+    stream: Stream, attitudes: AttitudeSamples | None
+) -> tuple[GimbalSamples | None, tuple[str, ...]]:
+    """MOUNT_STATUS: of a servo mount (until 4.2) the servos' angles, so from the vehicle's frame.
+
+    ArduPilot 3.x, AP_Mount_Servo.cpp status_msg() sends _angle_bf_output_deg, the other mounts
+    send angles from the horizon; the message does not say which. Servo angles cancel the
+    vehicle's: that is how they are told apart here.
+    """
     columns, found = stream.columns("MOUNT_STATUS")
     if not columns:
-        return None
+        return None, ()
     # pointing_a, b, c are pitch, roll, yaw in centidegrees; the message has no time of its own
     names = ("pointing_b", "pointing_a", "pointing_c")
     angles_deg = np.stack([columns[k] / 100.0 for k in names], axis=1)
     if not angles_deg.any():
-        return None  # no mount is configured
-    return _mount_samples(stream.boot_s(found), angles_deg, "MOUNT_STATUS")
-
-
-def _mount_samples(time: Floats, angles_deg: Floats, source: str) -> GimbalSamples | None:
-    rows = in_order(time, are_angles(angles_deg))
-    if not len(rows):
-        return None
-    roll, pitch, yaw = np.radians(angles_deg[rows]).T
-    return GimbalSamples(
-        time_boot_s=time[rows],
-        roll_rad=roll,
-        pitch_rad=pitch,
-        yaw_rad=yaw,
-        yaw_frame="vehicle",
-        source=source,
+        return None, ()  # no mount is configured
+    samples = gimbal_forms.from_angles(stream.boot_s(found), angles_deg, "MOUNT_STATUS")
+    if samples is None or attitudes is None or len(attitudes.time_boot_s) < 2:
+        return samples, ()
+    vehicle, _ = interpolate_rotation(
+        attitudes.time_boot_s,
+        attitudes.ned_from_body_xyzw,
+        np.clip(samples.time_boot_s, *attitudes.time_boot_s[[0, -1]]),
     )
+    if not _cancels(samples, vehicle):
+        return samples, ()
+    note = (
+        "MOUNT_STATUS states servo angles, which cancel the vehicle's roll and pitch: they were "
+        "turned by the vehicle's attitude"
+    )
+    return _on_vehicle(samples, vehicle), (note,)
+
+
+def _cancels(samples: GimbalSamples, ned_from_body: Floats) -> bool:
+    """Whether the angles undo the vehicle's: their sum varies far less than they do."""
+    _, pitch, roll = ypr_from_matrix(ned_from_body)
+    apart = np.var(samples.roll_rad) + np.var(samples.pitch_rad)
+    together = np.var(samples.roll_rad + roll) + np.var(samples.pitch_rad + pitch)
+    return bool(apart > np.radians(0.5) ** 2 and together < 0.25 * apart)
+
+
+def _on_vehicle(samples: GimbalSamples, ned_from_body: Floats) -> GimbalSamples:
+    """Angles from the vehicle's frame as angles from the horizon and north."""
+    body_from_gimbal = matrix_from_ypr(samples.yaw_rad, samples.pitch_rad, samples.roll_rad)
+    yaw, pitch, roll = ypr_from_matrix(ned_from_body @ body_from_gimbal)
+    return replace(samples, roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw, yaw_frame="earth")
 
 
 def sigmas(stream: Stream) -> EstimatorSigmas | None:
@@ -159,7 +192,7 @@ def sigmas(stream: Stream) -> EstimatorSigmas | None:
         horizontal = columns["pos_horiz_accuracy"].astype(np.float64)
         vertical = columns["pos_vert_accuracy"].astype(np.float64)
         parts.append(_part("ESTIMATOR_STATUS", stream, rows, horizontal, vertical))
-    columns, rows = stream.columns("GPS_RAW_INT")
+    columns, rows = receiver(stream)
     if columns:
         horizontal, vertical = columns["h_acc"] / 1e3, columns["v_acc"] / 1e3
         parts.append(_part("GPS_RAW_INT", stream, rows, horizontal, vertical))

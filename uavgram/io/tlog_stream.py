@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.io.mavlink_frames import Columns, FrameTable
 from uavgram.io.samples import LONGEST_BOOT_S, restarts
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.arrays import Floats, Ints
 
 # Sent by every autopilot while it runs, each with time_boot_ms.
 _CLOCKED = (
@@ -45,25 +45,16 @@ class Stream:
     clock_row: Ints
     clock_boot_s: Floats
 
-    def _inside(self, *, autopilot_only: bool) -> Bools:
-        row = np.arange(len(self.frames.start))
-        inside = (row >= self.first_row) & (row < self.end_row)
-        inside &= self.frames.system == self.system
-        if autopilot_only:
-            inside &= self.frames.component == _AUTOPILOT_COMPONENT
-        return inside
-
     def rows(self, name: str) -> Ints:
         """(K,) frames of one message type, from the autopilot; else from the vehicle's others."""
-        rows = self.frames.rows(name, self._inside(autopilot_only=True))
-        if len(rows):
-            return rows
-        rows = self.frames.rows(name, self._inside(autopilot_only=False))
-        if not len(rows):
-            return rows
+        rows = self.frames.rows(name)
+        rows = rows[np.searchsorted(rows, self.first_row) : np.searchsorted(rows, self.end_row)]
+        rows = rows[self.frames.system[rows] == self.system]
         component = self.frames.component[rows]
-        of_most = component == np.bincount(component).argmax()
-        return np.asarray(rows[of_most], dtype=np.int64)
+        own = component == _AUTOPILOT_COMPONENT
+        if own.any() or not len(rows):
+            return rows[own]
+        return np.asarray(rows[component == np.bincount(component).argmax()], dtype=np.int64)
 
     def columns(self, name: str) -> tuple[Columns, Ints]:
         """Fields of one message type and the rows of its frames; no fields where there is none."""

@@ -16,6 +16,7 @@ XmpTags = Mapping[tuple[str, str], str]
 
 DJI = "http://www.dji.com/drone-dji/1.0"
 PIX4D = "http://pix4d.com/camera/1.0"
+XMP = "http://ns.adobe.com/xap/1.0"
 _RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
 _START, _END = b"<x:xmpmeta", b"</x:xmpmeta>"
 LARGEST_PACKET = 4_000_000

@@ -339,6 +339,35 @@ class MeasurementResults:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class MonteCarloResults:
+    """Sampled distribution of the M measured values, beside their first-order sigmas.
+
+    Attributes
+    ----------
+    mean, sigma
+        (M,) in the measurement's unit; NaN where a value cannot be computed.
+    interval_95
+        (M, 2) probabilistically symmetric: the 2.5 % and 97.5 % quantiles.
+    samples, failed
+        Number of repetitions that came to rest, and of those that did not and were left out.
+    seed
+        Of the draws.
+    """
+
+    mean: Floats
+    sigma: Floats
+    interval_95: Floats
+    samples: int
+    failed: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        n = len(self.mean)
+        names = ("mean", "sigma", "interval_95")
+        freeze(self, may_be_nan=names, mean=(n,), sigma=(n,), interval_95=(n, 2))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PointChecks:
     """C check points: result minus known coordinates.
 
@@ -432,6 +461,8 @@ class Result:
     lines: LineResults
     picks: PickResults
     measurements: MeasurementResults
+    monte_carlo: MonteCarloResults | None = None
+    """Where sampling was asked for."""
     point_checks: PointChecks
     line_checks: LineChecks
     solution: SolutionSummary

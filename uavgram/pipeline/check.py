@@ -8,8 +8,8 @@ from pathlib import Path
 
 from uavgram.errors import near_miss
 from uavgram.model.message import Message
-from uavgram.pipeline.compute import Posed, pose_frames
 from uavgram.pipeline.inputs import Inputs, read_inputs
+from uavgram.pipeline.pose import Posed, pose_frames
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,7 +2,8 @@
 
 ::
 
-    synchronise -> trajectory -> seed          where the log has each frame
+    synchronise -> trajectory -> seed          where the log has each frame (pipeline/pose.py), or
+    photo_exposures -> seed                    where the photos themselves say they were taken
     assemble -> refine                         one likelihood
     reconstruct, measure, judge, summarise     what comes out, and how well it fits
 """
@@ -16,19 +17,18 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from uavgram.errors import GeometryError, InputError, UavgramError
+from uavgram.errors import near_miss
 from uavgram.estimation.adjustment import Refined
 from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.model.arrays import Floats
-from uavgram.model.frames import Frames
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownPoints, KnownWorldPoints
-from uavgram.model.options import GeodeticOrigin, Project, option_pairs
+from uavgram.model.options import option_pairs
 from uavgram.model.result import Provenance, Result
-from uavgram.model.telemetry import FlightLog, HeightDatum
 from uavgram.model.world import World
 from uavgram.pipeline.inputs import Inputs
-from uavgram.stages.assemble import Assembled, Telemetry, assemble
+from uavgram.pipeline.pose import height_shift, pose_frames
+from uavgram.stages.assemble import Assembled, assemble
 from uavgram.stages.judge import (
     PickTable,
     judge_groups,
@@ -38,75 +38,24 @@ from uavgram.stages.judge import (
     judge_priors,
 )
 from uavgram.stages.measure import measure
+from uavgram.stages.monte_carlo import compare, sample
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
-from uavgram.stages.seed import seed
 from uavgram.stages.summarise import summarise_frames, summarise_shared, summarise_solution
-from uavgram.stages.synchronise import Synchronised, synchronise
-from uavgram.stages.trajectory import build_track, find_home
 
 PACKAGES = ("numpy", "scipy", "opencv-python-headless", "pymavlink", "pyproj", "rerun-sdk")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Posed:
-    """The frames on the log's clock, with seed poses in the local world.
+@dataclass(frozen=True)
+class Sampling:
+    """A Monte Carlo check of the measurements: how many repetitions, and the draws' seed."""
 
-    Without a log `telemetry` is None.
-    """
-
-    world: World
-    frames: Frames
-    telemetry: Telemetry | None
-    messages: tuple[Message, ...]
+    count: int
+    seed: int = 0
 
 
-def pose_frames(inputs: Inputs) -> Posed:
-    """Match the photos to the log and seed their poses; without a log, only name the world."""
-    if inputs.log is None:
-        return _without_log(inputs)
-    project = inputs.project
-    matched = _synchronise(inputs, inputs.log)
-    frames = matched.frames
-    if not frames.matched.any():
-        reasons = "; ".join(
-            f"{name}: {why}" for name, why in zip(frames.frame_id, frames.reason, strict=True)
-        )
-        raise GeometryError(
-            f"no usable frame remains, {inputs.log.path} covers no photo: {reasons}"
-        )
-    first = float(np.nanmin(np.where(frames.matched, frames.time_utc_s, np.nan)))
-    home, datum, home_messages = find_home(matched.boot, matched.clock, first)
-    latitude, longitude, height = home
-    origin = project.world.origin
-    if isinstance(origin, GeodeticOrigin):
-        latitude, longitude = origin.latitude_deg, origin.longitude_deg
-        height = origin.height_m + height_shift(project, inputs.log, datum)
-    track, track_messages = build_track(
-        matched.boot,
-        matched.clock,
-        (latitude, longitude, height),
-        project.mount,
-        project.telemetry,
-    )
-    seeds = seed(frames, track, project.mount, project.telemetry)
-    world = World(
-        latitude_deg=latitude,
-        longitude_deg=longitude,
-        height_m=height,
-        height_datum=datum,
-        gauge="world",
-    )
-    return Posed(
-        world=world,
-        frames=frames,
-        telemetry=Telemetry(poses=seeds.poses, prior=seeds.prior, track=track),
-        messages=(*matched.messages, *home_messages, *track_messages),
-    )
-
-
-def compute(inputs: Inputs) -> Result:
-    """Run every stage on what was read."""
+def compute(inputs: Inputs, sampling: Sampling | None = None) -> Result:
+    """Run every stage on what was read, and sample the measurements where that is asked for."""
     project = inputs.project
     posed = pose_frames(inputs)
     control, control_messages = _in_world(inputs, inputs.control, posed.world)
@@ -131,6 +80,10 @@ def compute(inputs: Inputs) -> Result:
         tuple(measure(other, inputs.requests, posed.frames)[0].value)
         for other in refined.alternatives
     )
+    sampled, sampled_messages = None, ()
+    if sampling is not None:
+        sampled = sample(adjustment, inputs.requests, posed.frames, sampling.count, sampling.seed)
+        sampled_messages = compare(measurements, sampled)
     significance = project.solve.significance
     picks, pick_messages = judge_picks(refined, _pick_table(inputs, assembled), significance)
     lines, line_checks, line_messages = judge_lines(
@@ -140,7 +93,7 @@ def compute(inputs: Inputs) -> Result:
     groups, group_messages = judge_groups(adjustment, significance)
     return Result(
         name=project.name,
-        provenance=_provenance(inputs),
+        provenance=_provenance(inputs, None if sampling is None else sampling.seed),
         world=world,
         camera=inputs.calibration,
         shared=summarise_shared(adjustment, posed.frames.clock_offset_s),
@@ -155,6 +108,7 @@ def compute(inputs: Inputs) -> Result:
         lines=lines,
         picks=picks,
         measurements=measurements,
+        monte_carlo=sampled,
         point_checks=checks,
         line_checks=line_checks,
         solution=summarise_solution(refined, groups, others),
@@ -164,8 +118,10 @@ def compute(inputs: Inputs) -> Result:
             *control_messages,
             *check_messages,
             *_gauge_messages(inputs, world),
+            *_unseen_control(control, assembled),
             *refine_messages,
             *measure_messages,
+            *sampled_messages,
             *line_messages,
             *pick_messages,
             *unseen_messages,
@@ -173,72 +129,6 @@ def compute(inputs: Inputs) -> Result:
             *judge_priors(adjustment, significance),
         ),
     )
-
-
-def _synchronise(inputs: Inputs, log: FlightLog) -> Synchronised:
-    try:
-        return synchronise(inputs.photos, log, inputs.project.time)
-    except UavgramError as fault:  # the stage knows instants; which file they are of is known here
-        raise InputError(log.path, str(fault).removeprefix(f"{log.path}: ")) from fault
-
-
-def _without_log(inputs: Inputs) -> Posed:
-    """Names and file times of the frames, and a world that only control points can place."""
-    photos, project = inputs.photos, inputs.project
-    offset = project.time.offset_s
-    known = 0.0 if offset == "auto" else offset
-    count = len(photos.frame_id)
-    resolution = np.nan_to_num(photos.file_time_resolution_s, nan=0.0)
-    frames = Frames(
-        frame_id=photos.frame_id,
-        time_utc_s=photos.file_time_s - known,
-        sigma_time_s=np.where(np.isfinite(photos.file_time_s), resolution / np.sqrt(12), np.nan),
-        matched=np.zeros(count, dtype=bool),
-        reason=("no flight log",) * count,
-        clock_offset_s=known,
-        clock_offset_sigma_s=project.time.offset_sigma_s,
-    )
-    place: tuple[float | None, float | None, float | None] = (None, None, None)
-    messages: tuple[Message, ...] = ()
-    origin = project.world.origin
-    if isinstance(origin, GeodeticOrigin):
-        place = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
-    elif inputs.control.kind == "geodetic" and len(inputs.control.label):
-        first = inputs.control.coordinates[0]
-        place = (float(first[0]), float(first[1]), float(first[2]))
-        text = (
-            f"Without a log there is no home: the world's origin is the control point "
-            f"{inputs.control.label[0]!r}."
-        )
-        messages = (Message("info", "origin-control", text),)
-    latitude, longitude, height = place
-    world = World(
-        latitude_deg=latitude,
-        longitude_deg=longitude,
-        height_m=height,
-        height_datum=project.world.heights,
-        gauge="world",
-    )
-    return Posed(world=world, frames=frames, telemetry=None, messages=messages)
-
-
-def height_shift(project: Project, log: FlightLog | None, datum: HeightDatum) -> float:
-    """What to add to a height of the input files to have it in the log's datum [m].
-
-    Raises
-    ------
-    UavgramError
-        The datums differ and the log does not say by how much.
-    """
-    if log is None or project.world.heights == datum:
-        return 0.0
-    if not np.isfinite(log.undulation_m):
-        raise UavgramError(
-            f"heights in the input files are {project.world.heights}, those of {log.path} are "
-            f"{datum}, and the log does not say how far apart the two are: give all heights as "
-            f"{datum} and set world.heights: {datum}"
-        )
-    return log.undulation_m if datum == "ellipsoid" else -log.undulation_m
 
 
 def _in_world(
@@ -253,7 +143,7 @@ def _in_world(
                 "the earth. Give the log, world.origin, or geodetic control points."
             )
             return _no_points(), (Message("warning", "points-unplaced", text),)
-        shift = height_shift(inputs.project, inputs.log, world.height_datum)
+        shift = height_shift(inputs, world.height_datum)
         latitude, longitude, height = points.coordinates.T
         coordinates = enu_from_geodetic(
             latitude,
@@ -282,6 +172,18 @@ def _gauge_messages(inputs: Inputs, world: World) -> tuple[Message, ...]:
     return tuple(messages)
 
 
+def _unseen_control(control: KnownWorldPoints, assembled: Assembled) -> tuple[Message, ...]:
+    known = assembled.survey.label
+    messages = []
+    for label in control.label:
+        if label not in known:
+            near = near_miss(label, known)
+            hint = f" ({near})" if near else ""
+            text = f"The control point {label!r} is not used: it has no usable pick{hint}."
+            messages.append(Message("warning", "control-unseen", text))
+    return tuple(messages)
+
+
 def _pick_table(inputs: Inputs, assembled: Assembled) -> PickTable:
     picks = inputs.picks
     sigma = np.where(np.isnan(picks.sigma_px), inputs.project.picks_sigma_px, picks.sigma_px)
@@ -303,7 +205,7 @@ def _picked_frames(inputs: Inputs, assembled: Assembled, refined: Refined) -> di
     return reasons
 
 
-def _provenance(inputs: Inputs) -> Provenance:
+def _provenance(inputs: Inputs, seed: int | None) -> Provenance:
     versions = [(name, importlib.metadata.version(name)) for name in PACKAGES]
     python = ".".join(str(part) for part in sys.version_info[:3])
     return Provenance(
@@ -312,6 +214,6 @@ def _provenance(inputs: Inputs) -> Provenance:
         created_utc=datetime.now(UTC).isoformat(timespec="seconds"),
         inputs=inputs.digests,
         options=option_pairs(inputs.project),
-        seed=None,
+        seed=seed,
         packages=(("python", python), *versions),
     )

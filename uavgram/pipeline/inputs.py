@@ -17,6 +17,8 @@ from uavgram.io.known_points import read_known_points
 from uavgram.io.lines import read_lines
 from uavgram.io.measure import read_measure
 from uavgram.io.opencv_calibration import is_opencv_calibration, read_opencv_calibration
+from uavgram.io.photo_poses import FROM_PHOTOS, read_photo_poses
+from uavgram.io.photo_tags import first_maker
 from uavgram.io.photos import read_photos
 from uavgram.io.picks import read_picks
 from uavgram.model.camera import Calibration
@@ -24,6 +26,7 @@ from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
 from uavgram.model.options import Project
+from uavgram.model.photo_poses import PhotoPoses
 from uavgram.model.result import InputDigest
 from uavgram.model.telemetry import FlightLog
 
@@ -57,6 +60,7 @@ class Inputs:
     control: KnownPoints
     check: KnownPoints
     log: FlightLog | None
+    poses: PhotoPoses | None
     digests: tuple[InputDigest, ...]
     messages: tuple[Message, ...]
 
@@ -80,8 +84,10 @@ def read_inputs(path: Path) -> Inputs:
     _check_sizes(project, calibration, photos)
     _check_picks(project, picks, photos)
     log = read_flight_log(project.log) if project.log else None
+    poses, pose_messages = _poses(project, photos)
     notes = () if log is None else _log_notes(log)
-    named = (project.camera, project.picks, project.log, project.lines, project.measure)
+    pose_file = None if project.poses == FROM_PHOTOS else project.poses
+    named = (project.camera, project.picks, project.log, pose_file, project.lines, project.measure)
     files = [str(path), *(f for f in (*named, project.control, project.check) if f), *photos.path]
     return Inputs(
         project_path=str(path),
@@ -94,8 +100,9 @@ def read_inputs(path: Path) -> Inputs:
         control=control,
         check=check,
         log=log,
+        poses=poses,
         digests=digest_inputs(files, path.absolute().parent),
-        messages=(*messages, *photo_messages, *notes),
+        messages=(*messages, *photo_messages, *pose_messages, *notes),
     )
 
 
@@ -108,6 +115,20 @@ def _camera(path: Path) -> tuple[Calibration, tuple[Message, ...]]:
     if is_opencv_calibration(path):
         return read_opencv_calibration(path)
     return load_camera(path), ()
+
+
+def _poses(project: Project, photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, ...]]:
+    """Poses that the project names; where it names none, nor a log, a hint at those it could."""
+    if project.poses is not None:
+        return read_photo_poses(project.poses, photos, project.world.heights)
+    maker = "" if project.log else first_maker(photos)
+    if not maker:
+        return None, ()
+    text = (
+        f"The photos carry poses ({maker}) that were not used: `poses: {FROM_PHOTOS}` in the "
+        "project would use them."
+    )
+    return None, (Message("info", "poses-available", text),)
 
 
 def _check_sizes(project: Project, calibration: Calibration, photos: Photos) -> None:

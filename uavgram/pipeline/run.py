@@ -16,7 +16,7 @@ from uavgram.io.measurements_csv import write_measurements_csv
 from uavgram.io.outputs import staged_output
 from uavgram.io.results import write_results
 from uavgram.model.result import Result
-from uavgram.pipeline.compute import compute
+from uavgram.pipeline.compute import Sampling, compute
 from uavgram.pipeline.inputs import read_inputs
 from uavgram.pipeline.journal import Journal
 from uavgram.pipeline.progress import Progress, silent
@@ -38,6 +38,7 @@ def run(
     project: str | os.PathLike[str],
     output: OutputChoice = FROM_PROJECT,
     progress: Progress = silent,
+    sampling: Sampling | None = None,
 ) -> Result:
     """Run a project from its inputs to its outputs.
 
@@ -49,6 +50,8 @@ def run(
         Folder of the outputs; by default the one that the project names, None: write nothing.
     progress
         Shows long loops.
+    sampling
+        A Monte Carlo check of the measurements.
 
     Returns
     -------
@@ -64,7 +67,7 @@ def run(
     with journal.step("read the inputs"):
         inputs = read_inputs(Path(project))
     with journal.step("adjust and measure"):
-        result = compute(inputs)
+        result = compute(inputs, sampling)
     journal.result(result)
     folder = inputs.project.output if output is FROM_PROJECT else output
     if folder is not None:

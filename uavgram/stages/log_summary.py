@@ -1,13 +1,27 @@
-"""What a flight log amounts to, boot by boot: its clock and its span in UTC."""
+"""What a flight log amounts to, boot by boot: its clock, its track, its events, what is unusual."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from uavgram.errors import UavgramError
 from uavgram.estimation.boot_clock import as_text, fit_boot_clock, to_utc
+from uavgram.geometry.geodesy import enu_from_geodetic
+from uavgram.model.arrays import Floats, freeze
 from uavgram.model.message import Message
-from uavgram.model.telemetry import Boot, BootClock, FlightLog
+from uavgram.model.telemetry import (
+    Boot,
+    BootClock,
+    CameraEvents,
+    FlightLog,
+    HomeSamples,
+    PositionSamples,
+)
+
+_LONG_PAUSE_S = 1.0
+_HOME_MOVED_M = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -22,14 +36,42 @@ class BootSummary:
         Its line to UTC; None where the log has none.
     span_utc
         First and last position, for people; empty without a clock.
+    track_m
+        (N, 2) positions, metres east and north of the first.
+    path_m
+        Length of the way over ground.
+    clock_time_s, clock_residual_s
+        (C,) boot times of the readings that the clock was made of, and by how much each is ahead
+        of its line.
+    event_track_m
+        (E, 2) where the camera events lie on the track; NaN outside of it.
+    home_moves_m
+        The furthest that home moves from where it first was.
     messages
-        What was odd about the clock.
+        What is odd about the clock, the track, the events.
     """
 
     boot: Boot
     clock: BootClock | None
     span_utc: tuple[str, str]
+    track_m: Floats
+    path_m: float
+    clock_time_s: Floats
+    clock_residual_s: Floats
+    event_track_m: Floats
+    home_moves_m: float
     messages: tuple[Message, ...]
+
+    def __post_init__(self) -> None:
+        n, c, e = len(self.track_m), len(self.clock_time_s), len(self.event_track_m)
+        freeze(
+            self,
+            may_be_nan=("event_track_m",),
+            track_m=(n, 2),
+            clock_time_s=(c,),
+            clock_residual_s=(c,),
+            event_track_m=(e, 2),
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,18 +83,104 @@ class LogSummary:
 
 
 def summarise_log(log: FlightLog) -> LogSummary:
-    """Judge the clock of every boot; a boot without UTC is no error here."""
+    """Judge the clock, the track and the events of every boot; nothing missing is an error."""
     return LogSummary(log=log, boots=tuple(_boot_summary(boot) for boot in log.boots))
 
 
 def _boot_summary(boot: Boot) -> BootSummary:
+    clock, messages = _clock(boot)
+    time, residual = _residuals(boot, clock)
+    track = _track_m(boot.positions)
+    return BootSummary(
+        boot=boot,
+        clock=clock,
+        span_utc=_span(boot.positions, clock),
+        track_m=track,
+        path_m=float(np.linalg.norm(np.diff(track, axis=0), axis=1).sum()),
+        clock_time_s=time,
+        clock_residual_s=residual,
+        event_track_m=_on_track(boot.events, boot.positions, track),
+        home_moves_m=_home_moves_m(boot.home),
+        messages=(*messages, *_unusual(boot)),
+    )
+
+
+def _clock(boot: Boot) -> tuple[BootClock | None, tuple[Message, ...]]:
     try:
-        clock, messages = fit_boot_clock(boot)
+        return fit_boot_clock(boot)
     except UavgramError as error:
-        remark = Message("warning", "clock-missing", str(error))
-        return BootSummary(boot=boot, clock=None, span_utc=("", ""), messages=(remark,))
-    if boot.positions is None:
-        return BootSummary(boot=boot, clock=clock, span_utc=("", ""), messages=messages)
-    first, last = to_utc(clock, boot.positions.time_boot_s[[0, -1]])
-    span = (as_text(float(first)), as_text(float(last)))
-    return BootSummary(boot=boot, clock=clock, span_utc=span, messages=messages)
+        return None, (Message("warning", "clock-missing", str(error)),)
+
+
+def _span(positions: PositionSamples | None, clock: BootClock | None) -> tuple[str, str]:
+    if positions is None or clock is None:
+        return "", ""
+    first, last = to_utc(clock, positions.time_boot_s[[0, -1]])
+    return as_text(float(first)), as_text(float(last))
+
+
+def _residuals(boot: Boot, clock: BootClock | None) -> tuple[Floats, Floats]:
+    for samples in boot.clocks:
+        if clock is not None and samples.source == clock.source:
+            # the offset first: beside 1e9 s a microsecond of the others would be lost
+            line = clock.rate * samples.time_boot_s
+            return samples.time_boot_s, (samples.utc_s - clock.offset_s) - line
+    return np.zeros(0), np.zeros(0)
+
+
+def _track_m(positions: PositionSamples | None) -> Floats:
+    if positions is None:
+        return np.zeros((0, 2))
+    p = positions
+    origin = (float(p.latitude_deg[0]), float(p.longitude_deg[0]), float(p.height_m[0]))
+    enu = enu_from_geodetic(p.latitude_deg, p.longitude_deg, p.height_m, origin)
+    return np.asarray(enu[:, :2])
+
+
+def _on_track(
+    events: CameraEvents | None, positions: PositionSamples | None, track_m: Floats
+) -> Floats:
+    if events is None or positions is None:
+        return np.full((0 if events is None else len(events.time_boot_s), 2), np.nan)
+    known, asked = positions.time_boot_s, events.time_boot_s
+    axes = [np.interp(asked, known, track_m[:, k], np.nan, np.nan) for k in (0, 1)]
+    return np.stack(axes, axis=1)
+
+
+def _home_moves_m(home: HomeSamples | None) -> float:
+    if home is None:
+        return 0.0
+    origin = (float(home.latitude_deg[0]), float(home.longitude_deg[0]), float(home.height_m[0]))
+    moved = enu_from_geodetic(home.latitude_deg, home.longitude_deg, home.height_m, origin)
+    return float(np.linalg.norm(moved, axis=1).max())
+
+
+def _unusual(boot: Boot) -> list[Message]:
+    found = []
+    positions, events = boot.positions, boot.events
+    if boot.attitudes is None:
+        found.append(_warning("attitude-missing", "the vehicle's attitude is never stated"))
+    if positions is None:
+        found.append(_warning("position-missing", "it is never stated where the vehicle is"))
+        return found
+    pauses = np.diff(positions.time_boot_s)
+    if (pauses > _LONG_PAUSE_S).any():
+        text = (
+            f"{positions.source} pauses {int((pauses > _LONG_PAUSE_S).sum())} times for more than "
+            f"{_LONG_PAUSE_S:.0f} s, {pauses.max():.1f} s at the longest"
+        )
+        found.append(_warning("position-gap", text))
+    if events is not None:
+        first, last = positions.time_boot_s[[0, -1]]
+        outside = int(((events.time_boot_s < first) | (events.time_boot_s > last)).sum())
+        if outside:
+            text = f"{outside} camera events lie before the first or after the last position"
+            found.append(_warning("event-outside", text))
+    moved = _home_moves_m(boot.home)
+    if moved > _HOME_MOVED_M:
+        found.append(Message("info", "home-moves", f"home moves by up to {moved:.1f} m"))
+    return found
+
+
+def _warning(code: str, text: str) -> Message:
+    return Message("warning", code, text)

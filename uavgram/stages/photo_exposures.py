@@ -19,11 +19,12 @@ from uavgram.model.photo_poses import PhotoExposures, PhotoPoses
 
 HORIZONTAL_SIGMA_M, VERTICAL_SIGMA_M = 3.0, 3.0
 TILT_SIGMA_DEG, YAW_SIGMA_DEG = 3.0, 3.0
-# A fixed camera tilts with the vehicle, and a vehicle crabs in the wind. At a turn the course before
-# and the one after differ, and nobody says which of them the photo has.
+# A fixed camera tilts with the vehicle, and a vehicle crabs in the wind. At a turn the course
+# before and the one after differ, and nobody says which of them the photo has.
 COURSE_TILT_SIGMA_DEG, COURSE_YAW_SIGMA_DEG, TURN_YAW_SIGMA_DEG = 6.0, 15.0, 30.0
 _TURN_DEG = 30.0
 _LARGEST_TILT_WITHOUT_YAW_DEG = 30.0
+_DROWNED = 10.0  # times the positions' own sigma
 _SHORTEST_LEG_SIGMAS = 3.0  # of one position: below, the course is noise
 
 
@@ -79,7 +80,7 @@ def place_photos(
     """
     position = enu_from_geodetic(poses.latitude_deg, poses.longitude_deg, poses.height_m, origin)
     sigma_position = _position_sigmas(poses, telemetry)
-    has_attitude = np.isfinite(poses.ypr_rad).all(axis=1)
+    has_attitude = np.asarray(np.isfinite(poses.ypr_rad).all(axis=1))
     heading, turning, messages = _headings(poses, position, sigma_position, has_attitude, mount)
     ned_from_body = _vehicle(poses, heading, has_attitude)
     ned_from_gimbal = matrix_from_ypr(*np.nan_to_num(poses.ypr_rad).T)
@@ -98,13 +99,28 @@ def place_photos(
         by_course=~has_attitude[keep],
         source=poses.source,
     )
-    return exposures, messages
+    return exposures, (*messages, *_bias_hint(sigma_position[keep], telemetry))
+
+
+def _bias_hint(sigma_position: Floats, telemetry: TelemetryOptions) -> tuple[Message, ...]:
+    """Say so where a common bias as of a consumer receiver drowns what RTK knows."""
+    horizontal, vertical = np.median(sigma_position, axis=0)
+    bias = telemetry.position_bias_sigma_m
+    if bias[0] < _DROWNED * horizontal:
+        return ()
+    text = (
+        f"The photos' positions state {horizontal:.2f} m horizontal and {vertical:.2f} m vertical, "
+        f"but telemetry.position_bias_sigma_m lets all of them be off together by {bias[0]:g} and "
+        f"{bias[1]:g} m: with a base station of known place, set it to [{horizontal:.2f}, "
+        f"{vertical:.2f}]"
+    )
+    return (Message("info", "position-bias-wide", text),)
 
 
 def _vehicle(poses: PhotoPoses, heading: Floats, has_attitude: Bools) -> Floats:
-    """(N, 3, 3) the vehicle's attitude; level, with the camera's or the course's yaw, if unknown."""
+    """(N, 3, 3) the vehicle's attitude; where unknown level, with the camera's or course's yaw."""
     stated = poses.vehicle_ypr_rad
-    known = np.isfinite(stated).all(axis=1)
+    known = np.asarray(np.isfinite(stated).all(axis=1))
     yaw = np.nan_to_num(np.where(has_attitude, poses.ypr_rad[:, 0], heading))
     level = np.stack([yaw, np.zeros_like(yaw), np.zeros_like(yaw)], axis=1)
     return matrix_from_ypr(*np.where(known[:, None], stated, level).T)
@@ -148,8 +164,8 @@ def _headings(
     messages = [Message("warning", "attitude-from-course", text)]
     if lost.size:
         text = (
-            f"{len(lost)} photos (the first is {poses.frame_id[lost[0]]}) have neither attitude nor "
-            f"a neighbour far enough for a course, and were left out: {way_out}"
+            f"{len(lost)} photos (the first is {poses.frame_id[lost[0]]}) have neither attitude "
+            f"nor a neighbour far enough for a course, and were left out: {way_out}"
         )
         messages.append(Message("warning", "attitude-unknown", text))
     return course, turning, tuple(messages)

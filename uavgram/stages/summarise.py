@@ -11,6 +11,7 @@ from uavgram.estimation.reliability import upper_tail
 from uavgram.estimation.survey_problem import TELEMETRY_PARTS
 from uavgram.model.arrays import Floats
 from uavgram.model.frames import Frames
+from uavgram.model.photo_poses import PhotoExposures
 from uavgram.model.pose import Poses
 from uavgram.model.result import (
     Alternative,
@@ -41,6 +42,8 @@ def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedRes
     plane_sigma = _sigmas(adjustment, layout.first_plane, layout.plane, 3)
     slope = state.plane[1:]
     part = _telemetry_parts(adjustment)
+    if isinstance(adjustment.survey.track, PhotoExposures):
+        part.pop("clock")  # no clock moves them: its prior came back as it was
     return SharedResult(
         boresight_deg=_in_degrees(part.get("boresight")),
         lever_arm_m=part.get("lever_arm"),

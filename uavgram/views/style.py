@@ -15,6 +15,7 @@ REFERENCE: Rgb = (255, 80, 185)
 WITHHELD: Rgb = (190, 130, 255)
 BAD: Rgb = (255, 59, 48)
 MEASURED: Rgb = (40, 215, 185)
+MEASURED_QUIET: Rgb = (30, 140, 122)
 OBSERVED: Rgb = (255, 255, 255)
 QUIET: Rgb = (140, 145, 155)
 GOOD: Rgb = (40, 150, 80)
@@ -29,7 +30,7 @@ LINE_COLOURS: dict[str, Rgb] = {
 }
 FRAME_COLOURS: dict[str, Rgb] = {
     "refined": GOOD,
-    "check picks": WARNING,
+    "check": WARNING,
     "seeded": REFINED,
     "unmatched": QUIET,
     "rejected": BAD,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from uavgram.model.frames import Frames, Photos
+from uavgram.model.geotag import GeoTags
 from uavgram.model.message import Message
 from uavgram.model.result import Result
 from uavgram.views.wording import (
@@ -99,3 +100,15 @@ def check_lines(photos: Photos, frames: Frames, messages: Sequence[Message]) -> 
         cells.append((name, size, utc(float(frames.time_utc_s[i])), matched))
     said = [f"{message.level}: {message.text}" for message in messages]
     return [*aligned(cells, right=()).splitlines(), "", *said, "every input can be read"]
+
+
+def geotag_lines(tags: GeoTags, messages: Sequence[Message]) -> list[str]:
+    """What `uavgram geotag` has to say: one line per photo, the datum, then the messages."""
+    datum = "above mean sea level" if tags.datum == "msl" else "above the WGS 84 ellipsoid"
+    cells = [("photo", "pose", "latitude", "longitude", "height", "sigma (horizontal, height)")]
+    for k, name in enumerate(tags.frame_id):
+        sigmas = f"{tags.sigma_horizontal_m[k]:.2f} m, {tags.sigma_vertical_m[k]:.2f} m"
+        place = (f"{tags.latitude_deg[k]:.7f}", f"{tags.longitude_deg[k]:.7f}")
+        cells.append((name, tags.pose[k], *place, f"{tags.height_m[k]:.2f} m", sigmas))
+    said = [f"{message.level}: {message.text}" for message in messages]
+    return [*aligned(cells, right=(2, 3, 4, 5)).splitlines(), "", f"heights are {datum}", *said]

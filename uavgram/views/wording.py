@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from uavgram.model.arrays import Ints
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result import MeasurementResults, Result
 
 NOT_COMPUTED = "not computed"
@@ -40,6 +40,14 @@ FRAME_STATUS_WORDS = {
     "rejected": "rejected",
 }
 
+FRAME_STATE_WORDS = {**FRAME_STATUS_WORDS, "check": "to check"}
+
+WHY_TWO_ELLIPSES = (
+    "Ellipses within the survey are free of the shift and turn that all points have in common, "
+    "such as the bias of the flight's receiver; ellipses on the earth contain it. It cancels in "
+    "lengths, areas and angles."
+)
+
 
 def decimals_for(sigma: float, unit: str = "m") -> int:
     """How many decimals a value deserves: two significant digits of its sigma.
@@ -63,6 +71,13 @@ def number(value: float, decimals: int = 3, *, signed: bool = False) -> str:
 def size_text(length_m: float) -> str:
     """``4.2 cm`` or ``4.92 m``."""
     return f"{100 * length_m:.1f} cm" if length_m < 1.0 else f"{length_m:.2f} m"
+
+
+def axes_text(semi_axes_m: Floats) -> str:
+    """``3.0 cm × 2.2 cm``: half axes of an ellipse; an en dash where there is no shape."""
+    if not semi_axes_m[0] > 0:
+        return "–"
+    return " × ".join(size_text(float(axis)) for axis in semi_axes_m)
 
 
 def chance(probability: float) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.boot_clock import fit_boot_clock, to_utc
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message
 from uavgram.model.telemetry import Boot, BootClock, FlightLog
 
@@ -26,13 +26,20 @@ class ClockedBoot:
     clock: BootClock
     messages: tuple[Message, ...]
 
+    def event_rows(self) -> Ints:
+        """(E,) rows of the boot's camera events: those with feedback where the log has any."""
+        events = self.boot.events
+        if events is None:
+            return np.zeros(0, dtype=np.int64)
+        confirmed = events.confirmed > 0
+        return np.flatnonzero(confirmed if confirmed.any() else ~confirmed)
+
     def event_utc_s(self) -> Floats:
-        """(E,) camera events; those with feedback where the log has any."""
+        """(E,) instants of these events."""
         events = self.boot.events
         if events is None:
             return np.zeros(0)
-        confirmed = events.confirmed > 0
-        return to_utc(self.clock, events.time_boot_s[confirmed if confirmed.any() else slice(None)])
+        return to_utc(self.clock, events.time_boot_s[self.event_rows()])
 
     def span_utc_s(self) -> tuple[float, float]:
         """Between which instants position and attitude are both known."""

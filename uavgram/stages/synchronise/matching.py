@@ -13,9 +13,11 @@ from uavgram.model.frames import Frames, Photos
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.model.telemetry import Boot, BootClock, FlightLog
+from uavgram.stages.synchronise.alignment import by_alignment
 from uavgram.stages.synchronise.boots import usable_boots
+from uavgram.stages.synchronise.pairing import Pairing
 from uavgram.stages.synchronise.placement import placed_frames, unmatched_messages
-from uavgram.stages.synchronise.timing import by_alignment, by_offset, by_order
+from uavgram.stages.synchronise.timing import by_offset, by_order
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,12 +32,15 @@ class Synchronised:
         The boot that contains them, and its line to UTC.
     messages
         What was chosen, and what is odd.
+    pairing
+        Photos and camera events, pair by pair, where they were aligned by their times; else None.
     """
 
     frames: Frames
     boot: Boot
     clock: BootClock
     messages: tuple[Message, ...]
+    pairing: Pairing | None = None
 
 
 def synchronise(photos: Photos, log: FlightLog, options: TimeOptions) -> Synchronised:
@@ -69,4 +74,5 @@ def synchronise(photos: Photos, log: FlightLog, options: TimeOptions) -> Synchro
         boot=chosen.boot,
         clock=chosen.clock,
         messages=(*chosen.messages, *timing.messages, *unmatched_messages(frames)),
+        pairing=timing.pairing,
     )

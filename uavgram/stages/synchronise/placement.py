@@ -9,7 +9,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.frames import Frames, Photos
 from uavgram.model.message import Message
 from uavgram.stages.synchronise.boots import ClockedBoot, is_inside
-from uavgram.stages.synchronise.timing import Timing
+from uavgram.stages.synchronise.event_times import Timing
 
 LONGEST_GAP_S = 1.0  # to the nearest logged position
 

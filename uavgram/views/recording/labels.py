@@ -9,29 +9,37 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.result import Result
 from uavgram.views.drawing import longest_middle, measured_strips, reference_strips, uncovered
+from uavgram.views.facts import least_certain_length
 from uavgram.views.recording.scene import Scene, on_screen
-from uavgram.views.wording import UNIT_WORDS, decimals_for, worst_first
+from uavgram.views.wording import UNIT_WORDS, axes_text, decimals_for, worst_first
 
 # Rerun does not keep labels from covering each other: beyond a dozen, tables are read instead.
 MOST_LABELS = 14
+MOST_MEASURED = 8
 # Size of a letter on a usual screen: half the width of one, and the height of a line. In the survey
 # as tangents of angles of view, in the photo as shares of its width and height.
 HALF_LETTER_ON_SCREEN, LINE_ON_SCREEN = 0.0052, 0.034
 HALF_LETTER, LINE_HEIGHT = 0.0062, 0.062
+# So many lines that they hide the ground: thin ones, and labels at twice the distance.
 MANY_LINES = 20
+SPREAD = 2.0
+
+# Place in the world, text, and row of the measurement (-1: none).
+Candidate = tuple[Floats, str, int]
 
 
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """(N, 3) places in the world and (N,) texts."""
+    """(N, 3) places in the world and (N,) texts; `measured` are the rows that are labelled."""
 
     anchor_m: Floats
     text: tuple[str, ...]
+    measured: frozenset[int]
 
 
 def line_width(count: int) -> float:
     """Points on the screen: many lines are drawn thinner."""
-    return 4.0 if count <= MANY_LINES else 1.5
+    return 3.5 if count <= MANY_LINES else 0.8
 
 
 def reference_text(result: Result, row: int) -> str:
@@ -53,24 +61,58 @@ def measured_text(result: Result, row: int) -> str:
 
 
 def survey_labels(result: Result, scene: Scene) -> Labels:
-    """Suspect lines first, then measurements (worst first), then the other known lengths.
+    """What deserves to be seen first; a label that would cover one before it is left out.
 
-    A label that would cover one before it is left out: the tables have them all.
+    Suspect lines, the largest ellipse, the least certain measurements (at most MOST_MEASURED,
+    spread out), then the other known lengths: the tables have them all.
     """
-    known, measured = reference_strips(result), measured_strips(result)
+    known = reference_strips(result)
     suspect = [i for i in known if result.lines.status[i] in ("suspect", "removed")]
-    rows = [(reference_text(result, i), longest_middle([known[i]])) for i in suspect]
-    rows += [
-        (measured_text(result, int(i)), longest_middle(measured[int(i)]))
-        for i in worst_first(result.measurements)
-        if measured.get(int(i))
+    first = [*_known(result, suspect), *_worst_point(result, scene)]
+    measured = _measured(result)
+    spread = SPREAD if len(measured) > MANY_LINES else 1.0
+    chosen = _take([*first, *measured], scene, len(first) + MOST_MEASURED, spread)
+    rest = _known(result, [i for i in known if i not in suspect])
+    kept = _take([*chosen, *rest], scene, MOST_LABELS, 1.0)
+    return Labels(
+        np.reshape([anchor for anchor, _, _ in kept], (-1, 3)),
+        tuple(text for _, text, _ in kept),
+        frozenset(row for _, _, row in kept if row >= 0),
+    )
+
+
+def _known(result: Result, rows: list[int]) -> list[Candidate]:
+    known = reference_strips(result)
+    return [(longest_middle([known[i]]), reference_text(result, i), -1) for i in rows]
+
+
+def _worst_point(result: Result, scene: Scene) -> list[Candidate]:
+    row, points = scene.worst_point, result.points
+    if row is None:
+        return []
+    text = f"{points.label[row]}: largest ellipse, {axes_text(points.relative.ellipse_95_m[row])}"
+    return [(points.position_world_m[row], text, -1)]
+
+
+def _measured(result: Result) -> list[Candidate]:
+    """The worst length first, by name as such, then the others, the least certain first."""
+    strips, worst = measured_strips(result), least_certain_length(result)
+    rows = [int(i) for i in worst_first(result.measurements) if strips.get(int(i))]
+    rows.sort(key=lambda i: i != worst)
+    return [
+        (
+            longest_middle(strips[i]),
+            ("LEAST CERTAIN " if i == worst else "") + measured_text(result, i),
+            i,
+        )
+        for i in rows
     ]
-    rows += [
-        (reference_text(result, i), longest_middle([strip]))
-        for i, strip in known.items()
-        if i not in suspect
-    ]
-    anchors = np.reshape([anchor for _, anchor in rows], (-1, 3))
-    half_widths = HALF_LETTER_ON_SCREEN * np.array([len(text) for text, _ in rows])
-    kept = uncovered(on_screen(scene, anchors), half_widths, LINE_ON_SCREEN, MOST_LABELS)
-    return Labels(anchors[kept], tuple(rows[i][0] for i in kept))
+
+
+def _take(candidates: list[Candidate], scene: Scene, most: int, spread: float) -> list[Candidate]:
+    anchors = np.reshape([anchor for anchor, _, _ in candidates], (-1, 3))
+    half_widths = HALF_LETTER_ON_SCREEN * np.array([len(text) for _, text, _ in candidates])
+    rows = uncovered(
+        on_screen(scene, anchors), spread * half_widths, spread * LINE_ON_SCREEN, most
+    )
+    return [candidates[i] for i in rows]

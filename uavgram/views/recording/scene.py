@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.imaging.mosaic import plane_height
+from uavgram.imaging.mosaic import GroundTexture, plane_height
 from uavgram.model.arrays import Floats
 from uavgram.model.result import Result
-from uavgram.views.drawing import nice_factor, track
+from uavgram.views.drawing import frusta, nice_factor, track
+from uavgram.views.facts import largest_ellipse
 
 # Share of the scene's size that the median exaggerated ellipse may fill.
 ELLIPSE_SHARE = 0.03
@@ -20,13 +21,17 @@ FILL_SHARE = 0.02
 # Share of the photo's width that the larger exaggerated residuals may fill.
 RESIDUAL_SHARE = 0.07
 # Depth of a frustum: share of the height, and of the way from one exposure to the next.
-FRUSTUM_SHARE = 0.12
+FRUSTUM_SHARE = 0.06
 SPACING_SHARE = 0.7
+# The current camera stands out by its size.
+CURRENT_FRUSTUM = 2.0
+# The mosaic's outline is sampled this often, in its pixels.
+GROUND_STEP_PX = 16
 
 # From the south, a little from the west, and from above.
 TO_THE_EYE = np.array([-0.185, -0.80, 0.572]) / np.linalg.norm([-0.185, -0.80, 0.572])
 # Tangents of half the angles of view that the scene may fill (Rerun's eye opens 55 degrees).
-HALF_WIDTH, HALF_HEIGHT = 0.70, 0.46
+HALF_WIDTH, HALF_HEIGHT = 0.68, 0.45
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +53,10 @@ class Scene:
     fill_ellipses
         Whether ellipses filled at true size leave enough of the ground to be seen.
     worst_point
-        Row of the point with the largest ellipse; None without points.
+        Row of the point with the largest ellipse within the survey; None where there is no shape
+        (fewer than two points).
     target_m, distance_m
-        (3,) what the first view looks at, and from how far, to show all points and cameras.
+        (3,) what the first view looks at, and from how far, to show ground, points and cameras.
     """
 
     middle_m: Floats
@@ -65,8 +71,8 @@ class Scene:
     distance_m: float
 
 
-def measure_scene(result: Result) -> Scene:
-    """Take the sizes of a result."""
+def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene:
+    """Take the sizes of a result, and of the ground where photos show it."""
     cameras = np.concatenate(
         [result.frames.refined.center_world_m, result.frames.seed.center_world_m]
     )
@@ -78,28 +84,50 @@ def measure_scene(result: Result) -> Scene:
     middle = (low + high) / 2
     middle[2] = plane_height(result, middle[:2])
     height = float(np.median(cameras[:, 2] - middle[2])) if len(cameras) else size
-    major = result.points.ellipse_95_m[:, 0]
+    frustum = _frustum_depth(result, max(height, 0.1))
+    major = result.points.relative.ellipse_95_m[:, 0]
+    typical = float(np.median(major)) if len(major) else 0.0
     residual = np.linalg.norm(result.picks.residual_px, axis=1)
     residual = residual[np.isfinite(residual)]
-    target, distance = _fit(np.concatenate([scene, cameras]))
+    shown = [scene, *_pyramids(result, frustum), _ground(result, texture)]
+    target, distance = _fit(np.concatenate(shown))
     return Scene(
         middle_m=middle,
         size_m=size,
         height_m=max(height, 0.1),
-        frustum_m=_frustum_depth(result, max(height, 0.1)),
+        frustum_m=frustum,
         ellipse_factor=nice_factor(
-            float(np.median(major)) if len(major) else 0.0,
-            size * min(ELLIPSE_SHARE, CROWD_SHARE / np.sqrt(max(len(major), 1))),
+            typical, size * min(ELLIPSE_SHARE, CROWD_SHARE / np.sqrt(max(len(major), 1)))
         ),
         residual_factor=nice_factor(
             float(np.quantile(residual, 0.9)) if len(residual) else 0.0,
             RESIDUAL_SHARE * result.camera.width_px,
         ),
-        fill_ellipses=not len(major) or float(np.median(major)) <= FILL_SHARE * size,
-        worst_point=int(np.argmax(major)) if len(major) else None,
+        fill_ellipses=typical <= FILL_SHARE * size,
+        worst_point=largest_ellipse(result),
         target_m=target,
         distance_m=distance,
     )
+
+
+def _pyramids(result: Result, depth_m: float) -> list[Floats]:
+    """(n, 3) corners of all frusta, the current camera's larger one included."""
+    return [
+        frusta(result, poses, CURRENT_FRUSTUM * depth_m).reshape(-1, 3)
+        for poses in (result.frames.refined, result.frames.seed)
+    ]
+
+
+def _ground(result: Result, texture: GroundTexture | None) -> Floats:
+    """(n, 3) spots all over the ground that the mosaic covers."""
+    if texture is None:
+        return np.zeros((0, 3))
+    row, column = GROUND_STEP_PX * np.array(
+        np.nonzero(texture.covered[::GROUND_STEP_PX, ::GROUND_STEP_PX])
+    )
+    east = texture.west_m + column * texture.pixel_size_m
+    spots = np.stack([east, texture.north_m - row * texture.pixel_size_m], axis=-1)
+    return np.column_stack([spots, plane_height(result, spots)])
 
 
 def _frustum_depth(result: Result, height_m: float) -> float:
@@ -112,18 +140,34 @@ def _frustum_depth(result: Result, height_m: float) -> float:
 
 def _seen_from(points_m: Floats, target_m: Floats) -> tuple[Floats, Floats, Floats]:
     """(N,) of (N, 3) points about a target: to the right, upward, and towards the eye."""
+    right, up = _axes()
+    offset = points_m - target_m
+    return offset @ right, offset @ up, offset @ TO_THE_EYE
+
+
+def _axes() -> tuple[Floats, Floats]:
+    """(3,) to the right and (3,) upward on the screen."""
     right = np.cross([0.0, 0.0, 1.0], TO_THE_EYE)
     right /= np.linalg.norm(right)
-    offset = points_m - target_m
-    return offset @ right, offset @ np.cross(TO_THE_EYE, right), offset @ TO_THE_EYE
+    return right, np.cross(TO_THE_EYE, right)
 
 
 def _fit(points_m: Floats) -> tuple[Floats, float]:
-    """What to look at, and from how far, to have all (N, 3) points in the first view."""
-    target = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
-    right, upward, nearer = _seen_from(points_m, target)
-    aside = np.maximum(np.abs(right) / HALF_WIDTH, np.abs(upward) / HALF_HEIGHT)
-    return target, max(float((nearer + aside).max()), 1.0)
+    """What to look at, and from how far, to have all (N, 3) points as large as fit into a view.
+
+    A point r to the right and n nearer than the target is seen if |r - a| <= W (D - n), where the
+    eye is at the distance D and has moved by a: the outermost on both sides give a and D. The same
+    upward; then the larger D serves for both.
+    """
+    middle = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
+    right, upward, nearer = _seen_from(points_m, middle)
+    shifts, distances = [], [1.0]
+    for aside, share in ((right, HALF_WIDTH), (upward, HALF_HEIGHT)):
+        most, least = (share * nearer + aside).max(), (share * nearer - aside).max()
+        shifts.append((most - least) / 2)
+        distances.append(float(most + least) / (2 * share))
+    to_the_right, up = _axes()
+    return middle + shifts[0] * to_the_right + shifts[1] * up, max(distances)
 
 
 def on_screen(scene: Scene, points_m: Floats) -> Floats:

@@ -16,12 +16,13 @@ from uavgram.views.drawing import (
     reference_strips,
     track,
 )
-from uavgram.views.recording.labels import line_width, survey_labels
+from uavgram.views.recording.labels import MANY_LINES, Labels, line_width, survey_labels
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import (
     LINE_COLOURS,
     MEASURED,
+    MEASURED_QUIET,
     OBSERVED,
     REFINED,
     SEED,
@@ -33,7 +34,7 @@ from uavgram.views.style import (
 MOST_ELLIPSOIDS = 50_000
 MOST_OUTLINES = 5_000
 # Corners of the mesh that carries the mosaic, in pixels of the mosaic.
-MESH_CELL_PX = 16
+MESH_CELL_PX = 8
 # Rerun hides the labels of larger batches by itself; say so from here on.
 MOST_POINT_LABELS = 30
 # Labels float a little above what they name.
@@ -52,10 +53,8 @@ def log_survey(
     _flight(recorder, result, scene, "survey/flight_log", result.frames.seed, SEED)
     _flight(recorder, result, scene, "survey/refined", result.frames.refined, REFINED)
     _reference_lines(recorder, result)
-    strips = [strip for some in measured_strips(result).values() for strip in some]
-    if strips:
-        recorder.static("survey/measured", _strips(strips, MEASURED, line_width(len(strips))))
     labels = survey_labels(result, scene)
+    _measured(recorder, result, labels)
     if labels.text:
         lift = np.array([0.0, 0.0, LABEL_LIFT * scene.size_m])
         recorder.static("survey/labels", _texts(labels.anchor_m + lift, labels.text))
@@ -66,10 +65,11 @@ def log_survey(
 def sigma_shares(result: Result) -> tuple[Floats, float, float]:
     """(K,) place of each point's semi-major axis on a scale, and the ends of the scale [m].
 
-    The scale reaches from the smallest to the largest, and at least from half the largest: what is
+    Of the ellipses within the survey: those on the earth all have the receiver's bias in common
+    and would have one colour. The scale reaches from the smallest to the largest, and at least from half the largest: what is
     nearly equal has nearly the same colour.
     """
-    major = result.points.ellipse_95_m[:, 0]
+    major = result.points.relative.ellipse_95_m[:, 0]
     high = float(major.max())
     low = min(float(major.min()), high / 2)
     share = (major - low) / max(high - low, 1e-12)
@@ -83,9 +83,22 @@ def _flight(
     if not len(centers):
         return
     if len(centers) > 1:
-        recorder.static(f"{path}/track", _strips([centers], colour, 1.5))
+        recorder.static(f"{path}/track", _strips([centers], colour, 2.0))
     cameras = frusta(result, poses, scene.frustum_m)
     recorder.static(f"{path}/cameras", _strips(cameras, colour, 0.9))
+
+
+def _measured(recorder: Recorder, result: Result, labels: Labels) -> None:
+    """Labelled lines stand out; where there are many, the others are thin and quiet."""
+    strips = measured_strips(result)
+    total = sum(len(some) for some in strips.values())
+    bold = [strip for row in labels.measured for strip in strips[row]]
+    quiet = [strip for row, some in strips.items() if row not in labels.measured for strip in some]
+    if bold:
+        recorder.static("survey/measured/least_certain", _strips(bold, MEASURED, 3.5))
+    if quiet:
+        colour = MEASURED if total <= MANY_LINES else MEASURED_QUIET
+        recorder.static("survey/measured/others", _strips(quiet, colour, line_width(total)))
 
 
 def _reference_lines(recorder: Recorder, result: Result) -> None:
@@ -107,7 +120,8 @@ def _dashes(strip: Floats, count: int = 15) -> list[Floats]:
 
 
 def _points(recorder: Recorder, result: Result, scene: Scene) -> None:
-    points, position = result.points, result.points.position_world_m
+    """Dots, names, and ellipses within the survey: those on the earth are in the tables."""
+    points, position, within = result.points, result.points.position_world_m, result.points.relative
     colours = scale_colours(sigma_shares(result)[0])
     few = len(points.label) <= MOST_POINT_LABELS
     recorder.static(
@@ -127,15 +141,15 @@ def _points(recorder: Recorder, result: Result, scene: Scene) -> None:
             f"survey/points/ellipse_95_true_size/{start // MOST_ELLIPSOIDS}",
             rr.Ellipsoids3D(
                 centers=position[part],
-                half_sizes=np.column_stack([points.ellipse_95_m[part], flat]),
-                quaternions=_yaw_quaternions(points.ellipse_azimuth_rad[part]),
+                half_sizes=np.column_stack([within.ellipse_95_m[part], flat]),
+                quaternions=_yaw_quaternions(within.ellipse_azimuth_rad[part]),
                 colors=colours[part],
                 fill_mode="solid",
             ),
         )
     if len(position) <= MOST_OUTLINES:
         outlines = ellipse_outlines(
-            position[:, :2], points.ellipse_95_m, points.ellipse_azimuth_rad, scene.ellipse_factor
+            position[:, :2], within.ellipse_95_m, within.ellipse_azimuth_rad, scene.ellipse_factor
         )
         height = np.broadcast_to(
             position[:, None, 2:] + 0.001 * scene.size_m, (*outlines.shape[:2], 1)

@@ -1,0 +1,47 @@
+"""Small JPEGs with the tags that a test wants."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from uavgram.io.jpeg import APP1, XMP_HEAD, Segment, build_jpeg, parse_jpeg
+from uavgram.model.frames import Photos
+
+RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
+DJI = "http://www.dji.com/drone-dji/1.0/"
+
+
+def packet(inner: str) -> bytes:
+    return (
+        f'<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="{RDF}">{inner}</rdf:RDF>'
+        "</x:xmpmeta>"
+    ).encode()
+
+
+def dji(**tags: str) -> bytes:
+    text = " ".join(f'drone-dji:{name}="{value}"' for name, value in tags.items())
+    return packet(f'<rdf:Description xmlns:drone-dji="{DJI}" {text}/>')
+
+
+def jpeg(xmp: bytes | None = None, size: int = 16) -> bytes:
+    rng = np.random.default_rng(3)
+    image = rng.integers(0, 255, (size, size, 3), dtype=np.uint8)
+    plain = cv2.imencode(".jpg", image)[1].tobytes()
+    if xmp is None:
+        return plain
+    parsed = parse_jpeg(plain)
+    return build_jpeg([*parsed.segments, Segment(APP1, XMP_HEAD + xmp)], parsed.scan)
+
+
+def photos(paths, file_time_s=None) -> Photos:
+    count = len(paths)
+    return Photos(
+        frame_id=tuple(path.name for path in paths),
+        path=tuple(str(path) for path in paths),
+        width_px=np.full(count, 16.0),
+        height_px=np.full(count, 16.0),
+        file_time_s=np.full(count, np.nan) if file_time_s is None else file_time_s,
+        file_time_resolution_s=np.full(count, 1.0),
+        time_source="none" if file_time_s is None else "exif",
+    )

@@ -1,0 +1,127 @@
+"""Names become indices, and nothing is lost on the way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from uavgram.errors import GeometryError
+from uavgram.model.observations import KnownLines, KnownWorldPoints, Picks
+from uavgram.model.options import GroundOptions
+from uavgram.stages.assemble import Telemetry, assemble
+
+NAN = np.nan
+
+
+def picks(rows):
+    """Rows (image, label, u, v, sigma, height)."""
+    image, label, u, v, sigma, height = zip(*rows, strict=True)
+    return Picks(
+        image=image,
+        label=label,
+        pixel_px=np.column_stack([u, v]),
+        sigma_px=np.array(sigma),
+        height_m=np.array(height),
+    )
+
+
+ROWS = (
+    ("f1", "A", 1, 2, NAN, NAN),
+    ("f0", "B", 3, 4, 2.5, 0.7),
+    ("f9", "A", 5, 6, NAN, NAN),
+    ("f0", "A", 7, 8, NAN, NAN),
+    ("f1", "B", 9, 10, NAN, NAN),
+    ("f9", "C", 11, 12, NAN, NAN),
+)
+LINES = KnownLines(
+    name=("ab", "withheld", "unseen", "ba"),
+    start=("A", "A", "A", "B"),
+    end=("B", "B", "Z", "A"),
+    length_m=np.array([1.0, 2.0, 3.0, 4.0]),
+    sigma_m=np.full(4, 0.01),
+    adjust=np.array([True, False, True, True]),
+)
+
+
+def control(*labels):
+    n = len(labels)
+    return KnownWorldPoints(label=labels, world_m=np.ones((n, 3)), sigma_m=np.full((n, 3), 0.1))
+
+
+@pytest.fixture
+def flight(scene_factory):
+    survey = scene_factory(0, frames=3).survey  # frames f0, f1, f2; the flight does not know f9
+    return Telemetry(poses=survey.seeds, prior=survey.telemetry, track=survey.track)
+
+
+@pytest.fixture
+def calibration(scene_factory):
+    return scene_factory(0).survey.calibration
+
+
+def put_together(calibration, telemetry, known=control(), rows=ROWS):  # noqa: B008
+    return assemble(calibration, picks(rows), LINES, known, telemetry, GroundOptions(), 1.5)
+
+
+def test_picks_of_a_frame_without_an_instant_are_left_out_and_say_where_the_rest_went(
+    calibration, flight
+):
+    assembled = put_together(calibration, flight)
+    survey = assembled.survey
+    assert survey.frame_id == ("f0", "f1")
+    assert survey.label == ("A", "B")  # C was only seen by f9
+    assert assembled.pick_index.tolist() == [0, 1, -1, 2, 3, -1]
+    for row, index in zip(ROWS, assembled.pick_index, strict=True):
+        if index >= 0:
+            assert survey.frame_id[survey.pick_frame[index]] == row[0]
+            assert survey.label[survey.pick_label[index]] == row[1]
+            assert tuple(survey.pixel_px[index]) == row[2:4]
+    assert survey.pick_sigma_px.tolist() == [1.5, 2.5, 1.5, 1.5]
+
+
+def test_a_height_stated_at_one_pick_holds_for_the_label_everywhere(calibration, flight):
+    assert put_together(calibration, flight).survey.height_above_m.tolist() == [0.0, 0.7]
+
+
+def test_withheld_and_unseen_lengths_do_not_enter(calibration, flight):
+    assembled = put_together(calibration, flight)
+    assert assembled.line_index.tolist() == [0, -1, -1, 1]
+    assert assembled.survey.length_m.tolist() == [1.0, 4.0]
+    assert assembled.survey.line_start.tolist() == [0, 1]
+    assert assembled.survey.line_end.tolist() == [1, 0]
+
+
+def test_the_prior_of_a_frame_follows_it_to_its_new_place(calibration, flight):
+    rows = (*ROWS[2:3], ("f2", "A", 1, 1, NAN, NAN), ("f1", "B", 1, 1, NAN, NAN))
+    survey = put_together(calibration, flight, rows=rows).survey
+    assert survey.frame_id == ("f1", "f2")
+    assert survey.telemetry.frame_index.tolist() == [0, 1]
+    np.testing.assert_array_equal(survey.telemetry.time_s, flight.prior.time_s[1:])
+    np.testing.assert_array_equal(survey.seeds.center_world_m, flight.poses.center_world_m[1:])
+
+
+@pytest.mark.parametrize(
+    ("known", "gauge", "used"), [((), "plane", 0), (("A",), "plane", 0), (("A", "B"), "world", 2)]
+)
+def test_without_log_two_picked_control_points_make_a_world(calibration, known, gauge, used):
+    survey = put_together(calibration, None, control(*known, "never picked")).survey
+    assert survey.gauge == gauge
+    assert len(survey.control_label) == used
+    assert survey.frame_id == ("f1", "f0", "f9")  # all frames with picks
+
+
+def test_with_a_log_one_control_point_is_used(calibration, flight):
+    survey = put_together(calibration, flight, control("B")).survey
+    assert survey.gauge == "world"
+    assert survey.control_label.tolist() == [1]
+
+
+def test_no_usable_frame_is_an_error(calibration, flight):
+    with pytest.raises(GeometryError, match="no usable frame remains"):
+        put_together(calibration, flight, rows=ROWS[2:3])
+
+
+def test_slope_sigma_is_turned_to_radians(calibration, flight):
+    ground = put_together(calibration, flight).survey.ground
+    assert ground.slope_sigma_rad == pytest.approx(np.deg2rad(0.5))
+    assert ground.height_sigma_m == 0.3

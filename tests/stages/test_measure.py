@@ -1,0 +1,264 @@
+"""Measured values against pencil and paper, and their covariance against sampling."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from uavgram.model.frames import Frames
+from uavgram.model.observations import MeasurementRequest
+from uavgram.model.options import SolveOptions
+from uavgram.stages.measure import measure
+from uavgram.stages.refine import refine
+
+LABELS = ("A", "B", "C", "D", "E")
+WORLD = np.array([[0.0, 0, 0], [3, 4, 0], [3, 0, 0], [0, 4, 0], [6, 8, 12]])
+
+
+class Points:
+    """Points with a joint covariance: all that measuring needs of an adjustment."""
+
+    def __init__(self, world=WORLD, covariance=None, pick_frame=(0, 1, 0, 0, 1)):
+        self.world = world
+        size = 3 * len(world)
+        self.covariance = 1e-4 * np.eye(size) if covariance is None else covariance
+        self.survey = SimpleNamespace(
+            label=LABELS,
+            frame_id=("f0", "f1"),
+            pick_frame=np.array(pick_frame),
+            pick_label=np.arange(len(pick_frame)),
+        )
+
+    def label_index(self, label):
+        return LABELS.index(label) if label in LABELS else -1
+
+    def joint_points(self, label):
+        index = (3 * np.asarray(label)[:, None] + np.arange(3)).ravel()
+        return self.world[label], self.covariance[np.ix_(index, index)]
+
+
+def frames(**changes):
+    values = {
+        "frame_id": ("f0", "f1"),
+        "time_utc_s": np.array([100.0, 102.5]),
+        "sigma_time_s": np.array([0.03, 0.04]),
+        "matched": np.ones(2, dtype=bool),
+        "reason": ("", ""),
+        "clock_offset_s": 0.0,
+        "clock_offset_sigma_s": 1.0,
+    }
+    return Frames(**(values | changes))
+
+
+def ask(kind, points, name="it", **parameters):
+    return MeasurementRequest(
+        name=name, kind=kind, points=tuple(points), parameters=tuple(parameters.items())
+    )
+
+
+def one(request, adjustment=None, when=None):
+    results, messages = measure(adjustment or Points(), (request,), when or frames())
+    return results, messages
+
+
+# By hand, with 1 cm on each coordinate of each point.
+BY_HAND = {
+    "distance 3-4-5": (ask("distance", "AB"), 5.0, 0.01 * np.sqrt(2), "m"),
+    "distance in space": (ask("distance", "BE"), np.sqrt(9 + 16 + 144), 0.01 * np.sqrt(2), "m"),
+    # At the corner the two unit vectors leave at right angles: sqrt(2); the ends 1 each.
+    "polyline": (ask("polyline", "ACB"), 7.0, 0.01 * np.sqrt(1 + 2 + 1), "m"),
+    # Rectangle 3 x 4: each corner moves the area by half a diagonal: 2.5 m, four corners.
+    "area": (ask("area", "ACBD"), 12.0, 0.01 * 2.5 * 2, "m2"),
+    # At C between A (3 m) and B (4 m): 1/3, 1/4 and, at C, the hypotenuse of both.
+    "angle": (
+        ask("angle", "ACB"),
+        90.0,
+        np.degrees(0.01 * np.sqrt(2 * (1 / 9 + 1 / 16))),
+        "deg",
+    ),
+    # C from the line A-B: 12/5; foot at 9/5 of 5 from A: shares 16/25 and 9/25.
+    "line_distance": (
+        ask("line_distance", "CAB"),
+        2.4,
+        0.01 * np.sqrt(1 + 0.64**2 + 0.36**2),
+        "m",
+    ),
+}
+
+
+@pytest.mark.parametrize(("request_", "value", "sigma", "unit"), BY_HAND.values(), ids=BY_HAND)
+def test_value_sigma_and_unit_by_hand(request_, value, sigma, unit):
+    results, messages = one(request_)
+    assert messages == ()
+    assert results.value[0] == pytest.approx(value)
+    assert results.sigma[0] == pytest.approx(sigma)
+    assert results.unit == (unit,)
+    assert results.interval_95[0] == pytest.approx(
+        [value - 1.959964 * sigma, value + 1.959964 * sigma]
+    )
+
+
+def test_a_coordinate_gives_its_east_and_its_north():
+    covariance = np.diag(np.arange(1.0, 16.0) ** 2)
+    covariance[3, 4] = covariance[4, 3] = 10.0
+    results, _ = one(ask("coordinate", "B", name="pole"), Points(covariance=covariance))
+    assert results.name == ("pole east", "pole north")
+    np.testing.assert_allclose(results.value, [3, 4])
+    np.testing.assert_allclose(results.sigma, [4, 5])
+    assert results.correlation[0, 1] == pytest.approx(10 / 20)
+
+
+def test_skid_speed_with_an_uncertain_friction():
+    results, _ = one(ask("skid_speed", "AB", mu=0.7, mu_sigma=0.05))
+    speed = np.sqrt(2 * 0.7 * 9.80665 * 5)
+    assert results.value[0] == pytest.approx(speed)  # 8.285 m/s
+    by_length, by_mu = 0.5 * 0.01 * np.sqrt(2) / 5, 0.5 * 0.05 / 0.7
+    assert results.sigma[0] == pytest.approx(speed * np.hypot(by_length, by_mu))
+    assert results.unit == ("m/s",)
+
+
+def test_skid_speed_along_a_curved_mark_takes_its_whole_length():
+    results, _ = one(ask("skid_speed", "ACB", mu=0.7, mu_sigma=0.0))
+    assert results.value[0] == pytest.approx(np.sqrt(2 * 0.7 * 9.80665 * 7))
+
+
+def test_speed_with_timing_errors_of_both_frames():
+    results, _ = one(ask("speed", "AB"))
+    assert results.value[0] == pytest.approx(2.0)
+    expected = 2.0 * np.hypot(0.01 * np.sqrt(2) / 5, 0.05 / 2.5)  # hypot(0.03, 0.04) = 0.05 s
+    assert results.sigma[0] == pytest.approx(expected)
+    assert results.unit == ("m/s",)
+
+
+def test_speed_is_positive_whichever_frame_came_first():
+    assert one(ask("speed", "BA"))[0].value[0] == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    ("request_", "adjustment", "when", "why"),
+    [
+        (ask("distance", ("A", "Bb")), None, None, "did you mean 'B'"),
+        (ask("distance", ("A", "zzz")), None, None, "'zzz' has no usable pick"),
+        (ask("speed", "AC"), None, None, "no time, or the same"),
+        (ask("speed", "AB"), Points(pick_frame=(0, 1, 0, 0, 1)), "nan", "no time, or the same"),
+        (ask("area", "ABCD"), None, None, "crosses itself"),  # lobes of equal size cancel
+        (ask("area", "ABD"), Points(world=WORLD * [1, 0, 0]), None, "lie in line"),
+        (ask("distance", "AB"), Points(world=0 * WORLD), None, "coincide"),
+        (ask("skid_speed", "AB", mu=0.7, mu_sigma=0.1), Points(world=0 * WORLD), None, "coincide"),
+        (ask("speed", "AB"), Points(world=0 * WORLD), None, "coincide"),
+    ],
+)
+def test_what_cannot_be_measured_is_null_with_a_message(request_, adjustment, when, why):
+    if when == "nan":
+        when = frames(time_utc_s=[np.nan, 102.5], sigma_time_s=[np.nan, 0.04])
+    results, messages = one(request_, adjustment, when)
+    assert np.isnan(results.value[0])
+    assert np.isnan(results.sigma[0])
+    assert np.isnan(results.interval_95).all()
+    assert [m.code for m in messages] == ["measurement-null"]
+    assert why in messages[0].text
+    assert "'it'" in messages[0].text
+
+
+def test_speed_of_a_label_in_two_frames_is_refused():
+    adjustment = Points()
+    adjustment.survey.pick_frame = np.array([0, 1, 0, 0, 1, 1])
+    adjustment.survey.pick_label = np.array([0, 1, 2, 3, 4, 0])
+    results, messages = one(ask("speed", "AB"), adjustment)
+    assert np.isnan(results.value[0])
+    assert "picked in 2 frames" in messages[0].text
+
+
+def test_one_missing_label_does_not_spoil_the_others():
+    requests = (
+        ask("distance", "AB", "good"),
+        ask("coordinate", ("no",), "bad"),
+        ask("area", "ACBD"),
+    )
+    results, messages = measure(Points(), requests, frames())
+    assert results.name == ("good", "bad east", "bad north", "it")
+    np.testing.assert_array_equal(np.isnan(results.value), [False, True, True, False])
+    assert np.isnan(results.correlation[1]).all()
+    assert results.correlation[0, 0] == pytest.approx(1)
+    assert np.isfinite(results.correlation[0, 3])
+    assert len(messages) == 1
+
+
+def test_nothing_asked_gives_nothing():
+    results, messages = measure(Points(), (), frames())
+    assert results.value.shape == (0,)
+    assert results.correlation.shape == (0, 0)
+    assert messages == ()
+
+
+def test_nothing_but_unseen_labels_gives_nulls():
+    results, _ = one(ask("distance", ("x", "y")))
+    assert np.isnan(results.value).all()
+
+
+def test_covariances_of_all_kinds_equal_those_of_sampled_points(scene_factory):
+    survey = scene_factory(3, labels=6).survey
+    adjustment = refine(survey, SolveOptions())[0].adjustment
+    requests = (
+        ask("distance", ("P0", "P1"), "d"),
+        ask("polyline", ("P0", "P1", "P2", "P0"), "p"),
+        ask("area", ("P0", "P1", "P2"), "a"),
+        ask("angle", ("P3", "P4", "P5"), "w"),
+        ask("line_distance", ("P0", "P4", "P5"), "l"),
+        ask("coordinate", ("P2",), "c"),
+        ask("skid_speed", ("P3", "P1"), "s", mu=0.7, mu_sigma=0.0),
+    )
+    when = frames(frame_id=("f0", "f1"))
+    results, _ = measure(adjustment, requests, when)
+    world, covariance = adjustment.joint_points(np.arange(6))
+    rng = np.random.default_rng(0)
+    # A tenth of the true spread: what is compared is the first order.
+    samples = rng.multivariate_normal(np.zeros(18), 0.01 * covariance, 4000)
+    values = np.array([by_hand(world + s.reshape(6, 3)) for s in samples])
+    np.testing.assert_allclose(by_hand(world), results.value, rtol=1e-10)
+    sampled = np.cov(values.T) / 0.01
+    expected = results.correlation * np.outer(results.sigma, results.sigma)
+    unit = np.outer(results.sigma, results.sigma)
+    # Standard deviation of a sampled covariance: at most sqrt(2 / n) of the product of sigmas.
+    np.testing.assert_allclose(sampled / unit, expected / unit, atol=5.5 * np.sqrt(2 / 4000))
+
+
+def by_hand(p):
+    """The requests of the test above, by other formulas than the package's."""
+    n = np.linalg.norm
+    legs = p[3] - p[4], p[5] - p[4]
+    angle = np.degrees(np.arccos(legs[0] @ legs[1] / n(legs[0]) / n(legs[1])))
+    base = p[5] - p[4]
+    return np.array(
+        [
+            n(p[1] - p[0]),
+            n(p[1] - p[0]) + n(p[2] - p[1]) + n(p[0] - p[2]),
+            n(np.cross(p[1] - p[0], p[2] - p[0])) / 2,
+            angle,
+            n(np.cross(p[0] - p[4], base)) / n(base),
+            p[2, 0],
+            p[2, 1],
+            np.sqrt(2 * 0.7 * 9.80665 * n(p[1] - p[3])),
+        ]
+    )
+
+
+def test_two_distances_with_a_common_end_are_correlated_as_by_hand():
+    # A-B and A-C: the share of A is the cosine between them, 3/5, of half of each variance.
+    results, _ = measure(Points(), (ask("distance", "AB"), ask("distance", "AC", "2")), frames())
+    assert results.correlation[0, 1] == pytest.approx(0.5 * 0.6)
+
+
+def test_a_speed_of_two_frames_does_not_depend_on_the_clock_offset():
+    late = frames(time_utc_s=[107.0, 109.5], clock_offset_sigma_s=30.0)
+    assert one(ask("speed", "AB"), None, late)[0].sigma[0] == one(ask("speed", "AB"))[0].sigma[0]
+
+
+def test_measuring_replaces_nothing_in_its_input():
+    adjustment = Points()
+    before = replace(ask("distance", "AB"))
+    one(before, adjustment)
+    np.testing.assert_array_equal(adjustment.world, WORLD)

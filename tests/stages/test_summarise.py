@@ -1,0 +1,143 @@
+"""The tables of a result: units, places, states."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from uavgram.model.frames import Frames
+from uavgram.model.options import SolveOptions
+from uavgram.stages.judge import judge_groups
+from uavgram.stages.refine import refine
+from uavgram.stages.summarise import summarise_frames, summarise_shared, summarise_solution
+
+
+@pytest.fixture(scope="module")
+def scene(scene_factory):
+    return scene_factory(2, frames=5)
+
+
+@pytest.fixture(scope="module")
+def refined(scene):
+    return refine(scene.survey, SolveOptions())[0]
+
+
+def test_shared_unknowns_stand_in_degrees_with_their_own_sigmas(refined):
+    adjustment = refined.adjustment
+    shared = summarise_shared(adjustment, 3.0)
+    layout, state = adjustment.problem.layout, adjustment.state
+    joint = adjustment.minimum.factor.joint(np.arange(layout.size))
+    sigma = np.sqrt(np.diag(joint))
+    first = layout.first_telemetry
+    expected = {
+        "boresight_deg": (slice(0, 3), 180 / np.pi, 0.0),
+        "lever_arm_m": (slice(3, 6), 1.0, 0.0),
+        "position_bias_m": (slice(6, 9), 1.0, 0.0),
+        "heading_bias_deg": (slice(9, 10), 180 / np.pi, 0.0),
+        "clock_offset_s": (slice(10, 11), 1.0, 3.0),
+    }
+    for name, (part, unit, shift) in expected.items():
+        estimate = getattr(shared, name)
+        np.testing.assert_allclose(estimate.value, state.telemetry[part] * unit + shift)
+        np.testing.assert_allclose(estimate.sigma, sigma[first:][part] * unit)
+    np.testing.assert_allclose(shared.plane_height_m.value, state.plane[:1])
+    np.testing.assert_allclose(shared.plane_slope_deg.value, np.degrees(state.plane[1:]), rtol=1e-3)
+    plane = sigma[layout.first_plane :][:3]
+    np.testing.assert_allclose(shared.plane_slope_deg.sigma, np.degrees(plane[1:]), rtol=1e-3)
+    basis = adjustment.problem.intrinsic_basis
+    part = slice(layout.first_intrinsic, layout.first_plane)
+    covariance = basis @ joint[part, part] @ basis.T
+    np.testing.assert_allclose(shared.intrinsics.sigma, np.sqrt(np.diag(covariance)))
+    prior = adjustment.survey.calibration.covariance
+    assert (shared.intrinsics.sigma <= np.sqrt(np.diag(prior)) * (1 + 1e-9)).all()
+
+
+def test_shared_unknowns_recover_the_truth_within_their_sigmas(scene, refined):
+    shared = summarise_shared(refined.adjustment, 0.0)
+    truth = scene.truth.telemetry
+    for name, part in (("lever_arm_m", slice(3, 6)), ("position_bias_m", slice(6, 9))):
+        estimate = getattr(shared, name)
+        assert (np.abs(estimate.value - truth[part]) < 4.5 * estimate.sigma).all()
+    assert abs(shared.clock_offset_s.value[0] - truth[10]) < 4.5 * shared.clock_offset_s.sigma[0]
+
+
+def test_without_log_there_are_no_biases_and_the_plane_is_exact(scene_factory):
+    scene = scene_factory(2, telemetry=False, gauge="plane")
+    shared = summarise_shared(refine(scene.survey, SolveOptions())[0].adjustment, 0.0)
+    assert shared.boresight_deg is None
+    assert shared.clock_offset_s is None
+    assert shared.plane_height_m.value == [0.0]
+    assert (shared.plane_slope_deg.sigma == 0).all()
+
+
+def test_every_frame_has_a_state_and_a_reason(scene, refined):
+    survey = scene.survey
+    names = ("extra", "f3", "f0", "f1", "f2", "f4", "unpicked", "left out")
+    matched = np.array([False] + 7 * [True])
+    frames = Frames(
+        frame_id=names,
+        time_utc_s=np.where(matched, 50.0, np.nan),
+        sigma_time_s=np.where(matched, 0.1, np.nan),
+        matched=matched,
+        reason=("outside the log", *[""] * 7),
+        clock_offset_s=0.0,
+        clock_offset_sigma_s=1.0,
+    )
+    seeds = survey.seeds
+    more = replace(
+        seeds,
+        frame_id=(*seeds.frame_id, "unpicked", "left out"),
+        center_world_m=np.vstack([seeds.center_world_m, np.ones((2, 3))]),
+        world_from_camera=np.concatenate([seeds.world_from_camera, np.tile(np.eye(3), (2, 1, 1))]),
+        covariance=np.concatenate([seeds.covariance, np.tile(np.eye(6), (2, 1, 1))]),
+    )
+    picked = dict.fromkeys(survey.frame_id, "") | {"left out": "looks at the sky", "extra": ""}
+    table = summarise_frames(frames, tuple(f"/{n}" for n in names), more, refined, picked)
+    assert table.status == ("unmatched", *["refined"] * 5, "seeded", "rejected")
+    assert table.reason[0] == "outside the log"
+    assert table.reason[-1] == "looks at the sky"
+    state = refined.adjustment.state
+    np.testing.assert_array_equal(table.refined.center_world_m[2], state.center[0])
+    np.testing.assert_array_equal(table.refined.center_world_m[1], state.center[3])
+    np.testing.assert_array_equal(table.seed.center_world_m[2], seeds.center_world_m[0])
+    assert np.isnan(table.refined.center_world_m[[0, 6, 7]]).all()
+    assert np.isnan(table.seed.center_world_m[0]).all()
+    # A camera clock that is late by the correction: exposures were earlier.
+    np.testing.assert_allclose(table.time_utc_s[1], 50.0 - state.telemetry[10])
+
+
+def test_the_summary_counts_what_was_observed(refined):
+    groups, _ = judge_groups(refined.adjustment, 0.001)
+    summary = summarise_solution(refined, groups, ())
+    blocks = refined.adjustment.minimum.blocks
+    observations = sum(b.residual.size for b in blocks.values())
+    assert summary.degrees_of_freedom == observations - refined.adjustment.problem.layout.size
+    assert summary.variance_factor * summary.degrees_of_freedom == pytest.approx(
+        refined.adjustment.minimum.cost
+    )
+    assert summary.chi2_probability == pytest.approx(
+        chi2.sf(refined.adjustment.minimum.cost, summary.degrees_of_freedom)
+    )
+    assert summary.converged
+
+
+def test_an_alternative_carries_its_height_tilt_and_values(scene_factory):
+    ends = ((0, 1), (1, 2), (2, 0))
+    for seed in range(8):
+        scene = scene_factory(
+            seed, frames=1, labels=6, ends=ends, noise=0.0, telemetry=False, gauge="plane"
+        )
+        refined = refine(scene.survey, SolveOptions())[0]
+        if refined.alternatives:
+            break
+    values = tuple((float(k),) for k in range(len(refined.alternatives)))
+    summary = summarise_solution(refined, (), values)
+    for found, other, value in zip(summary.alternatives, refined.alternatives, values, strict=True):
+        axis = other.state.rotation[0] @ [0, 0, 1]
+        assert found.tilt_deg == pytest.approx(np.degrees(np.arccos(-axis[2])))
+        assert found.height_m == other.state.center[0, 2]
+        assert found.frame_id == "f0"
+        assert found.values == value

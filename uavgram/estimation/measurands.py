@@ -1,0 +1,146 @@
+"""What can be measured: each kind's value, and how it depends on its points.
+
+A kind is one function of the world coordinates of its points; stages turn the gradients into
+sigmas, or sample the values.
+"""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.geometry import shapes
+from uavgram.model.arrays import Floats
+from uavgram.model.frames import Frames
+from uavgram.model.observations import MeasurementRequest
+from uavgram.model.survey import Survey
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2 (CGPM 1901); the local value differs by less than 0.3 %, a speed by less than 0.15 %."""
+
+AXES = ("east", "north")
+
+
+class Measurand(NamedTuple):
+    """One measured number and how it depends on its points and on what else has a sigma."""
+
+    name: str
+    request: MeasurementRequest
+    value: float
+    gradient: Floats | None
+    """(k, 3) by the request's points; None where there is no value."""
+    other_variance: float
+
+
+class UnmeasurableError(ValueError):
+    """Why a measurement has no value."""
+
+
+def require_picked(request: MeasurementRequest, known: tuple[str, ...]) -> None:
+    """Make sure that every point of a request is among the known labels.
+
+    Raises
+    ------
+    UnmeasurableError
+        Names those that are not, with the nearest spelling.
+    """
+    words = []
+    for label in request.points:
+        if label not in known:
+            near = get_close_matches(label, known, n=1)
+            hint = f" (did you mean {near[0]!r}?)" if near else ""
+            words.append(f"point {label!r} has no usable pick{hint}")
+    if words:
+        raise UnmeasurableError(", ".join(words))
+
+
+def measurands(
+    request: MeasurementRequest, points: Floats, survey: Survey, frames: Frames
+) -> list[Measurand]:
+    """Values of one request, with gradients.
+
+    Parameters
+    ----------
+    request
+        What to measure.
+    points
+        (k, 3) world coordinates of its points.
+    survey, frames
+        For ``speed``: which frames see the points, and their times.
+
+    Raises
+    ------
+    UnmeasurableError
+        There is no value, or no derivative, for these points.
+    """
+    kind = request.kind
+    if kind == "coordinate":
+        return [
+            Measurand(f"{request.name} {axis}", request, float(points[0, i]), np.eye(3)[[i]], 0.0)
+            for i, axis in enumerate(AXES)
+        ]
+    if kind == "skid_speed":
+        return [_skid_speed(request, points)]
+    if kind == "speed":
+        return [_speed(request, points, survey, frames)]
+    value, gradient = getattr(shapes, kind)(points)
+    measurable = np.isfinite(value) and np.isfinite(gradient).all()
+    in_line = np.linalg.matrix_rank(np.diff(points, axis=0)) < 2
+    if kind == "area" and not in_line and shapes.polygon_self_intersects(points[:, :2]):
+        raise UnmeasurableError("its outline crosses itself: give the points in order around it")
+    if not measurable:
+        raise UnmeasurableError("its points coincide or lie in line")
+    if kind == "angle":
+        value, gradient = np.rad2deg(value), np.rad2deg(gradient)
+    return [Measurand(request.name, request, float(value), gradient, 0.0)]
+
+
+def _skid_speed(request: MeasurementRequest, points: Floats) -> Measurand:
+    """Speed at the start of a skid to rest: v = sqrt(2 mu g d) (work of friction = energy)."""
+    parameters = dict(request.parameters)
+    mu, mu_sigma = parameters["mu"], parameters["mu_sigma"]
+    length, gradient = shapes.polyline(points)
+    if length <= 0 or not np.isfinite(gradient).all():
+        raise UnmeasurableError("its points coincide")
+    speed = float(np.sqrt(2.0 * mu * STANDARD_GRAVITY * length))
+    by_mu = speed / (2.0 * mu)
+    return Measurand(
+        request.name, request, speed, gradient * (speed / (2.0 * length)), (by_mu * mu_sigma) ** 2
+    )
+
+
+def _speed(
+    request: MeasurementRequest, points: Floats, survey: Survey, frames: Frames
+) -> Measurand:
+    """Mean speed between two exposures: distance over the difference of their times.
+
+    The camera's clock offset drops out; each frame's own timing error stays.
+    """
+    times, variances = [], []
+    for label in request.points:
+        seen = survey.pick_frame[survey.pick_label == survey.label.index(label)]
+        if len(seen) != 1:
+            raise UnmeasurableError(f"{label!r} is picked in {len(seen)} frames, a speed needs one")
+        row = frames.frame_id.index(survey.frame_id[seen[0]])
+        times.append(frames.time_utc_s[row])
+        variances.append(frames.sigma_time_s[row] ** 2)
+    elapsed = abs(times[1] - times[0])
+    if not np.isfinite(elapsed) or elapsed == 0:
+        raise UnmeasurableError("its two frames have no time, or the same")
+    length, gradient = shapes.distance(points)
+    if length <= 0 or not np.isfinite(gradient).all():
+        raise UnmeasurableError("its points coincide")
+    speed = float(length / elapsed)
+    return Measurand(
+        request.name, request, speed, gradient / elapsed, (speed / elapsed) ** 2 * sum(variances)
+    )
+
+
+def unmeasured(request: MeasurementRequest) -> list[Measurand]:
+    """The rows of a request that cannot be measured: NaN."""
+    names = [request.name]
+    if request.kind == "coordinate":
+        names = [f"{request.name} {axis}" for axis in AXES]
+    return [Measurand(name, request, np.nan, None, np.nan) for name in names]

@@ -1,0 +1,66 @@
+"""Gimbal attitudes as MAVLink and PX4 state them -> GimbalSamples; shared by their readers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.geometry.rotation import matrix_from_xyzw, ypr_from_matrix
+from uavgram.io.samples import are_angles, in_order
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.telemetry import GimbalSamples
+
+# GIMBAL_DEVICE_FLAGS, https://mavlink.io/en/messages/common.html
+_YAW_LOCK, _YAW_IN_VEHICLE_FRAME, _YAW_IN_EARTH_FRAME = 16, 32, 64
+
+
+def from_device_status(
+    time_s: Floats, wxyz: Floats, flags: Ints, source: str
+) -> GimbalSamples | None:
+    """GIMBAL_DEVICE_ATTITUDE_STATUS: roll and pitch from the horizon, yaw as the flags say.
+
+    Parameters
+    ----------
+    time_s
+        (N,) since boot.
+    wxyz
+        (N, 4) quaternions, w first.
+    flags
+        (N,) GIMBAL_DEVICE_FLAGS; where rows differ in the frame of yaw, the commoner one is kept.
+    source
+        The message's name.
+    """
+    xyzw = wxyz[:, [1, 2, 3, 0]]
+    length = np.linalg.norm(xyzw, axis=1)
+    # Neither frame flag (older firmware): the lock flag says which frame the yaw is in.
+    earth = (flags & _YAW_IN_EARTH_FRAME > 0) | (
+        (flags & _YAW_IN_VEHICLE_FRAME == 0) & (flags & _YAW_LOCK > 0)
+    )
+    use_earth = bool(len(earth) and earth.mean() > 0.5)
+    rows = in_order(time_s, (np.abs(length - 1) < 0.01) & (earth == use_earth))
+    if not len(rows):
+        return None
+    yaw, pitch, roll = ypr_from_matrix(matrix_from_xyzw(xyzw[rows] / length[rows, None]))
+    return GimbalSamples(
+        time_boot_s=time_s[rows],
+        roll_rad=roll,
+        pitch_rad=pitch,
+        yaw_rad=yaw,
+        yaw_frame="earth" if use_earth else "vehicle",
+        source=source,
+    )
+
+
+def from_angles(time_s: Floats, rpy_deg: Floats, source: str) -> GimbalSamples | None:
+    """Angles (N, 3) of roll, pitch [deg] from the horizon and yaw from the vehicle's nose."""
+    rows = in_order(time_s, are_angles(rpy_deg))
+    if not len(rows):
+        return None
+    roll, pitch, yaw = np.radians(rpy_deg[rows]).T
+    return GimbalSamples(
+        time_boot_s=time_s[rows],
+        roll_rad=roll,
+        pitch_rad=pitch,
+        yaw_rad=yaw,
+        yaw_frame="vehicle",
+        source=source,
+    )

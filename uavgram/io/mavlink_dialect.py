@@ -1,0 +1,65 @@
+"""MAVLink message definitions, pymavlink's dialect "all", as numpy needs them."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pymavlink.dialects.v20 import all as dialect
+
+_KINDS = {"c": "S1", "b": "<i1", "B": "<u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4"}
+_KINDS |= {"q": "<i8", "Q": "<u8", "f": "<f4", "d": "<f8"}
+
+
+def message_number(name: str) -> int:
+    """Number of a message, -1 where the dialect has none of this name."""
+    return _numbers_by_name().get(name, -1)
+
+
+def message_name(number: int) -> str:
+    """Name of a message."""
+    known = dialect.mavlink_map.get(number)
+    return str(known.msgname) if known is not None else f"UNKNOWN_{number}"
+
+
+@cache
+def _numbers_by_name() -> dict[str, int]:
+    return {str(known.msgname): int(number) for number, known in dialect.mavlink_map.items()}
+
+
+@cache
+def message_dtype(name: str) -> np.dtype[Any]:
+    """Structured type of a message's whole payload, in the order of the wire."""
+    message = dialect.mavlink_map[message_number(name)]
+    codes = re.findall(r"(\d*)([a-zA-Z])", message.unpacker.format)
+    fields = []
+    for field, (length, code) in zip(message.ordered_fieldnames, codes, strict=True):
+        if code == "s":
+            fields.append((field, f"S{length}"))
+        else:
+            fields.append((field, f"({length},){_KINDS[code]}" if length else _KINDS[code]))
+    return np.dtype(fields)
+
+
+@cache
+def _checksum_extras() -> NDArray[np.int16]:
+    """By message number: the byte that ties a checksum to the definition; -1 where unknown."""
+    table = np.full(max(dialect.mavlink_map) + 2, -1, dtype=np.int16)
+    for number, known in dialect.mavlink_map.items():
+        table[number] = known.crc_extra
+    return table
+
+
+def checksum_extra(number: NDArray[np.integer]) -> NDArray[np.int16]:
+    """(N,) the byte that ties a checksum to the message's definition; -1 for an unknown one."""
+    table = _checksum_extras()
+    return table[np.minimum(number, len(table) - 1)]
+
+
+def vehicle_kind(number: int) -> str:
+    """A MAV_TYPE for people, such as ``fixed wing``; empty where unknown or generic."""
+    kind = dialect.enums["MAV_TYPE"].get(number) if number > 0 else None
+    return str(kind.name).removeprefix("MAV_TYPE_").lower().replace("_", " ") if kind else ""

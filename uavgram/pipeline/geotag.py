@@ -1,0 +1,152 @@
+"""Hand the photos' poses over to other programs."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.errors import GeometryError, OutputError
+from uavgram.io.geotag_tables import write_geo_txt, write_pix4d_csv
+from uavgram.io.outputs import staged_output
+from uavgram.io.tagged_photos import write_tagged_photo
+from uavgram.model.geotag import GeoTags, PoseChoice
+from uavgram.model.message import Message
+from uavgram.model.pose import Poses
+from uavgram.model.world import World
+from uavgram.pipeline.compute import compute
+from uavgram.pipeline.inputs import Inputs, read_inputs
+from uavgram.pipeline.pose import pose_frames
+from uavgram.pipeline.progress import Progress, silent
+from uavgram.stages.geotag import geotag as make_tags
+
+FOLDER = "geotag"
+TAGGED = "tagged"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Geotagged:
+    """What was written where, of which tags, and what is to be said about them."""
+
+    folder: Path
+    files: tuple[str, ...]
+    tags: GeoTags
+    messages: tuple[Message, ...]
+
+
+def geotag(
+    project: str | os.PathLike[str],
+    output: str | os.PathLike[str] | None = None,
+    poses: PoseChoice = "refined",
+    *,
+    exif: bool = False,
+    progress: Progress = silent,
+) -> Geotagged:
+    """Write geo.txt, pix4d.csv and, asked for, tagged copies of the photos.
+
+    Parameters
+    ----------
+    project
+        The project file.
+    output
+        Folder; by default ``geotag`` in the project's output folder.
+    poses
+        ``refined``: as adjusted (of photos without picks, the seed); ``seed``: as the log or the
+        photos have them.
+    exif
+        Copies into the folder ``tagged``; the photos themselves are never touched.
+    progress
+        Shows long loops.
+
+    Raises
+    ------
+    UavgramError
+        A problem that the user can solve. Earlier files are untouched.
+    """
+    inputs = read_inputs(Path(project))
+    folder = Path(inputs.project.output) / FOLDER if output is None else Path(output).absolute()
+    _keep_originals(inputs, folder / TAGGED, exif=exif)
+    tags, messages = _tags(inputs, poses)
+    files = ["geo.txt", "pix4d.csv"]
+    with staged_output(folder) as staging:
+        write_geo_txt(tags, staging / files[0])
+        write_pix4d_csv(tags, staging / files[1])
+        if exif:
+            (staging / TAGGED).mkdir()
+            for k, name in enumerate(progress(tags.frame_id, "tagging", len(tags.frame_id))):
+                write_tagged_photo(tags, k, staging / TAGGED / name)
+            files.append(f"{TAGGED}/ ({len(tags.frame_id)} photos)")
+    return Geotagged(folder=folder, files=tuple(files), tags=tags, messages=messages)
+
+
+def _keep_originals(inputs: Inputs, tagged: Path, *, exif: bool) -> None:
+    """Refuse to write copies over the photos themselves."""
+    if exif and any(Path(path).resolve().parent == tagged.resolve() for path in inputs.photos.path):
+        raise OutputError(
+            f"{tagged}: holds the project's own photos, which are never written to; choose "
+            "another folder with --output"
+        )
+
+
+def _tags(inputs: Inputs, choice: PoseChoice) -> tuple[GeoTags, tuple[Message, ...]]:
+    path = dict(zip(inputs.photos.frame_id, inputs.photos.path, strict=True))
+    poses, kinds, world, messages = _seeds(inputs) if choice == "seed" else _refined(inputs)
+    tags = make_tags(poses, tuple(path[name] for name in poses.frame_id), kinds, world)
+    return tags, (*messages, *_left_out(inputs, tags, choice))
+
+
+_Chosen = tuple[Poses, tuple[PoseChoice, ...], World, tuple[Message, ...]]
+
+
+def _seeds(inputs: Inputs) -> _Chosen:
+    posed = pose_frames(inputs)
+    if posed.telemetry is None:
+        raise GeometryError(
+            f"{inputs.project_path}: there are no seed poses without `log` or `poses`; write the "
+            "refined ones (--poses refined)"
+        )
+    poses = posed.telemetry.poses
+    messages = (*inputs.messages, *posed.messages)
+    kind: PoseChoice = "seed"
+    return poses, (kind,) * len(poses.frame_id), posed.world, messages
+
+
+def _refined(inputs: Inputs) -> _Chosen:
+    """Adjusted poses, and the seeds of photos that took no part."""
+    result = compute(inputs)
+    frames = result.frames
+    adjusted = np.asarray(np.isfinite(frames.refined.center_world_m).all(axis=1))
+    seeded = np.asarray(np.isfinite(frames.seed.center_world_m).all(axis=1))
+    rows = np.flatnonzero(adjusted | seeded)
+    use = adjusted[rows]
+    better, other = frames.refined, frames.seed
+    poses = Poses(
+        frame_id=tuple(frames.frame_id[k] for k in rows),
+        center_world_m=np.where(
+            use[:, None], better.center_world_m[rows], other.center_world_m[rows]
+        ),
+        world_from_camera=np.where(
+            use[:, None, None], better.world_from_camera[rows], other.world_from_camera[rows]
+        ),
+        covariance=np.where(use[:, None, None], better.covariance[rows], other.covariance[rows]),
+    )
+    kinds: list[PoseChoice] = ["refined" if good else "seed" for good in use]
+    return poses, tuple(kinds), result.world, result.messages
+
+
+def _left_out(inputs: Inputs, tags: GeoTags, choice: PoseChoice) -> list[Message]:
+    messages = []
+    without = [name for name in inputs.photos.frame_id if name not in set(tags.frame_id)]
+    if without:
+        text = f"{len(without)} photos have no pose and were left out (the first is {without[0]})."
+        messages.append(Message("warning", "geotag-without-pose", text))
+    seeds = tags.pose.count("seed")
+    if choice == "refined" and seeds:
+        text = (
+            f"{seeds} photos have no picks, so they were not adjusted: their seed poses were "
+            "written, with the seeds' accuracies."
+        )
+        messages.append(Message("warning", "geotag-seeds", text))
+    return messages

@@ -1,0 +1,103 @@
+"""Instants of photos from the camera events they were aligned with.
+
+Where each number comes from:
+
+* An instant is its event's where the pair is certain. Else it is the photo's own time, put on the
+  log's clock by the fitted offset and drift: a wrong event can then do no harm.
+* `sigma_time_s`, a frame's own: at an event, the scatter of photos about events (fine file times),
+  or `EVENT_JITTER_S` (coarse ones cannot tell it); off an event, the file time's step as a uniform
+  error, the scatter of the shutter, and the fitted line's own sigma there.
+* `offset_sigma_s`, common to all frames: that of the fitted offset, and the lag of exposures after
+  events (`ClockedBoot.lag_sigma_s`), which no alignment can see; at most the project's
+  `offset_sigma_s`. The boot clock's error against UTC is no part of it: events and positions carry
+  it alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.estimation.camera_clock import COARSE_S
+from uavgram.estimation.time_alignment import Alignment
+from uavgram.model.arrays import Floats
+from uavgram.model.frames import Photos
+from uavgram.model.message import Message
+from uavgram.model.options import TimeOptions
+from uavgram.stages.synchronise.boots import ClockedBoot
+from uavgram.stages.synchronise.pairing import Pairing, pairing_messages, pairing_of
+
+EVENT_JITTER_S = 0.01  # of a shutter after its event: one step of ArduPilot's 50 Hz loop is 0.02
+_LEAST_JITTER_S = 0.002  # no shutter was seen to be steadier
+_MOST_JITTER_S = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Timing:
+    """Instants of F photos and where they come from, before the log's span is looked at."""
+
+    time_utc_s: Floats
+    sigma_time_s: Floats
+    offset_s: float
+    offset_sigma_s: float
+    messages: tuple[Message, ...] = ()
+    pairing: Pairing | None = None
+
+
+def event_timing(
+    photos: Photos,
+    chosen: ClockedBoot,
+    alignment: Alignment,
+    options: TimeOptions,
+    messages: tuple[Message, ...],
+) -> Timing:
+    """Event times where the pair is certain, the photos' own times elsewhere.
+
+    Parameters
+    ----------
+    photos
+        F, some perhaps without a file time.
+    chosen
+        The boot whose events they were aligned with.
+    alignment
+        Of the photos that have a file time; unique.
+    options
+        Its `offset_sigma_s` is the largest that the common sigma may be.
+    messages
+        To go before those about the pairs.
+    """
+    timed = np.flatnonzero(np.isfinite(photos.file_time_s))
+    event_utc = chosen.event_utc_s()
+    time, sigma = np.full(len(photos.frame_id), np.nan), np.full(len(photos.frame_id), np.nan)
+    certain = alignment.certain
+    line_sigma = alignment.clock.sigma_at(alignment.photo_event_s)
+    time[timed] = alignment.photo_event_s
+    sigma[timed] = np.linalg.norm(
+        [file_sigma_s(photos)[timed], line_sigma, np.full(len(timed), alignment.clock.jitter_s)],
+        axis=0,
+    )
+    time[timed[certain]] = event_utc[alignment.event_index[certain]]
+    sigma[timed[certain]] = _jitter_s(photos, alignment)
+    common = float(np.hypot(alignment.offset_sigma_s, chosen.lag_sigma_s()))
+    pairing = pairing_of(photos, chosen, alignment)
+    return Timing(
+        time,
+        sigma,
+        alignment.offset_s,
+        min(options.offset_sigma_s, common),
+        (*messages, *pairing_messages(pairing)),
+        pairing,
+    )
+
+
+def _jitter_s(photos: Photos, alignment: Alignment) -> float:
+    """Of an exposure about its event."""
+    if float(np.nanmax(photos.file_time_resolution_s)) > COARSE_S:
+        return EVENT_JITTER_S
+    return float(np.clip(alignment.clock.jitter_s, _LEAST_JITTER_S, _MOST_JITTER_S))
+
+
+def file_sigma_s(photos: Photos) -> Floats:
+    """(F,) of a file time: its step (uniform: step / sqrt(12)) and the camera's jitter."""
+    return np.asarray(np.maximum(photos.file_time_resolution_s / np.sqrt(12), _LEAST_JITTER_S))

@@ -1,0 +1,56 @@
+"""What became of each frame, in one word."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Literal
+
+from uavgram.model.result import Result
+from uavgram.views.wording import FRAME_STATE_WORDS
+
+FrameState = Literal["refined", "check", "seeded", "unmatched", "rejected"]
+
+
+def frame_states(result: Result) -> tuple[FrameState, ...]:
+    """(F,) status of each frame; ``check`` where a refined frame deserves a second look.
+
+    That is where one of its picks is suspect or was removed, or where the log has it elsewhere.
+    """
+    odd = {
+        image
+        for image, status in zip(result.picks.image, result.picks.status, strict=True)
+        if status in ("suspect", "removed")
+    }
+    odd |= _strained(result)
+    return tuple(
+        "check" if status == "refined" and name in odd else status
+        for name, status in zip(result.frames.frame_id, result.frames.status, strict=True)
+    )
+
+
+def _strained(result: Result) -> set[str]:
+    """Frames that do not stand where the log has them: the messages on them name them first."""
+    named = {f"Frame {name!r}": name for name in result.frames.frame_id}
+    openings = (
+        message.text.partition(" does not stand")[0]
+        for message in result.messages
+        if message.code == "telemetry-strained"
+    )
+    return {named[opening] for opening in openings if opening in named}
+
+
+def frame_counts(result: Result) -> str:
+    """``20 frames: 16 refined, 1 to check, 1 rejected``; says so where none was rejected."""
+    counts = Counter(frame_states(result))
+    parts = [f"{counts[state]} {FRAME_STATE_WORDS[state]}" for state in _in_order(counts)]
+    if "rejected" not in counts:
+        parts.append("none rejected")
+    total = len(result.frames.frame_id)
+    return f"{total} frame{'' if total == 1 else 's'}: " + ", ".join(parts)
+
+
+def _in_order(counts: Counter[FrameState]) -> list[FrameState]:
+    """The states that occur, the best first."""
+    order: tuple[FrameState, ...] = ("refined", "check", "seeded", "unmatched", "rejected")
+    return [state for state in order if counts[state]]
+
