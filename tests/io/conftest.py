@@ -25,3 +25,13 @@ def tagged_jpeg():
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="session")
+def ulog_writer():
+    """Writer of small ULogs, with the topics of a flight."""
+    path = Path(__file__).with_name("ulog_writer.py")
+    spec = importlib.util.spec_from_file_location("uavgram_tests_ulog_writer", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

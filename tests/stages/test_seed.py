@@ -46,26 +46,29 @@ def test_with_a_gimbal_its_x_is_the_optical_axis_and_the_mounts_angles_mean_noth
     np.testing.assert_allclose(gimbal_from_camera @ [0, -1, 0], [0, 0, -1])
 
 
-def xyzw(yaw, pitch, roll):
-    """Degrees, Z-Y-X from north-east-down, to world."""
-    turn = Rotation.from_euler("ZYX", np.stack([yaw, pitch, roll], axis=-1), degrees=True)
-    return (Rotation.from_matrix(ENU_FROM_NED) * turn).as_quat()
-
-
 TIME = np.arange(0.0, 5.0)
-YAW, PITCH, ROLL = 40 + 7 * TIME, 6 - 2 * TIME, -5 + 3 * TIME
-POSITION = np.stack([4.0 * TIME, 3 - 2.5 * TIME**1.2, 40 + 0.8 * TIME], axis=1)
+POSITION = np.array([4.0, 3.0, 40.0]) + TIME[:, None] * [4.0, -2.5, 0.8]
+
+
+def steady_turn(yaw, pitch, roll, rate):
+    """Quaternions at TIME: Z-Y-X angles [deg] from north-east-down at 2.2 s, constant body rate.
+
+    On a steady way every interpolation gives the same.
+    """
+    turn = Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True)
+    spin = Rotation.from_rotvec((TIME - 2.2)[:, None] * np.deg2rad(rate))
+    return (Rotation.from_matrix(ENU_FROM_NED) * turn * spin).as_quat()
 
 
 def track(*, gimbal, position=TINY, attitude=TINY):
     """Two sigmas each: horizontal and vertical, tilt and yaw."""
     empty = np.zeros(0), np.zeros((0, 4))
-    mount = (TIME, xyzw(80 - 5 * TIME, -60 + 4 * TIME, 2 * TIME)) if gimbal else empty
+    mount = (TIME, steady_turn(70, -50, 4, [2, 4, -5])) if gimbal else empty
     return Track(
         position_time_s=TIME,
         position_world_m=POSITION,
         attitude_time_s=TIME,
-        world_from_body_xyzw=xyzw(YAW, PITCH, ROLL),
+        world_from_body_xyzw=steady_turn(55, 2, 2, [3, -2, 7]),
         gimbal_time_s=mount[0],
         world_from_gimbal_xyzw=mount[1],
         sigma_time_s=TIME[:1],

@@ -10,6 +10,7 @@ from uavgram.io.flight_log import read_flight_log
 from uavgram.io.photos import read_photos
 from uavgram.model.frames import Photos
 from uavgram.model.options import TimeOptions
+from uavgram.model.scene import DemoScenario
 from uavgram.model.telemetry import (
     AttitudeSamples,
     Boot,
@@ -18,6 +19,7 @@ from uavgram.model.telemetry import (
     FlightLog,
     PositionSamples,
 )
+from uavgram.stages.simulate.survey import simulate
 from uavgram.stages.synchronise import synchronise
 
 EPOCH = 1.7e9
@@ -87,8 +89,8 @@ def photos_at(time_s, resolution=0.001, source="exif"):
     )
 
 
-def uneven(count, seed=1, start=50.0):
-    return start + np.cumsum(np.random.default_rng(seed).uniform(1.2, 2.8, count))
+def uneven(count, seed=1, start=50.0, least=1.2):
+    return start + np.cumsum(np.random.default_rng(seed).uniform(least, least + 1.6, count))
 
 
 @pytest.mark.parametrize("kind", ["BIN", "tlog"])
@@ -107,15 +109,26 @@ def test_the_twins_unknown_clock_offset_is_found_from_its_events(data_dir, kind)
 
 
 @pytest.mark.parametrize("kind", ["BIN", "tlog"])
-@pytest.mark.parametrize("offset", [0.0, "auto"])
-def test_the_calm_twins_instants_are_right(data_dir, kind, offset):
+def test_the_calm_twins_instants_are_right(data_dir, kind):
     folder = data_dir / "calm_nadir"
-    options = TimeOptions(source="exif", offset_s=offset, offset_sigma_s=0.05)
+    options = TimeOptions(source="exif", offset_s=0.0, offset_sigma_s=0.05)
     photos, _ = read_photos((str(folder / "photos" / "*.jpg"),), options)
     frames = synchronise(photos, read_flight_log(folder / f"flight.{kind}"), options).frames
     truth = json.loads((data_dir / "truth" / "calm_nadir.json").read_text())
     expected = [truth["frames"][name]["time_utc_s"] for name in frames.frame_id]
     assert np.abs(frames.time_utc_s - expected).max() < 0.002
+
+
+@pytest.mark.parametrize("kind", ["BIN", "tlog"])
+def test_the_calm_twins_even_events_leave_its_offset_open(data_dir, kind):
+    # Ten photos, all but two of them 1.52 s apart to the simulator's step of 20 ms.
+    folder = data_dir / "calm_nadir"
+    options = TimeOptions(source="exif")
+    photos, _ = read_photos((str(folder / "photos" / "*.jpg"),), options)
+    with pytest.raises(
+        UavgramError, match=r"-0\.00\d s \(10 of 10 photos\).*1\.520 s.*Set time\.offset_s"
+    ):
+        synchronise(photos, read_flight_log(folder / f"flight.{kind}"), options)
 
 
 def test_a_stated_offset_leaves_cuavs_late_clock_to_the_adjustment(data_dir):
@@ -159,7 +172,7 @@ def test_evenly_spaced_events_are_refused_with_the_candidates():
 
 
 def test_a_coarse_file_time_takes_the_time_of_its_event():
-    events = uneven(40)
+    events = uneven(40, least=2.2)
     photos = photos_at(np.floor(EPOCH + events + 0.3), resolution=1.0)
     options = TimeOptions(offset_s=0.0, offset_sigma_s=0.3)
     result = synchronise(photos, log_of(flight(events)), options)
@@ -168,6 +181,68 @@ def test_a_coarse_file_time_takes_the_time_of_its_event():
     assert snapped.mean() > 0.9
     assert result.frames.sigma_time_s[snapped].max() < 0.02
     assert "time-aligned" in {m.code for m in result.messages}
+
+
+def test_a_doubtful_pair_keeps_its_file_time_with_a_sigma_that_covers_it():
+    events = uneven(60, least=2.2)
+    events[30] = events[29] + 0.6  # which of the two, a clock of 1 s cannot tell
+    photos = photos_at(np.floor(EPOCH + events + 0.3), resolution=1.0)
+    result = synchronise(photos, log_of(flight(events)), TimeOptions())
+    frames, doubtful = result.frames, [29, 30]
+    assert {result.pairing.status[k] for k in doubtful} == {"crowded"}
+    assert (frames.sigma_time_s[doubtful] > 0.28).all()
+    error = np.abs(frames.time_utc_s - EPOCH - events)
+    assert (error[doubtful] < 2 * frames.sigma_time_s[doubtful]).all()
+    assert "photo-event-uncertain" in {m.code for m in result.messages}
+
+
+def test_every_pair_has_its_residual_and_what_stays_alone_is_told_on_both_sides():
+    events = uneven(40, least=2.2)
+    confirmed = np.ones(40)
+    confirmed[5] = 0  # a trigger without feedback is no event to pair with
+    taken = np.delete(np.arange(40), [0, 5, 17, 39])
+    photo = np.append(EPOCH + events[taken] + 3.0, EPOCH + 45.0)
+    photo[10] += 0.004
+    result = synchronise(photos_at(photo), log_of(flight(events, confirmed)), TimeOptions())
+    pairing = result.pairing
+    assert pairing.event_index.tolist() == [*taken, -1]
+    assert pairing.residual_s[10] == pytest.approx(0.004, abs=2e-4)
+    assert np.abs(np.delete(pairing.residual_s[:-1], 10)).max() < 5e-4
+    assert np.isnan(pairing.residual_s[-1])
+    assert "before the first camera event" in pairing.reason[-1]
+    assert pairing.unused_event.tolist() == [0, 17, 39]
+    texts = {m.code: m.text for m in result.messages}
+    assert "3 camera events have no photo" in texts["event-without-photo"]
+    assert "036.jpg" in texts["photo-without-event"]
+
+
+def test_a_drifting_camera_clock_is_told_and_followed_off_the_events():
+    events = uneven(150, least=2.0)
+    drift = 90e-6
+    reading = EPOCH + events + 7200.0 + drift * (events - events.mean())
+    held = np.delete(events, [2, 147])
+    result = synchronise(photos_at(reading), log_of(flight(held, end=600.0)), TimeOptions())
+    assert np.abs(result.frames.time_utc_s - EPOCH - events).max() < 1e-3
+    assert result.pairing.drift == pytest.approx(drift, abs=3 * result.pairing.drift_sigma)
+    assert result.pairing.drift_sigma < 2e-5
+    assert "drifting by +" in next(m.text for m in result.messages if m.code == "time-aligned")
+
+
+def test_the_log_of_another_flight_is_refused_without_a_guess():
+    photos = photos_at(EPOCH + uneven(30, seed=5))
+    with pytest.raises(UavgramError, match=r"log of another flight.*Set time\.offset_s"):
+        synchronise(photos, log_of(flight(uneven(30, seed=6))), TimeOptions())
+
+
+@pytest.mark.parametrize("seed", [13, 16])
+def test_the_demos_photos_all_find_their_events(seed):
+    survey = simulate(DemoScenario().with_seed(seed))
+    event = survey.log.event_time_s
+    photos = photos_at(survey.file_time_utc_s - survey.log.boot_utc_s + EPOCH)
+    result = synchronise(photos, log_of(flight(event)), TimeOptions())
+    assert set(result.pairing.status) == {"certain"}
+    assert np.array_equal(result.pairing.event_index, np.flatnonzero(survey.event_has_photo))
+    assert "photo-without-event" not in {m.code for m in result.messages}
 
 
 def test_a_coarse_file_time_without_events_keeps_its_own_sigma():

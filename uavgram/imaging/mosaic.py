@@ -22,6 +22,10 @@ LEAST_SINE = 0.342
 # Frames times cells when choosing the frame of each cell: about a second of projections.
 CHOICE_BUDGET = 4_000_000
 CELL_PX = 16
+# Neighbouring frames fade into each other over this many cells to each side of a seam.
+FEATHER_CELLS = 2
+# Sums of a box filter are not exactly zero where they should be.
+LEAST_WEIGHT = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,30 +179,57 @@ def _sine(rays: Floats) -> Floats:
 def _mosaic(
     grid: _Grid, cameras: _Cameras, previews: Mapping[str, Preview]
 ) -> GroundTexture | None:
+    """Blend the frames, each with its own weight, which is one away from seams."""
     choice = _choose(grid, cameras)
     cell, (rows, columns) = grid.cell_px, grid.shape
-    rgb = np.zeros((rows, cell, columns, cell, 3), dtype=np.uint8)
-    covered = np.zeros((rows, cell, columns, cell), dtype=np.bool_)
+    sums = np.zeros((rows, cell, columns, cell, 4), dtype=np.float32)  # weighted RGB, weight
     within = np.arange(cell) + 0.5
     for frame in np.unique(choice[choice >= 0]):
-        i, j = np.nonzero(choice == frame)
+        corner = _corner_weights(choice == frame)
+        i, j = np.nonzero(_touched(corner))
         row = np.repeat(i[:, None] * cell + within, cell, axis=1)
         column = np.tile(j[:, None] * cell + within, cell)
         pixel = grid.pixels_in(cameras, int(frame), grid.world(column, row))
         picture = _sample(previews[cameras.frame_id[frame]], pixel)
-        seen = np.isfinite(pixel[..., 0])
-        rgb[i, :, j] = np.where(seen[..., None], picture, 0).reshape(-1, cell, cell, 3)
-        covered[i, :, j] = seen.reshape(-1, cell, cell)
+        weight = _weights_within(corner, i, j, within / cell).reshape(pixel.shape[:-1])
+        weight[np.isnan(pixel[..., 0])] = 0.0
+        shares = np.concatenate([weight[..., None] * picture, weight[..., None]], axis=-1)
+        sums[i, :, j] += shares.reshape(-1, cell, cell, 4)
+    total = sums.reshape(rows * cell, columns * cell, 4)
+    covered = total[..., 3] > 0
     if not covered.any():
         return None
-    size = (rows * cell, columns * cell)
+    rgb = total[..., :3] / np.maximum(total[..., 3:], np.finfo(np.float32).tiny)
     return GroundTexture(
-        rgb.reshape(*size, 3),
-        covered.reshape(size),
-        grid.west_m,
-        grid.north_m,
-        grid.pixel_size_m,
+        np.round(rgb).astype(np.uint8), covered, grid.west_m, grid.north_m, grid.pixel_size_m
     )
+
+
+def _corner_weights(chosen: Bools) -> Floats:
+    """(R + 1, C + 1) share of a frame among the cells about each corner of the (R, C) cells."""
+    around = np.pad(chosen.astype(np.float32), FEATHER_CELLS)
+    width = 2 * FEATHER_CELLS
+    share = cv2.boxFilter(around, -1, (width, width), anchor=(0, 0))
+    rows, columns = chosen.shape
+    return np.asarray(share[: rows + 1, : columns + 1], dtype=np.float64)
+
+
+def _touched(corner: Floats) -> Bools:
+    """(R, C) cells with a weight at any corner."""
+    some = corner > LEAST_WEIGHT
+    return some[:-1, :-1] | some[1:, :-1] | some[:-1, 1:] | some[1:, 1:]
+
+
+def _weights_within(corner: Floats, i: Ints, j: Ints, share: Floats) -> Floats:
+    """(n, cell, cell) weights inside of n cells, linear between their corners."""
+    down, right = share[:, None], share[None, :]
+    inside = (
+        corner[i, j][:, None, None] * (1 - down) * (1 - right)
+        + corner[i + 1, j][:, None, None] * down * (1 - right)
+        + corner[i, j + 1][:, None, None] * (1 - down) * right
+        + corner[i + 1, j + 1][:, None, None] * down * right
+    )
+    return np.asarray(inside, dtype=np.float64)
 
 
 def _choose(grid: _Grid, cameras: _Cameras) -> Ints:

@@ -28,7 +28,7 @@ def _word_table(by_byte: NDArray[np.uint16]) -> NDArray[np.uint16]:
     """The same after each pair of bytes (little-endian): the register is as wide as the pair."""
     word = np.arange(65536, dtype=np.uint16)
     first = (word >> 8) ^ by_byte[word & 0xFF]
-    return ((first >> 8) ^ by_byte[first & 0xFF]).astype(np.uint16)
+    return np.asarray((first >> 8) ^ by_byte[first & 0xFF], dtype=np.uint16)
 
 
 _BY_BYTE = _byte_table()

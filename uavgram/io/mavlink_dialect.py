@@ -56,7 +56,7 @@ def _checksum_extras() -> NDArray[np.int16]:
 def checksum_extra(number: NDArray[np.integer]) -> NDArray[np.int16]:
     """(N,) the byte that ties a checksum to the message's definition; -1 for an unknown one."""
     table = _checksum_extras()
-    return table[np.minimum(number, len(table) - 1)]
+    return np.asarray(table[np.minimum(number, len(table) - 1)])
 
 
 def vehicle_kind(number: int) -> str:

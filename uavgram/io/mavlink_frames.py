@@ -91,7 +91,7 @@ class FrameTable:
             bodies = np.lib.stride_tricks.sliding_window_view(self.data, size)[start]
         if len(length) and length.min() < size:
             bodies[np.arange(size) >= length[:, None]] = 0
-        return bodies
+        return np.asarray(bodies)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +181,7 @@ def _has_right_checksum(
     """(N,) whether the checksum is that of the bytes; false where the message is unknown."""
     known = np.flatnonzero(extra >= 0)
     start = found.start[known]
-    covered = found.length[known] + np.where(found.second[known], 9, 5)
+    covered = found.length[known].astype(np.int64) + np.where(found.second[known], 9, 5)
     stated = data[start + 1 + covered].astype(np.uint16)
     stated |= data[start + 2 + covered].astype(np.uint16) << 8
     good = np.zeros(len(extra), dtype=bool)

@@ -128,7 +128,7 @@ def _off_its_median(values: NDArray[np.floating]) -> Floats:
     found = median_filter(values, size=min(7, len(values)), mode="nearest")
     if len(values) >= 7:
         found[:3], found[-3:] = np.median(values[:7]), np.median(values[-7:])
-    return np.abs(values - found)
+    return np.asarray(np.abs(values - found))
 
 
 def are_body_angles(rpy_deg: Floats) -> Bools:

@@ -53,7 +53,7 @@ class Stream:
         component = self.frames.component[rows]
         own = component == _AUTOPILOT_COMPONENT
         if own.any() or not len(rows):
-            return rows[own]
+            return np.asarray(rows[own])
         return np.asarray(rows[component == np.bincount(component).argmax()], dtype=np.int64)
 
     def columns(self, name: str) -> tuple[Columns, Ints]:

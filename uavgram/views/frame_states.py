@@ -53,4 +53,3 @@ def _in_order(counts: Counter[FrameState]) -> list[FrameState]:
     """The states that occur, the best first."""
     order: tuple[FrameState, ...] = ("refined", "check", "seeded", "unmatched", "rejected")
     return [state for state in order if counts[state]]
-

@@ -58,16 +58,12 @@ def _boot(summary: BootSummary) -> dict[str, Any]:
             "scatter_s": clock.scatter_s,
         },
         "positions": _positions(boot.positions),
-        "attitudes": None
-        if attitudes is None
-        else _table(attitudes.source, attitudes.time_boot_s),
+        "attitudes": None if attitudes is None else _table(attitudes.source, attitudes.time_boot_s),
         "gimbal": _gimbal(boot.gimbal),
         "sigmas": _sigmas(boot.sigmas),
         "events": _events(boot.events, summary),
         "home": _home(boot.home, summary.home_moves_m),
-        "messages": [
-            {"level": m.level, "code": m.code, "text": m.text} for m in summary.messages
-        ],
+        "messages": [{"level": m.level, "code": m.code, "text": m.text} for m in summary.messages],
     }
 
 

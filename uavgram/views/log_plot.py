@@ -29,13 +29,15 @@ def log_plot_png(summary: LogSummary) -> bytes:
     shown = _longest(summary.boots)
     figure = Figure(figsize=(13, 0.8 + 7.2 * len(shown)), dpi=110, layout="constrained")
     log = summary.log
-    title = f"{PurePath(log.path).name}   {KINDS[log.kind]}   {log.vehicle} {log.firmware}".strip()
+    vehicle = "" if log.vehicle in log.firmware else log.vehicle
+    title = f"{PurePath(log.path).name}   {KINDS[log.kind]}   {vehicle} {log.firmware}".rstrip()
     figure.suptitle(title, fontsize=13)
-    parts = np.atleast_1d(figure.subfigures(len(shown), 1))
-    for part, number in zip(parts, shown, strict=True):
+    parts = figure.subfigures(len(shown), 1, squeeze=False)
+    for part, number in zip(parts.ravel(), shown, strict=True):
         _draw_boot(part, summary.boots[number], number + 1, len(summary.boots))
     drawn = io.BytesIO()
-    FigureCanvasAgg(figure).print_png(drawn)
+    FigureCanvasAgg(figure)
+    figure.savefig(drawn, format="png")
     return drawn.getvalue()
 
 
@@ -83,11 +85,16 @@ def _draw_track(axis: Axes, summary: BootSummary) -> None:
         places = summary.event_track_m
         if sure.any():
             axis.scatter(
-                *places[sure].T, s=_MARK_SIZE, color=_ORANGE, zorder=3, label="camera event"
+                places[sure, 0],
+                places[sure, 1],
+                s=_MARK_SIZE,
+                color=_ORANGE,
+                zorder=3,
+                label="camera event",
             )
         if not sure.all():
             axis.scatter(
-                *places[~sure].T, s=2.5 * _MARK_SIZE, marker="x", color=_RED, zorder=4,
+                places[~sure, 0], places[~sure, 1], s=2.5 * _MARK_SIZE, marker="x", color=_RED, zorder=4,
                 label="without feedback",
             )  # fmt: skip
     axis.set_aspect("equal", adjustable="datalim")

@@ -7,6 +7,7 @@ import rerun.blueprint as rrb
 
 from uavgram.model.arrays import Floats
 from uavgram.model.result import Result
+from uavgram.views.frame_states import frame_counts
 from uavgram.views.recording.documents import FRAME_SHEET, LINES, POINTS, SUMMARY
 from uavgram.views.recording.geography import MAP
 from uavgram.views.recording.legend import LEGEND
@@ -17,12 +18,13 @@ from uavgram.views.recording.plots import (
     RESIDUAL_REFINED,
     RESIDUAL_SEED,
     STATUS,
+    WORST_W,
     Curves,
 )
 from uavgram.views.recording.scene import TO_THE_EYE, Scene
 from uavgram.views.recording.stream import FRAME_TIMELINE
 from uavgram.views.style import Rgb
-from uavgram.views.wording import size_text
+from uavgram.views.wording import axes_text
 
 BACKGROUND: Rgb = (13, 16, 17)
 NORTH_UP = (0, 1, 0)
@@ -30,6 +32,9 @@ NORTH_UP = (0, 1, 0)
 METRES_PER_PIXEL_AT_ZOOM_0 = 40_075_016.7 / 256
 MAP_PX = 300
 MOST_ZOOM = 19.0
+PHOTO_MARGIN = 0.01
+# Of the eye above the worst point, in half axes of its ellipse.
+CLOSE_UP = 6.0
 # The photo's own drawings lie on the photo, not in space.
 _NOT_IN_SPACE = [f"- {PHOTO}/{name}/**" for name in OVERLAYS]
 
@@ -51,22 +56,27 @@ def blueprint(result: Result, scene: Scene, curves: Curves) -> rrb.Blueprint:
             name=f"Photo: picks white, residuals ×{scene.residual_factor} blue, "
             "flight log alone orange",
             background=BACKGROUND,
-            visual_bounds=rrb.VisualBounds2D(
-                x_range=[0, result.camera.width_px], y_range=[0, result.camera.height_px]
-            ),
+            visual_bounds=_whole_photo(result),
         ),
-        rrb.StateTimelineView(origin=STATUS, name="Frames"),
+        rrb.StateTimelineView(origin=STATUS, name=frame_counts(result)),
         _tabs(result, scene),
-        row_shares=[5.2, 1.25, 5.0],
+        row_shares=[5.6, 1.15, 5.0],
     )
     return rrb.Blueprint(
-        rrb.Horizontal(left, right, column_shares=[1.35, 1]),
+        rrb.Horizontal(left, right, column_shares=[1.3, 1]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=FRAME_TIMELINE, fps=2, play_state="paused"),
         auto_views=False,
         auto_layout=False,
     )
+
+
+def _whole_photo(result: Result) -> rrb.VisualBounds2D:
+    """With a margin, so that its edges are seen."""
+    width, height = result.camera.width_px, result.camera.height_px
+    edge = PHOTO_MARGIN * width
+    return rrb.VisualBounds2D(x_range=[-edge, width + edge], y_range=[-edge, height + edge])
 
 
 def _survey(scene: Scene) -> rrb.Spatial3DView:
@@ -90,31 +100,31 @@ def _eye(
 
 
 def _plots(result: Result, curves: Curves) -> list[rrb.TimeSeriesView]:
-    plots = [_plot(RESIDUAL_REFINED, "Residual, refined, rms [px]", curves.refined_rms_px)]
+    plots = [
+        _plot(
+            RESIDUAL_REFINED,
+            "Residual rms [px], σ of picks white",
+            np.concatenate([curves.refined_rms_px, curves.sigma_px]),
+        ),
+        _plot(
+            WORST_W,
+            f"Largest |w|, limit {curves.limit_w:.2f}",
+            np.append(curves.worst_w, curves.limit_w),
+        ),
+    ]
     if np.isfinite(curves.seed_rms_px).any():
         plots.append(_plot(RESIDUAL_SEED, "Flight log alone, rms [px]", curves.seed_rms_px))
     frames = result.frames
-    heights = np.concatenate(
-        [frames.seed.center_world_m[:, 2], frames.refined.center_world_m[:, 2]]
-    )
-    spread = np.sqrt(
-        np.concatenate([frames.seed.covariance[:, 2, 2], frames.refined.covariance[:, 2, 2]])
-    )
-    known = np.isfinite(heights)
-    if known.any():
-        bounds = (heights - 2 * spread)[known].min(), (heights + 2 * spread)[known].max()
-        plots.append(
-            rrb.TimeSeriesView(
-                origin=HEIGHT,
-                name="Camera height, 1 σ band [m]",
-                axis_y=rrb.ScalarAxis(range=_wider(*bounds)),
-                plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
-            )
-        )
+    heights = np.concatenate([curves.seed_height_m, curves.refined_height_m])
+    variance = [frames.seed.covariance[:, 2, 2], frames.refined.covariance[:, 2, 2]]
+    if np.isfinite(heights).any():
+        upper = heights + np.sqrt(np.concatenate(variance))
+        plots.append(_plot(HEIGHT, "Height above ground [m], ±1 σ", upper))
     return plots
 
 
 def _plot(origin: str, name: str, values: Floats) -> rrb.TimeSeriesView:
+    """From zero, so that what looks small is small."""
     known = values[np.isfinite(values)]
     top = 1.15 * float(known.max()) if len(known) else 1.0
     return rrb.TimeSeriesView(
@@ -123,11 +133,6 @@ def _plot(origin: str, name: str, values: Floats) -> rrb.TimeSeriesView:
         axis_y=rrb.ScalarAxis(range=(0.0, max(top, 1e-3))),
         plot_legend=rrb.PlotLegend(visible=False),
     )
-
-
-def _wider(low: float, high: float) -> tuple[float, float]:
-    margin = max(0.1 * (high - low), 0.01)
-    return low - margin, high + margin
 
 
 def _tabs(result: Result, scene: Scene) -> rrb.Tabs:
@@ -166,8 +171,8 @@ def _plan(scene: Scene) -> rrb.Spatial3DView:
 
 def _worst_point(result: Result, row: int) -> rrb.Spatial3DView:
     spot = result.points.position_world_m[row]
-    major, minor = result.points.ellipse_95_m[row]
-    position = spot + np.array([0.0, 0.0, 5.0 * major])
+    axes = result.points.relative.ellipse_95_m[row]
+    position = spot + np.array([0.0, 0.0, CLOSE_UP * axes[0]])
     return rrb.Spatial3DView(
         origin="/",
         contents=[
@@ -176,7 +181,7 @@ def _worst_point(result: Result, row: int) -> rrb.Spatial3DView:
             "+ /survey/point_names/**",
             "+ /survey/points/ellipse_95_true_size/**",
         ],
-        name=f"Worst point {result.points.label[row]}: ±{size_text(major)} × {size_text(minor)}",
+        name=f"Worst point {result.points.label[row]}: {axes_text(axes)}",
         background=BACKGROUND,
         line_grid=False,
         eye_controls=_eye(position, spot, NORTH_UP),

@@ -9,6 +9,7 @@ import numpy as np
 import rerun as rr
 
 from uavgram.model.result import MeasurementResults, Result
+from uavgram.views.facts import key_facts
 from uavgram.views.recording.frame_picks import FramePicks
 from uavgram.views.recording.plots import Curves
 from uavgram.views.recording.scene import Scene
@@ -18,11 +19,12 @@ from uavgram.views.wording import (
     FRAME_STATUS_WORDS,
     KIND_WORDS,
     LINE_STATUS_WORDS,
+    WHY_TWO_ELLIPSES,
+    axes_text,
     chance,
     interval,
     number,
     place,
-    size_text,
     utc,
     with_sigma,
     worst_first,
@@ -82,6 +84,7 @@ def summary(result: Result, verdict: Verdict, scene: Scene) -> str:
     parts = [
         f"# {headline}",
         *([reasons] if reasons else []),
+        _facts(result),
         plain(verdict.counts),
         "## Measured",
         _measurements(result),
@@ -94,8 +97,14 @@ def summary(result: Result, verdict: Verdict, scene: Scene) -> str:
         parts += ["## Checks", _checks(result)]
     if result.messages:
         parts += ["## Messages", _messages(result)]
-    parts += ["## Pictures", _pictures(result, scene), plain(place(result))]
+    parts += ["## Pictures", _pictures(scene), plain(place(result))]
     return "\n\n".join(parts)
+
+
+def _facts(result: Result) -> str:
+    facts = key_facts(result)
+    rows = [(question, f"**{plain(answer)}**") for question, answer in facts]
+    return table(("at a glance", ""), rows)
 
 
 def _measurements(result: Result) -> str:
@@ -202,19 +211,10 @@ def _messages(result: Result) -> str:
     )
 
 
-def _pictures(result: Result, scene: Scene) -> str:
-    worst = ""
-    if scene.worst_point is not None:
-        major, minor = result.points.ellipse_95_m[scene.worst_point]
-        worst = (
-            f" The largest is that of '{plain(result.points.label[scene.worst_point])}': "
-            f"{size_text(major)} by {size_text(minor)} (half axes)."
-        )
+def _pictures(scene: Scene) -> str:
     return (
-        f"Ellipses hold 95 %; outlines are drawn ×{scene.ellipse_factor}.{worst} They are of "
-        "positions on the earth: what all points have in common, such as the flight's position, "
-        "cancels in lengths, areas and angles. "
-        f"Residuals in the photo are drawn ×{scene.residual_factor}."
+        f"Ellipses hold 95 % and are those within the survey, drawn ×{scene.ellipse_factor}. "
+        f"{WHY_TWO_ELLIPSES} Residuals in the photo are drawn ×{scene.residual_factor}."
     )
 
 
@@ -243,28 +243,31 @@ def lines_page(result: Result) -> str:
 
 
 def points_page(result: Result) -> str:
-    """Ground points, the least certain first."""
+    """Ground points, the least certain within the survey first."""
     points = result.points
     rows = [
         (
             plain(points.label[k]),
             *(number(x) for x in points.position_world_m[k]),
-            " × ".join(size_text(float(axis)) for axis in points.ellipse_95_m[k]),
-            f"{np.degrees(points.ellipse_azimuth_rad[k]):.0f}°",
+            f"**{axes_text(points.relative.ellipse_95_m[k])}**",
+            f"{np.degrees(points.relative.ellipse_azimuth_rad[k]):.0f}°",
+            axes_text(points.ellipse_95_m[k]),
             str(len(points.frames[k])),
         )
-        for k in np.argsort(-points.ellipse_95_m[:, 0], kind="stable")[: MOST_ROWS + 1]
+        for k in np.argsort(-points.relative.ellipse_95_m[:, 0], kind="stable")[: MOST_ROWS + 1]
     ]
     header = (
         "label",
         "east [m]",
         "north [m]",
         "up [m]",
-        "95 % half axes",
+        "95 % half axes within the survey",
         "azimuth",
+        "on the earth",
         "frames",
     )
-    return "# Points\n\n" + (table(header, rows) if rows else "No point was picked.")
+    shown = f"{WHY_TWO_ELLIPSES}\n\n{table(header, rows)}" if rows else "No point was picked."
+    return f"# Points\n\n{shown}"
 
 
 def frame_sheet(result: Result, picks: FramePicks, curves: Curves, frame: int) -> str:

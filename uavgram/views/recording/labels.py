@@ -112,7 +112,5 @@ def _measured(result: Result) -> list[Candidate]:
 def _take(candidates: list[Candidate], scene: Scene, most: int, spread: float) -> list[Candidate]:
     anchors = np.reshape([anchor for anchor, _, _ in candidates], (-1, 3))
     half_widths = HALF_LETTER_ON_SCREEN * np.array([len(text) for _, text, _ in candidates])
-    rows = uncovered(
-        on_screen(scene, anchors), spread * half_widths, spread * LINE_ON_SCREEN, most
-    )
+    rows = uncovered(on_screen(scene, anchors), spread * half_widths, spread * LINE_ON_SCREEN, most)
     return [candidates[i] for i in rows]

@@ -42,7 +42,6 @@ def draw_legend(result: Result, scene: Scene) -> Image.Image:
     image = Image.new("RGB", (WIDTH_PX, HEIGHT_PX), BACKGROUND)
     pen = ImageDraw.Draw(image)
     font = ImageFont.load_default(FONT_PX)
-    middle_x = 20
     rows = [20.0, 20.0]
     for row, text, colour in _entries(result):
         y = ROWS_PX[row] + FONT_PX / 2 + 3
@@ -50,9 +49,8 @@ def draw_legend(result: Result, scene: Scene) -> Image.Image:
         pen.line([(x, y), (x + 56, y)], fill=colour, width=9)
         pen.text((x + 70, ROWS_PX[row]), text, fill=TEXT, font=font)
         rows[row] = x + 70 + pen.textlength(text, font=font) + 46
-    middle_x = int(max(rows)) + 10
-    if result.points.label:
-        _scale(pen, font, result, scene, middle_x)
+    if scene.worst_point is not None:
+        _scale(pen, font, result, scene, int(max(rows)) + 10)
     return image
 
 
@@ -77,7 +75,7 @@ def _entries(result: Result) -> list[tuple[int, str, Rgb]]:
 
 def enlarged(factor: int) -> str:
     """How large ellipses are drawn, in words that the legend's font has."""
-    return "at true size" if factor == 1 else f"x{factor}"
+    return "at true size" if factor == 1 else f"{factor} times too large"
 
 
 def _scale(
@@ -89,8 +87,7 @@ def _scale(
 ) -> None:
     _, low, high = sigma_shares(result)
     colours = scale_colours(np.linspace(0, 1, 300))
-    words = f"95 % ellipse: outline {enlarged(scene.ellipse_factor)}"
-    words += ", filled at true size" if scene.fill_ellipses else ""
+    words = f"95 % ellipse within the survey, drawn {enlarged(scene.ellipse_factor)}; half axis:"
     pen.text((left, ROWS_PX[0]), words, fill=TEXT, font=font)
     y = ROWS_PX[1] + 6
     first = size_text(low)

@@ -29,12 +29,14 @@ from uavgram.views.recording.photo_marks import log_dots, log_polylines, log_tex
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import BAD, LINE_COLOURS, MEASURED, OBSERVED, REFINED, SEED, Rgb
+from uavgram.views.wording import worst_first
 
 # Pixel and text of a label.
 Word = tuple[Floats, str]
 
-# More labels than this hide the photo.
-MOST_WORDS = 25
+# More labels than this hide the photo: of lines, and of lines and points.
+MOST_LINE_WORDS = 10
+MOST_WORDS = 22
 
 # What is drawn on the photo, by the name of its entity.
 OVERLAYS = (
@@ -54,7 +56,7 @@ def log_overlay(
     recorder: Recorder, result: Result, scene: Scene, picks: FramePicks, photo: str
 ) -> None:
     """Log all that is drawn on the photo, below the entity `photo`."""
-    words = _lines(recorder, result, photo)
+    words = _lines(recorder, result, picks, photo)
     _residuals(recorder, result, scene, picks, photo)
     _names(recorder, result, picks, words, photo)
 
@@ -89,29 +91,38 @@ def _residuals(
 
 @dataclass(frozen=True, eq=False)
 class _Shape:
-    """A thing to draw in every frame that sees it: samples of one polyline in the world."""
+    """A thing to draw in every frame that sees it: samples of one polyline in the world.
+
+    `ends` are the labels that must all be picked in a frame; known lengths are always drawn.
+    """
 
     entity: str
     colour: Rgb
     text: str
     samples_m: Floats
+    ends: frozenset[str] = frozenset()
 
 
 def _shapes(result: Result) -> list[_Shape]:
+    """Known lengths, the suspect ones first, then measurements, the least certain first."""
+    known, measured = reference_strips(result), measured_strips(result)
     shapes = []
-    for row, strip in reference_strips(result).items():
+    for row in sorted(known, key=lambda i: result.lines.status[i] not in ("suspect", "removed")):
         status = result.lines.status[row]
         text = reference_text(result, row)
         entity = f"known_lengths/{status}"
-        shapes.append(_Shape(entity, LINE_COLOURS[status], text, sampled(strip)))
-    for row, strips in measured_strips(result).items():
-        text = measured_text(result, row)
-        shapes += [_Shape("measured", MEASURED, text, sampled(strip)) for strip in strips]
+        shapes.append(_Shape(entity, LINE_COLOURS[status], text, sampled(known[row])))
+    for row in map(int, worst_first(result.measurements)):
+        text, ends = measured_text(result, row), frozenset(result.measurements.points[row])
+        shapes += [
+            _Shape("measured", MEASURED, text, sampled(strip), ends)
+            for strip in measured.get(row, [])
+        ]
     return shapes
 
 
-def _lines(recorder: Recorder, result: Result, photo: str) -> list[list[Word]]:
-    """Known lengths and measurements, only where they are seen.
+def _lines(recorder: Recorder, result: Result, picks: FramePicks, photo: str) -> list[list[Word]]:
+    """Known lengths where they are seen; measurements where all of their points were picked.
 
     Returns
     -------
@@ -119,26 +130,28 @@ def _lines(recorder: Recorder, result: Result, photo: str) -> list[list[Word]]:
     """
     frames, shapes = range(len(result.frames.frame_id)), _shapes(result)
     words: list[list[Word]] = [[] for _ in frames]
-    if not shapes:
-        return words
-    colours = {shape.entity: shape.colour for shape in shapes}
-    runs: dict[str, list[list[Floats]]] = {name: [[] for _ in frames] for name in colours}
-    samples = np.concatenate([shape.samples_m for shape in shapes])
-    cuts = np.cumsum([len(shape.samples_m) for shape in shapes])[:-1]
+    runs: dict[str, list[list[Floats]]] = {s.entity: [[] for _ in frames] for s in shapes}
     poses = result.frames.refined
     for frame in np.flatnonzero(result.has_refined):
+        picked = {result.picks.label[row] for row in picks.rows[frame]}
+        shown = [shape for shape in shapes if shape.ends <= picked]
+        if not shown:
+            continue
+        samples = np.concatenate([shape.samples_m for shape in shown])
+        cuts = np.cumsum([len(shape.samples_m) for shape in shown])[:-1]
         pixel = project_from(
             result, poses.center_world_m[frame], poses.world_from_camera[frame], samples
         )
-        for shape, seen in zip(shapes, np.split(pixel, cuts), strict=True):
+        for shape, seen in zip(shown, np.split(pixel, cuts), strict=True):
             pieces = visible_runs(seen)
             if pieces:
                 runs[shape.entity][frame] += pieces
                 longest = max(pieces, key=len)
                 words[frame].append((longest[len(longest) // 2], shape.text))
-    width = line_width(len(shapes))
-    for name, per_frame in runs.items():
-        log_polylines(recorder, f"{photo}/{name}", per_frame, colours[name], width)
+    for shape in {shape.entity: shape for shape in shapes}.values():
+        per_frame = runs[shape.entity]
+        width = line_width(max(map(len, per_frame))) if shape.ends else line_width(0)
+        log_polylines(recorder, f"{photo}/{shape.entity}", per_frame, shape.colour, width)
     return words
 
 
@@ -146,13 +159,18 @@ def _names(
     recorder: Recorder, result: Result, picks: FramePicks, words: list[list[Word]], photo: str
 ) -> None:
     """Texts of the lines, then names of the points, as far as they do not cover each other."""
-    width, height = result.camera.width_px, result.camera.height_px
     anchors, texts = [], []
     for rows, lines in zip(picks.rows, words, strict=True):
-        every = [*lines, *((result.picks.pixel_px[p], result.picks.label[p]) for p in rows)]
-        at = np.reshape([anchor for anchor, _ in every], (-1, 2))
-        half_widths = HALF_LETTER * width * np.array([len(text) for _, text in every])
-        kept = uncovered(at, half_widths, LINE_HEIGHT * height, MOST_WORDS)
-        anchors.append(at[kept])
-        texts.append([every[k][1] for k in kept])
+        kept = _fitting(result, lines, MOST_LINE_WORDS)
+        names = [(result.picks.pixel_px[p], result.picks.label[p]) for p in rows]
+        every = _fitting(result, kept + names, MOST_WORDS)
+        anchors.append(np.reshape([anchor for anchor, _ in every], (-1, 2)))
+        texts.append([text for _, text in every])
     log_texts(recorder, f"{photo}/labels", anchors, texts)
+
+
+def _fitting(result: Result, words: list[Word], most: int) -> list[Word]:
+    at = np.reshape([anchor for anchor, _ in words], (-1, 2))
+    half_widths = HALF_LETTER * result.camera.width_px * np.array([len(t) for _, t in words])
+    kept = uncovered(at, half_widths, LINE_HEIGHT * result.camera.height_px, most)
+    return [words[k] for k in kept]

@@ -10,7 +10,7 @@ import rerun as rr
 from uavgram.imaging.preview import Preview
 from uavgram.model.result import Result
 from uavgram.views.recording.photo_marks import CENTRE_PX
-from uavgram.views.recording.scene import Scene
+from uavgram.views.recording.scene import CURRENT_FRUSTUM, Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import OBSERVED
 
@@ -57,7 +57,7 @@ def _camera(recorder: Recorder, result: Result, scene: Scene) -> None:
             )
         ],
     )
-    depth = np.where(visible, 1.8 * scene.frustum_m, HIDDEN_M)
+    depth = np.where(visible, CURRENT_FRUSTUM * scene.frustum_m, HIDDEN_M)
     recorder.rows(
         PHOTO,
         np.arange(count),

@@ -11,16 +11,22 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import rerun as rr
 
+from uavgram.errors import OutputError
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result import Result
 
 APPLICATION_ID = "uavgram"
 FRAME_TIMELINE = "frame"
 TIME_TIMELINE = "capture_time"
+
+# Rerun ends a complete file with a footer that ends with this mark and 4 bytes of its version.
+FOOTER_MARK = b"RRF2FOOT"
+FOOTER_VERSION_BYTES = 4
 
 # Makes the columns for some of the frames.
 Columns = Callable[[Ints], list[rr.ComponentColumnList]]
@@ -82,6 +88,12 @@ def open_recorder(result: Result, path: str | os.PathLike[str]) -> Iterator[Reco
     """Write a recording to a file; complete when the block ends.
 
     The batcher never flushes by the clock, so that two equal runs give equal chunks.
+
+    Raises
+    ------
+    OutputError
+        The file is not complete. Rerun writes in a thread of its own, which on a full disk stops
+        with no more than a line on stderr; then the footer is missing.
     """
     with strict_rerun():
         stream = rr.RecordingStream(
@@ -95,6 +107,23 @@ def open_recorder(result: Result, path: str | os.PathLike[str]) -> Iterator[Reco
             stream.save(os.fspath(path))
             stream.send_recording_name(result.name)
             yield Recorder(stream, result.frames.time_utc_s)
-            stream.flush()
+            _flush(stream)
         finally:
             stream.disconnect()
+    if not _is_complete(Path(path)):
+        raise OutputError("its end is missing; is the disk full?")
+
+
+def _flush(stream: rr.RecordingStream) -> None:
+    try:
+        stream.flush()
+    except RuntimeError as error:  # Rerun's word for a writer that has stopped
+        raise OutputError(f"{error}; is the disk full?") from error
+
+
+def _is_complete(path: Path) -> bool:
+    length = len(FOOTER_MARK) + FOOTER_VERSION_BYTES
+    with path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(size - length, 0))
+        return file.read(len(FOOTER_MARK)) == FOOTER_MARK

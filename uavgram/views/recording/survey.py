@@ -66,8 +66,8 @@ def sigma_shares(result: Result) -> tuple[Floats, float, float]:
     """(K,) place of each point's semi-major axis on a scale, and the ends of the scale [m].
 
     Of the ellipses within the survey: those on the earth all have the receiver's bias in common
-    and would have one colour. The scale reaches from the smallest to the largest, and at least from half the largest: what is
-    nearly equal has nearly the same colour.
+    and would have one colour. The scale reaches from the smallest to the largest, and at least
+    from half the largest: what is nearly equal has nearly the same colour.
     """
     major = result.points.relative.ellipse_95_m[:, 0]
     high = float(major.max())

@@ -18,7 +18,7 @@ from uavgram.views.recording.geography import log_map, log_origin
 from uavgram.views.recording.legend import log_legend
 from uavgram.views.recording.overlay import log_overlay
 from uavgram.views.recording.photo import PHOTO, log_photos
-from uavgram.views.recording.plots import log_plots, residual_curves
+from uavgram.views.recording.plots import frame_curves, log_plots
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.stream import Recorder, open_recorder
 from uavgram.views.recording.survey import log_survey
@@ -58,7 +58,7 @@ def write_recording(
         with open_recorder(result, unfinished) as recorder:
             _log_everything(recorder, result, previews, texture)
         unfinished.replace(target)
-    except OSError as error:
+    except (OSError, OutputError) as error:
         raise OutputError(f"{target}: the recording cannot be written: {error}") from error
     finally:
         unfinished.unlink(missing_ok=True)
@@ -71,8 +71,8 @@ def _log_everything(
     previews: Mapping[str, Preview],
     texture: GroundTexture | None,
 ) -> None:
-    scene, picks = measure_scene(result), project_picks(result)
-    curves = residual_curves(result, picks)
+    scene, picks = measure_scene(result, texture), project_picks(result)
+    curves = frame_curves(result, picks)
     log_origin(recorder, result)
     log_survey(recorder, result, scene, texture)
     log_legend(recorder, result, scene)

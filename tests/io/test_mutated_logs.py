@@ -1,0 +1,70 @@
+"""5,000 damaged logs of each kind: read or refused, never a crash, a hang or nonsense."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pymavlink import DFReader
+
+SCRIPT = Path(__file__).with_name("mutated_logs.py")
+COUNT, WORKERS = 5000, 2
+ARENAS = 64 << 20  # the interpreter's and numpy's own; the logs are a few hundred kB at most
+
+
+def text_log(binary):
+    """Three seconds of a binary log in its text form."""
+    reader = DFReader.DFReader_binary(str(binary))
+    lines = []
+    while (message := reader.recv_match()) is not None:
+        time = getattr(message, "TimeUS", 0)
+        if time == 0 or time < 153.5e6:
+            values = (getattr(message, field) for field in message.get_fieldnames())
+            lines.append(", ".join([message.get_type(), *(str(v) for v in values)]))
+    reader.close()
+    return "\n".join(lines).encode("latin-1")
+
+
+def small_ulog(write):
+    topics = write.flight(15.0)
+    topics["camera_capture"] = (write.CAPTURE, [write.capture(11 + k, k) for k in range(8)])
+    topics["camera_trigger"] = (
+        write.TRIGGER,
+        [(write.us(10.9 + k), 0, k, False) for k in range(8)]
+        + [(write.us(11 + k), 0, k, True) for k in range(8)],
+    )
+    topics["gimbal_device_attitude_status"] = (
+        write.GIMBAL,
+        [(write.us(10 + k / 10), (1.0, 0.0, 0.0, 0.0), 32) for k in range(150)],
+    )
+    return write.ulog(topics)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("suffix", [".BIN", ".log", ".tlog", ".ulg"])
+def test_damaged_logs_are_read_or_refused(suffix, repository, ulog_writer, tmp_path):
+    source = repository / "logs" / f"twin_short{suffix}"
+    if suffix == ".log":
+        source = tmp_path / "source.log"
+        source.write_bytes(text_log(repository / "logs" / "twin_short.BIN"))
+    if suffix == ".ulg":
+        source = tmp_path / "source.ulg"
+        source.write_bytes(small_ulog(ulog_writer))
+    share = COUNT // WORKERS
+    workers = [
+        subprocess.Popen(
+            [sys.executable, str(SCRIPT), str(source), suffix, str(k * share), str(share)],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for k in range(WORKERS)
+    ]
+    told = [json.loads(worker.communicate(timeout=600)[0]) for worker in workers]
+    assert sum(t["read"] + t["refused"] + len(t["wrong"]) for t in told) >= COUNT
+    assert sum(t["read"] for t in told) > 0.5 * COUNT  # damage is survived, not just refused
+    assert [wrong for t in told for wrong in t["wrong"]] == []
+    assert max(t["slowest_s"] for t in told) < 5.0
+    # what a mutation adds to the file is less than the file
+    allowed = 5 * 2 * source.stat().st_size + ARENAS
+    assert max(t["growth_bytes"] for t in told) < allowed

@@ -1,0 +1,90 @@
+"""Seeds of simulated flights with truth: as good as the estimator, and sigmas that hold."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from uavgram.config.project import load_project
+from uavgram.geometry.geodesy import enu_from_geodetic
+from uavgram.geometry.interpolation import interpolate_position, interpolate_rotation
+from uavgram.io.flight_log import read_flight_log
+from uavgram.io.photos import read_photos
+from uavgram.stages.seed import seed
+from uavgram.stages.synchronise import synchronise
+from uavgram.stages.trajectory import build_track, find_home
+
+CASES = [(flight, kind) for flight in ("calm_nadir", "wind_oblique") for kind in ("BIN", "tlog")]
+
+
+def seeds_of(data_dir, flight, kind):
+    """Seeds, the track, and the truth in the seeds' world."""
+    folder = data_dir / flight
+    project = load_project(folder / "project.yaml")
+    photos, _ = read_photos((str(folder / "photos" / "*.jpg"),), project.time)
+    matched = synchronise(photos, read_flight_log(folder / f"flight.{kind}"), project.time)
+    first = float(np.nanmin(matched.frames.time_utc_s))
+    home, _, _ = find_home(matched.boot, matched.clock, first)
+    track, _ = build_track(matched.boot, matched.clock, home, project.mount, project.telemetry)
+    seeds = seed(matched.frames, track, project.mount, project.telemetry)
+    truth = json.loads((data_dir / "truth" / f"{flight}.json").read_text())
+    world = truth["world"]
+    shift = enu_from_geodetic(
+        world["latitude_deg"], world["longitude_deg"], world["height_amsl_m"], home
+    )
+    frames = [truth["frames"][name] for name in seeds.poses.frame_id]
+    center = shift + np.array([frame["center_world_m"] for frame in frames])
+    rotation = np.array([frame["world_from_camera"] for frame in frames])
+    time = np.array([frame["time_utc_s"] for frame in frames])
+    arm = np.array(project.mount.lever_arm_m)
+    return seeds, track, time, center, rotation, arm
+
+
+def errors_of(seeds, center, rotation):
+    """(F, 6) true - seed: centre in the world, rotation vector in the camera."""
+    turn = np.swapaxes(seeds.poses.world_from_camera, 1, 2) @ rotation
+    return np.hstack([center - seeds.poses.center_world_m, Rotation.from_matrix(turn).as_rotvec()])
+
+
+def rms(values):
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+@pytest.mark.parametrize(("flight", "kind"), CASES)
+def test_a_seed_is_as_near_as_the_estimator_at_the_true_instant(data_dir, flight, kind):
+    seeds, track, time, center, _, arm = seeds_of(data_dir, flight, kind)
+    position, _ = interpolate_position(track.position_time_s, track.position_world_m, time)
+    body, _ = interpolate_rotation(track.attitude_time_s, track.world_from_body_xyzw, time)
+    best = np.linalg.norm((center - position - body @ arm)[:, :2], axis=1)
+    ours = np.linalg.norm((center - seeds.poses.center_world_m)[:, :2], axis=1)
+    assert rms(ours) <= 1.05 * rms(best)
+    assert ours.max() <= 1.05 * best.max()
+
+
+@pytest.mark.parametrize(("flight", "kind"), CASES)
+def test_every_seeds_error_is_what_its_covariance_says(data_dir, flight, kind):
+    seeds, _, _, center, rotation, _ = seeds_of(data_dir, flight, kind)
+    error, covariance = errors_of(seeds, center, rotation), seeds.poses.covariance
+    whole = np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error)
+    assert whole.max() < chi2.isf(1e-3 / len(whole), 6)
+    for part in (slice(0, 3), slice(3, 6)):
+        own = np.linalg.inv(covariance[:, part, part])
+        distance = np.einsum("ni,nij,nj->n", error[:, part], own, error[:, part])
+        assert distance.max() < chi2.isf(1e-3 / len(whole), 3)
+        # Generous (priors are meant to be), but not by orders of magnitude: the frames of one
+        # flight share their causes, so their mean is about one draw of chi-square with three.
+        assert distance.mean() > chi2.ppf(0.001, 3)
+
+
+@pytest.mark.parametrize(("flight", "kind"), CASES)
+def test_frame_to_frame_scatter_is_what_the_prior_says(data_dir, flight, kind):
+    # Without what all frames share: departures from their mean against each frame's own sigma.
+    seeds, _, _, center, rotation, _ = seeds_of(data_dir, flight, kind)
+    error = errors_of(seeds, center, rotation)
+    own = seeds.prior.covariance
+    apart = error - error.mean(axis=0)
+    degrees = 6 * (len(error) - 1)
+    distance = np.einsum("ni,nij,nj->", apart, np.linalg.inv(own), apart)
+    assert distance < chi2.isf(1e-3, degrees)

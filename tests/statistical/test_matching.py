@@ -1,0 +1,95 @@
+"""Photos and camera events of random flights: right pairs or a refusal, never a guess."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from uavgram.estimation.time_alignment import align
+from uavgram.io.flight_log import read_flight_log
+from uavgram.stages.synchronise.boots import usable_boots
+
+FLIGHTS = 1000
+
+
+def load_shutters():
+    """The module tests/estimation/shutters.py, by its path."""
+    path = Path(__file__).parents[1] / "estimation" / "shutters.py"
+    spec = importlib.util.spec_from_file_location("uavgram_test_shutters", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.statistical
+def test_no_wrong_pair_is_certain_and_uneven_spacing_gives_the_right_ones():
+    shutters = load_shutters()
+    certain = wrong = 0
+    found, there, z = {0.001: 0, 1.0: 0}, {0.001: 0, 1.0: 0}, []
+    for seed in range(FLIGHTS):
+        case = shutters.make_case(seed)
+        result = align(case.photo_s, case.resolution_s, case.event_s)
+        has_event = case.truth >= 0
+        if result.unique:
+            certain += result.certain.sum()
+            wrong += (result.certain & (result.event_index != case.truth)).sum()
+            moved = case.drift * (result.clock.reference_s - case.middle_s)
+            error = result.offset_s - case.offset_s - moved
+            z.append(error / result.offset_sigma_s)
+        if case.uneven:
+            there[case.resolution_s] += has_event.sum()
+            right = (result.event_index == case.truth) & has_event
+            found[case.resolution_s] += right.sum() if result.unique else 0
+    assert wrong == 0
+    assert certain > 40_000
+    for resolution, count in there.items():
+        assert count > 5_000
+        assert found[resolution] >= 0.99 * count
+    assert np.sqrt(np.mean(np.square(z))) < 1.2
+
+
+@pytest.mark.statistical
+def test_an_even_interval_is_never_guessed():
+    shutters = load_shutters()
+    refused = 0
+    for seed in range(150):
+        rng = np.random.default_rng(seed)
+        exposure = 1.7e9 + np.arange(rng.integers(12, 120)) * rng.uniform(0.8, 4.0)
+        has_photo, has_event = rng.random((2, len(exposure))) >= 0.1
+        event = np.sort(exposure + rng.uniform(0.001, 0.02) * rng.standard_t(3, len(exposure)))
+        resolution = rng.choice([0.001, 1.0])
+        photo = np.floor((exposure + 3600.3) / resolution) * resolution
+        result = align(photo[has_photo], resolution, event[has_event])
+        refused += not result.unique
+        if not result.unique:
+            assert len(result.candidates) > 1
+    assert refused == 150
+    assert shutters.looks_like_itself(exposure, 0.03) > 0.9
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("resolution", [0.001, 1.0])
+@pytest.mark.parametrize("kind", ["BIN", "tlog"])
+@pytest.mark.parametrize("flight", ["calm_nadir", "wind_oblique"])
+def test_photos_dropped_from_a_real_log_are_paired_rightly_or_refused(
+    data_dir, flight, kind, resolution
+):
+    log = read_flight_log(data_dir / flight / f"flight.{kind}")
+    event = usable_boots(log)[0].event_utc_s()
+    accepted = 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        has_photo = rng.random(len(event)) >= rng.uniform(0, 0.4)
+        has_event = rng.random(len(event)) >= rng.uniform(0, 0.15)
+        reading = event + rng.normal(0, 0.004, len(event)) + rng.uniform(-14, 14) * 3600
+        reading = np.floor(reading / resolution) * resolution
+        truth = np.where(has_event, np.cumsum(has_event) - 1, -1)[has_photo]
+        result = align(reading[has_photo], resolution, event[has_event])
+        accepted += result.unique
+        if result.unique:
+            assert not (result.certain & (result.event_index != truth)).any()
+    if flight == "wind_oblique":  # legs with and against the wind: spacing 1.5 and 4 s
+        assert accepted >= 57
