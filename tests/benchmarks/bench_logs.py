@@ -84,9 +84,10 @@ def measure(reader: str, path: str) -> dict[str, float]:
 
 def child(reader: str, path: str) -> None:
     """Time one reader, its imports left out, and print the figures."""
+    from pymavlink import mavutil  # noqa: F401
+
     import uavgram.io.dataflash_tables
     import uavgram.io.mavlink_frames  # noqa: F401
-    from pymavlink import mavutil  # noqa: F401
 
     start = time.perf_counter()
     messages = {"ours": ours, "pymavlink": pymavlink}[reader](path)

@@ -78,3 +78,22 @@ def test_the_real_cuav_clock_is_the_receive_clock(data_dir):
     clock, messages = fit_boot_clock(read_tlog(data_dir / "cuav" / "flight.tlog").boots[0])
     assert clock.source == "receive"
     assert "2909" in messages[0].text or "2908" in messages[0].text
+
+
+def test_readings_that_jump_by_a_second_are_left_out_and_said():
+    utc = EPOCH + TIME
+    utc[:80] -= 1.0  # before the receiver knew the newest leap second
+    clock, messages = fit_boot_clock(boot(gps=utc))
+    assert clock.offset_s == pytest.approx(EPOCH, abs=1e-3)
+    assert [m.code for m in messages] == ["clock-jumps"]
+    assert "80 of 560" in messages[0].text
+    assert "-1.00 s" in messages[0].text
+
+
+def test_a_damaged_receive_time_does_not_move_the_envelope():
+    rng = np.random.default_rng(3)
+    late = EPOCH + TIME + rng.exponential(0.1, len(TIME))
+    late[::7] -= rng.uniform(1e4, 1e7, len(late[::7]))
+    clock, _ = fit_boot_clock(boot(receive=late))
+    assert clock.offset_s == pytest.approx(EPOCH, abs=0.05)
+    assert clock.sigma_s < 0.2

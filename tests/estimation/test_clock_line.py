@@ -50,3 +50,11 @@ def test_the_lower_envelope_ignores_the_delays():
     error = line.offset_s + line.rate * time - (EPOCH + time * (1 + 20e-6) + 0.02)
     assert np.abs(error).max() < 0.03
     assert np.abs(fit_line(time, late).offset_s - EPOCH) > 0.1  # what the envelope is for
+
+
+def test_the_sigma_of_the_drift_is_true():
+    rng = np.random.default_rng(5)
+    time = np.linspace(0, 600, 600)
+    lines = [fit_line(time, EPOCH + time + rng.normal(0, 0.02, len(time))) for _ in range(300)]
+    errors = [(line.rate - 1) / line.drift_sigma for line in lines]
+    assert 0.85 < np.std(errors) < 1.15  # 300 trials: sigma of std is 0.04

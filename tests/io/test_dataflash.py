@@ -254,3 +254,120 @@ def test_a_log_without_positions_says_what_it_holds(data_dir, path_of):
     ]
     with pytest.raises(InputError, match="it holds ATT, BARO, FMT"):
         read_flight_log(path_of(b"".join(parts)))
+
+
+def message(number, layout, *values):
+    return b"\xa3\x95" + bytes([number]) + struct.pack("<" + layout, *values)
+
+
+def defined(number, layout, name, characters, fields):
+    length = 3 + struct.calcsize("<" + layout)
+    texts = (name.encode(), characters.encode(), fields.encode())
+    return message(0x80, "BB4s16s64s", number, length, *texts)
+
+
+FMT = defined(0x80, "BB4s16s64s", "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
+
+
+def positions(count=40, start_s=10.0):
+    """A POS format and rows at 10 Hz."""
+    fmt = defined(1, "Qiiff", "POS", "QLLff", "TimeUS,Lat,Lng,Alt,RelHomeAlt")
+    rows = (
+        message(1, "Qiiff", round((start_s + k / 10) * 1e6), -353600000 + k, 1491600000, 600, 60)
+        for k in range(count)
+    )
+    return FMT + fmt + b"".join(rows)
+
+
+def test_a_format_that_changes_midway_is_followed(path_of):
+    old = defined(2, "Qf", "CAM", "Qf", "TimeUS,X")
+    new = defined(2, "QHf", "CAM", "QHf", "TimeUS,Img,X")
+    rows_old = b"".join(message(2, "Qf", int((11 + k) * 1e6), 1.5) for k in range(3))
+    rows_new = b"".join(message(2, "QHf", int((20 + k) * 1e6), k, 2.5) for k in range(4))
+    data = positions() + old + rows_old + new + rows_new
+    tables = index_binary("x", data)
+    columns = tables.columns("CAM")
+    assert columns["TimeUS"].tolist() == [11e6, 12e6, 13e6, 20e6, 21e6, 22e6, 23e6]
+    np.testing.assert_array_equal(columns["Img"], [np.nan] * 3 + [0, 1, 2, 3])
+    assert columns["X"].tolist() == [1.5] * 3 + [2.5] * 4
+    assert any("format of CAM changes" in note for note in tables.notes)
+    assert len(read_dataflash(path_of(data)).boots[0].events.time_boot_s) == 7
+
+
+def test_the_index_goes_on_behind_an_unknown_type():
+    data = positions(30)
+    damaged = data + b"\xa3\x95\x99 garbage" + positions(30, 13.0)[len(positions(0)) :]
+    assert index_binary("x", damaged).count("POS") == 60
+
+
+def test_images_counted_twice_and_lost_ones_are_named(path_of):
+    cam = defined(2, "QH", "CAM", "QH", "TimeUS,Img")
+    numbers = (1, 2, 3, 3, 4, 6, 7)
+    rows = b"".join(message(2, "QH", int((10.5 + k / 2) * 1e6), n) for k, n in enumerate(numbers))
+    log = read_dataflash(path_of(positions() + cam + rows))
+    events = log.boots[0].events
+    assert (events.repeated, events.lost, events.instant) == ((3,), (5,), "command")
+    assert "1 image numbers occur more than once in CAM: 3" in log.notes
+    assert "1 image numbers are missing in CAM: 5" in log.notes
+
+
+def test_feedback_and_command_are_told_apart(data_dir):
+    found = {
+        name: read_dataflash(data_dir / name / "flight.BIN").boots[0].events.instant
+        for name in ("calm_nadir", "wind_oblique")
+    }
+    assert found == {"calm_nadir": "command", "wind_oblique": "feedback"}
+
+
+def test_cam_without_boot_time_is_placed_by_its_gps_time(path_of):
+    # as firmware before 3.3 wrote them
+    gps = defined(3, "BIHiifI", "GPS", "BIHLLfI", "Status,TimeMS,Week,Lat,Lng,Alt,T")
+    cam = defined(2, "IHiif", "CAM", "IHLLf", "GPSTime,GPSWeek,Lat,Lng,Alt")
+    fixes = b"".join(
+        message(
+            3, "BIHiifI", 3, 5_000_000 + 200 * k, 1800, 470000000, 80000000, 500, 60_000 + 200 * k
+        )
+        for k in range(50)
+    )
+    shots = b"".join(
+        message(2, "IHiif", 5_000_000 + 200 * k, 1800, 470000000, 80000000, 500)
+        for k in (5, 20, 31)
+    )
+    log = read_dataflash(path_of(FMT + gps + cam + fixes + shots))
+    events = log.boots[0].events
+    assert events.time_boot_s.tolist() == pytest.approx([61.0, 64.0, 66.2])
+    assert any("no boot time" in note for note in log.notes)
+
+
+def test_the_second_receiver_stands_in_where_the_first_has_no_fix(path_of):
+    formats = [
+        defined(n, "QBiif", name, "QBLLf", "TimeUS,Status,Lat,Lng,Alt")
+        for n, name in ((3, "GPS"), (4, "GPS2"))
+    ]
+    rows = b"".join(
+        message(3, "QBiif", k * 200_000, 1, 0, 0, 0)
+        + message(4, "QBiif", k * 200_000, 3, 470000000 + k, 80000000, 500)
+        for k in range(1, 40)
+    )
+    log = read_dataflash(path_of(FMT + b"".join(formats) + rows))
+    assert len(log.boots[0].positions.time_boot_s) == 39
+
+
+def test_several_boots_of_a_text_log_are_told_apart(path_of):
+    lines = [
+        "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
+        "FMT, 1, 27, POS, QLLff, TimeUS,Lat,Lng,Alt,RelHomeAlt",
+    ]
+    for _ in range(2):
+        lines += [f"POS, {10_000_000 + 100_000 * k}, 47.0, 8.0, 500, 50" for k in range(30)]
+    log = read_dataflash(path_of("\n".join(lines).encode(), "flight.log"))
+    assert [len(boot.positions.time_boot_s) for boot in log.boots] == [30, 30]
+
+
+def test_a_position_with_a_flipped_bit_is_dropped(path_of):
+    data = bytearray(positions(60))
+    starts = index_binary("x", bytes(data)).places("POS")
+    data[int(starts[30]) + 3 + 8 + 2] ^= 0x10  # latitude off by a tenth of a degree
+    data[int(starts[40]) + 3 + 16 + 2] ^= 0x20  # height off by far
+    log = read_dataflash(path_of(bytes(data)))
+    assert len(log.boots[0].positions.time_boot_s) == 58

@@ -51,11 +51,6 @@ def test_an_unknown_kind_is_refused_with_the_known_ones(tmp_path):
         read_flight_log(path)
 
 
-def test_a_ulog_is_named_as_such(data_dir):
-    with pytest.raises(InputError, match="PX4 ULog"):
-        read_flight_log(data_dir / "logs" / "sample.ulg")
-
-
 def test_a_missing_log_is_an_input_error(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         read_flight_log(tmp_path / "none.BIN")

@@ -269,3 +269,108 @@ def test_a_log_without_positions_says_what_it_holds(save):
     log.add(log.link(), UTC_S, dialect.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3))
     with pytest.raises(InputError, match="it holds HEARTBEAT"):
         read_tlog(save(log.data))
+
+
+@pytest.mark.parametrize(("pinned", "instant"), [(True, "feedback"), (False, "command")])
+def test_feedbacks_time_base_tells_whether_a_pin_confirmed_it(save, pinned, instant):
+    log = Recorder()
+    link = log.link()
+    log.flight(link)
+    for k, number in enumerate((1, 2, 2, 4)):
+        event = 12.0 + k
+        stamp = event if pinned else UTC_S + event
+        log.feedback(link, UTC_S + event + 0.05, round(stamp * 1e6), number)
+    events = read_tlog(save(log.data)).boots[0].events
+    assert events.instant == instant
+    assert events.time_boot_s.tolist() == pytest.approx([12, 13, 14, 15], abs=1e-3)
+    assert (events.repeated, events.lost) == ((2,), (3,))
+
+
+@pytest.mark.parametrize("base_s", [0.0, UTC_S])
+def test_camera_trigger_states_commands_in_either_clock(save, base_s):
+    log = Recorder()
+    link = log.link()
+    log.flight(link)
+    for k in range(3):
+        message = dialect.MAVLink_camera_trigger_message(round((base_s + 12.0 + k) * 1e6), k)
+        log.add(link, UTC_S + 12.1 + k, message)
+    events = read_tlog(save(log.data)).boots[0].events
+    assert events.source == "CAMERA_TRIGGER"
+    assert events.time_boot_s.tolist() == pytest.approx([12, 13, 14], abs=1e-3)
+    assert events.confirmed.tolist() == [0, 0, 0]
+
+
+def test_image_captured_asked_for_again_is_one_event(save):
+    log = Recorder()
+    link, camera = log.link(), log.link(1, 100)
+    log.flight(link)
+    for k, (event, received, result) in enumerate(
+        ((12.0, 12.1, 1), (13.0, 13.1, 1), (14.0, 14.1, 0), (12.0, 25.0, 1))
+    ):
+        index = (0, 1, 2, 0)[k]
+        message = dialect.MAVLink_camera_image_captured_message(
+            round(event * 1e3), 0, 0, 0, 0, 0, 0, [1, 0, 0, 0], index, result, b""
+        )
+        log.add(camera, UTC_S + received, message)
+    events = read_tlog(save(log.data)).boots[0].events
+    assert events.source == "CAMERA_IMAGE_CAPTURED"
+    assert events.time_boot_s.tolist() == pytest.approx([12, 13, 14])
+    assert events.confirmed.tolist() == [1, 1, 0]
+    assert events.repeated == ()
+
+
+def test_servo_angles_of_an_old_mount_are_turned_by_the_vehicle(data_dir):
+    log = read_tlog(data_dir / "logs" / "dronekit_flight.tlog")
+    gimbal = log.boots[1].gimbal
+    # the vehicle pitches by 7 and rolls by 4 degrees (one sigma), the camera does not
+    assert np.degrees(np.std(gimbal.pitch_rad)) < 1.0
+    assert np.degrees(np.std(gimbal.roll_rad)) < 1.0
+    assert gimbal.yaw_frame == "earth"
+    assert any("servo angles" in note for note in log.notes)
+
+
+def test_the_receiver_stands_in_where_the_estimator_is_silent(save):
+    log = Recorder()
+    link = log.link()
+    for k in range(50):
+        boot = 10 + k / 5
+        log.add(link, UTC_S + boot, dialect.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3))
+        ms = round(boot * 1e3)
+        log.add(link, UTC_S + boot, dialect.MAVLink_attitude_message(ms, 0, 0, 1, 0, 0, 0))
+        fix = dialect.MAVLink_gps_raw_int_message(
+            round(boot * 1e6), 3, 470000000 + 10 * k, 80000000, 500000, 80, 90, 0, 0, 12
+        )
+        log.add(link, UTC_S + boot, fix)
+    read = read_tlog(save(log.data))
+    assert read.boots[0].positions.source == "GPS_RAW_INT"
+    assert any("receiver's own" in note for note in read.notes)
+
+
+def test_a_frame_inside_a_payload_is_no_frame_of_its_own():
+    log = Recorder()
+    link = log.link()
+    inner = struct.pack(">Q", int(UTC_S * 1e6)) + dialect.MAVLink_heartbeat_message(
+        2, 3, 0, 0, 4, 3
+    ).pack(link[0])
+    data = list(inner) + [0] * (251 - len(inner))
+    carrier = dialect.MAVLink_file_transfer_protocol_message(0, 1, 1, data)
+    log.add(link, UTC_S, carrier)
+    log.add(link, UTC_S, dialect.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3))
+    frames = scan_frames(bytes(log.data))
+    assert frames.message_id.tolist() == [110, 0]
+    assert frames.skipped_bytes == 0
+
+
+def test_checksums_equal_pymavlinks():
+    from pymavlink.generator.mavcrc import x25crc
+
+    from uavgram.io.mavlink_checksum import checksums
+
+    rng = np.random.default_rng(4)
+    data = rng.integers(0, 256, 5000, dtype=np.uint8)
+    start, length = rng.integers(0, 4700, 300), rng.integers(0, 290, 300)
+    extra = rng.integers(0, 256, 300)
+    found = checksums(data, start, length, extra)
+    for k in range(300):
+        part = bytes(data[start[k] : start[k] + length[k]]) + bytes([extra[k]])
+        assert x25crc(part).crc == found[k]

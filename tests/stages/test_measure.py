@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from uavgram.estimation.survey_select import select_picks
 from uavgram.model.frames import Frames
 from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import SolveOptions
@@ -262,3 +263,29 @@ def test_measuring_replaces_nothing_in_its_input():
     before = replace(ask("distance", "AB"))
     one(before, adjustment)
     np.testing.assert_array_equal(adjustment.world, WORLD)
+
+
+def test_two_speeds_over_one_exposure_share_its_timing_error(scene_factory):
+    survey = scene_factory(2, frames=3, labels=9).survey
+    once = {k: int(np.flatnonzero(survey.pick_label == k)[0]) for k in range(3)}
+    # Each label in one frame of its own: 0 in the first, 1 in the second, 2 in the third.
+    keep = [
+        i
+        for i in range(len(survey.pick_frame))
+        if survey.pick_label[i] > 2 or survey.pick_frame[i] == survey.pick_label[i]
+    ]
+    assert len(once) == 3
+    survey = select_picks(survey, np.isin(np.arange(len(survey.pick_frame)), keep)).survey
+    adjustment = refine(survey, SolveOptions())[0].adjustment
+    frames = Frames(
+        frame_id=survey.frame_id, time_utc_s=[0.0, 2.0, 4.0], sigma_time_s=[0.0, 0.3, 0.0],
+        matched=[True] * 3, reason=("",) * 3, clock_offset_s=0.0, clock_offset_sigma_s=1.0,
+    )  # fmt: skip
+    requests = (
+        MeasurementRequest(name="before", kind="speed", points=("P0", "P1")),
+        MeasurementRequest(name="after", kind="speed", points=("P1", "P2")),
+    )
+    found, _ = measure(adjustment, requests, frames)
+
+    # A second exposure that was later makes the first speed smaller and the second larger.
+    assert found.correlation[0, 1] < -0.95

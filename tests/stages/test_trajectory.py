@@ -177,7 +177,7 @@ def test_gimbal_none_leaves_the_gimbal_out():
 def test_a_gimbal_that_ends_early_is_held_with_a_warning():
     track, messages = track_of(boot(gimbal=gimbal_of("earth", 30.0, time=TIME[:8])))
     assert track.gimbal_time_s[-1] == track.attitude_time_s[-1]
-    assert [m.code for m in messages] == ["gimbal-held"]
+    assert [m.code for m in messages] == ["pose-source", "gimbal-held"]
 
 
 def test_sigmas_have_floors_and_follow_the_log_above_them():
@@ -195,6 +195,15 @@ def test_sigmas_have_floors_and_follow_the_log_above_them():
     assert track.sigma_time_s.tolist() == [1.7e9 + 10, 1.7e9 + 15]
     silent, _ = track_of(boot())
     np.testing.assert_allclose(silent.sigma_position_m, [[0.5, 0.5]])
+
+
+def test_the_sources_of_the_seeds_are_said():
+    _, messages = track_of(boot(gimbal=gimbal_of("earth", 30.0)))
+    text = next(m.text for m in messages if m.code == "pose-source")
+    assert "from POS, attitudes from ATT" in text
+    assert "from MNT, sigmas from the defaults" in text
+    _, messages = track_of(boot(gimbal=gimbal_of("earth", 30.0)), mount=MountOptions(gimbal="none"))
+    assert "the mount's angles" in messages[0].text
 
 
 def test_stated_sigmas_override_the_log():

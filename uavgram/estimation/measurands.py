@@ -6,6 +6,7 @@ sigmas, or sample the values.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import NamedTuple
 
@@ -31,7 +32,9 @@ class Measurand(NamedTuple):
     value: float
     gradient: Floats | None
     """(k, 3) by the request's points; None where there is no value."""
-    other_variance: float
+    others: Mapping[str, float]
+    """Other sources of error by name (``time of IMG_1.jpg``): signed derivative times sigma.
+    Two values that share a source are correlated through it."""
 
 
 class UnmeasurableError(ValueError):
@@ -78,7 +81,7 @@ def measurands(
     kind = request.kind
     if kind == "coordinate":
         return [
-            Measurand(f"{request.name} {axis}", request, float(points[0, i]), np.eye(3)[[i]], 0.0)
+            Measurand(f"{request.name} {axis}", request, float(points[0, i]), np.eye(3)[[i]], {})
             for i, axis in enumerate(AXES)
         ]
     if kind == "skid_speed":
@@ -94,7 +97,7 @@ def measurands(
         raise UnmeasurableError("its points coincide or lie in line")
     if kind == "angle":
         value, gradient = np.rad2deg(value), np.rad2deg(gradient)
-    return [Measurand(request.name, request, float(value), gradient, 0.0)]
+    return [Measurand(request.name, request, float(value), gradient, {})]
 
 
 def _skid_speed(request: MeasurementRequest, points: Floats) -> Measurand:
@@ -106,9 +109,8 @@ def _skid_speed(request: MeasurementRequest, points: Floats) -> Measurand:
         raise UnmeasurableError("its points coincide")
     speed = float(np.sqrt(2.0 * mu * STANDARD_GRAVITY * length))
     by_mu = speed / (2.0 * mu)
-    return Measurand(
-        request.name, request, speed, gradient * (speed / (2.0 * length)), (by_mu * mu_sigma) ** 2
-    )
+    friction = {f"friction of {request.name}": by_mu * mu_sigma}
+    return Measurand(request.name, request, speed, gradient * (speed / (2.0 * length)), friction)
 
 
 def _speed(
@@ -118,24 +120,27 @@ def _speed(
 
     The camera's clock offset drops out; each frame's own timing error stays.
     """
-    times, variances = [], []
+    times, rows = [], []
     for label in request.points:
         seen = survey.pick_frame[survey.pick_label == survey.label.index(label)]
         if len(seen) != 1:
             raise UnmeasurableError(f"{label!r} is picked in {len(seen)} frames, a speed needs one")
         row = frames.frame_id.index(survey.frame_id[seen[0]])
         times.append(frames.time_utc_s[row])
-        variances.append(frames.sigma_time_s[row] ** 2)
-    elapsed = abs(times[1] - times[0])
+        rows.append(row)
+    elapsed = times[1] - times[0]
     if not np.isfinite(elapsed) or elapsed == 0:
         raise UnmeasurableError("its two frames have no time, or the same")
     length, gradient = shapes.distance(points)
     if length <= 0 or not np.isfinite(gradient).all():
         raise UnmeasurableError("its points coincide")
-    speed = float(length / elapsed)
-    return Measurand(
-        request.name, request, speed, gradient / elapsed, (speed / elapsed) ** 2 * sum(variances)
-    )
+    speed = float(length / abs(elapsed))
+    by_time = (speed / elapsed, -speed / elapsed)  # of the first and of the second exposure
+    timing = {
+        f"time of {frames.frame_id[row]}": derivative * float(frames.sigma_time_s[row])
+        for row, derivative in zip(rows, by_time, strict=True)
+    }
+    return Measurand(request.name, request, speed, gradient / abs(elapsed), timing)
 
 
 def unmeasured(request: MeasurementRequest) -> list[Measurand]:
@@ -143,4 +148,4 @@ def unmeasured(request: MeasurementRequest) -> list[Measurand]:
     names = [request.name]
     if request.kind == "coordinate":
         names = [f"{request.name} {axis}" for axis in AXES]
-    return [Measurand(name, request, np.nan, None, np.nan) for name in names]
+    return [Measurand(name, request, np.nan, None, {}) for name in names]

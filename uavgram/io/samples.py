@@ -11,7 +11,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 LONGEST_BOOT_S = 30 * 86400.0
 _DENSE_ROWS, _LONE_ROWS, _LONE_GAP_S = 20, 3, 1800.0
 # Faster than any aircraft that takes photos of the ground, gusts and steps of the estimator added.
-_FASTEST_M_S, _STEP_M = 200.0, 30.0
+_FASTEST_M_S, _FASTEST_CLIMB_M_S, _STEP_M = 200.0, 50.0, 30.0
 _METERS_PER_DEG = 111e3
 RESTART_S = 1.0  # a clock that steps back by more has been restarted (or the byte is damaged)
 
@@ -108,11 +108,13 @@ def near_its_track(
     # across the date line as well
     east = (longitude - longitude[len(rows) // 2] + 180) % 360 - 180
     reach = np.abs(time - _shifted(time, 3)) + np.abs(time - _shifted(time, -3))
-    allowed = _STEP_M + _FASTEST_M_S * np.minimum(reach, 10.0)
+    reach = np.minimum(reach, 10.0)
+    allowed = _STEP_M + _FASTEST_M_S * reach
     off_n = _off_its_median(latitude_deg[rows]) * _METERS_PER_DEG
     off_e = _off_its_median(east) * _METERS_PER_DEG * np.cos(np.radians(middle))
     off_u = _off_its_median(height_m[rows])
-    near = (off_n < allowed) & (off_e < allowed) & (off_u < allowed)
+    near = (off_n < allowed) & (off_e < allowed)
+    near &= off_u < _STEP_M + _FASTEST_CLIMB_M_S * reach
     fits[rows[~near]] = False
     return fits
 

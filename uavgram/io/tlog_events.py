@@ -61,8 +61,9 @@ def _image_captured(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...
     if not columns:
         return None, ()
     time = columns["time_boot_ms"] * 1e-3
-    # may come long after: asked for again, or kept while the link was down
-    kept = in_order(time, time <= stream.boot_s(rows) + _LONGEST_DELAY_S)
+    # may come long after its event, so out of order: asked for again, or kept without a link
+    _, kept = np.unique(time, return_index=True)
+    kept = kept[(time[kept] > 0) & (time[kept] <= stream.boot_s(rows[kept]) + _LONGEST_DELAY_S)]
     if not len(kept):
         return None, ()
     number = image_numbers(columns["image_index"].astype(np.float64))[kept]

@@ -21,7 +21,7 @@ NO_CONTROL = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.emp
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Telemetry:
-    """Seed poses, their prior for the adjustment, and the flight to interpolate (or the photos' own)."""
+    """Seed poses, their prior for the adjustment, and the flight (or the photos' own poses)."""
 
     poses: Poses
     prior: TelemetryPrior

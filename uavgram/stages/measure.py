@@ -70,7 +70,11 @@ def _results(
             np.add.at(jacobian[i], [place[p] for p in row.request.points], row.gradient)
     flat = jacobian.reshape(len(rows), 3 * len(place))  # either may be 0
     joint = flat @ covariance @ flat.T if len(place) else np.zeros((len(rows), len(rows)))
-    joint[np.diag_indices(len(rows))] += [row.other_variance for row in rows]
+    sources = sorted({source for row in rows for source in row.others})
+    others = np.array([[row.others.get(s, 0.0) for s in sources] for row in rows])
+    joint = joint + (others @ others.T if sources else 0.0)
+    without = [row.gradient is None for row in rows]
+    joint[without] = joint[:, without] = np.nan
     sigma = np.sqrt(np.diag(joint))
     value = np.array([row.value for row in rows])
     reach = float(norm.ppf(0.975)) * sigma

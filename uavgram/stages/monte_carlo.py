@@ -6,6 +6,8 @@ values show it, and their intervals are skewed where the truth is.
 
 from __future__ import annotations
 
+from collections import defaultdict
+
 import numpy as np
 
 from uavgram.errors import GeometryError
@@ -140,6 +142,7 @@ def _values(
     world, _, _ = adjustment.problem.world_points(state, np.arange(len(survey.label)))
     place = {label: k for k, label in enumerate(survey.label)}
     values: list[float] = []
+    drawn: dict[str, float] = defaultdict(rng.standard_normal)  # one draw for each source
     for request in requests:
         try:
             require_picked(request, survey.label)
@@ -147,5 +150,5 @@ def _values(
             found = measurands(request, points, survey, frames)
         except UnmeasurableError:
             found = unmeasured(request)
-        values += [row.value + np.sqrt(row.other_variance) * rng.standard_normal() for row in found]
+        values += [row.value + sum(s * drawn[k] for k, s in row.others.items()) for row in found]
     return values

@@ -29,8 +29,11 @@ from uavgram.model.telemetry import (
     Track,
 )
 
-# On simulated flights with truth the estimator claimed 0.2 m and was 0.2 to 2.7 m off, and its yaw
-# 0.5 to 2.9 degrees: what a log says of itself is not believed below these.
+# What a log says of itself is not believed below these. Against the truth of simulated flights the
+# estimator claimed 0.17 to 0.20 m (square roots of XKV1's variances) and was off by 0.2 m rms in
+# calm air, by 0.9 (copter) and 2.7 m (plane) in wind; its yaw by 0.5 to 0.75 degrees in calm air,
+# 1.5 to 2.9 in wind. The floors stand for what changes from frame to frame; what stays wrong all
+# through a flight is `position_bias_sigma_m` and `heading_bias_sigma_deg`, shared unknowns.
 POSITION_FLOOR_M = 0.5
 TILT_FLOOR_DEG, YAW_FLOOR_DEG = 1.0, 2.0
 _LONG_HOLD_S = 1.0
@@ -158,7 +161,25 @@ def build_track(
         sigma_attitude_rad=sigma_attitude,
         source=source,
     )
-    return track, messages
+    return track, (_sources(boot, used, telemetry), *messages)
+
+
+def _sources(boot: Boot, gimbal: GimbalSamples | None, options: TelemetryOptions) -> Message:
+    """Which messages the seeds are made of, and where the sigmas come from."""
+    position = "none" if boot.positions is None else boot.positions.source
+    attitude = "none" if boot.attitudes is None else boot.attitudes.source
+    camera = "the mount's angles" if gimbal is None else gimbal.source
+    if options.position_sigma_m != "auto" and options.attitude_sigma_deg != "auto":
+        sigmas = "the project"
+    elif boot.sigmas is None:
+        sigmas = "the defaults, as the log states none"
+    else:
+        sigmas = f"{boot.sigmas.source}, with floors"
+    text = (
+        f"positions are from {position}, attitudes from {attitude}, the camera's direction from "
+        f"{camera}, sigmas from {sigmas}"
+    )
+    return Message("info", "pose-source", text)
 
 
 def _gimbal_track(

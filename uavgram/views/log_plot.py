@@ -94,8 +94,8 @@ def _draw_track(axis: Axes, summary: BootSummary) -> None:
             )
         if not sure.all():
             axis.scatter(
-                places[~sure, 0], places[~sure, 1], s=2.5 * _MARK_SIZE, marker="x", color=_RED, zorder=4,
-                label="without feedback",
+                places[~sure, 0], places[~sure, 1], s=2.5 * _MARK_SIZE, marker="x",
+                color=_RED, zorder=4, label="without feedback",
             )  # fmt: skip
     axis.set_aspect("equal", adjustable="datalim")
     axis.set_xlabel("east of the first position [m]")

@@ -17,13 +17,13 @@ from uavgram.views.wording import (
     KIND_WORDS,
     LINE_STATUS_WORDS,
     chance,
+    computed_first,
     interval,
     number,
     place,
     relative,
     utc,
     with_sigma,
-    worst_first,
 )
 
 Row = dict[str, str | bool]
@@ -77,7 +77,7 @@ def render_report(result: Result) -> str:
 
 def _measurements(result: Result) -> list[Row]:
     rows, table = result.measurements, []
-    for i in worst_first(rows):
+    for i in computed_first(rows):
         value, sigma, unit = float(rows.value[i]), float(rows.sigma[i]), rows.unit[i]
         low, high = map(float, rows.interval_95[i])
         no_share = rows.kind[i] == "coordinate"

@@ -148,3 +148,9 @@ def worst_first(measurements: MeasurementResults) -> Ints:
     badness = np.where(unit == "deg", np.radians(sigma), sigma / scale)
     badness = np.where(np.isfinite(value), badness, np.inf)
     return np.argsort(-badness, kind="stable").astype(np.int64)
+
+
+def computed_first(measurements: MeasurementResults) -> Ints:
+    """(M,) the same order, with what could not be computed at the end: for pages."""
+    order = worst_first(measurements)
+    return order[np.argsort(np.isnan(measurements.value[order]), kind="stable")]

@@ -103,7 +103,7 @@ def _plots(result: Result, curves: Curves) -> list[rrb.TimeSeriesView]:
     plots = [
         _plot(
             RESIDUAL_REFINED,
-            "Residual rms [px], σ of picks white",
+            "Residual, σ white [px]",
             np.concatenate([curves.refined_rms_px, curves.sigma_px]),
         ),
         _plot(
@@ -113,13 +113,13 @@ def _plots(result: Result, curves: Curves) -> list[rrb.TimeSeriesView]:
         ),
     ]
     if np.isfinite(curves.seed_rms_px).any():
-        plots.append(_plot(RESIDUAL_SEED, "Flight log alone, rms [px]", curves.seed_rms_px))
+        plots.append(_plot(RESIDUAL_SEED, "Flight log alone [px]", curves.seed_rms_px))
     frames = result.frames
     heights = np.concatenate([curves.seed_height_m, curves.refined_height_m])
     variance = [frames.seed.covariance[:, 2, 2], frames.refined.covariance[:, 2, 2]]
     if np.isfinite(heights).any():
         upper = heights + np.sqrt(np.concatenate(variance))
-        plots.append(_plot(HEIGHT, "Height above ground [m], ±1 σ", upper))
+        plots.append(_plot(HEIGHT, "Height, ±1 σ [m]", upper))
     return plots
 
 

@@ -22,12 +22,12 @@ from uavgram.views.wording import (
     WHY_TWO_ELLIPSES,
     axes_text,
     chance,
+    computed_first,
     interval,
     number,
     place,
     utc,
     with_sigma,
-    worst_first,
 )
 
 SUMMARY = "documents/summary"
@@ -120,7 +120,7 @@ def _measurements(result: Result) -> str:
                 _interval(rows, int(i)),
                 KIND_WORDS.get(rows.kind[i], rows.kind[i]),
             )
-            for i in worst_first(rows)
+            for i in computed_first(rows)
         ],
     )
 

@@ -20,9 +20,9 @@ MOST_MEASURED = 8
 # as tangents of angles of view, in the photo as shares of its width and height.
 HALF_LETTER_ON_SCREEN, LINE_ON_SCREEN = 0.0052, 0.034
 HALF_LETTER, LINE_HEIGHT = 0.0062, 0.062
-# So many lines that they hide the ground: thin ones, and labels at twice the distance.
+# So many lines that they hide the ground: thin ones, and labels farther apart.
 MANY_LINES = 20
-SPREAD = 2.0
+SPREAD = 1.5
 
 # Place in the world, text, and row of the measurement (-1: none).
 Candidate = tuple[Floats, str, int]
@@ -63,15 +63,15 @@ def measured_text(result: Result, row: int) -> str:
 def survey_labels(result: Result, scene: Scene) -> Labels:
     """What deserves to be seen first; a label that would cover one before it is left out.
 
-    Suspect lines, the largest ellipse, the least certain measurements (at most MOST_MEASURED,
-    spread out), then the other known lengths: the tables have them all.
+    Suspect lines, the least certain length, the largest ellipse, other measurements (at most
+    MOST_MEASURED, spread out), then the other known lengths: the tables have them all.
     """
     known = reference_strips(result)
     suspect = [i for i in known if result.lines.status[i] in ("suspect", "removed")]
-    first = [*_known(result, suspect), *_worst_point(result, scene)]
-    measured = _measured(result)
+    measured, worst = _measured(result), _worst_point(result, scene)
+    first = [*_known(result, suspect), *measured[:1], *worst, *measured[1:]]
     spread = SPREAD if len(measured) > MANY_LINES else 1.0
-    chosen = _take([*first, *measured], scene, len(first) + MOST_MEASURED, spread)
+    chosen = _take(first, scene, len(suspect) + len(worst) + MOST_MEASURED, spread)
     rest = _known(result, [i for i in known if i not in suspect])
     kept = _take([*chosen, *rest], scene, MOST_LABELS, 1.0)
     return Labels(

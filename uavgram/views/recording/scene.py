@@ -13,7 +13,7 @@ from uavgram.views.drawing import frusta, nice_factor, track
 from uavgram.views.facts import largest_ellipse
 
 # Share of the scene's size that the median exaggerated ellipse may fill.
-ELLIPSE_SHARE = 0.03
+ELLIPSE_SHARE = 0.06
 # The same among many: share of the way from one point to the next.
 CROWD_SHARE = 0.4
 # Ellipses larger than this share of the scene are not filled.
@@ -31,7 +31,7 @@ GROUND_STEP_PX = 16
 # From the south, a little from the west, and from above.
 TO_THE_EYE = np.array([-0.185, -0.80, 0.572]) / np.linalg.norm([-0.185, -0.80, 0.572])
 # Tangents of half the angles of view that the scene may fill (Rerun's eye opens 55 degrees).
-HALF_WIDTH, HALF_HEIGHT = 0.68, 0.45
+HALF_WIDTH, HALF_HEIGHT = 0.70, 0.47
 
 
 @dataclass(frozen=True, eq=False)
