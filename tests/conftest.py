@@ -26,3 +26,17 @@ def data_dir() -> Path:
 def repository() -> Path:
     """Root of the source tree: configs/ and logs/ lie below it."""
     return ROOT
+
+
+@pytest.fixture(scope="session")
+def scenes():
+    """The module of small surveys with known truth: its sigmas and helpers."""
+    import scenes as module
+
+    return module
+
+
+@pytest.fixture(scope="session")
+def scene_factory(scenes):
+    """``make_scene``: small surveys with known truth, made without our own kernels."""
+    return scenes.make_scene

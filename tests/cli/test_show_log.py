@@ -40,7 +40,12 @@ TRUE_OF = {
     ),
     "logs/dronekit_flight.tlog": (
         *("boot 1 of 2", "boot 2 of 2", "2015-07-05 00:27:51 UTC", "MOUNT_STATUS"),
-        *("1314 frames failed their checksum", "servo angles", "75477 messages of 35 types"),
+        *(
+            "1314 frames failed their checksum",
+            "servo angles",
+            "height jumps by 58",
+            "75477 messages of 35 types",
+        ),
     ),
     "logs/sample.ulg": (
         *(

@@ -14,7 +14,7 @@ def test_a_flight_is_summed_up_truly(data_dir):
     assert "ArduPilot DataFlash log" in text
     assert "ArduCopter V4.7.0-dev" in text
     assert "2026-11-21 09:27:10 UTC to 2026-11-21 09:33:22 UTC" in text
-    assert "gps, 1861 pairs, drift +0.0 ppm" in text
+    assert "gps, 1861 pairs, drift +0.0 ± 0.0 ppm" in text
     assert "62 confirmed, 3 triggered without feedback (image 17, 34, 51)" in text
     assert "59107 messages of 27 types" in text
 
@@ -34,4 +34,4 @@ def test_every_boot_has_its_part(data_dir):
 
 def test_our_own_short_logs_are_summed_up(repository):
     for name in ("twin_short.BIN", "twin_short.tlog"):
-        assert "11 confirmed" in text_of(repository / "logs" / name)
+        assert "11 confirmed, at the command" in text_of(repository / "logs" / name)

@@ -22,6 +22,7 @@ from uavgram.model.telemetry import (
 
 _LONG_PAUSE_S = 1.0
 _HOME_MOVED_M = 0.5
+_HEIGHT_JUMP_M = 50.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -170,6 +171,10 @@ def _unusual(boot: Boot) -> list[Message]:
             f"{_LONG_PAUSE_S:.0f} s, {pauses.max():.1f} s at the longest"
         )
         found.append(_warning("position-gap", text))
+    jump = float(np.abs(np.diff(positions.height_m)).max(initial=0.0))
+    if jump > _HEIGHT_JUMP_M:
+        text = f"the height jumps by {jump:.0f} m from one position to the next"
+        found.append(_warning("height-jump", text))
     if events is not None:
         first, last = positions.time_boot_s[[0, -1]]
         outside = int(((events.time_boot_s < first) | (events.time_boot_s > last)).sum())
