@@ -8,7 +8,7 @@ from pathlib import Path
 # Many small systems: threads inside one of them only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import pytest  # noqa: E402  (after the number of threads is set, before numpy is loaded)
+import pytest
 
 ROOT = Path(__file__).parents[1]
 

@@ -88,13 +88,16 @@ def _prior(frames: int, own: np.ndarray) -> TelemetryPrior:
 
 
 def _track(seeds: Poses) -> Track:
-    """Hover at each seed for two seconds: the clock says nothing, and has no kinks."""
-    time = (10.0 * np.arange(len(seeds.frame_id))[:, None] + np.array([-1.0, 1.0])).ravel()
+    """Through each seed at 5 m/s for a second, straight and steady, as the vehicle's log has it."""
+    instants = np.array([-0.6, -0.45, 0.45, 0.6])
+    time = (10.0 * np.arange(len(seeds.frame_id))[:, None] + instants).ravel()
+    way = instants[:, None] * np.array([5.0, 0.0, 0.0])
     body = seeds.world_from_camera @ GIMBAL_FROM_CAMERA.T
     return Track(
-        position_time_s=time, position_world_m=np.repeat(seeds.center_world_m, 2, axis=0),
+        position_time_s=time,
+        position_world_m=(seeds.center_world_m[:, None] + way).reshape(-1, 3),
         attitude_time_s=time,
-        world_from_body_xyzw=np.repeat(Rotation.from_matrix(body).as_quat(), 2, axis=0),
+        world_from_body_xyzw=np.repeat(Rotation.from_matrix(body).as_quat(), 4, axis=0),
         gimbal_time_s=np.empty(0), world_from_gimbal_xyzw=np.empty((0, 4)),
         sigma_time_s=time[:1], sigma_position_m=np.array([[0.5, 0.5]]),
         sigma_attitude_rad=np.array([[0.02, 0.03]]), source="bench",

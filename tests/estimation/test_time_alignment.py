@@ -170,6 +170,32 @@ def test_a_significant_drift_is_told_and_a_small_one_is_not():
     assert not align(event + 500, 0.001, event).clock.drifts
 
 
+@pytest.mark.parametrize("resolution", [0.001, 1.0])
+def test_an_even_interval_with_losses_on_both_sides_is_not_settled_by_who_was_lost(resolution):
+    for seed in range(25):
+        rng = np.random.default_rng(seed)
+        exposure = 100 + 2.3 * np.arange(80)
+        has_photo, has_event = rng.random((2, 80)) >= 0.15
+        event = exposure + rng.normal(0, 0.005, 80)
+        reading = np.floor((exposure + 7200.4) / resolution) * resolution
+        assert not align(reading[has_photo], resolution, event[has_event]).unique
+
+
+def test_a_log_that_holds_the_events_of_few_photos_is_refused():
+    event = survey(np.random.default_rng(12), 40, 0.8)
+    assert align(event + 3.0, 0.001, event[:26]).unique
+    assert not align(event + 3.0, 0.001, event[:20]).unique
+
+
+def test_a_few_coarse_photos_fall_on_events_by_chance():
+    # Eight of eight, and no rival near: still one of some hundred offsets that were tried.
+    rng = np.random.default_rng(87)
+    count = int(rng.integers(4, 12))
+    event = 100 + np.cumsum(rng.uniform(2, rng.uniform(5, 30), count))
+    assert not align(np.floor(event + 3.3), 1.0, event).unique
+    assert align(event + 3.3, 0.001, event).unique
+
+
 def test_photos_of_another_flight_are_refused():
     shutters = load_shutters()
     cases = [shutters.make_case(seed) for seed in range(40)]

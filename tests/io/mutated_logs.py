@@ -13,6 +13,7 @@ import resource
 import sys
 import tempfile
 import time
+import traceback
 from pathlib import Path
 
 import numpy as np
@@ -136,7 +137,9 @@ def examine(source, suffix, first_seed, count):
             except UavgramError:
                 told["refused"] += 1
             except Exception as error:  # noqa: BLE001 - whatever it is, it is the finding
-                told["wrong"].append(f"seed {seed}: {type(error).__name__}: {error}")
+                at = traceback.extract_tb(error.__traceback__)[-1]
+                place = f"{Path(at.filename).name}:{at.lineno}"
+                told["wrong"].append(f"seed {seed}: {type(error).__name__} in {place}: {error}")
             told["slowest_s"] = max(told["slowest_s"], time.perf_counter() - start)
     told["growth_bytes"] = peak_bytes() - base
     return told

@@ -110,3 +110,8 @@ def test_a_seeds_covariance_is_the_sum_of_its_stated_causes(data_dir, flight, ki
     np.testing.assert_allclose(horizontal, expected, rtol=0.03)
     vertical = seeds.poses.covariance[:, 2, 2]
     np.testing.assert_allclose(vertical, 3.0**2 + 0.5**2 + 0.05**2, rtol=0.03)
+    # boresight 1.5 degrees, floors 1 and 2, heading bias 2; turns add what timing leaves open
+    turn = np.degrees(np.sqrt(np.trace(seeds.poses.covariance[:, 3:, 3:], axis1=1, axis2=2)))
+    still = np.sqrt(3 * 1.5**2 + 2 * 1.0**2 + 2.0**2 + 2.0**2)
+    assert np.median(turn) == pytest.approx(still, rel=0.02)
+    assert (turn >= still * (1 - 1e-6)).all()

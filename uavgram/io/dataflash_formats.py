@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,15 @@ _NUMPY_TYPES: dict[str, tuple[str, float | None]] = {
 TEXT_CHARACTERS = "nNZa"  # neither numbers nor scaled
 
 
+@lru_cache(maxsize=1024)  # a log states some 200 formats, each asked for several times
+def _record_type(fields: tuple[str, ...], characters: str) -> np.dtype[Any] | None:
+    if len(fields) != len(characters) or len(set(fields)) != len(fields) or not all(fields):
+        return None
+    if not fields or any(c not in _NUMPY_TYPES for c in characters):
+        return None
+    return np.dtype([(f, _NUMPY_TYPES[c][0]) for f, c in zip(fields, characters, strict=True)])
+
+
 @dataclass(frozen=True)
 class Format:
     """One message type as a file defines it.
@@ -67,14 +77,8 @@ class Format:
 
     def dtype(self) -> np.dtype[Any] | None:
         """Structured type of the bytes after the header; None where the format makes no sense."""
-        if len(self.fields) != len(self.characters) or len(set(self.fields)) != len(self.fields):
-            return None
-        if not self.fields or any(c not in _NUMPY_TYPES for c in self.characters):
-            return None
-        dtype = np.dtype(
-            [(f, _NUMPY_TYPES[c][0]) for f, c in zip(self.fields, self.characters, strict=True)]
-        )
-        return dtype if dtype.itemsize + 3 == self.length else None
+        dtype = _record_type(self.fields, self.characters)
+        return dtype if dtype is not None and dtype.itemsize + 3 == self.length else None
 
     def decoded(self, data: NDArray[np.uint8], starts: NDArray[np.int64]) -> Columns:
         """Every field as a column, scaled as its format character says.

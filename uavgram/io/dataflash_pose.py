@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 
 from uavgram.geometry.rotation import matrix_from_ypr, xyzw_from_matrix
 from uavgram.io.dataflash_formats import Columns
-from uavgram.io.samples import are_angles, are_body_angles, in_order, is_height, near_its_track
+from uavgram.io.samples import (
+    are_angles,
+    are_body_angles,
+    as_numbers,
+    in_order,
+    is_height,
+    near_its_track,
+)
 from uavgram.model.arrays import Floats
 from uavgram.model.telemetry import (
     AttitudeSamples,
@@ -61,7 +68,7 @@ def boot_time_s(columns: Columns) -> Floats:
     """(N,) seconds since boot: TimeUS, before ArduPilot 3.3 T (of GPS) or TimeMS."""
     for name, unit_s in (("TimeUS", 1e-6), ("T", 1e-3), ("TimeMS", 1e-3)):
         if name in columns:
-            return np.asarray(columns[name], dtype=np.float64) * unit_s
+            return as_numbers(columns[name]) * unit_s
     rows = len(next(iter(columns.values()))) if columns else 0
     return np.full(rows, np.nan)
 
@@ -70,7 +77,7 @@ def numbers(columns: Columns, *names: str) -> Floats:
     """(N,) the first of these fields that exists, as float64; NaN where none does."""
     for name in names:
         if name in columns:
-            return np.asarray(columns[name], dtype=np.float64)
+            return as_numbers(columns[name])
     return np.full(len(boot_time_s(columns)), np.nan)
 
 

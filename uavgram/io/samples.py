@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
@@ -14,6 +16,14 @@ _DENSE_ROWS, _LONE_ROWS, _LONE_GAP_S = 20, 3, 1800.0
 _FASTEST_M_S, _FASTEST_CLIMB_M_S, _STEP_M = 200.0, 50.0, 30.0
 _METERS_PER_DEG = 111e3
 RESTART_S = 1.0  # a clock that steps back by more has been restarted (or the byte is damaged)
+
+
+def as_numbers(column: NDArray[Any]) -> Floats:
+    """(N,) a column as float64; NaN where damaged formats made a text or an array of it."""
+    if column.ndim != 1 or column.dtype.kind not in "biuf":
+        return np.full(len(column), np.nan)
+    with np.errstate(invalid="ignore"):  # signalling NaN
+        return np.asarray(column, dtype=np.float64)
 
 
 def is_spike(time_s: Floats) -> Bools:

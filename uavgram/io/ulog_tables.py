@@ -18,7 +18,7 @@ from pyulog import ULog
 from pyulog.exceptions import ULogException
 
 from uavgram.errors import InputError
-from uavgram.io.samples import LONGEST_BOOT_S
+from uavgram.io.samples import LONGEST_BOOT_S, as_numbers
 from uavgram.model.arrays import Floats
 
 ULOG_MAGIC = b"ULog\x01\x12\x35"
@@ -83,7 +83,7 @@ class Topic:
         """(N,) the first of these fields that exists, as float64; NaN where none does."""
         for name in names:
             if name in self.fields:
-                return np.asarray(self.fields[name], dtype=np.float64)
+                return as_numbers(self.fields[name])
         return np.full(len(self.time_s), np.nan)
 
     def array(self, name: str, size: int) -> Floats:

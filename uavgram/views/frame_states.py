@@ -40,16 +40,16 @@ def _strained(result: Result) -> set[str]:
 
 
 def frame_counts(result: Result) -> str:
-    """``20 frames: 16 refined, 1 to check, 1 rejected``; says so where none was rejected."""
-    counts = Counter(frame_states(result))
-    parts = [f"{counts[state]} {FRAME_STATE_WORDS[state]}" for state in _in_order(counts)]
-    if "rejected" not in counts:
+    """``20 frames: 17 refined (1 to check), 1 rejected``; says so where none was rejected."""
+    status, states = Counter(result.frames.status), Counter(frame_states(result))
+    check = f" ({states['check']} {FRAME_STATE_WORDS['check']})" if states["check"] else ""
+    parts = [f"{status['refined']} refined{check}"]
+    parts += [
+        f"{status[one]} {FRAME_STATE_WORDS[one]}"
+        for one in ("seeded", "unmatched", "rejected")
+        if status[one]
+    ]
+    if not status["rejected"]:
         parts.append("none rejected")
     total = len(result.frames.frame_id)
     return f"{total} frame{'' if total == 1 else 's'}: " + ", ".join(parts)
-
-
-def _in_order(counts: Counter[FrameState]) -> list[FrameState]:
-    """The states that occur, the best first."""
-    order: tuple[FrameState, ...] = ("refined", "check", "seeded", "unmatched", "rejected")
-    return [state for state in order if counts[state]]

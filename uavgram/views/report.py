@@ -10,12 +10,15 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from uavgram.errors import OutputError
 from uavgram.model.result import Result
+from uavgram.views.facts import key_facts
 from uavgram.views.top_view import INK, top_view
 from uavgram.views.verdict import THREE_SIGMA, judge
 from uavgram.views.wording import (
     FRAME_STATUS_WORDS,
     KIND_WORDS,
     LINE_STATUS_WORDS,
+    WHY_TWO_ELLIPSES,
+    axes_text,
     chance,
     computed_first,
     interval,
@@ -63,6 +66,8 @@ def render_report(result: Result) -> str:
         result=result,
         verdict=judge(result),
         place=place(result),
+        facts=key_facts(result),
+        why_two_ellipses=WHY_TWO_ELLIPSES,
         measurements=_measurements(result),
         lines=_lines(result),
         line_checks=_line_checks(result),
@@ -185,8 +190,9 @@ def _points(result: Result) -> list[Row]:
                 if np.isfinite(points.latitude_deg[k])
                 else "–"
             ),
-            ellipse=f"{number(points.ellipse_95_m[k, 0])} × {number(points.ellipse_95_m[k, 1])}",
-            azimuth=f"{np.degrees(points.ellipse_azimuth_rad[k]):.0f}°",
+            within=axes_text(points.relative.ellipse_95_m[k]),
+            azimuth=f"{np.degrees(points.relative.ellipse_azimuth_rad[k]):.0f}°",
+            on_earth=axes_text(points.ellipse_95_m[k]),
             frames=str(len(points.frames[k])),
         )
         for k in range(len(points.label))

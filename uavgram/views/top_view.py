@@ -26,6 +26,9 @@ HALF_LETTER, LINE_HEIGHT = 3.1, 14.0
 ELLIPSE_SHARE, FILL_SHARE = 0.03, 0.05
 MOST_ROOM = 0.3
 MOST_NAMES = 60
+# Many measured lines are drawn thin, and only so many of them named.
+MANY_LINES, MOST_MEASURED = 20, 12
+BOLD, THIN = 2.0, 0.5
 # On white paper the screen's light colours are too faint.
 INK = {
     "used": "#b0127a",
@@ -41,11 +44,12 @@ INK = {
 
 @dataclass(frozen=True)
 class Stroke:
-    """A polyline: SVG points, colour, and whether it is dashed."""
+    """A polyline: SVG points, colour, whether it is dashed, and its width."""
 
     points: str
     colour: str
     dashed: bool
+    width: float = BOLD
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,7 @@ class TopView:
     texts
         Names and lengths that do not cover each other.
     ellipse_factor, fill_ellipses
-        Exaggeration of the ellipses; whether they are small enough to be filled.
+        Exaggeration of the ellipses within the survey; whether they are small enough to be filled.
     bar_m, bar
         Length of the scale bar in the world and in the drawing.
     north_known
@@ -115,7 +119,7 @@ def top_view(result: Result) -> TopView | None:
         return None
     low, high = position[:, :2].min(axis=0), position[:, :2].max(axis=0)
     extent_m = max(float((high - low).max()), 1.0)
-    major = result.points.ellipse_95_m[:, 0]
+    major = result.points.relative.ellipse_95_m[:, 0]
     factor = nice_factor(float(np.median(major)), ELLIPSE_SHARE * extent_m)
     # room for the ellipses too, unless they would leave none for the points
     room = min(factor * float(major.max()), MOST_ROOM * extent_m)
@@ -154,9 +158,10 @@ def _points(drawn: Floats) -> str:
 
 
 def _lines(result: Result, sheet: _Sheet) -> list[Stroke]:
+    strips = [strip for some in measured_strips(result).values() for strip in some]
+    width = BOLD if len(strips) <= MANY_LINES else THIN
     measured = [
-        Stroke(_points(sheet(strip)), INK["measured"], dashed=False)
-        for strips in measured_strips(result).values()
+        Stroke(_points(sheet(strip)), INK["measured"], dashed=False, width=width)
         for strip in strips
     ]
     known = [
@@ -167,19 +172,18 @@ def _lines(result: Result, sheet: _Sheet) -> list[Stroke]:
         )
         for i, strip in reference_strips(result).items()
     ]
-    return known + measured
+    return measured + known
 
 
 def _ellipses(result: Result, sheet: _Sheet, factor: int) -> list[Stroke]:
-    points = result.points
-    outlines = ellipse_outlines(
-        points.position_world_m[:, :2], points.ellipse_95_m, points.ellipse_azimuth_rad, factor
-    )
+    within = result.points.relative
+    center = result.points.position_world_m[:, :2]
+    outlines = ellipse_outlines(center, within.ellipse_95_m, within.ellipse_azimuth_rad, factor)
     return [Stroke(_points(sheet(outline)), INK["ellipse"], dashed=False) for outline in outlines]
 
 
 def _texts(result: Result, sheet: _Sheet) -> list[Text]:
-    """Measured values first, then known lengths, then names of points, as far as there is room."""
+    """Measured values (the least certain) first, then known lengths, then names of points."""
     rows, words = result.measurements, []
     for i, strips in measured_strips(result).items():
         if strips:
@@ -189,6 +193,8 @@ def _texts(result: Result, sheet: _Sheet) -> list[Text]:
             words.append((int(i), Text(*_at(sheet(longest_middle(strips))), text, "measured")))
     rank = {int(i): r for r, i in enumerate(worst_first(rows))}
     texts = [text for _, text in sorted(words, key=lambda word: rank[word[0]])]
+    if len(texts) > MANY_LINES:
+        texts = texts[:MOST_MEASURED]
     for i, strip in reference_strips(result).items():
         text = f"{result.lines.name[i]} {result.lines.length_m[i]:.2f} m"
         texts.append(Text(*_at(sheet(longest_middle([strip]))), text, "known"))

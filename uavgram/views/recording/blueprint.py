@@ -53,8 +53,8 @@ def blueprint(result: Result, scene: Scene, curves: Curves) -> rrb.Blueprint:
     right = rrb.Vertical(
         rrb.Spatial2DView(
             origin=PHOTO,
-            name=f"Photo: picks white, residuals ×{scene.residual_factor} blue, "
-            "flight log alone orange",
+            name=f"Photo: picks white, residuals ×{scene.residual_factor} blue"
+            + (", flight log alone orange" if result.has_seed.any() else ""),
             background=BACKGROUND,
             visual_bounds=_whole_photo(result),
         ),

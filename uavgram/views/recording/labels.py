@@ -23,6 +23,8 @@ HALF_LETTER, LINE_HEIGHT = 0.0062, 0.062
 # So many lines that they hide the ground: thin ones, and labels farther apart.
 MANY_LINES = 20
 SPREAD = 1.5
+# Between an ellipse and a label beside it, in sizes of the scene.
+LABEL_GAP = 0.03
 
 # Place in the world, text, and row of the measurement (-1: none).
 Candidate = tuple[Floats, str, int]
@@ -68,8 +70,10 @@ def survey_labels(result: Result, scene: Scene) -> Labels:
     """
     known = reference_strips(result)
     suspect = [i for i in known if result.lines.status[i] in ("suspect", "removed")]
-    measured, worst = _measured(result), _worst_point(result, scene)
-    first = [*_known(result, suspect), *measured[:1], *worst, *measured[1:]]
+    measured = _measured(result)
+    first = [*_known(result, suspect), *measured[:1]]
+    worst = _worst_point(result, scene, first)
+    first += [*worst, *measured[1:]]
     spread = SPREAD if len(measured) > MANY_LINES else 1.0
     chosen = _take(first, scene, len(suspect) + len(worst) + MOST_MEASURED, spread)
     rest = _known(result, [i for i in known if i not in suspect])
@@ -86,12 +90,19 @@ def _known(result: Result, rows: list[int]) -> list[Candidate]:
     return [(longest_middle([known[i]]), reference_text(result, i), -1) for i in rows]
 
 
-def _worst_point(result: Result, scene: Scene) -> list[Candidate]:
+def _worst_point(result: Result, scene: Scene, before: list[Candidate]) -> list[Candidate]:
+    """The largest ellipse: beside it to the north or south where other labels cover the point."""
     row, points = scene.worst_point, result.points
     if row is None:
         return []
-    text = f"{points.label[row]}: largest ellipse, {axes_text(points.relative.ellipse_95_m[row])}"
-    return [(points.position_world_m[row], text, -1)]
+    axes, spot = points.relative.ellipse_95_m[row], points.position_world_m[row]
+    text = f"{points.label[row]}: largest ellipse, {axes_text(axes)}"
+    aside = np.array([0.0, scene.ellipse_factor * axes[0] + LABEL_GAP * scene.size_m, 0.0])
+    places: list[Candidate] = [(spot + side * aside, text, -1) for side in (0, 1, -1)]
+    free = [
+        place for place in places if _take([*before, place], scene, MOST_LABELS, 1.0)[-1] is place
+    ]
+    return free[:1]
 
 
 def _measured(result: Result) -> list[Candidate]:
