@@ -67,13 +67,24 @@ def test_each_spot_comes_from_the_frame_most_above_it(survey):
     shown = texture.rgb[8::16, 8::16, 0].astype(float) / 12
     centers = result.frames.refined.center_world_m
     away = np.linalg.norm(at[:, :, None] - centers[:, :2], axis=-1) / centers[:, 2]
-    inside = texture.covered[8::16, 8::16] & (
-        away.min(axis=-1) < 0.2
-    )  # well inside the photo below
+    first, second = np.sort(away, axis=-1)[..., :2].transpose(2, 0, 1)
+    # well inside the photo below, and well away from where the next frame fades in
+    inside = texture.covered[8::16, 8::16] & (first < 0.2) & (second - first > 0.08)
     nearest = away.argmin(axis=-1)
 
     assert inside.sum() > 100
     assert np.mean(np.round(shown[inside]) == nearest[inside]) > 0.97
+
+
+def test_frames_fade_into_each_other_at_seams(survey):
+    result = survey.build(clean=True)
+    texture = ground_texture(result, previews(survey, result, paint=lambda i: (200 * (i % 2),) * 3))
+    red, covered = texture.rgb[..., 0].astype(int), texture.covered
+    step = np.abs(np.diff(red, axis=1))[covered[:, 1:] & covered[:, :-1]]
+
+    assert red[covered].max() == 200
+    assert red[covered].min() == 0
+    assert np.quantile(step, 0.999) < 20  # a hard seam steps by 200
 
 
 def test_a_sloping_plane_is_met_at_its_slope(survey):

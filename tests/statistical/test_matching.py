@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import importlib.util
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from uavgram.errors import UavgramError
 from uavgram.estimation.time_alignment import align
 from uavgram.io.flight_log import read_flight_log
+from uavgram.io.photos import read_photos
+from uavgram.model.options import TimeOptions
+from uavgram.stages.synchronise import synchronise
 from uavgram.stages.synchronise.boots import usable_boots
 
 FLIGHTS = 1000
@@ -93,3 +99,42 @@ def test_photos_dropped_from_a_real_log_are_paired_rightly_or_refused(
             assert not (result.certain & (result.event_index != truth)).any()
     if flight == "wind_oblique":  # legs with and against the wind: spacing 1.5 and 4 s
         assert accepted >= 57
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("resolution", [0.001, 1.0])
+@pytest.mark.parametrize("kind", ["BIN", "tlog"])
+@pytest.mark.parametrize("flight", ["calm_nadir", "wind_oblique"])
+def test_the_twins_own_photos_thinned_out_and_hours_off_are_right_or_refused(
+    data_dir, flight, kind, resolution
+):
+    folder = data_dir / flight
+    photos, _ = read_photos((str(folder / "photos" / "*.jpg"),), TimeOptions(source="exif"))
+    log = read_flight_log(folder / f"flight.{kind}")
+    frames = json.loads((data_dir / "truth" / f"{flight}.json").read_text())["frames"]
+    truth = np.array([frames[name]["time_utc_s"] for name in photos.frame_id])
+    refused = 0
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        kept = np.sort(rng.permutation(len(truth))[: rng.integers(6, len(truth) + 1)])
+        reading = photos.file_time_s[kept] + rng.uniform(-14, 14) * 3600
+        thinned = replace(
+            photos,
+            frame_id=tuple(photos.frame_id[k] for k in kept),
+            path=tuple(photos.path[k] for k in kept),
+            width_px=photos.width_px[kept],
+            height_px=photos.height_px[kept],
+            file_time_s=np.floor(reading / resolution) * resolution,
+            file_time_resolution_s=np.full(len(kept), resolution),
+        )
+        try:
+            result = synchronise(thinned, log, TimeOptions()).frames
+        except UavgramError as error:
+            if "Set time.offset_s" not in str(error):
+                raise
+            refused += 1
+            continue
+        apart = np.abs(result.time_utc_s - truth[kept])
+        assert (apart <= 4 * np.hypot(result.sigma_time_s, 0.002)).all()
+    if flight == "wind_oblique" and resolution < 0.1:
+        assert refused <= 3

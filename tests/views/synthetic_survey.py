@@ -135,20 +135,31 @@ def _points(count: int, rng: np.random.Generator, *, on_earth: bool) -> dict[str
     major = 0.02 + 0.0015 * np.linalg.norm(spots, axis=1)
     minor = 0.6 * major
     azimuth = rng.uniform(0, np.pi, count)
-    axis = np.stack([np.sin(azimuth), np.cos(azimuth)], 1)
-    side = np.stack([axis[:, 1], -axis[:, 0]], 1)
-    covariance = (major**2)[:, None, None] * axis[:, :, None] * axis[:, None, :]
-    covariance = covariance + (minor**2)[:, None, None] * side[:, :, None] * side[:, None, :]
+    # within the survey: smaller, and turned by half a radian
+    within = (azimuth + 0.5) % np.pi
     geo = np.full((count, 2), np.nan)
     if on_earth:
         geo = np.array([48.1372, 11.5755]) + spots[:, ::-1] / [111_200.0, 74_300.0]
     return {
         "position": np.concatenate([spots, np.zeros((count, 1))], 1),
-        "covariance": covariance,
+        "covariance": _covariance(major, minor, azimuth),
         "ellipse": 2.4477 * np.stack([major, minor], 1),
         "azimuth": azimuth,
         "geo": geo,
+        "relative": PlanarUncertainty(
+            covariance_m2=_covariance(major / 4, minor / 4, within),
+            ellipse_95_m=2.4477 * np.stack([major, minor], 1) / 4,
+            ellipse_azimuth_rad=within,
+        ),
     }
+
+
+def _covariance(major: np.ndarray, minor: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
+    """(K, 2, 2) of east and north from sigmas along and across an azimuth."""
+    axis = np.stack([np.sin(azimuth), np.cos(azimuth)], 1)
+    side = np.stack([axis[:, 1], -axis[:, 0]], 1)
+    along = (major**2)[:, None, None] * axis[:, :, None] * axis[:, None, :]
+    return along + (minor**2)[:, None, None] * side[:, :, None] * side[:, None, :]
 
 
 def _picks(frames: dict, labels: list[str], spots: np.ndarray, rng: np.random.Generator) -> dict:
@@ -350,11 +361,7 @@ def build(
             covariance_m2=points["covariance"],
             ellipse_95_m=points["ellipse"],
             ellipse_azimuth_rad=points["azimuth"],
-            relative=PlanarUncertainty(
-                covariance_m2=points["covariance"] / 16,
-                ellipse_95_m=points["ellipse"] / 4,
-                ellipse_azimuth_rad=points["azimuth"],
-            ),
+            relative=points["relative"],
             latitude_deg=points["geo"][:, 0],
             longitude_deg=points["geo"][:, 1],
             frames=tuple(

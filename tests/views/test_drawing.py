@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from uavgram.imaging.mosaic import GroundTexture
 from uavgram.views import drawing
 from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH, measure_scene, on_screen
 
@@ -119,16 +120,24 @@ def test_texts_do_not_cover_each_other():
     assert drawing.uncovered(anchors, np.full(4, 1.0), 2.0, 2).tolist() == [0, 2]
 
 
-def test_the_first_view_has_all_points_and_cameras_in_it(survey):
+def test_the_first_view_has_points_frusta_and_ground_in_it_and_nothing_to_spare(survey):
     result = survey.build()
-    scene = measure_scene(result)
-    everything = np.concatenate(
-        [
-            result.points.position_world_m,
-            result.frames.refined.center_world_m[result.has_refined],
-        ]
-    )
-    tangent = np.abs(on_screen(scene, everything))
+    covered = np.ones((64, 96), dtype=bool)
+    texture = GroundTexture(np.zeros((64, 96, 3), np.uint8), covered, -60.0, 40.0, 1.25)
+    scene = measure_scene(result, texture)
+    pyramids = drawing.frusta(result, result.frames.refined, 2 * scene.frustum_m)
+    ground = np.array([[-60, 40, 0], [40, 40, 0], [-60, -20, 0], [40, -20, 0]], dtype=float)
+    everything = np.concatenate([result.points.position_world_m, pyramids.reshape(-1, 3), ground])
+    right, up = on_screen(scene, everything).T
 
-    assert (tangent <= [HALF_WIDTH + 1e-9, HALF_HEIGHT + 1e-9]).all()
-    assert (tangent.max(axis=0) / [HALF_WIDTH, HALF_HEIGHT]).max() > 0.9
+    assert np.abs(right).max() <= HALF_WIDTH + 1e-9
+    assert np.abs(up).max() <= HALF_HEIGHT + 1e-9
+    # it touches both sides of the tighter direction
+    tight = [right / HALF_WIDTH, up / HALF_HEIGHT]
+    assert max(min(t.max(), -t.min()) for t in tight) > 0.95
+
+
+def test_frusta_are_small_beside_the_flying_height(survey):
+    scene = measure_scene(survey.build())
+
+    assert scene.frustum_m <= 0.06 * scene.height_m

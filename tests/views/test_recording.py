@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import math
+import pickle
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +19,9 @@ from uavgram.errors import OutputError
 from uavgram.imaging.mosaic import ground_texture
 from uavgram.imaging.preview import Preview
 from uavgram.views.recording import write_recording
+from uavgram.views.recording.blueprint import blueprint
+from uavgram.views.recording.frame_picks import project_picks
+from uavgram.views.recording.plots import frame_curves, suspicion_limit
 from uavgram.views.recording.scene import measure_scene
 
 PHOTO = "/survey/current_camera/photo"
@@ -92,7 +100,10 @@ def test_lines_of_each_status_are_apart_and_in_their_own_colour(contents):
     assert "/survey/known_lengths/unseen" not in contents.static
 
 
-def test_ellipses_are_at_true_size_and_once_more_as_many_times_as_large_as_said(result, contents):
+def test_ellipses_within_the_survey_are_at_true_size_and_once_more_enlarged_as_said(
+    result, contents
+):
+    within = result.points.relative
     true = contents.static["/survey/points/ellipse_95_true_size/0"]
     outlines = np.array(
         contents.static["/survey/points/ellipse_95_exaggerated"]["LineStrips3D:strips"]
@@ -101,9 +112,11 @@ def test_ellipses_are_at_true_size_and_once_more_as_many_times_as_large_as_said(
     factor = measure_scene(result).ellipse_factor
 
     np.testing.assert_allclose(
-        np.array(true["Ellipsoids3D:half_sizes"])[:, :2], result.points.ellipse_95_m, rtol=1e-5
+        np.array(true["Ellipsoids3D:half_sizes"])[:, :2], within.ellipse_95_m, rtol=1e-5
     )
-    np.testing.assert_allclose(reach, factor * result.points.ellipse_95_m[:, 0], rtol=0.01)
+    np.testing.assert_allclose(reach, factor * within.ellipse_95_m[:, 0], rtol=0.01)
+    text = contents.static["/documents/summary"]["TextDocument:text"][0]
+    assert f"within the survey, drawn ×{factor}" in text
 
 
 def test_the_major_axis_of_a_flat_ellipsoid_lies_along_its_azimuth(result, contents):
@@ -113,13 +126,14 @@ def test_the_major_axis_of_a_flat_ellipsoid_lies_along_its_azimuth(result, conte
     east, north = 1 - 2 * (y**2 + z**2), 2 * (x * y + w * z)
     azimuth = np.arctan2(east, north) % np.pi
 
-    np.testing.assert_allclose(azimuth, result.points.ellipse_azimuth_rad, atol=1e-5)
+    np.testing.assert_allclose(azimuth, result.points.relative.ellipse_azimuth_rad, atol=1e-5)
 
 
 def test_measured_lengths_are_labelled_with_value_and_sigma(contents):
     labels = contents.static["/survey/labels"]["Points3D:labels"]
 
-    assert "road width 6.310 m ± 0.012" in labels
+    assert "LEAST CERTAIN road width 6.310 m ± 0.012" in labels
+    assert "P24: largest ellipse, 4.7 cm × 2.8 cm" in labels
     assert "SUSPECT R3 hedge: 11.21 m taped, 11.42 m found" in labels
     assert len(labels) <= 14
 
@@ -190,7 +204,7 @@ def test_every_frame_has_a_state_a_sheet_and_the_unmatched_one_too(contents):
 
     assert len(states) == 20
     assert [states[i] for i in (0, 1, 5, 11, 14)] == [
-        ["check picks"],
+        ["check"],
         ["refined"],
         ["unmatched"],
         ["rejected"],
@@ -209,12 +223,114 @@ def test_a_frame_without_a_pose_shows_no_frustum(contents):
 
 def test_curves_have_values_only_where_there_are_any(result, contents):
     rms = contents.by_frame["/plots/residual/refined"]["Scalars:scalars"]
+    worst = contents.by_frame["/plots/worst_w/worst"]["Scalars:scalars"]
     image = np.array(result.picks.image) == result.frames.frame_id[7]
     height = contents.by_frame["/plots/height/refined"]
 
-    assert sorted(rms) == [i for i in range(20) if i not in (5, 11, 14)]
+    assert sorted(rms) == sorted(worst) == [i for i in range(20) if i not in (5, 11, 14)]
     assert rms[7][0] == pytest.approx(np.sqrt(np.mean(result.picks.residual_px[image] ** 2)))
+    assert worst[7][0] == pytest.approx(np.abs(result.picks.w[image]).max())
     assert height["Measurements:variances"][7] == [pytest.approx(0.15**2)]
+
+
+def test_plots_show_what_picks_and_tests_allow_in_every_frame(contents):
+    sigma = contents.by_frame["/plots/residual/sigma_of_picks"]["Scalars:scalars"]
+    limit = contents.by_frame["/plots/worst_w/limit"]["Scalars:scalars"]
+
+    assert [sigma[i] for i in range(20)] == [[1.0]] * 20
+    # two-sided quantile of one in a thousand, from a table of the normal distribution
+    assert [limit[i][0] for i in range(20)] == pytest.approx([3.2905] * 20, abs=1e-4)
+
+
+def test_the_limit_is_that_of_the_run_s_own_significance(survey, result):
+    options = (("solve.significance", 0.01),)
+    stricter = replace(result, provenance=replace(result.provenance, options=options))
+
+    assert suspicion_limit(stricter) == pytest.approx(2.5758, abs=1e-4)
+
+
+def test_heights_are_above_the_ground_below_the_camera(survey, tmp_path):
+    result = survey.build(frame_count=3)
+    shared = replace(result.shared, plane_height_m=replace(result.shared.plane_height_m, value=[2]))
+    path = tmp_path / "recording.rrd"
+    write_recording(replace(result, shared=shared), {}, None, path)
+    shown = Contents(path).by_frame["/plots/height/refined"]["Measurements:values"]
+
+    expected = result.frames.refined.center_world_m[:, 2] - 2
+    assert [shown[i][0] for i in range(3)] == pytest.approx(expected)
+
+
+def test_every_plot_starts_at_zero(result):
+    scene, picks = measure_scene(result), project_picks(result)
+    layout = blueprint(result, scene, frame_curves(result, picks))
+    plots = [view for view in views(layout.root_container) if view.class_identifier == "TimeSeries"]
+
+    assert len(plots) == 4
+    for plot in plots:
+        (bounds,) = plot.properties["ScalarAxis"].range.as_arrow_array().to_pylist()
+        assert bounds[0] == 0.0 < bounds[1]
+
+
+def views(container):
+    for item in container.contents:
+        if hasattr(item, "class_identifier"):
+            yield item
+        else:
+            yield from views(item)
+
+
+@pytest.fixture(scope="module")
+def crowded(survey):
+    """Many measurements: every third pair of points."""
+    labels = [f"P{i:02d}" for i in range(30)]
+    pairs = list(combinations(labels, 2))[::3]
+    return survey.build(measures=tuple((f"D{i}", "distance", p, "m") for i, p in enumerate(pairs)))
+
+
+def test_many_measurements_are_thin_lines_of_which_the_least_certain_are_labelled(
+    crowded, tmp_path
+):
+    path = tmp_path / "recording.rrd"
+    write_recording(crowded, {}, None, path)
+    static = Contents(path).static
+    texts = [t for t in static["/survey/labels"]["Points3D:labels"] if " m ± " in t]
+    bold = static["/survey/measured/least_certain"]["LineStrips3D:strips"]
+    thin = static["/survey/measured/others"]
+
+    assert 4 <= len(texts) <= 8
+    assert len(bold) == len(texts)
+    assert len(bold) + len(thin["LineStrips3D:strips"]) == 145
+    # screen sizes are stored as negative numbers
+    assert -0.5 < thin["LineStrips3D:radii"][0] < 0
+    assert texts[0].startswith("LEAST CERTAIN D")
+
+
+def test_a_photo_shows_the_measurements_whose_points_are_all_picked_in_it(crowded, tmp_path):
+    path = tmp_path / "recording.rrd"
+    write_recording(crowded, {}, None, path)
+    by_frame = Contents(path).by_frame
+    picks, counts = crowded.picks, []
+    for name in crowded.frames.frame_id:
+        here = {p for p, image in zip(picks.label, picks.image, strict=True) if image == name}
+        counts.append(sum(set(points) <= here for points in crowded.measurements.points))
+    refined = crowded.has_refined
+
+    shown = by_frame[f"{PHOTO}/measured"]["LineStrips2D:strips"]
+    assert [len(shown[i]) for i in range(20)] == [c * bool(r) for c, r in zip(counts, refined)]
+    assert max(counts) > 10
+    for words in by_frame[f"{PHOTO}/labels"]["Points2D:labels"].values():
+        assert len([word for word in words if " m" in word]) <= 10
+    assert by_frame[f"{PHOTO}/known_lengths/used"]["LineStrips2D:strips"][0]
+
+
+def test_the_photo_is_shown_whole(result):
+    scene, picks = measure_scene(result), project_picks(result)
+    layout = blueprint(result, scene, frame_curves(result, picks))
+    (photo,) = [view for view in views(layout.root_container) if str(view.name).startswith("Photo")]
+    bounds = photo.properties["VisualBounds2D"].range.as_arrow_array().to_pylist()[0]
+
+    assert bounds["x_range"][0] <= 0 < 1640 <= bounds["x_range"][1]
+    assert bounds["y_range"][0] <= 0 < 1232 <= bounds["y_range"][1]
 
 
 def test_the_summary_opens_with_what_is_wrong(contents):
@@ -336,3 +452,47 @@ def test_a_failed_recording_leaves_the_earlier_one(survey, tmp_path, monkeypatch
 
     assert path.read_bytes() == b"earlier"
     assert [p.name for p in tmp_path.iterdir()] == ["recording.rrd"]
+
+
+FULL_DISK = """
+import pickle, resource, sys
+from uavgram.errors import OutputError
+from uavgram.views.recording import write_recording
+
+result = pickle.loads(open(sys.argv[1], "rb").read())
+limit = int(sys.argv[3])
+resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+try:
+    write_recording(result, {}, None, sys.argv[2])
+except OutputError as error:
+    sys.exit(f"OutputError: {error}")
+"""
+
+
+@pytest.mark.parametrize("room", [0.05, 0.5, 0.999])
+def test_a_disk_that_is_full_while_rerun_writes_is_an_output_error(survey, tmp_path, room):
+    pytest.importorskip("resource", reason="file size limits exist on POSIX systems only")
+    result, path = survey.build(frame_count=4), tmp_path / "out" / "recording.rrd"
+    path.parent.mkdir()
+    (tmp_path / "result").write_bytes(pickle.dumps(result))
+    write_recording(result, {}, None, path)
+    whole = path.read_bytes()
+    limit = str(int(room * len(whole)))
+    command = [sys.executable, "-c", FULL_DISK, str(tmp_path / "result"), str(path), limit]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+
+    assert run.returncode == 1
+    assert "OutputError" in run.stderr
+    assert "disk full" in run.stderr
+    assert path.read_bytes() == whole
+    assert [p.name for p in path.parent.iterdir()] == ["recording.rrd"]
+
+
+def test_rerun_s_own_verification_finds_no_fault(survey, result, tmp_path):
+    path = tmp_path / "recording.rrd"
+    write_recording(result, previews(survey, result, [0, 1]), None, path)
+    command = [sys.executable, "-m", "rerun", "rrd", "verify", str(path)]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+
+    assert run.returncode == 0, run.stderr
+    assert "verified without error" in run.stdout + run.stderr

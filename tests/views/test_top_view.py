@@ -34,11 +34,32 @@ def test_everything_lies_on_the_sheet(survey):
 
 def test_ellipses_as_large_as_the_scene_are_neither_filled_nor_enlarged(survey):
     result = survey.build()
-    wide = replace(result.points, ellipse_95_m=result.points.ellipse_95_m + 5.0)
+    within = result.points.relative
+    wide = replace(result.points, relative=replace(within, ellipse_95_m=within.ellipse_95_m + 5.0))
     view = top_view(replace(result, points=wide))
 
     assert (view.ellipse_factor, view.fill_ellipses) == (1, False)
     assert top_view(result).fill_ellipses
+
+
+def test_ellipses_are_those_within_the_survey(survey):
+    result = survey.build()
+    view = top_view(result)
+    outline = np.array([p.split(",") for p in view.ellipses[3].points.split()], dtype=float)
+    reach = np.linalg.norm(outline - view.dots[3], axis=1).max() * view.bar_m / view.bar
+
+    expected = view.ellipse_factor * result.points.relative.ellipse_95_m[3, 0]
+    assert reach == pytest.approx(expected, rel=0.02)
+
+
+def test_many_measured_lines_are_thin_and_few_are_named(survey):
+    labels = [f"P{i:02d}" for i in range(30)]
+    pairs = list(zip(labels, labels[1:], strict=False))
+    measures = tuple((f"D{i}", "distance", pair, "m") for i, pair in enumerate(pairs))
+    view = top_view(survey.build(measures=measures))
+
+    assert {stroke.width for stroke in view.lines} == {0.5, 2.0}
+    assert 0 < len([text for text in view.texts if text.kind == "measured"]) <= 12
 
 
 def test_without_telemetry_north_is_not_claimed(survey):

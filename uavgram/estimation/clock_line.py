@@ -109,7 +109,8 @@ def fit_lower_envelope(time_s: Floats, other_s: Floats, bin_s: float = 5.0) -> C
     those.
     """
     late = other_s - time_s
-    near = np.abs(late - np.median(late)) < _LONGEST_DELAY_S
+    # one of the readings itself: the mean of two far apart would be near to none
+    near = np.abs(late - np.quantile(late, 0.5, method="lower")) < _LONGEST_DELAY_S
     time_s, other_s, late = time_s[near], other_s[near], late[near]
     order = np.lexsort((late, np.floor((time_s - time_s[0]) / bin_s)))
     bins = np.floor((time_s[order] - time_s[0]) / bin_s)

@@ -137,9 +137,8 @@ def _shifted(values: Floats, by: int) -> Floats:
 
 def _off_its_median(values: NDArray[np.floating]) -> Floats:
     """(N,) distance from the median of seven neighbours; at the ends of the seven end rows."""
-    found = median_filter(values, size=min(7, len(values)), mode="nearest")
-    if len(values) >= 7:
-        found[:3], found[-3:] = np.median(values[:7]), np.median(values[-7:])
+    found = median_filter(values, size=7, mode="nearest")
+    found[:3], found[-3:] = np.median(values[:7]), np.median(values[-7:])
     return np.asarray(np.abs(values - found))
 
 

@@ -162,7 +162,7 @@ def _started_s(times_us: list[Floats]) -> float:
     if not times_us:
         return 0.0
     times_s = max(times_us, key=len) * 1e-6
-    middle = float(np.median(times_s))
+    middle = float(np.quantile(times_s, 0.5, method="lower"))
     if middle < LONGEST_BOOT_S:
         return 0.0
     return float(np.floor(times_s[np.abs(times_s - middle) < LONGEST_BOOT_S].min()))
