@@ -23,6 +23,7 @@ REAL = (
 USED = (
     *("POS", "ATT", "MNT", "GPS", "GPA", "CAM", "TRIG", "ORGN", "MSG", "VER", "BARO", "MODE"),
     *("PARM", "XKF1", "XKF4", "XKQ", "XKV1", "NKF1", "NKF4", "NKQ1"),
+    *("EKF1", "EKF4", "GPS2", "GPA2", "NKV1", "NKQ", "XKQ1"),
 )
 
 
@@ -295,9 +296,9 @@ def test_a_format_that_changes_midway_is_followed(path_of):
 
 
 def test_the_index_goes_on_behind_an_unknown_type():
-    data = positions(30)
-    damaged = data + b"\xa3\x95\x99 garbage" + positions(30, 13.0)[len(positions(0)) :]
-    assert index_binary("x", damaged).count("POS") == 60
+    data = positions(3000)
+    behind = positions(20, 310.0)[len(positions(0)) :]  # too little for the file to be suspicious
+    assert index_binary("x", data + b"\xa3\x95\x99 garbage" + behind).count("POS") == 3020
 
 
 def test_images_counted_twice_and_lost_ones_are_named(path_of):

@@ -8,7 +8,7 @@ from uavgram.errors import InputError
 from uavgram.io.flight_log import read_flight_log
 from uavgram.io.ulog import read_ulog
 from uavgram.io.ulog_pose import _from_local, _is_global
-from uavgram.io.ulog_tables import read_tables
+from uavgram.io.ulog_tables import Topic, read_tables
 
 REAL = (
     "sample.ulg",
@@ -84,6 +84,22 @@ def test_the_local_frame_is_put_on_the_earth_as_px4_does(data_dir):
     assert np.abs(latitude[tied][a] - world.column("lat")[b]).max() < 1e-8
     assert np.abs(longitude[tied][a] - world.column("lon")[b]).max() < 1e-8
     assert np.abs(height[tied][a] - world.column("alt")[b]).max() < 0.01
+
+
+def test_the_local_frame_is_an_azimuthal_equidistant_projection():
+    from pyproj import Transformer
+
+    rng = np.random.default_rng(1)
+    east, north = rng.uniform(-5000, 5000, (2, 50))
+    fields = {"x": north, "y": east, "z": np.full(50, -20.0), "ref_alt": np.full(50, 480.0)}
+    fields |= {"ref_lat": np.full(50, 63.4), "ref_lon": np.full(50, 10.4)}
+    latitude, longitude, height = _from_local(Topic("local", np.arange(50.0), fields))
+    sphere = "+proj=aeqd +R=6371000 +lat_0=63.4 +lon_0=10.4"
+    to_degrees = Transformer.from_crs(sphere, "+proj=longlat +R=6371000", always_xy=True)
+    expected = to_degrees.transform(east, north)
+    np.testing.assert_allclose(longitude, expected[0], atol=1e-10)
+    np.testing.assert_allclose(latitude, expected[1], atol=1e-10)
+    np.testing.assert_array_equal(height, 500.0)
 
 
 def test_the_simulators_boot_clock_of_the_day_is_counted_from_the_start(data_dir):

@@ -242,7 +242,7 @@ def test_plots_show_what_picks_and_tests_allow_in_every_frame(contents):
     assert [limit[i][0] for i in range(20)] == pytest.approx([3.2905] * 20, abs=1e-4)
 
 
-def test_the_limit_is_that_of_the_run_s_own_significance(survey, result):
+def test_the_limit_is_that_of_the_run_s_own_significance(result):
     options = (("solve.significance", 0.01),)
     stricter = replace(result, provenance=replace(result.provenance, options=options))
 
@@ -316,7 +316,9 @@ def test_a_photo_shows_the_measurements_whose_points_are_all_picked_in_it(crowde
     refined = crowded.has_refined
 
     shown = by_frame[f"{PHOTO}/measured"]["LineStrips2D:strips"]
-    assert [len(shown[i]) for i in range(20)] == [c * bool(r) for c, r in zip(counts, refined)]
+    assert [len(shown[i]) for i in range(20)] == [
+        c * bool(r) for c, r in zip(counts, refined, strict=True)
+    ]
     assert max(counts) > 10
     for words in by_frame[f"{PHOTO}/labels"]["Points2D:labels"].values():
         assert len([word for word in words if " m" in word]) <= 10
@@ -329,8 +331,9 @@ def test_the_photo_is_shown_whole(result):
     (photo,) = [view for view in views(layout.root_container) if str(view.name).startswith("Photo")]
     bounds = photo.properties["VisualBounds2D"].range.as_arrow_array().to_pylist()[0]
 
-    assert bounds["x_range"][0] <= 0 < 1640 <= bounds["x_range"][1]
-    assert bounds["y_range"][0] <= 0 < 1232 <= bounds["y_range"][1]
+    for axis, size in (("x_range", 1640), ("y_range", 1232)):
+        assert bounds[axis][0] <= 0
+        assert bounds[axis][1] >= size
 
 
 def test_the_summary_opens_with_what_is_wrong(contents):
@@ -479,11 +482,11 @@ def test_a_disk_that_is_full_while_rerun_writes_is_an_output_error(survey, tmp_p
     whole = path.read_bytes()
     limit = str(int(room * len(whole)))
     command = [sys.executable, "-c", FULL_DISK, str(tmp_path / "result"), str(path), limit]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    run = subprocess.run(command, capture_output=True, text=True, check=False, timeout=30)
 
     assert run.returncode == 1
     assert "OutputError" in run.stderr
-    assert "disk full" in run.stderr
+    assert "File too large" in run.stderr
     assert path.read_bytes() == whole
     assert [p.name for p in path.parent.iterdir()] == ["recording.rrd"]
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
 
 from uavgram.errors import OutputError
+from uavgram.io.results import write_results
 from uavgram.views.report import render_report, write_report
 
 
@@ -116,6 +119,76 @@ def test_every_message_frame_line_and_point_is_on_the_page(survey):
         *result.measurements.name,
     ):
         assert text in cells
+
+
+class Numbers:
+    """The numbers of a page's rows, each with the decimals that it shows."""
+
+    def __init__(self, html):
+        self.rows = [row for row in Page(html).rows if row]
+
+    def of(self, first, *wanted, skip=0):
+        """True if one row begins with `first` and its numbers are `wanted`, as rounded there."""
+        return any(
+            self._equal(" ".join(row[1 + skip :]), wanted) for row in self.rows if row[0] == first
+        )
+
+    @staticmethod
+    def _equal(text, wanted):
+        found = re.findall(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?! %)", text)
+        return len(found) >= len(wanted) and all(
+            abs(float(shown) - value) <= 0.5001 * 10.0 ** -len(shown.partition(".")[2])
+            for shown, value in zip(found, wanted, strict=False)
+        )
+
+
+@pytest.mark.parametrize("variant", [{}, {"telemetry": False}], ids=str)
+def test_every_number_is_that_of_the_results_file(survey, tmp_path, variant):
+    result = survey.build(**variant)
+    write_results(result, tmp_path / "results.json")
+    said = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    page = Numbers(render_report(result))
+
+    for row in said["measurements"]:
+        if row["value"] is not None:
+            # kind and points are words; points may hold digits
+            assert page.of(row["name"], row["value"], row["sigma"], *row["interval_95"], skip=2)
+            assert [row["name"], " – ".join(row["points"])] in [
+                [cells[0], cells[2]] for cells in page.rows if len(cells) == 6
+            ]
+    for row in said["lines"]:
+        if row["adjusted_m"] is not None:
+            fit = ("length_m", "sigma_m", "adjusted_m", "adjusted_sigma_m", "residual_m", "w")
+            assert page.of(row["name"], *(row[key] for key in fit), skip=1)
+    for row in said["points"]:
+        within, earth = row["relative"]["ellipse_95"], row["ellipse_95"]
+        axes = [100 * within[key] for key in ("semi_major_m", "semi_minor_m")]
+        axes += [within["azimuth_deg"]]
+        axes += [100 * earth[key] for key in ("semi_major_m", "semi_minor_m")]
+        place = [row["latitude_deg"], row["longitude_deg"]] if "telemetry" not in variant else []
+        assert page.of(row["label"], *row["position_world_m"], *place, *axes)
+    for row in said["checks"]:
+        if "name" in row:
+            assert page.of(row["name"], row["error_m"], row["sigma_m"], row["z"])
+        else:
+            numbers = (*row["error_m"], *row["sigma_m"], row["mahalanobis"])
+            assert page.of(row["label"], *numbers)
+
+
+def test_points_have_their_ellipse_within_the_survey_and_on_the_earth(survey):
+    html = render_report(survey.build())
+    (row,) = [row for row in Page(html).rows if row and row[0] == "P00"]
+
+    # half axes of the synthetic survey: a quarter of those on the earth
+    assert [row[3], row[5]] == ["4.7 cm × 2.8 cm", "18.8 cm × 11.3 cm"]
+    assert "cancels in lengths" in html
+
+
+def test_the_facts_stand_on_top(survey):
+    html = render_report(survey.build())
+
+    assert html.index("20 frames: 17 refined") < html.index("<h2>Measurements")
+    assert html.index("P24: 4.7 cm × 2.8 cm") < html.index("<h2>Measurements")
 
 
 def test_without_telemetry_the_page_says_what_that_means(survey):

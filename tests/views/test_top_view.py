@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -54,8 +55,8 @@ def test_ellipses_are_those_within_the_survey(survey):
 
 def test_many_measured_lines_are_thin_and_few_are_named(survey):
     labels = [f"P{i:02d}" for i in range(30)]
-    pairs = list(zip(labels, labels[1:], strict=False))
-    measures = tuple((f"D{i}", "distance", pair, "m") for i, pair in enumerate(pairs))
+    pairs = enumerate(pairwise(labels))
+    measures = tuple((f"D{i}", "distance", pair, "m") for i, pair in pairs)
     view = top_view(survey.build(measures=measures))
 
     assert {stroke.width for stroke in view.lines} == {0.5, 2.0}

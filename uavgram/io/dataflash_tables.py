@@ -91,6 +91,8 @@ class DataflashTables:
         if not pieces:
             return {}
         first, last = pieces[0], pieces[-1]
+        if first is last:
+            return self._decoded([(first.format, [first.starts[0], first.starts[-1]])])
         return self._decoded([(first.format, first.starts[:1]), (last.format, last.starts[-1:])])
 
     def _decoded(self, parts: list[tuple[Format, list[int]]]) -> Columns:

@@ -24,7 +24,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownPoints, KnownWorldPoints
 from uavgram.model.options import option_pairs
-from uavgram.model.result import Provenance, Result
+from uavgram.model.result import MonteCarloResults, Provenance, Result
 from uavgram.model.world import World
 from uavgram.pipeline.inputs import Inputs
 from uavgram.pipeline.pose import height_shift, pose_frames
@@ -80,7 +80,8 @@ def compute(inputs: Inputs, sampling: Sampling | None = None) -> Result:
         tuple(measure(other, inputs.requests, posed.frames)[0].value)
         for other in refined.alternatives
     )
-    sampled, sampled_messages = None, ()
+    sampled: MonteCarloResults | None = None
+    sampled_messages: tuple[Message, ...] = ()
     if sampling is not None:
         sampled = sample(adjustment, inputs.requests, posed.frames, sampling.count, sampling.seed)
         sampled_messages = compare(measurements, sampled)

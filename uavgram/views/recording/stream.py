@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from uavgram.errors import OutputError
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result import Result
+from uavgram.views.recording.sink import FileSink
 
 APPLICATION_ID = "uavgram"
 FRAME_TIMELINE = "frame"
@@ -84,17 +84,17 @@ class Recorder:
 
 
 @contextmanager
-def open_recorder(result: Result, path: str | os.PathLike[str]) -> Iterator[Recorder]:
+def open_recorder(result: Result, path: Path) -> Iterator[Recorder]:
     """Write a recording to a file; complete when the block ends.
 
     The batcher never flushes by the clock, so that two equal runs give equal chunks.
 
     Raises
     ------
-    OutputError
-        The file is not complete. Rerun writes in a thread of its own, which on a full disk stops
-        with no more than a line on stderr; then the footer is missing.
+    OSError
+        The file cannot be written.
     """
+    sink = FileSink(path)
     with strict_rerun():
         stream = rr.RecordingStream(
             APPLICATION_ID,
@@ -104,24 +104,19 @@ def open_recorder(result: Result, path: str | os.PathLike[str]) -> Iterator[Reco
         )
         stream.set_log_time_enabled(False)
         try:
-            stream.save(os.fspath(path))
+            stream.save(sink.path)
+            sink.start()
             stream.send_recording_name(result.name)
             yield Recorder(stream, result.frames.time_utc_s)
-            _flush(stream)
+            stream.flush()
         finally:
             stream.disconnect()
-    if not _is_complete(Path(path)):
-        raise OutputError("its end is missing; is the disk full?")
+            sink.finish()
+    if not _has_footer(path):
+        raise OSError("Rerun did not write it to its end")
 
 
-def _flush(stream: rr.RecordingStream) -> None:
-    try:
-        stream.flush()
-    except RuntimeError as error:  # Rerun's word for a writer that has stopped
-        raise OutputError(f"{error}; is the disk full?") from error
-
-
-def _is_complete(path: Path) -> bool:
+def _has_footer(path: Path) -> bool:
     length = len(FOOTER_MARK) + FOOTER_VERSION_BYTES
     with path.open("rb") as file:
         size = file.seek(0, os.SEEK_END)

@@ -58,7 +58,7 @@ def write_recording(
         with open_recorder(result, unfinished) as recorder:
             _log_everything(recorder, result, previews, texture)
         unfinished.replace(target)
-    except (OSError, OutputError) as error:
+    except OSError as error:
         raise OutputError(f"{target}: the recording cannot be written: {error}") from error
     finally:
         unfinished.unlink(missing_ok=True)
