@@ -16,7 +16,7 @@ from uavgram.errors import InputError
 Pixels = NDArray[np.uint8]
 
 MAX_WIDTH_PX = 1600
-JPEG_QUALITY = 80
+JPEG_QUALITY = 75
 
 # Decoding at 1/2, 1/4 or 1/8 of the size costs a fraction of decoding all of a JPEG.
 _REDUCED = {

@@ -72,9 +72,9 @@ def survey_labels(result: Result, scene: Scene) -> Labels:
     suspect = [i for i in known if result.lines.status[i] in ("suspect", "removed")]
     measured = _measured(result)
     first = [*_known(result, suspect), *measured[:1]]
-    worst = _worst_point(result, scene, first)
-    first += [*worst, *measured[1:]]
     spread = SPREAD if len(measured) > MANY_LINES else 1.0
+    worst = _worst_point(result, scene, first, spread)
+    first += [*worst, *measured[1:]]
     chosen = _take(first, scene, len(suspect) + len(worst) + MOST_MEASURED, spread)
     rest = _known(result, [i for i in known if i not in suspect])
     kept = _take([*chosen, *rest], scene, MOST_LABELS, 1.0)
@@ -90,7 +90,9 @@ def _known(result: Result, rows: list[int]) -> list[Candidate]:
     return [(longest_middle([known[i]]), reference_text(result, i), -1) for i in rows]
 
 
-def _worst_point(result: Result, scene: Scene, before: list[Candidate]) -> list[Candidate]:
+def _worst_point(
+    result: Result, scene: Scene, before: list[Candidate], spread: float
+) -> list[Candidate]:
     """The largest ellipse: beside it to the north or south where other labels cover the point."""
     row, points = scene.worst_point, result.points
     if row is None:
@@ -98,11 +100,11 @@ def _worst_point(result: Result, scene: Scene, before: list[Candidate]) -> list[
     axes, spot = points.relative.ellipse_95_m[row], points.position_world_m[row]
     text = f"{points.label[row]}: largest ellipse, {axes_text(axes)}"
     aside = np.array([0.0, scene.ellipse_factor * axes[0] + LABEL_GAP * scene.size_m, 0.0])
-    places: list[Candidate] = [(spot + side * aside, text, -1) for side in (0, 1, -1)]
-    free = [
-        place for place in places if _take([*before, place], scene, MOST_LABELS, 1.0)[-1] is place
-    ]
-    return free[:1]
+    for side in (0, 1, -1):
+        place: Candidate = (spot + side * aside, text, -1)
+        if _take([*before, place], scene, MOST_LABELS, spread)[-1] is place:
+            return [place]
+    return []
 
 
 def _measured(result: Result) -> list[Candidate]:

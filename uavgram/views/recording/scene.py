@@ -89,16 +89,20 @@ def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene
     typical = float(np.median(major)) if len(major) else 0.0
     residual = np.linalg.norm(result.picks.residual_px, axis=1)
     residual = residual[np.isfinite(residual)]
-    shown = [scene, *_pyramids(result, frustum), _ground(result, texture)]
+    factor = nice_factor(
+        typical, size * min(ELLIPSE_SHARE, CROWD_SHARE / np.sqrt(max(len(major), 1)))
+    )
+    shown = [
+        *(scene, *_pyramids(result, frustum)),
+        *(_around_ellipses(result, factor), _ground(result, texture)),
+    ]
     target, distance = _fit(np.concatenate(shown))
     return Scene(
         middle_m=middle,
         size_m=size,
         height_m=max(height, 0.1),
         frustum_m=frustum,
-        ellipse_factor=nice_factor(
-            typical, size * min(ELLIPSE_SHARE, CROWD_SHARE / np.sqrt(max(len(major), 1)))
-        ),
+        ellipse_factor=factor,
         residual_factor=nice_factor(
             float(np.quantile(residual, 0.9)) if len(residual) else 0.0,
             RESIDUAL_SHARE * result.camera.width_px,
@@ -116,6 +120,13 @@ def _pyramids(result: Result, depth_m: float) -> list[Floats]:
         frusta(result, poses, CURRENT_FRUSTUM * depth_m).reshape(-1, 3)
         for poses in (result.frames.refined, result.frames.seed)
     ]
+
+
+def _around_ellipses(result: Result, factor: int) -> Floats:
+    """(4K, 3) to the east, west, north and south of each point, as far as its ellipse reaches."""
+    reach = factor * result.points.relative.ellipse_95_m[:, :1]
+    ways = np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]])
+    return np.concatenate([result.points.position_world_m + reach * way for way in ways])
 
 
 def _ground(result: Result, texture: GroundTexture | None) -> Floats:
