@@ -56,7 +56,7 @@ def _found(alignment: Alignment, photos: int) -> str:
     paired = alignment.event_index >= 0
     scatter = float(np.sqrt(np.mean(alignment.residual_s[paired] ** 2)))
     return (
-        f"camera clock minus UTC is {clock.offset_s:+.3f} +- {clock.offset_sigma_s:.3f} s{drift} "
+        f"camera clock minus UTC is {clock.offset_s:+.4f} +- {clock.offset_sigma_s:.4f} s{drift} "
         f"by {int(paired.sum())} of {photos} photos on a camera event each, {scatter:.3f} s rms "
         f"apart (next best: {_rival(alignment)})"
     )
