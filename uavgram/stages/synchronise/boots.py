@@ -49,8 +49,9 @@ class ClockedBoot:
 
     def lag_sigma_s(self) -> float:
         """Of an exposure after its event, common to the flight."""
-        source = "" if self.boot.events is None else self.boot.events.source
-        return _FEEDBACK_LAG_SIGMA_S if source == "TRIG+CAM" else _COMMAND_LAG_SIGMA_S
+        events = self.boot.events
+        feedback = events is not None and events.instant == "feedback"
+        return _FEEDBACK_LAG_SIGMA_S if feedback else _COMMAND_LAG_SIGMA_S
 
 
 def usable_boots(log: FlightLog) -> list[ClockedBoot]:
