@@ -119,7 +119,8 @@ def check(project: Path, /) -> int:
     from uavgram.views.table import check_lines
 
     checked = check_project(project)
-    _say(*check_lines(checked.inputs.photos, checked.posed.frames, checked.messages))
+    posed = checked.posed
+    _say(*check_lines(checked.inputs.photos, posed.frames, posed.pairing, checked.messages))
     return DONE
 
 

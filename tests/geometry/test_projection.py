@@ -9,6 +9,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from uavgram.geometry.back_projection import share_without_rays
 from uavgram.geometry.projection import (
     back_project,
     back_project_with_jacobian,
@@ -334,3 +335,16 @@ def test_inputs_stay_as_they_were():
             array.flags.writeable = False
         project_with_jacobian(model, *arrays[:2])
         back_project_with_jacobian(model, arrays[0], arrays[2])
+
+
+def test_the_rim_of_the_image_without_rays_is_measured():
+    # Of the cuav camera (CanberraUAV's calibration), an independent fill of the fold's border gives
+    # 2.69 % of the image; of a lens without distortion nothing is lost.
+    parameters = np.array([
+        1329.4945879587194, 1329.336471299515, 809.9528740604338, 618.5527699408506,
+        0.16641467032409257, -0.2234393189584932, -0.0037763249278537124, 0.0024124935430655313,
+        -0.6079587461332615,
+    ])  # fmt: skip
+    assert share_without_rays("brown", parameters, 1640, 1232) == pytest.approx(0.027, abs=0.002)
+    parameters[4:] = 0
+    assert share_without_rays("brown", parameters, 1640, 1232) == 0

@@ -11,6 +11,7 @@ import numpy as np
 from uavgram.config.camera import load_camera
 from uavgram.config.project import load_project
 from uavgram.errors import InputError
+from uavgram.geometry.back_projection import share_without_rays
 from uavgram.io.digest import digest_inputs
 from uavgram.io.flight_log import read_flight_log
 from uavgram.io.known_points import read_known_points
@@ -102,13 +103,27 @@ def read_inputs(path: Path) -> Inputs:
         log=log,
         poses=poses,
         digests=digest_inputs(files, path.absolute().parent),
-        messages=(*messages, *photo_messages, *pose_messages, *notes),
+        messages=(*messages, *_lens_messages(calibration), *photo_messages, *pose_messages, *notes),
     )
 
 
 def _log_notes(log: FlightLog) -> tuple[Message, ...]:
     name = Path(log.path).name
     return tuple(Message("warning", "log-note", f"{name}: {note}") for note in log.notes)
+
+
+def _lens_messages(calibration: Calibration) -> tuple[Message, ...]:
+    """Say so where part of the image has no rays: picks there cannot be used."""
+    share = share_without_rays(
+        calibration.model, calibration.parameters, calibration.width_px, calibration.height_px
+    )
+    if share == 0:
+        return ()
+    text = (
+        f"The lens model of camera {calibration.name!r} cannot be inverted over {share:.1%} of the "
+        "image, at its rim: picks there are left out."
+    )
+    return (Message("info", "lens-rim", text),)
 
 
 def _camera(path: Path) -> tuple[Calibration, tuple[Message, ...]]:

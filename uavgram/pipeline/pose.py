@@ -18,6 +18,7 @@ from uavgram.stages.assemble import Telemetry
 from uavgram.stages.photo_exposures import find_photo_home, place_photos
 from uavgram.stages.seed import seed
 from uavgram.stages.synchronise import Synchronised, synchronise
+from uavgram.stages.synchronise.pairing import Pairing
 from uavgram.stages.trajectory import build_track, find_home
 
 Place = tuple[float, float, float]
@@ -27,13 +28,15 @@ Place = tuple[float, float, float]
 class Posed:
     """The frames on the log's clock, with seed poses in the local world.
 
-    Without a log or photo poses `telemetry` is None.
+    Without a log or photo poses `telemetry` is None; `pairing` tells which photo is which camera
+    event of the log, where events were used.
     """
 
     world: World
     frames: Frames
     telemetry: Telemetry | None
     messages: tuple[Message, ...]
+    pairing: Pairing | None = None
 
 
 def pose_frames(inputs: Inputs) -> Posed:
@@ -58,7 +61,8 @@ def _by_log(inputs: Inputs, log: FlightLog) -> Posed:
         matched.boot, matched.clock, place, project.mount, project.telemetry
     )
     messages = (*matched.messages, *home_messages, *track_messages)
-    return _seeded(inputs, frames, track, (place, datum), messages)
+    posed = _seeded(inputs, frames, track, (place, datum), messages)
+    return replace(posed, pairing=matched.pairing)
 
 
 def _by_photos(inputs: Inputs, poses: PhotoPoses) -> Posed:

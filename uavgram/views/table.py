@@ -8,6 +8,7 @@ from uavgram.model.frames import Frames, Photos
 from uavgram.model.geotag import GeoTags
 from uavgram.model.message import Message
 from uavgram.model.result import Result
+from uavgram.stages.synchronise.pairing import Pairing
 from uavgram.views.wording import (
     KIND_WORDS,
     decimals_for,
@@ -91,15 +92,27 @@ def truth_table(result: Result, truth: Mapping[str, float]) -> str:
     return aligned(cells, right=(2, 3, 4, 5))
 
 
-def check_lines(photos: Photos, frames: Frames, messages: Sequence[Message]) -> list[str]:
+def check_lines(
+    photos: Photos, frames: Frames, pairing: Pairing | None, messages: Sequence[Message]
+) -> list[str]:
     """What `uavgram check` has to say: one line per photo, then the messages."""
-    cells = [("photo", "size", "exposure (UTC)", "in the log")]
+    cells = [("photo", "size", "exposure (UTC)", "matched", "camera event", "photo - event")]
     for i, name in enumerate(frames.frame_id):
         matched = "yes" if frames.matched[i] else frames.reason[i]
         size = f"{photos.width_px[i]:.0f} x {photos.height_px[i]:.0f}"
-        cells.append((name, size, utc(float(frames.time_utc_s[i])), matched))
+        instant = utc(float(frames.time_utc_s[i]))
+        cells.append((name, size, instant, matched, *_event_cells(pairing, i)))
     said = [f"{message.level}: {message.text}" for message in messages]
-    return [*aligned(cells, right=()).splitlines(), "", *said, "every input can be read"]
+    return [*aligned(cells, right=(5,)).splitlines(), "", *said, "every input can be read"]
+
+
+def _event_cells(pairing: Pairing | None, row: int) -> tuple[str, str]:
+    """Which camera event a photo is, and its residual; why it is none."""
+    if pairing is None:
+        return "–", "–"
+    event = int(pairing.event_index[row])
+    which = "none" if event < 0 else f"{event + 1} ({pairing.status[row]})"
+    return which, f"{number(float(pairing.residual_s[row]), 3, signed=True)} s"
 
 
 def geotag_lines(tags: GeoTags, messages: Sequence[Message]) -> list[str]:
