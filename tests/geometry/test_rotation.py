@@ -140,7 +140,7 @@ def test_axes_of_the_conventions():
 
 
 def test_looking_down_from_a_vehicle_that_heads_north_image_up_is_north():
-    # The CONTRACT's sentence: yaw 0 and pitch -90: image up is the vehicle's nose.
+    # The rule of project.yaml: yaw 0 and pitch -90: image up is the vehicle's nose.
     world_from_camera = ENU_FROM_NED @ matrix_from_ypr(0, -np.pi / 2, 0) @ GIMBAL_FROM_CAMERA
     np.testing.assert_allclose(world_from_camera @ [0, -1, 0], [0, 1, 0], atol=1e-15)
     np.testing.assert_allclose(world_from_camera @ [0, 0, 1], [0, 0, -1], atol=1e-15)

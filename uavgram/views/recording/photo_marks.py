@@ -11,7 +11,7 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import OBSERVED, Rgb
 
-# Rerun puts the corner of the first pixel at (0, 0), we its centre (DESIGN, Conventions).
+# Rerun puts the corner of the first pixel at (0, 0), we its centre.
 CENTRE_PX = 0.5
 
 
