@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import exifread
 import numpy as np
 
-from uavgram.errors import InputError
+from uavgram.io.exif_tags import read_exif_tags
 
-# exifread trusts counts and offsets, and ends in these where a block is corrupt.
-_WHAT_EXIFREAD_RAISES = (
-    *(AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError),
-    *(struct.error, ZeroDivisionError),
-)
 _ALTITUDE_SIGN = {0: 1.0, 1: -1.0, 2: 1.0, 3: -1.0}
 
 
@@ -42,15 +35,7 @@ def read_exif_place(path: str | Path) -> ExifPlace:
     InputError
         The file cannot be read.
     """
-    try:
-        with Path(path).open("rb") as file:
-            tags = exifread.process_file(file, details=False, extract_thumbnail=False)
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    except _WHAT_EXIFREAD_RAISES as fault:
-        raise InputError(
-            path, f"its EXIF is broken ({fault}): leave this photo out, or copy it anew"
-        ) from fault
+    tags = read_exif_tags(path)
     latitude = _degrees(tags, "Latitude", "S")
     longitude = _degrees(tags, "Longitude", "W")
     if latitude == 0.0 and longitude == 0.0:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-import exifread
 import numpy as np
 
 from uavgram.errors import InputError
+from uavgram.io.exif_tags import read_exif_tags
 from uavgram.io.image_size import image_size
 from uavgram.model.frames import Photos, TimeSource
 from uavgram.model.message import Message
@@ -141,8 +141,7 @@ def _filename_reading(path: Path, pattern: str) -> _Reading:
 
 def _exif_reading(path: Path) -> _Reading:
     """DateTimeOriginal with SubSecTimeOriginal and OffsetTimeOriginal (CIPA DC-008, 4.6.6)."""
-    with path.open("rb") as file:
-        tags = exifread.process_file(file, details=False)
+    tags = read_exif_tags(path)
     text = str(tags.get("EXIF DateTimeOriginal", "")).strip("\0 ")
     fraction = str(tags.get("EXIF SubSecTimeOriginal", "")).strip("\0 ")
     zone = str(
