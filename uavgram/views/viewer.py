@@ -35,5 +35,5 @@ def open_viewer(recording: Path) -> None:
     if status:
         raise UavgramError(
             f"the Rerun viewer ended with status {status}; it needs a screen and a graphics driver "
-            f"(try: rerun --serve-web {recording})"
+            f"(try: rerun --serve-web --bind 127.0.0.1 {recording})"
         )
