@@ -79,7 +79,11 @@ def run(
 
 @app.command
 def demo(
-    *, output: Path = Path("uavgram-demo"), seed: Seed | None = None, verbose: Verbose = False
+    *,
+    output: Path = Path("uavgram-demo"),
+    scenario: Path | None = None,
+    seed: Seed | None = None,
+    verbose: Verbose = False,
 ) -> int:
     """Write the built-in survey (flight, photos, log, picks), run it, and compare with its truth.
 
@@ -87,18 +91,22 @@ def demo(
     ----------
     output
         Folder of the survey; its results go to DIR/out.
+    scenario
+        Another survey than the built-in one, such as an edited configs/demo.yaml.
     seed
         Of the random errors; by default always the same survey.
     verbose
         Say what is being done.
     """
+    from uavgram.config.scenario import load_scenario
     from uavgram.model.scene import DemoScenario
     from uavgram.pipeline.demo import demo as run_demo
     from uavgram.views.table import message_lines, truth_table
 
     _log_to_stderr(verbose=verbose)
-    scenario = DemoScenario() if seed is None else DemoScenario().with_seed(seed)
-    result, truth, project = run_demo(output, scenario, _progress())
+    survey = DemoScenario() if scenario is None else load_scenario(scenario)
+    survey = survey if seed is None else survey.with_seed(seed)
+    result, truth, project = run_demo(output, survey, _progress())
     recording = project.parent / "out" / "recording.rrd"
     _say(truth_table(result, truth), "", *message_lines(result))
     _say("", f"project:   {project}", f"results:   {recording.with_name('results.json')}")

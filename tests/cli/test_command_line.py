@@ -158,3 +158,13 @@ def test_a_terminal_without_special_characters_shows_others(project):
     )
     assert (done.returncode, done.stderr) == (0, b"")
     assert b"skid left" in done.stdout
+
+
+def test_a_scenario_that_is_none_is_told_by_file_and_line(tmp_path, capsys):
+    scenario = tmp_path / "scene.yaml"
+    scenario.write_text("name: x\nsede: 3\n", encoding="utf-8")
+    status = main(["demo", "--scenario", str(scenario), "--output", str(tmp_path / "demo")])
+
+    assert status == 1
+    assert "scene.yaml:2: sede" in capsys.readouterr().err
+    assert not (tmp_path / "demo").exists()

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.model.arrays import Bools, Ints
-from uavgram.model.pose import Poses, TelemetryPrior
+from uavgram.model.pose import TelemetryPrior
 from uavgram.model.survey import Survey
 
 
@@ -44,7 +44,7 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
     reduced = replace(
         survey,
         frame_id=tuple(survey.frame_id[i] for i in frames),
-        seeds=None if survey.seeds is None else _some_poses(survey.seeds, frames),
+        seeds=None if survey.seeds is None else survey.seeds.take(frames),
         telemetry=_some_telemetry(survey, new_frame),
         label=tuple(survey.label[i] for i in labels),
         height_above_m=survey.height_above_m[labels],
@@ -71,15 +71,6 @@ def select_lines(survey: Survey, keep: Bools) -> Survey:
         line_end=survey.line_end[keep],
         length_m=survey.length_m[keep],
         length_sigma_m=survey.length_sigma_m[keep],
-    )
-
-
-def _some_poses(poses: Poses, index: Ints) -> Poses:
-    return Poses(
-        frame_id=tuple(poses.frame_id[i] for i in index),
-        center_world_m=poses.center_world_m[index],
-        world_from_camera=poses.world_from_camera[index],
-        covariance=poses.covariance[index],
     )
 
 

@@ -34,6 +34,15 @@ class Poses:
         n = len(self.frame_id)
         freeze(self, center_world_m=(n, 3), world_from_camera=(n, 3, 3), covariance=(n, 6, 6))
 
+    def take(self, index: Ints) -> Poses:
+        """Some of the poses, in the order of `index`."""
+        return Poses(
+            frame_id=tuple(self.frame_id[i] for i in index),
+            center_world_m=self.center_world_m[index],
+            world_from_camera=self.world_from_camera[index],
+            covariance=self.covariance[index],
+        )
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TelemetryPrior:

@@ -187,12 +187,11 @@ def _unseen_control(control: KnownWorldPoints, assembled: Assembled) -> tuple[Me
 
 def _pick_table(inputs: Inputs, assembled: Assembled) -> PickTable:
     picks = inputs.picks
-    sigma = np.where(np.isnan(picks.sigma_px), inputs.project.picks_sigma_px, picks.sigma_px)
     return PickTable(
         image=picks.image,
         label=picks.label,
         pixel_px=picks.pixel_px,
-        sigma_px=sigma,
+        sigma_px=assembled.pick_sigma_px,
         survey_index=assembled.pick_index,
     )
 

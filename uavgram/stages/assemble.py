@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.model.arrays import Floats, Ints, freeze_as
+from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
 from uavgram.model.camera import Calibration
 from uavgram.model.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.model.options import GroundOptions
@@ -40,15 +40,19 @@ class Assembled:
         (P,) into the survey's picks; -1 for picks in frames without a pose.
     line_index
         (L,) into the survey's lines; -1 for withheld lines and those with an end never picked.
+    pick_sigma_px
+        (P,) of every pick, the default filled in.
     """
 
     survey: Survey
     pick_index: Ints
     line_index: Ints
+    pick_sigma_px: Floats
 
     def __post_init__(self) -> None:
         freeze_as(self, np.int64, pick_index=(len(self.pick_index),))
         freeze_as(self, np.int64, line_index=(len(self.line_index),))
+        freeze(self, pick_sigma_px=(len(self.pick_index),))
 
 
 def assemble(
@@ -128,7 +132,9 @@ def assemble(
     pick_index[chosen] = np.arange(len(chosen))
     line_index = np.full(len(lines.name), -1)
     line_index[seen] = np.arange(len(seen))
-    return Assembled(survey=survey, pick_index=pick_index, line_index=line_index)
+    return Assembled(
+        survey=survey, pick_index=pick_index, line_index=line_index, pick_sigma_px=sigma
+    )
 
 
 def _heights(picks: Picks, label_at: dict[str, int]) -> Floats:
@@ -142,28 +148,16 @@ def _heights(picks: Picks, label_at: dict[str, int]) -> Floats:
 
 def _ordered(poses: Poses, frame_id: tuple[str, ...]) -> Poses:
     row = {name: k for k, name in enumerate(poses.frame_id)}
-    index = [row[name] for name in frame_id]
-    return Poses(
-        frame_id=frame_id,
-        center_world_m=poses.center_world_m[index],
-        world_from_camera=poses.world_from_camera[index],
-        covariance=poses.covariance[index],
-    )
+    return poses.take(np.array([row[name] for name in frame_id], dtype=np.int64))
 
 
 def _prior(telemetry: Telemetry, frame_at: dict[str, int]) -> TelemetryPrior:
     prior = telemetry.prior
     names = [telemetry.poses.frame_id[k] for k in prior.frame_index]
     rows = [k for k, name in enumerate(names) if name in frame_at]
-    return TelemetryPrior(
+    return replace(
+        prior,
         frame_index=np.array([frame_at[names[k]] for k in rows]),
         time_s=prior.time_s[rows],
-        gimbal_from_camera=prior.gimbal_from_camera,
         covariance=prior.covariance[rows],
-        clock_sigma_s=prior.clock_sigma_s,
-        boresight_sigma_rad=prior.boresight_sigma_rad,
-        heading_bias_sigma_rad=prior.heading_bias_sigma_rad,
-        lever_arm_m=prior.lever_arm_m,
-        lever_arm_sigma_m=prior.lever_arm_sigma_m,
-        position_bias_sigma_m=prior.position_bias_sigma_m,
     )

@@ -49,8 +49,3 @@ def scale_colours(share: Floats) -> Pixels:
     at = (_DARKEST + (1 - _DARKEST) * np.clip(share, 0.0, 1.0)) * (len(_SCALE) - 1)
     channels = [np.interp(at, np.arange(len(_SCALE)), _SCALE[:, c]) for c in range(3)]
     return np.stack(channels, axis=-1).round().astype(np.uint8)
-
-
-def hex_colour(rgb: Rgb) -> str:
-    """``#rrggbb``."""
-    return "#{:02x}{:02x}{:02x}".format(*rgb)
