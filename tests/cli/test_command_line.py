@@ -8,6 +8,8 @@ import sys
 
 import pytest
 
+from uavgram.cli import main
+
 ESCAPE = "\x1b"
 
 
