@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from uavgram.imaging.mosaic import GroundTexture
+from uavgram.stages import features
 from uavgram.views import drawing
 from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH, measure_scene, on_screen
 
 
 def test_an_outline_is_the_95_percent_contour_of_its_covariance(survey):
     points = survey.build().points
-    outline = drawing.ellipse_outlines(
+    outline = features.ellipse_outlines(
         points.position_world_m[:, :2], points.ellipse_95_m, points.ellipse_azimuth_rad, 1.0
     )
     offset = outline - points.position_world_m[:, None, :2]
@@ -27,8 +28,8 @@ def test_an_exaggerated_outline_is_as_many_times_as_large(survey):
     center = points.position_world_m[:, None, :2]
 
     np.testing.assert_allclose(
-        drawing.ellipse_outlines(*args, 20.0) - center,
-        20 * (drawing.ellipse_outlines(*args, 1.0) - center),
+        features.ellipse_outlines(*args, 20.0) - center,
+        20 * (features.ellipse_outlines(*args, 1.0) - center),
         atol=1e-12,
     )
 
@@ -89,8 +90,8 @@ def test_a_polyline_that_leaves_the_photo_and_returns_is_two_pieces():
 def test_the_distance_from_a_line_is_drawn_at_right_angles_to_it(survey):
     result = survey.build()
     row = result.measurements.name.index("road width")
-    (strip,) = drawing.measured_strips(result)[row]
-    at = drawing.point_index(result)
+    (strip,) = features.measured_strips(result)[row]
+    at = features.point_index(result)
     p08, p12, p15 = (result.points.position_world_m[at[name]] for name in ("P08", "P12", "P15"))
 
     np.testing.assert_array_equal(strip[0], p08)
@@ -99,7 +100,7 @@ def test_the_distance_from_a_line_is_drawn_at_right_angles_to_it(survey):
 
 def test_an_area_is_closed_and_what_was_not_computed_is_not_drawn(survey):
     result = survey.build()
-    strips = drawing.measured_strips(result)
+    strips = features.measured_strips(result)
     (patch,) = strips[result.measurements.name.index("patch")]
 
     np.testing.assert_array_equal(patch[0], patch[-1])

@@ -23,31 +23,6 @@ def nice_factor(size: float, wanted: float) -> int:
     return max((f for f in NICE_FACTORS if f * size <= wanted), default=1)
 
 
-def ellipse_outlines(
-    center: Floats, semi_axes: Floats, azimuth_rad: Floats, factor: float, samples: int = 33
-) -> Floats:
-    """(K, samples, 2) closed outlines, east and north.
-
-    Parameters
-    ----------
-    center
-        (K, 2) east, north.
-    semi_axes
-        (K, 2) semi-major, semi-minor [m].
-    azimuth_rad
-        (K,) of the major axis, clockwise from north.
-    factor
-        Exaggeration.
-    """
-    turn = np.linspace(0.0, 2 * np.pi, samples)
-    along = np.stack([np.sin(azimuth_rad), np.cos(azimuth_rad)], axis=-1)
-    across = np.stack([along[:, 1], -along[:, 0]], axis=-1)
-    major = (factor * semi_axes[:, 0])[:, None, None] * along[:, None, :]
-    minor = (factor * semi_axes[:, 1])[:, None, None] * across[:, None, :]
-    outline = center[:, None, :] + np.cos(turn)[:, None] * major + np.sin(turn)[:, None] * minor
-    return np.asarray(outline, dtype=np.float64)
-
-
 def frustum_corners(result: Result) -> Floats:
     """(4, 3) corners of the photo as rays z = 1 of the undistorted camera, clockwise."""
     fx, fy, cx, cy = result.shared.intrinsics.value[:4]
@@ -84,47 +59,6 @@ def track(result: Result, poses: PoseTable) -> Floats:
     """(N, 3) centres of the frames that have a pose, in the order of flight."""
     centers = poses.center_world_m[flight_order(result)]
     return np.asarray(centers[np.isfinite(centers[:, 0])], dtype=np.float64)
-
-
-def point_index(result: Result) -> dict[str, int]:
-    """Row of each label."""
-    return {label: k for k, label in enumerate(result.points.label)}
-
-
-def reference_strips(result: Result) -> dict[int, Floats]:
-    """(2, 3) ends in the world of each known length that has both, by its row."""
-    rows, lines = point_index(result), result.lines
-    position = result.points.position_world_m
-    return {
-        i: position[[rows[start], rows[end]]]
-        for i, (start, end) in enumerate(zip(lines.start, lines.end, strict=True))
-        if start in rows and end in rows
-    }
-
-
-def measured_strips(result: Result) -> dict[int, list[Floats]]:
-    """(n, 3) polylines that show each computed measurement, by its row; coordinates have none."""
-    rows, strips = point_index(result), {}
-    measured = result.measurements
-    for i, (kind, labels) in enumerate(zip(measured.kind, measured.points, strict=True)):
-        if np.isfinite(measured.value[i]) and all(label in rows for label in labels):
-            corners = result.points.position_world_m[[rows[label] for label in labels]]
-            strips[i] = _shape(kind, corners)
-    return strips
-
-
-def _shape(kind: str, corners: Floats) -> list[Floats]:
-    if kind == "coordinate" or len(corners) < 2:
-        return []
-    if kind == "area":
-        return [np.concatenate([corners, corners[:1]])]
-    if kind == "line_distance" and len(corners) > 2:
-        start, end = corners[1], corners[-1]
-        along = end - start
-        squared = float(along @ along)
-        share = float((corners[0] - start) @ along) / squared if squared > 0 else 0.0
-        return [np.stack([corners[0], start + share * along])]
-    return [corners]
 
 
 def longest_middle(strips: list[Floats]) -> Floats:

@@ -8,14 +8,8 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.result import Result
-from uavgram.views.drawing import (
-    ellipse_outlines,
-    longest_middle,
-    measured_strips,
-    nice_factor,
-    reference_strips,
-    uncovered,
-)
+from uavgram.stages.features import ellipse_outlines, measured_strips, reference_strips
+from uavgram.views.drawing import longest_middle, nice_factor, uncovered
 from uavgram.views.wording import UNIT_WORDS, decimals_for, worst_first
 
 # Width of the drawing in its own units; letters are 11 of them high.

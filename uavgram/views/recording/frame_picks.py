@@ -9,7 +9,8 @@ import numpy as np
 
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result import Result
-from uavgram.views.drawing import point_index, project_from
+from uavgram.stages.features import point_index
+from uavgram.views.drawing import project_from
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 
 from uavgram.model.result import Result
-from uavgram.views.drawing import point_index
+from uavgram.stages.features import point_index
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import LINE_COLOURS, OBSERVED
 

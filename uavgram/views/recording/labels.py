@@ -8,7 +8,8 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.result import Result
-from uavgram.views.drawing import longest_middle, measured_strips, reference_strips, uncovered
+from uavgram.stages.features import measured_strips, reference_strips
+from uavgram.views.drawing import longest_middle, uncovered
 from uavgram.views.facts import least_certain_length
 from uavgram.views.recording.scene import Scene, on_screen
 from uavgram.views.wording import UNIT_WORDS, axes_text, decimals_for, worst_first

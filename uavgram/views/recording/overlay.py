@@ -8,15 +8,8 @@ import numpy as np
 
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result import Result
-from uavgram.views.drawing import (
-    in_photo,
-    measured_strips,
-    project_from,
-    reference_strips,
-    sampled,
-    uncovered,
-    visible_runs,
-)
+from uavgram.stages.features import measured_strips, reference_strips
+from uavgram.views.drawing import in_photo, project_from, sampled, uncovered, visible_runs
 from uavgram.views.recording.frame_picks import FramePicks
 from uavgram.views.recording.labels import (
     HALF_LETTER,

@@ -9,13 +9,8 @@ from uavgram.imaging.mosaic import GroundTexture, plane_height
 from uavgram.imaging.preview import Pixels
 from uavgram.model.arrays import Floats
 from uavgram.model.result import PoseTable, Result
-from uavgram.views.drawing import (
-    ellipse_outlines,
-    frusta,
-    measured_strips,
-    reference_strips,
-    track,
-)
+from uavgram.stages.features import ellipse_outlines, measured_strips, reference_strips
+from uavgram.views.drawing import frusta, track
 from uavgram.views.recording.labels import MANY_LINES, Labels, line_width, survey_labels
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder

@@ -1,0 +1,1 @@
+"""Files for maps, drawings and other photogrammetry programs."""

@@ -1,0 +1,101 @@
+"""COLMAP's text model: camera, adjusted poses, picked points; and the poses' covariances beside it.
+
+After colmap.github.io/format.html and /cameras.html: poses are camera-from-world, quaternions
+(w, x, y, z), and the corner of the top-left pixel is (0, 0), so its centre (0.5, 0.5).
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.result import Result
+
+_CAMERA_ID = 1
+_PRIOR_HEADER = [
+    "image",
+    *("x_m", "y_m", "z_m"),
+    *("xx_m2", "xy_m2", "xz_m2", "yy_m2", "yz_m2", "zz_m2"),
+]
+
+
+def write_colmap_poses(result: Result, folder: Path) -> None:
+    """Write images.txt, points3D.txt and pose_priors.csv; the world is the local one, in metres.
+
+    The covariances are those of the centres, as COLMAP's pose priors take them
+    (``pycolmap.PosePrior(position, covariance)``); the text format has no room for them.
+    """
+    frames = np.flatnonzero(result.has_refined)
+    seen = _used_picks(result)
+    (folder / "images.txt").write_text(_images(result, frames, seen), encoding="utf-8")
+    (folder / "points3D.txt").write_text(_points(result, frames, seen), encoding="utf-8")
+    (folder / "pose_priors.csv").write_text(_priors(result, frames), encoding="utf-8")
+
+
+def _used_picks(result: Result) -> dict[str, list[tuple[int, Floats, float]]]:
+    """For each frame: (point row, pixel in COLMAP's convention, residual) of its picks in use."""
+    rows = {label: k for k, label in enumerate(result.points.label)}
+    seen: dict[str, list[tuple[int, Floats, float]]] = {}
+    picks = result.picks
+    for i, (image, label, status) in enumerate(
+        zip(picks.image, picks.label, picks.status, strict=True)
+    ):
+        if status in {"used", "suspect"} and label in rows:
+            residual = float(np.linalg.norm(picks.residual_px[i]))
+            seen.setdefault(image, []).append((rows[label], picks.pixel_px[i] + 0.5, residual))
+    return seen
+
+
+def _images(result: Result, frames: Ints, seen: dict[str, list[tuple[int, Floats, float]]]) -> str:
+    lines = [
+        "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME",
+        "# POINTS2D[] as (X, Y, POINT3D_ID)",
+    ]
+    rotation = np.swapaxes(result.frames.refined.world_from_camera, 1, 2)
+    for number, k in enumerate(frames, start=1):
+        x, y, z, w = Rotation.from_matrix(rotation[k]).as_quat()
+        shift = -rotation[k] @ result.frames.refined.center_world_m[k]
+        name = result.frames.frame_id[k]
+        pose = " ".join(f"{value:.12g}" for value in (w, x, y, z, *shift))
+        lines.append(f"{number} {pose} {_CAMERA_ID} {name}")
+        lines.append(
+            " ".join(f"{uv[0]:.4f} {uv[1]:.4f} {row + 1}" for row, uv, _ in seen.get(name, []))
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _points(result: Result, frames: Ints, seen: dict[str, list[tuple[int, Floats, float]]]) -> str:
+    tracks: dict[int, list[tuple[int, int, float]]] = {}
+    for number, k in enumerate(frames, start=1):
+        for index, (row, _, residual) in enumerate(seen.get(result.frames.frame_id[k], [])):
+            tracks.setdefault(row, []).append((number, index, residual))
+    lines = ["# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)"]
+    for row, track in sorted(tracks.items()):
+        place = " ".join(f"{value:.6f}" for value in result.points.position_world_m[row])
+        error = float(np.mean([residual for _, _, residual in track]))
+        views = " ".join(f"{image} {index}" for image, index, _ in track)
+        lines.append(f"{row + 1} {place} 255 255 255 {error:.4f} {views}")
+    return "\n".join(lines) + "\n"
+
+
+def _priors(result: Result, frames: Ints) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(_PRIOR_HEADER)
+    upper = np.triu_indices(3)
+    for k in frames:
+        covariance = result.frames.refined.covariance[k, :3, :3][upper]
+        center = result.frames.refined.center_world_m[k]
+        writer.writerow(
+            [
+                result.frames.frame_id[k],
+                *(f"{v:.6f}" for v in center),
+                *(f"{v:.9g}" for v in covariance),
+            ]
+        )
+    return text.getvalue()

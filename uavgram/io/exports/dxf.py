@@ -1,0 +1,233 @@
+"""The survey as a CAD drawing (DXF R2010, metres): points, lines, real dimensions, ellipses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from ezdxf import const, units
+from ezdxf.document import Drawing
+from ezdxf.enums import TextEntityAlignment
+from ezdxf.filemanagement import new
+from ezdxf.layouts.layout import Modelspace
+
+from uavgram.geometry.map_projection import map_scale, projected_from_enu
+from uavgram.model.arrays import Floats
+from uavgram.model.features import Features, Layer
+
+Place = Callable[[Floats], Floats]
+
+POINT_BLOCK = "SURVEY_POINT"
+# Name in the drawing, and colour of AutoCAD's index.
+_LAYERS = {
+    "footprints": ("PHOTO_FOOTPRINTS", 252),
+    "camera_poses": ("CAMERAS", 5),
+    "ellipses_95": ("ELLIPSES_95", 30),
+    "ellipses_95_within_survey": ("ELLIPSES_95_WITHIN_SURVEY", 40),
+    "known_lengths": ("KNOWN_LENGTHS", 6),
+    "measured_areas": ("MEASURED_AREAS", 134),
+    "measured_lines": ("MEASURED_LINES", 134),
+    "points": ("POINTS", 7),
+}
+_LABELS, _DIMENSIONS, _NOTES = "LABELS", "DIMENSIONS", "NOTES"
+_UNITS = {"m": "m", "m2": "m²", "deg": "°", "m/s": "m/s"}
+_TEXT_SHARE = 1 / 80  # of the drawing's extent is the height of its letters
+
+
+@dataclass(frozen=True)
+class _Sheet:
+    """A drawing under way: where local metres go, and the height of letters [m]."""
+
+    document: Drawing
+    space: Modelspace
+    place: Place
+    text_m: float
+
+
+def write_local_dxf(features: Features, path: Path) -> None:
+    """Write the drawing in local metres: every distance in it is the distance on the ground."""
+    note = "local metres: x east, y north, z up; distances are true ground distances"
+    if features.origin is None:
+        note = "local metres; position and direction of north are arbitrary, distances are true"
+    _write(features, path, lambda enu: enu, note)
+
+
+def write_map_dxf(features: Features, path: Path) -> None:
+    """Write the drawing in the projected coordinate system of the survey, which it must have.
+
+    The texts of dimensions are ground values; what CAD measures is longer or shorter by the
+    projection's scale, which a note in the drawing states.
+    """
+    if features.origin is None or features.crs is None:
+        raise ValueError("a drawing on the map needs a survey that lies on the earth")
+    origin, crs = features.origin, features.crs
+    note = (
+        f"{crs}; map distance = ground distance x {map_scale(origin, crs):.6f}; "
+        "texts of dimensions are ground values"
+    )
+    _write(features, path, lambda enu: projected_from_enu(enu, origin, crs), note)
+
+
+def _write(features: Features, path: Path, place: Place, note: str) -> None:
+    document = new("R2010", setup=["linetypes", "styles"], units=units.M)
+    for name, colour in _LAYERS.values():
+        document.layers.add(name, color=colour)
+    document.layers.get(_LAYERS["footprints"][0]).off()
+    document.layers.get(_LAYERS["ellipses_95"][0]).off()  # metres wide by the receiver's bias
+    for name, colour in ((_LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
+        document.layers.add(name, color=colour)
+    text_m = _text_height(features)
+    sheet = _Sheet(document, document.modelspace(), place, text_m)
+    _point_block(document, text_m)
+    _dimension_style(document, text_m)
+    for layer in features.layers:
+        _draw(sheet, layer)
+    _note(sheet, features, note)
+    document.saveas(path)
+
+
+def _text_height(features: Features) -> float:
+    vertices = features.layer("points").vertices_m
+    if len(vertices) < 2:
+        return 0.25
+    corners = np.concatenate(vertices)[:, :2]
+    return max(float(np.ptp(corners, axis=0).max()) * _TEXT_SHARE, 0.01)
+
+
+def _point_block(document: Drawing, text_m: float) -> None:
+    """A cross with its label, the standard deviations as hidden attributes."""
+    block = document.blocks.new(POINT_BLOCK)
+    half = 0.4 * text_m
+    block.add_line((-half, 0), (half, 0))
+    block.add_line((0, -half), (0, half))
+    for row, tag in enumerate(("LABEL", "SIGMA_EAST_M", "SIGMA_NORTH_M")):
+        attribute = block.add_attdef(
+            tag,
+            (half, half - 1.3 * row * text_m),
+            dxfattribs={"height": text_m, "layer": _LABELS, "flags": 0 if row == 0 else 1},
+        )
+        attribute.dxf.prompt = tag
+
+
+def _dimension_style(document: Drawing, text_m: float) -> None:
+    style = document.dimstyles.duplicate_entry("Standard", "UAVGRAM")
+    style.dxf.dimtxt = text_m
+    style.dxf.dimasz = 0.8 * text_m
+    style.dxf.dimexe = style.dxf.dimexo = 0.3 * text_m
+    style.dxf.dimgap = 0.3 * text_m
+    style.dxf.dimclrd = style.dxf.dimclre = style.dxf.dimclrt = const.BYLAYER
+
+
+def _draw(sheet: _Sheet, layer: Layer) -> None:
+    name = _LAYERS[layer.name][0]
+    if layer.name.startswith("ellipses"):
+        _ellipses(sheet, layer, name)
+    elif layer.name == "points":
+        _points(sheet, layer, name)
+    elif layer.kind == "point":
+        for vertices in layer.vertices_m:
+            sheet.space.add_point(sheet.place(vertices)[0], dxfattribs={"layer": name})
+    else:
+        for vertices in layer.vertices_m:
+            if len(vertices):
+                sheet.space.add_polyline3d(
+                    sheet.place(vertices),
+                    close=layer.kind == "polygon",
+                    dxfattribs={"layer": name},
+                )
+        _values(sheet, layer)
+
+
+def _points(sheet: _Sheet, layer: Layer, name: str) -> None:
+    keys = ("label", "sigma_east_m", "sigma_north_m")
+    for row, vertices in enumerate(layer.vertices_m):
+        label, east, north = (layer.attributes[key][row] for key in keys)
+        insert = sheet.space.add_blockref(
+            POINT_BLOCK, sheet.place(vertices)[0], dxfattribs={"layer": name}
+        )
+        insert.add_auto_attribs(
+            {
+                "LABEL": str(label),
+                "SIGMA_EAST_M": f"{float(east):.4f}",
+                "SIGMA_NORTH_M": f"{float(north):.4f}",
+            }
+        )
+
+
+def _ellipses(sheet: _Sheet, layer: Layer, name: str) -> None:
+    """True ellipses; their axes turn and stretch with the map."""
+    columns = layer.attributes
+    for row, outline in enumerate(layer.vertices_m):
+        major, minor = float(columns["semi_major_m"][row]), float(columns["semi_minor_m"][row])
+        azimuth = math.radians(float(columns["azimuth_deg"][row]))
+        if not (major > 0 and math.isfinite(minor)):
+            continue
+        center = outline.mean(axis=0)
+        along = center + np.array([major * math.sin(azimuth), major * math.cos(azimuth), 0.0])
+        drawn = sheet.place(np.stack([center, along]))
+        axis = drawn[1] - drawn[0]
+        axis[2] = 0.0
+        sheet.space.add_ellipse(
+            tuple(drawn[0]),
+            major_axis=tuple(axis),
+            ratio=min(max(minor / major, 1e-6), 1.0),
+            dxfattribs={"layer": name},
+        )
+
+
+def _values(sheet: _Sheet, layer: Layer) -> None:
+    """Dimensions on two-point distances, a text on everything else that has a value."""
+    if layer.name == "known_lengths":
+        for row, ends in enumerate(layer.vertices_m):
+            if len(ends):
+                length, sigma = layer.attributes["length_m"][row], layer.attributes["sigma_m"][row]
+                _dimension(sheet, ends, _LAYERS[layer.name][0], _said(length, sigma, "m"))
+    elif layer.name.startswith("measured"):
+        for row, strip in enumerate(layer.vertices_m):
+            if not len(strip):
+                continue
+            value, sigma = layer.attributes["value"][row], layer.attributes["sigma"][row]
+            text = _said(value, sigma, str(layer.attributes["unit"][row]))
+            if len(strip) == 2 and layer.attributes["unit"][row] == "m":
+                _dimension(sheet, strip, _DIMENSIONS, text)
+            else:
+                named = f"{layer.attributes['name'][row]}: {text}"
+                _text(sheet, sheet.place(strip.mean(axis=0, keepdims=True))[0], named, _DIMENSIONS)
+
+
+def _said(value: object, sigma: object, unit: str) -> str:
+    return f"{float(str(value)):.3f} ±{float(str(sigma)):.3f} {_UNITS.get(unit, unit)}"
+
+
+def _dimension(sheet: _Sheet, ends: Floats, layer: str, text: str) -> None:
+    start, end = sheet.place(ends)[:, :2]
+    if np.linalg.norm(end - start) < 1e-6:
+        return
+    sheet.space.add_aligned_dim(
+        p1=tuple(start),
+        p2=tuple(end),
+        distance=2.5 * sheet.text_m,
+        text=text,
+        dimstyle="UAVGRAM",
+        dxfattribs={"layer": layer},
+    ).render()
+
+
+def _text(sheet: _Sheet, at: Floats, text: str, layer: str) -> None:
+    sheet.space.add_text(text, height=sheet.text_m, dxfattribs={"layer": layer}).set_placement(
+        tuple(at), align=TextEntityAlignment.MIDDLE_CENTER
+    )
+
+
+def _note(sheet: _Sheet, features: Features, note: str) -> None:
+    vertices = features.layer("points").vertices_m
+    if not vertices:
+        return
+    low = np.concatenate(vertices).min(axis=0, keepdims=True)
+    corner = sheet.place(low)[0] - np.array([0.0, 6.0 * sheet.text_m, 0.0])
+    sheet.space.add_text(
+        f"{features.name}: {note}", height=sheet.text_m, dxfattribs={"layer": _NOTES}
+    ).set_placement((corner[0], corner[1]))

@@ -1,0 +1,107 @@
+"""survey.kml: the survey for Google Earth and other globes (OGC KML 2.3)."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
+
+import numpy as np
+
+from uavgram.geometry.geodesy import Origin, geodetic_from_enu
+from uavgram.model.arrays import Floats
+from uavgram.model.features import Features, Layer
+
+_NAMESPACE = "http://www.opengis.net/kml/2.2"
+_TITLES = {
+    "footprints": "Photo footprints",
+    "camera_poses": "Cameras",
+    "ellipses_95": "95 % ellipses",
+    "ellipses_95_within_survey": "95 % ellipses within the survey",
+    "known_lengths": "Known lengths",
+    "measured_areas": "Measured areas",
+    "measured_lines": "Measured lines",
+    "points": "Points",
+}
+# aabbggrr, the order of KML; polygons are filled with a tenth of it.
+_COLOURS = {
+    "footprints": "99ffffff",
+    "camera_poses": "ffffaa55",
+    "ellipses_95": "ff007be0",
+    "ellipses_95_within_survey": "ff00c8ff",
+    "known_lengths": "ff7a12b0",
+    "measured_areas": "ff6b7900",
+    "measured_lines": "ff6b7900",
+    "points": "ff00ffff",
+}
+_HIDDEN = {"footprints", "ellipses_95"}  # the latter are metres wide by the receiver's bias
+_NO_PLACE = "Nothing ties this survey to the earth, so nothing of it can be drawn on a globe."
+
+
+def write_kml(features: Features, path: Path) -> None:
+    """Write all layers as folders; shapes lie on the terrain, cameras at their height above it."""
+    root = Element("kml", xmlns=_NAMESPACE)
+    document = SubElement(root, "Document")
+    SubElement(document, "name").text = features.name
+    if features.origin is None:
+        SubElement(document, "description").text = _NO_PLACE
+    else:
+        for layer in features.layers:
+            _style(document, layer)
+        for layer in features.layers:
+            _folder(document, layer, features.origin)
+    indent(root)
+    ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
+
+
+def _style(document: Element, layer: Layer) -> None:
+    style = SubElement(document, "Style", id=layer.name)
+    colour = _COLOURS[layer.name]
+    if layer.kind == "point":
+        SubElement(SubElement(style, "IconStyle"), "color").text = colour
+        return
+    line = SubElement(style, "LineStyle")
+    SubElement(line, "color").text = colour
+    SubElement(line, "width").text = "2"
+    SubElement(SubElement(style, "PolyStyle"), "color").text = "1a" + colour[2:]
+
+
+def _folder(document: Element, layer: Layer, origin: Origin) -> None:
+    folder = SubElement(document, "Folder")
+    SubElement(folder, "name").text = _TITLES[layer.name]
+    SubElement(folder, "visibility").text = "0" if layer.name in _HIDDEN else "1"
+    names = next(iter(layer.attributes.values()))  # label, name or frame comes first
+    for row, vertices in enumerate(layer.vertices_m):
+        if not len(vertices):
+            continue
+        mark = SubElement(folder, "Placemark")
+        SubElement(mark, "name").text = str(names[row])
+        SubElement(mark, "visibility").text = "0" if layer.name in _HIDDEN else "1"
+        SubElement(mark, "styleUrl").text = f"#{layer.name}"
+        data = SubElement(mark, "ExtendedData")
+        for key, values in layer.attributes.items():
+            value = values[row]
+            if isinstance(value, float) and not math.isfinite(value):
+                continue
+            SubElement(SubElement(data, "Data", name=key), "value").text = str(value)
+        _geometry(mark, layer, vertices, origin)
+
+
+def _geometry(mark: Element, layer: Layer, vertices: Floats, origin: Origin) -> None:
+    closed = np.concatenate([vertices, vertices[:1]]) if layer.kind == "polygon" else vertices
+    latitude, longitude, _ = geodetic_from_enu(closed, origin)
+    above = closed[:, 2] if layer.name == "camera_poses" else np.zeros(len(closed))
+    text = " ".join(
+        f"{x:.9f},{y:.9f},{z:.3f}" for x, y, z in zip(longitude, latitude, above, strict=True)
+    )
+    if layer.kind == "point":
+        shape = SubElement(mark, "Point")
+        if layer.name == "camera_poses":
+            SubElement(shape, "altitudeMode").text = "relativeToGround"
+    elif layer.kind == "line":
+        shape = SubElement(mark, "LineString")
+        SubElement(shape, "tessellate").text = "1"
+    else:
+        outer = SubElement(SubElement(mark, "Polygon"), "outerBoundaryIs")
+        shape = SubElement(outer, "LinearRing")
+    SubElement(shape, "coordinates").text = text
