@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import runpy
-from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType
 
 import pytest
 
 
 @pytest.fixture(scope="session")
-def survey() -> SimpleNamespace:
+def survey() -> ModuleType:
     """Functions of synthetic_survey.py: build, render, jpeg, project..."""
-    return SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("synthetic_survey.py"))))
+    import synthetic_survey
+
+    return synthetic_survey

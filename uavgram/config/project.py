@@ -9,7 +9,8 @@ from pathlib import Path
 from uavgram.config.faults import Fault
 from uavgram.config.strict_yaml import Document, Plain, read_yaml
 from uavgram.config.validation import validate
-from uavgram.errors import near_miss
+from uavgram.errors import GeometryError, near_miss
+from uavgram.geometry.map_projection import checked_crs
 from uavgram.model.options import Project
 
 _INPUT_FILES = ("log", "poses", "camera", "picks", "lines", "measure", "control", "check")
@@ -45,7 +46,7 @@ def load_project(path: str | Path) -> Project:
         data = {"name": path.parent.name, **data}
         if isinstance(data.get("images"), str):
             data["images"] = [data["images"]]
-        missing = _missing_files(data, path.parent)
+        missing = _missing_files(data, path.parent) + _unknown_crs(data)
     project = validate(Project, Document(path, data, document.lines, document.faults), missing)
     return _with_absolute_paths(project, path.parent)
 
@@ -61,6 +62,18 @@ def _missing_files(data: dict[str, Plain], folder: Path) -> tuple[Fault, ...]:
             continue
         faults.append(Fault((key,), _why_missing(folder / name, name)))
     return tuple(faults)
+
+
+def _unknown_crs(data: dict[str, Plain]) -> tuple[Fault, ...]:
+    """Find a coordinate system that maps in metres cannot use."""
+    crs = data.get("crs", "auto")
+    if not isinstance(crs, str) or crs in ("", "auto"):
+        return ()
+    try:
+        checked_crs(crs)
+    except GeometryError as fault:
+        return (Fault(("crs",), str(fault)),)
+    return ()
 
 
 def _is_no_path(key: str, name: str | None) -> bool:

@@ -22,6 +22,9 @@ class World:
         ``world``: positions and headings mean something; ``plane``: only shape does (no
         telemetry, no control): z = 0 is the plane, the first frame stands above x = y = 0 and its
         image up is north.
+    crs
+        Projected coordinate system of maps and drawings, such as ``EPSG:32756``; None where
+        nothing ties the world to the earth.
     """
 
     latitude_deg: float | None
@@ -29,3 +32,4 @@ class World:
     height_m: float | None
     height_datum: HeightDatum
     gauge: Literal["world", "plane"]
+    crs: str | None = None

@@ -11,12 +11,11 @@ from typing import Literal
 
 from uavgram.imaging.mosaic import ground_texture
 from uavgram.imaging.preview import Preview, read_preview
-from uavgram.io.geojson import write_geojson
-from uavgram.io.measurements_csv import write_measurements_csv
 from uavgram.io.outputs import staged_output
 from uavgram.io.results import write_results
 from uavgram.model.result import Result
 from uavgram.pipeline.compute import Sampling, compute
+from uavgram.pipeline.exports import exports
 from uavgram.pipeline.inputs import read_inputs
 from uavgram.pipeline.journal import Journal
 from uavgram.pipeline.progress import Progress, silent
@@ -80,8 +79,7 @@ def _write_outputs(result: Result, folder: Path, journal: Journal, progress: Pro
     with journal.step("decode previews"):
         previews = _previews(result, progress)
     writers: dict[str, Callable[[Path], None]] = {
-        "points.geojson": lambda path: write_geojson(result, path),
-        "measurements.csv": lambda path: write_measurements_csv(result, path),
+        **exports(result),
         "report.html": lambda path: write_report(result, path),
         "recording.rrd": lambda path: write_recording(
             result, previews, ground_texture(result, previews), path
@@ -90,6 +88,7 @@ def _write_outputs(result: Result, folder: Path, journal: Journal, progress: Pro
     }
     for name, write in progress(writers.items(), "writing", len(writers)):
         with journal.step(f"write {name}"):
+            (folder / name).parent.mkdir(exist_ok=True)
             write(folder / name)
     journal.write(folder / "run.jsonl")
 

@@ -6,9 +6,10 @@ import numpy as np
 
 from uavgram.geometry.back_projection import back_project
 from uavgram.geometry.ground import intersect_ground
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.features import Features, Layer
-from uavgram.model.result import PlanarUncertainty, PointResults, PoseTable, Result
+from uavgram.model.pose import Poses
+from uavgram.model.result import PlanarUncertainty, PointResults, Result
 
 ELLIPSE_VERTICES = 64
 """Of an ellipse drawn as a polygon: its area is short of the curve's by 0.16 %."""
@@ -121,15 +122,14 @@ def footprints(result: Result) -> dict[int, Floats]:
     )
     border = side * [camera.width_px, camera.height_px] - 0.5
     ray = back_project(camera.model, result.shared.intrinsics.value, border)
-    poses = shown_poses(result)
-    seen = np.flatnonzero(np.isfinite(poses.center_world_m[:, 0]))
+    seen, poses = shown_poses(result)
     plane = result.shared
     surface = np.concatenate(
         [plane.plane_height_m.value, np.tan(np.deg2rad(plane.plane_slope_deg.value))]
     )
     world = intersect_ground(
-        poses.center_world_m[seen, None],
-        np.einsum("fij,bj->fbi", poses.world_from_camera[seen], ray),
+        poses.center_world_m[:, None],
+        np.einsum("fij,bj->fbi", poses.world_from_camera, ray),
         surface,
         plane.plane_pivot_m,
     )
@@ -137,17 +137,24 @@ def footprints(result: Result) -> dict[int, Floats]:
     return {f: _counterclockwise(ring) for f, ring in rings.items() if len(ring) >= 3}
 
 
-def shown_poses(result: Result) -> PoseTable:
-    """The adjusted pose of each frame, else that of the telemetry, else none (NaN)."""
+def shown_poses(result: Result) -> tuple[Ints, Poses]:
+    """Rows of the frames that have a pose, and of each the adjusted one, else the telemetry's."""
     adjusted = result.has_refined
+    rows = np.flatnonzero(adjusted | result.has_seed)
+    adjusted = adjusted[rows]
     refined, seed = result.frames.refined, result.frames.seed
-    return PoseTable(
-        center_world_m=np.where(adjusted[:, None], refined.center_world_m, seed.center_world_m),
-        world_from_camera=np.where(
-            adjusted[:, None, None], refined.world_from_camera, seed.world_from_camera
+    wide = adjusted[:, None, None]
+    poses = Poses(
+        frame_id=tuple(result.frames.frame_id[i] for i in rows),
+        center_world_m=np.where(
+            adjusted[:, None], refined.center_world_m[rows], seed.center_world_m[rows]
         ),
-        covariance=np.where(adjusted[:, None, None], refined.covariance, seed.covariance),
+        world_from_camera=np.where(
+            wide, refined.world_from_camera[rows], seed.world_from_camera[rows]
+        ),
+        covariance=np.where(wide, refined.covariance[rows], seed.covariance[rows]),
     )
+    return rows, poses
 
 
 def _shape(kind: str, corners: Floats) -> list[Floats]:
@@ -287,16 +294,16 @@ def _footprints(result: Result) -> Layer:
 
 
 def _cameras(result: Result) -> Layer:
-    poses, frames = shown_poses(result), result.frames
-    rows = np.flatnonzero(np.isfinite(poses.center_world_m[:, 0]))
-    variance = np.einsum("nii->ni", poses.covariance[rows])
-    optical = poses.world_from_camera[rows, :, 2]
+    rows, poses = shown_poses(result)
+    frames = result.frames
+    variance = np.einsum("nii->ni", poses.covariance)
+    optical = poses.world_from_camera[:, :, 2]
     return Layer(
         name="camera_poses",
         kind="point",
-        vertices_m=tuple(poses.center_world_m[i : i + 1].copy() for i in rows),
+        vertices_m=tuple(poses.center_world_m[:, None].copy()),
         attributes={
-            "frame": tuple(frames.frame_id[i] for i in rows),
+            "frame": poses.frame_id,
             "status": tuple(frames.status[i] for i in rows),
             "time_utc_s": _column(frames.time_utc_s[rows]),
             "tilt_deg": _column(np.rad2deg(np.arccos(np.clip(-optical[:, 2], -1.0, 1.0)))),

@@ -14,6 +14,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.features import Attribute, Features, Layer
 
 _TYPES = {"point": "Point Z", "line": "LineString Z", "polygon": "Polygon Z"}
+_LOCAL = 'LOCAL_CS["local metres: x east, y north",UNIT["metre",1]]'
 # ISO WKB codes of geometries with height (OGC 06-103r4, table 7).
 _POINT_Z, _LINE_Z, _POLYGON_Z = 1001, 1002, 1003
 
@@ -33,7 +34,7 @@ def write_geopackage(features: Features, path: Path) -> None:
             layer=layer.name,
             driver="GPKG",
             geometry_type=_TYPES[layer.kind],
-            crs=features.crs,
+            crs=_LOCAL if features.crs is None else features.crs,
             append=index > 0,
         )
 

@@ -1,6 +1,6 @@
 """A made-up but consistent survey: what a run would hand to the views.
 
-Loaded by path (``runpy``), because test folders are no packages. The projections are OpenCV's, so
+The projections are OpenCV's, so
 that what the views draw can be compared with a second opinion.
 """
 
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from pyproj import Transformer
 
 from uavgram.model.camera import Calibration
 from uavgram.model.message import Message
@@ -37,6 +38,10 @@ LENS = np.array([1310.0, 1312.0, 818.0, 617.0, -0.11, 0.05, 4e-4, -3e-4, -0.01])
 LENS_SIGMA = np.array([2.0, 2.0, 1.5, 1.5, 2e-3, 3e-3, 1e-4, 1e-4, 2e-3])
 EAST_M, NORTH_M = 70.0, 50.0
 HEIGHT_M = 42.0
+TO_EARTH = Transformer.from_pipeline(
+    "+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84 "
+    "+lat_0=48.1372 +lon_0=11.5755 +h_0=519.2"
+)
 START_UTC_S = 1_767_607_200.0
 
 # (name, from, to, status, error [m]): one of each kind.
@@ -139,7 +144,8 @@ def _points(count: int, rng: np.random.Generator, *, on_earth: bool) -> dict[str
     within = (azimuth + 0.5) % np.pi
     geo = np.full((count, 2), np.nan)
     if on_earth:
-        geo = np.array([48.1372, 11.5755]) + spots[:, ::-1] / [111_200.0, 74_300.0]
+        longitude, latitude, _ = TO_EARTH.transform(*spots.T, np.zeros(count), direction="INVERSE")
+        geo = np.stack([latitude, longitude], 1)
     return {
         "position": np.concatenate([spots, np.zeros((count, 1))], 1),
         "covariance": _covariance(major, minor, azimuth),

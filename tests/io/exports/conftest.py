@@ -1,0 +1,29 @@
+"""A survey with known shapes, and its layers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import synthetic_survey
+
+from uavgram.geometry.map_projection import utm_crs
+from uavgram.stages.features import features_of
+
+
+@pytest.fixture(scope="session")
+def result():
+    made = synthetic_survey.build()
+    crs = utm_crs(made.world.latitude_deg, made.world.longitude_deg)
+    return replace(made, world=replace(made.world, crs=crs))
+
+
+@pytest.fixture(scope="session")
+def features(result):
+    return features_of(result, result.world.crs)
+
+
+@pytest.fixture(scope="session")
+def adrift():
+    """The layers of a survey that nothing ties to the earth."""
+    return features_of(synthetic_survey.build(telemetry=False), None)

@@ -1,0 +1,89 @@
+"""The CAD drawings through ezdxf's reader and auditor."""
+
+from __future__ import annotations
+
+import math
+
+import ezdxf
+import numpy as np
+import pytest
+from ezdxf.math import ConstructionEllipse
+
+from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
+
+
+@pytest.fixture(scope="module", params=["local", "map"])
+def drawing(request, features, tmp_path_factory):
+    path = tmp_path_factory.mktemp("dxf") / f"{request.param}.dxf"
+    (write_local_dxf if request.param == "local" else write_map_dxf)(features, path)
+    return request.param, ezdxf.readfile(path)
+
+
+def test_the_auditor_finds_nothing_to_mend(drawing):
+    _, document = drawing
+    audit = document.audit()
+
+    assert audit.errors == []
+    assert audit.fixes == []
+    assert document.units == ezdxf.units.M
+
+
+def test_distances_between_points_are_the_results_to_a_tenth_of_a_millimetre(drawing, result):
+    kind, document = drawing
+    place = {
+        insert.get_attrib_text("LABEL"): np.array(insert.dxf.insert)
+        for insert in document.modelspace().query("INSERT")
+        if insert.dxf.name == "SURVEY_POINT"
+    }
+    assert set(place) == set(result.points.label)
+    if kind == "map":
+        return  # stretched by the projection: see the GeoPackage's test
+    rows = result.measurements
+    tried = 0
+    for i, measured in enumerate(rows.kind):
+        if measured == "distance" and np.isfinite(rows.value[i]):
+            start, end = (place[label] for label in rows.points[i])
+            assert math.dist(start, end) == pytest.approx(rows.value[i], abs=1e-4)
+            tried += 1
+    assert tried == 2
+
+
+def test_each_measured_distance_is_a_dimension_with_the_grounds_value(drawing, result):
+    _, document = drawing
+    said = {d.dxf.text for d in document.modelspace().query("DIMENSION")}
+    rows = result.measurements
+    for i, measured in enumerate(rows.kind):
+        if measured == "distance" and np.isfinite(rows.value[i]):
+            assert f"{rows.value[i]:.3f} ±{rows.sigma[i]:.3f} m" in said
+
+
+def test_an_ellipse_has_the_axes_and_the_azimuth_of_the_result(drawing, result):
+    kind, document = drawing
+    drawn = list(document.modelspace().query('ELLIPSE[layer=="ELLIPSES_95"]'))
+    assert len(drawn) == len(result.points.label)
+    for row, entity in enumerate(drawn):
+        shape: ConstructionEllipse = entity.construction_tool()
+        major = result.points.ellipse_95_m[row, 0]
+        assert shape.major_axis.magnitude == pytest.approx(major, rel=1e-3)
+        assert shape.ratio * shape.major_axis.magnitude == pytest.approx(
+            result.points.ellipse_95_m[row, 1], rel=1e-3
+        )
+        azimuth = math.atan2(shape.major_axis.x, shape.major_axis.y)
+        turned = (azimuth - result.points.ellipse_azimuth_rad[row]) % math.pi
+        # the map's north is the grid's: in this place 2.6 degrees of longitude from its meridian
+        assert min(turned, math.pi - turned) < (1e-6 if kind == "local" else 0.05)
+
+
+def test_the_drawing_says_what_its_coordinates_are(drawing, features):
+    kind, document = drawing
+    (note,) = (t.dxf.text for t in document.modelspace().query('TEXT[layer=="NOTES"]'))
+
+    assert ("true ground distances" in note) == (kind == "local")
+    assert (features.crs in note) == (kind == "map")
+
+
+def test_a_survey_without_a_place_has_no_map(adrift, tmp_path):
+    with pytest.raises(ValueError, match="lies on the earth"):
+        write_map_dxf(adrift, tmp_path / "map.dxf")
+    write_local_dxf(adrift, tmp_path / "local.dxf")
+    assert ezdxf.readfile(tmp_path / "local.dxf").audit().errors == []

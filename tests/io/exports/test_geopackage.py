@@ -1,0 +1,79 @@
+"""survey.gpkg, read back by GDAL; places judged by pyproj."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pyogrio import list_layers, read_info
+from pyogrio.raw import read
+from pyproj import CRS, Geod, Proj, Transformer
+
+from uavgram.io.exports.geopackage import write_geopackage
+
+
+@pytest.fixture(scope="module")
+def path(features, tmp_path_factory):
+    path = tmp_path_factory.mktemp("gpkg") / "survey.gpkg"
+    write_geopackage(features, path)
+    return path
+
+
+def columns(path, layer):
+    meta, _, geometry, fields = read(path, layer=layer)
+    return geometry, dict(zip(meta["fields"], fields, strict=True))
+
+
+def points_of(geometry):
+    return np.array([np.frombuffer(wkb[5:], "<f8") for wkb in geometry])
+
+
+def test_every_layer_is_there_with_its_crs_and_all_its_rows(path, features):
+    assert [name for name, _ in list_layers(path)] == [layer.name for layer in features.layers]
+    for layer in features.layers:
+        info = read_info(path, layer=layer.name)
+        assert CRS.from_user_input(info["crs"]) == CRS.from_user_input(features.crs)
+        assert info["features"] == len(layer)
+        assert list(info["fields"]) == list(layer.attributes)
+
+
+def test_points_lie_where_their_latitude_and_longitude_say(path, result):
+    geometry, fields = columns(path, "points")
+    to_earth = Transformer.from_crs(result.world.crs, "EPSG:4326", always_xy=True)
+    longitude, latitude = to_earth.transform(*points_of(geometry)[:, :2].T)
+
+    _, _, apart = Geod(ellps="WGS84").inv(
+        longitude, latitude, result.points.longitude_deg, result.points.latitude_deg
+    )
+    assert list(fields["label"]) == list(result.points.label)
+    assert np.max(apart) < 1e-4
+
+
+def test_distances_over_the_maps_scale_are_those_between_the_points(path, result):
+    geometry, _ = columns(path, "points")
+    on_map, true = points_of(geometry), result.points.position_world_m
+    factors = Proj(result.world.crs).get_factors(
+        result.world.longitude_deg, result.world.latitude_deg
+    )
+    # the ground lies half a kilometre above the ellipsoid, which stretches it
+    scale = factors.meridional_scale / (1.0 + result.world.height_m / 6.38e6)
+
+    planar = np.linalg.norm(on_map[1:, :2] - on_map[0, :2], axis=1) / scale
+    expected = np.linalg.norm(true[1:, :2] - true[0, :2], axis=1)
+    np.testing.assert_allclose(planar, expected, rtol=2e-5, atol=1e-4)
+
+
+def test_missing_numbers_are_null_not_a_number_to_sort_by(path, result):
+    _, fields = columns(path, "known_lengths")
+    unseen = np.array([s == "unseen" for s in result.lines.status])
+
+    assert unseen.any()
+    assert np.isnan(fields["adjusted_m"][unseen]).all()
+    np.testing.assert_array_equal(fields["length_m"], result.lines.length_m)
+
+
+def test_without_a_place_on_earth_it_holds_local_metres(adrift, tmp_path):
+    write_geopackage(adrift, tmp_path / "local.gpkg")
+    geometry, fields = columns(tmp_path / "local.gpkg", "points")
+
+    assert "local metres" in read_info(tmp_path / "local.gpkg", layer="points")["crs"]
+    np.testing.assert_allclose(points_of(geometry)[:, 0], fields["east_m"], atol=1e-12)

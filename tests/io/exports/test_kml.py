@@ -1,0 +1,47 @@
+"""survey.kml, read back by GDAL and as XML."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from pyogrio import list_layers
+from pyogrio.raw import read
+
+from uavgram.io.exports.kml import write_kml
+
+KML = "{http://www.opengis.net/kml/2.2}"
+
+
+def test_gdal_finds_every_layer_and_the_points_in_their_places(features, result, tmp_path):
+    path = tmp_path / "survey.kml"
+    write_kml(features, path)
+
+    assert "Points" in [name for name, _ in list_layers(path)]
+    meta, _, geometry, fields = read(path, layer="Points")
+    names = dict(zip(meta["fields"], fields, strict=True))["Name"]
+    assert list(names) == list(result.points.label)
+    lonlat = np.array([np.frombuffer(wkb[5:21], "<f8") for wkb in geometry])
+    np.testing.assert_allclose(lonlat[:, 0], result.points.longitude_deg, atol=2e-9)
+    np.testing.assert_allclose(lonlat[:, 1], result.points.latitude_deg, atol=2e-9)
+
+
+def test_labels_are_text_whatever_they_hold(result, tmp_path):
+    from dataclasses import replace
+
+    from uavgram.stages.features import features_of
+
+    nasty = ("<b>&", *result.points.label[1:])
+    changed = replace(result, points=replace(result.points, label=nasty))
+    write_kml(features_of(changed, result.world.crs), tmp_path / "s.kml")
+    tree = ET.parse(tmp_path / "s.kml")  # noqa: S314  (our own file)
+
+    assert "<b>&" in [e.text for e in tree.iter(f"{KML}name")]
+
+
+def test_without_a_place_on_earth_it_says_why_it_is_empty(adrift, tmp_path):
+    write_kml(adrift, tmp_path / "s.kml")
+    tree = ET.parse(tmp_path / "s.kml")  # noqa: S314
+
+    assert not list(tree.iter(f"{KML}Placemark"))
+    assert "Nothing ties" in next(tree.iter(f"{KML}description")).text
