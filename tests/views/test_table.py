@@ -22,6 +22,6 @@ def test_without_measurements_the_table_says_so(survey):
 
 
 def test_errors_come_before_warnings_before_choices(survey):
-    levels = [line.split(":")[0] for line in message_lines(survey.build())]
+    levels = [line.split(":")[0] for line in message_lines(survey.build().messages)]
 
     assert levels == ["error", "warning", "info"]

@@ -6,23 +6,19 @@ angles in degrees, all zero where unknown (docs.opendronemap.org, "Image Geoloca
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pyproj import CRS, Transformer
-from pyproj.exceptions import CRSError
 
 from uavgram.errors import InputError
 from uavgram.geometry.nadir_angles import gimbal_from_nadir
+from uavgram.io.odm_coordinates import content_lines, crs_of_header, geodetic, height_datum
 from uavgram.io.tables import parse_number
-from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.photo_poses import PhotoPoses
 from uavgram.model.telemetry import HeightDatum
 
-_UTM = re.compile(r"WGS84\s+UTM\s+([0-9]{1,2})\s*([NS])", re.IGNORECASE)
 _COUNTS = (4, 7, 9)  # cells with name: to the height, to the angles, to the accuracies
 
 
@@ -52,12 +48,12 @@ def read_geo_txt(path: str | Path, heights: HeightDatum) -> tuple[PhotoPoses, tu
         line without height, a photo that stands twice, a place outside the earth.
     """
     path = Path(path)
-    lines = _lines(path)
-    crs = _crs(path, *lines[0])
+    lines = content_lines(path, "a line for each photo")
+    crs = crs_of_header(path, *lines[0])
     rows = _rows(path, lines[1:])
-    datum, guess = _datum(crs, heights)
+    datum, guess = height_datum(crs, heights)
     xyz = np.array([row.xyz for row in rows])
-    latitude, longitude = _geodetic(path, crs, xyz, rows)
+    latitude, longitude = geodetic(path, crs, xyz, [row.line for row in rows])
     nadir = np.radians([row.angles for row in rows])
     messages: tuple[Message, ...] = ()
     if not nadir.any():  # what the format says for "not available"
@@ -86,36 +82,6 @@ def read_geo_txt(path: str | Path, heights: HeightDatum) -> tuple[PhotoPoses, tu
     return poses, messages
 
 
-def _lines(path: Path) -> list[tuple[int, str]]:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    except UnicodeDecodeError as fault:
-        raise InputError(path, "is not UTF-8 text: is it a geo.txt?") from fault
-    lines = [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1)]
-    lines = [(k, line) for k, line in lines if line and not line.startswith("#")]
-    if len(lines) < 2:
-        raise InputError(path, "needs a coordinate system (EPSG:4326), then a line for each photo")
-    return lines
-
-
-def _crs(path: Path, line: int, header: str) -> CRS:
-    utm = _UTM.fullmatch(header)
-    if utm is not None:
-        zone, south = int(utm[1]), utm[2].upper() == "S"
-        header = f"EPSG:{(32700 if south else 32600) + zone}"
-    try:
-        return CRS.from_user_input(header)
-    except CRSError as fault:
-        raise InputError(
-            path,
-            f"{header!r} is no coordinate system: the first line must be such as EPSG:4326, a "
-            "PROJ text, or WGS84 UTM 16N",
-            line,
-        ) from fault
-
-
 def _rows(path: Path, lines: list[tuple[int, str]]) -> list[_Row]:
     rows: list[_Row] = []
     faults: list[tuple[int | None, str]] = []
@@ -140,29 +106,3 @@ def _rows(path: Path, lines: list[tuple[int, str]]) -> list[_Row]:
     if faults:
         raise InputError.of_all(path, faults)
     return rows
-
-
-def _datum(crs: CRS, heights: HeightDatum) -> tuple[HeightDatum, str]:
-    """Heights of a compound system hang on a geoid, those of a 3-D one on the ellipsoid."""
-    if crs.is_compound:
-        return "msl", ""
-    if len(crs.axis_info) == 3:
-        return "ellipsoid", ""
-    return heights, f"{crs.name} has no heights; world.heights was taken"
-
-
-def _geodetic(path: Path, crs: CRS, xyz: Floats, rows: list[_Row]) -> tuple[Floats, Floats]:
-    flat = crs.to_2d() if not crs.is_compound else crs.sub_crs_list[0]
-    to_wgs84 = Transformer.from_crs(flat, "EPSG:4326", always_xy=True)
-    longitude, latitude = (np.asarray(v) for v in to_wgs84.transform(xyz[:, 0], xyz[:, 1]))
-    # inf where a projection has no inverse there; compares False
-    inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360)
-    if not inside.all():
-        k = int(np.flatnonzero(~inside)[0])
-        raise InputError(
-            path,
-            f"({xyz[k, 0]:g}, {xyz[k, 1]:g}) is no place in {crs.name}: x (longitude, east) comes "
-            "first",
-            rows[k].line,
-        )
-    return latitude, longitude

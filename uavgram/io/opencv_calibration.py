@@ -15,8 +15,15 @@ import cv2
 import numpy as np
 
 from uavgram.errors import InputError
+from uavgram.io.camera_choice import assumed_errors_message
 from uavgram.model.arrays import Floats
-from uavgram.model.camera import PARAMETER_NAMES, Calibration, LensModel
+from uavgram.model.assumed_errors import CALIBRATION_FILE, assumed_covariance
+from uavgram.model.camera import (
+    Calibration,
+    LensModel,
+    parameter_counts,
+    parameter_names,
+)
 from uavgram.model.message import Message
 
 # Keys in lower case without underscores, in order of preference.
@@ -29,16 +36,10 @@ _SIZES = (
 )
 _SIZE_PAIRS = ("cameraresolution", "imagesize", "resolution")
 _SIGMAS = ("stddeviationintrinsics", "stddeviationsintrinsics")
+_COVARIANCE = ("intrinsicscovariance",)
+_ROUNDING = 1e-6  # of symmetry and definiteness, as correlations
 _FISHEYE_NAMES = {"fisheye", "equidistant"}
 _CALIB_FIX_ASPECT_RATIO = 2  # bit of the key `flags`, opencv2/calib3d.hpp
-
-# Where a file states no errors: deliberately wide, so that the survey itself decides.
-FOCAL_SIGMA = 0.01  # of the focal length
-CENTRE_SIGMA = 0.005  # of the image's width
-DISTORTION_SIGMA: dict[LensModel, tuple[float, ...]] = {
-    "brown": (0.03, 0.1, 0.002, 0.002, 0.2),
-    "fisheye": (0.02, 0.05, 0.05, 0.05),
-}
 
 _YAML_HEADER = "%YAML:1.0\n---\n"
 
@@ -79,19 +80,7 @@ def read_opencv_calibration(path: str | Path) -> tuple[Calibration, tuple[Messag
     keys = _read_keys(path)
     model, parameters = _parameters(path, keys)
     width_px, height_px = _image_size(path, keys)
-    sigma = _stated_sigma(path, keys, len(parameters))
-    if sigma is None:
-        text = (
-            f"{path.name} states no errors of the calibration, so wide ones are assumed: "
-            f"{100 * FOCAL_SIGMA:g} % of the focal length, {100 * CENTRE_SIGMA:g} % of the width "
-            "for the principal point. Write a camera.yaml with 'sigma' if you know better."
-        )
-        message = Message("warning", "camera-sigma-assumed", text)
-        covariance = np.diag(_assumed_sigma(model, parameters, width_px) ** 2)
-    else:
-        text = f"The errors of the calibration are the standard deviations in {path.name}."
-        message = Message("info", "camera-sigma-from-file", text)
-        covariance = _covariance(sigma, parameters, keys)
+    covariance, message = _errors(path, keys, model, parameters, width_px)
     name = keys.get("cameraname") or path.stem
     calibration = Calibration(
         name=str(name),
@@ -188,21 +177,23 @@ def _parameters(path: Path, keys: Mapping[str, Any]) -> tuple[LensModel, Floats]
         raise InputError(path, f"camera_matrix: fx and fy must be positive (got {fx:g}, {fy:g})")
     if abs(skew) > 1e-6 * fx or zero != 0 or matrix[6:].tolist() != [0.0, 0.0, 1.0]:
         raise InputError(path, "camera_matrix: must be [fx 0 cx; 0 fy cy; 0 0 1], without skew")
-    distortion = _numbers(path, keys, _DISTORTION)
-    if distortion is None:
+    given = _numbers(path, keys, _DISTORTION)
+    if given is None:
         raise InputError(path, "holds no distortion_coefficients: add them (0 where there is none)")
     model = _lens_model(keys)
-    count = len(PARAMETER_NAMES[model]) - 4
-    fits = len(distortion) == 4 if model == "fisheye" else len(distortion) >= 4
-    if not fits or distortion[count:].any():
+    counts = [count - 4 for count in parameter_counts(model)]
+    used = given if any(name in keys for name in _COVARIANCE) else np.trim_zeros(given, "b")
+    fits = len(given) == 4 if model == "fisheye" else len(given) >= 4
+    if not fits or len(used) > counts[-1]:
+        names = " ".join(parameter_names(model, counts[-1] + 4)[4:])
         raise InputError(
             path,
-            f"distortion_coefficients: the {model} model has {count} "
-            f"({' '.join(PARAMETER_NAMES[model][4:])}), the file {len(distortion)}: calibrate "
-            "again without the rational, thin prism and tilted models",
+            f"distortion_coefficients: the {model} model has {' or '.join(map(str, counts))} "
+            f"({names}), the file {len(given)}: calibrate again without the thin prism and tilted "
+            "models",
         )
-    coefficients = np.zeros(count)
-    coefficients[: len(distortion)] = distortion[:count]
+    coefficients = np.zeros(next(count for count in counts if count >= len(used)))
+    coefficients[: len(used)] = used
     return model, np.array([fx, fy, cx, cy, *coefficients])
 
 
@@ -229,11 +220,43 @@ def _stated_sigma(path: Path, keys: Mapping[str, Any], count: int) -> Floats | N
     return sigma[:count]  # calibrateCameraExtended: fx fy cx cy k1 k2 p1 p2 k3, then k4 and on
 
 
-def _assumed_sigma(model: LensModel, parameters: Floats, width_px: int) -> Floats:
-    centre_px = CENTRE_SIGMA * width_px
-    return np.array(
-        [*(FOCAL_SIGMA * parameters[:2]), centre_px, centre_px, *DISTORTION_SIGMA[model]]
-    )
+def _errors(
+    path: Path, keys: Mapping[str, Any], model: LensModel, parameters: Floats, width_px: int
+) -> tuple[Floats, Message]:
+    """(P, P) covariance, and where it comes from."""
+    count = len(parameters)
+    full = _numbers(path, keys, _COVARIANCE)
+    sigma = _stated_sigma(path, keys, count)
+    if full is not None:
+        covariance = _full_covariance(path, full, count)
+        text = f"The errors of the calibration are the covariance in {path.name}."
+        return covariance, Message("info", "camera-sigma-from-file", text)
+    if sigma is not None:
+        text = f"The errors of the calibration are the standard deviations in {path.name}."
+        message = Message("info", "camera-sigma-from-file", text)
+        return _covariance(sigma, parameters, keys), message
+    covariance = assumed_covariance(model, parameters, width_px, CALIBRATION_FILE)
+    return covariance, assumed_errors_message(path)
+
+
+def _full_covariance(path: Path, numbers: Floats, count: int) -> Floats:
+    """(P, P) of a file that this program wrote, and someone may have edited."""
+    if len(numbers) != count**2:
+        raise InputError(
+            path, f"{_COVARIANCE[0]}: must be {count} x {count} (got {len(numbers)} numbers)"
+        )
+    matrix = numbers.reshape(count, count)
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    scale[scale == 0] = 1.0
+    correlation = matrix / np.outer(scale, scale)
+    lopsided = np.abs(correlation - correlation.T).max()
+    if lopsided > _ROUNDING or np.linalg.eigvalsh(correlation)[0] < -_ROUNDING:
+        raise InputError(
+            path,
+            f"{_COVARIANCE[0]}: is no covariance (not symmetric and positive semidefinite): leave "
+            "it out, and give std_deviation_intrinsics",
+        )
+    return (matrix + matrix.T) / 2
 
 
 def _covariance(sigma: Floats, parameters: Floats, keys: Mapping[str, Any]) -> Floats:

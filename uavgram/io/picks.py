@@ -13,6 +13,7 @@ from uavgram.model.observations import Picks
 _COLUMNS = Columns(
     text=("image", "label"),
     numbers=("u_px", "v_px"),
+    optional_text=("area",),
     optional_numbers=("sigma_px", "height_m"),
 )
 
@@ -25,7 +26,7 @@ def read_picks(path: str | Path) -> Picks:
     InputError
         Names file and line of every mistake: those of any table, no pick at all, a path where a
         file name is wanted, a semicolon in a label, a label picked twice in one image, a label
-        with two different heights, a sigma that is not greater than 0.
+        with two different heights or in two areas, a sigma that is not greater than 0.
     """
     table = read_table(path, _COLUMNS)
     if not len(table.line):
@@ -34,6 +35,7 @@ def read_picks(path: str | Path) -> Picks:
     _check_names(table)
     _check_doubles(table)
     _check_heights(table)
+    _check_areas(table)
     table.raise_faults()
     return Picks(
         image=table.text["image"],
@@ -41,6 +43,8 @@ def read_picks(path: str | Path) -> Picks:
         pixel_px=np.stack([table.numbers["u_px"], table.numbers["v_px"]], axis=1),
         sigma_px=table.numbers["sigma_px"],
         height_m=table.numbers["height_m"],
+        area=table.text["area"],
+        line=tuple(table.line.tolist()),
     )
 
 
@@ -82,4 +86,19 @@ def _check_heights(table: Table) -> None:
                 int(row),
                 f"height_m of label {label!r} is {heights[row]:g} here, but {heights[earlier]:g} "
                 f"in line {table.line[earlier]}: one physical point has one height",
+            )
+
+
+def _check_areas(table: Table) -> None:
+    first: dict[str, int] = {}
+    areas = table.text["area"]
+    for row, (label, area) in enumerate(zip(table.text["label"], areas, strict=True)):
+        if not area:
+            continue
+        earlier = first.setdefault(label, row)
+        if areas[earlier] != area:
+            table.blame(
+                row,
+                f"area of label {label!r} is {area!r} here, but {areas[earlier]!r} in line "
+                f"{table.line[earlier]}: one physical point lies in one area",
             )

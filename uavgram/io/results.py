@@ -40,6 +40,7 @@ def dump_results(result: Result) -> str:
         "camera": parts.dump_camera(result.camera),
         "clock": parts.dump_clock(result.shared),
         "shared": parts.dump_shared(result.shared, result.camera.model),
+        "areas": parts.dump_areas(result.areas),
         "frames": tables.dump_frames(result.frames),
         "points": tables.dump_points(result.points),
         "lines": tables.dump_lines(result.lines),
@@ -93,6 +94,7 @@ def _result(content: dict[str, Any]) -> Result:
         world=parts.load_world(content["world"]),
         camera=parts.load_camera(content["camera"]),
         shared=parts.load_shared(content["shared"], content["clock"]),
+        areas=parts.load_areas(content.get("areas", [])),  # files of before have none
         frames=tables.load_frames(content["frames"]),
         points=tables.load_points(content["points"]),
         lines=tables.load_lines(content["lines"]),

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from uavgram.io.results_tables import numbers, one_of, plain, text
-from uavgram.model.camera import PARAMETER_NAMES, Calibration, LensModel
+from uavgram.model.camera import Calibration, LensModel, parameter_names
 from uavgram.model.result import (
     Alternative,
+    AreaPlane,
     Estimate,
     GroupFactor,
     InputDigest,
@@ -85,6 +86,7 @@ def dump_world(world: World) -> Record:
         "height_m": world.height_m,
         "height_datum": world.height_datum,
         "gauge": world.gauge,
+        "crs": world.crs,
     }
 
 
@@ -96,6 +98,7 @@ def load_world(record: Record) -> World:
         height_m=_number_or_none(record["height_m"]),
         height_datum=one_of(World, "height_datum", record["height_datum"]),
         gauge=one_of(World, "gauge", record["gauge"]),
+        crs=None if record.get("crs") is None else text(record["crs"]),
     )
 
 
@@ -114,7 +117,7 @@ def dump_camera(camera: Calibration) -> Record:
 def load_camera(record: Record) -> Calibration:
     """Inverse of `dump_camera`."""
     model: LensModel = one_of(Calibration, "model", record["model"])
-    n = len(PARAMETER_NAMES[model])
+    n = len(record["parameters"])
     return Calibration(
         name=text(record["name"]),
         model=model,
@@ -130,10 +133,12 @@ _VECTORS = ("boresight_deg", "lever_arm_m", "position_bias_m")
 
 def dump_clock(shared: SharedResult) -> Record:
     """Camera clock minus UTC; null without a log."""
-    clock = shared.clock_offset_s
+    clock, drift = shared.clock_offset_s, shared.clock_drift_ppm
     return {
         "offset_s": None if clock is None else plain(clock.value[0]),
         "sigma_s": None if clock is None else plain(clock.sigma[0]),
+        "drift_ppm": None if drift is None else plain(drift.value[0]),
+        "drift_sigma_ppm": None if drift is None else plain(drift.sigma[0]),
     }
 
 
@@ -148,7 +153,7 @@ def dump_shared(shared: SharedResult, model: LensModel) -> Record:
             "pivot_m": plain(shared.plane_pivot_m),
         },
         "intrinsics": {
-            "names": list(PARAMETER_NAMES[model]),
+            "names": list(parameter_names(model, len(shared.intrinsics.value))),
             "value": plain(shared.intrinsics.value),
             "sigma": plain(shared.intrinsics.sigma),
         },
@@ -159,16 +164,46 @@ def load_shared(record: Record, clock: Record) -> SharedResult:
     """Inverse of `dump_shared` and `dump_clock`."""
     plane = record["plane"]
     clock_pair = {"value": clock["offset_s"], "sigma": clock["sigma_s"]}
+    drift = clock.get("drift_ppm")  # files of before have none
     return SharedResult(
         boresight_deg=_load_estimate(record["boresight_deg"]),
         lever_arm_m=_load_estimate(record["lever_arm_m"]),
         position_bias_m=_load_estimate(record["position_bias_m"]),
         heading_bias_deg=_load_estimate(record["heading_bias_deg"]),
         clock_offset_s=None if clock["offset_s"] is None else _estimate(clock_pair),
+        clock_drift_ppm=None
+        if drift is None
+        else _estimate({"value": drift, "sigma": clock["drift_sigma_ppm"]}),
         plane_height_m=_estimate(plane["height_m"]),
         plane_slope_deg=_estimate(plane["slope_deg"]),
         plane_pivot_m=numbers(plane["pivot_m"], 2),
         intrinsics=_estimate(record["intrinsics"]),
+    )
+
+
+def dump_areas(areas: tuple[AreaPlane, ...]) -> list[Record]:
+    """Planes of the ground by area."""
+    return [
+        {
+            "name": area.name,
+            "height_m": _dump_scalar(area.height_m),
+            "slope_deg": _dump_vector(area.slope_deg),
+            "pivot_m": plain(area.pivot_m),
+        }
+        for area in areas
+    ]
+
+
+def load_areas(records: list[Record]) -> tuple[AreaPlane, ...]:
+    """Inverse of `dump_areas`."""
+    return tuple(
+        AreaPlane(
+            name=text(record["name"]),
+            height_m=_estimate(record["height_m"]),
+            slope_deg=_estimate(record["slope_deg"]),
+            pivot_m=numbers(record["pivot_m"], 2),
+        )
+        for record in records
     )
 
 

@@ -51,10 +51,10 @@ def measurement_table(result: Result) -> str:
     return aligned(cells)
 
 
-def message_lines(result: Result) -> list[str]:
+def message_lines(messages: Sequence[Message]) -> list[str]:
     """One line per message: errors first, then warnings, then the choices that were made."""
     rank = {"error": 0, "warning": 1, "info": 2}
-    ordered = sorted(result.messages, key=lambda message: rank[message.level])
+    ordered = sorted(messages, key=lambda message: rank[message.level])
     return [f"{message.level}: {message.text}" for message in ordered]
 
 
@@ -102,7 +102,7 @@ def check_lines(
         size = f"{photos.width_px[i]:.0f} x {photos.height_px[i]:.0f}"
         instant = utc(float(frames.time_utc_s[i]))
         cells.append((name, size, instant, matched, *_event_cells(pairing, i)))
-    said = [f"{message.level}: {message.text}" for message in messages]
+    said = message_lines(messages)
     return [*aligned(cells, right=(5,)).splitlines(), "", *said, "every input can be read"]
 
 
@@ -123,5 +123,5 @@ def geotag_lines(tags: GeoTags, messages: Sequence[Message]) -> list[str]:
         sigmas = f"{tags.sigma_horizontal_m[k]:.2f} m, {tags.sigma_vertical_m[k]:.2f} m"
         place = (f"{tags.latitude_deg[k]:.7f}", f"{tags.longitude_deg[k]:.7f}")
         cells.append((name, tags.pose[k], *place, f"{tags.height_m[k]:.2f} m", sigmas))
-    said = [f"{message.level}: {message.text}" for message in messages]
+    said = message_lines(messages)
     return [*aligned(cells, right=(2, 3, 4, 5)).splitlines(), "", f"heights are {datum}", *said]

@@ -1,0 +1,73 @@
+"""`uavgram picks import` through the command line."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from uavgram.cli import main
+from uavgram.io.known_points import read_known_points
+from uavgram.io.picks import read_picks
+
+GCP = "EPSG:4326\n11.5 48.1 520 10.25 20.5 a.jpg A\n11.6 48.2 521 30 40 a.jpg B\n"
+
+
+@pytest.fixture
+def files(tmp_path):
+    (tmp_path / "gcp_list.txt").write_text(GCP, encoding="utf-8")
+    shapes = [{"label": "C", "points": [[5.5, 6.5]], "shape_type": "point"}]
+    content = {"imagePath": "b.jpg", "shapes": shapes, "imageWidth": 60, "imageHeight": 40}
+    (tmp_path / "b.json").write_text(json.dumps(content), encoding="utf-8")
+    return [str(tmp_path / "gcp_list.txt"), str(tmp_path / "b.json")]
+
+
+def test_both_kinds_become_one_table_and_one_of_control(files, tmp_path, capsys):
+    picks, control = tmp_path / "picks.csv", tmp_path / "control.csv"
+    status = main(
+        ["picks", "import", *files, "--output", str(picks), "--control", str(control)]
+        + "--control-sigma-m 0.03".split()
+    )
+
+    assert status == 0
+    read = read_picks(picks)
+    assert read.label == ("A", "B", "C")
+    assert read.pixel_px.tolist() == [[10.25, 20.5], [30.0, 40.0], [5.0, 6.0]]
+    known = read_known_points(control)
+    assert known.label == ("A", "B")
+    assert known.coordinates[0] == pytest.approx([48.1, 11.5, 520.0], abs=1e-9)
+    assert "3 picks of 3 labels in 2 photos" in capsys.readouterr().out
+
+
+def test_a_file_that_is_there_is_never_written_over(files, tmp_path, capsys):
+    (tmp_path / "picks.csv").write_text("mine", encoding="utf-8")
+
+    assert main(["picks", "import", *files, "--output", str(tmp_path / "picks.csv")]) == 1
+    assert (tmp_path / "picks.csv").read_text(encoding="utf-8") == "mine"
+    assert "is there already" in capsys.readouterr().err
+
+
+def test_a_control_file_that_is_there_leaves_nothing_written(files, tmp_path):
+    control = tmp_path / "control.csv"
+    control.write_text("mine", encoding="utf-8")
+    arguments = ["--control", str(control), "--control-sigma-m", "0.03"]
+
+    assert main(["picks", "import", *files, "--output", str(tmp_path / "p.csv"), *arguments]) == 1
+    assert not (tmp_path / "p.csv").exists()
+    assert control.read_text(encoding="utf-8") == "mine"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "said"),
+    [
+        (["picks", "import", "--output", "p.csv"], 2, "files"),
+        (["picks", "import", "x.tif", "--output", "p.csv"], 1, "neither LabelMe"),
+        (["picks", "import", "x.json", "--output", "p.csv", "--control", "c.csv"], 1, "together"),
+        (["picks", "import", "absent.json", "--output", "p.csv"], 1, "absent.json: cannot be read"),
+    ],
+)
+def test_wrong_use_is_one_clear_message(arguments, status, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+
+    assert main(arguments) == status
+    assert said.lower() in capsys.readouterr().err.lower()

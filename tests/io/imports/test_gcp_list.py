@@ -1,0 +1,63 @@
+"""OpenDroneMap's ground control files; places judged by pyproj, a round trip by our own writer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pyproj import Transformer
+
+from uavgram.errors import InputError
+from uavgram.io.imports.gcp_list import read_gcp_list
+
+HEAD = "EPSG:32632\n"
+ROW = "691000.25 5334000.5 520.125 1539.25 1337 DSC_1.JPG A\n"
+
+
+def write(tmp_path, text):
+    path = tmp_path / "gcp_list.txt"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_picks_and_places_are_those_of_the_file(tmp_path):
+    picks = read_gcp_list(write(tmp_path, HEAD + "# note\n" + ROW), sigma_m=0.05)
+
+    np.testing.assert_array_equal(picks.pixel_px, [[1539.25, 1337.0]])
+    assert (picks.image, picks.label) == (("DSC_1.JPG",), ("A",))
+    to_map = Transformer.from_crs("EPSG:4326", "EPSG:32632", always_xy=True)
+    latitude, longitude, height = picks.known.coordinates[0]
+    np.testing.assert_allclose(
+        to_map.transform(longitude, latitude), [691000.25, 5334000.5], atol=1e-4
+    )
+    assert height == 520.125
+    np.testing.assert_array_equal(picks.known.sigma_m, [[0.05] * 3])
+
+
+def test_without_a_stated_sigma_the_places_are_not_taken(tmp_path):
+    assert read_gcp_list(write(tmp_path, HEAD + ROW)).known is None
+
+
+def test_points_without_a_label_are_the_same_where_their_place_is(tmp_path):
+    rows = "1 2 3 10 20 a.jpg\n1 2 3 30 40 b.jpg\n5 6 7 50 60 a.jpg\n"
+    picks = read_gcp_list(write(tmp_path, HEAD + rows))
+
+    assert picks.label == ("gcp-1", "gcp-1", "gcp-2")
+    assert picks.messages[0].code == "gcp-without-labels"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("nonsense\n" + ROW, r":1: 'nonsense' is no coordinate system"),
+        (HEAD, "a line for each pick"),
+        (HEAD + "1 2 3 4 5\n", r":2: needs x, y, z"),
+        (HEAD + ROW + "1 2 x 4 5 a.jpg B\n", r":3: must be a number \(got 'x'\)"),
+        (HEAD + ROW + "1 2 3 4 5 DSC_2.JPG A\n", r":3: label 'A' has another place"),
+        (HEAD + ROW + ROW, r":3: label 'A' is picked in 'DSC_1.JPG' in line 2 already"),
+    ],
+)
+def test_mistakes_are_told_by_file_and_line(tmp_path, text, said):
+    with pytest.raises(
+        InputError, match=r"gcp_list\.txt" + (said if said[0] == ":" else f".*{said}")
+    ):
+        read_gcp_list(write(tmp_path, text))

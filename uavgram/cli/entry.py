@@ -1,0 +1,44 @@
+"""The entry point: every command, and the form in which errors are told."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+
+import cyclopts
+
+from uavgram.cli import (  # noqa: F401  (each registers itself with the application)
+    check,
+    demo,
+    geotag,
+    log,
+    picks,
+    run,
+    view,
+)
+from uavgram.cli.application import DONE, INTERRUPTED, PROBLEM, WRONG_USAGE, app
+from uavgram.errors import UavgramError
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit status.
+
+    0: done; 1: a problem that the user can solve, told in one message; 2: wrong usage. Anything
+    else is a bug and keeps its traceback.
+    """
+    try:
+        status = app(arguments)
+    except cyclopts.CycloptsError as error:
+        sys.stderr.write(f"uavgram: {error}\nTry: uavgram --help\n")
+        return WRONG_USAGE
+    except UavgramError as error:
+        sys.stderr.write(f"uavgram: {error}\n")
+        return PROBLEM
+    except BrokenPipeError:  # who reads our output has left (head, less): the files are written
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+    except KeyboardInterrupt:
+        sys.stderr.write("uavgram: interrupted; earlier results are as they were\n")
+        return INTERRUPTED
+    return status if isinstance(status, int) else DONE

@@ -1,0 +1,52 @@
+"""`uavgram run`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter, validators
+
+from uavgram.cli.application import DONE, Seed, Verbose, app
+from uavgram.cli.terminal import log_to_stderr, progress, say
+
+Samples = Annotated[
+    int, Parameter(name="--monte-carlo", validator=validators.Number(gte=100, lte=1_000_000))
+]
+
+
+@app.command
+def run(
+    project: Path,
+    /,
+    *,
+    output: Path | None = None,
+    monte_carlo: Samples | None = None,
+    seed: Seed = 0,
+    verbose: Verbose = False,
+) -> int:
+    """Measure: read the project, adjust, and write all outputs.
+
+    Parameters
+    ----------
+    project
+        The project file (project.yaml).
+    output
+        Folder of the outputs; by default the one that the project names.
+    monte_carlo
+        Repeat the adjustment N times with everything drawn anew, and compare the sigmas.
+    seed
+        Of those draws.
+    verbose
+        Say what is being done.
+    """
+    from uavgram.pipeline.compute import Sampling
+    from uavgram.pipeline.run import FROM_PROJECT
+    from uavgram.pipeline.run import run as run_project
+    from uavgram.views.table import measurement_table, message_lines
+
+    log_to_stderr(verbose=verbose)
+    sampling = None if monte_carlo is None else Sampling(monte_carlo, seed)
+    result = run_project(project, FROM_PROJECT if output is None else output, progress(), sampling)
+    say(measurement_table(result), "", *message_lines(result.messages))
+    return DONE

@@ -1,0 +1,45 @@
+"""What the commands do to a terminal: text, log lines, progress bars."""
+
+from __future__ import annotations
+
+import io
+import logging
+import sys
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from uavgram.pipeline.progress import Progress
+
+Item = TypeVar("Item")
+
+
+def say(*lines: str) -> None:
+    """Write lines to standard output."""
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a terminal without ± is no reason to fail
+        sys.stdout.reconfigure(errors="replace")
+    sys.stdout.write("\n".join(lines) + "\n")
+    sys.stdout.flush()
+
+
+def log_to_stderr(*, verbose: bool) -> None:
+    """Show log messages on standard error: warnings, and with `verbose` what is being done."""
+    level = logging.INFO if verbose else logging.WARNING
+    logging.basicConfig(stream=sys.stderr, level=level, format="%(message)s", force=True)
+
+
+def progress() -> Progress:
+    """Progress bars on a terminal, nothing elsewhere."""
+    from uavgram.pipeline.progress import silent
+
+    if not sys.stderr.isatty():
+        return silent
+    from rich.console import Console
+    from rich.progress import track
+
+    console = Console(stderr=True)
+
+    def bar(items: Iterable[Item], what: str, total: int, /) -> Iterable[Item]:
+        return track(items, description=what, total=total, console=console, transient=True)
+
+    return bar

@@ -1,0 +1,1 @@
+"""Picks that were made in other programs."""

@@ -1,0 +1,88 @@
+"""What OpenDroneMap's text files have in common: a coordinate system first, then lines of it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from pyproj import CRS, Transformer
+from pyproj.exceptions import CRSError
+
+from uavgram.errors import InputError
+from uavgram.model.arrays import Floats
+from uavgram.model.telemetry import HeightDatum
+
+_UTM = re.compile(r"WGS84\s+UTM\s+([0-9]{1,2})\s*([NS])", re.IGNORECASE)
+
+
+def content_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
+    """Number and text of the lines that hold something; comments begin with #.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is no text, or has no line but the first.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as fault:
+        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    except UnicodeDecodeError as fault:
+        raise InputError(path, f"is not UTF-8 text: is it a {path.name}?") from fault
+    lines = [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1)]
+    lines = [(k, line) for k, line in lines if line and not line.startswith("#")]
+    if len(lines) < 2:
+        raise InputError(path, f"needs a coordinate system (EPSG:4326), then {wanted}")
+    return lines
+
+
+def crs_of_header(path: Path, line: int, header: str) -> CRS:
+    """Coordinate system of the first line."""
+    utm = _UTM.fullmatch(header)
+    if utm is not None:
+        zone, south = int(utm[1]), utm[2].upper() == "S"
+        header = f"EPSG:{(32700 if south else 32600) + zone}"
+    try:
+        return CRS.from_user_input(header)
+    except CRSError as fault:
+        raise InputError(
+            path,
+            f"{header!r} is no coordinate system: the first line must be such as EPSG:4326, a "
+            "PROJ text, or WGS84 UTM 16N",
+            line,
+        ) from fault
+
+
+def height_datum(crs: CRS, heights: HeightDatum) -> tuple[HeightDatum, str]:
+    """Heights of a compound system hang on a geoid, those of a 3-D one on the ellipsoid."""
+    if crs.is_compound:
+        return "msl", ""
+    if len(crs.axis_info) == 3:
+        return "ellipsoid", ""
+    return heights, f"{crs.name} has no heights; world.heights was taken"
+
+
+def geodetic(path: Path, crs: CRS, xyz: Floats, line: Sequence[int]) -> tuple[Floats, Floats]:
+    """Latitude and longitude (N,) [deg] of coordinates (N, 2 or more), x first.
+
+    Raises
+    ------
+    InputError
+        Names the line of a place that is none.
+    """
+    flat = crs.to_2d() if not crs.is_compound else crs.sub_crs_list[0]
+    to_wgs84 = Transformer.from_crs(flat, "EPSG:4326", always_xy=True)
+    longitude, latitude = (np.asarray(v) for v in to_wgs84.transform(xyz[:, 0], xyz[:, 1]))
+    # inf where a projection has no inverse there; compares False
+    inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360)
+    if not inside.all():
+        k = int(np.flatnonzero(~inside)[0])
+        raise InputError(
+            path,
+            f"({xyz[k, 0]:g}, {xyz[k, 1]:g}) is no place in {crs.name}: x (longitude, east) comes "
+            "first",
+            line[k],
+        )
+    return latitude, longitude
