@@ -25,8 +25,16 @@ def files(tmp_path):
 def test_both_kinds_become_one_table_and_one_of_control(files, tmp_path, capsys):
     picks, control = tmp_path / "picks.csv", tmp_path / "control.csv"
     status = main(
-        ["picks", "import", *files, "--output", str(picks), "--control", str(control)]
-        + "--control-sigma-m 0.03".split()
+        [
+            "picks",
+            "import",
+            *files,
+            "--output",
+            str(picks),
+            "--control",
+            str(control),
+            *["--control-sigma-m", "0.03"],
+        ]
     )
 
     assert status == 0
