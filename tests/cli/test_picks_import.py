@@ -24,18 +24,8 @@ def files(tmp_path):
 
 def test_both_kinds_become_one_table_and_one_of_control(files, tmp_path, capsys):
     picks, control = tmp_path / "picks.csv", tmp_path / "control.csv"
-    status = main(
-        [
-            "picks",
-            "import",
-            *files,
-            "--output",
-            str(picks),
-            "--control",
-            str(control),
-            *["--control-sigma-m", "0.03"],
-        ]
-    )
+    arguments = ["--control", str(control), "--control-sigma-m", "0.03"]
+    status = main(["picks", "import", *files, "--output", str(picks), *arguments])
 
     assert status == 0
     read = read_picks(picks)
