@@ -9,11 +9,13 @@ from collections.abc import Sequence
 import cyclopts
 
 from uavgram.cli import (  # noqa: F401  (each registers itself with the application)
+    camera,
     check,
     demo,
     geotag,
     log,
     picks,
+    rectify,
     run,
     view,
 )

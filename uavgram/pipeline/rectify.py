@@ -1,0 +1,190 @@
+"""Make a metric top view of a project's photos."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.estimation.adjustment import Adjustment
+from uavgram.geometry.top_view import FrameKnowledge, View, place_sigma
+from uavgram.imaging.map_sheet import map_sheet
+from uavgram.imaging.preview import Pixels
+from uavgram.imaging.warp import PhotoCache, Window, warp_window
+from uavgram.io.geotiff import TILE_PX, read_reduced, write_colour_geotiff, write_float_geotiff
+from uavgram.io.outputs import staged_output
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.ground_raster import GroundRaster
+from uavgram.model.message import Message
+from uavgram.pipeline.compute import compute
+from uavgram.pipeline.inputs import read_inputs
+from uavgram.pipeline.progress import Progress, silent
+from uavgram.stages.rectify import boxes, choose_view, lay_raster
+
+PICTURE, SHEET, SIGMA = "rectified.tif", "rectified.png", "rectified_sigma.tif"
+SHEET_PX = 3000
+"""Longer side of the picture to print."""
+
+SIGMA_STEP_PX = 16
+"""Pixels of the top view to one of the standard deviations, which change slowly."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rectified:
+    """What was written where."""
+
+    folder: Path
+    raster: GroundRaster
+    frames: tuple[str, ...]
+    covered: float
+    sigma_m: tuple[float, float]
+    messages: tuple[Message, ...]
+
+
+def rectify(
+    project: str | os.PathLike[str],
+    output: str | os.PathLike[str] | None = None,
+    frame: str | None = None,
+    pixel_m: float | None = None,
+    progress: Progress = silent,
+) -> Rectified:
+    """Write rectified.tif, rectified.png and rectified_sigma.tif.
+
+    Parameters
+    ----------
+    project
+        The project file.
+    output
+        Folder; by default ``rectified`` in the project's output folder.
+    frame
+        One photo; by default the mosaic of all that have an adjusted pose.
+    pixel_m
+        Edge of a pixel on the ground; by default that of the photos.
+    progress
+        Shows long loops.
+
+    Raises
+    ------
+    UavgramError
+        A problem that the user can solve. Earlier files are untouched.
+    """
+    inputs = read_inputs(Path(project))
+    computed = compute(inputs)
+    view = choose_view(computed.result, frame)
+    raster = lay_raster(view, pixel_m)
+    folder = Path(inputs.project.output) / "rectified" if output is None else Path(output)
+    tags = _tags(view)
+    reach = boxes(view, raster)
+    with staged_output(folder) as staging:
+        count = -(-raster.width // TILE_PX) * -(-raster.height // TILE_PX)
+        windows = progress(_warped(view, raster, reach), "rectifying", count)
+        write_colour_geotiff(raster, windows, tags, staging / PICTURE)
+        coarse = raster.coarser(SIGMA_STEP_PX)
+        known = _knowledge(computed.refined.adjustment, view, inputs.project.picks_sigma_px)
+        sigma = _sigma(view, coarse, boxes(view, coarse), known)
+        write_float_geotiff(coarse, {"sigma_m": sigma}, tags | _SIGMA_TAGS, staging / SIGMA)
+        picture = read_reduced(staging / PICTURE, SHEET_PX)
+        pixel = raster.pixel_m * raster.width / picture.shape[1]
+        (staging / SHEET).write_bytes(map_sheet(picture, pixel, _caption(view, raster)))
+    return Rectified(
+        folder=folder.absolute(),
+        raster=raster,
+        frames=view.frame_id,
+        covered=float((picture[..., 3] > 0).mean()),
+        sigma_m=(float(np.nanmin(sigma)), float(np.nanmax(sigma))),
+        messages=computed.result.messages,
+    )
+
+
+_SIGMA_TAGS = {
+    "sigma": "semi-major axis of the standard ellipse of a place picked in the picture [m]"
+}
+
+
+def _tags(view: View) -> dict[str, str]:
+    world = view.result.world
+    return {
+        "software": f"uavgram {view.result.provenance.version}",
+        "survey": view.result.name,
+        "frames": "; ".join(view.frame_id),
+        "surface": "the adjusted ground plane: what stands above it leans away from the photo",
+        "gauge": world.gauge,
+    }
+
+
+def _caption(view: View, raster: GroundRaster) -> str:
+    where = raster.crs or "local metres, north is arbitrary"
+    return f"{view.result.name}: {where}, pixel {raster.pixel_m:g} m, ground plane"
+
+
+def _warped(view: View, raster: GroundRaster, reach: Floats) -> Iterator[tuple[Window, Pixels]]:
+    """Every window of the raster in the order of the file; a few are under way at a time."""
+    photos = PhotoCache([view.result.frames.path[i] for i in view.rows])
+
+    def warp(window: Window) -> Pixels:
+        return warp_window(view, raster, window, _within(reach, window), photos)
+
+    windows = [
+        (column, row, min(TILE_PX, raster.width - column), min(TILE_PX, raster.height - row))
+        for row in range(0, raster.height, TILE_PX)
+        for column in range(0, raster.width, TILE_PX)
+    ]
+    yield from _ahead(warp, windows)
+
+
+def _ahead(
+    work: Callable[[Window], Pixels], windows: list[Window]
+) -> Iterator[tuple[Window, Pixels]]:
+    """Results in order, with no more of them in memory than are needed to keep all cores busy."""
+    cores = os.cpu_count() or 1
+    with ThreadPoolExecutor(cores) as pool:
+        waiting: deque[tuple[Window, Future[Pixels]]] = deque()
+        for window in windows:
+            waiting.append((window, pool.submit(work, window)))
+            if len(waiting) > 2 * cores:
+                first, future = waiting.popleft()
+                yield first, future.result()
+        for first, future in waiting:
+            yield first, future.result()
+
+
+def _within(reach: Floats, window: Window) -> Ints:
+    """Photos that may show some of a window."""
+    column, row, width, height = window
+    with np.errstate(invalid="ignore"):
+        touches = (
+            (reach[:, 0] <= column + width)
+            & (reach[:, 2] >= column)
+            & (reach[:, 1] <= row + height)
+            & (reach[:, 3] >= row)
+        )
+    return np.flatnonzero(touches)
+
+
+def _knowledge(adjustment: Adjustment, view: View, pick_sigma_px: float) -> FrameKnowledge:
+    row_of = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
+    frames = np.array([row_of[name] for name in view.frame_id])
+    return FrameKnowledge(adjustment.sight_covariance(frames), pick_sigma_px)
+
+
+def _sigma(view: View, raster: GroundRaster, reach: Floats, known: FrameKnowledge) -> Floats:
+    """(H, W) standard deviation of the place that each pixel shows; NaN where none does."""
+    world = view.ground(raster, np.arange(float(raster.width)), np.arange(float(raster.height)))
+    best = np.full(world.shape[:2], np.inf)
+    sigma = np.full(world.shape[:2], np.nan)
+    for index in range(len(view.rows)):
+        if not np.isfinite(reach[index]).all():
+            continue
+        first_column, first_row, last_column, last_row = reach[index].astype(int)
+        part = np.s_[max(first_row, 0) : last_row + 1, max(first_column, 0) : last_column + 1]
+        pixel, off_nadir = view.look(index, world[part])
+        shown = view.shows(pixel[..., 0], pixel[..., 1], off_nadir)
+        nearer = shown & (off_nadir < best[part])
+        best[part] = np.where(nearer, off_nadir, best[part])
+        sigma[part][nearer] = place_sigma(view, index, pixel[nearer], known)
+    return sigma
