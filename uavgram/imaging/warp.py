@@ -172,8 +172,8 @@ def _shots(view: View, raster: GroundRaster, window: Window, candidates: Ints) -
             each_pixel, off = view.look(k, exact)
             fields = [each_pixel[..., 0], each_pixel[..., 1], off]
         off = np.where(view.shows(*fields), fields[2], np.inf)
-        u, v, angle = (np.asarray(field, np.float32) for field in (fields[0], fields[1], off))
-        shots.append(_Shot(k, u, v, angle))
+        u, v, tangent = (np.asarray(field, np.float32) for field in (fields[0], fields[1], off))
+        shots.append(_Shot(k, u, v, tangent))
     return shots
 
 
