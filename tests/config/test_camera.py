@@ -90,7 +90,7 @@ def _changed(i: int, j: int, value: float) -> str:
         (HEAD + PARAMETERS + SIGMA.replace("5,", "-5,"), 6, "must not be negative (got -5.0)"),
         (HEAD + PARAMETERS.replace("2900,", "-2900,") + SIGMA, 5, "fx must be greater than 0"),
         (HEAD + PARAMETERS.replace("2900.5", "3.6") + SIGMA, 5, "fy must be in pixels (got 3.6"),
-        (HEAD + PARAMETERS.replace("1500", "3500") + SIGMA, 5, "cy must be in pixels, inside"),
+        (HEAD + PARAMETERS.replace("1500", "6500") + SIGMA, 5, "cy must be in pixels, inside"),
         (HEAD.replace("4000", "-4000") + PARAMETERS + SIGMA, 3, "width_px: must be greater than 0"),
         (HEAD.replace("4000", "4000.5") + PARAMETERS + SIGMA, 3, "must be a whole number"),
         (HEAD.replace("brown", "pinhole") + PARAMETERS + SIGMA, 2, "must be brown or fisheye"),
@@ -117,3 +117,12 @@ def test_the_real_cameras_load(data_dir, flight):
 
     assert camera.model == "brown"
     assert camera.covariance[0, 0] > 0
+
+
+def test_a_rational_camera_has_twelve_parameters(load):
+    rational = PARAMETERS.replace("]", ", 0.3, 0.1, 0.02]")
+    camera = load(HEAD + rational + SIGMA.replace("]", ", 0.1, 0.1, 0.1]"))
+    assert camera.parameter_names[-3:] == ("k4", "k5", "k6")
+    assert camera.parameters[-3:].tolist() == [0.3, 0.1, 0.02]
+    with pytest.raises(InputError, match="sigma: must be 12 numbers"):
+        load(HEAD + rational + SIGMA)

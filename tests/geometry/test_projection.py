@@ -30,6 +30,21 @@ CAMERAS = {
     "pincushion": ("brown", np.array([900.0, 905, 630, 490, 0.2, 0.1, -1e-3, 5e-4, 0.05]), None),
     "radial": ("brown", np.array([800.0, 790, 650, 470, -0.2, 0.05, 0, 0, 0.001]), None),
     "decentred": ("brown", np.array([900.0, 905, 630, 490, -0.1, 0.1, 0.02, -0.03, 0.0]), None),
+    "rational": (
+        "brown",
+        np.array([800.0, 790, 650, 470, 0.9, 0.3, 1e-3, -2e-3, 0.02, 1.2, 0.6, 0.07]),
+        None,
+    ),
+    "rational folding": (  # and without tangential terms
+        "brown",
+        np.array([900.0, 905, 630, 490, 0.1, -0.2, 0, 0, 0.01, 0.2, 0.1, 0.05]),
+        None,
+    ),
+    "rational pole": (  # k4 < 0: to infinity at a radius of 1.4
+        "brown",
+        np.array([900.0, 905, 630, 490, 0.1, 0, 1e-4, 1e-3, 0, -0.5, 0, 0]),
+        None,
+    ),
     "equidistant": ("fisheye", np.array([500.0, 505, 640, 480, 0, 0, 0, 0]), None),
     "wide": ("fisheye", np.array([420.0, 425, 640, 480, 0.08, -0.03, 0.01, -0.002]), None),
     "bent": ("fisheye", np.array([900.0, 905, 640, 480, -0.3, 0.02, 0.01, -0.02]), None),
@@ -163,7 +178,7 @@ def test_back_projection_is_inverted_by_opencv_over_the_whole_image(name):
     np.testing.assert_allclose(
         opencv(model, parameters, ray[found]), grid[found], rtol=0, atol=1e-9
     )
-    if name not in ("folding", "barrel", "equidistant", "wide", "bent"):
+    if name not in ("folding", "rational folding", "barrel", "equidistant", "wide", "bent"):
         assert found.all()
 
 
@@ -221,6 +236,14 @@ def test_backward_derivatives_equal_central_differences(name, differences, same_
         ("brown", [0, 0, 0, 0, -1 / 7], 1.0),
         ("brown", [1 / 3, 1 / 5, 0, 0, 1 / 7], np.inf),
         ("brown", [0, 0, 0, 0, 0], np.inf),
+        ("brown", [-1 / 3, 0, 0.1, 0.1, 0, 0, 0, 0], 1.0),
+        ("brown", [0, 0, 0, 0, 0, 1, 0, 0], 1.0),  # t / (1 + t^2)
+        (
+            "brown",
+            [0, 0, 0, 0, 0, -1 / 4, 0, 0],
+            0.99 * 2.0,
+        ),  # before the pole of t / (1 - t^2 / 4)
+        ("brown", [0.3, 0.2, 0, 0, 0.1, 0.3, 0.2, 0.1], np.inf),  # the identity
         ("fisheye", [-1 / 3, 0, 0, 0], np.tan(1.0)),
         ("fisheye", [0, 0, 0, -1 / 9], np.tan(1.0)),
         ("fisheye", [-1 / 12, 0, 0, 0], np.inf),  # at 2 rad, behind the plane of the lens

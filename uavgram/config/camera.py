@@ -11,7 +11,14 @@ from uavgram.config.strict_yaml import Document, read_yaml
 from uavgram.config.validation import validate
 from uavgram.errors import InputError
 from uavgram.model.arrays import Floats
-from uavgram.model.camera import PARAMETER_NAMES, Calibration, LensModel
+from uavgram.model.camera import (
+    PARAMETER_NAMES,
+    Calibration,
+    LensModel,
+    parameter_counts,
+    parameter_names,
+)
+from uavgram.model.camera_provenance import CameraProvenance
 
 RELATIVE_TOLERANCE = 1e-6  # of symmetry and definiteness: files are rounded to some digits
 
@@ -27,10 +34,16 @@ class _CameraFile:
     name: str = ""
     sigma: tuple[float, ...] | None = None
     covariance: tuple[tuple[float, ...], ...] | None = None
+    provenance: CameraProvenance | None = None
 
 
 def load_camera(path: str | Path) -> Calibration:
-    """Read a camera file of this program (OpenCV's own: `uavgram.io.opencv_calibration`).
+    """Read the calibration of a camera file of this program; see `load_camera_file`."""
+    return load_camera_file(path)[0]
+
+
+def load_camera_file(path: str | Path) -> tuple[Calibration, CameraProvenance | None]:
+    """Read a camera file of this program, and where it comes from (None where it does not say).
 
     Raises
     ------
@@ -46,7 +59,7 @@ def load_camera(path: str | Path) -> Calibration:
         placed = [(document.line_of((key,)), f"{key}: {text}") for key, text in faults]
         raise InputError.of_all(path, placed)
     covariance = _covariance(camera, document)
-    return Calibration(
+    calibration = Calibration(
         name=camera.name or path.stem,
         model=camera.model,
         width_px=camera.width_px,
@@ -54,6 +67,7 @@ def load_camera(path: str | Path) -> Calibration:
         parameters=np.array(camera.parameters),
         covariance=covariance,
     )
+    return calibration, camera.provenance
 
 
 def _faults(camera: _CameraFile) -> list[tuple[str, str]]:
@@ -63,10 +77,11 @@ def _faults(camera: _CameraFile) -> list[tuple[str, str]]:
         for key in ("width_px", "height_px")
         if getattr(camera, key) <= 0
     ]
-    names = PARAMETER_NAMES[camera.model]
+    fits = len(camera.parameters) in parameter_counts(camera.model)
+    names = _names(camera) if fits else PARAMETER_NAMES[camera.model]
     n = len(names)
     order = f"{n} numbers in the order {' '.join(names)}"
-    if len(camera.parameters) != n:
+    if not fits:
         count = len(camera.parameters)
         faults.append(("parameters", f"the {camera.model} model needs {order} (got {count})"))
     elif not faults:
@@ -89,6 +104,10 @@ def _faults(camera: _CameraFile) -> list[tuple[str, str]]:
     return faults
 
 
+def _names(camera: _CameraFile) -> tuple[str, ...]:
+    return parameter_names(camera.model, len(camera.parameters))
+
+
 def _parameter_faults(camera: _CameraFile) -> list[tuple[str, str]]:
     """Check that focal length and principal point are pixels of this image."""
     fx, fy, cx, cy = camera.parameters[:4]
@@ -105,7 +124,7 @@ def _parameter_faults(camera: _CameraFile) -> list[tuple[str, str]]:
                 )
             )
     for name, centre_px, size in (("cx", cx, camera.width_px), ("cy", cy, camera.height_px)):
-        if not 0 <= centre_px <= size:
+        if not -size <= centre_px <= 2 * size:  # of a crop it may lie outside
             text = f"{name} must be in pixels, inside the image (got {centre_px}, size {size})"
             faults.append(("parameters", text))
     return faults
@@ -115,7 +134,7 @@ def _covariance(camera: _CameraFile, document: Document) -> Floats:
     """(P, P) covariance from either key; symmetric and positive semidefinite, or an error."""
     if camera.covariance is None:
         return np.diag(np.square(np.array(camera.sigma, dtype=np.float64)))
-    names = PARAMETER_NAMES[camera.model]
+    names = _names(camera)
     matrix = np.array(camera.covariance, dtype=np.float64)
     variance = np.diag(matrix)
     for i in np.flatnonzero(variance < 0):

@@ -10,6 +10,8 @@ import numpy as np
 
 from uavgram.geometry.lens import (
     BLOCK,
+    Distorted,
+    Radial,
     distort,
     fold_argument,
     folded,
@@ -17,6 +19,7 @@ from uavgram.geometry.lens import (
     radial_coefficients,
     write_parameter_derivative,
 )
+from uavgram.geometry.undistortion import undistort
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera import LensModel
 
@@ -54,10 +57,9 @@ def back_project(model: LensModel, parameters: Floats, pixel: Floats) -> Floats:
     ray = np.ones((len(flat), 3))
     for start in range(0, len(flat), BLOCK):
         block = slice(start, start + BLOCK)
-        target = (flat[block] - parameters[2:4]) / parameters[:2]
-        target[~np.isfinite(target).all(axis=1)] = np.nan
-        ray[block, :2] = _undistort(model, parameters, target)
-        ray[block, 2][np.isnan(ray[block, 0])] = np.nan
+        x, y, _ = rays_and_lens(model, parameters, flat[block])
+        ray[block, 0], ray[block, 1] = x, y
+        ray[block, 2][np.isnan(x)] = np.nan
     return ray.reshape(*pixel.shape[:-1], 3)
 
 
@@ -81,15 +83,16 @@ def back_project_with_jacobian(
         By the camera's parameters. All NaN where the ray is.
     """
     parameters = np.asarray(parameters, np.float64)
-    ray = back_project(model, parameters, pixel)
-    shape, p = ray.shape[:-1], len(parameters)
-    flat = ray.reshape(-1, 3)
+    pixel = np.asarray(pixel, np.float64)
+    shape, p = pixel.shape[:-1], len(parameters)
+    flat = pixel.reshape(-1, 2)
     n = len(flat)
+    ray = np.ones((n, 3))
     d_pixel, d_parameters = np.zeros((n, 3, 2)), np.zeros((n, 3, p))
     for start in range(0, n, BLOCK):
         block = slice(start, start + BLOCK)
-        x, y = flat[block, 0].copy(), flat[block, 1].copy()
-        lens = distort(model, parameters[4:], x, y)
+        x, y, lens = rays_and_lens(model, parameters, flat[block])
+        ray[block, 0], ray[block, 1] = x, y
         determinant = lens.a * lens.c - lens.b * lens.b
         fx, fy = parameters[:2].tolist()
         inverse = d_pixel[block]
@@ -101,10 +104,26 @@ def back_project_with_jacobian(
         write_parameter_derivative(forward, model, parameters, lens, (x, y))
         # pixel(ray, parameters) = constant: d_ray = -(d pixel / d ray)^-1 (d pixel / d parameters)
         np.matmul(-inverse[:, :2], forward, out=d_parameters[block, :2])
-    bad = np.isnan(flat[:, 0])
-    d_pixel[bad] = np.nan
-    d_parameters[bad] = np.nan
-    return ray, d_pixel.reshape(*shape, 3, 2), d_parameters.reshape(*shape, 3, p)
+    bad = np.isnan(ray[:, 0])
+    for array in (ray, d_pixel, d_parameters):
+        array[bad] = np.nan
+    return ray.reshape(*shape, 3), d_pixel.reshape(*shape, 3, 2), d_parameters.reshape(*shape, 3, p)
+
+
+def rays_and_lens(
+    model: LensModel, parameters: Floats, pixel: Floats
+) -> tuple[Floats, Floats, Distorted]:
+    """Undistorted x and y (N,) of pixels (N, 2), NaN where there are none, and the lens at them."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        target = (pixel.T - parameters[2:4, None]) / parameters[:2, None]
+        x, y, lens, found = undistort(model, parameters, target[0], target[1], _TOLERANCE_PX)
+    if found.all():
+        return x, y, lens
+    rest = np.flatnonzero(~found)
+    target = target[:, rest].T
+    target[~np.isfinite(target).all(axis=1)] = np.nan
+    x[rest], y[rest] = _undistort(model, parameters, target).T
+    return x, y, distort(model, parameters[4:], x, y)
 
 
 def _undistort(model: LensModel, parameters: Floats, target: Floats) -> Floats:
@@ -127,8 +146,8 @@ def _undistort(model: LensModel, parameters: Floats, target: Floats) -> Floats:
     return _newton(parameters, target, point)
 
 
-def _invert_odd(odd: Floats, value: Floats, limit: float, tolerance: float) -> tuple[Floats, Bools]:
-    """Solve t (1 + c1 t^2 + ...) = value for t below `limit`, where the left side grows.
+def _invert_odd(odd: Radial, value: Floats, limit: float, tolerance: float) -> tuple[Floats, Bools]:
+    """Solve t (1 + n1 t^2 + ...) / (1 + d1 t^2 + ...) = value for t < `limit`, where it grows.
 
     Returns
     -------
@@ -165,22 +184,33 @@ def _invert_odd(odd: Floats, value: Floats, limit: float, tolerance: float) -> t
     return argument, found
 
 
-def _table_end(odd: Floats, largest_value: float, limit: float) -> float:
-    """Smallest power of two, or else `limit`, at which the odd polynomial reaches the value."""
+def _table_end(odd: Radial, largest_value: float, limit: float) -> float:
+    """Smallest power of two, or else `limit`, at which the odd function reaches the value."""
     end = min(1.0, limit)
     while end < limit and _odd(odd, np.array([end]))[0][0] < largest_value:
         end = min(2 * end, limit)
     return end
 
 
-def _odd(odd: Floats, t: Floats) -> tuple[Floats, Floats]:
-    """Value and slope of t (1 + c1 t^2 + c2 t^4 + ...)."""
+def _odd(odd: Radial, t: Floats) -> tuple[Floats, Floats]:
+    """Value and slope of t (1 + n1 t^2 + ...) / (1 + d1 t^2 + ...)."""
+    factor, slope = _factor_and_slope(odd.numerator, t)
+    if len(odd.denominator):
+        divisor, divisor_slope = _factor_and_slope(odd.denominator, t)
+        factor = factor / divisor
+        # (t N / D)' = ((t N)' - (N / D) t D') / D, and t D' = (t D)' - D
+        slope = (slope - factor * (divisor_slope - divisor)) / divisor
+    return t * factor, slope
+
+
+def _factor_and_slope(coefficients: Floats, t: Floats) -> tuple[Floats, Floats]:
+    """1 + c1 t^2 + c2 t^4 + ..., and the slope of t times that."""
     t2 = t * t
-    value, slope = np.zeros_like(t), np.zeros_like(t)
-    for power, coefficient in reversed(list(enumerate(odd.tolist(), 1))):
-        value = (value + coefficient) * t2
+    factor, slope = np.zeros_like(t), np.zeros_like(t)
+    for power, coefficient in reversed(list(enumerate(coefficients.tolist(), 1))):
+        factor = (factor + coefficient) * t2
         slope = (slope + (2 * power + 1) * coefficient) * t2
-    return t * (1 + value), 1 + slope
+    return 1 + factor, 1 + slope
 
 
 def _newton(parameters: Floats, target: Floats, start: Floats) -> Floats:
@@ -189,7 +219,7 @@ def _newton(parameters: Floats, target: Floats, start: Floats) -> Floats:
     Parameters
     ----------
     parameters
-        (9,).
+        (9,) or (12,).
     target, start
         (N, 2) distorted points, first undistorted ones; points on the plane z = 1.
     """

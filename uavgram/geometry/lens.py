@@ -7,7 +7,7 @@ Both have symmetric 2x2 Jacobians by the undistorted point, given here as (a, b,
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,10 +15,20 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera import LensModel
 
 # Points at a time: the temporaries of one block stay in the processor's cache.
-BLOCK = 8192
+BLOCK = 4096
 
 # A radius below which OpenCV's fisheye is the identity to the last digit.
 _TINY_RADIUS_SQUARED = 1e-20
+
+# Of the radius at which a rational lens sends points to infinity: what still counts as in view.
+# Nearer than that, rounding alone is more than 1e-9 px.
+_BEFORE_POLE = 0.99
+
+# Where the radial coefficients stand among the camera's parameters.
+_RADIAL_COLUMNS: dict[LensModel, tuple[int, ...]] = {
+    "brown": (4, 5, 8, 9, 10, 11),
+    "fisheye": (4, 5, 6, 7),
+}
 
 
 class Distorted(NamedTuple):
@@ -32,6 +42,7 @@ class Distorted(NamedTuple):
         (N,) dx/dx, dx/dy = dy/dx, dy/dy.
     powers
         The factors of the radial coefficients: d(x, y)/dk_i = (x, y)_undistorted * powers[i].
+        Brown: k1 k2 k3, and k4 k5 k6 where the camera has them.
     """
 
     x: Floats
@@ -48,38 +59,62 @@ def distort(model: LensModel, coefficients: Floats, x: Floats, y: Floats) -> Dis
     Parameters
     ----------
     model, coefficients
-        ``brown``: k1 k2 p1 p2 k3; ``fisheye``: k1 k2 k3 k4.
+        ``brown``: k1 k2 p1 p2 k3 [k4 k5 k6]; ``fisheye``: k1 k2 k3 k4. Along the first axis; where
+        there are more axes (many cameras), they broadcast against the points.
     x, y
-        (N,) undistorted coordinates.
+        (N,) undistorted coordinates, or of any shape.
     """
     if model == "brown":
         return _distort_brown(coefficients, x, y)
     return _distort_fisheye(coefficients, x, y)
 
 
+def each(values: Floats) -> list[Any]:
+    """Entries along the first axis: plain numbers, or arrays where there are more axes."""
+    return values.tolist() if values.ndim == 1 else list(values)
+
+
 def _distort_brown(coefficients: Floats, x: Floats, y: Floats) -> Distorted:
     # OpenCV 4 documentation, calib3d, "Detailed Description"
-    k1, k2, p1, p2, k3 = coefficients.tolist()
-    xx, yy, xy2 = x * x, y * y, 2 * x * y
+    k1, k2, p1, p2, k3, *rational = each(coefficients)
+    xx, yy = x * x, y * y
     r2 = xx + yy
     r4 = r2 * r2
     radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
     slope = k1 + r2 * (2 * k2 + r2 * (3 * k3))  # of radial by r2
-    tangential = 2 * (p1 * y + p2 * x)
-    radial_t = radial + tangential
+    powers: tuple[Floats, ...] = (r2, r4, r2 * r4)
+    if rational:
+        radial, slope, powers = _divide(rational, radial, slope, powers)
+    # p1 2xy + p2 (r^2 + 2x^2) = x 2 (p1 y + p2 x) + p2 r^2: both axes share the first factor.
+    radial_t = radial + ((2 * p1) * y + (2 * p2) * x)
+    twice = 2 * slope
+    twice_x = twice * x
     return Distorted(
-        x=x * radial + p1 * xy2 + p2 * (r2 + 2 * xx),
-        y=y * radial + p2 * xy2 + p1 * (r2 + 2 * yy),
-        a=radial_t + 2 * xx * slope + (4 * p2) * x,
-        b=xy2 * slope + 2 * (p1 * x + p2 * y),
-        c=radial_t + 2 * yy * slope + (4 * p1) * y,
-        powers=(r2, r4, r2 * r4),
+        x=x * radial_t + p2 * r2,
+        y=y * radial_t + p1 * r2,
+        a=radial_t + x * (twice_x + 4 * p2),
+        b=twice_x * y + ((2 * p1) * x + (2 * p2) * y),
+        c=radial_t + y * (twice * y + 4 * p1),
+        powers=powers,
     )
+
+
+def _divide(
+    rational: list[Any], radial: Floats, slope: Floats, powers: tuple[Floats, ...]
+) -> tuple[Floats, Floats, tuple[Floats, ...]]:
+    """Radial factor, its slope by r^2 and its powers, over 1 + k4 r^2 + k5 r^4 + k6 r^6."""
+    k4, k5, k6 = rational
+    r2 = powers[0]
+    inverse = 1 / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+    quotient = radial * inverse
+    slope = (slope - quotient * (k4 + r2 * (2 * k5 + r2 * (3 * k6)))) * inverse
+    above = tuple(power * inverse for power in powers)
+    return quotient, slope, (*above, *(-quotient * power for power in above))
 
 
 def _distort_fisheye(coefficients: Floats, x: Floats, y: Floats) -> Distorted:
     # OpenCV 4 documentation, calib3d, "Fisheye camera model" (Kannala and Brandt 2006)
-    k1, k2, k3, k4 = coefficients.tolist()
+    k1, k2, k3, k4 = each(coefficients)
     r2 = x * x + y * y
     safe = np.maximum(r2, _TINY_RADIUS_SQUARED)
     r = np.sqrt(safe)
@@ -102,20 +137,48 @@ def _distort_fisheye(coefficients: Floats, x: Floats, y: Floats) -> Distorted:
     )
 
 
-def radial_coefficients(model: LensModel, coefficients: Floats) -> Floats:
-    """Coefficients c of the odd polynomial t (1 + c1 t^2 + c2 t^4 + ...), t the radius or theta."""
-    return coefficients[[0, 1, 4]] if model == "brown" else coefficients
+class Radial(NamedTuple):
+    """Coefficients n, d of t (1 + n1 t^2 + n2 t^4 + ...) / (1 + d1 t^2 + ...).
+
+    t is the radius (brown) or the angle from the optical axis [rad] (fisheye); d is empty where
+    nothing is divided.
+    """
+
+    numerator: Floats
+    denominator: Floats
+
+
+def radial_coefficients(model: LensModel, coefficients: Floats) -> Radial:
+    """Radial part of a lens as a function of one variable."""
+    if model == "brown":
+        return Radial(coefficients[[0, 1, 4]], coefficients[5:])
+    return Radial(coefficients, coefficients[:0])
 
 
 def fold_argument(model: LensModel, coefficients: Floats) -> float:
-    """Smallest t at which the odd polynomial of `radial_coefficients` stops growing; inf if none.
+    """Smallest t at which the function of `radial_coefficients` stops growing; inf if none.
 
-    t is the undistorted radius (brown) or the angle from the optical axis [rad] (fisheye).
+    t is the undistorted radius (brown) or the angle from the optical axis [rad] (fisheye). Where
+    the denominator of a rational lens comes to zero before, a hundredth short of that.
     """
-    odd = radial_coefficients(model, coefficients)
-    # The slope is 1 + 3 c1 t^2 + 5 c2 t^4 + ...; as a polynomial in 1 / t^2 it starts with 1, so
-    # coefficients near zero do no harm, and the nearest fold is its largest root.
-    roots = np.roots(np.concatenate([[1.0], odd * (2 * np.arange(len(odd)) + 3)]))
+    above, below = radial_coefficients(model, coefficients)
+    # The slope is 1 + 3 n1 t^2 + 5 n2 t^4 + ...
+    slope = np.concatenate([[1.0], above * (2 * np.arange(len(above)) + 3)])
+    if not below.any():
+        return _smallest_root(slope)
+    # ... and of a quotient t N / D it is ((t N)' D - t N D') / D^2; all in powers of t^2.
+    denominator = np.concatenate([[1.0], below])
+    d_denominator = 2 * np.arange(len(denominator)) * denominator  # t D'
+    numerator = np.concatenate([[1.0], above])
+    growth = np.convolve(slope, denominator) - np.convolve(numerator, d_denominator)
+    return min(_smallest_root(growth), _BEFORE_POLE * _smallest_root(denominator))
+
+
+def _smallest_root(ascending: Floats) -> float:
+    """Smallest t > 0 at which 1 + c1 t^2 + c2 t^4 + ... is zero; inf if there is none."""
+    # As a polynomial in 1 / t^2 it starts with 1, so coefficients near zero do no harm, and the
+    # nearest zero is its largest root.
+    roots = np.roots(ascending)
     crossings = roots[(roots.imag == 0) & (roots.real > 0)].real
     return 1.0 / math.sqrt(crossings.max()) if len(crossings) else math.inf
 
@@ -150,32 +213,32 @@ def write_parameter_derivative(
     lens: Distorted,
     undistorted: tuple[Floats, ...],
 ) -> None:
-    """Fill (N, 2, P) with the derivatives of pixels by the parameters.
+    """Fill (..., 2, P) with the derivatives of pixels by the parameters.
 
     Parameters
     ----------
     out
-        (N, 2, P).
+        (..., 2, P) for points (...).
     model, parameters
-        The lens.
+        The lens; (P,), or with more axes that broadcast against the points.
     lens, undistorted
-        What `distort` makes of the points (x, y), each (N,).
+        What `distort` makes of the points (x, y), each (...).
     """
-    fx, fy = parameters[:2].tolist()
+    fx, fy = each(parameters[:2])
     x, y = undistorted
-    out[:, :, :4] = 0
-    out[:, 0, 0] = lens.x
-    out[:, 1, 1] = lens.y
-    out[:, 0, 2] = 1
-    out[:, 1, 3] = 1
+    out[..., :4] = 0
+    out[..., 0, 0] = lens.x
+    out[..., 1, 1] = lens.y
+    out[..., 0, 2] = 1
+    out[..., 1, 3] = 1
     u, v = fx * x, fy * y
-    columns = (4, 5, 8) if model == "brown" else (4, 5, 6, 7)
+    columns = _RADIAL_COLUMNS[model][: len(lens.powers)]
     for column, power in zip(columns, lens.powers, strict=True):
-        np.multiply(u, power, out=out[:, 0, column])
-        np.multiply(v, power, out=out[:, 1, column])
+        np.multiply(u, power, out=out[..., 0, column])
+        np.multiply(v, power, out=out[..., 1, column])
     if model == "brown":
-        r2 = lens.powers[0]
-        np.multiply(2 * u, y, out=out[:, 0, 6])
-        np.multiply(2 * v, x, out=out[:, 1, 7])
-        out[:, 0, 7] = fx * r2 + 2 * u * x
-        out[:, 1, 6] = fy * r2 + 2 * v * y
+        r2 = x * x + y * y
+        np.multiply(2 * u, y, out=out[..., 0, 6])
+        np.multiply(2 * v, x, out=out[..., 1, 7])
+        out[..., 0, 7] = fx * r2 + 2 * u * x
+        out[..., 1, 6] = fy * r2 + 2 * v * y

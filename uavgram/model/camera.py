@@ -14,6 +14,33 @@ PARAMETER_NAMES: dict[LensModel, tuple[str, ...]] = {
     "fisheye": ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4"),
 }
 
+_RATIONAL_NAMES = ("k4", "k5", "k6")
+
+
+def parameter_counts(model: LensModel) -> tuple[int, ...]:
+    """Numbers of parameters that a camera of this model may have.
+
+    A brown camera has 9, or 12 with the rational coefficients k4 k5 k6 (OpenCV's 8 coefficients).
+    """
+    basic = len(PARAMETER_NAMES[model])
+    return (basic, basic + len(_RATIONAL_NAMES)) if model == "brown" else (basic,)
+
+
+def parameter_names(model: LensModel, count: int) -> tuple[str, ...]:
+    """Names of the parameters of a camera that has `count` of them.
+
+    Raises
+    ------
+    ValueError
+        No camera of this model has that many.
+    """
+    if count not in parameter_counts(model):
+        raise ValueError(
+            f"a {model} camera has {' or '.join(map(str, parameter_counts(model)))} parameters, "
+            f"got {count}"
+        )
+    return (PARAMETER_NAMES[model] + _RATIONAL_NAMES)[:count]
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:
@@ -24,11 +51,12 @@ class Calibration:
     name
         The camera's name.
     model
-        ``brown`` (OpenCV's k1 k2 p1 p2 k3) or ``fisheye`` (OpenCV's k1 k2 k3 k4).
+        ``brown`` (OpenCV's k1 k2 p1 p2 k3, and k4 k5 k6 where there are 12 parameters) or
+        ``fisheye`` (OpenCV's k1 k2 k3 k4).
     width_px, height_px
         Size of the original image.
     parameters
-        (P,) in the order of ``PARAMETER_NAMES[model]``: px, then dimensionless coefficients.
+        (P,) in the order of `parameter_names`: px, then dimensionless coefficients.
     covariance
         (P, P), same order.
     """
@@ -41,7 +69,7 @@ class Calibration:
     covariance: Floats
 
     def __post_init__(self) -> None:
-        n = len(PARAMETER_NAMES[self.model])
+        n = len(self.parameter_names)
         freeze(self, parameters=(n,), covariance=(n, n))
         if self.width_px <= 0 or self.height_px <= 0:
             raise ValueError(
@@ -49,3 +77,8 @@ class Calibration:
             )
         if min(self.parameters[:2]) <= 0:
             raise ValueError(f"fx and fy must be positive, got {self.parameters[:2].tolist()}")
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """(P,) names of the parameters."""
+        return parameter_names(self.model, len(self.parameters))

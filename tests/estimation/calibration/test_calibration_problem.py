@@ -1,0 +1,109 @@
+"""Residuals and Jacobians of a calibration: OpenCV's projection, central differences, padding."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import board_scenes as scenes
+import numpy as np
+import pytest
+
+from uavgram.estimation.calibration.problem import (
+    bow_shape,
+    lens_of,
+    linearise,
+    pad,
+    prior_from,
+)
+from uavgram.model.calibration_photos import CalibrationOptions, flat_board
+from uavgram.model.camera import Calibration
+
+CASES = {
+    "brown 3": (scenes.BROWN3, CalibrationOptions(coefficients=3)),
+    "brown 5": (scenes.BROWN5, CalibrationOptions()),
+    "brown 8": (scenes.BROWN8, CalibrationOptions(coefficients=8)),
+    "fisheye": (scenes.FISHEYE, CalibrationOptions(model="fisheye", coefficients=4)),
+    "aspect": (scenes.BROWN5, CalibrationOptions(aspect=820 / 815)),
+    "centre held": (scenes.BROWN5, CalibrationOptions(fixed_principal_point=True)),
+    "bowl": (scenes.BROWN5, CalibrationOptions(bow="bowl")),
+    "paraboloid": (scenes.BROWN8, CalibrationOptions(coefficients=8, bow="paraboloid")),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_derivatives_equal_central_differences(name):
+    parameters, options = CASES[name]
+    scene = scenes.make_scene(3, parameters, options.model, photos=3, noise=0.0, whole=False)
+    lens, corners = lens_of(options), pad(scene.observations, options.bow)
+    bow = [0.03, -0.02][: corners.bow.shape[2]]
+    state = scenes.true_state(scene, parameters, bow)
+    linear = linearise(lens, corners, state)
+    q = lens.size
+    scale = np.ones(q)
+    scale[lens.full_basis[:2].any(axis=0) | lens.full_basis[2:4].any(axis=0)] = 100.0
+
+    def residual(step):
+        moved = state.moved(lens, step[:q] * scale, np.tile(step[q:], (3, 1)))
+        return linearise(lens, corners, moved).residual
+
+    numeric = np.empty((*linear.residual.shape, q + 6))
+    for i in range(q + 6):
+        h = np.zeros(q + 6)
+        h[i] = 1e-4
+        numeric[..., i] = (residual(h) - residual(-h)) / 2e-4
+    analytic = np.concatenate([linear.border * scale, linear.pose], axis=2)
+    size = np.abs(numeric).max(axis=(0, 1))
+    assert (size > 0).all()
+    assert (np.abs(analytic - numeric) < 1e-5 * size).all()
+
+
+@pytest.mark.parametrize("name", ["brown 5", "brown 8", "fisheye"])
+def test_residuals_of_the_truth_are_zero(name):
+    parameters, options = CASES[name]
+    scene = scenes.make_scene(
+        3, parameters, options.model, photos=8, noise=0.0, whole=False, distance=(4, 9)
+    )
+    lens, corners = lens_of(options), pad(scene.observations, "flat")
+    assert len(set(corners.count)) > 1  # partial views
+    linear = linearise(lens, corners, scenes.true_state(scene, parameters))
+    assert np.abs(linear.residual).max() < 1e-9
+
+
+def test_a_board_behind_the_camera_is_refused():
+    scene = scenes.make_scene(3, photos=3)
+    state = scenes.true_state(scene, scenes.BROWN5)
+    behind = replace(state, middle_camera_m=-state.middle_camera_m)
+    assert linearise(lens_of(CalibrationOptions()), pad(scene.observations, "flat"), behind) is None
+
+
+def test_a_bow_is_the_height_of_the_middle_over_the_rim():
+    board = flat_board(5, 3, 0.1)
+    both = bow_shape(board, "paraboloid")
+    np.testing.assert_allclose(both[7], [1, 1])  # the middle
+    np.testing.assert_allclose(both[[0, 4, 10, 14]], 0, atol=1e-15)
+    one = bow_shape(board, "bowl")[:, 0]
+    assert one[7] == 1
+    np.testing.assert_allclose(one[[0, 4, 10, 14]], 0, atol=1e-15)
+    # a bowl has the same curvature both ways: the fall is as the squared distance
+    assert (1 - one[6]) == pytest.approx((1 - one[2]), rel=1e-12)
+
+
+def test_a_camera_becomes_a_prior_with_its_covariance():
+    root = np.random.default_rng(0).normal(size=(9, 9)) * [10, 10, 5, 5, *[0.01] * 5]
+    camera = Calibration(
+        name="c",
+        model="brown",
+        width_px=1024,
+        height_px=768,
+        parameters=scenes.BROWN5,
+        covariance=root.T @ root,
+    )
+    prior = prior_from(camera, "a table")
+    np.testing.assert_allclose(prior.information @ camera.covariance, np.eye(9), atol=1e-6)
+    held = replace(camera, covariance=np.diag([4.0, 0, 1, 1, 0, 0, 0, 0, 0]))
+    information = np.diag(prior_from(held, "held").information)
+    assert information[0] == pytest.approx(0.25)
+    assert information[1] > 1e5
+    lens = lens_of(CalibrationOptions(coefficients=8, prior=prior))  # k4 to k6 stay unknown
+    assert lens.prior_information.shape == (12, 12)
+    assert not lens.prior_information[9:].any()

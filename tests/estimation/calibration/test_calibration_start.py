@@ -1,0 +1,108 @@
+"""First values: exact where there is no noise, near enough where there is."""
+
+from __future__ import annotations
+
+import board_scenes as scenes
+import numpy as np
+import pytest
+
+from uavgram.errors import GeometryError
+from uavgram.estimation.calibration.adjustment import adjust
+from uavgram.estimation.calibration.problem import board_middle, lens_of, pad
+from uavgram.estimation.calibration.start import (
+    better_of_two,
+    centred,
+    first_values,
+    homographies,
+    mirrored,
+    poses_from_rays,
+    zhang,
+)
+from uavgram.model.calibration_photos import CalibrationOptions
+
+PINHOLE = np.array([820.0, 815, 530, 370, 0, 0, 0, 0, 0])
+
+
+def image_of(corners, center=(511.5, 383.5)):
+    return (corners.pixel_px - np.array(center)) / 1024
+
+
+def test_zhangs_closed_form_is_exact_without_noise_and_distortion():
+    corners = pad(
+        scenes.make_scene(0, PINHOLE, photos=5, noise=0, whole=False).observations, "flat"
+    )
+    found = zhang(homographies(corners, image_of(corners), corners.weight > 0)) * 1024
+    np.testing.assert_allclose(found + np.array([0, 0, 511.5, 383.5]), PINHOLE[:4], rtol=1e-7)
+
+
+def test_with_a_centred_principal_point_focal_lengths_are_exact():
+    camera = np.array([820.0, 815, 511.5, 383.5, 0, 0, 0, 0, 0])
+    corners = pad(scenes.make_scene(0, camera, photos=3, noise=0).observations, "flat")
+    found = centred(homographies(corners, image_of(corners), corners.weight > 0)) * 1024
+    np.testing.assert_allclose(found, [820, 815, 0, 0], rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "model"),
+    [(PINHOLE, "brown"), (scenes.BROWN5, "brown"), (scenes.BROWN8, "brown"),
+     (scenes.FISHEYE, "fisheye")],
+)  # fmt: skip
+def test_poses_are_exact_for_the_true_camera(parameters, model):
+    scene = scenes.make_scene(1, parameters, model, photos=4, noise=0, whole=False)
+    corners = pad(scene.observations, "flat")
+    rotation, middle = poses_from_rays(model, parameters, corners)
+    np.testing.assert_allclose(rotation, scene.rotation, atol=1e-6)
+    expected = scene.translation + scene.rotation @ board_middle(scene.observations.board)
+    np.testing.assert_allclose(middle, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("focal", "model"),
+    [(250.0, "fisheye"), (420, "fisheye"), (450.0, "brown"), (4000, "brown")],
+)
+def test_the_adjustment_arrives_from_first_values_whatever_the_focal_length(focal, model):
+    parameters = (scenes.FISHEYE if model == "fisheye" else scenes.BROWN5).copy()
+    parameters[:2] = focal, 0.99 * focal
+    near = np.array([3.5, 7.0]) * max(focal / 420, 1)
+    scene = scenes.make_scene(2, parameters, model, noise=0.1, distance=near, whole=False)
+    options = CalibrationOptions(model=model, coefficients=4 if model == "fisheye" else 5)
+    lens, corners = lens_of(options), pad(scene.observations, "flat")
+    fit = adjust(lens, corners, first_values(lens, corners, scenes.SIZE))
+    assert fit.converged
+    assert fit.cost / fit.degrees_of_freedom == pytest.approx(1, abs=0.15)
+
+
+def test_what_is_held_is_held_from_the_start():
+    scene = scenes.make_scene(2, PINHOLE, noise=0.1)
+    options = CalibrationOptions(aspect=1.01, fixed_principal_point=True)
+    lens, corners = lens_of(options), pad(scene.observations, "flat")
+    state = adjust(lens, corners, first_values(lens, corners, scenes.SIZE)).state
+    fx, fy, cx, cy = state.parameters[:4]
+    assert fx == pytest.approx(1.01 * fy, rel=1e-12)
+    assert (cx, cy) == (511.5, 383.5)
+
+
+def test_a_board_in_the_wrong_one_of_its_two_poses_is_turned():
+    scene = scenes.make_scene(4, PINHOLE, photos=8, noise=0.05)
+    lens, corners = lens_of(CalibrationOptions()), pad(scene.observations, "flat")
+    good = adjust(lens, corners, first_values(lens, corners, scenes.SIZE)).state
+    wrong = mirrored(good).where(np.arange(8) == 3, good)
+    assert np.abs(wrong.camera_from_board - good.camera_from_board).max() > 0.1
+    found = better_of_two(lens, corners, wrong)
+    np.testing.assert_allclose(found.camera_from_board, good.camera_from_board, atol=1e-5)
+
+
+def test_noise_in_place_of_corners_is_told_or_fits_badly():
+    scene = scenes.make_scene(5, photos=4)
+    rng = np.random.default_rng(0)
+    photos = tuple(
+        scenes.replace_pixels(photo, rng.uniform(0, 700, photo.pixel_px.shape))
+        for photo in scene.observations.photos
+    )
+    observations = type(scene.observations)(board=scene.observations.board, photos=photos)
+    lens, corners = lens_of(CalibrationOptions()), pad(observations, "flat")
+    try:
+        fit = adjust(lens, corners, first_values(lens, corners, scenes.SIZE))
+    except GeometryError:
+        return
+    assert fit.cost / fit.degrees_of_freedom > 1e4

@@ -1,0 +1,1 @@
+"""Camera calibration from photos of a board: first values, adjustment, tests, judgement."""

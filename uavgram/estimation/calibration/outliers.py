@@ -1,0 +1,164 @@
+"""Data snooping of corners and photos: one at a time, refitted in between, nothing in silence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavgram.estimation.calibration.adjustment import Fit, adjust
+from uavgram.estimation.calibration.problem import Corners, Lens, State
+from uavgram.estimation.calibration.reliability import corner_tests, photo_tests
+from uavgram.estimation.calibration.start import FEWEST_CORNERS
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.calibration_photos import CalibrationOptions
+
+ROUNDS = 100
+"""Refits in which corners and photos are taken out."""
+
+MOST_CORNERS = 0.15
+"""Share of a photo's corners beyond which it is the photo that does not fit."""
+
+BAD_PHOTO = 3.0
+"""Residuals of a bad photo, in the median of all photos: photos are never quite alike, so a test
+against the corners' noise alone would throw out half of any good set."""
+
+FEWEST_PHOTOS = 3
+
+SCALED = 1e-6
+"""Relative change of the corners' variance factor at which its estimate has settled."""
+
+_SCALINGS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Snooped:
+    """An adjustment, and what was found wrong on the way.
+
+    Attributes
+    ----------
+    fit
+        The last adjustment, its weights scaled by `sigma_scale`.
+    sigma_scale
+        Factor of the corners' sigmas that their residuals ask for; 1 where they are given.
+    bad_corner
+        (M, n) corners that fit too badly: taken out, or only named.
+    bad_photo
+        (M,) photos likewise.
+    bad_photo_size
+        (M,) residuals of each photo in the median of all when it was judged.
+    """
+
+    fit: Fit
+    sigma_scale: float
+    bad_corner: Bools
+    bad_photo: Bools
+    bad_photo_size: Floats
+
+
+def snoop(lens: Lens, corners: Corners, start: State, options: CalibrationOptions) -> Snooped:
+    """Adjust; test corners and photos; take out the worst, and adjust again until all fit.
+
+    In each round the worst corner of each photo goes at most: corners of different photos hardly
+    share a redundancy, those of one photo do. Where outliers are only to be reported, all take
+    part in the last adjustment again.
+    """
+    fit, scale = adjust_scaled(lens, corners, start, options)
+    bad_corner = np.zeros(corners.weight.shape, bool)
+    bad_photo = np.zeros(len(corners.weight), bool)
+    size = np.full(len(corners.weight), np.nan)
+    for _ in range(ROUNDS):
+        new_corner = _bad_corners(fit, options)
+        crowded = (bad_corner | new_corner).sum(axis=1) > MOST_CORNERS * corners.count
+        if new_corner.any() and not crowded.any():
+            bad_corner |= new_corner
+        else:
+            # Only where single corners are no longer to blame is it the photo.
+            worst, found = _worst_photo(fit, crowded, options)
+            size = np.where(bad_photo, size, found)
+            if worst is None:
+                break
+            bad_photo[worst] = True
+            bad_corner[:] = False  # it may have spoiled those of the others
+        kept = np.where(bad_corner | bad_photo[:, None], 0.0, corners.weight)
+        fit, scale = adjust_scaled(lens, corners.weighted(kept), fit.state, options)
+    if options.outliers == "report" and (bad_corner.any() or bad_photo.any()):
+        fit, scale = adjust_scaled(lens, corners, fit.state, options)
+    return Snooped(fit, scale, bad_corner, bad_photo, size)
+
+
+def adjust_scaled(
+    lens: Lens, corners: Corners, start: State, options: CalibrationOptions
+) -> tuple[Fit, float]:
+    """Adjust with the corners' sigmas given, or scaled until they agree with the residuals.
+
+    Where there are priors the scale decides what they weigh, so both are found together
+    (variance components after Foerstner 1979).
+
+    Returns
+    -------
+    fit, scale
+        Adjustment with the scaled weights; factor of the corners' sigmas.
+    """
+    scale = 1.0
+    fit = adjust(lens, corners, start)
+    if options.corner_sigma == "given":
+        return fit, scale
+    for _ in range(_SCALINGS):
+        factor = fit.corner_cost / max(fit.corner_redundancy, 1.0)
+        if factor <= 0 or abs(factor - 1) < SCALED:  # exact observations have no scale
+            break
+        scale *= float(np.sqrt(factor))
+        fit = adjust(lens, corners.weighted(corners.weight / scale), fit.state)
+    return fit, scale
+
+
+def _bad_corners(fit: Fit, options: CalibrationOptions) -> Bools:
+    """(M, n) the worst corner of each photo, where it is an outlier."""
+    tests = corner_tests(fit, options.corner_sigma)
+    count = max(int(fit.corners.count.sum()), 1)
+    worst = tests.probability.argmin(axis=1)
+    result = np.zeros(fit.corners.weight.shape, bool)
+    photo = np.arange(len(worst))
+    # Bonferroni: the significance is that of the whole set.
+    result[photo, worst] = tests.probability[photo, worst] < options.significance / count
+    # A photo keeps what its pose needs, and some corners to check it.
+    result[fit.corners.count <= 2 * FEWEST_CORNERS] = False
+    return result
+
+
+def _worst_photo(
+    fit: Fit, crowded: Bools, options: CalibrationOptions
+) -> tuple[int | None, Floats]:
+    """Which photo fits too badly, if any, and all photos' residuals in their median."""
+    tests = photo_tests(fit, options.corner_sigma)
+    used = (fit.corners.count > 0) & np.isfinite(tests.excess)
+    rms = np.sqrt(np.maximum(tests.excess, 0.0) / np.maximum(tests.degrees, 1.0))
+    median = float(np.median(rms[used])) if used.any() else 0.0
+    size = np.where(used & (median > 0), rms / max(median, 1e-300), np.nan)
+    improbable = tests.probability < options.significance / max(int(used.sum()), 1)
+    bad = used & ((improbable & (size > BAD_PHOTO)) | crowded)
+    if used.sum() <= FEWEST_PHOTOS or not bad.any():
+        return None, size
+    return int(np.argmax(np.where(bad, size, -np.inf))), size
+
+
+def without(fit: Fit, photos: Bools) -> Fit:
+    """Drop photos that have no weight left; the result stays the same."""
+    return replace(
+        fit,
+        corners=fit.corners.take(~photos),
+        state=fit.state.take(~photos),
+        linear=replace(
+            fit.linear,
+            residual=fit.linear.residual[~photos],
+            pose=fit.linear.pose[~photos],
+            border=fit.linear.border[~photos],
+        ),
+        normals=replace(
+            fit.normals,
+            pose_inverse=fit.normals.pose_inverse[~photos],
+            gain=fit.normals.gain[~photos],
+            photo_border=fit.normals.photo_border[~photos],
+        ),
+    )

@@ -1,0 +1,306 @@
+"""Corners of a board in M photos as whitened residuals with Jacobians, padded to one shape.
+
+Unknowns: a border shared by all photos (intrinsics, distortion, bow of the board), and a pose of
+six per photo: (shift of the board's middle in the camera's frame [m], turn of the board about
+its middle, in the camera's frame [rad]). About the middle the two hardly depend on each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavgram.geometry.projection import project_with_jacobian
+from uavgram.geometry.rotation import exp_so3, hat
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.calibration_photos import (
+    Board,
+    BoardObservations,
+    Bow,
+    CalibrationOptions,
+    IntrinsicsPrior,
+    parameter_count,
+)
+from uavgram.model.camera import Calibration, LensModel, parameter_names
+
+HELD = 1e-6
+"""Relative sigma (and share of a variance) of what a prior states without any error."""
+
+POSE = 6
+"""Unknowns of a photo."""
+
+_ESTIMATED: dict[tuple[LensModel, int], tuple[str, ...]] = {
+    ("brown", 3): ("k1", "k2", "k3"),
+    ("brown", 5): ("k1", "k2", "p1", "p2", "k3"),
+    ("brown", 8): ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+    ("fisheye", 4): ("k1", "k2", "k3", "k4"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """Observed corners; rows of photos with fewer than n corners repeat one at weight 0.
+
+    Attributes
+    ----------
+    board_m
+        (M, n, 3) nominal place on the board, from the board's middle.
+    bow
+        (M, n, k) shape functions of the bow: d z / d bow.
+    pixel_px
+        (M, n, 2).
+    weight
+        (M, n) one over sigma; 0 where there is no observation.
+    """
+
+    board_m: Floats
+    bow: Floats
+    pixel_px: Floats
+    weight: Floats
+
+    @property
+    def count(self) -> Ints:
+        """(M,) corners per photo."""
+        return np.asarray(np.count_nonzero(self.weight, axis=1), np.int64)
+
+    def take(self, photos: Ints | Bools) -> Corners:
+        """Some of the photos."""
+        return Corners(
+            self.board_m[photos], self.bow[photos], self.pixel_px[photos], self.weight[photos]
+        )
+
+    def weighted(self, weight: Floats) -> Corners:
+        """The same corners with other weights (M, n)."""
+        return replace(self, weight=weight)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Values of all unknowns.
+
+    Attributes
+    ----------
+    parameters
+        (P,) of the camera.
+    bow_m
+        (k,) of the board.
+    camera_from_board
+        (M, 3, 3).
+    middle_camera_m
+        (M, 3) the board's middle.
+    """
+
+    parameters: Floats
+    bow_m: Floats
+    camera_from_board: Floats
+    middle_camera_m: Floats
+
+    def moved(self, lens: Lens, border: Floats, pose: Floats) -> State:
+        """State after increments of the border (q,) and of the poses (M, 6)."""
+        free = lens.basis.shape[1]
+        bow = border[free:]
+        return State(
+            self.parameters + lens.basis @ border[:free],
+            self.bow_m + bow if len(bow) else self.bow_m,
+            exp_so3(pose[:, 3:]) @ self.camera_from_board,
+            self.middle_camera_m + pose[:, :3],
+        )
+
+    def where(self, chosen: Bools, other: State) -> State:
+        """Poses of this state where they are chosen (M,), those of the other one elsewhere."""
+        return replace(
+            self,
+            camera_from_board=np.where(
+                chosen[:, None, None], self.camera_from_board, other.camera_from_board
+            ),
+            middle_camera_m=np.where(chosen[:, None], self.middle_camera_m, other.middle_camera_m),
+        )
+
+    def take(self, photos: Ints | Bools) -> State:
+        """Some of the photos."""
+        return replace(
+            self,
+            camera_from_board=self.camera_from_board[photos],
+            middle_camera_m=self.middle_camera_m[photos],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Lens:
+    """What is estimated of the camera and the board, and what is known of it beforehand.
+
+    Attributes
+    ----------
+    model
+        Lens model.
+    basis
+        (P, f) derivative of the camera's parameters by the free ones.
+    prior_mean, prior_information
+        (P + k,), (P + k, P + k) what is known of parameters and bow; zero where nothing is.
+    """
+
+    model: LensModel
+    basis: Floats
+    prior_mean: Floats
+    prior_information: Floats
+
+    @property
+    def size(self) -> int:
+        """Unknowns q of the border."""
+        return int(self.basis.shape[1]) + len(self.prior_mean) - len(self.basis)
+
+    @property
+    def full_basis(self) -> Floats:
+        """(P + k, q) derivative of parameters and bow by the border."""
+        p, f = self.basis.shape
+        k = len(self.prior_mean) - p
+        full = np.zeros((p + k, f + k))
+        full[:p, :f] = self.basis
+        full[p:, f:] = np.eye(k)
+        return full
+
+    def without_border(self) -> Lens:
+        """The same lens held fixed: only poses are left to estimate."""
+        p = len(self.basis)
+        return Lens(self.model, np.zeros((p, 0)), np.zeros(p), np.zeros((p, p)))
+
+
+def lens_of(options: CalibrationOptions) -> Lens:
+    """Free parameters and priors that the options ask for."""
+    count = parameter_count(options.model, options.coefficients)
+    names = parameter_names(options.model, count)
+    free = ["fx", "fy", *_ESTIMATED[options.model, options.coefficients]]
+    if not options.fixed_principal_point:
+        free[2:2] = ["cx", "cy"]
+    basis = np.eye(count)[:, [names.index(name) for name in free]]
+    if options.aspect is not None:  # fy is estimated, fx follows
+        basis[0, 1] = options.aspect
+        basis = basis[:, 1:]
+    bow = bow_count(options.bow)
+    mean, information = np.zeros(count + bow), np.zeros((count + bow, count + bow))
+    information[count:, count:] = np.eye(bow) * options.bow_sigma_m**-2
+    if options.prior is not None:
+        shared = min(count, len(options.prior.parameters))
+        mean[:shared] = options.prior.parameters[:shared]
+        information[:shared, :shared] = options.prior.information[:shared, :shared]
+    return Lens(options.model, basis, mean, information)
+
+
+def prior_from(camera: Calibration, source: str) -> IntrinsicsPrior:
+    """What another calibration, or EXIF and a table of cameras, says of the intrinsics.
+
+    Parameters
+    ----------
+    camera
+        With its covariance; a variance of 0 holds a parameter.
+    source
+        Where it comes from, in words.
+    """
+    count = len(camera.parameters)
+    size = np.array([*camera.parameters[:2], camera.width_px, camera.height_px])
+    held = HELD * np.concatenate([size, np.ones(count - 4)])
+    scale = np.maximum(np.sqrt(np.diag(camera.covariance)), held)
+    correlation = camera.covariance / np.outer(scale, scale)
+    correlation[np.diag_indices(count)] = 1.0
+    values, vectors = np.linalg.eigh(correlation)
+    # fx = fy and the like: a direction without any error is known very well, not infinitely well
+    root = vectors / np.sqrt(np.maximum(values, HELD)) / scale[:, None]
+    return IntrinsicsPrior(source=source, parameters=camera.parameters, information=root @ root.T)
+
+
+def bow_count(bow: Bow) -> int:
+    """Unknowns of the board's shape."""
+    return {"flat": 0, "bowl": 1, "paraboloid": 2}[bow]
+
+
+def bow_shape(board: Board, bow: Bow) -> Floats:
+    """(B, k) height of each corner (along the board's z) per height of the middle over the rim.
+
+    After mrcal (Kogan), "Board deformation": z = bx (1 - x^2) + by (1 - y^2) with x and y from -1
+    to 1; ``bowl`` has one curvature for both.
+    """
+    if bow == "flat":
+        return np.zeros((len(board.corner_board_m), 0))
+    half = np.ptp(board.corner_board_m[:, :2], axis=0) / 2
+    place = (board.corner_board_m[:, :2] - board_middle(board)[:2]) ** 2
+    if bow == "bowl":
+        return np.asarray(1 - place.sum(axis=1, keepdims=True) / np.sum(half**2))
+    return np.asarray(1 - place / half**2)
+
+
+def board_middle(board: Board) -> Floats:
+    """(3,) middle of the board's corners, in its frame [m]."""
+    corner = board.corner_board_m
+    return np.asarray((corner.min(axis=0) + corner.max(axis=0)) / 2)
+
+
+def pad(observations: BoardObservations, bow: Bow) -> Corners:
+    """Corners of all photos in arrays of one shape."""
+    board, photos = observations.board, observations.photos
+    count = np.array([len(photo.corner) for photo in photos])
+    slot = np.arange(count.max(initial=0))
+    there = slot < count[:, None]
+    # Row by row the corners of a photo, then its first one again.
+    first = np.cumsum(count) - count
+    at = first[:, None] + np.where(there, slot, 0)
+    corner = np.concatenate([photo.corner for photo in photos])[at]
+    sigma = np.concatenate([photo.sigma_px for photo in photos])[at]
+    return Corners(
+        board_m=board.corner_board_m[corner] - board_middle(board),
+        bow=bow_shape(board, bow)[corner],
+        pixel_px=np.concatenate([photo.pixel_px for photo in photos])[at],
+        weight=np.where(there, 1 / sigma, 0.0),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """Whitened residuals (predicted minus observed) and Jacobians of all photos.
+
+    Attributes
+    ----------
+    residual
+        (M, 2 n).
+    pose
+        (M, 2 n, 6).
+    border
+        (M, 2 n, q).
+    """
+
+    residual: Floats
+    pose: Floats
+    border: Floats
+
+
+def linearise(lens: Lens, corners: Corners, state: State) -> Linear | None:
+    """Residuals and Jacobians; None where an observed corner lies behind the camera."""
+    photos, n = corners.weight.shape
+    # d corner / d bow is the board's normal in the camera's frame times the shape function.
+    bent = corners.board_m.copy()
+    bent[:, :, 2] += corners.bow @ state.bow_m
+    arm = bent @ np.swapaxes(state.camera_from_board, 1, 2)
+    camera = arm + state.middle_camera_m[:, None]
+    pixel, d_camera, d_parameters = project_with_jacobian(
+        lens.model, state.parameters, camera, beyond_fold="extend"
+    )
+    if not np.isfinite(pixel).all():
+        return None
+    weight = corners.weight[:, :, None]
+    d_camera *= weight[..., None]
+    f = lens.basis.shape[1]
+    pose = np.empty((photos, n, 2, POSE))
+    pose[..., :3] = d_camera
+    np.matmul(d_camera, -hat(arm), out=pose[..., 3:])
+    border = np.zeros((photos, n, 2, lens.size))
+    np.matmul(d_parameters, lens.basis, out=border[..., :f])
+    border[..., :f] *= weight[..., None]
+    if lens.size > f:
+        normal = state.camera_from_board[:, None, :, 2]
+        along = np.einsum("mnij,mnj->mni", d_camera, np.broadcast_to(normal, camera.shape))
+        border[..., f:] = along[..., None] * corners.bow[:, :, None, :]
+    return Linear(
+        ((pixel - corners.pixel_px) * weight).reshape(photos, 2 * n),
+        pose.reshape(photos, 2 * n, POSE),
+        border.reshape(photos, 2 * n, lens.size),
+    )

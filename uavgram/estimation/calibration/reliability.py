@@ -1,0 +1,159 @@
+"""Which corner or photo does not fit the others: w-tests, and what each photo does to the camera.
+
+After Baarda 1968, "A testing procedure for use in geodetic networks", for the two coordinates of a
+corner together (Kok 1984, "On data snooping and multiple outlier testing", sec. 3), and with the
+variance estimated from the other observations (Cook and Weisberg 1982, "Residuals and influence in
+regression", sec. 2.2).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import chi2, f
+
+from uavgram.estimation.calibration.adjustment import Fit
+from uavgram.estimation.reliability import NO_REDUNDANCY
+from uavgram.model.arrays import Floats
+from uavgram.model.calibration_photos import CornerSigma
+
+
+class CornerTests(NamedTuple):
+    """Per corner; all (M, n), 0 (probability 1) where there is none or nothing checks it.
+
+    Attributes
+    ----------
+    w
+        Length of the residual in its own standard deviations.
+    probability
+        Of a residual at least as long by chance.
+    redundancy
+        Mean of the corner's two redundancy numbers.
+    """
+
+    w: Floats
+    probability: Floats
+    redundancy: Floats
+
+
+class PhotoTests(NamedTuple):
+    """What the photos say of each one of them; M photos.
+
+    Attributes
+    ----------
+    excess
+        (M,) by how much the sum of squares falls without the photo.
+    degrees
+        (M,) degrees of freedom that go with it.
+    probability
+        (M,) of such an excess by chance.
+    shift
+        (M, q) how the border moves when the photo is left out, to first order; NaN where the
+        others do not determine it.
+    by_border
+        (M,) the part of `excess` that the others gain by moving the border.
+    """
+
+    excess: Floats
+    degrees: Floats
+    probability: Floats
+    shift: Floats
+    by_border: Floats
+
+
+def reduced_border(fit: Fit) -> Floats:
+    """(M, 2 n, q) Jacobian by the border once each photo's pose has followed."""
+    return np.asarray(fit.linear.border - fit.linear.pose @ fit.normals.gain)
+
+
+def corner_tests(fit: Fit, sigma: CornerSigma) -> CornerTests:
+    """Test every corner against all the others."""
+    photos, n = fit.corners.weight.shape
+    there = fit.corners.weight > 0
+    reduced = reduced_border(fit).reshape(photos, n, 2, -1)
+    pose = fit.linear.pose.reshape(photos, n, 2, -1)
+    leverage = reduced @ fit.border_covariance @ np.swapaxes(reduced, 2, 3)
+    leverage += pose @ fit.normals.pose_inverse[:, None] @ np.swapaxes(pose, 2, 3)
+    cofactor = np.eye(2) - leverage
+    determinant = np.linalg.det(cofactor)
+    checked = there & (determinant > NO_REDUNDANCY)
+    cofactor[~checked] = np.eye(2)
+    v = fit.linear.residual.reshape(photos, n, 2)
+    squared = np.einsum("mni,mnij,mnj->mn", v, np.linalg.inv(cofactor), v)
+    squared = np.where(checked, squared, 0.0)
+    scale, probability = _judge(squared, np.full(squared.shape, 2.0), fit, sigma)
+    return CornerTests(
+        np.sqrt(squared / scale),
+        np.where(checked, probability, 1.0),
+        np.where(there, 1 - np.einsum("mnii->mn", leverage) / 2, 0.0),
+    )
+
+
+def photo_tests(fit: Fit, sigma: CornerSigma) -> PhotoTests:
+    """Test every photo against all the others, its pose left free."""
+    v, reduced = fit.linear.residual, reduced_border(fit)
+    gradient = np.einsum("mri,mr->mi", reduced, v)
+    others = fit.normals.border - fit.normals.photo_border
+    # Without photo i the cost of the others is least at a shift d with (S - S_i) d = g_i.
+    scale = np.sqrt(np.diag(fit.normals.border))  # positive: it could be inverted
+    scaled = others / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(scaled)
+    along = np.einsum("mij,mi->mj", vectors, gradient / scale)
+    determined = values > 1e-12
+    along = np.where(determined, along / np.where(determined, values, 1.0), np.nan)
+    shift = np.einsum("mij,mj->mi", vectors, along) / scale
+    by_border = np.einsum("mi,mi->m", gradient, shift)
+    excess = np.sum(v**2, axis=1) + by_border
+    degrees = np.maximum(2.0 * fit.corners.count - fit.linear.pose.shape[2], 0.0)
+    known = np.isfinite(excess) & (degrees > 0)
+    judged = _judge(np.where(known, excess, 0.0), np.maximum(degrees, 1.0), fit, sigma)[1]
+    return PhotoTests(excess, degrees, np.where(known, judged, 1.0), shift, by_border)
+
+
+def _judge(squared: Floats, degrees: Floats, fit: Fit, sigma: CornerSigma) -> tuple[Floats, Floats]:
+    """Variance factor without the observation, and the probability of its part of the squares."""
+    if sigma == "given":
+        return np.ones_like(squared), np.asarray(chi2.sf(squared, degrees))
+    rest = np.maximum(fit.degrees_of_freedom - degrees, 1.0)
+    scale = np.maximum(fit.cost - squared, np.finfo(float).tiny) / rest
+    return scale, np.asarray(f.sf(squared / degrees / scale, degrees, rest))
+
+
+class PhotoEffect(NamedTuple):
+    """How much more the photos disagree about the camera than their corners' noise explains.
+
+    Attributes
+    ----------
+    factor
+        Of the covariance; 1 where all residuals are independent, NaN where it cannot be told.
+    degrees
+        Effective degrees of freedom of that factor.
+    probability
+        Of so large a factor by chance.
+    """
+
+    factor: float
+    degrees: float
+    probability: float
+
+
+def photo_effect(fit: Fit, tests: PhotoTests, variance_factor: float) -> PhotoEffect:
+    """Compare the scatter of what the single photos want with the inverse normal matrix.
+
+    Residuals of one photo go together where the board is bent, the lens is not quite of the
+    model, or the camera moved: then the corners are fewer independent observations than they
+    seem (the design effect of clustered samples: Kish 1965, sec. 5.4). With S the reduced normal
+    matrix, S_i the share of photo i and g_i its gradient, g_i^T (S - S_i)^-1 g_i has the
+    expectation tr(S_i S^-1) under independence (the unbiased "HC2" of MacKinnon and White 1985
+    for groups); the sum over photos over that of the expectations is the factor, tested with
+    Satterthwaite's degrees of freedom.
+    """
+    share = fit.normals.photo_border @ fit.border_covariance
+    expected = float(np.einsum("mii->", share))
+    squares = float(np.einsum("mij,mji->", share, share))
+    if not np.isfinite(tests.by_border).all() or squares <= 0 or variance_factor <= 0:
+        return PhotoEffect(np.nan, 0.0, 1.0)
+    factor = float(tests.by_border.sum()) / (expected * variance_factor)
+    degrees = expected**2 / squares
+    return PhotoEffect(factor, degrees, float(chi2.sf(factor * degrees, degrees)))

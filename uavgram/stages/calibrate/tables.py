@@ -1,0 +1,153 @@
+"""What became of every corner and every photo."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavgram.estimation.calibration.adjustment import fit_poses
+from uavgram.estimation.calibration.network import tilts
+from uavgram.estimation.calibration.normals import normals_at
+from uavgram.estimation.calibration.outliers import BAD_PHOTO
+from uavgram.estimation.calibration.problem import (
+    Corners,
+    Linear,
+    State,
+    board_middle,
+    linearise,
+)
+from uavgram.estimation.calibration.reliability import corner_tests
+from uavgram.geometry.rotation import hat
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.calibration_result import CornerResults, PhotoResults, Status
+from uavgram.model.pose import Poses
+from uavgram.stages.calibrate.judged import Judged, LeftOut
+
+
+@dataclass(frozen=True, eq=False)
+class _Everything:
+    """All usable photos with the final camera; removed ones with the pose that fits them best."""
+
+    corners: Corners  # all corners found, sigmas as scaled
+    state: State
+    linear: Linear
+
+
+def _everything(judged: Judged) -> _Everything:
+    snooped, lens = judged.snooped, judged.fit.lens
+    found = judged.first.weighted(judged.first.weight / snooped.sigma_scale)
+    state = snooped.fit.state
+    out = judged.removed
+    if out.any():
+        posed = fit_poses(lens, found.take(out), state.take(out))[0]
+        rotation, middle = state.camera_from_board.copy(), state.middle_camera_m.copy()
+        rotation[out], middle[out] = posed.camera_from_board, posed.middle_camera_m
+        state = replace(state, camera_from_board=rotation, middle_camera_m=middle)
+    linear = linearise(lens, found, state)
+    assert linear is not None  # noqa: S101  (it could be adjusted)
+    return _Everything(found, state, linear)
+
+
+def corner_results(judged: Judged) -> CornerResults:
+    """Every corner of every usable photo, with its test."""
+    everything = _everything(judged)
+    there = judged.first.weight > 0
+    photos, slots = np.nonzero(there)
+    tests = corner_tests(judged.snooped.fit, judged.options.corner_sigma)
+    weight = everything.corners.weight[there]
+    residual = everything.linear.residual.reshape(*there.shape, 2)[there] / weight[:, None]
+    status = np.full(there.shape, "used", dtype=object)
+    status[judged.snooped.bad_corner] = "suspect"
+    status[judged.removed_corner | judged.removed[:, None]] = "removed"
+    kept: list[Status] = status[there].tolist()
+    return CornerResults(
+        photo=photos,
+        corner=np.concatenate([photo.corner for photo in judged.observations.photos]),
+        pixel_px=judged.first.pixel_px[there],
+        residual_px=residual,
+        sigma_px=1 / weight,
+        w=tests.w[photos, slots],
+        redundancy=tests.redundancy[photos, slots],
+        status=tuple(kept),
+    )
+
+
+def photo_results(judged: Judged, left_out: LeftOut) -> PhotoResults:
+    """Every usable photo with its pose; then those left out, by name and reason alone."""
+    everything = _everything(judged)
+    count = judged.first.count
+    there = judged.first.weight > 0
+    weight = np.where(there, everything.corners.weight, 1.0)
+    residual = everything.linear.residual.reshape(*there.shape, 2) / weight[..., None]
+    squares = np.sum(np.where(there[..., None], residual, 0.0) ** 2, axis=(1, 2))
+    held = np.full(len(count), np.nan)
+    held[~judged.removed] = np.sqrt(judged.held.by_photo) * judged.sigma_px
+    files = tuple(photo.file for photo in judged.observations.photos)
+    status, reason = _verdicts(judged)
+    return PhotoResults(
+        file=files,
+        poses=_poses(judged, everything, files),
+        rms_px=np.sqrt(squares / count),
+        held_out_px=held,
+        tilt_deg=np.degrees(tilts(everything.state).tilt_rad),
+        status=status,
+        reason=reason,
+        unusable=tuple((photo.file, why) for photo, why in left_out),
+    )
+
+
+def _verdicts(judged: Judged) -> tuple[tuple[Status, ...], tuple[str, ...]]:
+    size = judged.snooped.bad_photo_size
+    bad = judged.snooped.bad_photo
+    gone = judged.snooped.bad_corner.sum(axis=1)
+    status: list[Status] = []
+    reason = []
+    for i in range(len(bad)):
+        if not bad[i]:
+            status.append("used")
+            reason.append("")
+            continue
+        status.append("removed" if judged.removed[i] else "suspect")
+        if size[i] > BAD_PHOTO:
+            reason.append(f"its residuals are {size[i]:.1f} times those of the median photo")
+        else:
+            reason.append(f"{gone[i]} of its corners do not fit")
+    return tuple(status), tuple(reason)
+
+
+def _poses(judged: Judged, everything: _Everything, files: tuple[str, ...]) -> Poses:
+    """Camera poses in the board's frame, from board poses in the camera's frame.
+
+    C = m - R^T t, with R = camera_from_board and m the board's middle. The estimator's errors
+    (dt, phi), true R = exp(phi) R, are in those of `Poses`: dC = -R^T (dt + hat(t) phi),
+    dtheta = -phi.
+    """
+    fit, state = judged.fit, everything.state
+    used = _used_weight(judged, everything)
+    linear = linearise(fit.lens, everything.corners.weighted(used), state)
+    assert linear is not None  # noqa: S101  (it could be adjusted)
+    normals = normals_at(fit.lens, linear, state)
+    border = fit.border_covariance * judged.factor
+    covariance = normals.pose_inverse * judged.factor
+    covariance += normals.gain @ border @ np.swapaxes(normals.gain, 1, 2)
+    back = np.swapaxes(state.camera_from_board, 1, 2)
+    turn = np.zeros((len(files), 6, 6))
+    turn[:, :3, :3] = -back
+    turn[:, :3, 3:] = -back @ hat(state.middle_camera_m)
+    turn[:, 3:, 3:] = -np.eye(3)
+    center = board_middle(judged.observations.board) - np.einsum(
+        "mij,mj->mi", back, state.middle_camera_m
+    )
+    return Poses(
+        frame_id=files,
+        center_world_m=center,
+        world_from_camera=back,
+        covariance=turn @ covariance @ np.swapaxes(turn, 1, 2),
+    )
+
+
+def _used_weight(judged: Judged, everything: _Everything) -> Floats:
+    """(M, n) without bad corners, but with removed photos: their poses are wanted too."""
+    out: Bools = judged.removed_corner & ~judged.removed[:, None]
+    return np.where(out, 0.0, everything.corners.weight)
