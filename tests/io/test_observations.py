@@ -38,6 +38,18 @@ def test_picks_arrive_with_their_own_sigmas_and_heights(write):
     np.testing.assert_array_equal(picks.height_m, [np.nan, 0.2])
 
 
+def test_picks_arrive_with_their_area_and_their_line(write):
+    picks = read_picks(write("area,image,label,u_px,v_px\n,a.jpg,P,1,2\n\nverge,b.jpg,P,3,4\n"))
+
+    assert picks.area == ("", "verge")
+    assert picks.line == (2, 4)
+    assert picks.line_of(1) == 4
+
+
+def test_a_file_without_areas_names_none(write):
+    assert read_picks(write(PICKS + "a.jpg,P,1.5,2,,\n")).area == ("",)
+
+
 def test_lines_are_observations_unless_withheld(write):
     lines = read_lines(write(LINES + "n,a,b,1.5,0.01,\nm,b,c,2,0.02,check\no,a,c,3,1,adjust\n"))
 
@@ -83,6 +95,12 @@ def test_a_header_alone_is_a_table_without_rows(write):
     ("read", "content", "line", "words"),
     [
         (read_picks, PICKS, 1, "holds no pick"),
+        (
+            read_picks,
+            "image,label,u_px,v_px,area\na.jpg,P,1,2,road\nb.jpg,P,1,2,\nc.jpg,P,3,4,verge\n",
+            4,
+            "area of label 'P' is 'verge' here, but 'road' in line 2",
+        ),
         (read_picks, PICKS + "photos/a.jpg,P,1,2,,\n", 2, "the file's name alone: 'a.jpg'"),
         (read_picks, PICKS + "a.jpg,P;Q,1,2,,\n", 2, "semicolon"),
         (

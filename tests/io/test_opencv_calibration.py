@@ -128,7 +128,7 @@ def test_a_ros_camera_info_file_has_no_yaml_header(tmp_path):
         ({"matrix": K + 5 * np.eye(3, k=1)}, "without skew"),
         ({"matrix": -K}, "must be positive"),
         ({"matrix": np.full((3, 3), np.nan)}, "not finite"),
-        ({"distortion": np.ones((1, 8))}, "the brown model has 5"),
+        ({"distortion": np.ones((1, 12))}, "the brown model has 5 or 8"),
         ({"distortion": np.ones((1, 3))}, "the brown model has 5"),
         ({"fisheye_model": 1}, "the fisheye model has 4"),
         ({"std_deviation_intrinsics": np.ones(4)}, "must be 9 numbers"),

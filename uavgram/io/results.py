@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from uavgram.errors import InputError
+from uavgram.io import results_evidence as evidence
 from uavgram.io import results_parts as parts
 from uavgram.io import results_tables as tables
 from uavgram.io.outputs import replace_text
@@ -32,6 +33,12 @@ def dump_results(result: Result) -> str:
         A number is infinite: a bug, results have none.
     """
     point_checks = tables.dump_point_checks(result.point_checks)
+    lines, picks, measurements = evidence.with_evidence(
+        result,
+        tables.dump_lines(result.lines),
+        tables.dump_picks(result.picks),
+        tables.dump_measurements(result.measurements),
+    )
     content = {
         "schema": SCHEMA,
         "name": result.name,
@@ -39,20 +46,24 @@ def dump_results(result: Result) -> str:
         "world": parts.dump_world(result.world),
         "camera": parts.dump_camera(result.camera),
         "clock": parts.dump_clock(result.shared),
-        "shared": parts.dump_shared(result.shared, result.camera.model),
+        "shared": parts.dump_shared(result.shared, result.camera),
         "areas": parts.dump_areas(result.areas),
         "frames": tables.dump_frames(result.frames),
         "points": tables.dump_points(result.points),
-        "lines": tables.dump_lines(result.lines),
-        "picks": tables.dump_picks(result.picks),
-        "measurements": tables.dump_measurements(result.measurements),
+        "lines": lines,
+        "picks": picks,
+        "measurements": measurements,
         "measurement_correlation": tables.plain(result.measurements.correlation),
         "monte_carlo": parts.dump_monte_carlo(result.monte_carlo),
+        "removals": evidence.dump_removals(result.removals),
+        "checks_overall": evidence.dump_checks_overall(result.checks_overall),
         "checks": point_checks + tables.dump_line_checks(result.line_checks),
         "solution": parts.dump_solution(result.solution),
         "messages": [{"level": m.level, "code": m.code, "text": m.text} for m in result.messages],
     }
-    return _one_record_a_line(content)
+    if result.evidence is not None:
+        content["priors"] = evidence.dump_priors(result.evidence.priors)
+    return one_record_a_line(content)
 
 
 def write_results(result: Result, path: str | Path) -> None:
@@ -103,6 +114,10 @@ def _result(content: dict[str, Any]) -> Result:
             content["measurements"], content["measurement_correlation"]
         ),
         monte_carlo=parts.load_monte_carlo(content["monte_carlo"]),
+        second_order=evidence.load_second_order(content["measurements"]),
+        evidence=evidence.load_evidence(content),
+        removals=evidence.load_removals(content.get("removals", [])),
+        checks_overall=evidence.load_checks_overall(content.get("checks_overall")),
         point_checks=tables.load_point_checks([c for c in checks if "label" in c]),
         line_checks=tables.load_line_checks([c for c in checks if "label" not in c]),
         solution=parts.load_solution(content["solution"]),
@@ -113,7 +128,7 @@ def _result(content: dict[str, Any]) -> Result:
     )
 
 
-def _one_record_a_line(content: dict[str, Any]) -> str:
+def one_record_a_line(content: dict[str, Any]) -> str:
     """JSON with a line for each key, and for each record of a list: small, and fit for diff."""
     lines = []
     for key, value in content.items():

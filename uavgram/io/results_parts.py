@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from uavgram.io.results_tables import numbers, one_of, plain, text
-from uavgram.model.camera import Calibration, LensModel, parameter_names
+from uavgram.model.camera import Calibration, LensModel
+from uavgram.model.learnt_camera import learnt_camera
 from uavgram.model.result import (
     Alternative,
     AreaPlane,
@@ -64,7 +65,8 @@ def _whole(value: Any) -> int:  # noqa: ANN401
     return value
 
 
-def _truth(value: Any) -> bool:  # noqa: ANN401
+def truth(value: Any) -> bool:  # noqa: ANN401
+    """A truth value as it is; anything else is a TypeError."""
     if not isinstance(value, bool):
         raise TypeError(f"expected true or false, got {value!r}")
     return value
@@ -142,8 +144,12 @@ def dump_clock(shared: SharedResult) -> Record:
     }
 
 
-def dump_shared(shared: SharedResult, model: LensModel) -> Record:
-    """Shared unknowns, each with value and sigma; null where there is none."""
+def dump_shared(shared: SharedResult, camera: Calibration) -> Record:
+    """Shared unknowns, each with value and sigma; null where there is none.
+
+    The camera's also with the calibration they began with, and what the survey taught of it.
+    """
+    learnt = learnt_camera(camera, shared.intrinsics)
     return {
         **{key: _dump_vector(getattr(shared, key)) for key in _VECTORS},
         "heading_bias_deg": _dump_scalar(shared.heading_bias_deg),
@@ -153,9 +159,14 @@ def dump_shared(shared: SharedResult, model: LensModel) -> Record:
             "pivot_m": plain(shared.plane_pivot_m),
         },
         "intrinsics": {
-            "names": list(parameter_names(model, len(shared.intrinsics.value))),
-            "value": plain(shared.intrinsics.value),
-            "sigma": plain(shared.intrinsics.sigma),
+            "names": list(learnt.names),
+            "value": plain(learnt.value),
+            "sigma": plain(learnt.sigma),
+            "prior_value": plain(learnt.prior_value),
+            "prior_sigma": plain(learnt.prior_sigma),
+            "sigma_ratio": plain(learnt.ratio),
+            "shift_prior_sigmas": plain(learnt.shift),
+            "learnt": learnt.learnt.tolist(),
         },
     }
 
@@ -268,7 +279,7 @@ def load_solution(record: Record) -> SolutionSummary:
         variance_factor=_number(record["variance_factor"]),
         chi2_probability=_number(record["chi2_probability"]),
         iterations=_whole(record["iterations"]),
-        converged=_truth(record["converged"]),
+        converged=truth(record["converged"]),
         alternatives=tuple(
             Alternative(
                 frame_id=text(one["frame_id"]),

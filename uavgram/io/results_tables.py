@@ -93,14 +93,15 @@ def one_of(owner: type, field: str, value: object) -> Any:  # noqa: ANN401
     return word(get_type_hints(owner)[field], value)
 
 
-def _records(**columns: Sequence[Any]) -> list[Record]:
+def dump_records(**columns: Sequence[Any]) -> list[Record]:
+    """Columns as a list of records; an underscore at the end of a key is dropped."""
     keys = [key.rstrip("_") for key in columns]
     return [dict(zip(keys, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def dump_frames(frames: FrameResults) -> list[Record]:
     """Frames; a pose that a frame does not have is null."""
-    return _records(
+    return dump_records(
         frame_id=frames.frame_id,
         path=frames.path,
         time_utc_s=plain(frames.time_utc_s),
@@ -141,11 +142,11 @@ def _load_poses(rows: Sequence[Record | None]) -> PoseTable:
 
 def dump_points(points: PointResults) -> list[Record]:
     """Ground points; degrees for people, and the radians that they are made of."""
-    relative = _records(
+    relative = dump_records(
         covariance_m2=plain(points.relative.covariance_m2),
         ellipse_95=_dump_ellipses(points.relative),
     )
-    return _records(
+    return dump_records(
         label=points.label,
         position_world_m=plain(points.position_world_m),
         covariance_m2=plain(points.covariance_m2),
@@ -171,7 +172,7 @@ def load_points(records: Sequence[Record]) -> PointResults:
 
 
 def _dump_ellipses(points: PointResults | PlanarUncertainty) -> list[Record]:
-    return _records(
+    return dump_records(
         semi_major_m=plain(points.ellipse_95_m[:, 0]),
         semi_minor_m=plain(points.ellipse_95_m[:, 1]),
         azimuth_deg=plain(np.rad2deg(points.ellipse_azimuth_rad)),
@@ -197,7 +198,7 @@ _LINE_NUMBERS = (
 
 def dump_lines(lines: LineResults) -> list[Record]:
     """Known lengths."""
-    return _records(
+    return dump_records(
         name=lines.name,
         from_=lines.start,
         to=lines.end,
@@ -219,7 +220,7 @@ def load_lines(records: Sequence[Record]) -> LineResults:
 
 def dump_picks(picks: PickResults) -> list[Record]:
     """Picked pixels."""
-    return _records(
+    return dump_records(
         image=picks.image,
         label=picks.label,
         u_px=plain(picks.pixel_px[:, 0]),
@@ -248,7 +249,7 @@ def load_picks(records: Sequence[Record]) -> PickResults:
 
 def dump_measurements(measurements: MeasurementResults) -> list[Record]:
     """Measured values; their correlation stands apart."""
-    return _records(
+    return dump_records(
         name=measurements.name,
         kind=measurements.kind,
         points=[list(labels) for labels in measurements.points],
@@ -276,7 +277,7 @@ def load_measurements(records: Sequence[Record], correlation: Any) -> Measuremen
 
 def dump_point_checks(checks: PointChecks) -> list[Record]:
     """Check points."""
-    return _records(
+    return dump_records(
         label=checks.label,
         error_m=plain(checks.error_m),
         sigma_m=plain(checks.sigma_m),
@@ -296,7 +297,7 @@ def load_point_checks(records: Sequence[Record]) -> PointChecks:
 
 def dump_line_checks(checks: LineChecks) -> list[Record]:
     """Withheld lengths."""
-    return _records(
+    return dump_records(
         name=checks.name,
         error_m=plain(checks.error_m),
         sigma_m=plain(checks.sigma_m),

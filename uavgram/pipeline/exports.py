@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from uavgram.io.exports.colmap import write_colmap_poses
+from uavgram.io.exports.colmap import write_colmap_model
 from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
 from uavgram.io.exports.geopackage import write_geopackage
 from uavgram.io.exports.kml import write_kml
@@ -34,7 +34,7 @@ def exports(result: Result) -> Writers:
         "survey.gpkg": lambda path: write_geopackage(features, path),
         "survey.kml": lambda path: write_kml(features, path),
         "survey_local.dxf": lambda path: write_local_dxf(features, path),
-        "colmap": lambda path: write_colmap_poses(result, path),
+        "colmap": lambda path: write_colmap_model(result, path),
     }
     if features.crs is not None:
         writers["survey_map.dxf"] = lambda path: write_map_dxf(features, path)

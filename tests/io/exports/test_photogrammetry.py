@@ -10,12 +10,12 @@ import pytest
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 
-from uavgram.io.exports.colmap import write_colmap_poses
+from uavgram.io.exports.colmap import write_colmap_model
 from uavgram.io.exports.opendronemap import write_gcp_list
 
 
 def test_colmap_poses_and_points_project_to_the_picks(result, tmp_path):
-    write_colmap_poses(result, tmp_path)
+    write_colmap_model(result, tmp_path)
     points = {
         int(row[0]): np.array(row[1:4], float)
         for row in map(str.split, (tmp_path / "points3D.txt").read_text().splitlines())
@@ -43,7 +43,7 @@ def test_colmap_poses_and_points_project_to_the_picks(result, tmp_path):
 
 
 def test_the_covariances_beside_the_model_are_those_of_the_centres(result, tmp_path):
-    write_colmap_poses(result, tmp_path)
+    write_colmap_model(result, tmp_path)
     rows = list(csv.DictReader((tmp_path / "pose_priors.csv").read_text("utf-8").splitlines()))
     at = {name: k for k, name in enumerate(result.frames.frame_id)}
 

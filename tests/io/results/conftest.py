@@ -9,6 +9,7 @@ from uavgram.model.camera import Calibration
 from uavgram.model.message import Message
 from uavgram.model.result import (
     Alternative,
+    AreaPlane,
     Estimate,
     FrameResults,
     GroupFactor,
@@ -108,7 +109,7 @@ def sample_result() -> Result:
             width_px=4000,
             height_px=3000,
             parameters=[1000, 1001, 2000, 1500, 0.1, 1 / 3, 1e-17, -0.0],
-            covariance=rng.normal(size=(8, 8)),
+            covariance=np.cov(rng.normal(size=(8, 20))),
         ),
         shared=SharedResult(
             boresight_deg=_estimate(rng, 3),
@@ -116,10 +117,20 @@ def sample_result() -> Result:
             position_bias_m=None,
             heading_bias_deg=_estimate(rng, 1),
             clock_offset_s=_estimate(rng, 1),
+            clock_drift_ppm=_estimate(rng, 1),
             plane_height_m=_estimate(rng, 1),
             plane_slope_deg=_estimate(rng, 2),
             plane_pivot_m=rng.normal(size=2),
             intrinsics=_estimate(rng, 8),
+        ),
+        areas=tuple(
+            AreaPlane(
+                name=name,
+                height_m=_estimate(rng, 1),
+                slope_deg=_estimate(rng, 2),
+                pivot_m=rng.normal(size=2),
+            )
+            for name in ("default", "verge")
         ),
         frames=FrameResults(
             frame_id=("a.jpg", "b.jpg", "c.jpg", "d.jpg"),

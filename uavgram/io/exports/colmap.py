@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from uavgram.io.colmap_cameras import colmap_text
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result import Result
 
@@ -24,14 +26,17 @@ _PRIOR_HEADER = [
 ]
 
 
-def write_colmap_poses(result: Result, folder: Path) -> None:
-    """Write images.txt, points3D.txt and pose_priors.csv; the world is the local one, in metres.
+def write_colmap_model(result: Result, folder: Path) -> None:
+    """Write cameras.txt, images.txt, points3D.txt and pose_priors.csv; the world is the local one, in metres.
 
     The covariances are those of the centres, as COLMAP's pose priors take them
     (``pycolmap.PosePrior(position, covariance)``); the text format has no room for them.
     """
+    folder.mkdir(exist_ok=True)
     frames = np.flatnonzero(result.has_refined)
     seen = _used_picks(result)
+    camera = replace(result.camera, parameters=result.shared.intrinsics.value)
+    (folder / "cameras.txt").write_text(colmap_text(camera), encoding="utf-8")
     (folder / "images.txt").write_text(_images(result, frames, seen), encoding="utf-8")
     (folder / "points3D.txt").write_text(_points(result, frames, seen), encoding="utf-8")
     (folder / "pose_priors.csv").write_text(_priors(result, frames), encoding="utf-8")
