@@ -22,8 +22,10 @@ def test_colmap_poses_and_points_project_to_the_picks(result, tmp_path):
         if row[0] != "#"
     }
     lines = [r for r in (tmp_path / "images.txt").read_text().splitlines() if r[:1] != "#"]
-    lens = result.shared.intrinsics.value
-    matrix = np.array([[lens[0], 0, lens[2]], [0, lens[1], lens[3]], [0, 0, 1]])
+    camera = (tmp_path / "cameras.txt").read_text().splitlines()[-1].split()
+    assert camera[1:4] == ["FULL_OPENCV", "1640", "1232"]
+    fx, fy, cx, cy, *lens = map(float, camera[4:])
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     seen = []
     for pose, picks in zip(lines[::2], lines[1::2], strict=True):
         _, *numbers, _, name = pose.split()
@@ -33,8 +35,10 @@ def test_colmap_poses_and_points_project_to_the_picks(result, tmp_path):
         if not len(cells):
             continue
         world = np.array([points[int(n)] for n in cells[:, 2]])
-        pixel, _ = cv2.projectPoints(world, rotation.as_rotvec(), np.array(shift), matrix, lens[4:])
-        seen.append(pixel[:, 0] + 0.5 - cells[:, :2])
+        pixel, _ = cv2.projectPoints(
+            world, rotation.as_rotvec(), np.array(shift), matrix, np.array(lens)
+        )
+        seen.append(pixel[:, 0] - cells[:, :2])
         assert name in result.frames.frame_id
     apart = np.concatenate(seen)
     assert len(apart) > 100
