@@ -1,0 +1,46 @@
+"""Where the uncertainty of each measurement comes from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from uavgram.model.arrays import Floats, freeze
+
+SOURCES: dict[str, str] = {
+    "pixels": "picks",
+    "calibration": "lens",
+    "lengths": "known lengths",
+    "telemetry": "flight log",
+    "boresight": "flight log",
+    "lever_arm": "flight log",
+    "position_bias": "flight log",
+    "heading_bias": "flight log",
+    "clock": "flight log",
+    "clock_drift": "flight log",
+    "plane": "ground",
+    "roughness": "ground",
+    "control": "control points",
+    "gauge": "choice of axes",
+    "other": "friction and times",
+}
+"""Group of observations in the likelihood -> its name for people. The groups of further areas of
+the ground are called ``plane of NAME``."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ErrorBudget:
+    """Shares of the variance of M measurements.
+
+    Attributes
+    ----------
+    source
+        (S,) names for people, such as ``picks``; what contributes nothing anywhere is left out.
+    share
+        (M, S) of the variance, rows add up to 1; NaN where there is no value.
+    """
+
+    source: tuple[str, ...]
+    share: Floats
+
+    def __post_init__(self) -> None:
+        freeze(self, may_be_nan=("share",), share=(len(self.share), len(self.source)))
