@@ -43,7 +43,7 @@ def calibration_text(account: CalibrationAccount) -> str:
         "camera": _camera(result),
         "board": _board(result),
         "options": _options(result),
-        "quality": asdict(result.quality),
+        "quality": {**asdict(result.quality), "common_error_px": account.common_error_px},
         "models": [asdict(model) for model in result.models],
         "photos": _photos(result),
         "left_out": [{"file": file, "reason": reason} for file, reason in account.left_out],
@@ -108,9 +108,9 @@ def _board(result: CalibrationResult) -> Record:
 
 def _options(result: CalibrationResult) -> Record:
     options = result.options
-    record = {
-        name: value for name, value in vars(options).items() if not name.startswith("_")
-    } | {"prior": None}
+    record = {name: value for name, value in vars(options).items() if not name.startswith("_")} | {
+        "prior": None
+    }
     if options.prior is not None:
         record["prior"] = {
             "source": options.prior.source,

@@ -13,7 +13,7 @@ from uavgram.model.observations import MeasurementKind, MeasurementRequest
 _COLUMNS = Columns(text=("name", "kind", "points"), optional_text=("parameters",))
 
 # Least and greatest number of points; None: any number.
-_POINT_COUNTS: dict[MeasurementKind, tuple[int, int | None]] = {
+POINT_COUNTS: dict[MeasurementKind, tuple[int, int | None]] = {
     "distance": (2, 2),
     "polyline": (2, None),
     "area": (3, None),
@@ -23,7 +23,7 @@ _POINT_COUNTS: dict[MeasurementKind, tuple[int, int | None]] = {
     "skid_speed": (2, None),
     "speed": (2, 2),
 }
-_PARAMETERS: dict[MeasurementKind, tuple[str, ...]] = {"skid_speed": ("mu", "mu_sigma")}
+PARAMETERS: dict[MeasurementKind, tuple[str, ...]] = {"skid_speed": ("mu", "mu_sigma")}
 
 
 def read_measure(path: str | Path) -> tuple[MeasurementRequest, ...]:
@@ -40,7 +40,7 @@ def read_measure(path: str | Path) -> tuple[MeasurementRequest, ...]:
     table.require_unique("name", "measurement")
     requests = []
     for row, kind in enumerate(table.text["kind"]):
-        if kind not in _POINT_COUNTS:
+        if kind not in POINT_COUNTS:
             if kind:
                 known = get_args(MeasurementKind)
                 hint = near_miss(kind, known) or f"known are {', '.join(known)}"
@@ -65,7 +65,7 @@ def _points(table: Table, row: int, kind: MeasurementKind) -> tuple[str, ...]:
         return ()
     if not all(points):
         table.blame(row, f"points holds an empty label (got {written!r})")
-    least, most = _POINT_COUNTS[kind]
+    least, most = POINT_COUNTS[kind]
     if len(points) < least or (most is not None and len(points) > most):
         wanted = str(least) if least == most else f"at least {least}"
         table.blame(
@@ -81,7 +81,7 @@ def _points(table: Table, row: int, kind: MeasurementKind) -> tuple[str, ...]:
 
 
 def _parameters(table: Table, row: int, kind: MeasurementKind) -> tuple[tuple[str, float], ...]:
-    wanted = _PARAMETERS.get(kind, ())
+    wanted = PARAMETERS.get(kind, ())
     found: dict[str, float] = {}
     for part in filter(None, (p.strip() for p in table.text["parameters"][row].split(";"))):
         name, equals, text = (piece.strip() for piece in part.partition("="))

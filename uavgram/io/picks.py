@@ -18,8 +18,8 @@ _COLUMNS = Columns(
 )
 
 
-def read_picks(path: str | Path) -> Picks:
-    """Read picked pixels.
+def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
+    """Read picked pixels; `may_be_empty`: a table without any is no mistake.
 
     Raises
     ------
@@ -29,7 +29,7 @@ def read_picks(path: str | Path) -> Picks:
         with two different heights or in two areas, a sigma that is not greater than 0.
     """
     table = read_table(path, _COLUMNS)
-    if not len(table.line):
+    if not len(table.line) and not may_be_empty:
         table.faults.append((1, "holds no pick: add a line for each picked pixel"))
     table.require_positive("sigma_px")
     _check_names(table)

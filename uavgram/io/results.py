@@ -63,6 +63,8 @@ def dump_results(result: Result) -> str:
     }
     if result.evidence is not None:
         content["priors"] = evidence.dump_priors(result.evidence.priors)
+    if result.error_budget is not None:
+        content["error_budget"] = parts.dump_error_budget(result.error_budget)
     return one_record_a_line(content)
 
 
@@ -117,6 +119,7 @@ def _result(content: dict[str, Any]) -> Result:
         second_order=evidence.load_second_order(content["measurements"]),
         evidence=evidence.load_evidence(content),
         removals=evidence.load_removals(content.get("removals", [])),
+        error_budget=parts.load_error_budget(content.get("error_budget")),
         checks_overall=evidence.load_checks_overall(content.get("checks_overall")),
         point_checks=tables.load_point_checks([c for c in checks if "label" in c]),
         line_checks=tables.load_line_checks([c for c in checks if "label" not in c]),

@@ -7,6 +7,7 @@ from typing import Any
 
 from uavgram.io.results_tables import numbers, one_of, plain, text
 from uavgram.model.camera import Calibration, LensModel
+from uavgram.model.error_budget import ErrorBudget
 from uavgram.model.learnt_camera import learnt_camera
 from uavgram.model.result import (
     Alternative,
@@ -326,3 +327,16 @@ def load_monte_carlo(record: Record | None) -> MonteCarloResults | None:
         sigma=numbers(record["sigma"], count),
         interval_95=numbers(record["interval_95"], count, 2),
     )
+
+
+def dump_error_budget(budget: ErrorBudget) -> Record:
+    """Shares of the variance of each measurement, in their order, by source."""
+    return {"sources": list(budget.source), "shares": plain(budget.share)}
+
+
+def load_error_budget(record: Record | None) -> ErrorBudget | None:
+    """Inverse of `dump_error_budget`; files of before have none."""
+    if record is None:
+        return None
+    sources = tuple(text(source) for source in record["sources"])
+    return ErrorBudget(source=sources, share=numbers(record["shares"]).reshape(-1, len(sources)))

@@ -74,6 +74,9 @@ class Frames:
         Camera clock minus UTC, as assumed here (a file time t was really t - offset).
     clock_offset_sigma_s
         Its prior standard deviation, common to all frames.
+    clock_drift_sigma
+        Prior standard deviation of the camera clock's drift against the flight's (dimensionless;
+        1e-6 is 1 ppm); 0 where the instants are those of the flight's own clock.
     """
 
     frame_id: tuple[str, ...]
@@ -83,6 +86,7 @@ class Frames:
     reason: tuple[str, ...]
     clock_offset_s: float
     clock_offset_sigma_s: float
+    clock_drift_sigma: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.frame_id)

@@ -26,6 +26,11 @@ class Picks:
         (P,) of each coordinate; NaN where the file gives none.
     height_m
         (P,) known height of the point above the ground plane; NaN where the file gives none.
+    area
+        (P,) name of the area whose plane the point lies on, empty where the file gives none; or
+        nothing at all where none is given anywhere.
+    line
+        (P,) line of the file; nothing where they come from no file.
     """
 
     image: tuple[str, ...]
@@ -33,6 +38,8 @@ class Picks:
     pixel_px: Floats
     sigma_px: Floats
     height_m: Floats
+    area: tuple[str, ...] = ()
+    line: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.image)
@@ -43,6 +50,13 @@ class Picks:
             sigma_px=(n,),
             height_m=(n,),
         )
+        for name in ("area", "line"):
+            if len(getattr(self, name)) not in {0, n}:
+                raise ValueError(f"{name}: {len(getattr(self, name))} entries, expected {n}")
+
+    def line_of(self, pick: int) -> int | None:
+        """Line of the file in which a pick stands; None where there is no file."""
+        return self.line[pick] if self.line else None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,9 +7,12 @@ default stands. They keep the file's units (degrees); stages convert at their en
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, is_dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from types import MappingProxyType
 from typing import Literal
 
+from uavgram.model.survey import DEFAULT_AREA
 from uavgram.model.telemetry import HeightDatum
 
 Auto = Literal["auto"]
@@ -82,21 +85,61 @@ class WorldOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
+class AreaOptions:
+    """What one named area of the ground has other than the rest; None: as `GroundOptions`."""
+
+    height_m: float | None = None
+    height_sigma_m: float | None = None
+    slope_sigma_deg: float | None = None
+    roughness_sigma_m: float | None = None
+
+    def __post_init__(self) -> None:
+        _require(self, **_ground_rules(self))
+
+
+_AREA_KEYS = tuple(field_.name for field_ in fields(AreaOptions))
+
+
+def _ground_rules(options: AreaOptions | GroundOptions) -> dict[str, tuple[bool, str]]:
+    height, slope = options.height_sigma_m, options.slope_sigma_deg
+    roughness = options.roughness_sigma_m
+    return {
+        "height_sigma_m": (height is None or height > 0, _POSITIVE),
+        "slope_sigma_deg": (slope is None or 0 < slope < 45, "must lie between 0 and 45"),
+        "roughness_sigma_m": (roughness is None or roughness >= 0, "must not be negative"),
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
 class GroundOptions:
-    """The ground plane and how well it is known beforehand."""
+    """The ground plane and how well it is known beforehand.
+
+    `areas` are further planes, by the names that the column `area` of picks.csv gives to points;
+    every area that is picked has a plane of its own, whether it stands here or not.
+    """
 
     height_m: float = 0.0
     height_sigma_m: float = 0.3
     slope_sigma_deg: float = 0.5
     roughness_sigma_m: float = 0.0
+    areas: Mapping[str, AreaOptions] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "areas", MappingProxyType(dict(self.areas)))
         _require(
             self,
-            height_sigma_m=(self.height_sigma_m > 0, _POSITIVE),
-            slope_sigma_deg=(0 < self.slope_sigma_deg < 45, "must lie between 0 and 45"),
-            roughness_sigma_m=(self.roughness_sigma_m >= 0, "must not be negative"),
+            **_ground_rules(self),
+            areas=(
+                not {"", DEFAULT_AREA} & set(self.areas),
+                f"must not name the area {DEFAULT_AREA!r}: its values stand beside `areas`",
+            ),
         )
+
+    def of(self, area: str) -> GroundOptions:
+        """The options of one area: its own where it states them, else those for all."""
+        own = self.areas.get(area, AreaOptions())
+        stated = {name: getattr(own, name) for name in _AREA_KEYS}
+        return replace(self, **{k: v for k, v in stated.items() if v is not None}, areas={})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,17 +164,26 @@ class MountOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class TimeOptions:
-    """Where the instants of the exposures come from."""
+    """Where the instants of the exposures come from.
+
+    `drift_sigma_ppm` is that of the camera's clock against the flight's, where photos carry the
+    camera's own times. A quartz without temperature compensation is rated +-20 ppm between 0 and
+    50 degrees, more when it ages or leaves that range ("Time synchronisation for
+    millisecond-precision on bio-loggers", Movement Ecology 12 (2024), table 1), and two of them
+    take part.
+    """
 
     source: Literal["auto", "exif", "filename", "events"] = "auto"
     filename_format: str = "%Y%m%d_%H%M%S"
     offset_s: float | Auto = "auto"
     offset_sigma_s: float = 1.0
+    drift_sigma_ppm: float = 50.0
 
     def __post_init__(self) -> None:
         _require(
             self,
             offset_sigma_s=(self.offset_sigma_s > 0, _POSITIVE),
+            drift_sigma_ppm=(self.drift_sigma_ppm > 0, _POSITIVE),
             filename_format=(
                 "%" in self.filename_format,
                 'must be a strptime pattern, such as "%Y%m%d_%H%M%S"',
@@ -141,12 +193,20 @@ class TimeOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class TelemetryOptions:
-    """How far the log is to be trusted."""
+    """How far the log is to be trusted.
+
+    Errors of one frame go together with those of the next over some time between the two of
+    `correlation_s`, which the adjustment takes as independent. The per-frame variances of a survey
+    are therefore multiplied by the least factor that keeps its slowest change honest (see
+    estimation/correlated_errors.py): 1 for a few frames, about their number / 2 pi for more. What
+    the whole flight has in common is in the biases.
+    """
 
     position_sigma_m: tuple[float, float] | Auto = "auto"
     attitude_sigma_deg: tuple[float, float] | Auto = "auto"
     position_bias_sigma_m: tuple[float, float] = (2.0, 3.0)
     heading_bias_sigma_deg: float = 2.0
+    correlation_s: tuple[float, float] = (5.0, 60.0)
 
     def __post_init__(self) -> None:
         _require(
@@ -155,6 +215,10 @@ class TelemetryOptions:
             attitude_sigma_deg=(_all_positive(self.attitude_sigma_deg), _POSITIVE),
             position_bias_sigma_m=(_all_positive(self.position_bias_sigma_m), _POSITIVE),
             heading_bias_sigma_deg=(self.heading_bias_sigma_deg > 0, _POSITIVE),
+            correlation_s=(
+                0 < self.correlation_s[0] <= self.correlation_s[1],
+                "must be two times greater than 0, the shorter one first",
+            ),
         )
 
 
@@ -172,12 +236,17 @@ class SolveOptions:
         )
 
 
+CAMERA_OF_PHOTOS = "auto"
+"""Value of `camera` that names no file: assumed from what the photos say of theirs."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Project:
     """A project file: which inputs, and every option.
 
-    Paths are those of the file, made absolute; `images` are patterns. `poses` is ``exif`` or a
-    path, and stands in place of `log`.
+    Paths are those of the file, made absolute; `images` are patterns. `camera` is ``auto`` or a
+    path; `poses` is ``exif`` or a path, and stands in place of `log`. `crs` is the projected
+    coordinate system of maps and drawings; ``auto``: the UTM zone.
     """
 
     name: str
@@ -191,6 +260,7 @@ class Project:
     control: str | None = None
     check: str | None = None
     output: str = "out"
+    crs: str = "auto"
     world: WorldOptions = field(default_factory=WorldOptions)
     ground: GroundOptions = field(default_factory=GroundOptions)
     mount: MountOptions = field(default_factory=MountOptions)
@@ -203,7 +273,7 @@ class Project:
         given = {"log": self.log, "poses": self.poses, "lines": self.lines, "measure": self.measure}
         given |= {"control": self.control, "check": self.check}
         given |= {"name": self.name, "camera": self.camera, "picks": self.picks}
-        given |= {"output": self.output}
+        given |= {"output": self.output, "crs": self.crs}
         _require(
             self,
             **{key: (text != "", "must not be empty") for key, text in given.items()}
@@ -227,7 +297,7 @@ def option_pairs(options: object, prefix: str = "") -> tuple[tuple[str, object],
     Parameters
     ----------
     options
-        A `Project`, or any options class.
+        A `Project`, any options class, or a mapping of names to them.
     prefix
         Key of `options` within its owner.
 
@@ -238,7 +308,13 @@ def option_pairs(options: object, prefix: str = "") -> tuple[tuple[str, object],
         numbers, None, or tuples of these.
     """
     pairs: list[tuple[str, object]] = []
-    for field_ in fields(options):  # type: ignore[arg-type]  # options are dataclasses
-        value, key = getattr(options, field_.name), prefix + field_.name
-        pairs += option_pairs(value, f"{key}.") if is_dataclass(value) else [(key, value)]
+    named = (
+        options.items()
+        if isinstance(options, Mapping)
+        else [(field_.name, getattr(options, field_.name)) for field_ in fields(options)]  # type: ignore[arg-type]  # options are dataclasses
+    )
+    for name, value in named:
+        key = f"{prefix}{name}"
+        nested = is_dataclass(value) or isinstance(value, Mapping)
+        pairs += option_pairs(value, f"{key}.") if nested else [(key, value)]
     return tuple(pairs)

@@ -49,7 +49,7 @@ class TelemetryPrior:
     """What the flight log says of N poses, without what is a shared unknown of the adjustment.
 
     A camera stands at ``p(t) - bias + Rb l`` and looks along ``Rz Rm(t) C exp(boresight)`` with
-    t = `time_s` - clock correction; see geometry/telemetry_pose.py.
+    t = `time_s` - clock correction - drift (`time_s` - `middle_s`); see geometry/telemetry_pose.py.
 
     Attributes
     ----------
@@ -57,12 +57,15 @@ class TelemetryPrior:
         (N,) into the survey's frames.
     time_s
         (N,) UTC instants at zero clock correction.
+    middle_s
+        Of all exposures of the flight: where a drift leaves the clock correction alone.
     gimbal_from_camera
         (3, 3) camera axes in the mount's frame (of the gimbal, or of the body).
     covariance
         (N, 6, 6) independent from frame to frame: (δcentre world m, δθ camera rad).
-    clock_sigma_s
-        Prior sigma of the clock correction.
+    clock_sigma_s, clock_drift_sigma
+        Prior sigmas of the clock correction, and of the clock's drift (dimensionless; 1e-6 is
+        1 ppm).
     boresight_sigma_rad, heading_bias_sigma_rad
         Prior sigmas of those shared unknowns.
     lever_arm_m, lever_arm_sigma_m
@@ -73,9 +76,11 @@ class TelemetryPrior:
 
     frame_index: Ints
     time_s: Floats
+    middle_s: float
     gimbal_from_camera: Floats
     covariance: Floats
     clock_sigma_s: float
+    clock_drift_sigma: float
     boresight_sigma_rad: float
     heading_bias_sigma_rad: float
     lever_arm_m: Floats
@@ -93,3 +98,27 @@ class TelemetryPrior:
             lever_arm_m=(3,),
             position_bias_sigma_m=(3,),
         )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CandidatePoses:
+    """Poses that one frame may have, best first: where an adjustment may start.
+
+    Attributes
+    ----------
+    frame_id
+        Its name.
+    center_world_m, world_from_camera
+        (S, 3), (S, 3, 3).
+    misfit
+        (S,) how badly each fits what it was made from; 0 is exact.
+    """
+
+    frame_id: str
+    center_world_m: Floats
+    world_from_camera: Floats
+    misfit: Floats
+
+    def __post_init__(self) -> None:
+        n = len(self.misfit)
+        freeze(self, center_world_m=(n, 3), world_from_camera=(n, 3, 3), misfit=(n,))

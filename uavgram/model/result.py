@@ -12,6 +12,8 @@ import numpy as np
 
 from uavgram.model.arrays import Bools, Floats, freeze
 from uavgram.model.camera import Calibration
+from uavgram.model.error_budget import ErrorBudget
+from uavgram.model.evidence import ChecksOverall, Evidence, RemovalRecord, SecondOrder
 from uavgram.model.message import Message
 from uavgram.model.world import World
 
@@ -67,8 +69,11 @@ class SharedResult:
     boresight_deg, lever_arm_m, position_bias_m, heading_bias_deg, clock_offset_s
         Of the telemetry; None without a log. Biases are log minus truth; the position bias is
         (east, north, up); the boresight a rotation vector in the camera frame.
+    clock_drift_ppm
+        Of the camera's clock against the flight's, about the middle of the exposures; None
+        without a log.
     plane_height_m, plane_slope_deg
-        At the pivot; [d up / d east, d up / d north] as angles.
+        Of the ground (of its first area) at the pivot; [d up / d east, d up / d north] as angles.
     plane_pivot_m
         (2,) east and north of the point about which the slopes turn.
     intrinsics
@@ -80,6 +85,7 @@ class SharedResult:
     position_bias_m: Estimate | None
     heading_bias_deg: Estimate | None
     clock_offset_s: Estimate | None
+    clock_drift_ppm: Estimate | None = None
     plane_height_m: Estimate
     plane_slope_deg: Estimate
     plane_pivot_m: Floats
@@ -87,6 +93,29 @@ class SharedResult:
 
     def __post_init__(self) -> None:
         freeze(self, plane_pivot_m=(2,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AreaPlane:
+    """The plane of one area of the ground, after the adjustment.
+
+    Attributes
+    ----------
+    name
+        Of the area.
+    height_m, slope_deg
+        At the pivot; [d up / d east, d up / d north] as angles.
+    pivot_m
+        (2,) east and north of the point about which the slopes turn.
+    """
+
+    name: str
+    height_m: Estimate
+    slope_deg: Estimate
+    pivot_m: Floats
+
+    def __post_init__(self) -> None:
+        freeze(self, pivot_m=(2,))
 
 
 FrameStatus = Literal["refined", "seeded", "unmatched", "rejected"]
@@ -456,6 +485,8 @@ class Result:
     camera: Calibration
     """As given, before the adjustment."""
     shared: SharedResult
+    areas: tuple[AreaPlane, ...] = ()
+    """Planes of the ground; the first is that of `shared`."""
     frames: FrameResults
     points: PointResults
     lines: LineResults
@@ -463,6 +494,16 @@ class Result:
     measurements: MeasurementResults
     monte_carlo: MonteCarloResults | None = None
     """Where sampling was asked for."""
+    second_order: SecondOrder | None = None
+    """What first-order propagation leaves out of the measurements."""
+    evidence: Evidence | None = None
+    """External reliability: what errors that no test finds would do."""
+    removals: tuple[RemovalRecord, ...] = ()
+    """What was taken out as blunders, in order."""
+    error_budget: ErrorBudget | None = None
+    """Where the variance of each measurement comes from."""
+    checks_overall: ChecksOverall | None = None
+    """All checks together; None where nothing was withheld."""
     point_checks: PointChecks
     line_checks: LineChecks
     solution: SolutionSummary

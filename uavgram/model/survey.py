@@ -10,15 +10,20 @@ import numpy as np
 from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
 from uavgram.model.camera import Calibration
 from uavgram.model.photo_poses import Flight
-from uavgram.model.pose import Poses, TelemetryPrior
+from uavgram.model.pose import CandidatePoses, Poses, TelemetryPrior
+
+DEFAULT_AREA = "default"
+"""Of labels that name no area."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ground:
-    """The ground plane beforehand: z = height + slopes . ((e, n) - pivot).
+    """The plane of one area beforehand: z = height + slopes . ((e, n) - pivot).
 
     Attributes
     ----------
+    name
+        Of the area.
     height_m, height_sigma_m
         At the pivot.
     slope_sigma_rad
@@ -27,6 +32,7 @@ class Ground:
         Each point's own departure from the plane; 0: none.
     """
 
+    name: str = DEFAULT_AREA
     height_m: float
     height_sigma_m: float
     slope_sigma_rad: float
@@ -50,17 +56,22 @@ class Survey:
     calibration
         Interior orientation beforehand.
     label, height_above_m
-        (K,) names of the points, and known heights above the plane.
+        (K,) names of the points, and known heights above their area's plane.
     pick_frame, pick_label, pixel_px, pick_sigma_px
         (P,), (P,), (P, 2), (P,): frame, label, place and sigma of each pick.
     line_start, line_end, length_m, length_sigma_m
         (L,) labels of the ends of each known length, and the length.
     control_label, control_world_m, control_sigma_m
         (C,), (C, 3), (C, 3): points with known coordinates.
-    ground
-        The plane beforehand.
+    ground, other_grounds
+        The planes beforehand: of the first area, and of the others.
+    label_area
+        (K,) each label's area, 0 the first; None: all lie in the first.
+    candidate_poses
+        Of frames that something else than lengths and telemetry could place: first values only.
     gauge
-        ``world``, or ``plane`` where nothing fixes position and heading.
+        ``world``, or ``plane`` where nothing fixes position and heading: then the first area's
+        plane is z = 0.
     """
 
     frame_id: tuple[str, ...]
@@ -82,6 +93,9 @@ class Survey:
     control_world_m: Floats
     control_sigma_m: Floats
     ground: Ground
+    other_grounds: tuple[Ground, ...] = ()
+    label_area: Ints | None = None
+    candidate_poses: tuple[CandidatePoses, ...] = ()
     gauge: Literal["world", "plane"]
 
     def __post_init__(self) -> None:
@@ -91,3 +105,17 @@ class Survey:
         freeze(self, height_above_m=(len(self.label),), pixel_px=(p, 2), pick_sigma_px=(p,))
         freeze(self, length_m=(n,), length_sigma_m=(n,))
         freeze(self, control_world_m=(c, 3), control_sigma_m=(c, 3))
+        if self.label_area is not None:
+            freeze_as(self, np.int64, label_area=(len(self.label),))
+
+    @property
+    def grounds(self) -> tuple[Ground, ...]:
+        """(A,) planes beforehand, one for each area."""
+        return (self.ground, *self.other_grounds)
+
+    @property
+    def area(self) -> Ints:
+        """(K,) each label's area."""
+        if self.label_area is None:
+            return np.zeros(len(self.label), dtype=np.int64)
+        return self.label_area

@@ -11,37 +11,45 @@
 from __future__ import annotations
 
 import importlib.metadata
-import sys
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.errors import near_miss
 from uavgram.estimation.adjustment import Refined
+from uavgram.estimation.error_budget import error_budget, shares
+from uavgram.estimation.measured import measured_rows
 from uavgram.geometry.geodesy import enu_from_geodetic
+from uavgram.geometry.map_projection import checked_crs, utm_crs
+from uavgram.imaging.known_point_pose import known_point_poses
 from uavgram.model.arrays import Floats
+from uavgram.model.evidence import SecondOrder
+from uavgram.model.learnt_camera import learnt_camera
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownPoints, KnownWorldPoints
-from uavgram.model.options import option_pairs
+from uavgram.model.options import Project, option_pairs
 from uavgram.model.result import MonteCarloResults, Provenance, Result
+from uavgram.model.survey import Survey
 from uavgram.model.world import World
 from uavgram.pipeline.inputs import Inputs
-from uavgram.pipeline.pose import height_shift, pose_frames
-from uavgram.stages.assemble import Assembled, assemble
-from uavgram.stages.judge import (
-    PickTable,
-    judge_groups,
-    judge_lines,
-    judge_picks,
-    judge_points,
-    judge_priors,
-)
-from uavgram.stages.measure import measure
+from uavgram.pipeline.judged import judge_survey
+from uavgram.pipeline.pose import Posed, height_shift, pose_frames
+from uavgram.pipeline.versions import package_versions
+from uavgram.stages.assemble import Assembled, assemble, unpicked_areas
+from uavgram.stages.learn_camera import what_was_learnt
+from uavgram.stages.measure import measure, measurement_results
 from uavgram.stages.monte_carlo import compare, sample
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
-from uavgram.stages.summarise import summarise_frames, summarise_shared, summarise_solution
+from uavgram.stages.second_order import second_order
+from uavgram.stages.summarise import (
+    summarise_areas,
+    summarise_frames,
+    summarise_shared,
+    summarise_solution,
+)
 
 PACKAGES = ("numpy", "scipy", "opencv-python-headless", "pymavlink", "pyproj", "rerun-sdk")
 
@@ -54,10 +62,37 @@ class Sampling:
     seed: int = 0
 
 
-def compute(inputs: Inputs, sampling: Sampling | None = None) -> Result:
-    """Run every stage on what was read, and sample the measurements where that is asked for."""
+class Computed(NamedTuple):
+    """What is stored, and the adjustment behind it with all its joint covariances."""
+
+    result: Result
+    refined: Refined
+
+
+def compute(
+    inputs: Inputs,
+    sampling: Sampling | None = None,
+    *,
+    posed: Posed | None = None,
+    curved: bool = True,
+) -> Computed:
+    """Run every stage on what was read.
+
+    Parameters
+    ----------
+    inputs
+        The project.
+    sampling
+        A Monte Carlo check of the measurements, where that is asked for.
+    posed
+        The frames as `pose_frames` leaves them, which hang on photos and log alone: who changes
+        nothing but picks and lengths need not match them again.
+    curved
+        Whether to check the first-order propagation by its second order, which takes most of the
+        time where much is measured.
+    """
     project = inputs.project
-    posed = pose_frames(inputs)
+    posed = posed or pose_frames(inputs)
     control, control_messages = _in_world(inputs, inputs.control, posed.world)
     check, check_messages = _in_world(inputs, inputs.check, posed.world)
     assembled = assemble(
@@ -72,10 +107,18 @@ def compute(inputs: Inputs, sampling: Sampling | None = None) -> Result:
     world = replace(posed.world, gauge=assembled.survey.gauge)
     if world.gauge == "plane":
         world = replace(world, latitude_deg=None, longitude_deg=None, height_m=None)
-    refined, refine_messages = refine(assembled.survey, project.solve)
+    world = replace(world, crs=_map_crs(project, world))
+    refined, refine_messages = refine(_with_candidates(assembled.survey), project.solve)
     adjustment = refined.adjustment
     points = reconstruct(adjustment, world)
-    measurements, measure_messages = measure(adjustment, inputs.requests, posed.frames)
+    measured = measured_rows(adjustment, inputs.requests, posed.frames)
+    measurements, measure_messages = measurement_results(measured)
+    curvature: SecondOrder | None = None
+    curved_messages: tuple[Message, ...] = ()
+    if curved:
+        curvature, curved_messages = second_order(
+            adjustment, measured, measurements, inputs.requests, posed.frames
+        )
     others = tuple(
         tuple(measure(other, inputs.requests, posed.frames)[0].value)
         for other in refined.alternatives
@@ -83,21 +126,19 @@ def compute(inputs: Inputs, sampling: Sampling | None = None) -> Result:
     sampled: MonteCarloResults | None = None
     sampled_messages: tuple[Message, ...] = ()
     if sampling is not None:
-        sampled = sample(adjustment, inputs.requests, posed.frames, sampling.count, sampling.seed)
-        sampled_messages = compare(measurements, sampled)
-    significance = project.solve.significance
-    picks, pick_messages = judge_picks(refined, _pick_table(inputs, assembled), significance)
-    lines, line_checks, line_messages = judge_lines(
-        refined, inputs.lines, assembled.line_index, significance
-    )
-    checks, unseen_messages = judge_points(adjustment, check)
-    groups, group_messages = judge_groups(adjustment, significance)
-    return Result(
+        sampled, left_out = sample(
+            adjustment, inputs.requests, posed.frames, sampling.count, sampling.seed
+        )
+        sampled_messages = (*compare(measurements, sampled), *left_out)
+    judged = judge_survey(inputs, assembled, refined, measured, posed.frames, check)
+    shared = summarise_shared(adjustment, posed.frames.clock_offset_s)
+    result = Result(
         name=project.name,
         provenance=_provenance(inputs, None if sampling is None else sampling.seed),
         world=world,
         camera=inputs.calibration,
-        shared=summarise_shared(adjustment, posed.frames.clock_offset_s),
+        shared=shared,
+        areas=summarise_areas(adjustment),
         frames=summarise_frames(
             posed.frames,
             inputs.photos.path,
@@ -106,13 +147,18 @@ def compute(inputs: Inputs, sampling: Sampling | None = None) -> Result:
             _picked_frames(inputs, assembled, refined),
         ),
         points=points,
-        lines=lines,
-        picks=picks,
+        error_budget=shares(error_budget(adjustment.minimum.blocks, measured)),
+        lines=judged.lines,
+        picks=judged.picks,
         measurements=measurements,
+        second_order=curvature,
         monte_carlo=sampled,
-        point_checks=checks,
-        line_checks=line_checks,
-        solution=summarise_solution(refined, groups, others),
+        evidence=judged.evidence,
+        removals=judged.removals,
+        point_checks=judged.point_checks,
+        line_checks=judged.line_checks,
+        checks_overall=judged.checks_overall,
+        solution=summarise_solution(refined, judged.groups, others),
         messages=(
             *inputs.messages,
             *posed.messages,
@@ -120,16 +166,32 @@ def compute(inputs: Inputs, sampling: Sampling | None = None) -> Result:
             *check_messages,
             *_gauge_messages(inputs, world),
             *_unseen_control(control, assembled),
+            *unpicked_areas(project.ground, assembled.survey),
             *refine_messages,
+            *what_was_learnt(learnt_camera(inputs.calibration, shared.intrinsics)),
             *measure_messages,
+            *curved_messages,
             *sampled_messages,
-            *line_messages,
-            *pick_messages,
-            *unseen_messages,
-            *group_messages,
-            *judge_priors(adjustment, significance),
+            *judged.messages,
         ),
     )
+    return Computed(result, refined)
+
+
+def _with_candidates(survey: Survey) -> Survey:
+    """Where nothing but known points places the frames: their first poses from these."""
+    if survey.telemetry is not None or survey.gauge == "plane":
+        return survey
+    return replace(survey, candidate_poses=known_point_poses(survey))
+
+
+def _map_crs(project: Project, world: World) -> str | None:
+    """Coordinate system of maps: the one the project names, else the UTM zone of the origin."""
+    if world.latitude_deg is None or world.longitude_deg is None:
+        return None
+    if project.crs == "auto":
+        return utm_crs(world.latitude_deg, world.longitude_deg)
+    return checked_crs(project.crs)
 
 
 def _in_world(
@@ -185,17 +247,6 @@ def _unseen_control(control: KnownWorldPoints, assembled: Assembled) -> tuple[Me
     return tuple(messages)
 
 
-def _pick_table(inputs: Inputs, assembled: Assembled) -> PickTable:
-    picks = inputs.picks
-    return PickTable(
-        image=picks.image,
-        label=picks.label,
-        pixel_px=picks.pixel_px,
-        sigma_px=assembled.pick_sigma_px,
-        survey_index=assembled.pick_index,
-    )
-
-
 def _picked_frames(inputs: Inputs, assembled: Assembled, refined: Refined) -> dict[str, str]:
     """Frames with picks, each with the first reason why one of its picks was left out."""
     reasons = dict.fromkeys(inputs.picks.image, "")
@@ -206,8 +257,6 @@ def _picked_frames(inputs: Inputs, assembled: Assembled, refined: Refined) -> di
 
 
 def _provenance(inputs: Inputs, seed: int | None) -> Provenance:
-    versions = [(name, importlib.metadata.version(name)) for name in PACKAGES]
-    python = ".".join(str(part) for part in sys.version_info[:3])
     return Provenance(
         program="uavgram",
         version=importlib.metadata.version("uavgram"),
@@ -215,5 +264,5 @@ def _provenance(inputs: Inputs, seed: int | None) -> Provenance:
         inputs=inputs.digests,
         options=option_pairs(inputs.project),
         seed=seed,
-        packages=(("python", python), *versions),
+        packages=package_versions(PACKAGES),
     )

@@ -115,7 +115,7 @@ def _seeds(inputs: Inputs) -> _Chosen:
 
 def _refined(inputs: Inputs) -> _Chosen:
     """Adjusted poses, and the seeds of photos that took no part."""
-    result = compute(inputs)
+    result = compute(inputs).result
     frames = result.frames
     adjusted = np.asarray(np.isfinite(frames.refined.center_world_m).all(axis=1))
     seeded = np.asarray(np.isfinite(frames.seed.center_world_m).all(axis=1))

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from uavgram.config.camera import load_camera
 from uavgram.config.project import load_project
 from uavgram.errors import InputError
 from uavgram.geometry.back_projection import share_without_rays
@@ -17,7 +16,6 @@ from uavgram.io.flight_log import read_flight_log
 from uavgram.io.known_points import read_known_points
 from uavgram.io.lines import read_lines
 from uavgram.io.measure import read_measure
-from uavgram.io.opencv_calibration import is_opencv_calibration, read_opencv_calibration
 from uavgram.io.photo_poses import FROM_PHOTOS, read_photo_poses
 from uavgram.io.photo_tags import first_maker
 from uavgram.io.photos import read_photos
@@ -26,11 +24,19 @@ from uavgram.model.camera import Calibration
 from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
-from uavgram.model.options import Project
+from uavgram.model.options import CAMERA_OF_PHOTOS, Project
 from uavgram.model.photo_poses import PhotoPoses
 from uavgram.model.result import InputDigest
 from uavgram.model.telemetry import FlightLog
+from uavgram.pipeline.camera import camera_of_photos, read_camera
 
+NO_PICKS = Picks(
+    image=(),
+    label=(),
+    pixel_px=np.empty((0, 2)),
+    sigma_px=np.empty(0),
+    height_m=np.empty(0),
+)
 NO_LINES = KnownLines(
     name=(),
     start=(),
@@ -66,29 +72,43 @@ class Inputs:
     messages: tuple[Message, ...]
 
 
-def read_inputs(path: Path) -> Inputs:
+def read_inputs(path: Path, *, unfinished: bool = False) -> Inputs:
     """Read and validate every input of a project; run nothing.
+
+    Parameters
+    ----------
+    path
+        The project file.
+    unfinished
+        Whether it may still lack picks, lengths and measurements: files that are not there then
+        count as empty.
 
     Raises
     ------
     InputError
         The first problem found, with file, line, frame or label.
     """
-    project = load_project(path)
-    calibration, messages = _camera(Path(project.camera))
-    picks = read_picks(project.picks)
-    lines = read_lines(project.lines) if project.lines else NO_LINES
-    requests = read_measure(project.measure) if project.measure else ()
+    project = load_project(path, unfinished=unfinished)
+
+    picks_file, lines_file, measure_file = (
+        None if name and unfinished and not Path(name).is_file() else name
+        for name in (project.picks, project.lines, project.measure)
+    )
+    picks = read_picks(picks_file, may_be_empty=unfinished) if picks_file else NO_PICKS
+    lines = read_lines(lines_file) if lines_file else NO_LINES
+    requests = read_measure(measure_file) if measure_file else ()
     control = read_known_points(project.control) if project.control else NO_POINTS
     check = read_known_points(project.check) if project.check else NO_POINTS
     photos, photo_messages = read_photos(project.images, project.time)
+    calibration, messages = _camera(project, photos)
     _check_sizes(project, calibration, photos)
     _check_picks(project, picks, photos)
     log = read_flight_log(project.log) if project.log else None
     poses, pose_messages = _poses(project, photos)
     notes = () if log is None else _log_notes(log)
     pose_file = None if project.poses == FROM_PHOTOS else project.poses
-    named = (project.camera, project.picks, project.log, pose_file, project.lines, project.measure)
+    camera_file = None if project.camera == CAMERA_OF_PHOTOS else project.camera
+    named = (camera_file, picks_file, project.log, pose_file, lines_file, measure_file)
     files = [str(path), *(f for f in (*named, project.control, project.check) if f), *photos.path]
     return Inputs(
         project_path=str(path),
@@ -126,10 +146,11 @@ def _lens_messages(calibration: Calibration) -> tuple[Message, ...]:
     return (Message("info", "lens-rim", text),)
 
 
-def _camera(path: Path) -> tuple[Calibration, tuple[Message, ...]]:
-    if is_opencv_calibration(path):
-        return read_opencv_calibration(path)
-    return load_camera(path), ()
+def _camera(project: Project, photos: Photos) -> tuple[Calibration, tuple[Message, ...]]:
+    if project.camera == CAMERA_OF_PHOTOS:
+        return camera_of_photos(photos)
+    read = read_camera(project.camera)
+    return read.calibration, read.messages
 
 
 def _poses(project: Project, photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, ...]]:
@@ -151,12 +172,27 @@ def _check_sizes(project: Project, calibration: Calibration, photos: Photos) -> 
     wrong = np.flatnonzero((photos.width_px != width) | (photos.height_px != height))
     if wrong.size:
         i = int(wrong[0])
+        size = int(photos.width_px[i]), int(photos.height_px[i])
         raise InputError(
             photos.path[i],
-            f"is {photos.width_px[i]:.0f} x {photos.height_px[i]:.0f} px, but {project.camera} "
-            f"describes {width} x {height} px ({wrong.size} of {len(photos.path)} photos differ): "
-            "give the camera file of this camera and resolution, or leave these photos out",
+            f"is {size[0]} x {size[1]} px, but {project.camera} describes {width} x {height} px "
+            f"({wrong.size} of {len(photos.path)} photos differ): "
+            + _way_to_size(project.camera, (width, height), size),
         )
+
+
+def _way_to_size(camera: str, have: tuple[int, int], want: tuple[int, int]) -> str:
+    """What to do about photos of another size than the camera file's."""
+    # One factor for both sides, up to the rounding of both to whole pixels.
+    if abs(have[0] * want[1] - have[1] * want[0]) > max(have):
+        return "give the camera file of this camera and resolution, or leave these photos out"
+    size = f"{want[0]}x{want[1]}"
+    name = Path(camera).stem
+    return (
+        "if they are the same images made larger or smaller, make a camera file of their size: "
+        f"uavgram camera {camera} --size {size} --output {name}_{size}.yaml; else give the camera "
+        "file of this camera and resolution, or leave these photos out"
+    )
 
 
 def _check_picks(project: Project, picks: Picks, photos: Photos) -> None:
@@ -169,6 +205,7 @@ def _check_picks(project: Project, picks: Picks, photos: Photos) -> None:
                 project.picks,
                 f"the pick of {picks.label[i]!r} names the photo {image!r}, which is not among "
                 f"the project's images{hint}",
+                picks.line_of(i),
             )
         u, v = picks.pixel_px[i]
         width, height = photos.width_px[size[image]], photos.height_px[size[image]]
@@ -177,4 +214,5 @@ def _check_picks(project: Project, picks: Picks, photos: Photos) -> None:
                 project.picks,
                 f"the pick of {picks.label[i]!r} at ({u:g}, {v:g}) lies outside {image!r} "
                 f"({width:.0f} x {height:.0f} px, original and unrotated)",
+                picks.line_of(i),
             )

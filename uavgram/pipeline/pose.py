@@ -112,7 +112,12 @@ def _seeded(
         height_datum=datum,
         gauge="world",
     )
-    telemetry = Telemetry(poses=seeds.poses, prior=seeds.prior, track=flight)
+    telemetry = Telemetry(
+        poses=seeds.poses,
+        prior=seeds.prior,
+        track=flight,
+        correlation_s=inputs.project.telemetry.correlation_s,
+    )
     return Posed(world=world, frames=frames, telemetry=telemetry, messages=(*messages, *more))
 
 

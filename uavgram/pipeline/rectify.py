@@ -79,10 +79,9 @@ def rectify(
     raster = lay_raster(view, pixel_m)
     folder = Path(inputs.project.output) / "rectified" if output is None else Path(output)
     tags = _tags(view)
-    reach = boxes(view, raster)
     with staged_output(folder) as staging:
         count = -(-raster.width // TILE_PX) * -(-raster.height // TILE_PX)
-        windows = progress(_warped(view, raster, reach), "rectifying", count)
+        windows = progress(warped_windows(view, raster), "rectifying", count)
         write_colour_geotiff(raster, windows, tags, staging / PICTURE)
         coarse = raster.coarser(SIGMA_STEP_PX)
         known = _knowledge(computed.refined.adjustment, view, inputs.project.picks_sigma_px)
@@ -122,8 +121,9 @@ def _caption(view: View, raster: GroundRaster) -> str:
     return f"{view.result.name}: {where}, pixel {raster.pixel_m:g} m, ground plane"
 
 
-def _warped(view: View, raster: GroundRaster, reach: Floats) -> Iterator[tuple[Window, Pixels]]:
+def warped_windows(view: View, raster: GroundRaster) -> Iterator[tuple[Window, Pixels]]:
     """Every window of the raster in the order of the file; a few are under way at a time."""
+    reach = boxes(view, raster)
     photos = PhotoCache([view.result.frames.path[i] for i in view.rows])
 
     def warp(window: Window) -> Pixels:

@@ -66,7 +66,7 @@ def run(
     with journal.step("read the inputs"):
         inputs = read_inputs(Path(project))
     with journal.step("adjust and measure"):
-        result = compute(inputs, sampling)
+        result = compute(inputs, sampling).result
     journal.result(result)
     folder = inputs.project.output if output is FROM_PROJECT else output
     if folder is not None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from uavgram.model.camera import Calibration
+from uavgram.model.error_budget import ErrorBudget
 from uavgram.model.message import Message
 from uavgram.model.result import (
     Alternative,
@@ -167,6 +168,10 @@ def sample_result() -> Result:
             status=("used", "unused", "removed"),
         ),
         measurements=_measurements(rng),
+        error_budget=ErrorBudget(
+            source=("picks", "flight log"),
+            share=np.where(np.arange(6)[:, None] == 4, nan, [0.25, 0.75]),
+        ),
         point_checks=PointChecks(
             label=("Q;ü",), error_m=[[0.1, 0.2, 0.3]], sigma_m=[[0.3, 0.3, 0.4]], mahalanobis=[1.1]
         ),

@@ -1,0 +1,189 @@
+"""How far a result can be trusted: what undetected errors would do, and what was taken out.
+
+NaN (or an empty name) stands for "there is none".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from uavgram.model.arrays import Bools, Floats, freeze, freeze_as
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Effects:
+    """External reliability of n observations: what an error that no test finds would do.
+
+    The error is as large as the minimal detectable bias; of all measurements, the one that it
+    moves by most of its own sigmas is named.
+
+    Attributes
+    ----------
+    on
+        (n,) name of that measurement; empty where there is none.
+    change
+        (n,) by how much it would move, signed, in the measurement's unit.
+    sigmas
+        (n,) the same in the measurement's sigmas, not signed.
+    """
+
+    on: tuple[str, ...]
+    change: Floats
+    sigmas: Floats
+
+    def __post_init__(self) -> None:
+        n = len(self.on)
+        freeze(self, may_be_nan=("change", "sigmas"), change=(n,), sigmas=(n,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WeakestLinks:
+    """For each of M measurements, the undetected error that would move it most.
+
+    Attributes
+    ----------
+    what
+        (M,) the observation, in words.
+    bias, unit
+        (M,) its minimal detectable bias.
+    change
+        (M,) by how much that would move the measurement, in the measurement's unit.
+    unchecked
+        (M,) observations that move it and that nothing checks, in words: of an error there, no
+        test would say anything, however large it is.
+    """
+
+    what: tuple[str, ...]
+    bias: Floats
+    unit: tuple[str, ...]
+    change: Floats
+    unchecked: tuple[tuple[str, ...], ...]
+
+    def __post_init__(self) -> None:
+        n = len(self.what)
+        freeze(self, may_be_nan=("bias", "change"), bias=(n,), change=(n,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PriorResults:
+    """n numbers known beforehand (log, mount, clock, ground, calibration, control), and their fit.
+
+    Attributes
+    ----------
+    kind, name
+        (n,) group, and what it is in words.
+    frame_id
+        (n,) of the frame whose telemetry it is; else empty.
+    unit
+        (n,) of `bias`.
+    residual
+        (n,) adjusted minus stated, in stated sigmas.
+    w, redundancy, bias
+        (n,) Baarda's test statistic, redundancy number and minimal detectable bias.
+    effects
+        Of an error of that size.
+    """
+
+    kind: tuple[str, ...]
+    name: tuple[str, ...]
+    frame_id: tuple[str, ...]
+    unit: tuple[str, ...]
+    residual: Floats
+    w: Floats
+    redundancy: Floats
+    bias: Floats
+    effects: Effects
+
+    def __post_init__(self) -> None:
+        n = len(self.name)
+        columns = ("residual", "w", "redundancy", "bias")
+        freeze(self, may_be_nan=("bias",), **dict.fromkeys(columns, (n,)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evidence:
+    """External reliability of L lengths, P picks, all priors; weakest links of M measurements."""
+
+    lines: Effects
+    picks: Effects
+    priors: PriorResults
+    weakest: WeakestLinks
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SecondOrder:
+    """What first-order propagation leaves out, for M measurements.
+
+    Attributes
+    ----------
+    bias
+        (M,) mean minus value, in the measurement's unit.
+    sigma
+        (M,) with second-order terms; NaN where the adjustment of slightly different observations
+        finds no solution.
+    curvature
+        (M,) largest change of slope over one sigma, in slopes.
+    off
+        (M,) whether first order is not good enough.
+    """
+
+    bias: Floats
+    sigma: Floats
+    curvature: Floats
+    off: Bools
+
+    def __post_init__(self) -> None:
+        n = len(self.bias)
+        names = ("bias", "sigma", "curvature")
+        freeze(self, may_be_nan=names, **dict.fromkeys(names, (n,)))
+        freeze_as(self, bool, off=(n,))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RemovalRecord:
+    """One observation that was taken out as a blunder.
+
+    Attributes
+    ----------
+    what, w
+        The observation in words, and its test statistic before it was taken out.
+    group
+        Other observations that no test can part from it.
+    rivals
+        Observations that might have been the wrong one instead, with odds of more than 1 in 20.
+    variance_factor_before, variance_factor_after
+        Of the whole adjustment; NaN without redundancy.
+    change
+        (M,) after minus before, of each measured value.
+    """
+
+    what: str
+    w: float
+    group: tuple[str, ...]
+    rivals: tuple[str, ...]
+    variance_factor_before: float
+    variance_factor_after: float
+    change: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChecksOverall:
+    """All withheld lengths and check points together, with their joint covariance.
+
+    Attributes
+    ----------
+    count
+        Numbers compared: one of a length, three of a point.
+    chi2, probability
+        Squared Mahalanobis distance of all errors; probability of one as large by chance.
+    rms_error_m
+        Of these numbers.
+    mean_error_percent
+        Mean absolute error of the lengths over the length; NaN without one.
+    """
+
+    count: int
+    chi2: float
+    probability: float
+    rms_error_m: float
+    mean_error_percent: float
