@@ -339,4 +339,5 @@ def load_error_budget(record: Record | None) -> ErrorBudget | None:
     if record is None:
         return None
     sources = tuple(text(source) for source in record["sources"])
-    return ErrorBudget(source=sources, share=numbers(record["shares"]).reshape(-1, len(sources)))
+    rows = len(record["shares"])
+    return ErrorBudget(source=sources, share=numbers(record["shares"], rows, len(sources)))
