@@ -220,3 +220,32 @@ def test_the_real_projects_load(data_dir, flight):
 
     assert project.name == flight
     assert project.images[0].endswith("photos/*.jpg")
+
+
+def test_areas_of_the_ground_state_what_they_have_of_their_own(load):
+    project = load("ground: {height_sigma_m: 0.2, areas: {verge: {height_m: 0.4}, lawn: {}}}\n")
+
+    assert set(project.ground.areas) == {"verge", "lawn"}
+    verge = project.ground.of("verge")
+    assert (verge.height_m, verge.height_sigma_m, verge.slope_sigma_deg) == (0.4, 0.2, 0.5)
+    assert project.ground.of("never stated").height_m == 0.0
+    assert dict(option_pairs(project))["ground.areas.verge.height_m"] == 0.4
+    with pytest.raises(TypeError):
+        project.ground.areas["road"] = verge
+
+
+@pytest.mark.parametrize(
+    ("areas", "line", "words"),
+    [
+        ("    verge: {hight_m: 1}\n", 6, "unknown key 'hight_m': did you mean 'height_m'?"),
+        ("    verge:\n      height_sigma_m: 0\n", 7, "must be greater than 0 (got 0)"),
+        ("    verge: {slope_sigma_deg: 50}\n", 6, "must lie between 0 and 45 (got 50)"),
+        ("    verge: 3\n", 6, "must be a block of keys"),
+        ("    default: {}\n", 5, "must not name the area 'default'"),
+    ],
+)
+def test_a_mistake_in_an_area_is_told_with_its_line(load, areas, line, words):
+    with pytest.raises(InputError) as caught:
+        load("ground:\n  areas:\n" + areas)
+    assert words in str(caught.value)
+    assert f":{line}:" in str(caught.value)

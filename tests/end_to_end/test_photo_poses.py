@@ -13,11 +13,17 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from pyproj import Transformer
+from published_scenes import (
+    NARRABEEN_ORIGIN,
+    camera_file,
+    narrabeen_targets,
+    withheld,
+    write_project,
+    write_table,
+)
 
 import uavgram
 from uavgram.cli import main
-from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.io.photo_poses import read_photo_poses
 from uavgram.io.photos import read_photos
 from uavgram.model.options import MountOptions, TelemetryOptions, TimeOptions
@@ -25,28 +31,13 @@ from uavgram.pipeline.check import check
 from uavgram.stages.photo_exposures import find_photo_home, place_photos
 
 STILL = "snapshotNarrabeen.JPG"
-FOCAL_PX = 3120.0  # of the still, from a resection on the targets
-ORIGIN = {"latitude_deg": -33.7299, "longitude_deg": 151.3006, "height_m": 2.475}
+FOCAL_PX = 3320.0  # of the still, which has the pixels of the video
 PLACE = "-33.72990203,151.30057472,98.03,9.5,-16.6,0"  # as the still's tags have it
 
 
 @pytest.fixture(scope="module")
 def narrabeen(data_dir):
-    """Targets in WGS 84 and in space, and their pixels by photo."""
-    folder = data_dir / "narrabeen_mavic"
-    control = json.loads((folder / "control.json").read_text())
-    grid = {point["id"]: np.array(point["xyz"]) for point in control["points"]}
-    to_wgs84 = Transformer.from_crs("EPSG:28356", "EPSG:4326", always_xy=True)
-    geodetic = {
-        name: (*to_wgs84.transform(xyz[0], xyz[1])[::-1], xyz[2]) for name, xyz in grid.items()
-    }
-    pixels = {
-        photo["file"].rpartition("/")[2]: {o["id"]: o["uv"] for o in photo["observations"]}
-        for photo in control["photos"]
-    }
-    origin = tuple(ORIGIN.values())
-    world = {name: enu_from_geodetic(*place, origin) for name, place in geodetic.items()}
-    return SimpleNamespace(folder=folder, geodetic=geodetic, world=world, pixels=pixels)
+    return narrabeen_targets(data_dir / "narrabeen_mavic")
 
 
 @pytest.fixture
@@ -57,8 +48,6 @@ def project(narrabeen, tmp_path):
         still = kind == "still"
         names = [STILL] if still else [n for n in narrabeen.pixels if n != STILL]
         rows = [(n, t, *uv) for n in names for t, uv in narrabeen.pixels[n].items()]
-        _table(tmp_path / "picks.csv", "image,label,u_px,v_px", rows)
-        pairs = itertools.combinations(sorted(narrabeen.world), 2)
         lines = [
             (
                 a[-1] + b[-1],
@@ -68,53 +57,30 @@ def project(narrabeen, tmp_path):
                 0.03,
                 "adjust" if a[-1] + b[-1] in adjust else "check",
             )
-            for a, b in pairs
+            for a, b in itertools.combinations(sorted(narrabeen.world), 2)
         ]
-        _table(tmp_path / "lines.csv", "name,from,to,length_m,sigma_m,use", lines)
         header = "image,latitude_deg,longitude_deg,height_m,yaw_deg,pitch_deg,roll_deg"
-        _table(tmp_path / "poses.csv", header, [(name, PLACE) for name in names])
-        (tmp_path / "camera.yaml").write_text(yaml.safe_dump(_camera(still=still)))
+        write_table(tmp_path / "poses.csv", header, [(name, PLACE) for name in names])
         images = narrabeen.folder / (STILL if still else "frames/*.jpg")
         content = {
             "images": str(images),
-            "camera": "camera.yaml",
-            "picks": "picks.csv",
-            "lines": "lines.csv",
             "poses": "exif" if still else "poses.csv",
-            "world": {"origin": dict(ORIGIN)},
+            "world": {"origin": dict(NARRABEEN_ORIGIN)},
             "ground": {"height_sigma_m": 0.2},
         }
-        path = tmp_path / "project.yaml"
         content = {key: v for key, v in (content | changes).items() if v is not None}
-        path.write_text(yaml.safe_dump(content))
-        return path
+        return write_project(tmp_path, _camera(still=still), rows, lines, **content)
 
     return write
 
 
-def _table(path, header, rows):
-    lines = [",".join(str(cell) for cell in row) for row in rows]
-    path.write_text("\n".join([header, *lines]) + "\n")
-
-
 def _camera(*, still):
+    # as published with the video frames; the still has its pixels (see test_published_scenes.py)
+    parameters = [3320, 3319, 1758, 1090, 0.01638, 0.02744, -0.01, 0, 0.00105]
     if still:
-        parameters = [FOCAL_PX, FOCAL_PX, 1999.5, 1124.5, 0, 0, 0, 0, 0]
-        sigma = [60, 60, 30, 30, 0.02, 0.02, 0.001, 0.001, 0.0]
-    else:  # as published with the frames
-        parameters = [3320, 3319, 1758, 1090, 0.01638, 0.02744, -0.01, 0, 0.00105]
-        sigma = [10, 10, 10, 10, 0.001, 0.001, 0.001, 0.001, 0.001]
-    width, height = (4000, 2250) if still else (3840, 2160)
-    sizes = {"name": "fc220", "model": "brown", "width_px": width, "height_px": height}
-    return sizes | {"parameters": [float(p) for p in parameters], "sigma": sigma}
-
-
-def _withheld_errors(result):
-    """Relative errors and errors in sigmas of the lengths that were not used."""
-    lines = result.lines
-    rows = [k for k, status in enumerate(lines.status) if status == "checked"]
-    error = (lines.adjusted_m - lines.length_m)[rows]
-    return error / lines.length_m[rows], error / lines.adjusted_sigma_m[rows]
+        parameters[2:4] = 1758 + (4000 - 3840) / 2, 1090 + (2250 - 2160) / 2
+        return camera_file((4000, 2250), parameters, [15, 15, 15, 15, 2e-3, 2e-3, *[1e-3] * 3])
+    return camera_file((3840, 2160), parameters, [10, 10, 10, 10, *[1e-3] * 5])
 
 
 def _rays(pixels):
@@ -180,26 +146,6 @@ def test_the_default_sigmas_allow_the_gimbal_its_three_degrees(project):
     assert result.solution.chi2_probability > 0.01
 
 
-@pytest.mark.parametrize(
-    ("kind", "adjust", "mean", "worst"),
-    [  # fractions; measured 0.013 and 0.0063 (still), 0.0074 and 0.0021 (video), see the notes
-        ("still", (("12",), ("34",), ("14",)), 0.016, 0.040),
-        ("still", (("12", "34"),), 0.008, 0.015),
-        ("video", (("12",), ("34",), ("14",)), 0.009, 0.020),
-        ("video", (("12", "34"),), 0.003, 0.005),
-    ],
-)
-def test_known_lengths_carry_over_to_the_withheld_ones(project, kind, adjust, mean, worst):
-    errors = [
-        _withheld_errors(uavgram.run(project(kind, chosen), output=None)) for chosen in adjust
-    ]
-    relative = np.abs(np.concatenate([e[0] for e in errors]))
-
-    assert relative.mean() < mean
-    assert relative.max() < worst
-    assert np.abs(np.concatenate([e[1] for e in errors])).max() < 2
-
-
 def test_photo_poses_have_no_clock_to_report(project, tmp_path):
     uavgram.run(project("still", adjust=("12", "34")), output=tmp_path / "out")
 
@@ -208,7 +154,7 @@ def test_photo_poses_have_no_clock_to_report(project, tmp_path):
 
 
 def test_the_seed_alone_is_far_off_and_says_so(project):
-    relative, in_sigmas = _withheld_errors(uavgram.run(project("still"), output=None))
+    relative, in_sigmas = withheld(uavgram.run(project("still"), output=None))
 
     assert (relative < -0.15).all()  # 18 to 27 % short at this grazing view
     assert np.abs(in_sigmas).max() < 2
@@ -308,7 +254,7 @@ def test_log_and_poses_together_are_refused_with_the_line(project, capsys, tmp_p
 
 
 def test_heights_of_another_datum_are_refused_not_shifted(project, capsys):
-    path = project("still", world={"origin": dict(ORIGIN), "heights": "ellipsoid"})
+    path = project("still", world={"origin": dict(NARRABEEN_ORIGIN), "heights": "ellipsoid"})
 
     assert main(["check", str(path)]) == 1
     assert "set world.heights: msl" in capsys.readouterr().err

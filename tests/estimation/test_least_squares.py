@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uavgram.estimation.least_squares import minimise
-from uavgram.estimation.normal_equations import Block, SingularError
+from uavgram.estimation.normal_equations import Block, NormalEquations, SingularError
 
 # NIST Statistical Reference Datasets, Misra1a (nonlinear regression, lower difficulty).
 Y = np.array(
@@ -132,3 +132,32 @@ def test_an_undetermined_unknown_is_named_even_where_damping_hides_it():
     with pytest.raises(SingularError) as error:
         minimise(np.zeros(2), evaluate, lambda x, step: x + step, 2)
     assert error.value.index in (0, 1)
+
+
+def test_near_the_minimum_one_factor_serves_several_steps(monkeypatch):
+    factored = []
+    factor = NormalEquations.factor
+    monkeypatch.setattr(
+        NormalEquations, "factor", lambda *a, **k: factored.append(1) or factor(*a, **k)
+    )
+    # A circle through noisy points: residuals do not vanish, so that Gauss-Newton converges slowly.
+    angle = np.random.default_rng(0).uniform(0, 1.2, 40)
+    point = np.column_stack([np.cos(angle), np.sin(angle)])
+    point += np.random.default_rng(1).normal(0, 0.05, point.shape)
+
+    def evaluate(c):
+        away = c[:2] - point
+        reach = np.hypot(*away.T)
+        rows = np.column_stack([away / reach[:, None], -np.ones(40)])[:, None] / 0.05
+        return {"c": Block((reach - c[2])[:, None] / 0.05, np.tile([0, 1, 2], (40, 1)), rows)}
+
+    found = minimise(np.array([0.3, 0.3, 0.7]), evaluate, lambda c, step: c + step, 3)
+
+    assert found.converged
+    assert found.iterations > len(factored)
+    block = found.blocks["c"]
+    rows = block.jacobian[:, 0]
+    expected = np.linalg.inv(rows.T @ rows)
+    np.testing.assert_allclose(found.factor.joint(np.arange(3)), expected, rtol=1e-9)
+    gradient = rows.T @ block.residual[:, 0]
+    assert gradient @ expected @ gradient < 1e-9

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uavgram.estimation import nested_dissection, normal_equations
+from uavgram.estimation import multifrontal, nested_dissection, normal_equations
+from uavgram.estimation.block_structure import Structure
 from uavgram.estimation.normal_equations import Block, NormalEquations, SingularError
 from uavgram.estimation.survey_problem import SurveyProblem
 
@@ -39,7 +40,7 @@ def dense_jacobian(blocks, size):
 @pytest.fixture(params=["dense", "sparse", "points first"])
 def branch(request, monkeypatch):
     if request.param != "dense":
-        monkeypatch.setattr(normal_equations, "DENSE_LIMIT", 0)
+        monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
         monkeypatch.setattr(nested_dissection, "LEAF", 2)
     return request.param
 
@@ -56,7 +57,7 @@ def test_solution_and_covariances_equal_the_dense_inverse(scene_factory, options
     factor = NormalEquations(list(blocks.values()), size, structure).factor()
     covariance = factor.covariance()
 
-    assert (factor._sparse is not None) == (branch != "dense")
+    assert factor.sparse == (branch != "dense")
     right = np.random.default_rng(0).normal(size=(size, 3)) / sigma[:, None]
     error = (factor.solve(right) - inverse @ right) / sigma[:, None]
     assert np.abs(error).max() < 1e-6 * np.sqrt(size)
@@ -134,3 +135,97 @@ def test_damping_makes_a_singular_system_solvable():
     normal = NormalEquations([block], 2)
     step = normal.factor(1e-3).solve(normal.gradient)
     np.testing.assert_allclose(step, np.full(2, 1 / 2.001), rtol=1e-9)
+
+
+def test_a_row_may_name_an_unknown_twice(branch):
+    # Two columns of one unknown, of a point's two, and a length from a point to itself.
+    structure = Structure(size=7, points=2, point_size=2, block_size=2, first_shared=6)
+    structure = structure if branch == "points first" else None
+    rng = np.random.default_rng(0)
+    columns = np.concatenate([rng.integers(0, 7, (20, 4)), [[0, 1, 0, 1], [5, 5, 6, 6]]])
+    block = Block(np.zeros((22, 1)), columns, rng.normal(size=(22, 1, 4)))
+    jacobian = dense_jacobian({"one": block}, 7)
+    factor = NormalEquations([block], 7, structure).factor()
+    inverse = np.linalg.inv(jacobian.T @ jacobian)
+    np.testing.assert_allclose(factor.joint(np.arange(7)), inverse, rtol=1e-8, atol=1e-12)
+    found = factor.covariance().blocks(columns)
+    expected = inverse[columns[:, :, None], columns[:, None, :]]
+    np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-12)
+    variances = factor.variances(columns, block.jacobian[:, 0])
+    np.testing.assert_allclose(variances, np.sum(jacobian @ inverse * jacobian, axis=1))
+
+
+def test_a_plan_serves_only_the_columns_it_was_made_for(monkeypatch):
+    monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
+    rng = np.random.default_rng(1)
+    one, other = (
+        Block(np.zeros((9, 2)), rng.permuted(np.tile(np.arange(5), (9, 1)), axis=1)[:, :3], j)
+        for j in rng.normal(size=(2, 9, 2, 3))
+    )
+    first = NormalEquations([one], 5)
+    first.factor()
+    second = NormalEquations([other], 5, None, first.plan)
+    jacobian = dense_jacobian({"other": other}, 5)
+    expected = np.linalg.inv(jacobian.T @ jacobian)
+    np.testing.assert_allclose(second.factor().joint(np.arange(5)), expected, atol=1e-10)
+    again = NormalEquations([one], 5, None, first.plan)
+    again.factor()
+    assert again.plan is first.plan is not second.plan
+
+
+def test_covariances_of_unknowns_without_a_common_observation_are_not_guessed(monkeypatch):
+    monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
+    chain = Block(np.zeros((4, 1)), np.array([[0, 1], [1, 2], [2, 3], [0, 1]]), np.ones((4, 1, 2)))
+    chain.jacobian[3, 0, 1] = -1.0
+    covariance = NormalEquations([chain], 4).factor().covariance()
+    with pytest.raises(LookupError, match="share no observation"):
+        covariance.blocks(np.array([[0, 3]]))
+
+
+class Dirty:
+    """numpy whose fresh memory holds what it must not be read for."""
+
+    def __getattr__(self, name):
+        return getattr(np, name)
+
+    def empty(self, shape):
+        return np.full(shape, np.nan)
+
+
+@pytest.mark.parametrize(("block_size", "border"), [(1, 0), (1, 2), (3, 2)])
+def test_a_deep_tree_of_fronts_gives_the_dense_inverse(monkeypatch, block_size, border):
+    monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
+    monkeypatch.setattr(nested_dissection, "LEAF", 2)
+    monkeypatch.setattr(multifrontal, "np", Dirty())
+    rng = np.random.default_rng(block_size)
+    side = 9
+    node = np.arange(side * side).reshape(side, side)
+    pairs = np.concatenate(
+        [
+            np.stack([node[:, :-1], node[:, 1:]], -1).reshape(-1, 2),
+            np.stack([node[:-1], node[1:]], -1).reshape(-1, 2),
+        ]
+    )
+    inner = block_size * side * side
+    own = (pairs[:, :, None] * block_size + np.arange(block_size)).reshape(len(pairs), -1)
+    shared = np.broadcast_to(inner + np.arange(border), (len(pairs), border))
+    columns = np.concatenate([own, shared], axis=1)
+    rows = rng.normal(size=(len(pairs), 2, columns.shape[1]))
+    prior = Block(
+        np.zeros((inner, 1)), np.arange(inner)[:, None], rng.uniform(0.5, 1.5, (inner, 1, 1))
+    )
+    block = Block(np.zeros((len(pairs), 2)), columns, rows)
+    size = inner + border
+    structure = Structure(size, 0, 1, block_size, inner)
+    jacobian = dense_jacobian({"a": block, "b": prior}, size)
+    inverse = np.linalg.inv(jacobian.T @ jacobian)
+
+    normal = NormalEquations([block, prior], size, structure)
+    factor = normal.factor()
+
+    levels = {front.level for front in normal.plan.symbolic.ordering.fronts}
+    assert len(levels) > 4
+    np.testing.assert_allclose(factor.joint(np.arange(size)), inverse, atol=1e-10)
+    found = factor.covariance().blocks(columns)
+    expected = inverse[columns[:, :, None], columns[:, None, :]]
+    np.testing.assert_allclose(found, expected, atol=1e-10)

@@ -11,7 +11,6 @@ from scipy.stats import binom, kstest, norm
 from uavgram.estimation import reliability as module
 from uavgram.estimation.normal_equations import Block, NormalEquations
 from uavgram.estimation.reliability import (
-    correlated_w,
     critical_value,
     group_fit,
     minimal_detectable_bias,
@@ -30,15 +29,6 @@ CASES = {
 
 def adjusted(scene):
     return refine(scene.survey, SolveOptions())[0].adjustment
-
-
-def dense_rows(block, size):
-    n, r, k = block.jacobian.shape
-    rows = np.zeros((n, r, size))
-    for i in range(n):
-        for j in range(k):
-            rows[i, :, block.columns[i, j]] += block.jacobian[i, :, j]
-    return rows
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
@@ -121,31 +111,12 @@ def test_an_unchecked_observation_has_no_w_and_no_detectable_bias():
     assert bias[1] == pytest.approx(0.02 * (3.2905267 + 0.8416212) / np.sqrt(0.5), rel=1e-6)
 
 
-def test_w_of_correlated_observations_equals_the_formula_in_their_own_units(scene_factory):
-    adjustment = adjusted(scene_factory(8, frames=5, control=3))
-    problem, minimum = adjustment.problem, adjustment.minimum
-    block, white = minimum.blocks["telemetry"], problem.telemetry_whitening
-    size = problem.layout.size
-    inverse = minimum.factor.joint(np.arange(size))
-    found = correlated_w(block, adjustment.covariance, white)
-    rows = dense_rows(block, size)
-    for i in range(len(block.residual)):
-        unwhite = np.linalg.inv(white[i])
-        own = unwhite @ unwhite.T  # covariance of the six observations
-        design = unwhite @ rows[i]
-        residual = unwhite @ block.residual[i]
-        weight = np.linalg.inv(own)
-        of_residual = own - design @ inverse @ design.T
-        variance = np.diag(weight @ of_residual @ weight)
-        np.testing.assert_allclose(found[i], weight @ residual / np.sqrt(variance), rtol=1e-6)
-
-
-@pytest.mark.parametrize("exact", [400, 0])
+@pytest.mark.parametrize("exact", [100, 0])
 def test_probabilities_of_a_group_are_uniform_where_the_model_holds(monkeypatch, exact):
-    # exact = 0: the way of large groups, which must be right where a group has its own unknowns.
+    # exact = 0: the way of large groups.
     monkeypatch.setattr(module, "EXACT_GROUP", exact)
     rng = np.random.default_rng(5)
-    n, unknowns, part = 40, 8, 30 if exact else 40
+    n, unknowns, part = 40, 8, 30
     whole, factor, projector = random_problem(rng, n, unknowns)
     covariance = factor.covariance()
     probability = []

@@ -13,6 +13,8 @@ CASES = {
     "rough ground and control": {"roughness": 0.05, "control": 3},
     "lengths alone": {"telemetry": False, "gauge": "plane"},
     "control without log": {"telemetry": False, "control": 4},
+    "two areas": {"verge": (0, 1, 2, 5), "control": 4, "roughness": 0.05},
+    "two areas, lengths alone": {"verge": (0, 1, 2, 5), "telemetry": False, "gauge": "plane"},
 }
 
 

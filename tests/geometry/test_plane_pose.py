@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from uavgram.geometry.ground import intersect_ground
-from uavgram.geometry.plane_pose import lengths_on_plane, pose_above_plane
+from uavgram.geometry.plane_pose import (
+    by_ends,
+    by_plane,
+    lengths_on_plane,
+    pose_above_plane,
+    ray_pairs,
+)
 
 
 def planes() -> np.ndarray:
@@ -20,10 +26,21 @@ def rays(seed: int) -> np.ndarray:
     return np.concatenate([plane_coordinates, np.ones((6, 1))], axis=1)
 
 
+def pairs(start: np.ndarray, end: np.ndarray):
+    """Lines (L,) of rays (L, 3)."""
+    return ray_pairs(np.stack([start.T, end.T]))
+
+
+def lengths(plane: np.ndarray, lines) -> np.ndarray:
+    """(S, L) on planes (S, 3)."""
+    wide = lines._replace(ends=lines.ends[:, :, None], cross=lines.cross[:, None])
+    return lengths_on_plane(np.moveaxis(plane, -1, 0)[..., None], wide).length
+
+
 def test_lengths_are_those_between_the_ground_points_of_the_pose():
     start, end = rays(1), rays(2)
-    lengths, _ = lengths_on_plane(planes(), start, end)
-    for plane, length in zip(planes(), lengths, strict=True):
+    found = lengths(planes(), pairs(start, end))
+    for plane, length in zip(planes(), found, strict=True):
         center, rotation = pose_above_plane(plane)
         ground = [
             intersect_ground(center, ray @ rotation.T, np.zeros(3), np.zeros(2))
@@ -32,18 +49,38 @@ def test_lengths_are_those_between_the_ground_points_of_the_pose():
         np.testing.assert_allclose(length, np.linalg.norm(ground[0] - ground[1], axis=1))
 
 
-def test_derivatives_equal_central_differences(differences, same_derivative):
-    _, jacobian = lengths_on_plane(planes(), rays(1), rays(2))
-    numeric = differences(lambda m: lengths_on_plane(m, rays(1), rays(2))[0], planes(), 1e-5)
-    same_derivative(jacobian, numeric)
+@pytest.mark.parametrize("plane", planes())
+def test_derivatives_by_the_plane_equal_central_differences(plane, differences, same_derivative):
+    lines = pairs(rays(1), rays(2))
+    found = by_plane(lengths_on_plane(plane[:, None], lines), lines)
+    numeric = differences(lambda m: lengths_on_plane(m[:, None], lines).length, plane, 1e-5)
+    same_derivative(found.T, numeric)
+
+
+@pytest.mark.parametrize("plane", planes())
+def test_derivatives_by_the_ends_equal_central_differences(plane, differences, same_derivative):
+    start, end = rays(1), rays(2)
+    lines = pairs(start, end)
+    found = by_ends(lengths_on_plane(plane[:, None], lines), lines)
+
+    def moved(shift):
+        ends = np.stack([start.T, end.T])
+        ends[0, :2] += shift[:2, None]
+        ends[1, :2] += shift[2:, None]
+        return lengths_on_plane(plane[:, None], ray_pairs(ends)).length
+
+    numeric = differences(moved, np.zeros(4), 1e-4)
+    same_derivative(found.reshape(4, -1).T, numeric)
 
 
 def test_beyond_the_horizon_there_is_no_length():
-    level = np.array([[0.0, 0.1, 0.0]])  # looking along the ground, 10 m above it
+    level = np.array([0.0, 0.1, 0.0])[:, None]  # looking along the ground, 10 m above it
     above, below = np.array([[0.0, -0.2, 1.0]]), np.array([[0.0, 0.2, 1.0]])
-    length, jacobian = lengths_on_plane(level, above, below)
-    assert np.isnan(length).all()
-    assert np.isnan(jacobian).all()
+    for lines in (pairs(above, below), pairs(below, above), pairs(below, below)):
+        found = lengths_on_plane(level, lines)
+        assert np.isnan(found.length).all()
+        assert np.isnan(by_plane(found, lines)).all()
+        assert np.isnan(by_ends(found, lines)).all()
 
 
 @pytest.mark.parametrize("plane", [*planes(), np.array([0, 0.1, 0])])

@@ -13,7 +13,12 @@ from uavgram.geometry.rotation import (
     matrix_from_ypr,
     xyzw_from_matrix,
 )
-from uavgram.geometry.telemetry_pose import SHARED_SIZE, exposures_at, predict_pose
+from uavgram.geometry.telemetry_pose import (
+    SHARED_SIZE,
+    corrected_time,
+    exposures_at,
+    predict_pose,
+)
 
 AT_S = np.array([0.5, 1.4, 2.7])
 NO_GIMBAL = (np.empty(0), np.empty((0, 4)))
@@ -31,11 +36,14 @@ def tracks(*, gimbal: bool) -> tuple:
 @pytest.mark.parametrize("gimbal", [False, True])
 def test_derivatives_equal_central_differences(gimbal, differences, same_derivative):
     nominal = Rotation.from_rotvec([0.3, -1.2, 0.4]).as_matrix()
-    shared = np.array([0.02, -0.05, 0.03, 0.4, -0.2, 0.1, 1.0, -2, 0.5, 0.1, 0.07])
+    shared = np.array([0.02, -0.05, 0.03, 0.4, -0.2, 0.1, 1.0, -2, 0.5, 0.1, 0.07, 0.04])
+    middle = 1.6
 
     def pose(values: np.ndarray) -> tuple:
-        exposures = exposures_at(*tracks(gimbal=gimbal), AT_S - values[10])
-        return predict_pose(exposures, nominal, values)
+        at = AT_S - values[10] - values[11] * (AT_S - middle)
+        np.testing.assert_allclose(corrected_time(values, AT_S, middle), at, atol=1e-15)
+        exposures = exposures_at(*tracks(gimbal=gimbal), at)
+        return predict_pose(exposures, nominal, values, AT_S - middle)
 
     _, rotation, jacobian = pose(shared)
     back = np.swapaxes(rotation, -1, -2)
@@ -57,7 +65,7 @@ def test_level_flight_heading_east_with_the_camera_looking_straight_down():
     shared[3:6] = [0.2, 0.1, 0.05]  # forward, right, down
     shared[6:9] = [1, 2, 3]  # the log's positions are that much too far east, north, up
     mount_from_camera = matrix_from_ypr(0, -np.pi / 2, 0) @ GIMBAL_FROM_CAMERA
-    center, rotation, _ = predict_pose(exposures, mount_from_camera, shared)
+    center, rotation, _ = predict_pose(exposures, mount_from_camera, shared, np.zeros(1))
     np.testing.assert_allclose(center, [[5 - 1 + 0.2, -2 - 0.1, 50 - 3 - 0.05]])
     np.testing.assert_allclose(rotation[0] @ [0, 0, 1], [0, 0, -1], atol=1e-15)
     np.testing.assert_allclose(rotation[0] @ [0, -1, 0], [1, 0, 0], atol=1e-15)
@@ -69,5 +77,5 @@ def test_a_heading_that_reads_too_far_clockwise_is_turned_back():
     exposures = exposures_at((time, np.zeros((2, 3))), (time, xyzw), NO_GIMBAL, np.array([0.5]))
     shared = np.zeros(SHARED_SIZE)
     shared[9] = 0.1
-    _, rotation, _ = predict_pose(exposures, np.eye(3), shared)
+    _, rotation, _ = predict_pose(exposures, np.eye(3), shared, np.zeros(1))
     np.testing.assert_allclose(rotation[0] @ [1, 0, 0], [0, 1, 0], atol=1e-15)

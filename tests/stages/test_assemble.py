@@ -7,14 +7,14 @@ import pytest
 
 from uavgram.errors import GeometryError
 from uavgram.model.observations import KnownLines, KnownWorldPoints, Picks
-from uavgram.model.options import GroundOptions
-from uavgram.stages.assemble import Telemetry, assemble
+from uavgram.model.options import AreaOptions, GroundOptions
+from uavgram.stages.assemble import Telemetry, assemble, unpicked_areas
 
 NAN = np.nan
 
 
-def picks(rows):
-    """Rows (image, label, u, v, sigma, height)."""
+def picks(rows, area=()):
+    """Rows (image, label, u, v, sigma, height), and their areas."""
     image, label, u, v, sigma, height = zip(*rows, strict=True)
     return Picks(
         image=image,
@@ -22,6 +22,7 @@ def picks(rows):
         pixel_px=np.column_stack([u, v]),
         sigma_px=np.array(sigma),
         height_m=np.array(height),
+        area=area,
     )
 
 
@@ -125,3 +126,37 @@ def test_slope_sigma_is_turned_to_radians(calibration, flight):
     ground = put_together(calibration, flight).survey.ground
     assert ground.slope_sigma_rad == pytest.approx(np.deg2rad(0.5))
     assert ground.height_sigma_m == 0.3
+
+
+def put_in_areas(calibration, flight, area, ground):
+    return assemble(calibration, picks(ROWS, area), LINES, control(), flight, ground, 1.5).survey
+
+
+def test_an_area_stated_at_one_pick_holds_for_the_label_and_has_a_plane_of_its_own(
+    calibration, flight
+):
+    verge = AreaOptions(height_m=0.4, slope_sigma_deg=2.0)
+    ground = GroundOptions(height_sigma_m=0.2, roughness_sigma_m=0.01, areas={"verge": verge})
+    survey = put_in_areas(calibration, flight, ("", "", "", "verge", "", ""), ground)
+    assert survey.area.tolist() == [1, 0]  # A, B
+    road, verge = survey.grounds
+    assert (road.name, road.height_m, road.height_sigma_m) == ("default", 0.0, 0.2)
+    assert (verge.name, verge.height_m, verge.height_sigma_m) == ("verge", 0.4, 0.2)
+    assert verge.slope_sigma_rad == pytest.approx(np.deg2rad(2.0))
+    assert road.slope_sigma_rad == pytest.approx(np.deg2rad(0.5))
+    assert verge.roughness_sigma_m == 0.01
+
+
+def test_where_every_label_names_its_area_the_first_one_picked_comes_first(calibration, flight):
+    area = ("verge", "road", "verge", "", "", "")
+    survey = put_in_areas(calibration, flight, area, GroundOptions())
+    assert [ground.name for ground in survey.grounds] == ["verge", "road"]
+
+
+def test_an_area_that_nobody_picked_is_told(calibration, flight):
+    ground = GroundOptions(areas={"vergue": AreaOptions(), "verge": AreaOptions()})
+    survey = put_in_areas(calibration, flight, ("verge", *[""] * 5), ground)
+    (message,) = unpicked_areas(ground, survey)
+    assert message.code == "area-unpicked"
+    assert "'vergue'" in message.text
+    assert "did you mean 'verge'" in message.text

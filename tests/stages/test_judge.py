@@ -6,16 +6,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
-from uavgram.model.observations import KnownLines, KnownWorldPoints
+from uavgram.estimation.measured import measured_rows
+from uavgram.model.observations import KnownLines, KnownWorldPoints, MeasurementRequest
 from uavgram.model.options import SolveOptions
 from uavgram.stages.judge import (
     PickTable,
+    examine,
     judge_groups,
     judge_lines,
+    judge_overall,
     judge_picks,
     judge_points,
     judge_priors,
+    judge_removals,
+    judge_suspects,
+    judge_weakest,
 )
 from uavgram.stages.refine import refine
 
@@ -55,17 +62,26 @@ def solve(survey, outliers="report"):
     return refine(survey, SolveOptions(outliers=outliers))[0]
 
 
+WHOLE = (MeasurementRequest(name="whole", kind="distance", points=("P0", "P1")),)
+
+
+def examined(refined, lines, index=None, requests=WHOLE):
+    index = np.arange(len(lines.name)) if index is None else index
+    measured = measured_rows(refined.adjustment, requests, None)
+    return examine(refined, lines, index, measured, ALPHA)
+
+
 def test_a_clean_survey_has_nothing_to_say(scene_factory):
     survey = scene_factory(9, frames=6).survey
     refined = solve(survey)
-    picks, pick_messages = judge_picks(refined, table(survey), ALPHA)
-    lines, checks, line_messages = judge_lines(refined, lines_of(survey), np.arange(6), ALPHA)
+    given = examined(refined, lines_of(survey))
+    picks, _ = judge_picks(given, table(survey))
+    lines, checks, _, line_messages = judge_lines(given, lines_of(survey), np.arange(6))
     groups, group_messages = judge_groups(refined.adjustment, ALPHA)
     assert set(picks.status) == {"used"}
     assert set(lines.status) == {"used"}
     assert checks.name == ()
-    assert (*pick_messages, *line_messages, *group_messages) == ()
-    assert judge_priors(refined.adjustment, ALPHA) == ()
+    assert (*judge_suspects(given), *line_messages, *group_messages) == ()
     total = sum(group.redundancy for group in groups)
     observations = sum(group.observations for group in groups)
     layout = refined.adjustment.problem.layout
@@ -77,16 +93,18 @@ def test_a_wrong_pick_and_a_wrong_length_are_named(scene_factory, outliers, stat
     survey = scene_factory(6, frames=6, lines=8).survey
     survey = changed(changed(survey, "pixel_px", (17, 0), 15.0), "length_m", 2, 0.5)
     refined = solve(survey, outliers)
-    picks, pick_messages = judge_picks(refined, table(survey), ALPHA)
-    lines, _, line_messages = judge_lines(refined, lines_of(survey), np.arange(8), ALPHA)
+    given = examined(refined, lines_of(survey))
+    picks, _ = judge_picks(given, table(survey))
+    lines, _, _, _ = judge_lines(given, lines_of(survey), np.arange(8))
+    messages = judge_suspects(given)
     assert picks.status[17] == status
     assert lines.status[2] == status
     assert -0.7 < lines.residual_m[2] < -0.1  # adjusted minus taped
     if outliers == "report":
         assert picks.residual_px[17, 0] < -1  # adjusted minus pick
-        assert any("15" not in m.text and "does not fit" in m.text for m in pick_messages)
+        assert any(m.code == "pick-suspect" and "does not fit" in m.text for m in messages)
         assert np.nanargmax(np.abs(lines.w)) == 2
-        assert any(m.code == "line-suspect" and "'L2'" in m.text for m in line_messages)
+        assert any(m.code == "line-suspect" and "'L2'" in m.text for m in messages)
     else:
         assert np.isnan(picks.residual_px[17]).all()
         assert np.isnan([lines.w[2], lines.redundancy[2], lines.mdb_m[2]]).all()
@@ -107,8 +125,11 @@ def test_residuals_and_redundancies_stand_with_their_own_picks(scene_factory):
         sigma_px=np.append(whole.sigma_px[shuffled], 1.0),
         survey_index=index,
     )
-    plain, _ = judge_picks(refined, whole, ALPHA)
-    found, _ = judge_picks(refined, given, ALPHA)
+    under_test = examined(refined, lines_of(survey))
+    plain, plain_effects = judge_picks(under_test, whole)
+    found, effects = judge_picks(under_test, given)
+    np.testing.assert_array_equal(effects.change[:-1], plain_effects.change[shuffled])
+    assert effects.on[-1] == ""
     np.testing.assert_array_equal(found.residual_px[:-1], plain.residual_px[shuffled])
     np.testing.assert_array_equal(found.w[:-1], plain.w[shuffled])
     assert found.status[-1] == "unused"
@@ -129,7 +150,11 @@ def test_a_withheld_length_is_judged_by_its_error_over_the_joint_sigma(scene_fac
         length_sigma_m=survey.length_sigma_m[kept],
     )
     index = np.array([0, 1, 2, 3, -1, 4])
-    lines, checks, messages = judge_lines(solve(reduced), lines_of(survey, adjust), index, ALPHA)
+    known = lines_of(survey, adjust)
+    lines, checks, effects, messages = judge_lines(
+        examined(solve(reduced), known, index), known, index
+    )
+    assert effects.on[4] == ""
     assert lines.status == ("used",) * 4 + ("checked", "used")
     assert checks.name == ("L4",)
     sigma = np.hypot(lines.adjusted_sigma_m[4], survey.length_sigma_m[4])
@@ -139,7 +164,8 @@ def test_a_withheld_length_is_judged_by_its_error_over_the_joint_sigma(scene_fac
     assert messages == ()
 
     wrong = changed(survey, "length_m", 4, 1.0)
-    _, _, messages = judge_lines(solve(reduced), lines_of(wrong, adjust), index, ALPHA)
+    known = lines_of(wrong, adjust)
+    _, _, _, messages = judge_lines(examined(solve(reduced), known, index), known, index)
     assert [m.code for m in messages] == ["line-suspect"]
 
 
@@ -147,8 +173,15 @@ def test_a_length_to_a_label_never_picked_is_unseen_with_the_nearest_spelling(sc
     survey = scene_factory(6).survey
     lines = lines_of(survey)
     lines = replace(lines, end=("P33", *lines.end[1:]))
-    index = np.array([-1, 1, 2, 3, 4, 5])
-    found, _, messages = judge_lines(solve(survey), lines, index, ALPHA)
+    without = replace(
+        survey,
+        **{
+            name: getattr(survey, name)[1:]
+            for name in ("line_start", "line_end", "length_m", "length_sigma_m")
+        },
+    )
+    index = np.array([-1, 0, 1, 2, 3, 4])
+    found, _, _, messages = judge_lines(examined(solve(without), lines, index), lines, index)
     assert found.status[0] == "unseen"
     assert np.isnan(found.adjusted_m[0])
     assert [m.code for m in messages] == ["line-unseen"]
@@ -194,11 +227,126 @@ def test_a_boresight_and_a_frame_far_from_their_priors_are_named(scene_factory):
         [[1, 0, 0], [0, 0.9801, -0.1987], [0, 0.1987, 0.9801]]
     )
     strained = replace(strained, telemetry=replace(strained.telemetry, gimbal_from_camera=turned))
-    messages = judge_priors(solve(strained).adjustment, ALPHA)
+    messages = judge_suspects(examined(solve(strained), lines_of(strained)))
     assert any("boresight x" in m.text for m in messages)
 
     late = np.array(prior.time_s)
     late[2] += 0.4
     tight = replace(prior, time_s=late, covariance=prior.covariance * 0.01, clock_sigma_s=0.01)
-    messages = judge_priors(solve(replace(survey, telemetry=tight)).adjustment, ALPHA)
+    given = examined(solve(replace(survey, telemetry=tight)), lines_of(survey))
+    messages = judge_suspects(given)
     assert any("'f2'" in m.text for m in messages if m.code == "telemetry-strained")
+
+
+def test_every_prior_has_a_row_with_its_name_unit_and_effect(scene_factory):
+    survey = scene_factory(6, frames=4, control=2, roughness=0.05, verge=(4, 5, 9)).survey
+    refined = solve(survey)
+    priors = judge_priors(examined(refined, lines_of(survey)))
+    rows = dict(zip(zip(priors.name, priors.frame_id, strict=True), priors.unit, strict=True))
+    assert rows["image x axis", "f2"] == "deg"
+    assert rows["north", "f0"] == "m"
+    assert rows["boresight y", ""] == rows["ground slope east", ""] == "deg"
+    assert rows["fx", ""] == "px"
+    assert rows["k1", ""] == "1"
+    assert rows["clock offset", ""] == "s"
+    assert rows["clock drift", ""] == "ppm"
+    assert rows["ground slope north of 'verge'", ""] == "deg"
+    assert rows["control 'P1' up", ""] == rows["departure of 'P3' from the plane", ""] == "m"
+    assert len(rows) == len(priors.name)
+    blocks = refined.adjustment.minimum.blocks
+    telemetry = [i for i, kind in enumerate(priors.kind) if kind == "telemetry"]
+    prior = survey.telemetry
+    white = np.linalg.inv(np.linalg.cholesky(prior.covariance))
+    physical = np.einsum("nij,nj->ni", np.linalg.inv(white), blocks["telemetry"].residual)
+    sigma = np.sqrt(np.einsum("nii->ni", prior.covariance))
+    np.testing.assert_allclose(priors.residual[telemetry], (physical / sigma).ravel(), rtol=1e-6)
+    assert (priors.bias[telemetry] > 0).all()
+    assert set(priors.effects.on) <= {"", "whole"}
+
+
+def test_a_suspect_in_one_frame_names_its_group_and_blames_nobody_else(scene_factory):
+    pairs = ((0, 6), (1, 7), (2, 8), (3, 9), (4, 10), (5, 11))
+    scene = scene_factory(
+        3, frames=1, telemetry=False, gauge="plane", tilt=0.4, ends=pairs,
+        sources=("pixels", "lengths"),
+    )  # fmt: skip
+    survey = changed(scene.survey, "length_m", 1, 0.4)
+    given = examined(solve(survey), lines_of(survey))
+    (message,) = judge_suspects(given)
+    assert message.code == "line-suspect"
+    group = "The length 'L1' or the picks of 'P1' and 'P7' in 'f0': no test can part them"
+    assert f"{group}: look at all three." in message.text
+    lines, _, _, _ = judge_lines(given, lines_of(survey), np.arange(6))
+    picks, _ = judge_picks(given, table(survey))
+    assert [i for i, s in enumerate(lines.status) if s == "suspect"] == [1]
+    assert [i for i, s in enumerate(picks.status) if s == "suspect"] == [1, 7]
+
+
+def test_the_record_of_a_removal_tells_what_it_did(scene_factory):
+    survey = changed(scene_factory(6, frames=6, lines=8).survey, "length_m", 2, 0.5)
+    before, after = solve(survey), solve(survey, "remove")
+    lines = lines_of(survey)
+    record, *_ = judge_removals(after, lines, np.arange(8), WHOLE, None)
+    assert record.what == "length 'L2'"
+    assert abs(record.w) == pytest.approx(abs(after.removals[0].suspicion.w))
+    assert record.variance_factor_before > record.variance_factor_after
+    steps = [before, *(r.before for r in after.removals[1:]), after]
+    values = [measured_rows(r.adjustment, WHOLE, None).value for r in steps[:2]]
+    np.testing.assert_allclose(record.change, values[1] - values[0], atol=1e-9)
+
+
+def test_the_weakest_link_is_named_with_its_size(scene_factory):
+    survey = scene_factory(6, frames=6, lines=8).survey
+    given = examined(solve(survey), lines_of(survey))
+    links = judge_weakest(given)
+    lines, _, effects, _ = judge_lines(given, lines_of(survey), np.arange(8))
+    largest = int(np.argmax(np.abs(effects.change)))
+    assert links.what == (f"length 'L{largest}'",)
+    assert links.bias[0] == pytest.approx(lines.mdb_m[largest])
+    assert links.unit == ("m",)
+    assert links.change[0] == pytest.approx(effects.change[largest])
+    assert effects.sigmas[largest] == pytest.approx(
+        abs(effects.change[largest]) / given.measured.sigma[0]
+    )
+
+
+def test_checks_are_judged_together_with_their_joint_covariance(scene_factory):
+    squared = []
+    for seed in range(30):
+        scene = scene_factory(100 + seed, frames=3, lines=2)
+        survey = scene.survey
+        rng = np.random.default_rng(seed)
+        ends = np.array([[0, 1], [1, 2], [2, 3]])
+        truth = np.linalg.norm(scene.world[ends[:, 0]] - scene.world[ends[:, 1]], axis=1)
+        lines = KnownLines(
+            name=("a", "b", "c"),
+            start=tuple(f"P{k}" for k in ends[:, 0]),
+            end=tuple(f"P{k}" for k in ends[:, 1]),
+            length_m=truth + 0.01 * rng.normal(size=3),
+            sigma_m=np.full(3, 0.01),
+            adjust=np.zeros(3, dtype=bool),
+        )
+        known = KnownWorldPoints(
+            label=("P4", "P5"),
+            world_m=scene.world[[4, 5]] + 0.02 * rng.normal(size=(2, 3)),
+            sigma_m=np.full((2, 3), 0.02),
+        )
+        adjustment = solve(survey).adjustment
+        if not {f"P{k}" for k in range(6)} <= set(adjustment.survey.label):
+            continue
+        overall, _ = judge_overall(adjustment, lines, known, ALPHA)
+        assert overall.count == 9
+        squared.append(overall.chi2)
+    low, high = chi2.ppf([5e-6, 1 - 5e-6], 9 * len(squared))
+    assert low < np.sum(squared) < high
+
+    far = replace(known, world_m=known.world_m + np.array([0.0, 0.0, 9.0]))
+    overall, messages = judge_overall(adjustment, lines, far, ALPHA)
+    assert overall.rms_error_m == pytest.approx(np.sqrt(2 * 81 / 9), rel=0.2)
+    assert [m.code for m in messages] == ["checks-misfit"]
+    assert judge_overall(adjustment, replace(lines, adjust=~lines.adjust), NO_POINTS, ALPHA) == (
+        None, (),
+    )  # fmt: skip
+
+
+NO_POINTS = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empty((0, 3)))

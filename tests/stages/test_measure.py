@@ -32,13 +32,15 @@ class Points:
             pick_frame=np.array(pick_frame),
             pick_label=np.arange(len(pick_frame)),
         )
+        self.problem = SimpleNamespace(layout=SimpleNamespace(size=size))
+        self.minimum = SimpleNamespace(
+            factor=SimpleNamespace(solve=lambda right: self.covariance @ right)
+        )
 
-    def label_index(self, label):
-        return LABELS.index(label) if label in LABELS else -1
-
-    def joint_points(self, label):
-        index = (3 * np.asarray(label)[:, None] + np.arange(3)).ravel()
-        return self.world[label], self.covariance[np.ix_(index, index)]
+    def points_with_jacobian(self, label):
+        """The unknowns are the points' coordinates."""
+        columns = 3 * np.asarray(label)[:, None] + np.arange(3)
+        return self.world[label], np.tile(np.eye(3), (len(label), 1, 1)), columns
 
 
 def frames(**changes):

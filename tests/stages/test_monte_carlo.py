@@ -36,7 +36,7 @@ def test_sampled_sigmas_equal_first_order_ones_within_their_own_chance(scene_fac
     survey = scene_factory(4, **options).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     first, _ = measure(adjustment, REQUESTS, frames_of(survey))
-    sampled = sample(adjustment, REQUESTS, frames_of(survey), COUNT, 1)
+    sampled, _ = sample(adjustment, REQUESTS, frames_of(survey), COUNT, 1)
 
     assert (sampled.samples, sampled.failed) == (COUNT, 0)
     low, high = np.sqrt(chi2.ppf([1e-6, 1 - 1e-6], COUNT - 1) / (COUNT - 1))
@@ -51,6 +51,6 @@ def test_sampled_sigmas_equal_first_order_ones_within_their_own_chance(scene_fac
 def test_the_same_seed_gives_the_same_samples(scene_factory):
     survey = scene_factory(4).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
-    one, other = (sample(adjustment, REQUESTS, frames_of(survey), 5, 7) for _ in range(2))
+    one, other = (sample(adjustment, REQUESTS, frames_of(survey), 5, 7)[0] for _ in range(2))
 
     np.testing.assert_array_equal(one.interval_95, other.interval_95)

@@ -196,8 +196,10 @@ def test_seeds_carry_the_stated_sigmas_and_what_is_shared(make_poses):
     forward_enu = ned[:, 0][[1, 0, 2]] * [1, 1, -1]
     np.testing.assert_allclose(seeds.poses.world_from_camera[0][:, 2], forward_enu, atol=1e-12)
     own, marginal = seeds.prior.covariance[0], seeds.poses.covariance[0]
-    np.testing.assert_allclose(np.diag(own)[:3], 9.0)
+    # three degrees about any axis swing the camera across its lever arm
+    swing = np.radians(3.0) ** 2 * (offset @ offset * np.eye(3) - np.outer(offset, offset))
+    np.testing.assert_allclose(own[:3, :3], 9.0 * np.eye(3) + swing, atol=1e-12)
     np.testing.assert_allclose(np.diag(own)[3:], np.radians(3.0) ** 2)
-    assert marginal[2, 2] == pytest.approx(9.0 + 3.0**2 + 0.1**2)
+    assert marginal[2, 2] == pytest.approx(9.0 + 3.0**2 + 0.1**2 + swing[2, 2])
     # tilt about the camera's x: own 3 degrees, boresight 2; the heading bias turns about up
     assert marginal[3, 3] == pytest.approx(np.radians(3) ** 2 + np.radians(2) ** 2)

@@ -78,7 +78,7 @@ def track(*, gimbal, position=TINY, attitude=TINY):
     )
 
 
-def frames(*, own=TINY, clock=TINY):
+def frames(*, own=TINY, clock=TINY, drift=TINY):
     at = np.array([0.7, 2.2, 3.4, np.nan])
     return Frames(
         frame_id=("a", "b", "c", "lost"),
@@ -88,6 +88,7 @@ def frames(*, own=TINY, clock=TINY):
         reason=("", "", "", "outside the log"),
         clock_offset_s=0.0,
         clock_offset_sigma_s=clock,
+        clock_drift_sigma=drift,
     )
 
 
@@ -148,7 +149,7 @@ def assert_covariance(sampled, expected):
     assert np.abs(expected).max() > 1e-7  # the source is really on
 
 
-SIGMA_DEG, SIGMA_M, SIGMA_S = 0.3, 0.05, 0.02
+SIGMA_DEG, SIGMA_M, SIGMA_S, SIGMA_DRIFT = 0.3, 0.05, 0.02, 0.1
 
 
 def draws(source, rng):
@@ -169,12 +170,14 @@ def draws(source, rng):
         names = {"heading": np.deg2rad(SIGMA_DEG) * normal[:, 0]}
     elif source == "clock":
         stamps, names = {"clock": SIGMA_S}, {"at": SIGMA_S * normal[:, 0]}
+    elif source == "clock drift":  # 0.15 s after the middle of 0.7 and 3.4 s
+        stamps, names = {"drift": SIGMA_DRIFT}, {"at": 0.15 * SIGMA_DRIFT * normal[:, 0]}
     elif source == "own time":
         stamps, names = {"own": SIGMA_S}, {"at": SIGMA_S * normal[:, 0]}
     return TelemetryOptions(**telemetry), MountOptions(**mount), frames(**stamps), names
 
 
-SHARED = ("boresight", "lever arm", "position bias", "heading bias", "clock")
+SHARED = ("boresight", "lever arm", "position bias", "heading bias", "clock", "clock drift")
 
 
 @pytest.mark.parametrize("gimbal", [False, True])
@@ -215,10 +218,9 @@ def test_the_logs_position_sigma_is_horizontal_and_vertical():
 
 
 def test_the_logs_attitude_sigma_is_that_of_drawn_roll_pitch_and_yaw():
-    # Without lever arm: its few centimetres times a degree vanish beside the position's floor.
     # Roll and pitch stay small, as they do in flight: their axes are taken as horizontal.
     sigma = np.deg2rad(SIGMA_DEG)
-    mount = MountOptions(**(QUIET_MOUNT | {"lever_arm_m": (0.0, 0.0, 0.0)}))
+    mount = MountOptions(**(QUIET_MOUNT | {"lever_arm_m": (4.0, -2.0, 3.0)}))
     flight = track(gimbal=False, attitude=sigma)
     seeds = seed(frames(), flight, mount, TelemetryOptions(**QUIET))
     rng = np.random.default_rng(5)
@@ -231,9 +233,10 @@ def test_the_logs_attitude_sigma_is_that_of_drawn_roll_pitch_and_yaw():
     drawn = Rotation.from_matrix(ENU_FROM_NED) * Rotation.from_euler("ZYX", angles)
     inner = Rotation.from_euler("ZYX", [10, -70, 3], degrees=True)
     rotation = drawn * inner * Rotation.from_matrix(CAMERA_IN_GIMBAL)
-    center = np.tile(seeds.poses.center_world_m[1], (DRAWS, 1))
-    sampled = deviations(seeds, 1, center, rotation)[:, 3:]
-    assert_covariance(sampled, seeds.poses.covariance[1][3:, 3:])
+    position, _ = truth(flight, mount, np.array([2.2]), lever=np.zeros(3))
+    center = position + drawn.apply(mount.lever_arm_m)  # the camera swings about the log's
+    sampled = deviations(seeds, 1, center, rotation)
+    assert_covariance(sampled, seeds.poses.covariance[1])
 
 
 def test_sigmas_follow_the_log_in_time_and_hold_beyond_its_ends():
@@ -255,8 +258,10 @@ def test_sigmas_follow_the_log_in_time_and_hold_beyond_its_ends():
 def test_the_prior_carries_what_the_adjustment_needs_in_its_own_units():
     mount = MountOptions(boresight_sigma_deg=1.5, lever_arm_m=(1, 2, 3), lever_arm_sigma_m=0.2)
     telemetry = TelemetryOptions(position_bias_sigma_m=(2, 3), heading_bias_sigma_deg=4)
-    prior = seed(frames(clock=0.7), track(gimbal=True), mount, telemetry).prior
+    prior = seed(frames(clock=0.7, drift=3e-5), track(gimbal=True), mount, telemetry).prior
     assert prior.clock_sigma_s == 0.7
+    assert prior.clock_drift_sigma == 3e-5
+    assert prior.middle_s == pytest.approx((0.7 + 3.4) / 2)
     assert prior.boresight_sigma_rad == pytest.approx(np.deg2rad(1.5))
     assert prior.heading_bias_sigma_rad == pytest.approx(np.deg2rad(4))
     np.testing.assert_array_equal(prior.lever_arm_m, [1, 2, 3])

@@ -12,7 +12,12 @@ from uavgram.model.frames import Frames
 from uavgram.model.options import SolveOptions
 from uavgram.stages.judge import judge_groups
 from uavgram.stages.refine import refine
-from uavgram.stages.summarise import summarise_frames, summarise_shared, summarise_solution
+from uavgram.stages.summarise import (
+    summarise_areas,
+    summarise_frames,
+    summarise_shared,
+    summarise_solution,
+)
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +43,7 @@ def test_shared_unknowns_stand_in_degrees_with_their_own_sigmas(refined):
         "position_bias_m": (slice(6, 9), 1.0, 0.0),
         "heading_bias_deg": (slice(9, 10), 180 / np.pi, 0.0),
         "clock_offset_s": (slice(10, 11), 1.0, 3.0),
+        "clock_drift_ppm": (slice(11, 12), 1e6, 0.0),
     }
     for name, (part, unit, shift) in expected.items():
         estimate = getattr(shared, name)
@@ -64,11 +70,35 @@ def test_shared_unknowns_recover_the_truth_within_their_sigmas(scene, refined):
     assert abs(shared.clock_offset_s.value[0] - truth[10]) < 4.5 * shared.clock_offset_s.sigma[0]
 
 
+@pytest.mark.parametrize("gauge", ["world", "plane"])
+def test_every_area_has_its_own_plane_the_gauges_without_error(scene_factory, gauge):
+    log = gauge == "world"
+    scene = scene_factory(
+        4, frames=3, lines=9, verge=(0, 3, 5, 7), telemetry=log, gauge=gauge, noise=0.0
+    )
+    adjustment = refine(scene.survey, SolveOptions())[0].adjustment
+    road, verge = summarise_areas(adjustment)
+    shared = summarise_shared(adjustment, 0.0)
+    assert (road.name, verge.name) == ("default", "verge")
+    np.testing.assert_array_equal(shared.plane_height_m.value, road.height_m.value)
+    np.testing.assert_array_equal(shared.plane_pivot_m, road.pivot_m)
+    np.testing.assert_allclose(road.height_m.value, [0.0], atol=1e-6)
+    np.testing.assert_allclose(verge.height_m.value, [0.4], atol=1e-6)
+    np.testing.assert_allclose(verge.slope_deg.value, [0.0, 0.0], atol=1e-5)
+    assert (road.height_m.sigma > 0) == log
+    assert 0 < verge.height_m.sigma < 0.3
+    columns = adjustment.problem.plane_columns(np.array([0]))  # a label of the verge
+    sigma = np.sqrt(np.diag(adjustment.minimum.factor.joint(columns[0])))
+    np.testing.assert_allclose(verge.height_m.sigma, sigma[:1])
+    np.testing.assert_allclose(verge.slope_deg.sigma, np.degrees(sigma[1:]), rtol=1e-3)
+
+
 def test_without_log_there_are_no_biases_and_the_plane_is_exact(scene_factory):
     scene = scene_factory(2, telemetry=False, gauge="plane")
     shared = summarise_shared(refine(scene.survey, SolveOptions())[0].adjustment, 0.0)
     assert shared.boresight_deg is None
     assert shared.clock_offset_s is None
+    assert shared.clock_drift_ppm is None
     assert shared.plane_height_m.value == [0.0]
     assert (shared.plane_slope_deg.sigma == 0).all()
 
@@ -106,7 +136,9 @@ def test_every_frame_has_a_state_and_a_reason(scene, refined):
     assert np.isnan(table.refined.center_world_m[[0, 6, 7]]).all()
     assert np.isnan(table.seed.center_world_m[0]).all()
     # A camera clock that is late by the correction: exposures were earlier.
-    np.testing.assert_allclose(table.time_utc_s[1], 50.0 - state.telemetry[10])
+    clock, drift = state.telemetry[10:]
+    middle = survey.telemetry.middle_s
+    np.testing.assert_allclose(table.time_utc_s[1], 50.0 - clock - drift * (50.0 - middle))
 
 
 def test_the_summary_counts_what_was_observed(refined):

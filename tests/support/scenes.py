@@ -36,6 +36,7 @@ SOURCES = (
     "position_bias",
     "heading_bias",
     "clock",
+    "clock_drift",
 )
 OFF = 0.05
 """Of its usual sigma is what a source still has, in the model and in the data, when it is off."""
@@ -43,9 +44,10 @@ OFF = 0.05
 PIXEL_SIGMA = 0.7
 CONTROL_SIGMA = np.array([0.02, 0.03, 0.05])
 PLANE_SIGMA = np.array([0.3, 0.01, 0.01])
-SHARED_SIGMA = np.array([*[0.02] * 3, *[0.15] * 3, 0.6, 1.0, 1.5, 0.02, 0.05])
+VERGE_M = 0.4
+SHARED_SIGMA = np.array([*[0.02] * 3, *[0.15] * 3, 0.6, 1.0, 1.5, 0.02, 0.05, 0.004])
 SHARED_SOURCE = ("boresight",) * 3 + ("lever_arm",) * 3 + ("position_bias",) * 3
-SHARED_SOURCE += ("heading_bias", "clock")
+SHARED_SOURCE += ("heading_bias", "clock", "clock_drift")
 LEVER_ARM = np.array([0.12, -0.05, 0.08])
 
 
@@ -98,6 +100,19 @@ def calibration_covariance() -> np.ndarray:
     return correlation * np.outer(INTRINSIC_SIGMA, INTRINSIC_SIGMA)
 
 
+def gauss_markov(white, time, correlation_s):
+    """Independent errors (N, ...) made to go together over `correlation_s`, as large as before.
+
+    First-order Gauss-Markov process: e_k = rho e_(k-1) + sqrt(1 - rho^2) w_k.
+    """
+    if correlation_s == 0:
+        return white
+    errors = np.array(white)
+    for k, rho in enumerate(np.exp(-np.diff(time) / correlation_s), start=1):
+        errors[k] = rho * errors[k - 1] + np.sqrt(1 - rho**2) * white[k]
+    return errors
+
+
 def own_covariance() -> np.ndarray:
     """Of one frame's telemetry: every axis another sigma, and some go together."""
     sigma = np.array([0.4, 0.5, 0.6, 0.012, 0.015, 0.02])
@@ -125,12 +140,17 @@ def make_scene(
     along: float = 0.0,
     heights: dict[int, float] | None = None,
     ends: tuple[tuple[int, int], ...] | None = None,
+    verge: tuple[int, ...] = (),
+    correlation_s: float = 0.0,
 ) -> Scene:
     """A random scene.
 
     `noise` scales every error (0: exact data); `sources` names the errors that are switched on
     (None: all); `along` spreads frames and points over that many metres of a road to the east;
-    `ends` are the lines (default: random pairs); `heights` of labels above the plane.
+    `ends` are the lines (default: random pairs); `heights` of labels above the plane; labels of
+    the `verge` lie on a second plane, VERGE_M higher than the first up to its own errors; errors of
+    the telemetry's frames go together over about `correlation_s` (0: each on its own), whatever
+    the survey says of them.
     """
     rng = np.random.default_rng(seed)
     source = Sources(sources, noise)
@@ -143,7 +163,12 @@ def make_scene(
     for label, height in (heights or {}).items():
         above[label] = height
     departure = source.noise("roughness") * rng.normal(0, roughness, labels)
-    world = np.column_stack([point, plane[0] + (point - pivot) @ plane[1:] + departure + above])
+    second = source.noise("plane") * rng.spawn(1)[0].normal(0, PLANE_SIGMA) + [VERGE_M, 0, 0]
+    up = plane[0] + (point - pivot) @ plane[1:]
+    if verge:
+        on = list(verge)
+        up[on] = second[0] + (point[on] - point[on].mean(axis=0)) @ second[1:]
+    world = np.column_stack([point, up + departure + above])
     covariance = calibration_covariance() * source.sigma("calibration") ** 2
     error = rng.multivariate_normal(np.zeros(9), calibration_covariance())
     error = source.noise("calibration") * error
@@ -159,6 +184,10 @@ def make_scene(
         world[:, 1] += 30 * np.tan(tilt)
         point = world[:, :2]
         pivot = point.mean(axis=0)
+    area = np.isin(np.arange(labels), verge).astype(int)
+    if verge:
+        pivot = np.stack([point[area == a].mean(axis=0) for a in (0, 1)])
+        plane = np.concatenate([plane, second])
     pixel_noise = source.noise("pixels") * PIXEL_SIGMA
     picks = _pick(rng, INTRINSICS + error, center, rotation, world, pixel_noise)
     if ends is None:
@@ -171,7 +200,7 @@ def make_scene(
     control_error = source.noise("control") * rng.normal(0, CONTROL_SIGMA, (control, 3))
     shared, prior, track, seeds = np.zeros(0), None, None, None
     if telemetry:
-        shared, prior, track, seeds = _telemetry(rng, source, time, center, rotation)
+        shared, prior, track, seeds = _telemetry(rng, source, time, center, rotation, correlation_s)
     survey = Survey(
         frame_id=tuple(f"f{f}" for f in range(frames)),
         seeds=seeds,
@@ -198,12 +227,9 @@ def make_scene(
         control_label=known,
         control_world_m=world[known] + control_error,
         control_sigma_m=np.tile(CONTROL_SIGMA * source.sigma("control"), (control, 1)),
-        ground=Ground(
-            height_m=0.0,
-            height_sigma_m=PLANE_SIGMA[0] * source.sigma("plane"),
-            slope_sigma_rad=PLANE_SIGMA[1] * source.sigma("plane"),
-            roughness_sigma_m=roughness * source.sigma("roughness"),
-        ),
+        ground=_ground(source, "default", 0.0, roughness),
+        other_grounds=(_ground(source, "verge", VERGE_M, roughness),) if verge else (),
+        label_area=area if verge else None,
         gauge=gauge,
     )
     truth = State(
@@ -217,6 +243,16 @@ def make_scene(
     return Scene(survey, truth, pivot, world)
 
 
+def _ground(source: Sources, name: str, height: float, roughness: float) -> Ground:
+    return Ground(
+        name=name,
+        height_m=height,
+        height_sigma_m=PLANE_SIGMA[0] * source.sigma("plane"),
+        slope_sigma_rad=PLANE_SIGMA[1] * source.sigma("plane"),
+        roughness_sigma_m=roughness * source.sigma("roughness"),
+    )
+
+
 def _pick(rng, intrinsics, center, rotation, world, sigma):
     """(P, 4) frame, label, u, v of all points well inside each image."""
     picks = []
@@ -228,17 +264,21 @@ def _pick(rng, intrinsics, center, rotation, world, sigma):
     return np.array(picks).reshape(-1, 4)
 
 
-def _telemetry(rng, source, time, center, rotation):
+def _telemetry(rng, source, time, center, rotation, correlation_s):
     """A flight whose log is wrong by boresight, lever arm, biases and clock, as stated."""
     switch = np.array([source.sigma(name) for name in SHARED_SOURCE])
     noise = np.array([source.noise(name) for name in SHARED_SOURCE])
-    shared = noise * rng.normal(0, SHARED_SIGMA)
-    sigma = SHARED_SIGMA * switch
+    usual = np.array(SHARED_SIGMA)
+    usual[11] *= min(1.0, 10.0 / len(time))  # a long flight's ends stay within what was logged
+    # The drift came last: drawn apart, it leaves every other draw of a scene as it was.
+    drift = rng.spawn(1)[0].normal(0, usual[11])
+    shared = noise * np.append(rng.normal(0, usual[:11]), drift)
+    sigma = usual * switch
     shared[3:6] += LEVER_ARM
     heading = Rotation.from_rotvec([0, 0, shared[9]]).as_matrix()
     boresight = Rotation.from_rotvec(shared[:3]).as_matrix()
     errors = rng.multivariate_normal(np.zeros(6), own_covariance(), len(time))
-    errors = errors * source.noise("telemetry")
+    errors = gauss_markov(errors, time, correlation_s) * source.noise("telemetry")
     logged_rotation, logged_position = [], []
     for c, r, e in zip(center, rotation, errors, strict=True):
         predicted = r @ Rotation.from_rotvec(e[3:]).as_matrix()
@@ -267,12 +307,17 @@ def _telemetry(rng, source, time, center, rotation):
         sigma_attitude_rad=np.array([[0.015, 0.02]]),
         source="test",
     )
+    middle = 1000.0 + (len(time) - 1)
+    # What the camera's clock reads: t = s - clock - drift (s - middle), solved for s.
+    stated = (time + shared[10] - shared[11] * middle) / (1.0 - shared[11])
     prior = TelemetryPrior(
         frame_index=np.arange(len(time)),
-        time_s=time + shared[10],
+        time_s=stated,
+        middle_s=middle,
         gimbal_from_camera=GIMBAL_FROM_CAMERA,
         covariance=np.tile(own_covariance() * source.sigma("telemetry") ** 2, (len(time), 1, 1)),
         clock_sigma_s=sigma[10],
+        clock_drift_sigma=sigma[11],
         boresight_sigma_rad=sigma[0],
         heading_bias_sigma_rad=sigma[9],
         lever_arm_m=LEVER_ARM,

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
-import numpy as np
-
-from uavgram.stages import judge
+from uavgram.model.message import Message
+from uavgram.stages.judge.suspects import strained_frame
 from uavgram.views.frame_states import frame_counts, frame_states
 
 
 def strained(frame_id):
     """The message of the stage that writes it, so that its words and ours stay together."""
-    survey = SimpleNamespace(
-        frame_id=(frame_id,), telemetry=SimpleNamespace(frame_index=np.array([0]))
-    )
-    w = np.array([[0.0, 5.0, 0.0, 0.0, 0.0, 0.0]])
-    return judge._strained_frames(SimpleNamespace(survey=survey), w, w > 3)[0]
+    return Message("warning", "telemetry-strained", strained_frame(frame_id, 1, 5.0))
 
 
 def test_a_suspect_pick_makes_a_frame_one_to_check(survey):

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import cyclopts
 
 from uavgram.cli import (  # noqa: F401  (each registers itself with the application)
+    calibrate,
     camera,
     check,
     demo,

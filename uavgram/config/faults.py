@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
@@ -206,10 +206,17 @@ def _as_yaml(value: Plain) -> str:
 
 
 def type_at(schema: Any, at: KeyPath) -> Any:  # noqa: ANN401
-    """Type annotation of a key of nested dataclasses; None where the schema has no such key."""
+    """Type annotation of a key of nested dataclasses; None where the schema has no such key.
+
+    A mapping has keys of any name, with values of one type.
+    """
     for part in at:
         owner = next((k for k in _options(schema) if is_dataclass(k)), None)
-        schema = get_type_hints(owner).get(str(part)) if owner else None
+        named = next((k for k in _options(schema) if get_origin(k) is Mapping), None)
+        if owner:
+            schema = get_type_hints(owner).get(str(part))
+        else:
+            schema = get_args(named)[1] if named else None
     return schema
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,20 +12,25 @@ from uavgram.config.strict_yaml import Document, Plain, read_yaml
 from uavgram.config.validation import validate
 from uavgram.errors import GeometryError, near_miss
 from uavgram.geometry.map_projection import checked_crs
-from uavgram.model.options import Project
+from uavgram.model.options import CAMERA_OF_PHOTOS, Project
 
 _INPUT_FILES = ("log", "poses", "camera", "picks", "lines", "measure", "control", "check")
+PICKED_FILES = ("picks", "lines", "measure")
+"""Inputs that the picking page makes: a project that is not finished may lack them."""
+
 FROM_PHOTOS = "exif"
 """Value of `poses` that names no file."""
 
 
-def load_project(path: str | Path) -> Project:
+def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
     """Read a project file.
 
     Parameters
     ----------
     path
         The file. Its paths are relative to its folder.
+    unfinished
+        Whether picks, lengths and measurements may name files that are not there yet.
 
     Returns
     -------
@@ -46,15 +52,16 @@ def load_project(path: str | Path) -> Project:
         data = {"name": path.parent.name, **data}
         if isinstance(data.get("images"), str):
             data["images"] = [data["images"]]
-        missing = _missing_files(data, path.parent) + _unknown_crs(data)
+        keys = [k for k in _INPUT_FILES if not (unfinished and k in PICKED_FILES)]
+        missing = _missing_files(data, path.parent, keys) + _unknown_crs(data)
     project = validate(Project, Document(path, data, document.lines, document.faults), missing)
     return _with_absolute_paths(project, path.parent)
 
 
-def _missing_files(data: dict[str, Plain], folder: Path) -> tuple[Fault, ...]:
-    """Find the named input files that are not there."""
+def _missing_files(data: dict[str, Plain], folder: Path, keys: Sequence[str]) -> tuple[Fault, ...]:
+    """Find the input files named by `keys` that are not there."""
     faults = []
-    for key in _INPUT_FILES:
+    for key in keys:
         name = data.get(key)
         if not isinstance(name, str) or not name or _is_no_path(key, name):
             continue
@@ -77,7 +84,7 @@ def _unknown_crs(data: dict[str, Plain]) -> tuple[Fault, ...]:
 
 
 def _is_no_path(key: str, name: str | None) -> bool:
-    return key == "poses" and name == FROM_PHOTOS
+    return (key, name) in {("poses", FROM_PHOTOS), ("camera", CAMERA_OF_PHOTOS)}
 
 
 def _why_missing(path: Path, name: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from uavgram.estimation.least_squares import Minimum
 from uavgram.estimation.normal_equations import Covariance
 from uavgram.estimation.survey_problem import SurveyProblem
 from uavgram.estimation.survey_state import State
+from uavgram.estimation.suspicion import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey import Survey
 
@@ -59,7 +61,7 @@ class Adjustment:
         """All points: positions (K, 3), and covariances (K, 3, 3) of east, north, up."""
         layout = self.problem.layout
         label = np.arange(layout.points)
-        world, jacobian, columns = self._points_with_jacobian(label)
+        world, jacobian, columns = self.points_with_jacobian(label)
         joint = self.covariance.blocks(columns)
         return world, np.einsum("nij,njk,nlk->nil", jacobian, joint, jacobian, optimize=True)
 
@@ -98,7 +100,7 @@ class Adjustment:
 
     def joint_points(self, label: Ints) -> tuple[Floats, Floats]:
         """Some points: positions (n, 3), and their joint covariance (3n, 3n)."""
-        world, jacobian, columns = self._points_with_jacobian(label)
+        world, jacobian, columns = self.points_with_jacobian(label)
         unknowns, place = np.unique(columns, return_inverse=True)
         place = place.reshape(columns.shape)
         dense = np.zeros((len(label), 3, len(unknowns)))
@@ -111,26 +113,65 @@ class Adjustment:
         """(count, count) covariance of neighbouring shared unknowns."""
         return self.minimum.factor.joint(first + np.arange(count))
 
-    def _points_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:
-        layout = self.problem.layout
-        world, d_point, d_plane = self.problem.world_points(self.state, label)
-        columns = np.concatenate(
+    def sight_covariance(self, frame: Ints) -> Floats:
+        """Joint covariance (n, 9 + P, 9 + P) of all that places a frame's pixels on the ground.
+
+        Its rows: pose (δcentre world [m], δθ camera [rad]), interior orientation (P), and the
+        first area's plane (height [m], slopes), which is known where it is the gauge.
+        """
+        layout, lens = self.problem.layout, self.problem.intrinsic_basis
+        plane = 0 if layout.free_gauge else 3
+        shared = np.concatenate(
             [
-                layout.point_columns(label),
-                layout.shared_columns(layout.first_plane, layout.plane, len(label)),
-            ],
-            axis=1,
+                layout.first_intrinsic + np.arange(layout.intrinsics),
+                layout.first_plane + np.arange(plane),
+            ]
+        )
+        to_lens = np.zeros((9 + len(lens), 6 + len(shared)))
+        to_lens[:6, :6] = np.eye(6)
+        to_lens[6 : 6 + len(lens), 6 : 6 + layout.intrinsics] = lens
+        to_lens[6 + len(lens) :, 6 + layout.intrinsics :] = np.eye(3)[:, :plane]
+        joint = np.array(
+            [
+                self.minimum.factor.joint(np.concatenate([columns, shared]))
+                for columns in layout.frame_columns(frame)
+            ]
+        )
+        return np.asarray(to_lens @ joint @ to_lens.T)
+
+    def points_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:
+        """Points (n, 3), their Jacobians (n, 3, k), and the k unknowns (n, k) of each."""
+        problem = self.problem
+        world, d_point, d_plane = problem.world_points(self.state, label)
+        columns = np.concatenate(
+            [problem.layout.point_columns(label), problem.plane_columns(label)], axis=1
         )
         return world, np.concatenate([d_point, d_plane], axis=2), columns
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Removal:
-    """An observation that was left out because it does not fit: kind, index, and its w then."""
+    """An observation that was left out because it does not fit.
 
-    kind: str
+    Attributes
+    ----------
+    kind, index
+        ``pick`` or ``line``, of the survey handed in.
+    suspicion
+        Its test statistic then, and what no test could part from it.
+    before
+        The survey adjusted with it.
+    """
+
+    kind: Literal["pick", "line"]
     index: int
-    w: float
+    suspicion: Suspicion
+    before: Refined
+
+    @property
+    def w(self) -> float:
+        """Size of its test statistic before it was left out."""
+        return abs(self.suspicion.w)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +190,8 @@ class Refined:
         Why picks (index into the survey handed in) were left out beforehand.
     alternatives
         Other minima that explain the lengths as well.
+    accused
+        The observation without which the rest fits best, where that took adjustments to find out.
     """
 
     adjustment: Adjustment
@@ -159,3 +202,4 @@ class Refined:
     line_removed: Bools
     pick_reason: dict[int, str]
     alternatives: tuple[Adjustment, ...]
+    accused: Member | None = None

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.plane_pose import PlaneCandidate, search_plane
+from uavgram.estimation.length_conditions import LengthFrames
+from uavgram.estimation.length_resection import LengthPoses, resect_from_lengths, search_frames
 from uavgram.estimation.plane_resection import resect_from_plane
 from uavgram.geometry.ground import intersect_ground
 from uavgram.geometry.plane_pose import pose_above_plane
@@ -47,38 +48,117 @@ def from_telemetry(survey: Survey, ray: Floats) -> FirstValues:
     return FirstValues(point, seeds.center_world_m, seeds.world_from_camera, plane[0])
 
 
-def length_candidates(survey: Survey, ray: Floats, frame: int) -> tuple[PlaneCandidate, ...]:
-    """Planes that explain the known lengths seen whole in one frame; empty below three."""
-    start, end, line = _lines_in_frame(survey, frame)
-    if len(line) < 3:
-        return ()
-    along_px = np.linalg.norm(survey.pixel_px[start] - survey.pixel_px[end], axis=1)
-    pick_sigma_px = np.hypot(survey.pick_sigma_px[start], survey.pick_sigma_px[end])
-    # A pick's error in metres: the line's own scale, metres per pixel along it.
-    pick_sigma_m = survey.length_m[line] * pick_sigma_px / np.maximum(along_px, 1.0)
-    sigma = np.hypot(survey.length_sigma_m[line], pick_sigma_m)
-    return search_plane(ray[start], ray[end], survey.length_m[line], sigma)
+class SeenLines(NamedTuple):
+    """Known lengths that frames see whole, one row each, by frame.
+
+    Attributes
+    ----------
+    frame, line
+        (S,) of the survey.
+    start, end
+        (S,) picks of the two ends.
+    """
+
+    frame: Ints
+    line: Ints
+    start: Ints
+    end: Ints
+
+
+def seen_lines(survey: Survey) -> SeenLines:
+    """Which frames see which known lengths whole, of those that a plane can start from.
+
+    Both ends must lie in one area and stand equally high above it (others would need a ray of
+    their own: they refine the pose but do not start it), and on two pixels.
+    """
+    labels = len(survey.label)
+    key = survey.pick_frame * labels + survey.pick_label
+    by_key = np.argsort(key, kind="stable")
+    by_label = np.argsort(survey.pick_label, kind="stable")
+    bounds = np.searchsorted(survey.pick_label[by_label], np.arange(labels + 1))
+    number = np.diff(bounds)[survey.line_start]
+    line = np.repeat(np.arange(len(number)), number)
+    within = np.arange(len(line)) - np.repeat(np.cumsum(number) - number, number)
+    start = by_label[bounds[survey.line_start[line]] + within]
+    wanted = survey.pick_frame[start] * labels + survey.line_end[line]
+    place = np.minimum(np.searchsorted(key[by_key], wanted), max(len(key) - 1, 0))
+    end = by_key[place]
+    found = key[end] == wanted
+    a, b = survey.line_start[line], survey.line_end[line]
+    found &= (survey.area[a] == survey.area[b]) & (
+        survey.height_above_m[a] == survey.height_above_m[b]
+    )
+    found &= (survey.pixel_px[start] != survey.pixel_px[end]).any(axis=1)
+    rows = np.flatnonzero(found)
+    rows = rows[np.argsort(survey.pick_frame[start[rows]], kind="stable")]
+    return SeenLines(survey.pick_frame[start[rows]], line[rows], start[rows], end[rows])
 
 
 def lines_per_frame(survey: Survey) -> Ints:
     """(F,) how many known lengths each frame sees whole."""
-    counts = [len(_lines_in_frame(survey, f)[2]) for f in range(len(survey.frame_id))]
-    return np.array(counts, dtype=np.int64)
+    return np.bincount(seen_lines(survey).frame, minlength=len(survey.frame_id))
 
 
-def _lines_in_frame(survey: Survey, frame: int) -> tuple[Ints, Ints, Ints]:
-    """Picks of both ends, and indices, of the known lengths seen whole in a frame."""
-    pick_of_label = np.full(len(survey.label), -1)
-    picks = np.flatnonzero(survey.pick_frame == frame)
-    pick_of_label[survey.pick_label[picks]] = picks
-    start, end = pick_of_label[survey.line_start], pick_of_label[survey.line_end]
-    # A known height would need its own ray; such lines refine the pose but do not start it.
-    level = survey.height_above_m[survey.line_start] == survey.height_above_m[survey.line_end]
-    line = np.flatnonzero((start >= 0) & (end >= 0) & level)
-    # Both ends picked on the same pixel: no plane gives that line a length.
-    apart = (survey.pixel_px[start[line]] != survey.pixel_px[end[line]]).any(axis=1)
-    line = line[apart]
-    return start[line], end[line], line
+def length_poses(survey: Survey) -> dict[int, LengthPoses]:
+    """Poses over the plane that explain the lengths of each frame with three or more, best first.
+
+    All frames are searched together, and each candidate is refined to the maximum of its own
+    likelihood, with its covariance.
+    """
+    seen = seen_lines(survey)
+    number = np.bincount(seen.frame, minlength=len(survey.frame_id))
+    enough = np.flatnonzero(number >= 3)
+    if not len(enough):
+        return {}
+    frames = _length_frames(survey, seen, enough)
+    searched = search_frames(survey.calibration, frames)
+    row = np.repeat(np.arange(len(enough)), [len(found) for found in searched])
+    start = np.array([c.plane for found in searched for c in found]).reshape(-1, 3)
+    poses = resect_from_lengths(survey.calibration, frames.take(row), start)
+    # Where the iterations fail, what the search found is still a first value.
+    failed = ~poses.converged
+    cost = np.array([c.cost for found in searched for c in found])
+    poses = poses._replace(
+        plane=np.where(failed[:, None], start, poses.plane),
+        cost=np.where(failed, cost, poses.cost),
+    )
+    order = np.lexsort((poses.cost, row))
+    return {
+        int(enough[k]): poses.take(order[row[order] == k])
+        for k in range(len(enough))
+        if len(searched[k])
+    }
+
+
+def _length_frames(survey: Survey, seen: SeenLines, frame: Ints) -> LengthFrames:
+    """The lines of some frames, filled up to the largest number of picks and of lines."""
+    rows = np.flatnonzero(np.isin(seen.frame, frame))
+    row = np.searchsorted(frame, seen.frame[rows])
+    used, at = np.unique(np.stack([seen.start[rows], seen.end[rows]]), return_inverse=True)
+    owner = np.searchsorted(frame, survey.pick_frame[used])
+    pick_rank, line_rank = _rank(owner, len(frame)), _rank(row, len(frame))
+    shape = len(frame), int(line_rank.max()) + 1
+    pixel = np.zeros((len(frame), int(pick_rank.max()) + 1, 2))
+    pixel[:] = survey.calibration.parameters[2:4]
+    sigma = np.ones(pixel.shape[:2])
+    pixel[owner, pick_rank] = survey.pixel_px[used]
+    sigma[owner, pick_rank] = survey.pick_sigma_px[used]
+    ends = np.zeros((2, *shape), dtype=np.int64)
+    ends[1] = 1
+    ends[:, row, line_rank] = pick_rank[at.reshape(2, -1)]
+    length, length_sigma = np.ones(shape), np.full(shape, np.inf)
+    length[row, line_rank] = survey.length_m[seen.line[rows]]
+    length_sigma[row, line_rank] = survey.length_sigma_m[seen.line[rows]]
+    return LengthFrames(pixel, sigma, ends[0], ends[1], length, length_sigma)
+
+
+def _rank(owner: Ints, owners: int) -> Ints:
+    """(n,) how many with the same owner come before each."""
+    order = np.argsort(owner, kind="stable")
+    first = np.searchsorted(owner[order], np.arange(owners))
+    rank = np.empty(len(owner), dtype=np.int64)
+    rank[order] = np.arange(len(owner)) - first[owner[order]]
+    return rank
 
 
 class PlaneNetwork:
@@ -86,6 +166,9 @@ class PlaneNetwork:
 
     def __init__(self, survey: Survey, ray: Floats) -> None:
         self._survey, self._ray = survey, ray
+        self._by_frame = np.argsort(survey.pick_frame, kind="stable")
+        ordered = survey.pick_frame[self._by_frame]
+        self._bounds = np.searchsorted(ordered, np.arange(len(survey.frame_id) + 1))
         frames, labels = len(survey.frame_id), len(survey.label)
         self.point = np.full((labels, 2), np.nan)
         self.center = np.full((frames, 3), np.nan)
@@ -98,7 +181,7 @@ class PlaneNetwork:
     def start(self, frame: int, plane: Floats) -> None:
         """Place one frame over the origin by its own plane (3,), and its points below it."""
         center, rotation = pose_above_plane(plane)
-        self._place(frame, center, rotation)
+        self.place(frame, center, rotation)
 
     def grow(self, planes: dict[int, Floats]) -> None:
         """Join every frame that shares enough points: two with a plane of its own, else four."""
@@ -109,12 +192,15 @@ class PlaneNetwork:
             for frame in list(waiting):
                 pose = self._join(frame, planes.get(frame))
                 if pose is not None:
-                    self._place(frame, *pose)
+                    self.place(frame, *pose)
                     waiting.remove(frame)
                     progress = True
 
+    def _picks(self, frame: int) -> Ints:
+        return self._by_frame[self._bounds[frame] : self._bounds[frame + 1]]
+
     def _join(self, frame: int, plane: Floats | None) -> tuple[Floats, Floats] | None:
-        picks = np.flatnonzero(self._survey.pick_frame == frame)
+        picks = self._picks(frame)
         known = picks[np.isfinite(self.point[self._survey.pick_label[picks], 0])]
         target = self.point[self._survey.pick_label[known]]
         if len(known) >= 4:
@@ -131,9 +217,10 @@ class PlaneNetwork:
         turn, shift = align_in_plane(local[meets], target[meets])
         return turn @ center + shift, turn @ rotation
 
-    def _place(self, frame: int, center: Floats, rotation: Floats) -> None:
+    def place(self, frame: int, center: Floats, rotation: Floats) -> None:
+        """Give a frame a pose (3,), (3, 3) over the plane, and its points their places below it."""
         self.center[frame], self.rotation[frame] = center, rotation
-        picks = np.flatnonzero(self._survey.pick_frame == frame)
+        picks = self._picks(frame)
         label = self._survey.pick_label[picks]
         new = np.isnan(self.point[label, 0])
         self.point[label[new]] = self._ground_points(center, rotation, picks[new])

@@ -8,8 +8,8 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from uavgram.estimation.block_structure import Structure
 from uavgram.estimation.normal_equations import Block, Factor, NormalEquations
-from uavgram.estimation.sparse_factor import Structure
 from uavgram.model.arrays import Floats
 
 State = TypeVar("State")
@@ -21,6 +21,16 @@ its square root is the length of that step in units of the unknowns' own sigmas.
 AT_REST = 1e-4
 """Undamped predicted fall (a hundredth of a sigma, squared) up to which a result counts as
 converged; kinks of the interpolated flight keep it from being exactly zero."""
+
+CLOSE = 1e-2
+"""Predicted fall (a tenth of a sigma, squared) after which the normal matrix hardly changes: its
+factor serves the steps that follow too, as long as they keep their promise."""
+
+KEPT = 0.5
+"""Share of the predicted fall that must come true for a factor to serve once more."""
+
+UNDAMPED = 1e-8
+"""Damping up to which a factor serves more than one step: they are as good as Newton's."""
 
 MAX_ITERATIONS = 60
 MAX_DAMPING = 1e12
@@ -88,7 +98,9 @@ def minimise(
     References
     ----------
     Marquardt 1963 (scaling of the damping by the diagonal); Nielsen 1999, "Damping parameter in
-    Marquardt's method", IMM-REP-1999-05, eq. 2.5 (the damping's own update).
+    Marquardt's method", IMM-REP-1999-05, eq. 2.5 (the damping's own update). Ortega and Rheinboldt
+    1970, "Iterative solution of nonlinear equations in several variables", ch. 7 (one factor for
+    several steps).
     """
     blocks = evaluate(state)
     if blocks is None:
@@ -96,10 +108,13 @@ def minimise(
     normal = NormalEquations(list(blocks.values()), size, structure)
     damping, growth = 1e-9, 2.0
     iteration = 0
+    factor: Factor | None = None
     while iteration < MAX_ITERATIONS:
         iteration += 1
-        step = -normal.factor(damping).solve(normal.gradient)
-        predicted = float(-step @ (2.0 * normal.gradient + normal.normal @ step))
+        fresh = factor is None
+        factor = factor or normal.factor(damping)
+        step = -factor.solve(normal.gradient)
+        predicted = factor.predicted_fall(step, normal.gradient)
         if predicted < CONVERGED or damping > MAX_DAMPING:
             break
         trial = update(state, step)
@@ -108,12 +123,14 @@ def minimise(
         gain = (normal.cost - trial_cost) / predicted
         if trial_blocks is not None and gain > 0:
             state, blocks = trial, trial_blocks
-            normal = NormalEquations(list(blocks.values()), size, structure, normal.symbolic())
+            normal = NormalEquations(list(blocks.values()), size, structure, normal.plan)
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3)
             growth = 2.0
-        else:
+        elif fresh:
             damping *= growth
             growth *= 2.0
+        if predicted > CLOSE or gain < KEPT or damping > UNDAMPED:
+            factor = None
     factor = normal.factor()
     # Newton's decrement without damping: how far below the minimum of the model still lies.
     decrement = float(normal.gradient @ factor.solve(normal.gradient))

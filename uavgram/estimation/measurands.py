@@ -6,7 +6,7 @@ sigmas, or sample the values.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from typing import NamedTuple
 
@@ -41,6 +41,11 @@ class UnmeasurableError(ValueError):
     """Why a measurement has no value."""
 
 
+def exact(source: str) -> float:  # noqa: ARG001  (the error of every source)
+    """No error in any source."""
+    return 0.0
+
+
 def require_picked(request: MeasurementRequest, known: tuple[str, ...]) -> None:
     """Make sure that every point of a request is among the known labels.
 
@@ -60,7 +65,11 @@ def require_picked(request: MeasurementRequest, known: tuple[str, ...]) -> None:
 
 
 def measurands(
-    request: MeasurementRequest, points: Floats, survey: Survey, frames: Frames
+    request: MeasurementRequest,
+    points: Floats,
+    survey: Survey,
+    frames: Frames,
+    error: Callable[[str], float] = exact,
 ) -> list[Measurand]:
     """Values of one request, with gradients.
 
@@ -72,6 +81,8 @@ def measurands(
         (k, 3) world coordinates of its points.
     survey, frames
         For ``speed``: which frames see the points, and their times.
+    error
+        Name of another source (friction, a time) to its error, in its sigmas; to sample them.
 
     Raises
     ------
@@ -85,9 +96,9 @@ def measurands(
             for i, axis in enumerate(AXES)
         ]
     if kind == "skid_speed":
-        return [_skid_speed(request, points)]
+        return [_skid_speed(request, points, error)]
     if kind == "speed":
-        return [_speed(request, points, survey, frames)]
+        return [_speed(request, points, survey, frames, error)]
     value, gradient = getattr(shapes, kind)(points)
     measurable = np.isfinite(value) and np.isfinite(gradient).all()
     in_line = np.linalg.matrix_rank(np.diff(points, axis=0)) < 2
@@ -100,34 +111,43 @@ def measurands(
     return [Measurand(request.name, request, float(value), gradient, {})]
 
 
-def _skid_speed(request: MeasurementRequest, points: Floats) -> Measurand:
+def _skid_speed(
+    request: MeasurementRequest, points: Floats, error: Callable[[str], float]
+) -> Measurand:
     """Speed at the start of a skid to rest: v = sqrt(2 mu g d) (work of friction = energy)."""
     parameters = dict(request.parameters)
-    mu, mu_sigma = parameters["mu"], parameters["mu_sigma"]
+    source, mu_sigma = f"friction of {request.name}", parameters["mu_sigma"]
+    mu = parameters["mu"] + mu_sigma * error(source)
+    if mu <= 0:
+        raise UnmeasurableError("its friction is not positive")
     length, gradient = shapes.polyline(points)
     if length <= 0 or not np.isfinite(gradient).all():
         raise UnmeasurableError("its points coincide")
     speed = float(np.sqrt(2.0 * mu * STANDARD_GRAVITY * length))
     by_mu = speed / (2.0 * mu)
-    friction = {f"friction of {request.name}": by_mu * mu_sigma}
+    friction = {source: by_mu * mu_sigma}
     return Measurand(request.name, request, speed, gradient * (speed / (2.0 * length)), friction)
 
 
 def _speed(
-    request: MeasurementRequest, points: Floats, survey: Survey, frames: Frames
+    request: MeasurementRequest,
+    points: Floats,
+    survey: Survey,
+    frames: Frames,
+    error: Callable[[str], float],
 ) -> Measurand:
     """Mean speed between two exposures: distance over the difference of their times.
 
     The camera's clock offset drops out; each frame's own timing error stays.
     """
-    times, rows = [], []
+    times, sources = [], []
     for label in request.points:
         seen = survey.pick_frame[survey.pick_label == survey.label.index(label)]
         if len(seen) != 1:
             raise UnmeasurableError(f"{label!r} is picked in {len(seen)} frames, a speed needs one")
         row = frames.frame_id.index(survey.frame_id[seen[0]])
-        times.append(frames.time_utc_s[row])
-        rows.append(row)
+        sources.append((f"time of {frames.frame_id[row]}", float(frames.sigma_time_s[row])))
+        times.append(frames.time_utc_s[row] + sources[-1][1] * error(sources[-1][0]))
     elapsed = times[1] - times[0]
     if not np.isfinite(elapsed) or elapsed == 0:
         raise UnmeasurableError("its two frames have no time, or the same")
@@ -137,8 +157,8 @@ def _speed(
     speed = float(length / abs(elapsed))
     by_time = (speed / elapsed, -speed / elapsed)  # of the first and of the second exposure
     timing = {
-        f"time of {frames.frame_id[row]}": derivative * float(frames.sigma_time_s[row])
-        for row, derivative in zip(rows, by_time, strict=True)
+        source: derivative * sigma
+        for (source, sigma), derivative in zip(sources, by_time, strict=True)
     }
     return Measurand(request.name, request, speed, gradient / abs(elapsed), timing)
 

@@ -1,24 +1,37 @@
 """Elimination order of a sparse symmetric system: a tree of separators over its block graph.
 
-George 1973, "Nested dissection of a regular finite element mesh"; separators from level sets of a
-breadth-first search (George and Liu 1978), so that only the graph is needed, not its geometry.
+George 1973, "Nested dissection of a regular finite element mesh". Only the graph is needed: its
+distances from a few far nodes stand for a geometry, and a smallest vertex cover of the edges
+between two halves is the separator.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import (
+    breadth_first_order,
+    connected_components,
+    dijkstra,
+    maximum_bipartite_matching,
+)
 
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 
 LEAF = 24
 """Blocks up to which a part is eliminated as a whole."""
 
-BALANCE = (0.25, 0.75)
-"""Share of a part that may lie on one side of its separator."""
+SHARES = (0.4, 0.5, 0.6)
+"""Shares of a part on one side of the cuts that are tried."""
+
+SMALLEST = 0.2
+"""Share of a part below which no side of its separator may fall."""
+
+SMOOTHING = 5
+"""How often a direction is averaged over neighbours: hops are whole numbers, cuts are not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +51,12 @@ class Node:
 
 
 def dissect(graph: sp.csr_matrix) -> list[Node]:
-    """Nodes of the elimination tree, children before parents; the root stands last.
+    """Nodes of the elimination tree in postorder: children before parents; the root stands last.
 
     Parameters
     ----------
     graph
-        (n, n) symmetric adjacency of the blocks; its values mean nothing.
+        (n, n) symmetric adjacency of the blocks, without loops; all its values are 1.
 
     Returns
     -------
@@ -64,35 +77,89 @@ def _dissect(graph: sp.csr_matrix, part: Ints, found: list[tuple[Ints, list[int]
     separator: Ints = part
     sides: list[Ints] = []
     if len(part) > LEAF:
-        separator, sides = _split(graph[part][:, part], part)
+        separator, sides = _split(graph[part][:, part].tocsr(), part)
     children = [_dissect(graph, side, found) for side in sides]
     found.append((separator, children))
     return len(found) - 1
 
 
 def _split(graph: sp.csr_matrix, part: Ints) -> tuple[Ints, list[Ints]]:
-    """Separator and sides of a part; all of it and nothing where no level set halves it."""
-    count, member = connected_components(graph, directed=False)
+    """Separator and sides of a part; all of it and nothing where no separator halves it."""
+    count, found = connected_components(graph, directed=False)
+    member: Ints = found.astype(np.int64)
     if count > 1:
-        order = np.argsort(np.bincount(member))[::-1]
-        side = np.zeros(count, dtype=bool)
-        sizes = np.zeros(2, dtype=int)
-        for component in order:  # largest first onto the lighter side
-            lighter = int(sizes[1] < sizes[0])
-            side[component] = bool(lighter)
-            sizes[lighter] += int(np.sum(member == component))
-        return part[:0], [part[side[member]], part[~side[member]]]
-    start = int(np.argmin(np.diff(graph.indptr)))
-    for _ in range(2):  # from end to end: the second search starts at the farthest block
-        distance: Floats = dijkstra(graph, indices=[start], unweighted=True)
-        level = distance[0].astype(np.int64)
-        start = int(level.argmax())
-    sizes = np.bincount(level)
-    below = np.cumsum(sizes) - sizes
-    share = (below + sizes / 2) / len(part)
-    allowed = np.flatnonzero((share > BALANCE[0]) & (share < BALANCE[1]))
-    allowed = allowed[(allowed > 0) & (allowed < len(sizes) - 1)]
-    if not allowed.size:
+        side = _balanced(member, count)
+        return part[:0], [part[side], part[~side]]
+    row: Ints = np.repeat(np.arange(len(part)), np.diff(graph.indptr))
+    column: Ints = graph.indices.astype(np.int64)
+    cuts = []
+    for side in _sides(graph):
+        crossing = side[row] & ~side[column]
+        cuts.append((row[crossing], column[crossing], side))
+    left, right, side = min(cuts, key=lambda cut: min(len(np.unique(end)) for end in cut[:2]))
+    separator = _cover(left, right)
+    rest = np.ones(len(part), dtype=bool)
+    rest[separator] = False
+    sides = [part[side & rest], part[~side & rest]]
+    if min(map(len, sides)) < SMALLEST * len(part):
         return part, []
-    cut = allowed[np.argmin(sizes[allowed])]
-    return part[level == cut], [part[level < cut], part[level > cut]]
+    return part[separator], sides
+
+
+def _balanced(member: Ints, count: int) -> Bools:
+    """Components on two sides of about one size: the largest first, onto the lighter side."""
+    sizes = np.bincount(member)
+    side = np.zeros(count, dtype=bool)
+    weight = np.zeros(2, dtype=int)
+    for component in np.argsort(sizes)[::-1]:
+        lighter = int(weight[1] < weight[0])
+        side[component] = bool(lighter)
+        weight[lighter] += int(sizes[component])
+    return np.asarray(side[member])
+
+
+def _sides(graph: sp.csr_matrix) -> Iterator[Bools]:
+    """One side each of some cuts through a connected graph.
+
+    The difference of the distances from two opposite ends is a direction. Ends lie in corners, so
+    that such directions run diagonally; their sum and difference run along the sides.
+    """
+    far = _distance(graph, int(np.argmin(np.diff(graph.indptr))))
+    one = _distance(graph, int(far.argmax()))
+    other = _distance(graph, int(one.argmax()))
+    middle = _distance(graph, int((one + other).argmax()))
+    opposite = _distance(graph, int((middle + np.minimum(one, other)).argmax()))
+    neighbours = sp.diags_array(1.0 / np.diff(graph.indptr)) @ graph
+    along, across = one - other, middle - opposite
+    for direction in (along + across, along - across):
+        smooth = direction
+        for _ in range(SMOOTHING):
+            smooth = neighbours @ smooth
+        for limit in np.quantile(smooth, SHARES):
+            yield smooth <= limit
+
+
+def _distance(graph: sp.csr_matrix, start: int) -> Floats:
+    """Edges from one block to each other."""
+    return np.asarray(dijkstra(graph, indices=[start], unweighted=True)[0])
+
+
+def _cover(left: Ints, right: Ints) -> Ints:
+    """Fewest blocks that touch all edges from left to right ones.
+
+    König 1931: in a bipartite graph they are as many as the edges of a maximum matching: the left
+    nodes that no alternating path from an unmatched left node reaches, and the right ones that one
+    does.
+    """
+    lefts, row = np.unique(left, return_inverse=True)
+    rights, column = np.unique(right, return_inverse=True)
+    count, source = len(lefts), len(lefts) + len(rights)
+    edges = sp.csr_matrix((np.ones(len(row)), (row, column)), shape=(count, len(rights)))
+    match = maximum_bipartite_matching(edges, perm_type="column")
+    matched, free = np.flatnonzero(match >= 0), np.flatnonzero(match < 0)
+    tail = np.concatenate([row, count + match[matched], np.full(len(free), source)])
+    head = np.concatenate([count + column, matched, free])
+    paths = sp.csr_matrix((np.ones(len(tail)), (tail, head)), shape=(source + 1, source + 1))
+    reached = np.zeros(source + 1, dtype=bool)
+    reached[breadth_first_order(paths, source, return_predecessors=False)] = True
+    return np.concatenate([lefts[~reached[:count]], rights[reached[count:source]]])

@@ -8,17 +8,22 @@ observation with), and the joint covariance of a few chosen unknowns.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-import scipy.sparse as sp
 
+from uavgram.estimation.block_matrix import Assembly, BlockMatrix
+from uavgram.estimation.block_structure import Structure
 from uavgram.estimation.multifrontal import NotPositiveError
-from uavgram.estimation.sparse_factor import SparseFactor, Structure, Symbolic, gather_blocks
+from uavgram.estimation.sparse_factor import SparseFactor, Symbolic
 from uavgram.model.arrays import Floats, Ints
 
-DENSE_LIMIT = 2500
-"""Unknowns up to which a dense Cholesky beats the sparse factorisation."""
+DENSE_ENTRIES = 250_000
+"""Entries of a Jacobian up to which a dense one costs less than the upkeep of sparse matrices."""
+
+AT_ONCE = 32
+"""Right-hand sides that are solved for together."""
 
 SINGULAR = 1e-13
 """Smallest pivot of the scaled normal matrix (unit diagonal) that still carries information."""
@@ -52,24 +57,46 @@ class Block:
 
 
 class NormalEquations:
-    """J^T J and J^T r of a list of blocks, over `size` unknowns."""
+    """J^T J and J^T r of a list of blocks, over `size` unknowns.
+
+    Parameters
+    ----------
+    blocks
+        The observations.
+    size
+        Number of unknowns.
+    structure
+        What they are; of use in large systems.
+    plan
+        What serves every large system of the same columns, from one of them.
+    """
 
     def __init__(
         self,
         blocks: list[Block],
         size: int,
         structure: Structure | None = None,
-        symbolic: Symbolic | None = None,
+        plan: Plan | None = None,
     ) -> None:
         self.size = size
+        self._blocks = blocks
+        self.cost = float(sum(np.sum(b.residual**2) for b in blocks))
+        self.gradient = _gradient(blocks, size)
+        rows = sum(b.residual.size for b in blocks)
+        self._dense = rows * size <= DENSE_ENTRIES
         self._structure = structure or Structure.plain(size)
-        self._symbolic = symbolic
-        self.jacobian = _stack(blocks, size)
-        residual = np.concatenate([b.residual.ravel() for b in blocks])
-        self.cost = float(residual @ residual)
-        self.gradient = self.jacobian.T @ residual
-        self.normal = (self.jacobian.T @ self.jacobian).tocsr()
-        self.diagonal = self.normal.diagonal()
+        self.plan = plan
+
+    @cached_property
+    def normal(self) -> Floats | BlockMatrix:
+        """J^T J."""
+        if self._dense:
+            jacobian = _stack_dense(self._blocks, self.size)
+            return np.asarray(jacobian.T @ jacobian)
+        columns = [b.columns for b in self._blocks]
+        if self.plan is None or not self.plan.assembly.serves(columns):
+            self.plan = Plan(columns, self._structure)
+        return self.plan.assembly.normal([b.jacobian for b in self._blocks])
 
     def factor(self, damping: float = 0.0) -> Factor:
         """Factor J^T J + damping * diag(J^T J).
@@ -79,32 +106,45 @@ class NormalEquations:
         SingularError
             An unknown is not determined.
         """
-        empty = np.flatnonzero(self.diagonal <= 0)
+        diagonal = self.normal.diagonal()
+        empty = np.flatnonzero(diagonal <= 0)
         if empty.size:
             raise SingularError(int(empty[0]))
-        return Factor(self.normal, self.symbolic(), self.diagonal, damping)
-
-    def symbolic(self) -> Symbolic | None:
-        """What serves every system of the same pattern; None where the system is small."""
-        if self._symbolic is None and self.size > DENSE_LIMIT:
-            self._symbolic = Symbolic(self.jacobian, self._structure)
-        return self._symbolic
+        return Factor(self.normal, self.plan, diagonal, damping)
 
 
-def _stack(blocks: list[Block], size: int) -> sp.csr_matrix:
-    """Whitened Jacobian of all blocks as one sparse matrix; duplicate entries are added."""
-    data, columns, lengths = [], [], []
+class Plan:
+    """What serves every large system of the same columns."""
+
+    def __init__(self, columns: list[Ints], structure: Structure) -> None:
+        self.assembly = Assembly(columns, structure)
+
+    @cached_property
+    def symbolic(self) -> Symbolic:
+        """For the factorisation."""
+        return Symbolic(self.assembly.pattern)
+
+
+def _gradient(blocks: list[Block], size: int) -> Floats:
+    """J^T r of all blocks, (size,)."""
+    gradient = np.zeros(size)
     for block in blocks:
-        n, r, k = block.jacobian.shape
-        data.append(block.jacobian.ravel())
-        columns.append(np.broadcast_to(block.columns[:, None, :], (n, r, k)).ravel())
-        lengths.append(np.full(n * r, k))
-    indptr = np.concatenate([[0], np.cumsum(np.concatenate(lengths))])
-    matrix = sp.csr_matrix(
-        (np.concatenate(data), np.concatenate(columns), indptr), shape=(len(indptr) - 1, size)
-    )
-    matrix.sum_duplicates()
-    return matrix
+        product = (block.residual[:, None, :] @ block.jacobian)[:, 0]
+        gradient += np.bincount(block.columns.ravel(), product.ravel(), minlength=size)
+    return gradient
+
+
+def _stack_dense(blocks: list[Block], size: int) -> Floats:
+    """Whitened Jacobian of all blocks, (rows, size); duplicate entries are added."""
+    entry, weight, first = [], [], 0
+    for block in blocks:
+        n, r, _ = block.jacobian.shape
+        row = first + np.arange(n * r).reshape(n, r, 1)
+        entry.append((row * size + block.columns[:, None, :]).ravel())
+        weight.append(block.jacobian.ravel())
+        first += n * r
+    flat = np.bincount(np.concatenate(entry), np.concatenate(weight), minlength=first * size)
+    return np.asarray(flat, dtype=np.float64).reshape(first, size)
 
 
 class Factor:
@@ -115,69 +155,104 @@ class Factor:
     """
 
     def __init__(
-        self, normal: sp.csr_matrix, symbolic: Symbolic | None, diagonal: Floats, damping: float
+        self, normal: Floats | BlockMatrix, plan: Plan | None, diagonal: Floats, damping: float
     ) -> None:
         self._scale = 1.0 / np.sqrt(diagonal)
-        scaled = sp.diags(self._scale) @ normal @ sp.diags(self._scale)
-        scaled = (scaled + damping * sp.identity(len(diagonal))).tocsr()
+        self._damping = damping
         self.size = len(diagonal)
-        self._dense: Floats | None = None
-        self._sparse: SparseFactor | None = None
-        if symbolic is None:
-            self._dense = _cholesky(scaled.toarray())
-        else:
-            try:
-                self._sparse = SparseFactor(scaled, symbolic, SINGULAR)
-            except NotPositiveError as error:
-                raise SingularError(error.index) from None
+        self._factor: Floats | SparseFactor
+        if isinstance(normal, np.ndarray):
+            scaled = normal * np.outer(self._scale, self._scale)
+            np.fill_diagonal(scaled, scaled.diagonal() + damping)
+            self._factor = _cholesky(scaled)
+            return
+        assert plan is not None  # noqa: S101  (it came with the block matrix)
+        try:
+            matrix = normal.scaled(self._scale, damping)
+            self._factor = SparseFactor(matrix, plan.symbolic, SINGULAR)
+        except NotPositiveError as error:
+            raise SingularError(error.index) from None
+
+    @property
+    def sparse(self) -> bool:
+        """Whether the system was large enough for the sparse factorisation."""
+        return isinstance(self._factor, SparseFactor)
 
     def solve(self, right: Floats) -> Floats:
         """Solve for one (n,) or several (n, m) right-hand sides."""
         scale = self._scale if right.ndim == 1 else self._scale[:, None]
-        if self._dense is not None:
-            y = scipy.linalg.cho_solve((self._dense, True), right * scale, check_finite=False)
+        scaled = right * scale
+        if isinstance(self._factor, SparseFactor):
+            solved = self._factor.solve(scaled.reshape(self.size, -1)).reshape(right.shape)
         else:
-            assert self._sparse is not None  # noqa: S101  (one of the two is always there)
-            scaled = np.ascontiguousarray(right * scale)
-            y = self._sparse.solve(scaled.reshape(self.size, -1)).reshape(right.shape)
-        return np.asarray(y * scale)
+            solved = scipy.linalg.cho_solve((self._factor, True), scaled, check_finite=False)
+        return np.asarray(solved * scale)
+
+    def predicted_fall(self, step: Floats, gradient: Floats) -> float:
+        """Fall of the sum of squares that the linearised model promises of a solved step.
+
+        -2 g s - s N s, where (N + damping D) s = -g.
+        """
+        damped = self._damping * float(np.sum((step / self._scale) ** 2))
+        return damped - float(step @ gradient)
 
     def joint(self, indices: Ints) -> Floats:
         """Joint covariance (m, m) of m chosen unknowns."""
-        right = np.zeros((self.size, len(indices)))
-        right[indices, np.arange(len(indices))] = 1.0
-        block = self.solve(right)[indices]
+        block = np.empty((len(indices), len(indices)))
+        for start in range(0, len(indices), AT_ONCE):
+            chosen = indices[start : start + AT_ONCE]
+            right = np.zeros((self.size, len(chosen)))
+            right[chosen, np.arange(len(chosen))] = 1.0
+            block[:, start : start + AT_ONCE] = self.solve(right)[indices]
         return np.asarray(0.5 * (block + block.T))
+
+    def variances(self, columns: Ints, gradients: Floats) -> Floats:
+        """Variances (n,) of linear functions: their gradients (n, k) by unknowns (n, k)."""
+        found = np.empty(len(columns))
+        for start in range(0, len(columns), AT_ONCE):
+            some = slice(start, start + AT_ONCE)
+            at = (columns[some], np.arange(len(columns[some]))[:, None])
+            right = np.zeros((self.size, len(columns[some])))
+            np.add.at(right, at, gradients[some])  # a function may name an unknown twice
+            found[some] = np.sum(right * self.solve(right), axis=0)
+        return found
 
     def covariance(self) -> Covariance:
         """Covariance between all unknowns that share an observation."""
-        if self._dense is not None:
-            inverse = self.solve(np.eye(self.size))
-            return Covariance(dense=0.5 * (inverse + inverse.T), selected=None)
-        assert self._sparse is not None  # noqa: S101  (one of the two is always there)
-        scale = sp.diags(self._scale)
-        selected = (scale @ self._sparse.inverse_on_pattern() @ scale).tocsr()
-        selected.sum_duplicates()  # sorted rows: entries are found by bisection
-        return Covariance(dense=None, selected=selected)
+        return Covariance(self)
+
+    def inverse_on_pattern(self) -> Floats | BlockMatrix:
+        """Inverse of the normal matrix: whole, or on its pattern."""
+        if isinstance(self._factor, SparseFactor):
+            return self._factor.inverse_on_pattern().scaled(self._scale)
+        inverse = self.solve(np.eye(self.size))
+        return np.asarray(0.5 * (inverse + inverse.T))
 
 
-@dataclass(frozen=True, eq=False)
 class Covariance:
-    """Covariance of the unknowns: whole (dense), or on the pattern of the normal matrix."""
+    """Covariance of the unknowns: whole, or on the pattern of the normal matrix.
 
-    dense: Floats | None
-    selected: sp.csr_matrix | None
+    It is computed when it is first asked for.
+    """
+
+    def __init__(self, factor: Factor) -> None:
+        self._factor = factor
+
+    @cached_property
+    def _inverse(self) -> Floats | BlockMatrix:
+        return self._factor.inverse_on_pattern()
 
     def blocks(self, columns: Ints) -> Floats:
         """(n, k, k) covariances among n groups of k unknowns each, given as (n, k) indices.
 
-        With a selected inverse, all unknowns of a group must share observations.
+        Raises
+        ------
+        LookupError
+            In a large survey, unknowns of a group share no observation: see ``Factor.joint``.
         """
-        if self.dense is not None:
-            rows = np.broadcast_to(columns[:, :, None], (*columns.shape, columns.shape[1]))
-            return np.asarray(self.dense[rows, np.swapaxes(rows, 1, 2)])
-        assert self.selected is not None  # noqa: S101  (one of the two is always there)
-        return gather_blocks(self.selected, columns)
+        if isinstance(self._inverse, np.ndarray):
+            return np.asarray(self._inverse[columns[:, :, None], columns[:, None, :]])
+        return self._inverse.gather(columns)
 
 
 def _cholesky(scaled: Floats) -> Floats:

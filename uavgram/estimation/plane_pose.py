@@ -1,25 +1,41 @@
-"""First pose of a frame from the lengths of lines on the ground, without any other knowledge.
+"""First poses of frames from the lengths of lines on the ground, without any other knowledge.
 
 Three lengths have several exact solutions in about half of all scenes, a triangle nearly always;
-so the hemisphere of plane normals is searched, all candidates are refined in one batch, and every
-distinct minimum is kept.
+so the hemisphere of plane normals is searched, all candidates of all frames are refined together,
+and every distinct minimum is kept.
 """
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import chi2
 
-from uavgram.geometry.plane_pose import lengths_on_plane
-from uavgram.model.arrays import Floats
+from uavgram.geometry.plane_pose import RayPairs, by_plane, lengths_on_plane, ray_pairs
+from uavgram.model.arrays import Bools, Floats, Ints
 
 TILT_STEP_DEG = 7.5
 MAX_TILT_DEG = 85.0
-ITERATIONS = 40
+NEIGHBOURS = 8
+"""Of a normal of the grid: those that a minimum has to undercut."""
+
+FEW = 4
+"""Lines up to which every normal of the grid is a start."""
+
+LOWEST = 40
+"""Normals of lowest cost that are starts beside the local minima over the grid."""
+
+ITERATIONS = 60
+AT_REST = 1e-9
+"""Relative step below which a candidate stands still."""
+
 PLAUSIBLE = 1e-4
 """Probability below which a minimum no longer counts as an explanation of the lengths."""
+
+BLOCK = 200_000
+"""Lines times candidates at a time: the temporaries stay in the processor's cache."""
 
 
 class PlaneCandidate(NamedTuple):
@@ -29,6 +45,16 @@ class PlaneCandidate(NamedTuple):
     cost: float
 
 
+class _Candidates(NamedTuple):
+    """Planes (C, 3), the scene (C,) of each, its cost (C,), and its normal matrix (C, 3, 3)."""
+
+    plane: Floats
+    scene: Ints
+    cost: Floats
+    information: Floats
+
+
+@cache
 def normal_grid() -> Floats:
     """Unit vectors (S, 3) towards the ground, about evenly spread over the visible hemisphere."""
     normals = [np.array([[0.0, 0.0, 1.0]])]
@@ -37,80 +63,160 @@ def normal_grid() -> Floats:
         azimuth = 2 * np.pi * np.arange(count) / count
         ring = [np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth)]
         normals.append(np.stack([*ring, np.full(count, np.cos(tilt))], axis=-1))
-    return np.concatenate(normals)
+    grid = np.concatenate(normals)
+    grid.flags.writeable = False
+    return grid
 
 
-def search_plane(
+@cache
+def _neighbours() -> Ints:
+    """(NEIGHBOURS, S) nearest others of each normal of the grid."""
+    near = np.argsort(-normal_grid() @ normal_grid().T, axis=1, kind="stable")
+    return np.ascontiguousarray(near[:, 1 : NEIGHBOURS + 1].T)
+
+
+def search_planes(
     start_ray: Floats, end_ray: Floats, length_m: Floats, sigma_m: Floats
-) -> tuple[PlaneCandidate, ...]:
-    """All distinct planes that explain the lengths, best first.
+) -> list[tuple[PlaneCandidate, ...]]:
+    """All distinct planes that explain the lengths of each of many frames, best first.
 
     Parameters
     ----------
     start_ray, end_ray
-        (L, 3) undistorted rays of the lines' ends, z = 1, camera frame; L >= 3.
+        (B, L, 3) undistorted rays of the lines' ends, z = 1, camera frame.
     length_m, sigma_m
-        (L,) lengths, and the sigma of each with that of its two picks.
+        (B, L) lengths, and the sigma of each with that of its two picks; an infinite sigma says
+        that a frame has no such line (its rays and length are any numbers).
 
     Returns
     -------
-    tuple of PlaneCandidate
-        The best one always, and every other minimum that the lengths allow; empty if no plane of
-        the hemisphere lies in front of all rays.
+    list of tuple of PlaneCandidate
+        Per frame: the best one always, and every other minimum that the lengths allow; empty where
+        no plane of the hemisphere lies in front of all rays, or fewer than three lines are there.
     """
-    normals = normal_grid()
-    unit_length, _ = lengths_on_plane(normals, start_ray, end_ray)
-    usable = np.isfinite(unit_length).all(axis=1)
-    normals, unit_length = normals[usable], unit_length[usable]
-    if not len(normals):
-        return ()
-    # Closed-form scale of each normal: height times unit lengths, geometric mean of the ratios.
-    height = np.exp(np.mean(np.log(length_m / unit_length), axis=1))
-    planes = normals / height[:, None]
-    planes, cost, normal = _refine(planes, start_ray, end_ray, length_m, sigma_m)
-    return _distinct(planes, cost, normal, len(length_m) - 3)
+    weight = 1.0 / sigma_m
+    there = weight > 0
+    count = there.sum(axis=1)
+    # A line that is not there becomes a copy of the first one that is, without weight.
+    stand_in = np.where(there, np.arange(there.shape[1]), there.argmax(axis=1)[:, None])
+    take = stand_in[..., None]
+    start_ray = np.take_along_axis(start_ray, take, axis=1)
+    end_ray = np.take_along_axis(end_ray, take, axis=1)
+    length_m = np.take_along_axis(length_m, stand_in, axis=1)
+    found: list[tuple[PlaneCandidate, ...]] = []
+    step = max(1, BLOCK // (len(normal_grid()) * max(1, there.shape[1])))
+    for first in range(0, len(length_m), step):
+        part = slice(first, first + step)
+        lines = _pairs(start_ray[part], end_ray[part])
+        observed = length_m[part] * weight[part], weight[part]
+        starts = _starts(lines, observed, count[part])
+        minima = _refine(starts, lines, observed)
+        found += _distinct(minima, count[part])
+    return found
 
 
-def _refine(
-    planes: Floats, start_ray: Floats, end_ray: Floats, length_m: Floats, sigma_m: Floats
+def _pairs(start_ray: Floats, end_ray: Floats) -> RayPairs:
+    ends = np.stack([start_ray, end_ray])
+    return ray_pairs(np.ascontiguousarray(np.moveaxis(ends, 3, 1)))
+
+
+def _starts(lines: RayPairs, observed: tuple[Floats, Floats], count: Ints) -> _Candidates:
+    """First planes: every normal of the grid for few lines, the promising ones for more.
+
+    The height over a normal follows in closed form: lengths are proportional to it. With it, the
+    cost over the hemisphere has the same minima as that over all planes: where the grid has a
+    local minimum, a start. Few lines may have several minima within one step of the grid; then
+    it is the direction from which a start comes that leads to the one or the other.
+    """
+    normal = normal_grid()
+    wide = lines.take((slice(None), None))
+    unit = lengths_on_plane(np.ascontiguousarray(normal.T)[:, None, :, None], wide).length
+    wanted, weight = observed[0][:, None], observed[1][:, None]
+    scaled = unit * weight
+    square, mixed = np.sum(scaled * scaled, axis=-1), np.sum(scaled * wanted, axis=-1)
+    height = mixed / square
+    cost = np.sum(wanted * wanted, axis=-1) - mixed * height
+    usable = np.isfinite(cost) & (count >= 3)[:, None]
+    cost = np.where(usable, cost, np.inf)
+    lowest: Bools = np.ones(cost.shape, bool)
+    for near in _neighbours():
+        lowest &= cost <= cost[:, near]
+    lowest |= cost <= np.partition(cost, LOWEST, axis=1)[:, [LOWEST]]
+    scene, place = np.nonzero(usable & (lowest | (count <= FEW)[:, None]))
+    plane = normal[place] / height[scene, place, None]
+    return _Candidates(plane, scene, cost[scene, place], np.zeros((len(scene), 3, 3)))
+
+
+def _evaluate(
+    plane: Floats, lines: RayPairs, observed: tuple[Floats, Floats]
 ) -> tuple[Floats, Floats, Floats]:
-    """Levenberg-Marquardt on all candidates in one batch: planes, costs, normal matrices."""
+    """Cost (C,), gradient (C, 3) and normal matrix (C, 3, 3) of planes (C, 3) over (C, L) lines."""
+    wanted, weight = observed
+    lengths = lengths_on_plane(np.ascontiguousarray(plane.T)[:, :, None], lines)
+    residual = lengths.length * weight - wanted
+    jacobian = np.moveaxis(by_plane(lengths, lines) * weight, 0, 1)
+    cost = np.sum(residual * residual, axis=1)
+    gradient = np.matmul(jacobian, residual[..., None])[..., 0]
+    return (
+        np.where(np.isfinite(cost), cost, np.inf),
+        gradient,
+        np.matmul(jacobian, np.swapaxes(jacobian, 1, 2)),
+    )
 
-    def evaluate(candidates: Floats) -> tuple[Floats, Floats, Floats]:
-        length, jacobian = lengths_on_plane(candidates, start_ray, end_ray)
-        residual = (length - length_m) / sigma_m
-        cost = np.where(np.isfinite(residual).all(axis=1), np.sum(residual**2, axis=1), np.inf)
-        return residual, jacobian / sigma_m[:, None], cost
 
-    damping = np.full(len(planes), 1e-3)
-    residual, jacobian, cost = evaluate(planes)
+def _refine(starts: _Candidates, lines: RayPairs, observed: tuple[Floats, Floats]) -> _Candidates:
+    """Levenberg-Marquardt on all candidates together; those at rest drop out."""
+    plane, scene = starts.plane.copy(), starts.scene
+    own_lines = lines.take(scene)
+    own_observed = observed[0][scene], observed[1][scene]
+    cost, gradient, normal = _evaluate(plane, own_lines, own_observed)
+    damping = np.full(len(plane), 1e-3)
+    active = np.flatnonzero(np.isfinite(cost))
+    eye = np.eye(3)
     for _ in range(ITERATIONS):
-        normal = np.einsum("sli,slj->sij", jacobian, jacobian)
-        diagonal = np.einsum("sii->si", normal)
+        if not len(active):
+            break
+        diagonal = np.einsum("sii->si", normal[active])
         # The trace keeps a candidate solvable whose lengths are blind to a direction of m.
-        ridge = damping[:, None] * diagonal + 1e-12 * diagonal.sum(axis=1, keepdims=True)
-        damped = normal + np.eye(3) * ridge[:, None, :]
-        gradient = np.einsum("sli,sl->si", jacobian, residual)
-        step = -np.linalg.solve(damped, gradient[..., None])[..., 0]
-        new_residual, new_jacobian, new_cost = evaluate(planes + step)
-        better = new_cost < cost
-        planes = np.where(better[:, None], planes + step, planes)
-        residual = np.where(better[:, None], new_residual, residual)
-        jacobian = np.where(better[:, None, None], new_jacobian, jacobian)
-        cost = np.where(better, new_cost, cost)
-        damping = np.where(better, damping / 5, np.minimum(damping * 5, 1e8))
-    return planes, cost, np.einsum("sli,slj->sij", jacobian, jacobian)
+        ridge = damping[active, None] * diagonal + 1e-12 * diagonal.sum(axis=1, keepdims=True)
+        damped = normal[active] + eye * ridge[:, None, :]
+        step = -np.linalg.solve(damped, gradient[active][..., None])[..., 0]
+        trial = plane[active] + step
+        trial_observed = own_observed[0][active], own_observed[1][active]
+        new = _evaluate(trial, own_lines.take(active), trial_observed)
+        better = new[0] < cost[active]
+        rows = active[better]
+        small = np.abs(step).max(axis=1) <= AT_REST * np.abs(plane[active]).max(axis=1)
+        plane[rows] = trial[better]
+        cost[rows], gradient[rows], normal[rows] = (part[better] for part in new)
+        damping[active] = np.where(better, damping[active] / 8, damping[active] * 5)
+        # A step so small that it makes nothing better is rounding: the candidate is at rest.
+        active = active[~small & (damping[active] < 1e10)]
+    return _Candidates(plane, scene, cost, normal)
 
 
-def _distinct(
-    planes: Floats, cost: Floats, normal: Floats, degrees: int
-) -> tuple[PlaneCandidate, ...]:
-    """Minima that differ by more than one sigma, best first, as far as the lengths allow them."""
-    order = np.argsort(cost, kind="stable")
-    limit = cost[order[0]] + chi2.ppf(1 - PLAUSIBLE, max(degrees, 1))
-    kept: list[int] = []
-    for index in order[cost[order] <= limit]:
-        apart = planes[index] - planes[kept]
-        if np.all(np.einsum("ki,kij,kj->k", apart, normal[kept], apart) > 1.0):
-            kept.append(int(index))
-    return tuple(PlaneCandidate(planes[i], float(cost[i])) for i in kept)
+def _distinct(minima: _Candidates, count: Ints) -> list[tuple[PlaneCandidate, ...]]:
+    """Per scene: minima that differ by more than one sigma, best first, if the lengths allow."""
+    order = np.lexsort((minima.cost, minima.scene))
+    bounds = np.searchsorted(minima.scene[order], np.arange(len(count) + 1))
+    limit = np.asarray(chi2.ppf(1 - PLAUSIBLE, np.maximum(count - 3, 1)))
+    found = []
+    for scene in range(len(count)):
+        rows = order[bounds[scene] : bounds[scene + 1]]
+        rows = rows[np.isfinite(minima.cost[rows])]
+        if len(rows):
+            rows = rows[minima.cost[rows] <= minima.cost[rows[0]] + limit[scene]]
+        found.append(tuple(_apart(minima, rows)))
+    return found
+
+
+def _apart(minima: _Candidates, rows: Ints) -> list[PlaneCandidate]:
+    """Of candidates in the order of their costs, those that no better one stands within a sigma."""
+    kept: list[PlaneCandidate] = []
+    while len(rows):
+        best = rows[0]
+        kept.append(PlaneCandidate(minima.plane[best], float(minima.cost[best])))
+        apart = minima.plane[rows] - minima.plane[best]
+        distance = np.einsum("ki,ij,kj->k", apart, minima.information[best], apart)
+        rows = rows[distance > 1.0]
+    return kept

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2, norm
 
-from uavgram.estimation.normal_equations import Block, Covariance, Factor
+from uavgram.estimation.normal_equations import AT_ONCE, Block, Covariance, Factor
 from uavgram.model.arrays import Floats
 
 POWER = 0.80
@@ -19,6 +19,10 @@ POWER = 0.80
 
 NO_REDUNDANCY = 1e-6
 """Redundancy number below which an observation is not checked by any other."""
+
+
+ROWS_AT_ONCE = 2000
+"""Rows whose covariances are gathered together."""
 
 
 class Reliability(NamedTuple):
@@ -38,8 +42,12 @@ class Reliability(NamedTuple):
 
 def reliability(block: Block, covariance: Covariance) -> Reliability:
     """Redundancy numbers and standardised residuals of one group of observations."""
-    joint = covariance.blocks(block.columns)
-    leverage = np.einsum("nrk,nkl,nrl->nr", block.jacobian, joint, block.jacobian, optimize=True)
+    leverage = np.empty(block.residual.shape)
+    for start in range(0, len(leverage), ROWS_AT_ONCE):
+        part = slice(start, start + ROWS_AT_ONCE)
+        jacobian = block.jacobian[part]
+        joint = covariance.blocks(block.columns[part])
+        leverage[part] = np.einsum("nrk,nrk->nr", jacobian @ joint, jacobian)
     redundancy = np.clip(1.0 - leverage, 0.0, 1.0)
     checked = redundancy > NO_REDUNDANCY
     w = np.where(checked, block.residual / np.sqrt(np.where(checked, redundancy, 1.0)), 0.0)
@@ -51,16 +59,29 @@ def critical_value(significance: float) -> float:
     return float(norm.ppf(1.0 - significance / 2.0))
 
 
+def noncentrality(significance: float) -> float:
+    """Mean of |w| from which a bias is found with probability ``POWER``; 4.13 at 0.001."""
+    return critical_value(significance) + float(norm.ppf(POWER))
+
+
 def minimal_detectable_bias(redundancy: Floats, sigma: Floats, significance: float) -> Floats:
     """Smallest error found with probability ``POWER``, in the units of `sigma`; NaN if none is.
 
     Baarda 1968: sigma * delta0 / sqrt(r), delta0 = z(1 - alpha / 2) + z(power).
     """
-    noncentrality = critical_value(significance) + float(norm.ppf(POWER))
     checked = redundancy > NO_REDUNDANCY
-    return np.where(
-        checked, sigma * noncentrality / np.sqrt(np.where(checked, redundancy, 1)), np.nan
-    )
+    root = np.sqrt(np.where(checked, redundancy, np.nan))
+    return np.asarray(sigma * noncentrality(significance) / root)
+
+
+def power(bias: Floats, redundancy: Floats, sigma: Floats, significance: float) -> Floats:
+    """Probability with which the w-test of an observation finds an error of `bias` in it.
+
+    Baarda 1968: w is normal about bias * sqrt(r) / sigma; the test has two sides.
+    """
+    mean = np.abs(bias) * np.sqrt(redundancy) / sigma
+    limit = critical_value(significance)
+    return np.asarray(norm.sf(limit - mean) + norm.cdf(-limit - mean))
 
 
 class GroupFit(NamedTuple):
@@ -76,8 +97,11 @@ class GroupFit(NamedTuple):
     probability: float
 
 
-EXACT_GROUP = 400
+EXACT_GROUP = 100
 """Observations up to which a group's cofactor matrix is computed whole."""
+
+SIGNS = 4000
+"""Random signs drawn for a larger group, at least: at worst 2 % of its degrees of freedom."""
 
 
 def group_fit(block: Block, factor: Factor, covariance: Covariance) -> GroupFit:
@@ -85,8 +109,7 @@ def group_fit(block: Block, factor: Factor, covariance: Covariance) -> GroupFit:
 
     The residuals of one group have the cofactor matrix Q = I - A S A^T, which is no projector: a
     sum of squares with Satterthwaite's degrees of freedom tr(Q)^2 / tr(Q^2) and scale
-    tr(Q^2) / tr(Q) (Satterthwaite 1946, eq. 9); for one observation that is its w-test. In large
-    groups, which carry nearly all of their own unknowns, tr(Q^2) = tr(Q).
+    tr(Q^2) / tr(Q) (Satterthwaite 1946, eq. 9); for one observation that is its w-test.
     """
     squares = float(np.sum(block.residual**2))
     if block.residual.size <= EXACT_GROUP:
@@ -94,51 +117,48 @@ def group_fit(block: Block, factor: Factor, covariance: Covariance) -> GroupFit:
         trace, trace_of_square = float(np.trace(cofactor)), float(np.sum(cofactor**2))
     else:
         trace = float(reliability(block, covariance).redundancy.sum())
-        trace_of_square = trace
+        trace_of_square = _trace_of_square(block, factor)
     if trace <= NO_REDUNDANCY:
         return GroupFit(max(trace, 0.0), np.nan, 1.0)
     scale = trace_of_square / trace
     return GroupFit(trace, squares / trace, upper_tail(squares / scale, trace / scale))
 
 
+def _trace_of_square(block: Block, factor: Factor) -> float:
+    """tr(Q^2) from random signs z: the mean of |Q z|^2 (Hutchinson 1990, eq. 2.6).
+
+    Exact where Q is diagonal; else its relative variance is at most 2 / (signs drawn).
+    """
+    n, r, _ = block.jacobian.shape
+    rng = np.random.default_rng(0)  # the same survey has the same result
+    total, draws = 0.0, -(-SIGNS // (n * r))
+    for _ in range(draws):
+        signs = rng.choice([-1.0, 1.0], (n, r))
+        weights = (signs[:, None] @ block.jacobian)[:, 0]
+        right: Floats = np.zeros(factor.size)
+        right += np.bincount(block.columns.ravel(), weights.ravel(), minlength=factor.size)
+        seen = factor.solve(right)[block.columns]
+        total += float(np.sum((signs - (block.jacobian @ seen[:, :, None])[:, :, 0]) ** 2))
+    return float(total / draws)
+
+
 def _cofactor(block: Block, factor: Factor) -> Floats:
-    n, r, k = block.jacobian.shape
-    rows = np.zeros((n, r, factor.size))
-    at = np.broadcast_to(block.columns[:, None, :], (n, r, k))
-    np.add.at(rows, (np.arange(n)[:, None, None], np.arange(r)[:, None], at), block.jacobian)
-    flat = rows.reshape(n * r, factor.size)
-    return np.asarray(np.eye(n * r) - flat @ factor.solve(np.ascontiguousarray(flat.T)))
+    """I - A S A^T of all the block's rows, a few columns at a time."""
+    n, r, _ = block.jacobian.shape
+    cofactor = np.eye(n * r).reshape(n, r, n, r)
+    step = max(1, AT_ONCE // r)
+    for start in range(0, n, step):
+        some = slice(start, start + step)
+        jacobian = block.jacobian[some]
+        right = np.zeros((factor.size, len(jacobian), r))
+        row, component = np.arange(len(jacobian))[:, None, None], np.arange(r)[:, None]
+        np.add.at(right, (block.columns[some, None, :], row, component), jacobian)
+        solved = factor.solve(right.reshape(factor.size, -1))
+        product = block.jacobian @ solved[block.columns]
+        cofactor[:, :, some] -= product.reshape(n, r, -1, r)
+    return np.asarray(cofactor.reshape(n * r, n * r))
 
 
 def upper_tail(squares: float, degrees: float) -> float:
     """Probability that chi-square with `degrees` exceeds `squares` (1 without redundancy)."""
     return float(chi2.sf(squares, degrees)) if degrees > NO_REDUNDANCY else 1.0
-
-
-def correlated_w(block: Block, covariance: Covariance, whitening: Floats) -> Floats:
-    """Standardised residuals (n, r) of correlated observations, in their own physical axes.
-
-    Parameters
-    ----------
-    block
-        Whitened by `whitening`.
-    covariance
-        Of the unknowns.
-    whitening
-        (n, r, r) matrices W with W cov W^T = I.
-
-    Notes
-    -----
-    Baarda 1968 for correlated observations: w_j = e_j^T P v / sqrt(e_j^T P Q_vv P e_j); with
-    P = W^T W and whitened residuals that is (W^T v)_j / sqrt((W^T Q W)_jj), Q = I - A S A^T.
-    """
-    joint = covariance.blocks(block.columns)
-    size = block.residual.shape[1]
-    cofactor = np.eye(size) - np.einsum(
-        "nrk,nkl,nsl->nrs", block.jacobian, joint, block.jacobian, optimize=True
-    )
-    numerator = np.einsum("nrj,nr->nj", whitening, block.residual)
-    variance = np.einsum("nrj,nrs,nsj->nj", whitening, cofactor, whitening, optimize=True)
-    scale = np.einsum("nrj,nrj->nj", whitening, whitening)
-    checked = variance > NO_REDUNDANCY * scale
-    return np.where(checked, numerator / np.sqrt(np.where(checked, variance, 1.0)), 0.0)

@@ -11,38 +11,33 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
-from uavgram.estimation.multifrontal import Multifrontal, NotPositiveError, Ordering
+from uavgram.estimation.block_matrix import BlockMatrix, Pairs, Pattern
+from uavgram.estimation.block_structure import BLOCK, POINT, Structure
+from uavgram.estimation.fronts import Ordering
+from uavgram.estimation.grouped_products import CHUNK, GroupedProducts
+from uavgram.estimation.multifrontal import Multifrontal, NotPositiveError
 from uavgram.model.arrays import Floats, Ints
 
 
-@dataclass(frozen=True)
-class Structure:
-    """What the unknowns are, in their order: points, then blocks, then what all share.
+@dataclass(frozen=True, eq=False)
+class _Views:
+    """Eliminated points that are coupled with equally many blocks.
 
     Attributes
     ----------
-    size
-        Number of unknowns.
-    points, point_size
-        The first points * point_size unknowns.
-    block_size
-        Unknowns of a frame.
-    first_shared
-        From here on, unknowns that many observations have in common.
+    point
+        (n,) positions among the eliminated points.
+    entry
+        (n, m) positions among their couplings.
+    pair
+        (n, m, m) the table entry of each two of the m blocks in the reduced matrix; the upper
+        triangle counts.
     """
 
-    size: int
-    points: int
-    point_size: int
-    block_size: int
-    first_shared: int
-
-    @classmethod
-    def plain(cls, size: int) -> Structure:
-        """Nothing is known: every unknown stands for itself."""
-        return cls(size=size, points=0, point_size=1, block_size=1, first_shared=size)
+    point: Ints
+    entry: Ints
+    pair: Ints
 
 
 class Symbolic:
@@ -50,48 +45,82 @@ class Symbolic:
 
     Parameters
     ----------
-    jacobian
-        Sparse Jacobian; only its pattern is used. Values would hide products that cancel to zero,
-        and the inverse has no zero there.
-    structure
-        What the unknowns are.
+    pattern
+        Of the normal matrix.
     """
 
-    def __init__(self, jacobian: sp.csr_matrix, structure: Structure) -> None:
-        ones = sp.csr_matrix(
-            (np.ones(jacobian.nnz), jacobian.indices, jacobian.indptr), shape=jacobian.shape
+    def __init__(self, pattern: Pattern) -> None:
+        self.pattern = pattern
+        structure, (among, seen, between) = pattern.structure, pattern.pairs
+        points, blocks = structure.counts
+        apart = among.first != among.second
+        self.joined = np.unique(np.concatenate([among.first[apart], among.second[apart]]))
+        self.alone = np.setdiff1d(np.arange(points), self.joined)
+        place = np.zeros(points, dtype=np.int64)
+        place[self.alone], place[self.joined] = np.arange(len(self.alone)), -1
+        self.entry = np.flatnonzero(place[seen.first] >= 0)
+        self.kept_entry = np.flatnonzero(place[seen.first] < 0)
+        self.kept_pair = np.flatnonzero(place[among.first] < 0)
+        self.point, self.block = place[seen.first[self.entry]], seen.second[self.entry]
+        self._reduce(between, blocks)
+        rows = np.arange(len(self.entry))
+        self.by_block = GroupedProducts(rows, self.point, self.block)
+        self.by_point = GroupedProducts(rows, self.block, self.point)
+        self.ordering = Ordering(self.reduced)
+        self.kept = np.concatenate(
+            [
+                structure.node_columns(POINT, self.joined).ravel(),
+                np.arange(structure.first_block, structure.size),
+            ]
         )
-        self.pattern = (ones.T @ ones).tocsr()
-        self.pattern.sort_indices()
-        self.structure = structure
-        points, size = structure.points, structure.point_size
-        alone = self._alone()
-        self.eliminated = (alone[:, None] * size + np.arange(size)).ravel()
-        joined = np.setdiff1d(np.arange(points), alone)
-        joined_columns = (joined[:, None] * size + np.arange(size)).ravel()
-        self.kept = np.concatenate([joined_columns, np.arange(points * size, structure.size)])
-        self.blocks = np.concatenate(
-            [np.repeat(np.arange(len(joined)), size), len(joined) + self._later_blocks()]
-        ).astype(np.int64)
-        self.coupling = self.pattern[self.eliminated][:, self.kept].tocsr()
-        self.coupling.sort_indices()
-        reduced = self.pattern[self.kept][:, self.kept]
-        if len(self.eliminated):  # the rows of a point's unknowns see the same columns
-            once = self.coupling[::size]
-            reduced = reduced + once.T @ once
-        self.reduced = reduced.tocsr()
-        self.ordering = Ordering(self.reduced, self.blocks, structure.size - structure.first_shared)
 
-    def _alone(self) -> Ints:
-        """Points that share observations with no other point."""
-        points, size = self.structure.points, self.structure.point_size
-        among = self.pattern[: points * size, : points * size].tocoo()
-        one, other = among.row // size, among.col // size
-        return np.setdiff1d(np.arange(points), one[one != other])
-
-    def _later_blocks(self) -> Ints:
-        first = self.structure.points * self.structure.point_size
-        return (np.arange(first, self.structure.size) - first) // self.structure.block_size
+    def _reduce(self, between: Pairs, blocks: int) -> None:
+        """Pattern of what is left: blocks that see the same point are now coupled."""
+        structure, (among, seen, _) = self.pattern.structure, self.pattern.pairs
+        count = np.bincount(self.point, minlength=len(self.alone))
+        first = np.cumsum(count) - count
+        entries, keys = [], [between.key]
+        for views in np.unique(count):
+            point = np.flatnonzero(count == views)
+            entry = first[point][:, None] + np.arange(views)
+            one, other = np.triu_indices(views)
+            entries.append((point, entry, one, other))
+            keys.append((self.block[entry[:, one]] * blocks + self.block[entry[:, other]]).ravel())
+        merged, place = np.unique(np.concatenate(keys), return_inverse=True)
+        self.between = place[: len(between)]
+        self.views: list[_Views] = []
+        done, left, right = len(between), [self.entry[:0]], [self.entry[:0]]
+        for point, entry, one, other in entries:
+            pair = np.empty((len(point), entry.shape[1], entry.shape[1]), dtype=np.int64)
+            end = done + len(point) * len(one)
+            pair[:, one, other] = place[done:end].reshape(len(point), -1)
+            pair[:, other, one] = pair[:, one, other]
+            self.views.append(_Views(point, entry, pair))
+            left.append(entry[:, one].ravel())
+            right.append(entry[:, other].ravel())
+            done = end
+        self.schur = GroupedProducts(
+            np.concatenate(left), np.concatenate(right), place[len(between) :]
+        )
+        joined, width = len(self.joined), structure.point_size
+        border = structure.first_shared - structure.first_block + joined * width
+        renamed = np.searchsorted(self.joined, among.first[self.kept_pair]) * max(joined, 1)
+        renamed += np.searchsorted(self.joined, among.second[self.kept_pair])
+        viewed = np.searchsorted(self.joined, seen.first[self.kept_entry]) * max(blocks, 1)
+        self.reduced = Pattern(
+            Structure(
+                size=border + structure.border,
+                points=joined,
+                point_size=width,
+                block_size=structure.block_size,
+                first_shared=border,
+            ),
+            (
+                Pairs(renamed, joined),
+                Pairs(viewed + seen.second[self.kept_entry], blocks),
+                Pairs(merged, blocks),
+            ),
+        )
 
 
 class SparseFactor:
@@ -103,115 +132,105 @@ class SparseFactor:
         An unknown is not determined; its index is that of the whole system.
     """
 
-    def __init__(self, scaled: sp.csr_matrix, symbolic: Symbolic, smallest: float) -> None:
+    def __init__(self, scaled: BlockMatrix, symbolic: Symbolic, smallest: float) -> None:
         self._symbolic = symbolic
-        out, kept, size = symbolic.eliminated, symbolic.kept, symbolic.structure.point_size
-        coupling = scaled[out][:, kept]
-        self._blocks = _diagonal_blocks(scaled, out, size)
-        self._inverse = _inverse_blocks(self._blocks, out, smallest)
-        self._gain = (_block_diagonal(self._inverse) @ coupling).tocsr()
-        reduced = (scaled[kept][:, kept] - coupling.T @ self._gain).tocsr()
+        alone, size = symbolic.alone, symbolic.pattern.structure.point_size
+        own = scaled.tables[0][symbolic.pattern.own(POINT)[alone]]
+        self._inverse = _inverse_blocks(own, alone * size, smallest)
+        views = scaled.tables[1][symbolic.entry]
+        self._gain = self._inverse[symbolic.point] @ views
+        shared = scaled.coupling[POINT][alone]
+        self._border_gain = self._inverse @ shared
+        reduced = symbolic.reduced.zeros()
+        reduced.tables[0][:] = scaled.tables[0][symbolic.kept_pair]
+        reduced.tables[1][:] = scaled.tables[1][symbolic.kept_entry]
+        reduced.tables[2][symbolic.between] = scaled.tables[2]
+        symbolic.schur.add(reduced.tables[2], -views, self._gain)
+        reduced.coupling[POINT][:] = scaled.coupling[POINT][symbolic.joined]
+        reduced.coupling[BLOCK][:] = scaled.coupling[BLOCK]
+        symbolic.by_block.add(reduced.coupling[BLOCK], -views, self._border_gain)
+        reduced.border[:] = scaled.border - _contracted(shared, self._border_gain)
         try:
             self._front = Multifrontal(reduced, symbolic.ordering, smallest)
         except NotPositiveError as error:
-            raise NotPositiveError(int(kept[error.index])) from None
+            raise NotPositiveError(int(symbolic.kept[error.index])) from None
 
     def solve(self, right: Floats) -> Floats:
         """Solve for (n, m) right-hand sides."""
-        out, kept = self._symbolic.eliminated, self._symbolic.kept
+        symbolic = self._symbolic
+        structure = symbolic.pattern.structure
+        point = structure.split(right)[POINT][symbolic.alone]
+        reduced = right[symbolic.kept]
+        _, block, border = symbolic.reduced.structure.split(reduced)
+        symbolic.by_block.add(block, -self._gain, point)
+        border -= _contracted(self._border_gain, point)
+        found = self._front.solve(reduced)
+        _, block, border = symbolic.reduced.structure.split(found)
+        own = self._inverse @ point - self._border_gain @ border
+        symbolic.by_point.add(own, -np.swapaxes(self._gain, 1, 2), block)
         solution = np.empty_like(right)
-        solution[kept] = self._front.solve(right[kept] - self._gain.T @ right[out])
-        own = self._inverse @ right[out].reshape(*self._inverse.shape[:2], right.shape[1])
-        solution[out] = own.reshape(len(out), right.shape[1]) - self._gain @ solution[kept]
+        solution[symbolic.kept] = found
+        structure.split(solution)[POINT][symbolic.alone] = own
         return solution
 
-    def inverse_on_pattern(self) -> sp.csr_matrix:
+    def inverse_on_pattern(self) -> BlockMatrix:
         """Symmetric inverse on the pattern of the normal matrix."""
-        symbolic = self._symbolic
-        out, kept = symbolic.eliminated, symbolic.kept
-        reduced = self._front.inverse_on_pattern(symbolic.reduced)
-        reduced.sum_duplicates()  # sorted rows: entries are found by bisection
-        coupling, own = self._eliminated_part(reduced)
-        size, whole = symbolic.structure.size, []
-        for rows, columns, part in (
-            (kept, kept, reduced),
-            (out, kept, coupling),
-            (kept, out, coupling.T),
-            (out, out, own),
-        ):
-            entries = part.tocoo()
-            whole.append((entries.data, rows[entries.row], columns[entries.col]))
-        data, row, column = (np.concatenate(parts) for parts in zip(*whole, strict=True))
-        inverse = sp.csr_matrix((data, (row, column)), shape=(size, size))
-        inverse.sort_indices()
+        symbolic, structure = self._symbolic, self._symbolic.pattern.structure
+        reduced = self._front.inverse_on_pattern()
+        inverse = symbolic.pattern.zeros()
+        inverse.tables[0][symbolic.kept_pair] = reduced.tables[0]
+        inverse.tables[1][symbolic.kept_entry] = reduced.tables[1]
+        inverse.tables[2][:] = reduced.tables[2][symbolic.between]
+        inverse.coupling[POINT][symbolic.joined] = reduced.coupling[POINT]
+        inverse.coupling[BLOCK][:] = reduced.coupling[BLOCK]
+        inverse.border[:] = reduced.border
+        own = symbolic.pattern.own(POINT)[symbolic.alone]
+        inverse.tables[0][own] = self._inverse
+        for views in symbolic.views:
+            step = 1 + CHUNK // (1 + views.entry.shape[1] * structure.block_size) ** 2
+            for start in range(0, len(views.point), step):
+                part = slice(start, start + step)
+                some = _Views(views.point[part], views.entry[part], views.pair[part])
+                self._eliminated(some, reduced, inverse)
         return inverse
 
-    def _eliminated_part(self, reduced: sp.csr_matrix) -> tuple[sp.csr_matrix, sp.csr_matrix]:
-        """Covariances of the eliminated points with the kept unknowns, and of their own.
+    def _eliminated(self, views: _Views, reduced: BlockMatrix, inverse: BlockMatrix) -> None:
+        """Covariances of eliminated points with what they are coupled with, and of their own.
 
-        With G = A^-1 B: S_pc = -G S_cc, S_pp = A^-1 + G S_cc G^T, point by point, in batches of
-        points that see equally many kept unknowns.
+        With G = A^-1 B: S_pc = -G S_cc, S_pp = A^-1 + G S_cc G^T.
         """
-        pattern, size = self._symbolic.coupling, self._symbolic.structure.point_size
-        data, own = np.zeros(pattern.nnz), self._inverse.copy()
-        gain = _on_pattern(self._gain, pattern)
-        width = np.diff(pattern.indptr)[::size]
-        for count in np.unique(width):
-            points = np.flatnonzero(width == count)
-            if not count:
-                continue
-            entries = pattern.indptr[points * size][:, None, None] + (
-                np.arange(size)[:, None] * count + np.arange(count)
-            )
-            columns = pattern.indices[entries[:, 0]]
-            joint = gather_blocks(reduced, columns)
-            mine = gain[entries]
-            mixed = -mine @ joint
-            data[entries] = mixed
-            own[points] -= mixed @ np.swapaxes(mine, 1, 2)
-        coupling = sp.csr_matrix((data, pattern.indices, pattern.indptr), shape=pattern.shape)
-        return coupling, _block_diagonal(own)
+        symbolic, structure = self._symbolic, self._symbolic.pattern.structure
+        (count, m), size = views.entry.shape, structure.block_size
+        joint = reduced.tables[2][views.pair]
+        lower = np.tril_indices(m, -1)
+        joint[:, *lower] = np.swapaxes(joint[:, *lower], 2, 3)
+        joint = np.swapaxes(joint, 2, 3).reshape(count, m * size, m * size)
+        gain = np.swapaxes(self._gain[views.entry], 1, 2)  # (n, s, m, b)
+        gain = gain.reshape(count, structure.point_size, m * size)
+        shared = self._border_gain[views.point]
+        block = symbolic.block[views.entry]
+        coupling = reduced.coupling[BLOCK][block].reshape(count, m * size, structure.border)
+        mixed = -(gain @ joint + shared @ np.swapaxes(coupling, 1, 2))
+        border = -(gain @ coupling + shared @ reduced.border)
+        each = mixed.reshape(count, structure.point_size, m, size)
+        inverse.tables[1][symbolic.entry[views.entry]] = np.swapaxes(each, 1, 2)
+        inverse.coupling[POINT][symbolic.alone[views.point]] = border
+        own = symbolic.pattern.own(POINT)[symbolic.alone[views.point]]
+        inverse.tables[0][own] -= mixed @ np.swapaxes(gain, 1, 2)
+        inverse.tables[0][own] -= border @ np.swapaxes(shared, 1, 2)
 
 
-def gather_blocks(matrix: sp.csr_matrix, columns: Ints) -> Floats:
-    """(n, k, k) dense parts of a sparse matrix, rows and columns given as (n, k) indices."""
-    n, k = columns.shape
-    values = np.empty((n, k, k))
-    step = max(1, 2_000_000 // max(k * k, 1))
-    for start in range(0, n, step):
-        part = columns[start : start + step]
-        rows = np.repeat(part, k, axis=1).ravel()
-        cols = np.tile(part, (1, k)).ravel()
-        values[start : start + step] = np.asarray(matrix[rows, cols]).reshape(-1, k, k)
-    return values
+def _contracted(left: Floats, right: Floats) -> Floats:
+    """Sum of left[i]^T right[i] over (n, s, a) and (n, s, b)."""
+    return np.asarray(np.tensordot(left, right, axes=([0, 1], [0, 1])))
 
 
-def _on_pattern(matrix: sp.csr_matrix, pattern: sp.csr_matrix) -> Floats:
-    """Values of a matrix at the entries of a pattern that contains its own."""
-    if matrix.nnz == pattern.nnz:
-        matrix.sort_indices()
-        return np.asarray(matrix.data)
-    rows = np.repeat(np.arange(pattern.shape[0]), np.diff(pattern.indptr))
-    return np.asarray(matrix[rows, pattern.indices]).ravel()
-
-
-def _diagonal_blocks(matrix: sp.csr_matrix, index: Ints, size: int) -> Floats:
-    """(n, size, size) diagonal blocks of the rows in `index`, n * size of them."""
-    block = index.reshape(-1, size)
-    return gather_blocks(matrix, block)
-
-
-def _inverse_blocks(blocks: Floats, index: Ints, smallest: float) -> Floats:
-    size = blocks.shape[1]
-    value = np.linalg.eigvalsh(blocks)[:, 0] if len(blocks) else np.ones(1)
+def _inverse_blocks(blocks: Floats, first: Ints, smallest: float) -> Floats:
+    """Inverses of (n, s, s); `first` (n,) are the blocks' first unknowns."""
+    if not len(blocks):
+        return blocks
+    value = np.linalg.eigvalsh(blocks)[:, 0]
     worst = int(np.argmin(value))
     if value[worst] < smallest:
-        raise NotPositiveError(int(index[worst * size]))
-    return np.asarray(np.linalg.inv(blocks), dtype=np.float64) if len(blocks) else blocks
-
-
-def _block_diagonal(blocks: Floats) -> sp.csr_matrix:
-    n, size = blocks.shape[:2]
-    columns = np.arange(n * size).reshape(n, 1, size).repeat(size, axis=1)
-    indptr = np.arange(n * size + 1) * size
-    return sp.csr_matrix((blocks.ravel(), columns.ravel(), indptr), shape=(n * size, n * size))
+        raise NotPositiveError(int(first[worst]))
+    return np.asarray(np.linalg.inv(blocks), dtype=np.float64)

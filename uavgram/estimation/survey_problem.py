@@ -9,11 +9,23 @@ from __future__ import annotations
 
 import numpy as np
 
+from uavgram.estimation.ground_planes import GroundPlanes
 from uavgram.estimation.normal_equations import Block
 from uavgram.estimation.survey_state import Layout, State, layout_of
 from uavgram.geometry.projection import project_with_jacobian
 from uavgram.geometry.rotation import hat, log_so3, right_jacobian_inverse
-from uavgram.geometry.telemetry_pose import exposures_of, predict_pose
+from uavgram.geometry.telemetry_pose import (
+    BORESIGHT,
+    CLOCK,
+    CLOCK_DRIFT,
+    HEADING_BIAS,
+    LEVER_ARM,
+    POSITION_BIAS,
+    SHARED_SIZE,
+    corrected_time,
+    exposures_of,
+    predict_pose,
+)
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey import Survey
 
@@ -22,11 +34,12 @@ GAUGE_SIGMA = np.array([1e-4, 1e-4, 1e-6])
 so their size moves no estimate; small enough to add nothing to a covariance."""
 
 TELEMETRY_PARTS = {
-    "boresight": slice(0, 3),
-    "lever_arm": slice(3, 6),
-    "position_bias": slice(6, 9),
-    "heading_bias": slice(9, 10),
-    "clock": slice(10, 11),
+    "boresight": BORESIGHT,
+    "lever_arm": LEVER_ARM,
+    "position_bias": POSITION_BIAS,
+    "heading_bias": HEADING_BIAS,
+    "clock": CLOCK,
+    "clock_drift": CLOCK_DRIFT,
 }
 
 
@@ -38,14 +51,15 @@ class SurveyProblem:
     survey
         The observations.
     pivot_m
-        (2,) east and north of the scene's centroid, where slopes turn.
+        (A, 2), or (2,) for all areas: east and north of where the slopes of each area's plane
+        turn, the centroids of its points.
     line_used
         (L,) which lengths are observations.
     """
 
     def __init__(self, survey: Survey, pivot_m: Floats, line_used: Bools) -> None:
         self.survey = survey
-        self.pivot_m = pivot_m
+        self.ground = GroundPlanes(survey, pivot_m)
         self.line_index = np.flatnonzero(line_used)
         self.intrinsic_basis = covariance_root(survey.calibration.covariance)
         self.layout: Layout = layout_of(survey, self.intrinsic_basis.shape[1])
@@ -53,6 +67,11 @@ class SurveyProblem:
         if telemetry is not None:
             self.telemetry_whitening = np.linalg.inv(np.linalg.cholesky(telemetry.covariance))
             self.telemetry_mean, self.telemetry_sigma = _shared_prior(survey)
+
+    @property
+    def pivot_m(self) -> Floats:
+        """(A, 2) east and north of the point about which the slopes of each area turn."""
+        return self.ground.pivot_m
 
     def intrinsics(self, state: State) -> Floats:
         """(P,) the interior orientation of a state."""
@@ -66,23 +85,26 @@ class SurveyProblem:
         point_world : (n, 3)
         d_point : (n, 3, point_size)
             By the point's own unknowns.
-        d_plane : (n, 3, layout.plane)
-            By the plane.
+        d_plane : (n, 3, w)
+            By the plane of its area, the unknowns `plane_columns`.
         """
         own = state.point[label]
-        from_pivot = own[:, :2] - self.pivot_m
-        up = state.plane[0] + from_pivot @ state.plane[1:] + self.survey.height_above_m[label]
+        surface = self.ground.at(state.plane, label, own[:, :2])
+        up = surface.height_m + self.survey.height_above_m[label]
         d_point = np.zeros((len(label), 3, self.layout.point_size))
         d_point[:, 0, 0] = d_point[:, 1, 1] = 1.0
-        d_point[:, 2, :2] = state.plane[1:]
+        d_point[:, 2, :2] = surface.slope
         if self.layout.point_size == 3:
-            up = up + own[:, 2]
-            d_point[:, 2, 2] = 1.0
-        d_plane = np.zeros((len(label), 3, self.layout.plane))
-        if self.layout.plane:
-            d_plane[:, 2, 0] = 1.0
-            d_plane[:, 2, 1:] = from_pivot
+            rough = self.ground.roughness_sigma_m[label] > 0
+            up = up + np.where(rough, own[:, 2], 0.0)
+            d_point[:, 2, 2] = rough
+        d_plane = np.zeros((len(label), 3, surface.by_unknowns.shape[1]))
+        d_plane[:, 2] = surface.by_unknowns
         return np.column_stack([own[:, :2], up]), d_point, d_plane
+
+    def plane_columns(self, label: Ints) -> Ints:
+        """(n, w) unknowns of the plane on which each of n labels lies."""
+        return self.layout.first_plane + self.ground.columns(label)
 
     def evaluate(self, state: State) -> dict[str, Block] | None:
         """All whitened residuals by group; None where a picked point lies behind its camera."""
@@ -96,9 +118,8 @@ class SurveyProblem:
             blocks["control"] = self._control(state)
         if self.layout.point_size == 3:
             blocks["roughness"] = self._roughness(state)
-        if self.layout.plane:
-            blocks["plane"] = self._plane(state)
-        else:
+        blocks |= self._planes(state)
+        if self.layout.free_gauge:
             blocks["gauge"] = self._gauge(state)
         if self.survey.telemetry is not None:
             try:
@@ -138,7 +159,7 @@ class SurveyProblem:
                 layout.point_columns(label),
                 layout.frame_columns(frame),
                 layout.shared_columns(layout.first_intrinsic, layout.intrinsics, n),
-                layout.shared_columns(layout.first_plane, layout.plane, n),
+                self.plane_columns(label),
             ],
             axis=1,
         )
@@ -164,32 +185,29 @@ class SurveyProblem:
             [
                 -np.einsum("ni,nij->nj", unit, d_start),
                 np.einsum("ni,nij->nj", unit, d_end),
-                np.einsum("ni,nij->nj", unit, end_plane - start_plane),
+                -np.einsum("ni,nij->nj", unit, start_plane),
+                np.einsum("ni,nij->nj", unit, end_plane),
             ],
             axis=1,
         )
-        layout = self.layout
         columns = np.concatenate(
             [
-                layout.point_columns(start),
-                layout.point_columns(end),
-                layout.shared_columns(layout.first_plane, layout.plane, len(start)),
+                self.layout.point_columns(start),
+                self.layout.point_columns(end),
+                self.plane_columns(start),
+                self.plane_columns(end),
             ],
             axis=1,
         )
         return length, jacobian, columns
 
     def _control(self, state: State) -> Block:
-        survey, layout = self.survey, self.layout
+        survey = self.survey
         label = survey.control_label
         world, d_point, d_plane = self.world_points(state, label)
         weight = 1.0 / survey.control_sigma_m
         columns = np.concatenate(
-            [
-                layout.point_columns(label),
-                layout.shared_columns(layout.first_plane, layout.plane, len(label)),
-            ],
-            axis=1,
+            [self.layout.point_columns(label), self.plane_columns(label)], axis=1
         )
         jacobian = np.concatenate([d_point, d_plane], axis=2)
         residual = (world - survey.control_world_m) * weight
@@ -199,16 +217,25 @@ class SurveyProblem:
         return _prior(state.intrinsic, self.layout.first_intrinsic)
 
     def _roughness(self, state: State) -> Block:
-        sigma = self.survey.ground.roughness_sigma_m
+        rough = self.ground.roughness_sigma_m > 0
+        # On smooth ground beside rough one the departure is idle: it moves nothing and stays 0.
+        sigma = np.where(rough, self.ground.roughness_sigma_m, 1.0)[:, None]
         columns = self.layout.point_columns(np.arange(self.layout.points))[:, 2:]
-        jacobian = np.full((self.layout.points, 1, 1), 1.0 / sigma)
-        return Block(state.point[:, 2:] / sigma, columns, jacobian)
+        return Block(state.point[:, 2:] / sigma, columns, 1.0 / sigma[:, :, None])
 
-    def _plane(self, state: State) -> Block:
-        ground = self.survey.ground
-        sigma = np.array([ground.height_sigma_m, ground.slope_sigma_rad, ground.slope_sigma_rad])
-        mean = np.array([ground.height_m, 0.0, 0.0])
-        return _prior((state.plane - mean) / sigma, self.layout.first_plane, 1.0 / sigma)
+    def _planes(self, state: State) -> dict[str, Block]:
+        """Priors by area; the first area's has the name of old, ``plane``."""
+        unknown = state.plane[len(state.plane) - self.layout.plane :]
+        blocks = {}
+        for prior in self.ground.priors():
+            own = unknown[prior.first : prior.first + len(prior.mean)]
+            name = "plane" if prior.area == self.survey.ground.name else f"plane of {prior.area}"
+            blocks[name] = _prior(
+                (own - prior.mean) / prior.sigma,
+                self.layout.first_plane + prior.first,
+                1.0 / prior.sigma,
+            )
+        return blocks
 
     def _gauge(self, state: State) -> Block:
         """First frame above x = y = 0, its image up towards north.
@@ -229,11 +256,13 @@ class SurveyProblem:
         prior, track, layout = self.survey.telemetry, self.survey.track, self.layout
         assert prior is not None  # noqa: S101  (the caller asked)
         assert track is not None  # noqa: S101
-        clock = state.telemetry[TELEMETRY_PARTS["clock"]]
         names = [self.survey.frame_id[i] for i in prior.frame_index]
-        exposures = exposures_of(track, names, prior.time_s - clock)
+        at_s = corrected_time(state.telemetry, prior.time_s, prior.middle_s)
         center, rotation, d_shared = predict_pose(
-            exposures, prior.gimbal_from_camera, state.telemetry
+            exposures_of(track, names, at_s),
+            prior.gimbal_from_camera,
+            state.telemetry,
+            prior.time_s - prior.middle_s,
         )
         frame = prior.frame_index
         turn = log_so3(np.swapaxes(rotation, 1, 2) @ state.rotation[frame])
@@ -285,15 +314,16 @@ def _prior(scaled: Floats, first: int, weight: Floats | None = None) -> Block:
 
 
 def _shared_prior(survey: Survey) -> tuple[Floats, Floats]:
-    """Mean and sigma (11,) of the telemetry's shared unknowns."""
+    """Mean and sigma (12,) of the telemetry's shared unknowns."""
     prior = survey.telemetry
     assert prior is not None  # noqa: S101  (the caller asked)
-    mean = np.zeros(11)
-    mean[TELEMETRY_PARTS["lever_arm"]] = prior.lever_arm_m
-    sigma = np.empty(11)
-    sigma[TELEMETRY_PARTS["boresight"]] = prior.boresight_sigma_rad
-    sigma[TELEMETRY_PARTS["lever_arm"]] = prior.lever_arm_sigma_m
-    sigma[TELEMETRY_PARTS["position_bias"]] = prior.position_bias_sigma_m
-    sigma[TELEMETRY_PARTS["heading_bias"]] = prior.heading_bias_sigma_rad
-    sigma[TELEMETRY_PARTS["clock"]] = prior.clock_sigma_s
+    mean = np.zeros(SHARED_SIZE)
+    mean[LEVER_ARM] = prior.lever_arm_m
+    sigma = np.empty(SHARED_SIZE)
+    sigma[BORESIGHT] = prior.boresight_sigma_rad
+    sigma[LEVER_ARM] = prior.lever_arm_sigma_m
+    sigma[POSITION_BIAS] = prior.position_bias_sigma_m
+    sigma[HEADING_BIAS] = prior.heading_bias_sigma_rad
+    sigma[CLOCK] = prior.clock_sigma_s
+    sigma[CLOCK_DRIFT] = prior.clock_drift_sigma
     return mean, sigma

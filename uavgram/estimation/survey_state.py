@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavgram.estimation.sparse_factor import Structure
+from uavgram.estimation.block_structure import Structure
+from uavgram.estimation.ground_planes import PLANE_SIZE, fixed_planes
 from uavgram.geometry.rotation import exp_so3
 from uavgram.geometry.telemetry_pose import SHARED_SIZE
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey import Survey
-
-PLANE_SIZE = 3
 
 
 @dataclass(frozen=True)
@@ -29,9 +28,11 @@ class Layout:
     intrinsics
         Number of unknown combinations of the interior orientation, in sigmas.
     plane
-        3 (height, slope east, slope north), or 0 where the plane is the gauge.
+        3 (height, slope east, slope north) for each area whose plane is not the gauge.
     telemetry
-        11 (see geometry/telemetry_pose.py), or 0 without a log.
+        12 (see geometry/telemetry_pose.py), or 0 without a log.
+    free_gauge
+        Whether nothing but a choice fixes position and heading.
     """
 
     points: int
@@ -40,6 +41,7 @@ class Layout:
     intrinsics: int
     plane: int
     telemetry: int
+    free_gauge: bool
 
     @property
     def first_frame(self) -> int:
@@ -98,7 +100,10 @@ class Layout:
             return f"the pose of frame {survey.frame_id[frame]!r}"
         if index < self.first_plane:
             return "the interior orientation"
-        return "the ground plane" if index < self.first_telemetry else "the telemetry's biases"
+        if index < self.first_telemetry:
+            place = (index - self.first_plane) // PLANE_SIZE
+            return f"the plane of area {survey.grounds[place + fixed_planes(survey)].name!r}"
+        return "the telemetry's biases"
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,9 +119,9 @@ class State:
     intrinsic
         (I,) departures from the calibration, in sigmas.
     plane
-        (3,) height at the pivot [m], slopes.
+        (3A,) height at the pivot [m] and slopes of each area's plane, the gauge's included.
     telemetry
-        (11,) or (0,).
+        (12,) or (0,).
     """
 
     point: Floats
@@ -131,20 +136,20 @@ def layout_of(survey: Survey, intrinsics: int) -> Layout:
     """Which unknowns a survey has."""
     return Layout(
         points=len(survey.label),
-        point_size=3 if survey.ground.roughness_sigma_m > 0 else 2,
+        point_size=3 if any(ground.roughness_sigma_m > 0 for ground in survey.grounds) else 2,
         frames=len(survey.frame_id),
         intrinsics=intrinsics,
-        plane=PLANE_SIZE if survey.gauge == "world" else 0,
+        plane=PLANE_SIZE * (len(survey.grounds) - fixed_planes(survey)),
         telemetry=SHARED_SIZE if survey.telemetry is not None else 0,
+        free_gauge=survey.gauge == "plane",
     )
 
 
 def move(layout: Layout, state: State, step: Floats) -> State:
     """The state after an increment (size,) of the unknowns."""
     frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)
-    plane = state.plane
-    if layout.plane:
-        plane = plane + step[layout.first_plane : layout.first_telemetry]
+    plane = state.plane.copy()
+    plane[len(plane) - layout.plane :] += step[layout.first_plane : layout.first_telemetry]
     return replace(
         state,
         point=state.point + step[: layout.first_frame].reshape(state.point.shape),
@@ -154,3 +159,59 @@ def move(layout: Layout, state: State, step: Floats) -> State:
         plane=plane,
         telemetry=state.telemetry + step[layout.first_telemetry :],
     )
+
+
+def advance(layout: Layout, state: State, step: Floats) -> State:
+    """The state after an increment, as `move` to first order: what the iterations take as update.
+
+    No observation but telemetry and control notices when points and cameras turn together about the
+    vertical. `move` takes such a turn along the tangent, which tears points from their pixels by
+    half the turn squared times the scene's size; here it is a turn (a retraction along the group,
+    Absil, Mahony and Sepulchre 2008, ch. 4). With a free gauge the state also goes back to
+    the gauge's conditions (see ``SurveyProblem``), which are stiff and met to first order only.
+    """
+    point_step = step[: layout.first_frame].reshape(state.point.shape)[:, :2]
+    frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)
+    middle = state.point[:, :2].mean(axis=0)
+    arm = state.point[:, :2] - middle
+    size = float(np.sum(arm**2))
+    if size == 0.0:  # a single point has no heading
+        return move(layout, state, step)
+    across = np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+    angle = float(np.sum(across * point_step)) / size
+    rest = np.array(step)
+    rest_point = rest[: layout.first_frame].reshape(state.point.shape)
+    rest_frame = rest[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)
+    rest_point[:, :2] -= angle * across
+    rest_frame[:, 0] += angle * (state.center[:, 1] - middle[1])
+    rest_frame[:, 1] -= angle * (state.center[:, 0] - middle[0])
+    rest_frame[:, 3:] = frame_step[:, 3:] - angle * state.rotation[:, 2]
+    turned = _turned(state, middle, np.array([np.cos(angle), np.sin(angle)]))
+    moved = move(layout, turned, rest)
+    return _at_gauge(moved) if layout.free_gauge else moved
+
+
+def _at_gauge(state: State) -> State:
+    """A state on the plane z = 0 with its first frame above x = y = 0, image up towards north."""
+    image_up = -state.rotation[0, :2, 1]
+    size = np.linalg.norm(image_up)
+    if size == 0:
+        return state
+    east, north = image_up / size
+    foot = state.center[0, :2]
+    turned = _turned(state, foot, np.array([north, east]))
+    shift = np.array([*foot, 0.0])
+    point = turned.point.copy()
+    point[:, :2] -= foot
+    return replace(turned, point=point, center=turned.center - shift)
+
+
+def _turned(state: State, about: Floats, cosine_sine: Floats) -> State:
+    """All points and cameras turned about the vertical through (2,) `about`."""
+    cosine, sine = cosine_sine
+    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    point = state.point.copy()
+    point[:, :2] = about + (point[:, :2] - about) @ turn[:2, :2].T
+    pivot = np.array([*about, 0.0])
+    center = pivot + (state.center - pivot) @ turn.T
+    return replace(state, point=point, center=center, rotation=turn @ state.rotation)

@@ -91,8 +91,9 @@ def back_project_with_jacobian(
     d_pixel, d_parameters = np.zeros((n, 3, 2)), np.zeros((n, 3, p))
     for start in range(0, n, BLOCK):
         block = slice(start, start + BLOCK)
-        x, y, lens = rays_and_lens(model, parameters, flat[block])
+        x, y, _ = rays_and_lens(model, parameters, flat[block])
         ray[block, 0], ray[block, 1] = x, y
+        lens = distort(model, parameters[4:], x, y)
         determinant = lens.a * lens.c - lens.b * lens.b
         fx, fy = parameters[:2].tolist()
         inverse = d_pixel[block]
@@ -113,10 +114,13 @@ def back_project_with_jacobian(
 def rays_and_lens(
     model: LensModel, parameters: Floats, pixel: Floats
 ) -> tuple[Floats, Floats, Distorted]:
-    """Undistorted x and y (N,) of pixels (N, 2), NaN where there are none, and the lens at them."""
+    """Undistorted x and y (N,) of pixels (N, 2), NaN where there are none, and the lens there.
+
+    The lens's derivatives are good to six digits: enough for a covariance.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         target = (pixel.T - parameters[2:4, None]) / parameters[:2, None]
-        x, y, lens, found = undistort(model, parameters, target[0], target[1], _TOLERANCE_PX)
+        x, y, lens, found = undistort(model, parameters, target[0], target[1])
     if found.all():
         return x, y, lens
     rest = np.flatnonzero(~found)

@@ -15,7 +15,7 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera import LensModel
 
 # Points at a time: the temporaries of one block stay in the processor's cache.
-BLOCK = 4096
+BLOCK = 8192
 
 # A radius below which OpenCV's fisheye is the identity to the last digit.
 _TINY_RADIUS_SQUARED = 1e-20

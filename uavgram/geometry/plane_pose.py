@@ -2,47 +2,123 @@
 
 The plane is m . X = 1 in the camera frame, m = n / h with the unit normal n towards the ground and
 the height h above it. A ray v (z = 1) meets it at X = v / (m . v): three unknowns, no angles.
+
+The three components stand along the first axis: whatever the shape of a problem behind it (lines;
+scenes x candidates x lines), the kernels broadcast over it.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Floats, Ints
+
+_HORIZON = 1e-12
+"""Smallest m . v over the length of m: nearer to the horizon a ray meets no ground."""
 
 
-def lengths_on_plane(plane: Floats, start_ray: Floats, end_ray: Floats) -> tuple[Floats, Floats]:
-    """Lengths between points on a plane, and their derivatives by the plane.
+class RayPairs(NamedTuple):
+    """Lines as a camera sees them.
 
-    Parameters
+    Attributes
     ----------
-    plane
-        (S, 3) vectors m [1/m], one per candidate.
-    start_ray, end_ray
-        (L, 3) rays of the lines' ends in the camera frame, z = 1.
-
-    Returns
-    -------
-    length : (S, L)
-        NaN where an end lies behind the camera or at the horizon, or both on one ray.
-    jacobian : (S, L, 3)
-        By m: u . (-Xa (Xa . dm) + Xb (Xb . dm)), u the unit vector from end to start.
+    ends
+        (2, 3, ...) undistorted rays of start and end, z = 1.
+    cross
+        (3, ...) start x end, the normal of the plane through the camera and the line.
+    cross_square
+        (...) its squared length.
     """
-    start = _point(plane, start_ray)
-    end = _point(plane, end_ray)
-    along = start - end
-    length = np.linalg.norm(along, axis=-1)
-    length = np.where(length > 0, length, np.nan)  # without a direction there is no derivative
-    unit = along / length[..., None]
-    jacobian = np.sum(unit * end, -1, keepdims=True) * end
-    jacobian -= np.sum(unit * start, -1, keepdims=True) * start
-    return length, jacobian
+
+    ends: Floats
+    cross: Floats
+    cross_square: Floats
+
+    def take(self, rows: Ints | tuple[slice, None]) -> RayPairs:
+        """The same index into the axes behind the components."""
+        if isinstance(rows, tuple):
+            at = (slice(None), *rows)
+            return RayPairs(self.ends[:, *at], self.cross[at], self.cross_square[rows])
+        return RayPairs(self.ends[:, :, rows], self.cross[:, rows], self.cross_square[rows])
 
 
-def _point(plane: Floats, ray: Floats) -> Floats:
-    depth = plane @ ray.T
-    depth = np.where(depth > 1e-12, depth, np.nan)
-    return ray / depth[..., None]
+def ray_pairs(ends: Floats) -> RayPairs:
+    """Lines from the rays (2, 3, ...) of their ends, z = 1."""
+    start = ends[0]
+    along = ends[1] - start
+    cross = np.empty_like(start)
+    # start x end = start x (end - start): short lines keep their digits.
+    np.negative(along[1], out=cross[0])
+    cross[1] = along[0]
+    np.multiply(start[0], along[1], out=cross[2])
+    cross[2] -= start[1] * along[0]
+    return RayPairs(ends, cross, np.add.reduce(cross * cross, axis=0))
+
+
+class PlaneLengths(NamedTuple):
+    """Lengths on a plane, and what their derivatives are made of.
+
+    With the rays a, b and c = a x b, a / (m . a) - b / (m . b) = m x c / ((m . a) (m . b)), so
+    length^2 = (|m|^2 |c|^2 - (m . c)^2) / ((m . a)^2 (m . b)^2).
+
+    Attributes
+    ----------
+    length
+        NaN where an end lies behind the camera or at the horizon, or both on one ray.
+    plane, plane_square
+        m (3, ...), and |m|^2.
+    over_depth
+        (2, ...) length / (m . a), length / (m . b).
+    along
+        m . c.
+    over_square
+        length / |m x c|^2.
+    """
+
+    length: Floats
+    plane: Floats
+    plane_square: Floats
+    over_depth: Floats
+    along: Floats
+    over_square: Floats
+
+
+def lengths_on_plane(plane: Floats, lines: RayPairs) -> PlaneLengths:
+    """Lengths of lines on planes m (3, ...) [1/m]; the axes behind the first are broadcast."""
+    plane_square = np.add.reduce(plane * plane, axis=0)
+    along = np.add.reduce(plane * lines.cross, axis=0)
+    square = lines.cross_square * plane_square - along * along
+    depth = np.add.reduce(plane * lines.ends, axis=1)
+    # NaN where there is no length: it passes through all that follows.
+    depth[depth <= _HORIZON * np.sqrt(plane_square)] = np.nan
+    square[square <= 0] = np.nan
+    length = np.sqrt(square) / (depth[0] * depth[1])
+    return PlaneLengths(length, plane, plane_square, length / depth, along, length / square)
+
+
+def by_plane(lengths: PlaneLengths, lines: RayPairs) -> Floats:
+    """(3, ...) derivatives of the lengths by m."""
+    result = (lengths.over_square * lines.cross_square) * lengths.plane
+    result -= (lengths.over_square * lengths.along) * lines.cross
+    result -= np.add.reduce(lengths.over_depth[:, None] * lines.ends, axis=0)
+    return np.asarray(result)
+
+
+def by_ends(lengths: PlaneLengths, lines: RayPairs) -> Floats:
+    """(2, 2, ...) derivatives of the lengths by the undistorted x and y of start and end."""
+    of_cross = (lengths.over_square * lengths.plane_square) * lines.cross
+    of_cross -= (lengths.over_square * lengths.along) * lengths.plane
+    e0, e1, e2 = of_cross
+    # c = a x b moves by da x b + a x db, and e . (da x b) = da . (b x e).
+    other = lines.ends[::-1, :2] * e2
+    across = np.empty_like(other)
+    np.subtract(other[:, 1], e1, out=across[:, 0])
+    np.subtract(e0, other[:, 0], out=across[:, 1])
+    np.negative(across[1], out=across[1])
+    across -= lengths.over_depth[:, None] * lengths.plane[:2]
+    return np.asarray(across)
 
 
 def pose_above_plane(plane: Floats) -> tuple[Floats, Floats]:

@@ -6,7 +6,10 @@ from gimbal, or Rb again for a camera fixed to the body) and the nominal C (moun
     center            = p(t) - position_bias + Rz Rb(t) lever_arm
     world_from_camera = Rz Rm(t) C exp(boresight)
 
-    Rz = rotation by +heading_bias about up,   t = stated instant - clock correction
+    Rz = rotation by +heading_bias about up,   t = s - clock correction - clock drift (s - middle)
+
+with s the stated instant and the middle one of the survey's exposures, where a drift leaves the
+clock correction alone.
 
 Biases are log minus truth. Headings run clockwise, rotations about up counterclockwise: taking a
 heading bias away turns the vehicle by plus that angle about up.
@@ -31,7 +34,8 @@ LEVER_ARM = slice(3, 6)
 POSITION_BIAS = slice(6, 9)
 HEADING_BIAS = slice(9, 10)
 CLOCK = slice(10, 11)
-SHARED_SIZE = 11
+CLOCK_DRIFT = slice(11, 12)
+SHARED_SIZE = 12
 
 
 class Exposures(NamedTuple):
@@ -128,27 +132,35 @@ def exposures_of(flight: Flight, frame_id: Sequence[str], at_s: Floats) -> Expos
     )
 
 
+def corrected_time(shared: Floats, time_s: Floats, middle_s: float) -> Floats:
+    """(N,) instants on the flight's clock [s] of stated ones, after clock correction and drift."""
+    since_middle = time_s - middle_s
+    return np.asarray(time_s - shared[CLOCK] - shared[CLOCK_DRIFT] * since_middle)
+
+
 def predict_pose(
-    exposures: Exposures, mount_from_camera: Floats, shared: Floats
+    exposures: Exposures, mount_from_camera: Floats, shared: Floats, since_middle_s: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """Camera poses from the telemetry, with their derivatives by the shared unknowns.
 
     Parameters
     ----------
     exposures
-        N instants, interpolated at stated instant minus clock correction.
+        N instants, interpolated at the `corrected_time` of the stated ones.
     mount_from_camera
         (3, 3) nominal rotation, without boresight.
     shared
-        (11,) boresight [rad], lever arm [m], position bias [m], heading bias [rad], clock
-        correction [s]; see the slices of this module. The clock correction acts through
+        (12,) boresight [rad], lever arm [m], position bias [m], heading bias [rad], clock
+        correction [s], clock drift [s/s]; see the slices of this module. The clock acts through
         `exposures` and is not read here.
+    since_middle_s
+        (N,) stated instants less the middle of the survey's exposures.
 
     Returns
     -------
     center_world : (N, 3)
     world_from_camera : (N, 3, 3)
-    jacobian : (N, 6, 11)
+    jacobian : (N, 6, 12)
         Of (δcentre in world, δθ in camera with R exp(δθ)) by the shared unknowns.
     """
     turn = exp_so3(shared[HEADING_BIAS] * UP)
@@ -169,4 +181,5 @@ def predict_pose(
     jacobian[:, 3:, BORESIGHT] = right_jacobian(boresight)
     jacobian[:, 3:, 9] = np.einsum("nij,i->nj", rotation, UP)
     jacobian[:, 3:, 10] = -exposures.mount_rate @ camera_in_mount
+    jacobian[:, :, 11] = jacobian[:, :, 10] * since_middle_s[:, None]
     return center, rotation, jacobian

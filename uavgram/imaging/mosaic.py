@@ -1,31 +1,25 @@
-"""The ground as the photos show it: a top view put together from previews."""
+"""The ground as the photos show it: a top view put together from previews, one after the other."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from uavgram.geometry.projection import project
+from uavgram.imaging.mosaic_grid import Cameras, Grid, choose, corner_weights, weights_within
 from uavgram.imaging.preview import Pixels, Preview, decode_preview
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.imaging.raster import sample_bilinear
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result import Result
 
 MAX_SIZE_PX = 1536
 # The mosaic reaches beyond the outermost points by this share of the scene's size, or of the
 # cameras' height.
 MARGIN = 0.35
-# Rays flatter than this above the ground (20 degrees) smear one photo pixel over many metres.
-LEAST_SINE = 0.342
 # Frames times cells when choosing the frame of each cell: about a second of projections.
 CHOICE_BUDGET = 4_000_000
 CELL_PX = 16
-# Neighbouring frames fade into each other over this many cells to each side of a seam.
-FEATHER_CELLS = 2
-# Sums of a box filter are not exactly zero where they should be.
-LEAST_WEIGHT = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,214 +45,75 @@ class GroundTexture:
     pixel_size_m: float
 
 
-@dataclass(frozen=True, eq=False)
-class _Cameras:
-    """N posed frames: ids, (N, 3) centres and (N, 3, 3) rotations in the world."""
+class Mosaic:
+    """Warps photos onto the adjusted ground plane, each spot from the frame most above it.
 
-    frame_id: tuple[str, ...]
-    center_world_m: Floats
-    world_from_camera: Floats
-
-
-def ground_texture(
-    result: Result, previews: Mapping[str, Preview], max_size_px: int = MAX_SIZE_PX
-) -> GroundTexture | None:
-    """Warp the photos onto the adjusted ground plane, each spot from the frame most above it.
-
-    Parameters
-    ----------
-    result
-        Refined poses and lens, plane and points.
-    previews
-        By frame name; frames without one are left out.
-    max_size_px
-        Longer side of the mosaic.
-
-    Returns
-    -------
-    None where no refined frame has a preview, or none looks down at the scene.
+    Which frame shows which spot follows from the poses alone, so the photos may come one by one,
+    in any order, and need not stay in memory: here are sums only, whose size is that of the mosaic.
     """
-    rows = [
-        i
-        for i, name in enumerate(result.frames.frame_id)
-        if result.has_refined[i] and name in previews
-    ]
-    if not rows:
-        return None
-    cameras = _Cameras(
-        tuple(result.frames.frame_id[i] for i in rows),
-        result.frames.refined.center_world_m[rows],
-        result.frames.refined.world_from_camera[rows],
-    )
-    low, high = _extent(result, cameras)
-    pixel_size = max(
-        float((high - low).max()) / max_size_px, _finest_pixel(result, cameras, previews)
-    )
-    size = (high - low) / pixel_size
-    cell = CELL_PX
-    while float(size.prod()) / cell**2 * len(rows) > CHOICE_BUDGET:
-        cell *= 2
-    columns, lines = np.maximum(np.ceil(size / cell), 1).astype(int)
-    grid = _Grid(
-        result, float(low[0]), float(high[1]), pixel_size, cell, (int(lines), int(columns))
-    )
-    return _mosaic(grid, cameras, previews)
 
+    def __init__(
+        self,
+        result: Result,
+        photographed: Collection[str],
+        preview_scale: float,
+        max_size_px: int = MAX_SIZE_PX,
+    ) -> None:
+        """Choose the frame of each spot.
 
-def plane_height(result: Result, east_north_m: Floats) -> Floats:
-    """(...) heights of the adjusted plane under (..., 2) world positions."""
-    slope = np.tan(np.radians(result.shared.plane_slope_deg.value))
-    offset = (east_north_m - result.shared.plane_pivot_m) @ slope
-    return np.asarray(result.shared.plane_height_m.value[0] + offset, dtype=np.float64)
+        Parameters
+        ----------
+        result
+            Refined poses and lens, plane and points.
+        photographed
+            Names of the frames that will be added; others are left out.
+        preview_scale
+            Original pixels per pixel of the previews: a finer mosaic would show nothing more.
+        max_size_px
+            Longer side of the mosaic.
+        """
+        names, wanted = result.frames.frame_id, frozenset(photographed)
+        rows = [i for i in np.flatnonzero(result.has_refined) if names[i] in wanted]
+        poses = result.frames.refined
+        self._cameras = Cameras(poses.center_world_m[rows], poses.world_from_camera[rows])
+        self._index = {names[i]: k for k, i in enumerate(rows)}
+        if rows:
+            self._grid = _lay_grid(result, self._cameras, preview_scale, max_size_px)
+            self._choice = choose(self._grid, self._cameras)
+            lines, columns, cell = *self._grid.shape, self._grid.cell_px
+            # weighted red, green and blue, and the weight
+            self._sums = np.zeros((lines, cell, columns, cell, 4), dtype=np.float32)
 
-
-def _extent(result: Result, cameras: _Cameras) -> tuple[Floats, Floats]:
-    """South-west and north-east corner: points with a margin, or the cameras with their height."""
-    points = result.points.position_world_m[:, :2]
-    below = plane_height(result, cameras.center_world_m[:, :2])
-    height = float(np.median(cameras.center_world_m[:, 2] - below))
-    if len(points):
-        low, high = points.min(axis=0), points.max(axis=0)
-        margin = max(MARGIN * float((high - low).max()), MARGIN * height, 1.0)
-    else:
-        low = cameras.center_world_m[:, :2].min(axis=0)
-        high = cameras.center_world_m[:, :2].max(axis=0)
-        margin = max(height, 1.0)
-    return low - margin, high + margin
-
-
-def _finest_pixel(result: Result, cameras: _Cameras, previews: Mapping[str, Preview]) -> float:
-    """What a preview pixel measures on the ground below: a finer mosaic shows nothing more."""
-    below = plane_height(result, cameras.center_world_m[:, :2])
-    height = float(np.abs(cameras.center_world_m[:, 2] - below).min())
-    scale = min(previews[name].scale[0] for name in cameras.frame_id)
-    return height * scale / float(result.shared.intrinsics.value[0])
-
-
-@dataclass(frozen=True, eq=False)
-class _Grid:
-    """Square cells of the mosaic, `cell_px` pixels wide, and how frames see them."""
-
-    result: Result
-    west_m: float
-    north_m: float
-    pixel_size_m: float
-    cell_px: int
-    shape: tuple[int, int]
-
-    def world(self, column_px: Floats, row_px: Floats) -> Floats:
-        """(..., 3) world positions of points given in pixels from the north-west corner."""
-        spots = np.stack(
-            [
-                self.west_m + column_px * self.pixel_size_m,
-                self.north_m - row_px * self.pixel_size_m,
-            ],
-            axis=-1,
-        )
-        return np.concatenate([spots, plane_height(self.result, spots)[..., None]], axis=-1)
-
-    def pixels_in(self, cameras: _Cameras, frame: int, world_m: Floats) -> Floats:
-        """(..., 2) original pixels of a frame; NaN outside the photo and where rays are flat."""
-        camera = self.result.camera
-        rays = world_m - cameras.center_world_m[frame]
-        pixel = project(
-            camera.model,
-            self.result.shared.intrinsics.value,
-            rays @ cameras.world_from_camera[frame],
-        )
-        size = np.array([camera.width_px, camera.height_px]) - 1
-        inside = ((pixel >= 0) & (pixel <= size)).all(axis=-1) & (_sine(rays) > LEAST_SINE)
-        return np.where(inside[..., None], pixel, np.nan)
-
-
-def _sine(rays: Floats) -> Floats:
-    """(...) sine of the angle at which (..., 3) rays from above meet level ground."""
-    return np.asarray(-rays[..., 2] / np.linalg.norm(rays, axis=-1), dtype=np.float64)
-
-
-def _mosaic(
-    grid: _Grid, cameras: _Cameras, previews: Mapping[str, Preview]
-) -> GroundTexture | None:
-    """Blend the frames, each with its own weight, which is one away from seams."""
-    choice = _choose(grid, cameras)
-    cell, (rows, columns) = grid.cell_px, grid.shape
-    sums = np.zeros((rows, cell, columns, cell, 4), dtype=np.float32)  # weighted RGB, weight
-    within = np.arange(cell) + 0.5
-    for frame in np.unique(choice[choice >= 0]):
-        corner = _corner_weights(choice == frame)
-        i, j = np.nonzero(_touched(corner))
+    def add(self, frame_id: str, preview: Preview) -> None:
+        """Blend in what one photo shows; each frame may be added once."""
+        frame = self._index.get(frame_id)
+        if frame is None or not (self._choice == frame).any():
+            return
+        grid, cell = self._grid, self._grid.cell_px
+        within = np.arange(cell) + 0.5
+        corner = corner_weights(grid, self._choice == frame)
+        i, j, weight = weights_within(corner, within / cell)
         row = np.repeat(i[:, None] * cell + within, cell, axis=1)
         column = np.tile(j[:, None] * cell + within, cell)
-        pixel = grid.pixels_in(cameras, int(frame), grid.world(column, row))
-        picture = _sample(previews[cameras.frame_id[frame]], pixel)
-        weight = _weights_within(corner, i, j, within / cell).reshape(pixel.shape[:-1])
-        weight[np.isnan(pixel[..., 0])] = 0.0
+        pixel = grid.pixels_in(self._cameras, frame, grid.world(column, row))
+        coarser = grid.pixel_size_m / grid.finest_pixel(self._cameras, frame, preview.scale[0])
+        picture = _sample(preview, coarser, pixel)
+        weight = np.where(np.isnan(pixel[..., 0]), 0.0, weight.reshape(pixel.shape[:-1]))
         shares = np.concatenate([weight[..., None] * picture, weight[..., None]], axis=-1)
-        sums[i, :, j] += shares.reshape(-1, cell, cell, 4)
-    total = sums.reshape(rows * cell, columns * cell, 4)
-    covered = total[..., 3] > 0
-    if not covered.any():
-        return None
-    rgb = total[..., :3] / np.maximum(total[..., 3:], np.finfo(np.float32).tiny)
-    return GroundTexture(
-        np.round(rgb).astype(np.uint8), covered, grid.west_m, grid.north_m, grid.pixel_size_m
-    )
+        self._sums[i, :, j] += shares.reshape(-1, cell, cell, 4)
 
-
-def _corner_weights(chosen: Bools) -> Floats:
-    """(R + 1, C + 1) share of a frame among the cells about each corner of the (R, C) cells."""
-    around = np.pad(chosen.astype(np.float32), FEATHER_CELLS)
-    width = 2 * FEATHER_CELLS
-    share = cv2.boxFilter(around, -1, (width, width), anchor=(0, 0))
-    rows, columns = chosen.shape
-    return np.asarray(share[: rows + 1, : columns + 1], dtype=np.float64)
-
-
-def _touched(corner: Floats) -> Bools:
-    """(R, C) cells with a weight at any corner."""
-    some = corner > LEAST_WEIGHT
-    return some[:-1, :-1] | some[1:, :-1] | some[:-1, 1:] | some[1:, 1:]
-
-
-def _weights_within(corner: Floats, i: Ints, j: Ints, share: Floats) -> Floats:
-    """(n, cell, cell) weights inside of n cells, linear between their corners."""
-    down, right = share[:, None], share[None, :]
-    inside = (
-        corner[i, j][:, None, None] * (1 - down) * (1 - right)
-        + corner[i + 1, j][:, None, None] * down * (1 - right)
-        + corner[i, j + 1][:, None, None] * (1 - down) * right
-        + corner[i + 1, j + 1][:, None, None] * down * right
-    )
-    return np.asarray(inside, dtype=np.float64)
-
-
-def _choose(grid: _Grid, cameras: _Cameras) -> Ints:
-    """(R, C) the frame that sees all of a cell, and it most steeply; -1 for none."""
-    edges = [np.arange(n + 1.0) * grid.cell_px for n in grid.shape]
-    row, column = np.meshgrid(*edges, indexing="ij")
-    world = grid.world(column, row)
-    middle = (world[:-1, :-1] + world[1:, 1:]) / 2
-    best = np.zeros(grid.shape)
-    choice = np.full(grid.shape, -1, dtype=np.int64)
-    for frame in range(len(cameras.frame_id)):
-        corner = np.isfinite(grid.pixels_in(cameras, frame, world)[..., 0])
-        seen = corner[:-1, :-1] & corner[1:, :-1] & corner[:-1, 1:] & corner[1:, 1:]
-        sine = _sine(middle - cameras.center_world_m[frame])
-        better = seen & (sine > best)
-        best[better], choice[better] = sine[better], frame
-    return choice
-
-
-def _sample(preview: Preview, pixel: Floats) -> Pixels:
-    """(n, m, 3) RGB of a preview at (n, m, 2) original pixels; anything where those are NaN."""
-    at = (np.nan_to_num(pixel) + 0.5) / preview.scale - 0.5
-    return np.asarray(
-        cv2.remap(
-            decode_preview(preview),
-            at[..., 0].astype(np.float32),
-            at[..., 1].astype(np.float32),
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        ),
-        dtype=np.uint8,
-    )
+    def texture(self) -> GroundTexture | None:
+        """What the photos added so far show; None where they show nothing of the scene."""
+        if not self._index:
+            return None
+        grid = self._grid
+        total = self._sums.reshape(
+            grid.shape[0] * grid.cell_px, grid.shape[1] * grid.cell_px, 4
+        )
+        covered = total[..., 3] > 0
+        if not covered.any():
+            return None
+        rgb = total[..., :3] / np.maximum(total[..., 3:], np.finfo(np.float32).tiny)
+        return GroundTexture(
+            np.round(rgb).astype(np.uint8), covered, grid.west_m, grid.north_m, grid.pixel_size_m
+        )

@@ -78,6 +78,18 @@ def read_preview(path: str | os.PathLike[str], max_width_px: int = MAX_WIDTH_PX)
     height, width = pixels.shape[:2]
     # libjpeg's last column stands for a partial block: its pixels are `reduction` wide all the same
     covered = np.array([width, height], dtype=np.float64) * reduction
+    return _encoded(pixels, (float(covered[0]), float(covered[1])), max_width_px)
+
+
+def preview_of(pixels: Pixels, max_width_px: int = MAX_WIDTH_PX) -> Preview:
+    """Reduce a photo that is decoded already: (height, width) grey, or (height, width, 3) BGR."""
+    height, width = pixels.shape[:2]
+    return _encoded(pixels, (float(width), float(height)), max_width_px)
+
+
+def _encoded(pixels: Pixels, covered_px: tuple[float, float], max_width_px: int) -> Preview:
+    """Encode a picture that stands for so many original pixels; at most this wide."""
+    height, width = pixels.shape[:2]
     if width > max_width_px:
         width, height = max_width_px, max(1, round(height * max_width_px / width))
         pixels = np.asarray(
@@ -88,16 +100,30 @@ def read_preview(path: str | os.PathLike[str], max_width_px: int = MAX_WIDTH_PX)
         jpeg=encoded_preview.tobytes(),
         width_px=width,
         height_px=height,
-        scale=(float(covered[0] / width), float(covered[1] / height)),
+        scale=(covered_px[0] / width, covered_px[1] / height),
     )
 
 
-def decode_preview(preview: Preview) -> Pixels:
-    """(height, width, 3) RGB of a preview."""
-    pixels = _decode(preview.jpeg, cv2.IMREAD_COLOR)
+def jpeg_preview_scale(width_px: int, max_width_px: int = MAX_WIDTH_PX) -> float:
+    """Original pixels per preview pixel of a JPEG of this width, before it is read."""
+    reduction = _reduction(width_px, max_width_px)
+    return max(float(reduction), width_px / max_width_px)
+
+
+def decode_preview(preview: Preview, coarser: float = 1.0) -> Pixels:
+    """(height, width, 3) RGB of a preview, or of one up to `coarser` times coarser (1, 2, 4, 8)."""
+    pixels = _decode(preview.jpeg, _REDUCED[max(r for r in _REDUCED if r <= max(coarser, 1.0))])
     if pixels is None:  # previews are encoded by this module
         raise ValueError("a preview holds no JPEG")
     return np.ascontiguousarray(pixels[:, :, ::-1])
+
+
+def jpeg_of_width(jpeg: bytes, width_px: int) -> bytes:
+    """A smaller copy of a JPEG of ours, at most this wide."""
+    pixels = _decode(jpeg, cv2.IMREAD_COLOR)
+    if pixels is None:
+        raise ValueError("is no JPEG of this program")
+    return preview_of(pixels, width_px).jpeg
 
 
 def jpeg_size(encoded: bytes) -> tuple[int, int] | None:

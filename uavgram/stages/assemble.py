@@ -7,25 +7,32 @@ from typing import Literal
 
 import numpy as np
 
-from uavgram.errors import GeometryError
+from uavgram.errors import GeometryError, near_miss
+from uavgram.estimation.correlated_errors import trend_inflation
 from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
 from uavgram.model.camera import Calibration
+from uavgram.model.message import Message
 from uavgram.model.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.model.options import GroundOptions
 from uavgram.model.photo_poses import Flight
 from uavgram.model.pose import Poses, TelemetryPrior
-from uavgram.model.survey import Ground, Survey
+from uavgram.model.survey import DEFAULT_AREA, Ground, Survey
 
 NO_CONTROL = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empty((0, 3)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Telemetry:
-    """Seed poses, their prior for the adjustment, and the flight (or the photos' own poses)."""
+    """Seed poses, their prior for the adjustment, and the flight (or the photos' own poses).
+
+    `correlation_s` is the range of the time over which errors of frames go together; None: each is
+    on its own.
+    """
 
     poses: Poses
     prior: TelemetryPrior
     track: Flight
+    correlation_s: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,6 +102,11 @@ def assemble(
         if lines.adjust[i] and lines.start[i] in label_at and lines.end[i] in label_at
     ]
     known = [i for i, name in enumerate(control.label) if name in label_at]
+    areas = _areas(picks, label_at)
+    # The default area comes first where any label lies in it: with a free gauge it is z = 0.
+    ranked = sorted(dict.fromkeys(areas), key=lambda name: name != DEFAULT_AREA)
+    area_at = {name: k for k, name in enumerate(ranked)}
+    grounds = tuple(_ground(ground, name) for name in area_at)
     gauge: Literal["world", "plane"] = (
         "world" if telemetry is not None or len(known) >= 2 else "plane"
     )
@@ -120,12 +132,9 @@ def assemble(
         control_label=np.array([label_at[control.label[i]] for i in known], dtype=np.int64),
         control_world_m=control.world_m[known],
         control_sigma_m=control.sigma_m[known],
-        ground=Ground(
-            height_m=ground.height_m,
-            height_sigma_m=ground.height_sigma_m,
-            slope_sigma_rad=float(np.deg2rad(ground.slope_sigma_deg)),
-            roughness_sigma_m=ground.roughness_sigma_m,
-        ),
+        ground=grounds[0],
+        other_grounds=grounds[1:],
+        label_area=np.array([area_at[name] for name in areas]),
         gauge=gauge,
     )
     pick_index = np.full(len(picks.image), -1)
@@ -146,6 +155,42 @@ def _heights(picks: Picks, label_at: dict[str, int]) -> Floats:
     return height
 
 
+def _areas(picks: Picks, label_at: dict[str, int]) -> list[str]:
+    """(K,) area of each label; stated at one pick, it holds for all."""
+    areas = [DEFAULT_AREA] * len(label_at)
+    for label, area in zip(picks.label, picks.area or ("",) * len(picks.label), strict=True):
+        if area and label in label_at:
+            areas[label_at[label]] = area
+    return areas
+
+
+def _ground(options: GroundOptions, area: str) -> Ground:
+    """An area's plane beforehand."""
+    own = options.of(area)
+    return Ground(
+        name=area,
+        height_m=own.height_m,
+        height_sigma_m=own.height_sigma_m,
+        slope_sigma_rad=float(np.deg2rad(own.slope_sigma_deg)),
+        roughness_sigma_m=own.roughness_sigma_m,
+    )
+
+
+def unpicked_areas(ground: GroundOptions, survey: Survey) -> tuple[Message, ...]:
+    """A message on every area of the options in which no usable pick lies."""
+    picked = tuple(one.name for one in survey.grounds)
+    messages = []
+    for name in ground.areas:
+        if name not in picked:
+            near = near_miss(name, picked)
+            text = (
+                f"The ground's area {name!r} is not used: no usable pick names it in the column "
+                f"`area` of picks.csv{f' ({near})' if near else ''}."
+            )
+            messages.append(Message("warning", "area-unpicked", text))
+    return tuple(messages)
+
+
 def _ordered(poses: Poses, frame_id: tuple[str, ...]) -> Poses:
     row = {name: k for k, name in enumerate(poses.frame_id)}
     return poses.take(np.array([row[name] for name in frame_id], dtype=np.int64))
@@ -155,9 +200,13 @@ def _prior(telemetry: Telemetry, frame_at: dict[str, int]) -> TelemetryPrior:
     prior = telemetry.prior
     names = [telemetry.poses.frame_id[k] for k in prior.frame_index]
     rows = [k for k, name in enumerate(names) if name in frame_at]
+    time_s = prior.time_s[rows]
+    factor = 1.0
+    if telemetry.correlation_s is not None:
+        factor = trend_inflation(time_s, *telemetry.correlation_s)
     return replace(
         prior,
         frame_index=np.array([frame_at[names[k]] for k in rows]),
-        time_s=prior.time_s[rows],
-        covariance=prior.covariance[rows],
+        time_s=time_s,
+        covariance=factor * prior.covariance[rows],
     )

@@ -9,26 +9,27 @@ from __future__ import annotations
 from collections import defaultdict
 
 import numpy as np
+from scipy.stats import norm
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.adjustment import Adjustment
-from uavgram.estimation.least_squares import minimise
-from uavgram.estimation.measurands import (
-    UnmeasurableError,
-    measurands,
-    require_picked,
-    unmeasured,
-)
-from uavgram.estimation.normal_equations import Block, SingularError
-from uavgram.estimation.survey_state import State, move
-from uavgram.model.arrays import Floats
+from uavgram.estimation.measured import measured_rows, values_at
+from uavgram.estimation.refit import refit
+from uavgram.model.arrays import Bools
 from uavgram.model.frames import Frames
 from uavgram.model.message import Message
 from uavgram.model.observations import MeasurementRequest
 from uavgram.model.result import MeasurementResults, MonteCarloResults
 
 NOTICED = 0.05
-"""Difference between sampled and first-order sigma, as a share, from which it is said."""
+"""Difference between sampled and first-order sigma, or of an end of the interval as a share of its
+width, from which it is said."""
+
+WIDTH = 2.0 * float(norm.ppf(0.975))
+"""Of a 95 % interval, in sigmas."""
+
+QUANTILE_SIGMA = float(np.sqrt(0.025 * 0.975) / norm.pdf(norm.ppf(0.025)))
+"""Standard deviation of a sampled 2.5 % quantile, in sigmas over the root of the sample's size."""
 
 
 def sample(
@@ -37,7 +38,7 @@ def sample(
     frames: Frames,
     count: int,
     seed: int,
-) -> MonteCarloResults:
+) -> tuple[MonteCarloResults, tuple[Message, ...]]:
     """Repeat the adjustment with observations and priors drawn about their stated values.
 
     Parameters
@@ -51,6 +52,13 @@ def sample(
     seed
         Of the draws; friction and times are drawn too.
 
+    Returns
+    -------
+    MonteCarloResults
+        Of the repetitions in which a measurement had a value.
+    messages
+        In how many it had none (an outline that crosses itself, say), or nothing came to rest.
+
     Notes
     -----
     Every observation enters whitened, r = W (predicted - observed); drawing the observation from
@@ -62,34 +70,71 @@ def sample(
     for _ in range(count):
         draws = {name: rng.standard_normal(size) for name, size in shape.items()}
         draws["gauge"] = np.zeros(shape.get("gauge", ()))  # a choice, not an observation
-        state = _adjusted(adjustment, draws)
+        state = refit(adjustment, draws)
         if state is None:
             failed += 1
         else:
-            rows.append(_values(adjustment, state, requests, frames, rng))
+            drawn: dict[str, float] = defaultdict(rng.standard_normal)  # one draw a source
+            rows.append(values_at(adjustment, state, requests, frames, drawn.__getitem__))
     if len(rows) < 2:
         raise GeometryError(
             f"{failed} of {count} Monte Carlo repetitions did not come to rest: the survey is too "
             "weak to be sampled; add known lengths or picks"
         )
     values = np.array(rows).reshape(len(rows), -1)
-    return MonteCarloResults(
-        mean=values.mean(axis=0),
-        sigma=values.std(axis=0, ddof=1),
-        interval_95=np.quantile(values, [0.025, 0.975], axis=0).T,
+    known = np.isfinite(values)
+    mean, sigma = (np.full(values.shape[1], np.nan) for _ in range(2))
+    interval = np.full((values.shape[1], 2), np.nan)
+    for i in np.flatnonzero(known.sum(axis=0) >= 2):
+        drawn_values = values[known[:, i], i]
+        mean[i], sigma[i] = drawn_values.mean(), drawn_values.std(ddof=1)
+        interval[i] = np.quantile(drawn_values, [0.025, 0.975])
+    results = MonteCarloResults(
+        mean=mean,
+        sigma=sigma,
+        interval_95=interval,
         samples=len(rows),
         failed=failed,
         seed=seed,
     )
+    return results, _left_out(adjustment, requests, frames, known, failed)
+
+
+def _left_out(
+    adjustment: Adjustment,
+    requests: tuple[MeasurementRequest, ...],
+    frames: Frames,
+    known: Bools,
+    failed: int,
+) -> tuple[Message, ...]:
+    """Messages on repetitions without a solution, and without a value that the survey has."""
+    messages = []
+    if failed:
+        text = f"{failed} Monte Carlo repetitions did not come to rest and were left out."
+        messages.append(Message("warning", "monte-carlo-failed", text))
+    rows = measured_rows(adjustment, requests, frames).rows
+    for row, missing in zip(rows, (~known).sum(axis=0), strict=True):
+        if missing and row.gradient is not None:
+            text = (
+                f"{row.name!r} has no value in {missing} of {len(known)} Monte Carlo repetitions: "
+                "its sampled interval leaves them out."
+            )
+            messages.append(Message("warning", "monte-carlo-null", text))
+    return tuple(messages)
 
 
 def compare(first: MeasurementResults, sampled: MonteCarloResults) -> tuple[Message, ...]:
-    """Say where first order is not good enough: sigmas that differ by more than 5 % and chance."""
+    """Say where first order is not good enough: by more than 5 % and what chance may do.
+
+    Compared are the sigmas, and both ends of the 95 % intervals (JCGM 101:2008, clause 8).
+    """
     messages = []
-    chance = 3.0 / np.sqrt(2.0 * sampled.samples)
+    chance = 3.0 / np.sqrt(sampled.samples)
     for i, name in enumerate(first.name):
-        ratio = sampled.sigma[i] / first.sigma[i]
-        if abs(ratio - 1.0) > NOTICED + chance:
+        sigma_off = abs(sampled.sigma[i] / first.sigma[i] - 1.0) - chance / np.sqrt(2.0)
+        ends = np.abs(sampled.interval_95[i] - first.interval_95[i]) / first.sigma[i]
+        end_off = ends.max() / WIDTH - chance * QUANTILE_SIGMA / WIDTH
+        if max(sigma_off, end_off) > NOTICED:
             low, high = sampled.interval_95[i]
             text = (
                 f"{name!r}: first-order sigma {first.sigma[i]:.3g}, sampled {sampled.sigma[i]:.3g} "
@@ -97,58 +142,4 @@ def compare(first: MeasurementResults, sampled: MonteCarloResults) -> tuple[Mess
                 f"{first.unit[i]}."
             )
             messages.append(Message("warning", "first-order-off", text))
-    if sampled.failed:
-        text = f"{sampled.failed} Monte Carlo repetitions did not come to rest and were left out."
-        messages.append(Message("warning", "monte-carlo-failed", text))
     return tuple(messages)
-
-
-def _adjusted(adjustment: Adjustment, draws: dict[str, Floats]) -> State | None:
-    """The state that fits the drawn observations; None where the iterations do not come to rest."""
-    problem = adjustment.problem
-
-    def evaluate(state: State) -> dict[str, Block] | None:
-        blocks = problem.evaluate(state)
-        if blocks is None:
-            return None
-        return {
-            name: Block(block.residual - draws[name], block.columns, block.jacobian)
-            for name, block in blocks.items()
-        }
-
-    layout = problem.layout
-    try:
-        minimum = minimise(
-            adjustment.state,
-            evaluate,
-            lambda state, step: move(layout, state, step),
-            layout.size,
-            layout.structure,
-        )
-    except SingularError:
-        return None
-    return minimum.state if minimum.converged else None
-
-
-def _values(
-    adjustment: Adjustment,
-    state: State,
-    requests: tuple[MeasurementRequest, ...],
-    frames: Frames,
-    rng: np.random.Generator,
-) -> list[float]:
-    """Measured values of one sample, in the order of the requests."""
-    survey = adjustment.survey
-    world, _, _ = adjustment.problem.world_points(state, np.arange(len(survey.label)))
-    place = {label: k for k, label in enumerate(survey.label)}
-    values: list[float] = []
-    drawn: dict[str, float] = defaultdict(rng.standard_normal)  # one draw for each source
-    for request in requests:
-        try:
-            require_picked(request, survey.label)
-            points = world[[place[p] for p in request.points]]
-            found = measurands(request, points, survey, frames)
-        except UnmeasurableError:
-            found = unmeasured(request)
-        values += [row.value + sum(s * drawn[k] for k, s in row.others.items()) for row in found]
-    return values

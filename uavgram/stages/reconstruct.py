@@ -27,9 +27,11 @@ def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
     position, covariance = adjustment.points()
     absolute = _in_plane(covariance[:, :2, :2])
     latitude, longitude = _geographic(position, world)
+    order = np.argsort(survey.pick_label, kind="stable")
+    ends = np.cumsum(np.bincount(survey.pick_label, minlength=len(survey.label)))
     frames = tuple(
-        tuple(survey.frame_id[f] for f in survey.pick_frame[survey.pick_label == k])
-        for k in range(len(survey.label))
+        tuple(survey.frame_id[f] for f in seen)
+        for seen in np.split(survey.pick_frame[order], ends[:-1])
     )
     return PointResults(
         label=survey.label,

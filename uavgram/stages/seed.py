@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.geometry.rotation import GIMBAL_FROM_CAMERA, matrix_from_ypr
+from uavgram.geometry.rotation import GIMBAL_FROM_CAMERA, hat, matrix_from_ypr
 from uavgram.geometry.telemetry_pose import (
     BORESIGHT,
     CLOCK,
+    CLOCK_DRIFT,
     HEADING_BIAS,
     LEVER_ARM,
     POSITION_BIAS,
@@ -22,6 +23,9 @@ from uavgram.model.frames import Frames
 from uavgram.model.options import MountOptions, TelemetryOptions
 from uavgram.model.photo_poses import Flight, PhotoExposures
 from uavgram.model.pose import Poses, TelemetryPrior
+
+STEADY_CLOCK = 1e-9
+"""Drift sigma of instants that are the flight's own: an unknown needs one, no quartz is better."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,6 +58,7 @@ def seed(frames: Frames, flight: Flight, mount: MountOptions, telemetry: Telemet
 
     The covariance is made of the flight's sigmas, the frame's timing sigma times speed and turn
     rate, and, in the marginal, of what all frames share: clock, boresight, lever arm, biases.
+    An error of the attitude turns the camera and swings it about the autopilot.
     """
     matched = np.flatnonzero(frames.matched)
     names = tuple(frames.frame_id[i] for i in matched)
@@ -64,15 +69,23 @@ def seed(frames: Frames, flight: Flight, mount: MountOptions, telemetry: Telemet
     gimbal = isinstance(flight, PhotoExposures) or len(flight.gimbal_time_s) > 0
     mount_from_camera = nominal_mount(mount, gimbal=gimbal)
     shared, shared_sigma = _shared(frames, mount, telemetry)
-    center, rotation, jacobian = predict_pose(exposures, mount_from_camera, shared)
-    own = _own_covariance(_sigmas(flight, names, time_s), rotation, jacobian, sigma_time_s)
+    middle_s = float(time_s.min() + time_s.max()) / 2.0 if len(time_s) else 0.0
+    center, rotation, jacobian = predict_pose(
+        exposures, mount_from_camera, shared, time_s - middle_s
+    )
+    arm_world_m = exposures.world_from_body @ shared[LEVER_ARM]
+    own = _own_covariance(
+        _sigmas(flight, names, time_s), rotation, arm_world_m, jacobian, sigma_time_s
+    )
     marginal = own + np.einsum("nik,k,njk->nij", jacobian, shared_sigma**2, jacobian)
     prior = TelemetryPrior(
         frame_index=np.arange(len(matched)),
         time_s=time_s,
+        middle_s=middle_s,
         gimbal_from_camera=mount_from_camera,
         covariance=own,
         clock_sigma_s=float(shared_sigma[CLOCK][0]),
+        clock_drift_sigma=float(shared_sigma[CLOCK_DRIFT][0]),
         boresight_sigma_rad=float(shared_sigma[BORESIGHT][0]),
         heading_bias_sigma_rad=float(shared_sigma[HEADING_BIAS][0]),
         lever_arm_m=np.array(mount.lever_arm_m),
@@ -99,7 +112,7 @@ def nominal_mount(mount: MountOptions, *, gimbal: bool) -> Floats:
 def _shared(
     frames: Frames, mount: MountOptions, telemetry: TelemetryOptions
 ) -> tuple[Floats, Floats]:
-    """Values and prior sigmas (11,) of what all frames share."""
+    """Values and prior sigmas (12,) of what all frames share."""
     shared, sigma = np.zeros(SHARED_SIZE), np.zeros(SHARED_SIZE)
     shared[LEVER_ARM] = mount.lever_arm_m
     horizontal, vertical = telemetry.position_bias_sigma_m
@@ -108,6 +121,7 @@ def _shared(
     sigma[POSITION_BIAS] = [horizontal, horizontal, vertical]
     sigma[HEADING_BIAS] = np.deg2rad(telemetry.heading_bias_sigma_deg)
     sigma[CLOCK] = frames.clock_offset_sigma_s
+    sigma[CLOCK_DRIFT] = max(frames.clock_drift_sigma, STEADY_CLOCK)
     return shared, sigma
 
 
@@ -123,18 +137,22 @@ def _sigmas(flight: Flight, names: tuple[str, ...], time_s: Floats) -> tuple[Flo
 def _own_covariance(
     sigmas: tuple[Floats, Floats],
     world_from_camera: Floats,
+    arm_world_m: Floats,
     jacobian: Floats,
     sigma_time_s: Floats,
 ) -> Floats:
-    """(N, 6, 6) what is independent from frame to frame."""
+    """(N, 6, 6) what is independent from frame to frame.
+
+    Vehicle and gimbal take their attitude from one estimator: its error a about the world's axes
+    turns both, the camera by R^T a (in its own axes) and its place by a x arm.
+    """
     position, attitude = sigmas
     covariance = np.zeros((len(position), 6, 6))
     covariance[:, [0, 1, 2], [0, 1, 2]] = position[:, [0, 0, 1]] ** 2
     # Roll and pitch tilt about horizontal axes, yaw turns about up: diagonal in the world.
     world = attitude[:, [0, 0, 1]] ** 2
-    covariance[:, 3:, 3:] = np.einsum(
-        "nki,nk,nkj->nij", world_from_camera, world, world_from_camera
-    )
+    by_attitude = np.concatenate([-hat(arm_world_m), np.swapaxes(world_from_camera, 1, 2)], axis=1)
+    covariance += np.einsum("nik,nk,njk->nij", by_attitude, world, by_attitude)
     # A frame's own timing error moves it along its way and its turn, both at once.
     along = jacobian[:, :, CLOCK] * sigma_time_s[:, None, None]
     return np.asarray(covariance + along @ np.swapaxes(along, 1, 2))

@@ -7,14 +7,17 @@ from collections.abc import Mapping
 import numpy as np
 
 from uavgram.estimation.adjustment import Adjustment, Refined
+from uavgram.estimation.ground_planes import PLANE_SIZE
 from uavgram.estimation.reliability import upper_tail
 from uavgram.estimation.survey_problem import TELEMETRY_PARTS
+from uavgram.geometry.telemetry_pose import corrected_time
 from uavgram.model.arrays import Floats
 from uavgram.model.frames import Frames
 from uavgram.model.photo_poses import PhotoExposures
 from uavgram.model.pose import Poses
 from uavgram.model.result import (
     Alternative,
+    AreaPlane,
     Estimate,
     FrameResults,
     FrameStatus,
@@ -39,24 +42,45 @@ def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedRes
     basis = adjustment.problem.intrinsic_basis
     intrinsic = adjustment.shared(layout.first_intrinsic, layout.intrinsics)
     intrinsic_sigma = np.sqrt(np.einsum("ij,jk,ik->i", basis, intrinsic, basis))
-    plane_sigma = _sigmas(adjustment, layout.first_plane, layout.plane, 3)
-    slope = state.plane[1:]
+    ground = summarise_areas(adjustment)[0]
     part = _telemetry_parts(adjustment)
     if isinstance(adjustment.survey.track, PhotoExposures):
-        part.pop("clock")  # no clock moves them: its prior came back as it was
+        for name in ("clock", "clock_drift"):  # no clock moves them: its prior came back as it was
+            part.pop(name)
     return SharedResult(
         boresight_deg=_in_degrees(part.get("boresight")),
         lever_arm_m=part.get("lever_arm"),
         position_bias_m=part.get("position_bias"),
         heading_bias_deg=_in_degrees(part.get("heading_bias")),
         clock_offset_s=_shifted(part.get("clock"), clock_offset_s),
-        plane_height_m=Estimate(value=state.plane[:1], sigma=plane_sigma[:1]),
-        plane_slope_deg=Estimate(
-            value=np.rad2deg(np.arctan(slope)),
-            sigma=np.rad2deg(plane_sigma[1:] / (1.0 + slope**2)),
-        ),
-        plane_pivot_m=adjustment.problem.pivot_m,
+        clock_drift_ppm=_scaled(part.get("clock_drift"), 1e6),
+        plane_height_m=ground.height_m,
+        plane_slope_deg=ground.slope_deg,
+        plane_pivot_m=ground.pivot_m,
         intrinsics=Estimate(value=adjustment.problem.intrinsics(state), sigma=intrinsic_sigma),
+    )
+
+
+def summarise_areas(adjustment: Adjustment) -> tuple[AreaPlane, ...]:
+    """The plane of every area, the first one first; sigmas are 0 where it is the gauge."""
+    layout, state = adjustment.problem.layout, adjustment.state
+    sigma = np.zeros(len(state.plane))
+    unknown = slice(len(sigma) - layout.plane, None)
+    sigma[unknown] = _sigmas(adjustment, layout.first_plane, layout.plane)
+    planes, sigmas = state.plane.reshape(-1, PLANE_SIZE), sigma.reshape(-1, PLANE_SIZE)
+    return tuple(
+        AreaPlane(
+            name=ground.name,
+            height_m=Estimate(value=plane[:1], sigma=own[:1]),
+            slope_deg=Estimate(
+                value=np.rad2deg(np.arctan(plane[1:])),
+                sigma=np.rad2deg(own[1:] / (1.0 + plane[1:] ** 2)),
+            ),
+            pivot_m=pivot,
+        )
+        for ground, plane, own, pivot in zip(
+            adjustment.survey.grounds, planes, sigmas, adjustment.problem.pivot_m, strict=True
+        )
     )
 
 
@@ -64,24 +88,28 @@ def _telemetry_parts(adjustment: Adjustment) -> dict[str, Estimate]:
     layout, state = adjustment.problem.layout, adjustment.state
     if not layout.telemetry:
         return {}
-    sigma = _sigmas(adjustment, layout.first_telemetry, layout.telemetry, layout.telemetry)
+    sigma = _sigmas(adjustment, layout.first_telemetry, layout.telemetry)
     return {
         name: Estimate(value=state.telemetry[part], sigma=sigma[part])
         for name, part in TELEMETRY_PARTS.items()
     }
 
 
-def _sigmas(adjustment: Adjustment, first: int, count: int, size: int) -> Floats:
-    """(size,) standard deviations of shared unknowns; 0 where they are the gauge."""
+def _sigmas(adjustment: Adjustment, first: int, count: int) -> Floats:
+    """(count,) standard deviations of neighbouring shared unknowns."""
     if not count:
-        return np.zeros(size)
+        return np.zeros(0)
     return np.sqrt(np.diag(adjustment.shared(first, count)))
 
 
 def _in_degrees(estimate: Estimate | None) -> Estimate | None:
+    return _scaled(estimate, 180.0 / np.pi)
+
+
+def _scaled(estimate: Estimate | None, by: float) -> Estimate | None:
     if estimate is None:
         return None
-    return Estimate(value=np.rad2deg(estimate.value), sigma=np.rad2deg(estimate.sigma))
+    return Estimate(value=by * estimate.value, sigma=by * estimate.sigma)
 
 
 def _shifted(estimate: Estimate | None, by: float) -> Estimate | None:
@@ -122,17 +150,20 @@ def summarise_frames(
     )
     status: list[FrameStatus] = []
     reason: list[str] = []
+    refined_names = frozenset(adjusted.frame_id)
+    seeded = None if seeds is None else frozenset(seeds.frame_id)
     for i, name in enumerate(frames.frame_id):
-        state, why = _status(name, adjusted, picked, seeds, frames.reason[i])
+        state, why = _status(name, refined_names, picked, seeded, frames.reason[i])
         status.append(state)
         reason.append(why)
-    clock = 0.0
-    if adjustment.problem.layout.telemetry:
-        clock = float(adjustment.state.telemetry[TELEMETRY_PARTS["clock"]][0])
+    time_s = frames.time_utc_s
+    if adjustment.survey.telemetry is not None:
+        middle_s = adjustment.survey.telemetry.middle_s
+        time_s = corrected_time(adjustment.state.telemetry, time_s, middle_s)
     return FrameResults(
         frame_id=frames.frame_id,
         path=path,
-        time_utc_s=frames.time_utc_s - clock,
+        time_utc_s=time_s,
         status=tuple(status),
         reason=tuple(reason),
         seed=_table(frames.frame_id, seeds),
@@ -141,15 +172,19 @@ def summarise_frames(
 
 
 def _status(
-    name: str, adjusted: Poses, picked: Mapping[str, str], seeds: Poses | None, reason: str
+    name: str,
+    refined: frozenset[str],
+    picked: Mapping[str, str],
+    seeded: frozenset[str] | None,
+    reason: str,
 ) -> tuple[FrameStatus, str]:
-    if name in adjusted.frame_id:
+    if name in refined:
         return "refined", ""
-    if seeds is not None and name not in seeds.frame_id:
+    if seeded is not None and name not in seeded:
         return "unmatched", reason
     if name in picked:
         return "rejected", picked[name] or "its picks do not determine its pose"
-    if seeds is None:
+    if seeded is None:
         return "unmatched", "no flight log and no picks"
     return "seeded", "no picks"
 

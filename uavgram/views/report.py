@@ -6,11 +6,20 @@ import os
 from pathlib import Path
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from uavgram.errors import OutputError
+from uavgram.model.learnt_camera import LearntCamera, learnt_camera
 from uavgram.model.result import Result
+from uavgram.views.evidence import (
+    effect_words,
+    overall_words,
+    prior_rows,
+    removal_rows,
+    second_order_rows,
+    weakest_links,
+)
 from uavgram.views.facts import key_facts
+from uavgram.views.pages import page_environment
 from uavgram.views.top_view import INK, top_view
 from uavgram.views.verdict import THREE_SIGMA, judge
 from uavgram.views.wording import (
@@ -54,13 +63,7 @@ def write_report(result: Result, path: str | os.PathLike[str]) -> None:
 
 def render_report(result: Result) -> str:
     """The page as text. Names that people wrote are escaped; nothing is loaded from elsewhere."""
-    environment = Environment(
-        loader=PackageLoader("uavgram.views"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = page_environment()
     environment.filters.update(number=number, chance=chance)
     return environment.get_template("report.html").render(
         result=result,
@@ -70,6 +73,11 @@ def render_report(result: Result) -> str:
         why_two_ellipses=WHY_TWO_ELLIPSES,
         measurements=_measurements(result),
         lines=_lines(result),
+        weakest=weakest_links(result),
+        priors=prior_rows(result),
+        removals=removal_rows(result),
+        second_order=second_order_rows(result),
+        overall=overall_words(result),
         line_checks=_line_checks(result),
         point_checks=_point_checks(result),
         frames=_frames(result),
@@ -115,6 +123,9 @@ def _lines(result: Result) -> list[Row]:
             w=number(lines.w[i], 1, signed=True),
             redundancy=number(lines.redundancy[i], 2),
             mdb=number(lines.mdb_m[i]),
+            effect="–"
+            if result.evidence is None
+            else effect_words(result, result.evidence.lines, int(i)),
             status=LINE_STATUS_WORDS.get(lines.status[i], lines.status[i]),
             bad=lines.status[i] in ("suspect", "removed"),
         )
@@ -221,4 +232,18 @@ def _shared(result: Result) -> list[tuple[str, str]]:
         )
         for name, estimate in entries
         if estimate is not None
+    ] + _camera(learnt_camera(result.camera, shared.intrinsics))
+
+
+def _camera(camera: LearntCamera) -> list[tuple[str, str]]:
+    """What the survey says of the camera: a row for each parameter that it refined."""
+    rows = [
+        (
+            f"camera: {camera.names[i]} before, and with the survey",
+            f"{camera.prior_value[i]:.6g} ± {camera.prior_sigma[i]:.2g}, "
+            f"{camera.value[i]:.6g} ± {camera.sigma[i]:.2g}",
+        )
+        for i in np.flatnonzero(camera.learnt)
     ]
+    rest = [name for name, learnt in zip(camera.names, camera.learnt, strict=True) if not learnt]
+    return [*rows, ("camera: as calibrated, nothing learnt of", " ".join(rest))] if rest else rows

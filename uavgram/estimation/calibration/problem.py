@@ -22,7 +22,7 @@ from uavgram.model.calibration_photos import (
     IntrinsicsPrior,
     parameter_count,
 )
-from uavgram.model.camera import Calibration, LensModel, parameter_names
+from uavgram.model.camera import PARAMETER_NAMES, Calibration, LensModel, parameter_names
 
 HELD = 1e-6
 """Relative sigma (and share of a variance) of what a prior states without any error."""
@@ -207,6 +207,28 @@ def prior_from(camera: Calibration, source: str) -> IntrinsicsPrior:
     # fx = fy and the like: a direction without any error is known very well, not infinitely well
     root = vectors / np.sqrt(np.maximum(values, HELD)) / scale[:, None]
     return IntrinsicsPrior(source=source, parameters=camera.parameters, information=root @ root.T)
+
+
+def focal_and_center_prior(camera: Calibration, model: LensModel, source: str) -> IntrinsicsPrior:
+    """What a brown camera says of focal length and principal point, for any lens model.
+
+    Both mean the same in all models: the scale at the optical axis, and where it meets the image.
+    Distortion is left to the photos: coefficients of one model are none of another.
+
+    Parameters
+    ----------
+    camera
+        With its covariance; that of fx, fy, cx, cy is regular.
+    model
+        Of the lens to estimate.
+    source
+        Where it comes from, in words.
+    """
+    count = len(PARAMETER_NAMES[model])
+    parameters, information = np.zeros(count), np.zeros((count, count))
+    parameters[:4] = camera.parameters[:4]
+    information[:4, :4] = np.linalg.inv(camera.covariance[:4, :4])
+    return IntrinsicsPrior(source=source, parameters=parameters, information=information)
 
 
 def bow_count(bow: Bow) -> int:

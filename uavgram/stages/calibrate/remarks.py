@@ -144,11 +144,12 @@ def _on_the_parameters(result: CalibrationResult) -> Iterator[Message]:
         )
     prior = result.options.prior
     if prior is not None:
-        stated = np.diag(prior.information)
+        known = np.flatnonzero(np.diag(prior.information)[: len(names)] > 0)
+        stated = np.sqrt(np.diag(np.linalg.inv(prior.information[np.ix_(known, known)])))
         learnt = [
-            f"{name} {stated[i] ** -0.5:.3g} to {sigma[i]:.3g}"
-            for i, name in enumerate(names[: len(stated)])
-            if stated[i] > 0 and sigma[i] > 0
+            f"{names[i]} {before:.3g} to {sigma[i]:.3g}"
+            for i, before in zip(known.tolist(), stated.tolist(), strict=True)
+            if sigma[i] > 0
         ]
         yield Message(
             "info",

@@ -8,22 +8,120 @@ from scipy.stats import chi2
 from uavgram.errors import GeometryError
 from uavgram.estimation.adjustment import Adjustment, Refined
 from uavgram.estimation.first_values import FirstValues
+from uavgram.estimation.ground_planes import area_centroids, first_planes
 from uavgram.estimation.least_squares import Minimum, minimise
+from uavgram.estimation.line_advice import line_faults
 from uavgram.estimation.normal_equations import SingularError
 from uavgram.estimation.survey_problem import SurveyProblem
 from uavgram.estimation.survey_select import select_lines, select_picks
-from uavgram.estimation.survey_state import State, move
+from uavgram.estimation.survey_state import Layout, State, advance
 from uavgram.model.arrays import Bools
 from uavgram.model.survey import Survey
+from uavgram.stages.refine.consensus import contradicting
+from uavgram.stages.refine.misfit import MOST_TRIED, culprit, suspects
 from uavgram.stages.refine.starts import first_values, unusable
+
+MOST_MISPLACED = 3
+"""One frame in so many may be left out because it shows something else than the others."""
+
+MISPLACED = (
+    "its picks contradict all that the other frames, the lengths and the log say, and without them "
+    "the rest agrees: look for labels in disorder, or a photo of another place"
+)
 
 AS_GOOD = 0.001
 """Probability below which an alternative's extra cost rules it out."""
 
 
+class UndeterminedError(GeometryError):
+    """The observations leave something free; `picks` (P,) are those that hang on it alone."""
+
+    def __init__(self, message: str, picks: Bools) -> None:
+        self.picks = picks
+        super().__init__(message)
+
+
 def adjust(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, str]) -> Refined:
-    """One adjustment of the picks in `keep`, all minima; picks without first values are left."""
-    reason = dict(reason)
+    """One adjustment of the picks in `keep`, all minima.
+
+    Picks without first values are left out, and so are frames and points that nothing determines,
+    and frames that show something else than the others: `pick_reason` of the result says why. The
+    rest goes on.
+    """
+    out = dict(reason)
+    refined = failed = None
+    for _ in range(1 + len(np.unique(survey.pick_frame[keep])) // MOST_MISPLACED):
+        if refined is None:
+            try:
+                refined = _adjust(survey, keep, line_removed, out)
+            except GeometryError as why:
+                failed = why
+        better = _without_culprit(survey, keep, line_removed, out, refined)
+        if better is None:
+            break
+        frame, rest = better
+        picks = np.flatnonzero((survey.pick_frame == frame) & keep)
+        # A few wrong labels do not condemn a frame of which the others agree.
+        wrong = contradicting(survey, picks, rest)
+        out |= wrong or dict.fromkeys(picks.tolist(), MISPLACED)
+        keep = keep.copy()
+        keep[list(out)] = False
+        refined = _adjust(survey, keep, line_removed, out) if wrong else rest
+    if refined is None:
+        assert failed is not None  # noqa: S101  (one of the two is always there)
+        raise failed
+    return refined
+
+
+def _without_culprit(
+    survey: Survey,
+    keep: Bools,
+    line_removed: Bools,
+    reason: dict[int, str],
+    refined: Refined | None,
+) -> tuple[int, Refined] | None:
+    """The one frame that spoils the adjustment, and the result without it; None if there is none.
+
+    Parameters
+    ----------
+    survey, keep, line_removed, reason
+        As for `adjust`.
+    refined
+        With all frames; None where nothing could be adjusted.
+    """
+    tried: list[tuple[int, Refined]] = []
+    costs: list[float] = []
+    failures = 0
+    for frame in _suspected(survey, keep, refined):
+        picks = np.flatnonzero((survey.pick_frame == frame) & keep)
+        why = reason | dict.fromkeys(picks.tolist(), MISPLACED)
+        try:
+            rest = _adjust(survey, keep & (survey.pick_frame != frame), line_removed, why)
+        except GeometryError:  # without this frame nothing is left to hold on to
+            failures += 1
+            continue
+        tried.append((frame, rest))
+        costs.append(rest.adjustment.minimum.cost)
+    if not tried or len(tried) + failures < 2:
+        return None
+    before = np.inf if refined is None else refined.adjustment.minimum.cost
+    found = culprit(before, np.array(costs + failures * [np.inf]))
+    return None if found is None else tried[found]
+
+
+def _suspected(survey: Survey, keep: Bools, refined: Refined | None) -> list[int]:
+    """Frames of the survey to leave out in turn."""
+    if refined is None:
+        picks = np.bincount(survey.pick_frame[keep], minlength=len(survey.frame_id))
+        present = np.flatnonzero(picks)
+        return present[:MOST_TRIED].tolist() if len(present) > 2 else []
+    names = refined.adjustment.survey.frame_id
+    return [survey.frame_id.index(names[k]) for k in suspects(refined.adjustment)]
+
+
+def _adjust(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, str]) -> Refined:
+    """`adjust`, with all frames that can be placed."""
+    reason, keep = dict(reason), keep.copy()
     while True:
         if not keep.any():
             raise GeometryError(
@@ -36,15 +134,19 @@ def adjust(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, s
         skipped = [unusable(selection.survey, values) for values in starts]
         # Of several poses that explain the lengths, one that sees sky where points were picked
         # comes after those that see ground.
-        fewest = min(skipped, key=len)
-        if not fewest:
-            break
-        left = selection.pick_index[list(fewest)]
-        reason |= dict(zip(left.tolist(), fewest.values(), strict=True))
-        keep = keep.copy()
+        out = min(skipped, key=len)
+        if not out:
+            possible = [v for v, without in zip(starts, skipped, strict=True) if not without]
+            try:
+                adjustment, *alternatives = _minima(selection.survey, possible, line_used)
+                break
+            except UndeterminedError as why:
+                out = {int(i): str(why) for i in np.flatnonzero(why.picks)}
+                if not out or len(out) == len(why.picks):
+                    raise
+        left = selection.pick_index[list(out)]
+        reason |= dict(zip(left.tolist(), out.values(), strict=True))
         keep[left] = False
-    possible = [v for v, without in zip(starts, skipped, strict=True) if not without]
-    adjustment, *alternatives = _minima(selection.survey, possible, line_used)
     return Refined(
         adjustment=adjustment,
         pick_index=selection.pick_index,
@@ -81,8 +183,7 @@ def _minima(survey: Survey, starts: list[FirstValues], line_used: Bools) -> list
 def _minimise(
     survey: Survey, values: FirstValues, line_used: Bools
 ) -> tuple[SurveyProblem, Minimum[State]]:
-    pivot = np.median(values.point_m, axis=0)  # one pick near the horizon does not drag it away
-    problem = SurveyProblem(survey, pivot, line_used)
+    problem = SurveyProblem(survey, area_centroids(survey, values.point_m), line_used)
     layout = problem.layout
     point = np.zeros((layout.points, layout.point_size))
     point[:, :2] = values.point_m
@@ -91,23 +192,41 @@ def _minimise(
         center=np.array(values.center),
         rotation=np.array(values.rotation),
         intrinsic=np.zeros(layout.intrinsics),
-        plane=np.array([values.height_m, 0.0, 0.0]),
+        plane=first_planes(survey.grounds, values.height_m),
         telemetry=problem.telemetry_mean if layout.telemetry else np.zeros(0),
     )
     try:
         minimum = minimise(
             state,
             problem.evaluate,
-            lambda now, step: move(layout, now, step),
+            lambda now, step: advance(layout, now, step),
             layout.size,
             layout.structure,
         )
     except SingularError as error:
-        raise GeometryError(
+        raise UndeterminedError(
             f"the observations do not determine {layout.describe(error.index, survey)}: add known "
-            "lengths or picks there, or leave it out"
+            f"lengths or picks there, or leave it out{_weakness(survey, values, line_used)}",
+            _hanging_on(error.index, layout, survey),
         ) from error
     return problem, minimum
+
+
+def _hanging_on(index: int, layout: Layout, survey: Survey) -> Bools:
+    """(P,) the picks of the point, or of the frame, that an unknown belongs to."""
+    if index < layout.first_frame:
+        return np.asarray(survey.pick_label == index // layout.point_size)
+    frame = (index - layout.first_frame) // 6
+    return np.asarray((survey.pick_frame == frame) & (index < layout.first_intrinsic))
+
+
+def _weakness(survey: Survey, values: FirstValues, line_used: Bools) -> str:
+    """What is wrong with the lengths as a set, if anything is, as the end of a sentence."""
+    start, end = survey.line_start[line_used], survey.line_end[line_used]
+    if survey.telemetry is not None or len(start) < 3:
+        return ""
+    faults = line_faults(values.point_m[start], values.point_m[end], values.point_m)
+    return f" ({'; '.join(faults)})" if faults else ""
 
 
 def _adjustment(problem: SurveyProblem, minimum: Minimum[State]) -> Adjustment:
@@ -115,7 +234,13 @@ def _adjustment(problem: SurveyProblem, minimum: Minimum[State]) -> Adjustment:
 
 
 def _apart(adjustment: Adjustment, other: State) -> bool:
-    """Whether another minimum has points elsewhere, by more than a thousandth of the scene."""
+    """Whether another minimum has points or cameras elsewhere.
+
+    Points by more than a thousandth of the scene, cameras by more than a sigma.
+    """
     here = adjustment.state.point[:, :2]
     span = np.ptp(here, axis=0).max()
-    return bool(np.abs(here - other.point[:, :2]).max() > 1e-3 * span)
+    if np.abs(here - other.point[:, :2]).max() > 1e-3 * span:
+        return True
+    variance = np.einsum("fii->fi", adjustment.frame_covariance())[:, :3]
+    return bool(((adjustment.state.center - other.center) ** 2 > variance).any())

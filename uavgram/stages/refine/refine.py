@@ -13,7 +13,7 @@ from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
-from uavgram.stages.refine.blunders import MOST, blunders
+from uavgram.stages.refine.blunders import MOST, best_of, blunders
 from uavgram.stages.refine.minima import adjust
 from uavgram.stages.refine.remarks import indispensable, not_located, remarks, too_many
 
@@ -38,38 +38,63 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         The observations do not determine the survey; the message names what is missing.
     """
     keep, reason = _in_lens(survey)
-    out = {
-        "pick": np.zeros(len(survey.pick_frame), dtype=bool),
-        "line": np.zeros(len(survey.line_start), dtype=bool),
-    }
+    no_pick = np.zeros(len(survey.pick_frame), dtype=bool)
+    no_line = np.zeros(len(survey.line_start), dtype=bool)
+    refined = replace(adjust(survey, keep, no_line, reason), pick_removed=no_pick)
+    if options.outliers == "remove":
+        refined, said = _without_blunders(survey, keep, reason, refined, options.significance)
+    else:
+        refined, said = _with_the_accused(survey, keep, reason, refined, options.significance), []
+    return refined, (*remarks(survey, refined), *said)
+
+
+def _without_blunders(
+    survey: Survey, keep: Bools, reason: dict[int, str], refined: Refined, significance: float
+) -> tuple[Refined, list[Message]]:
+    """Take out one blunder at a time and adjust anew, until none is left or can be chosen."""
     most = int(MOST * (len(survey.pick_frame) + len(survey.line_start)))
-    removals: list[Removal] = []
-    said: list[Message] = []
-    refined = adjust(survey, keep, out["line"], reason)
-    while options.outliers == "remove":
-        found = blunders(refined, options.significance)
-        if len(found) != 1:
-            said += [not_located(survey, found)] if found else []
-            break
-        (blunder,) = found
-        if len(removals) >= most:
-            said.append(too_many(len(removals)))
-            break
-        out[blunder.kind][blunder.index] = True
+    while True:
+        choices, undecided = blunders(refined, significance)
+        if not choices:
+            return refined, [not_located(refined, suspicion) for suspicion in undecided]
+        if len(refined.removals) >= most:
+            return refined, [too_many(len(refined.removals))]
+        tried = _tried(survey, keep, reason, refined, choices)
+        if isinstance(tried, GeometryError):  # nothing is left to solve by: better with it
+            return refined, [indispensable(choices[0], tried)]
+        removal, after = best_of(tried)
+        refined = replace(after, removals=(*refined.removals, removal))
+
+
+def _with_the_accused(
+    survey: Survey, keep: Bools, reason: dict[int, str], refined: Refined, significance: float
+) -> Refined:
+    """The same, with the observation that adjustments without each of several point at."""
+    choices, _ = blunders(refined, significance)
+    if len(choices) < 2:
+        return refined
+    tried = _tried(survey, keep, reason, refined, choices)
+    if isinstance(tried, GeometryError):
+        return refined
+    return replace(refined, accused=best_of(tried)[0].suspicion.accused)
+
+
+def _tried(
+    survey: Survey, keep: Bools, reason: dict[int, str], refined: Refined, choices: list[Removal]
+) -> list[tuple[Removal, Refined]] | GeometryError:
+    """Adjustments without each choice; the error where the likeliest one cannot be missed."""
+    tried = []
+    for choice in choices:
+        pick, line = refined.pick_removed.copy(), refined.line_removed.copy()
+        (pick if choice.kind == "pick" else line)[choice.index] = True
         try:
-            refined = adjust(survey, keep & ~out["pick"], out["line"], reason)
-        except GeometryError as why:  # nothing is left to solve by: better with it than not at all
-            out[blunder.kind][blunder.index] = False
-            said.append(indispensable(survey, blunder, why))
-            break
-        removals.append(blunder)
-    result = replace(
-        refined,
-        removals=tuple(removals),
-        pick_removed=out["pick"],
-        line_removed=out["line"],
-    )
-    return result, (*remarks(survey, result), *said)
+            after = adjust(survey, keep & ~pick, line, reason)
+        except GeometryError as why:
+            if choice is choices[0]:
+                return why
+            continue
+        tried.append((choice, replace(after, pick_removed=pick, line_removed=line)))
+    return tried
 
 
 def _in_lens(survey: Survey) -> tuple[Bools, dict[int, str]]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+from scipy.stats import chi2
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_values import (
@@ -10,12 +13,22 @@ from uavgram.estimation.first_values import (
     PlaneNetwork,
     align_in_plane,
     from_telemetry,
-    length_candidates,
+    length_poses,
     lines_per_frame,
 )
+from uavgram.estimation.length_resection import LengthPoses
+from uavgram.estimation.prior_gate import (
+    OUTSIDE,
+    allowed,
+    distance_from_prior,
+    seed_on_plane,
+)
 from uavgram.geometry.back_projection import back_project
-from uavgram.model.arrays import Floats
-from uavgram.model.survey import Survey
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.survey import Ground, Survey
+
+FAR_RAD, FAR_HEIGHT = 0.1, 0.15
+"""Tilt, and share of the height, up to which the iterations reach a pose from the seed anyway."""
 
 NO_GROUND = "its ray does not meet the ground in front of the camera"
 NOT_JOINED = (
@@ -28,14 +41,12 @@ def first_values(survey: Survey) -> list[FirstValues]:
     """Sets of first values, most likely first; picks they leave without a place are NaN."""
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
     if survey.telemetry is not None:
-        return [from_telemetry(survey, ray)]
+        return [from_telemetry(each, ray) for each in _with_seeds(survey)]
     counts = lines_per_frame(survey)
-    candidates = {
-        int(f): length_candidates(survey, ray, int(f)) for f in np.flatnonzero(counts >= 3)
-    }
-    planes = {f: found[0].plane for f, found in candidates.items() if found}
+    candidates = _plausible(length_poses(survey), counts)
+    planes = {f: found.plane[0] for f, found in candidates.items()}
     if survey.gauge == "world":
-        return [_over_control(survey, ray, planes)]
+        return [_over_control(survey, ray, planes, poses) for poses in _choices(survey)]
     if not planes:
         raise GeometryError(
             "without a flight log a pose needs three known lengths that one frame sees whole "
@@ -44,20 +55,106 @@ def first_values(survey: Survey) -> list[FirstValues]:
         )
     first = max(planes, key=lambda f: (counts[f], -f))
     values = []
-    for candidate in candidates[first]:
+    for plane in candidates[first].plane:
         network = PlaneNetwork(survey, ray)
-        network.start(first, candidate.plane)
+        network.start(first, plane)
         network.grow(planes)
         values.append(_at_gauge(network))
     return values
 
 
-def _over_control(survey: Survey, ray: Floats, planes: dict[int, Floats]) -> FirstValues:
+def _plausible(candidates: dict[int, LengthPoses], counts: Ints) -> dict[int, LengthPoses]:
+    """Frames whose lengths agree with each other; all of them where none do."""
+    kept = {
+        f: found
+        for f, found in candidates.items()
+        if found.cost[0] <= float(chi2.ppf(1 - OUTSIDE, max(counts[f] - 3, 1)))
+    }
+    return kept or candidates
+
+
+def _with_seeds(survey: Survey) -> list[Survey]:
+    """The survey with its seeds; and, where lengths say otherwise, with seeds that fit them.
+
+    Lengths have a say in a frame that shows three or more whole: of the poses that explain them,
+    those that the telemetry allows. Where that is one pose near the seed, the iterations find it
+    by themselves. Where it is one far away, or several, each is a start of its own: for the frame
+    with most lines; the others take the best of theirs.
+    """
+    assert survey.seeds is not None  # noqa: S101  (the caller asked)
+    seeds, ground = survey.seeds, survey.ground
+    allowed_planes: dict[int, Floats] = {}
+    for frame, poses in length_poses(survey).items():
+        center, rotation = seeds.center_world_m[frame], seeds.world_from_camera[frame]
+        distance = distance_from_prior(center, rotation, seeds.covariance[frame], ground, poses)
+        order = np.argsort(poses.cost + distance, kind="stable")
+        planes = poses.plane[order[allowed(distance[order])]]
+        if len(planes) and (len(planes) > 1 or _far(center, rotation, ground, planes[0])):
+            allowed_planes[frame] = planes
+    if not allowed_planes:
+        return [survey]
+    counts = lines_per_frame(survey)
+    first = max(allowed_planes, key=lambda f: (counts[f], -f))
+    best = {frame: planes[0] for frame, planes in allowed_planes.items()}
+    return [
+        survey,
+        *(_reseeded(survey, best | {first: plane}) for plane in allowed_planes[first]),
+    ]
+
+
+def _far(center: Floats, rotation: Floats, ground: Ground, plane: Floats) -> bool:
+    size = np.linalg.norm(plane)
+    cosine = float(-rotation[2] @ plane / size)
+    ratio = float((center[2] - ground.height_m) * size)
+    return cosine < np.cos(FAR_RAD) or not abs(ratio - 1.0) < FAR_HEIGHT
+
+
+def _reseeded(survey: Survey, planes: dict[int, Floats]) -> Survey:
+    """The survey with the seeds of some frames moved to the height and level of their planes."""
+    assert survey.seeds is not None  # noqa: S101  (the caller asked)
+    center = np.array(survey.seeds.center_world_m)
+    rotation = np.array(survey.seeds.world_from_camera)
+    for frame, plane in planes.items():
+        center[frame], rotation[frame] = seed_on_plane(
+            center[frame], rotation[frame], survey.ground, plane
+        )
+    seeds = replace(survey.seeds, center_world_m=center, world_from_camera=rotation)
+    return replace(survey, seeds=seeds)
+
+
+Chosen = dict[int, tuple[Floats, Floats]]
+"""Centre and rotation of some frames."""
+
+MOST_CHOICES = 8
+"""Starts from candidate poses: an adjustment each."""
+
+
+def _choices(survey: Survey) -> list[Chosen]:
+    """Every frame's best candidate pose; then with one frame's next best, nearest rival first."""
+    frame_at = {name: k for k, name in enumerate(survey.frame_id)}
+    candidates = [
+        (frame_at[c.frame_id], c) for c in survey.candidate_poses if c.frame_id in frame_at
+    ]
+    best = {f: (c.center_world_m[0], c.world_from_camera[0]) for f, c in candidates}
+    rivals = [
+        (c.misfit[k] - c.misfit[0], f, (c.center_world_m[k], c.world_from_camera[k]))
+        for f, c in candidates
+        for k in range(1, len(c.misfit))
+    ]
+    rivals.sort(key=lambda rival: rival[:2])
+    return [best, *(best | {f: pose} for _, f, pose in rivals[: MOST_CHOICES - 1])]
+
+
+def _over_control(
+    survey: Survey, ray: Floats, planes: dict[int, Floats], poses: Chosen
+) -> FirstValues:
     """First values over control points; their heights above the label's own give the plane's."""
     label = survey.control_label
     height = float(np.mean(survey.control_world_m[:, 2] - survey.height_above_m[label]))
     network = PlaneNetwork(survey, ray)
     network.place_points(label, survey.control_world_m[:, :2])
+    for frame, (center, rotation) in poses.items():
+        network.place(frame, center - [0.0, 0.0, height], rotation)
     network.grow(planes)
     if np.isnan(network.center).all():
         raise GeometryError(

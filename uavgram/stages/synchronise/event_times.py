@@ -35,7 +35,11 @@ _MOST_JITTER_S = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """Instants of F photos and where they come from, before the log's span is looked at."""
+    """Instants of F photos and where they come from, before the log's span is looked at.
+
+    `drift_sigma` is that of the camera's clock where the instants are its own (0 where they are
+    those of camera events, which are on the flight's clock).
+    """
 
     time_utc_s: Floats
     sigma_time_s: Floats
@@ -43,6 +47,7 @@ class Timing:
     offset_sigma_s: float
     messages: tuple[Message, ...] = ()
     pairing: Pairing | None = None
+    drift_sigma: float = 0.0
 
 
 def event_timing(

@@ -43,6 +43,7 @@ def placed_frames(photos: Photos, chosen: ClockedBoot, timing: Timing) -> Frames
         reason=tuple(reasons),
         clock_offset_s=timing.offset_s,
         clock_offset_sigma_s=timing.offset_sigma_s,
+        clock_drift_sigma=timing.drift_sigma,
     )
 
 

@@ -73,7 +73,8 @@ def by_offset(
     # readings off (half a step on average) or rounds them (nothing): root mean square of the two.
     stated = float(np.hypot(options.offset_sigma_s, chosen.clock.sigma_s))
     sigma = float(np.hypot(stated, resolution / np.sqrt(8.0)))
-    plain = Timing(time, file_sigma_s(photos), offset_s, sigma)
+    drift_sigma = options.drift_sigma_ppm * 1e-6
+    plain = Timing(time, file_sigma_s(photos), offset_s, sigma, drift_sigma=drift_sigma)
     if resolution <= COARSE_S or chosen.boot.events is None:
         return chosen, plain
     reach = 3 * stated + resolution / 2

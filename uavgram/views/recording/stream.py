@@ -85,9 +85,28 @@ class Recorder:
 
 @contextmanager
 def open_recorder(result: Result, path: Path) -> Iterator[Recorder]:
+    """Write the recording of a result to a file; see `open_recording`."""
+    times = result.frames.time_utc_s
+    with open_recording(path, recording_id(result), result.name, times) as recorder:
+        yield recorder
+
+
+@contextmanager
+def open_recording(path: Path, identity: str, name: str, time_utc_s: Floats) -> Iterator[Recorder]:
     """Write a recording to a file; complete when the block ends.
 
     The batcher never flushes by the clock, so that two equal runs give equal chunks.
+
+    Parameters
+    ----------
+    path
+        The file.
+    identity
+        The same for the same content.
+    name
+        Shown by the viewer.
+    time_utc_s
+        (F,) of the frames, NaN where unknown.
 
     Raises
     ------
@@ -98,7 +117,7 @@ def open_recorder(result: Result, path: Path) -> Iterator[Recorder]:
     with strict_rerun():
         stream = rr.RecordingStream(
             APPLICATION_ID,
-            recording_id=recording_id(result),
+            recording_id=identity,
             send_properties=False,
             batcher_config=rr.ChunkBatcherConfig.NEVER(),
         )
@@ -106,8 +125,8 @@ def open_recorder(result: Result, path: Path) -> Iterator[Recorder]:
         try:
             stream.save(sink.path)
             sink.start()
-            stream.send_recording_name(result.name)
-            yield Recorder(stream, result.frames.time_utc_s)
+            stream.send_recording_name(name)
+            yield Recorder(stream, time_utc_s)
             stream.flush()
         finally:
             stream.disconnect()

@@ -1,0 +1,141 @@
+"""One frame rectified, side by side with orthority in one run.
+
+    python tests/benchmarks/bench_rectify.py PROJECT.yaml FRAME ORTHORITY_PYTHON
+
+ORTHORITY_PYTHON (or the environment's ORTHORITY_PYTHON) is the Python of an environment that holds
+orthority 0.7. Both take the same photo, pose, lens, flat ground, pixel size and bilinear
+interpolation, on all cores, and write a tiled GeoTIFF with overviews and the same DEFLATE options.
+Timed is the rectification: photo file to GeoTIFF, without adjusting and without loading modules
+(orthority has no pose to adjust). The whole command, which also reads every input, adjusts, and
+writes the map of sigmas and the sheet, is said beside it, and so is orthority's whole process.
+
+Rounds go in turn, so that what else the machine does falls on both alike; the ratio is the median
+of neighbouring runs. The two pictures are compared too: places apart, and grey values.
+Demanded: at least ten times as fast.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import rasterio
+from rasterio.warp import Resampling, reproject
+
+from uavgram.geometry.map_projection import projected_from_enu
+from uavgram.geometry.top_view import View
+from uavgram.io.geotiff import write_colour_geotiff
+from uavgram.model.ground_raster import GroundRaster
+from uavgram.pipeline.compute import compute
+from uavgram.pipeline.inputs import read_inputs
+from uavgram.pipeline.rectify import warped_windows
+from uavgram.stages.rectify import choose_view, lay_raster
+
+HERE = Path(__file__).parent
+ROUNDS, DEMAND = 5, 10.0
+CREATION = {
+    "tiled": True, "blockxsize": 512, "blockysize": 512, "compress": "deflate", "zlevel": 1,
+    "predictor": 2, "num_threads": "all_cpus", "photometric": "rgb",
+}  # fmt: skip
+
+
+def job_for(view: View, raster: GroundRaster) -> dict[str, object]:
+    """What orthority needs: the pose in the map's axes, which turn and stretch at the camera."""
+    result, row = view.result, view.rows[0]
+    center = result.frames.refined.center_world_m[row]
+    steps = np.concatenate([center[None], center + np.eye(3)])
+    placed = projected_from_enu(steps, view.origin, raster.crs)
+    u, _, vt = np.linalg.svd((placed[1:] - placed[0]).T)
+    ground = projected_from_enu(
+        np.append(result.shared.plane_pivot_m, result.shared.plane_height_m.value)[None],
+        view.origin,
+        raster.crs,
+    )
+    return {
+        "photo": result.frames.path[row],
+        "size_px": [result.camera.width_px, result.camera.height_px],
+        "intrinsics": result.shared.intrinsics.value.tolist(),
+        "center": placed[0].tolist(),
+        "rotation": (u @ vt @ result.frames.refined.world_from_camera[row]).tolist(),
+        "ground_m": float(ground[0, 2]),
+        "pixel_m": raster.pixel_m,
+        "crs": raster.crs,
+        "creation_options": CREATION,
+    }
+
+
+def ours(view: View, pixel_m: float, path: Path) -> float:
+    """Seconds from photo file to GeoTIFF."""
+    started = time.perf_counter()
+    raster = lay_raster(view, pixel_m)
+    write_colour_geotiff(raster, warped_windows(view, raster), {}, path)
+    return time.perf_counter() - started
+
+
+def peer(python: str, job: Path, path: Path) -> tuple[float, float]:
+    """Seconds of orthority's rectification, and of its whole process."""
+    started = time.perf_counter()
+    command = [python, str(HERE / "orthority_frame.py"), str(job), str(path)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return float(done.stdout.split()[-1]), time.perf_counter() - started
+
+
+def apart(first: Path, second: Path) -> tuple[float, float]:
+    """Shift between two pictures of the same ground [px], and median difference of grey."""
+    with rasterio.open(first) as file:
+        grey = file.read([1, 2, 3]).mean(axis=0, dtype=np.float32)
+        place = {"dst_transform": file.transform, "dst_crs": file.crs}
+    other = np.zeros_like(grey)
+    with rasterio.open(second) as file:
+        source = file.read([1, 2, 3]).mean(axis=0, dtype=np.float32)
+        reproject(
+            source, other, src_transform=file.transform, src_crs=file.crs,
+            resampling=Resampling.bilinear, **place,
+        )  # fmt: skip
+    middle = np.s_[grey.shape[0] // 4 : -grey.shape[0] // 4, grey.shape[1] // 4 : -grey.shape[1] // 4]
+    one, two = np.ascontiguousarray(grey[middle]), np.ascontiguousarray(other[middle])
+    shift, _ = cv2.phaseCorrelate(one, two)
+    return float(np.hypot(*shift)), float(np.median(np.abs(one - two)))
+
+
+def main(project: str, frame: str, python: str | None) -> int:
+    """Print seconds and ratios; status 1 where the demand is not met."""
+    if python is None or not Path(python).is_file():
+        print("skipped: name the Python of an environment with orthority (ORTHORITY_PYTHON)")
+        return 0
+    view = choose_view(compute(read_inputs(Path(project))).result, frame)
+    raster = lay_raster(view)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        job = folder / "job.json"
+        job.write_text(json.dumps(job_for(view, raster)), encoding="utf-8")
+        rows = []
+        for _ in range(ROUNDS):
+            mine = ours(view, raster.pixel_m, folder / "ours.tif")
+            rows.append((mine, *peer(python, job, folder / "peer.tif")))
+        command = [sys.executable, "-m", "uavgram", "rectify", project, "--frame", frame]
+        started = time.perf_counter()
+        subprocess.run([*command, "--output", str(folder / "out")], check=True, capture_output=True)
+        whole = time.perf_counter() - started
+        shift, grey = apart(folder / "ours.tif", folder / "peer.tif")
+        sizes = [(folder / name).stat().st_size / 1e6 for name in ("ours.tif", "peer.tif")]
+    seconds = np.array(rows)
+    ratio = float(np.median(seconds[:, 1] / seconds[:, 0]))
+    own, other, process = np.median(seconds, axis=0)
+    print(f"{raster.width} x {raster.height} pixels of {raster.pixel_m:g} m, {os.cpu_count()} cores")
+    print(f"rectification: uavgram {own:.2f} s, orthority {other:.2f} s: {ratio:.1f} times")
+    print(f"whole command: uavgram {whole:.2f} s (adjustment, sigmas, sheet), orthority {process:.2f} s")
+    print(f"files: {sizes[0]:.1f} and {sizes[1]:.1f} MB; {shift:.3f} px apart, grey {grey:.2f}")
+    return int(ratio < DEMAND)
+
+
+if __name__ == "__main__":
+    chosen = sys.argv[3] if len(sys.argv) > 3 else os.environ.get("ORTHORITY_PYTHON")
+    sys.exit(main(sys.argv[1], sys.argv[2], chosen))

@@ -1,0 +1,64 @@
+"""Areas of the ground, from the column of picks.csv to results.json."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+
+import uavgram
+from uavgram.errors import InputError
+from uavgram.io.results import dump_results, load_results
+
+EAST = ("R1", "R2", "R3", "R4", "R5")
+
+
+@pytest.fixture
+def project(data_dir, tmp_path, copy_project):
+    """The calm twin, with some of its points on an area of their own."""
+
+    def write(area_of, **changes):
+        with (data_dir / "calm_nadir" / "picks.csv").open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        path = tmp_path / "picks.csv"
+        with path.open("w", encoding="utf-8", newline="") as file:
+            table = csv.DictWriter(file, [*rows[0], "area"])
+            table.writeheader()
+            table.writerows(
+                row | {"area": area_of(number, row["label"])} for number, row in enumerate(rows)
+            )
+        changes = {"picks": str(path)} | changes
+        return copy_project(data_dir / "calm_nadir", tmp_path, **changes)
+
+    return write
+
+
+def test_points_of_an_area_get_a_plane_of_their_own(project, truth, tmp_path):
+    ground = {"areas": {"verge": {"height_sigma_m": 0.5}, "lawn": {}}}
+    path = project(lambda _, label: "verge" if label in EAST else "", ground=ground)
+    result = uavgram.run(path, output=None)
+
+    assert [area.name for area in result.areas] == ["default", "verge"]
+    assert result.areas[0].height_m.value == result.shared.plane_height_m.value
+    assert [m.text for m in result.messages if m.code == "area-unpicked"] == [
+        "The ground's area 'lawn' is not used: no usable pick names it in the column `area` of "
+        "picks.csv."
+    ]
+    known = truth("calm_nadir")
+    true = np.array([known["measurements"][name] for name in result.measurements.name])
+    error = result.measurements.value - true
+    assert np.mean(np.abs(error) / true) <= 0.004
+    assert np.sqrt(np.mean((error / result.measurements.sigma) ** 2)) <= 2.6
+
+    file = tmp_path / "results.json"
+    file.write_text(dump_results(result), encoding="utf-8")
+    again = load_results(file).areas
+    assert [area.name for area in again] == ["default", "verge"]
+    np.testing.assert_array_equal(again[1].slope_deg.sigma, result.areas[1].slope_deg.sigma)
+
+
+def test_a_point_in_two_areas_is_told_with_its_line(project):
+    path = project(lambda number, _: "road" if number % 2 else "verge")
+    with pytest.raises(InputError, match=r"picks.csv:\d+: area of label '\w+' is '\w+' here"):
+        uavgram.run(path, output=None)

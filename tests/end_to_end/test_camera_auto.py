@@ -1,0 +1,156 @@
+"""Projects without a camera file: what the photos say of their camera, against surveyed targets."""
+
+import json
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import yaml
+from camera_photos import camera_photo
+from pyproj import Transformer
+
+import uavgram
+from uavgram.errors import InputError
+from uavgram.io.results import write_results
+from uavgram.pipeline.check import check
+from uavgram.views.report import render_report
+
+STILL = "snapshotNarrabeen.JPG"
+FOCAL_PX = 3120.0  # of the still, from a resection on the targets
+
+
+def _table(path, header, rows):
+    lines = [",".join(str(cell) for cell in row) for row in rows]
+    path.write_text("\n".join([header, *lines]) + "\n")
+
+
+@pytest.fixture
+def write(tmp_path):
+    def _write(content):
+        path = tmp_path / "project.yaml"
+        path.write_text(yaml.safe_dump(content))
+        return path
+
+    return _write
+
+
+@pytest.fixture
+def narrabeen(data_dir, tmp_path, write):
+    """A project on the Mavic's still with its four RTK targets; `camera: auto`."""
+    folder = data_dir / "narrabeen_mavic"
+    control = json.loads((folder / "control.json").read_text())
+    to_wgs84 = Transformer.from_crs("EPSG:28356", "EPSG:4326", always_xy=True)
+    targets = [
+        (p["id"], *to_wgs84.transform(*p["xyz"][:2])[::-1], p["xyz"][2], 0.2)
+        for p in control["points"]
+    ]
+    _table(tmp_path / "control.csv", "label,latitude_deg,longitude_deg,height_m,sigma_m", targets)
+    seen = next(p for p in control["photos"] if p["file"] == STILL)["observations"]
+    rows = [(STILL, o["id"], *o["uv"]) for o in seen]
+    _table(tmp_path / "picks.csv", "image,label,u_px,v_px", rows)
+    origin = {"latitude_deg": -33.7299, "longitude_deg": 151.3006, "height_m": 2.475}
+    content = {
+        "images": str(folder / STILL),
+        "camera": "auto",
+        "picks": "picks.csv",
+        "control": "control.csv",
+        "poses": "exif",
+        "world": {"origin": origin},
+        "ground": {"height_sigma_m": 0.5},
+    }
+    return SimpleNamespace(write=lambda **changes: write(content | changes), folder=folder)
+
+
+def test_the_assumed_camera_says_its_source_and_what_a_calibration_would_gain(narrabeen):
+    messages = {m.code: m for m in check(narrabeen.write()).messages}
+
+    assert messages["camera-assumed"].level == "warning"
+    assert "the table of drone cameras (DJI Mavic Pro" in messages["camera-assumed"].text
+    assert re.search(r"2971 ± 238 px \(8\.0 %\)", messages["camera-assumed"].text)
+    assert "a calibration would bring" in messages["camera-assumed"].text
+
+
+def test_a_survey_with_control_learns_the_focal_length_of_an_assumed_camera(narrabeen, tmp_path):
+    result = uavgram.run(narrabeen.write(), output=None)
+    file = tmp_path / "results.json"
+    write_results(result, file)
+    record = json.loads(file.read_text())["shared"]["intrinsics"]
+    message = next(m for m in result.messages if m.code == "camera-learnt")
+
+    assert result.solution.converged
+    # The still's focal length lies 5 % above the table's; the targets find it.
+    assert record["prior_value"][0] == pytest.approx(2971.4, abs=0.1)
+    assert record["prior_sigma"][0] == pytest.approx(237.7, abs=0.1)
+    assert abs(record["value"][0] - FOCAL_PX) < 2 * record["sigma"][0]
+    assert record["sigma_ratio"][0] < 0.6
+    assert record["learnt"][:2] == [True, True]
+    assert record["learnt"][4:] == [False] * 5
+    np.testing.assert_allclose(
+        record["shift_prior_sigmas"][0] * record["prior_sigma"][0],
+        record["value"][0] - record["prior_value"][0],
+    )
+    assert message.text.startswith("The survey's own picks and lengths refined the camera: fx from")
+    assert "k1 k2 p1 p2 k3 cannot be learnt" in message.text
+    assert "camera: fx before, and with the survey" in render_report(result)
+    # What the program wrote is what it reads.
+    again = uavgram.load_results(file)
+    np.testing.assert_array_equal(again.shared.intrinsics.value, result.shared.intrinsics.value)
+
+
+def test_video_frames_that_say_nothing_are_refused_with_the_way_out(narrabeen, tmp_path):
+    frame = "narrabeenFrames0001.jpg"
+    _table(tmp_path / "picks.csv", "image,label,u_px,v_px", [(frame, "GCP1", 100, 100)])
+    project = narrabeen.write(images=str(narrabeen.folder / "frames" / frame), poses=None)
+
+    with pytest.raises(InputError, match=rf"{frame}: does not say which camera took it.*calibrate"):
+        check(project)
+
+
+def test_three_nadir_photos_share_one_assumed_camera(data_dir, tmp_path, write):
+    beach = data_dir / "brighton_beach"
+    _table(tmp_path / "picks.csv", "image,label,u_px,v_px", [("DJI_0025.JPG", "a", 2000, 1000)])
+    content = {"images": str(beach / "*.JPG"), "camera": "auto", "picks": "picks.csv"}
+    done = check(write(content | {"poses": "exif"}))
+    camera = done.inputs.calibration
+
+    assert camera.name == "DJI FC300S"
+    assert camera.parameters[0] == pytest.approx(3.61 / 6.3175 * 4000)
+
+
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        ({"model": "FC300X"}, r"comes from another camera \(DJI FC300X\) than a\.jpg"),
+        ({"focal": (94, 10)}, r"another focal length or zoom \(9\.4, not 4\.7\) than a\.jpg"),
+        ({"dji": {"DewarpFlag": "1"}}, r"differs by its DewarpFlag .* from a\.jpg"),
+        ({"size": (300, 400)}, r"is 300 x 400 px, not the 400 x 300 px of a\.jpg"),
+    ],
+)
+def test_photos_of_several_cameras_cannot_share_an_assumed_one(tmp_path, write, other, words):
+    common = {"make": "DJI", "model": "FC220", "focal": (47, 10)}
+    camera_photo(tmp_path / "a.jpg", **common)
+    camera_photo(tmp_path / "b.jpg", **(common | other))
+    _table(tmp_path / "picks.csv", "image,label,u_px,v_px", [("a.jpg", "p", 20, 10)])
+
+    with pytest.raises(InputError, match=rf"b\.jpg: .*{words}"):
+        check(write({"images": "*.jpg", "camera": "auto", "picks": "picks.csv"}))
+
+
+@pytest.mark.parametrize(
+    ("size", "words"),
+    [
+        ((400, 300), r"uavgram camera .*camera\.yaml --size 400x300 --output camera_400x300\.yaml"),
+        ((400, 200), r"photos differ\): give the camera file of this camera and resolution"),
+    ],
+)
+def test_photos_of_another_size_than_the_camera_file_name_the_way_out(tmp_path, write, size, words):
+    camera_photo(tmp_path / "a.jpg", size)
+    (tmp_path / "camera.yaml").write_text(
+        "model: brown\nwidth_px: 4000\nheight_px: 3000\n"
+        "parameters: [2300, 2310, 2010, 1480, 0, 0, 0, 0, 0]\nsigma: [6, 6, 4, 4, 0, 0, 0, 0, 0]\n"
+    )
+    _table(tmp_path / "picks.csv", "image,label,u_px,v_px", [("a.jpg", "p", 20, 10)])
+
+    with pytest.raises(InputError, match=words):
+        check(write({"images": "*.jpg", "camera": "camera.yaml", "picks": "picks.csv"}))

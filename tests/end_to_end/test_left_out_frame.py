@@ -1,0 +1,48 @@
+"""A photo whose picks are nonsense is left out by name, and the survey goes on without it."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+
+import uavgram
+
+
+def rows_of(path):
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.mark.parametrize("log", [True, False], ids=["log", "no log"])
+def test_its_status_is_rejected_with_reason_and_message(data_dir, tmp_path, copy_project, log):
+    source = data_dir / "calm_nadir"
+    rows = rows_of(source / "picks.csv")
+    names, counts = np.unique([row["image"] for row in rows], return_counts=True)
+    chosen = names[np.argsort(-counts, kind="stable")[:5]].tolist()
+    rows = [row for row in rows if row["image"] in chosen]
+    bad = chosen[2]
+    rng = np.random.default_rng(0)
+    for row in rows:
+        if row["image"] == bad:
+            row["u_px"], row["v_px"] = (f"{value:.1f}" for value in rng.uniform(300, 1500, 2))
+    with (tmp_path / "picks.csv").open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, rows[0].keys())
+        writer.writeheader()
+        writer.writerows(rows)
+    without = {} if log else {"log": None, "time": None}
+    project = copy_project(source, tmp_path, picks="picks.csv", **without)
+    result = uavgram.run(project, output=None)
+
+    frames = dict(zip(result.frames.frame_id, result.frames.status, strict=True))
+    reasons = dict(zip(result.frames.frame_id, result.frames.reason, strict=True))
+    assert frames[bad] == "rejected"
+    assert "labels in disorder" in reasons[bad]
+    assert [name for name in chosen if frames[name] == "refined"] == [
+        name for name in chosen if name != bad
+    ]
+    (told,) = [m for m in result.messages if m.code == "frame-left-out"]
+    assert repr(bad) in told.text
+    assert result.solution.converged
+    assert result.solution.chi2_probability > 1e-3

@@ -1,0 +1,105 @@
+"""Stated sigmas of corners against their true errors, and the operators against laws."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from board_photos import Sensor
+
+from uavgram.imaging.targets import saddle
+from uavgram.imaging.targets.gradient import gradient_corners
+from uavgram.imaging.targets.saddle import cut_windows, fit_saddles
+from uavgram.imaging.targets.sighting import SIGMA_FLOOR_PX, grid_axes, measure_corners
+
+
+def drawn_saddle(rng, count, *, blur=1.0, noise=4.0, bleed=0.0, half=11, truth=None):
+    """Corners by formula, independent of the renderer: (N, K, K) in one tall image."""
+    side = 2 * half + 3
+    truth = rng.uniform(-0.5, 0.5, (count, 2)) if truth is None else truth
+    start = np.stack([np.full(count, half + 1), np.arange(count) * side + half + 1], axis=1)
+    state = np.zeros((count, saddle.PARAMETERS))
+    state[:, :2] = truth
+    state[:, 2], state[:, 3], state[:, 4] = 0.2, 1.9, blur
+    state[:, 5], state[:, 6], state[:, 9] = 80.0, 120.0, bleed
+    v, u = np.mgrid[-half - 1 : half + 2, -half - 1 : half + 2].reshape(2, -1)
+    value = saddle._saddle(np.stack([u, v], axis=1).astype(float), state)[0]
+    image = value.reshape(count * side, side) + noise * rng.standard_normal((count * side, side))
+    axes = np.array([[np.cos(0.2), np.sin(0.2)], [np.cos(1.9), np.sin(1.9)]]) * 40.0
+    return image, start + truth, np.broadcast_to(axes, (count, 2, 2))
+
+
+def test_the_saddles_derivatives_are_those_of_its_values():
+    rng = np.random.default_rng(1)
+    offset = rng.uniform(-6, 6, (40, 2))
+    state = np.array([[0.3, -0.2, 0.2, 1.7, 1.3, 80.0, 120.0, 0.4, -0.3, 15.0]])
+    jacobian = saddle._saddle(offset, state)[1][0]
+    for k in range(saddle.PARAMETERS):
+        step = np.zeros(saddle.PARAMETERS)
+        step[k] = 1e-6
+        up, down = (saddle._saddle(offset, state + s * step)[0][0] for s in (1, -1))
+        np.testing.assert_allclose(jacobian[:, k], (up - down) / 2e-6, atol=1e-5, err_msg=str(k))
+
+
+@pytest.mark.parametrize("blur", [0.7, 2.0])
+def test_both_operators_err_as_much_as_they_say_under_white_noise(blur):
+    """Chi-square of 400 corners, two coordinates each: bounds of six sigma about one."""
+    rng = np.random.default_rng(2)
+    image, truth, axes = drawn_saddle(rng, 400, blur=blur)
+    windows = cut_windows(image, np.round(truth), axes, 10, 1.0)
+    fit = fit_saddles(windows, np.round(truth), axes)
+    corner, covariance = gradient_corners(
+        image.astype(np.float32), windows, fit.pixel_px, np.full(400, 4.0)
+    )
+    # Both states a little too much: noise passes for correlation of the fit's residuals, and adds
+    # to the gradients that the operator counts on.
+    for name, pixel, cov, most in (
+        ("saddle", fit.pixel_px, fit.covariance_px2, 1.15),
+        ("gradient", corner, covariance, 1.3),
+    ):
+        error = pixel - truth
+        squared = np.einsum("ni,nij,nj->n", error, np.linalg.inv(cov), error)
+        assert 0.6 < squared.mean() / 2.0 < most, name
+
+
+def test_bleeding_and_blur_do_not_shift_a_corner():
+    rng = np.random.default_rng(3)
+    for blur, bleed in ((0.5, 40.0), (3.0, -40.0)):
+        image, truth, axes = drawn_saddle(rng, 50, blur=blur, bleed=bleed, noise=0.0)
+        windows = cut_windows(image, np.round(truth), axes, 10, 1.0)
+        fit = fit_saddles(windows, np.round(truth), axes)
+        np.testing.assert_allclose(fit.pixel_px, truth, atol=1e-3)
+        np.testing.assert_allclose(fit.blur_px, blur, atol=1e-2)
+
+
+@pytest.mark.parametrize("kind", ["chessboard", "charuco"])
+@pytest.mark.parametrize(("blur", "noise"), [(0.6, 2.0), (0.6, 8.0), (1.2, 4.0), (2.0, 8.0)])
+def test_corners_of_rendered_boards_err_as_much_as_they_say(request, shoot, kind, blur, noise):
+    """Where the floor rules (little noise), less than stated; never much more."""
+    board = request.getfixturevalue(kind)
+    ratios = []
+    for k in range(2):
+        photo, truth = shoot(board, "brown", k, Sensor(blur, noise, 0.3))
+        axes = grid_axes(truth.reshape(board.rows, board.columns, 2))
+        assert axes.shape == (board.rows, board.columns, 2, 2)
+        reach = 0.35 if kind == "chessboard" else 0.17
+        start = np.round(truth).reshape(board.rows, board.columns, 2)
+        seen = measure_corners(photo, start, reach, (board.columns, board.rows))
+        assert len(seen.corner) == board.columns * board.rows
+        ratios.append((seen.pixel_px - truth) / seen.sigma_px[:, None])
+    ratio = np.sqrt(np.mean(np.concatenate(ratios) ** 2))
+    low = 0.8 if noise > 5 else 0.45
+    assert low < ratio < 1.2
+    assert seen.sigma_px.min() >= SIGMA_FLOOR_PX
+
+
+def test_sharpened_and_overexposed_photos_show_a_misfit(chessboard, shoot):
+    import cv2
+
+    plain, _ = shoot(chessboard, "brown", 0, Sensor(1.5, 2.0))
+    soft = cv2.GaussianBlur(plain, (0, 0), 3.0)
+    sharp = cv2.addWeighted(plain, 4.0, soft, -3.0, 60.0)
+    _, truth = shoot(chessboard, "brown", 0)
+    grid = np.round(truth).reshape(6, 9, 2)
+    misfit = [measure_corners(photo, grid, 0.35, (9, 6)).misfit for photo in (plain, sharp)]
+    assert misfit[0] < 0.01
+    assert misfit[1] > 2.0 * misfit[0]

@@ -1,0 +1,135 @@
+"""What is made of sightings: observations, messages, and one clear error each for what is wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from uavgram.errors import InputError
+from uavgram.imaging.preview import jpeg_size
+from uavgram.imaging.targets.coverage import corner_coverage, draw_coverage
+from uavgram.imaging.targets.observations import collect_observations
+from uavgram.imaging.targets.picture import draw_board
+from uavgram.imaging.targets.sighting import Sighting
+from uavgram.model.calibration_photos import LensSetting, flat_board
+
+SIZE_PX = (640, 480)
+
+
+def sighting(k=0, *, columns=9, rows=6, **changes):
+    """The corners of a board as a regular grid, moved by k."""
+    v, u = np.divmod(np.arange(columns * rows), columns)
+    pixel = np.stack([u * 40.0 + 100 + 7 * k, v * 40.0 + 90 + 5 * k], axis=1)
+    n = len(pixel)
+    plain = Sighting(
+        corner=v * 9 + u,
+        pixel_px=pixel,
+        sigma_px=np.full(n, 0.05),
+        gradient_px=pixel + 0.25,
+        gradient_sigma_px=np.full(n, 0.1),
+        misfit=0.005,
+        found_size=(max(columns, rows), min(columns, rows)),
+    )
+    return replace(plain, **changes)
+
+
+def collect(sightings, board=None):
+    files = [f"{k}.jpg" for k in range(len(sightings))]
+    settings = [LensSetting(camera=file) for file in files]
+    return collect_observations(
+        board or flat_board(9, 6, 0.025), files, SIZE_PX, settings, sightings
+    )
+
+
+NONE = Sighting()
+OTHER = Sighting(found_size=(8, 5), is_other_board=True)
+
+
+def test_every_photo_with_a_board_becomes_an_observation():
+    observations, messages = collect([sighting(0), NONE, sighting(1), sighting(2)])
+    assert [photo.file for photo in observations.photos] == ["0.jpg", "2.jpg", "3.jpg"]
+    assert [photo.setting.camera for photo in observations.photos] == ["0.jpg", "2.jpg", "3.jpg"]
+    assert np.array_equal(observations.photos[1].pixel_px, sighting(1).pixel_px)
+    assert [(message.level, message.code) for message in messages] == [
+        ("warning", "photo-without-board")
+    ]
+    assert "1.jpg" in messages[0].text
+
+
+@pytest.mark.parametrize(
+    ("sightings", "file", "words"),
+    [
+        ([NONE, NONE, NONE], "0.jpg", "no board"),
+        ([NONE, OTHER, OTHER, sighting()], "1.jpg", "8 x 5 inner corners"),
+        ([sighting(k, columns=8, rows=6) for k in range(3)], "0.jpg", "8 x 6 inner corners"),
+        ([NONE, sighting(0), sighting(1)], "1.jpg", "only 2 of 3 photos"),
+        ([sighting(0), sighting(1), sighting(2), sighting(1)], "3.jpg", "1.jpg"),
+    ],
+)
+def test_what_cannot_be_calibrated_is_one_error_that_names_a_photo(sightings, file, words):
+    with pytest.raises(InputError, match=words) as caught:
+        collect(sightings)
+    assert caught.value.path == file
+
+
+def test_cut_and_foreign_boards_are_said():
+    seen = [sighting(0), sighting(1), sighting(2), sighting(3, columns=7, rows=6), OTHER]
+    observations, messages = collect(seen)
+    assert len(observations.photos) == 4
+    assert {message.code: message.text.split()[0] for message in messages} == {
+        "board-partial": "3.jpg",
+        "photo-other-board": "4.jpg",
+    }
+
+
+def test_all_photos_are_measured_by_one_operator_and_contradicting_corners_left_out():
+    bad = sighting(1, misfit=0.2)
+    moved = bad.gradient_px.copy()
+    moved[5] += 3.0
+    observations, messages = collect(
+        [sighting(0, misfit=0.2), replace(bad, gradient_px=moved), sighting(2)]
+    )
+    assert [message.code for message in messages] == ["corners-misfit"]
+    assert [len(photo.corner) for photo in observations.photos] == [54, 53, 54]
+    assert 5 not in observations.photos[1].corner
+    for k, photo in enumerate(observations.photos):
+        np.testing.assert_array_equal(photo.pixel_px[0], sighting(k).gradient_px[0])
+        assert photo.sigma_px[0] == 0.1
+
+
+def test_coverage_counts_every_corner_in_its_cell():
+    # 79.7 is in the second cell: the image's left edge is at -0.5, and a cell has 80 px
+    edge = replace(sighting(0), pixel_px=sighting(0).pixel_px - [20.3, 0.0])
+    observations, _ = collect([edge, sighting(1), sighting(2)])
+    count = corner_coverage(observations, cells_across=8)
+    assert count.shape == (6, 8)
+    assert count.sum() == 3 * 54
+    pixel = np.concatenate([photo.pixel_px for photo in observations.photos])
+    expected, _, _ = np.histogram2d(
+        pixel[:, 1], pixel[:, 0], [np.arange(7) * 80 - 0.5, np.arange(9) * 80 - 0.5]
+    )
+    np.testing.assert_array_equal(count, expected)
+    picture = draw_coverage(count, SIZE_PX)
+    assert picture.shape == (600, 800, 3)
+    assert picture[2, 2, 0] > picture[2, 2, 2]  # red: nothing in the corner of the image
+    assert picture[305, 405, 2] > picture[305, 405, 0]  # blue: corners in the middle
+
+
+def test_the_picture_of_a_photo_shows_marks_where_the_corners_are():
+    observations, _ = collect([sighting(0), sighting(1), sighting(2)])
+    photo, board = observations.photos[0], observations.board
+    grey = np.full((480, 640), 100, np.uint8)
+    encoded = draw_board(grey, board, photo, max_width_px=320, residual_px=np.zeros((54, 2)))
+    assert jpeg_size(encoded) == (320, 240)
+    picture = cv2.imdecode(np.frombuffer(encoded, np.uint8), cv2.IMREAD_COLOR).astype(int)
+    marked = np.abs(picture - 100).max(axis=2) > 30
+    v, u = np.nonzero(marked)
+    low, high = photo.pixel_px.min(axis=0) / 2, photo.pixel_px.max(axis=0) / 2
+    assert abs(u.min() - low[0]) < 8
+    assert abs(v.max() - high[1]) < 8
+    red = picture[..., 2] - picture[..., :2].max(axis=2) > 60
+    place = np.argwhere(red)[:, ::-1].mean(axis=0)
+    np.testing.assert_allclose(place, photo.pixel_px[0] / 2, atol=3)

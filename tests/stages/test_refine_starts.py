@@ -1,0 +1,184 @@
+"""Where the adjustment starts, and what it leaves out so that the rest goes on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from uavgram.estimation.survey_problem import SurveyProblem
+from uavgram.model.options import SolveOptions
+from uavgram.stages.refine import refine
+from uavgram.stages.refine.starts import first_values
+
+REPORT = SolveOptions()
+NO_LOG = {"telemetry": False, "gauge": "plane"}
+PAIRS = tuple((k, k + 6) for k in range(6))
+TRIANGLE = ((0, 1), (1, 2), (2, 0))
+
+
+def with_log(scene, rng, degrees, share, off=1.0):
+    """A log whose sigmas are so many degrees of level and that share of the height.
+
+    It is wrong by `off` of them in every frame, to any side.
+    """
+    survey, truth = scene.survey, scene.truth
+    frames = len(survey.frame_id)
+    side, sign = rng.uniform(0, 2 * np.pi, frames), rng.choice([-1, 1], frames)
+    axis = np.stack([np.cos(side), np.sin(side), np.zeros(frames)], axis=1)
+    turn = Rotation.from_rotvec(off * np.deg2rad(degrees) * axis)
+    rise = off * share * sign * truth.center[:, 2]
+    track, times = survey.track, len(survey.track.position_time_s) // frames
+    position = np.array(track.position_world_m)
+    position[:, 2] += np.repeat(rise, times)
+    body = Rotation.from_quat(track.world_from_body_xyzw)
+    logged = Rotation.from_matrix(np.repeat(turn.as_matrix(), times, axis=0)) * body
+    center = np.array(truth.center)
+    center[:, 2] += rise
+    sigma = [0.5, 0.5, share * truth.center[:, 2].mean(), *[np.deg2rad(degrees)] * 3]
+    covariance = np.tile(np.diag(np.square(sigma)), (frames, 1, 1))
+    return replace(
+        survey,
+        track=replace(track, position_world_m=position, world_from_body_xyzw=logged.as_quat()),
+        telemetry=replace(survey.telemetry, covariance=covariance),
+        seeds=replace(
+            survey.seeds,
+            center_world_m=center,
+            world_from_camera=turn.as_matrix() @ truth.rotation,
+            covariance=covariance,
+        ),
+    )
+
+
+def started_at_truth(survey, truth):
+    seeds = replace(survey.seeds, center_world_m=truth.center, world_from_camera=truth.rotation)
+    return replace(survey, seeds=seeds)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize(("frames", "number"), [(1, 16), (4, 8)])
+@pytest.mark.parametrize("tilt", [0.0, 0.35])
+def test_seeds_20_degrees_and_40_percent_wrong_lead_to_the_minimum_nearest_the_truth(
+    scene_factory, frames, number, tilt
+):
+    rng = np.random.default_rng(frames)
+    reached = 0
+    for seed in range(number):
+        scene = scene_factory(seed, frames=frames, ends=PAIRS, noise=0.0, tilt=tilt)
+        survey = with_log(scene, rng, 20.0, 0.4)
+        if len(first_values(survey)) == 0 or len(scene.survey.line_start) < 3:
+            continue
+        refined, _ = refine(survey, REPORT)
+        best, _ = refine(started_at_truth(survey, scene.truth), REPORT)
+        if len(best.adjustment.problem.line_index) < 3:
+            continue  # its lines are not in view: nothing could correct such a log
+        cost, least = refined.adjustment.minimum.cost, best.adjustment.minimum.cost
+        assert cost <= least + 0.01, seed
+        assert refined.adjustment.minimum.converged
+        assert len(refined.pick_index) == len(survey.pick_frame)
+        reached += 1
+    assert reached > 0.4 * number
+
+
+def test_a_step_that_brings_a_picked_point_behind_its_camera_is_refused(scene_factory):
+    scene = scene_factory(2)
+    used = np.ones(len(scene.survey.line_start), dtype=bool)
+    problem = SurveyProblem(scene.survey, scene.pivot, used)
+    assert problem.evaluate(scene.truth) is not None
+    turned = np.array(scene.truth.rotation)
+    turned[1] = turned[1] @ np.diag([1.0, -1.0, -1.0])
+    assert problem.evaluate(replace(scene.truth, rotation=turned)) is None
+
+
+def test_a_log_keeps_those_other_solutions_that_it_allows_and_says_so(scene_factory):
+    kept, allowed = 0, 0
+    for seed in range(4):
+        scene = scene_factory(seed, frames=1, labels=6, ends=TRIANGLE, noise=0.0)
+        wide = refine(with_log(scene, np.random.default_rng(0), 30.0, 0.5, off=0.0), REPORT)
+        tight = refine(with_log(scene, np.random.default_rng(0), 0.5, 0.01, off=0.0), REPORT)
+        assert tight[0].alternatives == ()
+        assert [m.code for m in tight[1]] == []
+        for other in wide[0].alternatives:
+            kept += 1
+            # Both explain the lengths; what the log says of the other pose is in its cost.
+            apart = other.minimum.cost - wide[0].adjustment.minimum.cost
+            allowed += 0 <= apart < 10.9
+        told = [m for m in wide[1] if m.code == "ambiguous-pose"]
+        assert len(told) == (1 if wide[0].alternatives else 0)
+        assert all("within what the telemetry allows" in m.text for m in told)
+        assert all("%" in m.text for m in told)
+    assert kept == allowed
+    assert kept >= 2
+
+
+def nonsense(survey, frame, rng, spread=1400.0):
+    """The survey with one frame's picks anywhere in the image."""
+    pixel = np.array(survey.pixel_px)
+    picks = survey.pick_frame == frame
+    pixel[picks] = rng.uniform([50, 50], [1950, spread], (picks.sum(), 2))
+    return replace(survey, pixel_px=pixel)
+
+
+@pytest.mark.parametrize("options", [{}, NO_LOG], ids=["log", "no log"])
+@pytest.mark.parametrize("frame", [0, 3])
+def test_a_frame_of_nonsense_is_left_out_by_name_and_the_rest_goes_on(
+    scene_factory, options, frame
+):
+    for seed in (0, 2):
+        scene = scene_factory(seed, frames=6, ends=PAIRS, **options)
+        survey = nonsense(scene.survey, frame, np.random.default_rng(seed))
+        refined, messages = refine(survey, REPORT)
+        left = [f for f in survey.frame_id if f not in refined.adjustment.survey.frame_id]
+        assert left == [f"f{frame}"], seed
+        told = [m for m in messages if m.code == "frame-left-out"]
+        assert len(told) == 1
+        assert f"'f{frame}'" in told[0].text
+        picks = np.flatnonzero(survey.pick_frame == frame)
+        assert set(picks.tolist()) <= set(refined.pick_reason)
+        if not options:  # the world is that of the log: points lie where they do
+            world, covariance = refined.adjustment.points()
+            index = [survey.label.index(name) for name in refined.adjustment.survey.label]
+            error = world - scene.world[index]
+            squared = np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error)
+            assert np.median(squared) < 12
+
+
+def test_one_wrong_pick_is_no_reason_to_leave_a_frame_out(scene_factory):
+    survey = scene_factory(2, frames=6, ends=PAIRS).survey
+    pixel = np.array(survey.pixel_px)
+    pixel[17, 0] += 60.0
+    refined, messages = refine(replace(survey, pixel_px=pixel), REPORT)
+    assert refined.pick_reason == {}
+    assert messages == ()
+
+
+def test_lines_that_run_one_way_are_named_with_the_line_to_tape_next(scene_factory):
+    scene = scene_factory(4, frames=1, labels=12, noise=0.0, **NO_LOG)
+    # Five lines of one direction, at both sides of the scene.
+    world = scene.world
+    order = np.argsort(np.arctan2(*(world[:, None, :2] - world[None, :, :2]).T) % np.pi, axis=None)
+    first, second = np.unravel_index(order, (12, 12))
+    chosen = [(a, b) for a, b in zip(first, second, strict=True) if a < b][:5]
+    start, end = np.array(chosen).T
+    length = np.linalg.norm(world[start] - world[end], axis=1)
+    survey = replace(
+        scene.survey,
+        line_start=start,
+        line_end=end,
+        length_m=length,
+        length_sigma_m=np.full(5, 0.01),
+    )
+    refined, messages = refine(survey, REPORT)
+    (told,) = [m for m in messages if m.code == "weak-lengths"]
+    assert "nearly one direction" in told.text
+    assert "best from" in told.text
+    assert "sigma of distances" in told.text
+    assert refined.adjustment.minimum.converged
+
+
+def test_well_spread_lines_need_no_word(scene_factory):
+    scene = scene_factory(4, frames=1, ends=PAIRS, **NO_LOG)
+    _, messages = refine(scene.survey, REPORT)
+    assert [m.code for m in messages] == []

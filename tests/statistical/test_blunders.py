@@ -1,0 +1,309 @@
+"""Blunders: found as often as predicted, named with what no test can part, taken out without harm.
+
+One frame sees six taped lines and four check points, all of whose coordinates stand here; nothing
+but the lengths tells the pose. The test is that of each single observation (not of the family):
+of observations without blunder the share that is flagged is the significance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from uavgram.estimation import observed as module
+from uavgram.estimation.first_values import FirstValues
+from uavgram.estimation.observed import observed
+from uavgram.estimation.reliability import critical_value, power
+from uavgram.estimation.snooping import suspicions
+from uavgram.estimation.suspicion import Member
+from uavgram.model.camera import Calibration
+from uavgram.model.options import SolveOptions
+from uavgram.model.survey import Ground, Survey
+from uavgram.stages.refine import minima, refine
+
+pytestmark = pytest.mark.statistical
+
+# East and north of the ends of six lines, and of four check points [m]; the camera hangs 30 m
+# above the place (0, 0), and looks north, 25 degrees from straight down.
+LINES = np.array([
+    [[-14.0, 2.0], [-2.0, 14.0]],
+    [[2.0, 14.0], [14.0, 2.0]],
+    [[-14.0, 7.0], [-13.0, 25.0]],
+    [[14.0, 6.0], [11.0, 26.0]],
+    [[-8.0, 4.0], [9.0, 3.0]],
+    [[-8.0, 26.0], [9.0, 25.0]],
+])  # fmt: skip
+CHECKS = np.array([[-6.0, 8.5], [6.0, 10.5], [5.0, 20.5], [-5.0, 18.0]])
+HEIGHT_M, TILT_DEG = 30.0, 25.0
+CAMERA = np.array([3000.0, 3000.0, 2000.0, 1500.0, -0.1, 0.02, 0.0, 0.0, 0.0])
+PICK_PX, TAPE_M = 1.0, 0.01
+
+POINTS = np.vstack([LINES.reshape(-1, 2), CHECKS])
+LABELS = (*(f"{end}{k}" for k in range(6) for end in "PQ"), *(f"C{k}" for k in range(4)))
+START, END = np.arange(0, 12, 2), np.arange(1, 12, 2)
+PAIRS = ((12, 13), (12, 14), (12, 15), (13, 14), (13, 15), (14, 15))
+
+EVERY_PICK, NO_LINE = np.ones(len(POINTS), dtype=bool), np.zeros(6, dtype=bool)
+
+ALPHA = 0.001
+REPETITIONS = 1000
+TAKEN_OUT = 100
+TAIL = 1e-4 / 2
+"""Probability with which a bound of a binomial distribution is crossed by chance."""
+
+
+@pytest.fixture(scope="module")
+def truth(scenes):
+    """Exact survey of the scene, and the values at which its adjustment starts."""
+    world = np.column_stack([POINTS, np.zeros(len(POINTS))])
+    center = np.array([0.0, 0.0, HEIGHT_M])
+    rotation = scenes.look_down(0.0, np.deg2rad(TILT_DEG))
+    pixel, depth = scenes.cv_pixels(CAMERA, center, rotation, world)
+    assert (depth > 0).all()
+    assert (pixel > 50).all()
+    assert (pixel < [3950, 2950]).all()
+    n = len(POINTS)
+    survey = Survey(
+        frame_id=("img1.jpg",), seeds=None, telemetry=None, track=None,
+        calibration=Calibration(
+            name="known", model="brown", width_px=4000, height_px=3000,
+            parameters=CAMERA, covariance=np.zeros((9, 9)),
+        ),
+        label=LABELS, height_above_m=np.zeros(n),
+        pick_frame=np.zeros(n, dtype=int), pick_label=np.arange(n),
+        pixel_px=pixel, pick_sigma_px=np.full(n, PICK_PX),
+        line_start=START, line_end=END,
+        length_m=np.linalg.norm(LINES[:, 0] - LINES[:, 1], axis=1),
+        length_sigma_m=np.full(6, TAPE_M),
+        control_label=np.zeros(0, dtype=int), control_world_m=np.zeros((0, 3)),
+        control_sigma_m=np.zeros((0, 3)),
+        ground=Ground(
+            height_m=0.0, height_sigma_m=0.3, slope_sigma_rad=0.01, roughness_sigma_m=0.0
+        ),
+        gauge="plane",
+    )  # fmt: skip
+    return survey, FirstValues(POINTS, center[None], rotation[None], 0.0)
+
+
+@pytest.fixture(autouse=True)
+def _from_truth(monkeypatch, truth):
+    """Adjustments of the one frame start at the truth: no search, time for more repetitions."""
+    search = minima.first_values
+    one_frame = truth[1]
+    monkeypatch.setattr(
+        minima, "first_values", lambda s: [one_frame] if s.telemetry is None else search(s)
+    )
+
+
+def noisy(survey, rng, wrong=None, by=0.0):
+    """A survey with random errors in picks and lengths, and a blunder in one length."""
+    length = survey.length_m + TAPE_M * rng.normal(size=6)
+    if wrong is not None:
+        length[wrong] += by
+    pixel = survey.pixel_px + PICK_PX * rng.normal(size=survey.pixel_px.shape)
+    return replace(survey, length_m=length, pixel_px=pixel)
+
+
+def solved(survey, outliers="report"):
+    options = SolveOptions(outliers=outliers, significance=ALPHA)
+    refined, messages = refine(survey, options)
+    return refined, messages
+
+
+def check_errors(refined):
+    """Of the six distances between the check points."""
+    place = refined.adjustment.points()[0][12:, :2]
+    return np.array([
+        np.linalg.norm(place[a - 12] - place[b - 12]) - np.linalg.norm(POINTS[a] - POINTS[b])
+        for a, b in PAIRS
+    ])  # fmt: skip
+
+
+def predicted(survey):
+    """Redundancy numbers of the six lengths, and the power of their tests for an error."""
+    redundancy = observed(solved(survey)[0].adjustment)["lengths"].redundancy[:, 0]
+    return redundancy, lambda line, by: float(power(by, redundancy[line], TAPE_M, ALPHA))
+
+
+def bounds(count, chance):
+    return binom.ppf([TAIL, 1 - TAIL], count, chance)
+
+
+def statistics(survey, repetitions, seed, wrong=None, by=0.0):
+    """(repetitions, 6) w of the lengths."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for _ in range(repetitions):
+        given = noisy(survey, rng, wrong, by)
+        adjustment = minima.adjust(given, EVERY_PICK, NO_LINE, {}).adjustment
+        found.append(observed(adjustment)["lengths"].w[:, 0])
+    return np.array(found)
+
+
+def violations(survey, repetitions=400):
+    """Where the shares of flagged lengths are not as predicted, in words."""
+    redundancy, chance_of = predicted(survey)
+    words = []
+    clean = np.abs(statistics(survey, repetitions, 1))
+    for alpha in (0.001, 0.05):
+        flagged = (clean > critical_value(alpha)).sum(axis=0)
+        low, high = bounds(repetitions, alpha)
+        if (flagged < low).any() or (flagged > high).any():
+            words.append(f"false alarms at {alpha}: {flagged} not in {low:.0f}..{high:.0f}")
+    line = int(np.argsort(redundancy)[3])
+    for by, seed in ((0.05, 2), (0.1, 3)):
+        w = np.abs(statistics(survey, repetitions, seed, line, by)[:, line])
+        flagged, chance = int((w > critical_value(ALPHA)).sum()), chance_of(line, by)
+        low, high = bounds(repetitions, chance)
+        if not low <= flagged <= high:
+            words.append(f"{by} m: {flagged} flagged, predicted {chance:.3f}")
+    return words
+
+
+def test_false_alarms_and_power_for_small_blunders_are_as_predicted(truth):
+    assert violations(truth[0]) == []
+
+
+def rms(errors):
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def blundered(survey, rng):
+    """A survey with 0.2 to 1 m wrong in one length, which one, and by how much."""
+    wrong, by = int(rng.integers(6)), rng.uniform(0.2, 1.0) * rng.choice([-1, 1])
+    return noisy(survey, rng, wrong, by), wrong, by
+
+
+def test_a_wrong_length_is_flagged_and_its_group_named(truth):
+    survey = truth[0]
+    _, chance_of = predicted(survey)
+    rng = np.random.default_rng(4)
+    flagged, expected, named = [], [], []
+    for _ in range(REPETITIONS):
+        given, wrong, by = blundered(survey, rng)
+        adjustment = minima.adjust(given, EVERY_PICK, NO_LINE, {}).adjustment
+        first = next(suspicions(adjustment, observed(adjustment), ALPHA), None)
+        flagged.append(first is not None)
+        expected.append(chance_of(wrong, by) >= 0.95)
+        named.append(first is not None and first.accused == Member("lengths", wrong, 0))
+        if named[-1]:  # and with it the picks of its ends, which no test can part from it
+            group = {(m.kind, m.row) for m in first.group}
+            assert group == {("pixels", 2 * wrong), ("pixels", 2 * wrong + 1)}
+    expected = np.array(expected)
+    assert expected.mean() > 0.9
+    assert np.mean(np.array(flagged)[expected]) >= 0.95
+    assert np.mean(named) >= 0.90
+
+
+def test_a_wrong_length_is_taken_out_without_harm(truth):
+    rng = np.random.default_rng(5)
+    after, without, right = [], [], 0
+    for _ in range(TAKEN_OUT):
+        given, wrong, _ = blundered(truth[0], rng)
+        refined, _ = solved(given, "remove")
+        removed = [(r.kind, r.index) for r in refined.removals]
+        right += removed[:1] == [("line", wrong)]
+        after.append(check_errors(refined))
+        if removed != [("line", wrong)]:
+            refined = minima.adjust(given, EVERY_PICK, np.arange(6) == wrong, {})
+        without.append(check_errors(refined))
+    assert right >= 0.90 * TAKEN_OUT
+    assert rms(after) <= 1.15 * rms(without)
+
+
+def test_a_length_is_named_where_its_error_leads_to_another_pose(truth, monkeypatch):
+    # Three lengths allow several poses: a large error in the first line leads to another one, and
+    # there all test statistics point at the third.
+    ends = np.array([
+        [[-0.8, 17.6], [-6.5, 3.3]], [[-6.6, 7.9], [7.3, 18.1]], [[12.2, 21.9], [-1.4, 24.4]],
+        [[-5.8, 7.3], [-7.9, 22.5]], [[-1.3, 6.0], [14.8, 13.0]], [[4.9, 24.8], [-12.6, 21.5]],
+    ])  # fmt: skip
+    survey, start = seen(truth, np.vstack([ends.reshape(-1, 2), CHECKS]))
+    monkeypatch.setattr(minima, "first_values", lambda _: [start])
+    length = np.array(survey.length_m)
+    length[0] -= 0.76
+    wrong = replace(survey, length_m=length)
+    refined, _ = solved(wrong)
+    w = np.abs(observed(refined.adjustment)["lengths"].w[:, 0])
+    assert w.argmax() == 2
+    assert refined.accused.row == 0
+    refined, _ = solved(wrong, "remove")
+    assert [(r.kind, r.index) for r in refined.removals] == [("line", 0)]
+
+
+def seen(truth, points):
+    """The survey of other points in the same photo, and where its adjustment starts."""
+    import scenes
+
+    survey, start = truth
+    world = np.column_stack([points, np.zeros(len(points))])
+    pixel, _ = scenes.cv_pixels(CAMERA, start.center[0], start.rotation[0], world)
+    length = np.linalg.norm(points[START] - points[END], axis=1)
+    return replace(survey, pixel_px=pixel, length_m=length), start._replace(point_m=points)
+
+
+def crossed(scene_factory, seed):
+    """A flight in which every point is seen in three frames or more; and a generator."""
+    scene = scene_factory(3000 + seed, frames=6, labels=10, lines=2, spread=6.0, tilt=0.2)
+    often = np.bincount(scene.survey.pick_label, minlength=10)
+    assert often.min() >= 3
+    return scene.survey, np.random.default_rng(seed)
+
+
+SEVERAL, SWAPPED = 50, 30
+
+
+def test_a_pick_15_px_off_is_located_where_three_frames_see_every_point(scene_factory):
+    located = 0
+    for seed in range(SEVERAL):
+        survey, rng = crossed(scene_factory, seed)
+        pick, angle = int(rng.integers(len(survey.pick_frame))), rng.uniform(0, 2 * np.pi)
+        pixel = np.array(survey.pixel_px)
+        pixel[pick] += 15.0 * np.array([np.cos(angle), np.sin(angle)])
+        adjustment = solved(replace(survey, pixel_px=pixel))[0].adjustment
+        first = next(suspicions(adjustment, observed(adjustment), ALPHA))
+        located += (first.accused.kind, first.accused.row) == ("pixels", pick)
+    assert located >= 0.98 * SEVERAL
+
+
+def test_two_swapped_labels_are_located_where_three_frames_see_every_point(scene_factory):
+    located = 0
+    for seed in range(SWAPPED):
+        survey, rng = crossed(scene_factory, seed)
+        frame = int(rng.integers(6))
+        one, other = rng.choice(np.flatnonzero(survey.pick_frame == frame), 2, replace=False)
+        label = np.array(survey.pick_label)
+        label[[one, other]] = label[[other, one]]
+        refined, _ = solved(replace(survey, pick_label=label), "remove")
+        # Left out beforehand where they spoil everything, else taken out one after the other.
+        out = [*refined.pick_reason, *(r.index for r in refined.removals)]
+        located += set(out[:2]) == {one, other}
+    assert located >= 0.98 * SWAPPED
+
+
+# Planted bugs: each must be seen.
+
+
+def test_residuals_over_their_variance_break_the_predictions(truth, monkeypatch):
+    right = module.reliability
+
+    def wrong(block, covariance):
+        numbers = right(block, covariance)
+        return numbers._replace(w=numbers.w / np.sqrt(np.maximum(numbers.redundancy, 1e-6)))
+
+    monkeypatch.setattr(module, "reliability", wrong)
+    assert violations(truth[0], 60)
+
+
+def test_residuals_over_the_observations_sigma_break_the_predictions(truth, monkeypatch):
+    right = module.reliability
+
+    def wrong(block, covariance):
+        numbers = right(block, covariance)
+        return numbers._replace(w=block.residual)
+
+    monkeypatch.setattr(module, "reliability", wrong)
+    assert violations(truth[0], 60)

@@ -1,0 +1,60 @@
+"""An account of a calibration of a simulated camera, with its photos as blank pictures."""
+
+from __future__ import annotations
+
+import board_scenes
+import numpy as np
+
+from uavgram.imaging.preview import preview_of
+from uavgram.model.calibration_photos import CalibrationOptions
+from uavgram.model.camera_provenance import CameraProvenance
+from uavgram.model.message import Message
+from uavgram.model.result import InputDigest
+from uavgram.stages.calibrate import calibrate
+from uavgram.stages.calibration_account import CalibrationAccount, lens_effects
+
+
+def make_account(seed=0, *, options=None, name="a camera", spoil=0, model="brown", **scene):
+    """`spoil` corners of the second photo are 5 px off."""
+    if model == "fisheye":
+        scene = {"parameters": board_scenes.FISHEYE, "model": model, "distance": (4, 9)} | scene
+    made = board_scenes.make_scene(seed, **scene)
+    photos = list(made.observations.photos)
+    if spoil:
+        pixel = photos[1].pixel_px.copy()
+        pixel[:spoil] += 5.0
+        photos[1] = board_scenes.replace_pixels(photos[1], pixel)
+    observations = board_scenes.BoardObservations(
+        board=made.observations.board, photos=tuple(photos)
+    )
+    options = options or CalibrationOptions(model=model, coefficients=4 if model != "brown" else 5)
+    result = calibrate(observations, options, name)
+    provenance = CameraProvenance(
+        program="uavgram",
+        version="1",
+        created_utc="2026-01-05T11:00:00+00:00",
+        source="calibrated",
+        inputs=tuple(
+            InputDigest(path=photo.file, sha256=f"{k:064x}", size_bytes=10 + k)
+            for k, photo in enumerate(photos)
+        ),
+        board="chessboard:9x6:1m",
+        options={"model": model},
+        make="DJI",
+    )
+    return CalibrationAccount(
+        result=result,
+        provenance=provenance,
+        packages=(("numpy", "2"),),
+        without_board=(("wall.jpg", "no board was found"),),
+        common_error_px=0.0,
+        effects=lens_effects(result),
+        messages=(Message("warning", "photo-without-board", "wall.jpg"), *result.messages),
+    )
+
+
+def make_previews(account):
+    """A blank picture for every photo."""
+    size = (account.result.calibration.height_px, account.result.calibration.width_px)
+    blank = preview_of(np.full(size, 90, np.uint8), 320)
+    return dict.fromkeys((*account.result.photos.file, "wall.jpg"), blank)

@@ -1,0 +1,93 @@
+"""A calibration board as a person writes it: ``chessboard:9x6:25mm``."""
+
+from __future__ import annotations
+
+import re
+
+from uavgram.errors import InputError, near_miss
+from uavgram.imaging.targets.charuco import dictionary_names, dictionary_size
+from uavgram.model.calibration_photos import Board, flat_board
+
+OPTION = "--board"
+FORMS = (
+    "chessboard:9x6:25mm (9 x 6 inner corners, where four squares meet; side of a square) or "
+    "charuco:8x6:30mm:22mm:DICT_5X5_100 (8 x 6 squares; sides of a square and of a marker; "
+    "the markers' dictionary)"
+)
+LEAST_CORNERS = 3  # each way: with fewer nothing tells a board from any other crossing lines
+_LARGEST_SQUARE_M = 5.0
+_UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+_COUNT = re.compile(r"(\d+)x(\d+)")
+_LENGTH = re.compile(r"(\d+(?:\.\d*)?|\.\d+)(mm|cm|m)")
+
+
+def parse_board(text: str) -> Board:
+    """Read a board.
+
+    Parameters
+    ----------
+    text
+        See `FORMS`: a chessboard is counted in inner corners, a ChArUco board in squares, each as
+        OpenCV does.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or is no board.
+    """
+    kind, *parts = text.strip().split(":")
+    if kind == "chessboard" and len(parts) == 2:
+        columns, rows = _count(text, parts[0], LEAST_CORNERS, "inner corners")
+        return flat_board(columns, rows, _length(text, parts[1]))
+    if kind == "charuco" and len(parts) == 4:
+        return _charuco(text, parts)
+    if kind in {"chessboard", "charuco"}:
+        raise _fault(text, f"a {kind} has other parts than these {len(parts)}")
+    hint = near_miss(kind, ("chessboard", "charuco"))
+    raise _fault(text, f"unknown kind of board {kind!r}" + (f" ({hint})" if hint else ""))
+
+
+def _charuco(text: str, parts: list[str]) -> Board:
+    columns, rows = _count(text, parts[0], LEAST_CORNERS, "squares")
+    square_m, marker_m = _length(text, parts[1]), _length(text, parts[2])
+    if marker_m >= square_m:
+        raise _fault(text, "the marker is not smaller than the square around it")
+    dictionary, wanted = parts[3].upper(), columns * rows // 2
+    size = dictionary_size(dictionary)
+    if not size:
+        hint = near_miss(dictionary, dictionary_names())
+        raise _fault(text, f"unknown dictionary {parts[3]!r}" + (f" ({hint})" if hint else ""))
+    if size < wanted:
+        raise _fault(text, f"{dictionary} has {size} markers, this board needs {wanted}")
+    return flat_board(
+        columns - 1,
+        rows - 1,
+        square_m,
+        kind="charuco",
+        marker_m=marker_m,
+        dictionary=dictionary,
+    )
+
+
+def _count(text: str, part: str, least: int, what: str) -> tuple[int, int]:
+    match = _COUNT.fullmatch(part)
+    if match is None:
+        raise _fault(text, f"{part!r} is no number of {what}: write 9x6")
+    columns, rows = int(match[1]), int(match[2])
+    if min(columns, rows) < least:
+        raise _fault(text, f"{part!r}: at least {least} {what} each way are needed")
+    return columns, rows
+
+
+def _length(text: str, part: str) -> float:
+    match = _LENGTH.fullmatch(part.replace(" ", ""))
+    if match is None:
+        raise _fault(text, f"{part!r} is no length: write 25mm, 2.5cm or 0.025m")
+    length_m = float(match[1]) * _UNITS[match[2]]
+    if not 0 < length_m <= _LARGEST_SQUARE_M:
+        raise _fault(text, f"{part!r}: between 0 and {_LARGEST_SQUARE_M:g} m is possible")
+    return length_m
+
+
+def _fault(text: str, what: str) -> InputError:
+    return InputError(OPTION, f"{text!r}: {what}; write {FORMS}")

@@ -1,0 +1,194 @@
+"""What the unknowns of a survey are, and which of them the columns of a Jacobian mean.
+
+An unknown belongs to a point, to a block (a frame) or to the border that all observations share.
+Points and blocks are nodes: what concerns them is kept in dense matrices of their size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.model.arrays import Floats, Ints
+
+POINT, BLOCK, BORDER = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What the unknowns are, in their order: points, then blocks, then what all share.
+
+    Attributes
+    ----------
+    size
+        Number of unknowns.
+    points, point_size
+        The first points * point_size unknowns.
+    block_size
+        Unknowns of a frame.
+    first_shared
+        From here on, unknowns that many observations have in common: the border.
+    """
+
+    size: int
+    points: int
+    point_size: int
+    block_size: int
+    first_shared: int
+
+    @classmethod
+    def plain(cls, size: int) -> Structure:
+        """Nothing is known: every unknown stands for itself."""
+        return cls(size=size, points=0, point_size=1, block_size=1, first_shared=size)
+
+    @property
+    def first_block(self) -> int:
+        """First unknown of the first block."""
+        return self.points * self.point_size
+
+    @property
+    def border(self) -> int:
+        """Number of shared unknowns."""
+        return self.size - self.first_shared
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Number of points and of blocks."""
+        return self.points, (self.first_shared - self.first_block) // self.block_size
+
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Unknowns of a point and of a block."""
+        return self.point_size, self.block_size
+
+    def node_columns(self, kind: int, node: Ints) -> Ints:
+        """(n, size) unknowns of points or blocks."""
+        first = (0, self.first_block)[kind]
+        return first + node[:, None] * self.sizes[kind] + np.arange(self.sizes[kind])
+
+    def split(self, vector: Floats) -> tuple[Floats, Floats, Floats]:
+        """Views (K, s, m), (F, b, m), (border, m) of an array (size, m) over the unknowns."""
+        wide = vector.shape[1]
+        return (
+            vector[: self.first_block].reshape(self.points, self.point_size, wide),
+            vector[self.first_block : self.first_shared].reshape(
+                self.counts[BLOCK], self.block_size, wide
+            ),
+            vector[self.first_shared :],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """Neighbouring columns that belong to one node in every row.
+
+    Attributes
+    ----------
+    kind
+        POINT or BLOCK.
+    node
+        (n,) which.
+    columns
+        Where they stand.
+    inside
+        (n, w) which of the node's unknowns they are; None where they are all of them in order.
+    size
+        Unknowns of the node.
+    """
+
+    kind: int
+    node: Ints
+    columns: slice
+    inside: Ints | None
+    size: int
+
+    def whole(self, jacobian: Floats) -> Floats:
+        """(n, r, size) Jacobian by all unknowns of the node, from that of the rows (n, r, k)."""
+        given = jacobian[:, :, self.columns]
+        return given if self.inside is None else spread(given, self.inside, self.size)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Rows whose columns mean the same kinds of unknowns.
+
+    Attributes
+    ----------
+    count
+        How many.
+    rows
+        Which rows of the block.
+    segments
+        Columns of nodes.
+    shared
+        (q,) where the columns of the border stand.
+    used
+        (u,) which of the border's unknowns occur.
+    place
+        (n, q) where among these the columns belong; None where they are all of them in order.
+    """
+
+    count: int
+    rows: slice | Ints
+    segments: tuple[Segment, ...]
+    shared: Ints
+    used: Ints
+    place: Ints | None
+
+    def by_border(self, jacobian: Floats) -> Floats:
+        """(n, r, u) Jacobian by the border's unknowns that occur."""
+        given = jacobian[:, :, self.shared]
+        return given if self.place is None else spread(given, self.place, len(self.used))
+
+
+def spread(given: Floats, place: Ints, size: int) -> Floats:
+    """(n, r, size) with the columns of `given` (n, r, w) added at `place` (n, w)."""
+    whole = np.zeros((*given.shape[:2], size))
+    rows = np.arange(len(given))
+    for column in range(place.shape[1]):  # one at a time: a row may name an unknown twice
+        whole[rows, :, place[:, column]] += given[:, :, column]
+    return whole
+
+
+def parts_of(columns: Ints, structure: Structure) -> list[Part]:
+    """Divide rows (n, k) of columns into parts of the same kinds."""
+    kind = np.searchsorted([structure.first_block, structure.first_shared], columns, side="right")
+    if (kind == kind[:1]).all():
+        return [_part(slice(None), columns, kind[0], structure)] if len(kind) else []
+    kinds, member = np.unique(kind, axis=0, return_inverse=True)
+    rows = [np.flatnonzero(member.ravel() == i) for i in range(len(kinds))]
+    return [_part(r, columns[r], k, structure) for r, k in zip(rows, kinds, strict=True)]
+
+
+def _part(rows: slice | Ints, columns: Ints, kind: Ints, structure: Structure) -> Part:
+    shared = np.flatnonzero(kind == BORDER)
+    segments: list[Segment] = []
+    position = 0
+    while position < len(kind):
+        here = int(kind[position])
+        if here == BORDER:
+            position += 1
+            continue
+        size, first = structure.sizes[here], (0, structure.first_block)[here]
+        node = (columns[:, position] - first) // size
+        end = position + 1
+        while end < len(kind) and kind[end] == here:
+            if not np.array_equal((columns[:, end] - first) // size, node):
+                break
+            end += 1
+        inside = columns[:, position:end] - first - node[:, None] * size
+        complete = end - position == size and bool((inside == np.arange(size)).all())
+        segments.append(
+            Segment(here, node, slice(position, end), None if complete else inside, size)
+        )
+        position = end
+    used, place = _border(columns[:, shared] - structure.first_shared)
+    return Part(len(columns), rows, tuple(segments), shared, used, place)
+
+
+def _border(columns: Ints) -> tuple[Ints, Ints | None]:
+    if (columns == columns[:1]).all() and (np.diff(columns[0]) > 0).all():
+        return columns[0], None
+    used, place = np.unique(columns, return_inverse=True)
+    return used, place.reshape(columns.shape)

@@ -1,0 +1,92 @@
+"""First poses of frames from four or more points with known coordinates, by OpenCV's solvers.
+
+Points about in a plane: IPPE, which gives both poses that such points may have (Collins and
+Bartoli 2014, "Infinitesimal plane-based pose estimation"). Others: SQPNP (Terzakis and Lourakis
+2020, "A consistently fast and globally optimal solution to the perspective-n-point problem").
+They weigh all points alike and know no sigmas: their poses are where the adjustment starts.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from uavgram.geometry.back_projection import back_project
+from uavgram.model.arrays import Floats
+from uavgram.model.pose import CandidatePoses
+from uavgram.model.survey import Survey
+
+FEWEST_POINTS = 4
+THIN = 0.1
+"""Ratio of the points' smallest to their second extent up to which they count as one plane."""
+IN_LINE = 1e-3
+"""Ratio of the points' second to their largest extent below which they lie on one line."""
+
+
+def known_point_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
+    """Poses of every frame that shows four or more control points, not all in one line.
+
+    The picks are undistorted by the package's own kernels first.
+    """
+    control = np.full(len(survey.label), -1)
+    control[survey.control_label] = np.arange(len(survey.control_label))
+    ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
+    known = control[survey.pick_label]
+    usable = (known >= 0) & np.isfinite(ray).all(axis=1)
+    found = []
+    for frame, name in enumerate(survey.frame_id):
+        picks = np.flatnonzero(usable & (survey.pick_frame == frame))
+        if len(picks) < FEWEST_POINTS:
+            continue
+        poses = poses_from_points(survey.control_world_m[known[picks]], ray[picks])
+        if poses is not None:
+            center, rotation, misfit = poses
+            found.append(
+                CandidatePoses(
+                    frame_id=name,
+                    center_world_m=center,
+                    world_from_camera=rotation,
+                    misfit=misfit,
+                )
+            )
+    return tuple(found)
+
+
+def poses_from_points(world_m: Floats, ray: Floats) -> tuple[Floats, Floats, Floats] | None:
+    """Poses of one camera from points (N, 3) and their undistorted rays (N, 3), z = 1; N >= 4.
+
+    Returns
+    -------
+    center_world_m : (S, 3)
+        Best first; S is 2 for points in a plane (1 where one solution lies behind the camera).
+    world_from_camera : (S, 3, 3)
+    misfit : (S,)
+        Root mean square distance of the projected points from the rays, both at z = 1.
+    None
+        The points lie on one line, or no solution has them in front of the camera.
+    """
+    middle = world_m.mean(axis=0)
+    _, extent, axes = np.linalg.svd(world_m - middle, full_matrices=False)
+    if extent[1] <= IN_LINE * extent[0]:
+        return None
+    axes[2] = np.cross(axes[0], axes[1])
+    local = (world_m - middle) @ axes.T  # the plane of the points, if they have one, is z = 0
+    flag: int = cv2.SOLVEPNP_SQPNP
+    if extent[2] <= THIN * extent[1]:
+        flag, local = cv2.SOLVEPNP_IPPE, local * [1.0, 1.0, 0.0]
+    image = np.ascontiguousarray(ray[:, :2])
+    _, turns, shifts, _ = cv2.solvePnPGeneric(local, image, np.eye(3), None, flags=flag)
+    poses = []
+    for turn, shift in zip(turns, shifts, strict=True):
+        camera_from_local = cv2.Rodrigues(turn)[0]
+        camera = local @ camera_from_local.T + shift.T
+        if not np.isfinite(camera).all() or (camera[:, 2] <= 0).any():
+            continue
+        misfit = np.sqrt(np.mean(np.sum((camera[:, :2] / camera[:, 2:] - image) ** 2, axis=1)))
+        center = middle - axes.T @ (camera_from_local.T @ shift[:, 0])
+        poses.append((center, (camera_from_local @ axes).T, misfit))
+    if not poses:
+        return None
+    poses.sort(key=lambda pose: pose[2])
+    center, rotation, misfit = (np.array(part) for part in zip(*poses, strict=True))
+    return center, rotation, misfit

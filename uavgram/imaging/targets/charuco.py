@@ -1,0 +1,113 @@
+"""ChArUco boards: markers tell which corner is which, so any part of the board is welcome."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from uavgram.imaging.raster import Image
+from uavgram.imaging.targets.reduced import reduced_copies, to_full_size
+from uavgram.imaging.targets.sighting import Sighting, measure_corners
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.calibration_photos import Board
+
+WIDTHS_PX = (1200, 2400, 4800)
+LEAST_CORNERS = 6
+_LARGEST_BOARD = 20  # squares each way, when another size is looked for
+_CLEAR = 0.9  # of the distance from a corner to the nearest marker
+
+
+def sight_charuco(image: Image, board: Board) -> Sighting:
+    """Find a ChArUco board, or a part of it, in a photo.
+
+    Parameters
+    ----------
+    image
+        (height, width) grey, original size.
+    board
+        What to look for.
+    """
+    detector = cv2.aruco.CharucoDetector(charuco_board(board, (board.columns + 1, board.rows + 1)))
+    grid = np.full((board.rows * board.columns, 2), np.nan)
+    marker_px, marker = np.empty((0, 2)), np.empty(0, np.int64)
+    for scale, small in reduced_copies(image, WIDTHS_PX):
+        found, corner, quads, ids = detector.detectBoard(small)
+        if ids is not None and len(ids) > len(marker):
+            marker = np.asarray(ids, np.int64).ravel()
+            centers = np.asarray(quads, np.float64).reshape(-1, 4, 2).mean(axis=1)
+            marker_px = to_full_size(centers, scale)
+        if corner is not None and len(corner) > np.isfinite(grid[:, 0]).sum():
+            grid[:] = np.nan
+            pixel = np.asarray(found, np.float64).reshape(-1, 2)
+            grid[np.asarray(corner).ravel()] = to_full_size(pixel, scale)
+        if np.isfinite(grid).all():
+            break
+    other = _other_size(board, marker, marker_px)
+    if other is not None:
+        return Sighting(found_size=other, is_other_board=True)
+    if np.isfinite(grid[:, 0]).sum() < LEAST_CORNERS:
+        return Sighting()
+    # the nearest point of a marker lies on the diagonal of a white square
+    clear = _CLEAR * np.sqrt(0.5) * (1.0 - board.marker_m / board.square_m)
+    shape = (board.rows, board.columns, 2)
+    return measure_corners(image, grid.reshape(shape), clear, (board.columns, board.rows))
+
+
+def charuco_board(board: Board, squares: tuple[int, int]) -> cv2.aruco.CharucoBoard:
+    """OpenCV's form of a board with so many squares along x and y."""
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
+    return cv2.aruco.CharucoBoard(squares, board.square_m, board.marker_m, dictionary)
+
+
+def dictionary_size(name: str) -> int:
+    """Number of markers of a dictionary; 0 where OpenCV knows none of that name."""
+    if name not in dictionary_names():
+        return 0
+    return len(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name)).bytesList)
+
+
+def dictionary_names() -> tuple[str, ...]:
+    """Names of the dictionaries that OpenCV knows."""
+    return tuple(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
+
+
+def _other_size(board: Board, marker: Ints, marker_px: Floats) -> tuple[int, int] | None:
+    """Inner corners of the board whose layout the markers show, if they show another one.
+
+    Markers are numbered row by row, so their places in a photo tell how many a row has.
+    """
+    if len(marker) < LEAST_CORNERS:
+        return None
+    asked = _layout_error(board.columns + 1, marker, marker_px)
+    is_too_large = int(marker.max()) >= (board.columns + 1) * (board.rows + 1) // 2
+    if asked < 1.0 and not is_too_large:
+        return None
+    errors = {
+        columns: _layout_error(columns, marker, marker_px)
+        for columns in range(3, _LARGEST_BOARD + 1)
+    }
+    columns = min(errors, key=lambda key: errors[key])
+    if errors[columns] > 0.5 * asked and not is_too_large:
+        return None  # no other layout is clearly better
+    rows = int(np.ceil(2 * (int(marker.max()) + 1) / columns))
+    return columns - 1, max(rows - 1, 1)
+
+
+def _layout_error(columns: int, marker: Ints, marker_px: Floats) -> float:
+    """Median miss, in squares, of markers laid out in rows of so many squares; inf: no fit."""
+    row, place = _marker_cells(columns, int(marker.max()) + 1)
+    cell = np.stack([place, row], axis=1)[marker].astype(np.float64)
+    if np.ptp(cell, axis=0).min() < 1:
+        return float("inf")
+    matrix = np.asarray(cv2.findHomography(marker_px, cell, cv2.RANSAC, 0.5)[0], np.float64)
+    if matrix.shape != (3, 3):  # OpenCV gives None where there is none
+        return float("inf")
+    mapped = cv2.perspectiveTransform(marker_px[:, None], matrix)[:, 0]
+    return float(np.median(np.linalg.norm(mapped - cell, axis=1)))
+
+
+def _marker_cells(columns: int, count: int) -> tuple[Ints, Ints]:
+    """Row and column of the squares that hold markers 0 to count - 1: every white one in turn."""
+    row, column = np.divmod(np.arange(2 * count + 2 * columns), columns)
+    white = (row + column) % 2 == 1
+    return row[white][:count], column[white][:count]

@@ -1,0 +1,173 @@
+"""Photos as tiles: decoded once, never turned, reduced by exact halves, cut when asked for.
+
+Level 0 is the photo; a pixel of level k is the mean of 2^k x 2^k pixels of the photo. Odd edges
+are repeated, so that pixel (i, j) of every level covers the same part of the photo everywhere:
+resizing to half of an odd width would stretch the picture by a pixel along its width.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from concurrent.futures import Future
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from uavgram.errors import InputError
+
+Pixels = NDArray[np.uint8]
+
+TILE_PX = 512
+TILE_QUALITY = 95
+SMALLEST_LEVEL_PX = 256
+"""A level whose longer side is at most this needs no further reduction."""
+
+Key = TypeVar("Key", bound=Hashable)
+Value = TypeVar("Value")
+
+_AS_STORED = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+# 4:4:4: colour at full resolution, or thin coloured marks smear over their neighbours.
+_TILE_CODING = [
+    cv2.IMWRITE_JPEG_QUALITY,
+    TILE_QUALITY,
+    cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
+    cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Pyramid:
+    """A photo and its reductions: `levels` of (height, width, 3) BGR, the photo first."""
+
+    levels: tuple[Pixels, ...]
+
+    @property
+    def size_bytes(self) -> int:
+        """Memory it takes."""
+        return sum(level.nbytes for level in self.levels)
+
+    def tile(self, level: int, column: int, row: int) -> bytes | None:
+        """JPEG of one tile; None where the pyramid has none. Edge tiles are smaller."""
+        if not 0 <= level < len(self.levels):
+            return None
+        height, width = self.levels[level].shape[:2]
+        left, top = column * TILE_PX, row * TILE_PX
+        if not (0 <= left < width and 0 <= top < height):
+            return None
+        part = self.levels[level][top : top + TILE_PX, left : left + TILE_PX]
+        return cv2.imencode(".jpg", part, _TILE_CODING)[1].tobytes()
+
+
+def level_count(width_px: int, height_px: int) -> int:
+    """How many levels a photo of that size has."""
+    count, longer = 1, max(width_px, height_px)
+    while longer > SMALLEST_LEVEL_PX:
+        count, longer = count + 1, (longer + 1) // 2
+    return count
+
+
+def read_pyramid(path: str | os.PathLike[str]) -> Pyramid:
+    """Decode a photo as it is stored, whatever its EXIF orientation says, and reduce it.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is no photo.
+    """
+    try:
+        encoded = np.fromfile(Path(path), np.uint8)
+    except OSError as fault:
+        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    try:
+        decoded = cv2.imdecode(encoded, _AS_STORED)
+    except cv2.error:  # an empty file, or a header with absurd sizes
+        decoded = None
+    if decoded is None:
+        raise InputError(path, "is no photo that can be decoded; replace it or leave it out")
+    return pyramid_of(np.asarray(decoded, dtype=np.uint8))
+
+
+def pyramid_of(pixels: Pixels) -> Pyramid:
+    """Reduce a decoded photo (height, width, 3) by halves."""
+    height, width = pixels.shape[:2]
+    levels = [pixels]
+    for _ in range(level_count(width, height) - 1):
+        levels.append(half(levels[-1]))
+    return Pyramid(tuple(levels))
+
+
+def half(pixels: Pixels) -> Pixels:
+    """Means of 2 x 2 pixels, odd edges repeated."""
+    height, width = pixels.shape[:2]
+    even = pixels
+    if height % 2 or width % 2:
+        even = np.asarray(
+            cv2.copyMakeBorder(pixels, 0, height % 2, 0, width % 2, cv2.BORDER_REPLICATE),
+            dtype=np.uint8,
+        )
+    size = ((width + 1) // 2, (height + 1) // 2)
+    # INTER_AREA at exactly one half is the mean of 2 x 2 pixels, rounded.
+    return np.asarray(cv2.resize(even, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+class Kept(Generic[Key, Value]):
+    """Values kept as long as they fit: made once each, the longest unused go first.
+
+    Threads that ask for the same value at the same time share the making of it. What is asked for
+    is kept even where it is larger than the bound by itself.
+
+    Parameters
+    ----------
+    make
+        Makes a value.
+    size_bytes
+        Of a value.
+    most_bytes
+        That all kept values may take together.
+    """
+
+    def __init__(
+        self, make: Callable[[Key], Value], size_bytes: Callable[[Value], int], most_bytes: int
+    ) -> None:
+        self._make = make
+        self._size_bytes = size_bytes
+        self._most_bytes = most_bytes
+        self._lock = threading.Lock()
+        self._kept: OrderedDict[Key, Future[Value]] = OrderedDict()
+
+    def get(self, key: Key) -> Value:
+        """The value of a key, made now if it must be; errors of its making are raised anew."""
+        with self._lock:
+            future = self._kept.get(key)
+            mine = future is None
+            if future is None:
+                future = self._kept[key] = Future()
+            self._kept.move_to_end(key)
+        if not mine:
+            return future.result()
+        try:
+            future.set_result(self._make(key))
+        except BaseException as fault:
+            with self._lock:
+                self._kept.pop(key, None)
+            future.set_exception(fault)
+            raise
+        self._trim()
+        return future.result()
+
+    def _trim(self) -> None:
+        with self._lock:
+            done = [(k, f.result()) for k, f in self._kept.items() if f.done()]
+            total = sum(self._size_bytes(value) for _, value in done)
+            for key, value in done[:-1]:
+                if total <= self._most_bytes:
+                    return
+                total -= self._size_bytes(value)
+                del self._kept[key]

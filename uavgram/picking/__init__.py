@@ -1,0 +1,1 @@
+"""The local page where people pick pixels and see the measurements."""

@@ -1,0 +1,254 @@
+"""What the page is told: plain JSON of states, changes and adjustments; NaN becomes null."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.message import Message
+from uavgram.model.observations import MeasurementRequest
+from uavgram.picking.state import Line, Pick, State
+from uavgram.pipeline.live import Adjusted, Linearised
+
+Json = dict[str, Any]
+
+_PIXEL_DIGITS = 4
+_DIGITS = 7
+
+
+def number(value: float, digits: int = _DIGITS) -> float | None:
+    """A number as JSON can hold it; None where it is none."""
+    return round(float(value), digits) if math.isfinite(value) else None
+
+
+def numbers(values: Iterable[float], digits: int = _DIGITS) -> list[float | None]:
+    """Numbers as JSON can hold them."""
+    return [number(value, digits) for value in values]
+
+
+def state_json(state: State, index: Mapping[str, int]) -> Json:
+    """All of a state; `index` numbers the photos."""
+    return {
+        "picks": [_pick(pick, index) for pick in state.picks],
+        "lines": [_line(line) for line in state.lines],
+        "measurements": [_request(request) for request in state.requests],
+    }
+
+
+def difference_json(before: State, after: State, index: Mapping[str, int]) -> Json:
+    """What the page must change to show `after` where it shows `before`."""
+    said: Json = {}
+    old = {pick.key: pick for pick in before.picks}
+    new = {pick.key: pick for pick in after.picks}
+    put = [_pick(pick, index) for key, pick in new.items() if old.get(key) != pick]
+    gone = [[index[image], label] for image, label in old if (image, label) not in new]
+    if put or gone:
+        said["picks"] = {"put": put, "gone": gone}
+    if before.lines != after.lines:
+        said["lines"] = [_line(line) for line in after.lines]
+    if before.requests != after.requests:
+        said["measurements"] = [_request(request) for request in after.requests]
+    return said
+
+
+def _pick(pick: Pick, index: Mapping[str, int]) -> Json:
+    return {
+        "image": index[pick.image],
+        "label": pick.label,
+        "u": pick.u_px,
+        "v": pick.v_px,
+        "sigma": pick.sigma_px,
+        "height": pick.height_m,
+        "area": pick.area,
+    }
+
+
+def _line(line: Line) -> Json:
+    return {
+        "name": line.name,
+        "start": line.start,
+        "end": line.end,
+        "length": line.length_m,
+        "sigma": line.sigma_m,
+        "adjust": line.adjust,
+    }
+
+
+def _request(request: MeasurementRequest) -> Json:
+    return {
+        "name": request.name,
+        "kind": request.kind,
+        "points": list(request.points),
+        "parameters": dict(request.parameters),
+    }
+
+
+def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
+    """A full adjustment."""
+    result, survey = adjusted.result, adjusted.adjustment.survey
+    solution = result.solution
+    return {
+        "mode": "adjusted",
+        "seconds": number(adjusted.seconds, 3),
+        "points": _points(adjusted),
+        "picks": _picks(adjusted, index),
+        "predicted": _predicted(adjusted, index),
+        "lines": _lines(adjusted),
+        "measurements": _measurements(adjusted),
+        "checks": _checks(adjusted),
+        "frames": {
+            str(index[name]): status
+            for name, status in zip(result.frames.frame_id, result.frames.status, strict=True)
+        },
+        "solution": {
+            "freedom": solution.degrees_of_freedom,
+            "factor": number(solution.variance_factor),
+            "probability": number(solution.chi2_probability),
+            "gauge": survey.gauge,
+        },
+        "advice": _advice(adjusted),
+        "messages": messages_json(result.messages),
+    }
+
+
+def messages_json(messages: Iterable[Message]) -> list[Json]:
+    """Remarks, each once, warnings and errors first."""
+    rank = {"error": 0, "warning": 1, "info": 2}
+    once = sorted(dict.fromkeys(messages), key=lambda message: rank[message.level])
+    return [{"level": m.level, "code": m.code, "text": m.text} for m in once]
+
+
+def linearised_json(quick: Linearised, index: Mapping[str, int]) -> Json:
+    """A first-order answer: new values alone; everything else stays as it was."""
+    base = quick.base.result
+    survey = quick.base.adjustment.survey
+    picks = zip(survey.pick_frame, survey.pick_label, quick.residual_px, strict=True)
+    return {
+        "mode": "linearised",
+        "picks": [
+            [index[survey.frame_id[f]], survey.label[k], *numbers(residual, _PIXEL_DIGITS)]
+            for f, k, residual in picks
+        ],
+        "lines": dict(zip(base.lines.name, numbers(quick.length_m), strict=True)),
+        "measurements": dict(zip(base.measurements.name, numbers(quick.value), strict=True)),
+        "points": {
+            label: numbers(world) for label, world in zip(survey.label, quick.world_m, strict=True)
+        },
+    }
+
+
+def unadjusted_json(why: str, messages: Iterable[Message]) -> Json:
+    """Nothing can be adjusted yet, and why."""
+    return {"mode": "none", "why": why, "messages": messages_json(messages)}
+
+
+def _points(adjusted: Adjusted) -> Json:
+    points = adjusted.result.points
+    sigma = np.sqrt(np.einsum("kii->ki", points.relative.covariance_m2))
+    return {
+        label: {
+            "world": numbers(points.position_world_m[k]),
+            "sigma": numbers(sigma[k]),
+            "ellipse": [*numbers(points.relative.ellipse_95_m[k])],
+            "photos": len(points.frames[k]),
+        }
+        for k, label in enumerate(points.label)
+    }
+
+
+def _picks(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
+    picks, survey = adjusted.result.picks, adjusted.adjustment.survey
+    spread = {
+        (survey.frame_id[f], survey.label[k]): _ellipse(covariance)
+        for f, k, covariance in zip(
+            survey.pick_frame, survey.pick_label, adjusted.picked_covariance_px2, strict=True
+        )
+    }
+    return [
+        {
+            "image": index[image],
+            "label": label,
+            "residual": numbers(picks.residual_px[i], _PIXEL_DIGITS),
+            "w": number(picks.w[i], 3),
+            "redundancy": number(picks.redundancy[i], 3),
+            "status": picks.status[i],
+            "spread": spread.get((image, label)),
+        }
+        for i, (image, label) in enumerate(zip(picks.image, picks.label, strict=True))
+    ]
+
+
+def _predicted(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
+    predicted, label = adjusted.predicted, adjusted.adjustment.survey.label
+    return [
+        {
+            "image": index[frame],
+            "label": label[predicted.label[i]],
+            "at": numbers(predicted.pixel_px[i], 3),
+            "spread": _ellipse(predicted.covariance_px2[i]),
+        }
+        for i, frame in enumerate(predicted.frame_id)
+    ]
+
+
+def _ellipse(covariance_px2: Floats) -> list[float | None]:
+    """One-sigma half-axes [px], and the direction of the major one from u towards v [deg]."""
+    value, vector = np.linalg.eigh(covariance_px2)
+    minor, major = np.sqrt(np.maximum(value, 0.0))
+    return numbers([major, minor, math.degrees(math.atan2(vector[1, 1], vector[0, 1]))], 3)
+
+
+def _lines(adjusted: Adjusted) -> Json:
+    lines = adjusted.result.lines
+    return {
+        name: {
+            "adjusted": number(lines.adjusted_m[i]),
+            "sigma": number(lines.adjusted_sigma_m[i]),
+            "w": number(lines.w[i], 3),
+            "mdb": number(lines.mdb_m[i], 4),
+            "status": lines.status[i],
+        }
+        for i, name in enumerate(lines.name)
+    }
+
+
+def _measurements(adjusted: Adjusted) -> Json:
+    found = adjusted.result.measurements
+    return {
+        name: {
+            "value": number(found.value[i]),
+            "sigma": number(found.sigma[i]),
+            "interval": numbers(found.interval_95[i]),
+            "unit": found.unit[i],
+        }
+        for i, name in enumerate(found.name)
+    }
+
+
+def _checks(adjusted: Adjusted) -> list[Json]:
+    points = adjusted.result.point_checks
+    return [
+        {
+            "label": label,
+            "error": numbers(points.error_m[i]),
+            "sigma": numbers(points.sigma_m[i]),
+        }
+        for i, label in enumerate(points.label)
+    ]
+
+
+def _advice(adjusted: Adjusted) -> Json | None:
+    advice, label = adjusted.advice, adjusted.adjustment.survey.label
+    if advice is None or not advice.relative_sigma_after < advice.relative_sigma:
+        return None
+    return {
+        "start": label[advice.start],
+        "end": label[advice.end],
+        "length": number(advice.length_m, 2),
+        "now": number(advice.relative_sigma),
+        "after": number(advice.relative_sigma_after),
+    }

@@ -1,0 +1,134 @@
+"""Who may come in: this machine, this browser, this page.
+
+The server listens on 127.0.0.1 alone. That keeps other machines out, but not other pages of the
+same browser, so: the printed address holds a random token, which is exchanged for a cookie that
+only this site sends along (SameSite=Strict) and scripts cannot read; the Host must be ours, or a
+foreign name that resolves to 127.0.0.1 (DNS rebinding) would do; and the socket's Origin must be
+ours, because browsers let any page open a socket anywhere.
+"""
+
+from __future__ import annotations
+
+import hmac
+import logging
+import secrets
+
+from starlette.datastructures import URL, Headers, MutableHeaders
+from starlette.requests import HTTPConnection
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+log = logging.getLogger(__name__)
+
+HEADERS = {
+    "content-security-policy": (
+        "default-src 'self'; img-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'; "
+        "form-action 'none'; object-src 'none'"
+    ),
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-resource-policy": "same-origin",
+    "cross-origin-opener-policy": "same-origin",
+    "x-frame-options": "DENY",
+}
+POLICY_VIOLATION = 1008
+
+
+class Guard:
+    """Let requests of the page through, refuse all others, and add strict headers to answers.
+
+    Parameters
+    ----------
+    app
+        What is guarded.
+    port
+        On which the server listens.
+    """
+
+    def __init__(self, app: ASGIApp, port: int) -> None:
+        self._app = app
+        self._hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
+        self._cookie = f"uavgram-pick-{port}"  # cookies do not tell ports apart
+        self._key = secrets.token_urlsafe(32)
+        self._token: str | None = secrets.token_urlsafe(32)
+        self._port = port
+
+    def address(self) -> str:
+        """The address to open, with a token that serves once."""
+        if self._token is None:
+            self._token = secrets.token_urlsafe(32)
+        return f"http://127.0.0.1:{self._port}/?token={self._token}"
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        if scope["type"] not in {"http", "websocket"}:
+            await self._app(scope, receive, send)
+            return
+        connection = HTTPConnection(scope)
+        refusal = self._refusal(connection)
+        if refusal:
+            log.warning("refused %s: %s", scope.get("path", "")[:80], refusal)
+            await self._refuse(scope, receive, send, refusal)
+            return
+        given = connection.query_params.get("token")
+        if scope["type"] == "http" and given is not None:
+            await self._exchanged(connection, given)(scope, receive, _strict(send))
+            return
+        if not self._known(connection):
+            await self._refuse(scope, receive, send, "open the address that `uavgram pick` printed")
+            return
+        await self._app(scope, receive, _strict(send))
+
+    def _refusal(self, connection: HTTPConnection) -> str:
+        """Why a request is none of this page; empty where it may be one."""
+        headers: Headers = connection.headers
+        host = headers.get("host", "")
+        if host not in self._hosts:
+            return f"foreign host {host[:80]!r}"
+        origin = headers.get("origin")
+        ours = f"http://{host}"
+        if connection.scope["type"] == "websocket" and origin != ours:
+            return f"foreign origin {str(origin)[:80]!r}"
+        if origin is not None and origin != ours:
+            return f"foreign origin {origin[:80]!r}"
+        return ""
+
+    def _known(self, connection: HTTPConnection) -> bool:
+        return _same(connection.cookies.get(self._cookie, ""), self._key)
+
+    def _exchanged(self, connection: HTTPConnection, given: str) -> Response:
+        """The token's answer: a cookie, once, and the address without it."""
+        if not self._known(connection):
+            if self._token is None or not _same(given, self._token):
+                return PlainTextResponse(
+                    "This address has been used. Start `uavgram pick` again.", 403
+                )
+            self._token = None
+        bare = URL(scope=connection.scope).remove_query_params("token")
+        answer = RedirectResponse(bare.path, 303)
+        answer.set_cookie(self._cookie, self._key, httponly=True, samesite="strict", path="/")
+        return answer
+
+    @staticmethod
+    async def _refuse(scope: Scope, receive: Receive, send: Send, why: str) -> None:
+        if scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": POLICY_VIOLATION, "reason": why[:100]})
+            return
+        await PlainTextResponse(f"Refused: {why}", 403)(scope, receive, _strict(send))
+
+
+def _same(given: str, wanted: str) -> bool:
+    return hmac.compare_digest(given.encode(), wanted.encode())
+
+
+def _strict(send: Send) -> Send:
+    """The same sender, with strict headers on every answer."""
+
+    async def with_headers(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            headers = MutableHeaders(scope=message)
+            for name, value in HEADERS.items():
+                headers[name] = value
+        await send(message)
+
+    return with_headers

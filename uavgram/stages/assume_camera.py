@@ -1,0 +1,207 @@
+"""A camera from what a photo says of it: with wide errors, and in words where it comes from.
+
+The best source that there is: the maker's calibration in the photo, else the table of drone
+cameras with the focal length of EXIF, else the 35 mm equivalent.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavgram.errors import InputError
+from uavgram.geometry.camera_facts import FRAME_35MM_DIAGONAL_MM
+from uavgram.geometry.lens import largest_radius
+from uavgram.model.arrays import Floats
+from uavgram.model.assumed_errors import (
+    CENTRE_OF_A_STRIP,
+    DRONE_TABLE,
+    EQUIVALENT_FOCAL,
+    FACTORY,
+    FOCAL_OF_A_STRIP,
+    RADIAL_UNKNOWN,
+    AssumedErrors,
+    assumed_covariance,
+)
+from uavgram.model.camera import Calibration
+from uavgram.model.camera_tags import CameraTags, DroneCamera
+from uavgram.model.message import Message
+
+WAY_OUT = (
+    "calibrate the camera (uavgram calibrate) and name its camera.yaml, or write a camera.yaml by "
+    "hand"
+)
+CALIBRATED_FOCAL = 0.002
+"""Of a focal length by an ordinary calibration, as a share: what there is to gain (the published
+calibration of a Phantom 3 by 30 photos has 0.15 % of fy)."""
+
+_SAME_SHAPE = 0.01  # of width / height
+_LARGEST_SHAPE = 1.51  # wider than 3:2: a strip of some sensor
+
+
+@dataclass(frozen=True, eq=False)
+class _Source:
+    """Parameters of a camera, where they come from in words, and how good they are."""
+
+    parameters: Floats
+    words: str
+    errors: AssumedErrors
+
+
+def assume_camera(
+    tags: CameraTags, table: tuple[DroneCamera, ...]
+) -> tuple[Calibration, tuple[Message, ...]]:
+    """Make a camera from the tags of a photo.
+
+    Parameters
+    ----------
+    tags
+        Of one photo.
+    table
+        The drone cameras that are known.
+
+    Returns
+    -------
+    calibration
+        Brown, with the covariance that its source deserves.
+    messages
+        Which source gave it, and what a calibration would gain.
+
+    Raises
+    ------
+    InputError
+        Nothing is known of this camera, or the photo was taken with digital zoom.
+    """
+    source = _factory(tags) or _from_table(tags, table) or _from_equivalent(tags)
+    if source is None:
+        raise InputError(tags.path, f"{_why_unknown(tags, table)}: {WAY_OUT}")
+    calibration = Calibration(
+        name=tags.camera_name or "camera",
+        model="brown",
+        width_px=tags.width_px,
+        height_px=tags.height_px,
+        parameters=source.parameters,
+        covariance=assumed_covariance("brown", source.parameters, tags.width_px, source.errors),
+    )
+    focal_px = source.parameters[0]
+    sigma_px = source.errors.focal * focal_px
+    text = (
+        f"Camera {calibration.name!r} is assumed, not calibrated: {source.words}. Focal length "
+        f"{focal_px:.0f} ± {sigma_px:.0f} px ({100 * source.errors.focal:.1f} %), principal point "
+        f"± {source.errors.centre * tags.width_px:.0f} px; a calibration would bring the focal "
+        f"length's sigma from {100 * source.errors.focal:.1f} % down to some "
+        f"{100 * CALIBRATED_FOCAL:.1f} %: photograph a chessboard, 15 times or more, and run "
+        "`uavgram calibrate PHOTOS --board chessboard:9x6:25mm`."
+    )
+    return calibration, (Message("warning", "camera-assumed", text),)
+
+
+def _centre(tags: CameraTags) -> list[float]:
+    return [(tags.width_px - 1) / 2, (tags.height_px - 1) / 2]
+
+
+def _factory(tags: CameraTags) -> _Source | None:
+    """The maker's calibration of this very lens.
+
+    The camera matrix is [fx 0 width / 2 + cx; 0 fy height / 2 + cy; 0 0 1] for OpenCV's undistort
+    (DJI, Mavic 3M Image Processing Guide 2023, page 9, step 2).
+    """
+    if not tags.dewarp:
+        return None
+    fx, fy, cx, cy, *lens = tags.dewarp
+    words = "the maker's calibration in the photo (DewarpData)"
+    if tags.dewarped:
+        lens = [0.0] * 5
+        words += "; the photo says that its distortion was taken out already"
+    parameters = np.array([fx, fy, tags.width_px / 2 + cx, tags.height_px / 2 + cy, *lens])
+    return _Source(parameters, words, FACTORY)
+
+
+def _from_table(tags: CameraTags, table: tuple[DroneCamera, ...]) -> _Source | None:
+    """Focal length of EXIF over the table's pixel size, with the table's distortion."""
+    camera = find_camera(tags, table)
+    if camera is None or not camera.is_perspective or tags.digital_zoom > 1:
+        return None
+    focal_mm = tags.focal_mm if math.isfinite(tags.focal_mm) else camera.focal_mm
+    if math.isnan(focal_mm):
+        return None
+    reduction = tags.width_px / camera.width_px
+    focal_px = [focal_mm / pitch * reduction for pitch in camera.pitch_mm]
+    parameters = np.array([*focal_px, *_centre(tags), *camera.distortion])
+    errors = DRONE_TABLE
+    if math.isfinite(tags.focal_step_mm):  # the step's own error is uniform
+        rounding = tags.focal_step_mm / focal_mm / math.sqrt(12)
+        errors = replace(errors, focal=math.hypot(errors.focal, rounding))
+    words = f"the table of drone cameras ({camera.comment}) with {focal_mm:g} mm"
+    shape = camera.width_px / camera.height_px
+    if abs(tags.width_px / tags.height_px / shape - 1) > _SAME_SHAPE:
+        errors = _of_a_strip(errors)
+        words += (
+            f"; the photo is no whole {camera.width_px} x {camera.height_px} frame of its sensor, "
+            "and how wide a strip it is nobody says"
+        )
+    if not camera.distortion.any() or _folds_in_view(parameters, tags):
+        parameters[4:] = 0.0
+        errors = replace(errors, radial=RADIAL_UNKNOWN)
+        words += "; its distortion is unknown"
+    return _Source(parameters, words, errors)
+
+
+def find_camera(tags: CameraTags, table: tuple[DroneCamera, ...]) -> DroneCamera | None:
+    """Find a photo's camera in the table; of a colour and a thermal one, the nearer in size."""
+    name = _key(tags.make + tags.model)
+    named = [camera for camera in table if name and _key(camera.make_model) == name]
+    return min(named, key=lambda c: abs(math.log(c.width_px / tags.width_px)), default=None)
+
+
+def _key(name: str) -> str:
+    return "".join(name.split()).casefold()
+
+
+def _of_a_strip(errors: AssumedErrors) -> AssumedErrors:
+    return replace(errors, focal=FOCAL_OF_A_STRIP, centre=CENTRE_OF_A_STRIP)
+
+
+def _folds_in_view(parameters: Floats, tags: CameraTags) -> bool:
+    """Whether the distortion folds back inside the image: it was not fitted over all of it."""
+    corner = np.hypot(tags.width_px, tags.height_px) / (2 * parameters[0])
+    return bool(largest_radius("brown", parameters) < corner)
+
+
+def _from_equivalent(tags: CameraTags) -> _Source | None:
+    """Focal length over the diagonal of a 35 mm frame (CIPA DC-008, FocalLengthIn35mmFilm).
+
+    A photo wider than 3:2 is taken for a strip of a 4:3 sensor of its width: so it is in both
+    such cameras at hand.
+    """
+    if math.isnan(tags.focal_35mm_mm) or tags.digital_zoom > 1:
+        return None
+    width, height = sorted((tags.width_px, tags.height_px), reverse=True)
+    is_strip = width / height > _LARGEST_SHAPE
+    diagonal_px = math.hypot(width, width * 3 / 4 if is_strip else height)
+    focal_px = tags.focal_35mm_mm / FRAME_35MM_DIAGONAL_MM * diagonal_px
+    errors = replace(DRONE_TABLE, focal=EQUIVALENT_FOCAL, radial=RADIAL_UNKNOWN)
+    words = f"the 35 mm equivalent in EXIF ({tags.focal_35mm_mm:g} mm); its distortion is unknown"
+    if is_strip:
+        errors = _of_a_strip(errors)
+        words += ", and so is how wide a strip of the sensor the photo is"
+    parameters = np.array([focal_px, focal_px, *_centre(tags), 0.0, 0.0, 0.0, 0.0, 0.0])
+    return _Source(parameters, words, errors)
+
+
+def _why_unknown(tags: CameraTags, table: tuple[DroneCamera, ...]) -> str:
+    if tags.digital_zoom > 1:
+        return (
+            f"was taken with digital zoom ({tags.digital_zoom:g} times), so its camera cannot be "
+            "assumed"
+        )
+    camera = find_camera(tags, table)
+    if camera is not None and not camera.is_perspective:
+        return f"was taken with a fisheye lens ({camera.comment}), of which nothing can be assumed"
+    if not tags.camera_name:
+        return "does not say which camera took it (no Make and Model in EXIF)"
+    return (
+        f"was taken with {tags.camera_name!r}, and states no focal length in EXIF that would help"
+    )

@@ -1,0 +1,82 @@
+"""All withheld lengths and check points together: they share poses, so their errors go together."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.estimation.adjustment import Adjustment
+from uavgram.estimation.reliability import upper_tail
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.evidence import ChecksOverall
+from uavgram.model.message import Message
+from uavgram.model.observations import KnownLines, KnownWorldPoints
+
+
+def judge_overall(
+    adjustment: Adjustment, lines: KnownLines, known: KnownWorldPoints, significance: float
+) -> tuple[ChecksOverall | None, tuple[Message, ...]]:
+    """One chi-square of all checks with their joint covariance; None where nothing was withheld.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    lines
+        All known lengths; the withheld ones that were seen are judged.
+    known
+        Check points; judged where coordinates mean something.
+    significance
+        Probability below which the checks as a whole are said not to fit.
+    """
+    place = {label: k for k, label in enumerate(adjustment.survey.label)}
+    withheld = [
+        i
+        for i in range(len(lines.name))
+        if not lines.adjust[i] and lines.start[i] in place and lines.end[i] in place
+    ]
+    start = np.array([place[lines.start[i]] for i in withheld], dtype=np.int64)
+    end = np.array([place[lines.end[i]] for i in withheld], dtype=np.int64)
+    chosen = [i for i, label in enumerate(known.label) if label in place]
+    if adjustment.survey.gauge == "plane":
+        chosen = []
+    label = np.array([place[known.label[i]] for i in chosen], dtype=np.int64)
+    if not withheld and not chosen:
+        return None, ()
+    value, gradient = _values(adjustment, start, end, label)
+    stated = np.concatenate([lines.length_m[withheld], known.world_m[chosen].ravel()])
+    sigma = np.concatenate([lines.sigma_m[withheld], known.sigma_m[chosen].ravel()])
+    error = value - stated
+    joint = gradient.T @ adjustment.minimum.factor.solve(gradient) + np.diag(sigma**2)
+    squared = float(error @ np.linalg.solve(joint, error))
+    share = np.abs(error[: len(withheld)]) / lines.length_m[withheld]
+    overall = ChecksOverall(
+        count=len(error),
+        chi2=squared,
+        probability=upper_tail(squared, len(error)),
+        rms_error_m=float(np.sqrt(np.mean(error**2))),
+        mean_error_percent=float(100.0 * share.mean()) if withheld else np.nan,
+    )
+    return overall, _messages(overall, significance)
+
+
+def _values(adjustment: Adjustment, start: Ints, end: Ints, label: Ints) -> tuple[Floats, Floats]:
+    """Lengths, then coordinates, (n,); and their gradients (size, n) by the unknowns."""
+    size = adjustment.problem.layout.size
+    length, by_length, columns = adjustment.problem.lengths_between(adjustment.state, start, end)
+    world, by_point, unknowns = adjustment.points_with_jacobian(label)
+    gradient = np.zeros((size, len(length) + world.size))
+    np.add.at(gradient, (columns, np.arange(len(length))[:, None]), by_length)
+    at = len(length) + np.arange(world.size).reshape(-1, 3, 1)
+    np.add.at(gradient, (unknowns[:, None, :], at), by_point)
+    return np.concatenate([length, world.ravel()]), gradient
+
+
+def _messages(overall: ChecksOverall, significance: float) -> tuple[Message, ...]:
+    if overall.probability >= significance:
+        return ()
+    text = (
+        f"The {overall.count} checks as a whole are further off than their uncertainties allow "
+        f"(chi-square {overall.chi2:.1f}, probability {overall.probability:.1g}): the stated "
+        "sigmas of lengths, picks or log are too small, or something common to all is wrong."
+    )
+    return (Message("warning", "checks-misfit", text),)

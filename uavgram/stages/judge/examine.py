@@ -1,0 +1,143 @@
+"""What all judgements rest on: test statistics, suspicions and effects, computed once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.estimation.adjustment import Adjustment, Refined
+from uavgram.estimation.external_reliability import Weakest, Worst, external_reliability
+from uavgram.estimation.measured import Measured
+from uavgram.estimation.observation_names import Names
+from uavgram.estimation.observed import Observed, observed
+from uavgram.estimation.reliability import critical_value
+from uavgram.estimation.snooping import MOST_SUSPECTS, suspicions
+from uavgram.estimation.suspicion import Member, Suspicion
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.evidence import Effects
+from uavgram.model.observations import KnownLines
+
+
+@dataclass(frozen=True, eq=False)
+class Examined:
+    """The observations of an adjusted survey under test.
+
+    Attributes
+    ----------
+    refined
+        The adjusted survey.
+    groups
+        Its observations and priors by group.
+    suspicions
+        Those that do not fit, and what no test can part from them.
+    worst, weakest
+        External reliability, by observation and by measurement.
+    names
+        Of the observations.
+    measured
+        The values that undetected errors would move.
+    significance
+        Of the test of each single axis of each observation.
+    """
+
+    refined: Refined
+    groups: dict[str, Observed]
+    suspicions: tuple[Suspicion, ...]
+    worst: dict[str, Worst]
+    weakest: tuple[Weakest, ...]
+    names: Names
+    measured: Measured
+    significance: float
+
+    @property
+    def adjustment(self) -> Adjustment:
+        """The adjusted survey."""
+        return self.refined.adjustment
+
+    def suspect(self, kind: str) -> Bools:
+        """(n,) which observations of a group are suspected, alone or with others."""
+        group = self.groups[kind]
+        if len(self.suspicions) >= MOST_SUSPECTS:  # the rest was not told apart
+            return np.asarray((np.abs(group.w) > critical_value(self.significance)).any(axis=1))
+        rows = [
+            member.row
+            for suspicion in self.suspicions
+            for member in (suspicion.accused, *suspicion.group)
+            if member.kind == kind
+        ]
+        suspect = np.zeros(len(group.w), dtype=bool)
+        suspect[np.array(rows, dtype=np.int64)] = True
+        return suspect
+
+    def effects(self, kind: str, rows: Ints) -> Effects:
+        """Effects of undetected errors in some observations of a group; none for rows < 0."""
+        measured = self.measured
+        change, on = np.full(len(rows), np.nan), np.full(len(rows), -1)
+        there = rows >= 0
+        if there.any():
+            worst, at = self.worst[kind], rows[there]
+            axis = worst.sigmas[at].argmax(axis=1)
+            change[there], on[there] = worst.change[at, axis], worst.measurement[at, axis]
+        return effects_on(measured, on, change)
+
+    def bias(self, member: Member) -> tuple[float, str]:
+        """Minimal detectable bias of one axis of an observation, and its unit."""
+        bias = self.groups[member.kind].bias(self.significance)[member.row, member.axis]
+        unit, factor = self.names.unit(member)
+        return float(bias) * factor, unit
+
+
+def effects_on(measured: Measured, on: Ints, change: Floats) -> Effects:
+    """Changes (n,) of the measurements `on` (n,), -1 where there is none."""
+    sigma = np.append(measured.sigma, np.nan)  # the last one for -1
+    name = (*measured.name, "")
+    return Effects(
+        on=tuple(name[i] for i in on),
+        change=change,
+        sigmas=np.abs(change) / np.where(sigma > 0, sigma, np.nan)[on],
+    )
+
+
+def examine(
+    refined: Refined,
+    lines: KnownLines,
+    line_index: Ints,
+    measured: Measured,
+    significance: float,
+) -> Examined:
+    """Test every observation and prior, and propagate what would stay undetected.
+
+    Parameters
+    ----------
+    refined
+        The adjusted survey.
+    lines
+        All L known lengths of the project.
+    line_index
+        (L,) into the lines of the survey handed to refine; -1 for withheld and unseen ones.
+    measured
+        The measured values.
+    significance
+        Of the test for blunders.
+    """
+    adjustment = refined.adjustment
+    groups = observed(adjustment)
+    worst, weakest = external_reliability(groups, measured, significance)
+    return Examined(
+        refined=refined,
+        groups=groups,
+        suspicions=tuple(suspicions(adjustment, groups, significance, refined.accused)),
+        worst=worst,
+        weakest=weakest,
+        names=named(refined, lines, line_index),
+        measured=measured,
+        significance=significance,
+    )
+
+
+def named(refined: Refined, lines: KnownLines, line_index: Ints) -> Names:
+    """Names of the observations, lengths by the project's own."""
+    name_of = {int(index): lines.name[i] for i, index in enumerate(line_index) if index >= 0}
+    used = refined.line_index[refined.adjustment.problem.line_index]
+    return Names(refined.adjustment, tuple(name_of[int(index)] for index in used))

@@ -1,0 +1,137 @@
+"""Adjusted length, residual, test statistic and status of every known length."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+
+import numpy as np
+
+from uavgram.estimation.adjustment import Adjustment
+from uavgram.estimation.reliability import critical_value
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.evidence import Effects
+from uavgram.model.message import Message
+from uavgram.model.observations import KnownLines
+from uavgram.model.result import LineChecks, LineResults, LineStatus
+from uavgram.stages.judge.examine import Examined
+from uavgram.stages.judge.picks import rows_of
+
+_COLUMNS = ("adjusted_m", "adjusted_sigma_m", "residual_m", "w", "redundancy", "mdb_m")
+
+
+def judge_lines(
+    examined: Examined, lines: KnownLines, survey_index: Ints
+) -> tuple[LineResults, LineChecks, Effects, tuple[Message, ...]]:
+    """Adjusted length, residual, w, redundancy and status of every known length.
+
+    Parameters
+    ----------
+    examined
+        The adjusted survey under test.
+    lines
+        All L known lengths of the project.
+    survey_index
+        (L,) into the lines of the survey handed to refine; -1 for withheld and unseen ones.
+
+    Returns
+    -------
+    results, checks
+        All lengths; the withheld ones.
+    effects
+        (L,) what an undetected error in each would do.
+    messages
+        On lengths never seen, and withheld ones that do not fit.
+    """
+    refined, adjustment = examined.refined, examined.adjustment
+    columns = {name: np.full(len(lines.name), np.nan) for name in _COLUMNS}
+    _adjusted_lengths(adjustment, lines, columns)
+    used = refined.line_index[adjustment.problem.line_index]
+    row = rows_of(survey_index, used, len(refined.line_removed))
+    _fit_of_observed(examined, row, columns)
+    withheld = ~np.asarray(lines.adjust, dtype=bool) & np.isfinite(columns["adjusted_m"])
+    sigma = np.hypot(columns["adjusted_sigma_m"], lines.sigma_m)
+    columns["w"][withheld] = (columns["residual_m"] / sigma)[withheld]
+    limit = critical_value(examined.significance)
+    messages: list[Message] = []
+    status: list[LineStatus] = []
+    suspect = examined.suspect("lengths") if "lengths" in examined.groups else np.zeros(0, bool)
+    known = adjustment.survey.label
+    for i, name in enumerate(lines.name):
+        missing = [p for p in (lines.start[i], lines.end[i]) if p not in known]
+        if missing:
+            status.append("unseen")
+            messages.append(_unseen(name, missing, known))
+        elif withheld[i]:
+            status.append("checked")
+            if abs(columns["w"][i]) > limit:
+                messages.append(_does_not_fit(lines, i, columns))
+        elif row[i] < 0:
+            status.append("removed")
+        else:
+            status.append("suspect" if suspect[row[i]] else "used")
+    results = LineResults(
+        name=lines.name,
+        start=lines.start,
+        end=lines.end,
+        length_m=lines.length_m,
+        sigma_m=lines.sigma_m,
+        status=tuple(status),
+        **columns,
+    )
+    return results, _line_checks(results), examined.effects("lengths", row), tuple(messages)
+
+
+def _adjusted_lengths(
+    adjustment: Adjustment, lines: KnownLines, columns: dict[str, Floats]
+) -> None:
+    place = {label: k for k, label in enumerate(adjustment.survey.label)}
+    start = np.array([place.get(p, -1) for p in lines.start], dtype=np.int64)
+    end = np.array([place.get(p, -1) for p in lines.end], dtype=np.int64)
+    seen = np.flatnonzero((start >= 0) & (end >= 0))
+    length, gradient, unknowns = adjustment.problem.lengths_between(
+        adjustment.state, start[seen], end[seen]
+    )
+    columns["adjusted_m"][seen] = length
+    variance = adjustment.minimum.factor.variances(unknowns, gradient)
+    columns["adjusted_sigma_m"][seen] = np.sqrt(variance)
+    columns["residual_m"][:] = columns["adjusted_m"] - lines.length_m
+
+
+def _fit_of_observed(examined: Examined, row: Ints, columns: dict[str, Floats]) -> None:
+    if "lengths" not in examined.groups:
+        return
+    group, there = examined.groups["lengths"], row >= 0
+    at = row[there]
+    columns["w"][there] = group.w[at, 0]
+    columns["redundancy"][there] = group.redundancy[at, 0]
+    columns["mdb_m"][there] = group.bias(examined.significance)[at, 0]
+
+
+def _unseen(name: str, missing: list[str], known: tuple[str, ...]) -> Message:
+    words = []
+    for label in missing:
+        near = get_close_matches(label, known, n=1)
+        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        words.append(f"{label!r}{hint}")
+    text = f"The length {name!r} is not used: no usable pick of {', '.join(words)}."
+    return Message("warning", "line-unseen", text)
+
+
+def _does_not_fit(lines: KnownLines, i: int, columns: dict[str, Floats]) -> Message:
+    text = (
+        f"The withheld length {lines.name[i]!r} does not fit: taped {lines.length_m[i]:.3f} m, "
+        f"found {columns['adjusted_m'][i]:.3f} m (w = {columns['w'][i]:.1f}). Look at the reading, "
+        "at its ends and at their picks."
+    )
+    return Message("warning", "line-suspect", text)
+
+
+def _line_checks(lines: LineResults) -> LineChecks:
+    chosen = np.flatnonzero([s == "checked" for s in lines.status])
+    sigma = np.hypot(lines.adjusted_sigma_m, lines.sigma_m)[chosen]
+    return LineChecks(
+        name=tuple(lines.name[i] for i in chosen),
+        error_m=lines.residual_m[chosen],
+        sigma_m=sigma,
+        z=lines.residual_m[chosen] / sigma,
+    )

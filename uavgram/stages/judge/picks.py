@@ -1,0 +1,83 @@
+"""Residual, test statistic and status of every pick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.evidence import Effects
+from uavgram.model.result import PickResults, PickStatus
+from uavgram.stages.judge.examine import Examined
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PickTable:
+    """All P picks of the project, defaults filled in, and where each stands in the survey.
+
+    Attributes
+    ----------
+    image, label, pixel_px, sigma_px
+        As given.
+    survey_index
+        (P,) into the picks of the survey handed to refine; -1 for those of unmatched frames.
+    """
+
+    image: tuple[str, ...]
+    label: tuple[str, ...]
+    pixel_px: Floats
+    sigma_px: Floats
+    survey_index: Ints
+
+
+def judge_picks(examined: Examined, table: PickTable) -> tuple[PickResults, Effects]:
+    """Residual, w, redundancy and status of every pick, and what an unseen error would do.
+
+    w is that of the coordinate where it is larger, the redundancy the mean of the two.
+    """
+    refined, group = examined.refined, examined.groups["pixels"]
+    count = len(table.image)
+    residual, w = np.full((count, 2), np.nan), np.full(count, np.nan)
+    redundancy = np.full(count, np.nan)
+    row = rows_of(table.survey_index, refined.pick_index, len(refined.pick_removed))
+    used = np.flatnonzero(row >= 0)
+    at = row[used]
+    residual[used] = group.block.residual[at] * table.sigma_px[used, None]
+    w[used] = group.w[at, np.abs(group.w[at]).argmax(axis=1)]
+    redundancy[used] = group.redundancy[at].mean(axis=1)
+    status: list[PickStatus] = ["unused"] * count
+    suspect = examined.suspect("pixels")
+    for i in used:
+        status[i] = "suspect" if suspect[row[i]] else "used"
+    given = np.flatnonzero(table.survey_index >= 0)
+    for i in given[refined.pick_removed[table.survey_index[given]]]:
+        status[i] = "removed"
+    results = PickResults(
+        image=table.image,
+        label=table.label,
+        pixel_px=table.pixel_px,
+        sigma_px=table.sigma_px,
+        residual_px=residual,
+        w=w,
+        redundancy=redundancy,
+        status=tuple(status),
+    )
+    return results, examined.effects("pixels", row)
+
+
+def rows_of(survey_index: Ints, used_index: Ints, count: int) -> Ints:
+    """Row among the observations of what stands at `survey_index` of a survey; -1 if in none.
+
+    Parameters
+    ----------
+    survey_index
+        (P,) -1 for what is not in the survey.
+    used_index
+        (n,) where each row of the observations stands in the survey.
+    count
+        Number of picks, or lengths, of the survey.
+    """
+    row = np.full(count + 1, -1)  # the last one for -1
+    row[used_index] = np.arange(len(used_index))
+    return row[survey_index]

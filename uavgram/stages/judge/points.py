@@ -1,0 +1,40 @@
+"""Check points: result minus known coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.estimation.adjustment import Adjustment
+from uavgram.model.message import Message
+from uavgram.model.observations import KnownWorldPoints
+from uavgram.model.result import PointChecks
+
+
+def judge_points(
+    adjustment: Adjustment, known: KnownWorldPoints
+) -> tuple[PointChecks, tuple[Message, ...]]:
+    """Result minus known coordinates of check points; those never picked are named.
+
+    Nothing is judged with gauge ``plane``: coordinates mean nothing there.
+    """
+    index = np.array([adjustment.label_index(p) for p in known.label], dtype=np.int64)
+    if adjustment.survey.gauge == "plane":
+        index = index[:0]
+    seen = np.flatnonzero(index >= 0)
+    position, covariance = adjustment.points()
+    error = position[index[seen]] - known.world_m[seen]
+    joint = covariance[index[seen]] + known.sigma_m[seen][:, :, None] ** 2 * np.eye(3)
+    squared = np.einsum("ni,ni->n", error, np.linalg.solve(joint, error[..., None])[..., 0])
+    checks = PointChecks(
+        label=tuple(known.label[i] for i in seen),
+        error_m=error,
+        sigma_m=np.sqrt(np.einsum("nii->ni", joint)),
+        mahalanobis=np.sqrt(squared),
+    )
+    messages = tuple(
+        Message(
+            "warning", "check-unseen", f"The check point {known.label[i]!r} has no usable pick."
+        )
+        for i in np.flatnonzero(index < 0)
+    )
+    return checks, messages

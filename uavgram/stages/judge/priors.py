@@ -1,0 +1,71 @@
+"""Every number that was known beforehand: how it fits, and what an unseen error would do."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.estimation.observed import Observed
+from uavgram.estimation.suspicion import Member
+from uavgram.model.arrays import Floats
+from uavgram.model.evidence import PriorResults
+from uavgram.stages.judge.examine import Examined, effects_on
+
+OBSERVED = ("pixels", "lengths")
+"""Groups with tables of their own."""
+
+
+def judge_priors(examined: Examined) -> PriorResults:
+    """Residual, w, redundancy, detectable bias and its effect, of every axis of every prior.
+
+    Telemetry by frame and axis, mount, biases, clock, ground, calibration and control points.
+    """
+    parts = [
+        _group(examined, kind, group)
+        for kind, group in examined.groups.items()
+        if kind not in OBSERVED
+    ]
+    members = [m for part in parts for m in part[0]]
+    residual, w, redundancy, bias, change, on = (
+        np.concatenate([part[k] for part in parts]) for k in range(1, 7)
+    )
+    units = [examined.names.unit(m) for m in members]
+    names = examined.names
+    return PriorResults(
+        kind=tuple(m.kind for m in members),
+        name=tuple(names.prior(m) for m in members),
+        frame_id=tuple(names.frame(m.row) if m.kind == "telemetry" else "" for m in members),
+        unit=tuple(unit for unit, _ in units),
+        residual=residual,
+        w=w,
+        redundancy=redundancy,
+        bias=bias * np.array([factor for _, factor in units]),
+        effects=effects_on(examined.measured, on.astype(np.int64), change),
+    )
+
+
+def _group(
+    examined: Examined, kind: str, group: Observed
+) -> tuple[list[Member], *tuple[Floats, ...]]:
+    """Members, then residual, w, redundancy, bias, change and measurement of each axis."""
+    n, a = group.w.shape
+    members = [Member(kind, row, axis) for row in range(n) for axis in range(a)]
+    worst = examined.worst[kind]
+    columns = (
+        stated_residuals(group),
+        group.w,
+        group.redundancy,
+        group.bias(examined.significance),
+        worst.change,
+        worst.measurement,
+    )
+    return members, *(np.asarray(column, dtype=np.float64).ravel() for column in columns)
+
+
+def stated_residuals(group: Observed) -> Floats:
+    """(n, a) adjusted minus stated, in stated sigmas; 0 where a number is known exactly."""
+    scale = np.where(np.isfinite(group.scale), group.scale, np.inf)
+    whitening = group.direction / scale[:, None, :]
+    root = np.linalg.pinv(whitening)  # (n, a, r): root root^T is the stated covariance
+    sigma = np.linalg.norm(root, axis=2)
+    residual = np.einsum("nar,nr->na", root, group.block.residual)
+    return np.asarray(np.where(sigma > 0, residual / np.where(sigma > 0, sigma, 1.0), 0.0))

@@ -1,0 +1,132 @@
+"""How far to trust the result, in words: undetected errors, priors, removals, second order."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.model.evidence import Effects, PriorResults
+from uavgram.model.result import Result
+from uavgram.views.wording import UNIT_WORDS, chance, number
+
+MOST_PRIORS = 20
+"""Priors that are shown: those with the largest test statistics."""
+
+MOST_UNCHECKED = 6
+"""Unchecked observations that are named for a measurement."""
+
+SUSPECT_W = 3.29
+"""Test statistic that chance exceeds once in a thousand."""
+
+
+def weakest_links(result: Result) -> list[dict[str, str]]:
+    """For each measurement, the undetected error that moves it most, and what nothing checks."""
+    if result.evidence is None:
+        return []
+    rows, links = result.measurements, result.evidence.weakest
+    table = []
+    for i, name in enumerate(rows.name):
+        if not np.isfinite(rows.value[i]):
+            continue
+        unit = UNIT_WORDS.get(rows.unit[i], rows.unit[i])
+        weakest = "nothing that is checked moves it"
+        if links.what[i]:
+            weakest = (
+                f"an undetected error of {_amount(links.bias[i], links.unit[i])} in the "
+                f"{links.what[i]} would move it by {number(abs(links.change[i]))} {unit}"
+            )
+        unchecked = links.unchecked[i][:MOST_UNCHECKED]
+        more = len(links.unchecked[i]) - len(unchecked)
+        others = f" and {more} more" if more else ""
+        table.append({"name": name, "weakest": weakest, "unchecked": ", ".join(unchecked) + others})
+    return table
+
+
+def effect_words(result: Result, effects: Effects, i: int) -> str:
+    """``+0.042 m in 'whole'``: what an undetected error of one observation would do."""
+    name = effects.on[i]
+    if not name:
+        return "–"
+    unit = result.measurements.unit[result.measurements.name.index(name)]
+    return f"{number(effects.change[i], signed=True)} {UNIT_WORDS.get(unit, unit)} in {name!r}"
+
+
+def prior_rows(result: Result) -> list[dict[str, str | bool]]:
+    """The priors that fit worst."""
+    if result.evidence is None:
+        return []
+    priors: PriorResults = result.evidence.priors
+    order = np.argsort(-np.abs(priors.w), kind="stable")[:MOST_PRIORS]
+    return [
+        {
+            "name": priors.name[i],
+            "frame": priors.frame_id[i],
+            "residual": number(priors.residual[i], 1, signed=True),
+            "w": number(priors.w[i], 1, signed=True),
+            "redundancy": number(priors.redundancy[i], 2),
+            "bias": _amount(priors.bias[i], priors.unit[i]),
+            "effect": effect_words(result, priors.effects, int(i)),
+            "bad": bool(abs(priors.w[i]) > SUSPECT_W),
+        }
+        for i in order
+    ]
+
+
+def removal_rows(result: Result) -> list[str]:
+    """What was taken out, a sentence each."""
+    sentences = []
+    for step, one in enumerate(result.removals, start=1):
+        text = (
+            f"{step}. The {one.what} (w = {number(one.w, 1, signed=True)}); variance factor "
+            f"{number(one.variance_factor_before, 2)} before, "
+            f"{number(one.variance_factor_after, 2)} after."
+        )
+        if one.group:
+            text += f" No test can part it from: {', '.join(one.group)}."
+        if one.rivals:
+            text += f" It could also have been: {', '.join(one.rivals)}."
+        moved = [
+            f"{name!r} by {number(change, signed=True)} {UNIT_WORDS.get(unit, unit)}"
+            for name, unit, change in zip(
+                result.measurements.name, result.measurements.unit, one.change, strict=True
+            )
+            if np.isfinite(change)
+        ]
+        sentences.append(f"{text} That moved {', '.join(moved)}." if moved else text)
+    return sentences
+
+
+def second_order_rows(result: Result) -> list[str]:
+    """Measurements for which first order is not good enough, a sentence each."""
+    second, rows = result.second_order, result.measurements
+    if second is None:
+        return []
+    return [
+        f"{rows.name[i]}: sigma {number(rows.sigma[i])} in first order, "
+        f"{number(second.sigma[i])} in second, mean off by {number(second.bias[i], signed=True)} "
+        f"{UNIT_WORDS.get(rows.unit[i], rows.unit[i])}."
+        for i in np.flatnonzero(second.off)
+    ]
+
+
+def overall_words(result: Result) -> str:
+    """All checks together, in a sentence; empty where nothing was withheld."""
+    checks = result.checks_overall
+    if checks is None:
+        return ""
+    share = (
+        f", lengths {number(checks.mean_error_percent, 2)} % on average"
+        if np.isfinite(checks.mean_error_percent)
+        else ""
+    )
+    return (
+        f"Together: {checks.count} numbers, root mean square error {number(checks.rms_error_m)} m"
+        f"{share}; chi-square {number(checks.chi2, 1)} with their joint covariance, chance of one "
+        f"as large {chance(checks.probability)}."
+    )
+
+
+def _amount(value: float, unit: str) -> str:
+    if not np.isfinite(value):
+        return "–"
+    word = UNIT_WORDS.get(unit, unit)
+    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {word}"
