@@ -38,7 +38,9 @@ def test_its_status_is_rejected_with_reason_and_message(data_dir, tmp_path, copy
     frames = dict(zip(result.frames.frame_id, result.frames.status, strict=True))
     reasons = dict(zip(result.frames.frame_id, result.frames.reason, strict=True))
     assert frames[bad] == "rejected"
-    assert "labels in disorder" in reasons[bad]
+    # With a log its picks have places, which nothing else shares; without, it may find no pose.
+    why = ("labels in disorder",) if log else ("labels in disorder", "one camera could see them")
+    assert any(words in reasons[bad] for words in why)
     assert [name for name in chosen if frames[name] == "refined"] == [
         name for name in chosen if name != bad
     ]

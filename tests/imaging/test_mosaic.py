@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import runpy
 from dataclasses import replace
-from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from uavgram.imaging import mosaic
-from uavgram.imaging.mosaic import ground_texture, plane_height
+from uavgram.imaging.mosaic import Mosaic
+from uavgram.imaging.mosaic_grid import plane_height
 from uavgram.imaging.preview import Preview
 
 SCALE = 4
@@ -19,8 +17,9 @@ SCALE = 4
 
 @pytest.fixture(scope="module")
 def survey():
-    path = Path(__file__).parents[1] / "views" / "synthetic_survey.py"
-    return SimpleNamespace(**runpy.run_path(str(path)))
+    import synthetic_survey
+
+    return synthetic_survey
 
 
 def previews(survey, result, paint=None):
@@ -34,6 +33,14 @@ def previews(survey, result, paint=None):
             survey.jpeg(rgb), rgb.shape[1], rgb.shape[0], (float(SCALE), float(SCALE))
         )
     return made
+
+
+def ground_texture(result, photos, *size):
+    """The mosaic of these photos, added from the last to the first."""
+    made = Mosaic(result, photos, SCALE, *size)
+    for name in reversed(photos):
+        made.add(name, photos[name])
+    return made.texture()
 
 
 def spots(texture):
@@ -102,7 +109,7 @@ def test_a_sloping_plane_is_met_at_its_slope(survey):
 
 def test_the_mosaic_stays_within_its_size(survey):
     result = survey.build()
-    texture = ground_texture(result, previews(survey, result), max_size_px=200)
+    texture = ground_texture(result, previews(survey, result), 200)
 
     assert max(texture.covered.shape) <= 200 + mosaic.CELL_PX
 

@@ -167,7 +167,7 @@ def test_a_bent_board_is_advised_and_then_estimated():
     scene = scenes.make_scene(4, photos=15, bow=(0.06, -0.04))
     flat = calibrate(scene.observations, CalibrationOptions())
     text = next(m.text for m in flat.messages if m.code == "photos-disagree")
-    assert "Try bow: paraboloid" in text
+    assert "Try --bow paraboloid" in text
     bent = calibrate(scene.observations, CalibrationOptions(bow="paraboloid", bow_sigma_m=0.5))
     assert "photos-disagree" not in codes(bent)
     sigma = np.sqrt(np.diag(bent.bow_covariance_m2))

@@ -16,7 +16,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from uavgram.errors import OutputError
-from uavgram.imaging.mosaic import ground_texture
+from uavgram.imaging.mosaic import Mosaic
 from uavgram.imaging.preview import Preview
 from uavgram.views.recording import write_recording
 from uavgram.views.recording.blueprint import blueprint
@@ -41,6 +41,10 @@ def previews(survey, result, frames=None):
             survey.jpeg(rgb), rgb.shape[1], rgb.shape[0], (float(SCALE), float(SCALE))
         )
     return made
+
+
+def no_ground():
+    """In place of a mosaic."""
 
 
 class Contents:
@@ -72,7 +76,14 @@ def result(survey):
 def contents(survey, result, tmp_path_factory):
     path = tmp_path_factory.mktemp("recording") / "recording.rrd"
     photos = previews(survey, result)
-    write_recording(result, photos, ground_texture(result, photos, 256), path)
+    mosaic = Mosaic(result, photos, SCALE, 256)
+
+    def passing():
+        for name, photo in photos.items():
+            mosaic.add(name, photo)
+            yield name, photo
+
+    write_recording(result, passing(), mosaic.texture, path)
     return Contents(path)
 
 
@@ -253,7 +264,7 @@ def test_heights_are_above_the_ground_below_the_camera(survey, tmp_path):
     result = survey.build(frame_count=3)
     shared = replace(result.shared, plane_height_m=replace(result.shared.plane_height_m, value=[2]))
     path = tmp_path / "recording.rrd"
-    write_recording(replace(result, shared=shared), {}, None, path)
+    write_recording(replace(result, shared=shared), (), no_ground, path)
     shown = Contents(path).by_frame["/plots/height/refined"]["Measurements:values"]
 
     expected = result.frames.refined.center_world_m[:, 2] - 2
@@ -291,7 +302,7 @@ def test_many_measurements_are_thin_lines_of_which_the_least_certain_are_labelle
     crowded, tmp_path
 ):
     path = tmp_path / "recording.rrd"
-    write_recording(crowded, {}, None, path)
+    write_recording(crowded, (), no_ground, path)
     static = Contents(path).static
     texts = [t for t in static["/survey/labels"]["Points3D:labels"] if " m ± " in t]
     bold = static["/survey/measured/least_certain"]["LineStrips3D:strips"]
@@ -307,7 +318,7 @@ def test_many_measurements_are_thin_lines_of_which_the_least_certain_are_labelle
 
 def test_a_photo_shows_the_measurements_whose_points_are_all_picked_in_it(crowded, tmp_path):
     path = tmp_path / "recording.rrd"
-    write_recording(crowded, {}, None, path)
+    write_recording(crowded, (), no_ground, path)
     by_frame = Contents(path).by_frame
     picks, counts = crowded.picks, []
     for name in crowded.frames.frame_id:
@@ -350,7 +361,7 @@ def test_there_are_two_timelines_and_the_origin_is_a_property(contents):
 
 def test_the_layout_is_inside(survey, tmp_path):
     path = tmp_path / "recording.rrd"
-    write_recording(survey.build(frame_count=2), {}, None, path)
+    write_recording(survey.build(frame_count=2), (), no_ground, path)
 
     assert len(RrdReader(str(path)).blueprints()) == 1
 
@@ -388,7 +399,7 @@ def test_nothing_in_the_recording_is_infinite_or_nan(contents):
 def test_unusual_surveys_have_a_recording_too(survey, tmp_path, variant):
     path = tmp_path / "recording.rrd"
     result = survey.build(**variant)
-    write_recording(result, previews(survey, result, [0]), None, path)
+    write_recording(result, previews(survey, result, [0]).items(), no_ground, path)
 
     contents = Contents(path)
     assert len(contents.by_frame["/frame_status"]["StateChange:state"]) == len(result.frames.status)
@@ -396,7 +407,7 @@ def test_unusual_surveys_have_a_recording_too(survey, tmp_path, variant):
 
 def test_without_telemetry_there_is_no_map_and_the_summary_says_why(survey, tmp_path):
     path = tmp_path / "recording.rrd"
-    write_recording(survey.build(telemetry=False), {}, None, path)
+    write_recording(survey.build(telemetry=False), (), no_ground, path)
     contents = Contents(path)
 
     assert not any(entity.startswith("/map") for entity in contents.static)
@@ -407,7 +418,7 @@ def test_without_telemetry_there_is_no_map_and_the_summary_says_why(survey, tmp_
 def test_a_frame_without_a_photo_does_not_show_the_one_before_it(survey, tmp_path):
     path = tmp_path / "recording.rrd"
     result = survey.build(frame_count=4)
-    write_recording(result, previews(survey, result, [0, 1, 3]), None, path)
+    write_recording(result, previews(survey, result, [0, 1, 3]).items(), no_ground, path)
     picture = Contents(path).by_frame[f"{PHOTO}/picture"]
 
     assert [picture["EncodedImage:opacity"][i] for i in range(4)] == [[1.0], [1.0], [0.0], [1.0]]
@@ -416,7 +427,7 @@ def test_a_frame_without_a_photo_does_not_show_the_one_before_it(survey, tmp_pat
 
 def test_the_same_result_gives_the_same_recording(survey, result, tmp_path):
     for name in ("a", "b"):
-        write_recording(result, previews(survey, result, [0, 1]), None, tmp_path / f"{name}.rrd")
+        write_recording(result, previews(survey, result, [0, 1]).items(), no_ground, tmp_path / f"{name}.rrd")
     a, b = (Contents(tmp_path / f"{name}.rrd") for name in "ab")
     ids = [RrdReader(str(tmp_path / f"{name}.rrd")).recordings()[0].recording_id for name in "ab"]
 
@@ -430,7 +441,7 @@ def test_rerun_s_strictness_is_left_as_it_was(survey, tmp_path):
     try:
         for mode in (False, True):
             rr.set_strict_mode(mode)
-            write_recording(survey.build(frame_count=1), {}, None, tmp_path / "recording.rrd")
+            write_recording(survey.build(frame_count=1), (), no_ground, tmp_path / "recording.rrd")
             assert rr.strict_mode() is mode
     finally:
         rr.set_strict_mode(before)
@@ -439,7 +450,7 @@ def test_rerun_s_strictness_is_left_as_it_was(survey, tmp_path):
 def test_a_recording_that_cannot_be_written_is_an_output_error(survey, tmp_path):
     with pytest.raises(OutputError, match="cannot be written"):
         write_recording(
-            survey.build(frame_count=1), {}, None, tmp_path / "nowhere" / "recording.rrd"
+            survey.build(frame_count=1), (), no_ground, tmp_path / "nowhere" / "recording.rrd"
         )
 
 
@@ -451,7 +462,7 @@ def test_a_failed_recording_leaves_the_earlier_one(survey, tmp_path, monkeypatch
     path.write_bytes(b"earlier")
     monkeypatch.setattr("uavgram.views.recording.write.log_map", fail)
     with pytest.raises(RuntimeError, match="planted"):
-        write_recording(survey.build(frame_count=2), {}, None, path)
+        write_recording(survey.build(frame_count=2), (), no_ground, path)
 
     assert path.read_bytes() == b"earlier"
     assert [p.name for p in tmp_path.iterdir()] == ["recording.rrd"]
@@ -466,7 +477,7 @@ result = pickle.loads(open(sys.argv[1], "rb").read())
 limit = int(sys.argv[3])
 resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 try:
-    write_recording(result, {}, None, sys.argv[2])
+    write_recording(result, (), lambda: None, sys.argv[2])
 except OutputError as error:
     sys.exit(f"OutputError: {error}")
 """
@@ -478,7 +489,7 @@ def test_a_disk_that_is_full_while_rerun_writes_is_an_output_error(survey, tmp_p
     result, path = survey.build(frame_count=4), tmp_path / "out" / "recording.rrd"
     path.parent.mkdir()
     (tmp_path / "result").write_bytes(pickle.dumps(result))
-    write_recording(result, {}, None, path)
+    write_recording(result, (), no_ground, path)
     whole = path.read_bytes()
     limit = str(int(room * len(whole)))
     command = [sys.executable, "-c", FULL_DISK, str(tmp_path / "result"), str(path), limit]
@@ -493,7 +504,7 @@ def test_a_disk_that_is_full_while_rerun_writes_is_an_output_error(survey, tmp_p
 
 def test_rerun_s_own_verification_finds_no_fault(survey, result, tmp_path):
     path = tmp_path / "recording.rrd"
-    write_recording(result, previews(survey, result, [0, 1]), None, path)
+    write_recording(result, previews(survey, result, [0, 1]).items(), no_ground, path)
     command = [sys.executable, "-m", "rerun", "rrd", "verify", str(path)]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
 

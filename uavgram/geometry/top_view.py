@@ -59,6 +59,14 @@ class View:
             return None
         return world.latitude_deg, world.longitude_deg, world.height_m
 
+    @property
+    def least_height_m(self) -> float:
+        """Of the cameras above the plane, whichever is lowest."""
+        center = self.result.frames.refined.center_world_m[self.rows]
+        surface = self.surface
+        below = surface[0] + (center[:, :2] - self.result.shared.plane_pivot_m) @ surface[1:]
+        return float(np.abs(center[:, 2] - below).min())
+
     def ground(self, raster: GroundRaster, columns: Floats, rows: Floats) -> Floats:
         """(len(rows), len(columns), 3) world positions of the raster's pixels, on the plane."""
         place = raster.centers(columns, rows)

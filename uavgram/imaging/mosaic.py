@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
-from uavgram.imaging.mosaic_grid import Cameras, Grid, choose, corner_weights, weights_within
+from uavgram.imaging.mosaic_grid import (
+    Cameras,
+    Grid,
+    choose,
+    corner_weights,
+    plane_height,
+    weights_within,
+)
 from uavgram.imaging.preview import Pixels, Preview, decode_preview
-from uavgram.imaging.raster import sample_bilinear
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result import Result
 
@@ -117,3 +124,58 @@ class Mosaic:
         return GroundTexture(
             np.round(rgb).astype(np.uint8), covered, grid.west_m, grid.north_m, grid.pixel_size_m
         )
+
+
+def _lay_grid(
+    result: Result, cameras: Cameras, preview_scale: float, max_size_px: int
+) -> Grid:
+    """Cells over the scene: fine as the previews, coarse enough for the choice not to take long."""
+    low, high = _extent(result, cameras)
+    coarsest = float((high - low).max()) / max_size_px
+    grid = Grid(result, float(low[0]), float(high[1]), coarsest, CELL_PX, (0, 0))
+    finest = min(
+        grid.finest_pixel(cameras, frame, preview_scale) for frame in range(len(cameras.center_m))
+    )
+    pixel_size = max(coarsest, finest)
+    size = (high - low) / pixel_size
+    cell = CELL_PX
+    while float(size.prod()) / cell**2 * len(cameras.center_m) > CHOICE_BUDGET:
+        cell *= 2
+    columns, lines = np.maximum(np.ceil(size / cell), 1).astype(int)
+    shape = (int(lines), int(columns))
+    return replace(grid, pixel_size_m=pixel_size, cell_px=cell, shape=shape)
+
+
+def _extent(result: Result, cameras: Cameras) -> tuple[Floats, Floats]:
+    """South-west and north-east corner: points with a margin, or the cameras with their height."""
+    points = result.points.position_world_m[:, :2]
+    below = plane_height(result, cameras.center_m[:, :2])
+    height = float(np.median(cameras.center_m[:, 2] - below))
+    if len(points):
+        low, high = points.min(axis=0), points.max(axis=0)
+        margin = max(MARGIN * float((high - low).max()), MARGIN * height, 1.0)
+    else:
+        low = cameras.center_m[:, :2].min(axis=0)
+        high = cameras.center_m[:, :2].max(axis=0)
+        margin = max(height, 1.0)
+    return low - margin, high + margin
+
+
+def _sample(preview: Preview, coarser: float, pixel: Floats) -> Pixels:
+    """(n, m, 3) RGB at (n, m, 2) original pixels; anything where those are NaN.
+
+    Taken from a preview reduced as far as the mosaic is `coarser`: sooner, and without flicker.
+    """
+    picture = decode_preview(preview, coarser)
+    scale = np.array(preview.scale) * round(preview.width_px / picture.shape[1])
+    at = (np.nan_to_num(pixel) + 0.5) / scale - 0.5
+    return np.asarray(
+        cv2.remap(
+            picture,
+            at[..., 0].astype(np.float32),
+            at[..., 1].astype(np.float32),
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        ),
+        dtype=np.uint8,
+    )

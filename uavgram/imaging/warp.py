@@ -2,92 +2,32 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache
-from pathlib import Path
-from threading import Lock
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
-from uavgram.errors import InputError
 from uavgram.geometry.top_view import View
+from uavgram.imaging.photo_cache import Photo, PhotoCache
 from uavgram.imaging.preview import Pixels
-from uavgram.model.arrays import Floats, Ints
+from uavgram.imaging.warp_maps import EDGE_PX, Map, Maps, Sight, Window, look_from
+from uavgram.model.arrays import Ints
 from uavgram.model.ground_raster import GroundRaster
-
-NODE_STEP_PX = 16
-"""Between the pixels of the top view whose place in the photos is computed; a cubic spline between
-them is good to a thousandth of a pixel, for a lens and a perspective are smooth."""
 
 FEATHER = 0.01
 """Photos fade into each other where the tangents of their angles from the vertical differ by about
 this: at 60 m above ground, over a metre or so on each side of a seam."""
 
 FADED = 0.01
-"""A photo of less weight than this does not show."""
+"""A photo of less weight than this beside the heaviest one does not show."""
 
-BORDER_PX = 16.0
-"""Over which a photo fades out towards its own border."""
+REACH = -FEATHER * float(np.log(FADED))
+"""The difference of the tangents at which that is so."""
 
-CACHE_BYTES = 1_000_000_000
+BORDER_SHARE = 0.03
+"""Of a photo's shorter side is the rim in which it gives way to other photos, so that no picture
+ends in a step where another goes on; elsewhere the photo most above a place wins."""
 
-Weights = NDArray[np.float32]
-
-Window = tuple[int, int, int, int]
-"""First column, first row, width, height."""
-
-
-class PhotoCache:
-    """Decoded photos (RGB, unrotated), the latest used ones, up to `CACHE_BYTES`.
-
-    Parameters
-    ----------
-    paths
-        Of the photos, by the index under which they are asked for.
-    """
-
-    def __init__(self, paths: Sequence[str]) -> None:
-        self._paths = paths
-        self._photos: OrderedDict[int, Pixels] = OrderedDict()
-        self._lock = Lock()
-
-    def __call__(self, index: int) -> Pixels:
-        """(H, W, 3) the photo; decoded once while it stays."""
-        with self._lock:
-            if index in self._photos:
-                self._photos.move_to_end(index)
-                return self._photos[index]
-            photo = read_photo(self._paths[index])
-            self._photos[index] = photo
-            while sum(p.nbytes for p in self._photos.values()) > CACHE_BYTES:
-                if len(self._photos) == 1:
-                    break
-                self._photos.popitem(last=False)
-            return photo
-
-
-def read_photo(path: str) -> Pixels:
-    """(H, W, 3) RGB in the orientation of the stored pixels.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is no photo.
-    """
-    try:
-        encoded = np.frombuffer(Path(path).read_bytes(), np.uint8)
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    flags = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
-    photo = cv2.imdecode(encoded, flags) if encoded.size else None
-    if photo is None:
-        raise InputError(path, "is no photo that can be decoded; replace it or leave it out")
-    return np.asarray(photo, dtype=np.uint8)
+RELUCTANCE = 0.3
+"""Tangent that is added half-way into that rim; it grows without end towards the border."""
 
 
 def warp_window(
@@ -108,94 +48,75 @@ def warp_window(
     photos
         By index of the view.
     """
-    _, _, width, height = window
-    shots = _shots(view, raster, window, candidates)
-    out = np.zeros((height, width, 4), np.uint8)
+    width, height = window[2:]
+    sights = _nearest(look_from(view, raster, window, candidates), _rim_px(view))
+    if len(sights) == 1 and sights[0].within(EDGE_PX):
+        return _sample(photos(sights[0].index), *sights[0].pixel_maps())
+    shots = [maps for maps in (sight.maps() for sight in sights) if maps.shown.any()]
     if not shots:
-        return out
-    nearest = np.min([shot.off_nadir for shot in shots], axis=0)
-    total = np.zeros((height, width), np.float32)
-    layers: list[tuple[Pixels, Weights]] = []
-    for shot in shots:
-        photo = photos(shot.index)
-        weight = _weight(shot, nearest, photo.shape)
-        if weight.any():
-            warped = cv2.remap(
-                photo, shot.u, shot.v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-            )
-            layers.append((np.asarray(warped, np.uint8), weight))
-            total += weight
-    shown = total > 0
-    if len(layers) == 1:
-        out[..., :3] = layers[0][0]
-    elif layers:
-        share = np.float32(1.0) / np.maximum(total, np.float32(1e-6))
-        blended = np.full((height, width, 3), 0.5, np.float32)  # to round, not to cut
-        for warped, weight in layers:
-            blended += warped * (weight * share)[..., None]
-        out[..., :3] = blended
-    out[~shown] = 0
-    out[..., 3] = np.where(shown, 255, 0)
+        return np.zeros((height, width, 4), np.uint8)
+    if len(shots) > 1:
+        return _blend(shots, view, photos)
+    out = _sample(photos(shots[0].index), shots[0].u, shots[0].v)
+    out[~shots[0].shown] = 0
     return out
 
 
-@dataclass(frozen=True, eq=False)
-class _Shot:
-    """Where every pixel of a window lies in one photo, and how far from its nadir."""
-
-    index: int
-    u: Weights
-    v: Weights
-    off_nadir: Weights  # infinite where the photo does not show the place
+def _rim_px(view: View) -> float:
+    camera = view.result.camera
+    return BORDER_SHARE * min(camera.width_px, camera.height_px)
 
 
-def _shots(view: View, raster: GroundRaster, window: Window, candidates: Ints) -> list[_Shot]:
-    """Photos that show some of the window from nearly the least angle."""
-    column, row, width, height = window
-    world = view.ground(raster, column + _nodes(width), row + _nodes(height))
-    looks = {int(k): view.look(int(k), world) for k in candidates}
-    seen = {k: view.shows(pixel[..., 0], pixel[..., 1], off) for k, (pixel, off) in looks.items()}
-    if any(shown.all() for shown in seen.values()):
-        angle = {k: np.where(seen[k], off_nadir, np.inf) for k, (_, off_nadir) in looks.items()}
-        reach = np.min(list(angle.values()), axis=0) - FEATHER * np.log(FADED)
-        looks = {k: look for k, look in looks.items() if (angle[k] <= reach).any()}
-    across, down = _spline(width), _spline(height)
-    shots, exact = [], None
-    for k, (pixel, off_nadir) in looks.items():
-        fields = [pixel[..., 0], pixel[..., 1], off_nadir]
-        if np.isfinite(fields).all():
-            fields = [down @ field @ across.T for field in fields]
-        else:  # the lens model, or the ground below, ends within the window: compute every pixel
-            if exact is None:
-                columns, rows = np.arange(float(width)), np.arange(float(height))
-                exact = view.ground(raster, column + columns, row + rows)
-            each_pixel, off = view.look(k, exact)
-            fields = [each_pixel[..., 0], each_pixel[..., 1], off]
-        off = np.where(view.shows(*fields), fields[2], np.inf)
-        u, v, tangent = (np.asarray(field, np.float32) for field in (fields[0], fields[1], off))
-        shots.append(_Shot(k, u, v, tangent))
-    return shots
+def _nearest(sights: list[Sight], rim_px: float) -> list[Sight]:
+    """Those that are not much less above the window than others that show all of it."""
+    whole = [sight for sight in sights if sight.within(rim_px)]
+    if not whole:
+        return sights
+    least = np.min([sight.off_nadir for sight in whole], axis=0)
+    with np.errstate(invalid="ignore"):
+        return [sight for sight in sights if not (sight.off_nadir > least + REACH).all()]
 
 
-def _nodes(size: int) -> Floats:
-    """Pixels along one side at which places are computed, the last one on or beyond the end."""
-    count = max(4, -(-(size - 1) // NODE_STEP_PX) + 1)  # a cubic needs four
-    return np.arange(count, dtype=np.float64) * NODE_STEP_PX
+def _sample(photo: Photo, u_px: Map, v_px: Map) -> Pixels:
+    """(height, width, 4) of the photo, bilinear; its border pixels reach on beyond it."""
+    if photo.scale != (1.0, 1.0):
+        half = np.float32(0.5)
+        u_px = (u_px + half) / np.float32(photo.scale[0]) - half
+        v_px = (v_px + half) / np.float32(photo.scale[1]) - half
+    warped = cv2.remap(photo.rgba, u_px, v_px, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(warped, np.uint8)
 
 
-@lru_cache(maxsize=16)
-def _spline(size: int) -> Floats:
-    """(size, nodes) what each node contributes to each pixel of a side."""
-    nodes = _nodes(size)
-    return np.asarray(CubicSpline(nodes, np.eye(len(nodes)))(np.arange(size)))
+def _blend(shots: list[Maps], view: View, photos: PhotoCache) -> Pixels:
+    """Each spot from the photo most above it, neighbours faded into each other."""
+    distance = [_distance(maps, view) for maps in shots]
+    nearest = np.minimum.reduce(distance)
+    shown = np.isfinite(nearest)
+    nearest[~shown] = 0.0  # no infinite minus infinite
+    total = np.zeros(nearest.shape, np.float32)
+    picture = np.zeros((*nearest.shape, 4), np.float32)
+    for maps, far in zip(shots, distance, strict=True):
+        weight = np.exp((nearest - far) / np.float32(FEATHER))
+        weight = np.maximum(weight - np.float32(FADED), np.float32(0.0))
+        if weight.any():
+            total += weight
+            picture += _sample(photos(maps.index), maps.u, maps.v) * weight[..., None]
+    picture /= np.maximum(total, np.float32(1e-6))[..., None]
+    picture += np.float32(0.5)  # to round, not to cut
+    picture[~shown] = 0.0
+    return picture.astype(np.uint8)
 
 
-def _weight(shot: _Shot, nearest: Weights, shape: tuple[int, ...]) -> Weights:
-    """One where a photo is the most above, falling to nothing behind a seam and at its border."""
-    u, v = shot.u, shot.v
-    inner = np.minimum(u + 0.5, shape[1] - 0.5 - u)
-    inner = np.minimum(inner, np.minimum(v + 0.5, shape[0] - 0.5 - v))
-    border = np.clip(inner / np.float32(BORDER_PX), 1e-3, 1.0)
-    with np.errstate(invalid="ignore"):  # infinite minus infinite where no photo looks
-        nearness = np.exp((nearest - shot.off_nadir) / np.float32(FEATHER))
-    return np.asarray(np.where(nearness > FADED, nearness * border, 0.0), np.float32)
+def _distance(maps: Maps, view: View) -> Map:
+    """(height, width) by which photos are ranked: the tangent from the vertical, more in the rim.
+
+    Infinite where the photo does not show the place.
+    """
+    camera = view.result.camera
+    half = np.float32(0.5)
+    inner = np.minimum(maps.u + half, np.float32(camera.width_px) - half - maps.u)
+    inner = np.minimum(inner, maps.v + half)
+    inner = np.minimum(inner, np.float32(camera.height_px) - half - maps.v)
+    depth = np.clip(inner / np.float32(_rim_px(view)), np.float32(1e-3), np.float32(1.0))
+    far = maps.off_nadir + np.float32(RELUCTANCE) * (np.float32(1.0) / depth - np.float32(1.0))
+    return np.where(maps.shown, far, np.float32(np.inf))

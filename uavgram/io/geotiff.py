@@ -50,7 +50,7 @@ def write_colour_geotiff(
         The file.
     """
     profile = _PROFILE | _place(raster) | {"count": 4, "dtype": "uint8", "photometric": "rgb"}
-    with rasterio.open(path, "w", **profile) as file:
+    with _on_all_cores(), rasterio.open(path, "w", **profile) as file:
         file.colorinterp = [ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha]
         file.update_tags(**tags)
         for (column, row, width, height), pixels in windows:
@@ -65,7 +65,7 @@ def write_float_geotiff(
     """Write named bands of numbers (H, W); NaN is "no data"."""
     profile = _PROFILE | _place(raster)
     profile |= {"count": len(bands), "dtype": "float32", "nodata": np.nan, "predictor": 3}
-    with rasterio.open(path, "w", **profile) as file:
+    with _on_all_cores(), rasterio.open(path, "w", **profile) as file:
         file.update_tags(**tags)
         for number, (name, values) in enumerate(bands.items(), start=1):
             file.write(values.astype(np.float32), number)
@@ -80,6 +80,11 @@ def read_reduced(path: Path, longest_px: int) -> NDArray[np.uint8]:
         shape = (4, max(1, round(file.height * scale)), max(1, round(file.width * scale)))
         pixels = file.read(out_shape=shape, resampling=Resampling.average)
     return np.ascontiguousarray(np.moveaxis(pixels, 0, 2))
+
+
+def _on_all_cores() -> rasterio.Env:
+    """GDAL's own threads, for overviews too."""
+    return rasterio.Env(GDAL_NUM_THREADS="ALL_CPUS")
 
 
 def _place(raster: GroundRaster) -> dict[str, object]:

@@ -83,9 +83,12 @@ class Desk:
         self._live.start()
         self._live.submit(Task(self.version, self.state, final=True))
 
+    def stop(self) -> None:
+        """Adjust no more; waits for an adjustment under way."""
+        self._live.stop()
+
     def close(self) -> None:
         """End: save everything, let go of the project."""
-        self._live.stop()
         self.save()
         self._saver.close()
 
@@ -121,21 +124,32 @@ class Desk:
             "live": self._said or None,
         }
 
-    def receive(self, message: Message) -> Json:
-        """Do what a message asks for; the answer is for all pages where the state changed.
+    def answer(self, message: Message) -> Json:
+        """Answer a question; from any thread, as nothing changes.
+
+        Raises
+        ------
+        UavgramError
+            The photo cannot be read.
+        """
+        if isinstance(message.body, c.Snap):
+            photo = self._pyramids.get(self.index[message.body.image])
+            return {"t": "snapped", "seq": message.seq, **snap_json(photo, message.body)}
+        if isinstance(message.body, c.SameGround):
+            found = same_ground_json(self.survey, self._live.last, message.body, self.index)
+            return {"t": "ground", "seq": message.seq, **found}
+        raise TypeError(f"{type(message.body).__name__} is no question")
+
+    def change(self, message: Message) -> Json:
+        """Do what a command says, and keep it; the answer is for all pages.
 
         Raises
         ------
         RefusedError
-            It cannot be done; says why.
+            It does not fit the state; says why.
         """
-        match message.body:
-            case c.Snap():
-                found = snap_json(self._pyramids.get(self.index[message.body.image]), message.body)
-                return {"t": "snapped", "seq": message.seq, **found}
-            case c.SameGround():
-                found = same_ground_json(self.survey, self._live.last, message.body, self.index)
-                return {"t": "ground", "seq": message.seq, **found}
+        if isinstance(message.body, c.Snap | c.SameGround):
+            raise TypeError(f"{type(message.body).__name__} is no command")
         before = self.session
         after = apply(before, message.body, message.step)
         if after is before:
@@ -150,10 +164,6 @@ class Desk:
             "diff": difference_json(before.state, after.state, self.index),
             **self._standing(),
         }
-
-    def rest(self) -> None:
-        """A step ended without a last change: adjust in full."""
-        self._live.submit(Task(self.version, self.state, final=True))
 
     def save(self) -> None:
         """Write the tables, and tell where that was not possible."""

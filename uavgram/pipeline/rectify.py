@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections import deque
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,16 +12,19 @@ from uavgram.estimation.adjustment import Adjustment
 from uavgram.geometry.top_view import FrameKnowledge, View, place_sigma
 from uavgram.imaging.map_sheet import map_sheet
 from uavgram.imaging.preview import Pixels
-from uavgram.imaging.warp import PhotoCache, Window, warp_window
+from uavgram.imaging.photo_cache import PhotoCache
+from uavgram.imaging.warp import warp_window
+from uavgram.imaging.warp_maps import Window
 from uavgram.io.geotiff import TILE_PX, read_reduced, write_colour_geotiff, write_float_geotiff
 from uavgram.io.outputs import staged_output
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.ground_raster import GroundRaster
 from uavgram.model.message import Message
+from uavgram.pipeline.ahead import work_ahead
 from uavgram.pipeline.compute import compute
 from uavgram.pipeline.inputs import read_inputs
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.stages.rectify import boxes, choose_view, lay_raster
+from uavgram.stages.rectify import boxes, choose_view, lay_raster, reductions
 
 PICTURE, SHEET, SIGMA = "rectified.tif", "rectified.png", "rectified_sigma.tif"
 SHEET_PX = 3000
@@ -124,7 +124,9 @@ def _caption(view: View, raster: GroundRaster) -> str:
 def warped_windows(view: View, raster: GroundRaster) -> Iterator[tuple[Window, Pixels]]:
     """Every window of the raster in the order of the file; a few are under way at a time."""
     reach = boxes(view, raster)
-    photos = PhotoCache([view.result.frames.path[i] for i in view.rows])
+    photos = PhotoCache(
+        [view.result.frames.path[i] for i in view.rows], reductions(view, raster).tolist()
+    )
 
     def warp(window: Window) -> Pixels:
         return warp_window(view, raster, window, _within(reach, window), photos)
@@ -134,23 +136,7 @@ def warped_windows(view: View, raster: GroundRaster) -> Iterator[tuple[Window, P
         for row in range(0, raster.height, TILE_PX)
         for column in range(0, raster.width, TILE_PX)
     ]
-    yield from _ahead(warp, windows)
-
-
-def _ahead(
-    work: Callable[[Window], Pixels], windows: list[Window]
-) -> Iterator[tuple[Window, Pixels]]:
-    """Results in order, with no more of them in memory than are needed to keep all cores busy."""
-    cores = os.cpu_count() or 1
-    with ThreadPoolExecutor(cores) as pool:
-        waiting: deque[tuple[Window, Future[Pixels]]] = deque()
-        for window in windows:
-            waiting.append((window, pool.submit(work, window)))
-            if len(waiting) > 2 * cores:
-                first, future = waiting.popleft()
-                yield first, future.result()
-        for first, future in waiting:
-            yield first, future.result()
+    yield from work_ahead(warp, windows)
 
 
 def _within(reach: Floats, window: Window) -> Ints:

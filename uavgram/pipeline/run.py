@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator
 from enum import Enum
 from pathlib import Path
 from typing import Literal
 
-from uavgram.imaging.mosaic import ground_texture
-from uavgram.imaging.preview import Preview, read_preview
+from uavgram.imaging.mosaic import Mosaic
+from uavgram.imaging.preview import Preview, jpeg_preview_scale, read_preview
 from uavgram.io.outputs import staged_output
 from uavgram.io.results import write_results
 from uavgram.model.result import Result
+from uavgram.pipeline.ahead import work_ahead
 from uavgram.pipeline.compute import Sampling, compute
 from uavgram.pipeline.exports import exports
 from uavgram.pipeline.inputs import read_inputs
@@ -76,14 +76,11 @@ def run(
 
 
 def _write_outputs(result: Result, folder: Path, journal: Journal, progress: Progress) -> None:
-    with journal.step("decode previews"):
-        previews = _previews(result, progress)
+    with journal.step("write recording.rrd"):
+        write_review(result, folder / "recording.rrd", progress)
     writers: dict[str, Callable[[Path], None]] = {
         **exports(result),
         "report.html": lambda path: write_report(result, path),
-        "recording.rrd": lambda path: write_recording(
-            result, previews, ground_texture(result, previews), path
-        ),
         "results.json": lambda path: write_results(result, path),
     }
     for name, write in progress(writers.items(), "writing", len(writers)):
@@ -93,10 +90,26 @@ def _write_outputs(result: Result, folder: Path, journal: Journal, progress: Pro
     journal.write(folder / "run.jsonl")
 
 
-def _previews(result: Result, progress: Progress) -> dict[str, Preview]:
-    """Reduced photos by frame name; decoding leaves Python, so threads help."""
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        decoded = pool.map(read_preview, result.frames.path)
-        names = result.frames.frame_id
-        shown = progress(zip(names, decoded, strict=True), "previews", len(names))
-        return dict(shown)
+def write_review(result: Result, path: Path, progress: Progress = silent) -> None:
+    """Write the recording of a result, with its photos and the ground that they show.
+
+    Photos pass through one by one: what is in memory does not grow with their number.
+
+    Raises
+    ------
+    InputError
+        A photo cannot be read.
+    OutputError
+        The file cannot be written.
+    """
+    names = result.frames.frame_id
+    mosaic = Mosaic(result, names, jpeg_preview_scale(result.camera.width_px))
+
+    def photos() -> Iterator[tuple[str, Preview]]:
+        reduced = work_ahead(read_preview, result.frames.path)
+        shown = progress(zip(names, reduced, strict=True), "photos", len(names))
+        for name, (_, preview) in shown:
+            mosaic.add(name, preview)
+            yield name, preview
+
+    write_recording(result, photos(), mosaic.texture, path)

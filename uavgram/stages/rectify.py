@@ -9,7 +9,7 @@ from uavgram.geometry.back_projection import back_project
 from uavgram.geometry.ground import intersect_ground
 from uavgram.geometry.map_projection import projected_from_enu
 from uavgram.geometry.top_view import LEAST_SINE, View
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.ground_raster import GroundRaster
 from uavgram.model.result import Result
 
@@ -67,7 +67,7 @@ def lay_raster(view: View, pixel_m: float | None = None) -> GroundRaster:
         together = projected_from_enu(together, origin, crs)
     else:
         crs = None
-    size_m = _pixel_on_ground(view) if pixel_m is None else pixel_m
+    size_m = _usual_pixel(view) if pixel_m is None else pixel_m
     low, high = together[:, :2].min(axis=0), together[:, :2].max(axis=0)
     low, high = np.floor(low / size_m) * size_m, np.ceil(high / size_m) * size_m
     width, height = np.round((high - low) / size_m).astype(int)
@@ -116,8 +116,8 @@ def _shown_ground(view: View, index: int) -> Floats:
     return np.asarray(place[steep & np.isfinite(place[:, 0])])
 
 
-def _pixel_on_ground(view: View) -> float:
-    """Root of the ground's area behind a pixel at the middle of a photo, median of all photos."""
+def photo_pixels_m(view: View) -> Floats:
+    """(N,) root of the ground's area behind a pixel at the middle of each photo; NaN: no ground."""
     result = view.result
     middle = np.array([result.camera.width_px, result.camera.height_px]) / 2 - 0.5
     corners = middle + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
@@ -130,11 +130,22 @@ def _pixel_on_ground(view: View) -> float:
         result.shared.plane_pivot_m,
     )
     aside, along = place[:, 1] - place[:, 0], place[:, 2] - place[:, 0]
-    area = np.abs(aside[:, 0] * along[:, 1] - aside[:, 1] * along[:, 0])
-    if not np.isfinite(area).any():
+    return np.asarray(np.sqrt(np.abs(aside[:, 0] * along[:, 1] - aside[:, 1] * along[:, 0])))
+
+
+def reductions(view: View, raster: GroundRaster) -> Ints:
+    """(N,) powers of two: so many pixels of each photo become one, lest a coarse raster skip any."""
+    ratio = raster.pixel_m / np.nan_to_num(photo_pixels_m(view), nan=np.inf)
+    return np.asarray(2 ** np.log2(np.maximum(ratio, 1.0)).astype(np.int64))
+
+
+def _usual_pixel(view: View) -> float:
+    """What a pixel at the middle of a photo measures on the ground, to two digits."""
+    sizes = photo_pixels_m(view)
+    if not np.isfinite(sizes).any():
         raise GeometryError(
             "no photo's middle lies on the ground: state the size of a pixel with --pixel-size"
         )
-    size = float(np.sqrt(np.nanmedian(area)))
+    size = float(np.nanmedian(sizes))
     digits = NICE_DIGITS - 1 - int(np.floor(np.log10(size)))
     return round(size, digits)

@@ -25,13 +25,14 @@ def judge_calibration(account: CalibrationAccount) -> Verdict:
     reasons = tuple(message.text for message in ordered if message.level != "info")
     share = focal_share(result.calibration)
     known = f"the focal length is known to {100 * share:.2g} %"
-    counts = f"{_counts(account)} {known[0].upper()}{known[1:]}."
+    counts = _counts(account)
     if not result.quality.converged:
         return Verdict("look", "Not usable: the adjustment did not converge.", reasons, counts)
     if share > GOOD_FOCAL:
         return Verdict("look", f"Use with care: {known} only.", reasons, counts)
     if reasons:
-        return Verdict("look", "Usable where the board was seen; look at this.", reasons, counts)
+        sentence = f"Usable where the board was seen: {known}. Look at this:"
+        return Verdict("look", sentence, reasons, counts)
     return Verdict("good", f"Good: {known}, and nothing speaks against it.", (), counts)
 
 

@@ -65,13 +65,13 @@ def _on_outliers(result: CalibrationResult) -> Iterator[Message]:
             yield Message(
                 "warning",
                 "photo-suspect",
-                f"{file} does not fit the others: {reason}. Look at it; leave it out (outliers: "
+                f"{file} does not fit the others: {reason}. Look at it; leave it out (--outliers "
                 "remove) if the board was moved, blurred or found wrongly.",
             )
     verdict = np.array(corners.status, dtype=object)
     for word, code, what in (
         ("removed", "corners-removed", "were left out, being outliers"),
-        ("suspect", "corners-suspect", "fit worse than chance allows (outliers: remove)"),
+        ("suspect", "corners-suspect", "fit worse than chance allows (--outliers remove)"),
     ):
         kept_photo = np.array([s != "removed" for s in photos.status])[corners.photo]
         marked = (verdict == word) & kept_photo
@@ -89,7 +89,7 @@ def _on_the_covariance(judged: Judged, result: CalibrationResult) -> Iterator[Me
     if judged.factor > 1:
         advice = "Use a stiff, flat board, and hold the camera still."
         if result.options.bow == "flat":
-            advice = f"Try bow: paraboloid. {advice}"
+            advice = f"Try --bow paraboloid. {advice}"
         yield Message(
             "warning",
             "photos-disagree",
@@ -139,7 +139,7 @@ def _on_the_parameters(result: CalibrationResult) -> Iterator[Message]:
             "pixels-not-square",
             f"fx and fy differ by {100 * abs(fx / fy - 1):.1f} %, which no sensor does: the photos "
             f"do not tell focal length and tilt apart (sigma fx {sigma[0]:.1f} px, fy "
-            f"{sigma[1]:.1f} px). Set aspect: 1, or take photos with the camera rolled by a "
+            f"{sigma[1]:.1f} px). Set --fix-aspect, or take photos with the camera rolled by a "
             "quarter turn.",
         )
     prior = result.options.prior

@@ -18,7 +18,7 @@ from uavgram.estimation.survey_state import Layout, State, advance
 from uavgram.model.arrays import Bools
 from uavgram.model.survey import Survey
 from uavgram.stages.refine.consensus import contradicting
-from uavgram.stages.refine.misfit import MOST_TRIED, culprit, suspects
+from uavgram.stages.refine.misfit import GROSS, MOST_TRIED, culprit, suspects
 from uavgram.stages.refine.starts import first_values, unusable
 
 MOST_MISPLACED = 3
@@ -101,12 +101,17 @@ def _without_culprit(
             failures += 1
             continue
         tried.append((frame, rest))
-        costs.append(rest.adjustment.minimum.cost)
+        costs.append(_misfit(rest, int((keep & (survey.pick_frame != frame)).sum())))
     if not tried or len(tried) + failures < 2:
         return None
-    before = np.inf if refined is None else refined.adjustment.minimum.cost
+    before = np.inf if refined is None else _misfit(refined, int(keep.sum()))
     found = culprit(before, np.array(costs + failures * [np.inf]))
     return None if found is None else tried[found]
+
+
+def _misfit(refined: Refined, picks: int) -> float:
+    """Cost of an adjustment; a pick that it had to leave out counts as one that fits badly."""
+    return refined.adjustment.minimum.cost + GROSS**2 * (picks - len(refined.pick_index))
 
 
 def _suspected(survey: Survey, keep: Bools, refined: Refined | None) -> list[int]:

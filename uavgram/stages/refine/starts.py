@@ -33,7 +33,7 @@ FAR_RAD, FAR_HEIGHT = 0.1, 0.15
 NO_GROUND = "its ray does not meet the ground in front of the camera"
 NOT_JOINED = (
     "its frame has neither telemetry, nor three known lengths, nor four points in common with "
-    "the frames that do"
+    "the frames that do, picked where one camera could see them"
 )
 
 

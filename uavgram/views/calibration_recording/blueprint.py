@@ -15,6 +15,7 @@ from uavgram.views.calibration_recording.photos import OVERLAYS, PHOTO
 from uavgram.views.calibration_recording.plots import RESIDUAL, STATUS, TILT
 from uavgram.views.calibration_recording.space import AROUND, BEFORE, Room
 from uavgram.views.recording.blueprint import BACKGROUND
+from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH
 from uavgram.views.recording.stream import FRAME_TIMELINE
 
 MARGIN = 0.02
@@ -66,36 +67,41 @@ def _states(account: CalibrationAccount) -> str:
 
 
 def _around(room: Room) -> rrb.Spatial3DView:
-    reach = room.distance_m + 2 * room.frustum_m
-    way = np.array([0.35, 0.95, -0.75])
-    target = room.middle_m - np.array([0.0, 0.0, 0.42 * room.distance_m])
-    position = target + 0.98 * reach * way / np.linalg.norm(way)
+    up = np.array([0.0, 0.0, -1.0])
     return rrb.Spatial3DView(
         origin=f"/{AROUND}",
         contents=[f"+ /{AROUND}/**", *_NOT_IN_SPACE],
         name="Cameras around the board (blue: used; white: this photo)",
         background=BACKGROUND,
         line_grid=False,
-        eye_controls=_eye(position, target, (0, 0, -1)),
+        eye_controls=_eye(room.around_m, np.array([0.35, 0.95, -0.75]), up),
     )
 
 
 def _before(room: Room) -> rrb.Spatial3DView:
-    target = np.array([0.0, 0.0, 0.55 * room.distance_m])
-    way = np.array([0.75, -0.4, -0.75])
-    position = target + 1.6 * room.distance_m * way / np.linalg.norm(way)
     return rrb.Spatial3DView(
         origin=f"/{BEFORE}",
         name="Boards before the camera",
         background=BACKGROUND,
         line_grid=False,
-        eye_controls=_eye(position, target, (0, -1, 0)),
+        eye_controls=_eye(room.before_m, np.array([0.8, -0.4, -0.6]), np.array([0.0, -1.0, 0.0])),
     )
 
 
-def _eye(position: Floats, target: Floats, up: tuple[int, int, int]) -> rrb.EyeControls3D:
+def _eye(points_m: Floats, way: Floats, up: Floats) -> rrb.EyeControls3D:
+    """From this side, as near as all (N, 3) points allow."""
+    back = way / np.linalg.norm(way)
+    right = np.cross(up, back)
+    right /= np.linalg.norm(right)
+    target = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
+    offset = points_m - target
+    sideways, upward = np.abs(offset @ right), np.abs(offset @ np.cross(back, right))
+    distance = (offset @ back + np.maximum(sideways / HALF_WIDTH, upward / HALF_HEIGHT)).max()
     return rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=up
+        kind=rrb.Eye3DKind.Orbital,
+        position=target + distance * back,
+        look_target=target,
+        eye_up=up,
     )
 
 

@@ -11,15 +11,13 @@ from uavgram.imaging.preview import Preview
 from uavgram.model.arrays import Bools
 from uavgram.model.calibration_result import CalibrationResult
 from uavgram.views.calibration_drawing import residual_factor, rows_by_photo
-from uavgram.views.calibration_recording.space import CAMERA, Room
+from uavgram.views.calibration_recording.space import CAMERA, DEPTH_OF_CURRENT, Room
 from uavgram.views.recording.photo_marks import CENTRE_PX, log_dots, log_polylines
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import BAD, MEASURED, OBSERVED, SEED
 
 PHOTO = f"{CAMERA}/photo"
 OVERLAYS = ("residual_exaggerated", "residual_exaggerated_odd", "corners", "corners_odd", "first")
-DEPTH = 2.0
-"""Of the current camera, in those of the others."""
 
 
 def log_board_photos(
@@ -46,7 +44,7 @@ def log_board_photos(
             image_from_camera=[[fx, 0, cx + CENTRE_PX], [0, fy, cy + CENTRE_PX], [0, 0, 1]],
             resolution=[camera.width_px, camera.height_px],
             camera_xyz=rr.ViewCoordinates.RDF,
-            image_plane_distance=DEPTH * room.frustum_m,
+            image_plane_distance=DEPTH_OF_CURRENT * room.frustum_m,
             color=OBSERVED,
         ),
     )

@@ -22,7 +22,10 @@ CAMERA = f"{AROUND}/current_camera"
 BEFORE = "before_the_camera"
 
 FRUSTUM_SHARE = 0.14
-RIM_SQUARES = 1.0
+DEPTH_OF_CURRENT = 2.0
+"""Of the current camera, in those of the others."""
+
+ELLIPSOID_ALPHA = 110
 NEAR_BLACK: Rgb = (34, 38, 44)
 SOFT_WHITE: Rgb = (228, 230, 233)
 STATUS_COLOURS: dict[str, Rgb] = {"used": REFINED, "suspect": BAD, "removed": QUIET}
@@ -34,33 +37,39 @@ class Room:
 
     Attributes
     ----------
-    middle_m
-        (3,) of the board.
-    board_m
-        Diagonal of the board.
-    distance_m
-        Of the farthest camera from the board's middle.
     frustum_m
         Depth at which cameras are cut off.
+    around_m, before_m
+        (N, 3) what has to be seen: of cameras and board, in the board's frame; of camera and
+        boards, in the camera's.
+    frusta_m, boards_m
+        (M, 10, 3) polylines of the cameras, (M, 5, 3) outlines of the boards, likewise.
     """
 
-    middle_m: Floats
-    board_m: float
-    distance_m: float
     frustum_m: float
+    around_m: Floats
+    before_m: Floats
+    frusta_m: Floats
+    boards_m: Floats
 
 
 def measure_room(result: CalibrationResult) -> Room:
-    """Sizes of board and room."""
-    corner = result.board.corner_board_m
-    middle = corner.mean(axis=0)
-    away = np.linalg.norm(result.photos.poses.center_world_m - middle, axis=1)
-    typical = float(np.median(away))
+    """Place cameras and boards."""
+    poses, rim = result.photos.poses, _rim(result)
+    center, turn = poses.center_world_m, poses.world_from_camera
+    away = np.linalg.norm(center - result.board.corner_board_m.mean(axis=0), axis=1)
+    depth = FRUSTUM_SHARE * float(np.median(away))
+    outline = depth * _frustum(result)
+    boards = np.einsum("mji,mkj->mki", turn, rim[None] - center[:, None])
+    frusta = center[:, None] + np.einsum("mij,kj->mki", turn, outline)
+    # the current camera is drawn larger
+    large = frusta + (DEPTH_OF_CURRENT - 1) * (frusta - center[:, None])
     return Room(
-        middle_m=middle,
-        board_m=float(np.linalg.norm(np.ptp(corner, axis=0))),
-        distance_m=float(away.max()),
-        frustum_m=FRUSTUM_SHARE * typical,
+        frustum_m=depth,
+        around_m=np.concatenate([rim, large.reshape(-1, 3)]),
+        before_m=np.concatenate([outline, boards.reshape(-1, 3)]),
+        frusta_m=frusta,
+        boards_m=boards,
     )
 
 
@@ -68,35 +77,32 @@ def log_space(recorder: Recorder, result: CalibrationResult, room: Room) -> None
     """Log board, cameras, and the boards as the camera saw them."""
     _board(recorder, result)
     poses = result.photos.poses
-    center, turn = poses.center_world_m, poses.world_from_camera
     colours = [STATUS_COLOURS[status] for status in result.photos.status]
-    outline = _frustum(result) * room.frustum_m
-    frusta = center[:, None] + np.einsum("mij,kj->mki", turn, outline)
     recorder.static(
         f"{AROUND}/cameras",
-        rr.LineStrips3D(frusta, colors=colours, radii=rr.Radius.ui_points(0.9)),
+        rr.LineStrips3D(list(room.frusta_m), colors=colours, radii=rr.Radius.ui_points(0.9)),
     )
     variance = np.diagonal(poses.covariance, axis1=1, axis2=2)[:, :3]
     recorder.static(
         f"{AROUND}/camera_3_sigma",
         rr.Ellipsoids3D(
-            centers=center,
+            centers=poses.center_world_m,
             half_sizes=3 * np.sqrt(np.maximum(variance, 0.0)),
-            colors=colours,
+            colors=[(*colour, ELLIPSOID_ALPHA) for colour in colours],
             fill_mode="solid",
         ),
     )
-    rim = _rim(result)
-    seen = np.einsum("mji,mkj->mki", turn, rim[None] - center[:, None])
     recorder.static(
         f"{BEFORE}/boards",
-        rr.LineStrips3D(seen, colors=colours, radii=rr.Radius.ui_points(1.1)),
+        rr.LineStrips3D(list(room.boards_m), colors=colours, radii=rr.Radius.ui_points(1.1)),
     )
     recorder.static(
         f"{BEFORE}/camera",
-        rr.LineStrips3D([outline], colors=OBSERVED, radii=rr.Radius.ui_points(1.5)),
+        rr.LineStrips3D(
+            [room.frustum_m * _frustum(result)], colors=OBSERVED, radii=rr.Radius.ui_points(1.5)
+        ),
     )
-    everyone = np.arange(len(center))
+    everyone = np.arange(len(poses.frame_id))
     recorder.static(
         f"{BEFORE}/this_board",
         rr.LineStrips3D.from_fields(colors=OBSERVED, radii=rr.Radius.ui_points(2.5)),
@@ -104,7 +110,7 @@ def log_space(recorder: Recorder, result: CalibrationResult, room: Room) -> None
     recorder.rows(
         f"{BEFORE}/this_board",
         everyone,
-        lambda some: [rr.LineStrips3D.columns(strips=list(seen[some]))],
+        lambda some: [rr.LineStrips3D.columns(strips=list(room.boards_m[some]))],
     )
 
 

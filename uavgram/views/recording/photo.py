@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
+from itertools import islice
 
 import numpy as np
 import rerun as rr
@@ -16,6 +17,7 @@ from uavgram.views.style import OBSERVED
 
 CAMERA = "survey/current_camera"
 PHOTO = f"{CAMERA}/photo"
+PICTURE = f"{PHOTO}/picture"
 
 # Depth of the frustum of a frame without a pose: too small to be seen.
 HIDDEN_M = 1e-6
@@ -24,15 +26,7 @@ HIDDEN_M = 1e-6
 PHOTOS_PER_CHUNK = 8
 
 
-def log_photos(
-    recorder: Recorder, result: Result, scene: Scene, previews: Mapping[str, Preview]
-) -> None:
-    """Log the moving camera and its photo."""
-    _camera(recorder, result, scene)
-    _previews(recorder, result, previews)
-
-
-def _camera(recorder: Recorder, result: Result, scene: Scene) -> None:
+def log_camera(recorder: Recorder, result: Result, scene: Scene) -> None:
     """A pinhole that moves with time; where a frame has no pose, too small to be seen."""
     frames, count = result.frames, len(result.frames.frame_id)
     posed = np.where(
@@ -75,30 +69,35 @@ def _camera(recorder: Recorder, result: Result, scene: Scene) -> None:
     )
 
 
-def _previews(recorder: Recorder, result: Result, previews: Mapping[str, Preview]) -> None:
-    """JPEGs as they are; the scale puts them back into original pixels."""
-    names = result.frames.frame_id
-    shown = np.array([i for i, name in enumerate(names) if name in previews], dtype=np.int64)
-    path = f"{PHOTO}/picture"
-    if not len(shown):
-        return
-    # a frame without a photo must not show that of the frame before
-    opacity = np.isin(np.arange(len(names)), shown).astype(np.float32)
-    recorder.rows(
-        path,
-        np.arange(len(names)),
-        lambda some: [rr.EncodedImage.columns(opacity=opacity[some])],
-    )
-    recorder.static(path, rr.EncodedImage.from_fields(media_type="image/jpeg", draw_order=-10.0))
-    scales = np.array([[*previews[names[i]].scale, 1.0] for i in shown])
-    recorder.rows(
-        path,
-        shown,
-        lambda some: [rr.Transform3D.columns(scale=scales[np.searchsorted(shown, some)])],
-    )
-    for start in range(0, len(shown), PHOTOS_PER_CHUNK):
-        recorder.rows(
-            path,
-            shown[start : start + PHOTOS_PER_CHUNK],
-            lambda some: [rr.EncodedImage.columns(blob=[previews[names[i]].jpeg for i in some])],
+def log_photos(recorder: Recorder, result: Result, photos: Iterable[tuple[str, Preview]]) -> None:
+    """Log JPEGs as they come, a few at a time; their scale puts them back into original pixels."""
+    row = {name: i for i, name in enumerate(result.frames.frame_id)}
+    shown = np.zeros(len(row), dtype=np.float32)
+    coming = iter(photos)
+    while some := {row[name]: photo for name, photo in islice(coming, PHOTOS_PER_CHUNK)}:
+        shown[list(some)] = 1.0
+        _log_some(recorder, some)
+    if shown.any():
+        recorder.static(
+            PICTURE, rr.EncodedImage.from_fields(media_type="image/jpeg", draw_order=-10.0)
         )
+        # a frame without a photo must not show that of the frame before
+        recorder.rows(
+            PICTURE,
+            np.arange(len(row)),
+            lambda rows: [rr.EncodedImage.columns(opacity=shown[rows])],
+        )
+
+
+def _log_some(recorder: Recorder, photos: dict[int, Preview]) -> None:
+    """Log photos by their frames' rows, and leave none in memory."""
+    frames = np.array(sorted(photos), dtype=np.int64)
+    recorder.rows(
+        PICTURE,
+        frames,
+        lambda rows: [
+            rr.EncodedImage.columns(blob=[photos[i].jpeg for i in rows.tolist()]),
+            rr.Transform3D.columns(scale=[[*photos[i].scale, 1.0] for i in rows.tolist()]),
+        ],
+    )
+    recorder.stream.flush()

@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 
 from uavgram.estimation.reliability import critical_value
-from uavgram.imaging.mosaic import plane_height
+from uavgram.imaging.mosaic_grid import plane_height
 from uavgram.model.arrays import Floats
 from uavgram.model.result import PoseTable, Result
 from uavgram.views.frame_states import frame_states

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.imaging.mosaic import GroundTexture, plane_height
+from uavgram.imaging.mosaic import GroundTexture
+from uavgram.imaging.mosaic_grid import plane_height
 from uavgram.model.arrays import Floats
 from uavgram.model.result import Result
 from uavgram.views.drawing import frusta, nice_factor, track

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from uavgram.imaging.mosaic import GroundTexture, plane_height
+from uavgram.imaging.mosaic import GroundTexture
+from uavgram.imaging.mosaic_grid import plane_height
 from uavgram.imaging.preview import Pixels
 from uavgram.model.arrays import Floats
 from uavgram.model.result import PoseTable, Result

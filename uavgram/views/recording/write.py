@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from uavgram.errors import OutputError
@@ -17,7 +17,7 @@ from uavgram.views.recording.frame_picks import project_picks
 from uavgram.views.recording.geography import log_map, log_origin
 from uavgram.views.recording.legend import log_legend
 from uavgram.views.recording.overlay import log_overlay
-from uavgram.views.recording.photo import PHOTO, log_photos
+from uavgram.views.recording.photo import PHOTO, log_camera, log_photos
 from uavgram.views.recording.plots import frame_curves, log_plots
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.stream import Recorder, open_recorder
@@ -29,20 +29,23 @@ log = logging.getLogger(__name__)
 
 def write_recording(
     result: Result,
-    previews: Mapping[str, Preview],
-    texture: GroundTexture | None,
+    photos: Iterable[tuple[str, Preview]],
+    texture: Callable[[], GroundTexture | None],
     path: str | os.PathLike[str],
 ) -> None:
     """Write a Rerun recording with its blueprint inside.
+
+    Photos are written as they come, and not kept.
 
     Parameters
     ----------
     result
         What to show.
-    previews
-        Reduced photos by frame name; a frame without one shows only what is drawn on it.
+    photos
+        Frame names and reduced photos, in any order; a frame without one shows only what is drawn
+        on it.
     texture
-        Top view of the ground, or None.
+        Asked for the top view of the ground, or None, once all photos have passed.
     path
         The .rrd file; replaced only once the new one is complete.
 
@@ -56,7 +59,7 @@ def write_recording(
     try:
         unfinished.touch()  # Rerun's own complaint about a missing folder is no OSError
         with open_recorder(result, unfinished) as recorder:
-            _log_everything(recorder, result, previews, texture)
+            _log_everything(recorder, result, photos, texture)
         unfinished.replace(target)
     except OSError as error:
         raise OutputError(f"{target}: the recording cannot be written: {error}") from error
@@ -68,15 +71,17 @@ def write_recording(
 def _log_everything(
     recorder: Recorder,
     result: Result,
-    previews: Mapping[str, Preview],
-    texture: GroundTexture | None,
+    photos: Iterable[tuple[str, Preview]],
+    texture: Callable[[], GroundTexture | None],
 ) -> None:
-    scene, picks = measure_scene(result, texture), project_picks(result)
+    log_photos(recorder, result, photos)
+    ground = texture()
+    scene, picks = measure_scene(result, ground), project_picks(result)
     curves = frame_curves(result, picks)
     log_origin(recorder, result)
-    log_survey(recorder, result, scene, texture)
+    log_survey(recorder, result, scene, ground)
     log_legend(recorder, result, scene)
-    log_photos(recorder, result, scene, previews)
+    log_camera(recorder, result, scene)
     log_overlay(recorder, result, scene, picks, PHOTO)
     log_plots(recorder, result, curves)
     log_documents(recorder, result, judge(result), scene, picks, curves)

@@ -1,0 +1,53 @@
+"""`uavgram pick`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter, validators
+
+from uavgram.cli.application import DONE, Verbose, app
+from uavgram.cli.terminal import log_to_stderr, say
+
+Port = Annotated[int, Parameter(validator=validators.Number(gte=0, lte=65535))]
+
+
+@app.command
+def pick(
+    project: Path,
+    /,
+    *,
+    port: Port = 0,
+    browser: bool = True,
+    verbose: Verbose = False,
+) -> int:
+    """Pick points and lengths in the photos on a local page, and see the measurements.
+
+    The project may lack picks, lengths and measurements: they are made here. Ctrl+C ends it.
+
+    Parameters
+    ----------
+    project
+        The project file (project.yaml).
+    port
+        Of the page, on this machine only; 0: any free one.
+    browser
+        Open the page in the browser.
+    verbose
+        Say what is being done.
+    """
+    import webbrowser
+
+    from uavgram.picking.server import serve
+
+    log_to_stderr(verbose=verbose)
+
+    def announce(address: str) -> None:
+        say(f"Picking page: {address}", "Ctrl+C ends it; everything is saved.")
+        if browser:
+            webbrowser.open(address)
+
+    serve(project, announce, port)
+    say("Saved.")
+    return DONE

@@ -1,0 +1,41 @@
+// Numbers as people read them.
+
+export const missing = "\u2013";
+
+export function fixed(value, digits) {
+  return value === null || value === undefined ? missing : value.toFixed(digits);
+}
+
+// A value with as many digits as its sigma deserves: two digits of the sigma, no more than 4 places.
+export function places(sigma) {
+  if (!(sigma > 0)) return 3;
+  return Math.min(Math.max(1 - Math.floor(Math.log10(sigma)), 0), 4);
+}
+
+export function withSigma(value, sigma, unit = "") {
+  if (value === null || value === undefined) return missing;
+  const digits = places(sigma);
+  const error = sigma === null || sigma === undefined ? "" : ` \u00b1 ${sigma.toFixed(digits)}`;
+  return `${value.toFixed(digits)}${error}${unit && ` ${unit}`}`;
+}
+
+export const unitText = (unit) => ({ m2: "m\u00b2", deg: "\u00b0" })[unit] ?? unit;
+
+export function node(tag, attributes = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else if (value !== false && value !== null && value !== undefined) made.setAttribute(name, value === true ? "" : value);
+  }
+  made.append(...children.filter((child) => child !== null && child !== undefined));
+  return made;
+}
+
+const SVG = "http://www.w3.org/2000/svg";
+
+export function shape(tag, attributes = {}, ...children) {
+  const made = document.createElementNS(SVG, tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.append(...children);
+  return made;
+}

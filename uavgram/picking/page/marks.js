@@ -1,0 +1,123 @@
+// The marks of one pane as SVG: made when the state changes, moved when the view does.
+
+import { fixed, missing, shape, unitText, withSigma } from "./format.js";
+import { adjusted, fitOf, isSuspect, picksIn, placeOf, predictedIn, store } from "./store.js";
+
+export const RESIDUAL_SCALE = 20; // screen pixels for each pixel of the photo
+export const CONFIDENCE = 2.4477; // 95 % of a plane's normal distribution
+
+const CROSS = "M-9 0H-3M3 0H9M0 -9V-3M0 3V9";
+const DIAMOND = "M0 -13L13 0L0 13L-13 0Z";
+
+// Everything that is drawn in a photo, as [{group, anchors, move(view)}].
+export function buildMarks(image, { selected, shown, draft }) {
+  const parts = [];
+  for (const line of store.lines) parts.push(lengthPart(image, line));
+  for (const one of store.measurements) parts.push(measurementPart(image, one));
+  if (draft.length) parts.push(pathPart(image, draft, "draft", "", false));
+  if (shown.predicted) {
+    for (const one of predictedIn(image)) parts.push(predictedPart(one, selected, shown));
+  }
+  for (const pick of picksIn(image)) parts.push(pickPart(pick, selected, shown));
+  return parts.filter(Boolean);
+}
+
+function pickPart(pick, selected, shown) {
+  const fit = fitOf(pick.image, pick.label);
+  const suspect = isSuspect(fit?.status);
+  const group = shape("g", {
+    class: `mark placed${suspect ? " suspect" : ""}${selected === pick.label ? " selected" : ""}`,
+    tabindex: 0, role: "button", "data-label": pick.label,
+    "aria-label": spokenPick(pick, fit, suspect),
+  });
+  if (shown.ellipses && fit?.spread) group.append(...ellipse(fit.spread));
+  if (shown.residuals && fit?.residual && fit.residual[0] !== null) {
+    const [u, v] = fit.residual.map((r) => r * RESIDUAL_SCALE);
+    group.append(shape("line", { class: "halo", "stroke-width": 4, x2: u, y2: v }),
+      shape("line", { class: "residual", x2: u, y2: v }));
+  }
+  if (suspect) group.append(shape("path", { class: "halo wide", d: DIAMOND }), shape("path", { class: "thin", d: DIAMOND }));
+  group.append(shape("path", { class: "halo wide", d: CROSS }), shape("path", { class: "thin", d: CROSS }),
+    shape("circle", { class: "ring", r: 15, fill: "none" }), shape("circle", { class: "hit", r: 12 }));
+  if (shown.labels) group.append(text(pick.label, 12, -8));
+  return { group, move: (view) => place(group, view, pick.u, pick.v) };
+}
+
+export function spokenPick(pick, fit, suspect) {
+  const w = fit?.w === null || fit?.w === undefined ? "" : `, w ${fixed(fit.w, 1)}`;
+  return `${pick.label}, u ${pick.u.toFixed(2)}, v ${pick.v.toFixed(2)}${w}${suspect ? ", suspect" : ""}`;
+}
+
+function predictedPart(one, selected, shown) {
+  const group = shape("g", {
+    class: `predicted${selected === one.label ? " selected" : ""}`, "data-predicted": one.label,
+    role: "img", "aria-label": `${one.label} expected at u ${one.at[0].toFixed(1)}, v ${one.at[1].toFixed(1)}`,
+  });
+  group.append(...ellipse(one.spread, 5), shape("circle", { class: "ring", r: 15, fill: "none" }));
+  if (shown.labels) group.append(text(one.label, 12, -8));
+  return { group, move: (view) => place(group, view, one.at[0], one.at[1]) };
+}
+
+// A 95 % ellipse; `least` keeps it visible where it is smaller than that on the screen.
+function ellipse([major, minor, turn], least = 0) {
+  const make = (kind) => {
+    const made = shape("ellipse", { class: kind, transform: `rotate(${turn ?? 0})` });
+    made.resize = (scale) => {
+      made.setAttribute("rx", Math.max((major ?? 0) * CONFIDENCE * scale, least));
+      made.setAttribute("ry", Math.max((minor ?? 0) * CONFIDENCE * scale, least));
+    };
+    return made;
+  };
+  return [make("halo wide"), make("thin")];
+}
+
+function text(words, x, y, kind = "") {
+  const made = shape("text", { x, y, class: kind });
+  made.textContent = words;
+  return made;
+}
+
+function place(group, view, u, v) {
+  const [x, y] = view.toScreen(u, v);
+  group.setAttribute("transform", `translate(${x} ${y})`);
+  for (const child of group.children) child.resize?.(view.scale);
+}
+
+function lengthPart(image, line) {
+  const now = adjusted()?.lines[line.name];
+  const words = now?.adjusted ? withSigma(now.adjusted, now.sigma, "m") : `${line.length} m taped`;
+  const kind = `length${line.adjust ? "" : " withheld"}${isSuspect(now?.status) ? " suspect" : ""}`;
+  return pathPart(image, [line.start, line.end], kind, `${line.name} ${words}`, false);
+}
+
+function measurementPart(image, request) {
+  const now = adjusted()?.measurements[request.name];
+  const words = now ? withSigma(now.value, now.sigma, unitText(now.unit)) : missing;
+  if (request.points.length < 2) return null;
+  return pathPart(image, request.points, "measured", `${request.name} ${words}`, request.kind === "area");
+}
+
+function pathPart(image, points, kind, words, closed) {
+  const at = points.map((label) => placeOf(image, label));
+  if (at.some((one) => one === null) || (kind !== "draft" && !at.some((one) => one.picked))) return null;
+  if (closed) at.push(at[0]);
+  const halo = shape("polyline", { class: "halo wide" });
+  const thin = shape("polyline", { class: "thin" });
+  const label = text(words, 0, 0, "value");
+  label.setAttribute("text-anchor", "middle");
+  const group = shape("g", { class: kind, "aria-hidden": "true" }, halo, thin, label);
+  return {
+    group,
+    move(view) {
+      const screen = at.map(({ u, v }) => view.toScreen(u, v));
+      const path = screen.map((point) => point.join()).join(" ");
+      halo.setAttribute("points", path);
+      thin.setAttribute("points", path);
+      const [a, b] = [screen[0], screen[1] ?? screen[0]];
+      const long = Math.hypot(b[0] - a[0], b[1] - a[1]);
+      label.setAttribute("display", long > 60 ? "inline" : "none");
+      label.setAttribute("x", (a[0] + b[0]) / 2);
+      label.setAttribute("y", (a[1] + b[1]) / 2 - 6);
+    },
+  };
+}

@@ -1,0 +1,72 @@
+// Tiles of all photos: fetched few at a time, the most wanted first, the longest unused dropped.
+
+const MOST_KEPT = 160;
+const AT_ONCE = 6;
+const kept = new Map(); // key -> ImageBitmap, in the order of their last use
+const under = new Map(); // key -> AbortController
+const failed = new Set();
+const wanted = new Map(); // owner -> [{key, url}], the most wanted first
+let arrived = () => {};
+
+export function onTile(callback) {
+  arrived = callback;
+}
+
+export function tileKey(photo, level, column, row) {
+  return `${photo}/${level}/${column}/${row}`;
+}
+
+export function tile(key) {
+  const found = kept.get(key);
+  if (found) {
+    kept.delete(key);
+    kept.set(key, found);
+  }
+  return found;
+}
+
+export function want(owner, keys) {
+  wanted.set(owner, keys.filter((key) => !kept.has(key) && !failed.has(key)));
+  const all = new Set([...wanted.values()].flat());
+  for (const [key, control] of under) {
+    if (!all.has(key)) control.abort();
+  }
+  next();
+}
+
+export function forget(owner) {
+  wanted.delete(owner);
+}
+
+function next() {
+  const lists = [...wanted.values()];
+  for (let rank = 0; under.size < AT_ONCE; rank += 1) {
+    const row = lists.filter((list) => rank < list.length).map((list) => list[rank]);
+    if (!row.length) return;
+    for (const key of row) {
+      if (under.size < AT_ONCE && !under.has(key) && !kept.has(key) && !failed.has(key)) load(key);
+    }
+  }
+}
+
+async function load(key) {
+  const control = new AbortController();
+  under.set(key, control);
+  try {
+    const answer = await fetch(`/photo/${key}.jpg`, { signal: control.signal });
+    if (!answer.ok) throw new Error(`${answer.status}`);
+    const picture = await createImageBitmap(await answer.blob());
+    kept.set(key, picture);
+    while (kept.size > MOST_KEPT) {
+      const [oldest, bitmap] = kept.entries().next().value;
+      bitmap.close();
+      kept.delete(oldest);
+    }
+  } catch (fault) {
+    if (fault.name !== "AbortError") failed.add(key);
+  } finally {
+    under.delete(key);
+    arrived(Number(key.split("/", 1)[0]));
+    next();
+  }
+}

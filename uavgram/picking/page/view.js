@@ -1,0 +1,66 @@
+// The one place where pixels of the photo and of the screen meet. Pixel (0, 0) of a photo is the
+// centre of its first pixel, so its left edge lies at u = -0.5:  screen = (u + 0.5 - left) * scale.
+
+export const MOST_SCALE = 64;
+
+export class View {
+  constructor() {
+    this.left = 0; // of the window, in photo pixels from the photo's left edge
+    this.top = 0;
+    this.scale = 1; // CSS pixels for each photo pixel
+    this.width = 1; // of the window, in CSS pixels
+    this.height = 1;
+    this.ratio = 1; // device pixels for each CSS pixel
+  }
+
+  resize(width, height, ratio) {
+    const [u, v] = this.toPhoto(this.width / 2, this.height / 2);
+    Object.assign(this, { width, height, ratio });
+    this.center(u, v, this.scale);
+  }
+
+  toScreen(u, v) {
+    return [(u + 0.5 - this.left) * this.scale, (v + 0.5 - this.top) * this.scale];
+  }
+
+  toPhoto(x, y) {
+    return [x / this.scale + this.left - 0.5, y / this.scale + this.top - 0.5];
+  }
+
+  // What is drawn and what is clicked are one: the window starts on a whole device pixel of the
+  // picture, so that nothing is shifted when the picture is drawn.
+  settle() {
+    const step = this.scale * this.ratio;
+    this.left = Math.round(this.left * step) / step;
+    this.top = Math.round(this.top * step) / step;
+  }
+
+  center(u, v, scale) {
+    this.scale = Math.min(Math.max(scale, 1e-3), MOST_SCALE);
+    this.left = u + 0.5 - this.width / 2 / this.scale;
+    this.top = v + 0.5 - this.height / 2 / this.scale;
+    this.settle();
+  }
+
+  zoomAt(x, y, factor, least) {
+    const [u, v] = this.toPhoto(x, y);
+    this.scale = Math.min(Math.max(this.scale * factor, least), MOST_SCALE);
+    this.left = u + 0.5 - x / this.scale;
+    this.top = v + 0.5 - y / this.scale;
+    this.settle();
+  }
+
+  panBy(dx, dy) {
+    this.left -= dx / this.scale;
+    this.top -= dy / this.scale;
+    this.settle();
+  }
+
+  fitScale(width, height) {
+    return Math.min(this.width / width, this.height / height);
+  }
+
+  fit(width, height) {
+    this.center((width - 1) / 2, (height - 1) / 2, this.fitScale(width, height));
+  }
+}

@@ -1,0 +1,219 @@
+"""The page's server: a few routes, one socket for each open page, on this machine only."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import socket
+from collections.abc import AsyncIterator, Callable
+from importlib import resources
+from pathlib import Path
+
+import uvicorn
+from anyio import to_thread
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.types import ASGIApp
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from uavgram.errors import UavgramError
+from uavgram.picking import commands as c
+from uavgram.picking.answers import Json
+from uavgram.picking.autosave import Saver
+from uavgram.picking.desk import Desk
+from uavgram.picking.guard import Guard
+from uavgram.picking.messages import LONGEST_MESSAGE, parse_message
+from uavgram.picking.tables import Tables
+from uavgram.pipeline.live import LiveSurvey
+
+log = logging.getLogger(__name__)
+
+SAVE_AFTER_S = 0.4
+MOST_WAITING = 2000
+"""Messages that may wait for a page; one that reads no more is let go."""
+
+_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+
+
+class PickServer:
+    """Routes and sockets over a desk.
+
+    Parameters
+    ----------
+    survey, saver
+        The project, and who keeps its tables.
+    """
+
+    def __init__(self, survey: LiveSurvey, saver: Saver) -> None:
+        self.desk = Desk(survey, saver, self._tell)
+        self._pages: set[asyncio.Queue[Json]] = set()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._saving: asyncio.TimerHandle | None = None
+        folder = resources.files("uavgram.picking") / "page"
+        self._files = {file.name: file.read_bytes() for file in folder.iterdir() if file.is_file()}
+
+    def application(self, announce: Callable[[], None] = lambda: None) -> Starlette:
+        """The application; `announce` is called when it is ready."""
+
+        @contextlib.asynccontextmanager
+        async def life(_: Starlette) -> AsyncIterator[None]:
+            self._loop = asyncio.get_running_loop()
+            self.desk.open()
+            announce()
+            yield
+            await to_thread.run_sync(self.desk.stop)  # it waits for an adjustment under way
+            self.desk.close()
+
+        return Starlette(
+            routes=[
+                Route("/", self._index),
+                Route("/page/{name}", self._file),
+                Route("/photo/{photo:int}/{level:int}/{column:int}/{row:int}.jpg", self._tile),
+                Route("/photo/{photo:int}/thumbnail.jpg", self._thumbnail),
+                WebSocketRoute("/socket", self._socket),
+            ],
+            lifespan=life,
+        )
+
+    async def _index(self, _: Request) -> Response:
+        return Response(self._files["index.html"], media_type=_TYPES[".html"])
+
+    async def _file(self, request: Request) -> Response:
+        name = request.path_params["name"]
+        if name not in self._files or Path(name).suffix not in _TYPES:
+            return Response(status_code=404)
+        kind = _TYPES[Path(name).suffix]
+        return Response(self._files[name], media_type=kind, headers={"cache-control": "no-cache"})
+
+    async def _tile(self, request: Request) -> Response:
+        place = (request.path_params[key] for key in ("photo", "level", "column", "row"))
+        return await self._picture(self.desk.tile, *place)
+
+    async def _thumbnail(self, request: Request) -> Response:
+        return await self._picture(self.desk.thumbnail, request.path_params["photo"])
+
+    @staticmethod
+    async def _picture(make: Callable[..., bytes | None], *place: int) -> Response:
+        try:
+            jpeg = await to_thread.run_sync(make, *place)
+        except UavgramError as why:
+            return JSONResponse({"why": str(why)}, 404)
+        if jpeg is None:
+            return Response(status_code=404)
+        return Response(
+            jpeg, media_type="image/jpeg", headers={"cache-control": "private, max-age=86400"}
+        )
+
+    async def _socket(self, page: WebSocket) -> None:
+        await page.accept()
+        waiting: asyncio.Queue[Json] = asyncio.Queue(MOST_WAITING)
+        waiting.put_nowait(self.desk.hello())
+        self._pages.add(waiting)
+        sender = asyncio.create_task(self._send(page, waiting))
+        try:
+            while True:
+                text = await page.receive_text()
+                answer = await self._answered(text)
+                if answer is not None:
+                    await waiting.put(answer)
+        except (WebSocketDisconnect, KeyError, RuntimeError):  # gone; bytes; closed by the sender
+            log.debug("a page is gone")
+        finally:
+            self._pages.discard(waiting)
+            sender.cancel()
+
+    @staticmethod
+    async def _send(page: WebSocket, waiting: asyncio.Queue[Json]) -> None:
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+            while True:
+                await page.send_json(await waiting.get())
+
+    async def _answered(self, text: str) -> Json | None:
+        """Do what a message says; the answer for its page alone, where there is one."""
+        seq = None
+        try:
+            message = parse_message(text, self.desk.photos)
+            seq = message.seq
+            if isinstance(message.body, c.Snap | c.SameGround):
+                return await to_thread.run_sync(self.desk.answer, message)
+            self._broadcast(self.desk.change(message))
+        except UavgramError as why:  # refused, or a photo or the journal is not to be had
+            log.info("refused: %s", why)
+            return {"t": "refused", "seq": seq, "why": str(why)}
+        self._save_soon()
+        return None
+
+    def _save_soon(self) -> None:
+        if self._loop is None:
+            return
+        if self._saving is not None:
+            self._saving.cancel()
+        self._saving = self._loop.call_later(SAVE_AFTER_S, self.desk.save)
+
+    def _tell(self, said: Json) -> None:
+        """Tell every page, from any thread."""
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._broadcast, said)
+
+    def _broadcast(self, said: Json) -> None:
+        for waiting in tuple(self._pages):
+            try:
+                waiting.put_nowait(said)
+            except asyncio.QueueFull:
+                log.warning("a page that reads no more is let go")
+                self._pages.discard(waiting)
+
+
+def serve(project: Path, announce: Callable[[str], None], port: int = 0) -> None:
+    """Serve the picking page of a project until Ctrl+C; everything is saved then.
+
+    Parameters
+    ----------
+    project
+        The project file; its picks, lengths and measurements need not be there yet.
+    announce
+        Called with the address to open, once it can be opened.
+    port
+        0: any free one.
+
+    Raises
+    ------
+    UavgramError
+        The project cannot be read, or is open in another page.
+    """
+    survey = LiveSurvey.open(project)
+    saver = Tables(survey.inputs)
+    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_STREAM)) as door:
+        try:
+            door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            door.bind(("127.0.0.1", port))
+        except OSError as fault:
+            saver.close()
+            raise UavgramError(
+                f"port {port} cannot be used: {fault.strerror}; choose another with --port"
+            ) from fault
+        pick = PickServer(survey, saver)
+        bound = int(door.getsockname()[1])
+        guard: list[Guard] = []
+        app: ASGIApp = pick.application(lambda: announce(guard[0].address()))
+        guard.append(Guard(app, bound))
+        config = uvicorn.Config(
+            guard[0],
+            log_config=None,
+            access_log=False,
+            ws="websockets-sansio",
+            ws_max_size=LONGEST_MESSAGE,
+            ws_max_queue=64,
+            timeout_graceful_shutdown=2,
+            server_header=False,
+        )
+        with contextlib.suppress(KeyboardInterrupt):  # the way to end it
+            uvicorn.Server(config).run(sockets=[door])
