@@ -2,3 +2,5 @@
 
 from uavgram.cli.application import app
 from uavgram.cli.entry import main
+
+__all__ = ["app", "main"]
