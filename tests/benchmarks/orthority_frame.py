@@ -1,9 +1,10 @@
-"""One frame rectified by orthority, in its own environment; prints the seconds that it took.
+"""One frame rectified by orthority, in its own environment; prints the seconds that it
+took, and those of processor time.
 
     python orthority_frame.py JOB.json OUTPUT.tif
 
 The job holds the photo, size_px, intrinsics (OpenCV's order), centre and rotation in the map's
-axes, height of the ground, pixel_m, crs, and the options of the GeoTIFF. Reading the parameters and
+axes, height of the ground, pixel_m, crs, and options of the output. Reading the parameters and
 loading the modules is not timed; making the camera, reading the (flat) elevation model, decoding
 the photo, warping, and writing with overviews is.
 """
@@ -57,7 +58,7 @@ def main(job_path: str, output: str) -> None:
     fx, fy, cx, cy, k1, k2, p1, p2, k3 = job["intrinsics"]
     size = np.array(job["size_px"])
     offset = (np.array([cx, cy]) - (size - 1) / 2) / size.max()
-    started = time.perf_counter()
+    started, busy = time.perf_counter(), time.process_time()
     camera = OpenCVCamera(
         tuple(job["size_px"]), (fx, fy), tuple(job["size_px"]), *offset, k1, k2, k3, p1, p2,
         xyz=tuple(job["center"]), opk=angles(np.array(job["rotation"])),
@@ -68,10 +69,10 @@ def main(job_path: str, output: str) -> None:
         resolution=(job["pixel_m"],) * 2,
         interp="bilinear",
         overwrite=True,
-        creation_options=job["creation_options"],
         write_mask=False,
+        **job["output"],
     )
-    print(time.perf_counter() - started)
+    print(time.perf_counter() - started, time.process_time() - busy)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 run_module = importlib.import_module("uavgram.pipeline.run")
+exports_module = importlib.import_module("uavgram.pipeline.exports")
 
 
 @pytest.fixture
@@ -19,30 +20,31 @@ def changed(project):
     return project
 
 
-def raise_at(module, name, fault, monkeypatch):
+def raise_at(name, fault, monkeypatch):
     def fail(*_args, **_kwargs):
         raise fault
 
+    module = run_module if hasattr(run_module, name) else exports_module
     monkeypatch.setattr(module, name, fail)
 
 
 WRITERS = [
-    "read_preview", "write_geojson", "write_measurements_csv", "write_report", "write_recording",
-    "write_results",
+    "read_preview", "write_geojson", "write_measurements_csv", "write_geopackage", "write_kml",
+    "write_local_dxf", "write_colmap_model", "write_report", "write_recording", "write_results",
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize("step", WRITERS)
 def test_a_full_disk_is_told_and_changes_nothing(changed, fails, monkeypatch, step):
     full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    raise_at(run_module, step, full, monkeypatch)
+    raise_at(step, full, monkeypatch)
     fails(changed.out, "disk is full", "--output")
 
 
 @pytest.mark.parametrize("step", ["compute", *WRITERS])
 def test_ctrl_c_changes_nothing(changed, command, monkeypatch, step):
     before = changed.outputs()
-    raise_at(run_module, step, KeyboardInterrupt(), monkeypatch)
+    raise_at(step, KeyboardInterrupt(), monkeypatch)
     done = command("run", changed.path)
     assert done.status == 130
     assert done.stdout == ""
@@ -77,7 +79,7 @@ def test_a_failure_amid_moving_the_files_undoes_the_moved_ones(
 
 def test_a_bug_keeps_its_traceback_and_changes_nothing(changed, command, monkeypatch):
     before = changed.outputs()
-    raise_at(run_module, "write_results", ZeroDivisionError("a bug"), monkeypatch)
+    raise_at("write_results", ZeroDivisionError("a bug"), monkeypatch)
     with pytest.raises(ZeroDivisionError):
         command("run", changed.path)
     assert changed.outputs() == before
@@ -110,7 +112,7 @@ def test_an_output_that_is_a_file_is_told(project, command):
 
 
 def test_a_first_run_that_fails_leaves_no_folder(changed, command, monkeypatch):
-    raise_at(run_module, "write_results", OSError(errno.ENOSPC, "full"), monkeypatch)
+    raise_at("write_results", OSError(errno.ENOSPC, "full"), monkeypatch)
     done = command("run", changed.path, "--output", changed / "new")
     assert done.status == 1
     assert not (changed / "new").exists()

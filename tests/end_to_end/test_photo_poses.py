@@ -150,7 +150,7 @@ def test_photo_poses_have_no_clock_to_report(project, tmp_path):
     uavgram.run(project("still", adjust=("12", "34")), output=tmp_path / "out")
 
     clock = json.loads((tmp_path / "out" / "results.json").read_text())["clock"]
-    assert clock == {"offset_s": None, "sigma_s": None}
+    assert set(clock.values()) == {None}
 
 
 def test_the_seed_alone_is_far_off_and_says_so(project):

@@ -10,7 +10,7 @@ import pytest
 from uavgram.imaging import mosaic
 from uavgram.imaging.mosaic import Mosaic
 from uavgram.imaging.mosaic_grid import plane_height
-from uavgram.imaging.preview import Preview
+from uavgram.imaging.preview import Preview, decode_preview
 
 SCALE = 4
 
@@ -39,7 +39,7 @@ def ground_texture(result, photos, *size):
     """The mosaic of these photos, added from the last to the first."""
     made = Mosaic(result, photos, SCALE, *size)
     for name in reversed(photos):
-        made.add(name, photos[name])
+        made.add(name, decode_preview(photos[name])[..., ::-1])
     return made.texture()
 
 

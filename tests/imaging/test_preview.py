@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.imaging.preview import decode_preview, jpeg_size, read_preview
+from uavgram.imaging.preview import (
+    decode_preview,
+    jpeg_of_width,
+    jpeg_size,
+    preview_of,
+    read_preview,
+)
 
 
 def photo(width, height, colour=(1, 1, 1)):
@@ -41,18 +47,18 @@ def centroid(rgb):
 )
 def test_the_scale_leads_back_to_original_pixels(tmp_path, suffix, width, height, asked):
     rgb = photo(width, height)
-    preview = read_preview(write(tmp_path / f"photo.{suffix}", rgb), asked)
+    preview, pixels = read_preview(write(tmp_path / f"photo.{suffix}", rgb), asked)
     small = decode_preview(preview)
     back = (centroid(small) + 0.5) * preview.scale - 0.5
 
-    assert small.shape == (preview.height_px, preview.width_px, 3)
+    assert small.shape == pixels.shape == (preview.height_px, preview.width_px, 3)
     assert preview.width_px <= min(asked, width)
     assert preview.width_px >= 0.8 * min(asked, width)
     np.testing.assert_allclose(back, centroid(rgb), atol=0.15)
 
 
 def test_colours_stay_in_their_channels(tmp_path):
-    preview = read_preview(write(tmp_path / "photo.png", photo(400, 300, (1, 0, 0))), 200)
+    preview, _ = read_preview(write(tmp_path / "photo.png", photo(400, 300, (1, 0, 0))), 200)
     red, green, blue = decode_preview(preview)[50, 50].astype(int)
 
     assert red > 180
@@ -68,7 +74,7 @@ def test_the_rotation_in_exif_is_not_applied(tmp_path):
     plain = path.read_bytes()
     header = b"\xff\xe1" + struct.pack(">H", len(segment) + 2)
     path.write_bytes(plain[:2] + header + segment + plain[2:])
-    preview = read_preview(path, 400)
+    preview, _ = read_preview(path, 400)
 
     assert cv2.imread(str(path)).shape[:2] == (400, 300)  # OpenCV would turn it
     assert (preview.width_px, preview.height_px) == (400, 300)
@@ -96,9 +102,21 @@ def test_a_missing_photo_is_an_input_error_that_names_it(tmp_path):
 
 
 def test_a_real_photo_keeps_its_shape(data_dir):
-    preview = read_preview(data_dir / "brighton_beach" / "DJI_0025.JPG", 1000)
+    preview, _ = read_preview(data_dir / "brighton_beach" / "DJI_0025.JPG", 1000)
     width, height = jpeg_size((data_dir / "brighton_beach" / "DJI_0025.JPG").read_bytes())
 
     assert preview.width_px * preview.scale[0] == pytest.approx(width, abs=8)
     assert preview.height_px * preview.scale[1] == pytest.approx(height, abs=8)
     assert len(preview.jpeg) < 300_000
+
+
+def test_a_decoded_photo_is_reduced_as_its_file_is():
+    rng = np.random.default_rng(0)
+    grey = cv2.GaussianBlur(rng.integers(0, 255, (900, 1200)).astype(np.uint8), (0, 0), 8)
+    preview = preview_of(grey, 400)
+    assert (preview.width_px, preview.height_px) == (400, 300)
+    assert preview.scale == (3.0, 3.0)
+    mean = grey.reshape(300, 3, 400, 3).mean(axis=(1, 3))
+    assert np.abs(decode_preview(preview)[..., 0] - mean).mean() < 2.0
+    assert jpeg_size(jpeg_of_width(preview.jpeg, 100)) == (100, 75)
+    assert jpeg_size(jpeg_of_width(preview.jpeg, 1000)) == (400, 300)

@@ -1,4 +1,4 @@
-"""Results of long flights: as many frames and points as one asks for, each point in a few frames."""
+"""Results of long flights: as many frames and points as one asks for."""
 
 from __future__ import annotations
 

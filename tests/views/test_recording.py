@@ -17,11 +17,12 @@ from rerun.chunk import RrdReader
 
 from uavgram.errors import OutputError
 from uavgram.imaging.mosaic import Mosaic
-from uavgram.imaging.preview import Preview
+from uavgram.imaging.preview import Preview, decode_preview
 from uavgram.views.recording import write_recording
 from uavgram.views.recording.blueprint import blueprint
 from uavgram.views.recording.frame_picks import project_picks
 from uavgram.views.recording.plots import frame_curves, suspicion_limit
+from uavgram.views.recording.pose_curves import pose_curves
 from uavgram.views.recording.scene import measure_scene
 
 PHOTO = "/survey/current_camera/photo"
@@ -80,7 +81,7 @@ def contents(survey, result, tmp_path_factory):
 
     def passing():
         for name, photo in photos.items():
-            mosaic.add(name, photo)
+            mosaic.add(name, decode_preview(photo)[..., ::-1])
             yield name, photo
 
     write_recording(result, passing(), mosaic.texture, path)
@@ -213,7 +214,9 @@ def test_a_line_in_the_photo_is_bent_and_stays_inside(contents):
 def test_every_frame_has_a_state_a_sheet_and_the_unmatched_one_too(contents):
     states = contents.by_frame["/frame_status"]["StateChange:state"]
 
-    assert len(states) == 20
+    # and an end where the next frame would be, or the last would have no width
+    assert sorted(states) == list(range(21))
+    assert states[20] == [""]
     assert [states[i] for i in (0, 1, 5, 11, 14)] == [
         ["check"],
         ["refined"],
@@ -273,10 +276,10 @@ def test_heights_are_above_the_ground_below_the_camera(survey, tmp_path):
 
 def test_every_plot_starts_at_zero(result):
     scene, picks = measure_scene(result), project_picks(result)
-    layout = blueprint(result, scene, frame_curves(result, picks))
+    layout = blueprint(result, scene, frame_curves(result, picks), pose_curves(result))
     plots = [view for view in views(layout.root_container) if view.class_identifier == "TimeSeries"]
 
-    assert len(plots) == 4
+    assert len(plots) == 7
     for plot in plots:
         (bounds,) = plot.properties["ScalarAxis"].range.as_arrow_array().to_pylist()
         assert bounds[0] == 0.0 < bounds[1]
@@ -338,7 +341,7 @@ def test_a_photo_shows_the_measurements_whose_points_are_all_picked_in_it(crowde
 
 def test_the_photo_is_shown_whole(result):
     scene, picks = measure_scene(result), project_picks(result)
-    layout = blueprint(result, scene, frame_curves(result, picks))
+    layout = blueprint(result, scene, frame_curves(result, picks), pose_curves(result))
     (photo,) = [view for view in views(layout.root_container) if str(view.name).startswith("Photo")]
     bounds = photo.properties["VisualBounds2D"].range.as_arrow_array().to_pylist()[0]
 
@@ -351,8 +354,8 @@ def test_the_summary_opens_with_what_is_wrong(contents):
     text = contents.static["/documents/summary"]["TextDocument:text"][0]
 
     assert text.startswith("# ⚠ Look at this first\n\n- Known length 'R3 hedge' disagrees")
-    assert "| to the tree | **not computed** |" in text
-    assert "did you mean" in text
+    assert "Not computed: to the tree (see the messages)" in text
+    assert "2 more are on the page *Measured*" in text
 
 
 def test_there_are_two_timelines_and_the_origin_is_a_property(contents):
@@ -402,7 +405,8 @@ def test_unusual_surveys_have_a_recording_too(survey, tmp_path, variant):
     write_recording(result, previews(survey, result, [0]).items(), no_ground, path)
 
     contents = Contents(path)
-    assert len(contents.by_frame["/frame_status"]["StateChange:state"]) == len(result.frames.status)
+    states = contents.by_frame["/frame_status"]["StateChange:state"]
+    assert len(states) == len(result.frames.status) + 1
 
 
 def test_without_telemetry_there_is_no_map_and_the_summary_says_why(survey, tmp_path):
@@ -427,7 +431,9 @@ def test_a_frame_without_a_photo_does_not_show_the_one_before_it(survey, tmp_pat
 
 def test_the_same_result_gives_the_same_recording(survey, result, tmp_path):
     for name in ("a", "b"):
-        write_recording(result, previews(survey, result, [0, 1]).items(), no_ground, tmp_path / f"{name}.rrd")
+        write_recording(
+            result, previews(survey, result, [0, 1]).items(), no_ground, tmp_path / f"{name}.rrd"
+        )
     a, b = (Contents(tmp_path / f"{name}.rrd") for name in "ab")
     ids = [RrdReader(str(tmp_path / f"{name}.rrd")).recordings()[0].recording_id for name in "ab"]
 

@@ -37,7 +37,12 @@ def pick(
     verbose
         Say what is being done.
     """
+    import os
     import webbrowser
+
+    # Small systems many times a second: threads inside one of them only wait for each other, and
+    # the browser needs the processors too. Read when numpy is loaded, which is below.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
     from uavgram.picking.server import serve
 

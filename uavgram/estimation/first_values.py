@@ -15,6 +15,10 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey import Survey
 
 
+SAME = 0.01
+"""Distance between two planes, in sigmas, up to which they are the same."""
+
+
 class FirstValues(NamedTuple):
     """First values; NaN where nothing determines them.
 
@@ -95,19 +99,24 @@ def seen_lines(survey: Survey) -> SeenLines:
 
 
 def lines_per_frame(survey: Survey) -> Ints:
-    """(F,) how many known lengths each frame sees whole."""
-    return np.bincount(seen_lines(survey).frame, minlength=len(survey.frame_id))
+    """(F,) how many known lengths each frame sees whole; one taped twice counts once."""
+    return _lines_per_frame(survey, seen_lines(survey))
+
+
+def _lines_per_frame(survey: Survey, seen: SeenLines) -> Ints:
+    ends = np.stack([survey.pick_label[seen.start], survey.pick_label[seen.end]])
+    different = np.unique(np.column_stack([seen.frame, *np.sort(ends, axis=0)]), axis=0)
+    return np.bincount(different[:, 0], minlength=len(survey.frame_id))
 
 
 def length_poses(survey: Survey) -> dict[int, LengthPoses]:
     """Poses over the plane that explain the lengths of each frame with three or more, best first.
 
     All frames are searched together, and each candidate is refined to the maximum of its own
-    likelihood, with its covariance.
+    likelihood, with its covariance. Candidates that end in the same maximum count once.
     """
     seen = seen_lines(survey)
-    number = np.bincount(seen.frame, minlength=len(survey.frame_id))
-    enough = np.flatnonzero(number >= 3)
+    enough = np.flatnonzero(_lines_per_frame(survey, seen) >= 3)
     if not len(enough):
         return {}
     frames = _length_frames(survey, seen, enough)
@@ -124,10 +133,18 @@ def length_poses(survey: Survey) -> dict[int, LengthPoses]:
     )
     order = np.lexsort((poses.cost, row))
     return {
-        int(enough[k]): poses.take(order[row[order] == k])
+        int(enough[k]): _distinct(poses.take(order[row[order] == k]))
         for k in range(len(enough))
         if len(searched[k])
     }
+
+
+def _distinct(poses: LengthPoses) -> LengthPoses:
+    """Of poses that came to rest at the same plane, the first."""
+    sigma = np.sqrt(np.einsum("bii->bi", poses.covariance)[:, :3])
+    apart = np.abs(poses.plane[:, None] - poses.plane)
+    same = (apart <= SAME * np.where(poses.converged[:, None], sigma, 0.0)).all(axis=2)
+    return poses.take(np.flatnonzero(same.argmax(axis=0) == np.arange(len(same))))
 
 
 def _length_frames(survey: Survey, seen: SeenLines, frame: Ints) -> LengthFrames:

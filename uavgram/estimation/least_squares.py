@@ -18,13 +18,19 @@ CONVERGED = 1e-10
 """Predicted fall of the weighted sum of squares below which the rest is no longer worth a step:
 its square root is the length of that step in units of the unknowns' own sigmas."""
 
+CONVERGED_EACH = 1e-13
+"""The same by unknown, in large systems."""
+
+ROUNDING = 1e-14
+"""Share of the sum of squares below which its fall drowns in rounding: the rest is no step."""
+
 AT_REST = 1e-4
 """Undamped predicted fall (a hundredth of a sigma, squared) up to which a result counts as
 converged; kinks of the interpolated flight keep it from being exactly zero."""
 
 CLOSE = 1e-2
-"""Predicted fall (a tenth of a sigma, squared) after which the normal matrix hardly changes: its
-factor serves the steps that follow too, as long as they keep their promise."""
+"""Predicted fall by unknown (a tenth of a sigma, squared) after which the normal matrix hardly
+changes: its factor serves the steps that follow too, as long as they keep their promise."""
 
 KEPT = 0.5
 """Share of the predicted fall that must come true for a factor to serve once more."""
@@ -106,6 +112,7 @@ def minimise(
     if blocks is None:
         raise ValueError("the first values are impossible")
     normal = NormalEquations(list(blocks.values()), size, structure)
+    at_rest = max(CONVERGED, CONVERGED_EACH * size)
     damping, growth = 1e-9, 2.0
     iteration = 0
     factor: Factor | None = None
@@ -115,7 +122,7 @@ def minimise(
         factor = factor or normal.factor(damping)
         step = -factor.solve(normal.gradient)
         predicted = factor.predicted_fall(step, normal.gradient)
-        if predicted < CONVERGED or damping > MAX_DAMPING:
+        if predicted < max(at_rest, ROUNDING * normal.cost) or damping > MAX_DAMPING:
             break
         trial = update(state, step)
         trial_blocks = evaluate(trial)
@@ -129,7 +136,7 @@ def minimise(
         elif fresh:
             damping *= growth
             growth *= 2.0
-        if predicted > CLOSE or gain < KEPT or damping > UNDAMPED:
+        if predicted > CLOSE * size or gain < KEPT or damping > UNDAMPED:
             factor = None
     factor = normal.factor()
     # Newton's decrement without damping: how far below the minimum of the model still lies.

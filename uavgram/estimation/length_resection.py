@@ -39,6 +39,10 @@ millionths, its pixels as predicted."""
 NEAR = 10.0
 """Step of the plane, in its sigmas, below which the observations are adjusted along with it."""
 
+OPEN = 10.0
+"""Sigma of a plane, in its own size, from which on the lengths leave it open: such numbers mean
+nothing, and any step is small in such sigmas."""
+
 SHORTENINGS = 12
 """Halvings of a step that would bring a picked point behind the camera."""
 
@@ -63,7 +67,7 @@ class LengthPoses(NamedTuple):
     cost
         (B,) weighted sum of squared residuals; degrees of freedom: number of lines - 3.
     converged
-        (B,) whether the iterations came to rest.
+        (B,) whether the iterations came to rest, at a plane that the lengths determine.
     """
 
     plane: Floats
@@ -229,7 +233,8 @@ def _solve(
     interior = calibration.parameters + adjusted[:, split:] @ root.T
     covariance = _joint_covariance(fit, line.noise[..., split:], root)
     cost = np.add.reduce(fit.multiplier * line.misclosure, axis=1)
-    return LengthPoses(plane, interior, covariance, cost, at_rest)
+    determined = fit.sigma.max(axis=1) < OPEN * np.abs(plane).max(axis=1)
+    return LengthPoses(plane, interior, covariance, cost, at_rest & determined)
 
 
 class _Fit(NamedTuple):

@@ -35,8 +35,42 @@ def distance_from_prior(
     ground
         The plane beforehand; its sigmas widen the gate.
     poses
-        Of that frame, C candidates with their own covariances.
+        Of that frame, C candidates that came to rest, with their own covariances.
     """
+    difference, prior, own = _compared(
+        center_world_m, world_from_camera, covariance, ground, poses
+    )
+    weighted = np.linalg.solve(prior + own, difference[..., None])[..., 0]
+    return np.asarray(np.sum(difference * weighted, axis=1))
+
+
+def shift_of_seed(
+    center_world_m: Floats,
+    world_from_camera: Floats,
+    covariance: Floats,
+    ground: Ground,
+    poses: LengthPoses,
+) -> Floats:
+    """How far (C, 3) each candidate pulls the seed: in height [m], and in two tilts [rad].
+
+    Where seed and candidate together put the pose, each with its weight; parameters as for
+    `distance_from_prior`.
+    """
+    difference, prior, own = _compared(
+        center_world_m, world_from_camera, covariance, ground, poses
+    )
+    weighted = np.linalg.solve(prior + own, difference[..., None])
+    return np.asarray((prior @ weighted)[..., 0])
+
+
+def _compared(
+    center_world_m: Floats,
+    world_from_camera: Floats,
+    covariance: Floats,
+    ground: Ground,
+    poses: LengthPoses,
+) -> tuple[Floats, Floats, Floats]:
+    """Candidates less the seed (C, 3), covariance of the seed (3, 3) and of each (C, 3, 3)."""
     down = -world_from_camera[2]
     size = np.linalg.norm(poses.plane, axis=1)
     normal = poses.plane / size[:, None]
@@ -58,10 +92,7 @@ def distance_from_prior(
     across = np.cross(normal[:, None], np.eye(3)[None]) / size[:, None, None]
     by_plane[:, TILT] = np.einsum("ti,cji->ctj", sideways, across)
     own = by_plane @ poses.covariance[:, :3, :3] @ by_plane.swapaxes(1, 2)
-    known = np.asarray(np.isfinite(own).all(axis=(1, 2)))
-    total = prior + np.where(known[:, None, None], own, 0.0)
-    weighted = np.linalg.solve(total, difference[..., None])[..., 0]
-    return np.asarray(np.sum(difference * weighted, axis=1))
+    return difference, prior, own
 
 
 def allowed(squared_distance: Floats) -> Bools:

@@ -9,7 +9,7 @@ from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError
 
 from uavgram.errors import GeometryError
-from uavgram.geometry.geodesy import Origin, enu_from_geodetic, geodetic_from_enu
+from uavgram.geometry.geodesy import Origin, geodetic_from_enu
 from uavgram.model.arrays import Floats
 
 # UTM covers these latitudes; beyond them maps use the polar stereographic pair.
@@ -79,26 +79,10 @@ def projected_from_enu(enu_m: Floats, origin: Origin, crs: str) -> Floats:
     return np.stack([easting, northing, height], axis=-1).reshape(-1, 3)
 
 
-def enu_from_projected(projected_m: Floats, up_m: Floats, origin: Origin, crs: str) -> Floats:
-    """Local coordinates of places on the map.
-
-    Parameters
-    ----------
-    projected_m
-        (N, 2) easting, northing [m].
-    up_m
-        (N,) height above the local horizontal plane; what it is in error by moves a place by its
-        distance from the origin over the earth's radius (0.2 mm for each metre at 1 km).
-    origin, crs
-        As for `projected_from_enu`.
-
-    Returns
-    -------
-    (N, 3)
-        East, north, up [m].
-    """
+def geographic_from_projected(projected_m: Floats, crs: str) -> tuple[Floats, Floats]:
+    """Longitudes and latitudes (N,) [deg] of places on the map (N, 2) [m]."""
     longitude, latitude = _to_map(crs).transform(*projected_m.T, direction="INVERSE")
-    return enu_from_geodetic(latitude, longitude, up_m + origin[2], origin)
+    return longitude, latitude
 
 
 def map_scale(origin: Origin, crs: str) -> float:

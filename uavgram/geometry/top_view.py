@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.geometry.back_projection import back_project_with_jacobian
-from uavgram.geometry.geodesy import Origin
+from uavgram.geometry.geodesy import Origin, enu_from_geodetic
 from uavgram.geometry.ground import intersect_ground_with_jacobian
-from uavgram.geometry.map_projection import enu_from_projected
+from uavgram.geometry.map_projection import geographic_from_projected
 from uavgram.geometry.projection import project
 from uavgram.geometry.rotation import hat
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -75,9 +75,10 @@ class View:
         if raster.crs is None or origin is None:
             up = surface[0] + (place - pivot) @ surface[1:]
             return np.concatenate([place, up[..., None]], axis=-1)
-        flat, up = place.reshape(-1, 2), np.full(place[..., 0].size, surface[0])
+        longitude, latitude = geographic_from_projected(place.reshape(-1, 2), raster.crs)
+        up = np.full(len(latitude), surface[0])
         for _ in range(2):  # east and north depend on the height by parts in ten thousand
-            enu = enu_from_projected(flat, up, origin, raster.crs)
+            enu = enu_from_geodetic(latitude, longitude, up + origin[2], origin)
             up = surface[0] + (enu[:, :2] - pivot) @ surface[1:]
         return np.concatenate([enu[:, :2], up[:, None]], axis=1).reshape(*place.shape[:2], 3)
 
@@ -126,10 +127,13 @@ class FrameKnowledge:
         interior orientation (P), and the plane (height, slopes).
     pixel_sigma_px
         Of a pixel that someone points at in the top view.
+    roughness_sigma_m
+        By which the ground there departs from the plane.
     """
 
     covariance: Floats
     pixel_sigma_px: float
+    roughness_sigma_m: float
 
 
 def place_sigma(view: View, index: int, pixel: Floats, known: FrameKnowledge) -> Floats:
@@ -167,6 +171,8 @@ def place_sigma(view: View, index: int, pixel: Floats, known: FrameKnowledge) ->
     spread = planar @ known.covariance[index] @ np.swapaxes(planar, 1, 2)
     pointed = (turned @ by_pixel)[:, :2] * known.pixel_sigma_px
     spread += pointed @ np.swapaxes(pointed, 1, 2)
+    raised = d_plane[:, :2, :1] * known.roughness_sigma_m  # as if the plane lay higher there
+    spread += raised @ np.swapaxes(raised, 1, 2)
     half = (spread[:, 0, 0] + spread[:, 1, 1]) / 2
     apart = np.hypot((spread[:, 0, 0] - spread[:, 1, 1]) / 2, spread[:, 0, 1])
     return np.asarray(np.sqrt(half + apart))

@@ -11,11 +11,16 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from uavgram.errors import InputError
 from uavgram.imaging.preview import Pixels, jpeg_size
 
 CACHE_BYTES = 1_000_000_000
+
+MARGIN_PX = 1
+
+Map = NDArray[np.float32]
 
 # Decoding at 1/2, 1/4 or 1/8 of the size costs a fraction of decoding all of a JPEG.
 _REDUCED = {
@@ -32,7 +37,8 @@ class Photo(NamedTuple):
     Attributes
     ----------
     rgba
-        (H, W, 4), opaque.
+        (H + 2, W + 2, 4), opaque; its outermost pixels stand twice, so that who samples within half
+        a pixel of the border finds neighbours.
     scale
         Original pixels per pixel along u and v. With (0, 0) the centre of the top-left pixel in
         both: original = (reduced + 0.5) * scale - 0.5.
@@ -40,6 +46,16 @@ class Photo(NamedTuple):
 
     rgba: Pixels
     scale: tuple[float, float]
+
+    def sample(self, u_px: Map, v_px: Map) -> Pixels:
+        """(h, w, 4) bilinear, at original pixels (h, w) up to half a pixel beyond the outermost."""
+        across, down = np.float32(1.0 / self.scale[0]), np.float32(1.0 / self.scale[1])
+        margin, half = np.float32(MARGIN_PX), np.float32(0.5)
+        # (u + half) / scale - half + margin
+        u = u_px * across + (half * across - half + margin)
+        v = v_px * down + (half * down - half + margin)
+        # a constant beyond the border is OpenCV's quickest way, and is never met
+        return np.asarray(cv2.remap(self.rgba, u, v, cv2.INTER_LINEAR), np.uint8)
 
 
 class PhotoCache:
@@ -121,7 +137,17 @@ def read_photo(path: str, reduction: int = 1) -> Photo:
         shape = -(-width * quick // reduction), -(-height * quick // reduction)
         scale = width * quick / shape[0], height * quick / shape[1]
         pixels = np.asarray(cv2.resize(pixels, shape, interpolation=cv2.INTER_AREA), np.uint8)
-    return Photo(np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2RGBA), np.uint8), scale)
+    return Photo(_with_margin(pixels), scale)
+
+
+def _with_margin(rgb: Pixels) -> Pixels:
+    """(H + 2, W + 2, 4) opaque, the outermost pixels repeated."""
+    height, width = rgb.shape[:2]
+    out = np.empty((height + 2 * MARGIN_PX, width + 2 * MARGIN_PX, 4), np.uint8)
+    cv2.cvtColor(rgb, cv2.COLOR_RGB2RGBA, dst=out[1:-1, 1:-1])
+    out[0, 1:-1], out[-1, 1:-1] = out[1, 1:-1], out[-2, 1:-1]
+    out[:, 0], out[:, -1] = out[:, 1], out[:, -2]
+    return out
 
 
 def _decode(encoded: bytes, reduction: int) -> Pixels | None:

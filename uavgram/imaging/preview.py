@@ -51,7 +51,9 @@ class Preview:
     scale: tuple[float, float]
 
 
-def read_preview(path: str | os.PathLike[str], max_width_px: int = MAX_WIDTH_PX) -> Preview:
+def read_preview(
+    path: str | os.PathLike[str], max_width_px: int = MAX_WIDTH_PX
+) -> tuple[Preview, Pixels]:
     """Reduce one photo.
 
     Parameters
@@ -60,6 +62,10 @@ def read_preview(path: str | os.PathLike[str], max_width_px: int = MAX_WIDTH_PX)
         Any format that OpenCV reads. EXIF rotation is not applied.
     max_width_px
         The preview is at most this wide, and never wider than the photo.
+
+    Returns
+    -------
+    The preview, and its (height, width, 3) pixels, BGR, before they were encoded.
 
     Raises
     ------
@@ -78,23 +84,27 @@ def read_preview(path: str | os.PathLike[str], max_width_px: int = MAX_WIDTH_PX)
     height, width = pixels.shape[:2]
     # libjpeg's last column stands for a partial block: its pixels are `reduction` wide all the same
     covered = np.array([width, height], dtype=np.float64) * reduction
-    return _encoded(pixels, (float(covered[0]), float(covered[1])), max_width_px)
+    pixels = _no_wider(pixels, max_width_px)
+    return _encoded(pixels, (float(covered[0]), float(covered[1]))), pixels
 
 
 def preview_of(pixels: Pixels, max_width_px: int = MAX_WIDTH_PX) -> Preview:
     """Reduce a photo that is decoded already: (height, width) grey, or (height, width, 3) BGR."""
     height, width = pixels.shape[:2]
-    return _encoded(pixels, (float(width), float(height)), max_width_px)
+    return _encoded(_no_wider(pixels, max_width_px), (float(width), float(height)))
 
 
-def _encoded(pixels: Pixels, covered_px: tuple[float, float], max_width_px: int) -> Preview:
-    """Encode a picture that stands for so many original pixels; at most this wide."""
+def _no_wider(pixels: Pixels, max_width_px: int) -> Pixels:
     height, width = pixels.shape[:2]
-    if width > max_width_px:
-        width, height = max_width_px, max(1, round(height * max_width_px / width))
-        pixels = np.asarray(
-            cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8
-        )
+    if width <= max_width_px:
+        return pixels
+    size = max_width_px, max(1, round(height * max_width_px / width))
+    return np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def _encoded(pixels: Pixels, covered_px: tuple[float, float]) -> Preview:
+    """Encode a picture that stands for so many original pixels."""
+    height, width = pixels.shape[:2]
     encoded_preview = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
     return Preview(
         jpeg=encoded_preview.tobytes(),
@@ -110,9 +120,9 @@ def jpeg_preview_scale(width_px: int, max_width_px: int = MAX_WIDTH_PX) -> float
     return max(float(reduction), width_px / max_width_px)
 
 
-def decode_preview(preview: Preview, coarser: float = 1.0) -> Pixels:
-    """(height, width, 3) RGB of a preview, or of one up to `coarser` times coarser (1, 2, 4, 8)."""
-    pixels = _decode(preview.jpeg, _REDUCED[max(r for r in _REDUCED if r <= max(coarser, 1.0))])
+def decode_preview(preview: Preview) -> Pixels:
+    """(height, width, 3) RGB of a preview."""
+    pixels = _decode(preview.jpeg, cv2.IMREAD_COLOR)
     if pixels is None:  # previews are encoded by this module
         raise ValueError("a preview holds no JPEG")
     return np.ascontiguousarray(pixels[:, :, ::-1])

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from uavgram.geometry.top_view import View
-from uavgram.imaging.photo_cache import Photo, PhotoCache
+from uavgram.imaging.photo_cache import Map, PhotoCache
 from uavgram.imaging.preview import Pixels
-from uavgram.imaging.warp_maps import EDGE_PX, Map, Maps, Sight, Window, look_from
+from uavgram.imaging.warp_maps import EDGE_PX, Maps, Sight, Window, look_from
 from uavgram.model.arrays import Ints
 from uavgram.model.ground_raster import GroundRaster
 
@@ -23,11 +22,11 @@ REACH = -FEATHER * float(np.log(FADED))
 """The difference of the tangents at which that is so."""
 
 BORDER_SHARE = 0.03
-"""Of a photo's shorter side is the rim in which it gives way to other photos, so that no picture
-ends in a step where another goes on; elsewhere the photo most above a place wins."""
+"""Of a photo's shorter side is the rim in which it fades into what lies below it, so that no
+picture ends in a step where another goes on."""
 
-RELUCTANCE = 0.3
-"""Tangent that is added half-way into that rim; it grows without end towards the border."""
+BEHIND = 100.0
+"""Tangent that is added where a photo fades out: more than any that is shown."""
 
 
 def warp_window(
@@ -51,14 +50,14 @@ def warp_window(
     width, height = window[2:]
     sights = _nearest(look_from(view, raster, window, candidates), _rim_px(view))
     if len(sights) == 1 and sights[0].within(EDGE_PX):
-        return _sample(photos(sights[0].index), *sights[0].pixel_maps())
+        return photos(sights[0].index).sample(*sights[0].pixel_maps())
     shots = [maps for maps in (sight.maps() for sight in sights) if maps.shown.any()]
     if not shots:
         return np.zeros((height, width, 4), np.uint8)
     if len(shots) > 1:
         return _blend(shots, view, photos)
-    out = _sample(photos(shots[0].index), shots[0].u, shots[0].v)
-    out[~shots[0].shown] = 0
+    out = photos(shots[0].index).sample(shots[0].u, shots[0].v)
+    out.view(np.uint32)[..., 0] *= shots[0].shown  # four bytes at once
     return out
 
 
@@ -77,46 +76,51 @@ def _nearest(sights: list[Sight], rim_px: float) -> list[Sight]:
         return [sight for sight in sights if not (sight.off_nadir > least + REACH).all()]
 
 
-def _sample(photo: Photo, u_px: Map, v_px: Map) -> Pixels:
-    """(height, width, 4) of the photo, bilinear; its border pixels reach on beyond it."""
-    if photo.scale != (1.0, 1.0):
-        half = np.float32(0.5)
-        u_px = (u_px + half) / np.float32(photo.scale[0]) - half
-        v_px = (v_px + half) / np.float32(photo.scale[1]) - half
-    warped = cv2.remap(photo.rgba, u_px, v_px, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(warped, np.uint8)
-
-
 def _blend(shots: list[Maps], view: View, photos: PhotoCache) -> Pixels:
     """Each spot from the photo most above it, neighbours faded into each other."""
-    distance = [_distance(maps, view) for maps in shots]
-    nearest = np.minimum.reduce(distance)
-    shown = np.isfinite(nearest)
-    nearest[~shown] = 0.0  # no infinite minus infinite
-    total = np.zeros(nearest.shape, np.float32)
-    picture = np.zeros((*nearest.shape, 4), np.float32)
-    for maps, far in zip(shots, distance, strict=True):
-        weight = np.exp((nearest - far) / np.float32(FEATHER))
-        weight = np.maximum(weight - np.float32(FADED), np.float32(0.0))
-        if weight.any():
-            total += weight
-            picture += _sample(photos(maps.index), maps.u, maps.v) * weight[..., None]
-    picture /= np.maximum(total, np.float32(1e-6))[..., None]
+    shape = shots[0].u.shape
+    picture = np.zeros((*shape, 4), np.float32)
+    for maps, share in zip(shots, _shares(shots, view), strict=True):
+        if share.any():
+            picture += photos(maps.index).sample(maps.u, maps.v) * share[..., None]
     picture += np.float32(0.5)  # to round, not to cut
-    picture[~shown] = 0.0
     return picture.astype(np.uint8)
 
 
-def _distance(maps: Maps, view: View) -> Map:
-    """(height, width) by which photos are ranked: the tangent from the vertical, more in the rim.
+def _shares(shots: list[Maps], view: View) -> list[Map]:
+    """(height, width) of each photo in each spot; they add up to one where any shows it.
 
-    Infinite where the photo does not show the place.
+    Two layers: above, photos are ranked by the angle from the vertical, and transparent in their
+    rims; below, what is in a rim ranks behind everything else. So a photo fades over its whole rim
+    into the one that goes on beyond it, however oblique that is.
     """
-    camera = view.result.camera
-    half = np.float32(0.5)
+    infinite = np.float32(np.inf)
+    tangent = [np.where(maps.shown, maps.off_nadir, infinite) for maps in shots]
+    opacity = [_opacity(maps, view) for maps in shots]
+    above = _ranked(tangent)
+    if not any((over < 1).any() for over in opacity):
+        return above
+    behind = np.float32(BEHIND)
+    below = _ranked([t + behind * (over < 1) for t, over in zip(tangent, opacity, strict=True)])
+    above = [share * over for share, over in zip(above, opacity, strict=True)]
+    left = np.float32(1.0) - np.sum(above, axis=0)
+    return [over + left * under for over, under in zip(above, below, strict=True)]
+
+
+def _ranked(distance: list[Map]) -> list[Map]:
+    """Shares by distance (infinite: none): all to the least, and around a tie to both."""
+    nearest = np.minimum.reduce(distance)
+    nearest[~np.isfinite(nearest)] = 0.0  # no infinite minus infinite
+    fade, none = np.float32(FADED), np.float32(0.0)
+    weight = [np.maximum(np.exp((nearest - d) / np.float32(FEATHER)) - fade, none) for d in distance]
+    total = np.maximum(np.sum(weight, axis=0), np.float32(1e-6))
+    return [each / total for each in weight]
+
+
+def _opacity(maps: Maps, view: View) -> Map:
+    """(height, width) one inside the rim, and nothing at the photo's border."""
+    camera, half = view.result.camera, np.float32(0.5)
     inner = np.minimum(maps.u + half, np.float32(camera.width_px) - half - maps.u)
     inner = np.minimum(inner, maps.v + half)
     inner = np.minimum(inner, np.float32(camera.height_px) - half - maps.v)
-    depth = np.clip(inner / np.float32(_rim_px(view)), np.float32(1e-3), np.float32(1.0))
-    far = maps.off_nadir + np.float32(RELUCTANCE) * (np.float32(1.0) / depth - np.float32(1.0))
-    return np.where(maps.shown, far, np.float32(np.inf))
+    return np.clip(inner / np.float32(_rim_px(view)), np.float32(0.0), np.float32(1.0))

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from uavgram.geometry.top_view import MOST_OFF_NADIR, View
+from uavgram.imaging.photo_cache import Map
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.ground_raster import GroundRaster
 
-NODE_STEP_PX = 16
+NODE_STEP_PX = 32
 """Most pixels of the top view from one node to the next."""
 
 NODE_STEP_SHARE = 1 / 32
@@ -22,8 +22,6 @@ perspective are smooth on that scale, and a cubic spline between them good to 0.
 
 EDGE_PX = 1.0
 """Nodes so far inside a photo prove that what lies between them is inside too."""
-
-Map = NDArray[np.float32]
 
 Window = tuple[int, int, int, int]
 """First column, first row, width, height."""

@@ -54,8 +54,9 @@ def write_colour_geotiff(
         file.colorinterp = [ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha]
         file.update_tags(**tags)
         for (column, row, width, height), pixels in windows:
-            at = FileWindow(column, row, width, height)
-            file.write(np.moveaxis(pixels, 2, 0), window=at)
+            if pixels[..., 3].any():  # what is never written is transparent
+                at = FileWindow(column, row, width, height)
+                file.write(np.moveaxis(pixels, 2, 0), window=at)
         file.build_overviews(_factors(raster), Resampling.average)
 
 

@@ -13,7 +13,7 @@ from uavgram.model.observations import KnownLines
 _COLUMNS = Columns(
     text=("name", "from", "to"),
     numbers=("length_m", "sigma_m"),
-    optional_text=("use",),
+    optional_text=("use", "note"),
 )
 _USES = ("adjust", "check")
 

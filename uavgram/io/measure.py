@@ -10,7 +10,7 @@ from uavgram.errors import near_miss
 from uavgram.io.tables import Columns, Table, number_hint, parse_number, read_table
 from uavgram.model.observations import MeasurementKind, MeasurementRequest
 
-_COLUMNS = Columns(text=("name", "kind", "points"), optional_text=("parameters",))
+_COLUMNS = Columns(text=("name", "kind", "points"), optional_text=("parameters", "note"))
 
 # Least and greatest number of points; None: any number.
 POINT_COUNTS: dict[MeasurementKind, tuple[int, int | None]] = {

@@ -13,7 +13,7 @@ from uavgram.model.observations import Picks
 _COLUMNS = Columns(
     text=("image", "label"),
     numbers=("u_px", "v_px"),
-    optional_text=("area",),
+    optional_text=("area", "note"),
     optional_numbers=("sigma_px", "height_m"),
 )
 

@@ -69,7 +69,7 @@ class Desk:
             lambda k: read_pyramid(photos.path[k]), lambda p: p.size_bytes, PHOTOS_BYTES
         )
         self._thumbnails: Kept[int, bytes] = Kept(
-            lambda k: read_preview(photos.path[k], THUMBNAIL_PX).jpeg, len, 64_000_000
+            lambda k: read_preview(photos.path[k], THUMBNAIL_PX)[0].jpeg, len, 64_000_000
         )
         self._live = Live(survey, self.index, self._adjusted)
 
@@ -118,7 +118,9 @@ class Desk:
             "control": list(inputs.control.label),
             "check": list(inputs.check.label),
             "recovered": self.recovered is not None,
-            "messages": messages_json((*inputs.messages, *(posed.messages if posed else ()))),
+            "messages": messages_json(
+                (*self._saver.messages, *inputs.messages, *(posed.messages if posed else ()))
+            ),
             "state": state_json(self.state, self.index),
             **self._standing(),
             "live": self._said or None,
@@ -208,6 +210,7 @@ def _camera_json(survey: LiveSurvey) -> Json:
         "model": calibration.model,
         "width": calibration.width_px,
         "height": calibration.height_px,
+        "names": list(calibration.parameter_names),
         "parameters": calibration.parameters.tolist(),
         "sigma": (calibration.covariance.diagonal() ** 0.5).tolist(),
         "file": Path(survey.inputs.project.camera).name,

@@ -4,7 +4,11 @@ The server listens on 127.0.0.1 alone. That keeps other machines out, but not ot
 same browser, so: the printed address holds a random token, which is exchanged for a cookie that
 only this site sends along (SameSite=Strict) and scripts cannot read; the Host must be ours, or a
 foreign name that resolves to 127.0.0.1 (DNS rebinding) would do; and the socket's Origin must be
-ours, because browsers let any page open a socket anywhere.
+ours, because browsers let any page open a socket anywhere. SameSite does not tell ports apart, so
+what another local server's page embeds is told by Sec-Fetch-Site.
+
+Who is in can still do harm by talking too much: requests and messages have a greatest length, and
+`Pace` slows a socket down.
 """
 
 from __future__ import annotations
@@ -12,6 +16,8 @@ from __future__ import annotations
 import hmac
 import logging
 import secrets
+import time
+from collections.abc import Callable
 
 from starlette.datastructures import URL, Headers, MutableHeaders
 from starlette.requests import HTTPConnection
@@ -23,7 +29,7 @@ log = logging.getLogger(__name__)
 HEADERS = {
     "content-security-policy": (
         "default-src 'self'; img-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'; "
-        "form-action 'none'; object-src 'none'"
+        "form-action 'none'; object-src 'none'; require-trusted-types-for 'script'"
     ),
     "x-content-type-options": "nosniff",
     "referrer-policy": "no-referrer",
@@ -32,6 +38,48 @@ HEADERS = {
     "x-frame-options": "DENY",
 }
 POLICY_VIOLATION = 1008
+LONGEST_PATH = 1000
+MESSAGES_A_SECOND = 300
+"""A mouse reports up to some 125 moves a second, and the page waits for each answer."""
+MESSAGES_AT_ONCE = 600
+
+
+class Pace:
+    """How fast one page may talk: so many messages at once, then so many a second.
+
+    A page that is faster is slowed down, and nothing is lost: what it sends stays with it, as its
+    socket is not read meanwhile.
+
+    Parameters
+    ----------
+    per_second, at_once
+        The two limits.
+    clock
+        Seconds.
+
+    Attributes
+    ----------
+    told
+        Whether it was said that the page is too fast.
+    """
+
+    def __init__(
+        self,
+        per_second: float = MESSAGES_A_SECOND,
+        at_once: float = MESSAGES_AT_ONCE,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._per_second, self._at_once, self._clock = per_second, at_once, clock
+        self._left, self._then = at_once, clock()
+        self.told = False
+
+    def wait_s(self) -> float:
+        """How long to wait [s] before the message that came is looked at."""
+        now = self._clock()
+        gained = (now - self._then) * self._per_second
+        self._left = min(self._left + gained, self._at_once) - 1
+        self._then = now
+        return max(-self._left / self._per_second, 0.0)
 
 
 class Guard:
@@ -67,7 +115,7 @@ class Guard:
         connection = HTTPConnection(scope)
         refusal = self._refusal(connection)
         if refusal:
-            log.warning("refused %s: %s", scope.get("path", "")[:80], refusal)
+            log.warning("refused %r: %s", scope["path"][:80], refusal)
             await self._refuse(scope, receive, send, refusal)
             return
         given = connection.query_params.get("token")
@@ -75,6 +123,7 @@ class Guard:
             await self._exchanged(connection, given)(scope, receive, _strict(send))
             return
         if not self._known(connection):
+            log.warning("refused %r: it does not come from the page", scope["path"][:80])
             await self._refuse(scope, receive, send, "open the address that `uavgram pick` printed")
             return
         await self._app(scope, receive, _strict(send))
@@ -91,6 +140,12 @@ class Guard:
             return f"foreign origin {str(origin)[:80]!r}"
         if origin is not None and origin != ours:
             return f"foreign origin {origin[:80]!r}"
+        # https://www.w3.org/TR/fetch-metadata/: what another page embeds; links may be followed.
+        site, mode = headers.get("sec-fetch-site", "none"), headers.get("sec-fetch-mode")
+        if site not in {"same-origin", "none"} and mode != "navigate":
+            return f"asked for by another page ({site[:20]!r})"
+        if len(connection.scope["path"]) > LONGEST_PATH:
+            return "an address of this page is never that long"
         return ""
 
     def _known(self, connection: HTTPConnection) -> bool:

@@ -24,7 +24,7 @@ from uavgram.picking import commands as c
 from uavgram.picking.answers import Json
 from uavgram.picking.autosave import Saver
 from uavgram.picking.desk import Desk
-from uavgram.picking.guard import Guard
+from uavgram.picking.guard import Guard, Pace
 from uavgram.picking.messages import LONGEST_MESSAGE, parse_message
 from uavgram.picking.tables import Tables
 from uavgram.pipeline.live import LiveSurvey
@@ -34,6 +34,9 @@ log = logging.getLogger(__name__)
 SAVE_AFTER_S = 0.4
 MOST_WAITING = 2000
 """Messages that may wait for a page; one that reads no more is let go."""
+MOST_PAGES = 16
+TRY_AGAIN_LATER = 1013
+FAULTS_OF_THE_PAGE = {1002: "broken frames", 1007: "text that is no UTF-8", 1009: "too long"}
 
 _TYPES = {
     ".html": "text/html; charset=utf-8",
@@ -113,7 +116,12 @@ class PickServer:
         )
 
     async def _socket(self, page: WebSocket) -> None:
+        if len(self._pages) >= MOST_PAGES:
+            log.warning("refused a page: %d are open", MOST_PAGES)
+            await page.close(TRY_AGAIN_LATER)
+            return
         await page.accept()
+        pace = Pace()
         waiting: asyncio.Queue[Json] = asyncio.Queue(MOST_WAITING)
         waiting.put_nowait(self.desk.hello())
         self._pages.add(waiting)
@@ -121,35 +129,49 @@ class PickServer:
         try:
             while True:
                 text = await page.receive_text()
-                answer = await self._answered(text)
-                if answer is not None:
-                    await waiting.put(answer)
-        except (WebSocketDisconnect, KeyError, RuntimeError):  # gone; bytes; closed by the sender
-            log.debug("a page is gone")
+                await self._in_turn(pace)
+                answer = await self._answered(text, waiting)
+                await waiting.put(answer)
+        except WebSocketDisconnect as gone:
+            fault = FAULTS_OF_THE_PAGE.get(gone.code)
+            if fault:
+                log.warning("let a page go: its message was refused (%s)", fault)
+        except (KeyError, RuntimeError):  # bytes; closed by the sender
+            log.warning("let a page go: it does not speak as our page does")
         finally:
             self._pages.discard(waiting)
             sender.cancel()
 
     @staticmethod
-    async def _send(page: WebSocket, waiting: asyncio.Queue[Json]) -> None:
-        with contextlib.suppress(WebSocketDisconnect, RuntimeError):
-            while True:
-                await page.send_json(await waiting.get())
+    async def _in_turn(pace: Pace) -> None:
+        wait_s = pace.wait_s()
+        if wait_s > 0:
+            if not pace.told:
+                log.warning("a page sends more messages than people can make: it is slowed down")
+            pace.told = True
+            await asyncio.sleep(wait_s)
 
-    async def _answered(self, text: str) -> Json | None:
-        """Do what a message says; the answer for its page alone, where there is one."""
+    async def _send(self, page: WebSocket, waiting: asyncio.Queue[Json]) -> None:
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+            while waiting in self._pages:
+                await page.send_json(await waiting.get())
+            await page.close(TRY_AGAIN_LATER)  # it missed something: it is to begin anew
+
+    async def _answered(self, text: str, own: asyncio.Queue[Json]) -> Json:
+        """Do what a message of a page says, tell the others what changed, and answer."""
         seq = None
         try:
             message = parse_message(text, self.desk.photos)
             seq = message.seq
             if isinstance(message.body, c.Snap | c.SameGround):
                 return await to_thread.run_sync(self.desk.answer, message)
-            self._broadcast(self.desk.change(message))
+            changed = self.desk.change(message)
         except UavgramError as why:  # refused, or a photo or the journal is not to be had
             log.info("refused: %s", why)
             return {"t": "refused", "seq": seq, "why": str(why)}
+        self._broadcast({k: v for k, v in changed.items() if k != "seq"}, but=own)
         self._save_soon()
-        return None
+        return changed
 
     def _save_soon(self) -> None:
         if self._loop is None:
@@ -163,8 +185,8 @@ class PickServer:
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._broadcast, said)
 
-    def _broadcast(self, said: Json) -> None:
-        for waiting in tuple(self._pages):
+    def _broadcast(self, said: Json, but: asyncio.Queue[Json] | None = None) -> None:
+        for waiting in self._pages - {but}:
             try:
                 waiting.put_nowait(said)
             except asyncio.QueueFull:

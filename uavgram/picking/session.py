@@ -20,6 +20,9 @@ from uavgram.picking.state import Line, Pick, State, with_label
 MOST_STEPS = 10_000
 """Steps that can be taken back; older ones are forgotten."""
 
+MOST_ITEMS = 20_000
+"""Picks, lengths or measurements of a project: far above any survey, and still quick to handle."""
+
 Named = TypeVar("Named", Line, MeasurementRequest)
 
 
@@ -96,7 +99,16 @@ def _redone(session: Session) -> Session:
 
 def changed(state: State, change: c.Change) -> State:
     """The state after a change; raises `RefusedError` where it does not fit."""
-    return _CHANGES[type(change)](state, change)
+    after = _CHANGES[type(change)](state, change)
+    counts = {
+        "picks": len(after.picks),
+        "lengths": len(after.lines),
+        "measurements": len(after.requests),
+    }
+    for what, count in counts.items():
+        if count > MOST_ITEMS:
+            raise RefusedError(f"a project may have {MOST_ITEMS} {what}")
+    return after
 
 
 def _place(state: State, do: c.Place) -> State:

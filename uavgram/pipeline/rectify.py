@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,7 +75,7 @@ def rectify(
         A problem that the user can solve. Earlier files are untouched.
     """
     inputs = read_inputs(Path(project))
-    computed = compute(inputs)
+    computed = compute(inputs, curved=False)
     view = choose_view(computed.result, frame)
     raster = lay_raster(view, pixel_m)
     folder = Path(inputs.project.output) / "rectified" if output is None else Path(output)
@@ -155,7 +156,11 @@ def _within(reach: Floats, window: Window) -> Ints:
 def _knowledge(adjustment: Adjustment, view: View, pick_sigma_px: float) -> FrameKnowledge:
     row_of = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
     frames = np.array([row_of[name] for name in view.frame_id])
-    return FrameKnowledge(adjustment.sight_covariance(frames), pick_sigma_px)
+    return FrameKnowledge(
+        covariance=adjustment.sight_covariance(frames),
+        pixel_sigma_px=pick_sigma_px,
+        roughness_sigma_m=adjustment.survey.ground.roughness_sigma_m,
+    )
 
 
 def _sigma(view: View, raster: GroundRaster, reach: Floats, known: FrameKnowledge) -> Floats:

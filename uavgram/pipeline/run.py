@@ -108,8 +108,8 @@ def write_review(result: Result, path: Path, progress: Progress = silent) -> Non
     def photos() -> Iterator[tuple[str, Preview]]:
         reduced = work_ahead(read_preview, result.frames.path)
         shown = progress(zip(names, reduced, strict=True), "photos", len(names))
-        for name, (_, preview) in shown:
-            mosaic.add(name, preview)
+        for name, (_, (preview, pixels)) in shown:
+            mosaic.add(name, pixels)
             yield name, preview
 
     write_recording(result, photos(), mosaic.texture, path)

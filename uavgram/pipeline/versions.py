@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import importlib.metadata
+from functools import cache
 import sys
 from collections.abc import Sequence
 
 
+@cache
 def package_versions(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
     """Versions of Python and of these packages, as pairs of name and version."""
     python = ".".join(str(part) for part in sys.version_info[:3])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.errors import GeometryError
+from uavgram.errors import GeometryError, near_miss
 from uavgram.geometry.back_projection import back_project
 from uavgram.geometry.ground import intersect_ground
 from uavgram.geometry.map_projection import projected_from_enu
@@ -16,7 +16,13 @@ from uavgram.model.result import Result
 EXTENT_SAMPLES = 41
 """Along each side of a photo, when looking for the ground that it shows."""
 
+HALVINGS = 10
+"""Between a sample that shows ground and its neighbour that does not: to a thousandth of a step."""
+
 MOST_PIXELS = 2_000_000_000
+LEAST_PIXELS = 16
+"""On the shorter side of a top view: fewer show nothing."""
+
 NICE_DIGITS = 2
 
 
@@ -31,7 +37,10 @@ def choose_view(result: Result, frame: str | None = None) -> View:
     rows = np.flatnonzero(result.has_refined)
     if frame is not None:
         if frame not in result.frames.frame_id:
-            raise GeometryError(f"there is no frame {frame!r} in this project")
+            hint = near_miss(frame, result.frames.frame_id)
+            raise GeometryError(
+                f"there is no frame {frame!r} in this project" + (f" ({hint})" if hint else "")
+            )
         rows = rows[rows == result.frames.frame_id.index(frame)]
         if not rows.size:
             raise GeometryError(
@@ -69,14 +78,9 @@ def lay_raster(view: View, pixel_m: float | None = None) -> GroundRaster:
         crs = None
     size_m = _usual_pixel(view) if pixel_m is None else pixel_m
     low, high = together[:, :2].min(axis=0), together[:, :2].max(axis=0)
+    _check_size(high - low, size_m)
     low, high = np.floor(low / size_m) * size_m, np.ceil(high / size_m) * size_m
     width, height = np.round((high - low) / size_m).astype(int)
-    if int(width) * int(height) > MOST_PIXELS:
-        wanted = float(np.sqrt(np.prod(high - low) / MOST_PIXELS))
-        raise GeometryError(
-            f"pixels of {size_m:g} m make {width} x {height} of them: ask for pixels of "
-            f"{wanted:.2g} m or more, or for one frame"
-        )
     return GroundRaster(
         west_m=float(low[0]),
         north_m=float(high[1]),
@@ -85,6 +89,23 @@ def lay_raster(view: View, pixel_m: float | None = None) -> GroundRaster:
         height=int(height),
         crs=crs,
     )
+
+
+def _check_size(extent_m: Floats, pixel_m: float) -> None:
+    """Refuse pixels that are too many, or too few."""
+    shown = f"the photos show {extent_m[0]:.3g} x {extent_m[1]:.3g} m"
+    # in this order, for the square of a tiny number is none
+    if extent_m[0] / pixel_m > MOST_PIXELS / max(extent_m[1] / pixel_m, 1.0):
+        least = float(np.sqrt(np.prod(extent_m) / MOST_PIXELS))
+        raise GeometryError(
+            f"pixels of {pixel_m:g} m are too many: {shown}; ask for --pixel-size {least:.2g} or "
+            "more, or for one --frame"
+        )
+    if extent_m.min() < LEAST_PIXELS * pixel_m:
+        raise GeometryError(
+            f"pixels of {pixel_m:g} m are too large: {shown}; ask for --pixel-size "
+            f"{extent_m.min() / LEAST_PIXELS:.2g} or less"
+        )
 
 
 def boxes(view: View, raster: GroundRaster) -> Floats:
@@ -103,17 +124,35 @@ def boxes(view: View, raster: GroundRaster) -> Floats:
 
 
 def _shown_ground(view: View, index: int) -> Floats:
-    """(n, 3) places on the ground all over a photo."""
-    result, row = view.result, view.rows[index]
+    """(n, 3) places on the ground all over a photo, and along the edge of what shows ground."""
+    camera = view.result.camera
     share = np.linspace(0.0, 1.0, EXTENT_SAMPLES)
-    size = np.array([result.camera.width_px, result.camera.height_px])
-    pixel = np.stack(np.meshgrid(share, share), axis=-1).reshape(-1, 2) * size - 0.5
+    size = np.array([camera.width_px, camera.height_px])
+    pixel = np.stack(np.meshgrid(share, share), axis=-1) * size - 0.5
+    place = _ground_behind(view, index, pixel)
+    shown = np.isfinite(place[..., 0])
+    ends = []
+    for a, b in (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]):
+        for inner, outer in ((a, b), (b, a)):
+            edge = shown[inner] & ~shown[outer]
+            ends.append(np.stack([pixel[inner][edge], pixel[outer][edge]]))
+    good, bad = np.concatenate(ends, axis=1)
+    for _ in range(HALVINGS):
+        middle = (good + bad) / 2
+        is_good = np.isfinite(_ground_behind(view, index, middle)[:, :1])
+        good, bad = np.where(is_good, middle, good), np.where(is_good, bad, middle)
+    return np.concatenate([place[shown], _ground_behind(view, index, good)])
+
+
+def _ground_behind(view: View, index: int, pixel: Floats) -> Floats:
+    """(..., 3) where pixels (..., 2) of a photo meet the ground, steeply enough; else NaN."""
+    result, row = view.result, view.rows[index]
     ray = back_project(result.camera.model, result.shared.intrinsics.value, pixel)
     ray = ray @ result.frames.refined.world_from_camera[row].T
     center = result.frames.refined.center_world_m[row]
     place = intersect_ground(center, ray, view.surface, result.shared.plane_pivot_m)
-    steep = -ray[:, 2] > LEAST_SINE * np.linalg.norm(ray, axis=1)
-    return np.asarray(place[steep & np.isfinite(place[:, 0])])
+    steep = -ray[..., 2] > LEAST_SINE * np.linalg.norm(ray, axis=-1)
+    return np.where(steep[..., None], place, np.nan)
 
 
 def photo_pixels_m(view: View) -> Floats:

@@ -164,7 +164,7 @@ def tilt_dial(result: CalibrationResult) -> Drawing:
     tilt = tilt_directions(result)
     reach = max(float(np.linalg.norm(tilt, axis=1).max(initial=0.0)), 20.0) * 1.12
     middle, scale = DIAL / 2, DIAL / 2 / reach
-    rings = [ring for ring in DIAL_RINGS_DEG if ring < reach]
+    rings = [ring for ring in DIAL_RINGS_DEG if 1.1 * ring < reach]
     circles = "".join(
         f"M{middle - ring * scale:.1f} {middle:.1f}a{ring * scale:.1f} {ring * scale:.1f} 0 1 0 "
         f"{2 * ring * scale:.1f} 0a{ring * scale:.1f} {ring * scale:.1f} 0 1 0 "

@@ -72,7 +72,8 @@ def parameter_cells(calibration: Calibration) -> list[tuple[str, ...]]:
         calibration.parameter_names, calibration.parameters.tolist(), sigma.tolist(), strict=True
     ):
         share = f"{100 * error / value:.3f} %" if name in {"fx", "fy"} else "–"
-        cells.append((name, _value(name, value), _value(name, error), share))
+        known = _value(name, error) if error else "held"
+        cells.append((name, _value(name, value), known, share))
     return cells
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from uavgram.geometry.projection import project
@@ -89,10 +87,11 @@ def project_from(
     return np.where(in_photo(result, pixel)[..., None], pixel, np.nan)
 
 
-def sampled(strip: Floats) -> Floats:
-    """(m, 3) the polyline with LINE_SAMPLES points on each segment."""
-    share = np.linspace(0.0, 1.0, LINE_SAMPLES)[:, None]
-    return np.concatenate([a + share * (b - a) for a, b in pairwise(strip)])
+def sampled(strip: Floats, samples: int = LINE_SAMPLES) -> Floats:
+    """(m, 3) the polyline with so many points on each segment."""
+    share = np.linspace(0.0, 1.0, samples)[:, None]
+    start, step = strip[:-1, None], np.diff(strip, axis=0)[:, None]
+    return np.asarray((start + share * step).reshape(-1, strip.shape[1]), dtype=np.float64)
 
 
 def visible_runs(pixel: Floats) -> list[Floats]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.evidence import Effects, PriorResults
+from uavgram.model.evidence import Effects, PriorResults, RemovalRecord
 from uavgram.model.result import Result
 from uavgram.views.wording import UNIT_WORDS, chance, number
 
@@ -13,6 +13,9 @@ MOST_PRIORS = 20
 
 MOST_UNCHECKED = 6
 """Unchecked observations that are named for a measurement."""
+
+MOST_MOVED = 5
+"""Measurements that are named as moved by a removal."""
 
 SUSPECT_W = 3.29
 """Test statistic that chance exceeds once in a thousand."""
@@ -84,15 +87,25 @@ def removal_rows(result: Result) -> list[str]:
             text += f" No test can part it from: {', '.join(one.group)}."
         if one.rivals:
             text += f" It could also have been: {', '.join(one.rivals)}."
-        moved = [
-            f"{name!r} by {number(change, signed=True)} {UNIT_WORDS.get(unit, unit)}"
-            for name, unit, change in zip(
-                result.measurements.name, result.measurements.unit, one.change, strict=True
-            )
-            if np.isfinite(change)
-        ]
-        sentences.append(f"{text} That moved {', '.join(moved)}." if moved else text)
+        moved = _moved(result, one)
+        sentences.append(f"{text} That moved {moved}." if moved else text)
     return sentences
+
+
+def _moved(result: Result, one: RemovalRecord) -> str:
+    """The measurements that a removal moved by most of their sigmas, and how many others."""
+    rows, change = result.measurements, np.array(one.change, dtype=np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sigmas = np.abs(change) / rows.sigma
+    order = np.argsort(-np.nan_to_num(sigmas, nan=-1.0), kind="stable")
+    order = order[np.isfinite(change[order])]
+    named = [
+        f"{rows.name[i]!r} by {number(change[i], signed=True)} "
+        f"{UNIT_WORDS.get(rows.unit[i], rows.unit[i])}"
+        for i in order[:MOST_MOVED]
+    ]
+    more = len(order) - len(named)
+    return ", ".join(named) + (f" and {more} more by fewer of their sigmas" if more else "")
 
 
 def second_order_rows(result: Result) -> list[str]:

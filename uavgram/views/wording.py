@@ -40,6 +40,24 @@ FRAME_STATUS_WORDS = {
     "rejected": "rejected",
 }
 
+# Groups of observations; those of further areas of the ground are called ``plane of NAME``.
+GROUP_WORDS = {
+    "pixels": "picked pixels",
+    "lengths": "known lengths",
+    "calibration": "lens calibration",
+    "telemetry": "flight log: position and attitude of each photo",
+    "boresight": "camera against its mount",
+    "lever_arm": "autopilot to camera",
+    "position_bias": "offset of the log's positions",
+    "heading_bias": "offset of the log's heading",
+    "clock": "camera clock",
+    "clock_drift": "drift of the camera clock",
+    "plane": "plane of the ground",
+    "roughness": "unevenness of the ground",
+    "control": "control points",
+    "gauge": "choice of axes",
+}
+
 FRAME_STATE_WORDS = {**FRAME_STATUS_WORDS, "check": "to check"}
 
 WHY_TWO_ELLIPSES = (

@@ -10,6 +10,7 @@ import pytest
 
 from uavgram.estimation.calibration.problem import (
     bow_shape,
+    focal_and_center_prior,
     lens_of,
     linearise,
     pad,
@@ -107,3 +108,24 @@ def test_a_camera_becomes_a_prior_with_its_covariance():
     lens = lens_of(CalibrationOptions(coefficients=8, prior=prior))  # k4 to k6 stay unknown
     assert lens.prior_information.shape == (12, 12)
     assert not lens.prior_information[9:].any()
+
+
+@pytest.mark.parametrize("options", [CASES["brown 8"][1], CASES["fisheye"][1]])
+def test_focal_length_and_centre_are_known_for_any_lens_and_its_distortion_is_not(options):
+    covariance = np.diag([8.0, 8, 5, 6, 0.1, 0.1, 0.1, 0.1, 0.1]) ** 2
+    covariance[0, 1] = covariance[1, 0] = 0.9 * 64
+    camera = Calibration(
+        name="table",
+        model="brown",
+        width_px=1024,
+        height_px=768,
+        parameters=np.array([800.0, 801, 510, 380, 0.3, 0, 0, 0, 0]),
+        covariance=covariance,
+    )
+    lens = lens_of(replace(options, prior=focal_and_center_prior(camera, options.model, "EXIF")))
+    np.testing.assert_array_equal(lens.prior_mean[:4], [800, 801, 510, 380])
+    np.testing.assert_allclose(
+        np.linalg.inv(lens.prior_information[:4, :4]), covariance[:4, :4], rtol=1e-9
+    )
+    assert not lens.prior_information[4:].any() or options.bow != "flat"
+    assert not lens.prior_mean[4:].any()

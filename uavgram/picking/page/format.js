@@ -6,10 +6,10 @@ export function fixed(value, digits) {
   return value === null || value === undefined ? missing : value.toFixed(digits);
 }
 
-// A value with as many digits as its sigma deserves: two digits of the sigma, no more than 4 places.
+// A value with as many digits as its sigma deserves: two digits of the sigma, no more than 3 places.
 export function places(sigma) {
   if (!(sigma > 0)) return 3;
-  return Math.min(Math.max(1 - Math.floor(Math.log10(sigma)), 0), 4);
+  return Math.min(Math.max(1 - Math.floor(Math.log10(sigma)), 0), 3);
 }
 
 export function withSigma(value, sigma, unit = "") {
@@ -25,6 +25,7 @@ export function node(tag, attributes = {}, ...children) {
   const made = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
     if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else if (name.startsWith("aria-")) made.setAttribute(name, `${value}`);
     else if (value !== false && value !== null && value !== undefined) made.setAttribute(name, value === true ? "" : value);
   }
   made.append(...children.filter((child) => child !== null && child !== undefined));

@@ -3,6 +3,7 @@
 import { tile, tileKey } from "./tiles.js";
 
 const SIDE = 168;
+const LEAST_SCALE = 8; // screen pixels for each pixel of the photo
 
 export class Loupe {
   constructor(parent) {
@@ -17,38 +18,54 @@ export class Loupe {
     this.canvas.hidden = true;
   }
 
-  // Around (u, v), which lies at (x, y) of the pane; steps aside from the pointer.
-  show(photo, image, tilePx, u, v, scale, x, y, width) {
+  show(at) {
+    this.at = at;
+    this.canvas.hidden = false;
+    this.canvas.classList.toggle("left", at.aside);
+  }
+
+  // The photo's own tiles beneath it; where they are not there yet, coarser ones stand in.
+  tiles(photo, image, tilePx) {
+    if (this.canvas.hidden) return [];
+    Object.assign(this, { photo, image, tilePx });
+    return this.visible(0).map(({ key }) => ({ key, level: 0, away: 0, beneath: true }));
+  }
+
+  visible(level) {
+    const { u, v, scale } = this.at;
+    const size = this.tilePx * 2 ** level; // in pixels of the photo
+    const reach = SIDE / 2 / Math.max(LEAST_SCALE, 3 * scale);
+    const place = (edge, most) => Math.min(Math.max(Math.floor(edge / size), 0), Math.ceil(most / size) - 1);
+    const found = [];
+    for (let row = place(v + 0.5 - reach, this.photo.height); row <= place(v + 0.5 + reach, this.photo.height); row += 1) {
+      for (let column = place(u + 0.5 - reach, this.photo.width); column <= place(u + 0.5 + reach, this.photo.width); column += 1) {
+        found.push({ key: tileKey(this.image, level, column, row), left: column * size, top: row * size, grow: 2 ** level });
+      }
+    }
+    return found;
+  }
+
+  draw() {
+    if (this.canvas.hidden || !this.photo) return;
     const ratio = window.devicePixelRatio;
     const side = Math.round(SIDE * ratio);
     if (this.canvas.width !== side) this.canvas.width = this.canvas.height = side;
-    this.canvas.hidden = false;
-    this.canvas.classList.toggle("left", x > width - SIDE - 60 && y < SIDE + 60);
-    const step = Math.max(8, 3 * scale) * ratio;
+    const { u, v, scale } = this.at;
+    const step = Math.max(LEAST_SCALE, 3 * scale) * ratio;
     const context = this.canvas.getContext("2d");
     context.fillStyle = "#15181c";
     context.fillRect(0, 0, side, side);
     context.imageSmoothingEnabled = false;
-    for (let level = Math.min(photo.levels - 1, 4); level >= 0; level -= 1) {
-      this.draw(context, image, tilePx, level, u, v, step, side);
-    }
-    this.cross(context, side, ratio);
-  }
-
-  draw(context, image, tilePx, level, u, v, step, side) {
-    const size = tilePx * 2 ** level; // in pixels of the photo
-    const reach = side / step / 2;
-    const first = [u + 0.5 - reach, v + 0.5 - reach].map((edge) => Math.floor(edge / size));
-    const last = [u + 0.5 + reach, v + 0.5 + reach].map((edge) => Math.floor(edge / size));
-    for (let row = Math.max(first[1], 0); row <= last[1]; row += 1) {
-      for (let column = Math.max(first[0], 0); column <= last[0]; column += 1) {
-        const picture = tile(tileKey(image, level, column, row));
-        if (!picture) continue;
-        const grow = step * 2 ** level;
-        context.drawImage(picture, side / 2 + (column * size - u - 0.5) * step,
-          side / 2 + (row * size - v - 0.5) * step, picture.width * grow, picture.height * grow);
+    for (let level = this.photo.levels - 1; level >= 0; level -= 1) {
+      for (const { key, left, top, grow } of this.visible(level)) {
+        const picture = tile(key);
+        if (picture) {
+          context.drawImage(picture, side / 2 + (left - u - 0.5) * step, side / 2 + (top - v - 0.5) * step,
+            picture.width * grow * step, picture.height * grow * step);
+        }
       }
     }
+    this.cross(context, side, ratio);
   }
 
   cross(context, side, ratio) {

@@ -9,12 +9,13 @@ export const CONFIDENCE = 2.4477; // 95 % of a plane's normal distribution
 const CROSS = "M-9 0H-3M3 0H9M0 -9V-3M0 3V9";
 const DIAMOND = "M0 -13L13 0L0 13L-13 0Z";
 
-// Everything that is drawn in a photo, as [{group, anchors, move(view)}].
+// Everything that is drawn in a photo, as [{key, sign, make(), move(group, view)}]: `sign` tells
+// whether what was made before will do, `move` brings it to its place.
 export function buildMarks(image, { selected, shown, draft }) {
   const parts = [];
   for (const line of store.lines) parts.push(lengthPart(image, line));
   for (const one of store.measurements) parts.push(measurementPart(image, one));
-  if (draft.length) parts.push(pathPart(image, draft, "draft", "", false));
+  if (draft.length) parts.push(pathPart(image, "", draft, "draft", "", false));
   if (shown.predicted) {
     for (const one of predictedIn(image)) parts.push(predictedPart(one, selected, shown));
   }
@@ -25,6 +26,12 @@ export function buildMarks(image, { selected, shown, draft }) {
 function pickPart(pick, selected, shown) {
   const fit = fitOf(pick.image, pick.label);
   const suspect = isSuspect(fit?.status);
+  const sign = JSON.stringify([fit?.residual, fit?.spread, suspect, fit?.w, selected === pick.label, shown, pick.u, pick.v]);
+  const make = () => pickGroup(pick, fit, suspect, selected, shown);
+  return { key: `pick ${pick.label}`, label: pick.label, at: [pick.u, pick.v], sign, make, move: (group, view) => place(group, view, pick.u, pick.v) };
+}
+
+function pickGroup(pick, fit, suspect, selected, shown) {
   const group = shape("g", {
     class: `mark placed${suspect ? " suspect" : ""}${selected === pick.label ? " selected" : ""}`,
     tabindex: 0, role: "button", "data-label": pick.label,
@@ -40,7 +47,7 @@ function pickPart(pick, selected, shown) {
   group.append(shape("path", { class: "halo wide", d: CROSS }), shape("path", { class: "thin", d: CROSS }),
     shape("circle", { class: "ring", r: 15, fill: "none" }), shape("circle", { class: "hit", r: 12 }));
   if (shown.labels) group.append(text(pick.label, 12, -8));
-  return { group, move: (view) => place(group, view, pick.u, pick.v) };
+  return group;
 }
 
 export function spokenPick(pick, fit, suspect) {
@@ -49,13 +56,19 @@ export function spokenPick(pick, fit, suspect) {
 }
 
 function predictedPart(one, selected, shown) {
+  const sign = JSON.stringify([one, selected === one.label, shown.labels]);
+  const make = () => predictedGroup(one, selected, shown);
+  return { key: `predicted ${one.label}`, label: one.label, at: one.at, sign, make, move: (group, view) => place(group, view, one.at[0], one.at[1]) };
+}
+
+function predictedGroup(one, selected, shown) {
   const group = shape("g", {
     class: `predicted${selected === one.label ? " selected" : ""}`, "data-predicted": one.label,
     role: "img", "aria-label": `${one.label} expected at u ${one.at[0].toFixed(1)}, v ${one.at[1].toFixed(1)}`,
   });
   group.append(...ellipse(one.spread, 5), shape("circle", { class: "ring", r: 15, fill: "none" }));
   if (shown.labels) group.append(text(one.label, 12, -8));
-  return { group, move: (view) => place(group, view, one.at[0], one.at[1]) };
+  return group;
 }
 
 // A 95 % ellipse; `least` keeps it visible where it is smaller than that on the screen.
@@ -87,37 +100,73 @@ function lengthPart(image, line) {
   const now = adjusted()?.lines[line.name];
   const words = now?.adjusted ? withSigma(now.adjusted, now.sigma, "m") : `${line.length} m taped`;
   const kind = `length${line.adjust ? "" : " withheld"}${isSuspect(now?.status) ? " suspect" : ""}`;
-  return pathPart(image, [line.start, line.end], kind, `${line.name} ${words}`, false);
+  return pathPart(image, line.name, [line.start, line.end], kind, `${line.name} ${words}`, false);
 }
 
 function measurementPart(image, request) {
   const now = adjusted()?.measurements[request.name];
   const words = now ? withSigma(now.value, now.sigma, unitText(now.unit)) : missing;
   if (request.points.length < 2) return null;
-  return pathPart(image, request.points, "measured", `${request.name} ${words}`, request.kind === "area");
+  return pathPart(image, request.name, request.points, "measured", `${request.name} ${words}`, request.kind === "area");
 }
 
-function pathPart(image, points, kind, words, closed) {
+function pathPart(image, key, points, kind, words, closed) {
   const at = points.map((label) => placeOf(image, label));
   if (at.some((one) => one === null) || (kind !== "draft" && !at.some((one) => one.picked))) return null;
   if (closed) at.push(at[0]);
-  const halo = shape("polyline", { class: "halo wide" });
-  const thin = shape("polyline", { class: "thin" });
-  const label = text(words, 0, 0, "value");
-  label.setAttribute("text-anchor", "middle");
-  const group = shape("g", { class: kind, "aria-hidden": "true" }, halo, thin, label);
   return {
-    group,
-    move(view) {
+    key: `path ${kind.split(" ")[0]} ${key}`,
+    sign: JSON.stringify([kind, words]),
+    make() {
+      const label = text(words, 0, 0, "value");
+      label.setAttribute("text-anchor", "middle");
+      return shape("g", { class: kind, "aria-hidden": "true" }, shape("polyline", { class: "halo wide" }),
+        shape("polyline", { class: "thin" }), label);
+    },
+    move(group, view) {
+      const [halo, thin, label] = group.children;
       const screen = at.map(({ u, v }) => view.toScreen(u, v));
       const path = screen.map((point) => point.join()).join(" ");
       halo.setAttribute("points", path);
       thin.setAttribute("points", path);
       const [a, b] = [screen[0], screen[1] ?? screen[0]];
-      const long = Math.hypot(b[0] - a[0], b[1] - a[1]);
-      label.setAttribute("display", long > 60 ? "inline" : "none");
-      label.setAttribute("x", (a[0] + b[0]) / 2);
-      label.setAttribute("y", (a[1] + b[1]) / 2 - 6);
+      this.along = [a, b];
+      this.middle = closed ? average(screen.slice(0, -1)) : null;
+      this.room = closed ? Infinity : Math.hypot(b[0] - a[0], b[1] - a[1]);
+      this.words = { label, text: words };
     },
   };
+}
+
+const average = (points) => [0, 1].map((k) => points.reduce((sum, point) => sum + point[k], 0) / points.length);
+const CHARACTER_PX = 6.8;
+const LINE_PX = 15;
+
+// Values stand where nothing else does: in the middle of their line, else nearer to an end, else
+// they are left out of the photo (the table has them).
+export function keepApart(parts, view) {
+  const taken = parts.filter((part) => part.label).map((part) => {
+    const [x, y] = view.toScreen(...part.at);
+    return { x: x - 9, y: y - 21, width: 22 + part.label.length * CHARACTER_PX, height: 30 };
+  });
+  for (const part of parts) {
+    if (!part.words) continue;
+    const { label, text: words } = part.words;
+    const width = words.length * CHARACTER_PX;
+    const spot = words && part.room > 60 ? spots(part).find(([x, y]) => free(taken, x - width / 2, y - LINE_PX, width)) : null;
+    label.setAttribute("display", spot ? "inline" : "none");
+    if (!spot) continue;
+    label.setAttribute("x", spot[0]);
+    label.setAttribute("y", spot[1] - 4);
+    taken.push({ x: spot[0] - width / 2, y: spot[1] - LINE_PX, width, height: LINE_PX });
+  }
+}
+
+function spots({ along: [a, b], middle }) {
+  if (middle) return [middle, [middle[0], middle[1] + 18], [middle[0], middle[1] - 18]];
+  return [0.5, 0.35, 0.65, 0.22, 0.78].map((part) => [a[0] + (b[0] - a[0]) * part, a[1] + (b[1] - a[1]) * part]);
+}
+
+function free(taken, x, y, width) {
+  return !taken.some((box) => x < box.x + box.width && x + width > box.x && y < box.y + box.height && y + LINE_PX > box.y);
 }

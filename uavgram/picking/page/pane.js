@@ -2,7 +2,7 @@
 
 import { node, shape } from "./format.js";
 import { Loupe } from "./loupe.js";
-import { buildMarks, RESIDUAL_SCALE } from "./marks.js";
+import { buildMarks, keepApart, RESIDUAL_SCALE } from "./marks.js";
 import { pickAt, placeOf, store } from "./store.js";
 import { forget, tile, tileKey, want } from "./tiles.js";
 import { View } from "./view.js";
@@ -45,13 +45,17 @@ export class Pane {
   show(image) {
     if (!store.photos[image]) return;
     this.image = image;
+    this.svg.replaceChildren();
+    this.parts = [];
     this.choice.replaceChildren(...store.photos.map((photo, k) => node("option", { value: k }, photo.name)));
     this.choice.value = image;
     this.svg.setAttribute("aria-label", `${this.photo.name}: arrows pan, Enter places ${this.desk.label()} in the middle`);
     this.box.dataset.image = this.photo.name;
     this.view.fit(this.photo.width, this.photo.height);
     this.fitted = true;
+    this.loupe.hide();
     this.rebuild();
+    this.redraw();
     this.desk.shown(this);
   }
 
@@ -81,10 +85,19 @@ export class Pane {
 
   rebuild() {
     if (!this.photo) return;
-    const focused = this.svg.contains(document.activeElement) ? document.activeElement.dataset.label : null;
+    const before = new Map(this.parts.map((part) => [part.key, part]));
     this.parts = buildMarks(this.image, this.desk.marks());
-    this.svg.replaceChildren(...this.parts.map((part) => part.group));
-    if (focused) this.markOf(focused)?.focus({ preventScroll: true });
+    let last = null;
+    for (const part of this.parts) {
+      const old = before.get(part.key);
+      before.delete(part.key);
+      part.group = old?.group ?? part.make();
+      if (old && old.sign !== part.sign) renew(old.group, part.make());
+      const here = last ? last.nextSibling : this.svg.firstChild;
+      if (here !== part.group) this.svg.insertBefore(part.group, here);
+      last = part.group;
+    }
+    for (const { group } of before.values()) group.remove();
     this.moveMarks();
   }
 
@@ -93,7 +106,8 @@ export class Pane {
   }
 
   moveMarks() {
-    for (const part of this.parts) part.move(this.view);
+    for (const part of this.parts) part.move(part.group, this.view);
+    keepApart(this.parts, this.view);
   }
 
   redraw() {
@@ -107,7 +121,7 @@ export class Pane {
     const sharp = this.paint();
     this.moveMarks();
     this.box.dataset.sharp = sharp;
-    this.box.dataset.scale = this.view.scale;
+    Object.assign(this.box.dataset, { scale: this.view.scale, left: this.view.left, top: this.view.top });
     this.tell();
   }
 
@@ -130,8 +144,11 @@ export class Pane {
     }
     if (covered) for (const one of base) this.put(context, one, grow);
     for (const one of fine) if (!this.put(context, one, grow)) missing.push(one);
+    const beneath = this.loupe.tiles(photo, this.image, store.tilePx);
+    missing.push(...beneath.filter(({ key }) => !tile(key)));
     want(this.id, missing.sort((a, b) => b.level - a.level || a.away - b.away).map(({ key }) => key));
-    return missing.length === 0;
+    this.loupe.draw();
+    return missing.every(({ beneath: only }) => only);
   }
 
   visible(level) {
@@ -244,8 +261,12 @@ export class Pane {
   magnify(u, v, x, y) {
     this.tell(u, v);
     const over = this.photo && u > -20 && v > -20 && u < this.photo.width + 20 && v < this.photo.height + 20;
-    if (this.desk.loupe && over) this.loupe.show(this.photo, this.image, store.tilePx, u, v, this.view.scale, x, y, this.view.width);
-    else this.loupe.hide();
+    if (!this.desk.loupe || !over) {
+      this.loupe.hide();
+      return;
+    }
+    this.loupe.show({ u, v, scale: this.view.scale, aside: x > this.view.width - 230 && y < 230 });
+    this.redraw();
   }
 
   pan(x, y) {
@@ -317,6 +338,12 @@ export class Pane {
     this.view.center(u, v, scale);
     this.moved();
   }
+}
+
+// What is focused or pressed stays the same element.
+function renew(group, fresh) {
+  for (const { name, value } of fresh.attributes) group.setAttribute(name, value);
+  group.replaceChildren(...fresh.children);
 }
 
 function svgCapture(svg, pointer) {

@@ -22,6 +22,7 @@ from uavgram.estimation.prior_gate import (
     allowed,
     distance_from_prior,
     seed_on_plane,
+    shift_of_seed,
 )
 from uavgram.geometry.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
@@ -76,21 +77,28 @@ def _plausible(candidates: dict[int, LengthPoses], counts: Ints) -> dict[int, Le
 def _with_seeds(survey: Survey) -> list[Survey]:
     """The survey with its seeds; and, where lengths say otherwise, with seeds that fit them.
 
-    Lengths have a say in a frame that shows three or more whole: of the poses that explain them,
-    those that the telemetry allows. Where that is one pose near the seed, the iterations find it
-    by themselves. Where it is one far away, or several, each is a start of its own: for the frame
-    with most lines; the others take the best of theirs.
+    Lengths have a say in a frame that shows three or more whole and whose pose they determine: of
+    the poses that explain them, those that the telemetry allows. Where such a pose and the seed
+    together lie near the seed, the iterations find them by themselves. Where they lie far away, or
+    apart, each is a start of its own: for the frame with most lines; the others take the best of
+    theirs.
     """
     assert survey.seeds is not None  # noqa: S101  (the caller asked)
     seeds, ground = survey.seeds, survey.ground
     allowed_planes: dict[int, Floats] = {}
     for frame, poses in length_poses(survey).items():
-        center, rotation = seeds.center_world_m[frame], seeds.world_from_camera[frame]
-        distance = distance_from_prior(center, rotation, seeds.covariance[frame], ground, poses)
-        order = np.argsort(poses.cost + distance, kind="stable")
-        planes = poses.plane[order[allowed(distance[order])]]
-        if len(planes) and (len(planes) > 1 or _far(center, rotation, ground, planes[0])):
-            allowed_planes[frame] = planes
+        center = seeds.center_world_m[frame]
+        seed = (center, seeds.world_from_camera[frame], seeds.covariance[frame], ground)
+        known = poses.take(np.flatnonzero(poses.converged))
+        distance = distance_from_prior(*seed, known)
+        order = np.argsort(known.cost + distance, kind="stable")
+        inside = known.take(order[allowed(distance[order])])
+        shift = shift_of_seed(*seed, inside)
+        # From the seed, and from the likeliest of several.
+        height, *tilt = np.concatenate([shift, shift - shift[:1]]).T
+        above = center[2] - ground.height_m
+        if (np.hypot(*tilt) > FAR_RAD).any() or (np.abs(height) > FAR_HEIGHT * above).any():
+            allowed_planes[frame] = inside.plane
     if not allowed_planes:
         return [survey]
     counts = lines_per_frame(survey)
@@ -100,13 +108,6 @@ def _with_seeds(survey: Survey) -> list[Survey]:
         survey,
         *(_reseeded(survey, best | {first: plane}) for plane in allowed_planes[first]),
     ]
-
-
-def _far(center: Floats, rotation: Floats, ground: Ground, plane: Floats) -> bool:
-    size = np.linalg.norm(plane)
-    cosine = float(-rotation[2] @ plane / size)
-    ratio = float((center[2] - ground.height_m) * size)
-    return cosine < np.cos(FAR_RAD) or not abs(ratio - 1.0) < FAR_HEIGHT
 
 
 def _reseeded(survey: Survey, planes: dict[int, Floats]) -> Survey:

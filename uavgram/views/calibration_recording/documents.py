@@ -10,7 +10,7 @@ from uavgram.stages.calibration_account import CalibrationAccount
 from uavgram.views.calibration_drawing import SQRT2, pixels_text, rows_by_photo
 from uavgram.views.calibration_verdict import RANK, calibration_facts, judge_calibration
 from uavgram.views.camera_table import parameter_cells
-from uavgram.views.recording.documents import plain, table
+from uavgram.views.recording.markdown import plain, table
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.wording import number
 

@@ -8,21 +8,38 @@ import rerun.blueprint as rrb
 from uavgram.model.arrays import Floats
 from uavgram.model.result import Result
 from uavgram.views.frame_states import frame_counts
-from uavgram.views.recording.documents import FRAME_SHEET, LINES, POINTS, SUMMARY
-from uavgram.views.recording.geography import MAP
+from uavgram.views.recording.close_up import BAR
+from uavgram.views.recording.documents import (
+    CHECKS,
+    FRAME_SHEET,
+    LENGTHS,
+    MEASURED,
+    MESSAGES,
+    POINTS,
+    SUMMARY,
+)
+from uavgram.views.recording.footprint_marks import ALL, CURRENT
+from uavgram.views.recording.geography import MAP, has_map
 from uavgram.views.recording.legend import LEGEND
-from uavgram.views.recording.overlay import OVERLAYS
+from uavgram.views.recording.overlay import NAME_ABOVE, OVERLAYS
 from uavgram.views.recording.photo import PHOTO
 from uavgram.views.recording.plots import (
     HEIGHT,
     RESIDUAL_REFINED,
     RESIDUAL_SEED,
-    STATUS,
     WORST_W,
     Curves,
 )
+from uavgram.views.recording.pose_curves import (
+    ATTITUDE_SIGMA,
+    CORRECTION,
+    POSITION_SIGMA,
+    PoseCurves,
+)
 from uavgram.views.recording.scene import TO_THE_EYE, Scene
+from uavgram.views.recording.status import STATUS
 from uavgram.views.recording.stream import FRAME_TIMELINE
+from uavgram.views.recording.table_pages import messages_title
 from uavgram.views.style import Rgb
 from uavgram.views.wording import axes_text
 
@@ -39,16 +56,16 @@ CLOSE_UP = 6.0
 _NOT_IN_SPACE = [f"- {PHOTO}/{name}/**" for name in OVERLAYS]
 
 
-def blueprint(result: Result, scene: Scene, curves: Curves) -> rrb.Blueprint:
+def blueprint(result: Result, scene: Scene, curves: Curves, poses: PoseCurves) -> rrb.Blueprint:
     """The layout for this result: only views that have something to show."""
     # a curve through one frame shows nothing
     several = len(result.frames.frame_id) > 1
-    plots = [rrb.Horizontal(*_plots(result, curves))] if several else []
+    plots = [_plots(result, curves, poses)] if several else []
     left = rrb.Vertical(
-        _survey(scene),
+        _places(result, scene),
         rrb.Spatial2DView(origin=LEGEND, name="Legend", titlebar=False, background=BACKGROUND),
         *plots,
-        row_shares=[10, 0.95, 2.9][: 2 + len(plots)],
+        row_shares=[10, 0.95, 3.3][: 2 + len(plots)],
     )
     right = rrb.Vertical(
         rrb.Spatial2DView(
@@ -59,8 +76,8 @@ def blueprint(result: Result, scene: Scene, curves: Curves) -> rrb.Blueprint:
             visual_bounds=_whole_photo(result),
         ),
         rrb.StateTimelineView(origin=STATUS, name=frame_counts(result)),
-        _tabs(result, scene),
-        row_shares=[5.6, 1.15, 5.0],
+        _pages(result),
+        row_shares=[5.9, 1.15, 4.7],
     )
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[1.3, 1]),
@@ -72,19 +89,42 @@ def blueprint(result: Result, scene: Scene, curves: Curves) -> rrb.Blueprint:
     )
 
 
+def _places(result: Result, scene: Scene) -> rrb.Tabs:
+    """The survey from all sides."""
+    views: list[rrb.View] = [_survey(scene), _plan(scene)]
+    if scene.worst_point is not None:
+        views.append(_worst_point(result, scene.worst_point))
+    if has_map(result):
+        views.append(rrb.MapView(origin=MAP, name="Map", zoom=_zoom(result, scene)))
+    return rrb.Tabs(*views, active_tab=0)
+
+
+def _pages(result: Result) -> rrb.Tabs:
+    pages = (
+        *((SUMMARY, "Summary"), (FRAME_SHEET, "Frame"), (MEASURED, "Measured")),
+        *((LENGTHS, "Lengths"), (CHECKS, "Checks"), (POINTS, "Points")),
+        (MESSAGES, messages_title(result)),
+    )
+    views = [rrb.TextDocumentView(origin=origin, name=name) for origin, name in pages]
+    return rrb.Tabs(*views, active_tab=0)
+
+
 def _whole_photo(result: Result) -> rrb.VisualBounds2D:
-    """With a margin, so that its edges are seen."""
+    """With a margin, so that its edges are seen, and its name above."""
     width, height = result.camera.width_px, result.camera.height_px
-    edge = PHOTO_MARGIN * width
-    return rrb.VisualBounds2D(x_range=[-edge, width + edge], y_range=[-edge, height + edge])
+    edge, top = PHOTO_MARGIN * width, NAME_ABOVE * height
+    return rrb.VisualBounds2D(x_range=[-edge, width + edge], y_range=[-top, height + edge])
 
 
 def _survey(scene: Scene) -> rrb.Spatial3DView:
     filled = [] if scene.fill_ellipses else ["- /survey/points/ellipse_95_true_size/**"]
     return rrb.Spatial3DView(
         origin="/",
-        contents=["+ /survey/**", "- /survey/point_names/**", *filled, *_NOT_IN_SPACE],
-        name="Survey: local metres, north away from you",
+        contents=[
+            *("+ /survey/**", "- /survey/point_names/**", f"- /{ALL}"),
+            *(*filled, *_NOT_IN_SPACE),
+        ],
+        name="Survey, north away from you; white: this photo",
         background=BACKGROUND,
         line_grid=False,
         eye_controls=_eye(scene.target_m + scene.distance_m * TO_THE_EYE, scene.target_m),
@@ -99,8 +139,9 @@ def _eye(
     )
 
 
-def _plots(result: Result, curves: Curves) -> list[rrb.TimeSeriesView]:
-    plots = [
+def _plots(result: Result, curves: Curves, poses: PoseCurves) -> rrb.Tabs:
+    """Two rows of plots: how well the picks fit, and how the poses changed."""
+    fit = [
         _plot(
             RESIDUAL_REFINED,
             "Residual, σ white [px]",
@@ -113,13 +154,29 @@ def _plots(result: Result, curves: Curves) -> list[rrb.TimeSeriesView]:
         ),
     ]
     if np.isfinite(curves.seed_rms_px).any():
-        plots.append(_plot(RESIDUAL_SEED, "Flight log alone [px]", curves.seed_rms_px))
-    frames = result.frames
+        fit.append(_plot(RESIDUAL_SEED, "Flight log alone [px]", curves.seed_rms_px))
+    moved = _pose_plots(result, curves, poses)
+    rows = [rrb.Horizontal(*fit, name="How the picks fit")]
+    if moved:
+        rows.append(rrb.Horizontal(*moved, name="Heights, attitudes and sigmas"))
+    return rrb.Tabs(*rows, active_tab=0)
+
+
+def _pose_plots(result: Result, curves: Curves, poses: PoseCurves) -> list[rrb.TimeSeriesView]:
+    plots = []
+    variance = [p.covariance[:, 2, 2] for p in (result.frames.seed, result.frames.refined)]
     heights = np.concatenate([curves.seed_height_m, curves.refined_height_m])
-    variance = [frames.seed.covariance[:, 2, 2], frames.refined.covariance[:, 2, 2]]
+    attitude = np.concatenate([poses.seed_attitude_deg, poses.refined_attitude_deg])
+    position = np.concatenate([poses.seed_position_m, poses.refined_position_m])
+    corrections = np.concatenate([poses.tilt_deg, poses.turn_deg, poses.seed_attitude_deg])
     if np.isfinite(heights).any():
         upper = heights + np.sqrt(np.concatenate(variance))
         plots.append(_plot(HEIGHT, "Height, ±1 σ [m]", upper))
+    if np.isfinite(poses.tilt_deg).any():
+        plots.append(_plot(CORRECTION, "Tilted, turned, σ of log [°]", corrections))
+    if np.isfinite(attitude).any():
+        plots.append(_plot(ATTITUDE_SIGMA, "σ of attitude [°]", attitude))
+        plots.append(_plot(POSITION_SIGMA, "σ of position [m]", position))
     return plots
 
 
@@ -135,23 +192,6 @@ def _plot(origin: str, name: str, values: Floats) -> rrb.TimeSeriesView:
     )
 
 
-def _tabs(result: Result, scene: Scene) -> rrb.Tabs:
-    tabs: list[rrb.View] = [
-        rrb.TextDocumentView(origin=SUMMARY, name="Summary"),
-        rrb.TextDocumentView(origin=FRAME_SHEET, name="Frame"),
-        _plan(scene),
-    ]
-    if scene.worst_point is not None:
-        tabs.append(_worst_point(result, scene.worst_point))
-    tabs += [
-        rrb.TextDocumentView(origin=LINES, name="Lines"),
-        rrb.TextDocumentView(origin=POINTS, name="Points"),
-    ]
-    if result.world.gauge == "world" and np.isfinite(result.points.latitude_deg).any():
-        tabs.append(rrb.MapView(origin=MAP, name="Map", zoom=_zoom(result, scene)))
-    return rrb.Tabs(*tabs, active_tab=0)
-
-
 def _plan(scene: Scene) -> rrb.Spatial3DView:
     position = scene.middle_m + np.array([0.0, 0.0, 1.25]) * scene.size_m
     filled = [] if scene.fill_ellipses else ["- /survey/points/ellipse_95_true_size/**"]
@@ -160,6 +200,7 @@ def _plan(scene: Scene) -> rrb.Spatial3DView:
         contents=[
             *("+ /survey/ground/**", "+ /survey/points/**", "+ /survey/known_lengths/**"),
             *("+ /survey/measured/**", "+ /survey/point_names/**"),
+            *(f"+ /{ALL}", f"+ /{CURRENT}"),
             *filled,
         ],
         name="Top view, north up",
@@ -180,8 +221,9 @@ def _worst_point(result: Result, row: int) -> rrb.Spatial3DView:
             "+ /survey/points/picked",
             "+ /survey/point_names/**",
             "+ /survey/points/ellipse_95_true_size/**",
+            f"+ /{BAR}",
         ],
-        name=f"Worst point {result.points.label[row]}: {axes_text(axes)}",
+        name=f"Worst point {result.points.label[row]}, true scale: {axes_text(axes)}",
         background=BACKGROUND,
         line_grid=False,
         eye_controls=_eye(position, spot, NORTH_UP),

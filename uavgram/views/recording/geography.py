@@ -7,38 +7,62 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from uavgram.geometry.geodesy import geodetic_from_enu
+from uavgram.model.arrays import Floats
 from uavgram.model.result import Result
-from uavgram.stages.features import point_index
+from uavgram.stages.features import footprints, measured_strips, reference_strips
+from uavgram.views.drawing import track
+from uavgram.views.recording.footprint_marks import closed
+from uavgram.views.recording.labels import line_width
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.style import LINE_COLOURS, OBSERVED
+from uavgram.views.style import LINE_COLOURS, MEASURED, OBSERVED, QUIET, REFINED, SEED, Rgb
 
 MAP = "map"
 
 
 def log_map(recorder: Recorder, result: Result) -> None:
-    """Log points and known lengths in latitude and longitude (double precision in Rerun)."""
-    points = result.points
-    lat_lon = np.column_stack([points.latitude_deg, points.longitude_deg])
-    known = np.isfinite(lat_lon[:, 0])
-    if result.world.gauge != "world" or not known.any():
+    """Log flight, footprints, points and lines in latitude and longitude (double precision)."""
+    world, points = result.world, result.points
+    if not has_map(result):
         return
-    recorder.static(
-        f"{MAP}/points",
-        rr.GeoPoints(lat_lon=lat_lon[known], radii=rr.Radius.ui_points(4.0), colors=OBSERVED),
-    )
-    rows = point_index(result)
-    strings, colours = [], []
-    for start, end, status in zip(
-        result.lines.start, result.lines.end, result.lines.status, strict=True
+    origin = (world.latitude_deg, world.longitude_deg, world.height_m)
+
+    def on_earth(strip: Floats) -> Floats:
+        latitude, longitude, _ = geodetic_from_enu(strip, origin)  # type: ignore[arg-type]
+        return np.column_stack([latitude, longitude])
+
+    def log_lines(name: str, strips: list[Floats], colours: list[Rgb], width: float) -> None:
+        if strips:
+            lat_lon = [on_earth(strip) for strip in strips]
+            radii = rr.Radius.ui_points(width / 2)
+            lines = rr.GeoLineStrings(lat_lon=lat_lon, radii=radii, colors=colours)
+            recorder.static(f"{MAP}/{name}", lines)
+
+    borders = [closed(ring) for ring in footprints(result).values()]
+    log_lines("footprints", borders, [QUIET] * len(borders), 1.0)
+    for name, poses, colour in (
+        ("flight_log", result.frames.seed, SEED),
+        ("refined", result.frames.refined, REFINED),
     ):
-        if start in rows and end in rows and known[rows[start]] and known[rows[end]]:
-            strings.append(lat_lon[[rows[start], rows[end]]])
-            colours.append(LINE_COLOURS[status])
-    if strings:
-        recorder.static(
-            f"{MAP}/known_lengths",
-            rr.GeoLineStrings(lat_lon=strings, radii=rr.Radius.ui_points(2.0), colors=colours),
-        )
+        centers = track(result, poses)
+        log_lines(name, [centers] if len(centers) > 1 else [], [colour], 2.0)
+    measured = [strip for some in measured_strips(result).values() for strip in some]
+    log_lines("measured", measured, [MEASURED] * len(measured), line_width(len(measured)))
+    known = reference_strips(result)
+    statuses = [result.lines.status[row] for row in known]
+    log_lines("known_lengths", list(known.values()), [LINE_COLOURS[s] for s in statuses], 4.0)
+    lat_lon = np.column_stack([points.latitude_deg, points.longitude_deg])
+    dots = rr.GeoPoints(
+        lat_lon=lat_lon[np.isfinite(lat_lon[:, 0])],
+        radii=rr.Radius.ui_points(3.0),
+        colors=OBSERVED,
+    )
+    recorder.static(f"{MAP}/points", dots)
+
+
+def has_map(result: Result) -> bool:
+    """Whether the survey has a place on the earth, and points to show there."""
+    return result.world.gauge == "world" and bool(np.isfinite(result.points.latitude_deg).any())
 
 
 def log_origin(recorder: Recorder, result: Result) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.result import Result
-from uavgram.stages.features import measured_strips, reference_strips
+from uavgram.stages.features import measured_strips, point_index, reference_strips
 from uavgram.views.drawing import longest_middle, uncovered
 from uavgram.views.facts import least_certain_length
 from uavgram.views.recording.scene import Scene, on_screen
@@ -17,6 +17,7 @@ from uavgram.views.wording import UNIT_WORDS, axes_text, decimals_for, worst_fir
 # Rerun does not keep labels from covering each other: beyond a dozen, tables are read instead.
 MOST_LABELS = 14
 MOST_MEASURED = 8
+MOST_OF_A_KIND = 3
 # Size of a letter on a usual screen: half the width of one, and the height of a line. In the survey
 # as tangents of angles of view, in the photo as shares of its width and height.
 HALF_LETTER_ON_SCREEN, LINE_ON_SCREEN = 0.0052, 0.034
@@ -66,8 +67,9 @@ def measured_text(result: Result, row: int) -> str:
 def survey_labels(result: Result, scene: Scene) -> Labels:
     """What deserves to be seen first; a label that would cover one before it is left out.
 
-    Suspect lines, the least certain length, the largest ellipse, other measurements (at most
-    MOST_MEASURED, spread out), then the other known lengths: the tables have them all.
+    Suspect lines, the least certain length, the largest ellipse, rejected frames and suspect
+    picks, other measurements (at most MOST_MEASURED, spread out), then the other known lengths: the
+    tables have them all.
     """
     known = reference_strips(result)
     suspect = [i for i in known if result.lines.status[i] in ("suspect", "removed")]
@@ -75,8 +77,10 @@ def survey_labels(result: Result, scene: Scene) -> Labels:
     first = [*_known(result, suspect), *measured[:1]]
     spread = SPREAD if len(measured) > MANY_LINES else 1.0
     worst = _worst_point(result, scene, first, spread)
-    first += [*worst, *measured[1:]]
-    chosen = _take(first, scene, len(suspect) + len(worst) + MOST_MEASURED, spread)
+    trouble = _trouble(result)
+    first += [*worst, *trouble, *measured[1:]]
+    most = len(suspect) + len(worst) + len(trouble) + MOST_MEASURED
+    chosen = _take(first, scene, most, spread)
     rest = _known(result, [i for i in known if i not in suspect])
     kept = _take([*chosen, *rest], scene, MOST_LABELS, 1.0)
     return Labels(
@@ -106,6 +110,26 @@ def _worst_point(
         if _take([*before, place], scene, MOST_LABELS, spread)[-1] is place:
             return [place]
     return []
+
+
+def _trouble(result: Result) -> list[Candidate]:
+    """Rejected frames where the flight log has them, and suspect picks; at most MOST_OF_A_KIND."""
+    frames, picks, at = result.frames, result.picks, point_index(result)
+    rejected = [
+        (frames.seed.center_world_m[i], f"REJECTED {frames.frame_id[i]}", -1)
+        for i, status in enumerate(frames.status)
+        if status == "rejected" and result.has_seed[i]
+    ]
+    suspect = [
+        (
+            result.points.position_world_m[at[picks.label[p]]],
+            f"SUSPECT PICK {picks.label[p]} in {picks.image[p]}",
+            -1,
+        )
+        for p, status in enumerate(picks.status)
+        if status == "suspect" and picks.label[p] in at
+    ]
+    return [*rejected[:MOST_OF_A_KIND], *suspect[:MOST_OF_A_KIND]]
 
 
 def _measured(result: Result) -> list[Candidate]:

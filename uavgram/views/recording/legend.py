@@ -7,11 +7,13 @@ import rerun as rr
 from PIL import Image, ImageDraw, ImageFont
 
 from uavgram.model.result import Result
+from uavgram.views.frame_states import frame_states
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.recording.survey import sigma_shares
 from uavgram.views.style import (
     BAD,
+    FRAME_COLOURS,
     MEASURED,
     REFERENCE,
     REFINED,
@@ -27,7 +29,8 @@ LEGEND = "legend"
 WIDTH_PX, HEIGHT_PX = 2260, 108
 BACKGROUND: Rgb = (13, 16, 17)
 TEXT: Rgb = (225, 228, 232)
-FONT_PX = 30
+# The largest letters with which all of it fits.
+FONTS_PX = (30, 28, 26, 24, 22, 20)
 ROWS_PX = (10, 60)
 
 
@@ -39,19 +42,29 @@ def log_legend(recorder: Recorder, result: Result, scene: Scene) -> None:
 
 def draw_legend(result: Result, scene: Scene) -> Image.Image:
     """Swatches of the lines that occur, and the colour scale of the ellipses."""
+    for size in FONTS_PX:
+        image, width = _draw(result, scene, size)
+        if width <= WIDTH_PX:
+            break
+    return image
+
+
+def _draw(result: Result, scene: Scene, font_px: int) -> tuple[Image.Image, float]:
+    """The legend in letters of this size, and how wide it would have to be."""
     image = Image.new("RGB", (WIDTH_PX, HEIGHT_PX), BACKGROUND)
     pen = ImageDraw.Draw(image)
-    font = ImageFont.load_default(FONT_PX)
+    font = ImageFont.load_default(font_px)
     rows = [20.0, 20.0]
     for row, text, colour in _entries(result):
-        y = ROWS_PX[row] + FONT_PX / 2 + 3
+        y = ROWS_PX[row] + font_px / 2 + 3
         x = rows[row]
         pen.line([(x, y), (x + 56, y)], fill=colour, width=9)
         pen.text((x + 70, ROWS_PX[row]), text, fill=TEXT, font=font)
-        rows[row] = x + 70 + pen.textlength(text, font=font) + 46
+        rows[row] = x + 70 + pen.textlength(text, font=font) + font_px
+    width = max(rows)
     if scene.worst_point is not None:
-        _scale(pen, font, result, scene, int(max(rows)) + 10)
-    return image
+        width = _scale(pen, font, result, scene, int(width) + 10)
+    return image, width
 
 
 def _entries(result: Result) -> list[tuple[int, str, Rgb]]:
@@ -62,6 +75,10 @@ def _entries(result: Result) -> list[tuple[int, str, Rgb]]:
         entries.append((0, "camera, flight log", SEED))
     if result.has_refined.any():
         entries.append((1, "camera, refined", REFINED))
+    states = frame_states(result)
+    for row, state, text in ((0, "rejected", "rejected"), (1, "check", "to check")):
+        if state in states:
+            entries.append((row, f"camera, {text}", FRAME_COLOURS[state]))
     if "used" in status:
         entries.append((0, "known length", REFERENCE))
     if status & {"suspect", "removed"}:
@@ -84,10 +101,11 @@ def _scale(
     result: Result,
     scene: Scene,
     left: int,
-) -> None:
+) -> float:
+    """Draw the colour scale; where it ends."""
     _, low, high = sigma_shares(result)
     colours = scale_colours(np.linspace(0, 1, 300))
-    words = f"95 % ellipse within the survey, drawn {enlarged(scene.ellipse_factor)}; half axis:"
+    words = f"95 % ellipses, drawn {enlarged(scene.ellipse_factor)}; half axis:"
     pen.text((left, ROWS_PX[0]), words, fill=TEXT, font=font)
     y = ROWS_PX[1] + 6
     first = size_text(low)
@@ -96,3 +114,6 @@ def _scale(
     for k, colour in enumerate(colours):
         pen.line([(x + k, y), (x + k, y + 26)], fill=tuple(int(c) for c in colour))
     pen.text((x + 316, ROWS_PX[1]), size_text(high), fill=TEXT, font=font)
+    return max(
+        left + pen.textlength(words, font=font), x + 316 + pen.textlength(size_text(high), font=font)
+    )

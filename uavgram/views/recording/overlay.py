@@ -10,6 +10,8 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result import Result
 from uavgram.stages.features import measured_strips, reference_strips
 from uavgram.views.drawing import in_photo, project_from, sampled, uncovered, visible_runs
+from uavgram.views.frame_states import frame_states
+from uavgram.views.recording.footprint_marks import NEIGHBOURS
 from uavgram.views.recording.frame_picks import FramePicks
 from uavgram.views.recording.labels import (
     HALF_LETTER,
@@ -22,7 +24,7 @@ from uavgram.views.recording.photo_marks import log_dots, log_polylines, log_tex
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import BAD, LINE_COLOURS, MEASURED, OBSERVED, REFINED, SEED, Rgb
-from uavgram.views.wording import worst_first
+from uavgram.views.wording import FRAME_STATE_WORDS, worst_first
 
 # Pixel and text of a label.
 Word = tuple[Floats, str]
@@ -42,7 +44,11 @@ OVERLAYS = (
     "labels",
     "known_lengths",
     "measured",
+    "name",
+    NEIGHBOURS,
 )
+# The name of the photo stands above it, in shares of its height.
+NAME_ABOVE = 0.075
 
 
 def log_overlay(
@@ -52,6 +58,17 @@ def log_overlay(
     words = _lines(recorder, result, picks, photo)
     _residuals(recorder, result, scene, picks, photo)
     _names(recorder, result, picks, words, photo)
+    _title(recorder, result, photo)
+
+
+def _title(recorder: Recorder, result: Result, photo: str) -> None:
+    """Name and state of each photo above it."""
+    spot = np.array([[0.5 * result.camera.width_px, -NAME_ABOVE * result.camera.height_px]])
+    texts = [
+        [f"{name}: {FRAME_STATE_WORDS[state]}"]
+        for name, state in zip(result.frames.frame_id, frame_states(result), strict=True)
+    ]
+    log_texts(recorder, f"{photo}/name", [spot] * len(texts), texts)
 
 
 def _residuals(

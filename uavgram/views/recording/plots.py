@@ -1,4 +1,4 @@
-"""Curves over the frames: residuals, tests, heights, and the strip of the frames' states."""
+"""Curves over the frames: residuals, tests, heights."""
 
 from __future__ import annotations
 
@@ -11,17 +11,15 @@ from uavgram.estimation.reliability import critical_value
 from uavgram.imaging.mosaic_grid import plane_height
 from uavgram.model.arrays import Floats
 from uavgram.model.result import PoseTable, Result
-from uavgram.views.frame_states import frame_states
 from uavgram.views.recording.frame_picks import FramePicks
+from uavgram.views.recording.plot_lines import log_curve
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.style import BAD, FRAME_COLOURS, OBSERVED, REFINED, SEED, Rgb
-from uavgram.views.wording import FRAME_STATE_WORDS
+from uavgram.views.style import BAD, OBSERVED, REFINED, SEED, Rgb
 
 RESIDUAL_REFINED = "plots/residual"
 WORST_W = "plots/worst_w"
 RESIDUAL_SEED = "plots/residual_of_flight_log/flight_log"
 HEIGHT = "plots/height"
-STATUS = "frame_status"
 
 # The project's default, where a result does not state its own.
 RARE = 0.001
@@ -92,7 +90,7 @@ def _height(result: Result, poses: PoseTable) -> Floats:
 
 
 def log_plots(recorder: Recorder, result: Result, curves: Curves) -> None:
-    """Log every curve and the states."""
+    """Log every curve."""
     limit = np.full(len(curves.worst_w), curves.limit_w)
     for path, values, name, colour in (
         (f"{RESIDUAL_REFINED}/refined", curves.refined_rms_px, "refined [px]", REFINED),
@@ -101,32 +99,13 @@ def log_plots(recorder: Recorder, result: Result, curves: Curves) -> None:
         (f"{WORST_W}/limit", limit, f"suspect beyond {curves.limit_w:.2f}", BAD),
         (RESIDUAL_SEED, curves.seed_rms_px, "flight log [px]", SEED),
     ):
-        _scalars(recorder, path, values, name, colour)
+        log_curve(recorder, path, values, name, colour)
     frames = result.frames
     for path, height, poses, name, colour in (
         (f"{HEIGHT}/flight_log", curves.seed_height_m, frames.seed, "flight log [m]", SEED),
         (f"{HEIGHT}/refined", curves.refined_height_m, frames.refined, "refined [m]", REFINED),
     ):
         _heights(recorder, path, height, poses.covariance[:, 2, 2], name, colour)
-    states = np.array(frame_states(result), dtype=str)
-    recorder.static(
-        STATUS,
-        rr.StateConfiguration(
-            values=list(FRAME_COLOURS),
-            labels=[FRAME_STATE_WORDS[state] for state in FRAME_COLOURS],
-            colors=list(FRAME_COLOURS.values()),
-        ),
-    )
-    recorder.rows(
-        STATUS, np.arange(len(states)), lambda some: [rr.StateChange.columns(state=states[some])]
-    )
-
-
-def _scalars(recorder: Recorder, path: str, values: Floats, name: str, colour: Rgb) -> None:
-    known = np.flatnonzero(np.isfinite(values))
-    if len(known):
-        recorder.static(path, rr.SeriesLines(colors=colour, names=name, widths=2.0))
-        recorder.rows(path, known, lambda some: [rr.Scalars.columns(scalars=values[some])])
 
 
 def _heights(

@@ -29,6 +29,9 @@ CURRENT_FRUSTUM = 2.0
 # The mosaic's outline is sampled this often, in its pixels.
 GROUND_STEP_PX = 16
 
+# Just below the plane, so that flat ellipses and lines are not lost in the ground.
+GROUND_DROP_SHARE = 5e-4
+
 # From the south, a little from the west, and from above.
 TO_THE_EYE = np.array([-0.185, -0.80, 0.572]) / np.linalg.norm([-0.185, -0.80, 0.572])
 # Tangents of half the angles of view that the scene may fill (Rerun's eye opens 55 degrees).
@@ -56,6 +59,10 @@ class Scene:
     worst_point
         Row of the point with the largest ellipse within the survey; None where there is no shape
         (fewer than two points).
+    ground_drop_m
+        By how much the ground is drawn below its plane.
+    ground_is_lowered
+        Whether that is so much that it must be said: some points lie below the plane.
     target_m, distance_m
         (3,) what the first view looks at, and from how far, to show ground, points and cameras.
     """
@@ -68,6 +75,8 @@ class Scene:
     residual_factor: int
     fill_ellipses: bool
     worst_point: int | None
+    ground_drop_m: float
+    ground_is_lowered: bool
     target_m: Floats
     distance_m: float
 
@@ -97,6 +106,8 @@ def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene
         *(scene, *_pyramids(result, frustum)),
         *(_around_ellipses(result, factor), _ground(result, texture)),
     ]
+    least = GROUND_DROP_SHARE * size
+    below = float(np.max(plane_height(result, points[:, :2]) - points[:, 2], initial=0.0))
     target, distance = _fit(np.concatenate(shown))
     return Scene(
         middle_m=middle,
@@ -110,6 +121,8 @@ def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene
         ),
         fill_ellipses=typical <= FILL_SHARE * size,
         worst_point=largest_ellipse(result),
+        ground_drop_m=least + below,
+        ground_is_lowered=below > least,
         target_m=target,
         distance_m=distance,
     )

@@ -82,6 +82,16 @@ class Recorder:
             for column in columns(some):
                 self.stream.send_columns(path, indexes=indexes, columns=column)
 
+    def after_the_last(self, path: str, column: rr.ComponentColumnList) -> None:
+        """Log one row where the next frame would be."""
+        indexes = [rr.TimeColumn(FRAME_TIMELINE, sequence=[len(self.time_utc_s)])]
+        known = np.sort(self.time_utc_s[np.isfinite(self.time_utc_s)])
+        if len(known):
+            step = float(np.median(np.diff(known))) if len(known) > 1 else 1.0
+            nanoseconds = np.round((known[-1:] + step) * 1e9).astype("datetime64[ns]")
+            indexes.append(rr.TimeColumn(TIME_TIMELINE, timestamp=nanoseconds))
+        self.stream.send_columns(path, indexes=indexes, columns=column)
+
 
 @contextmanager
 def open_recorder(result: Result, path: Path) -> Iterator[Recorder]:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import rerun as rr
 
 from uavgram.imaging.mosaic import GroundTexture
 from uavgram.imaging.mosaic_grid import plane_height
 from uavgram.imaging.preview import Pixels
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result import PoseTable, Result
 from uavgram.stages.features import ellipse_outlines, measured_strips, reference_strips
 from uavgram.views.drawing import frusta, track
+from uavgram.views.frame_states import frame_states
 from uavgram.views.recording.labels import MANY_LINES, Labels, line_width, survey_labels
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import (
+    FRAME_COLOURS,
     LINE_COLOURS,
     MEASURED,
     MEASURED_QUIET,
@@ -35,6 +39,8 @@ MESH_CELL_PX = 8
 MOST_POINT_LABELS = 30
 # Labels float a little above what they name.
 LABEL_LIFT = 0.05
+# States of frames that are drawn once more, and the words for their paths.
+ODD_FRAMES = {"check": "to_check", "rejected": "rejected"}
 # Flat ellipsoids: half a millimetre of height keeps them from flickering with the ground.
 FLAT_M = 1e-3
 
@@ -48,6 +54,7 @@ def log_survey(
         recorder.static("survey/ground", _ground(result, texture, scene))
     _flight(recorder, result, scene, "survey/flight_log", result.frames.seed, SEED)
     _flight(recorder, result, scene, "survey/refined", result.frames.refined, REFINED)
+    _odd_frames(recorder, result, scene)
     _reference_lines(recorder, result)
     labels = survey_labels(result, scene)
     _measured(recorder, result, labels)
@@ -82,6 +89,20 @@ def _flight(
         recorder.static(f"{path}/track", _strips([centers], colour, 2.0))
     cameras = frusta(result, poses, scene.frustum_m)
     recorder.static(f"{path}/cameras", _strips(cameras, colour, 0.9))
+
+
+def _odd_frames(recorder: Recorder, result: Result, scene: Scene) -> None:
+    """Frames that deserve a look once more, in their own colour: where to look."""
+    states = np.array(frame_states(result), dtype=str)
+    for state, poses in (("check", result.frames.refined), ("rejected", result.frames.seed)):
+        cameras = frusta(result, _only(poses, states == state), scene.frustum_m)
+        if len(cameras):
+            path = f"survey/frames_{ODD_FRAMES[state]}"
+            recorder.static(path, _strips(cameras, FRAME_COLOURS[state], 2.5))
+
+
+def _only(poses: PoseTable, rows: Bools) -> PoseTable:
+    return replace(poses, center_world_m=np.where(rows[:, None], poses.center_world_m, np.nan))
 
 
 def _measured(recorder: Recorder, result: Result, labels: Labels) -> None:
@@ -189,8 +210,7 @@ def _ground(result: Result, texture: GroundTexture, scene: Scene) -> rr.Mesh3D:
     east = texture.west_m + column * MESH_CELL_PX * texture.pixel_size_m
     north = texture.north_m - row * MESH_CELL_PX * texture.pixel_size_m
     spots = np.stack([east, north], axis=-1)
-    # just below the plane, so that flat ellipses and lines are not lost in it
-    up = plane_height(result, spots) - 5e-4 * scene.size_m
+    up = plane_height(result, spots) - scene.ground_drop_m
     i, j = np.nonzero(blocks.all(axis=(1, 3)))
     first = i * (columns + 1) + j
     below = first + columns + 1

@@ -12,17 +12,20 @@ from uavgram.imaging.mosaic import GroundTexture
 from uavgram.imaging.preview import Preview
 from uavgram.model.result import Result
 from uavgram.views.recording.blueprint import blueprint
+from uavgram.views.recording.close_up import log_scale_bar
 from uavgram.views.recording.documents import log_documents
+from uavgram.views.recording.footprint_marks import log_footprints
 from uavgram.views.recording.frame_picks import project_picks
 from uavgram.views.recording.geography import log_map, log_origin
 from uavgram.views.recording.legend import log_legend
 from uavgram.views.recording.overlay import log_overlay
 from uavgram.views.recording.photo import PHOTO, log_camera, log_photos
 from uavgram.views.recording.plots import frame_curves, log_plots
+from uavgram.views.recording.pose_curves import log_pose_plots, pose_curves
 from uavgram.views.recording.scene import measure_scene
+from uavgram.views.recording.status import log_status
 from uavgram.views.recording.stream import Recorder, open_recorder
 from uavgram.views.recording.survey import log_survey
-from uavgram.views.verdict import judge
 
 log = logging.getLogger(__name__)
 
@@ -77,13 +80,17 @@ def _log_everything(
     log_photos(recorder, result, photos)
     ground = texture()
     scene, picks = measure_scene(result, ground), project_picks(result)
-    curves = frame_curves(result, picks)
+    curves, poses = frame_curves(result, picks), pose_curves(result)
     log_origin(recorder, result)
     log_survey(recorder, result, scene, ground)
+    log_scale_bar(recorder, result, scene)
     log_legend(recorder, result, scene)
     log_camera(recorder, result, scene)
     log_overlay(recorder, result, scene, picks, PHOTO)
+    log_footprints(recorder, result, PHOTO)
     log_plots(recorder, result, curves)
-    log_documents(recorder, result, judge(result), scene, picks, curves)
+    log_pose_plots(recorder, poses)
+    log_status(recorder, result)
+    log_documents(recorder, result, scene, picks, curves, poses)
     log_map(recorder, result)
-    recorder.stream.send_blueprint(blueprint(result, scene, curves))
+    recorder.stream.send_blueprint(blueprint(result, scene, curves, poses))

@@ -1,0 +1,60 @@
+"""A real browser over the picking page; skipped with a reason where there is none."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from picking_projects import PickingProject, write_project
+from picking_server import Served
+
+CHROMIUM = Path("/usr/bin/chromium")
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """Debian's chromium without a GPU."""
+    if not CHROMIUM.is_file():
+        pytest.skip(f"no browser at {CHROMIUM}: apt install chromium")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(
+            executable_path=str(CHROMIUM), args=["--no-sandbox", "--disable-gpu"]
+        )
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="session")
+def planted(tmp_path_factory: pytest.TempPathFactory) -> PickingProject:
+    """A project of one photo with marks at known places, and nothing picked."""
+    return write_project(tmp_path_factory.mktemp("planted"))
+
+
+@pytest.fixture
+def open_page(chromium):
+    """Open a server's page: ``open_page(server, width, height, ratio)``."""
+    opened = []
+
+    def opening(server: Served, width: int = 1280, height: int = 720, ratio: float = 1.0):
+        context = chromium.new_context(
+            viewport={"width": width, "height": height}, device_scale_factor=ratio
+        )
+        opened.append(context)
+        page = context.new_page()
+        page.errors = []
+        page.on("pageerror", lambda fault: page.errors.append(str(fault)))
+        page.on("console", lambda said: said.type == "error" and page.errors.append(said.text))
+        page.strangers = []
+        home = re.compile(rf"(http|ws)://127\.0\.0\.1:{server.port}/|blob:|data:")
+        page.on("request", lambda r: home.match(r.url) or page.strangers.append(r.url))
+        page.goto(server.guard.address())
+        playwright.expect(page.locator(".pane").first).to_have_attribute(
+            "data-sharp", "true", timeout=20_000
+        )
+        return page
+
+    yield opening
+    for context in opened:
+        context.close()

@@ -1,0 +1,74 @@
+"""From photos, log and camera to measurements without writing a file: by mouse and keyboard."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+
+import pytest
+from picking_pages import click_mark, measured, place, show_photo, wait_until_adjusted
+from picking_server import served
+from playwright.sync_api import expect
+
+from uavgram.pipeline.compute import compute
+from uavgram.pipeline.inputs import read_inputs
+
+PHOTOS = ("IMG_0045.jpg", "IMG_0046.jpg", "IMG_0048.jpg")
+ENDS = [f"R{k}" for k in range(1, 9)]
+OTHERS = ["P9", "P12", "P15"]
+DISTANCES = (("R1", "P12"), ("P9", "P15"), ("P12", "P15"))
+
+
+@pytest.fixture
+def empty_survey(data_dir, tmp_path):
+    source = data_dir / "calm_nadir"
+    project = tmp_path / "survey"
+    shutil.copytree(source, project, ignore=shutil.ignore_patterns("*.csv", "out", "*.tlog"))
+    return source, project
+
+
+def rows_of(path):
+    with path.open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_a_first_session_gives_the_numbers_of_a_run(empty_survey, open_page, data_dir):
+    source, project = empty_survey
+    picks = rows_of(source / "picks.csv")
+    lines = rows_of(source / "lines.csv")[:4]
+    with served(project / "project.yaml") as server:
+        page = open_page(server)
+        expect(page.locator(".why")).to_contain_text("Nothing is picked yet")
+        for photo in PHOTOS:
+            show_photo(page, server.desk.index[photo])
+            for row in picks:
+                if row["image"] == photo and row["label"] in (*ENDS, *OTHERS):
+                    place(page, row["label"], float(row["u_px"]), float(row["v_px"]))
+        show_photo(page, server.desk.index["IMG_0046.jpg"])
+        for row in lines:
+            page.keyboard.press("l")
+            click_mark(page, row["from"])
+            click_mark(page, row["to"])
+            page.keyboard.type(row["length_m"])
+            page.keyboard.press("Enter")
+        page.keyboard.press("d")
+        for start, end in DISTANCES:
+            click_mark(page, start)
+            click_mark(page, end)
+        expect(page.locator('table[aria-label="Measurements"] tbody tr')).to_have_count(3)
+        expect(page.locator('table[aria-label="Known lengths"] tbody tr')).to_have_count(4)
+        wait_until_adjusted(page)
+        shown = measured(page)
+        assert not page.errors
+        assert not page.strangers
+    result = compute(read_inputs(project / "project.yaml")).result
+    found = result.measurements
+    truth = json.loads((data_dir / "truth" / "calm_nadir.json").read_text())["points"]
+    for k, name in enumerate(found.name):
+        value, sigma = found.value[k], found.sigma[k]
+        digits = shown[name].split(" ")[0]
+        assert digits == f"{value:.{len(digits.partition('.')[2])}f}"
+        start, end = (truth[label] for label in found.points[k])
+        real = sum((a - b) ** 2 for a, b in zip(start, end, strict=True)) ** 0.5
+        assert abs(value - real) < 3.0 * sigma

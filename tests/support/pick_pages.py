@@ -1,0 +1,222 @@
+"""The picking page's server as a process of its own, and a page that talks to it.
+
+Servers are forked from a process that has the program loaded, so that a test can kill many.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack, contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import cv2
+import httpx
+import numpy as np
+from websockets.sync.client import connect
+
+WIDTH, HEIGHT = 640, 480
+LONGEST_WAIT_S = 20.0
+
+CAMERA = f"""\
+name: small
+model: brown
+width_px: {WIDTH}
+height_px: {HEIGHT}
+parameters: [600.0, 600.0, 319.5, 239.5, 0.0, 0.0, 0.0, 0.0, 0.0]
+sigma: [3.0, 3.0, 3.0, 3.0, 0.01, 0.01, 0.0001, 0.0001, 0.01]
+"""
+PROJECT = """\
+name: small
+images: photos/*.jpg
+camera: camera.yaml
+picks: picks.csv
+lines: lines.csv
+measure: measure.csv
+output: out
+"""
+
+
+def small_project(folder: Path, photos: int = 2) -> Path:
+    """Two photos and a camera, nothing picked; returns the project file."""
+    (folder / "photos").mkdir(parents=True)
+    rng = np.random.default_rng(3)
+    for k in range(photos):
+        grass = rng.integers(60, 140, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+        cv2.imwrite(str(folder / "photos" / f"P{k + 1}.jpg"), grass)
+    (folder / "camera.yaml").write_text(CAMERA, encoding="utf-8")
+    project = folder / "project.yaml"
+    project.write_text(PROJECT, encoding="utf-8")
+    return project
+
+
+@cache
+def _nursery() -> subprocess.Popen[str]:
+    """The process that forks servers; it ends with this one, as its input ends."""
+    return subprocess.Popen(
+        [sys.executable, str(Path(__file__).with_name("pick_nursery.py"))],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+    )
+
+
+class RefusedToStartError(Exception):
+    """What `uavgram pick` would have said."""
+
+
+class Server:
+    """A server of a project's page, in its own process."""
+
+    def __init__(self, project: Path) -> None:
+        self.log = project.parent / "server.log"
+        nursery = _nursery()
+        asked = {"project": str(project), "log_file": str(self.log)}
+        nursery.stdin.write(json.dumps(asked) + "\n")
+        nursery.stdin.flush()
+        said = json.loads(nursery.stdout.readline())
+        self.pid: int = said["pid"]
+        if "refused" in said:
+            raise RefusedToStartError(said["refused"])
+        self.address: str = said["address"]
+
+    @property
+    def origin(self) -> str:
+        parts = urlsplit(self.address)
+        return f"{parts.scheme}://{parts.netloc}"
+
+    @property
+    def is_alive(self) -> bool:
+        try:
+            os.kill(self.pid, 0)
+        except ProcessLookupError:
+            return False
+        return True
+
+    def strike(self) -> None:
+        """Kill it as a crash does: nothing is saved, nothing is said."""
+        with suppress(ProcessLookupError):
+            os.kill(self.pid, signal.SIGKILL)
+
+    def kill(self) -> None:
+        """Kill it, and wait until it is gone."""
+        self.strike()
+        self._wait()
+
+    def stop(self) -> None:
+        """End it as Ctrl+C does."""
+        if self.is_alive:
+            os.kill(self.pid, signal.SIGINT)
+        self._wait()
+
+    def _wait(self) -> None:
+        latest = time.monotonic() + LONGEST_WAIT_S
+        while self.is_alive:
+            if time.monotonic() > latest:
+                self.strike()
+                raise TimeoutError("the server did not end")
+            time.sleep(0.005)
+
+
+@contextmanager
+def running(project: Path):
+    """A server that ends with the block."""
+    server = Server(project)
+    try:
+        yield server
+    finally:
+        server.stop()
+
+
+def cookie_of(server: Server) -> str:
+    """The cookie that the printed address is exchanged for."""
+    answer = httpx.get(server.address, follow_redirects=False)
+    assert answer.status_code == 303, answer.text
+    return answer.headers["set-cookie"].split(";")[0]
+
+
+class Page:
+    """A page that is open: it sends commands, and keeps the state that it was told."""
+
+    def __init__(self, server: Server, cookie: str | None = None) -> None:
+        self.cookie = cookie_of(server) if cookie is None else cookie
+        netloc = urlsplit(server.origin).netloc
+        self._open = ExitStack()
+        self.socket = self._open.enter_context(
+            connect(
+                f"ws://{netloc}/socket",
+                origin=server.origin,
+                additional_headers={"Cookie": self.cookie},
+                open_timeout=LONGEST_WAIT_S,
+                max_size=None,
+                proxy=None,
+            )
+        )
+        self.hello = self.until("hello")
+        self.picks: dict[tuple[int, str], dict] = {
+            (pick["image"], pick["label"]): pick for pick in self.hello["state"]["picks"]
+        }
+        self.lines = self.hello["state"]["lines"]
+        self.measurements = self.hello["state"]["measurements"]
+        self.seq = 0
+
+    def close(self) -> None:
+        self._open.close()
+
+    def __enter__(self) -> Page:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def send(self, kind: str, /, **fields) -> int:
+        """Send a command without waiting for its answer."""
+        self.seq += 1
+        self.socket.send(json.dumps({"seq": self.seq, "t": kind, **fields}))
+        return self.seq
+
+    def read(self) -> dict:
+        """The next message; what it confirms is taken over."""
+        said = json.loads(self.socket.recv(timeout=LONGEST_WAIT_S))
+        if said["t"] == "changed":
+            self._take(said["diff"])
+        return said
+
+    def until(self, kind: str, /, **wanted) -> dict:
+        """The next message of a kind with these fields."""
+        while True:
+            said = self.read()
+            if said["t"] == kind and all(said.get(k) == v for k, v in wanted.items()):
+                return said
+
+    def do(self, kind: str, /, **fields) -> dict:
+        """Send a command and wait until it is confirmed or refused."""
+        seq = self.send(kind, **fields)
+        while True:
+            said = self.read()
+            if said["t"] in {"changed", "refused", "snapped", "ground"} and said.get("seq") == seq:
+                return said
+
+    @property
+    def state(self) -> dict:
+        """All that was confirmed, in one form."""
+        return {
+            "picks": [self.picks[key] for key in sorted(self.picks)],
+            "lines": self.lines,
+            "measurements": self.measurements,
+        }
+
+    def _take(self, diff: dict) -> None:
+        for key in diff.get("picks", {}).get("gone", []):
+            del self.picks[key[0], key[1]]
+        for pick in diff.get("picks", {}).get("put", []):
+            self.picks[pick["image"], pick["label"]] = pick
+        self.lines = diff.get("lines", self.lines)
+        self.measurements = diff.get("measurements", self.measurements)

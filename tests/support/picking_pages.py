@@ -1,0 +1,52 @@
+"""What a person does on the picking page, as functions of a Playwright page."""
+
+from __future__ import annotations
+
+import re
+
+from playwright.sync_api import Page, expect
+
+
+def to_page(page: Page, u: float, v: float) -> tuple[float, float]:
+    """CSS pixel of the page at which the first pane says that a pixel of the photo is."""
+    box = page.locator(".pane svg.marks").first.bounding_box()
+    assert box is not None
+    data = page.locator(".pane").first.evaluate("pane => ({...pane.dataset})")
+    left, top, scale = (float(data[name]) for name in ("left", "top", "scale"))
+    return box["x"] + (u + 0.5 - left) * scale, box["y"] + (v + 0.5 - top) * scale
+
+
+def show_photo(page: Page, number: int) -> None:
+    """Choose a photo in the strip and wait until it is sharp."""
+    page.locator(f'#strip [data-image="{number}"]').click()
+    expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true", timeout=20_000)
+
+
+def place(page: Page, label: str, u: float, v: float) -> None:
+    """Name a point and click it in the photo that is shown."""
+    page.locator("#label").fill(label)
+    page.mouse.click(*to_page(page, u, v))
+    expect(page.locator(f'.mark[data-label="{label}"]')).to_have_count(1)
+
+
+def click_mark(page: Page, label: str) -> None:
+    """Click the middle of a mark."""
+    mark = page.locator(f'.mark[data-label="{label}"]')
+    x, y = (float(part) for part in re.findall(r"[-\d.]+", mark.get_attribute("transform") or ""))
+    box = page.locator(".pane svg.marks").first.bounding_box()
+    assert box is not None
+    page.mouse.click(box["x"] + x, box["y"] + y)
+
+
+def wait_until_adjusted(page: Page) -> None:
+    """Wait for a full adjustment of the state as it is."""
+    expect(page.locator("#mode")).to_have_attribute("data-mode", "adjusted", timeout=60_000)
+    expect(page.locator("body")).not_to_have_class("stale", timeout=60_000)
+
+
+def measured(page: Page) -> dict[str, str]:
+    """Values as the page shows them, by the names of the measurements."""
+    rows = page.locator('table[aria-label="Measurements"] tbody tr').all()
+    return {
+        row.locator("td").nth(0).inner_text(): row.locator("td").nth(1).inner_text() for row in rows
+    }

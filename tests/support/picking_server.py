@@ -1,0 +1,59 @@
+"""A picking page's server in a thread, with its desk to look at."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import uvicorn
+
+from uavgram.picking.guard import Guard
+from uavgram.picking.server import PickServer
+from uavgram.picking.tables import Tables
+from uavgram.pipeline.live import LiveSurvey
+
+
+class Served:
+    """A picking page's server in a thread, and its desk."""
+
+    def __init__(self, project: Path) -> None:
+        survey = LiveSurvey.open(project)
+        self._door = socket.socket()
+        self._door.bind(("127.0.0.1", 0))
+        self.port = self._door.getsockname()[1]
+        self.pick = PickServer(survey, Tables(survey.inputs))
+        self.guard = Guard(self.pick.application(), self.port)
+        config = uvicorn.Config(
+            self.guard, log_config=None, ws="websockets-sansio", timeout_graceful_shutdown=1
+        )
+        self._server = uvicorn.Server(config)
+        self._thread = threading.Thread(target=self._server.run, args=([self._door],), daemon=True)
+
+    @property
+    def desk(self):
+        return self.pick.desk
+
+    def start(self) -> None:
+        self._thread.start()
+        while not self._server.started:
+            time.sleep(0.01)
+
+    def stop(self) -> None:
+        self._server.should_exit = True
+        self._thread.join(20)
+        self._door.close()
+
+
+@contextlib.contextmanager
+def served(project: Path) -> Iterator[Served]:
+    """Serve the picking page of a project."""
+    server = Served(project)
+    server.start()
+    try:
+        yield server
+    finally:
+        server.stop()

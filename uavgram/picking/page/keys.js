@@ -1,0 +1,90 @@
+// Everything by key. Keys are letters where they name a thing, and nothing while text is typed.
+
+export const KEYS = [
+  ["Photos", [
+    ["wheel, + \u2212", "zoom at the pointer"], ["drag, Space + drag", "pan (middle and right button too)"],
+    ["F   1   Z", "fit; one to one; to the selected point, \u00d74"], ["Page Down, Page Up", "next, previous photo; with Alt only those where the label is expected"],
+    ["Ctrl+1  2  4", "panes"], ["K", "all panes show the same ground"], ["E R O T", "ellipses, residuals, predictions, labels"], ["M", "magnifier"],
+  ]],
+  ["Points", [
+    ["click, Enter", "place the label (Enter: in the middle of the photo)"], ["drag, Shift + drag", "move; ten times finer"],
+    ["arrows, Shift, Alt", "nudge by 0.1, 1, 10 px"], ["G", "go to where the label is expected"], ["S, Shift+S", "snap to a corner, to a round target"],
+    ["N, B, Tab", "next, previous point"], ["F2", "rename"], ["Delete, Shift+Delete", "remove here, everywhere"],
+  ]],
+  ["Lengths and measurements", [
+    ["P L D A Y J", "tools: point, length, distance, area, polyline, angle"], ["I V", "distance from a line, skid speed"],
+    ["click points, Enter", "the points in order; Enter closes"], ["Esc", "stop"],
+  ]],
+  ["All", [["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"], ["?", "these keys"]]],
+];
+
+export const TOOLS = {
+  pick: { key: "p", name: "Point", prefix: "P" },
+  length: { key: "l", name: "Length", prefix: "L", least: 2, most: 2 },
+  distance: { key: "d", name: "Distance", prefix: "D", least: 2, most: 2 },
+  area: { key: "a", name: "Area", prefix: "A", least: 3 },
+  polyline: { key: "y", name: "Polyline", prefix: "W", least: 2 },
+  angle: { key: "j", name: "Angle", prefix: "J", least: 3, most: 3 },
+  line_distance: { key: "i", name: "From line", prefix: "H", least: 3, most: 3 },
+  skid_speed: { key: "v", name: "Skid", prefix: "V", least: 2 },
+};
+
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+
+export function listenToKeys(desk) {
+  window.addEventListener("keydown", (event) => {
+    if (typing(event)) return;
+    if (handle(desk, event)) event.preventDefault();
+  });
+  window.addEventListener("keyup", (event) => { if (event.key === " ") desk.spaceHeld = false; });
+  window.addEventListener("blur", () => { desk.spaceHeld = false; });
+}
+
+function typing(event) {
+  const { target } = event;
+  if (target.closest?.("dialog")) return true;
+  const field = target.matches?.("input, select, textarea");
+  if (field && event.key === "Escape") {
+    target.blur();
+    return false;
+  }
+  return field || (target.matches?.("button, tr") && ["Enter", " "].includes(event.key));
+}
+
+function handle(desk, event) {
+  const { key } = event;
+  if (event.ctrlKey || event.metaKey) return withControl(desk, key.toLowerCase(), event.shiftKey);
+  if (ARROWS[key]) return desk.arrow(...ARROWS[key], event.shiftKey ? 1 : event.altKey ? 10 : 0.1);
+  const named = NAMED[key];
+  if (named) return named(desk, event) !== false;
+  const tool = Object.entries(TOOLS).find(([, one]) => one.key === key.toLowerCase());
+  if (tool) desk.setTool(tool[0]);
+  return Boolean(tool);
+}
+
+function withControl(desk, key, shift) {
+  if (key === "z") desk.send({ t: shift ? "redo" : "undo" });
+  else if (key === "y") desk.send({ t: "redo" });
+  else if (["1", "2", "4"].includes(key)) desk.setPanes(Number(key));
+  else return false;
+  return true;
+}
+
+const letter = (action) => (desk) => action(desk);
+const NAMED = {
+  Enter: (desk) => desk.enter(),
+  Escape: (desk) => desk.cancel(),
+  Delete: (desk, event) => desk.remove(event.shiftKey),
+  F2: (desk) => desk.beginRename(),
+  PageDown: (desk, event) => desk.turn(1, event.altKey),
+  PageUp: (desk, event) => desk.turn(-1, event.altKey),
+  "+": (desk) => desk.zoom(1.25), "=": (desk) => desk.zoom(1.25), "-": (desk) => desk.zoom(0.8),
+  " ": (desk) => { desk.spaceHeld = true; },
+  "?": (desk) => desk.help(),
+};
+for (const [name, action] of Object.entries({
+  f: (desk) => desk.active?.fit(), 1: (desk) => desk.active?.scaleTo(1), z: (desk) => desk.toSelected(4), g: (desk) => desk.goToPredicted(),
+  n: (desk) => desk.step(1), b: (desk) => desk.step(-1), k: (desk) => desk.toggleLink(), m: (desk) => desk.toggleLoupe(),
+  e: (desk) => desk.toggle("ellipses"), r: (desk) => desk.toggle("residuals"), o: (desk) => desk.toggle("predicted"), t: (desk) => desk.toggle("labels"),
+  s: (desk) => desk.snap("corner"), S: (desk) => desk.snap("circle"),
+})) NAMED[name] = letter(action);

@@ -1,0 +1,84 @@
+"""One page for one project: a lock that ends with the process that holds it."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from pathlib import Path
+
+from uavgram.errors import OutputError, UavgramError
+
+if sys.platform != "win32":  # without locks, a second page is not noticed
+    import fcntl
+
+log = logging.getLogger(__name__)
+
+LOCK = "pick.lock"
+
+
+class ProjectLock:
+    """The right to pick in a project, held until `release` or the end of the process.
+
+    The operating system holds the lock, so what a killed process left behind is no lock; the
+    file says whose it is.
+
+    Parameters
+    ----------
+    folder
+        The project's output folder; made if absent.
+    project
+        Its name in the message.
+
+    Raises
+    ------
+    UavgramError
+        Another process picks in the project; names it.
+    OutputError
+        The folder cannot be written to.
+    """
+
+    def __init__(self, folder: Path, project: str) -> None:
+        self._path = folder / LOCK
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._handle = self._locked(project)
+            os.ftruncate(self._handle, 0)
+            os.pwrite(self._handle, f"{os.getpid()}\n".encode(), 0)
+        except OSError as fault:
+            raise OutputError(
+                f"{folder}: cannot be written to ({fault.strerror}); name another folder as "
+                "`output` in the project"
+            ) from fault
+
+    def release(self) -> None:
+        """Let others pick."""
+        self._path.unlink(missing_ok=True)  # while it is locked: nobody else holds this file
+        os.close(self._handle)
+
+    def _locked(self, project: str) -> int:
+        while True:
+            handle = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o600)
+            try:
+                _take(handle)
+            except BlockingIOError as fault:
+                holder = os.pread(handle, 32, 0).decode(errors="replace").strip() or "unknown"
+                os.close(handle)
+                raise UavgramError(
+                    f"{project}: is open in another picking page, process {holder}: use that "
+                    "one, or end it with Ctrl+C first"
+                ) from fault
+            if self._path.exists() and os.path.samestat(os.fstat(handle), self._path.stat()):
+                return handle
+            os.close(handle)  # it was released, and so removed, between opening and locking
+
+
+def _take(handle: int) -> None:
+    if sys.platform == "win32":
+        return
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise
+    except OSError as fault:  # some network file systems know no locks
+        log.warning("a second page of this project would not be noticed: %s", fault.strerror)

@@ -1,0 +1,23 @@
+"""Text and tables for Rerun's Markdown."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+# Longer tables belong into the files beside the recording.
+MOST_ROWS = 200
+
+
+def plain(text: str) -> str:
+    """Text that a person wrote, so that Markdown shows it as it is."""
+    return re.sub(r"([\\`*_{}\[\]<>#|~$!])", r"\\\1", " ".join(text.split()))
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table; a note where rows were left out."""
+    body = ["| " + " | ".join(cells) + " |" for cells in rows[:MOST_ROWS]]
+    more = len(rows) - MOST_ROWS
+    note = [f"\n{more} more rows are in the report and in results.json."] if more > 0 else []
+    rule = "|" + " --- |" * len(header)
+    return "\n".join(["| " + " | ".join(header) + " |", rule, *body, *note])

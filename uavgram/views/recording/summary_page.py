@@ -1,0 +1,47 @@
+"""The page that is read first."""
+
+from __future__ import annotations
+
+from uavgram.model.result import Result
+from uavgram.views.facts import key_facts
+from uavgram.views.recording.markdown import plain, table
+from uavgram.views.recording.scene import Scene
+from uavgram.views.recording.table_pages import measured_table
+from uavgram.views.verdict import Verdict
+from uavgram.views.wording import WHY_TWO_ELLIPSES, place
+
+# As many as are seen without scrolling; the page of measurements has them all.
+MOST_MEASURED = 8
+
+
+def summary(result: Result, verdict: Verdict, scene: Scene) -> str:
+    """Is it good, what is wrong, and what was measured."""
+    headline = f"✔ {verdict.sentence}" if verdict.level == "good" else "⚠ Look at this first"
+    reasons = "\n".join(f"- {plain(reason)}" for reason in verdict.reasons)
+    facts = [(question, f"**{plain(answer)}**") for question, answer in key_facts(result)]
+    parts = [
+        f"# {headline}",
+        *([reasons] if reasons else []),
+        table(("at a glance", ""), facts),
+        plain(verdict.counts),
+        "## Measured, the least certain first",
+        measured_table(result, MOST_MEASURED),
+        "## Pictures",
+        _pictures(scene),
+        plain(place(result)),
+    ]
+    return "\n\n".join(parts)
+
+
+def _pictures(scene: Scene) -> str:
+    lowered = (
+        f" The ground is drawn {scene.ground_drop_m:.2f} m too low, so that the points of lower "
+        "areas are seen."
+        if scene.ground_is_lowered
+        else ""
+    )
+    return (
+        f"Ellipses hold 95 % and are those within the survey, drawn ×{scene.ellipse_factor}. "
+        f"{WHY_TWO_ELLIPSES} Residuals in the photo are drawn ×{scene.residual_factor}; its grey "
+        f"borders are those of the photos before and after.{lowered}"
+    )

@@ -1,0 +1,140 @@
+"""The error budget: where the variance of each measurement comes from, as bars and in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.error_budget import ErrorBudget
+from uavgram.model.result import Result
+from uavgram.views.report.rows import Row
+from uavgram.views.wording import computed_first, number
+
+# Okabe and Ito (2008): told apart by colour-blind readers; in the order of the bars.
+COLOURS = {
+    "picks": "#0072b2",
+    "lens": "#cc79a7",
+    "known lengths": "#009e73",
+    "ground": "#8c6d31",
+    "flight log": "#e69f00",
+    "control points": "#56b4e9",
+    "friction and times": "#d55e00",
+    "choice of axes": "#999999",
+}
+
+# What a source is, and what would make it smaller.
+WORDS = {
+    "picks": (
+        "how exactly the points were picked in the photos",
+        "Picking them in more photos, or with more care, would help there.",
+    ),
+    "lens": (
+        "how well the camera is calibrated",
+        "A better calibration would help there.",
+    ),
+    "known lengths": (
+        "how exactly the known lengths were taped",
+        "More, longer or better taped lengths would help there.",
+    ),
+    "ground": (
+        "how well the height and slope of the ground are known",
+        "Points picked in more photos, from other sides, or a stated height would help there.",
+    ),
+    "flight log": (
+        "position, attitude and time of the photos in the flight log",
+        "More known lengths or control points would help there.",
+    ),
+    "control points": (
+        "how well the control points are known",
+        "More or better control points would help there.",
+    ),
+    "friction and times": (
+        "the stated friction, and the times of the exposures",
+        "A drag test on the spot, or exposure times that are known better, would help there.",
+    ),
+    "choice of axes": (
+        "where the origin and north of the survey were put",
+        "A flight log or control points would fix them.",
+    ),
+}
+
+FELT = 0.0005
+"""Share that rounds to 0.1 %: what is less is not drawn."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Of a bar: where it starts and how long it is, in percent, and its colour."""
+
+    start: float
+    length: float
+    colour: str
+
+
+@dataclass(frozen=True)
+class BudgetTable:
+    """Error budgets of all measurements that have a value.
+
+    Attributes
+    ----------
+    sources
+        Name and colour of each, in the order of the bars and of the columns.
+    rows
+        Name, bar, largest source, and the shares in percent.
+    summary
+        For each source that is the largest of some measurement, a sentence.
+    """
+
+    sources: tuple[tuple[str, str], ...]
+    rows: tuple[Row, ...]
+    summary: tuple[str, ...]
+
+
+def budget_table(result: Result) -> BudgetTable | None:
+    """Lay out the bars; None where there is no budget or nothing has a value."""
+    budget = result.error_budget
+    if budget is None or not np.isfinite(budget.share).any():
+        return None
+    rank = {source: r for r, source in enumerate(COLOURS)}
+    order = sorted(range(len(budget.source)), key=lambda s: rank[budget.source[s]])
+    sources = tuple(budget.source[s] for s in order)
+    share = budget.share[:, order]
+    shown = [int(i) for i in computed_first(result.measurements) if np.isfinite(share[i]).all()]
+    return BudgetTable(
+        sources=tuple((source, COLOURS[source]) for source in sources),
+        rows=tuple(
+            Row(
+                name=result.measurements.name[i],
+                bar=_bar(sources, share[i]),
+                largest=sources[int(np.argmax(share[i]))],
+                shares=[number(100 * part, 1) for part in share[i]],
+            )
+            for i in shown
+        ),
+        summary=_summary(ErrorBudget(source=sources, share=share[shown])),
+    )
+
+
+def _bar(sources: tuple[str, ...], share: Floats) -> list[Segment]:
+    ends = np.cumsum(share)
+    return [
+        Segment(round(100 * (end - part), 2), round(100 * part, 2), COLOURS[source])
+        for source, part, end in zip(sources, share.tolist(), ends.tolist(), strict=True)
+        if part >= FELT
+    ]
+
+
+def _summary(budget: ErrorBudget) -> tuple[str, ...]:
+    """The most frequent largest source first."""
+    largest = np.bincount(np.argmax(budget.share, axis=1), minlength=len(budget.source))
+    sentences = []
+    for s in np.argsort(-largest, kind="stable"):
+        if largest[s]:
+            what, help_ = WORDS[budget.source[s]]
+            sentences.append(
+                f"Largest in {largest[s]} of {len(budget.share)}: {budget.source[s]} ({what}). "
+                f"{help_}"
+            )
+    return tuple(sentences)

@@ -1,0 +1,161 @@
+"""The measurements: values, sampled intervals, second order, and other solutions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.model.result import Alternative, Result
+from uavgram.stages.second_order import BIAS_OFF, SIGMA_OFF
+from uavgram.views.evidence import second_order_rows
+from uavgram.views.report.rows import Row
+from uavgram.views.wording import (
+    KIND_WORDS,
+    UNIT_WORDS,
+    computed_first,
+    decimals_for,
+    interval,
+    number,
+    relative,
+    with_sigma,
+)
+
+MOST_DIFFERENT = 10
+"""Measurements that are shown under another solution: those that it changes most."""
+
+
+def measurement_rows(result: Result) -> list[Row]:
+    """Least certain first; what was sampled stands beside what was computed."""
+    rows, sampled, second, table = (
+        result.measurements,
+        result.monte_carlo,
+        result.second_order,
+        list[Row](),
+    )
+    for i in computed_first(rows):
+        value, sigma, unit = float(rows.value[i]), float(rows.sigma[i]), rows.unit[i]
+        low, high = map(float, rows.interval_95[i])
+        row = Row(
+            name=rows.name[i],
+            kind=KIND_WORDS.get(rows.kind[i], rows.kind[i]),
+            points=" – ".join(rows.points[i]),
+            value=with_sigma(value, sigma, unit),
+            interval=interval(low, high, sigma, unit),
+            relative="–" if rows.kind[i] == "coordinate" else relative(value, sigma, unit),
+            doubtful=second is not None and bool(second.off[i]),
+            bad=not np.isfinite(value),
+        )
+        if sampled is not None:
+            low, high = map(float, sampled.interval_95[i])
+            row["sampled_sigma"] = number(float(sampled.sigma[i]), decimals_for(sigma, unit))
+            row["sampled_interval"] = interval(low, high, sigma, unit)
+        table.append(row)
+    return table
+
+
+def sampled_words(result: Result) -> str:
+    """What the sampled columns are; empty where nothing was sampled."""
+    sampled = result.monte_carlo
+    if sampled is None:
+        return ""
+    left_out = f"; {sampled.failed} more did not come to rest and are left out"
+    return (
+        f"Sampled: all observations and everything known beforehand were drawn anew "
+        f"{sampled.samples} times (seed {sampled.seed}), and everything adjusted and measured "
+        f"again{left_out if sampled.failed else ''}; the interval is from the 2.5 % to the 97.5 % "
+        "quantile."
+    )
+
+
+@dataclass(frozen=True)
+class SecondOrderNote:
+    """Whether first-order propagation is good enough.
+
+    Attributes
+    ----------
+    sentence
+        If it is for all measurements.
+    doubtful
+        A sentence for each measurement for which it is not.
+    advice
+        What to do about these.
+    """
+
+    sentence: str
+    doubtful: tuple[str, ...]
+    advice: str
+
+
+def second_order_note(result: Result) -> SecondOrderNote | None:
+    """The second-order check in words; None where there was none."""
+    second, rows = result.second_order, result.measurements
+    if second is None or not np.isfinite(rows.value).any():
+        return None
+    computed = np.isfinite(rows.value) & (rows.sigma > 0)
+    sigma = rows.sigma[computed]
+    change = np.nan_to_num(np.abs(second.sigma[computed] / sigma - 1.0))
+    shift = np.nan_to_num(np.abs(second.bias[computed] / sigma))
+    sentence = (
+        f"Second-order terms were computed for each of them: they change a sigma by "
+        f"{100 * change.max(initial=0.0):.1f} % at most, and move a mean by "
+        f"{shift.max(initial=0.0):.2f} sigma at most. First order is good enough up to "
+        f"{100 * SIGMA_OFF:.0f} % and {BIAS_OFF} sigma."
+    )
+    advice = (
+        "run again with --monte-carlo and use its intervals"
+        if result.monte_carlo is None
+        else "use the sampled intervals"
+    )
+    return SecondOrderNote(sentence, tuple(second_order_rows(result)), advice)
+
+
+@dataclass(frozen=True)
+class AlternativeTable:
+    """Another solution: what it is, the measurements that it changes most, and the others."""
+
+    title: str
+    rows: tuple[Row, ...]
+    others: str
+
+
+def alternative_tables(result: Result) -> list[AlternativeTable]:
+    """The other solutions, each with what it would do to the measurements."""
+    return [_alternative(result, one) for one in result.solution.alternatives]
+
+
+def _alternative(result: Result, other: Alternative) -> AlternativeTable:
+    rows = result.measurements
+    values = np.array(other.values, dtype=np.float64)
+    count = len(values)
+    difference = values - rows.value[:count]
+    sigmas = np.abs(difference) / np.where(rows.sigma > 0, rows.sigma, np.nan)[:count]
+    order = np.argsort(-np.nan_to_num(sigmas, nan=-1.0), kind="stable")
+    order = order[np.isfinite(sigmas[order])]
+    shown, rest = order[:MOST_DIFFERENT], order[MOST_DIFFERENT:]
+    return AlternativeTable(
+        title=(
+            f"Camera of {other.frame_id} at a height of {number(other.height_m, 2)} m, tilted by "
+            f"{number(other.tilt_deg, 1)}° (weighted misfit {number(other.cost, 2)})"
+        ),
+        rows=tuple(_changed(result, int(i), values[i], sigmas[i]) for i in shown),
+        others=(
+            f"All others ({len(rest)}) differ by at most {number(float(sigmas[rest[0]]), 1)} sigmas."
+            if len(rest)
+            else ""
+        ),
+    )
+
+
+def _changed(result: Result, i: int, there: float, sigmas: float) -> Row:
+    rows = result.measurements
+    here, unit = float(rows.value[i]), rows.unit[i]
+    places = decimals_for(float(rows.sigma[i]), unit)
+    word = UNIT_WORDS.get(unit, unit)
+    return Row(
+        name=rows.name[i],
+        here=f"{number(here, places)} {word}",
+        there=f"{number(there, places)} {word}",
+        difference=f"{number(there - here, places, signed=True)} {word}",
+        sigmas=number(sigmas, 1),
+    )

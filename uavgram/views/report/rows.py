@@ -1,0 +1,48 @@
+"""What the tables of the report are made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+Row = dict[str, object]
+"""Cells of a table by column, ready to print."""
+
+REACH = 6.0
+"""Sigmas from the middle of a gauge to its ends; what lies beyond is drawn there."""
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """A number of sigmas as a mark on a scale from minus to plus `REACH`.
+
+    Attributes
+    ----------
+    at, low, high
+        Of the mark, and of the ends of the zone within the limit, in percent of the scale.
+    outside
+        Whether the mark is beyond the limit.
+    """
+
+    at: float
+    low: float
+    high: float
+    outside: bool
+
+
+def gauge(sigmas: float, limit: float) -> Gauge | None:
+    """Draw a number of sigmas against a limit; None where there is no number."""
+    if not np.isfinite(sigmas):
+        return None
+    at = float(np.clip(sigmas, -REACH, REACH))
+    return Gauge(
+        at=_percent(at),
+        low=_percent(-limit),
+        high=_percent(limit),
+        outside=abs(sigmas) > limit,
+    )
+
+
+def _percent(sigmas: float) -> float:
+    return round(50.0 + 50.0 * sigmas / REACH, 1)
