@@ -32,7 +32,8 @@ WATCH_ANSWERS = """() => {
       this.watched = true;
       this.addEventListener('message', ({data}) => {
         const said = JSON.parse(data);
-        if (said.t === 'changed' && asked.has(said.seq)) versions.push([said.version, asked.get(said.seq)]);
+        const from = asked.get(said.seq);
+        if (said.t === 'changed' && from) versions.push([said.version, from]);
         if (said.t !== 'live') return;
         while (versions.length && versions[0][0] <= said.for) {
           const [version, from] = versions.shift();

@@ -64,7 +64,7 @@ def whole(view, raster, photos=None):
 def test_a_top_view_is_the_exact_warp_of_every_pixel(tmp_path, name):
     case = CASES[name]
     view = scene(tmp_path, **case)
-    raster = lay_raster(view, 0.25 if name == "horizon" else 0.08)
+    raster = lay_raster(view, {"horizon": 0.4, "fisheye": 0.4, "oblique": 0.15}.get(name, 0.1))
     exact, pixel = exact_warp(view, raster, case["lens"], 0, pattern())
 
     got = whole(view, raster)
@@ -85,7 +85,7 @@ def test_a_top_view_is_the_exact_warp_of_every_pixel(tmp_path, name):
     clear &= ground < 0.99 * MOST_OFF_NADIR
     assert shown[clear].all()
     assert not shown[ground > 1.01 * MOST_OFF_NADIR].any()
-    assert clear.sum() > 20_000
+    assert clear.sum() > 15_000
     apart = np.abs(got[..., :3].astype(float) - exact)[clear]
     # half a grey value of rounding, and 1/32 px of OpenCV's table of weights
     assert np.percentile(apart, 99.9) < 1.5
@@ -114,8 +114,11 @@ def exact_steepness(view, raster):
 def test_places_between_the_nodes_are_good_to_a_hundredth_of_a_pixel(tmp_path, name, size):
     case = CASES[name]
     view = scene(tmp_path, **case)
-    raster = GroundRaster(west_m=-15, north_m=15, pixel_m=size, width=300, height=300, crs=None)
-    window = (0, 0, 300, 300) if size < 0.1 else (0, 0, round(30 / size), round(30 / size))
+    ahead = 31 * np.tan(np.radians(40)) if name == "oblique" else 0.0
+    raster = GroundRaster(
+        west_m=ahead - 15, north_m=15, pixel_m=size, width=300, height=300, crs=None
+    )
+    window = (0, 0, min(300, round(30 / size)), min(300, round(30 / size)))
     (sight,) = look_from(view, raster, window, np.array([0]))
     maps = sight.maps()
 
@@ -260,20 +263,17 @@ def test_a_coarse_top_view_averages_the_photo_instead_of_skipping_pixels(tmp_pat
 @pytest.mark.parametrize("reduction", [2, 8, 16])
 def test_reduced_photos_lie_where_the_whole_ones_do(tmp_path, suffix, reduction):
     u, v = np.meshgrid(np.arange(SIZE_PX[0]), np.arange(SIZE_PX[1]))
-    rgb = np.stack([u * 255 / SIZE_PX[0], v * 255 / SIZE_PX[1], 0 * u], -1).astype(np.uint8)
-    path = write_photo(tmp_path / f"a{suffix}", rgb)
-    at = np.meshgrid(np.linspace(100, 700, 9), np.linspace(100, 500, 9))
+    slopes = [np.minimum(4 * np.abs(axis % 128 - 64), 255) for axis in (u, v)]
+    path = write_photo(tmp_path / f"a{suffix}", np.stack([*slopes, 0 * u], -1).astype(np.uint8))
+    # half-way up the slopes, which rise by four grey values a pixel
+    at = np.meshgrid(96 + 128 * np.arange(5), 96 + 128 * np.arange(4))
     place = [np.asarray(a, np.float32) for a in at]
 
     photo = read_photo(path, reduction)
 
     assert photo.rgba.shape[1] - 2 * MARGIN_PX == SIZE_PX[0] // reduction
-    whole_photo = read_photo(path).sample(*place)[..., :2].astype(float)
-    apart = photo.sample(*place)[..., :2] - whole_photo
-    # the waves of a JPEG move single pixels by a grey value or two; half a pixel of the reduced
-    # photo would move all of them by 0.16 to 2.5
-    assert np.abs(apart).max() <= 2
-    assert np.abs(apart.mean(axis=(0, 1))).max() < 0.12 * reduction / 2 + 0.05
+    apart = photo.sample(*place)[..., :2].astype(float) - read_photo(path).sample(*place)[..., :2]
+    assert np.abs(apart.mean(axis=(0, 1))).max() < 1.0  # half a pixel of the photo would be two
 
 
 def test_the_outermost_half_pixels_are_as_bright_as_the_border(tmp_path):

@@ -179,8 +179,9 @@ def _entries(path: Path) -> Iterator[dict[str, Any]]:
             entry = json.loads(line)
         except ValueError as fault:
             raise UavgramError(f"{path}: is no journal of this program ({fault})") from fault
-        if isinstance(entry, dict):
-            yield entry
+        if not isinstance(entry, dict):
+            raise UavgramError(f"{path}: is no journal of this program")
+        yield entry
 
 
 def _command(kind: str, fields: dict[str, Any]) -> c.Command:

@@ -32,7 +32,15 @@ Choice = TypeVar("Choice", bound=str)
 
 
 class RefusedError(UavgramError):
-    """A message that says or asks for something impossible; the page shows why."""
+    """A message that says or asks for something impossible; the page shows why.
+
+    Attributes
+    ----------
+    seq
+        The message's own number, as far as it could be read.
+    """
+
+    seq: int | None = None
 
 
 @dataclass(frozen=True)
@@ -83,10 +91,19 @@ def parse_message(text: str | bytes, photos: Sequence[PhotoSize]) -> Message:
     if not isinstance(data, dict):
         _refuse("the message is not an object")
     fields = _Fields(data, photos)
+    seq = fields.integer("seq")
+    try:
+        return _parsed(fields, seq)
+    except RefusedError as why:
+        why.seq = seq  # the page waits for the answer to this number
+        raise
+
+
+def _parsed(fields: _Fields, seq: int) -> Message:
     kind = fields.text("t")
     if kind not in _PARSERS:
         _refuse(f"there is no command {kind!r}")
-    seq, step = fields.integer("seq"), fields.integer("step", default=0)
+    step = fields.integer("step", default=0)
     final = fields.flag("final", default=True)
     body = _PARSERS[kind](fields)
     fields.nothing_else()

@@ -25,7 +25,7 @@ from uavgram.picking.answers import Json
 from uavgram.picking.autosave import Saver
 from uavgram.picking.desk import Desk
 from uavgram.picking.guard import Guard, Pace
-from uavgram.picking.messages import LONGEST_MESSAGE, parse_message
+from uavgram.picking.messages import LONGEST_MESSAGE, RefusedError, parse_message
 from uavgram.picking.tables import Tables
 from uavgram.pipeline.live import LiveSurvey
 
@@ -159,16 +159,18 @@ class PickServer:
 
     async def _answered(self, text: str, own: asyncio.Queue[Json]) -> Json:
         """Do what a message of a page says, tell the others what changed, and answer."""
-        seq = None
         try:
             message = parse_message(text, self.desk.photos)
-            seq = message.seq
+        except RefusedError as why:
+            log.info("refused: %s", why)
+            return {"t": "refused", "seq": why.seq, "why": str(why)}
+        try:
             if isinstance(message.body, c.Snap | c.SameGround):
                 return await to_thread.run_sync(self.desk.answer, message)
             changed = self.desk.change(message)
         except UavgramError as why:  # refused, or a photo or the journal is not to be had
             log.info("refused: %s", why)
-            return {"t": "refused", "seq": seq, "why": str(why)}
+            return {"t": "refused", "seq": message.seq, "why": str(why)}
         self._broadcast({k: v for k, v in changed.items() if k != "seq"}, but=own)
         self._save_soon()
         return changed

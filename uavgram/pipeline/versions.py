@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import importlib.metadata
-from functools import cache
 import sys
 from collections.abc import Sequence
+from functools import cache
 
 
 @cache

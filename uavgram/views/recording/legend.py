@@ -115,5 +115,6 @@ def _scale(
         pen.line([(x + k, y), (x + k, y + 26)], fill=tuple(int(c) for c in colour))
     pen.text((x + 316, ROWS_PX[1]), size_text(high), fill=TEXT, font=font)
     return max(
-        left + pen.textlength(words, font=font), x + 316 + pen.textlength(size_text(high), font=font)
+        left + pen.textlength(words, font=font),
+        x + 316 + pen.textlength(size_text(high), font=font),
     )

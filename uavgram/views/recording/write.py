@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from uavgram.errors import OutputError
@@ -60,15 +61,24 @@ def write_recording(
     target = Path(path)
     unfinished = target.with_name(f".{target.name}.unfinished")
     try:
-        unfinished.touch()  # Rerun's own complaint about a missing folder is no OSError
+        with _told_with(target):
+            unfinished.touch()  # Rerun's own complaint about a missing folder is no OSError
         with open_recorder(result, unfinished) as recorder:
-            _log_everything(recorder, result, photos, texture)
-        unfinished.replace(target)
-    except OSError as error:
-        raise OutputError(f"{target}: the recording cannot be written: {error}") from error
+            _log_everything(recorder, result, photos, texture)  # a photo's fault is not ours
+        with _told_with(target):
+            unfinished.replace(target)
     finally:
         unfinished.unlink(missing_ok=True)
     log.info("recording of %d frames: %s", len(result.frames.frame_id), target)
+
+
+@contextmanager
+def _told_with(target: Path) -> Iterator[None]:
+    """Name the recording in what the system says of its file."""
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(f"{target}: the recording cannot be written: {error}") from error
 
 
 def _log_everything(
