@@ -31,6 +31,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     0: done; 1: a problem that the user can solve, told in one message; 2: wrong usage. Anything
     else is a bug and keeps its traceback.
     """
+    # Most matrices here are small: more threads wait for each other longer than they help. numpy's
+    # library reads this when a command loads it.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         status = app(arguments)
     except cyclopts.CycloptsError as error:

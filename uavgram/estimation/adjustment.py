@@ -131,12 +131,15 @@ class Adjustment:
         to_lens[:6, :6] = np.eye(6)
         to_lens[6 : 6 + len(lens), 6 : 6 + layout.intrinsics] = lens
         to_lens[6 + len(lens) :, 6 + layout.intrinsics :] = np.eye(3)[:, :plane]
-        joint = np.array(
-            [
-                self.minimum.factor.joint(np.concatenate([columns, shared]))
-                for columns in layout.frame_columns(frame)
-            ]
-        )
+        right = np.zeros((layout.size, len(shared)))
+        right[shared, np.arange(len(shared))] = 1.0
+        with_shared, _ = self.minimum.factor.products(right)
+        columns = layout.frame_columns(frame)
+        joint = np.empty((len(frame), to_lens.shape[1], to_lens.shape[1]))
+        joint[:, :6, :6] = self.covariance.blocks(columns)
+        joint[:, :6, 6:] = with_shared[columns]
+        joint[:, 6:, :6] = joint[:, :6, 6:].swapaxes(1, 2)
+        joint[:, 6:, 6:] = with_shared[shared]
         return np.asarray(to_lens @ joint @ to_lens.T)
 
     def points_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:

@@ -150,8 +150,7 @@ def _directions(
     spread = np.zeros((adjustment.problem.layout.size, 3 * len(label)))
     at = 3 * np.arange(len(label))[:, None, None] + np.arange(3)[:, None]
     np.add.at(spread, (columns[:, None, :], at), jacobian)
-    solved = adjustment.minimum.factor.solve(spread)
-    joint = spread.T @ solved
+    solved, joint = adjustment.minimum.factor.products(spread)
     size = np.sqrt(np.diag(joint))
     size = np.where(size > 0, size, 1.0)
     variance, axes = np.linalg.eigh(joint / np.outer(size, size))

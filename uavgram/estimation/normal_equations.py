@@ -7,8 +7,10 @@ observation with), and the joint covariance of a few chosen unknowns.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.linalg
@@ -24,6 +26,9 @@ DENSE_ENTRIES = 250_000
 
 AT_ONCE = 32
 """Right-hand sides that are solved for together."""
+
+ROWS_AT_ONCE = 2000
+"""Rows whose covariances are gathered together."""
 
 SINGULAR = 1e-13
 """Smallest pivot of the scaled normal matrix (unit diagonal) that still carries information."""
@@ -196,26 +201,40 @@ class Factor:
         damped = self._damping * float(np.sum((step / self._scale) ** 2))
         return damped - float(step @ gradient)
 
+    def products(self, right: Floats) -> tuple[Floats, Floats]:
+        """`solve` for (n, m), a few columns at a time, and right^T times that, (m, m)."""
+        solved = np.empty_like(right)
+        for start in range(0, right.shape[1], AT_ONCE):
+            some = slice(start, start + AT_ONCE)
+            solved[:, some] = self.solve(right[:, some])
+        return solved, right.T @ solved
+
     def joint(self, indices: Ints) -> Floats:
         """Joint covariance (m, m) of m chosen unknowns."""
-        block = np.empty((len(indices), len(indices)))
-        for start in range(0, len(indices), AT_ONCE):
-            chosen = indices[start : start + AT_ONCE]
-            right = np.zeros((self.size, len(chosen)))
-            right[chosen, np.arange(len(chosen))] = 1.0
-            block[:, start : start + AT_ONCE] = self.solve(right)[indices]
-        return np.asarray(0.5 * (block + block.T))
+        return self.covariances(indices[:, None], np.ones((len(indices), 1)))
+
+    def covariances(self, columns: Ints, gradients: Floats) -> Floats:
+        """Joint covariance (n, n) of linear functions: their gradients (n, k) by unknowns (n, k)."""
+        joint = np.empty((len(columns), len(columns)))
+        for some, _, solved in self._solved(columns, gradients):
+            joint[:, some] = np.einsum("nk,nkm->nm", gradients, solved[columns], optimize=True)
+        return np.asarray(0.5 * (joint + joint.T))
 
     def variances(self, columns: Ints, gradients: Floats) -> Floats:
         """Variances (n,) of linear functions: their gradients (n, k) by unknowns (n, k)."""
         found = np.empty(len(columns))
+        for some, right, solved in self._solved(columns, gradients):
+            found[some] = np.sum(right * solved, axis=0)
+        return found
+
+    def _solved(self, columns: Ints, gradients: Floats) -> Iterator[tuple[slice, Floats, Floats]]:
+        """Gradients as columns (size, m) and their solutions, a few functions at a time."""
         for start in range(0, len(columns), AT_ONCE):
             some = slice(start, start + AT_ONCE)
             at = (columns[some], np.arange(len(columns[some]))[:, None])
             right = np.zeros((self.size, len(columns[some])))
             np.add.at(right, at, gradients[some])  # a function may name an unknown twice
-            found[some] = np.sum(right * self.solve(right), axis=0)
-        return found
+            yield some, right, self.solve(right)
 
     def covariance(self) -> Covariance:
         """Covariance between all unknowns that share an observation."""
@@ -232,11 +251,12 @@ class Factor:
 class Covariance:
     """Covariance of the unknowns: whole, or on the pattern of the normal matrix.
 
-    It is computed when it is first asked for.
+    It is computed when it is first asked for, and so is what it makes of each block.
     """
 
     def __init__(self, factor: Factor) -> None:
         self._factor = factor
+        self._leverage: WeakKeyDictionary[Block, Floats] = WeakKeyDictionary()
 
     @cached_property
     def _inverse(self) -> Floats | BlockMatrix:
@@ -253,6 +273,18 @@ class Covariance:
         if isinstance(self._inverse, np.ndarray):
             return np.asarray(self._inverse[columns[:, :, None], columns[:, None, :]])
         return self._inverse.gather(columns)
+
+    def leverage(self, block: Block) -> Floats:
+        """(n, r) share of each whitened residual of a block that the unknowns take up."""
+        if block not in self._leverage:
+            found = np.empty(block.residual.shape)
+            for start in range(0, len(found), ROWS_AT_ONCE):
+                part = slice(start, start + ROWS_AT_ONCE)
+                jacobian = block.jacobian[part]
+                joint = self.blocks(block.columns[part])
+                found[part] = np.einsum("nrk,nrk->nr", jacobian @ joint, jacobian)
+            self._leverage[block] = found
+        return self._leverage[block]
 
 
 def _cholesky(scaled: Floats) -> Floats:

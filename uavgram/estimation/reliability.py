@@ -21,10 +21,6 @@ NO_REDUNDANCY = 1e-6
 """Redundancy number below which an observation is not checked by any other."""
 
 
-ROWS_AT_ONCE = 2000
-"""Rows whose covariances are gathered together."""
-
-
 class Reliability(NamedTuple):
     """Per whitened observation of one group; all (n, r).
 
@@ -42,13 +38,7 @@ class Reliability(NamedTuple):
 
 def reliability(block: Block, covariance: Covariance) -> Reliability:
     """Redundancy numbers and standardised residuals of one group of observations."""
-    leverage = np.empty(block.residual.shape)
-    for start in range(0, len(leverage), ROWS_AT_ONCE):
-        part = slice(start, start + ROWS_AT_ONCE)
-        jacobian = block.jacobian[part]
-        joint = covariance.blocks(block.columns[part])
-        leverage[part] = np.einsum("nrk,nrk->nr", jacobian @ joint, jacobian)
-    redundancy = np.clip(1.0 - leverage, 0.0, 1.0)
+    redundancy = np.clip(1.0 - covariance.leverage(block), 0.0, 1.0)
     checked = redundancy > NO_REDUNDANCY
     w = np.where(checked, block.residual / np.sqrt(np.where(checked, redundancy, 1.0)), 0.0)
     return Reliability(redundancy, w)

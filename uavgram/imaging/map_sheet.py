@@ -4,50 +4,66 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from PIL import Image, ImageDraw, ImageFont
 
 from uavgram.imaging.preview import Pixels
 
+LEAST_WIDTH_PX = 480
+"""Narrower top views get paper beside them, so that scale bar and arrow find room."""
+
 _INK, _PAPER = (30, 30, 30), 255
-_FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
-def map_sheet(rgba: Pixels, pixel_m: float, caption: str) -> bytes:
-    """PNG of a north-up picture (H, W, 4) with a foot that holds scale bar, arrow and caption."""
+def map_sheet(rgba: Pixels, pixel_m: float, caption: str, longest_px: int) -> bytes:
+    """PNG of a north-up picture with a foot that holds scale bar, north arrow and caption.
+
+    Parameters
+    ----------
+    rgba
+        (H, W, 4).
+    pixel_m
+        Edge of a pixel.
+    caption
+        One line.
+    longest_px
+        The picture is made smaller than that.
+    """
+    share = min(1.0, longest_px / max(rgba.shape[:2]))
+    if share < 1.0:
+        size = [max(1, round(side * share)) for side in rgba.shape[1::-1]]
+        pixel_m *= rgba.shape[1] / size[0]
+        rgba = np.asarray(cv2.resize(rgba, size, interpolation=cv2.INTER_AREA), np.uint8)
     height, width = rgba.shape[:2]
-    unit = max(width / 100.0, 6.0)
-    foot = round(8 * unit)
-    sheet = np.full((height + foot, width, 3), _PAPER, np.uint8)
+    unit = max(max(width, LEAST_WIDTH_PX) / 100.0, 6.0)
+    sheet = np.full((height + round(8 * unit), max(width, LEAST_WIDTH_PX), 3), _PAPER, np.uint8)
     opaque = rgba[..., 3:] > 0
-    sheet[:height] = np.where(opaque, rgba[..., :3], _PAPER)
-    thick = max(1, round(unit / 6))
-    bar_m = _nice(0.25 * width * pixel_m)
-    left, right = round(3 * unit), round(3 * unit + bar_m / pixel_m)
-    y = height + round(3.5 * unit)
-    cv2.rectangle(sheet, (left, y - thick), (right, y + thick), _INK, cv2.FILLED)
-    for x in (left, (left + right) // 2, right):
-        cv2.line(sheet, (x, y - round(unit)), (x, y + thick), _INK, thick, cv2.LINE_AA)
-    size = unit / 14.0
-    texts = (("0", left), (f"{bar_m / 2:g}", (left + right) // 2), (f"{bar_m:g} m", right))
-    for text, x in texts:
-        half = cv2.getTextSize(text, _FONT, size, thick)[0][0] // 2
-        _text(sheet, text, (x - half, y - round(1.4 * unit)), size, thick)
-    _text(sheet, caption, (left, height + round(6.5 * unit)), size, thick)
-    _arrow(sheet, (width - round(4 * unit), height + round(6 * unit)), unit, thick)
-    encoded = cv2.imencode(".png", sheet[..., ::-1])[1]
+    sheet[:height, :width] = np.where(opaque, rgba[..., :3], _PAPER)
+    drawn = Image.fromarray(sheet)
+    _foot(ImageDraw.Draw(drawn), height, unit, pixel_m, caption)
+    encoded = cv2.imencode(".png", np.asarray(drawn)[..., ::-1])[1]
     return bytes(encoded.tobytes())
+
+
+def _foot(pen: ImageDraw.ImageDraw, top: int, unit: float, pixel_m: float, caption: str) -> None:
+    thick = max(1, round(unit / 6))
+    font = ImageFont.load_default(1.6 * unit)
+    bar_m = _nice(25 * unit * pixel_m)
+    left, right = 3 * unit, 3 * unit + bar_m / pixel_m
+    y = top + 3.5 * unit
+    pen.rectangle((left, y - thick, right, y + thick), fill=_INK)
+    ticks = ((left, "0"), ((left + right) / 2, f"{bar_m / 2:g}"), (right, f"{bar_m:g} m"))
+    for x, text in ticks:
+        pen.line((x, y - unit, x, y + thick), fill=_INK, width=thick)
+        pen.text((x, y - 1.2 * unit), text, fill=_INK, font=font, anchor="ms")
+    pen.text((left, top + 6.5 * unit), caption, fill=_INK, font=font, anchor="ls")
+    x, y = 96 * unit, top + 5.0 * unit
+    pen.line((x, y, x, y - 2.5 * unit), fill=_INK, width=2 * thick)
+    tip = [(x, y - 4 * unit), (x - unit, y - 2 * unit), (x + unit, y - 2 * unit)]
+    pen.polygon(tip, fill=_INK)
+    pen.text((x, y + 2 * unit), "N", fill=_INK, font=font, anchor="ms")
 
 
 def _nice(wanted_m: float) -> float:
     """The largest of 1, 2, 5 times a power of ten that is not longer."""
     power = 10.0 ** np.floor(np.log10(wanted_m))
     return float(max(f for f in (1, 2, 5) if f * power <= wanted_m * (1 + 1e-9)) * power)
-
-
-def _text(sheet: Pixels, text: str, at: tuple[int, int], size: float, thick: int) -> None:
-    cv2.putText(sheet, text, at, _FONT, size, _INK, thick, cv2.LINE_AA)
-
-
-def _arrow(sheet: Pixels, foot: tuple[int, int], unit: float, thick: int) -> None:
-    tip = (foot[0], foot[1] - round(5 * unit))
-    cv2.arrowedLine(sheet, foot, tip, _INK, 2 * thick, cv2.LINE_AA, tipLength=0.3)
-    _text(sheet, "N", (foot[0] + round(0.8 * unit), foot[1]), unit / 14.0, thick)

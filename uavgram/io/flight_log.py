@@ -46,6 +46,22 @@ def read_flight_log(path: str | Path, *, positions_needed: bool = True) -> Fligh
     return log
 
 
+def is_flight_log(path: Path) -> bool:
+    """Whether suffix and beginning are those of a flight log, as logs of other programs end alike."""
+    suffix = path.suffix.lower()
+    if suffix not in (*_DATAFLASH_SUFFIXES, ".tlog", ".ulg"):
+        return False
+    try:
+        head = _head(path)
+    except InputError:
+        return False
+    if suffix == ".ulg":
+        return head.startswith(ULOG_MAGIC)
+    if suffix == ".tlog":
+        return len(head) > 8 and head[8] in (0xFD, 0xFE)
+    return head.startswith(_DATAFLASH_FORMAT) or b"FMT," in head
+
+
 def _read(path: str | Path) -> FlightLog:
     suffix = Path(path).suffix.lower()
     head = _head(path)

@@ -9,7 +9,6 @@ import numpy as np
 import rasterio
 from numpy.typing import NDArray
 from rasterio.enums import ColorInterp, Resampling
-from rasterio.transform import from_origin
 from rasterio.windows import Window as FileWindow
 
 from uavgram.model.arrays import Floats
@@ -74,13 +73,14 @@ def write_float_geotiff(
         file.build_overviews(_factors(raster), Resampling.average)
 
 
-def read_reduced(path: Path, longest_px: int) -> NDArray[np.uint8]:
-    """(h, w, 4) the picture no longer than `longest_px`, from its overviews."""
+def read_reduced(path: Path, shortest_px: int) -> NDArray[np.uint8]:
+    """(h, w, 4) the smallest overview whose longer side is no shorter; else the picture itself."""
     with rasterio.open(path) as file:
-        scale = min(1.0, longest_px / max(file.width, file.height))
-        shape = (4, max(1, round(file.height * scale)), max(1, round(file.width * scale)))
-        pixels = file.read(out_shape=shape, resampling=Resampling.average)
-    return np.ascontiguousarray(np.moveaxis(pixels, 0, 2))
+        longer = max(file.width, file.height)
+        fits = [k for k, f in enumerate(file.overviews(1)) if longer >= f * shortest_px]
+    level = {"overview_level": fits[-1]} if fits else {}
+    with _on_all_cores(), rasterio.open(path, **level) as file:
+        return np.ascontiguousarray(np.moveaxis(file.read(), 0, 2))
 
 
 def _on_all_cores() -> rasterio.Env:
@@ -93,7 +93,9 @@ def _place(raster: GroundRaster) -> dict[str, object]:
         "width": raster.width,
         "height": raster.height,
         "crs": raster.crs,
-        "transform": from_origin(raster.west_m, raster.north_m, raster.pixel_m, raster.pixel_m),
+        "transform": rasterio.Affine(
+            raster.pixel_m, 0.0, raster.west_m, 0.0, -raster.pixel_m, raster.north_m
+        ),
     }
 
 

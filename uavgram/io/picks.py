@@ -30,7 +30,9 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
     """
     table = read_table(path, _COLUMNS)
     if not len(table.line) and not may_be_empty:
-        table.faults.append((1, "holds no pick: add a line for each picked pixel"))
+        table.faults.append(
+            (1, "holds no pick: pick points with `uavgram pick`, or add a line each")
+        )
     table.require_positive("sigma_px")
     _check_names(table)
     _check_doubles(table)

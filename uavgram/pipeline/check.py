@@ -29,10 +29,39 @@ def check(project: str | os.PathLike[str]) -> Checked:
     UavgramError
         The first problem that would stop a run.
     """
-    inputs = read_inputs(Path(project))
+    inputs = read_inputs(Path(project), unpicked=True)
     posed = pose_frames(inputs)
-    messages = (*inputs.messages, *posed.messages, *_unseen(inputs))
+    messages = (*inputs.messages, *posed.messages, *missing(inputs), *_unseen(inputs))
     return Checked(inputs=inputs, posed=posed, messages=messages)
+
+
+def missing(inputs: Inputs) -> tuple[Message, ...]:
+    """What a project lacks to give measurements, or good ones, each in a sentence."""
+    project = inputs.project
+    messages = []
+    if not inputs.picks.image:
+        text = (
+            f"No point is picked yet, so there is nothing to compute: pick some with `uavgram pick "
+            f"{Path(inputs.project_path).name}`."
+        )
+        messages.append(Message("warning", "nothing-picked", text))
+    if not inputs.requests:
+        text = "Nothing is asked for yet: say what to measure on the picking page, or in `measure`."
+        messages.append(Message("info", "nothing-to-measure", text))
+    known = len(inputs.lines.name) or len(inputs.control.label)
+    if not known and project.log is None and project.poses is None:
+        text = (
+            "There is neither a flight log, nor poses, nor a known length: without one of them "
+            "nothing says how large anything is. Tape at least four lengths on the ground."
+        )
+        messages.append(Message("warning", "no-scale", text))
+    elif not known:
+        text = (
+            "No length on the ground is known: the telemetry alone decides the scale. A few taped "
+            "lengths make the measurements far better."
+        )
+        messages.append(Message("info", "no-known-length", text))
+    return tuple(messages)
 
 
 def _unseen(inputs: Inputs) -> list[Message]:

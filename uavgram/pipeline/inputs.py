@@ -72,7 +72,7 @@ class Inputs:
     messages: tuple[Message, ...]
 
 
-def read_inputs(path: Path, *, unfinished: bool = False) -> Inputs:
+def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False) -> Inputs:
     """Read and validate every input of a project; run nothing.
 
     Parameters
@@ -82,6 +82,8 @@ def read_inputs(path: Path, *, unfinished: bool = False) -> Inputs:
     unfinished
         Whether it may still lack picks, lengths and measurements: files that are not there then
         count as empty.
+    unpicked
+        Whether the table of picks may be empty.
 
     Raises
     ------
@@ -94,7 +96,7 @@ def read_inputs(path: Path, *, unfinished: bool = False) -> Inputs:
         None if name and unfinished and not Path(name).is_file() else name
         for name in (project.picks, project.lines, project.measure)
     )
-    picks = read_picks(picks_file, may_be_empty=unfinished) if picks_file else NO_PICKS
+    picks = read_picks(picks_file, may_be_empty=unfinished or unpicked) if picks_file else NO_PICKS
     lines = read_lines(lines_file) if lines_file else NO_LINES
     requests = read_measure(measure_file) if measure_file else ()
     control = read_known_points(project.control) if project.control else NO_POINTS

@@ -90,14 +90,15 @@ def rectify(
         write_float_geotiff(coarse, {"sigma_m": sigma}, tags | _SIGMA_TAGS, staging / SIGMA)
         picture = read_reduced(staging / PICTURE, SHEET_PX)
         pixel = raster.pixel_m * raster.width / picture.shape[1]
-        (staging / SHEET).write_bytes(map_sheet(picture, pixel, _caption(view, raster)))
+        sheet = map_sheet(picture, pixel, _caption(view, raster), SHEET_PX)
+        (staging / SHEET).write_bytes(sheet)
     return Rectified(
         folder=folder.absolute(),
         raster=raster,
         frames=view.frame_id,
         covered=float((picture[..., 3] > 0).mean()),
         sigma_m=(float(np.nanmin(sigma)), float(np.nanmax(sigma))),
-        messages=computed.result.messages,
+        messages=(*computed.result.messages, *_other_planes(view)),
     )
 
 
@@ -115,6 +116,19 @@ def _tags(view: View) -> dict[str, str]:
         "surface": "the adjusted ground plane: what stands above it leans away from the photo",
         "gauge": world.gauge,
     }
+
+
+def _other_planes(view: View) -> tuple[Message, ...]:
+    """A word on areas that lie on planes of their own."""
+    first, *others = view.result.areas
+    if not others:
+        return ()
+    names = ", ".join(repr(area.name) for area in others)
+    text = (
+        f"The top view lies on the plane of the area {first.name!r}: what lies higher, such as may "
+        f"be in {names}, leans away from the photo, and distances there are those of that plane."
+    )
+    return (Message("warning", "rectified-on-one-plane", text),)
 
 
 def _caption(view: View, raster: GroundRaster) -> str:

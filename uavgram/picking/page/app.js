@@ -86,7 +86,7 @@ class Desk {
     document.body.classList.toggle("stale", stale());
     byId("undo").disabled = !store.undo;
     byId("redo").disabled = !store.redo;
-    byId("known-labels").replaceChildren(...[...new Set([...labels(), ...store.control, ...store.check])].map((value) => node("option", { value })));
+    this.showKnown([...new Set([...labels(), ...store.control, ...store.check])]);
     if (this.selected && !labels().includes(this.selected)) this.selected = null;
     for (const pane of this.panes) pane.rebuild();
     this.showPanel();
@@ -94,6 +94,13 @@ class Desk {
     this.showMode();
     document.body.dataset.version = store.version;
     document.body.dataset.liveFor = store.liveFor;
+  }
+
+  showKnown(known) {
+    const sign = known.join(";");
+    if (sign === this.known) return;
+    this.known = sign;
+    byId("known-labels").replaceChildren(...known.map((value) => node("option", { value })));
   }
 
   showMode() {

@@ -40,3 +40,11 @@ export function shape(tag, attributes = {}, ...children) {
   made.append(...children);
   return made;
 }
+
+// Sets an attribute where it is not what it was set to before: setting alone costs a layout.
+export function put(element, name, value) {
+  element.was ??= {};
+  if (element.was[name] === value) return;
+  element.was[name] = value;
+  element.setAttribute(name, value);
+}

@@ -45,6 +45,12 @@ export class Loupe {
     return found;
   }
 
+  drawSoon() {
+    if (this.asked) return;
+    this.asked = true;
+    requestAnimationFrame(() => { this.asked = false; this.draw(); });
+  }
+
   draw() {
     if (this.canvas.hidden || !this.photo) return;
     const ratio = window.devicePixelRatio;

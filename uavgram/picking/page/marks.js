@@ -1,6 +1,6 @@
 // The marks of one pane as SVG: made when the state changes, moved when the view does.
 
-import { fixed, missing, shape, unitText, withSigma } from "./format.js";
+import { fixed, missing, put, shape, unitText, withSigma } from "./format.js";
 import { adjusted, fitOf, isSuspect, picksIn, placeOf, predictedIn, store } from "./store.js";
 
 export const RESIDUAL_SCALE = 20; // screen pixels for each pixel of the photo
@@ -26,23 +26,31 @@ export function buildMarks(image, { selected, shown, draft }) {
 function pickPart(pick, selected, shown) {
   const fit = fitOf(pick.image, pick.label);
   const suspect = isSuspect(fit?.status);
-  const sign = JSON.stringify([fit?.residual, fit?.spread, suspect, fit?.w, selected === pick.label, shown, pick.u, pick.v]);
-  const make = () => pickGroup(pick, fit, suspect, selected, shown);
-  return { key: `pick ${pick.label}`, label: pick.label, at: [pick.u, pick.v], sign, make, move: (group, view) => place(group, view, pick.u, pick.v) };
+  const residual = shown.residuals && fit?.residual?.[0] !== null ? fit?.residual : null;
+  const sign = JSON.stringify([Boolean(residual), fit?.spread, suspect, fit?.w, selected === pick.label, shown]);
+  const move = (group, view) => {
+    place(group, view, pick.u, pick.v);
+    stretch(group, residual);
+    put(group, "aria-label", spokenPick(pick, fit, suspect));
+  };
+  const make = () => pickGroup(pick, fit, suspect, selected, shown, residual);
+  return { key: `pick ${pick.label}`, label: pick.label, at: [pick.u, pick.v], sign, make, move };
 }
 
-function pickGroup(pick, fit, suspect, selected, shown) {
+function stretch(group, residual) {
+  for (const line of residual ? group.querySelectorAll("line") : []) {
+    put(line, "x2", residual[0] * RESIDUAL_SCALE);
+    put(line, "y2", residual[1] * RESIDUAL_SCALE);
+  }
+}
+
+function pickGroup(pick, fit, suspect, selected, shown, residual) {
   const group = shape("g", {
     class: `mark placed${suspect ? " suspect" : ""}${selected === pick.label ? " selected" : ""}`,
     tabindex: 0, role: "button", "data-label": pick.label,
-    "aria-label": spokenPick(pick, fit, suspect),
   });
   if (shown.ellipses && fit?.spread) group.append(...ellipse(fit.spread));
-  if (shown.residuals && fit?.residual && fit.residual[0] !== null) {
-    const [u, v] = fit.residual.map((r) => r * RESIDUAL_SCALE);
-    group.append(shape("line", { class: "halo", "stroke-width": 4, x2: u, y2: v }),
-      shape("line", { class: "residual", x2: u, y2: v }));
-  }
+  if (residual) group.append(shape("line", { class: "halo", "stroke-width": 4 }), shape("line", { class: "residual" }));
   if (suspect) group.append(shape("path", { class: "halo wide", d: DIAMOND }), shape("path", { class: "thin", d: DIAMOND }));
   group.append(shape("path", { class: "halo wide", d: CROSS }), shape("path", { class: "thin", d: CROSS }),
     shape("circle", { class: "ring", r: 15, fill: "none" }), shape("circle", { class: "hit", r: 12 }));
@@ -76,8 +84,8 @@ function ellipse([major, minor, turn], least = 0) {
   const make = (kind) => {
     const made = shape("ellipse", { class: kind, transform: `rotate(${turn ?? 0})` });
     made.resize = (scale) => {
-      made.setAttribute("rx", Math.max((major ?? 0) * CONFIDENCE * scale, least));
-      made.setAttribute("ry", Math.max((minor ?? 0) * CONFIDENCE * scale, least));
+      put(made, "rx", Math.max((major ?? 0) * CONFIDENCE * scale, least));
+      put(made, "ry", Math.max((minor ?? 0) * CONFIDENCE * scale, least));
     };
     return made;
   };
@@ -92,7 +100,7 @@ function text(words, x, y, kind = "") {
 
 function place(group, view, u, v) {
   const [x, y] = view.toScreen(u, v);
-  group.setAttribute("transform", `translate(${x} ${y})`);
+  put(group, "transform", `translate(${x} ${y})`);
   for (const child of group.children) child.resize?.(view.scale);
 }
 
@@ -127,8 +135,8 @@ function pathPart(image, key, points, kind, words, closed) {
       const [halo, thin, label] = group.children;
       const screen = at.map(({ u, v }) => view.toScreen(u, v));
       const path = screen.map((point) => point.join()).join(" ");
-      halo.setAttribute("points", path);
-      thin.setAttribute("points", path);
+      put(halo, "points", path);
+      put(thin, "points", path);
       const [a, b] = [screen[0], screen[1] ?? screen[0]];
       this.along = [a, b];
       this.middle = closed ? average(screen.slice(0, -1)) : null;
@@ -154,10 +162,10 @@ export function keepApart(parts, view) {
     const { label, text: words } = part.words;
     const width = words.length * CHARACTER_PX;
     const spot = words && part.room > 60 ? spots(part).find(([x, y]) => free(taken, x - width / 2, y - LINE_PX, width)) : null;
-    label.setAttribute("display", spot ? "inline" : "none");
+    put(label, "display", spot ? "inline" : "none");
     if (!spot) continue;
-    label.setAttribute("x", spot[0]);
-    label.setAttribute("y", spot[1] - 4);
+    put(label, "x", spot[0]);
+    put(label, "y", spot[1] - 4);
     taken.push({ x: spot[0] - width / 2, y: spot[1] - LINE_PX, width, height: LINE_PX });
   }
 }

@@ -266,7 +266,8 @@ export class Pane {
       return;
     }
     this.loupe.show({ u, v, scale: this.view.scale, aside: x > this.view.width - 230 && y < 230 });
-    this.redraw();
+    if (this.loupe.tiles(this.photo, this.image, store.tilePx).every(({ key }) => tile(key))) this.loupe.drawSoon();
+    else this.redraw(); // which asks for them
   }
 
   pan(x, y) {

@@ -42,11 +42,11 @@ def judge_overall(
     label = np.array([place[known.label[i]] for i in chosen], dtype=np.int64)
     if not withheld and not chosen:
         return None, ()
-    value, gradient = _values(adjustment, start, end, label)
+    value, *by_unknowns = _values(adjustment, start, end, label)
     stated = np.concatenate([lines.length_m[withheld], known.world_m[chosen].ravel()])
     sigma = np.concatenate([lines.sigma_m[withheld], known.sigma_m[chosen].ravel()])
     error = value - stated
-    joint = gradient.T @ adjustment.minimum.factor.solve(gradient) + np.diag(sigma**2)
+    joint = adjustment.minimum.factor.covariances(*by_unknowns) + np.diag(sigma**2)
     squared = float(error @ np.linalg.solve(joint, error))
     share = np.abs(error[: len(withheld)]) / lines.length_m[withheld]
     overall = ChecksOverall(
@@ -59,16 +59,20 @@ def judge_overall(
     return overall, _messages(overall, significance)
 
 
-def _values(adjustment: Adjustment, start: Ints, end: Ints, label: Ints) -> tuple[Floats, Floats]:
-    """Lengths, then coordinates, (n,); and their gradients (size, n) by the unknowns."""
-    size = adjustment.problem.layout.size
+def _values(
+    adjustment: Adjustment, start: Ints, end: Ints, label: Ints
+) -> tuple[Floats, Ints, Floats]:
+    """Lengths, then coordinates, (n,); and their gradients (n, k) by the unknowns (n, k)."""
     length, by_length, columns = adjustment.problem.lengths_between(adjustment.state, start, end)
     world, by_point, unknowns = adjustment.points_with_jacobian(label)
-    gradient = np.zeros((size, len(length) + world.size))
-    np.add.at(gradient, (columns, np.arange(len(length))[:, None]), by_length)
-    at = len(length) + np.arange(world.size).reshape(-1, 3, 1)
-    np.add.at(gradient, (unknowns[:, None, :], at), by_point)
-    return np.concatenate([length, world.ravel()]), gradient
+    value = np.concatenate([length, world.ravel()])
+    unknown = np.zeros((len(value), columns.shape[1]), dtype=np.int64)
+    gradient = np.zeros(unknown.shape)
+    unknown[: len(length)], gradient[: len(length)] = columns, by_length
+    of_point = slice(len(length), None), slice(unknowns.shape[1])  # a length has two points
+    unknown[of_point] = np.repeat(unknowns, 3, axis=0)
+    gradient[of_point] = by_point.reshape(world.size, -1)
+    return value, unknown, gradient
 
 
 def _messages(overall: ChecksOverall, significance: float) -> tuple[Message, ...]:

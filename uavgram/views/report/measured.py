@@ -133,17 +133,14 @@ def _alternative(result: Result, other: Alternative) -> AlternativeTable:
     order = np.argsort(-np.nan_to_num(sigmas, nan=-1.0), kind="stable")
     order = order[np.isfinite(sigmas[order])]
     shown, rest = order[:MOST_DIFFERENT], order[MOST_DIFFERENT:]
+    most = number(float(sigmas[rest].max(initial=0.0)), 1)
     return AlternativeTable(
         title=(
             f"Camera of {other.frame_id} at a height of {number(other.height_m, 2)} m, tilted by "
             f"{number(other.tilt_deg, 1)}° (weighted misfit {number(other.cost, 2)})"
         ),
         rows=tuple(_changed(result, int(i), values[i], sigmas[i]) for i in shown),
-        others=(
-            f"All others ({len(rest)}) differ by at most {number(float(sigmas[rest[0]]), 1)} sigmas."
-            if len(rest)
-            else ""
-        ),
+        others=f"All others ({len(rest)}) differ by at most {most} sigmas." if len(rest) else "",
     )
 
 

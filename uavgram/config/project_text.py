@@ -1,0 +1,102 @@
+"""A project file with comments, for a person to go on with."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+_PLAIN = re.compile(r"[A-Za-z][\w./-]*(?: [\w./-]+)*")
+_OTHER_MEANINGS = {"yes", "no", "on", "off", "true", "false", "null", "none", "y", "n"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProjectText:
+    """What a new project names; paths are relative to it, in the form of YAML's patterns.
+
+    Attributes
+    ----------
+    name
+        Of the project.
+    images
+        Patterns.
+    camera
+        A file, or ``auto``.
+    log, poses
+        At most one of them; None where there is none.
+    tables
+        Files of picks, lines, measure, and, where there are some, control and check.
+    remarks
+        Comments beside a key: why it is so.
+    """
+
+    name: str
+    images: Sequence[str]
+    camera: str
+    log: str | None
+    poses: str | None
+    tables: Mapping[str, str]
+    remarks: Mapping[str, str] = field(default_factory=dict)
+
+
+_COMMENTS = {
+    "images": "a pattern, or a list of patterns",
+    "camera": "camera.yaml, a file of OpenCV, COLMAP or OpenDroneMap, or auto: from the photos",
+    "log": "the flight log: ArduPilot .bin, .log or .tlog, PX4 .ulg",
+    "poses": "poses of the photos, where there is no log: exif, or a file",
+    "picks": "picked pixels: `uavgram pick` fills it",
+    "lines": "known lengths on the ground",
+    "measure": "what to measure",
+    "control": "points with known coordinates, used as observations",
+    "check": "points with known coordinates, used only to judge the result",
+}
+_EXAMPLES = {"log": "flight.BIN", "control": "control.csv", "check": "check.csv"}
+_WIDTH = 34
+
+_OPTIONS = """
+# What follows are the defaults that matter most; take the # off where yours differ.
+# world:
+#   heights: msl                   # what heights in files are above: msl (mean sea level), ellipsoid
+# ground:
+#   height_m: 0.0                  # of the ground above the place of take-off
+#   height_sigma_m: 0.3            # how well that is known
+#   slope_sigma_deg: 0.5           # the ground is level up to this
+# mount:
+#   gimbal: auto                   # auto: the log's gimbal angles where it has some; none: fixed
+#   pitch_deg: -90.0               # of a fixed camera: -90 looks straight down, 0 forward
+# time:
+#   offset_s: auto                 # camera clock minus UTC; auto: from the log's camera events
+"""
+
+
+def project_text(project: ProjectText) -> str:
+    """The file: every key has a comment, what is not there stands as a comment."""
+    images = [_scalar(pattern) for pattern in project.images]
+    values: dict[str, str | None] = {
+        "name": _scalar(project.name),
+        "images": images[0] if len(images) == 1 else f"[{', '.join(images)}]",
+        "camera": _scalar(project.camera),
+        "log": project.log and _scalar(project.log),
+        "poses": project.poses and _scalar(project.poses),
+        **{key: None for key in ("picks", "lines", "measure", "control", "check")},
+        **{key: _scalar(path) for key, path in project.tables.items()},
+        "output": "out",
+    }
+    lines = ["# A project: which files, and how they were made. Paths are relative to this file."]
+    for key, value in values.items():
+        comment = _COMMENTS.get(key, "")
+        if value is None and key == "poses" and project.log is not None:
+            continue
+        text = f"# {key}: {_EXAMPLES.get(key, 'exif')}" if value is None else f"{key}: {value}"
+        lines.append(f"{text.ljust(_WIDTH)} # {comment}" if comment else text)
+        if key in project.remarks:
+            lines.append(f"{'':{_WIDTH}} #   {project.remarks[key]}")
+    return "\n".join(lines) + "\n" + _OPTIONS
+
+
+def _scalar(text: str) -> str:
+    """A YAML scalar; in double quotes (as in JSON) where it could mean something else."""
+    if _PLAIN.fullmatch(text.replace("*", "x")) and not text.startswith("*"):
+        return json.dumps(text) if text.lower() in _OTHER_MEANINGS else text
+    return json.dumps(text, ensure_ascii=False)
