@@ -5,6 +5,7 @@ python tests/benchmarks/bench_picking.py [MEGAPIXELS]
 
 from __future__ import annotations
 
+import os
 import re
 import statistics
 import subprocess
@@ -62,11 +63,15 @@ def start(project: Path) -> tuple[subprocess.Popen[str], str]:
     return process, found.group()
 
 
+def children_of(process: int) -> list[int]:
+    found = Path(f"/proc/{process}/task").glob("*/children")
+    return [int(child) for path in found for child in path.read_text().split()]
+
+
 def pss_mb(process: int) -> float:
     """Proportional share of memory of a process and its children [MB]."""
-    children = Path(f"/proc/{process}/task/{process}/children").read_text().split()
     own = re.search(r"Pss:\s+(\d+)", Path(f"/proc/{process}/smaps_rollup").read_text())
-    return int(own.group(1)) / 1024 + sum(pss_mb(int(child)) for child in children) if own else 0
+    return int(own.group(1)) / 1024 + sum(map(pss_mb, children_of(process))) if own else 0.0
 
 
 def frames_while(page: Page) -> list[float]:
@@ -134,7 +139,9 @@ def main() -> None:
         )
         page.locator('#strip [data-image="1"]').click()
         page.wait_for_timeout(3000)
-        print(f"server {pss_mb(server.pid):.0f} MB")
+        drivers = [child for child in children_of(os.getpid()) if child != server.pid]
+        chromium = sum(pss_mb(child) for driver_ in drivers for child in children_of(driver_))
+        print(f"two photos seen: server {pss_mb(server.pid):.0f} MB, browser {chromium:.0f} MB")
         browser.close()
         server.terminate()
         server.wait(20)

@@ -6,9 +6,10 @@ ORTHORITY_PYTHON (or the environment's ORTHORITY_PYTHON) is the Python of an env
 orthority 0.7. Both take the same photo, pose, lens, flat ground, pixel size and bilinear
 interpolation, on all cores, and write a tiled GeoTIFF with overviews: this program red, green, blue
 and opacity; orthority red, green and blue, once with this program's DEFLATE options (level 1, with
-predictor) and once with its own DEFLATE. Timed is the rectification: photo file to GeoTIFF, without adjusting and without loading modules
-(orthority has no pose to adjust). The whole command, which also reads every input, adjusts, and
-writes the map of sigmas and the sheet, is said beside it, and so is orthority's whole process.
+predictor) and once with its own DEFLATE. Timed is the rectification: photo file to GeoTIFF, without
+adjusting and without loading modules (orthority has no pose to adjust). The whole command, which
+also reads every input, adjusts, and writes the map of sigmas and the sheet, is said beside it, and
+so is orthority's whole process.
 
 Rounds go in turn, so that what else the machine does falls on both alike; ratios are medians of
 neighbouring runs, of the clock and of processor time. The two pictures are compared too: places
@@ -116,7 +117,9 @@ def apart(first: Path, second: Path) -> tuple[float, float]:
             source, other, src_transform=file.transform, src_crs=file.crs,
             resampling=Resampling.bilinear, **place,
         )  # fmt: skip
-    middle = np.s_[grey.shape[0] // 4 : -grey.shape[0] // 4, grey.shape[1] // 4 : -grey.shape[1] // 4]
+    middle = np.s_[
+        grey.shape[0] // 4 : -grey.shape[0] // 4, grey.shape[1] // 4 : -grey.shape[1] // 4
+    ]
     one, two = np.ascontiguousarray(grey[middle]), np.ascontiguousarray(other[middle])
     shift, _ = cv2.phaseCorrelate(one, two)
     return float(np.hypot(*shift)), float(np.median(np.abs(one - two)))
@@ -130,7 +133,9 @@ def main(project: str, frame: str, python: str | None) -> int:
     view = choose_view(compute(read_inputs(Path(project)), curved=False).result, frame)
     raster = lay_raster(view)
     job = job_for(view, raster)
-    print(f"{raster.width} x {raster.height} pixels of {raster.pixel_m:g} m, {os.cpu_count()} cores")
+    print(
+        f"{raster.width} x {raster.height} pixels of {raster.pixel_m:g} m, {os.cpu_count()} cores"
+    )
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         mine, other = folder / "ours.tif", folder / "peer.tif"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -27,9 +28,16 @@ def chromium():
 
 
 @pytest.fixture(scope="session")
-def planted(tmp_path_factory: pytest.TempPathFactory) -> PickingProject:
-    """A project of one photo with marks at known places, and nothing picked."""
+def planted_once(tmp_path_factory: pytest.TempPathFactory) -> PickingProject:
     return write_project(tmp_path_factory.mktemp("planted"))
+
+
+@pytest.fixture
+def planted(planted_once: PickingProject, tmp_path: Path) -> PickingProject:
+    """A project of one photo with marks at known places, and nothing picked."""
+    folder = tmp_path / "planted"
+    shutil.copytree(planted_once.path.parent, folder)
+    return PickingProject(folder / planted_once.path.name, planted_once.marks_px)
 
 
 @pytest.fixture

@@ -1,12 +1,19 @@
 """A twin's rectified photos: the marks on the ground lie where the simulator put them.
 
-The marks (a black dot in a white ring) are found in the rectified picture itself, as the centroid of
-the dot. They are compared with the simulator's coordinates on the map after one shift and turn in
-the plane common to all of them: the receiver's bias and the heading's move the whole survey, and
-its own sigmas say so. No scale is taken out.
+The marks (a black dot in a white ring) are found in the rectified picture itself, as the centroid
+of the dot, and compared with the simulator's coordinates on the map.
+
+With the simulator's own pose and lens nothing is taken out first: that is what rectifying adds.
+With the adjusted ones, one shift and turn in the plane common to all marks is, for the receiver's
+bias and the heading's move the whole survey; no scale is. What is then left is what the survey
+itself knows of its shape, and its sigmas say so: lens and taped lengths leave a decimetre at its
+rim.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -14,17 +21,61 @@ import pytest
 import rasterio
 from pyproj import Transformer
 
-from uavgram.pipeline.rectify import rectify
+from uavgram.io.geotiff import write_colour_geotiff
+from uavgram.model.result import Estimate, PoseTable
+from uavgram.pipeline.compute import compute
+from uavgram.pipeline.inputs import read_inputs
+from uavgram.pipeline.rectify import warped_windows
+from uavgram.stages.rectify import choose_view, lay_raster
 
-DOT_PX2 = 0.033  # of a mark's dot on the ground [m2]
+DOT_M2 = 0.1  # of a mark's dot on the ground
+FRAME = "IMG_0045.jpg"
 
 
-@pytest.fixture(scope="module", params=["frame", "mosaic"])
-def rectified(request, data_dir, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("rectified")
-    frame, size = ("IMG_0045.jpg", None) if request.param == "frame" else (None, 0.04)
-    done = rectify(data_dir / "calm_nadir" / "project.yaml", folder, frame, size)
-    return request.param, done
+@pytest.fixture(scope="module")
+def result(data_dir):
+    return compute(read_inputs(data_dir / "calm_nadir" / "project.yaml"), curved=False).result
+
+
+def with_true_cameras(result, truth, shift):
+    """The result as it would be, had the adjustment found the simulator's poses and lens."""
+    frames = [truth["frames"][name] for name in result.frames.frame_id]
+    table = PoseTable(
+        center_world_m=np.array([f["center_world_m"] for f in frames]) - shift,
+        world_from_camera=np.array([f["world_from_camera"] for f in frames]),
+        covariance=result.frames.refined.covariance,
+    )
+    shared = replace(
+        result.shared,
+        plane_height_m=Estimate(value=-shift[2:], sigma=np.zeros(1)),
+        plane_slope_deg=Estimate(value=np.zeros(2), sigma=np.zeros(2)),
+        intrinsics=Estimate(value=np.array(truth["intrinsics"]), sigma=np.zeros(9)),
+    )
+    return replace(result, frames=replace(result.frames, refined=table), shared=shared)
+
+
+@pytest.fixture(scope="module")
+def rectified(result, truth, into_true_world, tmp_path_factory):
+    """What is rectified -> path of the picture, size of its pixels, and places of the marks."""
+    known = truth("calm_nadir")
+    shift = into_true_world(result, known)
+
+    def make(kind):
+        made = with_true_cameras(result, known, shift) if kind == "true" else result
+        view = choose_view(made, None if kind == "mosaic" else FRAME)
+        raster = lay_raster(view, 0.04 if kind == "mosaic" else None)
+        path = tmp_path_factory.mktemp("rectified") / f"{kind}.tif"
+        write_colour_geotiff(raster, warped_windows(view, raster), {}, path)
+        labels, places = true_places(known, raster.crs)
+        rows, found = find_marks(path, places)
+        return SimpleNamespace(
+            pixel_m=raster.pixel_m,
+            labels=[labels[k] for k in rows],
+            found=found,
+            true=places[rows],
+        )
+
+    return make
 
 
 def true_places(truth, crs):
@@ -47,16 +98,14 @@ def dot(grey, opaque, pixel_m):
     found = []
     for k in range(1, count):
         area = stats[k, cv2.CC_STAT_AREA] * pixel_m**2
-        if not 0.4 * DOT_PX2 < area < 2.0 * DOT_PX2:
+        if not 0.5 * DOT_M2 < area < 1.5 * DOT_M2:
             continue
-        ring = cv2.dilate((label == k).astype(np.uint8), np.ones((9, 9))) - cv2.dilate(
-            (label == k).astype(np.uint8), np.ones((5, 5))
-        )
-        if grey[ring > 0].min() < 150:
+        near = cv2.dilate((label == k).astype(np.uint8), np.ones((5, 5)))
+        ring = cv2.dilate(near, np.ones((3, 3))) - near
+        if np.median(grey[ring > 0]) < 170:
             continue
-        near = cv2.dilate((label == k).astype(np.uint8), np.ones((5, 5))) > 0
         row, column = np.nonzero(near)
-        weight = np.maximum(220.0 - grey[near], 0.0)
+        weight = np.maximum(220.0 - grey[near > 0], 0.0)
         found.append((weight @ column / weight.sum(), weight @ row / weight.sum()))
         assert np.hypot(*(np.array(found[-1]) - middle[k])) < 1.0
     return found[0] if len(found) == 1 else None
@@ -94,31 +143,31 @@ def without_shift_and_turn(found, true):
     return a @ turn - b, turn
 
 
-def test_marks_lie_within_a_pixel_and_a_half_of_their_true_coordinates(rectified, truth):
-    kind, done = rectified
-    _, places = true_places(truth("calm_nadir"), done.raster.crs)
-    rows, found = find_marks(done.folder / "rectified.tif", places)
+def test_rectifying_places_marks_to_a_fraction_of_a_pixel(rectified):
+    frame = rectified("true")
 
-    apart, turn = without_shift_and_turn(found, places[rows])
+    apart = np.hypot(*(frame.found - frame.true).T) / frame.pixel_m
 
-    assert len(rows) >= (13 if kind == "frame" else 25)
-    assert np.hypot(*apart.T).max() < 1.5 * done.raster.pixel_m
+    assert len(apart) >= 13
+    assert apart.max() < 0.5
+
+
+@pytest.mark.parametrize("kind", ["frame", "mosaic"])
+def test_marks_lie_within_a_pixel_and_a_half_and_what_the_survey_leaves_open(
+    rectified, result, kind
+):
+    picture = rectified(kind)
+
+    apart, turn = without_shift_and_turn(picture.found, picture.true)
+
+    size = np.hypot(*apart.T)
+    rows = [result.points.label.index(label) for label in picture.labels]
+    within = np.linalg.eigvalsh(result.points.relative.covariance_m2[rows])[:, 1]
+    allowed = 1.5 * picture.pixel_m + 3.0 * np.sqrt(within)
+    assert len(size) >= (13 if kind == "frame" else 25)
+    assert (size < allowed).all()
+    assert np.median(size) < 1.5 * picture.pixel_m
     # what was taken out is what the survey's own sigmas allow
-    shift = np.hypot(*(found - places[rows]).mean(axis=0))
-    assert shift < 3.0 * done.sigma_m[0]
+    shift = np.hypot(*(picture.found - picture.true).mean(axis=0))
+    assert shift < 3.0 * np.sqrt(result.points.covariance_m2[:, 0, 0].max())
     assert abs(np.degrees(np.arctan2(turn[1, 0], turn[0, 0]))) < 1.0
-
-
-def test_the_files_say_where_they_lie_and_hold_overviews(rectified):
-    _, done = rectified
-    with rasterio.open(done.folder / "rectified.tif") as file:
-        assert file.crs.to_string() == done.raster.crs == "EPSG:32755"
-        assert file.overviews(1)[:3] == [2, 4, 8]
-        assert file.tags()["survey"] == "calm_nadir"
-    with rasterio.open(done.folder / "rectified_sigma.tif") as file:
-        assert file.crs.to_string() == "EPSG:32755"
-        sigma = file.read(1)
-    assert np.nanmin(sigma) == pytest.approx(done.sigma_m[0], rel=1e-6)
-    assert np.isfinite(sigma).mean() == pytest.approx(done.covered, abs=0.02)
-    sheet = cv2.imread(str(done.folder / "rectified.png"))
-    assert max(sheet.shape[:2]) <= 3000 * 1.1

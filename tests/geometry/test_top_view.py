@@ -112,8 +112,8 @@ def test_sigma_is_that_of_everything_moved_by_its_joint_covariance(lens):
     count = 9 + len(parameters)
     rng = np.random.default_rng(5)
     scale = np.concatenate(
-        [[0.2, 0.3, 0.25], [3e-3, 4e-3, 5e-3], [2.0, 3.0, 1.5, 1.0], np.full(len(parameters) - 4, 2e-3),
-         [0.1, 4e-3, 5e-3]]
+        [[0.2, 0.3, 0.25], [3e-3, 4e-3, 5e-3], [2.0, 3.0, 1.5, 1.0],
+         np.full(len(parameters) - 4, 2e-3), [0.1, 4e-3, 5e-3]]
     )  # fmt: skip
     mixed = rng.normal(size=(count, 2 * count))
     correlation = np.corrcoef(mixed)

@@ -214,9 +214,7 @@ def test_a_photo_that_ends_fades_into_the_one_below_it(tmp_path):
         tmp_path, (60, 200), ((0.0, 0, 30.0), (45.0, 0.0, 30.0)), [looking(), looking(40, 270)]
     )
     raster = lay_raster(view, 0.05)
-    row = GroundRaster(
-        west_m=10.0, north_m=0.2, pixel_m=0.05, width=300, height=9, crs=None
-    )
+    row = GroundRaster(west_m=10.0, north_m=0.2, pixel_m=0.05, width=300, height=9, crs=None)
     tangent, inner = tangents(view, row)
     (end,) = np.flatnonzero(np.diff((inner[4, :, 0] > 0).astype(int)))
     assert tangent[4, end, 1] - tangent[4, end, 0] > 2 * REACH  # else an ordinary seam is tested
@@ -292,7 +290,10 @@ def test_the_stored_pixels_count_whatever_the_tag_of_orientation_says(tmp_path):
     image.save(tmp_path / "a.jpg", exif=exif, quality=95)
 
     assert read_photo(str(tmp_path / "a.jpg")).rgba.shape[:2] == (SIZE_PX[1] + 2, SIZE_PX[0] + 2)
-    assert read_photo(str(tmp_path / "a.jpg"), 2).rgba.shape[:2] == (SIZE_PX[1] // 2 + 2, SIZE_PX[0] // 2 + 2)
+    assert read_photo(str(tmp_path / "a.jpg"), 2).rgba.shape[:2] == (
+        SIZE_PX[1] // 2 + 2,
+        SIZE_PX[0] // 2 + 2,
+    )
 
 
 def test_a_photo_that_is_gone_or_none_is_told_by_name_each_time(tmp_path):

@@ -56,7 +56,7 @@ def only(observed, rows):
     )
 
 
-def test_live_numbers_are_those_of_a_run(survey, adjusted, data_dir):
+def test_live_numbers_are_those_of_a_run(adjusted, data_dir):
     inputs = read_inputs(data_dir / "calm_nadir" / "project.yaml")
     run = compute(replace(inputs, requests=inputs.requests[:12]), curved=False).result
     np.testing.assert_array_equal(adjusted.result.measurements.value, run.measurements.value)
@@ -144,10 +144,19 @@ def test_a_photo_without_picks_is_predicted_as_if_its_picks_said_nothing(survey)
 def test_the_same_ground_is_where_a_label_is_picked_in_another_photo(survey, adjusted):
     live, observed = survey
     picks = observed.picks
-    pixel = {
-        key: picks.pixel_px[i] for i, key in enumerate(zip(picks.image, picks.label, strict=True))
-    }
-    first = pixel["IMG_0046.jpg", "R3"]
-    u, v, scale = same_ground(live, adjusted, "IMG_0046.jpg", tuple(first))["IMG_0048.jpg"]
-    assert np.linalg.norm(np.array([u, v]) - pixel["IMG_0048.jpg", "R3"]) < 5.0
-    assert 0.8 < scale < 1.25
+    keys = zip(picks.image, picks.label, strict=True)
+    pixel = {key: picks.pixel_px[i] for i, key in enumerate(keys)}
+    here, there = "IMG_0045.jpg", "IMG_0046.jpg"
+    both = [label for image, label in pixel if image == here and (there, label) in pixel]
+    assert len(both) > 5
+    for label in both:
+        found = same_ground(live, adjusted, here, tuple(pixel[here, label]))
+        u, v, scale = found[there]
+        assert np.linalg.norm(np.array([u, v]) - pixel[there, label]) < 5.0
+        assert 0.8 < scale < 1.25
+
+
+def test_before_any_adjustment_the_telemetry_says_where_the_same_ground_is(survey):
+    live, _ = survey
+    places = same_ground(live, None, "IMG_0045.jpg", (1500.0, 1100.0))
+    assert len(places) == len(live.inputs.photos.frame_id) - 1

@@ -59,15 +59,15 @@ def test_without_any_pose_there_is_nothing_to_rectify():
 def ground_of_border(view, index):
     """(n, 2) where a photo's border meets z = 0, by OpenCV's undistortion."""
     share = np.linspace(0, 1, 200)
-    u, v = np.concatenate([share, share, 0 * share, 0 * share + 1]), np.concatenate(
-        [0 * share, 0 * share + 1, share, share]
+    u, v = (
+        np.concatenate([share, share, 0 * share, 0 * share + 1]),
+        np.concatenate([0 * share, 0 * share + 1, share, share]),
     )
     pixel = np.stack([u * SIZE_PX[0], v * SIZE_PX[1]], 1) - 0.5
     fx, fy, cx, cy = BROWN[:4]
     stop = (cv2.TERM_CRITERIA_MAX_ITER | cv2.TERM_CRITERIA_EPS, 200, 1e-13)
-    ray = cv2.undistortPoints(
-        pixel[:, None], np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), BROWN[4:], None, None, None, stop
-    )[:, 0]  # fmt: skip
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    ray = cv2.undistortPoints(pixel[:, None], matrix, BROWN[4:], None, None, None, stop)[:, 0]
     poses = view.result.frames.refined
     ray = np.concatenate([ray, np.ones((len(ray), 1))], 1) @ poses.world_from_camera[index].T
     center = poses.center_world_m[index]

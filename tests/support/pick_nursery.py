@@ -25,7 +25,11 @@ def child(project: str, log_file: str) -> None:
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     logging.basicConfig(filename=log_file, level=logging.INFO, force=True)
     try:
-        serve(Path(project), lambda address: tell(pid=os.getpid(), address=address))
+        serve(
+            Path(project),
+            lambda address: tell(pid=os.getpid(), address=address),
+            lambda: None,
+        )
     except UavgramError as why:
         tell(pid=os.getpid(), refused=str(why))
 

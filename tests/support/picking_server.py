@@ -14,6 +14,8 @@ import uvicorn
 from uavgram.picking.guard import Guard
 from uavgram.picking.server import PickServer
 from uavgram.picking.tables import Tables
+from uavgram.pipeline.compute import compute
+from uavgram.pipeline.inputs import read_inputs
 from uavgram.pipeline.live import LiveSurvey
 
 
@@ -25,7 +27,7 @@ class Served:
         self._door = socket.socket()
         self._door.bind(("127.0.0.1", 0))
         self.port = self._door.getsockname()[1]
-        self.pick = PickServer(survey, Tables(survey.inputs))
+        self.pick = PickServer(survey, Tables(survey.inputs), lambda: compute(read_inputs(project)))
         self.guard = Guard(self.pick.application(), self.port)
         config = uvicorn.Config(
             self.guard, log_config=None, ws="websockets-sansio", timeout_graceful_shutdown=1

@@ -147,7 +147,7 @@ def world_of(view: View, raster: GroundRaster, column: np.ndarray, row: np.ndarr
 
 
 def exact_warp(view: View, raster: GroundRaster, lens: str, index: int, rgb: np.ndarray):
-    """(h, w, 3) bilinear grey values of one photo, and (h, w) its pixels' u, v, by OpenCV and scipy."""
+    """(h, w, 3) bilinear grey values of a photo, and (h, w, 2) its pixels, by OpenCV and scipy."""
     row, column = np.mgrid[: raster.height, : raster.width].reshape(2, -1).astype(float)
     world = world_of(view, raster, column, row)
     poses = view.result.frames.refined

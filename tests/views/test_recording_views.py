@@ -7,6 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from large_result import large_result
 from pyproj import Geod
 from recording_contents import Contents
 from scipy.spatial.transform import Rotation
@@ -265,3 +266,32 @@ def test_photos_pass_through_a_few_at_a_time(survey, tmp_path):
     assert sorted(blobs) == list(range(40))
     # what was handed over is in the file already, but for the last few
     assert all(size >= 200_000 * (k - PHOTOS_PER_CHUNK) for k, size in enumerate(sizes))
+
+
+def test_more_points_than_ellipses_can_be_drawn_are_coloured_themselves(
+    survey, contents, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("uavgram.views.recording.survey.MOST_OUTLINES", 29)
+    path = tmp_path / "recording.rrd"
+    write_recording(survey.build(), (), no_ground, path)
+    many = Contents(path).static
+
+    assert "/survey/points/ellipse_95_exaggerated" not in many
+    assert "/survey/points/ellipse_95_exaggerated" in contents.static
+    assert len(set(many["/survey/points/picked"]["Points3D:colors"])) > 10
+    assert len(set(contents.static["/survey/points/picked"]["Points3D:colors"])) == 1
+    assert "too many to be drawn" in many["/documents/summary"]["TextDocument:text"][0]
+
+
+def test_long_flights_with_many_points_can_be_written_and_read(tmp_path):
+    result = large_result(600, 7000)
+    path = tmp_path / "recording.rrd"
+    write_recording(result, (), no_ground, path)
+    contents = Contents(path)
+    picks = contents.by_frame[f"{PHOTO}/picked"]["Points2D:positions"]
+
+    assert len(contents.static["/survey/refined/cameras"]["LineStrips3D:strips"]) == 600
+    assert sum(map(len, picks.values())) == len(result.picks.label)
+    ellipses = contents.static["/survey/points/ellipse_95_true_size/0"]
+    assert len(ellipses["Ellipsoids3D:centers"]) == 7000
+    assert path.stat().st_size < 10e6

@@ -15,6 +15,7 @@ from uavgram.cli import (  # noqa: F401  (each registers itself with the applica
     demo,
     geotag,
     log,
+    new,
     pick,
     picks,
     rectify,

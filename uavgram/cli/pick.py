@@ -53,6 +53,11 @@ def pick(
         if browser:
             webbrowser.open(address)
 
-    serve(project, announce, port)
+    def run() -> None:
+        from uavgram.pipeline.run import run as run_project
+
+        run_project(project)
+
+    serve(project, announce, run, port)
     say("Saved.")
     return DONE

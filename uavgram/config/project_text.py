@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 _PLAIN = re.compile(r"[A-Za-z][\w./-]*(?: [\w./-]+)*")
 _OTHER_MEANINGS = {"yes", "no", "on", "off", "true", "false", "null", "none", "y", "n"}
@@ -27,8 +27,8 @@ class ProjectText:
         At most one of them; None where there is none.
     tables
         Files of picks, lines, measure, and, where there are some, control and check.
-    remarks
-        Comments beside a key: why it is so.
+    offset_s
+        Camera clock minus UTC [s]; None: from the log's camera events.
     """
 
     name: str
@@ -37,12 +37,12 @@ class ProjectText:
     log: str | None
     poses: str | None
     tables: Mapping[str, str]
-    remarks: Mapping[str, str] = field(default_factory=dict)
+    offset_s: float | None = None
 
 
 _COMMENTS = {
     "images": "a pattern, or a list of patterns",
-    "camera": "camera.yaml, a file of OpenCV, COLMAP or OpenDroneMap, or auto: from the photos",
+    "camera": "a camera file, or auto: what the photos say of theirs",
     "log": "the flight log: ArduPilot .bin, .log or .tlog, PX4 .ulg",
     "poses": "poses of the photos, where there is no log: exif, or a file",
     "picks": "picked pixels: `uavgram pick` fills it",
@@ -57,7 +57,7 @@ _WIDTH = 34
 _OPTIONS = """
 # What follows are the defaults that matter most; take the # off where yours differ.
 # world:
-#   heights: msl                   # what heights in files are above: msl (mean sea level), ellipsoid
+#   heights: msl                   # datum of heights in files: msl (mean sea level) or ellipsoid
 # ground:
 #   height_m: 0.0                  # of the ground above the place of take-off
 #   height_sigma_m: 0.3            # how well that is known
@@ -79,7 +79,7 @@ def project_text(project: ProjectText) -> str:
         "camera": _scalar(project.camera),
         "log": project.log and _scalar(project.log),
         "poses": project.poses and _scalar(project.poses),
-        **{key: None for key in ("picks", "lines", "measure", "control", "check")},
+        **dict.fromkeys(("picks", "lines", "measure", "control", "check")),
         **{key: _scalar(path) for key, path in project.tables.items()},
         "output": "out",
     }
@@ -90,9 +90,11 @@ def project_text(project: ProjectText) -> str:
             continue
         text = f"# {key}: {_EXAMPLES.get(key, 'exif')}" if value is None else f"{key}: {value}"
         lines.append(f"{text.ljust(_WIDTH)} # {comment}" if comment else text)
-        if key in project.remarks:
-            lines.append(f"{'':{_WIDTH}} #   {project.remarks[key]}")
-    return "\n".join(lines) + "\n" + _OPTIONS
+    if project.offset_s is None:
+        return "\n".join(lines) + "\n" + _OPTIONS
+    offset = f"  offset_s: {project.offset_s!r}".ljust(_WIDTH) + " # camera clock minus UTC\n"
+    start, _, _ = _OPTIONS.partition("# time:")
+    return "\n".join(lines) + "\n" + start + "time:\n" + offset
 
 
 def _scalar(text: str) -> str:

@@ -133,7 +133,7 @@ class Adjustment:
         to_lens[6 + len(lens) :, 6 + layout.intrinsics :] = np.eye(3)[:, :plane]
         right = np.zeros((layout.size, len(shared)))
         right[shared, np.arange(len(shared))] = 1.0
-        with_shared, _ = self.minimum.factor.products(right)
+        with_shared = self.minimum.factor.solve(right)
         columns = layout.frame_columns(frame)
         joint = np.empty((len(frame), to_lens.shape[1], to_lens.shape[1]))
         joint[:, :6, :6] = self.covariance.blocks(columns)

@@ -150,7 +150,8 @@ def _directions(
     spread = np.zeros((adjustment.problem.layout.size, 3 * len(label)))
     at = 3 * np.arange(len(label))[:, None, None] + np.arange(3)[:, None]
     np.add.at(spread, (columns[:, None, :], at), jacobian)
-    solved, joint = adjustment.minimum.factor.products(spread)
+    solved = adjustment.minimum.factor.solve(spread)
+    joint = spread.T @ solved
     size = np.sqrt(np.diag(joint))
     size = np.where(size > 0, size, 1.0)
     variance, axes = np.linalg.eigh(joint / np.outer(size, size))

@@ -14,7 +14,6 @@ from uavgram.geometry.plane_pose import pose_above_plane
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey import Survey
 
-
 SAME = 0.01
 """Distance between two planes, in sigmas, up to which they are the same."""
 
@@ -141,10 +140,11 @@ def length_poses(survey: Survey) -> dict[int, LengthPoses]:
 
 def _distinct(poses: LengthPoses) -> LengthPoses:
     """Of poses that came to rest at the same plane, the first."""
-    sigma = np.sqrt(np.einsum("bii->bi", poses.covariance)[:, :3])
-    apart = np.abs(poses.plane[:, None] - poses.plane)
-    same = (apart <= SAME * np.where(poses.converged[:, None], sigma, 0.0)).all(axis=2)
-    return poses.take(np.flatnonzero(same.argmax(axis=0) == np.arange(len(same))))
+    variance = np.einsum("bii->bi", poses.covariance)[:, :3]
+    sigma = np.sqrt(np.where(poses.converged[:, None], variance, 0.0))
+    same = np.all(np.abs(poses.plane[:, None] - poses.plane) <= SAME * sigma, axis=2)
+    first = np.argmax(same, axis=0)
+    return poses.take(np.flatnonzero(first == np.arange(len(first))))
 
 
 def _length_frames(survey: Survey, seen: SeenLines, frame: Ints) -> LengthFrames:

@@ -72,6 +72,8 @@ def minimise(
     update: Callable[[State, Floats], State],
     size: int,
     structure: Structure | None = None,
+    most: int = MAX_ITERATIONS,
+    at_rest: float = 0.0,
 ) -> Minimum[State]:
     """Minimise a sum of squared whitened residuals.
 
@@ -88,6 +90,10 @@ def minimise(
         Number of unknowns.
     structure
         What they are, for a good elimination order of large systems.
+    most
+        Iterations after which it ends wherever it is.
+    at_rest
+        Predicted fall below which the rest is not worth a step, where that is more than usual.
 
     Returns
     -------
@@ -112,11 +118,11 @@ def minimise(
     if blocks is None:
         raise ValueError("the first values are impossible")
     normal = NormalEquations(list(blocks.values()), size, structure)
-    at_rest = max(CONVERGED, CONVERGED_EACH * size)
+    at_rest = max(at_rest, CONVERGED, CONVERGED_EACH * size)
     damping, growth = 1e-9, 2.0
     iteration = 0
     factor: Factor | None = None
-    while iteration < MAX_ITERATIONS:
+    while iteration < most:
         iteration += 1
         fresh = factor is None
         factor = factor or normal.factor(damping)

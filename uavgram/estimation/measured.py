@@ -97,8 +97,8 @@ def measured_rows(
             columns.append(column)
         rows += found
     gradient = np.stack(columns, axis=1) if columns else np.zeros((size, 0))
-    solved, covariance = adjustment.minimum.factor.products(gradient)
-    covariance += _of_others(rows)
+    solved = adjustment.minimum.factor.solve(gradient) if columns else gradient
+    covariance = gradient.T @ solved + _of_others(rows)
     without = [row.gradient is None for row in rows]
     covariance[without] = covariance[:, without] = np.nan
     return Measured(

@@ -184,14 +184,19 @@ class Factor:
         return isinstance(self._factor, SparseFactor)
 
     def solve(self, right: Floats) -> Floats:
-        """Solve for one (n,) or several (n, m) right-hand sides."""
+        """Solve for one (n,) or several (n, m) right-hand sides; large systems a few at a time."""
         scale = self._scale if right.ndim == 1 else self._scale[:, None]
-        scaled = right * scale
-        if isinstance(self._factor, SparseFactor):
-            solved = self._factor.solve(scaled.reshape(self.size, -1)).reshape(right.shape)
-        else:
+        if not isinstance(self._factor, SparseFactor):
+            scaled = right * scale
             solved = scipy.linalg.cho_solve((self._factor, True), scaled, check_finite=False)
-        return np.asarray(solved * scale)
+            return np.asarray(solved * scale)
+        columns = right.reshape(self.size, -1)
+        found = np.empty(columns.shape)
+        for start in range(0, columns.shape[1], AT_ONCE):
+            some = slice(start, start + AT_ONCE)
+            scaled = columns[:, some] * self._scale[:, None]
+            found[:, some] = self._factor.solve(scaled) * self._scale[:, None]
+        return found.reshape(right.shape)
 
     def predicted_fall(self, step: Floats, gradient: Floats) -> float:
         """Fall of the sum of squares that the linearised model promises of a solved step.
@@ -201,20 +206,12 @@ class Factor:
         damped = self._damping * float(np.sum((step / self._scale) ** 2))
         return damped - float(step @ gradient)
 
-    def products(self, right: Floats) -> tuple[Floats, Floats]:
-        """`solve` for (n, m), a few columns at a time, and right^T times that, (m, m)."""
-        solved = np.empty_like(right)
-        for start in range(0, right.shape[1], AT_ONCE):
-            some = slice(start, start + AT_ONCE)
-            solved[:, some] = self.solve(right[:, some])
-        return solved, right.T @ solved
-
     def joint(self, indices: Ints) -> Floats:
         """Joint covariance (m, m) of m chosen unknowns."""
         return self.covariances(indices[:, None], np.ones((len(indices), 1)))
 
     def covariances(self, columns: Ints, gradients: Floats) -> Floats:
-        """Joint covariance (n, n) of linear functions: their gradients (n, k) by unknowns (n, k)."""
+        """Joint covariance (n, n) of linear functions, as `variances` takes them."""
         joint = np.empty((len(columns), len(columns)))
         for some, _, solved in self._solved(columns, gradients):
             joint[:, some] = np.einsum("nk,nkm->nm", gradients, solved[columns], optimize=True)

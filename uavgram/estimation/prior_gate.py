@@ -37,9 +37,7 @@ def distance_from_prior(
     poses
         Of that frame, C candidates that came to rest, with their own covariances.
     """
-    difference, prior, own = _compared(
-        center_world_m, world_from_camera, covariance, ground, poses
-    )
+    difference, prior, own = _compared(center_world_m, world_from_camera, covariance, ground, poses)
     weighted = np.linalg.solve(prior + own, difference[..., None])[..., 0]
     return np.asarray(np.sum(difference * weighted, axis=1))
 
@@ -56,9 +54,7 @@ def shift_of_seed(
     Where seed and candidate together put the pose, each with its weight; parameters as for
     `distance_from_prior`.
     """
-    difference, prior, own = _compared(
-        center_world_m, world_from_camera, covariance, ground, poses
-    )
+    difference, prior, own = _compared(center_world_m, world_from_camera, covariance, ground, poses)
     weighted = np.linalg.solve(prior + own, difference[..., None])
     return np.asarray((prior @ weighted)[..., 0])
 

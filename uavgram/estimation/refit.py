@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from uavgram.estimation.adjustment import Adjustment
-from uavgram.estimation.least_squares import CONVERGED, minimise
+from uavgram.estimation.least_squares import AT_REST, CONVERGED, minimise
 from uavgram.estimation.normal_equations import Block, SingularError
 from uavgram.estimation.survey_state import State, advance
 from uavgram.model.arrays import Floats
@@ -47,12 +47,12 @@ def refit(
         step = -factor.solve(gradient)
         length = float(-gradient @ step)
         if length > FAST * previous:
-            return _in_full(adjustment, state, errors)
+            return _in_full(adjustment, state, errors, at_rest)
         before, state, previous = state, advance(layout, state, step), length
         if length < at_rest:
             return state
         blocks = adjustment.problem.evaluate(state)
-    return _in_full(adjustment, before, errors)
+    return _in_full(adjustment, before, errors, at_rest)
 
 
 def with_errors(blocks: Mapping[str, Block], errors: Mapping[str, Floats]) -> dict[str, Block]:
@@ -65,7 +65,9 @@ def with_errors(blocks: Mapping[str, Block], errors: Mapping[str, Floats]) -> di
     }
 
 
-def _in_full(adjustment: Adjustment, start: State, errors: Mapping[str, Floats]) -> State | None:
+def _in_full(
+    adjustment: Adjustment, start: State, errors: Mapping[str, Floats], at_rest: float
+) -> State | None:
     problem, layout = adjustment.problem, adjustment.problem.layout
 
     def evaluate(state: State) -> dict[str, Block] | None:
@@ -79,6 +81,7 @@ def _in_full(adjustment: Adjustment, start: State, errors: Mapping[str, Floats])
             lambda state, step: advance(layout, state, step),
             layout.size,
             layout.structure,
+            at_rest=min(at_rest, 0.1 * AT_REST),
         )
     except SingularError:
         return None

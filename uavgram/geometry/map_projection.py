@@ -81,7 +81,8 @@ def projected_from_enu(enu_m: Floats, origin: Origin, crs: str) -> Floats:
 
 def geographic_from_projected(projected_m: Floats, crs: str) -> tuple[Floats, Floats]:
     """Longitudes and latitudes (N,) [deg] of places on the map (N, 2) [m]."""
-    longitude, latitude = _to_map(crs).transform(*projected_m.T, direction="INVERSE")
+    east, north = projected_m.T
+    longitude, latitude = _to_map(crs).transform(east, north, direction="INVERSE")
     return longitude, latitude
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uavgram.geometry.back_projection import back_project_with_jacobian
 from uavgram.geometry.geodesy import Origin, enu_from_geodetic
@@ -15,6 +16,8 @@ from uavgram.geometry.rotation import hat
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.ground_raster import GroundRaster
 from uavgram.model.result import Result
+
+Numbers = NDArray[np.floating]
 
 LEAST_SINE = 0.17
 """Of the angle between a ray and the ground (10 degrees): flatter ones smear a photo's pixel over
@@ -108,7 +111,7 @@ class View:
         aside = np.hypot(from_center[..., 0], from_center[..., 1])
         return pixel, aside / np.where(down > 0, down, np.nan)
 
-    def shows(self, u_px: Floats, v_px: Floats, off_nadir: Floats) -> Bools:
+    def shows(self, u_px: Numbers, v_px: Numbers, off_nadir: Numbers) -> Bools:
         """(...) whether a photo shows a place at such a pixel, and not too flat."""
         camera = self.result.camera
         inside = (u_px >= -0.5) & (u_px <= camera.width_px - 0.5)  # NaN compares False

@@ -29,8 +29,10 @@ MOST_SIGMA_PX = 0.5
 SMALLEST_SIGMA_PX = 0.03
 """What blur that is not the same on all sides, JPEG and sharpening leave at best."""
 
+_LEAST_NOISE = 0.3  # of rounding to whole grey values: 1 / sqrt(12)
 _LEAST_CONTRAST = 6.0  # in standard deviations of the noise
 _LEAST_ROUND = 0.75
+_FLATTEST = 0.3  # axes of a circle seen at 17 degrees above the ground
 _LEAST_AREA_PX = 12
 
 
@@ -61,7 +63,10 @@ def snap_corner(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
     start = np.array([[u_px, v_px]]) - first
     wide = np.eye(2)[None] * 4.0 * half
     windows = cut_windows(grey, start, wide, CORNER_HALF_PX, 1.0)
-    noise = np.array([_noise(grey)])
+    noise = np.array([max(_noise(grey), _LEAST_NOISE)])
+    low, high = np.percentile(windows.grey[0], [5, 95])
+    if high - low < _LEAST_CONTRAST * noise[0]:
+        return "no corner here: the picture is nearly of one brightness"
     corner, covariance = gradient_corners(grey, windows, start, noise)
     if np.abs(corner - start).max() > CORNER_HALF_PX - 1.0:
         return "no corner within reach: click closer to it"
@@ -87,8 +92,8 @@ def snap_circle(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
     around = cv2.dilate(blob, np.ones((9, 9), np.uint8)).astype(bool) & ~inside
     values = grey.astype(np.float64)
     ground, top = np.median(values[around]), np.median(values[blob.astype(bool)])
-    noise = _noise(grey)
-    if abs(top - ground) < _LEAST_CONTRAST * max(noise, 0.5):
+    noise = max(_noise(grey), _LEAST_NOISE)
+    if abs(top - ground) < _LEAST_CONTRAST * noise:
         return "the target hardly differs from what is around it"
     share = np.where(inside, (values - ground) / (top - ground), 0.0)
     v, u = np.mgrid[: grey.shape[0], : grey.shape[1]]
@@ -143,7 +148,7 @@ def _blob(grey: Image, at: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Image 
     (_, _), axes, _ = cv2.fitEllipse(outline) if len(outline) >= 5 else ((0, 0), (1, 1), 0)
     ellipse = np.pi / 4 * axes[0] * axes[1]
     filled = cv2.contourArea(outline)
-    if min(axes) <= 0 or not _LEAST_ROUND < filled / ellipse < 1 / _LEAST_ROUND:
+    if min(axes) <= _FLATTEST * max(axes) or not _LEAST_ROUND < filled / ellipse < 1 / _LEAST_ROUND:
         return "the patch under the pointer is not round"
     return np.asarray(cv2.drawContours(blob, [outline], -1, [1], cv2.FILLED), dtype=np.uint8)
 

@@ -112,7 +112,9 @@ def _ranked(distance: list[Map]) -> list[Map]:
     nearest = np.minimum.reduce(distance)
     nearest[~np.isfinite(nearest)] = 0.0  # no infinite minus infinite
     fade, none = np.float32(FADED), np.float32(0.0)
-    weight = [np.maximum(np.exp((nearest - d) / np.float32(FEATHER)) - fade, none) for d in distance]
+    weight = [
+        np.maximum(np.exp((nearest - d) / np.float32(FEATHER)) - fade, none) for d in distance
+    ]
     total = np.maximum(np.sum(weight, axis=0), np.float32(1e-6))
     return [each / total for each in weight]
 
@@ -123,4 +125,5 @@ def _opacity(maps: Maps, view: View) -> Map:
     inner = np.minimum(maps.u + half, np.float32(camera.width_px) - half - maps.u)
     inner = np.minimum(inner, maps.v + half)
     inner = np.minimum(inner, np.float32(camera.height_px) - half - maps.v)
-    return np.clip(inner / np.float32(_rim_px(view)), np.float32(0.0), np.float32(1.0))
+    depth = np.clip(inner / np.float32(_rim_px(view)), np.float32(0.0), np.float32(1.0))
+    return np.asarray(depth, np.float32)

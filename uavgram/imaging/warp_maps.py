@@ -54,8 +54,7 @@ class Lattice:
         middle = field.mean()  # small numbers keep their digits in single precision
         near = np.asarray(field - middle, np.float32)
         fine = _spline(height, self.step) @ near @ _spline(width, self.step).T
-        fine += np.float32(middle)
-        return fine
+        return np.asarray(fine + np.float32(middle), np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +97,7 @@ class Sight:
         """(rows, columns) pixels from the photo's border; negative outside."""
         camera = self.lattice.view.result.camera
         size = np.array([camera.width_px, camera.height_px])
-        return np.minimum(self.pixel + 0.5, size - 0.5 - self.pixel).min(axis=-1)
+        return np.asarray(np.minimum(self.pixel + 0.5, size - 0.5 - self.pixel).min(axis=-1))
 
     def misses(self) -> bool:
         """Whether the whole window lies beyond one side of the photo."""

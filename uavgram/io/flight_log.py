@@ -47,7 +47,7 @@ def read_flight_log(path: str | Path, *, positions_needed: bool = True) -> Fligh
 
 
 def is_flight_log(path: Path) -> bool:
-    """Whether suffix and beginning are those of a flight log, as logs of other programs end alike."""
+    """Whether suffix and beginning are those of a flight log: other programs write .log too."""
     suffix = path.suffix.lower()
     if suffix not in (*_DATAFLASH_SUFFIXES, ".tlog", ".ulg"):
         return False

@@ -132,6 +132,11 @@ class SameGround:
     v_px: float
 
 
+@dataclass(frozen=True)
+class Export:
+    """Save, run the project as `uavgram run` does, and write all its outputs."""
+
+
 Change = (
     Place
     | Unpick
@@ -145,4 +150,4 @@ Change = (
     | RemoveMeasurement
 )
 Command = Change | Undo | Redo
-Question = Snap | SameGround
+Question = Snap | SameGround | Export

@@ -74,6 +74,11 @@ class Desk:
         self._live = Live(survey, self.index, self._adjusted)
 
     @property
+    def output(self) -> str:
+        """The folder of the project's outputs."""
+        return self.survey.inputs.project.output
+
+    @property
     def state(self) -> State:
         """What is picked now."""
         return self.session.state
@@ -150,7 +155,7 @@ class Desk:
         RefusedError
             It does not fit the state; says why.
         """
-        if isinstance(message.body, c.Snap | c.SameGround):
+        if isinstance(message.body, c.Question):
             raise TypeError(f"{type(message.body).__name__} is no command")
         before = self.session
         after = apply(before, message.body, message.step)

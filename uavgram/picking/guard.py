@@ -183,7 +183,7 @@ def _strict(send: Send) -> Send:
         if message["type"] == "http.response.start":
             headers = MutableHeaders(scope=message)
             for name, value in HEADERS.items():
-                headers[name] = value
+                headers.setdefault(name, value)  # a report has its own, stricter policy
         await send(message)
 
     return with_headers

@@ -289,6 +289,7 @@ _PARSERS: dict[str, Callable[[_Fields], c.Command | c.Question]] = {
     "unmeasure": lambda f: c.RemoveMeasurement(name=f.text("name")),
     "undo": lambda _: c.Undo(),
     "redo": lambda _: c.Redo(),
+    "export": lambda _: c.Export(),
     "snap": _snap,
     "ground": _same_ground,
 }

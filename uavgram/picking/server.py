@@ -38,6 +38,17 @@ MOST_PAGES = 16
 TRY_AGAIN_LATER = 1013
 FAULTS_OF_THE_PAGE = {1002: "broken frames", 1007: "text that is no UTF-8", 1009: "too long"}
 
+REPORT = "report.html"
+REPORT_HEADERS = {
+    # A document of its own: it may look as it likes, and do nothing.
+    "content-security-policy": (
+        "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; "
+        "sandbox"
+    )
+}
+
+Run = Callable[[], object]
+
 _TYPES = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
@@ -53,10 +64,14 @@ class PickServer:
     ----------
     survey, saver
         The project, and who keeps its tables.
+    run
+        Runs the project from its files and writes its outputs.
     """
 
-    def __init__(self, survey: LiveSurvey, saver: Saver) -> None:
+    def __init__(self, survey: LiveSurvey, saver: Saver, run: Run) -> None:
         self.desk = Desk(survey, saver, self._tell)
+        self._run = run
+        self._running = asyncio.Lock()
         self._pages: set[asyncio.Queue[Json]] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._saving: asyncio.TimerHandle | None = None
@@ -81,6 +96,7 @@ class PickServer:
                 Route("/page/{name}", self._file),
                 Route("/photo/{photo:int}/{level:int}/{column:int}/{row:int}.jpg", self._tile),
                 Route("/photo/{photo:int}/thumbnail.jpg", self._thumbnail),
+                Route("/report", self._report),
                 WebSocketRoute("/socket", self._socket),
             ],
             lifespan=life,
@@ -165,7 +181,9 @@ class PickServer:
             log.info("refused: %s", why)
             return {"t": "refused", "seq": why.seq, "why": str(why)}
         try:
-            if isinstance(message.body, c.Snap | c.SameGround):
+            if isinstance(message.body, c.Export):
+                return {"t": "exported", "seq": message.seq, **await self._exported()}
+            if isinstance(message.body, c.Question):
                 return await to_thread.run_sync(self.desk.answer, message)
             changed = self.desk.change(message)
         except UavgramError as why:  # refused, or a photo or the journal is not to be had
@@ -174,6 +192,22 @@ class PickServer:
         self._broadcast({k: v for k, v in changed.items() if k != "seq"}, but=own)
         self._save_soon()
         return changed
+
+    async def _exported(self) -> Json:
+        """Save, run the project, and say where its outputs are; or why there are none."""
+        self.desk.save()
+        if self.desk.fault:
+            return {"why": self.desk.fault}
+        async with self._running:  # one at a time, whatever many pages ask for
+            await to_thread.run_sync(self._run)
+        return {"folder": self.desk.output}
+
+    async def _report(self, _: Request) -> Response:
+        path = Path(self.desk.output) / REPORT
+        if not path.is_file():
+            return Response("There is no report yet: write it on the page.", 404)
+        page = await to_thread.run_sync(path.read_bytes)
+        return Response(page, media_type=_TYPES[".html"], headers=REPORT_HEADERS)
 
     def _save_soon(self) -> None:
         if self._loop is None:
@@ -196,7 +230,7 @@ class PickServer:
                 self._pages.discard(waiting)
 
 
-def serve(project: Path, announce: Callable[[str], None], port: int = 0) -> None:
+def serve(project: Path, announce: Callable[[str], None], run: Run, port: int = 0) -> None:
     """Serve the picking page of a project until Ctrl+C; everything is saved then.
 
     Parameters
@@ -205,6 +239,8 @@ def serve(project: Path, announce: Callable[[str], None], port: int = 0) -> None
         The project file; its picks, lengths and measurements need not be there yet.
     announce
         Called with the address to open, once it can be opened.
+    run
+        Runs the project from its files and writes its outputs, where the page asks for them.
     port
         0: any free one.
 
@@ -224,7 +260,7 @@ def serve(project: Path, announce: Callable[[str], None], port: int = 0) -> None
             raise UavgramError(
                 f"port {port} cannot be used: {fault.strerror}; choose another with --port"
             ) from fault
-        pick = PickServer(survey, saver)
+        pick = PickServer(survey, saver, run)
         bound = int(door.getsockname()[1])
         guard: list[Guard] = []
         app: ASGIApp = pick.application(lambda: announce(guard[0].address()))

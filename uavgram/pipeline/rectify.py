@@ -12,8 +12,8 @@ import numpy as np
 from uavgram.estimation.adjustment import Adjustment
 from uavgram.geometry.top_view import FrameKnowledge, View, place_sigma
 from uavgram.imaging.map_sheet import map_sheet
-from uavgram.imaging.preview import Pixels
 from uavgram.imaging.photo_cache import PhotoCache
+from uavgram.imaging.preview import Pixels
 from uavgram.imaging.warp import warp_window
 from uavgram.imaging.warp_maps import Window
 from uavgram.io.geotiff import TILE_PX, read_reduced, write_colour_geotiff, write_float_geotiff

@@ -173,7 +173,7 @@ def photo_pixels_m(view: View) -> Floats:
 
 
 def reductions(view: View, raster: GroundRaster) -> Ints:
-    """(N,) powers of two: so many pixels of each photo become one, lest a coarse raster skip any."""
+    """(N,) powers of two: so many pixels of a photo become one, lest a coarse raster skip any."""
     ratio = raster.pixel_m / np.nan_to_num(photo_pixels_m(view), nan=np.inf)
     return np.asarray(2 ** np.log2(np.maximum(ratio, 1.0)).astype(np.int64))
 

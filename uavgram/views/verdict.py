@@ -53,7 +53,17 @@ def judge(result: Result) -> Verdict:
     counts = _counts(result)
     if reasons:
         return Verdict("look", f"Look at this first: {reasons[0]}", reasons, counts)
-    return Verdict("good", "Good: everything fits together.", (), counts)
+    warnings = [message.text for message in result.messages if message.level == "warning"]
+    if not warnings:
+        return Verdict("good", "Good: everything fits together.", (), counts)
+    sentence = f"Good: everything fits together; {_count(len(warnings), 'warning')} to read."
+    return Verdict("good", sentence, (), f"{counts} Warned: {_first_sentence(warnings[0])}")
+
+
+def _first_sentence(text: str) -> str:
+    """As much of a message as fits below a heading."""
+    end = text.find(". ")
+    return text if end < 0 else text[: end + 1]
 
 
 def _counts(result: Result) -> str:
@@ -142,7 +152,9 @@ def _measurements(result: Result) -> list[str]:
 
 def _frames(result: Result) -> list[str]:
     reasons = []
-    for wanted, words in (("rejected", "rejected"), ("unmatched", "not found in the flight log")):
+    logged = result.shared.position_bias_m is not None
+    lost = "not found in the flight log" if logged else "without picks, so without a pose"
+    for wanted, words in (("rejected", "rejected"), ("unmatched", lost)):
         names = [
             f
             for f, status in zip(result.frames.frame_id, result.frames.status, strict=True)

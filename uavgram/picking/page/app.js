@@ -28,6 +28,7 @@ class Desk {
     this.tab = "measure";
     this.steps = Date.now(); // step numbers of several pages must not meet
     this.lastSigma = 0.01;
+    this.exported = ""; // "busy", or the folder of the outputs
     this.build();
     onTile((image) => { for (const pane of this.panes) if (pane.image === image) pane.redraw(); });
     this.link = new Link((message) => this.received(message), (open) => { store.connected = open; this.showMode(); });
@@ -58,7 +59,10 @@ class Desk {
   // From the server.
 
   received(message) {
-    if (message.t === "refused") this.notice(message.why);
+    if (message.t === "refused") {
+      this.notice(message.why);
+      if (!Number.isInteger(store.version)) this.link.socket.close(); // a drag ran ahead: begin anew
+    }
     receive(message);
     if (message.t === "hello") this.begin();
     if (message.t === "saved") this.showSaved();
@@ -107,6 +111,7 @@ class Desk {
     const [mode, words] = modeText();
     byId("mode").dataset.mode = mode;
     byId("mode").textContent = words;
+    byId("mode").title = mode === "linearised" ? "Values to first order, sigmas and tests of the last full adjustment" : words;
   }
 
   showSaved() {
@@ -517,6 +522,20 @@ class Desk {
     } catch (fault) {
       this.notice(fault.message);
     }
+  }
+
+  async exportAll() {
+    this.exported = "busy";
+    this.showPanel();
+    try {
+      const { folder, why } = await this.link.ask({ t: "export" });
+      this.exported = folder ?? "";
+      if (why) this.notice(why);
+    } catch (fault) {
+      this.exported = "";
+      this.notice(fault.message);
+    }
+    this.showPanel();
   }
 
   help() {

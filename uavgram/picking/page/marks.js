@@ -3,11 +3,19 @@
 import { fixed, missing, put, shape, unitText, withSigma } from "./format.js";
 import { adjusted, fitOf, isSuspect, picksIn, placeOf, predictedIn, store } from "./store.js";
 
-export const RESIDUAL_SCALE = 20; // screen pixels for each pixel of the photo
+const RESIDUAL_SCALES = [20, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01]; // screen pixels for each of the photo
+const LONGEST_RESIDUAL_PX = 90;
 export const CONFIDENCE = 2.4477; // 95 % of a plane's normal distribution
 
 const CROSS = "M-9 0H-3M3 0H9M0 -9V-3M0 3V9";
 const DIAMOND = "M0 -13L13 0L0 13L-13 0Z";
+
+// The largest scale that leaves the photo's residuals readable; it is written beside the zoom.
+export function residualScale(image) {
+  const sizes = picksIn(image).map((pick) => Math.hypot(...(fitOf(image, pick.label)?.residual ?? [0])));
+  const longest = Math.max(...sizes.filter(Number.isFinite), 1e-9);
+  return RESIDUAL_SCALES.find((scale) => scale * longest <= LONGEST_RESIDUAL_PX) ?? RESIDUAL_SCALES.at(-1);
+}
 
 // Everything that is drawn in a photo, as [{key, sign, make(), move(group, view)}]: `sign` tells
 // whether what was made before will do, `move` brings it to its place.
@@ -19,28 +27,29 @@ export function buildMarks(image, { selected, shown, draft }) {
   if (shown.predicted) {
     for (const one of predictedIn(image)) parts.push(predictedPart(one, selected, shown));
   }
-  for (const pick of picksIn(image)) parts.push(pickPart(pick, selected, shown));
+  const scale = residualScale(image);
+  for (const pick of picksIn(image)) parts.push(pickPart(pick, selected, shown, scale));
   return parts.filter(Boolean);
 }
 
-function pickPart(pick, selected, shown) {
+function pickPart(pick, selected, shown, scale) {
   const fit = fitOf(pick.image, pick.label);
   const suspect = isSuspect(fit?.status);
   const residual = shown.residuals && fit?.residual?.[0] !== null ? fit?.residual : null;
   const sign = JSON.stringify([Boolean(residual), fit?.spread, suspect, fit?.w, selected === pick.label, shown]);
   const move = (group, view) => {
     place(group, view, pick.u, pick.v);
-    stretch(group, residual);
+    stretch(group, residual, scale);
     put(group, "aria-label", spokenPick(pick, fit, suspect));
   };
   const make = () => pickGroup(pick, fit, suspect, selected, shown, residual);
   return { key: `pick ${pick.label}`, label: pick.label, at: [pick.u, pick.v], sign, make, move };
 }
 
-function stretch(group, residual) {
+function stretch(group, residual, scale) {
   for (const line of residual ? group.querySelectorAll("line") : []) {
-    put(line, "x2", residual[0] * RESIDUAL_SCALE);
-    put(line, "y2", residual[1] * RESIDUAL_SCALE);
+    put(line, "x2", residual[0] * scale);
+    put(line, "y2", residual[1] * scale);
   }
 }
 

@@ -2,7 +2,7 @@
 
 import { node, shape } from "./format.js";
 import { Loupe } from "./loupe.js";
-import { buildMarks, keepApart, RESIDUAL_SCALE } from "./marks.js";
+import { buildMarks, keepApart, residualScale } from "./marks.js";
 import { pickAt, placeOf, store } from "./store.js";
 import { forget, tile, tileKey, want } from "./tiles.js";
 import { View } from "./view.js";
@@ -99,6 +99,7 @@ export class Pane {
     }
     for (const { group } of before.values()) group.remove();
     this.moveMarks();
+    this.tell(...(this.told ?? []));
   }
 
   markOf(label) {
@@ -122,7 +123,7 @@ export class Pane {
     this.moveMarks();
     this.box.dataset.sharp = sharp;
     Object.assign(this.box.dataset, { scale: this.view.scale, left: this.view.left, top: this.view.top });
-    this.tell();
+    this.tell(...(this.told ?? []));
   }
 
   // Coarse tiles first, fine ones over them at their exact places; a seam shows the coarser picture.
@@ -177,8 +178,9 @@ export class Pane {
   }
 
   tell(u, v) {
+    this.told = u === undefined ? null : [u, v];
     const place = u === undefined ? "" : `u ${u.toFixed(2)}  v ${v.toFixed(2)} px   `;
-    const scale = this.desk.marks().shown.residuals ? `   residuals \u00d7${RESIDUAL_SCALE}` : "";
+    const scale = this.desk.marks().shown.residuals ? `   residuals \u00d7${residualScale(this.image)}` : "";
     this.readout.textContent = `${place}\u00d7${this.view.scale.toPrecision(3)}${scale}`;
   }
 

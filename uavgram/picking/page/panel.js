@@ -12,7 +12,7 @@ export function showMeasure(section, desk) {
   const focus = focusIn(section);
   settle(section, [
     missingPart(), entryPart(desk), pickPart(desk), warningsPart(), measurementsPart(desk), lengthsPart(desk), advicePart(desk),
-    pointsPart(desk), checksPart(), remarksPart(),
+    pointsPart(desk), checksPart(), remarksPart(), outputsPart(desk),
   ].filter(Boolean));
   restore(section, focus);
 }
@@ -173,8 +173,12 @@ const remarks = () => store.live?.messages ?? store.opening ?? [];
 
 function warningsPart() {
   const all = remarks().filter((message) => message.level !== "info");
-  return keep("warnings", all, () => node("div", { role: "log", "aria-label": "Warnings" }, ...(all.length ? [node("h2", {}, `Warnings (${all.length})`), list(all)] : [])));
+  return keep("warnings", all, () => node("div", { role: "log", "aria-label": "Warnings" }, ...(all.length ? [node("h2", {}, `Warnings (${all.length})`), list(all.slice(0, MOST_WARNINGS)), furtherPart(all.slice(MOST_WARNINGS))] : [])));
 }
+
+const MOST_WARNINGS = 3; // the rest folds away: numbers come first
+
+const furtherPart = (more) => (more.length ? node("details", {}, node("summary", {}, `${more.length} more`), list(more)) : "");
 
 function remarksPart() {
   const all = remarks().filter((message) => message.level === "info");
@@ -183,12 +187,21 @@ function remarksPart() {
 
 const list = (messages) => node("ul", { class: "messages" }, ...messages.map((message) => node("li", { class: message.level }, message.text)));
 
+function outputsPart(desk) {
+  return keep("outputs", [desk.exported], () => node("div", {}, node("h2", {}, "Report and exports"),
+    node("p", { class: "dim" }, "Saves, runs the project and writes report, tables, maps, drawing and recording."),
+    node("button", { name: "export", disabled: desk.exported === "busy", onclick: () => desk.exportAll() }, desk.exported === "busy" ? "Writing\u2026" : "Write them"),
+    desk.exported && desk.exported !== "busy" ? node("p", { role: "status" }, `Written to ${desk.exported}. `,
+      node("a", { href: "/report", target: "_blank", rel: "noopener" }, "Open the report"), "; the recording opens with: uavgram view ",
+      node("code", {}, `${desk.exported}/recording.rrd`)) : null));
+}
+
 // Points that were surveyed and withheld: how far the result is off.
 function checksPart() {
   const checks = adjusted()?.checks ?? [];
   if (!checks.length) return null;
   const rows = checks.map(({ label, error, sigma }) => node("tr", {}, node("td", {}, label),
-    ...error.map((value, k) => node("td", { class: "value" }, `${fixed(value, 3)} \u00b1 ${fixed(sigma[k], 3)}`))));
+    ...error.map((value, k) => node("td", { class: "value" }, withSigma(value, sigma[k])))));
   return node("div", {}, node("h2", {}, "Check points, m off"), table("Check points", ["label", "east", "north", "up"], rows));
 }
 
@@ -237,7 +250,7 @@ export function showCamera(section) {
 export function modeText() {
   if (!store.connected) return ["none", "no connection"];
   if (store.mode === "none" && !stale()) return ["none", "nothing adjusted yet"];
-  if (store.mode === "linearised") return ["linearised", "first order, sigmas of the last adjustment"];
+  if (store.mode === "linearised") return ["linearised", "first order"];
   if (stale() || store.mode === "waiting") return ["waiting", "adjusting\u2026"];
   return ["adjusted", `adjusted in ${store.live.seconds.toFixed(2)} s`];
 }

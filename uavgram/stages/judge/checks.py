@@ -42,11 +42,11 @@ def judge_overall(
     label = np.array([place[known.label[i]] for i in chosen], dtype=np.int64)
     if not withheld and not chosen:
         return None, ()
-    value, *by_unknowns = _values(adjustment, start, end, label)
+    value, unknown, gradient = _values(adjustment, start, end, label)
     stated = np.concatenate([lines.length_m[withheld], known.world_m[chosen].ravel()])
     sigma = np.concatenate([lines.sigma_m[withheld], known.sigma_m[chosen].ravel()])
     error = value - stated
-    joint = adjustment.minimum.factor.covariances(*by_unknowns) + np.diag(sigma**2)
+    joint = adjustment.minimum.factor.covariances(unknown, gradient) + np.diag(sigma**2)
     squared = float(error @ np.linalg.solve(joint, error))
     share = np.abs(error[: len(withheld)]) / lines.length_m[withheld]
     overall = ChecksOverall(

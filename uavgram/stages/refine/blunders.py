@@ -14,7 +14,10 @@ MOST = 0.25
 """Share of the observations beyond which what is taken out is no blunder but the model."""
 
 MOST_LENGTHS = 12
-"""Lengths up to which each is left out once, where they alone tell the pose."""
+"""Lengths up to which each is left out once, where the statistics may point at the wrong one."""
+
+LARGE = 20.0
+"""Test statistic from which on a blunder has bent the adjustment out of the linear model."""
 
 
 class Blunders(NamedTuple):
@@ -44,8 +47,9 @@ def blunders(refined: Refined, significance: float) -> Blunders:
     Notes
     -----
     Where lengths alone tell the pose, a large blunder in one may lead to another of the poses that
-    three lengths allow, and all test statistics there point to an innocent one. So each of a few
-    lengths is a choice, and adjustments without each of them decide.
+    three lengths allow, and all test statistics there point to an innocent one; with a log, so may
+    a very large one. So each of a few lengths is a choice, and adjustments without each of them
+    decide.
     """
     adjustment = refined.adjustment
     groups = observed(adjustment)
@@ -60,7 +64,7 @@ def blunders(refined: Refined, significance: float) -> Blunders:
             undecided.append(suspicion)
             continue
         choices = [_removal(refined, suspicion)]
-        if lines and adjustment.survey.telemetry is None:
+        if lines and (adjustment.survey.telemetry is None or abs(suspicion.w) > LARGE):
             choices += _other_lengths(refined, groups, lines[0].row, significance)
         return Blunders(choices, undecided)
     return Blunders([], undecided)

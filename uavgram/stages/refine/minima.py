@@ -9,7 +9,7 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.adjustment import Adjustment, Refined
 from uavgram.estimation.first_values import FirstValues
 from uavgram.estimation.ground_planes import area_centroids, first_planes
-from uavgram.estimation.least_squares import Minimum, minimise
+from uavgram.estimation.least_squares import MAX_ITERATIONS, Minimum, minimise
 from uavgram.estimation.line_advice import line_faults
 from uavgram.estimation.normal_equations import SingularError
 from uavgram.estimation.survey_problem import SurveyProblem
@@ -17,17 +17,7 @@ from uavgram.estimation.survey_select import select_lines, select_picks
 from uavgram.estimation.survey_state import Layout, State, advance
 from uavgram.model.arrays import Bools
 from uavgram.model.survey import Survey
-from uavgram.stages.refine.consensus import contradicting
-from uavgram.stages.refine.misfit import GROSS, MOST_TRIED, culprit, suspects
 from uavgram.stages.refine.starts import first_values, unusable
-
-MOST_MISPLACED = 3
-"""One frame in so many may be left out because it shows something else than the others."""
-
-MISPLACED = (
-    "its picks contradict all that the other frames, the lengths and the log say, and without them "
-    "the rest agrees: look for labels in disorder, or a photo of another place"
-)
 
 AS_GOOD = 0.001
 """Probability below which an alternative's extra cost rules it out."""
@@ -41,91 +31,18 @@ class UndeterminedError(GeometryError):
         super().__init__(message)
 
 
-def adjust(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, str]) -> Refined:
-    """One adjustment of the picks in `keep`, all minima.
-
-    Picks without first values are left out, and so are frames and points that nothing determines,
-    and frames that show something else than the others: `pick_reason` of the result says why. The
-    rest goes on.
-    """
-    out = dict(reason)
-    refined = failed = None
-    for _ in range(1 + len(np.unique(survey.pick_frame[keep])) // MOST_MISPLACED):
-        if refined is None:
-            try:
-                refined = _adjust(survey, keep, line_removed, out)
-            except GeometryError as why:
-                failed = why
-        better = _without_culprit(survey, keep, line_removed, out, refined)
-        if better is None:
-            break
-        frame, rest = better
-        picks = np.flatnonzero((survey.pick_frame == frame) & keep)
-        # A few wrong labels do not condemn a frame of which the others agree.
-        wrong = contradicting(survey, picks, rest)
-        out |= wrong or dict.fromkeys(picks.tolist(), MISPLACED)
-        keep = keep.copy()
-        keep[list(out)] = False
-        refined = _adjust(survey, keep, line_removed, out) if wrong else rest
-    if refined is None:
-        assert failed is not None  # noqa: S101  (one of the two is always there)
-        raise failed
-    return refined
-
-
-def _without_culprit(
+def adjust_all(
     survey: Survey,
     keep: Bools,
     line_removed: Bools,
     reason: dict[int, str],
-    refined: Refined | None,
-) -> tuple[int, Refined] | None:
-    """The one frame that spoils the adjustment, and the result without it; None if there is none.
+    most: int = MAX_ITERATIONS,
+) -> Refined:
+    """One adjustment of all picks in `keep` that can be placed, all minima, in `most` iterations.
 
-    Parameters
-    ----------
-    survey, keep, line_removed, reason
-        As for `adjust`.
-    refined
-        With all frames; None where nothing could be adjusted.
+    Picks without first values are left out, and so are frames and points that nothing determines:
+    `pick_reason` of the result says why. The rest goes on.
     """
-    tried: list[tuple[int, Refined]] = []
-    costs: list[float] = []
-    failures = 0
-    for frame in _suspected(survey, keep, refined):
-        picks = np.flatnonzero((survey.pick_frame == frame) & keep)
-        why = reason | dict.fromkeys(picks.tolist(), MISPLACED)
-        try:
-            rest = _adjust(survey, keep & (survey.pick_frame != frame), line_removed, why)
-        except GeometryError:  # without this frame nothing is left to hold on to
-            failures += 1
-            continue
-        tried.append((frame, rest))
-        costs.append(_misfit(rest, int((keep & (survey.pick_frame != frame)).sum())))
-    if not tried or len(tried) + failures < 2:
-        return None
-    before = np.inf if refined is None else _misfit(refined, int(keep.sum()))
-    found = culprit(before, np.array(costs + failures * [np.inf]))
-    return None if found is None else tried[found]
-
-
-def _misfit(refined: Refined, picks: int) -> float:
-    """Cost of an adjustment; a pick that it had to leave out counts as one that fits badly."""
-    return refined.adjustment.minimum.cost + GROSS**2 * (picks - len(refined.pick_index))
-
-
-def _suspected(survey: Survey, keep: Bools, refined: Refined | None) -> list[int]:
-    """Frames of the survey to leave out in turn."""
-    if refined is None:
-        picks = np.bincount(survey.pick_frame[keep], minlength=len(survey.frame_id))
-        present = np.flatnonzero(picks)
-        return present[:MOST_TRIED].tolist() if len(present) > 2 else []
-    names = refined.adjustment.survey.frame_id
-    return [survey.frame_id.index(names[k]) for k in suspects(refined.adjustment)]
-
-
-def _adjust(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, str]) -> Refined:
-    """`adjust`, with all frames that can be placed."""
     reason, keep = dict(reason), keep.copy()
     while True:
         if not keep.any():
@@ -143,7 +60,7 @@ def _adjust(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, 
         if not out:
             possible = [v for v, without in zip(starts, skipped, strict=True) if not without]
             try:
-                adjustment, *alternatives = _minima(selection.survey, possible, line_used)
+                adjustment, *alternatives = _minima(selection.survey, possible, line_used, most)
                 break
             except UndeterminedError as why:
                 out = {int(i): str(why) for i in np.flatnonzero(why.picks)}
@@ -164,13 +81,15 @@ def _adjust(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, 
     )
 
 
-def _minima(survey: Survey, starts: list[FirstValues], line_used: Bools) -> list[Adjustment]:
+def _minima(
+    survey: Survey, starts: list[FirstValues], line_used: Bools, most: int
+) -> list[Adjustment]:
     """The best minimum, and every other one that explains the observations nearly as well."""
     found = []
     undetermined: GeometryError | None = None
     for values in starts:
         try:
-            found.append(_minimise(survey, values, line_used))
+            found.append(_minimise(survey, values, line_used, most))
         except GeometryError as error:  # one start may lie where two solutions merge
             undetermined = undetermined or error
     if undetermined is not None and not found:
@@ -186,7 +105,7 @@ def _minima(survey: Survey, starts: list[FirstValues], line_used: Bools) -> list
 
 
 def _minimise(
-    survey: Survey, values: FirstValues, line_used: Bools
+    survey: Survey, values: FirstValues, line_used: Bools, most: int
 ) -> tuple[SurveyProblem, Minimum[State]]:
     problem = SurveyProblem(survey, area_centroids(survey, values.point_m), line_used)
     layout = problem.layout
@@ -207,6 +126,7 @@ def _minimise(
             lambda now, step: advance(layout, now, step),
             layout.size,
             layout.structure,
+            most,
         )
     except SingularError as error:
         raise UndeterminedError(

@@ -14,7 +14,7 @@ from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
 from uavgram.stages.refine.blunders import MOST, best_of, blunders
-from uavgram.stages.refine.minima import adjust
+from uavgram.stages.refine.misplaced import adjust, attempt, in_order
 from uavgram.stages.refine.remarks import indispensable, not_located, remarks, too_many
 
 BEYOND_LENS = "the lens model cannot be inverted at that pixel"
@@ -63,6 +63,9 @@ def _without_blunders(
         if isinstance(tried, GeometryError):  # nothing is left to solve by: better with it
             return refined, [indispensable(choices[0], tried)]
         removal, after = best_of(tried)
+        if not in_order(after):
+            settled = adjust(survey, keep & ~after.pick_removed, after.line_removed, reason)
+            after = replace(settled, pick_removed=after.pick_removed)
         refined = replace(after, removals=(*refined.removals, removal))
 
 
@@ -88,7 +91,7 @@ def _tried(
         pick, line = refined.pick_removed.copy(), refined.line_removed.copy()
         (pick if choice.kind == "pick" else line)[choice.index] = True
         try:
-            after = adjust(survey, keep & ~pick, line, reason)
+            after = attempt(survey, keep & ~pick, line, reason)
         except GeometryError as why:
             if choice is choices[0]:
                 return why

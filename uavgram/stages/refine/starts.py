@@ -26,7 +26,7 @@ from uavgram.estimation.prior_gate import (
 )
 from uavgram.geometry.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey import Ground, Survey
+from uavgram.model.survey import Survey
 
 FAR_RAD, FAR_HEIGHT = 0.1, 0.15
 """Tilt, and share of the height, up to which the iterations reach a pose from the seed anyway."""

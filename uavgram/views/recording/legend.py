@@ -10,7 +10,7 @@ from uavgram.model.result import Result
 from uavgram.views.frame_states import frame_states
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.recording.survey import sigma_shares
+from uavgram.views.recording.survey import has_outlines, sigma_shares
 from uavgram.views.style import (
     BAD,
     FRAME_COLOURS,
@@ -105,7 +105,9 @@ def _scale(
     """Draw the colour scale; where it ends."""
     _, low, high = sigma_shares(result)
     colours = scale_colours(np.linspace(0, 1, 300))
-    words = f"95 % ellipses, drawn {enlarged(scene.ellipse_factor)}; half axis:"
+    words = "points by the half axis of their 95 % ellipses:"
+    if has_outlines(result):
+        words = f"95 % ellipses, drawn {enlarged(scene.ellipse_factor)}; half axis:"
     pen.text((left, ROWS_PX[0]), words, fill=TEXT, font=font)
     y = ROWS_PX[1] + 6
     first = size_text(low)

@@ -6,6 +6,7 @@ from uavgram.model.result import Result
 from uavgram.views.facts import key_facts
 from uavgram.views.recording.markdown import plain, table
 from uavgram.views.recording.scene import Scene
+from uavgram.views.recording.survey import has_outlines
 from uavgram.views.recording.table_pages import measured_table
 from uavgram.views.verdict import Verdict
 from uavgram.views.wording import WHY_TWO_ELLIPSES, place
@@ -27,21 +28,26 @@ def summary(result: Result, verdict: Verdict, scene: Scene) -> str:
         "## Measured, the least certain first",
         measured_table(result, MOST_MEASURED),
         "## Pictures",
-        _pictures(scene),
+        _pictures(result, scene),
         plain(place(result)),
     ]
     return "\n\n".join(parts)
 
 
-def _pictures(scene: Scene) -> str:
+def _pictures(result: Result, scene: Scene) -> str:
     lowered = (
         f" The ground is drawn {scene.ground_drop_m:.2f} m too low, so that the points of lower "
         "areas are seen."
         if scene.ground_is_lowered
         else ""
     )
+    drawn = (
+        f"drawn ×{scene.ellipse_factor}"
+        if has_outlines(result)
+        else "too many to be drawn: points have their colours"
+    )
     return (
-        f"Ellipses hold 95 % and are those within the survey, drawn ×{scene.ellipse_factor}. "
+        f"Ellipses hold 95 % and are those within the survey, {drawn}. "
         f"{WHY_TWO_ELLIPSES} Residuals in the photo are drawn ×{scene.residual_factor}; its grey "
         f"borders are those of the photos before and after.{lowered}"
     )

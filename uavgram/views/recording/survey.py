@@ -65,6 +65,11 @@ def log_survey(
         _points(recorder, result, scene)
 
 
+def has_outlines(result: Result) -> bool:
+    """Whether enlarged ellipses are drawn; more points than that are coloured themselves."""
+    return len(result.points.label) <= MOST_OUTLINES
+
+
 def sigma_shares(result: Result) -> tuple[Floats, float, float]:
     """(K,) place of each point's semi-major axis on a scale, and the ends of the scale [m].
 
@@ -146,7 +151,7 @@ def _points(recorder: Recorder, result: Result, scene: Scene) -> None:
         rr.Points3D(
             position,
             radii=rr.Radius.ui_points(2.0 if few else 1.0),
-            colors=OBSERVED,
+            colors=OBSERVED if has_outlines(result) else colours,
             labels=points.label,
             show_labels=False,
         ),
@@ -164,7 +169,7 @@ def _points(recorder: Recorder, result: Result, scene: Scene) -> None:
                 fill_mode="solid",
             ),
         )
-    if len(position) <= MOST_OUTLINES:
+    if has_outlines(result):
         outlines = ellipse_outlines(
             position[:, :2], within.ellipse_95_m, within.ellipse_azimuth_rad, scene.ellipse_factor
         )

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from uavgram.errors import OutputError
@@ -57,28 +57,23 @@ def write_recording(
     ------
     OutputError
         The file cannot be written.
+    OSError
+        The disk is full.
     """
     target = Path(path)
     unfinished = target.with_name(f".{target.name}.unfinished")
     try:
-        with _told_with(target):
-            unfinished.touch()  # Rerun's own complaint about a missing folder is no OSError
+        unfinished.touch()  # Rerun's own complaint about a missing folder is no OSError
         with open_recorder(result, unfinished) as recorder:
-            _log_everything(recorder, result, photos, texture)  # a photo's fault is not ours
-        with _told_with(target):
-            unfinished.replace(target)
+            _log_everything(recorder, result, photos, texture)
+        unfinished.replace(target)
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise  # who chose the folder knows where else there is room
+        raise OutputError(f"{target}: the recording cannot be written: {error}") from error
     finally:
         unfinished.unlink(missing_ok=True)
     log.info("recording of %d frames: %s", len(result.frames.frame_id), target)
-
-
-@contextmanager
-def _told_with(target: Path) -> Iterator[None]:
-    """Name the recording in what the system says of its file."""
-    try:
-        yield
-    except OSError as error:
-        raise OutputError(f"{target}: the recording cannot be written: {error}") from error
 
 
 def _log_everything(

@@ -1,0 +1,141 @@
+"""A real browser at the page's door: nothing leaves the machine, nothing foreign comes in."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+from pick_pages import small_project
+from picking_pages import place
+from picking_server import served
+from playwright.sync_api import expect
+
+HTML = "<img src=x onerror=\"document.title='pwned'\">"
+
+
+@pytest.fixture
+def server(tmp_path):
+    with served(small_project(tmp_path)) as server:
+        yield server
+
+
+def test_labels_with_html_are_shown_as_text_everywhere(server, open_page):
+    page = open_page(server)
+    place(page, "A", 100, 100)
+    page.locator("#label").fill(HTML)
+    # `place` waits for the mark by its label, which this one would break out of.
+    pane = page.locator(".pane svg.marks").first.bounding_box()
+    page.mouse.click(pane["x"] + pane["width"] / 2, pane["y"] + pane["height"] / 2)
+    expect(page.locator(".mark")).to_have_count(2)
+    expect(page.locator("body")).to_contain_text(HTML)
+    assert [pick.label for pick in server.desk.state.picks] == ["A", HTML]
+    assert page.locator("img[src=x]").count() == 0
+    assert page.title() != "pwned"
+    assert not page.errors
+    assert not page.strangers
+
+
+@pytest.fixture
+def elsewhere():
+    """Another address, where somebody would listen."""
+    with socket.create_server(("127.0.0.2", 0)) as listener:
+        listener.settimeout(0.0)
+        yield listener
+
+
+def test_no_request_leaves_the_machine_and_the_policy_would_stop_one(server, open_page, elsewhere):
+    page = open_page(server)
+    asked = []
+    page.context.on("request", lambda request: asked.append(request.url))
+    page.context.route("**/*", lambda route: route.continue_())
+    page.reload()
+    expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true", timeout=20_000)
+    place(page, "A", 200, 150)
+    page.mouse.wheel(0, -600)
+    page.keyboard.press("f")
+    expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true", timeout=20_000)
+    home = f"http://127.0.0.1:{server.port}/"
+    assert len(asked) > 10
+    assert [url for url in asked if not url.startswith((home, "blob:", "data:"))] == []
+    tried = page.evaluate(
+        """async (away) => {
+            const outcome = {};
+            try { await fetch(away); outcome.fetch = "sent"; }
+            catch { outcome.fetch = "stopped"; }
+            const image = new Image();
+            outcome.image = await new Promise((done) => {
+                image.onload = () => done("loaded");
+                image.onerror = () => done("stopped");
+                image.src = away;
+            });
+            for (const [name, act] of [
+                ["html", () => { document.createElement("p").innerHTML = "<b>x</b>"; }],
+                ["handler", () => document.body.setAttribute("onclick", "1")],
+            ]) {
+                try { act(); outcome[name] = "done"; } catch { outcome[name] = "stopped"; }
+            }
+            outcome.cookie = document.cookie;
+            return outcome;
+        }""",
+        f"http://127.0.0.2:{elsewhere.getsockname()[1]}/x.png",
+    )
+    assert tried.pop("cookie") == ""  # HttpOnly
+    assert tried == dict.fromkeys(("fetch", "image", "html", "handler"), "stopped")
+    with pytest.raises(BlockingIOError):  # nobody called there
+        elsewhere.accept()
+
+
+ATTACK = """<!doctype html><title>other</title><script>
+const home = "HOME", out = {};
+const image = new Promise((done) => {
+  const one = new Image();
+  one.onload = () => done("loaded"); one.onerror = () => done("stopped");
+  one.src = `http://${home}/photo/0/thumbnail.jpg`;
+});
+const socket = new Promise((done) => {
+  const one = new WebSocket(`ws://${home}/socket`);
+  one.onmessage = () => done("talks"); one.onclose = () => done("stopped");
+});
+const read = fetch(`http://${home}/`, {credentials: "include"})
+  .then(() => "read").catch(() => "stopped");
+const script = new Promise((done) => {
+  const one = document.createElement("script");
+  one.onload = () => done("loaded"); one.onerror = () => done("stopped");
+  one.src = `http://${home}/page/app.js`; document.head.append(one);
+});
+Promise.all([image, socket, read, script]).then((all) => {
+  document.title = all.join(" ");
+});
+</script>"""
+
+
+def test_another_page_of_this_browser_gets_neither_photos_nor_socket(server, open_page):
+    """It has the same host, so the browser sends our cookie along: the door tells them apart."""
+    page = open_page(server)
+
+    class Other(BaseHTTPRequestHandler):
+        def do_GET(self):
+            content = ATTACK.replace("HOME", f"127.0.0.1:{server.port}").encode()
+            self.send_response(200)
+            self.send_header("content-type", "text/html")
+            self.end_headers()
+            self.wfile.write(content)
+
+        def log_message(self, *_):
+            pass
+
+    other = ThreadingHTTPServer(("127.0.0.1", 0), Other)
+    thread = threading.Thread(target=other.serve_forever, daemon=True)
+    thread.start()
+    try:
+        stranger = page.context.new_page()
+        stranger.goto(f"http://127.0.0.1:{other.server_port}/")
+        expect(stranger).to_have_title("stopped stopped stopped stopped", timeout=10_000)
+    finally:
+        other.shutdown()
+        other.server_close()
+        thread.join()
+    place(page, "A", 100, 100)  # the page itself lives on
+    assert [pick.label for pick in server.desk.state.picks] == ["A"]

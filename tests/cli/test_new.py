@@ -1,0 +1,276 @@
+"""`uavgram new`: from a folder of photos to a project that check accepts and the page can open."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+from pick_pages import CAMERA, PROJECT, Page, running, small_project
+
+from uavgram.cli import main
+from uavgram.config.project import load_project
+from uavgram.config.project_text import ProjectText, project_text
+
+
+def linked(source: Path, target: Path, *patterns: str) -> Path:
+    """A folder with links to some files of another one, in folders of the same names."""
+    target.mkdir(parents=True)
+    for pattern in patterns:
+        for path in sorted(source.glob(pattern)):
+            link = target / path.relative_to(source)
+            link.parent.mkdir(parents=True, exist_ok=True)
+            link.symlink_to(path)
+    return target
+
+
+def bare(folder: Path) -> Path:
+    """Two small photos and their camera file, no project."""
+    small_project(folder).unlink()
+    return folder
+
+
+def snapshot(folder: Path) -> dict[str, bytes]:
+    return {str(p): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_photos_log_and_camera_become_a_project_that_check_accepts_and_the_page_opens(
+    data_dir, tmp_path, capsys
+):
+    files = ("photos/*.jpg", "flight.BIN", "camera.yaml")
+    folder = linked(data_dir / "calm_nadir", tmp_path / "calm", *files)
+    assert main(["new", str(folder)]) == 0
+    said = capsys.readouterr().out
+    assert "10 photos of 3000 x 2250 px: photos/*.jpg" in said
+    assert "No point is picked yet" in said
+    assert f"Next: uavgram pick {folder / 'project.yaml'}" in said
+    project = load_project(folder / "project.yaml")
+    assert Path(project.log).name == "flight.BIN"
+    assert Path(project.camera).name == "camera.yaml"
+    assert project.poses is None
+
+    assert main(["check", str(folder / "project.yaml")]) == 0
+    checked = capsys.readouterr().out
+    assert "every input can be read" in checked
+    assert "pick some with `uavgram pick project.yaml`" in checked
+    assert main(["run", str(folder / "project.yaml")]) == 1
+    assert "picks.csv:1: holds no pick: pick points with `uavgram pick`" in capsys.readouterr().err
+
+    with running(folder / "project.yaml") as server, Page(server) as page:
+        assert len(page.hello["photos"]) == 10
+        assert all(photo["matched"] for photo in page.hello["photos"])
+        assert page.hello["state"] == {"picks": [], "lines": [], "measurements": []}
+
+
+def test_an_offset_of_the_clock_that_had_to_be_assumed_is_said(data_dir, tmp_path, capsys):
+    """The camera events of this flight come at equal steps, so they fit several offsets."""
+    files = ("photos/*.jpg", "flight.BIN", "camera.yaml")
+    folder = linked(data_dir / "calm_nadir", tmp_path / "calm", *files)
+    assert main(["new", str(folder)]) == 0
+    assert "warning: The camera's clock is taken to show UTC" in capsys.readouterr().out
+    assert load_project(folder / "project.yaml").time.offset_s == 0.0
+
+
+def test_photos_that_know_camera_and_place_need_neither_file(data_dir, tmp_path, capsys):
+    folder = linked(data_dir / "brighton_beach", tmp_path / "beach", "*")
+    assert main(["new", str(folder)]) == 0
+    said = capsys.readouterr().out
+    assert "camera: auto" in said
+    assert "The photos state where they were taken" in said
+    project = load_project(folder / "project.yaml")
+    assert (project.camera, project.poses, project.log) == ("auto", "exif", None)
+    assert main(["check", str(folder / "project.yaml")]) == 0
+
+
+def test_photos_of_two_sizes_are_listed_and_one_kind_is_chosen(data_dir, tmp_path, capsys):
+    folder = linked(data_dir / "narrabeen_mavic", tmp_path / "beach", "*.*", "frames/*.jpg")
+    assert main(["new", str(folder)]) == 1
+    said = capsys.readouterr().err
+    assert "*.JPG: 1 of 4000 x 2250 px, such as snapshotNarrabeen.JPG" in said
+    assert "frames/*.jpg: 3 of 3840 x 2160 px, such as narrabeenFrames0001.jpg" in said
+    assert not (folder / "project.yaml").exists()
+
+    assert main(["new", str(folder), "--images", "*.JPG"]) == 0
+    assert load_project(folder / "project.yaml").camera == "auto"
+    assert main(["check", str(folder / "project.yaml")]) == 0
+
+
+def test_a_camera_of_which_nothing_is_known_is_said_to_be_missing(data_dir, tmp_path, capsys):
+    folder = linked(data_dir / "narrabeen_mavic", tmp_path / "beach", "*.*", "frames/*.jpg")
+    assert main(["new", str(folder), "--images", "frames/*.jpg"]) == 0
+    said = capsys.readouterr().out
+    assert "does not say which camera took it" in said
+    assert "Next: make the camera file" in said
+    assert main(["check", str(folder / "project.yaml")]) == 1
+    assert "camera: no such file 'camera.yaml'" in capsys.readouterr().err
+
+
+def test_a_project_without_log_and_lengths_says_that_nothing_gives_it_a_scale(tmp_path, capsys):
+    folder = bare(tmp_path / "flight")
+    assert main(["new", str(folder)]) == 0
+    assert "nothing says how large anything is" in capsys.readouterr().out
+    assert main(["check", str(folder / "project.yaml")]) == 0
+
+
+def test_tables_that_are_there_are_named_and_left_as_they_are(tmp_path):
+    folder = bare(tmp_path / "flight")
+    (folder / "picks.csv").write_text("image,label,u_px,v_px\nP1.jpg,A,1,2\n", encoding="utf-8")
+    (folder / "tape.csv").write_text("name,from,to,length_m,sigma_m\n", encoding="utf-8")
+    (folder / "check points.csv").write_text(
+        "label,east_m,north_m,up_m,sigma_m\nA,0,0,0,1\n", encoding="utf-8"
+    )
+    before = snapshot(folder)
+    assert main(["new", str(folder)]) == 0
+    project = load_project(folder / "project.yaml")
+    assert Path(project.lines).name == "tape.csv"
+    assert Path(project.check).name == "check points.csv"
+    assert project.control is None
+    after = snapshot(folder)
+    assert {name: after[name] for name in before} == before
+    assert {Path(name).name for name in set(after) - set(before)} == {"project.yaml", "measure.csv"}
+
+
+def test_a_project_that_is_there_is_never_written_over(tmp_path, capsys):
+    project = small_project(tmp_path / "flight")
+    before = snapshot(tmp_path)
+    assert main(["new", str(project.parent)]) == 1
+    assert "is there already" in capsys.readouterr().err
+    assert snapshot(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("files", "words", "way"),
+    [
+        (
+            {"a.ulg": b"ULog\x01\x12\x35", "b.ulg": b"ULog\x01\x12\x35"},
+            "flight log: a.ulg, b.ulg",
+            "--log",
+        ),
+        ({"other.yaml": CAMERA.encode()}, "the camera: camera.yaml, other.yaml", "--camera"),
+        (
+            dict.fromkeys(("one.csv", "two.csv"), b"image,label,u_px,v_px\n"),
+            "tables of picks: one.csv, two.csv",
+            "picks.csv",
+        ),
+    ],
+)
+def test_what_is_found_twice_is_listed_and_nothing_is_written(tmp_path, capsys, files, words, way):
+    folder = bare(tmp_path / "flight")
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+    before = snapshot(folder)
+    assert main(["new", str(folder)]) == 1
+    said = capsys.readouterr().err
+    assert words in said
+    assert way in said
+    assert snapshot(folder) == before
+
+
+def test_a_camera_can_be_chosen_and_one_of_another_size_is_passed_over(tmp_path, capsys):
+    folder = bare(tmp_path / "flight")
+    (folder / "other.yaml").write_text(CAMERA, encoding="utf-8")
+    assert main(["new", str(folder), "--camera", "other.yaml"]) == 0
+    assert Path(load_project(folder / "project.yaml").camera).name == "other.yaml"
+    (folder / "project.yaml").unlink()
+    larger = CAMERA.replace("640", "1280").replace("480", "960")
+    (folder / "other.yaml").write_text(larger, encoding="utf-8")
+    capsys.readouterr()
+    assert main(["new", str(folder)]) == 0
+    assert "other.yaml was passed over: it is for 1280 x 960 px" in capsys.readouterr().out
+    assert Path(load_project(folder / "project.yaml").camera).name == "camera.yaml"
+
+
+def test_files_that_only_look_like_what_is_looked_for_are_not_taken(tmp_path):
+    folder = bare(tmp_path / "flight")
+    (folder / "install.log").write_text("nothing flew here\n", encoding="utf-8")
+    (folder / "firmware.bin").write_bytes(bytes(100))
+    (folder / "settings.json").write_text('{"volume": 11}', encoding="utf-8")
+    (folder / "broken.jpg").write_text("no photo", encoding="utf-8")
+    (folder / "results").mkdir()
+    (folder / "results" / "results.json").write_text("{}", encoding="utf-8")
+    (folder / "results" / "preview.png").write_bytes((folder / "photos" / "P1.jpg").read_bytes())
+    assert main(["new", str(folder)]) == 0
+    project = load_project(folder / "project.yaml")
+    assert project.log is None
+    assert [Path(pattern).parent.name for pattern in project.images] == ["photos"]
+
+
+def test_a_wrong_file_is_told_and_nothing_is_left_behind(tmp_path, capsys):
+    folder = bare(tmp_path / "flight")
+    picks = "image,label,u_px,v_px\nP1.jpg,A,one,2\n"
+    (folder / "picks.csv").write_text(picks, encoding="utf-8")
+    before = snapshot(folder)
+    assert main(["new", str(folder)]) == 1
+    assert "picks.csv:2: u_px must be a number" in capsys.readouterr().err
+    assert snapshot(folder) == before
+
+
+def test_an_empty_folder_and_none_at_all_are_told(tmp_path, capsys):
+    assert main(["new", str(tmp_path)]) == 1
+    assert "holds no photo" in capsys.readouterr().err
+    assert main(["new", str(tmp_path / "nowhere")]) == 1
+    assert "is no folder" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_without_the_right_to_write_is_told(tmp_path, capsys, monkeypatch):
+    folder = bare(tmp_path / "flight")
+    before = snapshot(folder)
+    real = Path.open
+
+    def refused(self, mode="r", *rest, **named):  # who runs the tests may be allowed everything
+        if "x" in mode and self.name == "project.yaml":
+            raise PermissionError(13, "Permission denied", str(self))
+        return real(self, mode, *rest, **named)
+
+    monkeypatch.setattr(Path, "open", refused)
+    assert main(["new", str(folder)]) == 1
+    assert "cannot be written to (Permission denied)" in capsys.readouterr().err
+    monkeypatch.undo()
+    assert snapshot(folder) == before
+
+
+NAMES = [
+    "plain",
+    "two words",
+    "a: b",
+    "yes",
+    "12",
+    "# no",
+    "[x]*",
+    "é",
+    "- a",
+    "1e-3",
+    "*.JPG",
+    "'q'",
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_names_mean_what_they_are_in_yaml(name):
+    """The truth is PyYAML, which reads the text."""
+    for log, poses in (("flight.BIN", None), (None, "exif"), (None, None)):
+        text = project_text(
+            ProjectText(
+                name=name,
+                images=(name, "b/*.jpg"),
+                camera=name,
+                log=log,
+                poses=poses,
+                tables={"picks": name},
+                offset_s=None if log is None else -3600.5,
+            )
+        )
+        read = yaml.safe_load(text)
+        assert read["name"] == read["camera"] == read["picks"] == name
+        assert read["images"] == [name, "b/*.jpg"]
+        assert (read.get("log"), read.get("poses")) == (log, poses)
+        assert read.get("time") == (None if log is None else {"offset_s": -3600.5})
+        assert max(len(line) for line in text.splitlines()) <= 110
+
+
+def test_what_new_writes_is_what_a_person_would(tmp_path):
+    folder = bare(tmp_path / "flight")
+    assert main(["new", str(folder)]) == 0
+    written = yaml.safe_load((folder / "project.yaml").read_text(encoding="utf-8"))
+    assert written == {**yaml.safe_load(PROJECT), "name": "flight"}

@@ -1,0 +1,94 @@
+"""Three faults in one survey: each is told for what it is, and none hides or mimics another."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+
+from uavgram.pipeline.compute import compute
+from uavgram.pipeline.inputs import read_inputs
+
+FRAMES = 8
+WRONG_M = 0.6
+
+
+def rows_of(path):
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def write(path, rows):
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, rows[0].keys())
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def place(row):
+    return np.array([float(row["u_px"]), float(row["v_px"])])
+
+
+@pytest.fixture(scope="module")
+def faulty(data_dir, tmp_path_factory, copy_project):
+    """A twin of which one photo shows nonsense, one has two labels swapped, and a tape misread."""
+    source, folder = data_dir / "calm_nadir", tmp_path_factory.mktemp("faulty")
+    rows = rows_of(source / "picks.csv")
+    names, counts = np.unique([row["image"] for row in rows], return_counts=True)
+    chosen = names[np.argsort(-counts, kind="stable")[:FRAMES]].tolist()
+    rows = [row for row in rows if row["image"] in chosen]
+    nonsense, swapped = chosen[2], chosen[4]
+    rng = np.random.default_rng(0)
+    for row in rows:
+        if row["image"] == nonsense:
+            row["u_px"], row["v_px"] = (f"{value:.1f}" for value in rng.uniform(300, 1500, 2))
+    mine = [row for row in rows if row["image"] == swapped]
+    one = mine[0]
+    other = max(mine, key=lambda row: np.linalg.norm(place(row) - place(one)))
+    labels = one["label"], other["label"]
+    other["label"], one["label"] = labels
+    lines = rows_of(source / "lines.csv")
+    lines[0]["length_m"] = f"{float(lines[0]['length_m']) + WRONG_M:.3f}"
+    write(folder / "picks.csv", rows)
+    write(folder / "lines.csv", lines)
+    project = copy_project(source, folder, picks="picks.csv", lines="lines.csv")
+    result = compute(read_inputs(project), curved=False).result
+    return result, nonsense, swapped, labels, lines[0]["name"]
+
+
+def told(result, code):
+    return [message.text for message in result.messages if message.code == code]
+
+
+def test_the_photo_of_nonsense_is_left_out_by_name(faulty):
+    result, nonsense, *_ = faulty
+    (text,) = told(result, "frame-left-out")
+    assert repr(nonsense) in text
+
+
+def test_the_swapped_labels_are_named_as_swapped_and_their_photo_stays(faulty):
+    result, _, swapped, labels, _ = faulty
+    texts = told(result, "pick-left-out")
+    assert len(texts) == 2
+    for label, other in (labels, labels[::-1]):
+        (text,) = [t for t in texts if t.startswith(f"The pick of {label!r} in {swapped!r}")]
+        assert f"it lies where {other!r} belongs: the labels look swapped" in text
+    assert dict(zip(result.frames.frame_id, result.frames.status, strict=True))[swapped] == (
+        "refined"
+    )
+
+
+def test_the_misread_tape_is_the_one_suspect(faulty):
+    result, *_, line = faulty
+    status = dict(zip(result.lines.name, result.lines.status, strict=True))
+    assert [name for name, state in status.items() if state == "suspect"] == [line]
+    assert "suspect" not in result.picks.status
+    residual = dict(zip(result.lines.name, result.lines.residual_m, strict=True))[line]
+    assert residual == pytest.approx(-WRONG_M, abs=0.2 * WRONG_M)
+
+
+def test_the_rest_comes_to_rest(faulty):
+    result, *_ = faulty
+    assert result.solution.converged
+    assert result.frames.status.count("rejected") == 1

@@ -1,0 +1,120 @@
+"""Tiles: exact halves, original orientation, and a memory that forgets the longest unused."""
+
+from __future__ import annotations
+
+import threading
+
+import cv2
+import numpy as np
+import pytest
+
+from uavgram.errors import InputError
+from uavgram.imaging.tiles import TILE_PX, Kept, half, level_count, pyramid_of, read_pyramid
+
+TURNED = (
+    b"\xff\xe1\x00\x22Exif\x00\x00MM\x00\x2a\x00\x00\x00\x08"
+    b"\x00\x01\x01\x12\x00\x03\x00\x00\x00\x01\x00\x06\x00\x00\x00\x00\x00\x00"
+)
+
+
+@pytest.mark.parametrize("shape", [(8, 6, 3), (7, 5, 3), (1, 9, 3), (101, 64, 3)])
+def test_a_half_is_the_mean_of_two_by_two_with_odd_edges_repeated(shape):
+    pixels = np.random.default_rng(1).integers(0, 256, shape, np.uint8)
+    even = np.pad(pixels, ((0, shape[0] % 2), (0, shape[1] % 2), (0, 0)), mode="edge")
+    height, width = even.shape[:2]
+    mean = even.reshape(height // 2, 2, width // 2, 2, 3).mean(axis=(1, 3))
+    assert np.abs(half(pixels) - mean).max() <= 0.5
+
+
+def test_marks_stay_where_they_are_on_every_level():
+    pixels = np.zeros((1401, 2003, 3), np.uint8)
+    v, u = np.mgrid[:1401, :2003]
+    pixels[...] = (200 * np.exp(-((u - 1950.0) ** 2 + (v - 1340.0) ** 2) / 128))[..., None]
+    for k, level in enumerate(pyramid_of(pixels).levels[:4]):
+        grey = level[..., 0].astype(float)
+        place = [
+            (grey * axis).sum() / grey.sum() for axis in np.mgrid[: grey.shape[0], : grey.shape[1]]
+        ]
+        original = (np.array(place) + 0.5) * 2**k - 0.5
+        assert np.abs(original - [1340.0, 1950.0]).max() < 0.1
+
+
+def test_tiles_join_to_the_photo():
+    pixels = np.full((600, 1100, 3), 120, np.uint8)
+    pixels[:, 700:] = 30
+    pyramid = pyramid_of(pixels)
+    tiles = [[pyramid.tile(0, c, r) for c in range(3)] for r in range(2)]
+    rows = [np.hstack([cv2.imdecode(np.frombuffer(t, np.uint8), 1) for t in row]) for row in tiles]
+    assert np.abs(np.vstack(rows).astype(int) - pixels).max() <= 12
+
+
+@pytest.mark.parametrize("place", [(0, 3, 0), (0, 0, 2), (9, 0, 0), (-1, 0, 0), (0, -1, 0)])
+def test_there_is_no_tile_outside_the_photo(place):
+    assert pyramid_of(np.zeros((600, 1100, 3), np.uint8)).tile(*place) is None
+
+
+def test_levels_are_as_many_as_the_page_is_told():
+    pyramid = pyramid_of(np.zeros((1401, 2003, 3), np.uint8))
+    assert len(pyramid.levels) == level_count(2003, 1401)
+    assert max(pyramid.levels[-1].shape[:2]) <= TILE_PX
+
+
+def test_exif_orientation_turns_nothing(tmp_path):
+    pixels = np.random.default_rng(2).integers(0, 256, (40, 60, 3), np.uint8)
+    encoded = cv2.imencode(".jpg", pixels)[1].tobytes()
+    turned = tmp_path / "turned.jpg"
+    turned.write_bytes(encoded[:2] + TURNED + encoded[2:])
+    assert cv2.imread(str(turned)).shape[:2] == (60, 40)  # whoever follows the tag turns it
+    assert read_pyramid(turned).levels[0].shape[:2] == (40, 60)
+
+
+@pytest.mark.parametrize("content", [b"", b"no photo"])
+def test_what_is_no_photo_is_said(tmp_path, content):
+    path = tmp_path / "photo.jpg"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="no photo"):
+        read_pyramid(path)
+
+
+def test_the_longest_unused_goes_first_and_the_newest_stays():
+    made = []
+    kept = Kept(lambda key: made.append(key) or key, lambda key: key, 10)
+    for key in (4, 5, 4, 6, 4):
+        kept.get(key)
+    assert made == [4, 5, 6]
+    kept.get(5)
+    assert made == [4, 5, 6, 5]
+    kept.get(99)  # larger than the bound by itself
+    kept.get(99)
+    assert made.count(99) == 1
+
+
+def test_threads_share_the_making_of_a_value():
+    made, begun = [], threading.Barrier(4)
+    kept = Kept(lambda key: made.append(key) or key, lambda _: 1, 10)
+
+    def ask():
+        begun.wait()
+        kept.get(1)
+
+    threads = [threading.Thread(target=ask) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert made == [1]
+
+
+def test_a_value_whose_making_failed_is_made_again():
+    tries = []
+
+    def make(key):
+        tries.append(key)
+        if len(tries) == 1:
+            raise OSError("not now")
+        return key
+
+    kept = Kept(make, lambda _: 1, 10)
+    with pytest.raises(OSError, match="not now"):
+        kept.get(1)
+    assert kept.get(1) == 1

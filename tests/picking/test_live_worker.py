@@ -1,0 +1,116 @@
+"""The worker: the newest state is adjusted, and a drag is answered to first order."""
+
+from __future__ import annotations
+
+import threading
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from uavgram.errors import UavgramError
+from uavgram.picking import live as module
+from uavgram.picking.live import Live, Task
+from uavgram.picking.state import Pick, State
+
+
+def state(count):
+    return State(
+        picks=tuple(Pick(image="1.jpg", label=f"P{k}", u_px=0.0, v_px=0.0) for k in range(count))
+    )
+
+
+class Survey:
+    """Stands in for a project: adjusts as slowly as it is told to."""
+
+    inputs = SimpleNamespace(messages=())
+
+    def __init__(self, seconds):
+        self.seconds = seconds
+        self.adjusted, self.linearised_ = [], []
+        self.go_on = threading.Event()
+        self.go_on.set()
+
+    def adjust(self, observed):
+        self.go_on.wait(5)
+        count = len(observed.picks.image)
+        self.adjusted.append(count)
+        if not count:
+            raise UavgramError("Nothing is picked yet.")
+        return SimpleNamespace(seconds=self.seconds, count=count)
+
+    def linearised(self, base, observed):
+        self.linearised_.append(len(observed.picks.image))
+        return SimpleNamespace(base=base)
+
+
+@pytest.fixture
+def worker(monkeypatch):
+    monkeypatch.setattr(
+        module, "adjusted_json", lambda found, _: {"mode": "adjusted", "n": found.count}
+    )
+    monkeypatch.setattr(module, "linearised_json", lambda _, __: {"mode": "linearised"})
+    monkeypatch.setattr(module, "REST_S", 0.05)
+    running = []
+
+    def start(survey):
+        answers = []
+        live = Live(survey, {"1.jpg": 0}, lambda version, said: answers.append((version, said)))
+        live.start()
+        running.append(live)
+        return live, answers
+
+    yield start
+    for live in running:
+        live.stop()
+
+
+def wait_for(answers, count):
+    until = time.monotonic() + 5
+    while len(answers) < count and time.monotonic() < until:
+        time.sleep(0.005)
+    assert len(answers) >= count
+
+
+def test_states_that_wait_are_passed_over_for_the_newest(worker):
+    survey = Survey(1.0)
+    survey.go_on.clear()
+    live, answers = worker(survey)
+    live.submit(Task(1, state(1), final=True))
+    time.sleep(0.05)
+    for version in range(2, 10):
+        live.submit(Task(version, state(version), final=True))
+    survey.go_on.set()
+    wait_for(answers, 2)
+    assert [version for version, _ in answers] == [1, 9]
+
+
+def test_a_drag_is_linearised_where_the_full_adjustment_is_slow(worker):
+    survey = Survey(1.0)
+    live, answers = worker(survey)
+    live.submit(Task(1, state(1), final=True))
+    wait_for(answers, 1)
+    live.submit(Task(2, state(1), final=False))
+    wait_for(answers, 2)
+    assert answers[1] == (2, {"mode": "linearised"})
+    wait_for(answers, 3)  # the drag rests
+    assert answers[2][1]["mode"] == "adjusted"
+
+
+def test_a_drag_is_adjusted_in_full_where_that_is_fast(worker):
+    survey = Survey(0.01)
+    live, answers = worker(survey)
+    live.submit(Task(1, state(1), final=True))
+    wait_for(answers, 1)
+    live.submit(Task(2, state(1), final=False))
+    wait_for(answers, 2)
+    assert answers[1][1]["mode"] == "adjusted"
+    assert not survey.linearised_
+
+
+def test_what_cannot_be_adjusted_is_said_in_words(worker):
+    live, answers = worker(Survey(0.01))
+    live.submit(Task(1, state(0), final=True))
+    wait_for(answers, 1)
+    assert answers[0][1]["mode"] == "none"
+    assert "Nothing is picked" in answers[0][1]["why"]
