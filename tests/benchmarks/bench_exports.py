@@ -2,8 +2,8 @@
 
     python tests/benchmarks/bench_exports.py [FRAMES] [POINTS]
 
-A made-up result of FRAMES (5000) frames and POINTS (20000) points, each picked in five of them, with
-a measured distance for every tenth point.
+A made-up result of FRAMES (5000) frames and POINTS (20000) points, each picked in five of them,
+with a measured distance for every tenth point.
 """
 
 from __future__ import annotations

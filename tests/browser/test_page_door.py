@@ -62,12 +62,13 @@ def test_no_request_leaves_the_machine_and_the_policy_would_stop_one(server, ope
     tried = page.evaluate(
         """async (away) => {
             const outcome = {};
-            try { await fetch(away); outcome.fetch = "sent"; }
+            try { await fetch(away, {signal: AbortSignal.timeout(3000)}); outcome.fetch = "sent"; }
             catch { outcome.fetch = "stopped"; }
             const image = new Image();
             outcome.image = await new Promise((done) => {
                 image.onload = () => done("loaded");
                 image.onerror = () => done("stopped");
+                setTimeout(() => done("sent"), 3000);
                 image.src = away;
             });
             for (const [name, act] of [

@@ -11,7 +11,7 @@ from uavgram.pipeline.compute import compute
 from uavgram.pipeline.inputs import read_inputs
 
 FRAMES = 8
-WRONG_M = 0.6
+WRONG_M, TAPE_M = 0.6, 0.01
 
 
 def rows_of(path):
@@ -84,8 +84,8 @@ def test_the_misread_tape_is_the_one_suspect(faulty):
     status = dict(zip(result.lines.name, result.lines.status, strict=True))
     assert [name for name, state in status.items() if state == "suspect"] == [line]
     assert "suspect" not in result.picks.status
-    residual = dict(zip(result.lines.name, result.lines.residual_m, strict=True))[line]
-    assert residual == pytest.approx(-WRONG_M, abs=0.2 * WRONG_M)
+    bias = dict(zip(result.lines.name, result.lines.residual_m, strict=True))[line]
+    assert bias < -10 * TAPE_M
 
 
 def test_the_rest_comes_to_rest(faulty):

@@ -9,7 +9,7 @@ import pytest
 
 from uavgram.imaging import mosaic
 from uavgram.imaging.mosaic import Mosaic
-from uavgram.imaging.mosaic_grid import plane_height
+from uavgram.imaging.mosaic_grid import Cameras, Grid, choose, plane_height
 from uavgram.imaging.preview import Preview, decode_preview
 
 SCALE = 4
@@ -122,6 +122,45 @@ def test_without_photos_or_refined_frames_there_is_no_mosaic(survey):
 
     assert ground_texture(result, {}) is None
     assert ground_texture(unposed, previews(survey, result)) is None
+
+
+def test_a_frame_that_shows_all_of_a_cell_goes_before_one_that_shows_some(survey):
+    result = survey.build(clean=True)
+    poses = result.frames.refined
+    cameras = Cameras(poses.center_world_m, poses.world_from_camera)
+    grid = Grid(result, -60.0, 50.0, 0.15, 64, (10, 12))
+    choice = choose(grid, cameras)
+    row, column = np.meshgrid(np.arange(11.0) * 64, np.arange(13.0) * 64, indexing="ij")
+    world = grid.world(column, row)
+    seen = np.array(
+        [
+            np.isfinite(grid.pixels_in(cameras, f, world)[..., 0])
+            for f in range(len(poses.center_world_m))
+        ]
+    )
+    whole = seen[:, :-1, :-1] & seen[:, 1:, :-1] & seen[:, :-1, 1:] & seen[:, 1:, 1:]
+    i, j = np.nonzero(whole.any(axis=0))
+
+    assert len(i) > 20
+    assert whole[choice[i, j], i, j].all()
+    # what only a part of some photo shows is shown too
+    assert ((choice >= 0) & ~whole.any(axis=0)).any()
+
+
+def test_a_mosaic_much_coarser_than_the_photos_does_not_flicker(survey):
+    result = survey.build(clean=True)
+    noise = np.random.default_rng(5)
+    photos = previews(survey, result, paint=lambda _: (0, 0, 0))
+    made = Mosaic(result, photos, SCALE, 60)
+    for name in photos:
+        made.add(
+            name, noise.choice(np.array([0, 255], np.uint8), (1232 // SCALE, 1640 // SCALE, 3))
+        )
+    texture = made.texture()
+
+    # one pixel of it stands for dozens of black and white ones
+    assert texture.rgb[texture.covered].std() < 255 / 2 / 3
+    assert texture.rgb[texture.covered].mean() == pytest.approx(127.5, abs=5)
 
 
 def test_hundreds_of_frames_choose_in_coarser_cells(survey):

@@ -220,25 +220,26 @@ def test_twenty_kills_lose_nothing_that_the_page_had_confirmed(tmp_path):
     assert recoveries > KILLS / 3
 
 
-def test_what_was_recovered_once_is_recovered_again_after_a_second_kill(tmp_path):
+def test_undo_after_a_recovery_goes_to_the_tables_and_survives_a_second_kill(tmp_path):
     project = small_project(tmp_path)
     server = Server(project)
     with Page(server) as page:
         page.do("place", image=0, label="A", u=10.25, v=20.5)
+        page.do("place", image=0, label="B", u=11, v=21)
         server.kill()
     server = Server(project)
     with Page(server) as page:
-        page.do("place", image=1, label="B", u=30, v=40)
+        page.do("place", image=1, label="C", u=30, v=40)
         page.do("undo")
         server.kill()
     server = Server(project)
     with Page(server) as page:
         assert page.hello["recovered"]
-        assert [pick["label"] for pick in page.hello["state"]["picks"]] == ["A"]
+        assert [pick["label"] for pick in page.hello["state"]["picks"]] == ["A", "B"]
         codes = [message["code"] for message in page.hello["messages"]]
         assert "pick-recovered" in codes
         page.do("undo")  # back to what the tables hold
-        server.stop()
+        server.kill()
     with running(project) as server, Page(server) as page:
         assert page.hello["state"]["picks"] == []
         assert not page.hello["recovered"]

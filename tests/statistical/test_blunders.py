@@ -23,6 +23,7 @@ from uavgram.model.camera import Calibration
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Ground, Survey
 from uavgram.stages.refine import minima, refine
+from uavgram.stages.refine.misplaced import adjust
 
 pytestmark = pytest.mark.statistical
 
@@ -138,7 +139,7 @@ def statistics(survey, repetitions, seed, wrong=None, by=0.0):
     found = []
     for _ in range(repetitions):
         given = noisy(survey, rng, wrong, by)
-        adjustment = minima.adjust(given, EVERY_PICK, NO_LINE, {}).adjustment
+        adjustment = adjust(given, EVERY_PICK, NO_LINE, {}).adjustment
         found.append(observed(adjustment)["lengths"].w[:, 0])
     return np.array(found)
 
@@ -184,7 +185,7 @@ def test_a_wrong_length_is_flagged_and_its_group_named(truth):
     flagged, expected, named = [], [], []
     for _ in range(REPETITIONS):
         given, wrong, by = blundered(survey, rng)
-        adjustment = minima.adjust(given, EVERY_PICK, NO_LINE, {}).adjustment
+        adjustment = adjust(given, EVERY_PICK, NO_LINE, {}).adjustment
         first = next(suspicions(adjustment, observed(adjustment), ALPHA), None)
         flagged.append(first is not None)
         expected.append(chance_of(wrong, by) >= 0.95)
@@ -208,7 +209,7 @@ def test_a_wrong_length_is_taken_out_without_harm(truth):
         right += removed[:1] == [("line", wrong)]
         after.append(check_errors(refined))
         if removed != [("line", wrong)]:
-            refined = minima.adjust(given, EVERY_PICK, np.arange(6) == wrong, {})
+            refined = adjust(given, EVERY_PICK, np.arange(6) == wrong, {})
         without.append(check_errors(refined))
     assert right >= 0.90 * TAKEN_OUT
     assert rms(after) <= 1.15 * rms(without)

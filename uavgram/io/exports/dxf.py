@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -127,6 +126,8 @@ def _draw(sheet: _Sheet, layer: Layer) -> None:
         _ellipses(sheet, layer, name)
     elif layer.name == "points":
         _points(sheet, layer, name)
+    elif layer.name == "footprints":
+        _footprints(sheet, layer, name)
     elif layer.kind == "point":
         for vertices in layer.vertices_m:
             sheet.space.add_point(sheet.place(vertices)[0], dxfattribs={"layer": name})
@@ -142,12 +143,13 @@ def _draw(sheet: _Sheet, layer: Layer) -> None:
 
 
 def _points(sheet: _Sheet, layer: Layer, name: str) -> None:
+    if not len(layer):
+        return
+    placed = sheet.place(np.concatenate(layer.vertices_m)).tolist()
     keys = ("label", "sigma_east_m", "sigma_north_m")
-    for row, vertices in enumerate(layer.vertices_m):
-        label, east, north = (layer.attributes[key][row] for key in keys)
-        insert = sheet.space.add_blockref(
-            POINT_BLOCK, sheet.place(vertices)[0], dxfattribs={"layer": name}
-        )
+    rows = zip(placed, *(layer.attributes[key] for key in keys), strict=True)
+    for place, label, east, north in rows:
+        insert = sheet.space.add_blockref(POINT_BLOCK, tuple(place), dxfattribs={"layer": name})
         insert.add_auto_attribs(
             {
                 "LABEL": str(label),
@@ -157,23 +159,34 @@ def _points(sheet: _Sheet, layer: Layer, name: str) -> None:
         )
 
 
+def _footprints(sheet: _Sheet, layer: Layer, name: str) -> None:
+    """Level outlines at their middle height: background, which may be large."""
+    for ring in layer.vertices_m:
+        placed = sheet.place(ring)
+        sheet.space.add_lwpolyline(
+            placed[:, :2].tolist(),
+            close=True,
+            dxfattribs={"layer": name, "elevation": float(placed[:, 2].mean())},
+        )
+
+
 def _ellipses(sheet: _Sheet, layer: Layer, name: str) -> None:
     """True ellipses; their axes turn and stretch with the map."""
-    columns = layer.attributes
-    for row, outline in enumerate(layer.vertices_m):
-        major, minor = float(columns["semi_major_m"][row]), float(columns["semi_minor_m"][row])
-        azimuth = math.radians(float(columns["azimuth_deg"][row]))
-        if not (major > 0 and math.isfinite(minor)):
-            continue
-        center = outline.mean(axis=0)
-        along = center + np.array([major * math.sin(azimuth), major * math.cos(azimuth), 0.0])
-        drawn = sheet.place(np.stack([center, along]))
-        axis = drawn[1] - drawn[0]
-        axis[2] = 0.0
+    if not len(layer):
+        return
+    keys = ("semi_major_m", "semi_minor_m", "azimuth_deg")
+    major, minor, azimuth = (np.array(layer.attributes[key], np.float64) for key in keys)
+    azimuth = np.radians(azimuth)
+    center = np.stack([outline.mean(axis=0) for outline in layer.vertices_m])
+    along = np.stack([np.sin(azimuth), np.cos(azimuth), np.zeros(len(layer))], axis=1)
+    drawn = sheet.place(np.concatenate([center, center + major[:, None] * along]))
+    middle, axis = drawn[: len(layer)], drawn[len(layer) :] - drawn[: len(layer)]
+    axis[:, 2] = 0.0
+    for row in np.flatnonzero((major > 0) & np.isfinite(minor)):
         sheet.space.add_ellipse(
-            tuple(drawn[0]),
-            major_axis=tuple(axis),
-            ratio=min(max(minor / major, 1e-6), 1.0),
+            tuple(middle[row].tolist()),
+            major_axis=tuple(axis[row].tolist()),
+            ratio=min(max(float(minor[row] / major[row]), 1e-6), 1.0),
             dxfattribs={"layer": name},
         )
 

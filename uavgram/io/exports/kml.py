@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
+from xml.etree.ElementTree import Element, ElementTree, SubElement
 
 import numpy as np
 
@@ -50,7 +50,6 @@ def write_kml(features: Features, path: Path) -> None:
             _style(document, layer)
         for layer in features.layers:
             _folder(document, layer, features.origin)
-    indent(root)
     ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
 
 
@@ -70,11 +69,13 @@ def _folder(document: Element, layer: Layer, origin: Origin) -> None:
     folder = SubElement(document, "Folder")
     SubElement(folder, "name").text = _TITLES[layer.name]
     SubElement(folder, "visibility").text = "0" if layer.name in _HIDDEN else "1"
+    folder.tail = "\n"
     names = next(iter(layer.attributes.values()))  # label, name or frame comes first
-    for row, vertices in enumerate(layer.vertices_m):
-        if not len(vertices):
+    for row, places in enumerate(_places(layer, origin)):
+        if not len(places):
             continue
         mark = SubElement(folder, "Placemark")
+        mark.tail = "\n"
         SubElement(mark, "name").text = str(names[row])
         SubElement(mark, "visibility").text = "0" if layer.name in _HIDDEN else "1"
         SubElement(mark, "styleUrl").text = f"#{layer.name}"
@@ -84,16 +85,25 @@ def _folder(document: Element, layer: Layer, origin: Origin) -> None:
             if isinstance(value, float) and not math.isfinite(value):
                 continue
             SubElement(SubElement(data, "Data", name=key), "value").text = str(value)
-        _geometry(mark, layer, vertices, origin)
+        _geometry(mark, layer, places)
 
 
-def _geometry(mark: Element, layer: Layer, vertices: Floats, origin: Origin) -> None:
-    closed = np.concatenate([vertices, vertices[:1]]) if layer.kind == "polygon" else vertices
-    latitude, longitude, _ = geodetic_from_enu(closed, origin)
-    above = closed[:, 2] if layer.name == "camera_poses" else np.zeros(len(closed))
-    text = " ".join(
-        f"{x:.9f},{y:.9f},{z:.3f}" for x, y, z in zip(longitude, latitude, above, strict=True)
-    )
+def _places(layer: Layer, origin: Origin) -> list[Floats]:
+    """(v, 3) longitude, latitude, height above ground of each shape's vertices, rings closed."""
+    shapes = layer.vertices_m
+    if layer.kind == "polygon":
+        shapes = tuple(np.concatenate([ring, ring[:1]]) for ring in shapes)
+    counts = [len(vertices) for vertices in shapes]
+    if not sum(counts):
+        return list(shapes)
+    together = np.concatenate(shapes)
+    latitude, longitude, _ = geodetic_from_enu(together, origin)
+    above = together[:, 2] if layer.name == "camera_poses" else np.zeros(len(together))
+    return np.split(np.stack([longitude, latitude, above], axis=1), np.cumsum(counts)[:-1])
+
+
+def _geometry(mark: Element, layer: Layer, places: Floats) -> None:
+    text = " ".join(["%.9f,%.9f,%.3f"] * len(places)) % tuple(places.ravel().tolist())
     if layer.kind == "point":
         shape = SubElement(mark, "Point")
         if layer.name == "camera_poses":

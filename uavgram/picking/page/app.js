@@ -63,7 +63,8 @@ class Desk {
       this.notice(message.why);
       if (!Number.isInteger(store.version)) this.link.socket.close(); // a drag ran ahead: begin anew
     }
-    receive(message);
+    const moves = this.link?.waiting.filter((one) => one.t === "place") ?? [];
+    receive(message, new Set(moves.map((move) => pickKey(move.image, move.label))));
     if (message.t === "hello") this.begin();
     if (message.t === "saved") this.showSaved();
     else this.refreshSoon();

@@ -17,9 +17,10 @@ export const store = {
 
 export const pickKey = (image, label) => `${image}|${label}`;
 
-export function receive(message) {
+// `ahead`: picks that were moved since what the server answers to here.
+export function receive(message, ahead) {
   if (message.t === "hello") hello(message);
-  else if (message.t === "changed") changed(message);
+  else if (message.t === "changed") changed(message, ahead);
   else if (message.t === "live") live(message);
   else if (message.t === "saved") store.fault = message.fault;
 }
@@ -50,10 +51,13 @@ function standing({ version, undo, redo }) {
   Object.assign(store, { version, undo, redo });
 }
 
-function changed(message) {
+function changed(message, ahead) {
   const { picks, lines, measurements } = message.diff;
   for (const [image, label] of picks?.gone ?? []) store.picks.delete(pickKey(image, label));
-  for (const pick of picks?.put ?? []) store.picks.set(pickKey(pick.image, pick.label), pick);
+  for (const pick of picks?.put ?? []) {
+    const key = pickKey(pick.image, pick.label);
+    if (!ahead.has(key)) store.picks.set(key, pick);
+  }
   if (lines) store.lines = lines;
   if (measurements) store.measurements = measurements;
   standing(message);

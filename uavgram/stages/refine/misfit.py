@@ -24,13 +24,22 @@ GAIN = 3.0
 
 def suspects(adjustment: Adjustment) -> Ints:
     """Frames to leave out in turn, worst first; none where the adjustment is in order."""
-    frames = len(adjustment.survey.frame_id)
-    size = np.linalg.norm(adjustment.minimum.blocks["pixels"].residual, axis=1)
-    median = _medians(size, adjustment.survey.pick_frame, frames)
     # With two frames nothing tells which is the one.
-    if frames < 3 or (adjustment.minimum.converged and median.max() < GROSS):
+    few = len(adjustment.survey.frame_id) < 3
+    if few or (adjustment.minimum.converged and not gross(adjustment)):
         return np.zeros(0, dtype=np.int64)
-    return np.argsort(-median, kind="stable")[:MOST_TRIED]
+    return np.argsort(-_by_frame(adjustment), kind="stable")[:MOST_TRIED]
+
+
+def gross(adjustment: Adjustment) -> bool:
+    """Whether a frame fits so badly that something is out of order."""
+    return bool(_by_frame(adjustment).max() >= GROSS)
+
+
+def _by_frame(adjustment: Adjustment) -> Floats:
+    """(F,) median residual of each frame's picks, in their sigmas."""
+    size = np.linalg.norm(adjustment.minimum.blocks["pixels"].residual, axis=1)
+    return _medians(size, adjustment.survey.pick_frame, len(adjustment.survey.frame_id))
 
 
 def culprit(cost: float, without: Floats) -> int | None:

@@ -10,7 +10,7 @@ from uavgram.model.arrays import Bools, Ints
 from uavgram.model.survey import Survey
 from uavgram.stages.refine.consensus import contradicting
 from uavgram.stages.refine.minima import adjust_all
-from uavgram.stages.refine.misfit import GAIN, GROSS, MOST_TRIED, culprit, suspects
+from uavgram.stages.refine.misfit import GAIN, GROSS, MOST_TRIED, culprit, gross, suspects
 
 MOST_MISPLACED = 3
 """One frame in so many may be left out because it shows something else than the others."""
@@ -37,7 +37,7 @@ def adjust(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, s
     while True:
         if refined is None:
             try:
-                refined = adjust_all(survey, keep, line_removed, out)
+                refined = _begun(survey, keep, line_removed, out)
             except GeometryError as why:
                 failed = why
         better = _without_culprits(survey, keep, line_removed, out, refined, left)
@@ -45,21 +45,30 @@ def adjust(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, s
             break
         frames, rest = better
         left -= len(frames)
-        whole = True
+        entire = True
         for frame in frames:
             picks = np.flatnonzero((survey.pick_frame == frame) & keep)
             # A few wrong labels do not condemn a frame of which the others agree.
             wrong = contradicting(survey, picks, rest)
             out |= wrong or dict.fromkeys(picks.tolist(), MISPLACED)
-            whole &= not wrong
+            entire &= not wrong
         keep = keep.copy()
         keep[list(out)] = False
-        settled = rest.adjustment.minimum.converged and whole
-        refined = rest if settled else adjust_all(survey, keep, line_removed, out)
+        refined = rest if entire else _begun(survey, keep, line_removed, out)
     if refined is None:
         assert failed is not None  # noqa: S101  (one of the two is always there)
         raise failed
-    return refined
+    if refined.adjustment.minimum.converged:
+        return refined
+    return adjust_all(survey, keep, line_removed, out)
+
+
+def _begun(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, str]) -> Refined:
+    """`adjust_all`, cut short where a frame fits so badly that it would lead nowhere."""
+    refined = attempt(survey, keep, line_removed, reason)
+    if refined.adjustment.minimum.converged or gross(refined.adjustment):
+        return refined
+    return adjust_all(survey, keep, line_removed, reason)
 
 
 def attempt(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, str]) -> Refined:

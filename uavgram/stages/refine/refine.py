@@ -42,14 +42,14 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     no_line = np.zeros(len(survey.line_start), dtype=bool)
     refined = replace(adjust(survey, keep, no_line, reason), pick_removed=no_pick)
     if options.outliers == "remove":
-        refined, said = _without_blunders(survey, keep, reason, refined, options.significance)
+        refined, said = _without_blunders(survey, refined, options.significance)
     else:
-        refined, said = _with_the_accused(survey, keep, reason, refined, options.significance), []
+        refined, said = _with_the_accused(survey, refined, options.significance), []
     return refined, (*remarks(survey, refined), *said)
 
 
 def _without_blunders(
-    survey: Survey, keep: Bools, reason: dict[int, str], refined: Refined, significance: float
+    survey: Survey, refined: Refined, significance: float
 ) -> tuple[Refined, list[Message]]:
     """Take out one blunder at a time and adjust anew, until none is left or can be chosen."""
     most = int(MOST * (len(survey.pick_frame) + len(survey.line_start)))
@@ -59,33 +59,35 @@ def _without_blunders(
             return refined, [not_located(refined, suspicion) for suspicion in undecided]
         if len(refined.removals) >= most:
             return refined, [too_many(len(refined.removals))]
-        tried = _tried(survey, keep, reason, refined, choices)
+        tried = _tried(survey, refined, choices)
         if isinstance(tried, GeometryError):  # nothing is left to solve by: better with it
             return refined, [indispensable(choices[0], tried)]
         removal, after = best_of(tried)
         if not in_order(after):
-            settled = adjust(survey, keep & ~after.pick_removed, after.line_removed, reason)
+            settled = adjust(survey, _used(survey, after), after.line_removed, after.pick_reason)
             after = replace(settled, pick_removed=after.pick_removed)
         refined = replace(after, removals=(*refined.removals, removal))
 
 
-def _with_the_accused(
-    survey: Survey, keep: Bools, reason: dict[int, str], refined: Refined, significance: float
-) -> Refined:
+def _with_the_accused(survey: Survey, refined: Refined, significance: float) -> Refined:
     """The same, with the observation that adjustments without each of several point at."""
     choices, _ = blunders(refined, significance)
     if len(choices) < 2:
         return refined
-    tried = _tried(survey, keep, reason, refined, choices)
+    tried = _tried(survey, refined, choices)
     if isinstance(tried, GeometryError):
         return refined
     return replace(refined, accused=best_of(tried)[0].suspicion.accused)
 
 
 def _tried(
-    survey: Survey, keep: Bools, reason: dict[int, str], refined: Refined, choices: list[Removal]
+    survey: Survey, refined: Refined, choices: list[Removal]
 ) -> list[tuple[Removal, Refined]] | GeometryError:
-    """Adjustments without each choice; the error where the likeliest one cannot be missed."""
+    """Adjustments without each choice; the error where the likeliest one cannot be missed.
+
+    What was left out before stays out: a frame of nonsense would drown what a length does.
+    """
+    keep, reason = _used(survey, refined), refined.pick_reason
     tried = []
     for choice in choices:
         pick, line = refined.pick_removed.copy(), refined.line_removed.copy()
@@ -98,6 +100,13 @@ def _tried(
             continue
         tried.append((choice, replace(after, pick_removed=pick, line_removed=line)))
     return tried
+
+
+def _used(survey: Survey, refined: Refined) -> Bools:
+    """(P,) picks that are in an adjustment."""
+    used = np.zeros(len(survey.pick_frame), dtype=bool)
+    used[refined.pick_index] = True
+    return used
 
 
 def _in_lens(survey: Survey) -> tuple[Bools, dict[int, str]]:

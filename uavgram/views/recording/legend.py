@@ -29,8 +29,7 @@ LEGEND = "legend"
 WIDTH_PX, HEIGHT_PX = 2260, 108
 BACKGROUND: Rgb = (13, 16, 17)
 TEXT: Rgb = (225, 228, 232)
-# The largest letters with which all of it fits.
-FONTS_PX = (30, 28, 26, 24, 22, 20)
+FONT_PX = 30
 ROWS_PX = (10, 60)
 
 
@@ -42,29 +41,19 @@ def log_legend(recorder: Recorder, result: Result, scene: Scene) -> None:
 
 def draw_legend(result: Result, scene: Scene) -> Image.Image:
     """Swatches of the lines that occur, and the colour scale of the ellipses."""
-    for size in FONTS_PX:
-        image, width = _draw(result, scene, size)
-        if width <= WIDTH_PX:
-            break
-    return image
-
-
-def _draw(result: Result, scene: Scene, font_px: int) -> tuple[Image.Image, float]:
-    """The legend in letters of this size, and how wide it would have to be."""
     image = Image.new("RGB", (WIDTH_PX, HEIGHT_PX), BACKGROUND)
     pen = ImageDraw.Draw(image)
-    font = ImageFont.load_default(font_px)
+    font = ImageFont.load_default(FONT_PX)
     rows = [20.0, 20.0]
     for row, text, colour in _entries(result):
-        y = ROWS_PX[row] + font_px / 2 + 3
+        y = ROWS_PX[row] + FONT_PX / 2 + 3
         x = rows[row]
         pen.line([(x, y), (x + 56, y)], fill=colour, width=9)
         pen.text((x + 70, ROWS_PX[row]), text, fill=TEXT, font=font)
-        rows[row] = x + 70 + pen.textlength(text, font=font) + font_px
-    width = max(rows)
+        rows[row] = x + 70 + pen.textlength(text, font=font) + FONT_PX
     if scene.worst_point is not None:
-        width = _scale(pen, font, result, scene, int(width) + 10)
-    return image, width
+        _scale(pen, font, result, scene, int(max(rows)) + 10)
+    return image
 
 
 def _entries(result: Result) -> list[tuple[int, str, Rgb]]:
@@ -101,8 +90,7 @@ def _scale(
     result: Result,
     scene: Scene,
     left: int,
-) -> float:
-    """Draw the colour scale; where it ends."""
+) -> None:
     _, low, high = sigma_shares(result)
     colours = scale_colours(np.linspace(0, 1, 300))
     words = "points by the half axis of their 95 % ellipses:"
@@ -116,7 +104,3 @@ def _scale(
     for k, colour in enumerate(colours):
         pen.line([(x + k, y), (x + k, y + 26)], fill=tuple(int(c) for c in colour))
     pen.text((x + 316, ROWS_PX[1]), size_text(high), fill=TEXT, font=font)
-    return max(
-        left + pen.textlength(words, font=font),
-        x + 316 + pen.textlength(size_text(high), font=font),
-    )
