@@ -81,7 +81,8 @@ def _prior(frames: int, own: np.ndarray) -> TelemetryPrior:
     return TelemetryPrior(
         frame_index=np.arange(frames), time_s=10.0 * np.arange(frames), middle_s=5.0 * (frames - 1),
         gimbal_from_camera=GIMBAL_FROM_CAMERA, covariance=np.tile(own, (frames, 1, 1)),
-        clock_sigma_s=0.05, clock_drift_sigma=5e-5, boresight_sigma_rad=0.02, heading_bias_sigma_rad=0.02,
+        clock_sigma_s=0.05, clock_drift_sigma=5e-5,
+        boresight_sigma_rad=0.02, heading_bias_sigma_rad=0.02,
         lever_arm_m=np.zeros(3), lever_arm_sigma_m=0.05,
         position_bias_sigma_m=np.array([2.0, 2.0, 3.0]),
     )  # fmt: skip

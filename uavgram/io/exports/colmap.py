@@ -29,8 +29,9 @@ _PRIOR_HEADER = [
 def write_colmap_model(result: Result, folder: Path) -> None:
     """Write cameras.txt, images.txt, points3D.txt and pose_priors.csv.
 
-    The world is the local one, in metres. The covariances are those of the centres, as COLMAP's pose priors take them
-    (``pycolmap.PosePrior(position, covariance)``); the text format has no room for them.
+    The world is the local one, in metres. The covariances are those of the centres, as COLMAP's
+    pose priors take them (``pycolmap.PosePrior(position, covariance)``); the text format has no
+    room for them.
     """
     folder.mkdir(exist_ok=True)
     frames = np.flatnonzero(result.has_refined)
