@@ -15,6 +15,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -111,7 +112,7 @@ def parts(adjustment) -> None:
     stored = 8 * float(np.sum(own**2 / 2 + own * edge))
     covariance = factor.covariance()
     selected, _ = best(lambda: covariance.blocks(layout.frame_columns(np.arange(1))), 1)
-    fit, _ = best(lambda: reliability(blocks["pixels"], covariance))
+    fit, _ = best(lambda: reliability(replace(blocks["pixels"]), covariance))  # none is kept
     gathered = blocks["pixels"].jacobian.shape[2] ** 2 * len(blocks["pixels"].jacobian) * 8
     rows = (
         ("residuals and Jacobians", evaluate, jacobian, 0),

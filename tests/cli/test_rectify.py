@@ -63,7 +63,7 @@ def test_the_map_of_sigmas_agrees_with_the_adjustments_own(project, command):
     pick += "," * (header.count(",") - 3)
     (project / "picks.csv").write_text("\n".join([header, *rows, pick]) + "\n", encoding="utf-8")
     ground = yaml.safe_load(project.path.read_text(encoding="utf-8")).get("ground") or {}
-    project.set(picks_sigma_px=0.7, ground=ground | {"roughness_sigma_m": 0.05})
+    project.set(picks_sigma_px=0.7, ground=ground | {"roughness_sigma_m": 1.0})
 
     done = command("rectify", project.path, "--frame", frame, "--pixel-size", "0.2")
 

@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation, Slerp
 
+from uavgram.estimation import normal_equations
 from uavgram.estimation.least_squares import minimise
 from uavgram.estimation.survey_problem import SurveyProblem
 from uavgram.estimation.survey_state import advance, move
@@ -221,3 +222,33 @@ def test_a_turning_step_is_a_straight_one_to_first_order(scene_factory):
 
     assert apart[0] > 0
     assert apart[1] < 0.02 * apart[0]  # a hundredth: the difference is of second order
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"telemetry": False, "gauge": "plane"}, {"verge": (0, 3, 5, 7)}],
+    ids=["log", "gauge plane", "two areas"],
+)
+def test_sights_of_all_frames_have_the_covariance_of_each(
+    scene_factory, monkeypatch, options, sparse
+):
+    if sparse:
+        monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
+    adjustment = refine(scene_factory(3, frames=5, **options).survey, SolveOptions())[0].adjustment
+    layout, lens = adjustment.problem.layout, adjustment.problem.intrinsic_basis
+    plane = 0 if layout.free_gauge else 3
+    frames = np.array([4, 0, 2])
+    for frame, found in zip(frames, adjustment.sight_covariance(frames), strict=True):
+        columns = np.concatenate([
+            layout.frame_columns(np.array([frame]))[0],
+            layout.first_intrinsic + np.arange(layout.intrinsics),
+            layout.first_plane + np.arange(plane),
+        ])  # fmt: skip
+        whole = np.zeros((9 + len(lens), len(columns)))
+        whole[:6, :6], whole[6 : 6 + len(lens), 6 : 6 + layout.intrinsics] = np.eye(6), lens
+        whole[6 + len(lens) :, 6 + layout.intrinsics :] = np.eye(3)[:, :plane]
+        expected = whole @ adjustment.minimum.factor.joint(columns) @ whole.T
+        sigma = np.sqrt(np.diag(expected))
+        unit = np.outer(np.where(sigma > 0, sigma, 1), np.where(sigma > 0, sigma, 1))
+        np.testing.assert_allclose(found / unit, expected / unit, atol=1e-6)

@@ -161,3 +161,35 @@ def test_near_the_minimum_one_factor_serves_several_steps(monkeypatch):
     np.testing.assert_allclose(found.factor.joint(np.arange(3)), expected, rtol=1e-9)
     gradient = rows.T @ block.residual[:, 0]
     assert gradient @ expected @ gradient < 1e-9
+
+
+def test_a_fall_that_drowns_in_rounding_is_no_step():
+    """A large remainder makes the sum of squares coarse: no damping can lower it any more."""
+
+    def evaluate(state):
+        (x,) = state
+        residual = np.array([[1e4, np.exp(x) - 2.0, 1e-3 * (x - 5.0)]])
+        jacobian = np.array([[[0.0], [np.exp(x)], [1e-3]]])
+        return {"all": Block(residual, np.zeros((1, 1), dtype=int), jacobian)}
+
+    found = minimise(np.array([0.3]), evaluate, lambda state, step: state + step, 1)
+    assert found.converged
+    assert found.state[0] == pytest.approx(np.log(2.0), abs=1e-3)
+    assert found.iterations < 8
+
+
+def test_iterations_end_where_they_are_told_to():
+    calls = []
+
+    def evaluate(state):
+        calls.append(state)
+        return {
+            "all": Block(
+                np.exp(state)[None], np.zeros((1, 1), dtype=int), np.exp(state)[None, None]
+            )
+        }
+
+    found = minimise(np.array([8.0]), evaluate, lambda state, step: state + step, 1, most=3)
+    assert found.iterations == 3
+    assert len(calls) == 4
+    assert not found.converged

@@ -198,3 +198,23 @@ def test_frames_with_different_lines_are_posed_together(scene_factory):
         up, height = scene.truth.rotation[frame, 2], scene.truth.center[frame, 2]
         nearest = np.abs(found.plane + up / height).max(axis=1).min()
         assert nearest < 1e-6 / height
+
+
+def test_a_plane_that_the_lengths_leave_open_is_not_called_found(scene_factory):
+    # One line taped both ways, and another: any sigma is small against one without bounds.
+    survey = scene_factory(4, labels=5, ends=((0, 1), (1, 0), (2, 3)), noise=0.0, **NO_LOG).survey
+    up, height = np.array([0.0, 0.0, 1.0]), 20.0
+    start = np.array([up / height, [0.01, 0.0, 0.05]])
+    frames = frames_of([survey, survey])
+    assert not resect_from_lengths(survey.calibration, frames, start).converged.any()
+    assert length_poses(survey) == {}
+
+
+def test_candidates_that_end_in_one_maximum_count_once(scene_factory):
+    for seed in range(4):
+        survey = scene_factory(seed, ends=((0, 1), (1, 2), (2, 0)), labels=6, **NO_LOG).survey
+        for poses in length_poses(survey).values():
+            found = poses.plane[poses.converged]
+            apart = np.linalg.norm(found[:, None] - found, axis=2)
+            apart[np.diag_indices(len(found))] = np.inf
+            assert apart.min(initial=np.inf) > 1e-6 * np.linalg.norm(found, axis=1).max()

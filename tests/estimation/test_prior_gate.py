@@ -7,7 +7,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.length_resection import LengthPoses
-from uavgram.estimation.prior_gate import allowed, distance_from_prior, seed_on_plane
+from uavgram.estimation.prior_gate import (
+    allowed,
+    distance_from_prior,
+    seed_on_plane,
+    shift_of_seed,
+)
 from uavgram.model.survey import Ground
 
 SEED = np.diag([1.0, -1.0, -1.0]) @ Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()
@@ -77,3 +82,22 @@ def test_a_seed_takes_height_and_level_of_a_plane_and_keeps_its_heading():
     # The short way: no turn about the vertical comes with it.
     relative = Rotation.from_matrix(rotation @ SEED.T).as_rotvec()
     assert relative[2] == pytest.approx(0, abs=1e-12)
+
+
+def test_a_pose_pulls_the_seed_as_far_as_its_weight_says():
+    turned = SEED @ Rotation.from_rotvec([0.02, 0, 0]).as_matrix()
+    plane = -turned[2][None] / 50.5
+    sharp = poses(plane, 1e-16 * np.eye(3)[None])
+    vague = poses(plane, 1e-2 * np.eye(3)[None])
+    (whole,) = shift_of_seed(CENTER, SEED, prior(), ground(), sharp)
+    assert whole[0] == pytest.approx(50.5 - 48.5, abs=1e-6)
+    tilt = np.arccos(turned[2] @ SEED[2])
+    assert np.hypot(*whole[1:]) == pytest.approx(tilt, rel=1e-6)
+    (none,) = shift_of_seed(CENTER, SEED, prior(), ground(), vague)
+    assert np.abs(none).max() < 0.02
+    # Between the two: the mean of two estimates by their weights, here in height alone.
+    known = np.diag([1e-12, 1e-12, 0.25, 1e-12, 1e-12, 1e-12])
+    own = 0.75 / 50.5**4 * np.eye(3)[None]
+    level = poses(-SEED[2][None] / 50.5, own)
+    (shift,) = shift_of_seed(CENTER, SEED, known, ground(), level)
+    np.testing.assert_allclose(shift, [2.0 * 0.25, 0, 0], atol=1e-6)

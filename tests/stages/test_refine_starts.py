@@ -145,6 +145,46 @@ def test_a_frame_of_nonsense_is_left_out_by_name_and_the_rest_goes_on(
             assert np.median(squared) < 12
 
 
+def test_lengths_that_leave_the_plane_open_leave_it_to_the_log(scene_factory):
+    ends = ((0, 1), (1, 0), (0, 1), (2, 3))
+    scene = scene_factory(4, frames=2, labels=6, ends=ends)
+    assert len(first_values(scene.survey)) == 1
+    refined, _ = refine(scene.survey, REPORT)
+    assert refined.adjustment.minimum.converged
+
+
+@pytest.mark.parametrize("options", [{}, NO_LOG], ids=["log", "no log"])
+def test_two_frames_of_nonsense_do_not_hide_each_other(scene_factory, options):
+    rng = np.random.default_rng(1)
+    scene = scene_factory(2, frames=8, ends=PAIRS, **options)
+    survey = nonsense(nonsense(scene.survey, 2, rng), 5, rng)
+    refined, messages = refine(survey, REPORT)
+    left = [f for f in survey.frame_id if f not in refined.adjustment.survey.frame_id]
+    assert left == ["f2", "f5"]
+    assert len([m for m in messages if m.code == "frame-left-out"]) == 2
+    assert refined.adjustment.minimum.converged
+
+
+def test_a_length_that_only_one_frame_shows_is_suspected_before_the_frame(scene_factory):
+    survey = scene_factory(2, frames=6, ends=PAIRS).survey
+    # The ends of the first line stay in one frame alone, and its tape is metres off.
+    ends = survey.line_start[0], survey.line_end[0]
+    keep = ~np.isin(survey.pick_label, ends) | (survey.pick_frame == 3)
+    length = np.array(survey.length_m)
+    length[0] += 8.0
+    survey = replace(
+        survey,
+        length_m=length,
+        **{
+            name: getattr(survey, name)[keep]
+            for name in ("pick_frame", "pick_label", "pixel_px", "pick_sigma_px")
+        },
+    )
+    refined, _ = refine(survey, SolveOptions(outliers="remove"))
+    assert [(r.kind, r.index) for r in refined.removals] == [("line", 0)]
+    assert "f3" in refined.adjustment.survey.frame_id
+
+
 def test_one_wrong_pick_is_no_reason_to_leave_a_frame_out(scene_factory):
     survey = scene_factory(2, frames=6, ends=PAIRS).survey
     pixel = np.array(survey.pixel_px)

@@ -51,7 +51,7 @@ EVERY_PICK, NO_LINE = np.ones(len(POINTS), dtype=bool), np.zeros(6, dtype=bool)
 
 ALPHA = 0.001
 REPETITIONS = 1000
-TAKEN_OUT = 100
+TAKEN_OUT = 200
 TAIL = 1e-4 / 2
 """Probability with which a bound of a binomial distribution is crossed by chance."""
 
@@ -144,7 +144,7 @@ def statistics(survey, repetitions, seed, wrong=None, by=0.0):
     return np.array(found)
 
 
-def violations(survey, repetitions=400):
+def violations(survey, repetitions=REPETITIONS):
     """Where the shares of flagged lengths are not as predicted, in words."""
     redundancy, chance_of = predicted(survey)
     words = []
@@ -254,7 +254,7 @@ def crossed(scene_factory, seed):
     return scene.survey, np.random.default_rng(seed)
 
 
-SEVERAL, SWAPPED = 50, 30
+SEVERAL, SWAPPED = 300, 50
 
 
 def test_a_pick_15_px_off_is_located_where_three_frames_see_every_point(scene_factory):

@@ -1,28 +1,50 @@
-"""Opening a recording: what is none is named, and a viewer that cannot run says so."""
+"""Opening a recording: what is none is named, what cannot run says so, and nobody else can look."""
 
+from __future__ import annotations
+
+import os
+import signal
+import socket
 import subprocess
 import sys
+import threading
+import urllib.request
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
 
 import pytest
+import rerun as rr
 
 from uavgram.errors import InputError, UavgramError
 from uavgram.views import viewer
 
 
-def test_what_is_no_recording_is_named(tmp_path):
+@pytest.fixture
+def recording(tmp_path):
+    path = tmp_path / "a.rrd"
+    stream = rr.RecordingStream("test", recording_id="test")
+    stream.save(path)
+    stream.log("text", rr.TextDocument("hello"), static=True)
+    stream.flush()
+    stream.disconnect()
+    return path
+
+
+@pytest.mark.parametrize("show", [viewer.open_viewer, lambda p: viewer.serve_viewer(p, print)])
+def test_what_is_no_recording_is_named(tmp_path, show):
     with pytest.raises(InputError, match=r"gone\.rrd: cannot be read"):
-        viewer.open_viewer(tmp_path / "gone.rrd")
+        show(tmp_path / "gone.rrd")
     (tmp_path / "text.rrd").write_text("RRFx: no recording")
     with pytest.raises(InputError, match=r"text\.rrd: is not a Rerun recording"):
-        viewer.open_viewer(tmp_path / "text.rrd")
+        show(tmp_path / "text.rrd")
 
 
 @pytest.mark.parametrize("status", [0, 1])
 def test_the_viewer_listens_on_this_machine_only_and_its_failure_is_told(
     tmp_path, monkeypatch, status
 ):
-    recording = tmp_path / "a.rrd"
-    recording.write_bytes(b"RRF2 and more")
+    path = tmp_path / "a.rrd"
+    path.write_bytes(b"RRF2 and more")
     calls = []
 
     def run(command, *, check):
@@ -32,9 +54,103 @@ def test_the_viewer_listens_on_this_machine_only_and_its_failure_is_told(
 
     monkeypatch.setattr(viewer.subprocess, "run", run)
     if status:
-        with pytest.raises(UavgramError, match="needs a screen"):
-            viewer.open_viewer(recording)
+        with pytest.raises(UavgramError, match=r"needs a screen.*a\.rrd --web"):
+            viewer.open_viewer(path)
     else:
-        viewer.open_viewer(recording)
+        viewer.open_viewer(path)
 
-    assert calls == [[sys.executable, "-m", "rerun", "--bind", "127.0.0.1", str(recording)]]
+    assert calls == [[sys.executable, "-m", "rerun", "--bind", "127.0.0.1", str(path)]]
+
+
+def processes_of(parent):
+    """Its number, and those of all that it started."""
+    children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
+    return [parent, *(pid for child in children for pid in processes_of(int(child)))]
+
+
+def listening(pids):
+    """(address in hex, port) of every TCP socket that these processes listen on (proc(5))."""
+    owned = set()
+    for pid in pids:
+        for handle in Path(f"/proc/{pid}/fd").iterdir():
+            try:
+                owned.add(str(handle.readlink()))
+            except OSError:
+                continue
+    found = set()
+    for name in ("tcp", "tcp6"):
+        for row in Path(f"/proc/net/{name}").read_text().splitlines()[1:]:
+            cells = row.split()
+            if cells[3] == "0A" and f"socket:[{cells[9]}]" in owned:
+                address, port = cells[1].split(":")
+                found.add((address, int(port, 16)))
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs Linux's /proc")
+def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(recording, monkeypatch):
+    seen, servers = {}, []
+    start = subprocess.Popen
+
+    def popen(*arguments, **options):
+        servers.append(start(*arguments, **options))
+        return servers[-1]
+
+    monkeypatch.setattr(viewer.subprocess, "Popen", popen)
+
+    def started(address):
+        seen["pids"] = processes_of(servers[0].pid)
+        seen["sockets"] = listening(seen["pids"])
+        seen["address"] = address
+        with urllib.request.urlopen(address, timeout=10) as page:  # noqa: S310
+            seen["page"] = page.read()
+        raise KeyboardInterrupt  # as Ctrl-C does
+
+    with pytest.raises(KeyboardInterrupt):
+        viewer.serve_viewer(recording, started)
+
+    address = urlsplit(seen["address"])
+    (source,) = parse_qs(address.query)["url"]
+    ports = {address.port, urlsplit(source.removeprefix("rerun+")).port}
+    assert address.hostname == "127.0.0.1"
+    assert source.startswith("rerun+http://127.0.0.1:")
+    assert {port for _, port in seen["sockets"]} == ports
+    assert {place for place, _ in seen["sockets"]} == {"0100007F"}  # 127.0.0.1, little-endian
+    assert b"<html" in seen["page"].lower()
+    assert len(seen["pids"]) == 2
+    for port in ports:  # nothing is left behind
+        with pytest.raises(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
+            pass
+
+
+def test_a_server_that_ends_at_once_is_told(recording, monkeypatch):
+    monkeypatch.setattr(viewer, "sys", type("S", (), {"executable": "/bin/false"}))
+
+    with pytest.raises(UavgramError, match="did not start"):
+        viewer.serve_viewer(recording, print)
+
+
+def test_a_server_that_is_killed_is_told(recording, monkeypatch):
+    started = threading.Event()
+    start = subprocess.Popen
+
+    def popen(*_arguments, **options):
+        code = (
+            "import socket, sys, time;"
+            "held = [socket.create_server(('127.0.0.1', int(p))) for p in sys.argv[1:]];"
+            "time.sleep(60)"
+        )
+        ports = [_arguments[0][i + 1] for i, a in enumerate(_arguments[0]) if "port" in a]
+        server = start([sys.executable, "-c", code, *ports], **options)
+
+        def kill():
+            started.wait(30)
+            os.kill(server.pid, signal.SIGKILL)
+
+        threading.Thread(target=kill, daemon=True).start()
+        return server
+
+    monkeypatch.setattr(viewer.subprocess, "Popen", popen)
+
+    with pytest.raises(UavgramError, match="ended with status -9"):
+        viewer.serve_viewer(recording, lambda _: started.set())

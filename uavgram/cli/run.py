@@ -23,6 +23,7 @@ def run(
     output: Path | None = None,
     monte_carlo: Samples | None = None,
     seed: Seed = 0,
+    view: Annotated[bool, Parameter(negative=())] = False,
     verbose: Verbose = False,
 ) -> int:
     """Measure: read the project, adjust, and write all outputs.
@@ -37,9 +38,13 @@ def run(
         Repeat the adjustment N times with everything drawn anew, and compare the sigmas.
     seed
         Of those draws.
+    view
+        Open the review in the Rerun viewer afterwards.
     verbose
         Say what is being done.
     """
+    from uavgram.cli.view import show
+    from uavgram.config.project import load_project
     from uavgram.pipeline.compute import Sampling
     from uavgram.pipeline.run import FROM_PROJECT
     from uavgram.pipeline.run import run as run_project
@@ -49,4 +54,7 @@ def run(
     sampling = None if monte_carlo is None else Sampling(monte_carlo, seed)
     result = run_project(project, FROM_PROJECT if output is None else output, progress(), sampling)
     say(measurement_table(result), "", *message_lines(result.messages))
+    if view:
+        folder = Path(load_project(project).output) if output is None else output
+        show(folder / "recording.rrd", web=False)
     return DONE

@@ -33,8 +33,8 @@ AT_REST = 1e-4
 the next would be ten times smaller."""
 
 SAME_VIEW = 5e-4
-"""Largest change, in sigmas, after which the lens looks as it did: its Jacobians move by some
-millionths, its pixels as predicted."""
+"""Largest change of an adjusted observation, in sigmas, after which the lens looks as it did: its
+Jacobians move by some millionths, its pixels as predicted."""
 
 NEAR = 10.0
 """Step of the plane, in its sigmas, below which the observations are adjusted along with it."""
@@ -221,12 +221,13 @@ def _solve(
         change = correction - adjusted
         adjusted = correction
         plane = plane + _shortened(plane, fit.step, ray)
-        largest = np.maximum(np.abs(change).max(axis=1), step)
+        moved = np.abs(change).max(axis=1)
+        largest = np.maximum(moved, step)
         at_rest = largest < AT_REST
         if (at_rest | np.isnan(largest)).all():
             break
         point = block.follow(view, point, adjusted, change)
-        if (largest < SAME_VIEW).all():
+        if (moved < SAME_VIEW).all():
             view = view._replace(off=-block.corrections(adjusted))
         else:
             view = block.view(calibration.parameters + adjusted[:, split:] @ root.T, point)

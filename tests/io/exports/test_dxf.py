@@ -87,3 +87,26 @@ def test_a_survey_without_a_place_has_no_map(adrift, tmp_path):
         write_map_dxf(adrift, tmp_path / "map.dxf")
     write_local_dxf(adrift, tmp_path / "local.dxf")
     assert ezdxf.readfile(tmp_path / "local.dxf").audit().errors == []
+
+
+def test_it_opens_on_the_points_and_without_the_background(drawing):
+    _, document = drawing
+    (port,) = document.viewports.get("*Active")
+    inserts = document.modelspace().query('INSERT[name=="SURVEY_POINT"]')
+    place = np.array([tuple(insert.dxf.insert)[:2] for insert in inserts])
+
+    away = np.abs(place - np.array(tuple(port.dxf.center)[:2]))
+    assert (away < port.dxf.height / 2).all()
+    assert away.max() > port.dxf.height / 4
+    hidden = {layer.dxf.name for layer in document.layers if layer.is_frozen()}
+    assert hidden == {"PHOTO_FOOTPRINTS", "ELLIPSES_95"}
+
+
+def test_every_point_has_its_label_as_a_text_beside_it(drawing, result):
+    _, document = drawing
+    labels = document.modelspace().query('TEXT[layer=="LABELS"]')
+    assert [text.dxf.text for text in labels] == list(result.points.label)
+    inserts = document.modelspace().query('INSERT[name=="SURVEY_POINT"]')
+    for text, insert in zip(labels, inserts, strict=True):
+        assert text.dxf.insert.vec2.distance(insert.dxf.insert.vec2) < text.dxf.height
+        assert all(attribute.is_invisible for attribute in insert.attribs)

@@ -61,3 +61,20 @@ def test_mistakes_are_told_by_file_and_line(tmp_path, text, said):
         InputError, match=r"gcp_list\.txt" + (said if said[0] == ":" else f".*{said}")
     ):
         read_gcp_list(write(tmp_path, text))
+
+
+def test_a_point_without_height_is_picked_but_is_no_control(tmp_path):
+    rows = "1 2 NaN 10 20 a.jpg A\n1 2 nan 30 40 b.jpg A\n5 6 7 50 60 a.jpg B\n"
+    path = write(tmp_path, HEAD + rows)
+
+    assert read_gcp_list(path).label == ("A", "A", "B")
+    with pytest.raises(InputError, match=r":2: has no height \(NaN\)"):
+        read_gcp_list(path, sigma_m=0.05)
+
+
+def test_blanks_tabs_and_further_cells_are_no_matter(tmp_path):
+    rows = "1\t2\t3\t10.5  20\ta.jpg\tA\tpainted cross\r\n"
+    picks = read_gcp_list(write(tmp_path, "\ufeffWGS84 UTM 32N\n\n" + rows))
+
+    assert picks.label == ("A",)
+    np.testing.assert_array_equal(picks.pixel_px, [[10.5, 20.0]])

@@ -110,3 +110,23 @@ def test_a_label_picked_twice_is_refused(tmp_path):
     photo(tmp_path, 1)
     with pytest.raises(InputError, match="'P' is picked twice"):
         read_labelme(labelme(tmp_path, SIZE, [shape("P", (3, 3)), shape("P", (9, 3))]))
+
+
+def test_a_file_as_labelme_writes_it_is_read(tmp_path):
+    """Keys as LabelMe 5 saves them, with those that mean nothing here, and a folder in the path."""
+    photo(tmp_path, 1)
+    (tmp_path / "json").mkdir()
+    point = shape("P", (12.25, 8.75)) | {
+        "group_id": None, "description": "", "flags": {}, "mask": None,
+    }  # fmt: skip
+    content = {
+        "version": "5.5.0", "flags": {}, "shapes": [point], "imagePath": "..\\a.png",
+        "imageData": None, "imageHeight": SIZE[1], "imageWidth": SIZE[0],
+    }  # fmt: skip
+    (tmp_path / "json" / "a.json").write_text(json.dumps(content), encoding="utf-8")
+
+    picks = read_labelme(tmp_path / "json" / "a.json")
+
+    assert picks.image == ("a.png",)
+    assert picks.messages == ()
+    np.testing.assert_allclose(picks.pixel_px, [[11.75, 8.25]])

@@ -74,8 +74,11 @@ def _write(features: Features, path: Path, place: Place, note: str) -> None:
     document = new("R2010", setup=["linetypes", "styles"], units=units.M)
     for name, colour in _LAYERS.values():
         document.layers.add(name, color=colour)
-    document.layers.get(_LAYERS["footprints"][0]).off()
-    document.layers.get(_LAYERS["ellipses_95"][0]).off()  # metres wide by the receiver's bias
+    for hidden in (
+        "footprints",
+        "ellipses_95",
+    ):  # the latter are metres wide by the receiver's bias
+        document.layers.get(_LAYERS[hidden][0]).freeze()  # some programs do not know "off"
     for name, colour in ((_LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
         document.layers.add(name, color=colour)
     text_m = _text_height(features)
@@ -85,7 +88,21 @@ def _write(features: Features, path: Path, place: Place, note: str) -> None:
     for layer in features.layers:
         _draw(sheet, layer)
     _note(sheet, features, note)
+    _look_at_points(sheet, features)
     document.saveas(path)
+
+
+def _look_at_points(sheet: _Sheet, features: Features) -> None:
+    """What a program shows first: all points, with their dimensions."""
+    vertices = features.layer("points").vertices_m
+    if not vertices:
+        return
+    placed = sheet.place(np.concatenate(vertices))[:, :2]
+    low, high = placed.min(axis=0), placed.max(axis=0)
+    height = max(1.3 * float((high - low).max()), 20 * sheet.text_m)
+    sheet.document.set_modelspace_vport(height, tuple(((low + high) / 2).tolist()))
+    sheet.document.header["$EXTMIN"] = (*low.tolist(), 0.0)
+    sheet.document.header["$EXTMAX"] = (*high.tolist(), 0.0)
 
 
 def _text_height(features: Features) -> float:
@@ -97,7 +114,7 @@ def _text_height(features: Features) -> float:
 
 
 def _point_block(document: Drawing, text_m: float) -> None:
-    """A cross with its label, the standard deviations as hidden attributes."""
+    """A cross; label and standard deviations are hidden attributes, for some programs draw none."""
     block = document.blocks.new(POINT_BLOCK)
     half = 0.4 * text_m
     block.add_line((-half, 0), (half, 0))
@@ -106,7 +123,7 @@ def _point_block(document: Drawing, text_m: float) -> None:
         attribute = block.add_attdef(
             tag,
             (half, half - 1.3 * row * text_m),
-            dxfattribs={"height": text_m, "layer": _LABELS, "flags": 0 if row == 0 else 1},
+            dxfattribs={"height": text_m, "layer": _LABELS, "flags": const.ATTRIB_INVISIBLE},
         )
         attribute.dxf.prompt = tag
 
@@ -156,6 +173,10 @@ def _points(sheet: _Sheet, layer: Layer, name: str) -> None:
                 "SIGMA_EAST_M": f"{float(east):.4f}",
                 "SIGMA_NORTH_M": f"{float(north):.4f}",
             }
+        )
+        beside = (place[0] + 0.4 * sheet.text_m, place[1] + 0.4 * sheet.text_m)
+        sheet.space.add_text(
+            str(label), height=sheet.text_m, dxfattribs={"layer": _LABELS, "insert": beside}
         )
 
 

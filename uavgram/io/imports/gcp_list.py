@@ -1,7 +1,8 @@
 """OpenDroneMap's gcp_list.txt -> picks, and the coordinates of the points picked.
 
 After docs.opendronemap.org, "Ground Control Points": a coordinate system, then for each pick
-``x y z column row image [label]``. Columns and rows count from the centre of the top-left pixel
+``x y z column row image [label]``; z may be NaN where a height is not known (OpenSfM, ``io.py``:
+``_read_gcp_list_lines``). Columns and rows count from the centre of the top-left pixel
 (OpenSfM, ``features.py``: ``normalized_image_coordinates`` adds half a pixel).
 """
 
@@ -20,13 +21,13 @@ from uavgram.model.imported import ImportedPicks
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownPoints
 
-_NUMBERS = 5
+_NUMBERS, _Z = 5, 2
 
 
 @dataclass(frozen=True)
 class _Row:
     line: int
-    xyz: tuple[float, float, float]
+    xyz: tuple[float, float, float | None]
     pixel: tuple[float, float]
     image: str
     label: str
@@ -60,8 +61,9 @@ def read_gcp_list(path: str | Path, sigma_m: float | None = None) -> ImportedPic
     _check(path, rows)
     known = None
     if sigma_m is not None:
-        first = list({row.label: row for row in rows}.values())
-        xyz = np.array([row.xyz for row in first])
+        first = list({row.label: row for row in reversed(rows)}.values())[::-1]
+        _check_heights(path, first)
+        xyz = np.array([row.xyz for row in first], dtype=np.float64)
         latitude, longitude = geodetic(path, crs, xyz, [row.line for row in first])
         known = KnownPoints(
             label=tuple(row.label for row in first),
@@ -83,6 +85,9 @@ def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
     for line, text in lines:
         cells = text.split()
         numbers = [parse_number(cell) for cell in cells[:_NUMBERS]]
+        no_height = len(cells) > _Z and cells[_Z].lower() == "nan"
+        if no_height:
+            numbers[_Z] = 0.0
         good = [value for value in numbers if value is not None]
         if len(cells) <= _NUMBERS:
             faults.append((line, "needs x, y, z, column, row and the photo's name"))
@@ -91,7 +96,8 @@ def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
         else:
             x, y, z, u, v = good
             label = cells[_NUMBERS + 1] if len(cells) > _NUMBERS + 1 else ""
-            rows.append(_Row(line, (x, y, z), (u, v), cells[_NUMBERS], label))
+            place = (x, y, None if no_height else z)
+            rows.append(_Row(line, place, (u, v), cells[_NUMBERS], label))
     if faults:
         raise InputError.of_all(path, faults)
     return rows
@@ -99,10 +105,17 @@ def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
 
 def _named(rows: list[_Row]) -> list[_Row]:
     """The same place is the same point."""
-    number: dict[tuple[float, float, float], int] = {}
+    number: dict[tuple[float, float, float | None], int] = {}
     for row in rows:
         number.setdefault(row.xyz, len(number) + 1)
     return [_Row(r.line, r.xyz, r.pixel, r.image, r.label or f"gcp-{number[r.xyz]}") for r in rows]
+
+
+def _check_heights(path: Path, rows: list[_Row]) -> None:
+    text = "has no height (NaN), which a control point needs: add it, or leave the control out"
+    faults = [(row.line, text) for row in rows if row.xyz[_Z] is None]
+    if faults:
+        raise InputError.of_all(path, faults)
 
 
 def _check(path: Path, rows: list[_Row]) -> None:
