@@ -229,6 +229,23 @@ def test_a_photo_that_ends_fades_into_the_one_below_it(tmp_path):
     assert whole(view, raster)[..., 3].any()
 
 
+@pytest.mark.parametrize(("lens", "tilt"), [("brown", 5), ("folded", 5), ("brown", 72)])
+def test_a_mosaic_shows_all_that_any_of_its_photos_shows(tmp_path, lens, tilt):
+    centers, turns = [[-6.0, 0, 30.0], [6.0, 1.0, 30.0]], [looking(tilt, 20), looking(tilt, 340)]
+    path = write_photo(tmp_path / "a.png", np.full((SIZE_PX[1], SIZE_PX[0], 3), 80, np.uint8))
+    both = make_view(centers, turns, lens=lens, paths=[path, path])
+    raster = lay_raster(both, 0.4 if tilt > 50 else 0.1)
+    photos = cache(both)
+    window = (0, 0, raster.width, raster.height)
+    alone = np.stack([warp_window(both, raster, window, np.array([k]), photos) for k in (0, 1)])
+
+    together = whole(both, raster, photos)
+
+    np.testing.assert_array_equal(together[..., 3], alone[..., 3].max(axis=0))
+    assert (together[together[..., 3] > 0][:, :3] == 80).all()
+    assert (alone[..., 3].min(axis=0) > 0).any()
+
+
 def test_windows_join_without_a_trace(tmp_path):
     view = two(tmp_path, (60, 200), rotations=[looking(4, 30), looking(6, 250)])
     raster = lay_raster(view, 0.05)

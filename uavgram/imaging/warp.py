@@ -120,10 +120,10 @@ def _ranked(distance: list[Map]) -> list[Map]:
 
 
 def _opacity(maps: Maps, view: View) -> Map:
-    """(height, width) one inside the rim, and nothing at the photo's border."""
+    """(height, width) one inside the rim, nothing at the photo's border and where it shows none."""
     camera, half = view.result.camera, np.float32(0.5)
     inner = np.minimum(maps.u + half, np.float32(camera.width_px) - half - maps.u)
     inner = np.minimum(inner, maps.v + half)
     inner = np.minimum(inner, np.float32(camera.height_px) - half - maps.v)
     depth = np.clip(inner / np.float32(_rim_px(view)), np.float32(0.0), np.float32(1.0))
-    return np.asarray(depth, np.float32)
+    return np.where(maps.shown, depth, np.float32(0.0))  # NaN where the lens model has no pixel

@@ -71,7 +71,7 @@ def _values(
     unknown[: len(length)], gradient[: len(length)] = columns, by_length
     of_point = slice(len(length), None), slice(unknowns.shape[1])  # a length has two points
     unknown[of_point] = np.repeat(unknowns, 3, axis=0)
-    gradient[of_point] = by_point.reshape(world.size, -1)
+    gradient[of_point] = by_point.reshape(world.size, unknowns.shape[1])
     return value, unknown, gradient
 
 
