@@ -340,6 +340,9 @@ def test_checks_are_judged_together_with_their_joint_covariance(scene_factory):
     low, high = chi2.ppf([5e-6, 1 - 5e-6], 9 * len(squared))
     assert low < np.sum(squared) < high
 
+    assert judge_overall(adjustment, lines, NO_POINTS, ALPHA)[0].count == 3
+    points_alone = replace(lines, adjust=~lines.adjust)
+    assert judge_overall(adjustment, points_alone, known, ALPHA)[0].count == 6
     far = replace(known, world_m=known.world_m + np.array([0.0, 0.0, 9.0]))
     overall, messages = judge_overall(adjustment, lines, far, ALPHA)
     assert overall.rms_error_m == pytest.approx(np.sqrt(2 * 81 / 9), rel=0.2)

@@ -254,7 +254,7 @@ def crossed(scene_factory, seed):
     return scene.survey, np.random.default_rng(seed)
 
 
-SEVERAL, SWAPPED = 300, 50
+SEVERAL, SWAPPED = 200, 40
 
 
 def test_a_pick_15_px_off_is_located_where_three_frames_see_every_point(scene_factory):

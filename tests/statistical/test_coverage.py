@@ -67,9 +67,9 @@ ROWS = {
 
 
 @pytest.fixture(autouse=True)
-def _a_hundredth_of_a_sigma(monkeypatch):
+def _a_few_thousandths_of_a_sigma(monkeypatch):
     """The last of the iterations' digits say nothing here."""
-    monkeypatch.setattr(least_squares, "CONVERGED", 1e-4)
+    monkeypatch.setattr(least_squares, "CONVERGED", 1e-5)
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ def rectify(
         f"{len(done.frames)} of the photos, {raster.width} x {raster.height} pixels of "
         f"{raster.pixel_m:g} m, {done.covered:.0%} covered",
         f"coordinates: {raster.crs or 'local metres; north is arbitrary'}",
-        f"sigma of a place in it: {done.sigma_m[0]:.3f} to {done.sigma_m[1]:.3f} m",
+        f"sigma of a place in it: {done.sigma_m[0]:.3f} m (95 % below {done.sigma_m[1]:.3f} m)",
         "",
         f"written:   {done.folder}",
         *(f"           {name}" for name in (PICTURE, SHEET, SIGMA)),

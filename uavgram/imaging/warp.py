@@ -67,13 +67,19 @@ def _rim_px(view: View) -> float:
 
 
 def _nearest(sights: list[Sight], rim_px: float) -> list[Sight]:
-    """Those that are not much less above the window than others that show all of it."""
-    whole = [sight for sight in sights if sight.within(rim_px)]
-    if not whole:
+    """Those that are, somewhere, not much less above the ground than every other that shows it."""
+    if len(sights) < 2:
         return sights
-    least = np.min([sight.off_nadir for sight in whole], axis=0)
+    least = np.full(sights[0].off_nadir.shape, np.inf)
+    for sight in sights:
+        solid = sight.shown_nodes(rim_px, grown=-1)
+        least[solid] = np.minimum(least, sight.off_nadir)[solid]
     with np.errstate(invalid="ignore"):
-        return [sight for sight in sights if not (sight.off_nadir > least + REACH).all()]
+        return [
+            sight
+            for sight in sights
+            if (sight.shown_nodes(-EDGE_PX, grown=2) & ~(sight.off_nadir > least + REACH)).any()
+        ]
 
 
 def _blend(shots: list[Maps], view: View, photos: PhotoCache) -> Pixels:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
+import cv2
 import numpy as np
 from scipy.interpolate import CubicSpline
 
@@ -42,9 +43,16 @@ class Lattice:
         across, down = _nodes(width, self.step), _nodes(height, self.step)
         return self.view.ground(self.raster, column + across, row + down)
 
-    def each(self) -> Lattice:
-        """A node on each pixel."""
-        return Lattice(self.view, self.raster, self.window, 1)
+    def each(self, nodes: Bools) -> tuple[Lattice, tuple[slice, slice]]:
+        """A node on each pixel around some of the nodes, and the part of the window they fill."""
+        column, row, width, height = self.window
+        rows, columns = (np.flatnonzero(nodes.any(axis=axis)) * self.step for axis in (1, 0))
+        top, left = max(int(rows[0]) - self.step, 0), max(int(columns[0]) - self.step, 0)
+        bottom = min(int(rows[-1]) + self.step, height)
+        right = min(int(columns[-1]) + self.step, width)
+        window = column + left, row + top, right - left, bottom - top
+        part = slice(top, bottom), slice(left, right)
+        return Lattice(self.view, self.raster, window, 1), part
 
     def spread(self, field: Floats) -> Map:
         """(height, width) values between those at the nodes."""
@@ -84,20 +92,29 @@ class Sight:
         """Whether values can be found between the nodes."""
         return bool(np.isfinite(self.pixel).all() and np.isfinite(self.off_nadir).all())
 
-    @property
-    def steep(self) -> bool:
-        """Whether the whole window is seen steeply enough (a cone cuts a convex piece of plane)."""
-        return bool((self.off_nadir < MOST_OFF_NADIR).all())
-
     def within(self, border_px: float) -> bool:
         """Whether the photo shows all of the window, and nothing of it nearer to its border."""
-        return bool(self.steep and (self.inner() > border_px).all())
+        return bool(self.shown_nodes(border_px).all())
 
-    def inner(self) -> Floats:
-        """(rows, columns) pixels from the photo's border; negative outside."""
+    def shown_nodes(self, border_px: float, grown: int = 0) -> Bools:
+        """(rows, columns) whether the photo shows a node so far from its border, steeply enough.
+
+        Parameters
+        ----------
+        border_px
+            Negative: and as far outside.
+        grown
+            So many nodes around them too; negative: without so many along their edge.
+        """
         camera = self.lattice.view.result.camera
         size = np.array([camera.width_px, camera.height_px])
-        return np.asarray(np.minimum(self.pixel + 0.5, size - 0.5 - self.pixel).min(axis=-1))
+        inner = np.minimum(self.pixel + 0.5, size - 0.5 - self.pixel).min(axis=-1)
+        shown = (inner > border_px) & (self.off_nadir < MOST_OFF_NADIR)  # NaN compares False
+        if grown:
+            morph = cv2.dilate if grown > 0 else cv2.erode
+            side = np.ones((3, 3), np.uint8)
+            shown = morph(shown.astype(np.uint8), side, iterations=abs(grown)) > 0
+        return np.asarray(shown)
 
     def misses(self) -> bool:
         """Whether the whole window lies beyond one side of the photo."""
@@ -114,13 +131,25 @@ class Sight:
 
     def maps(self) -> Maps:
         """All values at each pixel of the window."""
-        sight = self
-        if not self.smooth:  # the lens model, or the ground below, ends here
-            sight = look(self.lattice.each(), self.index)
-        u, v = sight.pixel_maps()
-        off_nadir = sight.lattice.spread(sight.off_nadir)
+        if self.smooth:
+            u, v = self.pixel_maps()
+            off_nadir = self.lattice.spread(self.off_nadir)
+        else:  # the lens model, or the ground below, ends here
+            u, v, off_nadir = self._exact_maps()
         shown = self.lattice.view.shows(u, v, off_nadir)
         return Maps(self.index, u, v, off_nadir, shown)
+
+    def _exact_maps(self) -> tuple[Map, Map, Map]:
+        """u, v and tangent at each pixel near what is shown; NaN elsewhere."""
+        width, height = self.lattice.window[2:]
+        u, v, off_nadir = np.full((3, height, width), np.nan, np.float32)
+        near = self.shown_nodes(-EDGE_PX, grown=1)
+        if near.any():
+            lattice, part = self.lattice.each(near)
+            sight = look(lattice, self.index)
+            u[part], v[part] = sight.pixel_maps()
+            off_nadir[part] = lattice.spread(sight.off_nadir)
+        return u, v, off_nadir
 
 
 @dataclass(frozen=True, eq=False)

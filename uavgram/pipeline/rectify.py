@@ -37,7 +37,15 @@ SIGMA_STEP_PX = 16
 
 @dataclass(frozen=True, kw_only=True)
 class Rectified:
-    """What was written where."""
+    """What was written where.
+
+    Attributes
+    ----------
+    covered
+        Share of the raster that any photo shows.
+    sigma_m
+        Standard deviation of places in it: the median, and what 95 % of them stay below.
+    """
 
     folder: Path
     raster: GroundRaster
@@ -97,9 +105,14 @@ def rectify(
         raster=raster,
         frames=view.frame_id,
         covered=float((picture[..., 3] > 0).mean()),
-        sigma_m=(float(np.nanmin(sigma)), float(np.nanmax(sigma))),
+        sigma_m=_usual_and_large(sigma),
         messages=(*computed.result.messages, *_other_planes(view)),
     )
+
+
+def _usual_and_large(sigma_m: Floats) -> tuple[float, float]:
+    median, large = np.nanquantile(sigma_m, [0.5, 0.95])
+    return float(median), float(large)
 
 
 _SIGMA_TAGS = {

@@ -85,6 +85,8 @@ def _minima(
     survey: Survey, starts: list[FirstValues], line_used: Bools, most: int
 ) -> list[Adjustment]:
     """The best minimum, and every other one that explains the observations nearly as well."""
+    # A rival that is cut off on its way would go unreported, so several starts have all the time.
+    most = most if len(starts) == 1 else MAX_ITERATIONS
     found = []
     undetermined: GeometryError | None = None
     for values in starts:
