@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import socket
 import threading
@@ -33,7 +34,7 @@ class Served:
             self.guard, log_config=None, ws="websockets-sansio", timeout_graceful_shutdown=1
         )
         self._server = uvicorn.Server(config)
-        self._thread = threading.Thread(target=self._server.run, args=([self._door],), daemon=True)
+        self._thread = threading.Thread(target=self._run, daemon=True)
 
     @property
     def desk(self):
@@ -43,6 +44,18 @@ class Served:
         self._thread.start()
         while not self._server.started:
             time.sleep(0.01)
+
+    def _run(self) -> None:
+        asyncio.run(self._serve())
+
+    async def _serve(self) -> None:
+        """Serve; then close what clients left open, which the end of a process would close."""
+        await self._server.serve(sockets=[self._door])
+        for connection in list(self._server.server_state.connections):
+            transport = connection.transport
+            if transport is not None:
+                transport.abort()
+        await asyncio.sleep(0.05)  # the loop calls connection_lost, which closes the sockets
 
     def stop(self) -> None:
         self._server.should_exit = True
