@@ -69,6 +69,7 @@ def one(frames: int) -> None:
         f"converged {minimum.converged}, {held:.0f} MB, {1e3 * held / frames:.0f} kB a frame"
     )
     parts(adjustment)
+    print(1e3 * spent / frames, 1e3 * held / frames)  # for the process that compares the sizes
 
 
 def parts(adjustment) -> None:
@@ -143,15 +144,32 @@ def machine() -> None:
     )
 
 
+def compare(sizes) -> None:
+    """Each size in a process of its own, and the smallest beside the others."""
+    found = []
+    for size in sizes:
+        done = subprocess.run(
+            [sys.executable, Path(__file__), "--one", str(size)],
+            check=True,
+            capture_output=True,
+            text=True,
+            cwd=Path(__file__).parent,
+            env={"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(Path(__file__).parent)},
+        )
+        *lines, last = done.stdout.splitlines()
+        print(*lines, sep="\n", flush=True)
+        found.append([float(number) for number in last.split()])
+    for size, here in zip(sizes[1:], found[1:], strict=True):
+        time_ratio, memory_ratio = (a / b for a, b in zip(here, found[0], strict=True))
+        print(
+            f"{size} frames beside {sizes[0]}: {time_ratio:.2f} times the time per frame "
+            f"(bar 1.5), {memory_ratio:.2f} times the memory per frame"
+        )
+
+
 if __name__ == "__main__":
     if len(sys.argv) == 3 and sys.argv[1] == "--one":
         one(int(sys.argv[2]))
     else:
         machine()
-        for size in [int(a) for a in sys.argv[1:]] or SIZES:
-            subprocess.run(
-                [sys.executable, Path(__file__), "--one", str(size)],
-                check=True,
-                cwd=Path(__file__).parent,
-                env={"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(Path(__file__).parent)},
-            )
+        compare([int(a) for a in sys.argv[1:]] or SIZES)

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import re
 import shutil
+import time
 
 import pytest
 from picking_pages import measured, show_photo, to_page, wait_until_adjusted
 from picking_server import served
 from playwright.sync_api import expect
+
+from uavgram.pipeline.compute import compute
+from uavgram.pipeline.inputs import read_inputs
 
 
 def picks_of(server):
@@ -48,10 +52,178 @@ def test_keyboard_alone_places_nudges_renames_and_undoes(planted, open_page):
         expect(page.locator(".mark")).to_have_count(0)
         expect(page.locator("#undo")).to_be_disabled()
         page.keyboard.press("Control+Shift+z")
-        expect(page.get_by_role("button", name=re.compile("^kerb"))).to_be_visible()
+        expect(page.get_by_role("button", name=re.compile("^kerb, u"))).to_be_visible()
         page.keyboard.press("n")
         page.keyboard.press("Delete")
         expect(page.locator(".mark")).to_have_count(0)
+        assert not page.errors
+
+
+KINDS = {
+    "d": ("D1", ["R1", "R2"]),
+    "a": ("A1", ["R1", "R2", "R7", "R4"]),
+    "y": ("W1", ["R1", "R2", "R3"]),
+    "j": ("J1", ["R1", "R2", "R3"]),
+    "i": ("H1", ["R1", "R2", "R3"]),
+    "v": ("V1", ["R1", "R3"]),
+}
+"""Key of each tool, the name that it gives, and the points to measure."""
+
+
+def type_point(page, label):
+    """Take a point into what is being measured, by its name."""
+    page.keyboard.press("/")
+    page.keyboard.type(label)
+    page.keyboard.press("Enter")  # selects it
+    page.keyboard.press("Enter")  # takes it
+
+
+def test_keyboard_alone_measures_each_kind_and_gives_the_numbers_of_a_run(copied_survey, open_page):
+    (copied_survey.parent / "measure.csv").write_text("name,kind,points\n")
+    (copied_survey.parent / "lines.csv").write_text("name,from,to,length_m,sigma_m\n")
+    with served(copied_survey) as server:
+        page = open_page(server)
+        keyboard = page.keyboard
+        keyboard.press("F6")
+        keyboard.press("F6")  # past the tools, to the photo
+        expect(page.locator("svg.marks")).to_be_focused()
+        for start, end, length in (("R1", "R2", "11.52"), ("R3", "R4", "17.36")):
+            keyboard.press("l")
+            type_point(page, start)
+            type_point(page, end)
+            keyboard.type(length)
+            keyboard.press("Enter")
+        for key, (_, points) in KINDS.items():
+            keyboard.press(key)
+            for label in points:
+                type_point(page, label)
+            if len(points) > 3 or key in "yv":
+                keyboard.press("Enter")  # no more points
+            if key == "v":
+                expect(page.get_by_role("textbox", name="Friction")).to_be_visible()
+                keyboard.press("Enter")  # the friction that is proposed
+        expect(page.locator('table[aria-label="Measurements"] tbody tr')).to_have_count(6)
+        keyboard.press("p")
+        keyboard.press("/")
+        keyboard.type("R8")
+        keyboard.press("Enter")
+        page.get_by_role("textbox", name="Height over ground").focus()
+        keyboard.type("0.2")
+        keyboard.press("Enter")
+        page.get_by_role("button", name="Withhold L2").focus()
+        keyboard.press("Enter")
+        expect(page.get_by_role("button", name="Use L2")).to_be_visible()
+        wait_until_adjusted(page)
+        shown = measured(page)
+        assert server.desk.state.pick("IMG_0046.jpg", "R8").height_m == 0.2
+        assert not page.errors
+    found = compute(read_inputs(copied_survey)).result
+    assert found.lines.status == ("used", "checked")
+    assert set(found.measurements.name) == set(shown)
+    for name, value, sigma in zip(
+        found.measurements.name, found.measurements.value, found.measurements.sigma, strict=True
+    ):
+        pace = 3.6 if name == "V1" else 1.0  # shown in km/h
+        number, _, error = shown[name].split(" ")[:3]
+        digits = len(number.partition(".")[2])
+        assert number == f"{pace * value:.{digits}f}"
+        assert error == f"{pace * sigma:.{digits}f}"
+
+
+NEED_A_NAME = {
+    *("button", "textbox", "combobox", "radio", "tab", "link", "application", "table", "region"),
+    *("tabpanel", "radiogroup", "tablist", "navigation", "main", "complementary", "form"),
+    *("dialog", "progressbar", "image", "group", "log"),
+}
+
+
+def nameless(page):
+    """Roles of what a screen reader would come upon without a name (WAI-ARIA 1.2, 5.2.8)."""
+    session = page.context.new_cdp_session(page)
+    nodes = session.send("Accessibility.getFullAXTree")["nodes"]
+    return [
+        node["role"]["value"]
+        for node in nodes
+        if not node["ignored"]
+        and node["role"]["value"] in NEED_A_NAME
+        and not node.get("name", {}).get("value", "").strip()
+    ]
+
+
+def test_everything_has_a_name_for_a_screen_reader_and_focus_is_seen(copied_survey, open_page):
+    with served(copied_survey) as server:
+        page = open_page(server)
+        wait_until_adjusted(page)
+        for tab in ("Measure", "Frames", "Camera"):
+            expect(page.get_by_role("tabpanel", name=tab)).to_be_visible()
+            assert nameless(page) == []
+            page.keyboard.press("x")
+        page.evaluate("document.querySelector('#undo').removeAttribute('id')")
+        page.evaluate("document.querySelector('header button[title^=Undo]').textContent = ''")
+        page.evaluate("document.querySelector('header button[title^=Undo]').title = ''")
+        assert nameless(page) == ["button"]  # the test can fall
+        seen = set()
+        for _ in range(40):
+            page.keyboard.press("Tab")
+            focused = page.evaluate(
+                """() => {
+                    const at = document.activeElement;
+                    const pane = at.closest(".pane");
+                    const ring = at.matches(".mark") ? at.querySelector(".ring") : null;
+                    const look = getComputedStyle(ring ?? at);
+                    const frame = getComputedStyle(pane ?? at, "::after");
+                    return [at.outerHTML.slice(0, 80), ring ? look.stroke !== "none"
+                        : look.outlineStyle !== "none" || frame.borderTopStyle === "solid"];
+                }"""
+            )
+            assert focused[1], focused[0]
+            seen.add(focused[0])
+        assert len(seen) > 25
+
+
+def test_the_arrows_go_through_tools_tabs_and_photos(copied_survey, open_page):
+    with served(copied_survey) as server:
+        page = open_page(server)
+        page.keyboard.press("F6")
+        page.keyboard.press("ArrowRight")
+        expect(page.get_by_role("radio", name="Length")).to_be_checked()
+        for _ in range(2):
+            page.keyboard.press("F6")
+        page.keyboard.press("ArrowRight")
+        expect(page.get_by_role("tab", name="Frames")).to_have_attribute("aria-selected", "true")
+        page.keyboard.press("F6")
+        page.keyboard.press("ArrowRight")
+        page.keyboard.press("Enter")
+        expect(page.locator(".pane")).to_have_attribute("data-image", "IMG_0042.jpg")
+        expect(page.locator("svg.marks")).to_be_focused()
+        page.keyboard.press("PageDown")
+        expect(page.locator(".pane")).to_have_attribute("data-image", "IMG_0043.jpg")
+        assert not page.errors
+
+
+def test_points_and_lengths_that_come_faster_than_they_are_confirmed_are_all_kept(
+    planted, open_page
+):
+    with served(planted.path) as server:
+        page = open_page(server)
+        change = server.desk.change
+
+        def slowly(message):
+            time.sleep(0.25)
+            return change(message)
+
+        server.desk.change = slowly
+        for u, v in planted.marks_px:
+            page.mouse.click(*to_page(page, u, v))
+        expect(page.locator(".mark")).to_have_count(4)
+        assert set(picks_of(server)) == {"P1", "P2", "P3", "P4"}
+        for start, end in (("P1", "P2"), ("P3", "P4")):
+            page.keyboard.press("l")
+            type_point(page, start)
+            type_point(page, end)
+            page.keyboard.type("1.5")
+            page.keyboard.press("Enter")
+        expect(page.locator('table[aria-label="Known lengths"] tbody tr')).to_have_count(2)
         assert not page.errors
 
 
@@ -73,6 +245,7 @@ def test_a_target_is_snapped_to_with_its_sigma(planted, open_page):
 
 @pytest.fixture
 def copied_survey(data_dir, tmp_path):
+    """A survey with all its picks, and little to measure."""
     project = tmp_path / "survey"
     leave = shutil.ignore_patterns("out", "*.tlog", "measure.csv")
     shutil.copytree(data_dir / "calm_nadir", project, ignore=leave)

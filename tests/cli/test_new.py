@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 import yaml
 from pick_pages import CAMERA, PROJECT, Page, running, small_project
@@ -69,6 +72,16 @@ def test_an_offset_of_the_clock_that_had_to_be_assumed_is_said(data_dir, tmp_pat
     assert main(["new", str(folder)]) == 0
     assert "warning: The camera's clock is taken to show UTC" in capsys.readouterr().out
     assert load_project(folder / "project.yaml").time.offset_s == 0.0
+
+
+def test_times_in_the_names_of_photos_are_found_and_said(data_dir, tmp_path, capsys):
+    files = ("photos/*.jpg", "flight.tlog", "camera.yaml")
+    folder = linked(data_dir / "cuav", tmp_path / "flight", *files)
+    assert main(["new", str(folder)]) == 0
+    assert "2018080501005009Z.jpg by %Y%m%d%H%M%S%fZ" in capsys.readouterr().out
+    time = load_project(folder / "project.yaml").time
+    assert (time.source, time.offset_s) == ("filename", 0.0)
+    assert main(["check", str(folder / "project.yaml")]) == 0
 
 
 def test_photos_that_know_camera_and_place_need_neither_file(data_dir, tmp_path, capsys):
@@ -193,6 +206,36 @@ def test_files_that_only_look_like_what_is_looked_for_are_not_taken(tmp_path):
     project = load_project(folder / "project.yaml")
     assert project.log is None
     assert [Path(pattern).parent.name for pattern in project.images] == ["photos"]
+
+
+def test_of_a_calibration_beside_the_photos_the_camera_is_taken_and_no_picture(tmp_path):
+    folder = bare(tmp_path / "flight")
+    results = folder / "calibration"
+    (results / "found").mkdir(parents=True)
+    (folder / "camera.yaml").rename(results / "camera.yaml")
+    (results / "calibration.json").write_text("{}", encoding="utf-8")
+    (results / "opencv.yml").write_text("%YAML:1.0\n", encoding="utf-8")
+    (results / "found" / "board.jpg").write_bytes((folder / "photos" / "P1.jpg").read_bytes())
+    assert main(["new", str(folder)]) == 0
+    project = load_project(folder / "project.yaml")
+    assert Path(project.camera) == results / "camera.yaml"
+    assert [Path(pattern).parent.name for pattern in project.images] == ["photos"]
+
+
+def test_sizes_that_lie_mixed_in_one_folder_are_told_by_how_their_names_begin(tmp_path, capsys):
+    folder = bare(tmp_path / "flight")
+    photo = (folder / "photos" / "P1.jpg").read_bytes()
+    small = cv2.imencode(".jpg", np.zeros((30, 40, 3), np.uint8))[1].tobytes()
+    for k in range(3):
+        (folder / "photos" / f"IMG [{k}].jpg").write_bytes(photo + b" " * k)
+        (folder / "photos" / f"P{k + 1}.jpg").write_bytes(small)
+    assert main(["new", str(folder)]) == 1
+    said = capsys.readouterr().err
+    assert "photos/IMG [[]*.jpg: 3 of 640 x 480 px" in said
+    assert "photos/P*.jpg: 3 of 40 x 30 px" in said
+    (pattern,) = re.findall(r"such as with --images '(.*)'", said)
+    assert main(["new", str(folder), "--images", pattern]) == 0
+    assert main(["check", str(folder / "project.yaml")]) == 0
 
 
 def test_a_wrong_file_is_told_and_nothing_is_left_behind(tmp_path, capsys):

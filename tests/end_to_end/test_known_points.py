@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from pyproj import Transformer
 
-import uavgram
+from uavgram.pipeline.compute import compute
+from uavgram.pipeline.inputs import read_inputs
 
 SIGMA_M = 0.02
 CONTROL = ("R1", "R3", "R6", "R8", "P5")
@@ -75,7 +76,8 @@ def twin(request, data_dir, tmp_path, copy_project, truth):
     def run(kind, role="control", labels=CONTROL, **changes):
         write_points(tmp_path / f"{role}.csv", kind, labels, known)
         changes = {role: f"{role}.csv"} | changes
-        return uavgram.run(copy_project(data_dir / name, tmp_path, **changes), output=None)
+        project = copy_project(data_dir / name, tmp_path, **changes)
+        return compute(read_inputs(project), curved=False).result
 
     return run, known
 

@@ -169,3 +169,13 @@ def test_hundreds_of_frames_choose_in_coarser_cells(survey):
     texture = ground_texture(result, some)
 
     assert texture.covered.any()
+
+
+@pytest.mark.parametrize(("grey", "gain"), [(20, 3.0), (80, 2.5), (120, 1.0), (250, 1.0)])
+def test_dark_ground_is_brightened_to_be_seen_and_says_by_how_much(survey, grey, gain):
+    result = survey.build(clean=True)
+    photos = previews(survey, result, paint=lambda _: (grey, grey, grey))
+    texture = ground_texture(result, dict(list(photos.items())[:2]))
+
+    assert texture.gain == gain
+    assert np.abs(texture.rgb[texture.covered].astype(float) - gain * grey).max() <= 2 * gain

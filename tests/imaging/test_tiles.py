@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.imaging.tiles import TILE_PX, Kept, half, level_count, pyramid_of, read_pyramid
+from uavgram.imaging.tiles import (
+    TILE_PX,
+    Kept,
+    half,
+    level_count,
+    pyramid_of,
+    read_pyramid,
+    reduced,
+)
 
 TURNED = (
     b"\xff\xe1\x00\x22Exif\x00\x00MM\x00\x2a\x00\x00\x00\x08"
@@ -26,12 +34,28 @@ def test_a_half_is_the_mean_of_two_by_two_with_odd_edges_repeated(shape):
     assert np.abs(half(pixels) - mean).max() <= 0.5
 
 
+def decoded(jpeg):
+    return cv2.imdecode(np.frombuffer(jpeg, np.uint8), 1)
+
+
+def joined(pyramid, level):
+    """A whole level from its tiles."""
+    rows = []
+    for row in range(99):
+        tiles = [pyramid.tile(level, column, row) for column in range(99)]
+        parts = [decoded(tile) for tile in tiles if tile is not None]
+        if not parts:
+            break
+        rows.append(np.hstack(parts))
+    return np.vstack(rows)
+
+
 def test_marks_stay_where_they_are_on_every_level():
     pixels = np.zeros((1401, 2003, 3), np.uint8)
     v, u = np.mgrid[:1401, :2003]
     pixels[...] = (200 * np.exp(-((u - 1950.0) ** 2 + (v - 1340.0) ** 2) / 128))[..., None]
-    for k, level in enumerate(pyramid_of(pixels).levels[:4]):
-        grey = level[..., 0].astype(float)
+    for k in range(4):
+        grey = reduced(pixels, k)[..., 0].astype(float)
         place = [
             (grey * axis).sum() / grey.sum() for axis in np.mgrid[: grey.shape[0], : grey.shape[1]]
         ]
@@ -39,13 +63,30 @@ def test_marks_stay_where_they_are_on_every_level():
         assert np.abs(original - [1340.0, 1950.0]).max() < 0.1
 
 
+@pytest.mark.parametrize("shape", [(2051, 3077, 3), (4096, 2048, 3), (1537, 5, 3)])
+def test_levels_that_are_made_of_parts_are_those_of_the_whole_photo(shape, monkeypatch):
+    pixels = np.random.default_rng(3).integers(0, 256, shape, np.uint8)
+    pyramid = pyramid_of(pixels)
+    cut = []
+    monkeypatch.setattr(cv2, "imencode", lambda _, part, __: cut.append(part) or (0, part))
+    whole = pixels
+    for level in range(level_count(shape[1], shape[0])):
+        height, width = whole.shape[:2]
+        for row in range(-(-height // TILE_PX)):
+            for column in range(-(-width // TILE_PX)):
+                pyramid.tile(level, column, row)
+                top, left = row * TILE_PX, column * TILE_PX
+                there = whole[top : top + TILE_PX, left : left + TILE_PX]
+                np.testing.assert_array_equal(cut.pop(), there)
+        assert pyramid.tile(level, -(-width // TILE_PX), 0) is None
+        whole = half(whole)
+
+
 def test_tiles_join_to_the_photo():
     pixels = np.full((600, 1100, 3), 120, np.uint8)
     pixels[:, 700:] = 30
     pyramid = pyramid_of(pixels)
-    tiles = [[pyramid.tile(0, c, r) for c in range(3)] for r in range(2)]
-    rows = [np.hstack([cv2.imdecode(np.frombuffer(t, np.uint8), 1) for t in row]) for row in tiles]
-    assert np.abs(np.vstack(rows).astype(int) - pixels).max() <= 12
+    assert np.abs(joined(pyramid, 0).astype(int) - pixels).max() <= 12
 
 
 @pytest.mark.parametrize("place", [(0, 3, 0), (0, 0, 2), (9, 0, 0), (-1, 0, 0), (0, -1, 0)])
@@ -55,8 +96,9 @@ def test_there_is_no_tile_outside_the_photo(place):
 
 def test_levels_are_as_many_as_the_page_is_told():
     pyramid = pyramid_of(np.zeros((1401, 2003, 3), np.uint8))
-    assert len(pyramid.levels) == level_count(2003, 1401)
-    assert max(pyramid.levels[-1].shape[:2]) <= TILE_PX
+    last = level_count(2003, 1401) - 1
+    assert pyramid.tile(last + 1, 0, 0) is None
+    assert max(decoded(pyramid.tile(last, 0, 0)).shape) <= TILE_PX
 
 
 def test_exif_orientation_turns_nothing(tmp_path):
@@ -65,15 +107,21 @@ def test_exif_orientation_turns_nothing(tmp_path):
     turned = tmp_path / "turned.jpg"
     turned.write_bytes(encoded[:2] + TURNED + encoded[2:])
     assert cv2.imread(str(turned)).shape[:2] == (60, 40)  # whoever follows the tag turns it
-    assert read_pyramid(turned).levels[0].shape[:2] == (40, 60)
+    stored = cv2.imdecode(np.frombuffer(encoded, np.uint8), 1)
+    for size_px in (None, (60, 40), (40, 60)):  # unknown, known, and said wrongly
+        np.testing.assert_array_equal(read_pyramid(turned, size_px).photo, stored)
 
 
-@pytest.mark.parametrize("content", [b"", b"no photo"])
-def test_what_is_no_photo_is_said(tmp_path, content):
+@pytest.mark.parametrize("size_px", [None, (60, 40)])
+@pytest.mark.parametrize("content", [b"", b"no photo", b"cut"])
+def test_what_is_no_photo_is_said(tmp_path, content, size_px):
     path = tmp_path / "photo.jpg"
+    if content == b"cut":
+        pixels = np.random.default_rng(2).integers(0, 256, (40, 60, 3), np.uint8)
+        content = cv2.imencode(".jpg", pixels)[1].tobytes()[:300]
     path.write_bytes(content)
     with pytest.raises(InputError, match="no photo"):
-        read_pyramid(path)
+        read_pyramid(path, size_px)
 
 
 def test_the_longest_unused_goes_first_and_the_newest_stays():

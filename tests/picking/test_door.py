@@ -22,7 +22,10 @@ from uavgram.picking.session import changed as state_after
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory):
-    server = Server(small_project(tmp_path_factory.mktemp("door")))
+    project = small_project(tmp_path_factory.mktemp("door"))
+    (project.parent / "out").mkdir()
+    (project.parent / "out" / "report.html").write_text("<p>a report</p>", encoding="utf-8")
+    server = Server(project)
     yield server
     server.stop()
 
@@ -88,7 +91,8 @@ def test_the_token_becomes_a_cookie_that_scripts_and_other_sites_cannot_use(tmp_
 
 
 @pytest.mark.parametrize(
-    "path", ["/", "/page/app.js", "/photo/0/0/0/0.jpg", "/photo/0/thumbnail.jpg"]
+    "path",
+    ["/", "/page/app.js", "/photo/0/0/0/0.jpg", "/photo/0/thumbnail.jpg", "/output/report.html"],
 )
 def test_nothing_is_given_without_the_cookie_and_all_of_it_with_it(server, browser, path):
     for headers in ({}, {"Cookie": f"{browser.headers['Cookie'].split('=')[0]}=wrong"}):
@@ -173,6 +177,13 @@ PATHS = [
     "/photo/99999999999999999999999999/thumbnail.jpg",
     "/photo/0/" + "9" * 900 + "/0/0.jpg",
     "/photo/" + "9" * 5000 + "/thumbnail.jpg",
+    "/output/../project.yaml",
+    "/output/..%2fproject.yaml",
+    "/output/pick-journal.jsonl",
+    "/output/pick.lock",
+    "/output/",
+    "/recording",
+    "/calibration",
     "/project.yaml",
     "/%ff%fe",
     "/socket",

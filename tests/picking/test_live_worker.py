@@ -72,6 +72,13 @@ def wait_for(answers, count):
     assert len(answers) >= count
 
 
+def wait_for_adjusted(answers, version):
+    until = time.monotonic() + 5
+    while (version, "adjusted") not in [(v, said["mode"]) for v, said in answers]:
+        assert time.monotonic() < until, answers
+        time.sleep(0.005)
+
+
 def test_states_that_wait_are_passed_over_for_the_newest(worker):
     survey = Survey(1.0)
     survey.go_on.clear()
@@ -81,8 +88,8 @@ def test_states_that_wait_are_passed_over_for_the_newest(worker):
     for version in range(2, 10):
         live.submit(Task(version, state(version), final=True))
     survey.go_on.set()
-    wait_for(answers, 2)
-    assert [version for version, _ in answers] == [1, 9]
+    wait_for_adjusted(answers, 9)
+    assert survey.adjusted == [1, 9]
 
 
 def test_a_drag_is_linearised_where_the_full_adjustment_is_slow(worker):
@@ -106,6 +113,26 @@ def test_a_drag_is_adjusted_in_full_where_that_is_fast(worker):
     wait_for(answers, 2)
     assert answers[1][1]["mode"] == "adjusted"
     assert not survey.linearised_
+
+
+def test_numbers_follow_a_drag_while_an_older_state_is_adjusted_in_full(worker):
+    survey = Survey(1.0)
+    live, answers = worker(survey)
+    live.submit(Task(1, state(1), final=True))
+    wait_for(answers, 1)
+    survey.go_on.clear()  # the next full adjustment takes as long as this test wants
+    live.submit(Task(2, state(1), final=True))
+    wait_for(answers, 2)
+    assert answers[1] == (2, {"mode": "linearised"})  # it has not ended, but it has moved
+    for version in (3, 4, 5):
+        live.submit(Task(version, state(1), final=False))
+        wait_for(answers, version)
+    assert [said["mode"] for _, said in answers[2:]] == ["linearised"] * 3
+    survey.go_on.set()
+    wait_for(answers, 7)
+    # The older full answer is never the last word on the newer state, even for a moment.
+    assert answers[5:7] == [(2, {"mode": "adjusted", "n": 1}), (5, {"mode": "linearised"})]
+    wait_for_adjusted(answers, 5)
 
 
 def test_what_cannot_be_adjusted_is_said_in_words(worker):

@@ -8,10 +8,16 @@ bounds can be broken.
 
 The iterations start from the truth, which moves no minimum but saves the search for it; that the
 search finds it is shown elsewhere.
+
+The environment raises the number of scenes of every row, and to a tenth of it the number of those
+that are judged by sampling:
+
+    UAVGRAM_REPETITIONS=10000 pytest tests/statistical/test_coverage.py
 """
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -36,8 +42,9 @@ from uavgram.stages.second_order import BIAS_OFF, SIGMA_OFF
 
 pytestmark = pytest.mark.statistical
 
-SCENES = 2000
-JUDGED = 12
+AT_LEAST = int(os.environ.get("UAVGRAM_REPETITIONS", "0"))
+SCENES = max(2000, AT_LEAST)
+JUDGED = max(12, AT_LEAST // 10)
 """Scenes that are judged by sampling, each of them adjusted anew some hundred times."""
 
 TAIL = 0.001 / 2
@@ -61,6 +68,7 @@ ROWS = {
     "lever arm": Kind(sources=("lever_arm",), telemetry=FLIGHT, bare=0.5),
     "clock": Kind(sources=("clock", "clock_drift"), telemetry=FLIGHT, bare=0.5, log=True),
     "ground": Kind(sources=("plane", "roughness"), telemetry=FLIGHT, bare=0.5, rough=True),
+    "two areas": Kind(sources=("plane",), telemetry=FLIGHT, bare=0.5, verge=True),
     "control": Kind(sources=("control",), telemetry=("absent",), control=5),
     "all together": Kind(sources=None, log=True, rough=True),
 }
@@ -182,7 +190,7 @@ def judged_by_sampling(adjustments, truth, seed):
 def test_scenes_that_curvature_flags_are_honest_by_their_sampled_intervals():
     kind = Kind(sources=None, telemetry=("absent",), lines=(4, 4), frames=(1,), tape_m=(0.1, 0.4))
     inside = []
-    for trial in range(200):
+    for trial in range(20 * JUDGED):
         scene = random_scene((2, trial), kind)
         adjustment = adjusted(scene)
         if adjustment is not None and curved(adjustment):
@@ -198,7 +206,7 @@ def test_scenes_that_curvature_flags_are_honest_by_their_sampled_intervals():
 def test_ambiguous_scenes_of_three_lines_hold_the_truth_in_one_of_their_intervals():
     kind = Kind(sources=("pixels", "lengths"), telemetry=("absent",), lines=(3, 3), frames=(1,))
     inside = []
-    for trial in range(100):
+    for trial in range(20 * JUDGED):
         scene = random_scene((3, trial), kind)
         refined = refine(scene.survey, SolveOptions())[0]
         if refined.alternatives:
@@ -352,3 +360,13 @@ def test_shared_ends_treated_as_two_points_break_the_bounds():
 
     assert violations(study(kind, 300, net)) == []
     assert violations(study(kind, 300, lambda scene: ends_apart(net(scene))))
+
+
+def test_a_verge_taken_for_the_road_breaks_the_bounds():
+    kind = replace(ROWS["two areas"], **ALONE)
+
+    def on_the_road(scene):
+        return replace(scene, survey=replace(scene.survey, label_area=0 * scene.survey.area))
+
+    assert violations(study(kind, 60)) == []
+    assert violations(study(kind, 60, on_the_road))

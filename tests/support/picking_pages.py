@@ -47,6 +47,7 @@ def wait_until_adjusted(page: Page) -> None:
 def measured(page: Page) -> dict[str, str]:
     """Values as the page shows them, by the names of the measurements."""
     rows = page.locator('table[aria-label="Measurements"] tbody tr').all()
+    names = ((row.get_attribute("data-row") or "").removeprefix("measure ") for row in rows)
     return {
-        row.locator("td").nth(0).inner_text(): row.locator("td").nth(1).inner_text() for row in rows
+        name: row.locator("td").nth(1).inner_text() for name, row in zip(names, rows, strict=True)
     }

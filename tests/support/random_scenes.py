@@ -71,6 +71,9 @@ class Kind:
         Share of the scenes that have no known length: there the telemetry decides alone.
     rough
         Whether the ground departs from its plane.
+    verge
+        Whether every second label lies on a plane of its own, beside the road and higher; the
+        measured distance then leads from the one to the other.
     frames
         Numbers of frames to choose from; two scenes in a hundred have 6 to 20 all the same, where
         more than one is possible.
@@ -85,6 +88,7 @@ class Kind:
     lines: tuple[int, int] = (4, 10)
     bare: float = 0.0
     rough: bool = False
+    verge: bool = False
     frames: tuple[int, ...] = (1, 1, 1, 1, 1, 1, 2, 2, 3, 3, 4, 5)
     tape_m: tuple[float, float] = (0.01, 0.2)
 
@@ -96,13 +100,18 @@ def random_scene(seed: int | tuple[int, ...], kind: Kind) -> Scene:
     quality = kind.telemetry[rng.integers(len(kind.telemetry))]
     world_gauge = quality != "absent" or kind.control > 0
     center, rotation = _cameras(rng, kind)
-    plane = source.noise("plane") * rng.normal(0, PLANE_SIGMA) * world_gauge
+    planes = source.noise("plane") * rng.normal(0, PLANE_SIGMA)[None] * world_gauge
+    area = np.arange(LABELS) % 2 * kind.verge
+    if kind.verge:
+        own = source.noise("plane") * rng.spawn(1)[0].normal(0, PLANE_SIGMA)
+        planes = np.stack([planes[0], own])
+        planes[1, 0] += scenes.VERGE_M
     departure = source.noise("roughness") * ROUGHNESS_M * rng.normal(size=LABELS) * kind.rough
     planar = _ground_points(rng, center, rotation)
     if not world_gauge:
         planar, center, rotation = _at_gauge(planar, center, rotation)
-    pivot = planar.mean(axis=0)
-    up = plane[0] + (planar - pivot) @ plane[1:] + departure
+    pivot = np.stack([planar[area == a].mean(axis=0) for a in range(len(planes))])
+    up = planes[area, 0] + np.sum(planes[area, 1:] * (planar - pivot[area]), axis=1) + departure
     world = np.column_stack([planar, up])
     error = source.noise("calibration") * CALIBRATION_ROOT @ rng.normal(size=9)
     covariance = source.sigma("calibration") ** 2 * CALIBRATION_COVARIANCE
@@ -142,12 +151,9 @@ def random_scene(seed: int | tuple[int, ...], kind: Kind) -> Scene:
         control_label=known,
         control_world_m=world[known] + control_sigma * rng.normal(size=(kind.control, 3)),
         control_sigma_m=np.tile(control_sigma, (kind.control, 1)),
-        ground=Ground(
-            height_m=0.0,
-            height_sigma_m=PLANE_SIGMA[0] * source.sigma("plane"),
-            slope_sigma_rad=PLANE_SIGMA[1] * source.sigma("plane"),
-            roughness_sigma_m=ROUGHNESS_M * source.sigma("roughness") * kind.rough,
-        ),
+        ground=_ground(source, kind, "road", 0.0),
+        other_grounds=(_ground(source, kind, "verge", scenes.VERGE_M),) * kind.verge,
+        label_area=area,
         gauge="world" if world_gauge else "plane",
     )
     truth = State(
@@ -155,10 +161,20 @@ def random_scene(seed: int | tuple[int, ...], kind: Kind) -> Scene:
         center=center,
         rotation=rotation,
         intrinsic=np.zeros(9),
-        plane=plane,
+        plane=planes.ravel(),
         telemetry=shared,
     )
     return Scene(survey, truth, pivot, world)
+
+
+def _ground(source, kind, name, height):
+    return Ground(
+        name=name,
+        height_m=height,
+        height_sigma_m=PLANE_SIGMA[0] * source.sigma("plane"),
+        slope_sigma_rad=PLANE_SIGMA[1] * source.sigma("plane"),
+        roughness_sigma_m=ROUGHNESS_M * source.sigma("roughness") * kind.rough,
+    )
 
 
 def _cameras(rng, kind):

@@ -13,8 +13,10 @@ def test_the_facts_answer_the_four_questions(survey):
     facts = dict(key_facts(survey.build()))
 
     assert facts["frames"].startswith("20 frames")
-    assert facts["least certain length"] == "road width: 6.310 ± 0.012 m (0.19 %)"
-    assert facts["known length that fits worst"] == "R3 hedge: +0.210 m off, w = +13.5"
+    assert facts["least certain length for its size"] == "road width: 6.310 ± 0.012 m (0.19 %)"
+    assert (
+        facts["known length that fits worst"] == "R3 hedge, P17 to P23: +0.210 m off (13.5 sigma)"
+    )
     assert facts["largest 95 % ellipse within the survey (half axes)"] == "P24: 4.7 cm × 2.8 cm"
 
 

@@ -217,11 +217,21 @@ def test_the_lowered_ground_is_drawn_lower_and_the_summary_says_so(survey, tmp_p
 @pytest.mark.parametrize("variant", [{}, {"clean": True}, {"telemetry": False}], ids=str)
 def test_the_legend_is_not_cut_off(survey, variant):
     result = survey.build(**variant)
-    image = np.asarray(draw_legend(result, measure_scene(result)))
+    image = np.asarray(draw_legend(result, measure_scene(result), 2.5))
 
     assert image.shape == (HEIGHT_PX, WIDTH_PX, 3)
     assert (image[:, -8:] == BACKGROUND).all()
     assert (image != BACKGROUND).any()
+
+
+def test_the_legend_says_that_the_ground_is_brightened(result):
+    scene = measure_scene(result)
+    plain, said = (np.asarray(draw_legend(result, scene, gain)) for gain in (1.0, 2.5))
+    changed = (plain != said).any(axis=(0, 2))
+
+    assert changed.any()
+    assert not changed[: np.argmax(changed)].any()
+    assert np.argmax(changed) > WIDTH_PX // 2
 
 
 def test_every_view_has_a_name_and_something_to_show(result, contents):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -13,7 +14,7 @@ from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
-import rerun as rr
+from small_recording import write_small_recording
 
 from uavgram.errors import InputError, UavgramError
 from uavgram.views import viewer
@@ -21,13 +22,7 @@ from uavgram.views import viewer
 
 @pytest.fixture
 def recording(tmp_path):
-    path = tmp_path / "a.rrd"
-    stream = rr.RecordingStream("test", recording_id="test")
-    stream.save(path)
-    stream.log("text", rr.TextDocument("hello"), static=True)
-    stream.flush()
-    stream.disconnect()
-    return path
+    return write_small_recording(tmp_path / "a.rrd")
 
 
 @pytest.mark.parametrize("show", [viewer.open_viewer, lambda p: viewer.serve_viewer(p, print)])
@@ -103,7 +98,7 @@ def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(recording
         seen["sockets"] = listening(seen["pids"])
         seen["address"] = address
         with urllib.request.urlopen(address, timeout=10) as page:  # noqa: S310
-            seen["page"] = page.read()
+            seen["page"], seen["policy"] = page.read(), page.headers["content-security-policy"]
         raise KeyboardInterrupt  # as Ctrl-C does
 
     with pytest.raises(KeyboardInterrupt):
@@ -114,11 +109,15 @@ def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(recording
     ports = {address.port, urlsplit(source.removeprefix("rerun+")).port}
     assert address.hostname == "127.0.0.1"
     assert source.startswith("rerun+http://127.0.0.1:")
-    assert {port for _, port in seen["sockets"]} == ports
+    assert urlsplit(source.removeprefix("rerun+")).port in {port for _, port in seen["sockets"]}
     assert {place for place, _ in seen["sockets"]} == {"0100007F"}  # 127.0.0.1, little-endian
     assert b"<html" in seen["page"].lower()
+    assert b"<link" in seen["page"]
+    assert not re.search(rb"<link[^>]*https?://", seen["page"])  # nothing is fetched elsewhere
+    allowed = re.findall(r"https?://[^\s;]+", seen["policy"])
+    assert allowed == [source.removeprefix("rerun+").removesuffix("/proxy")]
     assert len(seen["pids"]) == 2
-    for port in ports:  # nothing is left behind
+    for port in ports | {port for _, port in seen["sockets"]}:  # nothing is left behind
         with pytest.raises(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
             pass
 

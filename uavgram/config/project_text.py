@@ -8,6 +8,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 _PLAIN = re.compile(r"[A-Za-z][\w./-]*(?: [\w./-]+)*")
+_CAMERA = re.compile(
+    r"""^camera:[ \t]+(?:"[^"\n]*"|'[^'\n]*'|[^\s#"'|>&*!\[{][^#\n]*?)([ \t]*(?:[ \t]\#.*)?\r?)$""",
+    re.MULTILINE,
+)
 _OTHER_MEANINGS = {"yes", "no", "on", "off", "true", "false", "null", "none", "y", "n"}
 
 
@@ -29,6 +33,8 @@ class ProjectText:
         Files of picks, lines, measure, and, where there are some, control and check.
     offset_s
         Camera clock minus UTC [s]; None: from the log's camera events.
+    name_format
+        By which the photos' names are read as their times; None: EXIF states them.
     """
 
     name: str
@@ -38,6 +44,7 @@ class ProjectText:
     poses: str | None
     tables: Mapping[str, str]
     offset_s: float | None = None
+    name_format: str | None = None
 
 
 _COMMENTS = {
@@ -90,11 +97,31 @@ def project_text(project: ProjectText) -> str:
             continue
         text = f"# {key}: {_EXAMPLES.get(key, 'exif')}" if value is None else f"{key}: {value}"
         lines.append(f"{text.ljust(_WIDTH)} # {comment}" if comment else text)
-    if project.offset_s is None:
-        return "\n".join(lines) + "\n" + _OPTIONS
-    offset = f"  offset_s: {project.offset_s!r}".ljust(_WIDTH) + " # camera clock minus UTC\n"
+    text = "\n".join(lines) + "\n"
+    times = _time_lines(project)
+    if not times:
+        return text + _OPTIONS
     start, _, _ = _OPTIONS.partition("# time:")
-    return "\n".join(lines) + "\n" + start + "time:\n" + offset
+    return text + start + "\n".join(("time:", *times)) + "\n"
+
+
+def _time_lines(project: ProjectText) -> list[str]:
+    lines = []
+    if project.name_format is not None:
+        lines += [
+            "  source: filename".ljust(_WIDTH) + " # the photos' names are their times",
+            f"  filename_format: {json.dumps(project.name_format, ensure_ascii=False)}",
+        ]
+    if project.offset_s is not None:
+        text = f"  offset_s: {project.offset_s!r}"
+        lines.append(text.ljust(_WIDTH) + " # camera clock minus UTC")
+    return lines
+
+
+def with_camera(text: str, camera: str) -> str | None:
+    """A project file's text with another camera; None where no line of it names the camera."""
+    changed, count = _CAMERA.subn(lambda line: f"camera: {_scalar(camera)}{line[1]}", text)
+    return changed if count == 1 else None
 
 
 def _scalar(text: str) -> str:

@@ -67,6 +67,10 @@ class Structure:
         first = (0, self.first_block)[kind]
         return first + node[:, None] * self.sizes[kind] + np.arange(self.sizes[kind])
 
+    def shared(self, columns: Ints) -> bool:
+        """Whether all of these unknowns belong to the border."""
+        return bool((columns >= self.first_shared).all())
+
     def split(self, vector: Floats) -> tuple[Floats, Floats, Floats]:
         """Views (K, s, m), (F, b, m), (border, m) of an array (size, m) over the unknowns."""
         wide = vector.shape[1]

@@ -28,8 +28,8 @@ AT_REST = 1e-4
 """Undamped predicted fall (a hundredth of a sigma, squared) up to which a result counts as
 converged; kinks of the interpolated flight keep it from being exactly zero."""
 
-CLOSE = 1e-2
-"""Predicted fall by unknown (a tenth of a sigma, squared) after which the normal matrix hardly
+CLOSE = 0.1
+"""Predicted fall by unknown (a third of a sigma, squared) after which the normal matrix hardly
 changes: its factor serves the steps that follow too, as long as they keep their promise."""
 
 KEPT = 0.5

@@ -100,7 +100,8 @@ class Block:
         width = 2 * self.picks + rank
         ends = np.empty((2, count, lines), dtype=np.int64)
         ends[0], ends[1] = frames.start, frames.end
-        self.ends = ends + np.arange(count)[:, None] * self.picks
+        frame = np.arange(count)[:, None]
+        self.ends = ends + frame * self.picks
         self.pixel = np.ascontiguousarray(frames.pixel_px.reshape(-1, 2).T)
         self.sigma = frames.pixel_sigma_px.ravel()
         self.end_sigma = self.sigma[self.ends]
@@ -109,19 +110,21 @@ class Block:
         self.length = frames.length_m
         self.shape = (count, lines, width)
         # Where the derivative by u and v of each end stands among the entries of `noise`.
-        row = np.arange(count * lines).reshape(count, lines) * width
-        self.place = np.stack([row + ends, row + ends + self.picks])
+        row = (frame * lines + np.arange(lines)) * width
+        self.place = np.empty((2, 2, count, lines), dtype=np.int64)
+        np.add(row, ends, out=self.place[0])
+        np.add(self.place[0], self.picks, out=self.place[1])
         # The system's parts that stay: the lengths' own variance, and no information at all
         # about the plane (the smallest number in its place keeps a singular matrix from stopping
         # the others).
         self.system = np.zeros((count, lines + 3, lines + 3))
-        diagonal = np.einsum("bii->bi", self.system)
+        diagonal = self.system.reshape(count, -1)[:, :: lines + 4]
         diagonal[:, :lines] = np.where(self.there, frames.length_sigma_m, 1.0) ** 2
         diagonal[:, lines:] = -1e-300
 
     def per_pick(self, values: Floats) -> Floats:
-        """Of values (B, k) of the frames, those (k, B E) of their picks."""
-        return values.T.repeat(self.picks, axis=1)
+        """Of values (B, k) of the frames, those (k, B E) of their picks; (k, 1) of a single one."""
+        return values.T.repeat(self.picks, axis=1) if len(values) > 1 else values.T
 
     def first_view(self) -> tuple[Floats, View]:
         """Undistorted points (2, B E) of the picks by the lens as given, and the lens there."""

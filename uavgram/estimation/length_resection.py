@@ -28,7 +28,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.camera import Calibration
 
 ITERATIONS = 30
-AT_REST = 1e-4
+AT_REST = 1e-3
 """Largest change of a plane or an adjusted observation, in its sigmas, at which the iterations end:
 the next would be ten times smaller."""
 
@@ -214,20 +214,19 @@ def _solve(
         ray[:, :2] = point[:, block.ends].swapaxes(0, 1)
         line = block.conditions(plane, adjusted[:, split:], ray, view)
         fit = _fit(block, line)
-        step = (np.abs(fit.step) / fit.sigma).max(axis=1)
+        step = np.maximum.reduce(np.abs(fit.step) / fit.sigma, axis=1)
         # Far from the plane, the misclosures say nothing of the observations' own errors.
         correction = np.matmul(fit.multiplier[:, None], line.noise)[:, 0]
         correction[step >= NEAR] = 0.0
         change = correction - adjusted
         adjusted = correction
         plane = plane + _shortened(plane, fit.step, ray)
-        moved = np.abs(change).max(axis=1)
+        moved = np.maximum.reduce(np.abs(change), axis=1)
         largest = np.maximum(moved, step)
-        at_rest = largest < AT_REST
-        if (at_rest | np.isnan(largest)).all():
+        if not (largest >= AT_REST).any():  # NaN is no longer going either
             break
         point = block.follow(view, point, adjusted, change)
-        if (moved < SAME_VIEW).all():
+        if np.maximum.reduce(moved) < SAME_VIEW:
             view = view._replace(off=-block.corrections(adjusted))
         else:
             view = block.view(calibration.parameters + adjusted[:, split:] @ root.T, point)
@@ -235,7 +234,7 @@ def _solve(
     covariance = _joint_covariance(fit, line.noise[..., split:], root)
     cost = np.add.reduce(fit.multiplier * line.misclosure, axis=1)
     determined = fit.sigma.max(axis=1) < OPEN * np.abs(plane).max(axis=1)
-    return LengthPoses(plane, interior, covariance, cost, at_rest & determined)
+    return LengthPoses(plane, interior, covariance, cost, (largest < AT_REST) & determined)
 
 
 class _Fit(NamedTuple):

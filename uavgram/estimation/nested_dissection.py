@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import (
 
 from uavgram.model.arrays import Bools, Floats, Ints
 
-LEAF = 24
+LEAF = 48
 """Blocks up to which a part is eliminated as a whole."""
 
 SHARES = (0.4, 0.5, 0.6)

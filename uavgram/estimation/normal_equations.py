@@ -271,6 +271,19 @@ class Covariance:
             return np.asarray(self._inverse[columns[:, :, None], columns[:, None, :]])
         return self._inverse.gather(columns)
 
+    def joint(self, columns: Ints, gradients: Floats) -> Floats:
+        """Joint covariance (n, n) of linear functions, as `Factor.covariances` takes them.
+
+        Those of unknowns that all observations share need no further solution.
+        """
+        inverse = self._inverse
+        if isinstance(inverse, BlockMatrix) and not inverse.pattern.structure.shared(columns):
+            return self._factor.covariances(columns, gradients)
+        unknowns, place = np.unique(columns, return_inverse=True)
+        whole = np.zeros((len(columns), len(unknowns)))
+        np.add.at(whole, (np.arange(len(columns))[:, None], place), gradients)
+        return np.asarray(whole @ self.blocks(unknowns[None])[0] @ whole.T)
+
     def leverage(self, block: Block) -> Floats:
         """(n, r) share of each whitened residual of a block that the unknowns take up."""
         if block not in self._leverage:

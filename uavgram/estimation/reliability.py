@@ -103,7 +103,7 @@ def group_fit(block: Block, factor: Factor, covariance: Covariance) -> GroupFit:
     """
     squares = float(np.sum(block.residual**2))
     if block.residual.size <= EXACT_GROUP:
-        cofactor = _cofactor(block, factor)
+        cofactor = _cofactor(block, covariance)
         trace, trace_of_square = float(np.trace(cofactor)), float(np.sum(cofactor**2))
     else:
         trace = float(reliability(block, covariance).redundancy.sum())
@@ -122,31 +122,23 @@ def _trace_of_square(block: Block, factor: Factor) -> float:
     n, r, _ = block.jacobian.shape
     rng = np.random.default_rng(0)  # the same survey has the same result
     total, draws = 0.0, -(-SIGNS // (n * r))
-    for _ in range(draws):
-        signs = rng.choice([-1.0, 1.0], (n, r))
-        weights = (signs[:, None] @ block.jacobian)[:, 0]
-        right: Floats = np.zeros(factor.size)
-        right += np.bincount(block.columns.ravel(), weights.ravel(), minlength=factor.size)
-        seen = factor.solve(right)[block.columns]
-        total += float(np.sum((signs - (block.jacobian @ seen[:, :, None])[:, :, 0]) ** 2))
+    for first in range(0, draws, AT_ONCE):
+        some = min(AT_ONCE, draws - first)
+        signs = np.moveaxis(rng.choice([-1.0, 1.0], (some, n, r)), 0, 2)
+        weights = np.swapaxes(block.jacobian, 1, 2) @ signs
+        place = block.columns[:, :, None] * some + np.arange(some)
+        right: Floats = np.zeros(factor.size * some)
+        right += np.bincount(place.ravel(), weights.ravel(), minlength=len(right))
+        seen = factor.solve(right.reshape(factor.size, some))[block.columns]
+        total += float(np.sum((signs - block.jacobian @ seen) ** 2))
     return float(total / draws)
 
 
-def _cofactor(block: Block, factor: Factor) -> Floats:
-    """I - A S A^T of all the block's rows, a few columns at a time."""
-    n, r, _ = block.jacobian.shape
-    cofactor = np.eye(n * r).reshape(n, r, n, r)
-    step = max(1, AT_ONCE // r)
-    for start in range(0, n, step):
-        some = slice(start, start + step)
-        jacobian = block.jacobian[some]
-        right = np.zeros((factor.size, len(jacobian), r))
-        row, component = np.arange(len(jacobian))[:, None, None], np.arange(r)[:, None]
-        np.add.at(right, (block.columns[some, None, :], row, component), jacobian)
-        solved = factor.solve(right.reshape(factor.size, -1))
-        product = block.jacobian @ solved[block.columns]
-        cofactor[:, :, some] -= product.reshape(n, r, -1, r)
-    return np.asarray(cofactor.reshape(n * r, n * r))
+def _cofactor(block: Block, covariance: Covariance) -> Floats:
+    """I - A S A^T of all the block's rows."""
+    n, r, k = block.jacobian.shape
+    columns = np.repeat(block.columns, r, axis=0)
+    return np.asarray(np.eye(n * r) - covariance.joint(columns, block.jacobian.reshape(n * r, k)))
 
 
 def upper_tail(squares: float, degrees: float) -> float:

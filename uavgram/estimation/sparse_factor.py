@@ -145,10 +145,11 @@ class SparseFactor:
         reduced.tables[0][:] = scaled.tables[0][symbolic.kept_pair]
         reduced.tables[1][:] = scaled.tables[1][symbolic.kept_entry]
         reduced.tables[2][symbolic.between] = scaled.tables[2]
-        symbolic.schur.add(reduced.tables[2], -views, self._gain)
+        np.negative(views, out=views)
+        symbolic.schur.add(reduced.tables[2], views, self._gain)
         reduced.coupling[POINT][:] = scaled.coupling[POINT][symbolic.joined]
         reduced.coupling[BLOCK][:] = scaled.coupling[BLOCK]
-        symbolic.by_block.add(reduced.coupling[BLOCK], -views, self._border_gain)
+        symbolic.by_block.add(reduced.coupling[BLOCK], views, self._border_gain)
         reduced.border[:] = scaled.border - _contracted(shared, self._border_gain)
         try:
             self._front = Multifrontal(reduced, symbolic.ordering, smallest)
@@ -162,12 +163,12 @@ class SparseFactor:
         point = structure.split(right)[POINT][symbolic.alone]
         reduced = right[symbolic.kept]
         _, block, border = symbolic.reduced.structure.split(reduced)
-        symbolic.by_block.add(block, -self._gain, point)
+        symbolic.by_block.add(block, self._gain, -point)
         border -= _contracted(self._border_gain, point)
         found = self._front.solve(reduced)
         _, block, border = symbolic.reduced.structure.split(found)
         own = self._inverse @ point - self._border_gain @ border
-        symbolic.by_point.add(own, -np.swapaxes(self._gain, 1, 2), block)
+        symbolic.by_point.add(own, np.swapaxes(self._gain, 1, 2), -block)
         solution = np.empty_like(right)
         solution[symbolic.kept] = found
         structure.split(solution)[POINT][symbolic.alone] = own

@@ -7,6 +7,7 @@ Both have symmetric 2x2 Jacobians by the undistorted point, given here as (a, b,
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -189,7 +190,12 @@ def largest_radius(model: LensModel, parameters: Floats) -> float:
     There the radial polynomial stops growing: farther out, two directions share a pixel. The
     tangential terms are left out.
     """
-    argument = fold_argument(model, np.asarray(parameters, np.float64)[4:])
+    return _largest_radius(model, tuple(np.asarray(parameters, np.float64)[4:].tolist()))
+
+
+@lru_cache(maxsize=16)  # one lens projects for many frames
+def _largest_radius(model: LensModel, coefficients: tuple[float, ...]) -> float:
+    argument = fold_argument(model, np.array(coefficients))
     if model == "brown":
         return argument
     return math.tan(argument) if argument < math.pi / 2 else math.inf

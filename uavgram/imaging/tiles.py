@@ -29,6 +29,11 @@ TILE_QUALITY = 95
 SMALLEST_LEVEL_PX = 256
 """A level whose longer side is at most this needs no further reduction."""
 
+FIRST_COARSE = 3
+"""The first level that is kept; finer ones are made of the photo when they are asked for."""
+
+_STRIP_PX = 512  # a multiple of 2**FIRST_COARSE
+
 Key = TypeVar("Key", bound=Hashable)
 Value = TypeVar("Value")
 
@@ -44,24 +49,38 @@ _TILE_CODING = [
 
 @dataclass(frozen=True, eq=False)
 class Pyramid:
-    """A photo and its reductions: `levels` of (height, width, 3) BGR, the photo first."""
+    """A photo and its reductions.
 
-    levels: tuple[Pixels, ...]
+    Attributes
+    ----------
+    photo
+        (height, width, 3) BGR: level 0.
+    coarse
+        Levels `FIRST_COARSE` and up. Those between are made of the photo a tile at a time: kept,
+        they would take a third as much memory as the photo again.
+    """
+
+    photo: Pixels
+    coarse: tuple[Pixels, ...]
 
     @property
     def size_bytes(self) -> int:
         """Memory it takes."""
-        return sum(level.nbytes for level in self.levels)
+        return self.photo.nbytes + sum(level.nbytes for level in self.coarse)
 
     def tile(self, level: int, column: int, row: int) -> bytes | None:
         """JPEG of one tile; None where the pyramid has none. Edge tiles are smaller."""
-        if not 0 <= level < len(self.levels):
+        height, width = self.photo.shape[:2]
+        if not 0 <= level < level_count(width, height):
             return None
-        height, width = self.levels[level].shape[:2]
         left, top = column * TILE_PX, row * TILE_PX
-        if not (0 <= left < width and 0 <= top < height):
+        if not (0 <= left << level < width and 0 <= top << level < height):
             return None
-        part = self.levels[level][top : top + TILE_PX, left : left + TILE_PX]
+        if level >= FIRST_COARSE:
+            part = self.coarse[level - FIRST_COARSE][top : top + TILE_PX, left : left + TILE_PX]
+        else:
+            left, top, side = left << level, top << level, TILE_PX << level
+            part = reduced(self.photo[top : top + side, left : left + side], level)
         return cv2.imencode(".jpg", part, _TILE_CODING)[1].tobytes()
 
 
@@ -73,34 +92,84 @@ def level_count(width_px: int, height_px: int) -> int:
     return count
 
 
-def read_pyramid(path: str | os.PathLike[str]) -> Pyramid:
+def read_pyramid(path: str | os.PathLike[str], size_px: tuple[int, int] | None = None) -> Pyramid:
     """Decode a photo as it is stored, whatever its EXIF orientation says, and reduce it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    size_px
+        Its width and height as stored, where they are known: decoding takes half the memory then.
 
     Raises
     ------
     InputError
         The file cannot be read, or is no photo.
     """
+    decoded = None
+    if size_px is not None and os.access(path, os.R_OK):
+        decoded = _decoded_into(path, *size_px)
+    if decoded is None:
+        decoded = _decoded(path)
+    return pyramid_of(decoded)
+
+
+def _decoded(path: str | os.PathLike[str]) -> Pixels:
     try:
         encoded = np.fromfile(Path(path), np.uint8)
     except OSError as fault:
         raise InputError(path, f"cannot be read: {fault.strerror}") from fault
     try:
-        decoded = cv2.imdecode(encoded, _AS_STORED)
+        pixels = cv2.imdecode(encoded, _AS_STORED)
     except cv2.error:  # an empty file, or a header with absurd sizes
-        decoded = None
-    if decoded is None:
+        pixels = None
+    if pixels is None:
         raise InputError(path, "is no photo that can be decoded; replace it or leave it out")
-    return pyramid_of(np.asarray(decoded, dtype=np.uint8))
+    return np.asarray(pixels, dtype=np.uint8)
+
+
+def _decoded_into(path: str | os.PathLike[str], width: int, height: int) -> Pixels | None:
+    """Decode into an array that is there already; None where that does not work.
+
+    `imdecode` and `imread` alone fill an array of their own and copy it. A file that cannot be
+    read leaves the array as it was, without a word: so its last row says whether it was filled.
+    """
+    pixels = np.empty((height, width, 3), np.uint8)
+    pixels[-1] = untouched = np.random.default_rng(0).integers(0, 256, (width, 3), np.uint8)
+    try:
+        found = cv2.imread(os.fspath(path), pixels, _AS_STORED)
+    except cv2.error:
+        return None
+    if found is None or found.shape != pixels.shape or np.array_equal(found[-1], untouched):
+        return None
+    return np.asarray(found, dtype=np.uint8)
 
 
 def pyramid_of(pixels: Pixels) -> Pyramid:
     """Reduce a decoded photo (height, width, 3) by halves."""
     height, width = pixels.shape[:2]
-    levels = [pixels]
-    for _ in range(level_count(width, height) - 1):
-        levels.append(half(levels[-1]))
-    return Pyramid(tuple(levels))
+    count = level_count(width, height)
+    if count <= FIRST_COARSE:
+        return Pyramid(pixels, ())
+    # In strips, which need no room for the levels between.
+    strips = [
+        reduced(pixels[top : top + _STRIP_PX], FIRST_COARSE) for top in range(0, height, _STRIP_PX)
+    ]
+    coarse = [np.vstack(strips)]
+    for _ in range(FIRST_COARSE + 1, count):
+        coarse.append(half(coarse[-1]))
+    return Pyramid(pixels, tuple(coarse))
+
+
+def reduced(pixels: Pixels, level: int) -> Pixels:
+    """Halve as often as `level` says.
+
+    A part of a photo that begins at a multiple of ``2**level`` gives the same pixels as the whole.
+    """
+    for _ in range(level):
+        pixels = half(pixels)
+    return pixels
 
 
 def half(pixels: Pixels) -> Pixels:

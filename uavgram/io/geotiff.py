@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import cv2
 import numpy as np
 import rasterio
 from numpy.typing import NDArray
-from rasterio.enums import ColorInterp, Resampling
+from rasterio.enums import Resampling
+from rasterio.errors import NotGeoreferencedWarning
+from rasterio.io import DatasetWriter
 from rasterio.windows import Window as FileWindow
 
+from uavgram.imaging.preview import Pixels
+from uavgram.imaging.pyramid import halved
+from uavgram.io.tiff_directory import mark_overviews
 from uavgram.model.arrays import Floats
 from uavgram.model.ground_raster import GroundRaster
 
@@ -27,6 +34,14 @@ _PROFILE = {
     "predictor": 2,
     "num_threads": "all_cpus",
     "bigtiff": "if_safer",
+    "endianness": "little",
+}
+_COLOUR = {
+    "count": 4,
+    "dtype": "uint8",
+    "photometric": "rgb",
+    "alpha": "non-premultiplied",
+    "sparse_ok": True,
 }
 
 Windowed = Iterable[tuple[tuple[int, int, int, int], NDArray[np.uint8]]]
@@ -37,26 +52,54 @@ def write_colour_geotiff(
 ) -> None:
     """Write RGB and opacity.
 
+    Overviews are averaged from the windows at hand: to read back and average what was written, as
+    GDAL does, takes longer than everything before. The first overview is kept in memory until
+    the picture is done: a byte for each of its pixels.
+
     Parameters
     ----------
     raster
         Size and place.
     windows
-        Pairs of (first column, first row, width, height) and (height, width, 4) pixels.
+        Pairs of (first column, first row, width, height) and (height, width, 4) pixels. First
+        columns and rows are even.
     tags
         Remarks to store in the file.
     path
         The file.
     """
-    profile = _PROFILE | _place(raster) | {"count": 4, "dtype": "uint8", "photometric": "rgb"}
-    with _on_all_cores(), rasterio.open(path, "w", **profile) as file:
-        file.colorinterp = [ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha]
-        file.update_tags(**tags)
-        for (column, row, width, height), pixels in windows:
-            if pixels[..., 3].any():  # what is never written is transparent
-                at = FileWindow(column, row, width, height)
-                file.write(np.moveaxis(pixels, 2, 0), window=at)
-        file.build_overviews(_factors(raster), Resampling.average)
+    profile = _PROFILE | _COLOUR | _place(raster)
+    half = np.zeros((-(-raster.height // 2), -(-raster.width // 2), 4), np.uint8)
+    with _on_all_cores():
+        with rasterio.open(path, "w", **profile) as file:
+            file.update_tags(**tags)
+            for (column, row, width, height), pixels in windows:
+                if not pixels[..., 3].any():  # what is never written is transparent
+                    continue
+                _write_pixels(file, pixels, column, row)
+                part = np.s_[row // 2 : -(-(row + height) // 2)]
+                half[part, column // 2 : -(-(column + width) // 2)] = halved(pixels)
+        for _ in _factors(raster):
+            _append_picture(half, path)
+            half = halved(half)
+    mark_overviews(path)
+
+
+def _append_picture(pixels: Pixels, path: Path) -> None:
+    """Add (H, W, 4) to a file as a further picture of the same kind."""
+    height, width = pixels.shape[:2]
+    profile = _PROFILE | _COLOUR | {"width": width, "height": height, "append_subdataset": True}
+    with warnings.catch_warnings():  # an overview lies where its picture lies
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        with rasterio.open(path, "w", **profile) as file:
+            for row in range(0, height, TILE_PX):
+                _write_pixels(file, pixels[row : row + TILE_PX], 0, row)
+
+
+def _write_pixels(file: DatasetWriter, pixels: Pixels, column: int, row: int) -> None:
+    height, width = pixels.shape[:2]
+    bands = np.stack(cv2.split(pixels))  # quicker than to let NumPy gather them
+    file.write(bands, window=FileWindow(column, row, width, height))
 
 
 def write_float_geotiff(

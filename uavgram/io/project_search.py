@@ -22,6 +22,7 @@ from uavgram.io.opencv_calibration import is_opencv_calibration
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
 _CAMERA_SUFFIXES = (".yaml", ".yml", ".json", ".xml", ".txt")
 _RESULTS = "results.json"
+_CALIBRATION, _CALIBRATED = "calibration.json", "camera.yaml"
 _LARGEST_CAMERA_BYTES = 1_000_000
 
 TableRole = Literal["picks", "lines", "measure", "control", "check", "poses"]
@@ -60,6 +61,8 @@ class Holdings:
 
 def search_folder(folder: Path) -> Holdings:
     """Look through a folder and those in it; hidden ones and those of results are passed over.
+
+    Of a calibration's results the camera file counts.
 
     Raises
     ------
@@ -103,11 +106,15 @@ def _files(folder: Path) -> Iterable[Path]:
 
     if not folder.is_dir():
         raise InputError(folder, "is no folder: name the one that holds the photos")
-    for here, folders, names in os.walk(folder, onerror=refuse):
+    for here, folders, files in os.walk(folder, onerror=refuse):
+        names = files
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         if _RESULTS in names and Path(here) != folder:
             folders.clear()
             continue
+        if _CALIBRATION in names and Path(here) != folder:  # its pictures are no photos
+            folders.clear()
+            names = [name for name in names if name == _CALIBRATED]
         yield from (Path(here, name) for name in sorted(names) if not name.startswith("."))
 
 

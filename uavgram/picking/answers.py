@@ -11,7 +11,9 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.observations import MeasurementRequest
+from uavgram.model.result import Result
 from uavgram.picking.state import Line, Pick, State
+from uavgram.pipeline.known_places import KnownPlaces
 from uavgram.pipeline.live import Adjusted, Linearised
 
 Json = dict[str, Any]
@@ -100,10 +102,8 @@ def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
         "lines": _lines(adjusted),
         "measurements": _measurements(adjusted),
         "checks": _checks(adjusted),
-        "frames": {
-            str(index[name]): status
-            for name, status in zip(result.frames.frame_id, result.frames.status, strict=True)
-        },
+        "frames": _frames(result, index),
+        "clock": _clock(result),
         "solution": {
             "freedom": solution.degrees_of_freedom,
             "factor": number(solution.variance_factor),
@@ -192,6 +192,42 @@ def _predicted(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
             "spread": _ellipse(predicted.covariance_px2[i]),
         }
         for i, frame in enumerate(predicted.frame_id)
+    ]
+
+
+def _frames(result: Result, index: Mapping[str, int]) -> Json:
+    """Status by photo; of those adjusted the sigmas of the centre (e n u) and how far it moved."""
+    frames = result.frames
+    sigma = np.sqrt(np.einsum("fii->fi", frames.refined.covariance))
+    moved = np.linalg.norm(frames.refined.center_world_m - frames.seed.center_world_m, axis=1)
+    return {
+        str(index[name]): {
+            "status": frames.status[k],
+            "sigma": numbers(sigma[k, :3], 3),
+            "moved": number(moved[k], 3),
+        }
+        for k, name in enumerate(frames.frame_id)
+    }
+
+
+def _clock(result: Result) -> Json | None:
+    """Camera clock minus UTC after the adjustment; None without a log."""
+    offset = result.shared.clock_offset_s
+    if offset is None:
+        return None
+    return {"offset": number(offset.value[0]), "sigma": number(offset.sigma[0])}
+
+
+def expected_json(places: KnownPlaces, index: Mapping[str, int]) -> list[Json]:
+    """Where points with known coordinates should appear."""
+    return [
+        {
+            "image": index[frame],
+            "label": places.label[i],
+            "at": numbers(places.pixel_px[i], 3),
+            "spread": _ellipse(places.covariance_px2[i]),
+        }
+        for i, frame in enumerate(places.frame_id)
     ]
 
 

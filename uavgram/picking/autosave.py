@@ -249,6 +249,10 @@ class Saver(Protocol):
         """
         ...
 
+    def changed_outside(self) -> tuple[str, ...]:
+        """Names of tables that another program changed since they were read or written here."""
+        ...
+
     def close(self) -> None:
         """Let go of lock and journal."""
         ...

@@ -1,4 +1,6 @@
-"""What the page may ask for: one frozen class for each command and each question.
+"""What the page may ask for: one frozen class for each command, question and errand.
+
+Commands change what is picked, questions change nothing, errands are about the project as a whole.
 
 Numbers are finite and in range, texts are short and clean, photos exist: `messages` saw to that.
 Whether a command fits the state (a label that is there, a name that is free) is for `session`.
@@ -9,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from uavgram.model.camera import LensModel
 from uavgram.model.observations import MeasurementKind
 
 Target = Literal["corner", "circle"]
@@ -137,6 +140,35 @@ class Export:
     """Save, run the project as `uavgram run` does, and write all its outputs."""
 
 
+@dataclass(frozen=True)
+class Reload:
+    """Read the project again from its files, as they are now; the steps begin anew."""
+
+
+@dataclass(frozen=True)
+class Folders:
+    """List the folders near the project that hold photos."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibrate:
+    """Calibrate a camera from the photos of a listed folder; `board` as on the command line."""
+
+    folder: int
+    board: str
+    model: LensModel
+
+
+@dataclass(frozen=True)
+class StopCalibration:
+    """End the calibration that is running."""
+
+
+@dataclass(frozen=True)
+class UseCamera:
+    """Name the camera file that was made last in the project, and read the project again."""
+
+
 Change = (
     Place
     | Unpick
@@ -150,4 +182,5 @@ Change = (
     | RemoveMeasurement
 )
 Command = Change | Undo | Redo
-Question = Snap | SameGround | Export
+Errand = Export | Reload | Folders | Calibrate | StopCalibration | UseCamera
+Question = Snap | SameGround

@@ -7,13 +7,22 @@ session runs in one thread (the server's loop), so there is no lock.
 from __future__ import annotations
 
 import logging
+import threading
 from collections.abc import Callable
-from pathlib import Path
+from contextlib import suppress
 
+from uavgram.errors import OutputError, UavgramError
 from uavgram.imaging.preview import read_preview
-from uavgram.imaging.tiles import TILE_PX, Kept, Pyramid, level_count, read_pyramid
+from uavgram.imaging.tiles import TILE_PX, Kept, Pyramid, read_pyramid
 from uavgram.picking import commands as c
-from uavgram.picking.answers import Json, difference_json, messages_json, state_json
+from uavgram.picking.about import camera_json, clock_json, known_points_json, photos_json
+from uavgram.picking.answers import (
+    Json,
+    difference_json,
+    expected_json,
+    messages_json,
+    state_json,
+)
 from uavgram.picking.autosave import Saver
 from uavgram.picking.ground import same_ground_json
 from uavgram.picking.live import Live, Task
@@ -21,12 +30,13 @@ from uavgram.picking.messages import Message, PhotoSize
 from uavgram.picking.session import Session, apply
 from uavgram.picking.snapping import snap_json
 from uavgram.picking.state import State, state_of
+from uavgram.pipeline.known_places import known_places
 from uavgram.pipeline.live import LiveSurvey
 
 log = logging.getLogger(__name__)
 
 PHOTOS_BYTES = 350_000_000
-"""Decoded photos that are kept: two of 48 megapixels with their reductions take 384 MB."""
+"""Decoded photos that are kept: two of 48 megapixels with their reductions take 294 MB."""
 
 THUMBNAIL_PX = 256
 
@@ -66,7 +76,11 @@ class Desk:
         self.fault = ""
         self._said: Json = {}
         self._pyramids: Kept[int, Pyramid] = Kept(
-            lambda k: read_pyramid(photos.path[k]), lambda p: p.size_bytes, PHOTOS_BYTES
+            lambda k: read_pyramid(
+                photos.path[k], (self.photos[k].width_px, self.photos[k].height_px)
+            ),
+            lambda pyramid: pyramid.size_bytes,
+            PHOTOS_BYTES,
         )
         self._thumbnails: Kept[int, bytes] = Kept(
             lambda k: read_preview(photos.path[k], THUMBNAIL_PX)[0].jpeg, len, 64_000_000
@@ -84,9 +98,14 @@ class Desk:
         return self.session.state
 
     def open(self) -> None:
-        """Begin: adjust what is there."""
+        """Begin: adjust what is there, and decode the photo that a page shows first."""
+        threading.Thread(target=self._read_ahead, name="first photo", daemon=True).start()
         self._live.start()
         self._live.submit(Task(self.version, self.state, final=True))
+
+    def _read_ahead(self) -> None:
+        with suppress(UavgramError):  # it is told when the page asks for it
+            self._pyramids.get(0)
 
     def stop(self) -> None:
         """Adjust no more; waits for an adjustment under way."""
@@ -95,33 +114,30 @@ class Desk:
     def close(self) -> None:
         """End: save everything, let go of the project."""
         self.save()
+        self.let_go()
+
+    def let_go(self) -> None:
+        """Let go of the project as it is saved."""
         self._saver.close()
+
+    def changed_outside(self) -> tuple[str, ...]:
+        """Names of tables that another program changed meanwhile."""
+        return self._saver.changed_outside()
 
     def hello(self) -> Json:
         """Everything a page needs to begin."""
         inputs, posed = self.survey.inputs, self.survey.posed
-        frames = None if posed is None else posed.frames
         return {
             "t": "hello",
             "project": inputs.project.name,
             "tile": TILE_PX,
             "sigma": inputs.project.picks_sigma_px,
             "significance": inputs.project.solve.significance,
-            "photos": [
-                {
-                    "name": photo.name,
-                    "width": photo.width_px,
-                    "height": photo.height_px,
-                    "levels": level_count(photo.width_px, photo.height_px),
-                    "matched": bool(frames is not None and frames.matched[k]),
-                    "reason": "" if frames is None else frames.reason[k],
-                    "time": None if frames is None else _time(frames.time_utc_s[k]),
-                }
-                for k, photo in enumerate(self.photos)
-            ],
-            "camera": _camera_json(self.survey),
-            "control": list(inputs.control.label),
-            "check": list(inputs.check.label),
+            "photos": photos_json(self.survey, self.photos),
+            "camera": camera_json(self.survey),
+            "clock": clock_json(self.survey),
+            **known_points_json(inputs),
+            "expected": self._expected(),
             "recovered": self.recovered is not None,
             "messages": messages_json(
                 (*self._saver.messages, *inputs.messages, *(posed.messages if posed else ()))
@@ -154,23 +170,33 @@ class Desk:
         ------
         RefusedError
             It does not fit the state; says why.
+        OutputError
+            It cannot be kept, so it counts as not done.
         """
-        if isinstance(message.body, c.Question):
+        if isinstance(message.body, c.Question | c.Errand):
             raise TypeError(f"{type(message.body).__name__} is no command")
         before = self.session
         after = apply(before, message.body, message.step)
         if after is before:
             return {"t": "changed", "seq": message.seq, "diff": {}, **self._standing()}
-        self._saver.record(message.body, message.step)
+        self._try(after.state, final=message.final)  # while the disk works
+        try:
+            self._saver.record(message.body, message.step)
+        except OutputError:
+            self._try(before.state, final=True)
+            raise
         self.session = after
-        self.version += 1
-        self._live.submit(Task(self.version, after.state, message.final))
         return {
             "t": "changed",
             "seq": message.seq,
             "diff": difference_json(before.state, after.state, self.index),
             **self._standing(),
         }
+
+    def _try(self, state: State, *, final: bool) -> None:
+        """Adjust a state under a number of its own."""
+        self.version += 1
+        self._live.submit(Task(self.version, state, final))
 
     def save(self) -> None:
         """Write the tables, and tell where that was not possible."""
@@ -197,26 +223,13 @@ class Desk:
             "redo": len(self.session.future),
         }
 
+    def _expected(self) -> list[Json]:
+        return expected_json(known_places(self.survey, self._live.last), self.index)
+
     def _adjusted(self, version: int, said: Json) -> None:
         answer = {"t": "live", "for": version, **said}
         if said["mode"] != "linearised":
+            answer["expected"] = self._expected()
+        if said["mode"] != "linearised":
             self._said = answer
         self._tell(answer)
-
-
-def _time(value: float) -> float | None:
-    return float(value) if value == value else None  # noqa: PLR0124  (NaN is not itself)
-
-
-def _camera_json(survey: LiveSurvey) -> Json:
-    calibration = survey.inputs.calibration
-    return {
-        "name": calibration.name,
-        "model": calibration.model,
-        "width": calibration.width_px,
-        "height": calibration.height_px,
-        "names": list(calibration.parameter_names),
-        "parameters": calibration.parameters.tolist(),
-        "sigma": (calibration.covariance.diagonal() ** 0.5).tolist(),
-        "file": Path(survey.inputs.project.camera).name,
-    }

@@ -1,13 +1,16 @@
-"""The newest state is adjusted, older ones are passed over: one worker, one place to wait.
+"""The newest state is adjusted, older ones are passed over.
 
-While a step goes on (a drag) the last adjustment is only linearised, where the full one is slower
-than people notice; it is run when the step ends or rests.
+Two workers. One answers at once, to first order from the last full adjustment, wherever the full
+one is slower than people notice or is busy with an older state; the other adjusts in full, and
+waits with it while a step goes on (a drag). So numbers move with the pointer however long an
+adjustment takes.
 """
 
 from __future__ import annotations
 
 import logging
 import threading
+import time
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -20,6 +23,9 @@ log = logging.getLogger(__name__)
 
 AT_ONCE_S = 0.1
 """Up to this long people take an answer for immediate (Miller 1968; Nielsen 1993, ch. 5)."""
+
+ON_THE_WAY_S = 0.05
+"""Of that, what the way from the pointer to the server and back onto the screen may take."""
 
 REST_S = 0.3
 """A step that has rested this long is adjusted in full, though it may go on."""
@@ -35,7 +41,7 @@ class Task:
 
 
 class Answer(Protocol):
-    """Takes what is known of a state, from the worker's thread."""
+    """Takes what is known of a state, from a worker's thread."""
 
     def __call__(self, version: int, said: Json) -> None:
         """Tell the page."""
@@ -43,7 +49,7 @@ class Answer(Protocol):
 
 
 class Live:
-    """A worker that adjusts the newest state.
+    """Workers that adjust the newest state.
 
     Parameters
     ----------
@@ -52,16 +58,25 @@ class Live:
     index
         Numbers of the photos by name.
     answer
-        Called with each answer.
+        Called with each answer, by one worker at a time.
     """
 
     def __init__(self, survey: LiveSurvey, index: dict[str, int], answer: Answer) -> None:
         self._survey, self._index, self._answer = survey, index, answer
         self._changed = threading.Condition()
-        self._task: Task | None = None
+        self._newest: Task | None = None
+        self._hastened: Task | None = None  # the newest that was answered at once, or cannot be
+        self._waiting: Task | None = None  # to be adjusted in full
+        self._due_s = 0.0  # when that may begin, of the monotonic clock
+        self._busy = False
         self._stopped = False
         self._last: Adjusted | None = None
-        self._thread = threading.Thread(target=self._work, name="adjustment", daemon=True)
+        self._telling = threading.Lock()
+        self._ahead: Task | None = None  # the newest that was answered to first order
+        self._threads = [
+            threading.Thread(target=work, name=name, daemon=True)
+            for name, work in (("first order", self._hasten), ("adjustment", self._adjust))
+        ]
 
     @property
     def last(self) -> Adjusted | None:
@@ -70,64 +85,86 @@ class Live:
 
     def start(self) -> None:
         """Begin to work."""
-        self._thread.start()
+        for thread in self._threads:
+            thread.start()
 
     def submit(self, task: Task) -> None:
         """Adjust this state next; those that wait are passed over."""
         with self._changed:
-            self._task = task
-            self._changed.notify()
+            self._newest = task
+            self._changed.notify_all()
 
     def stop(self) -> None:
         """End after the adjustment under way."""
         with self._changed:
             self._stopped = True
-            self._changed.notify()
-        if self._thread.is_alive():
-            self._thread.join()
+            self._changed.notify_all()
+        for thread in self._threads:
+            if thread.is_alive():
+                thread.join()
 
-    def _work(self) -> None:
+    def _hasten(self) -> None:
+        """Answer tasks at once where that helps, and hand all on."""
         while (task := self._next()) is not None:
-            if not task.final and self._quick(task):
-                task = self._rested(task)
-                if task is None:
-                    continue
-            self._full(task)
+            rests = self._at_once(task) and not task.final
+            with self._changed:
+                self._hastened = self._waiting = task
+                self._due_s = time.monotonic() + (REST_S if rests else 0.0)
+                self._changed.notify_all()
 
     def _next(self) -> Task | None:
         with self._changed:
-            self._changed.wait_for(lambda: self._task is not None or self._stopped)
-            task, self._task = self._task, None
-            return None if self._stopped else task
+            self._changed.wait_for(lambda: self._newest is not self._hastened or self._stopped)
+            return None if self._stopped else self._newest
 
-    def _rested(self, task: Task) -> Task | None:
-        """The task, if nothing newer comes for a while."""
-        with self._changed:
-            newer = self._changed.wait_for(
-                lambda: self._task is not None or self._stopped, timeout=REST_S
-            )
-        return None if newer else task
+    def _at_once(self, task: Task) -> bool:
+        """Answer to first order; False where the full adjustment is the thing."""
+        with self._telling:
+            last = self._last
+            slow = self._busy or (last is not None and last.seconds > AT_ONCE_S - ON_THE_WAY_S)
+            if not (slow and self._first_order(task)):
+                return False
+            self._ahead = task
+        return True
 
-    def _quick(self, task: Task) -> bool:
-        """Answer by linearising the last adjustment; False where the full one is the thing."""
+    def _first_order(self, task: Task) -> bool:
         base = self._last
-        if base is None or base.seconds < AT_ONCE_S:
-            return False
-        quick = self._survey.linearised(base, observed_in(task.state))
+        quick = None if base is None else self._survey.linearised(base, observed_in(task.state))
         if quick is None:
             return False
         self._answer(task.version, linearised_json(quick, self._index))
         return True
 
-    def _full(self, task: Task) -> None:
+    def _adjust(self) -> None:
+        """Adjust what is due."""
+        while (task := self._due()) is not None:
+            adjusted, said = self._full(task)
+            with self._telling:
+                self._last = adjusted
+                self._answer(task.version, said)
+                if self._ahead is not None and self._ahead.version > task.version:
+                    self._first_order(self._ahead)  # the same as before, from nearer by
+                self._busy = False
+
+    def _due(self) -> Task | None:
+        with self._changed:
+            while not self._stopped:
+                left_s = self._due_s - time.monotonic()
+                if self._waiting is None or self._waiting is not self._newest:
+                    self._changed.wait()
+                elif left_s > 0:
+                    self._changed.wait(left_s)
+                else:
+                    task, self._waiting, self._busy = self._waiting, None, True
+                    return task
+        return None
+
+    def _full(self, task: Task) -> tuple[Adjusted | None, Json]:
         try:
-            self._last = self._survey.adjust(observed_in(task.state))
+            adjusted = self._survey.adjust(observed_in(task.state))
         except UavgramError as why:
-            self._last = None
-            messages = self._survey.inputs.messages
-            self._answer(task.version, unadjusted_json(str(why), messages))
-            return
-        self._answer(task.version, adjusted_json(self._last, self._index))
+            return None, unadjusted_json(str(why), self._survey.inputs.messages)
+        return adjusted, adjusted_json(adjusted, self._index)
 
 
 def observed_in(state: State) -> Observed:

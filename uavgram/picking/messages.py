@@ -15,6 +15,7 @@ from typing import Any, NoReturn, TypeVar
 
 from uavgram.errors import UavgramError
 from uavgram.io.measure import PARAMETERS, POINT_COUNTS
+from uavgram.model.camera import LensModel
 from uavgram.model.observations import MeasurementKind
 from uavgram.picking import commands as c
 
@@ -71,7 +72,7 @@ class Message:
     seq: int
     step: int
     final: bool
-    body: c.Command | c.Question
+    body: c.Command | c.Question | c.Errand
 
 
 def parse_message(text: str | bytes, photos: Sequence[PhotoSize]) -> Message:
@@ -276,7 +277,18 @@ def _same_ground(fields: _Fields) -> c.SameGround:
     return c.SameGround(image=photo.name, u_px=u, v_px=v)
 
 
-_PARSERS: dict[str, Callable[[_Fields], c.Command | c.Question]] = {
+_MODELS: tuple[LensModel, ...] = ("brown", "fisheye")
+
+
+def _calibrate(fields: _Fields) -> c.Calibrate:
+    return c.Calibrate(
+        folder=fields.integer("folder"),
+        board=fields.text("board"),
+        model=fields.choice("model", _MODELS),
+    )
+
+
+_PARSERS: dict[str, Callable[[_Fields], c.Command | c.Question | c.Errand]] = {
     "place": _place,
     "unpick": lambda f: c.Unpick(image=f.photo().name, label=f.label()),
     "forget": lambda f: c.Forget(label=f.label()),
@@ -290,6 +302,11 @@ _PARSERS: dict[str, Callable[[_Fields], c.Command | c.Question]] = {
     "undo": lambda _: c.Undo(),
     "redo": lambda _: c.Redo(),
     "export": lambda _: c.Export(),
+    "reload": lambda _: c.Reload(),
+    "folders": lambda _: c.Folders(),
+    "calibrate": _calibrate,
+    "stop-calibration": lambda _: c.StopCalibration(),
+    "use-camera": lambda _: c.UseCamera(),
     "snap": _snap,
     "ground": _same_ground,
 }

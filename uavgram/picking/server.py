@@ -7,15 +7,12 @@ import contextlib
 import logging
 import socket
 from collections.abc import AsyncIterator, Callable
-from importlib import resources
 from pathlib import Path
 
 import uvicorn
 from anyio import to_thread
 from starlette.applications import Starlette
-from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
-from starlette.routing import Route, WebSocketRoute
+from starlette.routing import WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
@@ -24,8 +21,10 @@ from uavgram.picking import commands as c
 from uavgram.picking.answers import Json
 from uavgram.picking.autosave import Saver
 from uavgram.picking.desk import Desk
+from uavgram.picking.files import file_routes
 from uavgram.picking.guard import Guard, Pace
 from uavgram.picking.messages import LONGEST_MESSAGE, RefusedError, parse_message
+from uavgram.picking.open_project import Keep, OpenProject, Run
 from uavgram.picking.tables import Tables
 from uavgram.pipeline.live import LiveSurvey
 
@@ -38,23 +37,8 @@ MOST_PAGES = 16
 TRY_AGAIN_LATER = 1013
 FAULTS_OF_THE_PAGE = {1002: "broken frames", 1007: "text that is no UTF-8", 1009: "too long"}
 
-REPORT = "report.html"
-REPORT_HEADERS = {
-    # A document of its own: it may look as it likes, and do nothing.
-    "content-security-policy": (
-        "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; "
-        "sandbox"
-    )
-}
-
-Run = Callable[[], object]
-
-_TYPES = {
-    ".html": "text/html; charset=utf-8",
-    ".js": "text/javascript; charset=utf-8",
-    ".css": "text/css; charset=utf-8",
-    ".svg": "image/svg+xml",
-}
+LOOK_OUTSIDE_S = 2.0
+"""Between two looks at files that others may change."""
 
 
 class PickServer:
@@ -66,17 +50,20 @@ class PickServer:
         The project, and who keeps its tables.
     run
         Runs the project from its files and writes its outputs.
+    keep
+        Makes another saver, where the project is read again.
     """
 
-    def __init__(self, survey: LiveSurvey, saver: Saver, run: Run) -> None:
-        self.desk = Desk(survey, saver, self._tell)
-        self._run = run
-        self._running = asyncio.Lock()
+    def __init__(self, survey: LiveSurvey, saver: Saver, run: Run, keep: Keep = Tables) -> None:
+        self.project = OpenProject(survey, saver, run, self._tell, keep)
         self._pages: set[asyncio.Queue[Json]] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._saving: asyncio.TimerHandle | None = None
-        folder = resources.files("uavgram.picking") / "page"
-        self._files = {file.name: file.read_bytes() for file in folder.iterdir() if file.is_file()}
+
+    @property
+    def desk(self) -> Desk:
+        """The desk of the project that is open; another one after it was read again."""
+        return self.project.desk
 
     def application(self, announce: Callable[[], None] = lambda: None) -> Starlette:
         """The application; `announce` is called when it is ready."""
@@ -84,52 +71,24 @@ class PickServer:
         @contextlib.asynccontextmanager
         async def life(_: Starlette) -> AsyncIterator[None]:
             self._loop = asyncio.get_running_loop()
-            self.desk.open()
+            self.project.open()
+            watch = asyncio.create_task(self._watch())
             announce()
             yield
-            await to_thread.run_sync(self.desk.stop)  # it waits for an adjustment under way
-            self.desk.close()
+            watch.cancel()
+            await to_thread.run_sync(self.project.stop)
+            self.project.close()
 
         return Starlette(
-            routes=[
-                Route("/", self._index),
-                Route("/page/{name}", self._file),
-                Route("/photo/{photo:int}/{level:int}/{column:int}/{row:int}.jpg", self._tile),
-                Route("/photo/{photo:int}/thumbnail.jpg", self._thumbnail),
-                Route("/report", self._report),
-                WebSocketRoute("/socket", self._socket),
-            ],
+            routes=[*file_routes(self.project), WebSocketRoute("/socket", self._socket)],
             lifespan=life,
         )
 
-    async def _index(self, _: Request) -> Response:
-        return Response(self._files["index.html"], media_type=_TYPES[".html"])
-
-    async def _file(self, request: Request) -> Response:
-        name = request.path_params["name"]
-        if name not in self._files or Path(name).suffix not in _TYPES:
-            return Response(status_code=404)
-        kind = _TYPES[Path(name).suffix]
-        return Response(self._files[name], media_type=kind, headers={"cache-control": "no-cache"})
-
-    async def _tile(self, request: Request) -> Response:
-        place = (request.path_params[key] for key in ("photo", "level", "column", "row"))
-        return await self._picture(self.desk.tile, *place)
-
-    async def _thumbnail(self, request: Request) -> Response:
-        return await self._picture(self.desk.thumbnail, request.path_params["photo"])
-
-    @staticmethod
-    async def _picture(make: Callable[..., bytes | None], *place: int) -> Response:
-        try:
-            jpeg = await to_thread.run_sync(make, *place)
-        except UavgramError as why:
-            return JSONResponse({"why": str(why)}, 404)
-        if jpeg is None:
-            return Response(status_code=404)
-        return Response(
-            jpeg, media_type="image/jpeg", headers={"cache-control": "private, max-age=86400"}
-        )
+    async def _watch(self) -> None:
+        """Look again and again for what other programs change."""
+        while True:
+            await asyncio.sleep(LOOK_OUTSIDE_S)
+            self.project.look_outside()
 
     async def _socket(self, page: WebSocket) -> None:
         if len(self._pages) >= MOST_PAGES:
@@ -139,7 +98,7 @@ class PickServer:
         await page.accept()
         pace = Pace()
         waiting: asyncio.Queue[Json] = asyncio.Queue(MOST_WAITING)
-        waiting.put_nowait(self.desk.hello())
+        waiting.put_nowait(self.project.hello())
         self._pages.add(waiting)
         sender = asyncio.create_task(self._send(page, waiting))
         try:
@@ -181,8 +140,10 @@ class PickServer:
             log.info("refused: %s", why)
             return {"t": "refused", "seq": why.seq, "why": str(why)}
         try:
-            if isinstance(message.body, c.Export):
-                return {"t": "exported", "seq": message.seq, **await self._exported()}
+            if self.project.refuses:
+                raise RefusedError(self.project.refuses)
+            if isinstance(message.body, c.Errand):
+                return {"seq": message.seq, **await self.project.do(message.body)}
             if isinstance(message.body, c.Question):
                 return await to_thread.run_sync(self.desk.answer, message)
             changed = self.desk.change(message)
@@ -193,28 +154,16 @@ class PickServer:
         self._save_soon()
         return changed
 
-    async def _exported(self) -> Json:
-        """Save, run the project, and say where its outputs are; or why there are none."""
-        self.desk.save()
-        if self.desk.fault:
-            return {"why": self.desk.fault}
-        async with self._running:  # one at a time, whatever many pages ask for
-            await to_thread.run_sync(self._run)
-        return {"folder": self.desk.output}
-
-    async def _report(self, _: Request) -> Response:
-        path = Path(self.desk.output) / REPORT
-        if not path.is_file():
-            return Response("There is no report yet: write it on the page.", 404)
-        page = await to_thread.run_sync(path.read_bytes)
-        return Response(page, media_type=_TYPES[".html"], headers=REPORT_HEADERS)
-
     def _save_soon(self) -> None:
         if self._loop is None:
             return
         if self._saving is not None:
             self._saving.cancel()
-        self._saving = self._loop.call_later(SAVE_AFTER_S, self.desk.save)
+        self._saving = self._loop.call_later(SAVE_AFTER_S, self._save)
+
+    def _save(self) -> None:
+        if not self.project.refuses:
+            self.desk.save()
 
     def _tell(self, said: Json) -> None:
         """Tell every page, from any thread."""

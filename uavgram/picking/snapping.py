@@ -11,7 +11,7 @@ from uavgram.picking.commands import Snap
 def snap_json(pyramid: Pyramid, asked: Snap) -> Json:
     """The exact place with its sigma, or why there is none."""
     find = snap_corner if asked.target == "corner" else snap_circle
-    found = find(pyramid.levels[0], asked.u_px, asked.v_px)
+    found = find(pyramid.photo, asked.u_px, asked.v_px)
     if not isinstance(found, Snapped):
         return {"why": found}
     return {"u": found.u_px, "v": found.v_px, "sigma": round(found.sigma_px, 3)}

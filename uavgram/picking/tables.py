@@ -107,6 +107,18 @@ class Tables:
         self._pending = False
         return self._unnamed(wanted)
 
+    def changed_outside(self) -> tuple[str, ...]:
+        """Names of tables that another program changed since they were read or written here."""
+        try:
+            return tuple(
+                path.name
+                for role, path in self._paths.items()
+                if (self._named[role] or self._on_disk[role] is not None)
+                and _read(path) != self._on_disk[role]
+            )
+        except OutputError:  # what cannot be read now is told when it is to be written
+            return ()
+
     def close(self) -> None:
         """Let go of the journal and of the project."""
         self._journal.close()
@@ -169,8 +181,8 @@ class Tables:
         others = _beside(self._paths[foreign[0]]).name
         return (
             f"Another program changed {names} meanwhile, so nothing is written over. What you have "
-            f"here is saved beside it ({others}). To go on, end this page, put the two together, "
-            "and start `uavgram pick` again"
+            f"here is saved beside it ({others}). Reload takes the "
+            "files as they are now"
         )
 
     def _unnamed(self, wanted: Contents) -> str:

@@ -93,8 +93,8 @@ def compute(
     """
     project = inputs.project
     posed = posed or pose_frames(inputs)
-    control, control_messages = _in_world(inputs, inputs.control, posed.world)
-    check, check_messages = _in_world(inputs, inputs.check, posed.world)
+    control, control_messages = known_in_world(inputs, inputs.control, posed.world)
+    check, check_messages = known_in_world(inputs, inputs.check, posed.world)
     assembled = assemble(
         inputs.calibration,
         inputs.picks,
@@ -194,7 +194,7 @@ def _map_crs(project: Project, world: World) -> str | None:
     return checked_crs(project.crs)
 
 
-def _in_world(
+def known_in_world(
     inputs: Inputs, points: KnownPoints, world: World
 ) -> tuple[KnownWorldPoints, tuple[Message, ...]]:
     """Known points in the local world; none, with a message, where nothing places them."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 from uavgram.config.project_text import ProjectText, project_text
 from uavgram.errors import InputError, OutputError, UavgramError
 from uavgram.io.kept_table import new_table
+from uavgram.io.name_times import name_format
 from uavgram.io.outputs import replace_text
 from uavgram.io.photo_poses import FROM_PHOTOS
 from uavgram.io.photos import read_photos
@@ -30,6 +32,8 @@ from uavgram.pipeline.project_choices import (
     only_one,
     pattern_of,
 )
+
+Attempt = tuple[ProjectText, Message | None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,12 +85,12 @@ def new_project(folder: Path, choices: Choices | None = None) -> NewProject:
     if project.exists():
         raise InputError(project, "is there already: edit it, or move it away first")
     notes = Notes()
-    text = _described(folder, choices, notes)
+    text, names = _described(folder, choices, notes)
     made = _make_files(folder, text)
     is_ready = text.camera == CAMERA_OF_PHOTOS or (folder / text.camera).is_file()
     try:
         if is_ready:
-            _try(project, text, notes)
+            _try(project, text, names, notes)
     except BaseException:
         for path in made:
             path.unlink(missing_ok=True)
@@ -99,8 +103,8 @@ def new_project(folder: Path, choices: Choices | None = None) -> NewProject:
     )
 
 
-def _described(folder: Path, choices: Choices, notes: Notes) -> ProjectText:
-    """What the project file is to say; poses from the photos are only an attempt."""
+def _described(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectText, tuple[str, ...]]:
+    """What the project file is to say, with poses only attempted; and the photos' names."""
     holdings = search_folder(folder)
     groups = choose_photos(folder, holdings, choices)
     images = choices.images or tuple(pattern_of(folder, group) for group in groups)
@@ -115,7 +119,7 @@ def _described(folder: Path, choices: Choices, notes: Notes) -> ProjectText:
     for what, name in (("flight log", log), ("poses", poses)):
         if name is not None:
             notes.found.append(f"{what}: {name}")
-    return ProjectText(
+    text = ProjectText(
         name=folder.name or "survey",
         images=images,
         camera=camera,
@@ -123,6 +127,7 @@ def _described(folder: Path, choices: Choices, notes: Notes) -> ProjectText:
         poses=poses,
         tables=choose_tables(folder, holdings, notes),
     )
+    return text, photos.frame_id
 
 
 def _make_files(folder: Path, text: ProjectText) -> list[Path]:
@@ -150,7 +155,7 @@ def _make_files(folder: Path, text: ProjectText) -> list[Path]:
     return made
 
 
-def _try(project: Path, text: ProjectText, notes: Notes) -> None:
+def _try(project: Path, text: ProjectText, names: Sequence[str], notes: Notes) -> None:
     """Read the project as `uavgram check` does, and say what it still lacks.
 
     Where the photos cannot be placed as it stands, what else can be tried without asking is tried.
@@ -161,7 +166,7 @@ def _try(project: Path, text: ProjectText, notes: Notes) -> None:
         A file that is named is wrong.
     """
     why = ""
-    for attempt, note in _attempts(text):
+    for attempt, note in _attempts(text, names):
         replace_text(project, project_text(attempt))
         try:
             inputs = read_inputs(project, unpicked=True)
@@ -179,22 +184,36 @@ def _try(project: Path, text: ProjectText, notes: Notes) -> None:
     notes.messages += [*inputs.messages, *missing(inputs)]
 
 
-def _attempts(text: ProjectText) -> list[tuple[ProjectText, Message | None]]:
+def _attempts(text: ProjectText, names: Sequence[str]) -> list[Attempt]:
     """Project files to try, the first that works is taken; and what is to be said of each."""
     if text.log is not None:
-        said = (
-            "The camera's clock is taken to show UTC, up to 1 s: the photos fit the log's camera "
-            "events at several offsets, or it has none, and this one places them. Compare a "
-            "photo with the flight, and correct time.offset_s in the project if it is another."
-        )
-        return [
-            (text, None),
-            (replace(text, offset_s=0.0), Message("warning", "clock-assumed", said)),
-        ]
+        return [(text, None), _on_utc(text, ""), *_by_names(text, names)]
     if text.poses is not None:
         return [(text, None)]
     said = "The photos state where they were taken: `poses: exif` uses that."
     return [
         (replace(text, poses=FROM_PHOTOS), Message("info", "poses-found", said)),
         (text, None),
+    ]
+
+
+def _on_utc(text: ProjectText, also: str) -> Attempt:
+    said = (
+        f"{also}The camera's clock is taken to show UTC, up to 1 s: the photos fit the log's "
+        "camera events at several offsets, or it has none, and this one places them. Compare a "
+        "photo with the flight, and correct time.offset_s in the project if it is another."
+    )
+    return replace(text, offset_s=0.0), Message("warning", "clock-assumed", said)
+
+
+def _by_names(text: ProjectText, names: Sequence[str]) -> list[Attempt]:
+    """The same with times from the photos' names, where these hold some."""
+    form = name_format([Path(name).stem for name in names])
+    if form is None:
+        return []
+    named = replace(text, name_format=form)
+    said = f"The photos' names were read as their times: {names[0]} by {form}. "
+    return [
+        (named, Message("warning", "times-from-names", said.strip())),
+        _on_utc(named, said),
     ]

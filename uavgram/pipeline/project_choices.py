@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -71,19 +72,35 @@ def choose_photos(folder: Path, holdings: Holdings, choices: Choices) -> tuple[P
 
 def _sizes(folder: Path, groups: Sequence[PhotoGroup]) -> str:
     """The kinds of photos that there are, and how to choose one."""
-    patterns = [pattern_of(folder, group) for group in groups]
+    patterns = [_own_pattern(folder, group, groups) for group in groups]
     rows = "\n".join(
         f"  {pattern}: {len(group.files)} of {group.size_px[0]} x {group.size_px[1]} px, such as "
         f"{group.files[0].name}"
         for pattern, group in zip(patterns, groups, strict=True)
     )
-    way = f"--images '{patterns[0]}'"
-    if len(set(patterns)) < len(patterns):
-        way = f"--images with the names of one size, or '{groups[0].files[0].name}' alone"
+    most = max(range(len(groups)), key=lambda k: len(groups[k].files))
+    way = f"--images '{patterns[most]}'"
+    if patterns.count(patterns[most]) > 1:
+        way = f"--images with the names of one size, or '{groups[most].files[0].name}' alone"
     return (
         "holds photos of several sizes, and a project has one camera of one size:\n"
         f"{rows}\nchoose, such as with {way}"
     )
+
+
+def _own_pattern(folder: Path, group: PhotoGroup, groups: Sequence[PhotoGroup]) -> str:
+    """A group's pattern; with how its names begin, where that alone tells it from others."""
+    beside = [
+        other
+        for other in groups
+        if other is not group and (other.folder, other.suffix) == (group.folder, group.suffix)
+    ]
+    start = os.path.commonprefix([path.stem for path in group.files])  # noqa: RUF071  (of names)
+    others = [path.name for other in beside for path in other.files]
+    if not beside or not start or any(name.startswith(start) for name in others):
+        return pattern_of(folder, group)
+    plain = pattern_of(folder, group)
+    return f"{plain.removesuffix(f'*{group.suffix}')}{glob.escape(start)}*{group.suffix}"
 
 
 def pattern_of(folder: Path, group: PhotoGroup) -> str:

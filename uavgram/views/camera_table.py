@@ -39,18 +39,19 @@ def camera_lines(
     size = f"{calibration.width_px} x {calibration.height_px} px"
     return [
         f"{calibration.name}: {calibration.model} lens, {size}",
-        *([] if provenance is None else _provenance_lines(provenance)),
+        *([] if provenance is None else provenance_lines(provenance)),
         "",
         aligned(parameter_cells(calibration), right=(1, 2, 3)),
         "",
         "correlations",
         aligned(_correlation_cells(calibration, facts.correlation), right=tuple(range(1, 13))),
         "",
-        *_fact_lines(facts, focal_mm),
+        *fact_lines(facts, focal_mm),
     ]
 
 
-def _provenance_lines(provenance: CameraProvenance) -> list[str]:
+def provenance_lines(provenance: CameraProvenance) -> list[str]:
+    """Where a camera file comes from."""
     lines = [
         f"made by {provenance.program} {provenance.version}, {provenance.created_utc}: "
         f"{provenance.source}"
@@ -92,7 +93,8 @@ def _correlation_cells(calibration: Calibration, correlation: Floats) -> list[tu
     return [("", *names[:-1]), *filled]
 
 
-def _fact_lines(facts: CameraFacts, focal_mm: float | None) -> list[str]:
+def fact_lines(facts: CameraFacts, focal_mm: float | None) -> list[str]:
+    """What the parameters mean: angles, millimetres, pixels."""
     wide, high, diagonal = (number(math.degrees(angle), 2) for angle in facts.field_of_view_rad)
     on_sensor = "" if focal_mm is None else f", {focal_mm:.3f} mm on its sensor"
     offset = (

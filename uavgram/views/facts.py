@@ -15,7 +15,7 @@ def key_facts(result: Result) -> tuple[Fact, ...]:
     """Frames, the least certain length, the known length that fits worst, the largest ellipse."""
     facts = [
         ("frames", frame_counts(result)),
-        ("least certain length", _least_certain(result)),
+        ("least certain length for its size", _least_certain(result)),
         ("known length that fits worst", _worst_fit(result)),
         ("largest 95 % ellipse within the survey (half axes)", _largest_ellipse(result)),
     ]
@@ -53,8 +53,11 @@ def _worst_fit(result: Result) -> str:
     if not len(w) or w.max() < 0:
         return ""
     row = int(np.argmax(w))
-    off = number(float(lines.residual_m[row]), signed=True)
-    return f"{lines.name[row]}: {off} m off, w = {number(float(lines.w[row]), 1, signed=True)}"
+    off, sigmas = float(lines.residual_m[row]), abs(float(lines.w[row]))
+    return (
+        f"{lines.name[row]}, {lines.start[row]} to {lines.end[row]}: "
+        f"{number(off, signed=True)} m off ({number(sigmas, 1)} sigma)"
+    )
 
 
 def _largest_ellipse(result: Result) -> str:

@@ -13,9 +13,9 @@ from contextlib import suppress
 from pathlib import Path
 
 from uavgram.errors import InputError, UavgramError
+from uavgram.views.viewer_gate import LOOPBACK, ViewerGate
 
 MAGIC = (b"RRF2", b"RRIO", b"RRF0", b"RRF1")
-LOOPBACK = "127.0.0.1"
 START_S = 30.0
 """Longest wait for the viewer's server."""
 
@@ -44,6 +44,75 @@ def open_viewer(recording: Path) -> None:
         )
 
 
+class RecordingServer:
+    """The viewer's server of one recording, in a process of its own, for this machine alone.
+
+    Parameters
+    ----------
+    recording
+        The file.
+
+    Attributes
+    ----------
+    address
+        To open in a browser.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or it is no recording.
+    UavgramError
+        The server could not run.
+    """
+
+    def __init__(self, recording: Path) -> None:
+        _check(recording)
+        page, data = _free_ports(2)
+        self._gate: ViewerGate | None = None
+        command = [
+            *(sys.executable, "-m", "rerun", "--serve-web", "--bind", LOOPBACK),
+            *("--web-viewer-port", str(page), "--port", str(data), str(recording)),
+        ]
+        quiet = os.environ | {"RUST_LOG": "error"}
+        # In a session of its own: what it starts ends with it, and Ctrl-C comes to us alone.
+        self._process = subprocess.Popen(  # noqa: S603  (our own interpreter)
+            command, env=quiet, start_new_session=True
+        )
+        try:
+            self._await(page, data)
+        except BaseException:
+            self.stop()
+            raise
+        self._gate = ViewerGate(page, data)
+        source = f"rerun%2Bhttp%3A%2F%2F{LOOPBACK}%3A{data}%2Fproxy"
+        self.address = f"http://{LOOPBACK}:{self._gate.port}?url={source}&theme=dark"
+
+    @property
+    def is_up(self) -> bool:
+        """Whether it still runs."""
+        return self._process.poll() is None
+
+    def _await(self, *ports: int) -> None:
+        if not all(_is_up(self._process, port) for port in ports):
+            raise UavgramError(
+                "the Rerun viewer's server did not start: see what it said above, and check "
+                "that rerun-sdk is installed whole"
+            )
+
+    def wait(self) -> int:
+        """Wait until it ends; its exit status."""
+        return self._process.wait()
+
+    def stop(self) -> None:
+        """End it, and all that it started."""
+        if self._gate is not None:
+            self._gate.close()
+            self._gate = None
+        with suppress(ProcessLookupError):  # it has ended
+            os.killpg(self._process.pid, signal.SIGTERM)
+        self._process.wait()
+
+
 def serve_viewer(recording: Path, started: Callable[[str], None]) -> None:
     """Serve a recording to browsers of this machine, until Ctrl-C or until the server ends.
 
@@ -61,27 +130,12 @@ def serve_viewer(recording: Path, started: Callable[[str], None]) -> None:
     UavgramError
         The server could not run.
     """
-    _check(recording)
-    page, data = _free_ports(2)
-    command = [
-        *(sys.executable, "-m", "rerun", "--serve-web", "--bind", LOOPBACK),
-        *("--web-viewer-port", str(page), "--port", str(data), str(recording)),
-    ]
-    quiet = os.environ | {"RUST_LOG": "error"}
-    # In a session of its own: what it starts ends with it, and Ctrl-C comes to us alone.
-    with subprocess.Popen(command, env=quiet, start_new_session=True) as server:  # noqa: S603
-        try:
-            if not all(_is_up(server, port) for port in (page, data)):
-                raise UavgramError(
-                    "the Rerun viewer's server did not start: see what it said above, and check "
-                    "that rerun-sdk is installed whole"
-                )
-            source = f"rerun%2Bhttp%3A%2F%2F{LOOPBACK}%3A{data}%2Fproxy"
-            started(f"http://{LOOPBACK}:{page}?url={source}&theme=dark")
-            status = server.wait()
-        finally:
-            with suppress(ProcessLookupError):  # it has ended
-                os.killpg(server.pid, signal.SIGTERM)
+    server = RecordingServer(recording)
+    try:
+        started(server.address)
+        status = server.wait()
+    finally:
+        server.stop()
     if status:
         raise UavgramError(f"the Rerun viewer's server ended with status {status}")
 

@@ -1,17 +1,25 @@
 // The desk: what is selected, which tool is in hand, and how panes, panel, keys and server meet.
 
+import { boardText, showCamera } from "./camera.js";
+import { entryMessage, parse } from "./entry.js";
 import { node } from "./format.js";
-import { KEYS, listenToKeys, TOOLS } from "./keys.js";
+import { showFrames } from "./frames.js";
+import { KEYS, listenToKeys, roving, TOOLS } from "./keys.js";
 import { Link } from "./link.js";
+import { showOutputs, showOutside } from "./outputs.js";
 import { Pane } from "./pane.js";
-import { modeText, showCamera, showFrames, showMeasure } from "./panel.js";
+import { modeText, showMeasure } from "./panel.js";
 import {
   fitOf, freeName, isSuspect, labels, pickAt, pickKey, picksIn, placeOf, predictedIn, receive, stale, store, worstIn,
 } from "./store.js";
 import { onTile } from "./tiles.js";
 
 const byId = (id) => document.getElementById(id);
+const THUMBNAILS_AFTER_MS = 4000; // at the latest: the photo may be none that can be shown
+const STALE_AFTER_MS = 100; // up to this long people take an answer for immediate
 const NUDGE_REST_MS = 700; // nudges closer together than this are one step
+const PAN_PX = 60; // for each press of an arrow
+const SAME_PLACE_PX = 4; // on the screen: a second point would hide the first
 const TABS = { measure: "Measure", frames: "Frames", camera: "Camera" };
 
 class Desk {
@@ -28,7 +36,8 @@ class Desk {
     this.tab = "measure";
     this.steps = Date.now(); // step numbers of several pages must not meet
     this.lastSigma = 0.01;
-    this.exported = ""; // "busy", or the folder of the outputs
+    this.exporting = false;
+    this.folders = null; // in which photos of a board could be
     this.build();
     onTile((image) => { for (const pane of this.panes) if (pane.image === image) pane.redraw(); });
     this.link = new Link((message) => this.received(message), (open) => { store.connected = open; this.showMode(); });
@@ -46,11 +55,14 @@ class Desk {
     byId("tabs").append(...Object.entries(TABS).map(([name, words]) => node("button", {
       role: "tab", id: `tab-button-${name}`, "aria-selected": name === this.tab, "aria-controls": `tab-${name}`, onclick: () => this.setTab(name),
     }, words)));
+    choose(byId("tools"), (button) => button.dataset.tool === this.tool, "aria-checked");
+    choose(byId("tabs"), (button) => button.id === `tab-button-${this.tab}`, "aria-selected");
     byId("undo").onclick = () => this.send({ t: "undo" });
     byId("redo").onclick = () => this.send({ t: "redo" });
     byId("linked").onclick = () => this.toggleLink();
     byId("help-button").onclick = () => this.help();
-    byId("label").addEventListener("keydown", (event) => { if (event.key === "Enter") this.active?.svg.focus(); });
+    byId("label").addEventListener("keydown", (event) => { if (event.key === "Enter") this.named(); });
+    for (const group of ["tools", "pane-counts", "tabs", "strip"]) roving(byId(group));
     byId("help").append(node("h2", { id: "help-title" }, "Keys"), ...KEYS.flatMap(([title, rows]) => [node("h2", {}, title),
       node("dl", {}, ...rows.flatMap(([keys, what]) => [node("dt", {}, keys), node("dd", {}, what)]))]),
     node("button", { onclick: () => byId("help").close() }, "Close"));
@@ -64,10 +76,13 @@ class Desk {
       if (!Number.isInteger(store.version)) this.link.socket.close(); // a drag ran ahead: begin anew
     }
     const moves = this.link?.waiting.filter((one) => one.t === "place") ?? [];
-    receive(message, new Set(moves.map((move) => pickKey(move.image, move.label))));
+    const isNew = receive(message, new Set(moves.map((move) => pickKey(move.image, move.label))));
     if (message.t === "hello") this.begin();
+    if (message.t === "live") this.answered = performance.now();
     if (message.t === "saved") this.showSaved();
-    else this.refreshSoon();
+    else if (isNew) this.refreshSoon();
+    else this.showStanding();
+    this.showFoot();
   }
 
   // Once a frame, however many messages come.
@@ -78,6 +93,9 @@ class Desk {
   }
 
   begin() {
+    const pictures = store.photos.map((photo) => photo.digest).join();
+    if (this.pictures && this.pictures !== pictures) location.reload(); // other photos have these numbers now
+    this.pictures = pictures;
     document.title = `${store.project} \u2013 uavgram pick`;
     byId("project").textContent = store.project;
     if (!this.panes.length) this.setPanes(1);
@@ -88,17 +106,30 @@ class Desk {
   }
 
   refresh() {
-    document.body.classList.toggle("stale", stale());
-    byId("undo").disabled = !store.undo;
-    byId("redo").disabled = !store.redo;
+    this.showStanding();
     this.showKnown([...new Set([...labels(), ...store.control, ...store.check])]);
     if (this.selected && !labels().includes(this.selected)) this.selected = null;
     for (const pane of this.panes) pane.rebuild();
     this.showPanel();
     this.showStrip();
     this.showMode();
+  }
+
+  showStanding() {
+    byId("undo").disabled = !store.undo;
+    byId("redo").disabled = !store.redo;
     document.body.dataset.version = store.version;
     document.body.dataset.liveFor = store.liveFor;
+    this.showStale();
+  }
+
+  // Numbers that follow the pointer are not grey, though it is always a step ahead of them.
+  showStale() {
+    clearTimeout(this.greying);
+    this.staleSince = stale() ? this.staleSince ?? performance.now() : null;
+    const left = STALE_AFTER_MS + Math.max(this.staleSince ?? 0, this.answered ?? 0) - performance.now();
+    document.body.classList.toggle("stale", stale() && left <= 0);
+    if (stale() && left > 0) this.greying = setTimeout(() => this.showStale(), left);
   }
 
   showKnown(known) {
@@ -116,37 +147,53 @@ class Desk {
   }
 
   showSaved() {
-    byId("saved").textContent = store.fault ? `Not saved: ${store.fault}` : "saved";
+    byId("saved").textContent = store.fault ? "not saved" : "saved";
     byId("saved").dataset.fault = Boolean(store.fault);
   }
 
   showPanel() {
     for (const name of Object.keys(TABS)) byId(`tab-${name}`).hidden = name !== this.tab;
     if (this.tab === "measure") showMeasure(byId("tab-measure"), this);
-    else if (this.tab === "frames") showFrames(byId("tab-frames"));
-    else showCamera(byId("tab-camera"));
+    else if (this.tab === "frames") showFrames(byId("tab-frames"), this);
+    else showCamera(byId("tab-camera"), this);
+    this.showFoot();
+  }
+
+  showFoot() {
+    byId("outputs").hidden = this.tab !== "measure";
+    showOutputs(byId("outputs"), this);
+    showOutside(byId("outside"), this);
   }
 
   setTab(name) {
     this.tab = name;
-    for (const button of byId("tabs").children) button.setAttribute("aria-selected", button.id === `tab-button-${name}`);
+    choose(byId("tabs"), (button) => button.id === `tab-button-${name}`, "aria-selected");
+    if (name === "camera" && !this.folders) this.listFolders();
     this.showPanel();
+  }
+
+  nextTab(by) {
+    const names = Object.keys(TABS);
+    this.setTab(names[(names.indexOf(this.tab) + by + names.length) % names.length]);
+    byId(`tab-button-${this.tab}`).focus();
   }
 
   showStrip() {
     const strip = byId("strip");
     if (strip.childElementCount !== store.photos.length) {
-      strip.replaceChildren(...store.photos.map((photo, k) => node("button", { "data-image": k, onclick: () => this.active?.show(k) },
-        node("img", { src: `/photo/${k}/thumbnail.jpg`, alt: "", loading: "lazy", draggable: false }),
+      strip.replaceChildren(...store.photos.map((photo, k) => node("button", { "data-image": k, onclick: () => { this.active?.show(k); this.backToPhoto(); } },
+        node("img", { "data-src": `/photo/${k}/thumbnail.jpg?${photo.digest}`, alt: "", loading: "lazy", draggable: false }),
         node("span", { class: "name" }, photo.name), node("span", { class: "badge" }))));
+      setTimeout(() => this.sharpened(), THUMBNAILS_AFTER_MS);
     }
     store.photos.forEach((photo, k) => {
       const button = strip.children[k];
       const count = picksIn(k).length;
       const worst = worstIn(k);
       const bad = worst && isSuspect(worst.status);
-      button.classList.toggle("unmatched", !photo.matched);
+      button.classList.toggle("unmatched", !photo.matched && store.photos.some((one) => one.matched));
       button.setAttribute("aria-current", this.panes.some((pane) => pane.image === k));
+      button.tabIndex = k === (this.active?.image ?? 0) ? 0 : -1;
       const badge = button.lastChild;
       badge.textContent = `${count || ""}${bad ? ` \u25c6 ${Math.abs(worst.w).toFixed(1)}` : ""}`;
       badge.hidden = !count;
@@ -156,6 +203,11 @@ class Desk {
       button.setAttribute("aria-label", `${photo.name}, ${state}, ${count} picks${fit}`);
       button.title = `${photo.name}: ${state}, ${count} picks${fit}`;
     });
+  }
+
+  // A photo is there as a whole: now its small pictures may come, which would have delayed it.
+  sharpened() {
+    for (const picture of byId("strip").querySelectorAll("img:not([src])")) picture.src = picture.dataset.src;
   }
 
   notice(words, good = false) {
@@ -198,7 +250,7 @@ class Desk {
       pane.resize();
       pane.show((before + this.panes.length - 1) % store.photos.length);
     }
-    for (const button of byId("pane-counts").children) button.setAttribute("aria-checked", Number(button.dataset.count) === count);
+    choose(byId("pane-counts"), (button) => Number(button.dataset.count) === count, "aria-checked");
     if (!this.panes.includes(this.active)) this.activate(this.panes[0]);
     for (const pane of this.panes) pane.resize();
     this.showStrip();
@@ -270,7 +322,7 @@ class Desk {
     this.tool = tool;
     this.draft = [];
     this.entry = null;
-    for (const button of byId("tools").children) button.setAttribute("aria-checked", button.dataset.tool === tool);
+    choose(byId("tools"), (button) => button.dataset.tool === tool, "aria-checked");
     this.rebuild();
   }
 
@@ -281,13 +333,23 @@ class Desk {
   // The label that a click places: the one in the box, or the next free one where that is taken.
   labelFor(image) {
     const given = this.label();
-    if (given && !given.includes(";") && !pickAt(image, given)) return given;
+    const isTaken = pickAt(image, given) || this.coming("place").some((one) => one.image === image && one.label === given);
+    if (given && !given.includes(";") && !isTaken) return given;
     return this.freeLabel(given);
   }
 
   freeLabel(given) {
     const prefix = /^(.*?)\d*$/.exec(given || "P1")[1] || "P";
-    return freeName(prefix, new Set(labels()));
+    return freeName(prefix, new Set([...labels(), ...this.coming("place").map((one) => one.label)]));
+  }
+
+  // What was sent and is not confirmed yet: its names are taken, too.
+  coming(t) {
+    return this.link.unconfirmed.filter((one) => one.t === t);
+  }
+
+  freeNameOf(t, prefix, there) {
+    return freeName(prefix, new Set([...there, ...this.coming(t)].map((one) => one.name)));
   }
 
   suggest() {
@@ -337,7 +399,7 @@ class Desk {
     this.draft = [];
     if (this.tool === "length") this.askLength(points[0], points[1]);
     else {
-      const name = freeName(tool.prefix, new Set(store.measurements.map((one) => one.name)));
+      const name = this.freeNameOf("measure", tool.prefix, store.measurements);
       if (this.tool === "skid_speed") this.ask({ t: "measure", kind: this.tool, points, name });
       else this.send({ t: "measure", was: "", name, kind: this.tool, points });
     }
@@ -346,7 +408,7 @@ class Desk {
   }
 
   askLength(start, end) {
-    const name = freeName("L", new Set(store.lines.map((line) => line.name)));
+    const name = this.freeNameOf("line", "L", store.lines);
     this.ask({ t: "line", start, end, name, sigma: this.lastSigma });
   }
 
@@ -357,28 +419,42 @@ class Desk {
   }
 
   entered(form) {
-    const { entry } = this;
-    const value = (name) => parse(form.get(name));
-    const name = form.get("name").trim();
-    if (entry.t === "line") {
-      const [length, sigma] = [value("length"), value("sigma")];
-      if (!(length > 0 && sigma > 0)) {
-        this.notice("Length and sigma are numbers in metres greater than 0, such as 11.52 and 0.01.");
-        return;
-      }
-      this.lastSigma = sigma;
-      this.send({ t: "line", was: "", name, start: entry.start, end: entry.end, length, sigma, adjust: form.get("use") === "adjust" });
-    } else {
-      const parameters = { mu: value("mu"), mu_sigma: value("mu_sigma") };
-      if (!(parameters.mu > 0 && parameters.mu_sigma >= 0)) {
-        this.notice("Friction and its sigma are numbers, such as 0.7 and 0.05.");
-        return;
-      }
-      this.send({ t: "measure", was: "", name, kind: entry.kind, points: entry.points, parameters });
+    const { message, why } = entryMessage(this.entry, form);
+    if (why) {
+      this.notice(why);
+      return;
     }
+    if (message.t === "line") this.lastSigma = message.sigma;
+    this.send(message);
     this.entry = null;
     this.rebuild();
+    this.backToPhoto();
+  }
+
+  // A length or measurement that is there, to be changed.
+  change(t, one) {
+    this.ask({ ...one, t, was: one.name });
+  }
+
+  backToPhoto() {
     this.active?.svg.focus({ preventScroll: true });
+  }
+
+  toLabel() {
+    byId("label").focus();
+    byId("label").select();
+  }
+
+  // The label box was left with Enter: a known label is selected, a new one is to be placed.
+  named() {
+    this.name(this.label());
+  }
+
+  name(label) {
+    byId("label").value = label;
+    this.selected = labels().includes(label) ? label : null;
+    this.rebuild();
+    (this.active?.markOf(this.selected) ?? this.active?.svg)?.focus({ preventScroll: true });
   }
 
   // A number that was typed into a field: null where it is empty, nothing where it is none.
@@ -403,15 +479,18 @@ class Desk {
   // Keys.
 
   enter() {
-    if (this.entry) return false;
-    if (this.tool !== "pick" && this.finish()) return true;
-    if (!this.active) return false;
-    const focused = document.activeElement?.dataset?.label;
-    if (focused && this.tool !== "pick") {
-      this.extend(focused);
+    const { active: pane, selected, tool } = this;
+    if (this.entry || !pane) return false;
+    if (tool !== "pick" && selected && this.draft.at(-1) !== selected) {
+      this.extend(selected);
       return true;
     }
-    this.clicked(this.active, ...this.active.inside(...this.active.middle()));
+    if (tool !== "pick" && this.finish()) return true;
+    const at = pane.inside(...pane.middle());
+    const there = selected ? pickAt(pane.image, selected) : null;
+    if (there && Math.hypot(there.u - at[0], there.v - at[1]) * pane.view.scale < SAME_PLACE_PX) {
+      this.notice(`${selected} is here already: choose another with N or B, or move the photo with Ctrl and the arrows.`, true);
+    } else this.clicked(pane, ...at);
     return true;
   }
 
@@ -427,11 +506,7 @@ class Desk {
 
   arrow(dx, dy, step) {
     const pick = this.active && this.selected ? pickAt(this.active.image, this.selected) : null;
-    if (!pick) {
-      this.active?.view.panBy(-dx * 60, -dy * 60);
-      this.active?.moved();
-      return true;
-    }
+    if (!pick) return this.pan(dx, dy);
     const now = Date.now();
     if (!this.nudgeStep || now - this.nudged > NUDGE_REST_MS || this.nudgedLabel !== this.selected) this.nudgeStep = this.newStep();
     Object.assign(this, { nudged: now, nudgedLabel: this.selected });
@@ -439,6 +514,24 @@ class Desk {
     this.drag(pick.image, pick.label, at, this.nudgeStep, true);
     this.active.magnify(...at, this.active.view.width / 2, this.active.view.height / 2);
     return true;
+  }
+
+  pan(dx, dy) {
+    const { active: pane } = this;
+    if (!pane) return false;
+    pane.view.panBy(-dx * PAN_PX, -dy * PAN_PX);
+    pane.moved();
+    pane.magnify(...pane.middle(), pane.view.width / 2, pane.view.height / 2);
+    return true;
+  }
+
+  // The parts of the page in turn, as F6 does in other programs.
+  nextRegion(by) {
+    const chosen = (id, attribute) => byId(id).querySelector(`[${attribute}="true"]`) ?? byId(id).firstElementChild;
+    const stops = [chosen("tools", "aria-checked"), ...this.panes.map((pane) => pane.svg), chosen("tabs", "aria-selected"), chosen("strip", "aria-current")];
+    const parts = [byId("tools").parentElement, ...this.panes.map((pane) => pane.box), byId("panel"), byId("strip")];
+    const at = parts.findIndex((part) => part.contains(document.activeElement));
+    stops[(at + by + stops.length + (at < 0 && by < 0 ? 1 : 0)) % stops.length]?.focus();
   }
 
   remove(everywhere) {
@@ -525,18 +618,44 @@ class Desk {
     }
   }
 
-  async exportAll() {
-    this.exported = "busy";
-    this.showPanel();
+  // Errands: about the project as a whole.
+
+  async errand(message) {
     try {
-      const { folder, why } = await this.link.ask({ t: "export" });
-      this.exported = folder ?? "";
-      if (why) this.notice(why);
+      const said = await this.link.ask(message);
+      if (said.why) this.notice(said.why);
+      return said;
     } catch (fault) {
-      this.exported = "";
       this.notice(fault.message);
+      return null;
     }
+  }
+
+  async exportAll() {
+    if (this.exporting) return;
+    this.exporting = true;
+    this.showFoot();
+    await this.errand({ t: "export" });
+    this.exporting = false;
+    this.showFoot();
+  }
+
+  async listFolders() {
+    const said = await this.errand({ t: "folders" });
+    if (said?.folders) this.folders = said.folders;
     this.showPanel();
+  }
+
+  calibrate(form) {
+    return this.errand({ t: "calibrate", folder: Number(form.get("folder")), board: boardText(form), model: form.get("model") });
+  }
+
+  async useCamera() {
+    if (await this.errand({ t: "use-camera" })) this.notice("The project names this camera now, and was read again.", true);
+  }
+
+  async reload() {
+    if (await this.errand({ t: "reload" })) this.notice("The project was read again from its files; undo begins anew.", true);
   }
 
   help() {
@@ -544,8 +663,12 @@ class Desk {
   }
 }
 
-function parse(text) {
-  return /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i.test(text.trim()) ? Number(text) : NaN;
+// Of a group one button is chosen, and that one is reached with Tab.
+function choose(group, chosen, attribute) {
+  for (const button of group.children) {
+    button.setAttribute(attribute, chosen(button));
+    button.tabIndex = chosen(button) ? 0 : -1;
+  }
 }
 
 new Desk();

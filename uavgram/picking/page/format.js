@@ -19,6 +19,12 @@ export function withSigma(value, sigma, unit = "") {
   return `${value.toFixed(digits)}${error}${unit && ` ${unit}`}`;
 }
 
+// A measurement as the page shows it: speeds as on a speedometer.
+export function valueText(found) {
+  if (found.unit === "m/s" && found.value !== null) return withSigma(found.value * 3.6, found.sigma * 3.6, "km/h");
+  return withSigma(found.value, found.sigma, unitText(found.unit));
+}
+
 export const unitText = (unit) => ({ m2: "m\u00b2", deg: "\u00b0" })[unit] ?? unit;
 
 export function node(tag, attributes = {}, ...children) {

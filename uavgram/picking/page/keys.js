@@ -2,20 +2,21 @@
 
 export const KEYS = [
   ["Photos", [
-    ["wheel, + \u2212", "zoom at the pointer"], ["drag, Space + drag", "pan (middle and right button too)"],
+    ["wheel, + \u2212", "zoom at the pointer"], ["drag, Space + drag", "pan (middle and right button too)"], ["Ctrl + arrows", "pan; the arrows alone where no point is selected"],
     ["F   1   Z", "fit; one to one; to the selected point, \u00d74"], ["Page Down, Page Up", "next, previous photo; with Alt only those where the label is expected"],
     ["Ctrl+1  2  4", "panes"], ["K", "all panes show the same ground"], ["E R O T", "ellipses, residuals, predictions, labels"], ["M", "magnifier"],
   ]],
   ["Points", [
     ["click, Enter", "place the label (Enter: in the middle of the photo)"], ["drag, Shift + drag", "move; ten times finer"],
     ["arrows, Shift, Alt", "nudge by 0.1, 1, 10 px"], ["G", "go to where the label is expected"], ["S, Shift+S", "snap to a corner, to a round target"],
-    ["N, B, Tab", "next, previous point"], ["F2", "rename"], ["Delete, Shift+Delete", "remove here, everywhere"],
+    ["N, B, Tab", "next, previous point"], ["/", "to the label: type one, Enter selects it"], ["F2", "rename"], ["Delete, Shift+Delete", "remove here, everywhere"],
   ]],
   ["Lengths and measurements", [
     ["P L D A Y J", "tools: point, length, distance, area, polyline, angle"], ["I V", "distance from a line, skid speed"],
-    ["click points, Enter", "the points in order; Enter closes"], ["Esc", "stop"],
+    ["click points; N B, Enter", "the points in order; Enter takes the selected one, once more ends"], ["Esc", "stop"],
   ]],
-  ["All", [["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"], ["?", "these keys"]]],
+  ["All", [["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"], ["F6, Shift+F6", "next, previous part of the page"], ["X, Shift+X", "next, previous tab: measure, frames, camera"],
+    ["W", "write report and exports"], ["?", "these keys"]]],
 ];
 
 export const TOOLS = {
@@ -29,6 +30,7 @@ export const TOOLS = {
   skid_speed: { key: "v", name: "Skid", prefix: "V", least: 2 },
 };
 
+const PAGES = ["PageUp", "PageDown", "Home", "End"];
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export function listenToKeys(desk) {
@@ -40,20 +42,37 @@ export function listenToKeys(desk) {
   window.addEventListener("blur", () => { desk.spaceHeld = false; });
 }
 
+// The arrows go through the buttons of a group, which is one stop for Tab: of radio buttons and tabs
+// they choose as well.
+export function roving(group) {
+  group.addEventListener("keydown", (event) => {
+    const [dx, dy] = ARROWS[event.key] ?? [0, 0];
+    const all = [...group.children];
+    const at = all.indexOf(event.target.closest("button"));
+    const last = all.length - 1;
+    const to = event.key === "Home" ? 0 : event.key === "End" ? last : (at + dx + dy + all.length) % all.length;
+    if (at < 0 || to === at || event.ctrlKey) return;
+    event.preventDefault();
+    all[to].focus();
+    if (group.getAttribute("role")) all[to].click();
+  });
+}
+
 function typing(event) {
   const { target } = event;
   if (target.closest?.("dialog")) return true;
+  if ((ARROWS[event.key] || PAGES.includes(event.key)) && target.closest?.("#panel, [role=radiogroup], #strip")) return true;
   const field = target.matches?.("input, select, textarea");
   if (field && event.key === "Escape") {
     target.blur();
     return false;
   }
-  return field || (target.matches?.("button, tr") && ["Enter", " "].includes(event.key));
+  return field || (target.matches?.("button, a, summary") && ["Enter", " "].includes(event.key));
 }
 
 function handle(desk, event) {
   const { key } = event;
-  if (event.ctrlKey || event.metaKey) return withControl(desk, key.toLowerCase(), event.shiftKey);
+  if (event.ctrlKey || event.metaKey) return ARROWS[key] ? desk.pan(...ARROWS[key]) : withControl(desk, key.toLowerCase(), event.shiftKey);
   if (ARROWS[key]) return desk.arrow(...ARROWS[key], event.shiftKey ? 1 : event.altKey ? 10 : 0.1);
   const named = NAMED[key];
   if (named) return named(desk, event) !== false;
@@ -76,6 +95,8 @@ const NAMED = {
   Escape: (desk) => desk.cancel(),
   Delete: (desk, event) => desk.remove(event.shiftKey),
   F2: (desk) => desk.beginRename(),
+  "/": (desk) => desk.toLabel(),
+  F6: (desk, event) => desk.nextRegion(event.shiftKey ? -1 : 1),
   PageDown: (desk, event) => desk.turn(1, event.altKey),
   PageUp: (desk, event) => desk.turn(-1, event.altKey),
   "+": (desk) => desk.zoom(1.25), "=": (desk) => desk.zoom(1.25), "-": (desk) => desk.zoom(0.8),
@@ -87,4 +108,5 @@ for (const [name, action] of Object.entries({
   n: (desk) => desk.step(1), b: (desk) => desk.step(-1), k: (desk) => desk.toggleLink(), m: (desk) => desk.toggleLoupe(),
   e: (desk) => desk.toggle("ellipses"), r: (desk) => desk.toggle("residuals"), o: (desk) => desk.toggle("predicted"), t: (desk) => desk.toggle("labels"),
   s: (desk) => desk.snap("corner"), S: (desk) => desk.snap("circle"),
+  x: (desk) => desk.nextTab(1), X: (desk) => desk.nextTab(-1), w: (desk) => { desk.exportAll(); },
 })) NAMED[name] = letter(action);

@@ -50,8 +50,14 @@ export class Link {
   next() {
     if (this.under !== null || !this.waiting.length || this.socket.readyState !== WebSocket.OPEN) return;
     const message = this.waiting.shift();
+    this.sent = message;
     this.under = this.seq += 1;
     this.socket.send(JSON.stringify({ ...message, seq: this.under }));
+  }
+
+  // Changes that the server has not confirmed yet.
+  get unconfirmed() {
+    return this.under === null ? this.waiting : [this.sent, ...this.waiting];
   }
 
   get busy() {

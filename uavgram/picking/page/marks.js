@@ -1,6 +1,6 @@
 // The marks of one pane as SVG: made when the state changes, moved when the view does.
 
-import { fixed, missing, put, shape, unitText, withSigma } from "./format.js";
+import { fixed, missing, put, shape, valueText, withSigma } from "./format.js";
 import { adjusted, fitOf, isSuspect, picksIn, placeOf, predictedIn, store } from "./store.js";
 
 const RESIDUAL_SCALES = [20, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01]; // screen pixels for each of the photo
@@ -8,6 +8,7 @@ const LONGEST_RESIDUAL_PX = 90;
 export const CONFIDENCE = 2.4477; // 95 % of a plane's normal distribution
 
 const CROSS = "M-9 0H-3M3 0H9M0 -9V-3M0 3V9";
+const KNOWN = { control: "M0 -13L11.5 7H-11.5Z", check: "M-10 -10H10V10H-10Z" }; // points with known coordinates
 const DIAMOND = "M0 -13L13 0L0 13L-13 0Z";
 
 // The largest scale that leaves the photo's residuals readable; it is written beside the zoom.
@@ -48,10 +49,13 @@ function pickPart(pick, selected, shown, scale) {
 
 function stretch(group, residual, scale) {
   for (const line of residual ? group.querySelectorAll("line") : []) {
-    put(line, "x2", residual[0] * scale);
-    put(line, "y2", residual[1] * scale);
+    put(line, "x2", seen(residual[0] * scale));
+    put(line, "y2", seen(residual[1] * scale));
   }
 }
+
+// To what can be seen: a drag moves all residuals a little, and what stays need not be drawn anew.
+const seen = (length) => Math.round(length * 2) / 2;
 
 function pickGroup(pick, fit, suspect, selected, shown, residual) {
   const group = shape("g", {
@@ -61,15 +65,20 @@ function pickGroup(pick, fit, suspect, selected, shown, residual) {
   if (shown.ellipses && fit?.spread) group.append(...ellipse(fit.spread));
   if (residual) group.append(shape("line", { class: "halo", "stroke-width": 4 }), shape("line", { class: "residual" }));
   if (suspect) group.append(shape("path", { class: "halo wide", d: DIAMOND }), shape("path", { class: "thin", d: DIAMOND }));
+  const known = KNOWN[knownAs(pick.label)];
+  if (known) group.append(shape("path", { class: "halo wide", d: known }), shape("path", { class: "thin", d: known }));
   group.append(shape("path", { class: "halo wide", d: CROSS }), shape("path", { class: "thin", d: CROSS }),
     shape("circle", { class: "ring", r: 15, fill: "none" }), shape("circle", { class: "hit", r: 12 }));
   if (shown.labels) group.append(text(pick.label, 12, -8));
   return group;
 }
 
+const knownAs = (label) => (store.control.includes(label) ? "control" : store.check.includes(label) ? "check" : "");
+
 export function spokenPick(pick, fit, suspect) {
   const w = fit?.w === null || fit?.w === undefined ? "" : `, w ${fixed(fit.w, 1)}`;
-  return `${pick.label}, u ${pick.u.toFixed(2)}, v ${pick.v.toFixed(2)}${w}${suspect ? ", suspect" : ""}`;
+  const known = knownAs(pick.label);
+  return `${pick.label}${known && `, ${known} point`}, u ${pick.u.toFixed(2)}, v ${pick.v.toFixed(2)}${w}${suspect ? ", suspect" : ""}`;
 }
 
 function predictedPart(one, selected, shown) {
@@ -122,7 +131,7 @@ function lengthPart(image, line) {
 
 function measurementPart(image, request) {
   const now = adjusted()?.measurements[request.name];
-  const words = now ? withSigma(now.value, now.sigma, unitText(now.unit)) : missing;
+  const words = now ? valueText(now) : missing;
   if (request.points.length < 2) return null;
   return pathPart(image, request.name, request.points, "measured", `${request.name} ${words}`, request.kind === "area");
 }

@@ -10,6 +10,9 @@ import { View } from "./view.js";
 const CLICK_PX = 3; // a press that moves less is a click
 const FINE = 0.1; // of a move with Shift held
 const HARD_FROM = 3; // device pixels for each photo pixel from which on pixels have hard edges
+// A picture that moves is drawn fast, one that has rested so long exactly: fast smoothing takes
+// its places from sixteenths of a pixel, rounded down, which moves what is seen by 1/32 of a pixel.
+const REST_MS = 100;
 let panes = 0;
 
 export class Pane {
@@ -20,11 +23,13 @@ export class Pane {
     this.image = -1;
     this.parts = [];
     this.fitted = false;
+    this.movedAt = -REST_MS;
     this.canvas = node("canvas", { class: "photo" });
     this.svg = shape("svg", { class: "marks", tabindex: 0, role: "application" });
     this.choice = node("select", { "aria-label": "Photo", onchange: () => this.show(Number(this.choice.value)) });
     this.readout = node("div", { class: "readout" });
-    this.box = node("div", { class: "pane" }, this.canvas, this.svg, this.choice, this.readout);
+    this.aim = node("div", { class: "aim", "aria-hidden": true }); // where Enter places a point
+    this.box = node("div", { class: "pane" }, this.canvas, this.svg, this.aim, this.choice, this.readout);
     parent.append(this.box);
     this.loupe = new Loupe(this.box);
     this.watch = new ResizeObserver(() => this.resize());
@@ -34,6 +39,7 @@ export class Pane {
 
   remove() {
     this.watch.disconnect();
+    clearTimeout(this.resting);
     forget(this.id);
     this.box.remove();
   }
@@ -49,7 +55,7 @@ export class Pane {
     this.parts = [];
     this.choice.replaceChildren(...store.photos.map((photo, k) => node("option", { value: k }, photo.name)));
     this.choice.value = image;
-    this.svg.setAttribute("aria-label", `${this.photo.name}: arrows pan, Enter places ${this.desk.label()} in the middle`);
+    this.svg.setAttribute("aria-label", `${this.photo.name}: arrows pan, Enter places a point in the middle`);
     this.box.dataset.image = this.photo.name;
     this.view.fit(this.photo.width, this.photo.height);
     this.fitted = true;
@@ -121,6 +127,7 @@ export class Pane {
     if (!this.photo) return;
     const sharp = this.paint();
     this.moveMarks();
+    if (sharp && this.box.dataset.sharp !== "true") this.desk.sharpened();
     this.box.dataset.sharp = sharp;
     Object.assign(this.box.dataset, { scale: this.view.scale, left: this.view.left, top: this.view.top });
     this.tell(...(this.told ?? []));
@@ -140,6 +147,9 @@ export class Pane {
     missing.push(...base.filter(({ key }) => !tile(key)));
     const fine = best === photo.levels - 1 ? [] : this.visible(best);
     const covered = fine.every(({ key }) => tile(key));
+    this.box.dataset.pictured = covered || base.every(({ key }) => tile(key));
+    const rests = performance.now() - this.movedAt >= REST_MS;
+    context.imageSmoothingQuality = covered && rests ? "high" : "low";
     for (let level = photo.levels - 1; level > best && !covered; level -= 1) {
       for (const one of this.visible(level)) this.put(context, one, grow);
     }
@@ -147,9 +157,10 @@ export class Pane {
     for (const one of fine) if (!this.put(context, one, grow)) missing.push(one);
     const beneath = this.loupe.tiles(photo, this.image, store.tilePx);
     missing.push(...beneath.filter(({ key }) => !tile(key)));
-    want(this.id, missing.sort((a, b) => b.level - a.level || a.away - b.away).map(({ key }) => key));
+    missing.sort((a, b) => b.level - a.level || a.away - b.away);
+    want(this.id, missing.map(({ key }) => key), base.length + fine.length + beneath.length);
     this.loupe.draw();
-    return missing.every(({ beneath: only }) => only);
+    return rests && missing.every(({ beneath: only }) => only);
   }
 
   visible(level) {
@@ -223,6 +234,9 @@ export class Pane {
 
   moved() {
     this.fitted = false;
+    this.movedAt = performance.now();
+    clearTimeout(this.resting);
+    this.resting = setTimeout(() => this.redraw(), REST_MS);
     this.redraw();
     this.desk.viewed(this);
   }

@@ -17,12 +17,17 @@ export const store = {
 
 export const pickKey = (image, label) => `${image}|${label}`;
 
-// `ahead`: picks that were moved since what the server answers to here.
+// `ahead`: picks that were moved since what the server answers to here. Returns whether there is
+// something new to draw: what a drag does is drawn before the server confirms it.
 export function receive(message, ahead) {
   if (message.t === "hello") hello(message);
-  else if (message.t === "changed") changed(message, ahead);
+  else if (message.t === "changed") return changed(message, ahead);
   else if (message.t === "live") live(message);
   else if (message.t === "saved") store.fault = message.fault;
+  else if (message.t === "outside") store.outside = message.files;
+  else if (message.t === "outputs") store.outputs = message.outputs;
+  else if (message.t === "calibration") store.calibration = message;
+  return true;
 }
 
 function hello(message) {
@@ -36,6 +41,12 @@ function hello(message) {
     check: message.check,
     opening: message.messages,
     recovered: message.recovered,
+    clock: message.clock,
+    expected: message.expected,
+    outputs: message.outputs,
+    outside: message.outside,
+    calibration: message.calibration,
+    fault: "",
     picks: new Map(message.state.picks.map((pick) => [pickKey(pick.image, pick.label), pick])),
     lines: message.state.lines,
     measurements: message.state.measurements,
@@ -54,13 +65,17 @@ function standing({ version, undo, redo }) {
 function changed(message, ahead) {
   const { picks, lines, measurements } = message.diff;
   for (const [image, label] of picks?.gone ?? []) store.picks.delete(pickKey(image, label));
-  for (const pick of picks?.put ?? []) {
-    const key = pickKey(pick.image, pick.label);
-    if (!ahead.has(key)) store.picks.set(key, pick);
-  }
+  const put = (picks?.put ?? []).filter((pick) => !ahead.has(pickKey(pick.image, pick.label)) && !isThere(pick));
+  for (const pick of put) store.picks.set(pickKey(pick.image, pick.label), pick);
   if (lines) store.lines = lines;
   if (measurements) store.measurements = measurements;
   standing(message);
+  return Boolean(put.length || picks?.gone.length || lines || measurements);
+}
+
+function isThere(pick) {
+  const there = pickAt(pick.image, pick.label);
+  return there && Object.entries(pick).every(([name, value]) => there[name] === value);
 }
 
 function live(message) {
@@ -71,6 +86,7 @@ function live(message) {
     return;
   }
   store.live = message;
+  store.expected = message.expected ?? store.expected;
   if (message.mode === "adjusted") {
     message.pickAt = new Map(message.picks.map((pick) => [pickKey(pick.image, pick.label), pick]));
   }
@@ -113,9 +129,14 @@ export function picksIn(image) {
   return [...store.picks.values()].filter((pick) => pick.image === image);
 }
 
+// Labels that are picked in other photos, and points with known coordinates that are in none yet.
 export function predictedIn(image) {
-  return (adjusted()?.predicted ?? []).filter((one) => one.image === image && !pickAt(image, one.label));
+  const predicted = adjusted()?.predicted ?? [];
+  const expected = (store.expected ?? []).filter(({ label }) => !isPicked(label));
+  return [...predicted, ...expected].filter((one) => one.image === image && !pickAt(image, one.label));
 }
+
+const isPicked = (label) => [...store.picks.values()].some((pick) => pick.label === label);
 
 // Where a label is in a photo: its pick, else its predicted place.
 export function placeOf(image, label) {

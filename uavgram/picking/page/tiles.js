@@ -1,11 +1,15 @@
 // Tiles of all photos: fetched few at a time, the most wanted first, the longest unused dropped.
 
-const MOST_KEPT = 160;
+import { store } from "./store.js";
+
+const LEAST_KEPT = 96; // a tile takes a megabyte
+const SPARE = 1.25; // of what is drawn: fewer than that would be fetched again and again
 const AT_ONCE = 6;
 const kept = new Map(); // key -> ImageBitmap, in the order of their last use
 const under = new Map(); // key -> AbortController
 const failed = new Set();
-const wanted = new Map(); // owner -> [{key, url}], the most wanted first
+const wanted = new Map(); // owner -> keys, the most wanted first
+const drawn = new Map(); // owner -> how many tiles it draws
 let arrived = () => {};
 
 export function onTile(callback) {
@@ -25,7 +29,8 @@ export function tile(key) {
   return found;
 }
 
-export function want(owner, keys) {
+export function want(owner, keys, count) {
+  drawn.set(owner, count);
   wanted.set(owner, keys.filter((key) => !kept.has(key) && !failed.has(key)));
   const all = new Set([...wanted.values()].flat());
   for (const [key, control] of under) {
@@ -36,6 +41,11 @@ export function want(owner, keys) {
 
 export function forget(owner) {
   wanted.delete(owner);
+  drawn.delete(owner);
+}
+
+function mostKept() {
+  return Math.max(LEAST_KEPT, SPARE * [...drawn.values()].reduce((sum, count) => sum + count, 0));
 }
 
 function next() {
@@ -53,11 +63,12 @@ async function load(key) {
   const control = new AbortController();
   under.set(key, control);
   try {
-    const answer = await fetch(`/photo/${key}.jpg`, { signal: control.signal });
+    const photo = store.photos[key.split("/", 1)[0]];
+    const answer = await fetch(`/photo/${key}.jpg?${photo.digest}`, { signal: control.signal });
     if (!answer.ok) throw new Error(`${answer.status}`);
     const picture = await createImageBitmap(await answer.blob());
     kept.set(key, picture);
-    while (kept.size > MOST_KEPT) {
+    while (kept.size > mostKept()) {
       const [oldest, bitmap] = kept.entries().next().value;
       bitmap.close();
       kept.delete(oldest);

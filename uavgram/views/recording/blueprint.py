@@ -144,12 +144,12 @@ def _plots(result: Result, curves: Curves, poses: PoseCurves) -> rrb.Tabs:
     fit = [
         _plot(
             RESIDUAL_REFINED,
-            "Residual, σ white [px]",
+            "Pick misfit, σ white [px]",
             np.concatenate([curves.refined_rms_px, curves.sigma_px]),
         ),
         _plot(
             WORST_W,
-            f"Largest |w|, limit {curves.limit_w:.2f}",
+            f"Worst pick in sigmas, limit {curves.limit_w:.2f}",
             np.append(curves.worst_w, curves.limit_w),
         ),
     ]

@@ -12,7 +12,7 @@ from uavgram.stages.features import measured_strips, point_index, reference_stri
 from uavgram.views.drawing import longest_middle, uncovered
 from uavgram.views.facts import least_certain_length
 from uavgram.views.recording.scene import Scene, on_screen
-from uavgram.views.wording import UNIT_WORDS, axes_text, decimals_for, worst_first
+from uavgram.views.wording import UNIT_WORDS, axes_text, decimals_for, relative, worst_first
 
 # Rerun does not keep labels from covering each other: beyond a dozen, tables are read instead.
 MOST_LABELS = 14
@@ -103,7 +103,7 @@ def _worst_point(
     if row is None:
         return []
     axes, spot = points.relative.ellipse_95_m[row], points.position_world_m[row]
-    text = f"{points.label[row]}: largest ellipse, {axes_text(axes)}"
+    text = f"{points.label[row]}: largest 95 % ellipse, {axes_text(axes)}"
     aside = np.array([0.0, scene.ellipse_factor * axes[0] + LABEL_GAP * scene.size_m, 0.0])
     for side in (0, 1, -1):
         place: Candidate = (spot + side * aside, text, -1)
@@ -140,11 +140,18 @@ def _measured(result: Result) -> list[Candidate]:
     return [
         (
             longest_middle(strips[i]),
-            ("LEAST CERTAIN " if i == worst else "") + measured_text(result, i),
+            (_least_certain(result, i) if i == worst else "") + measured_text(result, i),
             i,
         )
         for i in rows
     ]
+
+
+def _least_certain(result: Result, row: int) -> str:
+    """Why this one: its sigma is the largest share of its value."""
+    rows = result.measurements
+    share = relative(float(rows.value[row]), float(rows.sigma[row]), rows.unit[row])
+    return f"LEAST CERTAIN (by {share}): "
 
 
 def _take(candidates: list[Candidate], scene: Scene, most: int, spread: float) -> list[Candidate]:

@@ -26,21 +26,22 @@ from uavgram.views.wording import size_text
 
 LEGEND = "legend"
 # Twice the size it is shown at, for sharp letters.
-WIDTH_PX, HEIGHT_PX = 2260, 108
+WIDTH_PX, HEIGHT_PX = 2400, 108
 BACKGROUND: Rgb = (13, 16, 17)
 TEXT: Rgb = (225, 228, 232)
 FONT_PX = 30
 ROWS_PX = (10, 60)
+GAP_PX = 40
 
 
-def log_legend(recorder: Recorder, result: Result, scene: Scene) -> None:
+def log_legend(recorder: Recorder, result: Result, scene: Scene, ground_gain: float) -> None:
     """Log the picture."""
-    image = np.asarray(draw_legend(result, scene))
+    image = np.asarray(draw_legend(result, scene, ground_gain))
     recorder.static(LEGEND, rr.Image(image, color_model="RGB").compress(jpeg_quality=92))
 
 
-def draw_legend(result: Result, scene: Scene) -> Image.Image:
-    """Swatches of the lines that occur, and the colour scale of the ellipses."""
+def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image.Image:
+    """Swatches of the lines that occur, the colour scale of the ellipses, and remarks."""
     image = Image.new("RGB", (WIDTH_PX, HEIGHT_PX), BACKGROUND)
     pen = ImageDraw.Draw(image)
     font = ImageFont.load_default(FONT_PX)
@@ -51,8 +52,14 @@ def draw_legend(result: Result, scene: Scene) -> Image.Image:
         pen.line([(x, y), (x + 56, y)], fill=colour, width=9)
         pen.text((x + 70, ROWS_PX[row]), text, fill=TEXT, font=font)
         rows[row] = x + 70 + pen.textlength(text, font=font) + FONT_PX
+    right = int(max(rows)) + 10
     if scene.worst_point is not None:
-        _scale(pen, font, result, scene, int(max(rows)) + 10)
+        right = _scale(pen, font, result, scene, right)
+    remarks = ["± is one sigma"]
+    if ground_gain != 1.0:
+        remarks.append(f"ground {ground_gain:g} x brighter")
+    for y, text in zip(ROWS_PX, remarks, strict=False):
+        pen.text((right, y), text, fill=TEXT, font=font)
     return image
 
 
@@ -90,17 +97,21 @@ def _scale(
     result: Result,
     scene: Scene,
     left: int,
-) -> None:
+) -> int:
+    """Draw the colour scale from `left` on; where it ends."""
     _, low, high = sigma_shares(result)
     colours = scale_colours(np.linspace(0, 1, 300))
     words = "points by the half axis of their 95 % ellipses:"
     if has_outlines(result):
         words = f"95 % ellipses, drawn {enlarged(scene.ellipse_factor)}; half axis:"
     pen.text((left, ROWS_PX[0]), words, fill=TEXT, font=font)
+    end = left + int(pen.textlength(words, font=font))
     y = ROWS_PX[1] + 6
     first = size_text(low)
     pen.text((left, ROWS_PX[1]), first, fill=TEXT, font=font)
     x = left + int(pen.textlength(first, font=font)) + 16
     for k, colour in enumerate(colours):
         pen.line([(x + k, y), (x + k, y + 26)], fill=tuple(int(c) for c in colour))
-    pen.text((x + 316, ROWS_PX[1]), size_text(high), fill=TEXT, font=font)
+    last = size_text(high)
+    pen.text((x + 316, ROWS_PX[1]), last, fill=TEXT, font=font)
+    return max(end, x + 316 + int(pen.textlength(last, font=font))) + GAP_PX

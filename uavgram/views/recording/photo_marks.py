@@ -26,9 +26,20 @@ def log_polylines(
         path,
         [len(strips) for strips in per_frame],
         lambda some: rr.LineStrips2D.columns(
-            strips=[strip + CENTRE_PX for i in some for strip in per_frame[i]]
+            strips=_packed([strip for i in some for strip in per_frame[i]])
         ),
     )
+
+
+def _packed(strips: list[Floats]) -> rr.components.LineStrip2DArrayLike:
+    """All polylines as one array: Rerun packs them one by one, a tenth of a millisecond each."""
+    corners = np.concatenate([np.zeros((0, 2)), *strips]) + CENTRE_PX
+    pairs = rr.components.Position2DBatch(corners).as_arrow_array()
+    ends = np.cumsum([0, *(len(strip) for strip in strips)])
+    none = rr.components.LineStrip2DBatch([]).as_arrow_array()
+    packed: rr.components.LineStrip2DArrayLike
+    packed = type(none).from_arrays(ends, pairs, type=none.type)
+    return packed
 
 
 def log_dots(

@@ -25,7 +25,7 @@ def summary(result: Result, verdict: Verdict, scene: Scene) -> str:
         *([reasons] if reasons else []),
         table(("at a glance", ""), facts),
         plain(verdict.counts),
-        "## Measured, the least certain first",
+        "## Measured, the least certain for their size first; ± is one sigma",
         measured_table(result, MOST_MEASURED),
         "## Pictures",
         _pictures(result, scene),

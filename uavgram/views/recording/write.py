@@ -89,7 +89,7 @@ def _log_everything(
     log_origin(recorder, result)
     log_survey(recorder, result, scene, ground)
     log_scale_bar(recorder, result, scene)
-    log_legend(recorder, result, scene)
+    log_legend(recorder, result, scene, 1.0 if ground is None else ground.gain)
     log_camera(recorder, result, scene)
     log_overlay(recorder, result, scene, picks, PHOTO)
     log_footprints(recorder, result, PHOTO)

@@ -1,0 +1,113 @@
+"""Tabs of the page: camera and calibration, frames, outputs; and files that others change."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+from pick_pages import small_project
+from picking_pages import place
+from picking_server import served
+from playwright.sync_api import expect
+
+
+@pytest.fixture
+def project(tmp_path):
+    return small_project(tmp_path)
+
+
+def test_a_camera_is_calibrated_on_a_folder_from_the_page_and_used(project, open_page, data_dir):
+    board = project.parent / "board"
+    board.mkdir()
+    for k in range(1, 7):
+        shutil.copy(data_dir / "opencv_chess" / f"left{k:02}.jpg", board)
+    camera = project.parent / "camera.yaml"
+    loose = camera.read_text(encoding="utf-8").replace("3.0, 3.0, 3.0, 3.0", "30, 30, 30, 30")
+    camera.write_text(loose, encoding="utf-8")
+    with served(project) as server:
+        page = open_page(server)
+        page.get_by_role("tab", name="Camera").click()
+        panel = page.get_by_role("tabpanel", name="Camera")
+        expect(panel).to_contain_text("The focal length is known to 5 % only")
+        expect(panel).to_contain_text("The principal point is known to 30 px only")
+        expect(panel.get_by_role("table", name="Interior orientation")).to_contain_text("600.000")
+        form = panel.get_by_role("form", name="Calibration")
+        form.get_by_label("Folder").select_option("board: 6 photos, 640 × 480 px")
+        form.get_by_role("button", name="Start").click()
+        report = panel.get_by_role("link", name="Open its report")
+        expect(report).to_be_visible(timeout=30_000)
+        expect(panel).to_contain_text("calibration/camera.yaml")
+        with page.context.expect_page() as opened:
+            report.click()
+        expect(opened.value.locator("body")).to_contain_text("6 of 6 photos")
+        panel.get_by_role("button", name="Use it").click()
+        expect(panel.get_by_role("table", name="Interior orientation")).not_to_contain_text("600.0")
+        expect(panel).to_contain_text("calibrated from 6 photos of a board")
+        assert not page.errors
+        assert not page.strangers
+    assert "camera: calibration/camera.yaml" in project.read_text(encoding="utf-8")
+
+
+def test_a_table_that_another_program_changed_is_reloaded_at_a_click(project, open_page):
+    with served(project) as server:
+        page = open_page(server)
+        place(page, "ours", 100, 100)
+        bar = page.get_by_role("alert").filter(has_text="changed by another program")
+        expect(page.locator("#saved")).to_have_text("saved")
+        picks = project.parent / "picks.csv"
+        picks.write_text(picks.read_text(encoding="utf-8") + "P1.jpg,theirs,300,200,,\n")
+        expect(bar).to_contain_text("picks.csv", timeout=10_000)
+        bar.get_by_role("button", name="Reload").click()
+        expect(page.locator('.mark[data-label="theirs"]')).to_be_visible()
+        expect(page.locator('.mark[data-label="ours"]')).to_be_visible()
+        expect(bar).to_be_hidden()
+        expect(page.locator("#undo")).to_be_disabled()
+        place(page, "later", 200, 300)
+        expect(page.locator("#undo")).to_be_enabled()
+        assert not page.errors
+    assert "theirs" in picks.read_text(encoding="utf-8")
+
+
+def test_outputs_are_one_click_away_and_say_when_they_are_old(project, open_page):
+    out = project.parent / "out"
+
+    def run():
+        (out / "report.html").write_text("<h1>What was measured</h1>", encoding="utf-8")
+        (out / "measurements.csv").write_text("name,value\n", encoding="utf-8")
+        (out / "recording.rrd").write_bytes(b"RRF2")
+
+    with served(project) as server:
+        server.pick.project._run = run
+        page = open_page(server)
+        foot = page.locator("#outputs")
+        expect(foot).to_contain_text("nothing written yet")
+        page.keyboard.press("w")
+        expect(foot).to_contain_text("up to date")
+        with page.context.expect_page() as opened:
+            foot.get_by_role("link", name="Report").click()
+        expect(opened.value.get_by_role("heading")).to_have_text("What was measured")
+        with page.expect_download() as saved:
+            foot.get_by_role("link", name="Measurements").click()
+        assert saved.value.suggested_filename == "measurements.csv"
+        recording = foot.get_by_role("link", name="Recording in the Rerun viewer")
+        assert recording.get_attribute("href") == "/recording"
+        place(page, "A", 100, 100)
+        expect(foot).to_contain_text("older than what you see")
+        assert not page.strangers
+
+
+def test_the_tab_of_frames_tells_matching_clock_and_seeds(data_dir, tmp_path, open_page):
+    survey = tmp_path / "survey"
+    shutil.copytree(data_dir / "wind_oblique", survey, ignore=shutil.ignore_patterns("out"))
+    (survey / "measure.csv").write_text("name,kind,points\n")
+    with served(survey / "project.yaml") as server:
+        page = open_page(server)
+        page.get_by_role("tab", name="Frames").click()
+        panel = page.get_by_role("tabpanel", name="Frames")
+        expect(panel).to_contain_text("Camera clock minus UTC: 4.3")  # the twin's clock: 4.37 s
+        rows = panel.get_by_role("table", name="Frames").locator("tbody tr")
+        expect(rows).to_have_count(11)
+        expect(rows.nth(3)).to_contain_text("refined", timeout=20_000)
+        panel.get_by_role("button", name="Show IMG_0028.jpg").click()
+        expect(page.locator(".pane")).to_have_attribute("data-image", "IMG_0028.jpg")
+        assert not page.errors

@@ -1,0 +1,208 @@
+"""What is asked of the project as a whole: reading it again, its outputs, a calibration."""
+
+from __future__ import annotations
+
+import shutil
+import time
+
+import httpx
+import pytest
+from pick_pages import LONGEST_WAIT_S, Page, Server, cookie_of, small_project
+from small_recording import write_small_recording
+
+PICKS = b"image,label,u_px,v_px,note\r\nP1.jpg,A,10.50,20,seen\r\n"
+
+
+@pytest.fixture
+def project(tmp_path):
+    project = small_project(tmp_path)
+    (tmp_path / "picks.csv").write_bytes(PICKS)
+    return project
+
+
+@pytest.fixture
+def server(project):
+    server = Server(project)
+    yield server
+    server.stop()
+
+
+def errand(page, kind, **fields):
+    """Do an errand and wait for its answer."""
+    seq = page.send(kind, **fields)
+    while True:
+        said = page.read()
+        if said.get("seq") == seq:
+            return said
+
+
+def labels(said):
+    return {pick["label"] for pick in said["state"]["picks"]}
+
+
+def test_a_table_that_was_edited_outside_is_taken_on_request_and_loses_nothing(server, tmp_path):
+    edited = PICKS + b"P2.jpg,Z,7,8,from a spreadsheet\r\n"
+    with Page(server) as page, Page(server, page.cookie) as other:
+        assert page.hello["outside"] == []
+        (tmp_path / "picks.csv").write_bytes(edited)
+        assert page.until("outside")["files"] == ["picks.csv"]
+        page.do("place", image=1, label="ours", u=50, v=60)
+        assert "picks-from-page.csv" in page.until("saved")["fault"]
+        said = errand(page, "reload")
+        assert said["t"] == "done"
+        for one in (other,):  # every page begins anew
+            hello = one.until("hello")
+            assert labels(hello) == {"A", "Z"}
+            assert (hello["undo"], hello["redo"], hello["outside"]) == (0, 0, [])
+            assert "pick-not-recovered" in {message["code"] for message in hello["messages"]}
+        page.do("place", image=0, label="after", u=5, v=6)
+        page.until("saved", fault="")
+    kept = (tmp_path / "picks.csv").read_bytes()
+    assert kept.startswith(edited)
+    assert b"after" in kept
+    assert b"ours" in (tmp_path / "picks-from-page.csv").read_bytes()
+
+
+def test_what_the_page_has_is_saved_before_the_project_is_read_again(server, project, tmp_path):
+    with Page(server) as page:
+        page.do("place", image=1, label="B", u=50, v=60)
+        project.write_text(project.read_text() + "picks_sigma_px: 2.5\n", encoding="utf-8")
+        assert errand(page, "reload")["t"] == "done"
+        page.do("place", image=0, label="C", u=5, v=6)
+        page.until("saved", fault="")
+    with Page(server, page.cookie) as page:
+        assert page.hello["sigma"] == 2.5
+        assert labels(page.hello) == {"A", "B", "C"}
+    assert b"P2.jpg,B,50" in (tmp_path / "picks.csv").read_bytes()
+
+
+def test_a_project_that_cannot_be_read_any_more_leaves_the_page_as_it_was(server, project):
+    sound = project.read_text(encoding="utf-8")
+    with Page(server) as page:
+        project.write_text(sound + "imagse: x\n", encoding="utf-8")
+        assert page.until("outside")["files"] == ["project.yaml"]
+        said = errand(page, "reload")
+        assert said["t"] == "refused"
+        assert "imagse" in said["why"]
+        assert page.do("place", image=1, label="B", u=50, v=60)["t"] == "changed"
+        page.until("saved", fault="")
+        project.write_text(sound, encoding="utf-8")
+        assert page.until("outside")["files"] == []
+
+
+def test_outputs_are_handed_out_by_name_and_a_report_can_do_nothing(server, tmp_path):
+    headers = {"Cookie": cookie_of(server)}
+    with httpx.Client(base_url=server.origin, headers=headers) as browser:
+        assert browser.get("/output/report.html").status_code == 404
+        out = tmp_path / "out"
+        (out / "report.html").write_text("<script>1</script>", encoding="utf-8")
+        (out / "measurements.csv").write_text("name,value\n", encoding="utf-8")
+        report = browser.get("/output/report.html")
+        assert report.text == "<script>1</script>"
+        policy = report.headers["content-security-policy"]
+        assert "default-src 'none'" in policy
+        assert "sandbox" in policy
+        assert "script-src" not in policy
+        table = browser.get("/output/measurements.csv")
+        assert table.headers["content-disposition"] == 'attachment; filename="measurements.csv"'
+        with Page(server, headers["Cookie"]) as page:
+            outputs = page.hello["outputs"]
+        assert [file["name"] for file in outputs["files"]] == ["report.html", "measurements.csv"]
+        assert not outputs["recording"]
+
+
+def test_the_recording_opens_in_a_viewer_of_this_machine_that_ends_with_the_page(server, tmp_path):
+    headers = {"Cookie": cookie_of(server)}
+    with httpx.Client(base_url=server.origin, headers=headers) as browser:
+        assert browser.get("/recording").status_code == 404
+        write_small_recording(tmp_path / "out" / "recording.rrd")
+        answer = browser.get("/recording", timeout=LONGEST_WAIT_S)
+        assert answer.status_code == 303
+        address = answer.headers["location"]
+        assert address.startswith("http://127.0.0.1:")
+        assert httpx.get(address).status_code == 200
+        again = browser.get("/recording", timeout=LONGEST_WAIT_S)
+        assert again.headers["location"] == address  # one viewer for one recording
+    server.stop()
+    with pytest.raises(httpx.ConnectError):
+        httpx.get(address)
+
+
+def until_calibrated(page):
+    latest = time.monotonic() + LONGEST_WAIT_S
+    while time.monotonic() < latest:
+        said = page.until("calibration")
+        if said["state"] != "running":
+            return said
+    pytest.fail("the calibration did not end")
+
+
+@pytest.fixture
+def board(data_dir, tmp_path):
+    folder = tmp_path / "board"
+    folder.mkdir()
+    for k in range(1, 7):
+        name = f"left{k:02}.jpg"
+        shutil.copy(data_dir / "opencv_chess" / name, folder / name)
+    return folder
+
+
+@pytest.mark.usefixtures("board")
+def test_a_camera_is_calibrated_on_a_folder_beside_and_taken_into_the_project(
+    server, project, tmp_path
+):
+    before = project.read_text(encoding="utf-8")
+    with Page(server) as page:
+        assert errand(page, "use-camera")["why"] == "no camera file was made yet"
+        folders = {one["name"]: one for one in errand(page, "folders")["folders"]}
+        assert (folders["board"]["photos"], folders["board"]["width"]) == (6, 640)
+        number = folders["board"]["id"]
+        asked = {"folder": number, "board": "chessboard:9x6:25mm", "model": "brown"}
+        assert errand(page, "calibrate", **asked)["t"] == "done"
+        assert page.do("place", image=0, label="meanwhile", u=5, v=6)["t"] == "changed"
+        assert "already" in errand(page, "calibrate", **asked)["why"]
+        said = until_calibrated(page)
+        assert said["state"] == "done", said
+        assert said["file"] == "calibration/camera.yaml"
+        assert (tmp_path / said["file"]).is_file()
+        assert project.read_text(encoding="utf-8") == before  # only when asked to
+        assert errand(page, "use-camera")["t"] == "done"
+    changed = before.replace("camera: camera.yaml", "camera: calibration/camera.yaml")
+    assert project.read_text(encoding="utf-8") == changed
+    with Page(server, page.cookie) as page:
+        focal = float(page.hello["camera"]["parameters"][0][1].split()[0])
+        assert focal == pytest.approx(534, abs=8)  # OpenCV's own result for these photos
+        assert any("board" in line for line in page.hello["camera"]["source"])
+        assert labels(page.hello) == {"A", "meanwhile"}
+
+
+@pytest.mark.usefixtures("board")
+def test_a_calibration_takes_no_path_and_no_board_that_is_none(server, tmp_path):
+    with Page(server) as page:
+        fields = {"board": "chessboard:9x6:25mm", "model": "brown"}
+        for folder in ("/etc", "../..", -1, 10**6, 0.5, None):
+            assert errand(page, "calibrate", folder=folder, **fields)["t"] == "refused"
+        (number, *_) = [one["id"] for one in errand(page, "folders")["folders"]]
+        for board in ("chessboard:1x1:25mm", "/etc/passwd", "chessboard:9x6:0mm", ""):
+            said = errand(page, "calibrate", folder=number, board=board, model="brown")
+            assert said["t"] == "refused"
+        wrong = {"folder": number, "board": "chessboard:9x6:25mm", "model": "pinhole"}
+        assert errand(page, "calibrate", **wrong)["t"] == "refused"
+    assert not (tmp_path / "calibration").exists()
+
+
+@pytest.mark.usefixtures("board")
+def test_a_calibration_that_finds_no_board_or_is_stopped_leaves_nothing(server, tmp_path):
+    with Page(server) as page:
+        (folder, *_) = errand(page, "folders")["folders"]
+        other = {"folder": folder["id"], "board": "chessboard:4x3:25mm", "model": "brown"}
+        errand(page, "calibrate", **other)
+        said = until_calibrated(page)
+        assert said["state"] == "failed"
+        assert "board" in said["why"]
+        errand(page, "calibrate", **{**other, "board": "chessboard:9x6:25mm"})
+        errand(page, "stop-calibration")
+        said = until_calibrated(page)
+        assert said["state"] == "failed"
+        assert "stopped" in said["why"]
+    assert not (tmp_path / "calibration").exists()

@@ -1,0 +1,91 @@
+"""What a run wrote, for the page: report, tables and drawings by name, and the recording."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from pathlib import Path
+
+from uavgram.errors import InputError
+from uavgram.picking.answers import Json
+from uavgram.views.viewer import RecordingServer
+
+log = logging.getLogger(__name__)
+
+REPORT = "report.html"
+RECORDING = "recording.rrd"
+FILES = {
+    REPORT: "Report",
+    "measurements.csv": "Measurements (CSV)",
+    "survey_local.dxf": "Drawing, local metres (DXF)",
+    "survey_map.dxf": "Drawing, map coordinates (DXF)",
+    "survey.gpkg": "Layers for GIS (GeoPackage)",
+    "points.geojson": "Points (GeoJSON)",
+    "survey.kml": "For Google Earth (KML)",
+    "results.json": "All results (JSON)",
+}
+"""Files that the page hands out, and what they are; nothing else is."""
+
+
+class Outputs:
+    """The files of a project's output folder.
+
+    Parameters
+    ----------
+    folder
+        It.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._viewer: RecordingServer | None = None
+        self._shown: tuple[Path, float] | None = None
+        self._opening = threading.Lock()
+
+    def listed(self) -> list[Json]:
+        """Files that are there, and what they are."""
+        there = {name: words for name, words in FILES.items() if (self.folder / name).is_file()}
+        return [{"name": name, "words": words} for name, words in there.items()]
+
+    @property
+    def has_recording(self) -> bool:
+        """Whether there is a recording."""
+        return (self.folder / RECORDING).is_file()
+
+    def read(self, name: str) -> bytes | None:
+        """Content of one of `FILES`; None where it is not there, or none of them."""
+        if name not in FILES:
+            return None
+        try:
+            return (self.folder / name).read_bytes()
+        except OSError:
+            return None
+
+    def viewer(self) -> str:
+        """Address of the Rerun viewer with the recording as it is now, on this machine only.
+
+        Raises
+        ------
+        UavgramError
+            There is no recording, or the viewer could not run.
+        """
+        recording = self.folder / RECORDING
+        with self._opening:
+            try:
+                version = (recording, recording.stat().st_mtime)
+            except OSError as fault:
+                raise InputError(recording, "is not there yet: write it on the page") from fault
+            if self._viewer is None or version != self._shown or not self._viewer.is_up:
+                self._stop()
+                self._viewer, self._shown = RecordingServer(recording), version
+            return self._viewer.address
+
+    def close(self) -> None:
+        """End the viewer."""
+        with self._opening:
+            self._stop()
+
+    def _stop(self) -> None:
+        if self._viewer is not None:
+            self._viewer.stop()
+            self._viewer = None

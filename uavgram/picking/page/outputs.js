@@ -1,0 +1,52 @@
+// What stands at the foot of the measurements: one click runs the project and writes everything.
+
+import { node } from "./format.js";
+import { store } from "./store.js";
+import { keep } from "./table.js";
+
+const link = (href, words, more = {}) => node("a", { href, ...more }, words);
+const aside = { target: "_blank", rel: "noopener" };
+
+export function showOutputs(foot, desk) {
+  const { outputs, version } = store;
+  if (!outputs) return;
+  const old = outputs.files.length > 0 && outputs.version !== version;
+  const made = keep("outputs", [outputs, old, desk.exporting], () => node("div", {},
+    node("div", { class: "row" },
+      node("button", { name: "export", class: "main", disabled: desk.exporting, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: () => desk.exportAll() },
+        desk.exporting ? "Writing\u2026" : "Write report and exports"),
+      node("span", { class: "dim", role: "status" }, desk.exporting ? "" : age(outputs, old))),
+    outputs.files.length ? node("nav", { "aria-label": "Outputs" }, ...links(outputs)) : null));
+  if (foot.firstChild !== made) foot.replaceChildren(made);
+}
+
+function age(outputs, old) {
+  if (!outputs.files.length) return "nothing written yet";
+  return old ? "older than what you see" : "up to date";
+}
+
+function links({ files, recording, folder }) {
+  const [shown, saved] = [files.filter(({ name }) => name.endsWith(".html")), files.filter(({ name }) => !name.endsWith(".html"))];
+  return [
+    ...shown.map(({ name, words }) => link(`/output/${name}`, words, aside)),
+    recording ? link("/recording", "Recording in the Rerun viewer", aside) : null,
+    ...saved.filter(({ name }) => name.endsWith(".csv")).map(({ name, words }) => link(`/output/${name}`, words, { download: name })),
+    node("details", {}, node("summary", {}, "More"), node("ul", {}, ...saved.filter(({ name }) => !name.endsWith(".csv")).map(({ name, words }) => node("li", {}, link(`/output/${name}`, words, { download: name })))),
+      node("p", { class: "dim" }, "All in ", node("code", {}, folder))),
+  ].filter(Boolean);
+}
+
+// A bar that stays while files of the project differ from what the page shows, or cannot be saved.
+export function showOutside(bar, desk) {
+  const outside = store.outside ?? [];
+  const words = [];
+  if (store.fault) words.push(`Not saved: ${store.fault}`);
+  else if (outside.length) words.push(`${outside.join(" and ")} ${outside.length > 1 ? "were" : "was"} changed by another program. Nothing is written over.`);
+  bar.hidden = !words.length;
+  const sign = JSON.stringify([words, outside]);
+  if (bar.sign === sign) return;
+  bar.sign = sign;
+  bar.replaceChildren(node("p", {}, ...words), ...(outside.length ? [
+    node("p", { class: "dim" }, "Reload takes the files as they are now. What only this page has is kept beside them, and undo begins anew."),
+    node("button", { name: "reload", onclick: () => desk.reload() }, "Reload")] : []));
+}

@@ -1,0 +1,77 @@
+// Tables and lists of the panel, and how a part of it stays as it is while nothing of it changed.
+
+import { fixed, missing, node } from "./format.js";
+import { isSuspect } from "./store.js";
+
+const LONG = 9; // rows from which on a table scrolls by itself
+
+const kept = new Map();
+
+// A part as it was made before, where nothing of it has changed.
+export function keep(name, sign, make) {
+  const before = kept.get(name);
+  const now = JSON.stringify(sign);
+  if (before?.sign === now) return before.made;
+  const made = make();
+  kept.set(name, { sign: now, made });
+  return made;
+}
+
+export const drop = (name) => { kept.delete(name); };
+
+// Shows parts in a section. Elements that stay are not touched: what is focused in them stays so,
+// what was scrolled stays there, and what is being typed is left alone.
+export function fill(section, parts) {
+  const focus = focusIn(section);
+  const scrolled = new Map([...section.querySelectorAll(".scroll")].map((box) => [box.getAttribute("aria-label"), box.scrollTop]));
+  const wanted = parts.filter(Boolean);
+  for (const child of [...section.children]) if (!wanted.includes(child)) child.remove();
+  wanted.forEach((part, k) => { if (section.children[k] !== part) section.insertBefore(part, section.children[k] ?? null); });
+  for (const box of section.querySelectorAll(".scroll")) box.scrollTop = scrolled.get(box.getAttribute("aria-label")) ?? box.scrollTop;
+  restore(section, focus);
+}
+
+function focusIn(section) {
+  const at = document.activeElement;
+  if (!section.contains(at) || !at.name) return null;
+  return { name: at.name, row: at.closest("[data-row]")?.dataset.row, value: at.value };
+}
+
+function restore(section, focus) {
+  if (!focus) return;
+  const scope = focus.row === undefined ? section : section.querySelector(`[data-row="${CSS.escape(focus.row)}"]`);
+  const at = scope?.querySelector(`[name="${focus.name}"]`);
+  if (!at || at === document.activeElement) return;
+  at.focus({ preventScroll: true });
+  if (at.tagName === "INPUT" && at.value !== focus.value) at.value = focus.value;
+}
+
+// A long table scrolls in a box of its own, so that what stands beneath it stays in reach.
+export function table(caption, heads, rows) {
+  const made = node("table", { "aria-label": caption },
+    node("thead", {}, node("tr", {}, ...heads.map((head) => node("th", { scope: "col" }, head)))),
+    node("tbody", {}, ...rows));
+  return rows.length > LONG ? node("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": `${caption}, scrolls` }, made) : made;
+}
+
+export const titled = (title, ...parts) => node("div", { class: "part" }, node("h2", {}, title), ...parts);
+
+export const remove = (what, act) => node("button", { class: "small", "aria-label": `Remove ${what}`, title: `Remove ${what}`, onclick: act }, "\u00d7");
+
+export const list = (messages) => node("ul", { class: "messages" }, ...messages.map((message) => node("li", { class: message.level }, message.text)));
+
+// Numbers into the cells of a part that stays: making it anew at each move of a drag takes too long.
+export function withValues(part, contents) {
+  part.querySelectorAll("td.value").forEach((cell, k) => {
+    const words = contents[k].map((one) => one.outerHTML ?? one).join("");
+    if (cell.words === words) return;
+    cell.words = words;
+    cell.replaceChildren(...contents[k]);
+  });
+  return part;
+}
+
+export function wCell(w, status) {
+  if (w === null || w === undefined) return missing;
+  return isSuspect(status) ? node("span", { class: "bad", title: "suspect" }, `\u25c6 ${fixed(w, 1)}`) : fixed(w, 1);
+}
