@@ -58,9 +58,7 @@ def open_page(chromium):
         home = re.compile(rf"(http|ws)://127\.0\.0\.1:{server.port}/|blob:|data:")
         page.on("request", lambda r: home.match(r.url) or page.strangers.append(r.url))
         page.goto(server.guard.address())
-        playwright.expect(page.locator(".pane").first).to_have_attribute(
-            "data-sharp", "true", timeout=20_000
-        )
+        page.wait_for_selector('.pane[data-sharp="true"]', timeout=20_000)
         return page
 
     yield opening

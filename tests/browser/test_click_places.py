@@ -14,11 +14,11 @@ import pytest
 from picking_projects import BLOB_SIGMA_PX, write_project
 from picking_server import served
 from PIL import Image
-from playwright.sync_api import expect
 
 ZOOMS = (1.0, 4.0, 12.0)
 WINDOWS = ((1280, 720), (1917, 1043))
 MOST_MEAN_PX, MOST_PX = 0.05, 0.2
+SHARP = '.pane[data-sharp="true"]'  # waited for in each frame; `expect` looks ever more seldom
 
 
 def to_page(page, u, v):
@@ -40,7 +40,7 @@ def zoom_to(page, place, zoom):
             break
         before = pane.get_attribute("data-left")
         page.mouse.wheel(0, -wanted * page.evaluate("devicePixelRatio") / 0.0015)
-        expect(pane).not_to_have_attribute("data-left", before)
+        page.wait_for_selector(f'.pane:not([data-left="{before}"])')
     else:
         pytest.fail(f"the wheel does not come to x{zoom}")
     page.mouse.down(button="right")
@@ -48,7 +48,7 @@ def zoom_to(page, place, zoom):
     page.mouse.move(box["x"] + 0.28 * box["width"], box["y"] + box["height"] / 2)
     page.mouse.up(button="right")
     page.wait_for_timeout(50)  # a frame, in which it moves
-    expect(pane).to_have_attribute("data-sharp", "true")
+    page.wait_for_selector(SHARP)
 
 
 def centroid(page, near, zoom):
@@ -74,11 +74,11 @@ def clicked_errors(page, server, project, zoom, marks):
         place = project.marks_px[k]
         zoom_to(page, place, zoom)
         page.mouse.click(*centroid(page, to_page(page, *place), zoom))
-        expect(page.locator(".mark")).to_have_count(1)
+        page.wait_for_selector(".mark", state="attached")
         (pick,) = server.desk.state.picks
         errors.append([pick.u_px - place[0], pick.v_px - place[1]])
         page.keyboard.press("Control+z")
-        expect(page.locator(".mark")).to_have_count(0)
+        page.wait_for_selector(".mark", state="detached")
     return np.array(errors)
 
 
@@ -126,7 +126,7 @@ def plant(page, header, *, aligned=True):
     if not aligned:
         changed("pane.js", "Math.ceil(top - 1e-6)", "top")
     page.reload()
-    expect(page.locator(".pane")).to_have_attribute("data-sharp", "true", timeout=20_000)
+    page.wait_for_selector(SHARP)
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from picking_pages import click_mark, measured, place, show_photo, wait_until_ad
 from picking_server import served
 from playwright.sync_api import expect
 
+from uavgram.cli import main
 from uavgram.pipeline.compute import compute
 from uavgram.pipeline.inputs import read_inputs
 
@@ -24,7 +25,9 @@ DISTANCES = (("R1", "P12"), ("P9", "P15"), ("P12", "P15"))
 def empty_survey(data_dir, tmp_path):
     source = data_dir / "calm_nadir"
     project = tmp_path / "survey"
-    shutil.copytree(source, project, ignore=shutil.ignore_patterns("*.csv", "out", "*.tlog"))
+    leave = shutil.ignore_patterns("*.csv", "out", "*.tlog", "project.yaml")
+    shutil.copytree(source, project, ignore=leave)
+    assert main(["new", str(project)]) == 0
     return source, project
 
 
@@ -67,8 +70,9 @@ def test_a_first_session_gives_the_numbers_of_a_run(empty_survey, open_page, dat
     truth = json.loads((data_dir / "truth" / "calm_nadir.json").read_text())["points"]
     for k, name in enumerate(found.name):
         value, sigma = found.value[k], found.sigma[k]
-        digits = shown[name].split(" ")[0]
-        assert digits == f"{value:.{len(digits.partition('.')[2])}f}"
+        number, _, error, _ = shown[name].split(" ")
+        digits = len(number.partition(".")[2])
+        assert (number, error) == (f"{value:.{digits}f}", f"{sigma:.{digits}f}")
         start, end = (truth[label] for label in found.points[k])
         real = sum((a - b) ** 2 for a, b in zip(start, end, strict=True)) ** 0.5
         assert abs(value - real) < 3.0 * sigma

@@ -78,6 +78,15 @@ def type_point(page, label):
     page.keyboard.press("Enter")  # takes it
 
 
+def tab_to(page, name):
+    """Go on by Tab to what has this name."""
+    for _ in range(80):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.getAttribute('aria-label')") == name:
+            return
+    pytest.fail(f"Tab does not lead to {name!r}")
+
+
 def test_keyboard_alone_measures_each_kind_and_gives_the_numbers_of_a_run(copied_survey, open_page):
     (copied_survey.parent / "measure.csv").write_text("name,kind,points\n")
     (copied_survey.parent / "lines.csv").write_text("name,from,to,length_m,sigma_m\n")
@@ -104,18 +113,25 @@ def test_keyboard_alone_measures_each_kind_and_gives_the_numbers_of_a_run(copied
                 keyboard.press("Enter")  # the friction that is proposed
         expect(page.locator('table[aria-label="Measurements"] tbody tr')).to_have_count(6)
         keyboard.press("p")
+        for _ in range(5):
+            keyboard.press("PageDown")
+        expect(page.locator(".pane")).to_have_attribute("data-image", "IMG_0046.jpg")
         keyboard.press("/")
         keyboard.type("R8")
         keyboard.press("Enter")
-        page.get_by_role("textbox", name="Height over ground").focus()
-        keyboard.type("0.2")
+        keyboard.press("F2")
+        for value in ("0.5", "0.2"):  # its sigma here, and its height
+            keyboard.press("Tab")
+            keyboard.type(value)
         keyboard.press("Enter")
-        page.get_by_role("button", name="Withhold L2").focus()
+        expect(page.locator("svg.marks")).to_be_focused()
+        tab_to(page, "Withhold L2: only judge it")
         keyboard.press("Enter")
         expect(page.get_by_role("button", name="Use L2")).to_be_visible()
         wait_until_adjusted(page)
         shown = measured(page)
-        assert server.desk.state.pick("IMG_0046.jpg", "R8").height_m == 0.2
+        pick = server.desk.state.pick("IMG_0046.jpg", "R8")
+        assert (pick.sigma_px, pick.height_m) == (0.5, 0.2)
         assert not page.errors
     found = compute(read_inputs(copied_survey)).result
     assert found.lines.status == ("used", "checked")

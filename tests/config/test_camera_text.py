@@ -10,7 +10,7 @@ from uavgram.config.camera_text import camera_text, number_text
 from uavgram.errors import InputError
 from uavgram.model.camera import Calibration
 from uavgram.model.camera_provenance import CameraProvenance
-from uavgram.model.result import InputDigest
+from uavgram.model.provenance import InputDigest
 
 PROVENANCE = CameraProvenance(
     program="uavgram",

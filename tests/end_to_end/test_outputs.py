@@ -24,7 +24,16 @@ TOP = {
     "schema", "provenance", "world", "clock", "shared", "frames", "points", "lines", "picks",
     "measurements", "measurement_correlation", "checks", "solution", "messages",
 }  # fmt: skip
-PROVENANCE = {"program", "version", "created_utc", "inputs", "options", "seed", "packages"}
+PROVENANCE = {
+    "program",
+    "version",
+    "created_utc",
+    "inputs",
+    "options",
+    "seed",
+    "packages",
+    "made_by",
+}
 WORLD = {"latitude_deg", "longitude_deg", "height_m", "height_datum", "gauge"}
 SHARED = {
     "boresight_deg", "lever_arm_m", "position_bias_m", "heading_bias_deg", "plane", "intrinsics",

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from scipy.special import erf
 
-from uavgram.imaging.snap import SMALLEST_SIGMA_PX, Snapped, snap_circle, snap_corner
+from uavgram.imaging.snap import (
+    CORNER_HALF_PX,
+    SMALLEST_SIGMA_PX,
+    Snapped,
+    snap_circle,
+    snap_corner,
+)
 
 PLACE = np.array([60.37, 48.81])
 GRID = np.mgrid[:100, :120][::-1].astype(float)
@@ -32,6 +39,15 @@ def test_a_target_is_found_to_a_few_hundredths_of_a_pixel(target, snap):
     found = snap(photo(target(), 1.0, np.random.default_rng(1)), 58.0, 50.0)
     assert np.hypot(found.u_px - PLACE[0], found.v_px - PLACE[1]) < 0.06
     assert found.sigma_px < 0.1
+
+
+def test_a_corner_is_where_opencv_finds_it():
+    grey = photo(checker(), 2.0, np.random.default_rng(6))
+    found = snap_corner(grey, 58.0, 50.0)
+    start = np.array([[[58.0, 50.0]]], np.float32)
+    ends = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-5
+    other = cv2.cornerSubPix(grey[..., 0], start, (CORNER_HALF_PX,) * 2, (-1, -1), ends)
+    assert np.hypot(*(other.ravel() - [found.u_px, found.v_px])) < 0.03
 
 
 @pytest.mark.parametrize(("target", "snap"), [(checker, snap_corner), (disc, snap_circle)])

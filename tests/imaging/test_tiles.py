@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
+from uavgram.imaging import tiles
 from uavgram.imaging.tiles import (
     TILE_PX,
     Kept,
@@ -135,6 +136,24 @@ def test_the_longest_unused_goes_first_and_the_newest_stays():
     kept.get(99)  # larger than the bound by itself
     kept.get(99)
     assert made.count(99) == 1
+
+
+def test_photos_that_are_looked_at_side_by_side_stay_though_they_are_large(monkeypatch):
+    made, now = [], [0.0]
+    monkeypatch.setattr(tiles.time, "monotonic", lambda: now[0])
+    kept = Kept(lambda key: made.append(key) or key, lambda _: 7, 10, in_use=2)
+    for key in (1, 2, 1, 2, 1, 2):
+        kept.get(key)
+    assert made == [1, 2]
+    kept.get(3)  # the third takes the place of the longest unused
+    kept.get(2)
+    assert made == [1, 2, 3]
+    now[0] = tiles.IN_USE_S + 1
+    kept.get(4)  # the others are not looked at any more
+    now[0] += tiles.IN_USE_S + 1
+    kept.get(4)
+    kept.get(2)
+    assert made == [1, 2, 3, 4, 2]
 
 
 def test_threads_share_the_making_of_a_value():

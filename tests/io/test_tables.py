@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.io.tables import Columns, parse_number, read_table
+from uavgram.io.tables import Columns, own_columns, parse_number, read_table
 
 COLUMNS = Columns(
     text=("name",), numbers=("length_m",), optional_text=("use",), optional_numbers=("sigma_m",)
@@ -110,3 +110,23 @@ def test_a_missing_file_is_an_input_error(tmp_path):
 @pytest.mark.parametrize("text", ["1", "-2.5", "+.5", "3.", "1e-3", "007"])
 def test_decimal_numbers_are_read(text):
     assert parse_number(text) == float(text)
+
+
+OWN = Columns(text=("name",), numbers=("length_m",), optional_numbers=("sigma_m",), others=True)
+
+
+def test_columns_of_a_persons_own_are_left_alone_where_a_table_may_have_them(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("tape,name,length_m,sigma_m,names\nold,a,1,2,b\n")
+    assert read_table(path, OWN).numbers["length_m"].tolist() == [1.0]
+    assert own_columns(path, OWN) == ("tape", "names")
+
+
+@pytest.mark.parametrize(
+    "header", ["name,length_m,sigma", "name,length_m,Sigma_m", "name,length_m,"]
+)
+def test_what_may_be_a_misspelt_column_is_not_a_persons_own(tmp_path, header):
+    path = tmp_path / "table.csv"
+    path.write_text(header + "\na,1,1\n")
+    with pytest.raises(InputError, match="unknown column"):
+        read_table(path, OWN)

@@ -13,6 +13,7 @@ from pick_pages import HEIGHT, WIDTH, Page, Server, running, small_project
 from websockets.exceptions import ConnectionClosed
 
 KILLS = 20
+SAVE_AFTER_S = 0.05  # sooner than for people, so that many kills fall into the writing
 LABELS = [f"L{k}" for k in range(12)]
 
 
@@ -188,7 +189,7 @@ def _work_until_killed(page: Page, model: Model, rng: random.Random) -> tuple[st
             return kind, fields
         done += 1
         if done % 12 == 0:  # a rest, in which the tables may be written
-            time.sleep(rng.uniform(0.0, 0.7))
+            time.sleep(rng.uniform(0.0, 2.0 * SAVE_AFTER_S))
 
 
 def test_twenty_kills_lose_nothing_that_the_page_had_confirmed(tmp_path):
@@ -197,13 +198,13 @@ def test_twenty_kills_lose_nothing_that_the_page_had_confirmed(tmp_path):
     confirmed, recoveries = 0, 0
     expected: list[dict] = []
     for _ in range(KILLS):
-        server = Server(project)
+        server = Server(project, SAVE_AFTER_S)
         try:
             with Page(server) as page:
                 model = Model(page.hello, _tables(tmp_path))
                 assert not expected or model.state in expected
                 recoveries += page.hello["recovered"]
-                threading.Timer(rng.uniform(0.02, 0.7), server.strike).start()
+                threading.Timer(rng.uniform(0.01, 0.3), server.strike).start()
                 last = _work_until_killed(page, model, rng)
         finally:
             server.kill()

@@ -10,25 +10,28 @@ import sys
 import pytest
 from pick_pages import Page, RefusedToStartError, Server, running, small_project
 
-from uavgram.errors import InputError, UavgramError
+from uavgram.errors import InputError, OutputError, UavgramError
 from uavgram.picking import autosave
 from uavgram.picking import commands as c
 from uavgram.picking.autosave import JOURNAL, Journal, left_in
+from uavgram.picking.desk import Desk
+from uavgram.picking.messages import Message
 from uavgram.picking.project_lock import LOCK, ProjectLock
 from uavgram.picking.session import Session, apply
 from uavgram.picking.state import Pick, State
 from uavgram.picking.tables import Tables
 from uavgram.pipeline.inputs import read_inputs
+from uavgram.pipeline.live import LiveSurvey
 
 PICKS = (
-    b"\xef\xbb\xbflabel,note,image,v_px,u_px\r\n"
-    b"A,the kerb,P1.jpg,20.50,010.0\r\n"
+    b"\xef\xbb\xbfWho saw it,label,note,image,v_px,u_px\r\n"
+    b"Ada,A,the kerb,P1.jpg,20.50,010.0\r\n"
     b"\r\n"
-    b'"B","x, y",P1.jpg,4e1,30\r\n'
-    b"A,,P2.jpg,60.000,50"
+    b'"Bo, too","B","x, y",P1.jpg,4e1,30\r\n'
+    b"007,A,,P2.jpg,60.000,50"
 )
-LINES = b"name,from,to,length_m,sigma_m,note\nL1,A,B,11.5200,0.010,taped twice\n"
-MEASURE = b"name,kind,points\nD, distance ,A;B\n\n\n"
+LINES = b"name,from,to,length_m,sigma_m,note,tape\nL1,A,B,11.5200,0.010,taped twice, 3 \n"
+MEASURE = b"name,kind,points,asked by\nD, distance ,A;B,court\n\n\n"
 
 
 @pytest.fixture
@@ -76,6 +79,24 @@ def every_command():
     yield c.Forget(label="C")
 
 
+def test_columns_of_a_persons_own_are_told_and_stay_as_they_are(project, tmp_path):
+    inputs = read_inputs(project, unfinished=True)
+    texts = [message.text for message in inputs.messages if message.code == "own-columns"]
+    assert [text.split(":")[0] for text in texts] == ["picks.csv", "lines.csv", "measure.csv"]
+    assert "'Who saw it'" in texts[0]
+    work = Working(project)
+    work.do(c.Place(image="P2.jpg", label="A", u_px=51.5, v_px=60.0))
+    work.do(c.Place(image="P2.jpg", label="New", u_px=1.0, v_px=2.0))
+    work.do(c.Rename(label="B", new="C"))
+    assert work.save() == ""
+    work.tables.close()
+    changed = PICKS.replace(b"P2.jpg,60.000,50", b"P2.jpg,60.000,51.5").replace(b'"B"', b"C")
+    assert files(tmp_path)["picks.csv"] == changed + b"\r\n,New,,P2.jpg,2.0,1.0"
+    assert files(tmp_path)["lines.csv"] == LINES.replace(b"A,B,11", b"A,C,11")
+    assert files(tmp_path)["measure.csv"] == MEASURE.replace(b"A;B", b"A;C")
+    read_inputs(project, unfinished=True)  # and the program reads what it wrote
+
+
 def test_undo_to_the_start_leaves_the_files_byte_for_byte_as_they_were(project, tmp_path):
     before = files(tmp_path)
     work = Working(project)
@@ -111,7 +132,7 @@ def test_files_that_were_not_there_are_gone_again_after_undo(tmp_path):
 
 
 def test_a_table_edited_outside_meanwhile_is_not_written_over(project, tmp_path):
-    edited = PICKS + b"\r\nZ,from a spreadsheet,P2.jpg,7,8"
+    edited = PICKS + b"\r\n,Z,from a spreadsheet,P2.jpg,7,8"
     with running(project) as server:
         with Page(server) as page:
             page.do("place", image=0, label="A", u=11, v=20.5)
@@ -138,7 +159,7 @@ def test_a_table_edited_outside_meanwhile_is_not_written_over(project, tmp_path)
 def test_a_table_edited_between_two_sessions_is_simply_read(project, tmp_path):
     with running(project) as server, Page(server) as page:
         page.do("place", image=0, label="A", u=11, v=20.5)
-    more = (tmp_path / "picks.csv").read_bytes() + b"\r\nZ,,P2.jpg,7,8"
+    more = (tmp_path / "picks.csv").read_bytes() + b"\r\n,Z,,P2.jpg,7,8"
     (tmp_path / "picks.csv").write_bytes(more)
     with running(project) as server, Page(server) as page:
         assert not page.hello["recovered"]
@@ -212,7 +233,7 @@ def test_a_lock_is_told_by_the_system_not_by_a_number_in_a_file(tmp_path):
 
 def test_a_table_that_changed_while_the_project_was_read_is_no_start(project, tmp_path):
     inputs = read_inputs(project, unfinished=True)
-    (tmp_path / "picks.csv").write_bytes(PICKS + b"\r\nZ,,P2.jpg,7,8")
+    (tmp_path / "picks.csv").write_bytes(PICKS + b"\r\n,Z,,P2.jpg,7,8")
     with pytest.raises(InputError, match="start again"):
         Tables(inputs)
     Working(project).tables.close()  # the lock was let go
@@ -306,6 +327,25 @@ def test_a_full_disk_is_told_before_anything_is_confirmed(tmp_path, monkeypatch)
     journal.record(PLACE, 0)
     journal.close()
     assert len(left_in(path).session.state.picks) == 1
+
+
+def test_what_cannot_be_kept_is_not_done_and_its_numbers_are_taken_back(project, monkeypatch):
+    survey = LiveSurvey.open(project)
+    tables = Tables(survey.inputs)
+    desk = Desk(survey, tables, lambda _: None)
+    before, adjusted = desk.state, []
+    monkeypatch.setattr(desk._live, "submit", adjusted.append)
+
+    def full(*_):
+        raise OutputError("No space left on device")
+
+    monkeypatch.setattr(tables, "record", full)
+    with pytest.raises(OutputError, match="No space left"):
+        desk.change(Message(seq=1, step=0, final=True, body=PLACE))
+    assert desk.state is before
+    assert [task.state == before for task in adjusted] == [False, True]
+    assert desk.version == adjusted[1].version > adjusted[0].version
+    desk.let_go()
 
 
 @pytest.mark.parametrize(

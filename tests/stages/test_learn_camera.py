@@ -5,7 +5,7 @@ import pytest
 
 from uavgram.model.camera import Calibration
 from uavgram.model.learnt_camera import learnt_camera
-from uavgram.model.result import Estimate
+from uavgram.model.shared_result import Estimate
 from uavgram.stages.learn_camera import what_was_learnt
 
 VALUE = np.array([2300.0, 2300, 2000, 1500, 0, 0, 0, 0, 0])

@@ -12,7 +12,7 @@ from top_views import BROWN, SIZE_PX, UTM, cv_project, looking, make_view
 from uavgram.errors import GeometryError
 from uavgram.geometry.top_view import MOST_OFF_NADIR
 from uavgram.model.ground_raster import GroundRaster
-from uavgram.model.result import PoseTable
+from uavgram.model.result_tables import PoseTable
 from uavgram.stages.rectify import boxes, choose_view, lay_raster, photo_pixels_m, reductions
 
 

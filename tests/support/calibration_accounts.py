@@ -9,7 +9,7 @@ from uavgram.imaging.preview import preview_of
 from uavgram.model.calibration_photos import CalibrationOptions
 from uavgram.model.camera_provenance import CameraProvenance
 from uavgram.model.message import Message
-from uavgram.model.result import InputDigest
+from uavgram.model.provenance import InputDigest
 from uavgram.stages.calibrate import calibrate
 from uavgram.stages.calibration_account import CalibrationAccount, lens_effects
 

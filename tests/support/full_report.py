@@ -8,7 +8,9 @@ import numpy as np
 
 from uavgram.model.error_budget import ErrorBudget
 from uavgram.model.evidence import ChecksOverall, SecondOrder
-from uavgram.model.result import Alternative, AreaPlane, Estimate, MonteCarloResults, Result
+from uavgram.model.result import Alternative, Result
+from uavgram.model.result_tables import MonteCarloResults
+from uavgram.model.shared_result import AreaPlane, Estimate
 
 SOURCES = ("lens", "picks", "friction and times", "known lengths", "flight log")
 

@@ -14,18 +14,19 @@ import sys
 from pathlib import Path
 
 from uavgram.errors import UavgramError
-from uavgram.picking.server import serve
+from uavgram.picking import server
 
 
 def tell(**said: object) -> None:
     os.write(1, (json.dumps(said) + "\n").encode())
 
 
-def child(project: str, log_file: str) -> None:
+def child(project: str, log_file: str, save_after_s: float) -> None:
+    server.SAVE_AFTER_S = save_after_s
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     logging.basicConfig(filename=log_file, level=logging.INFO, force=True)
     try:
-        serve(
+        server.serve(
             Path(project),
             lambda address: tell(pid=os.getpid(), address=address),
             lambda: None,

@@ -73,12 +73,20 @@ class RefusedToStartError(Exception):
 
 
 class Server:
-    """A server of a project's page, in its own process."""
+    """A server of a project's page, in its own process.
 
-    def __init__(self, project: Path) -> None:
+    Parameters
+    ----------
+    project
+        The project file.
+    save_after_s
+        How long after the last change the tables are written.
+    """
+
+    def __init__(self, project: Path, save_after_s: float = 0.4) -> None:
         self.log = project.parent / "server.log"
         nursery = _nursery()
-        asked = {"project": str(project), "log_file": str(self.log)}
+        asked = {"project": str(project), "log_file": str(self.log), "save_after_s": save_after_s}
         nursery.stdin.write(json.dumps(asked) + "\n")
         nursery.stdin.flush()
         said = json.loads(nursery.stdout.readline())

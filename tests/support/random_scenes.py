@@ -153,7 +153,7 @@ def random_scene(seed: int | tuple[int, ...], kind: Kind) -> Scene:
         control_sigma_m=np.tile(control_sigma, (kind.control, 1)),
         ground=_ground(source, kind, "road", 0.0),
         other_grounds=(_ground(source, kind, "verge", scenes.VERGE_M),) * kind.verge,
-        label_area=area,
+        label_area=area if kind.verge else None,
         gauge="world" if world_gauge else "plane",
     )
     truth = State(

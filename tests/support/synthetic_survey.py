@@ -12,12 +12,10 @@ from pyproj import Transformer
 
 from uavgram.model.camera import Calibration
 from uavgram.model.message import Message
-from uavgram.model.result import (
-    Alternative,
-    Estimate,
+from uavgram.model.provenance import InputDigest, Provenance
+from uavgram.model.result import Alternative, GroupFactor, Result, SolutionSummary
+from uavgram.model.result_tables import (
     FrameResults,
-    GroupFactor,
-    InputDigest,
     LineChecks,
     LineResults,
     MeasurementResults,
@@ -26,11 +24,8 @@ from uavgram.model.result import (
     PointChecks,
     PointResults,
     PoseTable,
-    Provenance,
-    Result,
-    SharedResult,
-    SolutionSummary,
 )
+from uavgram.model.shared_result import Estimate, SharedResult
 from uavgram.model.world import World
 
 WIDTH_PX, HEIGHT_PX = 1640, 1232
@@ -310,6 +305,7 @@ def build(
             program="uavgram",
             version="0.1.0",
             created_utc="2026-01-05T11:00:00Z",
+            made_by="Ada Lovelace",
             inputs=(
                 InputDigest(path="project.yaml", sha256="ab" * 32, size_bytes=812),
                 InputDigest(path="flight.BIN", sha256="c0" * 32, size_bytes=5_812_001),

@@ -14,7 +14,7 @@ from uavgram.model.evidence import (
     RemovalRecord,
     WeakestLinks,
 )
-from uavgram.model.result import AreaPlane
+from uavgram.model.shared_result import AreaPlane
 from uavgram.views.recording.check_page import checks_page
 from uavgram.views.recording.frame_picks import project_picks
 from uavgram.views.recording.frame_sheets import frame_sheet

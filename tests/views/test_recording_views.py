@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.imaging.mosaic import GroundTexture
 from uavgram.imaging.preview import Preview
+from uavgram.model.shared_result import AreaPlane, Estimate
 from uavgram.views.recording import write_recording
 from uavgram.views.recording.blueprint import blueprint
 from uavgram.views.recording.close_up import round_length
@@ -23,6 +24,8 @@ from uavgram.views.recording.photo import PHOTOS_PER_CHUNK
 from uavgram.views.recording.plots import frame_curves
 from uavgram.views.recording.pose_curves import pose_curves
 from uavgram.views.recording.scene import measure_scene
+from uavgram.views.recording.summary_page import summary
+from uavgram.views.verdict import judge
 
 PHOTO = "/survey/current_camera/photo"
 
@@ -212,6 +215,22 @@ def test_the_lowered_ground_is_drawn_lower_and_the_summary_says_so(survey, tmp_p
     assert corners[:, 2].max() < -2.5
     assert "2.5" in contents.static["/documents/summary"]["TextDocument:text"][0]
     assert "too low" in contents.static["/documents/summary"]["TextDocument:text"][0]
+
+
+def test_the_summary_says_whose_plane_the_ground_lies_on(survey):
+    result = survey.build()
+    zero = Estimate(value=np.zeros(1), sigma=np.ones(1))
+    flat = Estimate(value=np.zeros(2), sigma=np.ones(2))
+    areas = tuple(
+        AreaPlane(name=name, height_m=zero, slope_deg=flat, pivot_m=np.zeros(2))
+        for name in ("default", "verge")
+    )
+    several, scene = replace(result, areas=areas), measure_scene(result)
+
+    assert "plane of the area 'default': what lies on 'verge'" in summary(
+        several, judge(several), scene
+    )
+    assert "plane of the area" not in summary(result, judge(result), scene)
 
 
 @pytest.mark.parametrize("variant", [{}, {"clean": True}, {"telemetry": False}], ids=str)

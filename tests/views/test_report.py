@@ -94,6 +94,7 @@ def test_the_chain_of_custody_is_complete(survey):
         assert key in html
     assert result.provenance.version in html
     assert result.provenance.created_utc in html
+    assert html.count("(UTC) by Ada Lovelace") == 2
 
 
 def test_every_message_frame_line_and_point_is_on_the_page(survey):

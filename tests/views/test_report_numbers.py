@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from dataclasses import dataclass
 
+import numpy as np
 import pytest
 from full_report import full
 from html_page import Page
@@ -16,6 +18,12 @@ from uavgram.pipeline.inputs import read_inputs
 from uavgram.views.report import render_report
 
 NUMBER = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?")
+
+
+AMOUNT = re.compile(
+    r"an undetected error of (?P<bias>\S+)( \S+)? in the (?P<what>.+) "
+    r"would move it by (?P<change>\S+) \S+$"
+)
 
 
 @dataclass(frozen=True)
@@ -206,6 +214,92 @@ def test_areas_and_camera(both):
     assert [row[0] for row in rows] == lens["names"]
     for k, row in enumerate(rows):
         agree(row[1:5], *(lens[key][k] for key in keys))
+
+
+def test_photos(both):
+    rows = {row[0]: row for row in both.table("photo", "exposure (UTC)")}
+    counts = Counter(one["image"] for one in both.file["picks"])
+
+    assert set(rows) == {one["frame_id"] for one in both.file["frames"]}
+    for one in both.file["frames"]:
+        cells = rows[one["frame_id"]]
+        agree(cells[3:4], counts[one["frame_id"]])
+        if one["refined"] is None:
+            assert cells[4:7] == ["–"] * 3
+            continue
+        sigma = np.sqrt(np.diag(one["refined"]["covariance"]))
+        height = one["refined"]["center_world_m"][2]
+        agree(cells[4:7], height, sigma[:3].max(), np.degrees(sigma[3:].max()))
+
+
+def test_what_was_found_along(both):
+    rows = dict(
+        cells for head, rows in both.tables.items() for cells in (head, *rows) if len(cells) == 2
+    )
+    shared, clock = both.file["shared"], both.file["clock"] or {}
+    plane = shared["plane"]
+    words = {
+        "camera clock minus UTC [s]": clock.get("offset_s") is not None
+        and {"value": [clock["offset_s"]], "sigma": [clock["sigma_s"]]},
+        "position of the log minus truth: east, north, up [m]": shared["position_bias_m"],
+        "heading of the log minus truth [°]": shared["heading_bias_deg"],
+        "camera against its mount: rotation vector [°]": shared["boresight_deg"],
+        "autopilot to camera, in the vehicle's axes [m]": shared["lever_arm_m"],
+        "height of the ground plane [m]": len(both.file["areas"]) < 2 and plane["height_m"],
+        "slope of the ground to the east, to the north [°]": len(both.file["areas"]) < 2
+        and plane["slope_deg"],
+    }
+
+    for name, one in words.items():
+        assert (name in rows) == bool(one), name
+        if one:
+            values, sigmas = np.atleast_1d(one["value"]), np.atleast_1d(one["sigma"])
+            agree([rows[name]], *np.stack([values, sigmas], axis=1).ravel())
+
+
+def test_undetected_errors(both):
+    rows = {row[0]: row for row in both.table("name", "weakest link")}
+    links = {one["name"]: one["weakest"] for one in both.file["measurements"] if "weakest" in one}
+
+    assert set(rows) == set(links)
+    for name, link in links.items():
+        found = AMOUNT.match(rows[name][1])
+        assert found["what"] == link["what"]
+        assert float(found["bias"]) == pytest.approx(link["mdb"], rel=5e-3)
+        agree([found["change"]], abs(link["change"]))
+
+
+def test_priors(both):
+    priors = both.file.get("priors") or []
+    rows = both.table("what", "photo", "moved by [its sigmas]")
+    worst = sorted(priors, key=lambda one: -abs(one["w"] or 0.0))[: len(rows)]
+
+    assert len(rows) == min(len(priors), 20)
+    for row, one in zip(rows, worst, strict=True):
+        assert row[1] == (one["frame_id"] or "–")
+        agree(row[2:5], one["residual_sigmas"], one["w"], one["redundancy"])
+        if one["external_on"]:
+            assert row[6].endswith(f"in {one['external_on']!r}")
+            agree([row[6].partition(" in ")[0].rstrip("²")], one["external"])
+
+
+def test_picks_that_do_not_fit(both):
+    rows = {(row[0], row[1]): row for row in both.table("point", "photo")}
+    bad = [one for one in both.file["picks"] if one["status"] in ("suspect", "removed")]
+
+    assert set(rows) == {(one["label"], one["image"]) for one in bad}
+    for one in bad:
+        cells = rows[one["label"], one["image"]]
+        agree(cells[2:5], *one["residual_px"], one["w"], one["redundancy"])
+
+
+def test_inputs(both):
+    rows = both.table("input", "bytes")
+
+    assert {row[0]: row[1:] for row in rows} == {
+        path: [str(one["bytes"]), one["sha256"]]
+        for path, one in both.file["provenance"]["inputs"].items()
+    }
 
 
 def test_an_unlike_number_is_noticed():

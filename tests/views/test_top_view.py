@@ -76,3 +76,32 @@ def test_one_point_alone_can_be_drawn_and_none_is_no_drawing(survey):
 @pytest.mark.parametrize("name", ["R3 hedge 11.21 m", "path 38.212 m"])
 def test_lines_and_measurements_are_named(survey, name):
     assert name in [text.text for text in top_view(survey.build()).texts]
+
+
+def test_no_text_is_cut_off_or_covers_another(survey):
+    labels = [f"P{i:02d}" for i in range(30)]
+    measures = tuple(
+        (f"a distance with a very long name {i}", "distance", pair, "m")
+        for i, pair in enumerate(pairwise(labels))
+    )
+    view = top_view(survey.build(measures=measures))
+    # letters of 11 units are at most 0.7 of that wide on average, bold ones of DejaVu Sans
+    half = np.array([11 * 0.7 * len(text.text) / 2 for text in view.texts])
+    x, y = np.array([(text.x, text.y) for text in view.texts]).T
+    aside = np.abs(x[:, None] - x) < half[:, None] + half
+    level = np.abs(y[:, None] - y) < 11
+    bold = np.array([text.kind == "measured" for text in view.texts])
+
+    assert (x[bold] - half[bold] >= 0).all()
+    assert (x[bold] + half[bold] <= view.width).all()
+    assert not (np.triu(aside & level, 1) & bold & bold[:, None]).any()
+
+
+def test_many_known_lengths_are_thin_but_the_suspect_ones(survey):
+    lines = tuple(
+        (f"L{k}", f"P{k:02d}", f"P{k + 3:02d}", "suspect" if k == 7 else "used", 0.004)
+        for k in range(25)
+    )
+    view = top_view(survey.build(lines=lines, measures=()))
+
+    assert [stroke.width for stroke in view.lines] == [1.0] * 7 + [2.0] + [1.0] * 17

@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import threading
+import urllib.error
 import urllib.request
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
@@ -99,27 +100,41 @@ def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(recording
         seen["address"] = address
         with urllib.request.urlopen(address, timeout=10) as page:  # noqa: S310
             seen["page"], seen["policy"] = page.read(), page.headers["content-security-policy"]
+        source = parse_qs(urlsplit(address).query)["url"][0]
+        with urllib.request.urlopen(source, timeout=10) as file:  # noqa: S310
+            seen["recording"] = file.read()
+        others = ({"Host": "evil.example"}, {"Sec-Fetch-Site": "same-site"})
+        seen["foreign"] = [status_of(source, headers) for headers in others]
         raise KeyboardInterrupt  # as Ctrl-C does
 
     with pytest.raises(KeyboardInterrupt):
         viewer.serve_viewer(recording, started)
 
     address = urlsplit(seen["address"])
-    (source,) = parse_qs(address.query)["url"]
-    ports = {address.port, urlsplit(source.removeprefix("rerun+")).port}
+    assert parse_qs(address.query)["url"] == [f"http://{address.netloc}/recording.rrd"]
     assert address.hostname == "127.0.0.1"
-    assert source.startswith("rerun+http://127.0.0.1:")
-    assert urlsplit(source.removeprefix("rerun+")).port in {port for _, port in seen["sockets"]}
+    assert len(seen["sockets"]) == 2
     assert {place for place, _ in seen["sockets"]} == {"0100007F"}  # 127.0.0.1, little-endian
     assert b"<html" in seen["page"].lower()
     assert b"<link" in seen["page"]
     assert not re.search(rb"<link[^>]*https?://", seen["page"])  # nothing is fetched elsewhere
-    allowed = re.findall(r"https?://[^\s;]+", seen["policy"])
-    assert allowed == [source.removeprefix("rerun+").removesuffix("/proxy")]
+    assert "//" not in seen["policy"]
+    assert "connect-src 'self';" in seen["policy"]
+    assert seen["recording"] == recording.read_bytes()
+    assert seen["foreign"] == [403, 403]
     assert len(seen["pids"]) == 2
-    for port in ports | {port for _, port in seen["sockets"]}:  # nothing is left behind
+    for port in {address.port, *(port for _, port in seen["sockets"])}:  # nothing is left behind
         with pytest.raises(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
             pass
+
+
+def status_of(address, headers):
+    """Of a request that is refused."""
+    request = urllib.request.Request(address, headers=headers)  # noqa: S310
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        urllib.request.urlopen(request, timeout=10)  # noqa: S310
+    refused.value.close()
+    return refused.value.code
 
 
 def test_a_server_that_ends_at_once_is_told(recording, monkeypatch):

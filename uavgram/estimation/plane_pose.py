@@ -11,7 +11,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from uavgram.geometry.plane_pose import RayPairs, by_plane, lengths_on_plane, ray_pairs
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -199,7 +199,7 @@ def _distinct(minima: _Candidates, count: Ints) -> list[tuple[PlaneCandidate, ..
     """Per scene: minima that differ by more than one sigma, best first, if the lengths allow."""
     order = np.lexsort((minima.cost, minima.scene))
     bounds = np.searchsorted(minima.scene[order], np.arange(len(count) + 1))
-    limit = np.asarray(chi2.ppf(1 - PLAUSIBLE, np.maximum(count - 3, 1)))
+    limit = np.asarray(chdtri(np.maximum(count - 3, 1), PLAUSIBLE))
     found = []
     for scene in range(len(count)):
         rows = order[bounds[scene] : bounds[scene + 1]]

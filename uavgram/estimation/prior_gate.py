@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from uavgram.estimation.length_resection import LengthPoses
 from uavgram.geometry.rotation import exp_so3
@@ -93,7 +93,7 @@ def _compared(
 
 def allowed(squared_distance: Floats) -> Bools:
     """(C,) whether candidates lie inside the gate (chi-square of three)."""
-    inside: Bools = squared_distance <= float(chi2.ppf(1 - OUTSIDE, 3))
+    inside: Bools = squared_distance <= float(chdtri(3, OUTSIDE))
     return inside
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtr, ndtri
 
 from uavgram.estimation.normal_equations import AT_ONCE, Block, Covariance, Factor
 from uavgram.model.arrays import Floats
@@ -46,12 +46,12 @@ def reliability(block: Block, covariance: Covariance) -> Reliability:
 
 def critical_value(significance: float) -> float:
     """Two-sided critical value of a standardised residual."""
-    return float(norm.ppf(1.0 - significance / 2.0))
+    return float(ndtri(1.0 - significance / 2.0))
 
 
 def noncentrality(significance: float) -> float:
     """Mean of |w| from which a bias is found with probability ``POWER``; 4.13 at 0.001."""
-    return critical_value(significance) + float(norm.ppf(POWER))
+    return critical_value(significance) + float(ndtri(POWER))
 
 
 def minimal_detectable_bias(redundancy: Floats, sigma: Floats, significance: float) -> Floats:
@@ -71,7 +71,7 @@ def power(bias: Floats, redundancy: Floats, sigma: Floats, significance: float) 
     """
     mean = np.abs(bias) * np.sqrt(redundancy) / sigma
     limit = critical_value(significance)
-    return np.asarray(norm.sf(limit - mean) + norm.cdf(-limit - mean))
+    return np.asarray(ndtr(mean - limit) + ndtr(-limit - mean))
 
 
 class GroupFit(NamedTuple):
@@ -143,4 +143,4 @@ def _cofactor(block: Block, covariance: Covariance) -> Floats:
 
 def upper_tail(squares: float, degrees: float) -> float:
     """Probability that chi-square with `degrees` exceeds `squares` (1 without redundancy)."""
-    return float(chi2.sf(squares, degrees)) if degrees > NO_REDUNDANCY else 1.0
+    return float(chdtrc(degrees, squares)) if degrees > NO_REDUNDANCY else 1.0

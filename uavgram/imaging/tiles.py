@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from concurrent.futures import Future
@@ -31,6 +32,9 @@ SMALLEST_LEVEL_PX = 256
 
 FIRST_COARSE = 3
 """The first level that is kept; finer ones are made of the photo when they are asked for."""
+
+IN_USE_S = 10.0
+"""A value that was asked for so short a time ago may be asked for again at once."""
 
 _STRIP_PX = 512  # a multiple of 2**FIRST_COARSE
 
@@ -200,16 +204,25 @@ class Kept(Generic[Key, Value]):
         Of a value.
     most_bytes
         That all kept values may take together.
+    in_use
+        So many values that were asked for within `IN_USE_S` are kept whatever they take: photos
+        that are looked at side by side would else be decoded in turn, again and again.
     """
 
     def __init__(
-        self, make: Callable[[Key], Value], size_bytes: Callable[[Value], int], most_bytes: int
+        self,
+        make: Callable[[Key], Value],
+        size_bytes: Callable[[Value], int],
+        most_bytes: int,
+        in_use: int = 1,
     ) -> None:
         self._make = make
         self._size_bytes = size_bytes
         self._most_bytes = most_bytes
+        self._in_use = in_use
         self._lock = threading.Lock()
         self._kept: OrderedDict[Key, Future[Value]] = OrderedDict()
+        self._asked_s: dict[Key, float] = {}
 
     def get(self, key: Key) -> Value:
         """The value of a key, made now if it must be; errors of its making are raised anew."""
@@ -219,6 +232,7 @@ class Kept(Generic[Key, Value]):
             if future is None:
                 future = self._kept[key] = Future()
             self._kept.move_to_end(key)
+            self._asked_s[key] = time.monotonic()
         if not mine:
             return future.result()
         try:
@@ -226,6 +240,7 @@ class Kept(Generic[Key, Value]):
         except BaseException as fault:
             with self._lock:
                 self._kept.pop(key, None)
+                self._asked_s.pop(key, None)
             future.set_exception(fault)
             raise
         self._trim()
@@ -235,8 +250,10 @@ class Kept(Generic[Key, Value]):
         with self._lock:
             done = [(k, f.result()) for k, f in self._kept.items() if f.done()]
             total = sum(self._size_bytes(value) for _, value in done)
-            for key, value in done[:-1]:
-                if total <= self._most_bytes:
+            since = time.monotonic() - IN_USE_S
+            for left, (key, value) in zip(range(len(done), 0, -1), done[:-1], strict=False):
+                used = left <= self._in_use and self._asked_s[key] >= since
+                if total <= self._most_bytes or used:
                     return
                 total -= self._size_bytes(value)
-                del self._kept[key]
+                del self._kept[key], self._asked_s[key]

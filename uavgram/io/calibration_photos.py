@@ -17,7 +17,7 @@ from uavgram.io.camera_tags import read_all_camera_tags
 from uavgram.io.digest import digest_inputs
 from uavgram.model.calibration_photos import LensSetting
 from uavgram.model.camera_tags import CameraTags
-from uavgram.model.result import InputDigest
+from uavgram.model.provenance import InputDigest
 
 LEAST_PHOTOS = 3  # of a plane: two leave a principal point and a focal length hardly separate
 _SAME_FOCAL = 0.005  # as a share: EXIF rounds

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from uavgram.errors import InputError
-from uavgram.model.result import InputDigest
+from uavgram.model.provenance import InputDigest
 
 
 def digest_inputs(

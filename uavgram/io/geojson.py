@@ -12,7 +12,8 @@ from pyproj import Geod
 from uavgram.io.outputs import replace_text
 from uavgram.io.results_tables import plain
 from uavgram.model.arrays import Floats
-from uavgram.model.result import MeasurementResults, PointResults, Result
+from uavgram.model.result import Result
+from uavgram.model.result_tables import MeasurementResults, PointResults
 
 VERTICES = 36  # of an ellipse: its area is short of the curve's by 0.5 %
 

@@ -10,10 +10,11 @@ from uavgram.errors import near_miss
 from uavgram.io.tables import Columns, read_table
 from uavgram.model.observations import KnownLines
 
-_COLUMNS = Columns(
+LINES_COLUMNS = Columns(
     text=("name", "from", "to"),
     numbers=("length_m", "sigma_m"),
     optional_text=("use", "note"),
+    others=True,
 )
 _USES = ("adjust", "check")
 
@@ -27,7 +28,7 @@ def read_lines(path: str | Path) -> KnownLines:
         Names file and line of every mistake: those of any table, a length or sigma that is not
         greater than 0, a line from a label to itself, a name used twice, an unknown `use`.
     """
-    table = read_table(path, _COLUMNS)
+    table = read_table(path, LINES_COLUMNS)
     table.require_positive("length_m")
     table.require_positive("sigma_m")
     table.require_unique("name", "line")

@@ -10,7 +10,9 @@ from uavgram.errors import near_miss
 from uavgram.io.tables import Columns, Table, number_hint, parse_number, read_table
 from uavgram.model.observations import MeasurementKind, MeasurementRequest
 
-_COLUMNS = Columns(text=("name", "kind", "points"), optional_text=("parameters", "note"))
+MEASURE_COLUMNS = Columns(
+    text=("name", "kind", "points"), optional_text=("parameters", "note"), others=True
+)
 
 # Least and greatest number of points; None: any number.
 POINT_COUNTS: dict[MeasurementKind, tuple[int, int | None]] = {
@@ -36,7 +38,7 @@ def read_measure(path: str | Path) -> tuple[MeasurementRequest, ...]:
         of points, a point twice where that means nothing, missing, unknown or impossible
         parameters, a name used twice.
     """
-    table = read_table(path, _COLUMNS)
+    table = read_table(path, MEASURE_COLUMNS)
     table.require_unique("name", "measurement")
     requests = []
     for row, kind in enumerate(table.text["kind"]):

@@ -10,11 +10,12 @@ import numpy as np
 from uavgram.io.tables import Columns, Table, read_table
 from uavgram.model.observations import Picks
 
-_COLUMNS = Columns(
+PICKS_COLUMNS = Columns(
     text=("image", "label"),
     numbers=("u_px", "v_px"),
     optional_text=("area", "note"),
     optional_numbers=("sigma_px", "height_m"),
+    others=True,
 )
 
 
@@ -28,7 +29,7 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
         file name is wanted, a semicolon in a label, a label picked twice in one image, a label
         with two different heights or in two areas, a sigma that is not greater than 0.
     """
-    table = read_table(path, _COLUMNS)
+    table = read_table(path, PICKS_COLUMNS)
     if not len(table.line) and not may_be_empty:
         table.faults.append(
             (1, "holds no pick: pick points with `uavgram pick`, or add a line each")

@@ -9,17 +9,10 @@ from uavgram.io.results_tables import numbers, one_of, plain, text
 from uavgram.model.camera import Calibration, LensModel
 from uavgram.model.error_budget import ErrorBudget
 from uavgram.model.learnt_camera import learnt_camera
-from uavgram.model.result import (
-    Alternative,
-    AreaPlane,
-    Estimate,
-    GroupFactor,
-    InputDigest,
-    MonteCarloResults,
-    Provenance,
-    SharedResult,
-    SolutionSummary,
-)
+from uavgram.model.provenance import InputDigest, Provenance
+from uavgram.model.result import Alternative, GroupFactor, SolutionSummary
+from uavgram.model.result_tables import MonteCarloResults
+from uavgram.model.shared_result import AreaPlane, Estimate, SharedResult
 from uavgram.model.world import World
 
 Record = dict[str, Any]
@@ -31,6 +24,7 @@ def dump_provenance(provenance: Provenance) -> Record:
         "program": provenance.program,
         "version": provenance.version,
         "created_utc": provenance.created_utc,
+        "made_by": provenance.made_by,
         "inputs": {
             one.path: {"sha256": one.sha256, "bytes": one.size_bytes} for one in provenance.inputs
         },
@@ -46,6 +40,7 @@ def load_provenance(record: Record) -> Provenance:
         program=text(record["program"]),
         version=text(record["version"]),
         created_utc=text(record["created_utc"]),
+        made_by=text(record.get("made_by", "")),
         inputs=tuple(
             InputDigest(path=path, sha256=text(one["sha256"]), size_bytes=_whole(one["bytes"]))
             for path, one in record["inputs"].items()

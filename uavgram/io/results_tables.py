@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from uavgram.model.arrays import Floats
-from uavgram.model.result import (
+from uavgram.model.result_tables import (
     FrameResults,
     FrameStatus,
     LineChecks,

@@ -28,12 +28,16 @@ class Columns:
         Columns that every file must have, with no empty cell.
     optional_text, optional_numbers
         Columns that may be absent, or have empty cells.
+    others
+        Whether a person may keep columns of their own in the table, which are not read. A name
+        close to that of a column which is not there is a mistake all the same.
     """
 
     text: tuple[str, ...]
     numbers: tuple[str, ...] = ()
     optional_text: tuple[str, ...] = ()
     optional_numbers: tuple[str, ...] = ()
+    others: bool = False
 
     @property
     def required(self) -> tuple[str, ...]:
@@ -185,11 +189,21 @@ def _header_faults(header: Sequence[str], columns: Columns) -> list[str]:
     ]
     missing = [name for name in columns.required if name not in header]
     faults += [f"column {name!r} is missing: the header must have it" for name in missing]
+    absent = [name for name in columns.known if name not in header]
     for name in dict.fromkeys(header):
-        if name not in columns.known:
+        if name in columns.known:
+            continue
+        hint = near_miss(name, absent if columns.others else columns.known)
+        if hint or not (columns.others and name):
             known = f"known are {', '.join(columns.known)}"
-            faults.append(f"unknown column {name!r}: {near_miss(name, columns.known) or known}")
+            faults.append(f"unknown column {name!r}: {hint or known}")
     return faults
+
+
+def own_columns(path: str | Path, columns: Columns) -> tuple[str, ...]:
+    """Names of the columns that a person keeps in a table and that are not read."""
+    header = _records(Path(path))[0][1]
+    return tuple(name for name in header if name not in columns.known)
 
 
 def _numbers(table: Table, name: str, cells: Sequence[str]) -> Floats:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from uavgram.model.result import InputDigest
+from uavgram.model.provenance import InputDigest
 
 OptionValue = bool | int | float | str
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.model.arrays import Bools, Floats, freeze, freeze_as
 from uavgram.model.camera import Calibration
-from uavgram.model.result import Estimate
+from uavgram.model.shared_result import Estimate
 
 LEARNT_BELOW = 0.9
 """Of the ratio of sigmas: what the survey shrinks by less than a tenth, it does not know."""

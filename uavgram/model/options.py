@@ -239,6 +239,9 @@ class SolveOptions:
 CAMERA_OF_PHOTOS = "auto"
 """Value of `camera` that names no file: assumed from what the photos say of theirs."""
 
+ACCOUNT = "auto"
+"""Value of `operator` that names no person: the account that runs the program."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Project:
@@ -246,7 +249,8 @@ class Project:
 
     Paths are those of the file, made absolute; `images` are patterns. `camera` is ``auto`` or a
     path; `poses` is ``exif`` or a path, and stands in place of `log`. `crs` is the projected
-    coordinate system of maps and drawings; ``auto``: the UTM zone.
+    coordinate system of maps and drawings; ``auto``: the UTM zone. `operator` is who answers for
+    the survey; ``auto``: the account that runs it.
     """
 
     name: str
@@ -261,6 +265,7 @@ class Project:
     check: str | None = None
     output: str = "out"
     crs: str = "auto"
+    operator: str = ACCOUNT
     world: WorldOptions = field(default_factory=WorldOptions)
     ground: GroundOptions = field(default_factory=GroundOptions)
     mount: MountOptions = field(default_factory=MountOptions)
@@ -273,7 +278,7 @@ class Project:
         given = {"log": self.log, "poses": self.poses, "lines": self.lines, "measure": self.measure}
         given |= {"control": self.control, "check": self.check}
         given |= {"name": self.name, "camera": self.camera, "picks": self.picks}
-        given |= {"output": self.output, "crs": self.crs}
+        given |= {"output": self.output, "crs": self.crs, "operator": self.operator}
         _require(
             self,
             **{key: (text != "", "must not be empty") for key, text in given.items()}

@@ -118,11 +118,15 @@ class Bench:
         options = CalibrationOptions(model=asked.model)
         try:
             done = calibrate_folder(self._project, folder, asked.board, options, self._progress)
+            result = _result(done, self._project.absolute().parent)
         except UavgramError as why:
             self._say(state="failed", why=str(why))
-            return
-        self.made = done.folder / CAMERA
-        self._say(state="done", **_result(done, self._project.absolute().parent))
+        else:
+            self.made = done.folder / CAMERA
+            self._say(state="done", **result)
+        finally:
+            if self.said["state"] == "running":  # a fault of the program: it goes its way
+                self._say(state="failed", why="it broke off; what went wrong stands where it runs")
 
     def _progress(self, items: Iterable[Item], what: str, total: int, /) -> Iterable[Item]:
         for k, item in enumerate(items):

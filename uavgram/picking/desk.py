@@ -38,6 +38,9 @@ log = logging.getLogger(__name__)
 PHOTOS_BYTES = 350_000_000
 """Decoded photos that are kept: two of 48 megapixels with their reductions take 294 MB."""
 
+MOST_PANES = 4
+"""Photos that a page shows side by side."""
+
 THUMBNAIL_PX = 256
 
 
@@ -81,6 +84,7 @@ class Desk:
             ),
             lambda pyramid: pyramid.size_bytes,
             PHOTOS_BYTES,
+            in_use=MOST_PANES,
         )
         self._thumbnails: Kept[int, bytes] = Kept(
             lambda k: read_preview(photos.path[k], THUMBNAIL_PX)[0].jpeg, len, 64_000_000

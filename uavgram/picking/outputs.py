@@ -39,7 +39,6 @@ class Outputs:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._viewer: RecordingServer | None = None
-        self._shown: tuple[Path, float] | None = None
         self._opening = threading.Lock()
 
     def listed(self) -> list[Json]:
@@ -62,22 +61,19 @@ class Outputs:
             return None
 
     def viewer(self) -> str:
-        """Address of the Rerun viewer with the recording as it is now, on this machine only.
+        """Address of the Rerun viewer with the recording, on this machine only.
 
         Raises
         ------
         UavgramError
             There is no recording, or the viewer could not run.
         """
-        recording = self.folder / RECORDING
         with self._opening:
-            try:
-                version = (recording, recording.stat().st_mtime)
-            except OSError as fault:
-                raise InputError(recording, "is not there yet: write it on the page") from fault
-            if self._viewer is None or version != self._shown or not self._viewer.is_up:
+            if not self.has_recording:
+                raise InputError(self.folder / RECORDING, "is not there yet: write it on the page")
+            if self._viewer is None or not self._viewer.is_up:
                 self._stop()
-                self._viewer, self._shown = RecordingServer(recording), version
+                self._viewer = RecordingServer(self.folder / RECORDING)
             return self._viewer.address
 
     def close(self) -> None:

@@ -37,7 +37,7 @@ MOST_PAGES = 16
 TRY_AGAIN_LATER = 1013
 FAULTS_OF_THE_PAGE = {1002: "broken frames", 1007: "text that is no UTF-8", 1009: "too long"}
 
-LOOK_OUTSIDE_S = 2.0
+LOOK_OUTSIDE_S = 1.0
 """Between two looks at files that others may change."""
 
 

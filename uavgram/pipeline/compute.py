@@ -29,14 +29,16 @@ from uavgram.model.evidence import SecondOrder
 from uavgram.model.learnt_camera import learnt_camera
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownPoints, KnownWorldPoints
-from uavgram.model.options import Project, option_pairs
-from uavgram.model.result import MonteCarloResults, Provenance, Result
+from uavgram.model.options import ACCOUNT, Project, option_pairs
+from uavgram.model.provenance import Provenance
+from uavgram.model.result import Result
+from uavgram.model.result_tables import MonteCarloResults
 from uavgram.model.survey import Survey
 from uavgram.model.world import World
 from uavgram.pipeline.inputs import Inputs
 from uavgram.pipeline.judged import judge_survey
 from uavgram.pipeline.pose import Posed, height_shift, pose_frames
-from uavgram.pipeline.versions import package_versions
+from uavgram.pipeline.versions import account_name, package_versions
 from uavgram.stages.assemble import Assembled, assemble, unpicked_areas
 from uavgram.stages.learn_camera import what_was_learnt
 from uavgram.stages.measure import measure, measurement_results
@@ -257,10 +259,12 @@ def _picked_frames(inputs: Inputs, assembled: Assembled, refined: Refined) -> di
 
 
 def _provenance(inputs: Inputs, seed: int | None) -> Provenance:
+    operator = inputs.project.operator
     return Provenance(
         program="uavgram",
         version=importlib.metadata.version("uavgram"),
         created_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+        made_by=account_name() if operator == ACCOUNT else operator,
         inputs=inputs.digests,
         options=option_pairs(inputs.project),
         seed=seed,

@@ -14,19 +14,20 @@ from uavgram.geometry.back_projection import share_without_rays
 from uavgram.io.digest import digest_inputs
 from uavgram.io.flight_log import read_flight_log
 from uavgram.io.known_points import read_known_points
-from uavgram.io.lines import read_lines
-from uavgram.io.measure import read_measure
+from uavgram.io.lines import LINES_COLUMNS, read_lines
+from uavgram.io.measure import MEASURE_COLUMNS, read_measure
 from uavgram.io.photo_poses import FROM_PHOTOS, read_photo_poses
 from uavgram.io.photo_tags import first_maker
 from uavgram.io.photos import read_photos
-from uavgram.io.picks import read_picks
+from uavgram.io.picks import PICKS_COLUMNS, read_picks
+from uavgram.io.tables import own_columns
 from uavgram.model.camera import Calibration
 from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
 from uavgram.model.options import CAMERA_OF_PHOTOS, Project
 from uavgram.model.photo_poses import PhotoPoses
-from uavgram.model.result import InputDigest
+from uavgram.model.provenance import InputDigest
 from uavgram.model.telemetry import FlightLog
 from uavgram.pipeline.camera import camera_of_photos, read_camera
 
@@ -99,6 +100,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     picks = read_picks(picks_file, may_be_empty=unfinished or unpicked) if picks_file else NO_PICKS
     lines = read_lines(lines_file) if lines_file else NO_LINES
     requests = read_measure(measure_file) if measure_file else ()
+    columns = _column_messages(picks_file, lines_file, measure_file)
     control = read_known_points(project.control) if project.control else NO_POINTS
     check = read_known_points(project.check) if project.check else NO_POINTS
     photos, photo_messages = read_photos(project.images, project.time)
@@ -125,8 +127,28 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
         log=log,
         poses=poses,
         digests=digest_inputs(files, path.absolute().parent),
-        messages=(*messages, *_lens_messages(calibration), *photo_messages, *pose_messages, *notes),
+        messages=(
+            *columns,
+            *messages,
+            *_lens_messages(calibration),
+            *photo_messages,
+            *pose_messages,
+            *notes,
+        ),
     )
+
+
+def _column_messages(*files: str | None) -> tuple[Message, ...]:
+    """Name the columns of picks, lengths and measurements that are not read."""
+    tables = zip(files, (PICKS_COLUMNS, LINES_COLUMNS, MEASURE_COLUMNS), strict=True)
+    said = []
+    for file, columns in tables:
+        if file and (own := own_columns(file, columns)):
+            names = ", ".join(map(repr, own))
+            what = "column" if len(own) == 1 else "columns"
+            text = f"{Path(file).name}: nothing reads the {what} {names}; what is there stays."
+            said.append(Message("info", "own-columns", text))
+    return tuple(said)
 
 
 def _log_notes(log: FlightLog) -> tuple[Message, ...]:

@@ -10,7 +10,8 @@ from uavgram.model.evidence import ChecksOverall, Evidence, RemovalRecord
 from uavgram.model.frames import Frames
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownWorldPoints
-from uavgram.model.result import GroupFactor, LineChecks, LineResults, PickResults, PointChecks
+from uavgram.model.result import GroupFactor
+from uavgram.model.result_tables import LineChecks, LineResults, PickResults, PointChecks
 from uavgram.pipeline.inputs import Inputs
 from uavgram.stages.assemble import Assembled
 from uavgram.stages.judge import (

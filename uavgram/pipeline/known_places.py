@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.geometry.projection import project, project_with_jacobian
 from uavgram.geometry.rotation import hat
 from uavgram.model.arrays import Floats
-from uavgram.model.result import PoseTable
+from uavgram.model.result_tables import PoseTable
 from uavgram.pipeline.compute import known_in_world
 from uavgram.pipeline.live import Adjusted, LiveSurvey
 

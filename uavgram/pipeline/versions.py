@@ -1,11 +1,22 @@
-"""Versions of what a result was computed with."""
+"""What a result was computed with, and by whom."""
 
 from __future__ import annotations
 
+import getpass
 import importlib.metadata
 import sys
 from collections.abc import Sequence
 from functools import cache
+
+NO_ACCOUNT = "an account without a name"
+
+
+def account_name() -> str:
+    """Of whoever runs this program; a container may have no name for its user."""
+    try:
+        return f"the account {getpass.getuser()}"
+    except (KeyError, OSError):
+        return NO_ACCOUNT
 
 
 @cache

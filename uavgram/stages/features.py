@@ -9,7 +9,8 @@ from uavgram.geometry.ground import intersect_ground
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.features import Features, Layer
 from uavgram.model.pose import Poses
-from uavgram.model.result import PlanarUncertainty, PointResults, Result
+from uavgram.model.result import Result
+from uavgram.model.result_tables import PlanarUncertainty, PointResults
 
 ELLIPSE_VERTICES = 36
 """Of an ellipse drawn as a polygon: its area is short of the curve's by 0.5 %."""

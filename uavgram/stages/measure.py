@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from uavgram.estimation.adjustment import Adjustment
 from uavgram.estimation.measured import Measured, measured_rows
 from uavgram.model.frames import Frames
 from uavgram.model.message import Message
 from uavgram.model.observations import MeasurementRequest
-from uavgram.model.result import MeasurementResults
+from uavgram.model.result_tables import MeasurementResults
 
 UNITS = {"area": "m2", "angle": "deg", "skid_speed": "m/s", "speed": "m/s"}
 
@@ -42,7 +42,7 @@ def measure(
 def measurement_results(measured: Measured) -> tuple[MeasurementResults, tuple[Message, ...]]:
     """What was measured as a table of the result, and why the rest was not."""
     sigma, value = measured.sigma, measured.value
-    reach = float(norm.ppf(0.975)) * sigma
+    reach = float(ndtri(0.975)) * sigma
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = measured.covariance / np.outer(sigma, sigma)
     correlation[~np.isfinite(correlation)] = np.nan

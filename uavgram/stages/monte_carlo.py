@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import defaultdict
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.adjustment import Adjustment
@@ -19,16 +19,16 @@ from uavgram.model.arrays import Bools
 from uavgram.model.frames import Frames
 from uavgram.model.message import Message
 from uavgram.model.observations import MeasurementRequest
-from uavgram.model.result import MeasurementResults, MonteCarloResults
+from uavgram.model.result_tables import MeasurementResults, MonteCarloResults
 
 NOTICED = 0.05
 """Difference between sampled and first-order sigma, or of an end of the interval as a share of its
 width, from which it is said."""
 
-WIDTH = 2.0 * float(norm.ppf(0.975))
+WIDTH = 2.0 * float(ndtri(0.975))
 """Of a 95 % interval, in sigmas."""
 
-QUANTILE_SIGMA = float(np.sqrt(0.025 * 0.975) / norm.pdf(norm.ppf(0.025)))
+QUANTILE_SIGMA = float(np.sqrt(0.025 * 0.975 * 2.0 * np.pi) * np.exp(0.5 * ndtri(0.025) ** 2))
 """Standard deviation of a sampled 2.5 % quantile, in sigmas over the root of the sample's size."""
 
 

@@ -8,7 +8,7 @@ from uavgram.estimation.adjustment import Adjustment
 from uavgram.geometry.ellipse import ELLIPSE_95, error_ellipse
 from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.result import PlanarUncertainty, PointResults
+from uavgram.model.result_tables import PlanarUncertainty, PointResults
 from uavgram.model.world import World
 
 

@@ -11,7 +11,7 @@ from uavgram.model.evidence import SecondOrder
 from uavgram.model.frames import Frames
 from uavgram.model.message import Message
 from uavgram.model.observations import MeasurementRequest
-from uavgram.model.result import MeasurementResults
+from uavgram.model.result_tables import MeasurementResults
 
 SIGMA_OFF = 0.05
 """Difference of second- and first-order sigma, as a share, from which first order is off."""

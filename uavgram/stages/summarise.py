@@ -15,17 +15,9 @@ from uavgram.model.arrays import Floats
 from uavgram.model.frames import Frames
 from uavgram.model.photo_poses import PhotoExposures
 from uavgram.model.pose import Poses
-from uavgram.model.result import (
-    Alternative,
-    AreaPlane,
-    Estimate,
-    FrameResults,
-    FrameStatus,
-    GroupFactor,
-    PoseTable,
-    SharedResult,
-    SolutionSummary,
-)
+from uavgram.model.result import Alternative, GroupFactor, SolutionSummary
+from uavgram.model.result_tables import FrameResults, FrameStatus, PoseTable
+from uavgram.model.shared_result import AreaPlane, Estimate, SharedResult
 
 
 def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedResult:

@@ -6,7 +6,8 @@ import numpy as np
 
 from uavgram.geometry.projection import project
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.result import PoseTable, Result
+from uavgram.model.result import Result
+from uavgram.model.result_tables import PoseTable
 
 NICE_FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 

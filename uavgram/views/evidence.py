@@ -17,6 +17,9 @@ MOST_UNCHECKED = 6
 MOST_MOVED = 5
 """Measurements that are named as moved by a removal."""
 
+LARGE = 1000.0
+"""From here on numbers are shown whole."""
+
 SUSPECT_W = 3.29
 """Test statistic that chance exceeds once in a thousand."""
 
@@ -141,5 +144,6 @@ def overall_words(result: Result) -> str:
 def _amount(value: float, unit: str) -> str:
     if not np.isfinite(value):
         return "–"
-    word = UNIT_WORDS.get(unit, unit)
-    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {word}"
+    # three digits, but all of a large number: 4920, not 4.92e+03
+    text = f"{value:.3g}" if abs(value) < LARGE else f"{value:.0f}"
+    return text if unit == "1" else f"{text} {UNIT_WORDS.get(unit, unit)}"

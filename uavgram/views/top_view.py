@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,13 +16,16 @@ from uavgram.views.wording import UNIT_WORDS, decimals_for, worst_first
 WIDTH = 900.0
 MARGIN = 60.0
 LEAST_HEIGHT, MOST_HEIGHT = 260.0, 1000.0
-HALF_LETTER, LINE_HEIGHT = 3.1, 14.0
+LINE_HEIGHT = 14.0
+# Half the width of a letter, by CSS class, in the widest of the usual fonts; and around a text.
+HALF_LETTER = {"measured": 3.9, "known": 3.5, "name": 3.5}
+ASIDE = 2.0
 ELLIPSE_SHARE, FILL_SHARE = 0.03, 0.05
 MOST_ROOM = 0.3
 MOST_NAMES = 60
-# Many measured lines are drawn thin, and only so many of them named.
+# Many lines are drawn thin, and only so many of the measured ones named.
 MANY_LINES, MOST_MEASURED = 20, 12
-BOLD, THIN = 2.0, 0.5
+BOLD, FINE, THIN = 2.0, 1.0, 0.5
 # On white paper the screen's light colours are too faint.
 INK = {
     "used": "#b0127a",
@@ -158,13 +161,16 @@ def _lines(result: Result, sheet: _Sheet) -> list[Stroke]:
         Stroke(_points(sheet(strip)), INK["measured"], dashed=False, width=width)
         for strip in strips
     ]
+    reference = reference_strips(result)
+    width = BOLD if len(reference) <= MANY_LINES else FINE
     known = [
         Stroke(
             _points(sheet(strip)),
             INK[result.lines.status[i]],
             dashed=result.lines.status[i] != "used",
+            width=BOLD if result.lines.status[i] in ("suspect", "removed") else width,
         )
-        for i, strip in reference_strips(result).items()
+        for i, strip in reference.items()
     ]
     return measured + known
 
@@ -194,9 +200,14 @@ def _texts(result: Result, sheet: _Sheet) -> list[Text]:
         texts.append(Text(*_at(sheet(longest_middle([strip]))), text, "known"))
     for label, spot in zip(result.points.label, sheet(result.points.position_world_m), strict=True):
         texts.append(Text(float(spot[0]), float(spot[1]) - 8.0, label, "name"))
+    half = np.array([HALF_LETTER[text.kind] * len(text.text) + ASIDE for text in texts])
     anchors = np.reshape([(text.x, text.y) for text in texts], (-1, 2))
-    half_widths = HALF_LETTER * np.array([len(text.text) for text in texts], dtype=np.float64)
-    return [texts[i] for i in uncovered(anchors, half_widths, LINE_HEIGHT, MOST_NAMES)]
+    # no text is cut off at the sheet's sides
+    anchors[:, 0] = np.clip(anchors[:, 0], half, np.maximum(WIDTH - half, half))
+    return [
+        replace(texts[i], x=float(anchors[i, 0]))
+        for i in uncovered(anchors, half, LINE_HEIGHT, MOST_NAMES)
+    ]
 
 
 def _at(drawn: Floats) -> tuple[float, float]:

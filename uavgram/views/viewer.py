@@ -11,13 +11,17 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from urllib.parse import quote
 
 from uavgram.errors import InputError, UavgramError
-from uavgram.views.viewer_gate import LOOPBACK, ViewerGate
+from uavgram.views.viewer_gate import LOOPBACK, RECORDING, ViewerGate
 
 MAGIC = (b"RRF2", b"RRIO", b"RRF0", b"RRF1")
 START_S = 30.0
 """Longest wait for the viewer's server."""
+
+END_S = 5.0
+"""Longest wait for its end, before it is killed."""
 
 _POLL_S = 0.05
 
@@ -71,7 +75,7 @@ class RecordingServer:
         self._gate: ViewerGate | None = None
         command = [
             *(sys.executable, "-m", "rerun", "--serve-web", "--bind", LOOPBACK),
-            *("--web-viewer-port", str(page), "--port", str(data), str(recording)),
+            *("--web-viewer-port", str(page), "--port", str(data)),
         ]
         quiet = os.environ | {"RUST_LOG": "error"}
         # In a session of its own: what it starts ends with it, and Ctrl-C comes to us alone.
@@ -83,9 +87,9 @@ class RecordingServer:
         except BaseException:
             self.stop()
             raise
-        self._gate = ViewerGate(page, data)
-        source = f"rerun%2Bhttp%3A%2F%2F{LOOPBACK}%3A{data}%2Fproxy"
-        self.address = f"http://{LOOPBACK}:{self._gate.port}?url={source}&theme=dark"
+        self._gate = ViewerGate(page, recording)
+        home = f"http://{LOOPBACK}:{self._gate.server_port}"
+        self.address = f"{home}?url={quote(home + RECORDING, safe='')}&theme=dark"
 
     @property
     def is_up(self) -> bool:
@@ -108,8 +112,14 @@ class RecordingServer:
         if self._gate is not None:
             self._gate.close()
             self._gate = None
-        with suppress(ProcessLookupError):  # it has ended
+        with suppress(ProcessLookupError):  # all of it has ended
             os.killpg(self._process.pid, signal.SIGTERM)
+            self._process.wait()
+            end = time.monotonic() + END_S
+            while time.monotonic() < end:
+                os.killpg(self._process.pid, 0)  # what it started may need longer
+                time.sleep(_POLL_S)
+            os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
 
 

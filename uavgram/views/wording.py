@@ -8,7 +8,8 @@ from datetime import UTC, datetime
 import numpy as np
 
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.result import MeasurementResults, Result
+from uavgram.model.result import Result
+from uavgram.model.result_tables import MeasurementResults
 
 NOT_COMPUTED = "not computed"
 

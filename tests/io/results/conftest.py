@@ -8,13 +8,10 @@ import pytest
 from uavgram.model.camera import Calibration
 from uavgram.model.error_budget import ErrorBudget
 from uavgram.model.message import Message
-from uavgram.model.result import (
-    Alternative,
-    AreaPlane,
-    Estimate,
+from uavgram.model.provenance import InputDigest, Provenance
+from uavgram.model.result import Alternative, GroupFactor, Result, SolutionSummary
+from uavgram.model.result_tables import (
     FrameResults,
-    GroupFactor,
-    InputDigest,
     LineChecks,
     LineResults,
     MeasurementResults,
@@ -23,11 +20,8 @@ from uavgram.model.result import (
     PointChecks,
     PointResults,
     PoseTable,
-    Provenance,
-    Result,
-    SharedResult,
-    SolutionSummary,
 )
+from uavgram.model.shared_result import AreaPlane, Estimate, SharedResult
 from uavgram.model.world import World
 
 
@@ -89,6 +83,7 @@ def sample_result() -> Result:
             program="uavgram",
             version="0.1.0",
             created_utc="2024-05-01T12:00:00Z",
+            made_by="Ada Lovelace",
             inputs=(
                 InputDigest(path="picks.csv", sha256="ab" * 32, size_bytes=17),
                 InputDigest(path="camera.yaml", sha256="cd" * 32, size_bytes=0),

@@ -99,6 +99,7 @@ def test_the_keys_of_the_contract_are_there(sample_result):
     assert {"program", "version", "created_utc", "inputs", "options", "seed", "packages"} <= set(
         content["provenance"]
     )
+    assert content["provenance"]["made_by"] == "Ada Lovelace"
     assert content["provenance"]["inputs"]["picks.csv"] == {"sha256": "ab" * 32, "bytes": 17}
     assert content["world"] == {
         "latitude_deg": 50.1,

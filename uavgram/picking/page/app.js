@@ -16,6 +16,7 @@ import { onTile } from "./tiles.js";
 
 const byId = (id) => document.getElementById(id);
 const THUMBNAILS_AFTER_MS = 4000; // at the latest: the photo may be none that can be shown
+const [MARKS, VALUES, ALL] = [1, 2, 3]; // how much of the page is to be brought up to date
 const STALE_AFTER_MS = 100; // up to this long people take an answer for immediate
 const NUDGE_REST_MS = 700; // nudges closer together than this are one step
 const PAN_PX = 60; // for each press of an arrow
@@ -36,6 +37,7 @@ class Desk {
     this.tab = "measure";
     this.steps = Date.now(); // step numbers of several pages must not meet
     this.lastSigma = 0.01;
+    this.depth = 0; // of the refresh that is due
     this.exporting = false;
     this.folders = null; // in which photos of a board could be
     this.build();
@@ -63,8 +65,8 @@ class Desk {
     byId("help-button").onclick = () => this.help();
     byId("label").addEventListener("keydown", (event) => { if (event.key === "Enter") this.named(); });
     for (const group of ["tools", "pane-counts", "tabs", "strip"]) roving(byId(group));
-    byId("help").append(node("h2", { id: "help-title" }, "Keys"), ...KEYS.flatMap(([title, rows]) => [node("h2", {}, title),
-      node("dl", {}, ...rows.flatMap(([keys, what]) => [node("dt", {}, keys), node("dd", {}, what)]))]),
+    byId("help").append(node("h2", { id: "help-title", class: "unseen" }, "Keys"), node("div", { class: "keys" }, ...KEYS.map(([title, rows]) => node("div", {}, node("h2", {}, title),
+      node("dl", {}, ...rows.flatMap(([keys, what]) => [node("dt", {}, keys), node("dd", {}, what)]))))),
     node("button", { onclick: () => byId("help").close() }, "Close"));
   }
 
@@ -80,16 +82,15 @@ class Desk {
     if (message.t === "hello") this.begin();
     if (message.t === "live") this.answered = performance.now();
     if (message.t === "saved") this.showSaved();
-    else if (isNew) this.refreshSoon();
+    else if (isNew) this.refreshSoon(message.mode === "linearised" ? VALUES : ALL);
     else this.showStanding();
     this.showFoot();
   }
 
-  // Once a frame, however many messages come.
-  refreshSoon() {
-    if (this.refreshing) return;
-    this.refreshing = true;
-    requestAnimationFrame(() => { this.refreshing = false; this.refresh(); });
+  // Once a frame, however many messages come; and of the page no more than they change.
+  refreshSoon(depth = ALL) {
+    if (!this.depth) requestAnimationFrame(() => { const due = this.depth; this.depth = 0; this.refresh(due); });
+    this.depth = Math.max(this.depth, depth);
   }
 
   begin() {
@@ -105,14 +106,16 @@ class Desk {
     byId("panes").dataset.ready = "true";
   }
 
-  refresh() {
+  refresh(depth = ALL) {
     this.showStanding();
-    this.showKnown([...new Set([...labels(), ...store.control, ...store.check])]);
-    if (this.selected && !labels().includes(this.selected)) this.selected = null;
-    for (const pane of this.panes) pane.rebuild();
-    this.showPanel();
-    this.showStrip();
     this.showMode();
+    if (depth === ALL) {
+      this.showKnown([...new Set([...labels(), ...store.control, ...store.check])]);
+      if (this.selected && !labels().includes(this.selected)) this.selected = null;
+      this.showStrip();
+    }
+    for (const pane of this.panes) pane.rebuild();
+    if (depth >= VALUES) this.showPanel();
   }
 
   showStanding() {
@@ -141,6 +144,7 @@ class Desk {
 
   showMode() {
     const [mode, words] = modeText();
+    if (byId("mode").textContent === words && byId("mode").dataset.mode === mode) return;
     byId("mode").dataset.mode = mode;
     byId("mode").textContent = words;
     byId("mode").title = mode === "linearised" ? "Values to first order, sigmas and tests of the last full adjustment" : words;
@@ -183,7 +187,7 @@ class Desk {
     if (strip.childElementCount !== store.photos.length) {
       strip.replaceChildren(...store.photos.map((photo, k) => node("button", { "data-image": k, onclick: () => { this.active?.show(k); this.backToPhoto(); } },
         node("img", { "data-src": `/photo/${k}/thumbnail.jpg?${photo.digest}`, alt: "", loading: "lazy", draggable: false }),
-        node("span", { class: "name" }, photo.name), node("span", { class: "badge" }))));
+        node("span", { class: "name" }, node("bdi", {}, photo.name.replace(/\.\w+$/, ""))), node("span", { class: "badge" }))));
       setTimeout(() => this.sharpened(), THUMBNAILS_AFTER_MS);
     }
     store.photos.forEach((photo, k) => {
@@ -235,7 +239,7 @@ class Desk {
     store.picks.set(pickKey(image, label), { ...pick, u, v });
     store.version += 0.5; // newer than what the server knows: what hangs on it is grey
     this.send({ t: "place", image, label, u, v, step, final });
-    this.refreshSoon();
+    this.refreshSoon(MARKS);
   }
 
   // Panes.
@@ -464,7 +468,6 @@ class Desk {
       this.notice(`${input.value} is no number`);
       return;
     }
-    input.blur();
     act(value);
   }
 

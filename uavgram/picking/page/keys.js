@@ -30,16 +30,19 @@ export const TOOLS = {
   skid_speed: { key: "v", name: "Skid", prefix: "V", least: 2 },
 };
 
+const MOVING = ["Tab", "F6", "Enter"]; // who uses these is to see where he is
 const PAGES = ["PageUp", "PageDown", "Home", "End"];
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export function listenToKeys(desk) {
   window.addEventListener("keydown", (event) => {
+    if (ARROWS[event.key] || MOVING.includes(event.key)) document.body.classList.add("keyed");
     if (typing(event)) return;
     if (handle(desk, event)) event.preventDefault();
   });
   window.addEventListener("keyup", (event) => { if (event.key === " ") desk.spaceHeld = false; });
   window.addEventListener("blur", () => { desk.spaceHeld = false; });
+  window.addEventListener("pointermove", () => document.body.classList.remove("keyed"));
 }
 
 // The arrows go through the buttons of a group, which is one stop for Tab: of radio buttons and tabs

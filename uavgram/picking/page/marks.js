@@ -24,6 +24,7 @@ export function buildMarks(image, { selected, shown, draft }) {
   const parts = [];
   for (const line of store.lines) parts.push(lengthPart(image, line));
   for (const one of store.measurements) parts.push(measurementPart(image, one));
+  parts.push(...parts.filter((part) => part?.words).map(wordsPart)); // over all lines
   if (draft.length) parts.push(pathPart(image, "", draft, "draft", "", false));
   if (shown.predicted) {
     for (const one of predictedIn(image)) parts.push(predictedPart(one, selected, shown));
@@ -142,15 +143,12 @@ function pathPart(image, key, points, kind, words, closed) {
   if (closed) at.push(at[0]);
   return {
     key: `path ${kind.split(" ")[0]} ${key}`,
-    sign: JSON.stringify([kind, words]),
-    make() {
-      const label = text(words, 0, 0, "value");
-      label.setAttribute("text-anchor", "middle");
-      return shape("g", { class: kind, "aria-hidden": "true" }, shape("polyline", { class: "halo wide" }),
-        shape("polyline", { class: "thin" }), label);
-    },
+    sign: kind,
+    kind,
+    words,
+    make: () => shape("g", { class: kind, "aria-hidden": "true" }, shape("polyline", { class: "halo wide" }), shape("polyline", { class: "thin" })),
     move(group, view) {
-      const [halo, thin, label] = group.children;
+      const [halo, thin] = group.children;
       const screen = at.map(({ u, v }) => view.toScreen(u, v));
       const path = screen.map((point) => point.join()).join(" ");
       put(halo, "points", path);
@@ -159,8 +157,22 @@ function pathPart(image, key, points, kind, words, closed) {
       this.along = [a, b];
       this.middle = closed ? average(screen.slice(0, -1)) : null;
       this.room = closed ? Infinity : Math.hypot(b[0] - a[0], b[1] - a[1]);
-      this.words = { label, text: words };
     },
+  };
+}
+
+// What stands at a path; `keepApart` finds its place.
+function wordsPart(path) {
+  return {
+    key: `words ${path.key}`,
+    sign: JSON.stringify([path.kind, path.words]),
+    path,
+    make() {
+      const label = text(path.words, 0, 0, "value");
+      label.setAttribute("text-anchor", "middle");
+      return shape("g", { class: path.kind, "aria-hidden": "true" }, label);
+    },
+    move(group) { this.element = group.firstChild; },
   };
 }
 
@@ -176,10 +188,10 @@ export function keepApart(parts, view) {
     return { x: x - 9, y: y - 21, width: 22 + part.label.length * CHARACTER_PX, height: 30 };
   });
   for (const part of parts) {
-    if (!part.words) continue;
-    const { label, text: words } = part.words;
+    if (!part.path) continue;
+    const { element: label, path: { words, room } } = part;
     const width = words.length * CHARACTER_PX;
-    const spot = words && part.room > 60 ? spots(part).find(([x, y]) => free(taken, x - width / 2, y - LINE_PX, width)) : null;
+    const spot = words && room > 60 ? spots(part.path).find(([x, y]) => free(taken, x - width / 2, y - LINE_PX, width)) : null;
     put(label, "display", spot ? "inline" : "none");
     if (!spot) continue;
     put(label, "x", spot[0]);

@@ -16,12 +16,12 @@ export function showOutputs(foot, desk) {
       node("button", { name: "export", class: "main", disabled: desk.exporting, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: () => desk.exportAll() },
         desk.exporting ? "Writing\u2026" : "Write report and exports"),
       node("span", { class: "dim", role: "status" }, desk.exporting ? "" : age(outputs, old))),
-    outputs.files.length ? node("nav", { "aria-label": "Outputs" }, ...links(outputs)) : null));
+    outputs.files.length || outputs.recording ? node("nav", { "aria-label": "Outputs" }, ...links(outputs)) : null));
   if (foot.firstChild !== made) foot.replaceChildren(made);
 }
 
 function age(outputs, old) {
-  if (!outputs.files.length) return "nothing written yet";
+  if (!outputs.files.length) return "none yet";
   return old ? "older than what you see" : "up to date";
 }
 
@@ -31,7 +31,7 @@ function links({ files, recording, folder }) {
     ...shown.map(({ name, words }) => link(`/output/${name}`, words, aside)),
     recording ? link("/recording", "Recording in the Rerun viewer", aside) : null,
     ...saved.filter(({ name }) => name.endsWith(".csv")).map(({ name, words }) => link(`/output/${name}`, words, { download: name })),
-    node("details", {}, node("summary", {}, "More"), node("ul", {}, ...saved.filter(({ name }) => !name.endsWith(".csv")).map(({ name, words }) => node("li", {}, link(`/output/${name}`, words, { download: name })))),
+    files.length && node("details", {}, node("summary", {}, "More"), node("ul", {}, ...saved.filter(({ name }) => !name.endsWith(".csv")).map(({ name, words }) => node("li", {}, link(`/output/${name}`, words, { download: name })))),
       node("p", { class: "dim" }, "All in ", node("code", {}, folder))),
   ].filter(Boolean);
 }

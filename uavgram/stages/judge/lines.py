@@ -12,7 +12,7 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.evidence import Effects
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownLines
-from uavgram.model.result import LineChecks, LineResults, LineStatus
+from uavgram.model.result_tables import LineChecks, LineResults, LineStatus
 from uavgram.stages.judge.examine import Examined
 from uavgram.stages.judge.picks import rows_of
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.evidence import Effects
-from uavgram.model.result import PickResults, PickStatus
+from uavgram.model.result_tables import PickResults, PickStatus
 from uavgram.stages.judge.examine import Examined
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from uavgram.estimation.adjustment import Adjustment
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownWorldPoints
-from uavgram.model.result import PointChecks
+from uavgram.model.result_tables import PointChecks
 
 
 def judge_points(

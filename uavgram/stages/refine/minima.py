@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.adjustment import Adjustment, Refined
@@ -97,7 +97,7 @@ def _minima(
     if undetermined is not None and not found:
         raise undetermined
     found.sort(key=lambda minimum: minimum[1].cost)
-    limit = found[0][1].cost + float(chi2.ppf(1 - AS_GOOD, 1))
+    limit = found[0][1].cost + float(chdtri(1, AS_GOOD))
     minima = [_adjustment(*found[0])]
     for problem, minimum in found[1:]:
         as_good = minimum.converged and minimum.cost < limit

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_values import (
@@ -69,7 +69,7 @@ def _plausible(candidates: dict[int, LengthPoses], counts: Ints) -> dict[int, Le
     kept = {
         f: found
         for f, found in candidates.items()
-        if found.cost[0] <= float(chi2.ppf(1 - OUTSIDE, max(counts[f] - 3, 1)))
+        if found.cost[0] <= float(chdtri(max(counts[f] - 3, 1), OUTSIDE))
     }
     return kept or candidates
 

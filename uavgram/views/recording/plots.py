@@ -10,7 +10,8 @@ import rerun as rr
 from uavgram.estimation.reliability import critical_value
 from uavgram.imaging.mosaic_grid import plane_height
 from uavgram.model.arrays import Floats
-from uavgram.model.result import PoseTable, Result
+from uavgram.model.result import Result
+from uavgram.model.result_tables import PoseTable
 from uavgram.views.recording.frame_picks import FramePicks
 from uavgram.views.recording.plot_lines import log_curve
 from uavgram.views.recording.stream import Recorder

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.result import PoseTable, Result
+from uavgram.model.result import Result
+from uavgram.model.result_tables import PoseTable
 from uavgram.views.recording.plot_lines import log_curve
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import MEASURED, OBSERVED, REFINED, SEED

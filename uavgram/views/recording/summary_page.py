@@ -49,5 +49,17 @@ def _pictures(result: Result, scene: Scene) -> str:
     return (
         f"Ellipses hold 95 % and are those within the survey, {drawn}. "
         f"{WHY_TWO_ELLIPSES} Residuals in the photo are drawn ×{scene.residual_factor}; its grey "
-        f"borders are those of the photos before and after.{lowered}"
+        f"borders are those of the photos before and after.{lowered}{_planes(result)}"
+    )
+
+
+def _planes(result: Result) -> str:
+    """Of several areas of the ground, whose plane the picture of it lies on."""
+    first, others = result.areas[:1], result.areas[1:]
+    if not others:
+        return ""
+    names = plain(", ".join(repr(area.name) for area in others))
+    return (
+        f" The photos on the ground lie on the plane of the area {plain(repr(first[0].name))}: "
+        f"what lies on {names} is seen beside its place there; points and lines are right."
     )

@@ -11,7 +11,8 @@ from uavgram.imaging.mosaic import GroundTexture
 from uavgram.imaging.mosaic_grid import plane_height
 from uavgram.imaging.preview import Pixels
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.result import PoseTable, Result
+from uavgram.model.result import Result
+from uavgram.model.result_tables import PoseTable
 from uavgram.stages.features import ellipse_outlines, measured_strips, reference_strips
 from uavgram.views.drawing import frusta, track
 from uavgram.views.frame_states import frame_states

@@ -7,7 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from uavgram.model.result import MeasurementResults, Result
+from uavgram.model.result import Result
+from uavgram.model.result_tables import MeasurementResults
 from uavgram.views.evidence import effect_words, second_order_rows, weakest_links
 from uavgram.views.recording.markdown import MOST_ROWS, plain, table
 from uavgram.views.wording import (

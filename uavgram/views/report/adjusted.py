@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.model.learnt_camera import learnt_camera
-from uavgram.model.result import Estimate, Result
+from uavgram.model.result import Result
+from uavgram.model.shared_result import Estimate
 from uavgram.views.evidence import effect_words
 from uavgram.views.report.rows import Row
 from uavgram.views.wording import GROUP_WORDS, chance, number

@@ -1,0 +1,76 @@
+"""Numbers while an adjustment takes long: first order where that says enough, grey where not."""
+
+from __future__ import annotations
+
+import re
+import threading
+
+import pytest
+from large_photos import write_large_project
+from picking_pages import measured, to_page, wait_until_adjusted
+from picking_server import served
+
+GREY = "body.stale"
+ADJUSTED = '#mode[data-mode="adjusted"]'
+
+
+@pytest.fixture
+def slow(tmp_path):
+    """A server whose full adjustments wait, from when `hold` is cleared until it is set again."""
+    project = write_large_project(tmp_path, 1600, 1200, labels=25)
+    with served(project) as server:
+        survey, hold = server.desk.survey, threading.Event()
+        hold.set()
+        adjust = survey.adjust
+
+        def held(observed):
+            hold.wait(20)
+            return adjust(observed)
+
+        survey.adjust = held
+        yield server, hold
+        hold.set()
+
+
+def test_a_drag_moves_the_numbers_while_a_full_adjustment_takes_its_time(slow, open_page):
+    server, hold = slow
+    page = open_page(server)
+    wait_until_adjusted(page)
+    before = measured(page)["D1"]
+    pick = server.desk.state.pick("photo0.jpg", "P1")
+    x, y = to_page(page, pick.u_px, pick.v_px)
+    hold.clear()
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 9, y)  # the first answer to a drag may be the full one, and waits now
+    page.wait_for_timeout(50)
+    for k in range(10, 30):
+        page.mouse.move(x + k, y)
+        page.wait_for_timeout(20)
+    page.wait_for_selector('#mode[data-mode="linearised"]')
+    first = measured(page)["D1"]
+    assert first != before
+    assert page.locator(GREY).count() == 0
+    page.mouse.move(x + 60, y)
+    page.wait_for_timeout(300)
+    assert measured(page)["D1"] != first
+    hold.set()
+    page.mouse.up()
+    wait_until_adjusted(page)
+    assert not page.errors
+
+
+def test_numbers_are_grey_until_they_belong_to_what_is_picked(slow, open_page):
+    server, hold = slow
+    page = open_page(server)
+    wait_until_adjusted(page)
+    hold.clear()
+    page.locator("#label").fill("New")
+    page.mouse.click(*to_page(page, 700.0, 500.0))
+    page.wait_for_selector(GREY)  # no first order: there is a point more than there was
+    color = page.locator("td.value").first.evaluate("cell => getComputedStyle(cell).color")
+    assert re.fullmatch(r"rgb\(1[34]\d, 1[34]\d, 1[45]\d\)", color)
+    hold.set()
+    page.wait_for_selector(GREY, state="detached")
+    page.wait_for_selector(ADJUSTED)
+    assert not page.errors

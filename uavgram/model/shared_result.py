@@ -1,0 +1,77 @@
+"""The unknowns that all frames share, as a run reports them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from uavgram.model.arrays import Floats, freeze
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Estimate:
+    """A shared unknown: value and standard deviation, both (n,)."""
+
+    value: Floats
+    sigma: Floats
+
+    def __post_init__(self) -> None:
+        n = len(self.value)
+        freeze(self, value=(n,), sigma=(n,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SharedResult:
+    """The unknowns that all frames share, after the adjustment.
+
+    Attributes
+    ----------
+    boresight_deg, lever_arm_m, position_bias_m, heading_bias_deg, clock_offset_s
+        Of the telemetry; None without a log. Biases are log minus truth; the position bias is
+        (east, north, up); the boresight a rotation vector in the camera frame.
+    clock_drift_ppm
+        Of the camera's clock against the flight's, about the middle of the exposures; None
+        without a log.
+    plane_height_m, plane_slope_deg
+        Of the ground (of its first area) at the pivot; [d up / d east, d up / d north] as angles.
+    plane_pivot_m
+        (2,) east and north of the point about which the slopes turn.
+    intrinsics
+        In the order of the lens model's parameters.
+    """
+
+    boresight_deg: Estimate | None
+    lever_arm_m: Estimate | None
+    position_bias_m: Estimate | None
+    heading_bias_deg: Estimate | None
+    clock_offset_s: Estimate | None
+    clock_drift_ppm: Estimate | None = None
+    plane_height_m: Estimate
+    plane_slope_deg: Estimate
+    plane_pivot_m: Floats
+    intrinsics: Estimate
+
+    def __post_init__(self) -> None:
+        freeze(self, plane_pivot_m=(2,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AreaPlane:
+    """The plane of one area of the ground, after the adjustment.
+
+    Attributes
+    ----------
+    name
+        Of the area.
+    height_m, slope_deg
+        At the pivot; [d up / d east, d up / d north] as angles.
+    pivot_m
+        (2,) east and north of the point about which the slopes turn.
+    """
+
+    name: str
+    height_m: Estimate
+    slope_deg: Estimate
+    pivot_m: Floats
+
+    def __post_init__(self) -> None:
+        freeze(self, pivot_m=(2,))
