@@ -46,7 +46,7 @@ ROUNDS, DEMAND = 5, 10.0
 OUTPUTS: dict[str, dict[str, object]] = {
     "the same DEFLATE": {
         "creation_options": {
-            "tiled": True, "blockxsize": 512, "blockysize": 512, "compress": "deflate", "zlevel": 1,
+            "tiled": True, "blockxsize": 256, "blockysize": 256, "compress": "deflate", "zlevel": 1,
             "predictor": 2, "num_threads": "all_cpus", "photometric": "rgb",
         }
     },

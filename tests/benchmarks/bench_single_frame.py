@@ -4,9 +4,9 @@
 
 Pose: Ceres (pyceres) on the same likelihood with its covariance, one cost function per frame that
 numpy evaluates, and to the same digits (see single_frame_ceres.py); CameraTransform's Nelder-Mead
-on its own. All start 3 % off. Ground points: OpenCV
-without any covariance, CameraTransform by resampling its pose, and mrcal's unproject with gradients
-(Debian's python3-mrcal, in the system's Python; left out where that is absent).
+on its own. All start 3 % off. Ground points: OpenCV without any covariance, CameraTransform by
+resampling its pose, and mrcal's unproject with gradients (Debian's python3-mrcal, in the system's
+Python; left out where that is absent).
 
 Rounds go in turn, so that what else the machine does falls on all alike; ratios are medians over
 rounds of neighbouring runs.
@@ -33,7 +33,7 @@ from uavgram.geometry.ground_points import View, ground_points
 
 HERE = Path(__file__).parent
 
-ROUNDS = 7
+ROUNDS, SHORT_ROUNDS = 7, 51
 FRAMES = 1000
 POINTS = 1_000_000
 DRAWS = 100
@@ -129,8 +129,8 @@ def poses():
         f"sigmas to {np.abs(np.sqrt(np.diag(joint))[:3] / sigma - 1).max():.1e}"
     )
     _, nelder_mead = camera_transform(survey, frames, best.plane[0])
-    ours = (lambda: resect_from_lengths(calibration, frames, start), 40)
-    seconds, ratio = compare(ours, [(ceres, 20), (nelder_mead, 1)])
+    ours = (lambda: resect_from_lengths(calibration, frames, start), 10)
+    seconds, ratio = compare(ours, [(ceres, 10), (nelder_mead, 1)], SHORT_ROUNDS)
     print(
         f"one frame, six lines, with covariance: {1e3 * seconds[0]:.2f} ms; "
         f"Ceres {1e3 * seconds[1]:.2f} ms, ratio {ratio[0]:.2f} (bar 2); "

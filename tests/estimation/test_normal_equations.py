@@ -231,20 +231,27 @@ def test_a_deep_tree_of_fronts_gives_the_dense_inverse(monkeypatch, block_size, 
     np.testing.assert_allclose(found, expected, atol=1e-10)
 
 
-def test_linear_functions_have_their_joint_covariance_however_many_they_are(scene_factory, branch):
+@pytest.mark.parametrize("among", ["all unknowns", "what all share"])
+def test_linear_functions_have_their_joint_covariance_however_many_they_are(
+    scene_factory, branch, among
+):
     blocks, layout = blocks_of(scene_factory(3, frames=6))
     structure = layout.structure if branch == "points first" else None
     factor = NormalEquations(list(blocks.values()), layout.size, structure).factor()
     rng = np.random.default_rng(0)
-    columns = rng.integers(layout.size, size=(70, 3))
+    first = 0 if among == "all unknowns" else layout.first_intrinsic
+    columns = rng.integers(first, layout.size, size=(70, 3))
     columns[5, 1] = columns[5, 0]  # one names an unknown twice
     gradients = rng.normal(size=columns.shape)
     dense = np.zeros((layout.size, 70))
     np.add.at(dense, (columns, np.arange(70)[:, None]), gradients)
     expected = dense.T @ factor.joint(np.arange(layout.size)) @ dense
-    found = factor.covariances(columns, gradients)
     scale = np.sqrt(np.diag(expected))
     unit = np.outer(scale, scale)
-    np.testing.assert_allclose(found / unit, expected / unit, atol=1e-7)
+    for found in (
+        factor.covariances(columns, gradients),
+        factor.covariance().joint(columns, gradients),
+    ):
+        np.testing.assert_allclose(found / unit, expected / unit, atol=1e-7)
     variance = factor.variances(columns, gradients)
     np.testing.assert_allclose(variance, np.diag(expected), rtol=1e-6)

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+import subprocess
+
 import numpy as np
 import pytest
 import rasterio
@@ -61,7 +65,7 @@ def test_pixels_come_back_as_they_were(path, picture):
 
 def test_it_is_tiled_compressed_and_has_overviews_down_to_a_tile(path):
     with rasterio.open(path) as file:
-        assert file.block_shapes == [(512, 512)] * 4
+        assert file.block_shapes == [(256, 256)] * 4
         assert file.profile["tiled"]
         assert file.compression.value == "DEFLATE"
         for band in range(1, 5):
@@ -124,3 +128,21 @@ def test_windows_without_a_picture_are_transparent(tmp_path):
     assert not alpha[:, :512].any()
     assert (alpha[:512, 512:1024] == 255).all()
     assert not alpha[512:].any()
+
+
+def test_gdalinfo_reads_coordinate_system_and_overviews(path):
+    program = shutil.which("gdalinfo")
+    if program is None:
+        pytest.skip("gdalinfo is not installed (Debian: gdal-bin)")
+    run = subprocess.run(
+        [program, "-json", "-checksum", str(path)], capture_output=True, text=True, check=True
+    )
+    said = json.loads(run.stdout)
+
+    assert run.stderr == ""
+    assert 'ID["EPSG",32632]' in said["coordinateSystem"]["wkt"]
+    assert [band["colorInterpretation"] for band in said["bands"]] == [
+        "Red", "Green", "Blue", "Alpha",
+    ]  # fmt: skip
+    for band in said["bands"]:
+        assert [level["size"] for level in band["overviews"]] == [[650, 450], [325, 225]]

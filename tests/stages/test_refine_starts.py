@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from random_scenes import Kind, random_scene
 from scipy.spatial.transform import Rotation
 
+from uavgram.errors import GeometryError
 from uavgram.estimation.survey_problem import SurveyProblem
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
@@ -222,3 +224,20 @@ def test_well_spread_lines_need_no_word(scene_factory):
     scene = scene_factory(4, frames=1, ends=PAIRS, **NO_LOG)
     _, messages = refine(scene.survey, REPORT)
     assert [m.code for m in messages] == []
+
+
+THREE = Kind(sources=("pixels", "lengths"), telemetry=("absent",), lines=(3, 3), frames=(1,))
+
+
+def test_a_pose_that_nothing_determines_gives_way_to_one_that_sees_sky_at_a_pick():
+    # Three lengths allow two poses in which one pick lies above the horizon, and nearly allow a
+    # third that has all picks on the ground, but two of whose solutions merge.
+    refined, messages = refine(random_scene((3, 379), THREE).survey, REPORT)
+    assert refined.adjustment.minimum.converged
+    assert len(refined.pick_reason) == 1
+    assert "pick-left-out" in {m.code for m in messages}
+
+
+def test_three_lengths_at_which_two_poses_merge_are_told_with_the_way_out():
+    with pytest.raises(GeometryError, match="poses that three lengths allow merge here: tape"):
+        refine(random_scene((3, 264), THREE).survey, REPORT)

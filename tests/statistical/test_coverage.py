@@ -26,6 +26,7 @@ import pytest
 from random_scenes import MEASURED, Kind, random_scene
 from scipy.stats import binom, chi2, norm
 
+from uavgram.errors import GeometryError
 from uavgram.estimation import least_squares, survey_problem
 from uavgram.estimation.adjustment import Adjustment
 from uavgram.estimation.curvature import curvature
@@ -205,10 +206,14 @@ def test_scenes_that_curvature_flags_are_honest_by_their_sampled_intervals():
 
 def test_ambiguous_scenes_of_three_lines_hold_the_truth_in_one_of_their_intervals():
     kind = Kind(sources=("pixels", "lengths"), telemetry=("absent",), lines=(3, 3), frames=(1,))
-    inside = []
+    inside, merged = [], 0
     for trial in range(20 * JUDGED):
         scene = random_scene((3, trial), kind)
-        refined = refine(scene.survey, SolveOptions())[0]
+        try:
+            refined = refine(scene.survey, SolveOptions())[0]
+        except GeometryError:  # two of the poses merge there: no sigma would mean anything
+            merged += 1
+            continue
         if refined.alternatives:
             apart = np.linalg.norm(np.diff(scene.world[list(MEASURED)], axis=0))
             solutions = [refined.adjustment, *refined.alternatives]
@@ -218,6 +223,7 @@ def test_ambiguous_scenes_of_three_lines_hold_the_truth_in_one_of_their_interval
 
     assert len(inside) == JUDGED
     assert sum(inside) >= binom.ppf(TAIL, len(inside), 0.95)
+    assert merged <= 2 + 0.05 * trial
 
 
 # Planted bugs: each must break the bounds.

@@ -21,7 +21,10 @@ from uavgram.io.tiff_directory import mark_overviews
 from uavgram.model.arrays import Floats
 from uavgram.model.ground_raster import GroundRaster
 
-TILE_PX = 512
+WINDOW_PX = 512
+"""Side of the windows in which a picture is best written: whole tiles."""
+
+TILE_PX = 256  # stays in the processor's cache while it is compressed
 _LEAST_OVERVIEW_PX = 256
 # Level 1 of DEFLATE: a few per cent larger than level 6, several times faster.
 _PROFILE = {
@@ -92,8 +95,8 @@ def _append_picture(pixels: Pixels, path: Path) -> None:
     with warnings.catch_warnings():  # an overview lies where its picture lies
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         with rasterio.open(path, "w", **profile) as file:
-            for row in range(0, height, TILE_PX):
-                _write_pixels(file, pixels[row : row + TILE_PX], 0, row)
+            for row in range(0, height, WINDOW_PX):
+                _write_pixels(file, pixels[row : row + WINDOW_PX], 0, row)
 
 
 def _write_pixels(file: DatasetWriter, pixels: Pixels, column: int, row: int) -> None:

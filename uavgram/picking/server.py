@@ -221,6 +221,7 @@ def serve(project: Path, announce: Callable[[str], None], run: Run, port: int = 
             ws="websockets-sansio",
             ws_max_size=LONGEST_MESSAGE,
             ws_max_queue=64,
+            ws_per_message_deflate=False,  # it never leaves the machine
             timeout_graceful_shutdown=2,
             server_header=False,
         )

@@ -181,8 +181,7 @@ class Tables:
         others = _beside(self._paths[foreign[0]]).name
         return (
             f"Another program changed {names} meanwhile, so nothing is written over. What you have "
-            f"here is saved beside it ({others}). Reload takes the "
-            "files as they are now"
+            f"here is saved beside it ({others})"
         )
 
     def _unnamed(self, wanted: Contents) -> str:

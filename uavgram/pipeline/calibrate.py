@@ -46,7 +46,6 @@ from uavgram.stages.calibration_account import (
     with_common_error,
 )
 from uavgram.views.calibration_drawing import residual_factor, rows_by_photo
-from uavgram.views.calibration_recording.write import write_calibration_recording
 from uavgram.views.calibration_report import write_calibration_report
 
 FOLDER = "calibration"
@@ -276,7 +275,7 @@ def _write(
         ),
         NUMBERS: lambda path: write_calibration(account, path),
         REPORT: lambda path: write_calibration_report(account, pictures, path),
-        RECORDING: lambda path: write_calibration_recording(account, seen.previews, path),
+        RECORDING: lambda path: _write_recording(account, seen.previews, path),
     }
     for name, write in progress(writers.items(), "writing", len(writers)):
         write(folder / name)
@@ -284,6 +283,17 @@ def _write(
     for name, jpeg in pictures.items():
         (folder / FOUND / _picture_name(name)).write_bytes(jpeg)
     return (*writers, f"{FOUND}/ ({len(pictures)} pictures)")
+
+
+def _write_recording(
+    account: CalibrationAccount, previews: Mapping[str, Preview], path: Path
+) -> None:
+    # The viewer's library takes half a second and 30 MB, also of those who only may calibrate.
+    from uavgram.views.calibration_recording.write import (  # noqa: PLC0415
+        write_calibration_recording,
+    )
+
+    write_calibration_recording(account, previews, path)
 
 
 def _pictures(result: CalibrationResult, seen: _Seen) -> dict[str, bytes]:

@@ -16,7 +16,7 @@ from uavgram.imaging.photo_cache import PhotoCache
 from uavgram.imaging.preview import Pixels
 from uavgram.imaging.warp import warp_window
 from uavgram.imaging.warp_maps import Window
-from uavgram.io.geotiff import TILE_PX, read_reduced, write_colour_geotiff, write_float_geotiff
+from uavgram.io.geotiff import WINDOW_PX, read_reduced, write_colour_geotiff, write_float_geotiff
 from uavgram.io.outputs import staged_output
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.ground_raster import GroundRaster
@@ -89,7 +89,7 @@ def rectify(
     folder = Path(inputs.project.output) / "rectified" if output is None else Path(output)
     tags = _tags(view)
     with staged_output(folder) as staging:
-        count = -(-raster.width // TILE_PX) * -(-raster.height // TILE_PX)
+        count = -(-raster.width // WINDOW_PX) * -(-raster.height // WINDOW_PX)
         windows = progress(warped_windows(view, raster), "rectifying", count)
         write_colour_geotiff(raster, windows, tags, staging / PICTURE)
         coarse = raster.coarser(SIGMA_STEP_PX)
@@ -160,9 +160,9 @@ def warped_windows(view: View, raster: GroundRaster) -> Iterator[tuple[Window, P
         return warp_window(view, raster, window, _within(reach, window), photos)
 
     windows = [
-        (column, row, min(TILE_PX, raster.width - column), min(TILE_PX, raster.height - row))
-        for row in range(0, raster.height, TILE_PX)
-        for column in range(0, raster.width, TILE_PX)
+        (column, row, min(WINDOW_PX, raster.width - column), min(WINDOW_PX, raster.height - row))
+        for row in range(0, raster.height, WINDOW_PX)
+        for column in range(0, raster.width, WINDOW_PX)
     ]
     yield from work_ahead(warp, windows)
 

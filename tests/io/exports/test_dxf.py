@@ -110,3 +110,14 @@ def test_every_point_has_its_label_as_a_text_beside_it(drawing, result):
     for text, insert in zip(labels, inserts, strict=True):
         assert text.dxf.insert.vec2.distance(insert.dxf.insert.vec2) < text.dxf.height
         assert all(attribute.is_invisible for attribute in insert.attribs)
+
+
+def test_dimensions_have_letters_of_the_labels_size_in_every_program(drawing):
+    """LibreCAD draws all dimensions as the header says, whatever their style is."""
+    _, document = drawing
+    label = next(iter(document.modelspace().query('TEXT[layer=="LABELS"]')))
+    style = document.dimstyles.get("UAVGRAM")
+
+    assert style.dxf.dimtxt == document.header["$DIMTXT"] == pytest.approx(label.dxf.height)
+    for name in ("dimasz", "dimexe", "dimexo", "dimgap"):
+        assert style.get_dxf_attrib(name) == document.header[f"${name.upper()}"] < label.dxf.height

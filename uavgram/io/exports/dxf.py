@@ -130,10 +130,12 @@ def _point_block(document: Drawing, text_m: float) -> None:
 
 def _dimension_style(document: Drawing, text_m: float) -> None:
     style = document.dimstyles.duplicate_entry("Standard", "UAVGRAM")
-    style.dxf.dimtxt = text_m
-    style.dxf.dimasz = 0.8 * text_m
-    style.dxf.dimexe = style.dxf.dimexo = 0.3 * text_m
-    style.dxf.dimgap = 0.3 * text_m
+    sizes = {"dimtxt": 1.0, "dimasz": 0.8, "dimexe": 0.3, "dimexo": 0.3, "dimgap": 0.3}
+    for name, share in sizes.items():
+        style.set_dxf_attrib(name, share * text_m)
+        # for programs that draw all dimensions alike, as the header says (LibreCAD 2.2)
+        document.header[f"${name.upper()}"] = share * text_m
+    document.header["$DIMSCALE"] = 1.0
     style.dxf.dimclrd = style.dxf.dimclre = style.dxf.dimclrt = const.BYLAYER
 
 

@@ -27,6 +27,8 @@ export function valueText(found) {
 
 export const unitText = (unit) => ({ m2: "m\u00b2", deg: "\u00b0" })[unit] ?? unit;
 
+export const byId = (id) => document.getElementById(id);
+
 export function node(tag, attributes = {}, ...children) {
   const made = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
@@ -53,4 +55,12 @@ export function put(element, name, value) {
   if (element.was[name] === value) return;
   element.was[name] = value;
   element.setAttribute(name, value);
+}
+
+// Of a group one button is chosen, and that one is reached with Tab.
+export function choose(group, chosen, attribute) {
+  for (const button of group.children) {
+    button.setAttribute(attribute, chosen(button));
+    button.tabIndex = chosen(button) ? 0 : -1;
+  }
 }

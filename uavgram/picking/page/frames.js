@@ -27,21 +27,24 @@ function framesPart(facts, desk) {
     const seed = most(photo.seed?.sigma);
     const refined = found?.status === "refined" ? most(found.sigma) : null;
     const status = found?.status ?? (photo.matched ? "matched" : "unmatched");
-    const words = [photo.reason, photo.event ? `event ${photo.event.status}, ${fixed(photo.event.residual, 3)} s off` : "",
+    const utc = photo.time === null ? missing : new Date(photo.time * 1000).toISOString().slice(11, 22);
+    const words = [photo.time === null ? "" : `${utc} UTC`, photo.reason, photo.event ? `event ${photo.event.status}, ${fixed(photo.event.residual, 3)} s off` : "",
       photo.seed ? `seed: ${photo.seed.up} m up, direction \u00b1 ${photo.seed.turn}\u00b0` : "", found?.moved ? `moved by ${fixed(found.moved, 2)} m` : ""];
     return node("tr", { title: words.filter(Boolean).join("; "), "data-row": `frame ${k}` },
       node("td", { title: photo.name }, node("button", { class: "link", name: "show", "aria-label": `Show ${photo.name}`, onclick: () => desk.active?.show(k) }, photo.name)),
       node("td", {}, `${picks}`), node("td", {}, status), node("td", {}, fixed(seed, 2)), node("td", { class: "value" }, fixed(refined, 2)),
-      node("td", { class: "wide-only" }, photo.time === null ? missing : new Date(photo.time * 1000).toISOString().slice(11, 23)));
+      node("td", { class: "wide-only" }, utc));
   });
   const matched = facts.filter(({ photo }) => photo.matched).length;
-  return titled(`Frames (${matched} of ${facts.length} matched)`,
-    table("Frames", ["photo", "picks", "status", "seed \u03c3 m", "now", node("span", { class: "wide-only" }, "UTC")], rows));
+  return titled(`Frames (${matched} of ${facts.length} matched)`, node("p", { class: "dim" }, "\u03c3 of the camera's place in metres: of the seed, and now."),
+    table("Frames", ["photo", "picks", "status", "seed \u03c3", "now", node("span", { class: "wide-only" }, "UTC")], rows));
 }
 
 function unmatchedPart(facts) {
   const photos = facts.filter(({ photo }) => !photo.matched && photo.reason).map(({ photo }) => ({ level: "warning", text: `${photo.name}: ${photo.reason}` }));
-  const events = (store.clock?.unused ?? []).map((text) => ({ level: "info", text: `A camera event ${text}` }));
+  const count = new Map();
+  for (const where of store.clock?.unused ?? []) count.set(where, (count.get(where) ?? 0) + 1);
+  const events = [...count].map(([where, many]) => ({ level: "info", text: `${many} camera event${many > 1 ? "s" : ""} ${where}` }));
   const all = [...photos, ...events];
   return all.length ? titled("Unmatched", list(all)) : null;
 }

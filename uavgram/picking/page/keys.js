@@ -64,6 +64,7 @@ export function roving(group) {
 function typing(event) {
   const { target } = event;
   if (target.closest?.("dialog")) return true;
+  if (event.key === "F6") return false;
   if ((ARROWS[event.key] || PAGES.includes(event.key)) && target.closest?.("#panel, [role=radiogroup], #strip")) return true;
   const field = target.matches?.("input, select, textarea");
   if (field && event.key === "Escape") {

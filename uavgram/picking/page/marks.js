@@ -41,6 +41,7 @@ function pickPart(pick, selected, shown, scale) {
   const sign = JSON.stringify([Boolean(residual), fit?.spread, suspect, fit?.w, selected === pick.label, shown]);
   const move = (group, view) => {
     place(group, view, pick.u, pick.v);
+    showTag(group);
     stretch(group, residual, scale);
     put(group, "aria-label", spokenPick(pick, fit, suspect));
   };
@@ -70,7 +71,7 @@ function pickGroup(pick, fit, suspect, selected, shown, residual) {
   if (known) group.append(shape("path", { class: "halo wide", d: known }), shape("path", { class: "thin", d: known }));
   group.append(shape("path", { class: "halo wide", d: CROSS }), shape("path", { class: "thin", d: CROSS }),
     shape("circle", { class: "ring", r: 15, fill: "none" }), shape("circle", { class: "hit", r: 12 }));
-  if (shown.labels) group.append(text(pick.label, 12, -8));
+  if (shown.labels) group.append(text(pick.label, 0, 0, "tag"));
   return group;
 }
 
@@ -85,7 +86,7 @@ export function spokenPick(pick, fit, suspect) {
 function predictedPart(one, selected, shown) {
   const sign = JSON.stringify([one, selected === one.label, shown.labels]);
   const make = () => predictedGroup(one, selected, shown);
-  return { key: `predicted ${one.label}`, label: one.label, at: one.at, sign, make, move: (group, view) => place(group, view, one.at[0], one.at[1]) };
+  return { key: `predicted ${one.label}`, label: one.label, at: one.at, sign, make, move: (group, view) => { place(group, view, one.at[0], one.at[1]); showTag(group); } };
 }
 
 function predictedGroup(one, selected, shown) {
@@ -94,17 +95,21 @@ function predictedGroup(one, selected, shown) {
     role: "img", "aria-label": `${one.label} expected at u ${one.at[0].toFixed(1)}, v ${one.at[1].toFixed(1)}`,
   });
   group.append(...ellipse(one.spread, 5), shape("circle", { class: "ring", r: 15, fill: "none" }));
-  if (shown.labels) group.append(text(one.label, 12, -8));
+  if (shown.labels) group.append(text(one.label, 0, 0, "tag"));
   return group;
 }
 
-// A 95 % ellipse; `least` keeps it visible where it is smaller than that on the screen.
+// A 95 % ellipse; `least` keeps it visible where it is smaller than that on the screen. It is a
+// path, as a turned <ellipse> has a system of coordinates of its own, and hundreds of those are slow.
 function ellipse([major, minor, turn], least = 0) {
+  const angle = ((turn ?? 0) * Math.PI) / 180;
   const make = (kind) => {
-    const made = shape("ellipse", { class: kind, transform: `rotate(${turn ?? 0})` });
+    const made = shape("path", { class: kind });
     made.resize = (scale) => {
-      put(made, "rx", Math.max((major ?? 0) * CONFIDENCE * scale, least));
-      put(made, "ry", Math.max((minor ?? 0) * CONFIDENCE * scale, least));
+      const [rx, ry] = [major, minor].map((axis) => Math.max((axis ?? 0) * CONFIDENCE * scale, least).toFixed(2));
+      const [x, y] = [rx * Math.cos(angle), rx * Math.sin(angle)].map((along) => along.toFixed(2));
+      const arc = `A${rx} ${ry} ${(turn ?? 0).toFixed(1)} 1 0`;
+      put(made, "d", `M${-x} ${-y}${arc} ${x} ${y}${arc} ${-x} ${-y}Z`);
     };
     return made;
   };
@@ -176,6 +181,39 @@ function wordsPart(path) {
   };
 }
 
+// Where a label may stand beside its mark, the usual place first.
+const TAG_SPOTS = [[12, -8, "start"], [12, 19, "start"], [-12, -8, "end"], [-12, 19, "end"]];
+
+function showTag(group) {
+  const tag = group.lastChild;
+  if (!tag?.classList.contains("tag")) return;
+  const [x, y, anchor] = TAG_SPOTS[group.spot ?? 0];
+  put(tag, "x", x);
+  put(tag, "y", y);
+  put(tag, "text-anchor", anchor);
+}
+
+function tagBox(part, [x, y], spot) {
+  const [dx, dy, anchor] = TAG_SPOTS[spot];
+  const width = part.label.length * CHARACTER_PX;
+  return { x: x + dx - (anchor === "end" ? width : 0), y: y + dy - LINE_PX + 3, width, height: LINE_PX };
+}
+
+// Labels of marks that lie close together, each where no other label and no mark is. That hangs on
+// the zoom alone, so it is done when that rests.
+export function spreadTags(parts, view) {
+  const marks = parts.filter((part) => part.label).map((part) => ({ part, at: view.toScreen(...part.at) }))
+    .filter(({ at: [x, y] }) => x > -50 && y > -50 && x < view.width + 50 && y < view.height + 50);
+  const taken = marks.map(({ at: [x, y] }) => ({ x: x - 8, y: y - 8, width: 16, height: 16 }));
+  for (const { part, at } of marks) {
+    const boxes = TAG_SPOTS.map((_, spot) => tagBox(part, at, spot));
+    const spot = boxes.findIndex((box) => free(taken, box.x, box.y, box.width));
+    part.group.spot = Math.max(spot, 0);
+    taken.push(boxes[part.group.spot]);
+    showTag(part.group);
+  }
+}
+
 const average = (points) => [0, 1].map((k) => points.reduce((sum, point) => sum + point[k], 0) / points.length);
 const CHARACTER_PX = 6.8;
 const LINE_PX = 15;
@@ -185,7 +223,10 @@ const LINE_PX = 15;
 export function keepApart(parts, view) {
   const taken = parts.filter((part) => part.label).map((part) => {
     const [x, y] = view.toScreen(...part.at);
-    return { x: x - 9, y: y - 21, width: 22 + part.label.length * CHARACTER_PX, height: 30 };
+    const tag = tagBox(part, [x, y], part.group.spot ?? 0);
+    const top = Math.min(tag.y, y - 9);
+    const left = Math.min(tag.x, x - 9);
+    return { x: left, y: top, width: Math.max(tag.x + tag.width, x + 9) - left, height: Math.max(tag.y + LINE_PX, y + 9) - top };
   });
   for (const part of parts) {
     if (!part.path) continue;

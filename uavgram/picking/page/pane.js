@@ -2,7 +2,7 @@
 
 import { node, shape } from "./format.js";
 import { Loupe } from "./loupe.js";
-import { buildMarks, keepApart, residualScale } from "./marks.js";
+import { buildMarks, keepApart, residualScale, spreadTags } from "./marks.js";
 import { pickAt, placeOf, store } from "./store.js";
 import { forget, tile, tileKey, want } from "./tiles.js";
 import { View } from "./view.js";
@@ -40,6 +40,7 @@ export class Pane {
   remove() {
     this.watch.disconnect();
     clearTimeout(this.resting);
+    clearTimeout(this.spreading);
     forget(this.id);
     this.box.remove();
   }
@@ -92,7 +93,9 @@ export class Pane {
   rebuild() {
     if (!this.photo) return;
     const before = new Map(this.parts.map((part) => [part.key, part]));
+    const count = this.parts.length;
     this.parts = buildMarks(this.image, this.desk.marks());
+    if (this.parts.length !== count) this.spread = null;
     let last = null;
     for (const part of this.parts) {
       const old = before.get(part.key);
@@ -115,6 +118,16 @@ export class Pane {
   moveMarks() {
     for (const part of this.parts) part.move(part.group, this.view);
     keepApart(this.parts, this.view);
+    if (this.spread !== this.view.scale) this.spreadSoon();
+  }
+
+  spreadSoon() {
+    clearTimeout(this.spreading);
+    this.spreading = setTimeout(() => {
+      this.spread = this.view.scale;
+      spreadTags(this.parts, this.view);
+      keepApart(this.parts, this.view);
+    }, REST_MS);
   }
 
   redraw() {

@@ -131,9 +131,10 @@ export function picksIn(image) {
 
 // Labels that are picked in other photos, and points with known coordinates that are in none yet.
 export function predictedIn(image) {
-  const predicted = adjusted()?.predicted ?? [];
-  const expected = (store.expected ?? []).filter(({ label }) => !isPicked(label));
-  return [...predicted, ...expected].filter((one) => one.image === image && !pickAt(image, one.label));
+  const here = (one) => one.image === image && !pickAt(image, one.label);
+  const predicted = (adjusted()?.predicted ?? []).filter(here);
+  const expected = (store.expected ?? []).filter((one) => here(one) && !isPicked(one.label));
+  return expected.length ? [...predicted, ...expected] : predicted;
 }
 
 const isPicked = (label) => [...store.picks.values()].some((pick) => pick.label === label);

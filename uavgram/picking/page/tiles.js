@@ -2,7 +2,7 @@
 
 import { store } from "./store.js";
 
-const LEAST_KEPT = 64; // a tile takes a megabyte
+const LEAST_KEPT = 48; // a tile takes a megabyte
 const SPARE = 1.25; // of what is drawn: fewer than that would be fetched again and again
 const AT_ONCE = 6;
 const kept = new Map(); // key -> ImageBitmap, in the order of their last use

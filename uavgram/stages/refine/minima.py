@@ -63,8 +63,8 @@ def adjust_all(
                 adjustment, *alternatives = _minima(selection.survey, possible, line_used, most)
                 break
             except UndeterminedError as why:
-                out = {int(i): str(why) for i in np.flatnonzero(why.picks)}
-                if not out or len(out) == len(why.picks):
+                out = _to_go_on_without(why, skipped)
+                if not out:
                     raise
         left = selection.pick_index[list(out)]
         reason |= dict(zip(left.tolist(), out.values(), strict=True))
@@ -79,6 +79,17 @@ def adjust_all(
         pick_reason=reason,
         alternatives=tuple(alternatives),
     )
+
+
+def _to_go_on_without(why: UndeterminedError, skipped: list[dict[int, str]]) -> dict[int, str]:
+    """Picks that hang on what nothing determines; where all do, those in the sky of another pose.
+
+    Nothing where there is no other pose either.
+    """
+    hanging = np.flatnonzero(why.picks)
+    if 0 < len(hanging) < len(why.picks):
+        return {int(i): str(why) for i in hanging}
+    return min((out for out in skipped if out), key=len, default={})
 
 
 def _minima(
@@ -153,6 +164,8 @@ def _weakness(survey: Survey, values: FirstValues, line_used: Bools) -> str:
     if survey.telemetry is not None or len(start) < 3:
         return ""
     faults = line_faults(values.point_m[start], values.point_m[end], values.point_m)
+    if not faults and len(start) == 3:
+        faults = ("two of the poses that three lengths allow merge here: tape a fourth line",)
     return f" ({'; '.join(faults)})" if faults else ""
 
 

@@ -1,0 +1,69 @@
+"""Nothing lies over another thing, and nothing is cut off, in windows of three sizes."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+from picking_pages import show_photo, wait_until_adjusted
+from picking_server import served
+from playwright.sync_api import expect
+
+SIZES = [(1280, 720), (1920, 1080), (2560, 1400)]
+
+CUT_OFF = """() => [...document.querySelectorAll("header, #panel > *, .scroll, #panel table")]
+    .filter((box) => box.scrollWidth > box.clientWidth + 1).map((box) => box.outerHTML.slice(0, 60))
+"""
+OVERLAPPING = """(choice) => {
+    const boxes = [...document.querySelectorAll(choice)]
+        .filter((one) => getComputedStyle(one).display !== "none" && one.getClientRects().length)
+        .map((one) => [one.textContent || one.id || one.tagName, one.getBoundingClientRect()])
+        .filter(([, box]) => box.width > 0);
+    const found = [];
+    boxes.forEach(([name, a], k) => {
+        for (const [other, b] of boxes.slice(k + 1)) {
+            const wide = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+            const high = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+            if (wide > 2 && high > 2) found.push([name, other]);
+        }
+    });
+    return found;
+}"""
+
+
+@pytest.fixture
+def survey(data_dir, tmp_path):
+    """Two marks that lie close together, a length that does not fit, and all kinds of values."""
+    folder = tmp_path / "survey"
+    shutil.copytree(data_dir / "calm_nadir", folder, ignore=shutil.ignore_patterns("out", "*.tlog"))
+    with (folder / "picks.csv").open("a") as picks:
+        picks.write("IMG_0046.jpg,close by,1590.0,1412.0,0.8\n")  # beside R1
+    (folder / "measure.csv").write_text(
+        "name,kind,points,parameters\n"
+        "A name that is far longer than there is room for,distance,R1;P12,\n"
+        "A1,area,R1;R2;R7;R4,\nskid,skid_speed,R6;P2,mu=0.7;mu_sigma=0.05\n"
+        "way,polyline,R1;R2;R3;R4;R5;R6;R7;R8;P2;P3;P6;P8,\nangle,angle,P8;P3;P22,\n"
+    )
+    return folder / "project.yaml"
+
+
+def test_nothing_overlaps_and_nothing_is_cut_off(survey, open_page):
+    with served(survey) as server:
+        page = open_page(server)
+        show_photo(page, server.desk.index["IMG_0046.jpg"])
+        wait_until_adjusted(page)
+        for width, height in SIZES:
+            page.set_viewport_size({"width": width, "height": height})
+            page.wait_for_timeout(400)  # the labels are spread where the zoom rests
+            for tab in ("Frames", "Camera", "Measure"):
+                page.get_by_role("tab", name=tab).click()
+                expect(page.get_by_role("tabpanel", name=tab)).to_be_visible()
+                assert page.evaluate(CUT_OFF) == [], (width, tab)
+            assert page.evaluate(OVERLAPPING, "header > *:not(.unseen)") == [], width
+            assert page.evaluate(OVERLAPPING, "svg.marks text") == [], width
+            assert page.evaluate(OVERLAPPING, "#panes, #panel, #strip, header") == [], width
+        page.evaluate("document.querySelector('#project').style.minWidth = '900px'")
+        page.set_viewport_size({"width": 1280, "height": 720})
+        page.wait_for_timeout(400)
+        assert page.evaluate(CUT_OFF) != []  # the test can fall
+        assert not page.errors
