@@ -148,12 +148,13 @@ def main(project: str, frame: str, python: str | None) -> int:
             took = np.array(rounds)
             ratios = np.median(took[:, 1] / took[:, 0], axis=0)
             ratio = min(ratio, ratios[0])
-            (own, _, _), (clock, _, process) = np.median(took, axis=0)
+            (own, busy, _), (clock, peer_busy, process) = np.median(took, axis=0)
             sizes = [path.stat().st_size / 1e6 for path in (mine, other)]
             shift, grey = apart(mine, other)
             print(
-                f"orthority with {name}: {clock:.2f} s (process {process:.2f} s), uavgram "
-                f"{own:.2f} s: {ratios[0]:.1f} times, {ratios[1]:.1f} in processor time; "
+                f"orthority with {name}: {clock:.2f} s (processor {peer_busy:.2f} s, process "
+                f"{process:.2f} s), uavgram {own:.2f} s (processor {busy:.2f} s): "
+                f"{ratios[0]:.1f} times, {ratios[1]:.1f} in processor time; "
                 f"{sizes[1]:.1f} and {sizes[0]:.1f} MB; {shift:.3f} px apart, grey {grey:.2f}"
             )
         command = [sys.executable, "-m", "uavgram", "rectify", project, "--frame", frame]

@@ -9,7 +9,6 @@ from pick_pages import small_project
 from picking_pages import place
 from picking_server import served
 from playwright.sync_api import expect
-from small_recording import write_small_recording
 
 
 @pytest.fixture
@@ -95,24 +94,6 @@ def test_outputs_are_one_click_away_and_say_when_they_are_old(project, open_page
         place(page, "A", 100, 100)
         expect(foot).to_contain_text("older than what you see")
         assert not page.strangers
-
-
-def test_the_recording_opens_in_the_viewer_and_no_request_leaves_the_machine(project, open_page):
-    with served(project) as server:
-        write_small_recording(project.parent / "out" / "recording.rrd")
-        page = open_page(server)
-        sent, refused = [], []
-        page.context.on("request", lambda request: sent.append(request.url))
-        page.context.on("console", lambda said: refused.append(said.text))
-        link = page.get_by_role("link", name="Recording in the Rerun viewer")
-        with page.context.expect_page() as opened:
-            link.click()
-        viewer = opened.value
-        viewer.wait_for_event("requestfinished", lambda r: r.url.endswith("/recording.rrd"))
-        viewer.wait_for_timeout(300)
-        assert [url for url in sent if not url.startswith(("http://127.0.0.1:", "blob:"))] == []
-        # It does try: what it is kept from is told.
-        assert any("Content Security Policy" in text for text in refused)
 
 
 def test_the_tab_of_frames_tells_matching_clock_and_seeds(data_dir, tmp_path, open_page):
