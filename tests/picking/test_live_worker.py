@@ -141,3 +141,24 @@ def test_what_cannot_be_adjusted_is_said_in_words(worker):
     wait_for(answers, 1)
     assert answers[0][1]["mode"] == "none"
     assert "Nothing is picked" in answers[0][1]["why"]
+
+
+def test_a_fault_of_the_program_is_told_and_the_next_state_is_adjusted(worker, caplog):
+    survey = Survey(seconds=0.0)
+    adjust = survey.adjust
+
+    def faulty(observed):
+        if len(observed.picks.image) == 1:
+            raise ZeroDivisionError("planted")
+        return adjust(observed)
+
+    survey.adjust = faulty
+    live, answers = worker(survey)
+    live.submit(Task(1, state(1), final=True))
+    wait_for(answers, 1)
+    live.submit(Task(2, state(2), final=True))
+    wait_for_adjusted(answers, 2)
+
+    assert answers[0][1]["mode"] == "none"
+    assert "fault of the program" in answers[0][1]["why"]
+    assert "planted" in caplog.text

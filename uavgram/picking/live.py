@@ -27,6 +27,11 @@ AT_ONCE_S = 0.1
 ON_THE_WAY_S = 0.05
 """Of that, what the way from the pointer to the server and back onto the screen may take."""
 
+FAULT = (
+    "uavgram has failed at this state (a fault of the program: its log says where). Nothing that "
+    "was done is lost; take the last change back, or go on."
+)
+
 REST_S = 0.3
 """A step that has rested this long is adjusted in full, though it may go on."""
 
@@ -162,9 +167,12 @@ class Live:
     def _full(self, task: Task) -> tuple[Adjusted | None, Json]:
         try:
             adjusted = self._survey.adjust(observed_in(task.state))
+            return adjusted, adjusted_json(adjusted, self._index)
         except UavgramError as why:
             return None, unadjusted_json(str(why), self._survey.inputs.messages)
-        return adjusted, adjusted_json(adjusted, self._index)
+        except Exception:  # a fault of ours must not end the worker: the page lives on
+            log.exception("the adjustment failed")
+            return None, unadjusted_json(FAULT, self._survey.inputs.messages)
 
 
 def observed_in(state: State) -> Observed:
