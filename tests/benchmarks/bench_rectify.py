@@ -43,6 +43,7 @@ from uavgram.stages.rectify import choose_view, lay_raster
 
 HERE = Path(__file__).parent
 ROUNDS, DEMAND = 5, 10.0
+BLAS = "OPENBLAS_NUM_THREADS"
 OUTPUTS: dict[str, dict[str, object]] = {
     "the same DEFLATE": {
         "creation_options": {
@@ -100,7 +101,8 @@ def peer(python: str, job: dict[str, object], path: Path) -> Took:
     written.write_text(json.dumps(job), encoding="utf-8")
     started = time.perf_counter()
     command = [python, str(HERE / "orthority_frame.py"), str(written), str(path)]
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    environment = {name: value for name, value in os.environ.items() if name != BLAS}
+    done = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
     clock, processor = map(float, done.stdout.split()[-2:])
     return Took(clock, processor, time.perf_counter() - started)
 
@@ -166,5 +168,7 @@ def main(project: str, frame: str, python: str | None) -> int:
 
 
 if __name__ == "__main__":
+    if BLAS not in os.environ:  # as the command does, before NumPy is loaded
+        os.execve(sys.executable, [sys.executable, *sys.argv], os.environ | {BLAS: "1"})  # noqa: S606
     chosen = sys.argv[3] if len(sys.argv) > 3 else os.environ.get("ORTHORITY_PYTHON")
     sys.exit(main(sys.argv[1], sys.argv[2], chosen))

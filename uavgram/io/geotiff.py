@@ -21,7 +21,7 @@ from uavgram.io.tiff_directory import mark_overviews
 from uavgram.model.arrays import Floats
 from uavgram.model.ground_raster import GroundRaster
 
-WINDOW_PX = 512
+WINDOW_PX = 768
 """Side of the windows in which a picture is best written: whole tiles."""
 
 TILE_PX = 256  # stays in the processor's cache while it is compressed
@@ -77,7 +77,8 @@ def write_colour_geotiff(
         with rasterio.open(path, "w", **profile) as file:
             file.update_tags(**tags)
             for (column, row, width, height), pixels in windows:
-                if not pixels[..., 3].any():  # what is never written is transparent
+                middle = pixels[height // 2, width // 2, 3]  # mostly the answer
+                if not (middle or pixels[..., 3].any()):  # what is never written is transparent
                     continue
                 _write_pixels(file, pixels, column, row)
                 part = np.s_[row // 2 : -(-(row + height) // 2)]
@@ -100,8 +101,9 @@ def _append_picture(pixels: Pixels, path: Path) -> None:
 
 
 def _write_pixels(file: DatasetWriter, pixels: Pixels, column: int, row: int) -> None:
-    height, width = pixels.shape[:2]
-    bands = np.stack(cv2.split(pixels))  # quicker than to let NumPy gather them
+    height, width, count = pixels.shape
+    bands = np.empty((count, height, width), np.uint8)
+    cv2.split(pixels, list(bands))  # quicker than to let NumPy gather them
     file.write(bands, window=FileWindow(column, row, width, height))
 
 
