@@ -64,5 +64,6 @@ def test_every_calibration_gets_a_folder_of_its_own(project, tmp_path, monkeypat
     assert written[0][0] == [str(tmp_path / "a [[]1].jpg")]
 
 
-def test_folders_with_too_few_photos_are_not_offered(project):
+def test_folders_with_too_few_photos_are_not_offered(tmp_path):
+    project = small_project(tmp_path / "flight")  # what lies beside the flight is looked at too
     assert board_folders(project) == ()  # two photos

@@ -22,7 +22,7 @@ import numpy as np
 from websockets.sync.client import connect
 
 WIDTH, HEIGHT = 640, 480
-LONGEST_WAIT_S = 20.0
+LONGEST_WAIT_S = 60.0
 
 CAMERA = f"""\
 name: small
