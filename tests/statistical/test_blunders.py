@@ -203,8 +203,8 @@ def test_a_wrong_length_is_flagged_and_its_group_named(truth, record_property):
             group = {(m.kind, m.row) for m in first.group}
             assert group == {("pixels", 2 * wrong), ("pixels", 2 * wrong + 1)}
     expected = np.array(expected)
-    record_property("flagged where it should be", np.mean(np.array(flagged)[expected]))
-    record_property("named", np.mean(named))
+    record_property("flagged where it should be", float(np.mean(np.array(flagged)[expected])))
+    record_property("named", float(np.mean(named)))
     assert expected.mean() > 0.9
     assert np.mean(np.array(flagged)[expected]) >= 0.95
     assert np.mean(named) >= 0.90
@@ -222,8 +222,8 @@ def test_a_wrong_length_is_taken_out_without_harm(truth, record_property):
         if removed != [("line", wrong)]:
             refined = adjust(given, EVERY_PICK, np.arange(6) == wrong, {})
         without.append(check_errors(refined))
-    record_property("taken out first", right / TAKEN_OUT)
-    record_property("RMSE over that without the line", rms(after) / rms(without))
+    record_property("taken out first", float(right / TAKEN_OUT))
+    record_property("RMSE over that without the line", float(rms(after) / rms(without)))
     assert right >= 0.90 * TAKEN_OUT
     assert rms(after) <= 1.15 * rms(without)
 
@@ -279,7 +279,7 @@ def test_a_pick_15_px_off_is_located_where_three_frames_see_every_point(
         adjustment = solved(replace(survey, pixel_px=pixel))[0].adjustment
         first = next(suspicions(adjustment, observed(adjustment), ALPHA))
         located += (first.accused.kind, first.accused.row) == ("pixels", pick)
-    record_property("located", located / SEVERAL)
+    record_property("located", float(located / SEVERAL))
     assert located >= 0.98 * SEVERAL
 
 
@@ -297,7 +297,7 @@ def test_two_swapped_labels_are_located_where_three_frames_see_every_point(
         # Left out beforehand where they spoil everything, else taken out one after the other.
         out = [*refined.pick_reason, *(r.index for r in refined.removals)]
         located += set(out[:2]) == {one, other}
-    record_property("located", located / SWAPPED)
+    record_property("located", float(located / SWAPPED))
     assert located >= 0.98 * SWAPPED
 
 
