@@ -201,7 +201,8 @@ def test_a_calibration_that_finds_no_board_or_is_stopped_leaves_nothing(server, 
         said = until_calibrated(page)
         assert said["state"] == "failed"
         assert "board" in said["why"]
-        errand(page, "calibrate", **{**other, "board": "chessboard:9x6:25mm"})
+        again = errand(page, "calibrate", **{**other, "board": "chessboard:9x6:25mm"})
+        assert again["t"] == "done", again
         errand(page, "stop-calibration")
         said = until_calibrated(page)
         assert said["state"] == "failed"

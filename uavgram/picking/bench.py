@@ -27,6 +27,8 @@ log = logging.getLogger(__name__)
 
 Item = TypeVar("Item")
 
+BROKEN_OFF = "it broke off (a fault of the program: its log says where)"
+
 
 class Bench:
     """Where a camera is calibrated.
@@ -63,8 +65,8 @@ class Bench:
 
     @property
     def is_busy(self) -> bool:
-        """Whether a calibration is running."""
-        return self._thread is not None and self._thread.is_alive()
+        """Whether a calibration is running; not any more once its end is told."""
+        return self.said.get("state") == "running"
 
     def folders(self) -> list[Json]:
         """Folders near the project that hold photos; each keeps its number."""
@@ -116,17 +118,15 @@ class Bench:
 
     def _work(self, folder: PhotoFolder, asked: Calibrate) -> None:
         options = CalibrationOptions(model=asked.model)
+        end: Json = {"state": "failed", "why": BROKEN_OFF}  # unless it ends in another way
         try:
             done = calibrate_folder(self._project, folder, asked.board, options, self._progress)
-            result = _result(done, self._project.absolute().parent)
-        except UavgramError as why:
-            self._say(state="failed", why=str(why))
-        else:
+            end = {"state": "done", **_result(done, self._project.absolute().parent)}
             self.made = done.folder / CAMERA
-            self._say(state="done", **result)
+        except UavgramError as why:
+            end = {"state": "failed", "why": str(why)}
         finally:
-            if self.said["state"] == "running":  # a fault of the program: it goes its way
-                self._say(state="failed", why="it broke off; what went wrong stands where it runs")
+            self._say(**end)  # the last that is done here: the next one may begin
 
     def _progress(self, items: Iterable[Item], what: str, total: int, /) -> Iterable[Item]:
         for k, item in enumerate(items):
