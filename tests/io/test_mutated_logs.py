@@ -49,7 +49,7 @@ def test_damaged_logs_are_read_or_refused(suffix, repository, ulog_writer, tmp_p
     contents = {
         ".BIN": lambda: binary.read_bytes()[:60_000],
         ".log": lambda: text_log(binary),
-        ".tlog": lambda: binary.with_suffix(".tlog").read_bytes()[:40_000],
+        ".tlog": lambda: binary.with_suffix(".tlog").read_bytes()[:20_000],
         ".ulg": lambda: small_ulog(ulog_writer),
     }
     source.write_bytes(contents[suffix]())
