@@ -124,7 +124,7 @@ def test_the_major_axis_of_a_flat_ellipsoid_lies_along_its_azimuth(result, conte
 def test_measured_lengths_are_labelled_with_value_and_sigma(contents):
     labels = contents.static["/survey/labels"]["Points3D:labels"]
 
-    assert "LEAST CERTAIN (by 0.19 %): road width 6.310 m ± 0.012" in labels
+    assert "LEAST CERTAIN LENGTH (by 0.19 %): road width 6.310 m ± 0.012" in labels
     assert "P24: largest 95 % ellipse, 4.7 cm × 2.8 cm" in labels
     assert "SUSPECT R3 hedge: 11.21 m taped, 11.42 m found" in labels
     assert len(labels) <= 14
@@ -296,7 +296,7 @@ def test_many_measurements_are_thin_lines_of_which_the_least_certain_are_labelle
     assert len(bold) + len(thin["LineStrips3D:strips"]) == 145
     # screen sizes are stored as negative numbers
     assert -0.5 < thin["LineStrips3D:radii"][0] < 0
-    assert texts[0].startswith("LEAST CERTAIN (by ")
+    assert texts[0].startswith("LEAST CERTAIN LENGTH (by ")
 
 
 def test_a_photo_shows_the_measurements_whose_points_are_all_picked_in_it(crowded, tmp_path):

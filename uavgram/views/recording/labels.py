@@ -151,7 +151,7 @@ def _least_certain(result: Result, row: int) -> str:
     """Why this one: its sigma is the largest share of its value."""
     rows = result.measurements
     share = relative(float(rows.value[row]), float(rows.sigma[row]), rows.unit[row])
-    return f"LEAST CERTAIN (by {share}): "
+    return f"LEAST CERTAIN LENGTH (by {share}): "
 
 
 def _take(candidates: list[Candidate], scene: Scene, most: int, spread: float) -> list[Candidate]:
