@@ -3,10 +3,9 @@
     python tests/benchmarks/bench_single_frame.py
 
 Pose: Ceres (pyceres) on the same likelihood with its covariance, one cost function per frame that
-numpy evaluates, and to the same digits (see single_frame_ceres.py); CameraTransform's Nelder-Mead
-on its own. All start 3 % off. Ground points: OpenCV without any covariance, CameraTransform by
-resampling its pose, and mrcal's unproject with gradients (Debian's python3-mrcal, in the system's
-Python; left out where that is absent).
+numpy evaluates; CameraTransform's Nelder-Mead on its own. All start 3 % off. Ground points: OpenCV
+without any covariance, CameraTransform by resampling its pose, and mrcal's unproject with gradients
+(Debian's python3-mrcal, in the system's Python; left out where that is absent).
 
 Rounds go in turn, so that what else the machine does falls on all alike; ratios are medians over
 rounds of neighbouring runs.

@@ -10,10 +10,6 @@ from __future__ import annotations
 import numpy as np
 import pyceres
 
-FUNCTION_TOLERANCE = 1e-6
-"""Ceres' own: half the square of a last step of a thousandth of a sigma, over costs of about one.
-That is where the package's own iterations end too, so that both are asked for the same digits."""
-
 
 class FrameCost(pyceres.CostFunction):
     """Whitened residuals: 2 E of pixels, 9 of the interior, n of lengths."""
@@ -103,7 +99,7 @@ def solve(parameters, root, frame, plane, point):
     options.linear_solver_type = pyceres.LinearSolverType.DENSE_NORMAL_CHOLESKY
     options.num_threads = 1
     options.logging_type = pyceres.LoggingType.SILENT
-    options.function_tolerance = FUNCTION_TOLERANCE
+    options.function_tolerance = 1e-12
     options.max_num_iterations = 30
     summary = pyceres.SolverSummary()
     pyceres.solve(options, problem, summary)

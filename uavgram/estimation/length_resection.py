@@ -28,7 +28,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.camera import Calibration
 
 ITERATIONS = 30
-AT_REST = 1e-3
+AT_REST = 1e-4
 """Largest change of a plane or an adjusted observation, in its sigmas, at which the iterations end:
 the next would be ten times smaller."""
 

@@ -19,6 +19,7 @@ from uavgram.geometry.projection import project, project_with_jacobian
 from uavgram.geometry.rotation import hat
 from uavgram.geometry.telemetry_pose import corrected_time, exposures_of, predict_pose
 from uavgram.model.arrays import Floats, Ints
+from uavgram.model.camera import Calibration
 from uavgram.model.photo_poses import Flight
 from uavgram.model.pose import TelemetryPrior
 
@@ -176,9 +177,26 @@ def _in_others(
 
 def _shown(adjustment: Adjustment, world: Floats, center: Floats, rotation: Floats) -> Ints:
     """Which of N pairs of world point and pose give a pixel inside the image."""
+    parameters = adjustment.problem.intrinsics(adjustment.state)
+    return shown_in_photo(adjustment.survey.calibration, parameters, world, center, rotation)
+
+
+def shown_in_photo(
+    calibration: Calibration, parameters: Floats, world: Floats, center: Floats, rotation: Floats
+) -> Ints:
+    """Which of N pairs of world point (N, 3) and pose (N, 3), (N, 3, 3) give a pixel in the image.
+
+    Parameters
+    ----------
+    calibration
+        Lens model and size of the image.
+    parameters
+        Of the lens model, where they are better known than the calibration's.
+    world, center, rotation
+        Points and poses (world from camera).
+    """
     camera = np.einsum("nji,nj->ni", rotation, world - center)
-    calibration = adjustment.survey.calibration
-    pixel = project(calibration.model, adjustment.problem.intrinsics(adjustment.state), camera)
+    pixel = project(calibration.model, parameters, camera)
     size = np.array([calibration.width_px, calibration.height_px])
     with np.errstate(invalid="ignore"):
         inside = (pixel >= -0.5).all(axis=1) & (pixel <= size - 0.5).all(axis=1)

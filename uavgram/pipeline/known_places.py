@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.geometry.projection import project, project_with_jacobian
-from uavgram.geometry.rotation import hat
+from uavgram.estimation.known_pixels import pixels_of_known_points
 from uavgram.model.arrays import Floats
 from uavgram.model.result_tables import PoseTable
 from uavgram.pipeline.compute import known_in_world
@@ -30,9 +29,6 @@ NOWHERE = KnownPlaces((), (), np.empty((0, 2)), np.empty((0, 2, 2)))
 def known_places(survey: LiveSurvey, last: Adjusted | None) -> KnownPlaces:
     """Pixels of control and check points in the photos that should show them.
 
-    The covariance is that of the pose and of the known point, taken as independent of each other:
-    good enough to look there, which is all that it is for.
-
     Parameters
     ----------
     survey, last
@@ -52,7 +48,13 @@ def known_places(survey: LiveSurvey, last: Adjusted | None) -> KnownPlaces:
     world = np.concatenate([table.world_m for table in tables])
     sigma = np.concatenate([table.sigma_m for table in tables])
     names, poses = _poses(survey, last)
-    return _seen(survey, (label, world, sigma), names, poses)
+    found = pixels_of_known_points(survey.inputs.calibration, poses, world, sigma)
+    return KnownPlaces(
+        tuple(names[k] for k in found.pose),
+        tuple(label[k] for k in found.point),
+        found.pixel_px,
+        found.covariance_px2,
+    )
 
 
 def _poses(survey: LiveSurvey, last: Adjusted | None) -> tuple[tuple[str, ...], PoseTable]:
@@ -81,35 +83,3 @@ def _poses(survey: LiveSurvey, last: Adjusted | None) -> tuple[tuple[str, ...], 
 
 def _table(center: Floats, rotation: Floats, covariance: Floats) -> PoseTable:
     return PoseTable(center_world_m=center, world_from_camera=rotation, covariance=covariance)
-
-
-def _seen(
-    survey: LiveSurvey,
-    points: tuple[tuple[str, ...], Floats, Floats],
-    names: tuple[str, ...],
-    poses: PoseTable,
-) -> KnownPlaces:
-    """Those pairs of photo and point whose pixel lies in the photo."""
-    label, world, sigma = points
-    calibration = survey.inputs.calibration
-    frame, point = (
-        grid.ravel()
-        for grid in np.meshgrid(np.arange(len(names)), np.arange(len(label)), indexing="ij")
-    )
-    from_world = np.swapaxes(poses.world_from_camera, 1, 2)[frame]
-    camera = np.einsum("nij,nj->ni", from_world, world[point] - poses.center_world_m[frame])
-    pixel = project(calibration.model, calibration.parameters, camera)
-    size = np.array([calibration.width_px, calibration.height_px])
-    with np.errstate(invalid="ignore"):
-        inside = (pixel >= -0.5).all(axis=1) & (pixel <= size - 0.5).all(axis=1)
-    frame, point = frame[inside], point[inside]
-    camera, from_world = camera[inside], from_world[inside]
-    pixel, d_camera, _ = project_with_jacobian(calibration.model, calibration.parameters, camera)
-    d_world = d_camera @ from_world
-    d_pose = np.concatenate([-d_world, d_camera @ hat(camera)], axis=2)
-    variance = sigma[point] ** 2
-    covariance = d_pose @ poses.covariance[frame] @ np.swapaxes(d_pose, 1, 2)
-    covariance = covariance + np.einsum("nij,nj,nkj->nik", d_world, variance, d_world)
-    return KnownPlaces(
-        tuple(names[k] for k in frame), tuple(label[k] for k in point), pixel, covariance
-    )
