@@ -12,6 +12,7 @@ from picking_server import Served
 
 CHROMIUM = Path("/usr/bin/chromium")
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+playwright.expect.set_options(timeout=60_000)  # as long as it takes on a busy machine
 
 
 @pytest.fixture(scope="session")
@@ -49,6 +50,7 @@ def open_page(chromium):
         context = chromium.new_context(
             viewport={"width": width, "height": height}, device_scale_factor=ratio
         )
+        context.set_default_timeout(60_000)
         opened.append(context)
         page = context.new_page()
         page.errors = []
@@ -58,7 +60,7 @@ def open_page(chromium):
         home = re.compile(rf"(http|ws)://127\.0\.0\.1:{server.port}/|blob:|data:")
         page.on("request", lambda r: home.match(r.url) or page.strangers.append(r.url))
         page.goto(server.guard.address())
-        page.wait_for_selector('.pane[data-sharp="true"]', timeout=20_000)
+        page.wait_for_selector('.pane[data-sharp="true"]')
         return page
 
     yield opening

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 import pytest
+from picking_pages import drawn, eventually, to_page
 from picking_projects import BLOB_SIGMA_PX, write_project
 from picking_server import served
 from PIL import Image
@@ -19,14 +20,6 @@ ZOOMS = (1.0, 4.0, 12.0)
 WINDOWS = ((1280, 720), (1917, 1043))
 MOST_MEAN_PX, MOST_PX = 0.05, 0.2
 SHARP = '.pane[data-sharp="true"]'  # waited for in each frame; `expect` looks ever more seldom
-
-
-def to_page(page, u, v):
-    """CSS pixel of the page at which the pane says that a pixel of the photo is."""
-    box = page.locator(".pane svg.marks").bounding_box()
-    data = page.locator(".pane").evaluate("pane => ({...pane.dataset})")
-    left, top, scale = (float(data[name]) for name in ("left", "top", "scale"))
-    return box["x"] + (u + 0.5 - left) * scale, box["y"] + (v + 0.5 - top) * scale
 
 
 def zoom_to(page, place, zoom):
@@ -38,22 +31,25 @@ def zoom_to(page, place, zoom):
         wanted = math.log(zoom / float(pane.get_attribute("data-scale")))
         if abs(wanted) < 0.02:
             break
-        before = pane.get_attribute("data-left")
+        before = pane.get_attribute("data-scale")
         page.mouse.wheel(0, -wanted * page.evaluate("devicePixelRatio") / 0.0015)
-        page.wait_for_selector(f'.pane:not([data-left="{before}"])')
+        page.wait_for_selector(f'.pane:not([data-scale="{before}"])')
     else:
         pytest.fail(f"the wheel does not come to x{zoom}")
+    page.mouse.move(*to_page(page, *place))
     page.mouse.down(button="right")
     box = pane.bounding_box()
-    page.mouse.move(box["x"] + 0.28 * box["width"], box["y"] + box["height"] / 2)
+    x, y = box["x"] + 0.28 * box["width"], box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
     page.mouse.up(button="right")
-    page.wait_for_timeout(50)  # a frame, in which it moves
+    eventually(page, lambda: math.dist((x, y), to_page(page, *place)) < 2)
     page.wait_for_selector(SHARP)
 
 
 def centroid(page, near, zoom):
     """Where the mark near a place of the page is, in CSS pixels."""
     page.mouse.move(600, 3)  # no magnifier over the photo
+    drawn(page)
     reach = 4.0 * BLOB_SIGMA_PX * zoom
     # Whole device pixels at every ratio, or the screenshot is shifted by itself.
     left, top = (4 * round((value - reach) / 4) for value in near)

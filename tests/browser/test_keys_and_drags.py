@@ -7,7 +7,7 @@ import shutil
 import time
 
 import pytest
-from picking_pages import measured, show_photo, to_page, wait_until_adjusted
+from picking_pages import eventually, measured, show_photo, to_page, wait_until_adjusted
 from picking_server import served
 from playwright.sync_api import expect
 
@@ -17,15 +17,6 @@ from uavgram.pipeline.inputs import read_inputs
 
 def picks_of(server):
     return {pick.label: (pick.u_px, pick.v_px) for pick in server.desk.state.picks}
-
-
-def eventually(page, holds):
-    """Wait for what the server comes to know."""
-    for _ in range(100):
-        if holds():
-            return
-        page.wait_for_timeout(50)
-    pytest.fail("it did not come about within 5 s")
 
 
 def test_keyboard_alone_places_nudges_renames_and_undoes(planted, open_page):

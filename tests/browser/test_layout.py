@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 
 import pytest
-from picking_pages import show_photo, wait_until_adjusted
+from picking_pages import eventually, show_photo, wait_until_adjusted
 from picking_server import served
 from playwright.sync_api import expect
 
@@ -54,16 +54,15 @@ def test_nothing_overlaps_and_nothing_is_cut_off(survey, open_page):
         wait_until_adjusted(page)
         for width, height in SIZES:
             page.set_viewport_size({"width": width, "height": height})
-            page.wait_for_timeout(400)  # the labels are spread where the zoom rests
             for tab in ("Frames", "Camera", "Measure"):
                 page.get_by_role("tab", name=tab).click()
                 expect(page.get_by_role("tabpanel", name=tab)).to_be_visible()
                 assert page.evaluate(CUT_OFF) == [], (width, tab)
             assert page.evaluate(OVERLAPPING, "header > *:not(.unseen)") == [], width
-            assert page.evaluate(OVERLAPPING, "svg.marks text") == [], width
+            page.wait_for_timeout(400)  # the labels are spread where the zoom rests
+            eventually(page, lambda: page.evaluate(OVERLAPPING, "svg.marks text") == [])
             assert page.evaluate(OVERLAPPING, "#panes, #panel, #strip, header") == [], width
         page.evaluate("document.querySelector('#project').style.minWidth = '900px'")
         page.set_viewport_size({"width": 1280, "height": 720})
-        page.wait_for_timeout(400)
-        assert page.evaluate(CUT_OFF) != []  # the test can fall
+        eventually(page, lambda: page.evaluate(CUT_OFF) != [])  # the test can fall
         assert not page.errors

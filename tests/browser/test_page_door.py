@@ -51,11 +51,11 @@ def test_no_request_leaves_the_machine_and_the_policy_would_stop_one(server, ope
     page.context.on("request", lambda request: asked.append(request.url))
     page.context.route("**/*", lambda route: route.continue_())
     page.reload()
-    expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true", timeout=20_000)
+    expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true")
     place(page, "A", 200, 150)
     page.mouse.wheel(0, -600)
     page.keyboard.press("f")
-    expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true", timeout=20_000)
+    expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true")
     home = f"http://127.0.0.1:{server.port}/"
     assert len(asked) > 10
     assert [url for url in asked if not url.startswith((home, "blob:", "data:"))] == []
@@ -133,7 +133,7 @@ def test_another_page_of_this_browser_gets_neither_photos_nor_socket(server, ope
     try:
         stranger = page.context.new_page()
         stranger.goto(f"http://127.0.0.1:{other.server_port}/")
-        expect(stranger).to_have_title("stopped stopped stopped stopped", timeout=10_000)
+        expect(stranger).to_have_title("stopped stopped stopped stopped")
     finally:
         other.shutdown()
         other.server_close()

@@ -56,7 +56,7 @@ def test_a_table_that_another_program_changed_is_reloaded_at_a_click(project, op
         expect(page.locator("#saved")).to_have_text("saved")
         picks = project.parent / "picks.csv"
         picks.write_text(picks.read_text(encoding="utf-8") + "P1.jpg,theirs,300,200,,\n")
-        expect(bar).to_contain_text("picks.csv", timeout=10_000)
+        expect(bar).to_contain_text("picks.csv")
         bar.get_by_role("button", name="Reload").click()
         expect(page.locator('.mark[data-label="theirs"]')).to_be_visible()
         expect(page.locator('.mark[data-label="ours"]')).to_be_visible()
@@ -107,7 +107,7 @@ def test_the_tab_of_frames_tells_matching_clock_and_seeds(data_dir, tmp_path, op
         expect(panel).to_contain_text("Camera clock minus UTC: 4.3")  # the twin's clock: 4.37 s
         rows = panel.get_by_role("table", name="Frames").locator("tbody tr")
         expect(rows).to_have_count(11)
-        expect(rows.nth(3)).to_contain_text("refined", timeout=20_000)
+        expect(rows.nth(3)).to_contain_text("refined")
         panel.get_by_role("button", name="Show IMG_0028.jpg").click()
         expect(page.locator(".pane")).to_have_attribute("data-image", "IMG_0028.jpg")
         assert not page.errors

@@ -13,6 +13,8 @@ from uavgram.picking import live as module
 from uavgram.picking.live import Live, Task
 from uavgram.picking.state import Pick, State
 
+LONGEST_WAIT_S = 60.0
+
 
 def state(count):
     return State(
@@ -28,11 +30,12 @@ class Survey:
     def __init__(self, seconds):
         self.seconds = seconds
         self.adjusted, self.linearised_ = [], []
-        self.go_on = threading.Event()
+        self.go_on, self.begun = threading.Event(), threading.Event()
         self.go_on.set()
 
     def adjust(self, observed):
-        self.go_on.wait(5)
+        self.begun.set()
+        self.go_on.wait(LONGEST_WAIT_S)
         count = len(observed.picks.image)
         self.adjusted.append(count)
         if not count:
@@ -66,14 +69,14 @@ def worker(monkeypatch):
 
 
 def wait_for(answers, count):
-    until = time.monotonic() + 5
+    until = time.monotonic() + LONGEST_WAIT_S
     while len(answers) < count and time.monotonic() < until:
         time.sleep(0.005)
     assert len(answers) >= count
 
 
 def wait_for_adjusted(answers, version):
-    until = time.monotonic() + 5
+    until = time.monotonic() + LONGEST_WAIT_S
     while (version, "adjusted") not in [(v, said["mode"]) for v, said in answers]:
         assert time.monotonic() < until, answers
         time.sleep(0.005)
@@ -84,7 +87,7 @@ def test_states_that_wait_are_passed_over_for_the_newest(worker):
     survey.go_on.clear()
     live, answers = worker(survey)
     live.submit(Task(1, state(1), final=True))
-    time.sleep(0.05)
+    assert survey.begun.wait(LONGEST_WAIT_S)
     for version in range(2, 10):
         live.submit(Task(version, state(version), final=True))
     survey.go_on.set()

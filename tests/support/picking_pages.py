@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import re
+import time
+from collections.abc import Callable
 
 from playwright.sync_api import Page, expect
+
+LONGEST_WAIT_S = 60.0
+
+
+def drawn(page: Page) -> None:
+    """Wait until what the last key or move asked for is drawn, however busy the machine is."""
+    page.evaluate(
+        "() => new Promise(then => requestAnimationFrame(() => requestAnimationFrame(then)))"
+    )
 
 
 def to_page(page: Page, u: float, v: float) -> tuple[float, float]:
     """CSS pixel of the page at which the first pane says that a pixel of the photo is."""
+    drawn(page)
     box = page.locator(".pane svg.marks").first.bounding_box()
     assert box is not None
     data = page.locator(".pane").first.evaluate("pane => ({...pane.dataset})")
@@ -16,10 +28,18 @@ def to_page(page: Page, u: float, v: float) -> tuple[float, float]:
     return box["x"] + (u + 0.5 - left) * scale, box["y"] + (v + 0.5 - top) * scale
 
 
+def eventually(page: Page, holds: Callable[[], bool]) -> None:
+    """Wait for what comes to be by itself."""
+    until = time.monotonic() + LONGEST_WAIT_S
+    while not holds():
+        assert time.monotonic() < until, f"it did not come about within {LONGEST_WAIT_S} s"
+        page.wait_for_timeout(50)
+
+
 def show_photo(page: Page, number: int) -> None:
     """Choose a photo in the strip and wait until it is sharp."""
     page.locator(f'#strip [data-image="{number}"]').click()
-    expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true", timeout=20_000)
+    expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true")
 
 
 def place(page: Page, label: str, u: float, v: float) -> None:
@@ -40,8 +60,8 @@ def click_mark(page: Page, label: str) -> None:
 
 def wait_until_adjusted(page: Page) -> None:
     """Wait for a full adjustment of the state as it is."""
-    expect(page.locator("#mode")).to_have_attribute("data-mode", "adjusted", timeout=60_000)
-    expect(page.locator("body")).not_to_have_class("stale", timeout=60_000)
+    expect(page.locator("#mode")).to_have_attribute("data-mode", "adjusted")
+    expect(page.locator("body")).not_to_have_class("stale")
 
 
 def measured(page: Page) -> dict[str, str]:
