@@ -24,7 +24,7 @@ def slow(tmp_path):
         adjust = survey.adjust
 
         def held(observed):
-            hold.wait(20)
+            hold.wait(60)
             return adjust(observed)
 
         survey.adjust = held

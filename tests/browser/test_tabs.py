@@ -35,7 +35,7 @@ def test_a_camera_is_calibrated_on_a_folder_from_the_page_and_used(project, open
         form.get_by_label("Folder").select_option("board: 6 photos, 640 × 480 px")
         form.get_by_role("button", name="Start").click()
         report = panel.get_by_role("link", name="Open its report")
-        expect(report).to_be_visible(timeout=30_000)
+        expect(report).to_be_visible()
         expect(panel).to_contain_text("calibration/camera.yaml")
         with page.context.expect_page() as opened:
             report.click()

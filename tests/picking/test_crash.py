@@ -177,10 +177,17 @@ def _command(state: dict, rng: random.Random) -> tuple[str, dict]:
     return ("undo" if roll < 0.95 else "redo"), {}
 
 
-def _work_until_killed(page: Page, model: Model, rng: random.Random) -> tuple[str, dict]:
-    """Do one thing after the other; the one that was not confirmed any more."""
-    done = 0
+def _work_until_killed(
+    page: Page, model: Model, rng: random.Random, server: Server
+) -> tuple[str, dict]:
+    """Do one thing after the other; the one that was not confirmed any more.
+
+    The kill is a random moment after so many things: a busy machine gets as far as an idle one.
+    """
+    done, last = 0, rng.randint(1, 16)
     while True:
+        if done == last:
+            threading.Timer(rng.uniform(0.0, 0.05), server.strike).start()
         kind, fields = _command(model.state, rng)
         try:
             if page.do(kind, **fields)["t"] == "changed":
@@ -204,8 +211,7 @@ def test_twenty_kills_lose_nothing_that_the_page_had_confirmed(tmp_path):
                 model = Model(page.hello, _tables(tmp_path))
                 assert not expected or model.state in expected
                 recoveries += page.hello["recovered"]
-                threading.Timer(rng.uniform(0.01, 0.3), server.strike).start()
-                last = _work_until_killed(page, model, rng)
+                last = _work_until_killed(page, model, rng, server)
         finally:
             server.kill()
         # What was under way may have come to the journal, but not its answer to the page.

@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 
 import httpx
 import pytest
-from pick_pages import LONGEST_WAIT_S, Page, Server, cookie_of, small_project
+from pick_pages import LONGEST_WAIT_S, Page, Server, ask, cookie_of, small_project
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -48,7 +48,9 @@ def page(server, cookie):
 
 @pytest.fixture
 def browser(server, cookie):
-    with httpx.Client(base_url=server.origin, headers={"Cookie": cookie}) as client:
+    with httpx.Client(
+        base_url=server.origin, headers={"Cookie": cookie}, timeout=LONGEST_WAIT_S
+    ) as client:
         yield client
 
 
@@ -71,7 +73,7 @@ def test_other_addresses_of_this_machine_do_not_answer(server):
 
 @pytest.mark.usefixtures("cookie")
 def test_the_token_serves_once(server):
-    used = httpx.get(server.address, follow_redirects=False)
+    used = ask(server.address, follow_redirects=False)
     assert used.status_code == 403
     assert "set-cookie" not in used.headers
 
@@ -79,13 +81,13 @@ def test_the_token_serves_once(server):
 def test_the_token_becomes_a_cookie_that_scripts_and_other_sites_cannot_use(tmp_path):
     server = Server(small_project(tmp_path))
     try:
-        answer = httpx.get(server.address, follow_redirects=False)
+        answer = ask(server.address, follow_redirects=False)
         assert answer.status_code == 303
         assert answer.headers["location"] == "/"  # the token is gone from the address
         attributes = [part.strip().lower() for part in answer.headers["set-cookie"].split(";")]
         assert {"httponly", "samesite=strict", "path=/"} <= set(attributes)
         guessed = server.address.split("=")[0] + "=guess"
-        assert httpx.get(guessed, follow_redirects=False).status_code == 403
+        assert ask(guessed, follow_redirects=False).status_code == 403
     finally:
         server.stop()
 
@@ -96,12 +98,12 @@ def test_the_token_becomes_a_cookie_that_scripts_and_other_sites_cannot_use(tmp_
 )
 def test_nothing_is_given_without_the_cookie_and_all_of_it_with_it(server, browser, path):
     for headers in ({}, {"Cookie": f"{browser.headers['Cookie'].split('=')[0]}=wrong"}):
-        assert httpx.get(server.origin + path, headers=headers).status_code == 403
+        assert ask(server.origin + path, headers=headers).status_code == 403
     assert browser.get(path).status_code == 200
 
 
 def test_every_answer_carries_strict_headers(server, browser):
-    refused = httpx.get(server.origin + "/")
+    refused = ask(server.origin + "/")
     for answer in (
         browser.get("/"),
         browser.get("/photo/0/0/0/0.jpg"),

@@ -7,7 +7,7 @@ import time
 
 import httpx
 import pytest
-from pick_pages import LONGEST_WAIT_S, Page, Server, cookie_of, small_project
+from pick_pages import LONGEST_WAIT_S, Page, Server, ask, cookie_of, small_project
 from small_recording import write_small_recording
 
 PICKS = b"image,label,u_px,v_px,note\r\nP1.jpg,A,10.50,20,seen\r\n"
@@ -93,7 +93,7 @@ def test_a_project_that_cannot_be_read_any_more_leaves_the_page_as_it_was(server
 
 def test_outputs_are_handed_out_by_name_and_a_report_can_do_nothing(server, tmp_path):
     headers = {"Cookie": cookie_of(server)}
-    with httpx.Client(base_url=server.origin, headers=headers) as browser:
+    with httpx.Client(base_url=server.origin, headers=headers, timeout=LONGEST_WAIT_S) as browser:
         assert browser.get("/output/report.html").status_code == 404
         out = tmp_path / "out"
         (out / "report.html").write_text("<script>1</script>", encoding="utf-8")
@@ -114,19 +114,19 @@ def test_outputs_are_handed_out_by_name_and_a_report_can_do_nothing(server, tmp_
 
 def test_the_recording_opens_in_a_viewer_of_this_machine_that_ends_with_the_page(server, tmp_path):
     headers = {"Cookie": cookie_of(server)}
-    with httpx.Client(base_url=server.origin, headers=headers) as browser:
+    with httpx.Client(base_url=server.origin, headers=headers, timeout=LONGEST_WAIT_S) as browser:
         assert browser.get("/recording").status_code == 404
         write_small_recording(tmp_path / "out" / "recording.rrd")
-        answer = browser.get("/recording", timeout=LONGEST_WAIT_S)
+        answer = browser.get("/recording")
         assert answer.status_code == 303
         address = answer.headers["location"]
         assert address.startswith("http://127.0.0.1:")
-        assert httpx.get(address).status_code == 200
-        again = browser.get("/recording", timeout=LONGEST_WAIT_S)
+        assert ask(address).status_code == 200
+        again = browser.get("/recording")
         assert again.headers["location"] == address  # one viewer for one recording
     server.stop()
     with pytest.raises(httpx.ConnectError):
-        httpx.get(address)
+        ask(address)
 
 
 def until_calibrated(page):

@@ -389,7 +389,7 @@ def test_ctrl_c_ends_the_command_with_everything_saved(tmp_path):
         with Page(server) as page:
             page.do("place", image=0, label="A", u=1.5, v=2.5)
             process.send_signal(2)
-            rest, _ = process.communicate(timeout=20)
+            rest, _ = process.communicate(timeout=60)
     finally:
         process.kill()
         process.wait()

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 from contextlib import ExitStack, contextmanager, suppress
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -23,6 +23,9 @@ from websockets.sync.client import connect
 
 WIDTH, HEIGHT = 640, 480
 LONGEST_WAIT_S = 60.0
+
+ask = partial(httpx.get, timeout=LONGEST_WAIT_S)
+"""Ask a server for an address, and wait as long as it takes on a busy machine."""
 
 CAMERA = f"""\
 name: small
@@ -145,7 +148,7 @@ def running(project: Path):
 
 def cookie_of(server: Server) -> str:
     """The cookie that the printed address is exchanged for."""
-    answer = httpx.get(server.address, follow_redirects=False)
+    answer = ask(server.address, follow_redirects=False)
     assert answer.status_code == 303, answer.text
     return answer.headers["set-cookie"].split(";")[0]
 

@@ -98,10 +98,10 @@ def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(recording
         seen["pids"] = processes_of(servers[0].pid)
         seen["sockets"] = listening(seen["pids"])
         seen["address"] = address
-        with urllib.request.urlopen(address, timeout=10) as page:  # noqa: S310
+        with urllib.request.urlopen(address, timeout=60) as page:  # noqa: S310
             seen["page"], seen["policy"] = page.read(), page.headers["content-security-policy"]
         source = parse_qs(urlsplit(address).query)["url"][0]
-        with urllib.request.urlopen(source, timeout=10) as file:  # noqa: S310
+        with urllib.request.urlopen(source, timeout=60) as file:  # noqa: S310
             seen["recording"] = file.read()
         others = ({"Host": "evil.example"}, {"Sec-Fetch-Site": "same-site"})
         seen["foreign"] = [status_of(source, headers) for headers in others]
@@ -132,7 +132,7 @@ def status_of(address, headers):
     """Of a request that is refused."""
     request = urllib.request.Request(address, headers=headers)  # noqa: S310
     with pytest.raises(urllib.error.HTTPError) as refused:
-        urllib.request.urlopen(request, timeout=10)  # noqa: S310
+        urllib.request.urlopen(request, timeout=60)  # noqa: S310
     refused.value.close()
     return refused.value.code
 
