@@ -129,6 +129,28 @@ def test_a_photo_with_nothing_behind_its_header_is_named(project, fails):
     fails(photo)
 
 
+@pytest.mark.parametrize("missing", [2, 200])
+def test_a_photo_that_is_cut_off_is_named_by_check_too(project, fails, command, missing):
+    photo = project / "photos" / "IMG_0003.jpg"
+    photo.write_bytes(photo.read_bytes()[:-missing])
+    fails(photo, "cut off")
+    assert command("check", project.path).status == 1
+
+
+def test_no_result_replaces_an_input(project, fails):
+    measure = project / "measure.csv"
+    taken = measure.rename(project / "measurements.csv")
+    before = taken.read_bytes()
+    project.set(measure=taken.name, output=".")
+    fails(taken, "is an input", "--output")
+    assert taken.read_bytes() == before
+
+
+def test_an_image_whose_name_differs_in_case_is_suggested(project, fails):
+    project.cell("picks.csv", 2, "image", "img_0003.JPG")
+    fails("did you mean 'IMG_0003.jpg'?")
+
+
 def test_photos_of_another_size_are_named(project, fails):
     photo = project / "photos" / "IMG_0005.jpg"
     assert cv2.imwrite(str(photo), np.zeros((90, 160, 3), np.uint8))

@@ -151,6 +151,18 @@ def test_a_reader_that_leaves_early_is_no_error(repository):
     assert process.wait() == 0
 
 
+@pytest.mark.parametrize(("output", "status"), [(">&-", 0), (">/dev/full", 1)])
+def test_output_that_goes_nowhere_is_no_traceback(repository, output, status):
+    """As under a scheduler that closes it, or with a full disk behind it."""
+    log = repository / "logs" / "twin_short.tlog"
+    command = f'"{sys.executable}" -m uavgram log "{log}" {output}'
+    done = subprocess.run(command, shell=True, capture_output=True, check=False)  # noqa: S602
+    assert done.returncode == status
+    assert b"Traceback" not in done.stderr
+    assert done.stderr.count(b"\n") == status
+    assert not status or b"standard output takes no text" in done.stderr
+
+
 def test_a_terminal_without_special_characters_shows_others(project):
     done = subprocess.run(
         [sys.executable, "-m", "uavgram", "run", project.path],

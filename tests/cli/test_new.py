@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from camera_photos import camera_photo
 from pick_pages import CAMERA, PROJECT, Page, running, small_project
 
 from uavgram.cli import main
@@ -108,14 +109,51 @@ def test_photos_of_two_sizes_are_listed_and_one_kind_is_chosen(data_dir, tmp_pat
     assert main(["check", str(folder / "project.yaml")]) == 0
 
 
-def test_a_camera_of_which_nothing_is_known_is_said_to_be_missing(data_dir, tmp_path, capsys):
+def test_a_camera_of_which_nothing_is_known_is_an_ordinary_one_until_it_is_calibrated(
+    data_dir, tmp_path, capsys
+):
     folder = linked(data_dir / "narrabeen_mavic", tmp_path / "beach", "*.*", "frames/*.jpg")
     assert main(["new", str(folder), "--images", "frames/*.jpg"]) == 0
     said = capsys.readouterr().out
+    assert "camera: unknown, so an ordinary drone camera" in said
+    assert said.count("Nothing is known of this camera") == 1
     assert "does not say which camera took it" in said
-    assert "Next: make the camera file" in said
-    assert main(["check", str(folder / "project.yaml")]) == 1
-    assert "camera: no such file 'camera.yaml'" in capsys.readouterr().err
+    assert "uavgram calibrate PHOTOS" in said
+    project = folder / "project.yaml"
+    assert f"Next: uavgram pick {project}" in said
+    assert load_project(project).camera == "unknown"
+    assert main(["check", str(project)]) == 0
+    checked = capsys.readouterr().out
+    assert "Nothing is known of this camera" in checked
+    assert "every input can be read" in checked
+
+    with running(project) as server, Page(server) as page:
+        camera = page.hello["camera"]
+    assert camera["file"] == ""
+    assert camera["source"] == [
+        "Nobody knows it, so an ordinary drone camera is assumed (`camera: unknown`)."
+    ]
+    assert [message["code"] for message in camera["messages"]] == ["camera-unknown"]
+
+
+def test_a_fisheye_is_not_taken_for_an_ordinary_camera(tmp_path, capsys):
+    camera_photo(tmp_path / "a.jpg", (400, 300), make="Parrot", model="BEBOP 2")
+    assert main(["new", str(tmp_path)]) == 1
+    said = capsys.readouterr().err
+    assert "a.jpg: was taken with a fisheye lens (Parrot BEBOP 2)" in said
+    assert "uavgram calibrate" in said
+    assert "Put a camera file beside the photos" in said
+    assert [path.name for path in tmp_path.iterdir()] == ["a.jpg"]
+
+
+def test_photos_of_two_cameras_are_told_apart_before_anything_is_written(tmp_path, capsys):
+    camera_photo(tmp_path / "a.jpg", (400, 300), make="ACME", model="Eye")
+    camera_photo(tmp_path / "b.jpg", (400, 300), make="ACME", model="Ear")
+    assert main(["new", str(tmp_path)]) == 1
+    assert "choose photos with --images" in capsys.readouterr().err
+    assert not (tmp_path / "project.yaml").exists()
+    assert main(["new", str(tmp_path), "--images", "a.jpg"]) == 0
+    assert load_project(tmp_path / "project.yaml").camera == "unknown"
 
 
 def test_a_project_without_log_and_lengths_says_that_nothing_gives_it_a_scale(tmp_path, capsys):

@@ -96,6 +96,8 @@ def _changed(i: int, j: int, value: float) -> str:
         (HEAD.replace("brown", "pinhole") + PARAMETERS + SIGMA, 2, "must be brown or fisheye"),
         (HEAD + PARAMETERS + SIGMA.replace("sigma", "sigmas"), 6, "did you mean 'sigma'?"),
         (HEAD + PARAMETERS.replace("1e-2", "1e-2a") + SIGMA, 5, "parameters[5]: must be a number"),
+        (HEAD + PARAMETERS.replace("1e-2", "1e300") + SIGMA, 5, "is far too large (got 1e+300)"),
+        (HEAD + PARAMETERS + SIGMA.replace("5,", "1e300,"), 6, "sigma: is far too large"),
         (HEAD + PARAMETERS + "covariance: [[1, 2], [2, 4]]\n", 6, "must have 9 rows"),
         (HEAD + PARAMETERS + _changed(2, 3, 9.0), 9, "not symmetric: cx with cy is 9.0"),
         (HEAD + PARAMETERS + _changed(4, 4, -1.0), 11, "the variance of k1 is negative"),
@@ -109,6 +111,7 @@ def test_a_mistake_is_named_with_its_line(load, content, line, words):
 
     assert words in caught.value.message
     assert caught.value.line == line
+    assert "is missing" not in caught.value.message or "is missing" in words  # nothing made up
 
 
 @pytest.mark.parametrize("flight", ["cuav", "calm_nadir", "wind_oblique"])

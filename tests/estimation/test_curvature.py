@@ -55,6 +55,16 @@ def test_where_first_order_holds_nothing_is_said(scene_factory, options):
     assert (np.abs(found.second.curvature) < 0.05).all()
 
 
+@pytest.mark.parametrize("bias_m", [2.0, 400.0, 5e3])
+def test_an_error_that_all_points_share_says_nothing_of_what_parts_them(scene_factory, bias_m):
+    survey = scene_factory(3).survey
+    telemetry = replace(survey.telemetry, position_bias_sigma_m=np.full(3, bias_m))
+    area = MeasurementRequest(name="a", kind="area", points=("P0", "P1", "P2"))
+    found = compared(replace(survey, telemetry=telemetry), (distance("P0", "P1"), area))
+    assert not found.second.off.any()
+    np.testing.assert_allclose(found.second.sigma, found.first.sigma, rtol=0.02)
+
+
 def test_two_points_that_nearly_coincide_are_further_apart_than_first_order_says(scene_factory):
     # Their distance of two sigmas is never negative, and errors across it make it longer.
     scene = scene_factory(3, ends=PAIRS, tilt=0.4, **ALONE)

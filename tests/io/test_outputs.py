@@ -162,6 +162,53 @@ def test_what_a_killed_run_left_goes_when_the_next_starts_but_a_living_run_stays
         assert not left.exists()
 
 
+KILLED_WHILE_MOVING = """
+import os, signal, sys
+from pathlib import Path
+from uavgram.io.outputs import staged_output
+move, moved = Path.replace, []
+def replace(path, target):
+    if "files" in path.parts:
+        if len(moved) == int(sys.argv[2]):
+            os.kill(os.getpid(), signal.SIGKILL)
+        moved.append(path)
+    return move(path, target)
+Path.replace = replace
+with staged_output(sys.argv[1]) as staging:
+    (staging / "previews").mkdir()
+    for name in ("results.json", "report.html", "previews/a.png", "added.csv"):
+        (staging / name).write_text("new")
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.parametrize("moves", [0, 1, 3, 4])
+def test_what_a_killed_run_had_moved_is_put_back_unless_it_was_everything(earlier, moves):
+    before = content(earlier)
+    command = [sys.executable, "-c", KILLED_WHILE_MOVING, str(earlier), str(moves)]
+    assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
+    with staged_output(earlier):
+        pass
+    assert not list(earlier.glob(".*"))
+    if moves < 4:
+        assert content(earlier) == before
+    else:
+        assert content(earlier) == {
+            **dict.fromkeys([*before, "added.csv"], "new"),
+            "notes.txt": "old",
+        }
+
+
+def test_no_output_is_written_over_an_input(earlier):
+    before = content(earlier)
+    with (
+        pytest.raises(OutputError, match=r"report\.html: is an input.*--output"),
+        staged_output(earlier, [earlier / "previews" / ".." / "report.html"]) as staging,
+    ):
+        write_all(staging)
+    assert content(earlier) == before
+
+
 def test_text_is_replaced_in_one_step(tmp_path, monkeypatch):
     path = tmp_path / "results.json"
     replace_text(path, "old ü\n")

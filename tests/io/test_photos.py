@@ -1,6 +1,7 @@
 """Photos: names, sizes and capture times."""
 
 import datetime as dt
+import os
 
 import cv2
 import exifread
@@ -114,7 +115,28 @@ def test_the_exif_segment_of_these_tests_is_one(photo):
     assert str(tags["EXIF SubSecTimeOriginal"]) == "25"
 
 
-def test_auto_takes_exif_only_where_every_photo_has_it(photo, tmp_path):
+def test_auto_takes_exif_where_most_photos_have_it_and_names_one_that_has_not(photo, tmp_path):
+    photo("a.jpg", original="2024:05:06 12:00:00")
+    photo("b.jpg")
+    photo("c.jpg", original="2024:05:06 12:00:02")
+    photos, messages = read_photos((str(tmp_path / "*.jpg"),), TimeOptions())
+    assert photos.time_source == "exif"
+    assert np.isnan(photos.file_time_s).tolist() == [False, True, False]
+    assert messages[0].code == "photo-without-time"
+    assert "1 of 3" in messages[0].text
+    assert "b.jpg" in messages[0].text
+
+
+@pytest.mark.parametrize("name", [b"IMG_\xff3.jpg", b"IMG\n3.jpg", b"IMG\x1b[3.jpg"])
+def test_a_name_that_cannot_be_written_is_refused_in_words_that_can(photo, tmp_path, name):
+    photo("a.jpg").rename(os.fsdecode(os.fsencode(tmp_path) + b"/" + name))
+    with pytest.raises(InputError, match=r"IMG.*3\.jpg: the photo's name .*rename it") as caught:
+        read_photos((str(tmp_path / "*.jpg"),), TimeOptions())
+    assert str(caught.value).isprintable()
+    assert str(caught.value).encode()
+
+
+def test_auto_leaves_exif_alone_where_few_photos_have_it(photo, tmp_path):
     photo("a.jpg", original="2024:05:06 12:00:00")
     photo("b.jpg")
     photos, messages = read_photos((str(tmp_path / "*.jpg"),), TimeOptions())

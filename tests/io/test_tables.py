@@ -11,6 +11,7 @@ from uavgram.io.tables import Columns, own_columns, parse_number, read_table
 COLUMNS = Columns(
     text=("name",), numbers=("length_m",), optional_text=("use",), optional_numbers=("sigma_m",)
 )
+OWN = Columns(text=("name",), numbers=("length_m",), optional_numbers=("sigma_m",), others=True)
 
 
 @pytest.fixture
@@ -21,6 +22,16 @@ def read(tmp_path):
         table = read_table(path, COLUMNS)
         table.raise_faults()
         return table
+
+    return _read
+
+
+@pytest.fixture
+def read_own(tmp_path):
+    def _read(content: str):
+        path = tmp_path / "own.csv"
+        path.write_text(content, encoding="utf-8", newline="")
+        return read_table(path, OWN)
 
     return _read
 
@@ -51,8 +62,8 @@ def test_absent_optional_columns_are_empty(read):
     assert table.header == ("name", "length_m")
 
 
-def test_rows_keep_their_line_numbers_across_blank_lines_and_quoted_breaks(read):
-    table = read('name,length_m\n\n"a\nb",1\n,,\nc,2\n'.replace(",,\n", ",\n"))
+def test_rows_keep_their_line_numbers_across_blank_lines_and_quoted_breaks(read_own):
+    table = read_own('name,length_m,remark\n\na,1,"of\ntwo lines"\n,,\nc,2,\n')
 
     assert table.line.tolist() == [3, 6]
 
@@ -62,8 +73,8 @@ def test_rows_keep_their_line_numbers_across_blank_lines_and_quoted_breaks(read)
     [
         ("", 1, "the file is empty"),
         ("\n\n", 1, "the file is empty"),
-        ("name;length_m\na;1\n", 1, "separated by commas"),
-        ("name\tlength_m\na\t1\n", 1, "separated by commas"),
+        ("name;length_m\na;1,5\nb;2,5\n", 1, "by semicolons: save the table as CSV with commas"),
+        ("name\tlength_m\na\t1\n", 1, "by tabs: save the table as CSV with commas"),
         ("name,sigma_m\na,1\n", 1, "column 'length_m' is missing"),
         ("name,length_m,sigma\na,1,1\n", 1, "unknown column 'sigma': did you mean 'sigma_m'?"),
         ("name,length_m,xyz\na,1,1\n", 1, "unknown column 'xyz': known are name, length_m"),
@@ -78,12 +89,19 @@ def test_rows_keep_their_line_numbers_across_blank_lines_and_quoted_breaks(read)
         ("name,length_m\na,nan\n", 2, "must be a number (got 'nan')"),
         ("name,length_m\na,-inf\n", 2, "must be a number (got '-inf')"),
         ("name,length_m\na,1e999\n", 2, "must be a number (got '1e999')"),
+        ("name,length_m\na,-2e10\n", 2, "(got '-2e10'): it is far too large"),
+        ("name,length_m\na\x0cb,1\n", 2, "name holds the control character '\\x0c'"),
+        ("name,length_m\na\x1b[31m,1\n", 2, "name holds the control character '\\x1b'"),
+        ("name,length_m,use\na,1,\ufffe\n", 2, "use holds the control character '\\ufffe'"),
+        ('name,length_m\n"a\nb",1\n', 2, "name holds a line break"),
         ("name,length_m\na,1_000\n", 2, "must be a number (got '1_000')"),
         ("name,length_m\na,٣\n", 2, "must be a number"),
         ("name,length_m,sigma_m\na,1,?\n", 2, "sigma_m must be a number"),
         ('name,length_m\na,1\n"b,2\n', 3, 'is a quote (") missing?'),
         (b"name,length_m\na,1\n\xe9,2\n", 3, "UTF-8"),
         ("name,length_m\na,1\n".encode("utf-16"), 1, "UTF-16"),
+        ("name,length_m\na,1\n".encode("utf-16-le"), 1, "UTF-16"),
+        ("name,length_m\na,1\n".encode("utf-16-be"), 1, "UTF-16"),
     ],
 )
 def test_a_mistake_is_named_with_its_line(read, content, line, words):
@@ -112,9 +130,6 @@ def test_decimal_numbers_are_read(text):
     assert parse_number(text) == float(text)
 
 
-OWN = Columns(text=("name",), numbers=("length_m",), optional_numbers=("sigma_m",), others=True)
-
-
 def test_columns_of_a_persons_own_are_left_alone_where_a_table_may_have_them(tmp_path):
     path = tmp_path / "table.csv"
     path.write_text("tape,name,length_m,sigma_m,names\nold,a,1,2,b\n")
@@ -130,3 +145,12 @@ def test_what_may_be_a_misspelt_column_is_not_a_persons_own(tmp_path, header):
     path.write_text(header + "\na,1,1\n")
     with pytest.raises(InputError, match="unknown column"):
         read_table(path, OWN)
+
+
+@pytest.mark.parametrize("sigma", ["0", "-1", "1e-300", "1e7"])
+def test_what_can_be_no_standard_deviation_is_named(read_own, sigma):
+    table = read_own(f"name,length_m,sigma_m\na,1,0.01\nb,1,\nc,2,{sigma}\n")
+    table.require_sigma("sigma_m")
+    ((line, text),) = table.faults
+    assert line == 4
+    assert text.startswith("sigma_m must ")

@@ -23,6 +23,7 @@ from uavgram.cli import (  # noqa: F401  (each registers itself with the applica
     view,
 )
 from uavgram.cli.application import DONE, INTERRUPTED, PROBLEM, WRONG_USAGE, app
+from uavgram.cli.terminal import drop_output
 from uavgram.errors import UavgramError
 
 
@@ -44,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stderr.write(f"uavgram: {error}\n")
         return PROBLEM
     except BrokenPipeError:  # who reads our output has left (head, less): the files are written
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        drop_output()
         return DONE
     except KeyboardInterrupt:
         sys.stderr.write("uavgram: interrupted; earlier results are as they were\n")

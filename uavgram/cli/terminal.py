@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import io
 import logging
+import os
 import sys
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, TypeVar
+
+from uavgram.errors import OutputError
 
 if TYPE_CHECKING:
     from uavgram.pipeline.progress import Progress
@@ -15,11 +18,33 @@ Item = TypeVar("Item")
 
 
 def say(*lines: str) -> None:
-    """Write lines to standard output."""
+    """Write lines to standard output.
+
+    Raises
+    ------
+    OutputError
+        It takes no more, such as a full disk; what the command did stays done.
+    """
+    if sys.stdout is None:  # closed by who started the program, as some schedulers do
+        return
     if isinstance(sys.stdout, io.TextIOWrapper):  # a terminal without ± is no reason to fail
         sys.stdout.reconfigure(errors="replace")
-    sys.stdout.write("\n".join(lines) + "\n")
-    sys.stdout.flush()
+    try:
+        sys.stdout.write("\n".join(lines) + "\n")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as fault:
+        drop_output()
+        raise OutputError(
+            f"standard output takes no text ({fault.strerror}): what was asked for is done, only "
+            "what there was to say of it is lost"
+        ) from fault
+
+
+def drop_output() -> None:
+    """Let go of what standard output did not take, which would fail again at the end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def log_to_stderr(*, verbose: bool) -> None:

@@ -19,6 +19,7 @@ from uavgram.model.camera import (
     parameter_names,
 )
 from uavgram.model.camera_provenance import CameraProvenance
+from uavgram.model.limits import LARGEST_SIGMA
 
 RELATIVE_TOLERANCE = 1e-6  # of symmetry and definiteness: files are rounded to some digits
 
@@ -91,10 +92,7 @@ def _faults(camera: _CameraFile) -> list[tuple[str, str]]:
     if camera.sigma is not None and camera.covariance is not None:
         faults.append(("sigma", "stands beside covariance: keep one of the two"))
     if camera.sigma is not None:
-        if len(camera.sigma) != n:
-            faults.append(("sigma", f"must be {order} (got {len(camera.sigma)})"))
-        elif min(camera.sigma) < 0:
-            faults.append(("sigma", f"must not be negative (got {min(camera.sigma)})"))
+        faults += _sigma_faults(camera.sigma, order, n)
     if camera.covariance is not None:
         sizes = {len(row) for row in camera.covariance}
         if len(camera.covariance) != n or sizes != {n}:
@@ -104,6 +102,16 @@ def _faults(camera: _CameraFile) -> list[tuple[str, str]]:
     return faults
 
 
+def _sigma_faults(sigma: tuple[float, ...], order: str, count: int) -> list[tuple[str, str]]:
+    if len(sigma) != count:
+        return [("sigma", f"must be {order} (got {len(sigma)})")]
+    if min(sigma) < 0:
+        return [("sigma", f"must not be negative (got {min(sigma)})")]
+    if max(sigma) > LARGEST_SIGMA:
+        return [("sigma", f"is far too large (got {max(sigma):g})")]
+    return []
+
+
 def _names(camera: _CameraFile) -> tuple[str, ...]:
     return parameter_names(camera.model, len(camera.parameters))
 
@@ -111,7 +119,11 @@ def _names(camera: _CameraFile) -> tuple[str, ...]:
 def _parameter_faults(camera: _CameraFile) -> list[tuple[str, str]]:
     """Check that focal length and principal point are pixels of this image."""
     fx, fy, cx, cy = camera.parameters[:4]
-    faults = []
+    faults = [
+        ("parameters", f"{name} is far too large (got {value:g})")
+        for name, value in zip(_names(camera)[4:], camera.parameters[4:], strict=True)
+        if abs(value) > LARGEST_SIGMA
+    ]
     for name, focal_px in (("fx", fx), ("fy", fy)):
         if focal_px <= 0:
             faults.append(("parameters", f"{name} must be greater than 0 (got {focal_px})"))

@@ -12,7 +12,7 @@ from uavgram.config.strict_yaml import Document, Plain, read_yaml
 from uavgram.config.validation import validate
 from uavgram.errors import GeometryError, near_miss
 from uavgram.geometry.map_projection import checked_crs
-from uavgram.model.options import CAMERA_OF_PHOTOS, Project
+from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Project
 
 _INPUT_FILES = ("log", "poses", "camera", "picks", "lines", "measure", "control", "check")
 PICKED_FILES = ("picks", "lines", "measure")
@@ -20,6 +20,12 @@ PICKED_FILES = ("picks", "lines", "measure")
 
 FROM_PHOTOS = "exif"
 """Value of `poses` that names no file."""
+
+_NO_PATHS = {
+    ("poses", FROM_PHOTOS),
+    ("camera", CAMERA_OF_PHOTOS),
+    ("camera", CAMERA_UNKNOWN),
+}
 
 
 def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
@@ -84,7 +90,7 @@ def _unknown_crs(data: dict[str, Plain]) -> tuple[Fault, ...]:
 
 
 def _is_no_path(key: str, name: str | None) -> bool:
-    return (key, name) in {("poses", FROM_PHOTOS), ("camera", CAMERA_OF_PHOTOS)}
+    return (key, name) in _NO_PATHS
 
 
 def _why_missing(path: Path, name: str) -> str:

@@ -26,7 +26,7 @@ class ProjectText:
     images
         Patterns.
     camera
-        A file, or ``auto``.
+        A file, ``auto``, or ``unknown``.
     log, poses
         At most one of them; None where there is none.
     tables
@@ -49,7 +49,7 @@ class ProjectText:
 
 _COMMENTS = {
     "images": "a pattern, or a list of patterns",
-    "camera": "a camera file, or auto: what the photos say of theirs",
+    "camera": "a camera file; auto: what the photos say of theirs; unknown: any drone's",
     "log": "the flight log: ArduPilot .bin, .log or .tlog, PX4 .ulg",
     "poses": "poses of the photos, where there is no log: exif, or a file",
     "picks": "picked pixels: `uavgram pick` fills it",

@@ -67,6 +67,7 @@ def _validate_all(
     turns up.
     """
     faults: dict[KeyPath, Fault] = {}
+    taken: set[KeyPath] = set()
     while True:
         try:
             # Strict JSON mode: mappings become dataclasses and lists tuples, and nothing else is
@@ -75,19 +76,21 @@ def _validate_all(
             return _Root[schema].model_validate_json(text).root, list(faults.values())  # type: ignore[valid-type]
         except ValidationError as error:
             new = [f for f in faults_of(error.errors(), schema, data) if f.at not in faults]
+        new = [fault for fault in new if fault.at not in taken]  # a key taken out is not missing
         faults |= {fault.at: fault for fault in new}
         if not new:  # only required keys are left, which no default can stand in for
             return None, list(faults.values())
-        data = _without(data, [fault.at for fault in new])
+        data, out = _without(data, [fault.at for fault in new])
+        taken |= out
 
 
-def _without(data: dict[str, Plain], paths: list[KeyPath]) -> dict[str, Plain]:
-    """Copy `data` without the named keys, of the top two levels at most."""
+def _without(data: dict[str, Plain], paths: list[KeyPath]) -> tuple[dict[str, Plain], set[KeyPath]]:
+    """Copy `data` without the named keys, of the top two levels at most; and which these are."""
     copy: dict[str, Plain] = json.loads(json.dumps(data))
+    out: set[KeyPath] = set()
     for path in paths:
-        holder = copy
         inner = copy.get(str(path[0]))
-        if isinstance(inner, dict) and len(path) > 1:
-            holder = inner
-        holder.pop(str(path[1] if holder is inner else path[0]), None)
-    return copy
+        key = path[:2] if isinstance(inner, dict) and len(path) > 1 else path[:1]
+        (inner if isinstance(inner, dict) and len(key) > 1 else copy).pop(str(key[-1]), None)
+        out.add(key)
+    return copy, out

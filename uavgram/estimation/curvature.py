@@ -17,6 +17,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import helmert
 
 from uavgram.estimation.adjustment import Adjustment
 from uavgram.estimation.measured import Measured, values_at
@@ -150,6 +151,8 @@ def _directions(
     spread = np.zeros((adjustment.problem.layout.size, 3 * len(label)))
     at = 3 * np.arange(len(label))[:, None, None] + np.arange(3)[:, None]
     np.add.at(spread, (columns[:, None, :], at), jacobian)
+    # Their mean apart from what parts them: all may share an error a million times as large.
+    spread = spread @ np.kron(helmert(len(label), full=True).T, np.eye(3))
     solved = adjustment.minimum.factor.solve(spread)
     joint = spread.T @ solved
     size = np.sqrt(np.diag(joint))

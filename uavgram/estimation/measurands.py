@@ -7,11 +7,11 @@ sigmas, or sample the values.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from difflib import get_close_matches
 from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.errors import near_miss
 from uavgram.geometry import shapes
 from uavgram.model.arrays import Floats
 from uavgram.model.frames import Frames
@@ -57,8 +57,7 @@ def require_picked(request: MeasurementRequest, known: tuple[str, ...]) -> None:
     words = []
     for label in request.points:
         if label not in known:
-            near = get_close_matches(label, known, n=1)
-            hint = f" (did you mean {near[0]!r}?)" if near else ""
+            hint = f" ({near})" if (near := near_miss(label, known)) else ""
             words.append(f"point {label!r} has no usable pick{hint}")
     if words:
         raise UnmeasurableError(", ".join(words))
@@ -101,14 +100,19 @@ def measurands(
         return [_speed(request, points, survey, frames, error)]
     value, gradient = getattr(shapes, kind)(points)
     measurable = np.isfinite(value) and np.isfinite(gradient).all()
-    in_line = np.linalg.matrix_rank(np.diff(points, axis=0)) < 2
-    if kind == "area" and not in_line and shapes.polygon_self_intersects(points[:, :2]):
+    if kind == "area" and _crosses_itself(points):
         raise UnmeasurableError("its outline crosses itself: give the points in order around it")
     if not measurable:
         raise UnmeasurableError("its points coincide or lie in line")
     if kind == "angle":
         value, gradient = np.rad2deg(value), np.rad2deg(gradient)
     return [Measurand(request.name, request, float(value), gradient, {})]
+
+
+def _crosses_itself(outline: Floats) -> bool:
+    """Whether an outline (k, 3) with an extent in two directions does."""
+    in_line = np.linalg.matrix_rank(np.diff(outline, axis=0)) < 2
+    return not in_line and shapes.polygon_self_intersects(outline[:, :2])
 
 
 def _skid_speed(

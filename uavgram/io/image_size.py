@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import struct
 from pathlib import Path
 from typing import BinaryIO
@@ -19,19 +20,22 @@ _JPEG_ALONE = frozenset({0x01, *range(0xD0, 0xD8)})  # markers without a segment
 def image_size(path: str | Path) -> tuple[int, int]:
     """Width and height [px] of the stored, unrotated image.
 
-    JPEG and PNG are read from their headers; every other kind is decoded by OpenCV.
+    JPEG and PNG are read from their headers; every other kind is decoded by OpenCV. Of a JPEG the
+    end is looked for too: without it nothing of it can be decoded.
 
     Raises
     ------
     InputError
-        The file is missing, or no photo.
+        The file is missing, cut off, or no photo.
     """
+    is_whole = True
     try:
         with Path(path).open("rb") as file:
             head = file.read(26)
             if head[:2] == b"\xff\xd8":
                 file.seek(2)
                 size = _jpeg_size(file)
+                is_whole = _has_end(file)
             elif head[:8] == _PNG and len(head) >= 24:
                 size = struct.unpack(">II", head[16:24])
             else:
@@ -40,6 +44,12 @@ def image_size(path: str | Path) -> tuple[int, int]:
         raise InputError(path, f"cannot be read: {error.strerror}") from error
     if size is None or min(size) <= 0:
         raise InputError(path, "is no photo that can be read; take it out of `images`")
+    if not is_whole:
+        raise InputError(
+            path,
+            "is cut off, the end of the picture is missing: copy it from the camera once more, or "
+            "take it out of `images`",
+        )
     return int(size[0]), int(size[1])
 
 
@@ -68,6 +78,12 @@ def _jpeg_size(file: BinaryIO) -> tuple[int, int] | None:
             height, width = struct.unpack(">HH", frame[1:5])
             return int(width), int(height)
         file.seek(length - 2, 1)
+
+
+def _has_end(file: BinaryIO) -> bool:
+    """Whether a JPEG's end marker stands somewhere behind its frame header, where `file` is."""
+    with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        return content.rfind(b"\xff\xd9", file.tell()) >= 0
 
 
 def _decoded_size(path: str | Path) -> tuple[int, int] | None:

@@ -38,7 +38,7 @@ def read_known_points(path: str | Path) -> KnownPoints:
     names = _COORDINATES[kind]
     _check_cells(table, (*names, *sigmas))
     for name in sigmas:
-        table.require_positive(name)
+        table.require_sigma(name)
     table.require_unique("label", "label")
     if kind == "geodetic":
         _check_range(table, "latitude_deg", 90.0)

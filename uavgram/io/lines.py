@@ -30,7 +30,7 @@ def read_lines(path: str | Path) -> KnownLines:
     """
     table = read_table(path, LINES_COLUMNS)
     table.require_positive("length_m")
-    table.require_positive("sigma_m")
+    table.require_sigma("sigma_m")
     table.require_unique("name", "line")
     rows = zip(table.text["from"], table.text["to"], table.text["use"], strict=True)
     for row, (start, end, use) in enumerate(rows):

@@ -8,7 +8,7 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -21,22 +21,33 @@ log = logging.getLogger(__name__)
 
 PREFIX = ".uavgram-unfinished-"
 LAST = "results.json"  # whoever finds a new one finds everything else new too
-_FULL = {errno.ENOSPC, errno.EDQUOT}
+NEW, EARLIER, MOVING = "files", "earlier", "moving.txt"
+"""In the hidden folder: what is to be moved, what it replaces, and its list while it is moved."""
+_END = Path()  # ends the list
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 @contextmanager
-def staged_output(folder: str | Path) -> Iterator[Path]:
+def staged_output(folder: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator[Path]:
     """Give a hidden folder to write into; move its files into `folder` once all are complete.
 
     The hidden folder lies inside `folder`, so on the same file system. Its files replace those of
     the same name one by one (``os.replace``), `results.json` last; other files stay. On any
     failure, Ctrl-C included, the files of `folder` are as before, and the hidden folder is gone;
-    what a killed run left behind goes when the next run starts.
+    what a killed run left behind goes when the next run starts, and what it had moved already is
+    put back.
+
+    Parameters
+    ----------
+    folder
+        The output folder; made where there is none.
+    inputs
+        Files that no output may replace.
 
     Raises
     ------
     OutputError
-        The folder cannot be written to, or the disk is full.
+        The folder cannot be written to, the disk is full, or an output has the name of an input.
     """
     folder = Path(folder).absolute()
     with _told_as_output_errors(folder):
@@ -46,8 +57,9 @@ def staged_output(folder: str | Path) -> Iterator[Path]:
         staging = Path(tempfile.mkdtemp(prefix=PREFIX, dir=folder))
         lock = _lock(staging)
         try:
-            (staging / "files").mkdir()
-            yield staging / "files"
+            (staging / NEW).mkdir()
+            yield staging / NEW
+            _spare(inputs, staging / NEW, folder)
             _commit(staging, folder)
         finally:
             shutil.rmtree(staging, ignore_errors=True)
@@ -123,14 +135,28 @@ def _remove_stale(folder: Path) -> None:
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 log.info("removing %s, which a killed run left behind", stale)
+                _put_back(stale, folder)
                 shutil.rmtree(stale) if stale.is_dir() else stale.unlink()
             finally:
                 os.close(handle)
 
 
+def _spare(inputs: Iterable[str | Path], source: Path, folder: Path) -> None:
+    """Refuse to write over what the outputs were made of."""
+    kept = {Path(path).resolve() for path in inputs}
+    for path in sorted(source.rglob("*")):
+        target = (folder / path.relative_to(source)).resolve()
+        if path.is_file() and target in kept:
+            raise OutputError(
+                f"{target}: is an input, and a result has the same name; nothing was written: "
+                "choose another folder with --output (or `output` in the project), or rename the "
+                "input"
+            )
+
+
 def _commit(staging: Path, folder: Path) -> None:
     """Move all files into place; undo everything if one of them fails."""
-    source, backup = staging / "files", staging / "earlier"
+    source, backup = staging / NEW, staging / EARLIER
     names = sorted(
         (path.relative_to(source) for path in source.rglob("*") if path.is_file()),
         key=lambda name: (name.as_posix() == LAST, name.as_posix()),
@@ -141,6 +167,8 @@ def _commit(staging: Path, folder: Path) -> None:
         if (folder / name).is_file():
             (backup / name).parent.mkdir(parents=True, exist_ok=True)
             _keep(folder / name, backup / name)
+    (staging / MOVING).write_text("\n".join(name.as_posix() for name in [*names, _END]))
+    _flush(staging / MOVING)
     try:
         for name in names:
             (source / name).replace(folder / name)
@@ -148,6 +176,17 @@ def _commit(staging: Path, folder: Path) -> None:
         for name in names:
             _restore(source / name, backup / name, folder / name)
         raise
+
+
+def _put_back(stale: Path, folder: Path) -> None:
+    """Undo what a run had moved when it was killed, unless it had moved everything."""
+    if not (stale / MOVING).is_file():
+        return
+    *names, end = map(Path, (stale / MOVING).read_text().split("\n"))
+    # Killed while the list was written: nothing had moved.
+    if end == _END and any((stale / NEW / name).exists() for name in names):
+        for name in names:
+            _restore(stale / NEW / name, stale / EARLIER / name, folder / name)
 
 
 def _flush(path: Path) -> None:

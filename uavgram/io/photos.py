@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import os
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 from uavgram.errors import InputError
 from uavgram.io.exif_tags import read_exif_tags
 from uavgram.io.image_size import image_size
+from uavgram.io.tables import UNSHOWABLE
 from uavgram.model.frames import Photos, TimeSource
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
@@ -36,7 +38,7 @@ def read_photos(
     patterns
         Absolute file names or patterns.
     options
-        Where the times come from; `auto` takes EXIF where every photo has it, else none.
+        Where the times come from; `auto` takes EXIF where most photos have it, else none.
 
     Raises
     ------
@@ -69,12 +71,23 @@ def _find(patterns: tuple[str, ...]) -> list[Path]:
         if not files:
             raise InputError(pattern, "matches no file; correct `images` in the project")
         for path in files:
+            _check_name(path)
             other = found.setdefault(path.name, path)
             if other.resolve() != path.resolve():
                 raise InputError(
                     path, f"has the name of {other}; picks name photos by it: rename one"
                 )
     return [found[name] for name in sorted(found)]
+
+
+def _check_name(path: Path) -> None:
+    """Refuse a name that no other file could hold."""
+    shown = os.fsencode(path).decode(errors="backslashreplace")
+    if shown != str(path) or UNSHOWABLE.search(path.name):
+        raise InputError(
+            shown.translate({code: ascii(chr(code))[1:-1] for code in range(32)}),
+            "the photo's name holds characters that cannot be written: rename it",
+        )
 
 
 def _times(
@@ -87,7 +100,7 @@ def _times(
         return [_Reading()] * len(paths), "none", ()
     readings = [_exif_reading(path) for path in paths]
     timed = [np.isfinite(reading.time_s) for reading in readings]
-    if options.source == "auto" and not all(timed):
+    if options.source == "auto" and 2 * sum(timed) <= len(paths):
         return [_Reading()] * len(paths), "none", _ignored_times(paths, timed)
     if not any(timed):
         raise InputError(
@@ -98,7 +111,10 @@ def _times(
     messages = []
     if not all(timed):
         without = paths[timed.index(False)].name
-        text = f"{timed.count(False)} photos state no capture time in EXIF, the first is {without}"
+        text = (
+            f"{timed.count(False)} of {len(paths)} photos state no capture time in EXIF and cannot "
+            f"be found in the log by it, the first is {without}: has another program saved it anew?"
+        )
         messages.append(Message("warning", "photo-without-time", text))
     if not any(reading.zoned for reading in readings):
         text = (

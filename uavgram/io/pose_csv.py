@@ -53,7 +53,7 @@ def read_pose_csv(path: str | Path, heights: HeightDatum) -> PhotoPoses:
 
 def _check(table: Table) -> None:
     for name in _SIGMAS:
-        table.require_positive(name)
+        table.require_sigma(name)
     table.require_unique("image", "photo")
     for name, limit in (("latitude_deg", 90.0), ("longitude_deg", 360.0)):
         for row in np.flatnonzero(np.abs(table.numbers[name]) > limit):

@@ -13,8 +13,11 @@ import numpy as np
 
 from uavgram.errors import InputError, near_miss
 from uavgram.model.arrays import Floats, Ints
+from uavgram.model.limits import LARGEST_NUMBER, sigma_fault
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+UNSHOWABLE = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff]")
+"""Characters that no name can hold: they break lines, drive terminals, or are no XML."""
 _BYTE_ORDER_MARKS_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -91,6 +94,13 @@ class Table:
             value = self.numbers[name][row]
             self.blame(int(row), f"{name} must be greater than 0 (got {value:g})")
 
+    def require_sigma(self, name: str) -> None:
+        """Note every number of a column that can be no standard deviation (empty cells pass)."""
+        for row in np.flatnonzero(np.isfinite(self.numbers[name])):
+            value = self.numbers[name][row]
+            if fault := sigma_fault(float(value)):
+                self.blame(int(row), f"{name} {fault} (got {value:g})")
+
     def require_unique(self, name: str, what: str) -> None:
         """Note every text of a column that stands in an earlier row too."""
         first: dict[str, int] = {}
@@ -123,6 +133,14 @@ def read_table(path: str | Path, columns: Columns) -> Table:
         wanted = ",".join(columns.required)
         raise InputError(path, f"the file is empty: its first line must be {wanted}", 1)
     (header_line, header), rows = records[0], records[1:]
+    if len(header) == 1 and (separator := re.search("[;\t]", header[0])):
+        used = "semicolons" if separator[0] == ";" else "tabs"
+        raise InputError(
+            path,
+            f"the cells are separated by {used}: save the table as CSV with commas, and with "
+            "decimal points",
+            header_line,
+        )
     faults: list[tuple[int | None, str]] = [
         (header_line, text) for text in _header_faults(header, columns)
     ]
@@ -142,6 +160,8 @@ def read_table(path: str | Path, columns: Columns) -> Table:
                 table.blame(row, f"{name} is empty")
         if name in columns.text or name in columns.optional_text:
             table.text[name] = tuple(cells)
+            for row in (i for i, cell in enumerate(cells) if UNSHOWABLE.search(cell)):
+                table.blame(row, f"{name} holds {_unshowable(cells[row])}: type it again")
         else:
             table.numbers[name] = _numbers(table, name, cells)
     return table
@@ -170,7 +190,7 @@ def _read_text(path: Path) -> str:
         data = path.read_bytes()
     except OSError as fault:
         raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    if data.startswith(_BYTE_ORDER_MARKS_16):
+    if data.startswith(_BYTE_ORDER_MARKS_16) or _looks_like_utf_16(data):
         raise InputError(path, "is UTF-16 text: save it as CSV UTF-8", 1)
     try:
         return data.decode("utf-8-sig")
@@ -179,9 +199,20 @@ def _read_text(path: Path) -> str:
         raise InputError(path, "is not UTF-8 text: save it as CSV UTF-8", line) from fault
 
 
+def _looks_like_utf_16(data: bytes) -> bool:
+    """Whether every other byte is 0, as in Latin text of two bytes a character."""
+    start = data[:64]
+    return b"\0" in start and not (any(start[::2]) and any(start[1::2]))
+
+
+def _unshowable(cell: str) -> str:
+    """Say which character of a cell cannot be shown."""
+    found = UNSHOWABLE.search(cell)
+    character = found[0] if found else ""
+    return "a line break" if character in "\r\n" else f"the control character {character!r}"
+
+
 def _header_faults(header: Sequence[str], columns: Columns) -> list[str]:
-    if len(header) == 1 and re.search("[;\t]", header[0]):
-        return ["the cells must be separated by commas: save the table as CSV with commas"]
     faults = [
         f"column {name!r} is there twice: remove one"
         for name in dict.fromkeys(header)
@@ -221,13 +252,15 @@ def _numbers(table: Table, name: str, cells: Sequence[str]) -> Floats:
 
 
 def parse_number(text: str) -> float | None:
-    """Read a finite decimal number; None for anything else (nan, inf, 1_000, 1e999...)."""
+    """Read a decimal number of at most LARGEST_NUMBER; None for anything else (nan, inf, 1_000)."""
     value = float(text) if _NUMBER.fullmatch(text) else np.inf
-    return value if np.isfinite(value) else None
+    return value if abs(value) <= LARGEST_NUMBER else None
 
 
 def number_hint(text: str) -> str:
     """Say why some text that looks like a number is none."""
+    if _NUMBER.fullmatch(text):
+        return ": it is far too large"
     if re.fullmatch(r"[-+]?[0-9.]*,[0-9]+", text):
         return ": write a decimal point, not a comma"
     if re.fullmatch(r"[-+]?[0-9.]+\s*[a-zA-Z°]+", text):

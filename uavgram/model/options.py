@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
 from typing import Literal
 
+from uavgram.model.limits import LARGEST_NUMBER, sigma_fault
 from uavgram.model.survey import DEFAULT_AREA
 from uavgram.model.telemetry import HeightDatum
 
@@ -34,11 +35,11 @@ class OptionsError(ValueError):
 
 
 def _require(owner: object, **rules: tuple[bool, str]) -> None:
-    """Check rules of fields (name=(holds, "must ...")), and that every number is finite."""
+    """Check rules of fields (name=(holds, "must ...")), and that every number can be used."""
     faults = {
-        field_.name: "must be a finite number"
+        field_.name: fault
         for field_ in fields(owner)  # type: ignore[arg-type]  # every caller is a dataclass
-        if not _is_finite(getattr(owner, field_.name))
+        if (fault := _number_fault(getattr(owner, field_.name)))
     }
     for name, (holds, text) in rules.items():
         if not holds:
@@ -47,17 +48,22 @@ def _require(owner: object, **rules: tuple[bool, str]) -> None:
         raise OptionsError(owner, tuple(faults.items()))
 
 
-def _is_finite(value: object) -> bool:
+def _number_fault(value: object) -> str:
     if isinstance(value, tuple):
-        return all(_is_finite(part) for part in value)
-    return not isinstance(value, float) or math.isfinite(value)
+        return next(filter(None, map(_number_fault, value)), "")
+    if isinstance(value, float) and not math.isfinite(value):
+        return "must be a finite number"
+    is_large = isinstance(value, int | float) and abs(value) > LARGEST_NUMBER
+    return "is far too large" if is_large else ""
 
 
-_POSITIVE = "must be greater than 0"
-
-
-def _all_positive(value: tuple[float, ...] | Auto) -> bool:
-    return isinstance(value, str) or all(part > 0 for part in value)
+def _sigma(value: float | tuple[float, ...] | Auto | None) -> tuple[bool, str]:
+    """Rule of a standard deviation, or of several."""
+    if value is None or isinstance(value, str):
+        return True, ""
+    values = value if isinstance(value, tuple) else (value,)
+    fault = next(filter(None, map(sigma_fault, values)), "")
+    return not fault, fault
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,10 +110,20 @@ def _ground_rules(options: AreaOptions | GroundOptions) -> dict[str, tuple[bool,
     height, slope = options.height_sigma_m, options.slope_sigma_deg
     roughness = options.roughness_sigma_m
     return {
-        "height_sigma_m": (height is None or height > 0, _POSITIVE),
-        "slope_sigma_deg": (slope is None or 0 < slope < 45, "must lie between 0 and 45"),
-        "roughness_sigma_m": (roughness is None or roughness >= 0, "must not be negative"),
+        "height_sigma_m": _sigma(height),
+        "slope_sigma_deg": (
+            _sigma(slope)
+            if slope is None or 0 < slope < 45
+            else (False, "must lie between 0 and 45")
+        ),
+        "roughness_sigma_m": _roughness_rule(roughness),
     }
+
+
+def _roughness_rule(roughness: float | None) -> tuple[bool, str]:
+    if roughness is not None and roughness < 0:
+        return False, "must not be negative"
+    return _sigma(roughness or None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,8 +173,8 @@ class MountOptions:
     def __post_init__(self) -> None:
         _require(
             self,
-            boresight_sigma_deg=(self.boresight_sigma_deg > 0, _POSITIVE),
-            lever_arm_sigma_m=(self.lever_arm_sigma_m > 0, _POSITIVE),
+            boresight_sigma_deg=_sigma(self.boresight_sigma_deg),
+            lever_arm_sigma_m=_sigma(self.lever_arm_sigma_m),
         )
 
 
@@ -182,8 +198,8 @@ class TimeOptions:
     def __post_init__(self) -> None:
         _require(
             self,
-            offset_sigma_s=(self.offset_sigma_s > 0, _POSITIVE),
-            drift_sigma_ppm=(self.drift_sigma_ppm > 0, _POSITIVE),
+            offset_sigma_s=_sigma(self.offset_sigma_s),
+            drift_sigma_ppm=_sigma(self.drift_sigma_ppm),
             filename_format=(
                 "%" in self.filename_format,
                 'must be a strptime pattern, such as "%Y%m%d_%H%M%S"',
@@ -211,15 +227,18 @@ class TelemetryOptions:
     def __post_init__(self) -> None:
         _require(
             self,
-            position_sigma_m=(_all_positive(self.position_sigma_m), _POSITIVE),
-            attitude_sigma_deg=(_all_positive(self.attitude_sigma_deg), _POSITIVE),
-            position_bias_sigma_m=(_all_positive(self.position_bias_sigma_m), _POSITIVE),
-            heading_bias_sigma_deg=(self.heading_bias_sigma_deg > 0, _POSITIVE),
+            position_sigma_m=_sigma(self.position_sigma_m),
+            attitude_sigma_deg=_sigma(self.attitude_sigma_deg),
+            position_bias_sigma_m=_sigma(self.position_bias_sigma_m),
+            heading_bias_sigma_deg=_sigma(self.heading_bias_sigma_deg),
             correlation_s=(
                 0 < self.correlation_s[0] <= self.correlation_s[1],
                 "must be two times greater than 0, the shorter one first",
             ),
         )
+
+
+LEAST_SIGNIFICANCE = 1e-12  # seven sigmas; far below, quantiles of the normal law overflow
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -230,14 +249,21 @@ class SolveOptions:
     significance: float = 0.001
 
     def __post_init__(self) -> None:
+        least = LEAST_SIGNIFICANCE
+        is_tiny = 0 < self.significance < least
+        rule = f"must be at least {least:g}" if is_tiny else "must lie between 0 and 0.5"
         _require(
             self,
-            significance=(0 < self.significance < 0.5, "must lie between 0 and 0.5"),
+            significance=(least <= self.significance < 0.5, rule),
         )
 
 
 CAMERA_OF_PHOTOS = "auto"
 """Value of `camera` that names no file: assumed from what the photos say of theirs."""
+
+CAMERA_UNKNOWN = "unknown"
+"""Value of `camera` that names no file: where the photos do not say enough either, an ordinary
+drone camera, with errors as wide as such cameras differ."""
 
 ACCOUNT = "auto"
 """Value of `operator` that names no person: the account that runs the program."""
@@ -247,10 +273,10 @@ ACCOUNT = "auto"
 class Project:
     """A project file: which inputs, and every option.
 
-    Paths are those of the file, made absolute; `images` are patterns. `camera` is ``auto`` or a
-    path; `poses` is ``exif`` or a path, and stands in place of `log`. `crs` is the projected
-    coordinate system of maps and drawings; ``auto``: the UTM zone. `operator` is who answers for
-    the survey; ``auto``: the account that runs it.
+    Paths are those of the file, made absolute; `images` are patterns. `camera` is ``auto``,
+    ``unknown`` or a path; `poses` is ``exif`` or a path, and stands in place of `log`. `crs` is the
+    projected coordinate system of maps and drawings; ``auto``: the UTM zone. `operator` is who
+    answers for the survey; ``auto``: the account that runs it.
     """
 
     name: str
@@ -287,8 +313,13 @@ class Project:
                 bool(self.images) and all(self.images),
                 "must name at least one file or pattern",
             ),
-            picks_sigma_px=(self.picks_sigma_px > 0, _POSITIVE),
+            picks_sigma_px=_sigma(self.picks_sigma_px),
         )
+
+    @property
+    def camera_file(self) -> str | None:
+        """The camera's file; None where the camera is assumed."""
+        return None if self.camera in (CAMERA_OF_PHOTOS, CAMERA_UNKNOWN) else self.camera
 
     def _one_source(self) -> dict[str, tuple[bool, str]]:
         if self.poses is None or self.log is None:

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn, TypeVar
 
 from uavgram.errors import UavgramError
 from uavgram.io.measure import PARAMETERS, POINT_COUNTS
+from uavgram.io.tables import UNSHOWABLE
 from uavgram.model.camera import LensModel
 from uavgram.model.observations import MeasurementKind
 from uavgram.picking import commands as c
@@ -25,7 +25,6 @@ MOST_POINTS = 256
 LARGEST_NUMBER = 2**53
 LARGEST_M = 1e7
 LARGEST_SIGMA_PX = 1e4
-_CONTROL_CHARACTERS = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 
 _TARGETS: tuple[c.Target, ...] = ("corner", "circle")
 
@@ -144,7 +143,7 @@ class _Fields:
             _refuse(f"{name} is empty")
         if len(value) > LONGEST_NAME:
             _refuse(f"{name} may have {LONGEST_NAME} characters")
-        if _CONTROL_CHARACTERS.search(value):
+        if UNSHOWABLE.search(value):
             _refuse(f"{name} holds a character that cannot be shown")
         return value
 

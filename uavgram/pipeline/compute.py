@@ -105,6 +105,7 @@ def compute(
         posed.telemetry,
         project.ground,
         project.picks_sigma_px,
+        inputs.photos.frame_id,
     )
     world = replace(posed.world, gauge=assembled.survey.gauge)
     if world.gauge == "plane":
@@ -166,7 +167,7 @@ def compute(
             *posed.messages,
             *control_messages,
             *check_messages,
-            *_gauge_messages(inputs, world),
+            *_gauge_messages(inputs, adjustment.survey),
             *_unseen_control(control, assembled),
             *unpicked_areas(project.ground, assembled.survey),
             *refine_messages,
@@ -223,12 +224,13 @@ def _no_points() -> KnownWorldPoints:
     return KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empty((0, 3)))
 
 
-def _gauge_messages(inputs: Inputs, world: World) -> tuple[Message, ...]:
-    if world.gauge == "world":
+def _gauge_messages(inputs: Inputs, survey: Survey) -> tuple[Message, ...]:
+    if survey.gauge == "world":
         return ()
     text = (
         "Nothing fixes position and heading (no flight log, fewer than two control points): "
-        "lengths, areas and angles are right, coordinates are relative to the first frame."
+        "lengths, areas and angles are right, coordinates are relative to the first frame, "
+        f"{survey.frame_id[0]}: it stands above 0, 0, and up in it is north."
     )
     messages = [Message("info", "gauge-plane", text)]
     if len(inputs.check.label):

@@ -70,7 +70,7 @@ def geotag(
     _keep_originals(inputs, folder / TAGGED, exif=exif)
     tags, messages = _tags(inputs, poses)
     files = ["geo.txt", "pix4d.csv"]
-    with staged_output(folder) as staging:
+    with staged_output(folder, inputs.files) as staging:
         write_geo_txt(tags, staging / files[0])
         write_pix4d_csv(tags, staging / files[1])
         if exif:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
+from unicodedata import normalize
 
 import numpy as np
 
 from uavgram.config.project import load_project
-from uavgram.errors import InputError
+from uavgram.errors import InputError, near_miss
 from uavgram.geometry.back_projection import share_without_rays
 from uavgram.io.digest import digest_inputs
 from uavgram.io.flight_log import read_flight_log
@@ -25,7 +25,7 @@ from uavgram.model.camera import Calibration
 from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
-from uavgram.model.options import CAMERA_OF_PHOTOS, Project
+from uavgram.model.options import CAMERA_UNKNOWN, Project
 from uavgram.model.photo_poses import PhotoPoses
 from uavgram.model.provenance import InputDigest
 from uavgram.model.telemetry import FlightLog
@@ -72,6 +72,12 @@ class Inputs:
     digests: tuple[InputDigest, ...]
     messages: tuple[Message, ...]
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file that was read; no output may replace one."""
+        folder = Path(self.project_path).absolute().parent
+        return tuple(folder / digest.path for digest in self.digests)
+
 
 def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False) -> Inputs:
     """Read and validate every input of a project; run nothing.
@@ -111,8 +117,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     poses, pose_messages = _poses(project, photos)
     notes = () if log is None else _log_notes(log)
     pose_file = None if project.poses == FROM_PHOTOS else project.poses
-    camera_file = None if project.camera == CAMERA_OF_PHOTOS else project.camera
-    named = (camera_file, picks_file, project.log, pose_file, lines_file, measure_file)
+    named = (project.camera_file, picks_file, project.log, pose_file, lines_file, measure_file)
     files = [str(path), *(f for f in (*named, project.control, project.check) if f), *photos.path]
     return Inputs(
         project_path=str(path),
@@ -171,9 +176,9 @@ def _lens_messages(calibration: Calibration) -> tuple[Message, ...]:
 
 
 def _camera(project: Project, photos: Photos) -> tuple[Calibration, tuple[Message, ...]]:
-    if project.camera == CAMERA_OF_PHOTOS:
-        return camera_of_photos(photos)
-    read = read_camera(project.camera)
+    if project.camera_file is None:
+        return camera_of_photos(photos, may_be_unknown=project.camera == CAMERA_UNKNOWN)
+    read = read_camera(project.camera_file)
     return read.calibration, read.messages
 
 
@@ -223,8 +228,12 @@ def _check_picks(project: Project, picks: Picks, photos: Photos) -> None:
     size = {name: k for k, name in enumerate(photos.frame_id)}
     for i, image in enumerate(picks.image):
         if image not in size:
-            near = get_close_matches(image, photos.frame_id, n=1)
-            hint = f" (did you mean {near[0]!r}?)" if near else ""
+            hint = f" ({near})" if (near := near_miss(image, photos.frame_id)) else ""
+            if normalize("NFC", image) in (normalize("NFC", name) for name in size):
+                hint = (
+                    "; a photo's name looks the same, but its accents are stored in another way "
+                    "(as macOS does): rename the photo without accents, and here too"
+                )
             raise InputError(
                 project.picks,
                 f"the pick of {picks.label[i]!r} names the photo {image!r}, which is not among "

@@ -88,7 +88,7 @@ def rectify(
     raster = lay_raster(view, pixel_m)
     folder = Path(inputs.project.output) / "rectified" if output is None else Path(output)
     tags = _tags(view)
-    with staged_output(folder) as staging:
+    with staged_output(folder, inputs.files) as staging:
         count = -(-raster.width // WINDOW_PX) * -(-raster.height // WINDOW_PX)
         windows = progress(warped_windows(view, raster), "rectifying", count)
         write_colour_geotiff(raster, windows, tags, staging / PICTURE)

@@ -70,7 +70,7 @@ def run(
     journal.result(result)
     folder = inputs.project.output if output is FROM_PROJECT else output
     if folder is not None:
-        with staged_output(Path(folder)) as staging:
+        with staged_output(Path(folder), inputs.files) as staging:
             _write_outputs(result, staging, journal, progress)
     return result
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -70,11 +71,13 @@ def assemble(
     telemetry: Telemetry | None,
     ground: GroundOptions,
     picks_sigma_px: float,
+    photos: Sequence[str] = (),
 ) -> Assembled:
     """Make one survey of what was observed.
 
     Frames take part where they have a pick and, with a log, an instant in it. The gauge is
-    ``world`` where telemetry or two picked control points fix position and heading.
+    ``world`` where telemetry or two picked control points fix position and heading. Without
+    telemetry frames come in the order of `photos`, so that of the picks means nothing.
 
     Raises
     ------
@@ -89,7 +92,7 @@ def assemble(
             "no usable frame remains: not one pick lies in a photo that the flight log covers; "
             "the reasons stand with the frames (uavgram check)"
         )
-    order = picks.image if telemetry is None else telemetry.poses.frame_id
+    order = (*photos, *picks.image) if telemetry is None else telemetry.poses.frame_id
     picked = {picks.image[i] for i in np.flatnonzero(used)}
     frame_id = tuple(f for f in dict.fromkeys(order) if f in picked)
     label = tuple(dict.fromkeys(picks.label[i] for i in np.flatnonzero(used)))

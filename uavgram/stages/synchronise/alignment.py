@@ -9,7 +9,7 @@ from uavgram.estimation.time_alignment import Alignment, align
 from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
-from uavgram.stages.synchronise.boots import ClockedBoot
+from uavgram.stages.synchronise.boots import ClockedBoot, log_spans, photos_span
 from uavgram.stages.synchronise.event_times import Timing, event_timing
 
 _HOW = (
@@ -36,8 +36,10 @@ def by_alignment(
     chosen, best = results[0]
     if not best.candidates:
         raise UavgramError(
-            "time.offset_s is auto but the log has no camera events to find it from: "
-            "set time.offset_s (camera clock minus UTC, in seconds) and time.offset_sigma_s"
+            "time.offset_s is auto but the log has no camera events to find it from (by the "
+            f"camera's clock the photos were taken {photos_span(photos.file_time_s)}, the log runs "
+            f"from {log_spans(usable)}: is it whole, and of this flight?): set time.offset_s "
+            "(camera clock minus UTC, in seconds) and time.offset_sigma_s"
         )
     unique = [result for _, result in results if result.unique]
     if len(unique) > 1:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.boot_clock import fit_boot_clock, to_utc
+from uavgram.estimation.boot_clock import as_text, fit_boot_clock, to_utc
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message
 from uavgram.model.telemetry import Boot, BootClock, FlightLog
@@ -76,3 +76,14 @@ def is_inside(time_utc_s: Floats, clocked: ClockedBoot) -> Bools:
     """(F,) whether position and attitude are both known at these instants."""
     first, last = clocked.span_utc_s()
     return np.asarray((time_utc_s >= first) & (time_utc_s <= last))  # NaN compares False
+
+
+def photos_span(time_s: Floats) -> str:
+    """First and last of the photos' instants, in words; NaN is left out."""
+    return f"{as_text(float(np.nanmin(time_s)))} to {as_text(float(np.nanmax(time_s)))}"
+
+
+def log_spans(usable: list[ClockedBoot]) -> str:
+    """From when to when each boot knows position and attitude, in words."""
+    spans = (clocked.span_utc_s() for clocked in usable)
+    return " and ".join(f"{as_text(first)} to {as_text(last)}" for first, last in spans)

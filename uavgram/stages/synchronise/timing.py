@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.boot_clock import as_text
 from uavgram.estimation.camera_clock import COARSE_S
 from uavgram.estimation.time_alignment import align
 from uavgram.model.arrays import Floats
@@ -18,7 +17,7 @@ from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.model.telemetry import Boot
-from uavgram.stages.synchronise.boots import ClockedBoot, is_inside
+from uavgram.stages.synchronise.boots import ClockedBoot, is_inside, log_spans, photos_span
 from uavgram.stages.synchronise.event_times import (
     EVENT_JITTER_S,
     Timing,
@@ -110,14 +109,13 @@ def _snapped(
 
 def _another_day(time_utc_s: Floats, usable: list[ClockedBoot]) -> str:
     """Both spans and what lies between them."""
-    spans = [c.span_utc_s() for c in usable]
     middle = float(np.nanmedian(time_utc_s))
+    spans = [c.span_utc_s() for c in usable]
     nearest = min(spans, key=lambda s: abs(middle - (s[0] + s[1]) / 2))
     apart = float(np.nanmin(time_utc_s)) - nearest[0]
-    log_text = " and ".join(f"{as_text(a)} to {as_text(b)}" for a, b in spans)
     return (
-        f"no photo lies in the flight: the photos were taken {as_text(np.nanmin(time_utc_s))} to "
-        f"{as_text(np.nanmax(time_utc_s))} (file times less time.offset_s), the log runs from "
-        f"{log_text}; is this the log of another flight, or is time.offset_s wrong by about "
-        f"{apart:+.0f} s ({apart / 3600:+.2f} h)?"
+        f"no photo lies in the flight: the photos were taken {photos_span(time_utc_s)} (file "
+        f"times less time.offset_s), the log runs from {log_spans(usable)}; is this the log of "
+        f"another flight, or is time.offset_s wrong by about {apart:+.0f} s "
+        f"({apart / 3600:+.2f} h)?"
     )

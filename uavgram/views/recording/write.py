@@ -68,7 +68,7 @@ def write_recording(
             _log_everything(recorder, result, photos, texture)
         unfinished.replace(target)
     except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
             raise  # who chose the folder knows where else there is room
         raise OutputError(f"{target}: the recording cannot be written: {error}") from error
     finally:
