@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -25,8 +26,9 @@ def new(
 ) -> int:
     """Write a project.yaml for a folder of photos, and say what is still missing.
 
-    Finds the photos, the flight log, the camera file (or what the photos say of theirs), poses in
-    the photos, and tables that are there. Never writes over a file.
+    Finds the photos, the flight log, the camera file (or what the photos say of theirs; or, where
+    they say nothing, an ordinary drone camera with very wide errors), poses in the photos, and
+    tables that are there. Never writes over a file.
 
     Parameters
     ----------
@@ -46,8 +48,5 @@ def new(
     )
     say(f"Written: {made.path}", *(f"  {what}" for what in made.found))
     say("", *message_lines(made.messages))
-    if made.is_ready:
-        say("", f"Next: uavgram pick {made.path}")
-    else:
-        say("", f"Next: make the camera file, then uavgram check {made.path}")
+    say("", f"Next: uavgram pick {shlex.quote(str(made.path))}")
     return DONE

@@ -68,6 +68,9 @@ def _find(patterns: tuple[str, ...]) -> list[Path]:
         # patterns are text, absolute, and may hold ** and [..]: glob's own language
         paths = [Path(name) for name in sorted(glob.glob(pattern, recursive=True))]  # noqa: PTH207
         files = [path for path in paths if path.is_file()]
+        folder = Path(pattern).parent
+        if not files and folder.is_dir() and not os.access(folder, os.R_OK | os.X_OK):
+            raise InputError(folder, "cannot be read: ask for the right to, or copy the photos")
         if not files:
             raise InputError(pattern, "matches no file; correct `images` in the project")
         for path in files:

@@ -22,8 +22,8 @@ def test_gdal_finds_every_layer_and_the_points_in_their_places(features, result,
     names = dict(zip(meta["fields"], fields, strict=True))["Name"]
     assert list(names) == list(result.points.label)
     lonlat = np.array([np.frombuffer(wkb[5:21], "<f8") for wkb in geometry])
-    np.testing.assert_allclose(lonlat[:, 0], result.points.longitude_deg, atol=2e-9)
-    np.testing.assert_allclose(lonlat[:, 1], result.points.latitude_deg, atol=2e-9)
+    np.testing.assert_allclose(lonlat[:, 0], result.points.longitude_deg, atol=1e-11)
+    np.testing.assert_allclose(lonlat[:, 1], result.points.latitude_deg, atol=1e-11)
 
 
 def test_labels_are_text_whatever_they_hold(result, tmp_path):

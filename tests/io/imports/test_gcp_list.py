@@ -51,7 +51,7 @@ def test_points_without_a_label_are_the_same_where_their_place_is(tmp_path):
         ("nonsense\n" + ROW, r":1: 'nonsense' is no coordinate system"),
         (HEAD, "a line for each pick"),
         (HEAD + "1 2 3 4 5\n", r":2: needs x, y, z"),
-        (HEAD + ROW + "1 2 x 4 5 a.jpg B\n", r":3: must be a number \(got 'x'\)"),
+        (HEAD + ROW + "1 2 x 4 5 a.jpg B\n", r":3: z must be a number \(got 'x'\)"),
         (HEAD + ROW + "1 2 3 4 5 DSC_2.JPG A\n", r":3: label 'A' has another place"),
         (HEAD + ROW + ROW, r":3: label 'A' is picked in 'DSC_1.JPG' in line 2 already"),
     ],

@@ -98,6 +98,16 @@ def test_without_the_photo_a_warning_says_what_was_not_checked(tmp_path):
             "no LabelMe file",
         ),
         ('{"imagePath": "a.png", "shapes": []}', "nothing to import"),
+        (
+            '{"imagePath": "a.png", "imageWidth": 60, "imageHeight": 40,'
+            ' "shapes": [{"label": "P", "points": [[1e300, 1]], "shape_type": "point"}]}',
+            "'P' lies outside the photo",
+        ),
+        (
+            '{"imagePath": "a.png", "shapes":'
+            ' [{"label": "P\\u0007", "points": [[1, 1]], "shape_type": "point"}]}',
+            "no label can have",
+        ),
     ],
 )
 def test_a_file_that_is_none_is_told_by_name(tmp_path, text, said):

@@ -103,7 +103,7 @@ def _places(layer: Layer, origin: Origin) -> list[Floats]:
 
 
 def _geometry(mark: Element, layer: Layer, places: Floats) -> None:
-    text = " ".join(["%.9f,%.9f,%.3f"] * len(places)) % tuple(places.ravel().tolist())
+    text = " ".join(["%.11f,%.11f,%.4f"] * len(places)) % tuple(places.ravel().tolist())
     if layer.kind == "point":
         shape = SubElement(mark, "Point")
         if layer.name == "camera_poses":

@@ -21,6 +21,7 @@ from uavgram.model.imported import ImportedPicks
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownPoints
 
+_NAMES = ("x", "y", "z", "column", "row")
 _NUMBERS, _Z = 5, 2
 
 
@@ -92,7 +93,8 @@ def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
         if len(cells) <= _NUMBERS:
             faults.append((line, "needs x, y, z, column, row and the photo's name"))
         elif len(good) < _NUMBERS:
-            faults.append((line, f"must be a number (got {cells[numbers.index(None)]!r})"))
+            wrong = numbers.index(None)
+            faults.append((line, f"{_NAMES[wrong]} must be a number (got {cells[wrong]!r})"))
         else:
             x, y, z, u, v = good
             label = cells[_NUMBERS + 1] if len(cells) > _NUMBERS + 1 else ""

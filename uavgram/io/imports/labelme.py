@@ -8,6 +8,8 @@ LabelMe counts from the corner of the top-left pixel, and shows a photo turned a
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ import numpy as np
 from uavgram.errors import InputError
 from uavgram.io.exif_tags import read_exif_tags
 from uavgram.io.image_size import image_size
+from uavgram.io.tables import UNSHOWABLE
 from uavgram.model.arrays import Floats
 from uavgram.model.imported import ImportedPicks
 from uavgram.model.message import Message
@@ -56,8 +59,12 @@ def read_labelme(path: str | Path) -> ImportedPicks:
             continue
         if name in label:
             raise InputError(path, f"label {name!r} is picked twice: rename one of the two")
+        if UNSHOWABLE.search(name) or ";" in name:
+            raise InputError(
+                path, f"label {name!r} holds a character that no label can have: rename it"
+            )
         label.append(name)
-        shown.append((float(shape["points"][0][0]), float(shape["points"][0][1])))
+        shown.append(_place(path, name, shape["points"][0], content))
     if not label:
         raise InputError(path, "holds no point and no circle: there is nothing to import")
     messages = []
@@ -79,6 +86,17 @@ def read_labelme(path: str | Path) -> ImportedPicks:
         known=None,
         messages=tuple(messages),
     )
+
+
+def _place(
+    path: Path, name: str, point: Sequence[float], content: dict[str, Any]
+) -> tuple[float, float]:
+    """Where a shape lies, from the corner of the photo."""
+    x, y = float(point[0]), float(point[1])
+    width, height = content.get("imageWidth") or math.inf, content.get("imageHeight") or math.inf
+    if not (0 <= x <= width and 0 <= y <= height):
+        raise InputError(path, f"label {name!r} lies outside the photo, at ({x:g}, {y:g})")
+    return x, y
 
 
 def _content(path: Path) -> dict[str, Any]:
