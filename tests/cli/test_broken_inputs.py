@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import cv2
 import numpy as np
 import pytest
@@ -149,6 +151,17 @@ def test_no_result_replaces_an_input(project, fails):
 def test_an_image_whose_name_differs_in_case_is_suggested(project, fails):
     project.cell("picks.csv", 2, "image", "img_0003.JPG")
     fails("did you mean 'IMG_0003.jpg'?")
+
+
+def test_an_origin_that_is_no_place_of_the_flight_is_told_by_its_distance(project, command, fails):
+    found = json.loads((project.out / "results.json").read_text(encoding="utf-8"))["world"]
+    near = {key: found[key] for key in ("latitude_deg", "longitude_deg", "height_m")}
+    project.set(world={"origin": near | {"latitude_deg": near["latitude_deg"] + 1.0}})
+    fails(project.path, "world.origin lies 111 km from the flight")
+    project.set(world={"origin": near | {"latitude_deg": near["latitude_deg"] + 0.1}})
+    said = command("check", project.path)
+    assert said.status == 0
+    assert "11.1 km from the flight, where the ground is 9.68 m below" in said.stdout  # d^2 / 2R
 
 
 def test_photos_of_another_size_are_named(project, fails):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.errors import GeometryError, InputError, UavgramError
+from uavgram.model.arrays import Floats
 from uavgram.model.frames import Frames
 from uavgram.model.message import Message
 from uavgram.model.options import GeodeticOrigin, MountOptions
@@ -22,6 +23,9 @@ from uavgram.stages.synchronise.pairing import Pairing
 from uavgram.stages.trajectory import build_track, find_home
 
 Place = tuple[float, float, float]
+
+FARTHEST_ORIGIN_M = 20_000.0
+EARTH_RADIUS_M = 6_371_000.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,6 +108,7 @@ def _seeded(
     if isinstance(flight, PhotoExposures):
         mount, more = _at_the_camera(mount)
     seeds = seed(frames, flight, mount, inputs.project.telemetry)
+    far = _far_origin(inputs, seeds.poses.center_world_m)
     (latitude, longitude, height), datum = origin
     world = World(
         latitude_deg=latitude,
@@ -118,7 +123,32 @@ def _seeded(
         track=flight,
         correlation_s=inputs.project.telemetry.correlation_s,
     )
-    return Posed(world=world, frames=frames, telemetry=telemetry, messages=(*messages, *more))
+    return Posed(world=world, frames=frames, telemetry=telemetry, messages=(*messages, *more, *far))
+
+
+def _far_origin(inputs: Inputs, center_world_m: Floats) -> tuple[Message, ...]:
+    """Refuse an origin that is no place of this flight; say what the earth's curvature does.
+
+    At a distance d the ground lies d^2 / 2R below the origin's horizontal plane.
+    """
+    if not isinstance(inputs.project.world.origin, GeodeticOrigin):
+        return ()
+    apart_m = float(np.linalg.norm(np.median(center_world_m, axis=0)[:2]))
+    below_m = apart_m**2 / (2.0 * EARTH_RADIUS_M)
+    if apart_m > FARTHEST_ORIGIN_M:
+        raise InputError(
+            inputs.project_path,
+            f"world.origin lies {apart_m / 1000:.0f} km from the flight: give a place near it "
+            "(are latitude and longitude exchanged?), or leave it out",
+        )
+    if below_m < 0.5 * inputs.project.ground.height_sigma_m:
+        return ()
+    text = (
+        f"world.origin lies {apart_m / 1000:.1f} km from the flight, where the ground is "
+        f"{below_m:.2f} m below the origin's horizontal plane by the earth's curvature alone: "
+        "choose a nearer one, or take that off ground.height_m."
+    )
+    return (Message("warning", "origin-far", text),)
 
 
 def _stated_origin(inputs: Inputs, datum: HeightDatum) -> Place | None:
