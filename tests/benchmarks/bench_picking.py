@@ -129,17 +129,17 @@ def pss_mb(process: int) -> float:
 
 
 class Watch:
-    """The greatest memory that a process and its children took, looked at twice a second."""
+    """The greatest memory that a process and its children took, looked at again and again."""
 
-    def __init__(self, take_mb: Callable[[], float]) -> None:
+    def __init__(self, take_mb: Callable[[], float], every_s: float) -> None:
         self.most_mb = 0.0
-        self._take_mb = take_mb
+        self._take_mb, self._every_s = take_mb, every_s
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._look, daemon=True)
         self._thread.start()
 
     def _look(self) -> None:
-        while not self._ended.wait(0.5):
+        while not self._ended.wait(self._every_s):
             self.most_mb = max(self.most_mb, self._take_mb())
 
     def end(self) -> float:
@@ -194,6 +194,21 @@ def frames_while(page: Page) -> list[float]:
     return page.evaluate("frames_ms.slice(5)")
 
 
+def side_by_side(page: Page) -> None:
+    """Both photos at pixels of their own: both must be decoded."""
+    page.keyboard.press("Control+2")
+    for pane in page.locator(".pane").all():
+        expect(pane).to_have_attribute("data-sharp", "true", timeout=60_000)
+        box = pane.bounding_box()
+        assert box is not None
+        # Not where it was zoomed before: the browser has those tiles.
+        page.mouse.move(box["x"] + box["width"] / 4, box["y"] + box["height"] / 2)
+        for _ in range(20):
+            page.mouse.wheel(0, -90)
+        expect(pane).to_have_attribute("data-sharp", "true", timeout=60_000)
+    page.wait_for_timeout(1000)
+
+
 def drag_latencies(page: Page) -> list[float]:
     mark = page.locator('.mark[data-label="P7"]')
     x, y = (float(part) for part in re.findall(r"[-\d.]+", mark.get_attribute("transform")))
@@ -220,7 +235,10 @@ def work(driver: Playwright, project: Path, report: Report) -> None:
     def browser_mb() -> float:
         return sum(pss_mb(child) for one in drivers for child in children_of(one))
 
-    watches = Watch(lambda: pss_mb(server.pid)), Watch(browser_mb)
+    def server_mb() -> float:
+        return pss_mb(server.pid)
+
+    watches = Watch(server_mb, 0.1), Watch(browser_mb, 0.5)
     page = browser.new_page(viewport=WINDOW)
     watched_opening(page, address)
     expect(page.locator("#mode")).to_have_attribute("data-mode", "adjusted", timeout=60_000)
@@ -245,9 +263,12 @@ def work(driver: Playwright, project: Path, report: Report) -> None:
     expect(page.locator(".pane")).to_have_attribute("data-sharp", "true", timeout=60_000)
     frames_while(page)
     page.wait_for_timeout(1000)
-    server_mb, browser_most_mb = (watch.end() for watch in watches)
-    report.say("server, two photos, most at any moment", server_mb, 500.0, "MB")
+    server_most_mb, browser_most_mb = (watch.end() for watch in watches)
+    report.say("server, two photos, most at any moment", server_most_mb, 500.0, "MB")
     report.say("browser, two photos, most at any moment", browser_most_mb, 600.0, "MB")
+    watch = Watch(server_mb, 0.1)
+    side_by_side(page)
+    report.say("server, both zoomed side by side, at any moment", watch.end(), 500.0, "MB")
     browser.close()
     stop(server)
 

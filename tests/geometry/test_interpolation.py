@@ -8,9 +8,9 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
 from uavgram.geometry.interpolation import (
+    SmoothPositions,
+    SmoothRotations,
     interpolate_rotation,
-    smooth_position,
-    smooth_rotation,
 )
 from uavgram.geometry.rotation import exp_so3
 
@@ -23,6 +23,14 @@ def flight() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     at = np.sort(rng.uniform(time[0], time[-1], 200))
     xyzw = Rotation.random(50, random_state=2).as_quat()
     return time, rng.normal(size=(50, 3)), xyzw, np.concatenate([at, time])
+
+
+def smooth_position(time: np.ndarray, position: np.ndarray, at: np.ndarray):
+    return SmoothPositions(time, position).at(at)
+
+
+def smooth_rotation(time: np.ndarray, xyzw: np.ndarray, at: np.ndarray):
+    return SmoothRotations(time, xyzw).at(at)
 
 
 def test_positions_are_scipys_cubic_hermite_through_the_samples():
@@ -85,6 +93,17 @@ def test_smooth_rotations_pass_through_their_samples():
     time, _, xyzw, _ = flight()
     expected = Rotation.from_quat(xyzw).as_matrix()
     np.testing.assert_allclose(smooth_rotation(time, xyzw, time)[0], expected, atol=1e-6)
+
+
+def test_a_path_answers_alike_however_often_and_in_whatever_order_it_is_asked():
+    time, position, xyzw, at = flight()
+    for path in (SmoothPositions(time, position), SmoothRotations(time, xyzw)):
+        first, backwards, again = path.at(at), path.at(at[::-1]), path.at(at)
+        for found, turned, expected in zip(again, backwards, first, strict=True):
+            np.testing.assert_array_equal(found, expected)
+            np.testing.assert_array_equal(turned[::-1], expected)
+        moved = path.at(at[50:150] + 1e-4)[0] - first[0][50:150]
+        assert 0 < np.abs(moved).max() < 0.02
 
 
 def test_rotations_are_scipys_slerp():

@@ -11,7 +11,7 @@ from uavgram.geometry.plane_pose import (
     by_plane,
     lengths_on_plane,
     pose_above_plane,
-    ray_pairs,
+    reach_of,
 )
 
 
@@ -26,15 +26,14 @@ def rays(seed: int) -> np.ndarray:
     return np.concatenate([plane_coordinates, np.ones((6, 1))], axis=1)
 
 
-def pairs(start: np.ndarray, end: np.ndarray):
-    """Lines (L,) of rays (L, 3)."""
-    return ray_pairs(np.stack([start.T, end.T]))
+def pairs(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Ends (3, 2, L) of lines with rays (L, 3)."""
+    return np.stack([start.T, end.T], axis=1)
 
 
-def lengths(plane: np.ndarray, lines) -> np.ndarray:
+def lengths(plane: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """(S, L) on planes (S, 3)."""
-    wide = lines._replace(ends=lines.ends[:, :, None], cross=lines.cross[:, None])
-    return lengths_on_plane(np.moveaxis(plane, -1, 0)[..., None], wide).length
+    return lengths_on_plane(np.moveaxis(plane, -1, 0)[..., None], ends[:, :, None]).length
 
 
 def test_lengths_are_those_between_the_ground_points_of_the_pose():
@@ -51,23 +50,22 @@ def test_lengths_are_those_between_the_ground_points_of_the_pose():
 
 @pytest.mark.parametrize("plane", planes())
 def test_derivatives_by_the_plane_equal_central_differences(plane, differences, same_derivative):
-    lines = pairs(rays(1), rays(2))
-    found = by_plane(lengths_on_plane(plane[:, None], lines), lines)
-    numeric = differences(lambda m: lengths_on_plane(m[:, None], lines).length, plane, 1e-5)
+    ends = pairs(rays(1), rays(2))
+    on_plane = lengths_on_plane(plane[:, None], ends)
+    found = by_plane(on_plane, reach_of(on_plane))
+    numeric = differences(lambda m: lengths_on_plane(m[:, None], ends).length, plane, 1e-5)
     same_derivative(found.T, numeric)
 
 
 @pytest.mark.parametrize("plane", planes())
 def test_derivatives_by_the_ends_equal_central_differences(plane, differences, same_derivative):
-    start, end = rays(1), rays(2)
-    lines = pairs(start, end)
-    found = by_ends(lengths_on_plane(plane[:, None], lines), lines)
+    ends = pairs(rays(1), rays(2))
+    on_plane = lengths_on_plane(plane[:, None], ends)
+    found = by_ends(on_plane, reach_of(on_plane))
 
     def moved(shift):
-        ends = np.stack([start.T, end.T])
-        ends[0, :2] += shift[:2, None]
-        ends[1, :2] += shift[2:, None]
-        return lengths_on_plane(plane[:, None], ray_pairs(ends)).length
+        by = np.append(shift.reshape(2, 2), [[0.0, 0.0]], axis=0)
+        return lengths_on_plane(plane[:, None], ends + by[:, :, None]).length
 
     numeric = differences(moved, np.zeros(4), 1e-4)
     same_derivative(found.reshape(4, -1).T, numeric)
@@ -76,11 +74,11 @@ def test_derivatives_by_the_ends_equal_central_differences(plane, differences, s
 def test_beyond_the_horizon_there_is_no_length():
     level = np.array([0.0, 0.1, 0.0])[:, None]  # looking along the ground, 10 m above it
     above, below = np.array([[0.0, -0.2, 1.0]]), np.array([[0.0, 0.2, 1.0]])
-    for lines in (pairs(above, below), pairs(below, above), pairs(below, below)):
-        found = lengths_on_plane(level, lines)
+    for ends in (pairs(above, below), pairs(below, above), pairs(below, below)):
+        found = lengths_on_plane(level, ends)
         assert np.isnan(found.length).all()
-        assert np.isnan(by_plane(found, lines)).all()
-        assert np.isnan(by_ends(found, lines)).all()
+        assert np.isnan(by_plane(found, reach_of(found))).all()
+        assert np.isnan(by_ends(found, reach_of(found))).all()
 
 
 @pytest.mark.parametrize("plane", [*planes(), np.array([0, 0.1, 0])])

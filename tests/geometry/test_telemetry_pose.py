@@ -15,8 +15,8 @@ from uavgram.geometry.rotation import (
 )
 from uavgram.geometry.telemetry_pose import (
     SHARED_SIZE,
+    FlightPath,
     corrected_time,
-    exposures_at,
     predict_pose,
 )
 
@@ -42,7 +42,7 @@ def test_derivatives_equal_central_differences(gimbal, differences, same_derivat
     def pose(values: np.ndarray) -> tuple:
         at = AT_S - values[10] - values[11] * (AT_S - middle)
         np.testing.assert_allclose(corrected_time(values, AT_S, middle), at, atol=1e-15)
-        exposures = exposures_at(*tracks(gimbal=gimbal), at)
+        exposures = FlightPath(*tracks(gimbal=gimbal)).at(at)
         return predict_pose(exposures, nominal, values, AT_S - middle)
 
     _, rotation, jacobian = pose(shared)
@@ -60,7 +60,7 @@ def test_level_flight_heading_east_with_the_camera_looking_straight_down():
     world_from_body = ENU_FROM_NED @ matrix_from_ypr(np.pi / 2, 0, 0)
     xyzw = np.tile(xyzw_from_matrix(world_from_body), (2, 1))
     time, position = np.array([0.0, 1.0]), np.array([[0.0, 0, 50], [10, 0, 50]])
-    exposures = exposures_at((time, position), (time, xyzw), NO_GIMBAL, np.array([0.5]))
+    exposures = FlightPath((time, position), (time, xyzw), NO_GIMBAL).at(np.array([0.5]))
     shared = np.zeros(SHARED_SIZE)
     shared[3:6] = [0.2, 0.1, 0.05]  # forward, right, down
     shared[6:9] = [1, 2, 3]  # the log's positions are that much too far east, north, up
@@ -74,7 +74,7 @@ def test_level_flight_heading_east_with_the_camera_looking_straight_down():
 def test_a_heading_that_reads_too_far_clockwise_is_turned_back():
     xyzw = np.tile(xyzw_from_matrix(ENU_FROM_NED @ matrix_from_ypr(0.1, 0, 0)), (2, 1))
     time = np.array([0.0, 1.0])
-    exposures = exposures_at((time, np.zeros((2, 3))), (time, xyzw), NO_GIMBAL, np.array([0.5]))
+    exposures = FlightPath((time, np.zeros((2, 3))), (time, xyzw), NO_GIMBAL).at(np.array([0.5]))
     shared = np.zeros(SHARED_SIZE)
     shared[9] = 0.1
     _, rotation, _ = predict_pose(exposures, np.eye(3), shared, np.zeros(1))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from pick_pages import small_project
 
+from uavgram.config.project import load_project
 from uavgram.config.project_text import with_camera
 from uavgram.errors import InputError
 from uavgram.io.photo_folders import PhotoFolder
@@ -22,6 +23,7 @@ def project(tmp_path):
     ("before", "after"),
     [
         ("name: a\ncamera: camera.yaml\nlog: x\n", "name: a\ncamera: new/c.yaml\nlog: x\n"),
+        ("camera: unknown\nx: 1\n", "camera: new/c.yaml\nx: 1\n"),
         ("camera: auto   # assumed\n", "camera: new/c.yaml   # assumed\n"),
         ("camera: 'my # cam.yaml'\r\nx: 1\r\n", "camera: new/c.yaml\r\nx: 1\r\n"),
         ('camera: "a b.yaml"', "camera: new/c.yaml"),
@@ -37,6 +39,15 @@ def test_one_line_names_the_camera_and_nothing_else_changes(before, after):
 
 def test_a_name_that_yaml_would_misread_is_quoted():
     assert with_camera("camera: a\n", "- #1.yaml") == 'camera: "- #1.yaml"\n'
+
+
+def test_a_calibrated_camera_takes_the_place_of_one_that_nobody_knows(project, tmp_path):
+    text = project.read_text()
+    project.write_text(text.replace("camera: camera.yaml", "camera: unknown  # so far"))
+    assert load_project(project, unfinished=True).camera_file is None
+    use_camera(project, tmp_path / "camera.yaml")
+    assert project.read_text() == text.replace("camera.yaml", "camera.yaml  # so far")
+    assert load_project(project, unfinished=True).camera_file == str(tmp_path / "camera.yaml")
 
 
 def test_a_camera_that_is_not_there_leaves_the_project_as_it_was(project, tmp_path):

@@ -6,6 +6,8 @@ import re
 
 import numpy as np
 import pytest
+import scipy.stats
+import yaml
 
 from uavgram.errors import InputError
 from uavgram.geometry.projection import project
@@ -19,10 +21,9 @@ from uavgram.stages.assume_camera import assume_camera
 DEWARP = (3684.48, 3677.57, 2.24, 22.05, -0.263482, 0.106788, 3.71107e-05, -3.27247e-04, -0.0300783)
 
 
-def assume(**tags):
-    size = tags.pop("size", (4000, 3000))
+def assume(*, may_be_unknown=False, size=(4000, 3000), **tags):
     given = CameraTags(path="photo.jpg", width_px=size[0], height_px=size[1], **tags)
-    return assume_camera(given, drone_cameras())
+    return assume_camera(given, drone_cameras(), may_be_unknown=may_be_unknown)
 
 
 def sigma_of(camera):
@@ -133,8 +134,102 @@ def test_a_strip_of_a_sensor_is_known_less_well(size):
     ],
 )
 def test_what_nothing_is_known_of_is_refused_with_the_way_out(tags, words):
-    with pytest.raises(InputError, match=rf"photo\.jpg: .*{words}.*uavgram calibrate"):
+    with pytest.raises(InputError, match=rf"photo\.jpg: .*{words}.*uavgram calibrate") as refused:
         assume(**tags)
+    assert ("camera: unknown" in str(refused.value)) == ("fisheye" not in words)
+
+
+def test_of_an_unknown_camera_the_focal_length_is_as_those_of_drones_are():
+    camera, messages = assume(may_be_unknown=True)
+    equivalents = np.array([*assumed_errors.ORDINARY_EQUIVALENTS_MM.values()])
+    share = sigma_of(camera)[:2] / camera.parameters[:2]
+    equivalent = camera.parameters[0] / 5000 * math.hypot(36, 24)
+
+    # Between the phones that fly and the survey cameras; two sigmas reach both ends.
+    assert 24 < equivalent < 28
+    assert equivalent == pytest.approx(scipy.stats.gmean(equivalents))
+    assert equivalents.min() > equivalent * (1 - 2 * share[0])
+    assert equivalents.max() < equivalent * (1 + 2.5 * share[0])
+    spread = math.log(scipy.stats.gstd(equivalents))
+    np.testing.assert_allclose(share, math.hypot(spread, assumed_errors.FOCAL_OF_A_STRIP))
+    assert camera.parameters[2:].tolist() == [1999.5, 1499.5, 0, 0, 0, 0, 0]
+    assert sigma_of(camera)[2] == pytest.approx(0.02 * 4000)
+    assert sigma_of(camera)[[4, 5, 8]].tolist() == [*assumed_errors.RADIAL_UNKNOWN]
+    (message,) = messages
+    assert (message.level, message.code) == ("warning", "camera-unknown")
+    assert "does not say which camera took it" in message.text
+    assert f"{camera.parameters[0]:.0f} ± {sigma_of(camera)[0]:.0f} px (20 %)" in message.text
+    assert "`uavgram calibrate`" in message.text
+
+
+def test_what_an_ordinary_camera_is_comes_from_cameras_of_the_table():
+    table = {camera.make_model: camera for camera in drone_cameras() if not camera.is_thermal}
+    lens_mm = {"djiFC550": 15, "djiZP1": 35, "djiFC6540": 24, "djiXT2": 8}
+    for name, equivalent in assumed_errors.ORDINARY_EQUIVALENTS_MM.items():
+        camera = table[name]
+        assert camera.is_perspective
+        if name in lens_mm:
+            sensor = np.array(camera.pitch_mm) * [camera.width_px, camera.height_px]
+            exact = lens_mm[name] / np.hypot(*sensor) * math.hypot(36, 24)
+            assert equivalent == pytest.approx(exact, abs=0.05)
+
+
+def test_the_said_corner_error_is_that_of_the_assumed_distortion():
+    camera, messages = assume(may_be_unknown=True)
+    corner = np.array([[2000.0, 1500.0, camera.parameters[0]]])
+    middle = camera.parameters[2:4]
+    at = []
+    for which, sigma in zip((4, 5, 8), assumed_errors.RADIAL_UNKNOWN, strict=True):
+        parameters = np.array(camera.parameters)
+        parameters[which] = sigma
+        moved = project("brown", parameters, corner)[0] - middle
+        at.append(np.hypot(*moved) - 2500)
+
+    said = float(re.search(r"± (\d+) px at the corners", messages[0].text)[1])
+    assert said == pytest.approx(np.hypot.reduce(at), abs=0.5)
+
+
+def test_calibrations_of_cameras_that_say_nothing_lie_within_two_sigmas_of_an_ordinary_one(
+    data_dir,
+):
+    """Two of video frames, one of a strip of a sensor, one of a whole frame."""
+    duck = json.loads((data_dir / "cirn_duck" / "control.json").read_text())["camera"]
+    beach = json.loads((data_dir / "narrabeen_mavic" / "control.json").read_text())["camera"]
+    board = json.loads((data_dir / "phantom3_lenscalib" / "control.json").read_text())["camera"]
+    plane = yaml.safe_load((data_dir / "cuav" / "camera.yaml").read_text())["parameters"]
+    for focal, size in (
+        (duck["fx"], (3840, 2160)),
+        (beach["fx"], beach["for_size"]),
+        (board["fx"], (4000, 2250)),
+        (plane[0], (1640, 1232)),
+    ):
+        camera, _ = assume(may_be_unknown=True, size=size)
+        assert abs(focal - camera.parameters[0]) < 2 * sigma_of(camera)[0]
+
+
+def test_digital_zoom_makes_an_unknown_camera_so_much_longer():
+    plain, _ = assume(may_be_unknown=True)
+    zoomed, messages = assume(may_be_unknown=True, digital_zoom=2.0, focal_35mm_mm=24.0)
+
+    np.testing.assert_allclose(zoomed.parameters[:2], 2 * plain.parameters[:2])
+    np.testing.assert_allclose(sigma_of(zoomed)[:4], 2 * sigma_of(plain)[:4])
+    assert "was taken with digital zoom (2 times)" in messages[0].text
+
+
+def test_a_better_source_is_used_though_the_camera_may_be_unknown():
+    known, _ = assume(make="DJI", model="FC220", focal_mm=4.73)
+    same, messages = assume(may_be_unknown=True, make="DJI", model="FC220", focal_mm=4.73)
+
+    np.testing.assert_array_equal(same.parameters, known.parameters)
+    np.testing.assert_array_equal(same.covariance, known.covariance)
+    assert [m.code for m in messages] == ["camera-assumed"]
+
+
+@pytest.mark.parametrize("more", [{"digital_zoom": 2.0}, {"focal_35mm_mm": 24.0}, {}])
+@pytest.mark.parametrize("may_be_unknown", [False, True])
+def test_a_fisheye_is_never_taken_for_a_perspective_lens(may_be_unknown, more):
+    with pytest.raises(InputError, match=r"fisheye lens \(parrot BEBOP 2\).*uavgram calibrate"):
+        assume(may_be_unknown=may_be_unknown, make="parrot", model="BEBOP 2", **more)
 
 
 def test_assumed_sigmas_hold_for_calibrations_that_were_really_made(data_dir):

@@ -196,7 +196,7 @@ def test_check_points_are_judged_with_both_covariances(scene_factory):
         world_m=np.vstack([scene.world[[2, 7]], [0, 0, 0]]),
         sigma_m=np.array([[0.1, 0.2, 0.3], [0.01, 0.01, 0.01], [1, 1, 1]]),
     )
-    checks, messages = judge_points(adjustment, known)
+    checks, messages = judge_points(adjustment, known, ALPHA)
     position, covariance = adjustment.points()
     for row, k in enumerate((2, 7)):
         joint = covariance[k] + np.diag(known.sigma_m[row] ** 2)
@@ -350,6 +350,78 @@ def test_checks_are_judged_together_with_their_joint_covariance(scene_factory):
     assert judge_overall(adjustment, replace(lines, adjust=~lines.adjust), NO_POINTS, ALPHA) == (
         None, (),
     )  # fmt: skip
+
+
+def test_a_length_left_out_beforehand_is_named_with_both_values_and_its_unit(scene_factory):
+    survey = scene_factory(6, frames=6, ends=tuple((k, k + 6) for k in range(6))).survey
+    covariance = np.tile(np.diag([1.0, 1, 1.5, 0.03, 0.03, 0.04]) ** 2, (6, 1, 1))
+    survey = replace(survey, seeds=replace(survey.seeds, covariance=covariance))
+    for factors, unit in (({2: 1000.0}, "in millimetres?"), ({1: 3.2808, 2: 3.2808}, "in feet?")):
+        length = np.array(survey.length_m)
+        for line, factor in factors.items():
+            length[line] *= factor
+        wrong = replace(survey, length_m=length)
+        refined = solve(wrong)
+        lines = lines_of(wrong)
+        given = examined(refined, lines)
+        found, _, _, messages = judge_lines(given, lines, np.arange(6))
+        assert [m.code for m in messages] == ["line-left-out"]
+        for line in factors:
+            assert found.status[line] == "removed"
+            assert f"'L{line}'" in messages[0].text
+            assert f"{length[line]:.10g} m taped" in messages[0].text
+            assert f"{found.adjusted_m[line]:.4g} m" in messages[0].text
+            assert found.adjusted_m[line] == pytest.approx(survey.length_m[line], abs=0.1)
+        assert unit in messages[0].text
+        assert judge_suspects(given) == ()
+        records = judge_removals(refined, lines, np.arange(6), WHOLE, None)
+        assert [r.what for r in records] == [f"length 'L{line}'" for line in factors]
+        assert all(np.isnan([r.variance_factor_before, *r.change]).all() for r in records)
+        assert 0.3 < records[0].variance_factor_after < 2.0
+
+
+def test_a_suspect_without_which_all_fits_is_the_only_one_named(scene_factory):
+    survey = scene_factory(6, frames=6, ends=tuple((k, k + 6) for k in range(6))).survey
+    wrong = changed(survey, "length_m", 2, 0.25 * survey.length_m[2])
+    refined = solve(wrong)
+    assert refined.accused_alone
+    (message,) = judge_suspects(examined(refined, lines_of(wrong)))
+    assert "'L2'" in message.text
+    assert "Without it, everything else fits." in message.text
+    assert judge_groups(refined.adjustment, ALPHA)[1] != ()
+    assert judge_groups(refined.adjustment, ALPHA, explained=True)[1] == ()
+
+
+def test_tests_of_an_adjustment_not_at_rest_accuse_nobody(scene_factory, monkeypatch):
+    survey = changed(scene_factory(6, frames=2, lines=2).survey, "length_m", 1, 2.5)
+    monkeypatch.setattr("uavgram.estimation.least_squares.AT_REST", -1.0)
+    refined = solve(survey)
+    given = examined(refined, lines_of(survey))
+    lines, _, _, messages = judge_lines(given, lines_of(survey), np.arange(2))
+    assert (*messages, *judge_suspects(given)) == ()
+    assert judge_groups(refined.adjustment, ALPHA)[1] == ()
+    assert set(lines.status) == {"used"}
+
+
+def test_a_check_point_that_is_wrong_is_named_before_the_checks_as_a_whole(scene_factory):
+    scene = scene_factory(6)
+    adjustment = solve(scene.survey).adjustment
+    truth = scene.world[[2, 7, 8]]
+    known = KnownWorldPoints(label=("P2", "P7", "P8"), world_m=truth, sigma_m=np.full((3, 3), 0.02))
+    assert judge_points(adjustment, known, ALPHA)[1] == ()
+    for off, side in (([0.0, 26.0, 0.0], "north"), ([0.0, -5e6, 3e6], "south")):
+        wrong = replace(known, world_m=truth + np.array([[0.0] * 3, off, [0.0] * 3]))
+        _, (message,) = judge_points(adjustment, wrong, ALPHA)
+        assert message.code == "check-suspect"
+        assert "'P7'" in message.text
+        assert f"mostly to the {side}" in message.text
+        assert ("swapped" in message.text) == (side == "south")
+        none = KnownLines(
+            name=(), start=(), end=(), length_m=np.zeros(0), sigma_m=np.zeros(0),
+            adjust=np.zeros(0, dtype=bool),
+        )  # fmt: skip
+        _, (message,) = judge_overall(adjustment, none, wrong, ALPHA)
+        assert "that is 'P7' alone; the other 2 fit" in message.text
 
 
 NO_POINTS = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empty((0, 3)))

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.errors import UavgramError
 from uavgram.geometry.geodesy import geodetic_from_enu
-from uavgram.geometry.telemetry_pose import exposures_of
+from uavgram.geometry.telemetry_pose import exposures_by_time
 from uavgram.model.frames import Frames
 from uavgram.model.options import MountOptions, TelemetryOptions
 from uavgram.model.photo_poses import PhotoPoses
@@ -164,7 +164,7 @@ def test_photos_without_course_are_left_out_and_told(make_poses):
 
 def test_exposures_of_photos_stand_still_and_go_by_name(make_poses):
     exposures, _ = place(make_poses(ypr_deg=(0, -90, 0)))
-    found = exposures_of(exposures, ("p5.jpg", "p1.jpg"), np.array([1e9, np.nan]))
+    found = exposures_by_time(exposures, ("p5.jpg", "p1.jpg"))(np.array([1e9, np.nan]))
 
     np.testing.assert_allclose(found.position, exposures.position_world_m[[5, 1]])
     assert not found.velocity.any()

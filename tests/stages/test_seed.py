@@ -14,6 +14,7 @@ from uavgram.stages.seed import nominal_mount, seed
 ENU_FROM_NED = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
 CAMERA_IN_GIMBAL = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
 TINY = 1e-7
+LEAST = 1e-6  # the smallest sigma that options take
 DRAWS = 3000
 
 # Which way camera axes point in the body (forward, right, down), by pencil and paper.
@@ -109,11 +110,11 @@ def truth(flight, mount, at, boresight=(0, 0, 0), lever=None, bias=(0, 0, 0), he
     return center, turn * carrier * inner * camera
 
 
-QUIET = {"position_bias_sigma_m": (TINY, TINY), "heading_bias_sigma_deg": TINY}
+QUIET = {"position_bias_sigma_m": (LEAST, LEAST), "heading_bias_sigma_deg": LEAST}
 QUIET_MOUNT = {
     "lever_arm_m": (0.4, -0.2, 0.3),
-    "boresight_sigma_deg": TINY,
-    "lever_arm_sigma_m": TINY,
+    "boresight_sigma_deg": LEAST,
+    "lever_arm_sigma_m": LEAST,
     "yaw_deg": 10.0,
     "pitch_deg": -70.0,
     "roll_deg": 3.0,

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from uavgram.errors import UavgramError
 from uavgram.estimation.boot_clock import fit_boot_clock
 from uavgram.geometry.geodesy import enu_from_geodetic
-from uavgram.geometry.interpolation import smooth_position, smooth_rotation
+from uavgram.geometry.interpolation import SmoothPositions, SmoothRotations
 from uavgram.io.flight_log import read_flight_log
 from uavgram.model.options import MountOptions, TelemetryOptions
 from uavgram.model.telemetry import (
@@ -91,8 +91,8 @@ def test_the_twins_tracks_are_as_good_as_the_estimator(
     shift = enu_from_geodetic(
         world["latitude_deg"], world["longitude_deg"], world["height_amsl_m"], home
     )
-    position, _ = smooth_position(track.position_time_s, track.position_world_m, at)
-    body, _ = smooth_rotation(track.attitude_time_s, track.world_from_body_xyzw, at)
+    position, _ = SmoothPositions(track.position_time_s, track.position_world_m).at(at)
+    body, _ = SmoothRotations(track.attitude_time_s, track.world_from_body_xyzw).at(at)
     center = position + body @ np.array([0.12, 0.0, 0.08])  # the twins' lever arm
     expected = shift + [frame["center_world_m"] for frame in truth["frames"].values()]
     across = np.linalg.norm((center - expected)[:, :2], axis=1)
@@ -104,7 +104,7 @@ def test_the_twins_tracks_are_as_good_as_the_estimator(
     boresight = Rotation.from_rotvec(truth["boresight_rad"]).as_matrix()
     nominal = camera @ boresight.T
     if len(track.gimbal_time_s):
-        mount, _ = smooth_rotation(track.gimbal_time_s, track.world_from_gimbal_xyzw, at)
+        mount, _ = SmoothRotations(track.gimbal_time_s, track.world_from_gimbal_xyzw).at(at)
     else:
         tilt = Rotation.from_euler("ZYX", [0, -70, 0], degrees=True).as_matrix()
         mount = body @ tilt

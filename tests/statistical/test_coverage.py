@@ -206,7 +206,7 @@ def test_scenes_that_curvature_flags_are_honest_by_their_sampled_intervals():
 
 def test_ambiguous_scenes_of_three_lines_hold_the_truth_in_one_of_their_intervals():
     kind = Kind(sources=("pixels", "lengths"), telemetry=("absent",), lines=(3, 3), frames=(1,))
-    inside, merged = [], []
+    inside, merged, alone = [], [], []
     for trial in range(20 * JUDGED):
         scene = random_scene((3, trial), kind)
         try:
@@ -214,15 +214,21 @@ def test_ambiguous_scenes_of_three_lines_hold_the_truth_in_one_of_their_interval
         except GeometryError as why:  # no sigma would mean anything there
             merged.append(str(why))
             continue
+        apart = np.linalg.norm(np.diff(scene.world[list(MEASURED)], axis=0))
         if refined.alternatives:
-            apart = np.linalg.norm(np.diff(scene.world[list(MEASURED)], axis=0))
             solutions = [refined.adjustment, *refined.alternatives]
             inside.append(judged_by_sampling(solutions, apart, trial))
+        elif set(DISTANCE[0].points) <= set(refined.adjustment.survey.label):
+            found = measured_rows(refined.adjustment, DISTANCE, None)
+            alone.append(abs(found.value[0] - apart) / found.sigma[0])
         if len(inside) == JUDGED:
             break
 
     assert len(inside) == JUDGED
     assert sum(inside) >= binom.ppf(TAIL, len(inside), 0.95)
+    # A pose reported alone is the right one: no rival was dropped on the way.
+    assert max(alone) < 5.0
+    assert sum(z > 3.0 for z in alone) <= binom.ppf(1.0 - TAIL, len(alone), 0.0027)
     assert all("poses that three lengths allow merge here" in why for why in merged)
     assert len(merged) <= 2 + 0.05 * trial
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -13,7 +12,7 @@ from pathlib import Path
 import uvicorn
 
 from uavgram.picking.guard import Guard
-from uavgram.picking.server import PickServer
+from uavgram.picking.server import PickServer, open_door
 from uavgram.picking.tables import Tables
 from uavgram.pipeline.compute import compute
 from uavgram.pipeline.inputs import read_inputs
@@ -25,8 +24,7 @@ class Served:
 
     def __init__(self, project: Path) -> None:
         survey = LiveSurvey.open(project)
-        self._door = socket.socket()
-        self._door.bind(("127.0.0.1", 0))
+        self._door = open_door(0)
         self.port = self._door.getsockname()[1]
         self.pick = PickServer(survey, Tables(survey.inputs), lambda: compute(read_inputs(project)))
         self.guard = Guard(self.pick.application(), self.port)

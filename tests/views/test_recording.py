@@ -455,9 +455,8 @@ def test_a_failed_recording_leaves_the_earlier_one(survey, tmp_path, monkeypatch
 
 
 FULL_DISK = """
-import pickle, resource, sys
+import errno, pickle, resource, sys
 from pathlib import Path
-from uavgram.errors import OutputError
 from uavgram.views.recording import write_recording
 
 result, path = pickle.loads(open(sys.argv[1], "rb").read()), Path(sys.argv[2])
@@ -466,13 +465,13 @@ for limit in map(int, sys.argv[3:]):
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
     try:
         write_recording(result, (), lambda: None, path)
-    except OutputError as error:
+    except OSError as error:
         left = [each.name for each in path.parent.iterdir()]
-        print(limit, path.read_bytes() == whole, left, error)
+        print(limit, path.read_bytes() == whole, left, error.errno == errno.EFBIG, error)
 """
 
 
-def test_a_disk_that_is_full_while_rerun_writes_is_an_output_error(survey, tmp_path):
+def test_a_disk_that_is_full_while_rerun_writes_is_left_to_who_chose_the_folder(survey, tmp_path):
     pytest.importorskip("resource", reason="file size limits exist on POSIX systems only")
     result, path = survey.build(frame_count=4), tmp_path / "out" / "recording.rrd"
     path.parent.mkdir()
@@ -483,7 +482,7 @@ def test_a_disk_that_is_full_while_rerun_writes_is_an_output_error(survey, tmp_p
     run = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
 
     for told, limit in zip(run.stdout.splitlines(), limits, strict=True):
-        assert told.startswith(f"{limit} True ['recording.rrd'] ")
+        assert told.startswith(f"{limit} True ['recording.rrd'] True ")
         assert "File too large" in told
 
 

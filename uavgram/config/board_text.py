@@ -15,9 +15,10 @@ FORMS = (
     "the markers' dictionary)"
 )
 LEAST_CORNERS = 3  # each way: with fewer nothing tells a board from any other crossing lines
+MOST_CORNERS = 200  # each way: no camera resolves more of them
 _LARGEST_SQUARE_M = 5.0
 _UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
-_COUNT = re.compile(r"(\d+)x(\d+)")
+_COUNT = re.compile(r"(\d{1,9})x(\d{1,9})")
 _LENGTH = re.compile(r"(\d+(?:\.\d*)?|\.\d+)(mm|cm|m)")
 
 
@@ -76,6 +77,8 @@ def _count(text: str, part: str, least: int, what: str) -> tuple[int, int]:
     columns, rows = int(match[1]), int(match[2])
     if min(columns, rows) < least:
         raise _fault(text, f"{part!r}: at least {least} {what} each way are needed")
+    if max(columns, rows) > MOST_CORNERS:
+        raise _fault(text, f"{part!r}: at most {MOST_CORNERS} {what} each way are possible")
     return columns, rows
 
 

@@ -142,6 +142,11 @@ class Adjustment:
         joint[:, 6:, 6:] = with_shared[shared]
         return np.asarray(to_lens @ joint @ to_lens.T)
 
+    def lengths(self, start: Ints, end: Ints) -> tuple[Floats, Floats]:
+        """3-D lengths (n,) between points, and their standard deviations."""
+        length, gradient, unknowns = self.problem.lengths_between(self.state, start, end)
+        return length, np.sqrt(self.minimum.factor.variances(unknowns, gradient))
+
     def points_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:
         """Points (n, 3), their Jacobians (n, 3, k), and the k unknowns (n, k) of each."""
         problem = self.problem
@@ -163,13 +168,14 @@ class Removal:
     suspicion
         Its test statistic then, and what no test could part from it.
     before
-        The survey adjusted with it.
+        The survey adjusted with it; None where it would have bent everything else, so that it was
+        left out beforehand (`suspicion` has then no row).
     """
 
     kind: Literal["pick", "line"]
     index: int
     suspicion: Suspicion
-    before: Refined
+    before: Refined | None
 
     @property
     def w(self) -> float:
@@ -195,6 +201,8 @@ class Refined:
         Other minima that explain the lengths as well.
     accused
         The observation without which the rest fits best, where that took adjustments to find out.
+    accused_alone
+        Whether everything fits without it.
     """
 
     adjustment: Adjustment
@@ -206,3 +214,4 @@ class Refined:
     pick_reason: dict[int, str]
     alternatives: tuple[Adjustment, ...]
     accused: Member | None = None
+    accused_alone: bool = False

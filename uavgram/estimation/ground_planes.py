@@ -72,8 +72,9 @@ class GroundPlanes:
         plane = planes.reshape(-1, PLANE_SIZE)[area]
         from_pivot = east_north_m - self.pivot_m[area]
         height = plane[:, 0] + np.einsum("ni,ni->n", plane[:, 1:], from_pivot)
-        by_unknowns = np.column_stack([np.ones(len(label)), from_pivot])
-        by_unknowns *= (area >= self._fixed)[:, None]
+        by_unknowns = np.ones((len(label), PLANE_SIZE))
+        by_unknowns[:, 1:] = from_pivot
+        by_unknowns[area < self._fixed] = 0.0
         return SurfaceAt(height, plane[:, 1:], by_unknowns[:, : min(PLANE_SIZE, self.size)])
 
     def columns(self, label: Ints) -> Ints:

@@ -74,6 +74,7 @@ def minimise(
     structure: Structure | None = None,
     most: int = MAX_ITERATIONS,
     at_rest: float = 0.0,
+    slack: float = 0.0,
 ) -> Minimum[State]:
     """Minimise a sum of squared whitened residuals.
 
@@ -94,6 +95,9 @@ def minimise(
         Iterations after which it ends wherever it is.
     at_rest
         Predicted fall below which the rest is not worth a step, where that is more than usual.
+    slack
+        Damping of the last factor too: what nothing determines is then an end like any other, with
+        sigmas that are large, but mean nothing.
 
     Returns
     -------
@@ -144,7 +148,7 @@ def minimise(
             growth *= 2.0
         if predicted > CLOSE * size or gain < KEPT or damping > UNDAMPED:
             factor = None
-    factor = normal.factor()
+    factor = normal.factor(slack)
     # Newton's decrement without damping: how far below the minimum of the model still lies.
     decrement = float(normal.gradient @ factor.solve(normal.gradient))
     return Minimum(state, blocks, factor, normal.cost, iteration, decrement < AT_REST)

@@ -12,7 +12,7 @@ import numpy as np
 
 from uavgram.geometry.back_projection import rays_and_lens
 from uavgram.geometry.lens import Distorted, distort, each, write_parameter_derivative
-from uavgram.geometry.plane_pose import by_ends, by_plane, lengths_on_plane, ray_pairs
+from uavgram.geometry.plane_pose import by_ends, by_plane, lengths_on_plane, reach_of
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera import Calibration
 
@@ -51,25 +51,21 @@ class LengthFrames(NamedTuple):
 
 
 class View(NamedTuple):
-    """A lens at K undistorted points: how pixels and they depend on each other.
+    """A lens at the undistorted points of both ends of all lines: how pixels hang on them.
 
     Attributes
     ----------
     off
-        (2, K) picked u and v less those at which the points are seen.
+        (2, 2, B, n) picked u and v (first axis) less those at which the points are seen.
     inverse
-        (2, 2, K) inverse of the lens's Jacobian: dx/du, dy/du; dx/dv, dy/dv.
-    d_white
-        (2, r, K) of u and v by the interior orientation in sigmas.
+        (2, 2, 2, B, n) inverse of the lens's Jacobian: dx/du, dy/du; dx/dv, dy/dv.
+    d_interior
+        (2, P, 2, B, n) of u and v by the interior orientation.
     """
 
     off: Floats
     inverse: Floats
-    d_white: Floats
-
-    def at(self, picks: Ints) -> View:
-        """The same at some of the points."""
-        return View(self.off[:, picks], self.inverse[:, :, picks], self.d_white[:, :, picks])
+    d_interior: Floats
 
 
 class Conditions(NamedTuple):
@@ -91,29 +87,29 @@ class Conditions(NamedTuple):
 
 
 class Block:
-    """Some frames, all of their picks in one row: where each line finds its ends and writes."""
+    """Some frames: where each line finds its picks among the observations, and writes.
+
+    Everything stands by the ends of lines, (2, B, n); a pick at which two lines meet is there
+    twice, and one observation all the same.
+    """
 
     def __init__(self, calibration: Calibration, root: Floats, frames: LengthFrames) -> None:
         self.calibration, self.root = calibration, root
-        count, self.picks = frames.pixel_sigma_px.shape
-        lines, rank = frames.start.shape[1], root.shape[1]
-        width = 2 * self.picks + rank
-        ends = np.empty((2, count, lines), dtype=np.int64)
-        ends[0], ends[1] = frames.start, frames.end
+        count, picks = frames.pixel_sigma_px.shape
+        lines = frames.start.shape[1]
+        self.split = 2 * picks  # of the observations: pixels before, interior behind
+        self.shape = (count, lines, self.split + root.shape[1])
+        ends = np.stack([frames.start, frames.end])
         frame = np.arange(count)[:, None]
-        self.ends = ends + frame * self.picks
-        self.pixel = np.ascontiguousarray(frames.pixel_px.reshape(-1, 2).T)
-        self.sigma = frames.pixel_sigma_px.ravel()
-        self.end_sigma = self.sigma[self.ends]
+        self.pixel = frames.pixel_px[frame, ends]
+        self.sigma = frames.pixel_sigma_px[frame, ends]
+        # Where u and v of each end stand among the observations, and in the entries of `noise`.
+        uv = np.stack([ends, ends + picks])
+        self.pick = uv + frame * self.shape[2]
+        self.place = uv + (frame * lines + np.arange(lines)) * self.shape[2]
         self.there = np.isfinite(frames.length_sigma_m)
         self.all_there = bool(self.there.all())
         self.length = frames.length_m
-        self.shape = (count, lines, width)
-        # Where the derivative by u and v of each end stands among the entries of `noise`.
-        row = (frame * lines + np.arange(lines)) * width
-        self.place = np.empty((2, 2, count, lines), dtype=np.int64)
-        np.add(row, ends, out=self.place[0])
-        np.add(self.place[0], self.picks, out=self.place[1])
         # The system's parts that stay: the lengths' own variance, and no information at all
         # about the plane (the smallest number in its place keeps a singular matrix from stopping
         # the others).
@@ -122,60 +118,54 @@ class Block:
         diagonal[:, :lines] = np.where(self.there, frames.length_sigma_m, 1.0) ** 2
         diagonal[:, lines:] = -1e-300
 
-    def per_pick(self, values: Floats) -> Floats:
-        """Of values (B, k) of the frames, those (k, B E) of their picks; (k, 1) of a single one."""
-        return values.T.repeat(self.picks, axis=1) if len(values) > 1 else values.T
-
     def first_view(self) -> tuple[Floats, View]:
-        """Undistorted points (2, B E) of the picks by the lens as given, and the lens there."""
+        """Rays (3, 2, B, n) of the ends by the lens as given, z = 1, and the lens there."""
         model, interior = self.calibration.model, self.calibration.parameters
-        x, y, lens = rays_and_lens(model, interior, self.pixel.T)
-        point = np.empty((2, len(x)))
-        point[0], point[1] = x, y
-        return point, self._view(interior, point, lens, np.zeros_like(point))
+        x, y, lens = rays_and_lens(model, interior, self.pixel)
+        ray = np.ones((3, *x.shape))
+        ray[0], ray[1] = x, y
+        return ray, self._view(interior, ray, lens, np.zeros((2, *x.shape)))
 
-    def view(self, own: Floats, point: Floats) -> View:
-        """The lens with each frame's own interior (B, P), at undistorted points (2, B E)."""
-        interior = self.per_pick(own) if len(own) > 1 else own[0]
-        lens = distort(self.calibration.model, interior[4:], *point)
+    def view(self, own: Floats, ray: Floats) -> View:
+        """The lens with each frame's own interior (B, P), at rays (3, 2, B, n)."""
+        interior = own.T[:, None, :, None] if len(own) > 1 else own[0]
+        lens = distort(self.calibration.model, interior[4:], ray[0], ray[1])
         fx, fy, cx, cy = each(interior[:4])
-        off = np.empty_like(point)
-        np.subtract(self.pixel[0], fx * lens.x + cx, out=off[0])
-        np.subtract(self.pixel[1], fy * lens.y + cy, out=off[1])
-        return self._view(interior, point, lens, off)
+        off = np.empty((2, *lens.x.shape))
+        np.subtract(self.pixel[..., 0], fx * lens.x + cx, out=off[0])
+        np.subtract(self.pixel[..., 1], fy * lens.y + cy, out=off[1])
+        return self._view(interior, ray, lens, off)
 
-    def _view(self, interior: Floats, point: Floats, lens: Distorted, off: Floats) -> View:
-        model, (x, y) = self.calibration.model, point
+    def _view(self, interior: Floats, ray: Floats, lens: Distorted, off: Floats) -> View:
         fx, fy = each(interior[:2])
         over = 1.0 / (lens.a * lens.c - lens.b * lens.b)
         over_x, over_y = over / fx, over / fy
-        inverse = np.empty((2, 2, len(x)))
+        inverse = np.empty((2, 2, *over.shape))
         np.multiply(lens.c, over_x, out=inverse[0, 0])
         np.multiply(lens.b, -over_x, out=inverse[0, 1])
         np.multiply(lens.b, -over_y, out=inverse[1, 0])
         np.multiply(lens.a, over_y, out=inverse[1, 1])
-        d_interior = np.empty((2, len(interior), len(x)))
-        by_point = d_interior.transpose(2, 0, 1)
-        write_parameter_derivative(by_point, model, interior, lens, (x, y))
-        return View(off, inverse, np.matmul(self.root.T, d_interior))
+        d_interior = np.empty((2, len(interior), *over.shape))
+        by_end = d_interior.transpose(2, 3, 4, 0, 1)
+        write_parameter_derivative(by_end, self.calibration.model, interior, lens, (ray[0], ray[1]))
+        return View(off, inverse, d_interior)
 
     def conditions(self, plane: Floats, whitened: Floats, ray: Floats, view: View) -> Conditions:
-        """Linearise at planes (B, 3), interior in sigmas (B, r), rays (2, 3, B, n) of the ends."""
-        lines = ray_pairs(ray)
-        lengths = lengths_on_plane(plane.T[:, :, None], lines)
-        off, inverse, d_white = view.at(self.ends)
+        """Linearise at planes (B, 3), interior in sigmas (B, r), rays (3, 2, B, n) of the ends."""
+        lengths = lengths_on_plane(plane.T[:, :, None], ray)
+        reach = reach_of(lengths)
+        by_m = by_plane(lengths, reach)
         # From the derivative by the undistorted point to that by the pixel: (u or v, end, B, n).
-        by_xy = by_ends(lengths, lines).swapaxes(0, 1)
-        by_pixel = np.add.reduce(inverse * by_xy, axis=1)
+        by_pixel = np.add.reduce(view.inverse * by_ends(lengths, reach), axis=1)
         # Of the interior at a fixed pixel: the point moves against it.
-        by_white = np.add.reduce(d_white * by_pixel[:, None], axis=(0, 2)).transpose(1, 2, 0)
-        misclosure = self.length - lengths.length
-        misclosure -= np.add.reduce(by_pixel * off, axis=(0, 1))
-        misclosure -= np.matmul(by_white, whitened[..., None])[..., 0]
+        by_interior = np.add.reduce(view.d_interior * by_pixel[:, None], axis=(0, 2))
         noise = np.zeros(self.shape)
-        noise.reshape(-1)[self.place] = by_pixel * self.end_sigma
-        np.negative(by_white, out=noise[..., 2 * self.picks :])
-        by_m = by_plane(lengths, lines)
+        noise.reshape(-1)[self.place] = by_pixel * self.sigma
+        by_white = np.matmul(by_interior.transpose(1, 2, 0), -self.root)
+        noise[..., self.split :] = by_white
+        misclosure = self.length - lengths.length
+        misclosure -= np.add.reduce(by_pixel * view.off, axis=(0, 1))
+        misclosure += np.matmul(by_white, whitened[..., None])[..., 0]
         if not self.all_there:
             by_m[:, ~self.there] = 0.0
             noise[~self.there] = 0.0
@@ -183,13 +173,11 @@ class Block:
         return Conditions(by_m, noise, misclosure)
 
     def corrections(self, adjusted: Floats) -> Floats:
-        """(2, B E) corrections of the pixels [px], from (B, 2 E + r) in sigmas."""
-        count = len(adjusted)
-        by_pick = adjusted[:, : 2 * self.picks].reshape(count, 2, self.picks).swapaxes(0, 1)
-        return by_pick.reshape(2, -1) * self.sigma
+        """(2, 2, B, n) corrections of the pixels [px], from (B, 2 E + r) in sigmas."""
+        return np.asarray(adjusted.reshape(-1)[self.pick] * self.sigma)
 
-    def follow(self, view: View, point: Floats, adjusted: Floats, change: Floats) -> Floats:
-        """Undistorted points (2, B E) of adjusted pixels and interior: one Newton step.
+    def follow(self, view: View, adjusted: Floats, change: Floats) -> Floats:
+        """(2, 2, B, n) to adjusted pixels and interior, in undistorted x and y: a Newton step.
 
         Parameters
         ----------
@@ -197,8 +185,7 @@ class Block:
             (B, 2 E + r) corrections of the observations in sigmas, and how they differ from those
             at which `view` was taken.
         """
-        off = self.corrections(adjusted)
-        off += view.off
-        interior = self.per_pick(change[:, 2 * self.picks :])
-        off -= np.add.reduce(view.d_white * interior, axis=1)
-        return np.asarray(point + np.add.reduce(off[:, None] * view.inverse, axis=0))
+        off = self.corrections(adjusted) + view.off
+        interior = np.matmul(change[:, self.split :], self.root.T)
+        off -= np.add.reduce(view.d_interior * interior.T[:, None, :, None], axis=1)
+        return np.asarray(np.add.reduce(off[:, None] * view.inverse, axis=0))

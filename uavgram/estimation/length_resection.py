@@ -152,17 +152,14 @@ def lengths_between(
         pixel_px, pixel_sigma_px, *pairs, length_m=np.zeros(number), length_sigma_m=np.ones(number)
     )
     block = Block(calibration, np.eye(len(calibration.parameters)), frames)
-    point, _ = block.first_view()
+    ray, _ = block.first_view()
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for _ in range(NEWTON_STEPS):  # from the lens as given to that of each frame
-            view = block.view(poses.interior, point)
-            point = point + np.add.reduce(view.off[:, None] * view.inverse, axis=0)
-        ray = np.ones((2, 3, *number))
-        ray[:, :2] = point[:, block.ends].swapaxes(0, 1)
-        view = block.view(poses.interior, point)
+            view = block.view(poses.interior, ray)
+            ray[:2] += np.add.reduce(view.off[:, None] * view.inverse, axis=0)
+        view = block.view(poses.interior, ray)
         line = block.conditions(poses.plane, np.zeros_like(poses.interior), ray, view)
-    split = 2 * block.picks
-    from_picks, by_interior = line.noise[..., :split], line.noise[..., split:]
+    from_picks, by_interior = line.noise[..., : block.split], line.noise[..., block.split :]
     jacobian = np.concatenate([line.by_plane.transpose(1, 2, 0), by_interior], axis=2)
     covariance = np.matmul(np.matmul(jacobian, poses.covariance), jacobian.swapaxes(1, 2))
     return -line.misclosure, covariance + np.matmul(from_picks, from_picks.swapaxes(1, 2))
@@ -206,12 +203,10 @@ def _solve(
 ) -> LengthPoses:
     """Gauss-Helmert iterations of some frames together; first values of the planes (B, 3)."""
     block = Block(calibration, root, frames)
-    split = 2 * block.picks
-    point, view = block.first_view()
+    split = block.split
+    ray, view = block.first_view()
     plane, adjusted = start_plane, np.zeros((len(start_plane), block.shape[2]))
-    ray = np.ones((2, 3, *block.shape[:2]))
     for _ in range(ITERATIONS):
-        ray[:, :2] = point[:, block.ends].swapaxes(0, 1)
         line = block.conditions(plane, adjusted[:, split:], ray, view)
         fit = _fit(block, line)
         step = np.maximum.reduce(np.abs(fit.step) / fit.sigma, axis=1)
@@ -225,11 +220,11 @@ def _solve(
         largest = np.maximum(moved, step)
         if not (largest >= AT_REST).any():  # NaN is no longer going either
             break
-        point = block.follow(view, point, adjusted, change)
+        ray[:2] += block.follow(view, adjusted, change)
         if np.maximum.reduce(moved) < SAME_VIEW:
             view = view._replace(off=-block.corrections(adjusted))
         else:
-            view = block.view(calibration.parameters + adjusted[:, split:] @ root.T, point)
+            view = block.view(calibration.parameters + adjusted[:, split:] @ root.T, ray)
     interior = calibration.parameters + adjusted[:, split:] @ root.T
     covariance = _joint_covariance(fit, line.noise[..., split:], root)
     cost = np.add.reduce(fit.multiplier * line.misclosure, axis=1)
@@ -270,12 +265,12 @@ def _fit(block: Block, line: Conditions) -> _Fit:
 
 
 def _shortened(plane: Floats, step: Floats, ray: Floats) -> Floats:
-    """Steps (B, 3), halved until all rays (2, 3, B, n) meet the ground in front of the camera."""
+    """Steps (B, 3), halved until all rays (3, 2, B, n) meet the ground in front of the camera."""
     for _ in range(SHORTENINGS):
-        depth = np.add.reduce((plane + step).T[:, :, None] * ray, axis=1)
-        behind = depth.min(axis=(0, 2)) <= 0
-        if not behind.any():
+        depth = np.add.reduce((plane + step).T[:, None, :, None] * ray, axis=0)
+        if depth.min() > 0:
             break
+        behind = depth.min(axis=(0, 2)) <= 0
         step = np.where(behind[:, None], 0.5 * step, step)
     return step
 

@@ -7,7 +7,7 @@ observation with), and the joint covariance of a few chosen unknowns.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from weakref import WeakKeyDictionary
@@ -86,7 +86,7 @@ class NormalEquations:
         self.size = size
         self._blocks = blocks
         self.cost = float(sum(np.sum(b.residual**2) for b in blocks))
-        self.gradient = _gradient(blocks, size)
+        self.gradient = gradient_of(blocks, size)
         rows = sum(b.residual.size for b in blocks)
         self._dense = rows * size <= DENSE_ENTRIES
         self._structure = structure or Structure.plain(size)
@@ -130,7 +130,7 @@ class Plan:
         return Symbolic(self.assembly.pattern)
 
 
-def _gradient(blocks: list[Block], size: int) -> Floats:
+def gradient_of(blocks: Iterable[Block], size: int) -> Floats:
     """J^T r of all blocks, (size,)."""
     gradient = np.zeros(size)
     for block in blocks:

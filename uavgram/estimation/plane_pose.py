@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from uavgram.geometry.plane_pose import RayPairs, by_plane, lengths_on_plane, ray_pairs
+from uavgram.geometry.plane_pose import by_plane, lengths_on_plane, reach_of
 from uavgram.model.arrays import Bools, Floats, Ints
 
 TILT_STEP_DEG = 7.5
@@ -107,20 +107,20 @@ def search_planes(
     step = max(1, BLOCK // (len(normal_grid()) * max(1, there.shape[1])))
     for first in range(0, len(length_m), step):
         part = slice(first, first + step)
-        lines = _pairs(start_ray[part], end_ray[part])
+        ends = _ends(start_ray[part], end_ray[part])
         observed = length_m[part] * weight[part], weight[part]
-        starts = _starts(lines, observed, count[part])
-        minima = _refine(starts, lines, observed)
+        starts = _starts(ends, observed, count[part])
+        minima = _refine(starts, ends, observed)
         found += _distinct(minima, count[part])
     return found
 
 
-def _pairs(start_ray: Floats, end_ray: Floats) -> RayPairs:
-    ends = np.stack([start_ray, end_ray])
-    return ray_pairs(np.ascontiguousarray(np.moveaxis(ends, 3, 1)))
+def _ends(start_ray: Floats, end_ray: Floats) -> Floats:
+    """(3, 2, B, L) of rays (B, L, 3)."""
+    return np.ascontiguousarray(np.stack([start_ray, end_ray]).transpose(3, 0, 1, 2))
 
 
-def _starts(lines: RayPairs, observed: tuple[Floats, Floats], count: Ints) -> _Candidates:
+def _starts(ends: Floats, observed: tuple[Floats, Floats], count: Ints) -> _Candidates:
     """First planes: every normal of the grid for few lines, the promising ones for more.
 
     The height over a normal follows in closed form: lengths are proportional to it. With it, the
@@ -129,10 +129,9 @@ def _starts(lines: RayPairs, observed: tuple[Floats, Floats], count: Ints) -> _C
     it is the direction from which a start comes that leads to the one or the other.
     """
     normal = normal_grid()
-    wide = lines.take((slice(None), None))
-    unit = lengths_on_plane(np.ascontiguousarray(normal.T)[:, None, :, None], wide).length
+    unit = lengths_on_plane(np.ascontiguousarray(normal.T)[:, None, :, None], ends[:, :, :, None])
     wanted, weight = observed[0][:, None], observed[1][:, None]
-    scaled = unit * weight
+    scaled = unit.length * weight
     square, mixed = np.sum(scaled * scaled, axis=-1), np.sum(scaled * wanted, axis=-1)
     height = mixed / square
     cost = np.sum(wanted * wanted, axis=-1) - mixed * height
@@ -148,13 +147,13 @@ def _starts(lines: RayPairs, observed: tuple[Floats, Floats], count: Ints) -> _C
 
 
 def _evaluate(
-    plane: Floats, lines: RayPairs, observed: tuple[Floats, Floats]
+    plane: Floats, ends: Floats, observed: tuple[Floats, Floats]
 ) -> tuple[Floats, Floats, Floats]:
-    """Cost (C,), gradient (C, 3) and normal matrix (C, 3, 3) of planes (C, 3) over (C, L) lines."""
+    """Cost (C,), gradient (C, 3), normal matrix (C, 3, 3) of planes (C, 3), ends (3, 2, C, L)."""
     wanted, weight = observed
-    lengths = lengths_on_plane(np.ascontiguousarray(plane.T)[:, :, None], lines)
+    lengths = lengths_on_plane(np.ascontiguousarray(plane.T)[:, :, None], ends)
     residual = lengths.length * weight - wanted
-    jacobian = np.moveaxis(by_plane(lengths, lines) * weight, 0, 1)
+    jacobian = np.moveaxis(by_plane(lengths, reach_of(lengths)) * weight, 0, 1)
     cost = np.sum(residual * residual, axis=1)
     gradient = np.matmul(jacobian, residual[..., None])[..., 0]
     return (
@@ -164,12 +163,12 @@ def _evaluate(
     )
 
 
-def _refine(starts: _Candidates, lines: RayPairs, observed: tuple[Floats, Floats]) -> _Candidates:
+def _refine(starts: _Candidates, ends: Floats, observed: tuple[Floats, Floats]) -> _Candidates:
     """Levenberg-Marquardt on all candidates together; those at rest drop out."""
     plane, scene = starts.plane.copy(), starts.scene
-    own_lines = lines.take(scene)
+    own_ends = ends[:, :, scene]
     own_observed = observed[0][scene], observed[1][scene]
-    cost, gradient, normal = _evaluate(plane, own_lines, own_observed)
+    cost, gradient, normal = _evaluate(plane, own_ends, own_observed)
     damping = np.full(len(plane), 1e-3)
     active = np.flatnonzero(np.isfinite(cost))
     eye = np.eye(3)
@@ -183,7 +182,7 @@ def _refine(starts: _Candidates, lines: RayPairs, observed: tuple[Floats, Floats
         step = -np.linalg.solve(damped, gradient[active][..., None])[..., 0]
         trial = plane[active] + step
         trial_observed = own_observed[0][active], own_observed[1][active]
-        new = _evaluate(trial, own_lines.take(active), trial_observed)
+        new = _evaluate(trial, own_ends[:, :, active], trial_observed)
         better = new[0] < cost[active]
         rows = active[better]
         small = np.abs(step).max(axis=1) <= AT_REST * np.abs(plane[active]).max(axis=1)

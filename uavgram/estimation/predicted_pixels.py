@@ -17,7 +17,7 @@ from uavgram.estimation.adjustment import Adjustment
 from uavgram.estimation.survey_problem import SurveyProblem
 from uavgram.geometry.projection import project, project_with_jacobian
 from uavgram.geometry.rotation import hat
-from uavgram.geometry.telemetry_pose import corrected_time, exposures_of, predict_pose
+from uavgram.geometry.telemetry_pose import corrected_time, exposures_by_time, predict_pose
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera import Calibration
 from uavgram.model.photo_poses import Flight
@@ -129,7 +129,7 @@ def _in_others(
         return PredictedPixels((), np.empty(0, int), np.empty((0, 2)), np.empty((0, 2, 2)))
     time_s = prior.time_s[rows]
     center, rotation, d_shared = predict_pose(
-        exposures_of(track, chosen, corrected_time(state.telemetry, time_s, prior.middle_s)),
+        exposures_by_time(track, chosen)(corrected_time(state.telemetry, time_s, prior.middle_s)),
         prior.gimbal_from_camera,
         state.telemetry,
         time_s - prior.middle_s,

@@ -13,7 +13,7 @@ import numpy as np
 
 from uavgram.estimation.adjustment import Adjustment
 from uavgram.estimation.least_squares import AT_REST, CONVERGED, minimise
-from uavgram.estimation.normal_equations import Block, SingularError
+from uavgram.estimation.normal_equations import Block, SingularError, gradient_of
 from uavgram.estimation.survey_state import State, advance
 from uavgram.model.arrays import Floats
 
@@ -40,10 +40,7 @@ def refit(
     state, before, previous = adjustment.state, adjustment.state, np.inf
     blocks: Mapping[str, Block] | None = adjustment.minimum.blocks
     while blocks is not None:
-        gradient = np.zeros(layout.size)
-        for block in with_errors(blocks, errors).values():
-            weighted = np.einsum("nr,nrk->nk", block.residual, block.jacobian)
-            gradient += np.bincount(block.columns.ravel(), weighted.ravel(), layout.size)
+        gradient = gradient_of(with_errors(blocks, errors).values(), layout.size)
         step = -factor.solve(gradient)
         length = float(-gradient @ step)
         if length > FAST * previous:

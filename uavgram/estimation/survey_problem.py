@@ -7,6 +7,9 @@ biases, clock) predict for it, and each shared unknown against its own prior.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cached_property
+
 import numpy as np
 
 from uavgram.estimation.ground_planes import GroundPlanes
@@ -22,8 +25,9 @@ from uavgram.geometry.telemetry_pose import (
     LEVER_ARM,
     POSITION_BIAS,
     SHARED_SIZE,
+    Exposures,
     corrected_time,
-    exposures_of,
+    exposures_by_time,
     predict_pose,
 )
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -100,14 +104,21 @@ class SurveyProblem:
             d_point[:, 2, 2] = rough
         d_plane = np.zeros((len(label), 3, surface.by_unknowns.shape[1]))
         d_plane[:, 2] = surface.by_unknowns
-        return np.column_stack([own[:, :2], up]), d_point, d_plane
+        world = np.empty((len(label), 3))
+        world[:, :2], world[:, 2] = own[:, :2], up
+        return world, d_point, d_plane
 
     def plane_columns(self, label: Ints) -> Ints:
         """(n, w) unknowns of the plane on which each of n labels lies."""
         return self.layout.first_plane + self.ground.columns(label)
 
     def evaluate(self, state: State) -> dict[str, Block] | None:
-        """All whitened residuals by group; None where a picked point lies behind its camera."""
+        """All whitened residuals by group.
+
+        None where a picked point lies behind its camera, or the lens would have no focal length.
+        """
+        if self.intrinsics(state)[:2].min() <= 0:
+            return None
         pixels = self._pixels(state)
         if pixels is None:
             return None
@@ -129,10 +140,9 @@ class SurveyProblem:
         return blocks
 
     def _pixels(self, state: State) -> Block | None:
-        survey, layout = self.survey, self.layout
+        survey = self.survey
         frame = survey.pick_frame
-        label = survey.pick_label
-        world, d_point, d_plane = self.world_points(state, label)
+        world, d_point, d_plane = self.world_points(state, survey.pick_label)
         camera_from_world = np.swapaxes(state.rotation, 1, 2)[frame]
         from_center = world - state.center[frame]
         camera = np.einsum("nij,nj->ni", camera_from_world, from_center)
@@ -153,18 +163,21 @@ class SurveyProblem:
             ],
             axis=2,
         )
-        n = len(frame)
-        columns = np.concatenate(
+        residual = (pixel - survey.pixel_px) * weight[:, None]
+        return Block(residual, self._pixel_columns, jacobian * weight[:, None, None])
+
+    @cached_property
+    def _pixel_columns(self) -> Ints:
+        layout, frame, label = self.layout, self.survey.pick_frame, self.survey.pick_label
+        return np.concatenate(
             [
                 layout.point_columns(label),
                 layout.frame_columns(frame),
-                layout.shared_columns(layout.first_intrinsic, layout.intrinsics, n),
+                layout.shared_columns(layout.first_intrinsic, layout.intrinsics, len(frame)),
                 self.plane_columns(label),
             ],
             axis=1,
         )
-        residual = pixel - survey.pixel_px
-        return Block(residual * weight[:, None], columns, jacobian * weight[:, None, None])
 
     def _lengths(self, state: State) -> Block:
         survey = self.survey
@@ -176,20 +189,15 @@ class SurveyProblem:
 
     def lengths_between(self, state: State, start: Ints, end: Ints) -> tuple[Floats, Floats, Ints]:
         """3-D lengths (n,) between labels, their gradients (n, k) and the unknowns' columns."""
-        start_world, d_start, start_plane = self.world_points(state, start)
-        end_world, d_end, end_plane = self.world_points(state, end)
-        along = end_world - start_world
+        n = len(start)
+        world, d_point, d_plane = self.world_points(state, np.concatenate([start, end]))
+        along = world[n:] - world[:n]
         length = np.linalg.norm(along, axis=1)
-        unit = along / np.where(length > 0, length, 1.0)[:, None]
+        unit = (along / np.where(length > 0, length, 1.0)[:, None])[:, None]
         jacobian = np.concatenate(
-            [
-                -np.einsum("ni,nij->nj", unit, d_start),
-                np.einsum("ni,nij->nj", unit, d_end),
-                -np.einsum("ni,nij->nj", unit, start_plane),
-                np.einsum("ni,nij->nj", unit, end_plane),
-            ],
-            axis=1,
-        )
+            [-unit @ d_point[:n], unit @ d_point[n:], -unit @ d_plane[:n], unit @ d_plane[n:]],
+            axis=2,
+        )[:, 0]
         columns = np.concatenate(
             [
                 self.layout.point_columns(start),
@@ -253,13 +261,11 @@ class SurveyProblem:
         return Block(whitened, columns, (jacobian / GAUGE_SIGMA[:, None])[None])
 
     def _telemetry(self, state: State) -> dict[str, Block]:
-        prior, track, layout = self.survey.telemetry, self.survey.track, self.layout
+        prior, layout = self.survey.telemetry, self.layout
         assert prior is not None  # noqa: S101  (the caller asked)
-        assert track is not None  # noqa: S101
-        names = [self.survey.frame_id[i] for i in prior.frame_index]
         at_s = corrected_time(state.telemetry, prior.time_s, prior.middle_s)
         center, rotation, d_shared = predict_pose(
-            exposures_of(track, names, at_s),
+            self._exposures(at_s),
             prior.gimbal_from_camera,
             state.telemetry,
             prior.time_s - prior.middle_s,
@@ -268,28 +274,37 @@ class SurveyProblem:
         turn = log_so3(np.swapaxes(rotation, 1, 2) @ state.rotation[frame])
         residual = np.concatenate([state.center[frame] - center, turn], axis=1)
         # turn = log(P^T R): by R exp(a) it moves by Jr^-1(turn) a, by P exp(b) by -Jr^-1(-turn) b
-        # (Sola et al. 2018, eq. 68 to 70).
+        # (Sola et al. 2018, eq. 68 to 70); Jr^-1(-turn) is the transpose of Jr^-1(turn).
+        by_turn = right_jacobian_inverse(turn)
         jacobian = np.zeros((len(frame), 6, 6 + layout.telemetry))
         jacobian[:, :3, :3] = np.eye(3)
-        jacobian[:, 3:, 3:6] = right_jacobian_inverse(turn)
+        jacobian[:, 3:, 3:6] = by_turn
         jacobian[:, :3, 6:] = -d_shared[:, :3]
-        jacobian[:, 3:, 6:] = -right_jacobian_inverse(-turn) @ d_shared[:, 3:]
-        columns = np.concatenate(
-            [
-                layout.frame_columns(frame),
-                layout.shared_columns(layout.first_telemetry, layout.telemetry, len(frame)),
-            ],
-            axis=1,
-        )
+        jacobian[:, 3:, 6:] = -by_turn.swapaxes(1, 2) @ d_shared[:, 3:]
         white = self.telemetry_whitening
-        blocks = {
-            "telemetry": Block(np.einsum("nij,nj->ni", white, residual), columns, white @ jacobian)
-        }
+        whitened = (white @ residual[..., None])[..., 0]
+        blocks = {"telemetry": Block(whitened, self._telemetry_columns, white @ jacobian)}
         scaled = (state.telemetry - self.telemetry_mean) / self.telemetry_sigma
         for name, part in TELEMETRY_PARTS.items():
             first = layout.first_telemetry + part.start
             blocks[name] = _prior(scaled[part], first, 1.0 / self.telemetry_sigma[part])
         return blocks
+
+    @cached_property
+    def _exposures(self) -> Callable[[Floats], Exposures]:
+        """Where the flight has the frames, by their instants."""
+        prior, track = self.survey.telemetry, self.survey.track
+        assert prior is not None  # noqa: S101  (the caller asked)
+        assert track is not None  # noqa: S101
+        return exposures_by_time(track, [self.survey.frame_id[i] for i in prior.frame_index])
+
+    @cached_property
+    def _telemetry_columns(self) -> Ints:
+        prior, layout = self.survey.telemetry, self.layout
+        assert prior is not None  # noqa: S101  (the caller asked)
+        frame = prior.frame_index
+        shared = layout.shared_columns(layout.first_telemetry, layout.telemetry, len(frame))
+        return np.concatenate([layout.frame_columns(frame), shared], axis=1)
 
 
 def covariance_root(covariance: Floats) -> Floats:

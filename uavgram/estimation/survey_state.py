@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -43,32 +44,32 @@ class Layout:
     telemetry: int
     free_gauge: bool
 
-    @property
+    @cached_property
     def first_frame(self) -> int:
         """Column of the first frame's first unknown."""
         return self.points * self.point_size
 
-    @property
+    @cached_property
     def first_intrinsic(self) -> int:
         """Column of the first unknown of the interior orientation."""
         return self.first_frame + 6 * self.frames
 
-    @property
+    @cached_property
     def first_plane(self) -> int:
         """Column of the plane's height."""
         return self.first_intrinsic + self.intrinsics
 
-    @property
+    @cached_property
     def first_telemetry(self) -> int:
         """Column of the first unknown shared by the telemetry."""
         return self.first_plane + self.plane
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of unknowns."""
         return self.first_telemetry + self.telemetry
 
-    @property
+    @cached_property
     def structure(self) -> Structure:
         """For the elimination order."""
         return Structure(
@@ -150,8 +151,7 @@ def move(layout: Layout, state: State, step: Floats) -> State:
     frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)
     plane = state.plane.copy()
     plane[len(plane) - layout.plane :] += step[layout.first_plane : layout.first_telemetry]
-    return replace(
-        state,
+    return State(
         point=state.point + step[: layout.first_frame].reshape(state.point.shape),
         center=state.center + frame_step[:, :3],
         rotation=state.rotation @ exp_so3(frame_step[:, 3:]),
@@ -174,11 +174,11 @@ def advance(layout: Layout, state: State, step: Floats) -> State:
     frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)
     middle = state.point[:, :2].mean(axis=0)
     arm = state.point[:, :2] - middle
-    size = float(np.sum(arm**2))
+    size = float(np.vdot(arm, arm))
     if size == 0.0:  # a single point has no heading
         return move(layout, state, step)
-    across = np.stack([-arm[:, 1], arm[:, 0]], axis=1)
-    angle = float(np.sum(across * point_step)) / size
+    across = arm[:, ::-1] * (-1.0, 1.0)
+    angle = float(np.vdot(across, point_step)) / size
     rest = np.array(step)
     rest_point = rest[: layout.first_frame].reshape(state.point.shape)
     rest_frame = rest[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)
@@ -203,15 +203,17 @@ def _at_gauge(state: State) -> State:
     shift = np.array([*foot, 0.0])
     point = turned.point.copy()
     point[:, :2] -= foot
-    return replace(turned, point=point, center=turned.center - shift)
+    center = turned.center - shift
+    return State(point, center, turned.rotation, state.intrinsic, state.plane, state.telemetry)
 
 
 def _turned(state: State, about: Floats, cosine_sine: Floats) -> State:
     """All points and cameras turned about the vertical through (2,) `about`."""
     cosine, sine = cosine_sine
     turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    point = state.point.copy()
-    point[:, :2] = about + (point[:, :2] - about) @ turn[:2, :2].T
-    pivot = np.array([*about, 0.0])
-    center = pivot + (state.center - pivot) @ turn.T
-    return replace(state, point=point, center=center, rotation=turn @ state.rotation)
+    flat = turn[:2, :2].T
+    point, center = state.point.copy(), state.center.copy()
+    point[:, :2] = about + (point[:, :2] - about) @ flat
+    center[:, :2] = about + (center[:, :2] - about) @ flat
+    rotation = turn @ state.rotation
+    return State(point, center, rotation, state.intrinsic, state.plane, state.telemetry)

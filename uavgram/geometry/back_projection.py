@@ -114,19 +114,20 @@ def back_project_with_jacobian(
 def rays_and_lens(
     model: LensModel, parameters: Floats, pixel: Floats
 ) -> tuple[Floats, Floats, Distorted]:
-    """Undistorted x and y (N,) of pixels (N, 2), NaN where there are none, and the lens there.
+    """Undistorted x and y (...) of pixels (..., 2), NaN where there are none, and the lens there.
 
     The lens's derivatives are good to six digits: enough for a covariance.
     """
+    fx, fy, cx, cy = parameters[:4].tolist()
     with np.errstate(over="ignore", invalid="ignore"):
-        target = (pixel.T - parameters[2:4, None]) / parameters[:2, None]
-        x, y, lens, found = undistort(model, parameters, target[0], target[1])
+        target_x, target_y = (pixel[..., 0] - cx) / fx, (pixel[..., 1] - cy) / fy
+        x, y, lens, found = undistort(model, parameters, target_x, target_y)
     if found.all():
         return x, y, lens
-    rest = np.flatnonzero(~found)
-    target = target[:, rest].T
+    missed = ~found
+    target = np.stack([target_x[missed], target_y[missed]], axis=-1)
     target[~np.isfinite(target).all(axis=1)] = np.nan
-    x[rest], y[rest] = _undistort(model, parameters, target).T
+    x[missed], y[missed] = _undistort(model, parameters, target).T
     return x, y, distort(model, parameters[4:], x, y)
 
 

@@ -81,8 +81,12 @@ def _distort_brown(coefficients: Floats, x: Floats, y: Floats) -> Distorted:
     xx, yy = x * x, y * y
     r2 = xx + yy
     r4 = r2 * r2
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    slope = k1 + r2 * (2 * k2 + r2 * (3 * k3))  # of radial by r2
+    # Horner's scheme, and that of the derivative on top of its partial sums.
+    third = k3 * r2
+    second = k2 + third
+    first = k1 + r2 * second
+    radial = 1 + r2 * first
+    slope = first + r2 * (second + third)  # of radial by r2
     powers: tuple[Floats, ...] = (r2, r4, r2 * r4)
     if rational:
         radial, slope, powers = _divide(rational, radial, slope, powers)
@@ -244,7 +248,8 @@ def write_parameter_derivative(
         np.multiply(v, power, out=out[..., 1, column])
     if model == "brown":
         r2 = x * x + y * y
-        np.multiply(2 * u, y, out=out[..., 0, 6])
-        np.multiply(2 * v, x, out=out[..., 1, 7])
-        out[..., 0, 7] = fx * r2 + 2 * u * x
-        out[..., 1, 6] = fy * r2 + 2 * v * y
+        twice_u, twice_v = 2 * u, 2 * v
+        np.multiply(twice_u, y, out=out[..., 0, 6])
+        np.multiply(twice_v, x, out=out[..., 1, 7])
+        out[..., 0, 7] = fx * r2 + twice_u * x
+        out[..., 1, 6] = fy * r2 + twice_v * y

@@ -13,112 +13,78 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Floats
 
 _HORIZON = 1e-12
 """Smallest m . v over the length of m: nearer to the horizon a ray meets no ground."""
 
 
-class RayPairs(NamedTuple):
-    """Lines as a camera sees them.
-
-    Attributes
-    ----------
-    ends
-        (2, 3, ...) undistorted rays of start and end, z = 1.
-    cross
-        (3, ...) start x end, the normal of the plane through the camera and the line.
-    cross_square
-        (...) its squared length.
-    """
-
-    ends: Floats
-    cross: Floats
-    cross_square: Floats
-
-    def take(self, rows: Ints | tuple[slice, None]) -> RayPairs:
-        """The same index into the axes behind the components."""
-        if isinstance(rows, tuple):
-            at = (slice(None), *rows)
-            return RayPairs(self.ends[:, *at], self.cross[at], self.cross_square[rows])
-        return RayPairs(self.ends[:, :, rows], self.cross[:, rows], self.cross_square[rows])
-
-
-def ray_pairs(ends: Floats) -> RayPairs:
-    """Lines from the rays (2, 3, ...) of their ends, z = 1."""
-    start = ends[0]
-    along = ends[1] - start
-    cross = np.empty_like(start)
-    # start x end = start x (end - start): short lines keep their digits.
-    np.negative(along[1], out=cross[0])
-    cross[1] = along[0]
-    np.multiply(start[0], along[1], out=cross[2])
-    cross[2] -= start[1] * along[0]
-    return RayPairs(ends, cross, np.add.reduce(cross * cross, axis=0))
-
-
 class PlaneLengths(NamedTuple):
     """Lengths on a plane, and what their derivatives are made of.
-
-    With the rays a, b and c = a x b, a / (m . a) - b / (m . b) = m x c / ((m . a) (m . b)), so
-    length^2 = (|m|^2 |c|^2 - (m . c)^2) / ((m . a)^2 (m . b)^2).
 
     Attributes
     ----------
     length
         NaN where an end lies behind the camera or at the horizon, or both on one ray.
-    plane, plane_square
-        m (3, ...), and |m|^2.
-    over_depth
-        (2, ...) length / (m . a), length / (m . b).
-    along
-        m . c.
-    over_square
-        length / |m x c|^2.
+    plane
+        m (3, ...).
+    ground
+        (3, 2, ...) where the rays of start and end meet the plane, camera frame [m].
+    inverse_depth
+        (2, ...) 1 / (m . v) of either ray v.
+    towards_start
+        (3, ...) unit vectors from end to start.
     """
 
     length: Floats
     plane: Floats
-    plane_square: Floats
-    over_depth: Floats
-    along: Floats
-    over_square: Floats
+    ground: Floats
+    inverse_depth: Floats
+    towards_start: Floats
 
 
-def lengths_on_plane(plane: Floats, lines: RayPairs) -> PlaneLengths:
-    """Lengths of lines on planes m (3, ...) [1/m]; the axes behind the first are broadcast."""
-    plane_square = np.add.reduce(plane * plane, axis=0)
-    along = np.add.reduce(plane * lines.cross, axis=0)
-    square = lines.cross_square * plane_square - along * along
-    depth = np.add.reduce(plane * lines.ends, axis=1)
+def lengths_on_plane(plane: Floats, ends: Floats) -> PlaneLengths:
+    """Lengths of lines on planes.
+
+    Parameters
+    ----------
+    plane
+        (3, ...) m [1/m].
+    ends
+        (3, 2, ...) undistorted rays of start and end, z = 1. The axes behind are broadcast.
+    """
+    depth = np.add.reduce(plane[:, None] * ends, axis=0)
     # NaN where there is no length: it passes through all that follows.
-    depth[depth <= _HORIZON * np.sqrt(plane_square)] = np.nan
-    square[square <= 0] = np.nan
-    length = np.sqrt(square) / (depth[0] * depth[1])
-    return PlaneLengths(length, plane, plane_square, length / depth, along, length / square)
+    depth[depth <= _HORIZON * np.sqrt(np.add.reduce(plane * plane, axis=0))] = np.nan
+    inverse_depth = 1.0 / depth
+    ground = inverse_depth * ends
+    along = ground[:, 0] - ground[:, 1]
+    square = np.add.reduce(along * along, axis=0)
+    square[square == 0] = np.nan
+    length = np.sqrt(square)
+    return PlaneLengths(length, plane, ground, inverse_depth, along / length)
 
 
-def by_plane(lengths: PlaneLengths, lines: RayPairs) -> Floats:
-    """(3, ...) derivatives of the lengths by m."""
-    result = (lengths.over_square * lines.cross_square) * lengths.plane
-    result -= (lengths.over_square * lengths.along) * lines.cross
-    result -= np.add.reduce(lengths.over_depth[:, None] * lines.ends, axis=0)
-    return np.asarray(result)
+def reach_of(lengths: PlaneLengths) -> Floats:
+    """(2, ...) components of both ground points along their line [m]: of all derivatives."""
+    return np.asarray(np.add.reduce(lengths.towards_start[:, None] * lengths.ground, axis=0))
 
 
-def by_ends(lengths: PlaneLengths, lines: RayPairs) -> Floats:
-    """(2, 2, ...) derivatives of the lengths by the undistorted x and y of start and end."""
-    of_cross = (lengths.over_square * lengths.plane_square) * lines.cross
-    of_cross -= (lengths.over_square * lengths.along) * lengths.plane
-    e0, e1, e2 = of_cross
-    # c = a x b moves by da x b + a x db, and e . (da x b) = da . (b x e).
-    other = lines.ends[::-1, :2] * e2
-    across = np.empty_like(other)
-    np.subtract(other[:, 1], e1, out=across[:, 0])
-    np.subtract(e0, other[:, 0], out=across[:, 1])
-    np.negative(across[1], out=across[1])
-    across -= lengths.over_depth[:, None] * lengths.plane[:2]
-    return np.asarray(across)
+def by_plane(lengths: PlaneLengths, reach: Floats) -> Floats:
+    """(3, ...) derivatives of the lengths by m: a ground point X moves by -X (X . dm)."""
+    moved = reach * lengths.ground
+    return np.asarray(moved[:, 1] - moved[:, 0])
+
+
+def by_ends(lengths: PlaneLengths, reach: Floats) -> Floats:
+    """(2, 2, ...) derivatives of the lengths by undistorted x and y (first axis) of both ends.
+
+    A ground point X moves by (dv - X (m . dv)) / (m . v).
+    """
+    moved = lengths.towards_start[:2, None] - reach * lengths.plane[:2, None]
+    moved *= lengths.inverse_depth
+    np.negative(moved[:, 1], out=moved[:, 1])
+    return np.asarray(moved)
 
 
 def pose_above_plane(plane: Floats) -> tuple[Floats, Floats]:

@@ -6,10 +6,10 @@ axis times angle [rad].
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uavgram.model.arrays import Floats
 
@@ -25,6 +25,8 @@ ENU_FROM_NED: Floats = _constant([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]])
 
 #: OpenCV camera (x right, y down, z forward) to gimbal (x optical axis, y right, z image down).
 GIMBAL_FROM_CAMERA: Floats = _constant([[0, 0, 1], [1, 0, 0], [0, 1, 0.0]])
+
+_IDENTITY = _constant([[1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
 
 # Below this squared angle the series are more accurate than the closed forms, which cancel.
 _SMALL_ANGLE_SQUARED = 0.09
@@ -59,11 +61,10 @@ def hat(v: Floats) -> Floats:
 def exp_so3(v: Floats) -> Floats:
     """Rotation matrices of rotation vectors [rad] (Rodrigues); (..., 3) to (..., 3, 3)."""
     v = np.asarray(v, np.float64)
-    angle = np.linalg.norm(v, axis=-1)
-    # (1 - cos t) / t^2 = sinc(t / 2)^2 / 2 loses no digits near zero.
-    first = np.sinc(angle / np.pi)
-    second = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
-    return _combine(v, first, second)
+    half = 0.5 * np.sqrt(np.add.reduce(v * v, axis=-1))
+    # sin(t / 2) / (t / 2): neither sin t / t nor (1 - cos t) / t^2 loses digits near zero by it.
+    ratio = _sinc(half)
+    return _combine(v, ratio * np.cos(half), 0.5 * ratio * ratio)
 
 
 def log_so3(rotation: Floats) -> Floats:
@@ -94,13 +95,9 @@ def right_jacobian(v: Floats) -> Floats:
         After Sola, Deray, Atchuthan (2018), "A micro Lie theory", eq. 143.
     """
     v = np.asarray(v, np.float64)
-    squared = np.sum(v * v, axis=-1)
-    small, safe = _split_small(squared)
-    angle = np.sqrt(safe)
-    closed = (angle - np.sin(angle)) / (safe * angle)
-    second = np.where(small, _horner(_RIGHT_SERIES, squared), closed)
-    first = -0.5 * np.sinc(np.sqrt(squared) / (2 * np.pi)) ** 2
-    return _combine(v, first, second)
+    squared = np.add.reduce(v * v, axis=-1)
+    first = -0.5 * _sinc(0.5 * np.sqrt(squared)) ** 2
+    return _combine(v, first, _near_or_far(squared, _RIGHT_SERIES, _right_closed))
 
 
 def right_jacobian_inverse(v: Floats) -> Floats:
@@ -117,11 +114,8 @@ def right_jacobian_inverse(v: Floats) -> Floats:
         After Sola, Deray, Atchuthan (2018), eq. 144.
     """
     v = np.asarray(v, np.float64)
-    squared = np.sum(v * v, axis=-1)
-    small, safe = _split_small(squared)
-    half = 0.5 * np.sqrt(safe)
-    closed = (1 - half / np.tan(half)) / safe
-    second = np.where(small, _horner(_INVERSE_SERIES, squared), closed)
+    squared = np.add.reduce(v * v, axis=-1)
+    second = _near_or_far(squared, _INVERSE_SERIES, _inverse_closed)
     return _combine(v, np.full_like(squared, 0.5), second)
 
 
@@ -142,15 +136,16 @@ def xyzw_from_matrix(rotation: Floats) -> Floats:
     r = np.asarray(rotation, np.float64)
     # 4 q q^T is linear in R (Shepperd 1978); its longest row has no cancellation.
     outer = np.empty((*r.shape[:-2], 4, 4))
-    trace = np.trace(r, axis1=-2, axis2=-1)
+    trace = r[..., 0, 0] + r[..., 1, 1] + r[..., 2, 2]
     outer[..., :3, :3] = r + np.swapaxes(r, -1, -2)
     for i in range(3):
         outer[..., i, i] = 1 - trace + 2 * r[..., i, i]
         j, k = (i + 1) % 3, (i + 2) % 3
         outer[..., 3, i] = outer[..., i, 3] = r[..., k, j] - r[..., j, k]
     outer[..., 3, 3] = 1 + trace
-    best = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
-    q = np.take_along_axis(outer, best[..., None, None], axis=-2)[..., 0, :]
+    best = outer.diagonal(axis1=-2, axis2=-1).argmax(axis=-1)
+    each = outer.reshape(-1, 4, 4)
+    q = each[np.arange(len(each)), best.ravel()].reshape(outer.shape[:-1])
     q /= np.linalg.norm(q, axis=-1, keepdims=True)
     return np.asarray(np.where(q[..., 3:] < 0, -q, q))
 
@@ -216,13 +211,34 @@ def _combine(v: Floats, first: Floats, second: Floats) -> Floats:
     """``I + first hat(v) + second hat(v)^2``."""
     cross = hat(v)
     return np.asarray(
-        np.eye(3) + first[..., None, None] * cross + second[..., None, None] * (cross @ cross)
+        _IDENTITY + first[..., None, None] * cross + second[..., None, None] * (cross @ cross)
     )
 
 
-def _split_small(squared: Floats) -> tuple[NDArray[Any], Floats]:
+def _sinc(angle: Floats) -> Floats:
+    """sin(t) / t, 1 at zero."""
+    return np.divide(np.sin(angle), angle, out=np.ones_like(angle), where=angle != 0)
+
+
+def _near_or_far(
+    squared: Floats, series: tuple[float, ...], closed: Callable[[Floats], Floats]
+) -> Floats:
+    """A function of the squared angle: by its series for small ones, else by its closed form."""
     small = squared < _SMALL_ANGLE_SQUARED
-    return small, np.where(small, 1.0, squared)
+    near = _horner(series, squared)
+    if small.all():
+        return near
+    return np.where(small, near, closed(np.where(small, 1.0, squared)))
+
+
+def _right_closed(squared: Floats) -> Floats:
+    angle = np.sqrt(squared)
+    return np.asarray((angle - np.sin(angle)) / (squared * angle))
+
+
+def _inverse_closed(squared: Floats) -> Floats:
+    half = 0.5 * np.sqrt(squared)
+    return np.asarray((1 - half / np.tan(half)) / squared)
 
 
 def _horner(coefficients: tuple[float, ...], x: Floats) -> Floats:

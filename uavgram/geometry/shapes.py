@@ -44,7 +44,7 @@ def polyline(points: Floats) -> Measured:
         Metres, and (K, 3) without unit; NaN where two neighbours coincide.
     """
     points = _checked(points, at_least=2)
-    unit, length = _unit(np.diff(points, axis=0))
+    unit, length = _unit(points[1:] - points[:-1])
     gradient = np.zeros_like(points)
     gradient[1:] += unit
     gradient[:-1] -= unit

@@ -17,12 +17,12 @@ heading bias away turns the vehicle by plus that angle about up.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.interpolation import smooth_position, smooth_rotation
+from uavgram.geometry.interpolation import SmoothPositions, SmoothRotations
 from uavgram.geometry.rotation import exp_so3, hat, right_jacobian
 from uavgram.model.arrays import Floats
 from uavgram.model.photo_poses import Flight, PhotoExposures
@@ -65,13 +65,8 @@ class Exposures(NamedTuple):
     mount_rate: Floats
 
 
-def exposures_at(
-    position_track: tuple[Floats, Floats],
-    attitude_track: tuple[Floats, Floats],
-    gimbal_track: tuple[Floats, Floats],
-    at_s: Floats,
-) -> Exposures:
-    """Interpolate a flight at N instants.
+class FlightPath:
+    """A flight between the samples of its log.
 
     Parameters
     ----------
@@ -80,49 +75,54 @@ def exposures_at(
     attitude_track, gimbal_track
         (times [s], (n, 4) unit quaternions xyzw to the world); an empty gimbal track stands for a
         camera fixed to the body.
-    at_s
-        (N,) instants on the same clock.
 
     Raises
     ------
     ValueError
-        An instant lies outside a track.
+        The times of a track do not increase.
     """
-    position, velocity = smooth_position(*position_track, at_s)
-    world_from_body, body_rate = smooth_rotation(*attitude_track, at_s)
-    if len(gimbal_track[0]):
-        world_from_mount, mount_rate = smooth_rotation(*gimbal_track, at_s)
-    else:
-        world_from_mount, mount_rate = world_from_body, body_rate
-    return Exposures(position, velocity, world_from_body, body_rate, world_from_mount, mount_rate)
+
+    def __init__(
+        self,
+        position_track: tuple[Floats, Floats],
+        attitude_track: tuple[Floats, Floats],
+        gimbal_track: tuple[Floats, Floats],
+    ) -> None:
+        self._position = SmoothPositions(*position_track)
+        self._body = SmoothRotations(*attitude_track)
+        self._gimbal = SmoothRotations(*gimbal_track) if len(gimbal_track[0]) else None
+
+    def at(self, at_s: Floats) -> Exposures:
+        """Interpolate the flight at instants (N,) on its clock.
+
+        Raises
+        ------
+        ValueError
+            An instant lies outside a track.
+        """
+        position, velocity = self._position.at(at_s)
+        body, body_rate = self._body.at(at_s)
+        mount, mount_rate = self._gimbal.at(at_s) if self._gimbal else (body, body_rate)
+        return Exposures(position, velocity, body, body_rate, mount, mount_rate)
 
 
-def exposures_of(flight: Flight, frame_id: Sequence[str], at_s: Floats) -> Exposures:
-    """Exposures of N frames: interpolated in a track, or those that came with the photos.
+def exposures_by_time(flight: Flight, frame_id: Sequence[str]) -> Callable[[Floats], Exposures]:
+    """Exposures of N frames as a function of their instants (N,) on the flight's clock.
 
-    Parameters
-    ----------
-    flight
-        A track, or photo exposures, which stand still: no time moves them.
-    frame_id, at_s
-        (N,) names, and instants on the track's clock (not read for photo exposures).
-
-    Raises
-    ------
-    ValueError
-        An instant lies outside the track.
+    They are interpolated in a track, or those that came with the photos, which stand still: no
+    time moves them. The function raises ValueError where an instant lies outside the track.
     """
     if not isinstance(flight, PhotoExposures):
-        return exposures_at(
+        path = FlightPath(
             (flight.position_time_s, flight.position_world_m),
             (flight.attitude_time_s, flight.world_from_body_xyzw),
             (flight.gimbal_time_s, flight.world_from_gimbal_xyzw),
-            at_s,
         )
+        return path.at
     row = {name: k for k, name in enumerate(flight.frame_id)}
     index = [row[name] for name in frame_id]
     still = np.zeros((len(index), 3))
-    return Exposures(
+    exposures = Exposures(
         position=flight.position_world_m[index],
         velocity=still,
         world_from_body=flight.world_from_body[index],
@@ -130,6 +130,7 @@ def exposures_of(flight: Flight, frame_id: Sequence[str], at_s: Floats) -> Expos
         world_from_mount=flight.world_from_gimbal[index],
         mount_rate=still,
     )
+    return lambda _: exposures
 
 
 def corrected_time(shared: Floats, time_s: Floats, middle_s: float) -> Floats:
@@ -174,12 +175,12 @@ def predict_pose(
     jacobian = np.zeros((len(center), 6, SHARED_SIZE))
     jacobian[:, :3, LEVER_ARM] = arm
     jacobian[:, :3, POSITION_BIAS] = -np.eye(3)
-    jacobian[:, :3, 9] = np.cross(UP, offset)
+    jacobian[:, 0, 9], jacobian[:, 1, 9] = -offset[:, 1], offset[:, 0]  # up x offset
     # d/dclock of exp(...) at t - clock: the vehicle was further back on its way and in its turn.
     spin = (hat(exposures.body_rate) @ shared[LEVER_ARM][:, None])[..., 0]
     jacobian[:, :3, 10] = -exposures.velocity - np.einsum("nij,nj->ni", arm, spin)
     jacobian[:, 3:, BORESIGHT] = right_jacobian(boresight)
-    jacobian[:, 3:, 9] = np.einsum("nij,i->nj", rotation, UP)
+    jacobian[:, 3:, 9] = rotation[:, 2]  # up, in camera axes
     jacobian[:, 3:, 10] = -exposures.mount_rate @ camera_in_mount
     jacobian[:, :, 11] = jacobian[:, :, 10] * since_middle_s[:, None]
     return center, rotation, jacobian

@@ -137,6 +137,7 @@ def _measurements(measurements: MeasurementResults, points: PointResults) -> lis
         plain(measurements.sigma),
         measurements.unit,
         plain(measurements.interval_95),
+        measurements.alternative_values,
         strict=True,
     )
     return [
@@ -152,9 +153,10 @@ def _measurements(measurements: MeasurementResults, points: PointResults) -> lis
                 "unit": unit,
                 "lower_95": bounds[0],
                 "upper_95": bounds[1],
+                "alternative_values": plain(others),
             },
         )
-        for name, kind, labels, value, sigma, unit, bounds in rows
+        for name, kind, labels, value, sigma, unit, bounds, others in rows
     ]
 
 

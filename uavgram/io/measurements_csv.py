@@ -10,7 +10,17 @@ from uavgram.io.outputs import replace_text
 from uavgram.io.results_tables import plain
 from uavgram.model.result import Result
 
-HEADER = ("name", "kind", "points", "value", "sigma", "unit", "lower_95", "upper_95")
+HEADER = (
+    "name",
+    "kind",
+    "points",
+    "value",
+    "sigma",
+    "unit",
+    "lower_95",
+    "upper_95",
+    "alternatives",
+)
 
 
 def write_measurements_csv(result: Result, path: str | Path) -> None:
@@ -25,7 +35,11 @@ def write_measurements_csv(result: Result, path: str | Path) -> None:
 
 
 def dump_measurements_csv(result: Result) -> str:
-    """Write the text of measurements.csv: as results.json has them, in the same order."""
+    """Write the text of measurements.csv: as results.json has them, in the same order.
+
+    Where other solutions, which explain the observations as well, put a value outside its
+    interval, their values stand under ``alternatives``: then neither value nor interval is sure.
+    """
     rows = result.measurements
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -40,6 +54,7 @@ def dump_measurements_csv(result: Result) -> str:
             rows.unit,
             plain(rows.interval_95[:, 0]),
             plain(rows.interval_95[:, 1]),
+            (";".join(map(str, plain(values))) for values in rows.alternative_values),
             strict=True,
         )
     )

@@ -257,6 +257,7 @@ def dump_measurements(measurements: MeasurementResults) -> list[Record]:
         sigma=plain(measurements.sigma),
         unit=measurements.unit,
         interval_95=plain(measurements.interval_95),
+        alternative_values=[plain(values) for values in measurements.alternative_values],
     )
 
 
@@ -272,7 +273,14 @@ def load_measurements(records: Sequence[Record], correlation: Any) -> Measuremen
         unit=texts(records, "unit"),
         interval_95=column(records, "interval_95", 2),
         correlation=numbers(correlation, n, n),
+        alternative_values=tuple(_alternative_values(record) for record in records),
     )
+
+
+def _alternative_values(record: Record) -> tuple[float, ...]:
+    """Of one measurement; files of before have none."""
+    values = record.get("alternative_values", [])
+    return tuple(numbers(values, len(values)).tolist())
 
 
 def dump_point_checks(checks: PointChecks) -> list[Record]:

@@ -80,6 +80,30 @@ EQUIVALENT_FOCAL = 0.03
 """Of a focal length from its 35 mm equivalent, whole frame: rounded to whole millimetres (1.4 % at
 20 mm), and by the diagonal or by the width (4 % apart at 4:3): CIPA DC-008 leaves it open."""
 
+ORDINARY_EQUIVALENTS_MM = {
+    "djiFC300X": 20.0,  # Phantom 3; EXIF of its photos
+    "djiFC330": 20.0,  # Phantom 4; "FOV 94°, 20 mm"
+    "djiFC3411": 22.0,  # Air 2S; "FOV 88°, 22 mm"
+    "djiFC230": 24.0,  # Mavic Air; "FOV 85°, 24 mm"
+    "djiFC7203": 24.0,  # Mavic Mini; "FOV 83°, 24 mm"
+    "djiFC7303": 24.0,  # Mini 2; "FOV 83°, 24 mm"
+    "djiFC8482": 24.0,  # Mini 4 Pro; "FOV 82.1°, 24 mm"
+    "djiFC3170": 24.0,  # Mavic Air 2; "FOV 84°, 24 mm"
+    "djiFC6310": 24.0,  # Phantom 4 Pro; "FOV 84°, 8.8 mm / 24 mm"
+    "djiM2EA": 24.0,  # Mavic 2 Enterprise Advanced; "24 mm"
+    "djiM3E": 24.0,  # Mavic 3 Enterprise; "FOV 84°, 24 mm"
+    "hasselbladL2D-20C": 24.0,  # Mavic 3; "FOV 84°, 24 mm"
+    "djiFC220": 26.0,  # Mavic Pro; "FOV 78.8°, 26 mm", and EXIF
+    "hasselbladL1D-20C": 28.0,  # Mavic 2 Pro; "FOV about 77°, 28 mm"
+    "djiFC550": 29.7,  # Zenmuse X5 with its 15 mm lens; by the table's sensor
+    "djiZP1": 36.1,  # Zenmuse P1 with its 35 mm lens; likewise
+    "djiFC6540": 36.9,  # Zenmuse X7 with its 24 mm lens; likewise
+    "djiXT2": 37.0,  # Zenmuse XT2, 8 mm, colour; likewise
+}
+"""35 mm equivalents of main colour cameras of drones, by the names of the table of drone cameras,
+which holds no focal lengths of theirs: as their makers' specifications state them. What an
+ordinary drone camera is, and how far they differ, follows from these."""
+
 
 def assumed_covariance(
     model: LensModel, parameters: Floats, width_px: int, errors: AssumedErrors

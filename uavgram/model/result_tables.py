@@ -8,7 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from uavgram.model.arrays import Floats, freeze
+import numpy as np
+
+from uavgram.model.arrays import Bools, Floats, freeze
 
 FrameStatus = Literal["refined", "seeded", "unmatched", "rejected"]
 LineStatus = Literal["used", "suspect", "removed", "checked", "unseen"]
@@ -231,6 +233,9 @@ class MeasurementResults:
         (M, 2) lower and upper bound.
     correlation
         (M, M), same order; NaN in rows that cannot be computed.
+    alternative_values
+        (M,) what other solutions that explain the observations as well would give, where that lies
+        outside `interval_95`: empty where they all agree. Left out, there are none.
     """
 
     name: tuple[str, ...]
@@ -241,9 +246,14 @@ class MeasurementResults:
     unit: tuple[str, ...]
     interval_95: Floats
     correlation: Floats
+    alternative_values: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.name)
+        if not self.alternative_values:
+            object.__setattr__(self, "alternative_values", ((),) * n)
+        if len(self.alternative_values) != n:
+            raise ValueError(f"{len(self.alternative_values)} alternative_values for {n} values")
         names = ("value", "sigma", "interval_95", "correlation")
         freeze(
             self,
@@ -253,6 +263,11 @@ class MeasurementResults:
             interval_95=(n, 2),
             correlation=(n, n),
         )
+
+    @property
+    def is_ambiguous(self) -> Bools:
+        """(M,) whether another solution puts the value outside its interval."""
+        return np.array([len(values) > 0 for values in self.alternative_values], dtype=bool)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,13 +12,13 @@ from uavgram.imaging.tiles import level_count
 from uavgram.model.camera import Calibration
 from uavgram.model.camera_provenance import CameraProvenance
 from uavgram.model.message import Message
-from uavgram.model.options import CAMERA_OF_PHOTOS
 from uavgram.picking.answers import Json, messages_json, number, numbers
 from uavgram.picking.messages import PhotoSize
 from uavgram.pipeline.camera import read_camera
 from uavgram.pipeline.inputs import Inputs
 from uavgram.pipeline.live import LiveSurvey
 from uavgram.pipeline.pose import Posed
+from uavgram.stages.assume_camera import UNKNOWN_CAMERA
 from uavgram.views.calibration_verdict import GOOD_FOCAL, focal_share, percent
 from uavgram.views.camera_table import fact_lines, parameter_cells, provenance_lines
 
@@ -114,22 +114,26 @@ def camera_json(survey: LiveSurvey) -> Json:
         "facts": fact_lines(facts, None),
         "source": _source(inputs),
         "file": _file(inputs),
-        "messages": messages_json((*_about_camera(inputs), *_judged(calibration))),
+        "messages": messages_json(_about_camera(inputs)),
     }
 
 
 def _file(inputs: Inputs) -> str:
-    camera = inputs.project.camera
-    return "" if camera == CAMERA_OF_PHOTOS else Path(camera).name
+    camera = inputs.project.camera_file
+    return "" if camera is None else Path(camera).name
 
 
 def _source(inputs: Inputs) -> list[str]:
     """Where the parameters come from."""
-    if inputs.project.camera == CAMERA_OF_PHOTOS:
-        return ["Assumed from what the photos say of their camera (`camera: auto`)."]
+    file = inputs.project.camera_file
+    if file is None:
+        how = f"(`camera: {inputs.project.camera}`)"
+        if _is_unknown(inputs):
+            return [f"Nobody knows it, so an ordinary drone camera is assumed {how}."]
+        return [f"Assumed from what the photos say of their camera {how}."]
     provenance: CameraProvenance | None = None
     try:
-        provenance = read_camera(inputs.project.camera).provenance
+        provenance = read_camera(file).provenance
     except UavgramError:  # it is gone or was changed since it was read: nothing more is known
         return ["The file cannot be read any more."]
     if provenance is None:
@@ -138,7 +142,13 @@ def _source(inputs: Inputs) -> list[str]:
 
 
 def _about_camera(inputs: Inputs) -> list[Message]:
-    return [message for message in inputs.messages if message.code.startswith(CAMERA_CODES)]
+    said = [message for message in inputs.messages if message.code.startswith(CAMERA_CODES)]
+    return said if _is_unknown(inputs) else [*said, *_judged(inputs.calibration)]
+
+
+def _is_unknown(inputs: Inputs) -> bool:
+    """Whether its message says already how little its sigmas are worth."""
+    return any(message.code == UNKNOWN_CAMERA for message in inputs.messages)
 
 
 def _judged(calibration: Calibration) -> list[Message]:

@@ -12,6 +12,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.observations import MeasurementRequest
 from uavgram.model.result import Result
+from uavgram.picking.places_on_earth import places_on_earth
 from uavgram.picking.state import Line, Pick, State
 from uavgram.pipeline.known_places import KnownPlaces
 from uavgram.pipeline.live import Adjusted, Linearised
@@ -97,6 +98,7 @@ def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
         "mode": "adjusted",
         "seconds": number(adjusted.seconds, 3),
         "points": _points(adjusted),
+        "earth": places_on_earth(adjusted, result.points.label, result.points.position_world_m),
         "picks": _picks(adjusted, index),
         "predicted": _predicted(adjusted, index),
         "lines": _lines(adjusted),
@@ -138,6 +140,7 @@ def linearised_json(quick: Linearised, index: Mapping[str, int]) -> Json:
         "points": {
             label: numbers(world) for label, world in zip(survey.label, quick.world_m, strict=True)
         },
+        "earth": places_on_earth(quick.base, survey.label, quick.world_m),
     }
 
 
@@ -260,6 +263,7 @@ def _measurements(adjusted: Adjusted) -> Json:
             "sigma": number(found.sigma[i]),
             "interval": numbers(found.interval_95[i]),
             "unit": found.unit[i],
+            "alternatives": numbers(found.alternative_values[i]),
         }
         for i, name in enumerate(found.name)
     }

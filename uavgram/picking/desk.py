@@ -7,13 +7,13 @@ session runs in one thread (the server's loop), so there is no lock.
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Callable
-from contextlib import suppress
 
-from uavgram.errors import OutputError, UavgramError
+from uavgram.errors import OutputError
+from uavgram.imaging.kept import Kept
 from uavgram.imaging.preview import read_preview
-from uavgram.imaging.tiles import TILE_PX, Kept, Pyramid, read_pyramid
+from uavgram.imaging.tiled_photos import PhotoFile, TiledPhotos
+from uavgram.imaging.tiles import TILE_PX
 from uavgram.picking import commands as c
 from uavgram.picking.about import camera_json, clock_json, known_points_json, photos_json
 from uavgram.picking.answers import (
@@ -34,12 +34,6 @@ from uavgram.pipeline.known_places import known_places
 from uavgram.pipeline.live import LiveSurvey
 
 log = logging.getLogger(__name__)
-
-PHOTOS_BYTES = 350_000_000
-"""Decoded photos that are kept: two of 48 megapixels with their reductions take 294 MB."""
-
-MOST_PANES = 4
-"""Photos that a page shows side by side."""
 
 THUMBNAIL_PX = 256
 
@@ -78,13 +72,11 @@ class Desk:
         self.version = 0
         self.fault = ""
         self._said: Json = {}
-        self._pyramids: Kept[int, Pyramid] = Kept(
-            lambda k: read_pyramid(
-                photos.path[k], (self.photos[k].width_px, self.photos[k].height_px)
-            ),
-            lambda pyramid: pyramid.size_bytes,
-            PHOTOS_BYTES,
-            in_use=MOST_PANES,
+        self._tiled = TiledPhotos(
+            [
+                PhotoFile(path, photo.width_px, photo.height_px)
+                for path, photo in zip(photos.path, self.photos, strict=True)
+            ]
         )
         self._thumbnails: Kept[int, bytes] = Kept(
             lambda k: read_preview(photos.path[k], THUMBNAIL_PX)[0].jpeg, len, 64_000_000
@@ -103,13 +95,9 @@ class Desk:
 
     def open(self) -> None:
         """Begin: adjust what is there, and decode the photo that a page shows first."""
-        threading.Thread(target=self._read_ahead, name="first photo", daemon=True).start()
+        self._tiled.read_ahead(0)
         self._live.start()
         self._live.submit(Task(self.version, self.state, final=True))
-
-    def _read_ahead(self) -> None:
-        with suppress(UavgramError):  # it is told when the page asks for it
-            self._pyramids.get(0)
 
     def stop(self) -> None:
         """Adjust no more; waits for an adjustment under way."""
@@ -160,7 +148,7 @@ class Desk:
             The photo cannot be read.
         """
         if isinstance(message.body, c.Snap):
-            photo = self._pyramids.get(self.index[message.body.image])
+            photo = self._tiled.pixels(self.index[message.body.image])
             return {"t": "snapped", "seq": message.seq, **snap_json(photo, message.body)}
         if isinstance(message.body, c.SameGround):
             found = same_ground_json(self.survey, self._live.last, message.body, self.index)
@@ -212,9 +200,11 @@ class Desk:
 
     def tile(self, photo: int, level: int, column: int, row: int) -> bytes | None:
         """JPEG of a tile; None where there is none."""
-        if not 0 <= photo < len(self.photos):
-            return None
-        return self._pyramids.get(photo).tile(level, column, row)
+        return self._tiled.tile(photo, level, column, row)
+
+    def show(self, page: str, photos: tuple[int, ...]) -> None:
+        """Know which photos a page shows side by side."""
+        self._tiled.show(page, photos)
 
     def thumbnail(self, photo: int) -> bytes | None:
         """JPEG of a small picture of a photo; None where there is none."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
@@ -27,6 +28,9 @@ _TYPES = {
     ".css": "text/css; charset=utf-8",
     ".svg": "image/svg+xml",
 }
+
+# A page's own name, and the photos in its panes.
+_SHOWN = re.compile(r"([0-9a-z]{1,16}) ([0-9]{1,6}(?:,[0-9]{1,6}){0,3})")
 
 
 def file_routes(project: OpenProject) -> list[Route]:
@@ -71,6 +75,10 @@ class Files:
 
     async def tile(self, request: Request) -> Response:
         """A tile of a photo."""
+        shown = _SHOWN.fullmatch(request.headers.get("x-shown", ""))
+        if shown:  # what the page shows beside it stays at hand
+            page, photos = shown.groups()
+            self._project.desk.show(page, tuple(map(int, photos.split(","))))
         place = (request.path_params[key] for key in ("photo", "level", "column", "row"))
         return await self._picture(self._project.desk.tile, *place)
 

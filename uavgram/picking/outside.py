@@ -7,7 +7,6 @@ from pathlib import Path
 
 from uavgram.errors import InputError
 from uavgram.io.digest import digest_file
-from uavgram.model.options import CAMERA_OF_PHOTOS
 from uavgram.pipeline.inputs import Inputs
 
 Stamp = tuple[int, int] | None
@@ -31,8 +30,7 @@ class Outside:
 
     def __init__(self, inputs: Inputs) -> None:
         project = inputs.project
-        camera = None if project.camera == CAMERA_OF_PHOTOS else project.camera
-        names = (inputs.project_path, camera, project.control, project.check)
+        names = (inputs.project_path, project.camera_file, project.control, project.check)
         self._files = [Path(name) for name in names if name]
         self._known = {digest.sha256 for digest in inputs.digests}
         self._seen: dict[Path, tuple[Stamp, bool]] = {}

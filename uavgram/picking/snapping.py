@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from uavgram.imaging.snap import Snapped, snap_circle, snap_corner
-from uavgram.imaging.tiles import Pyramid
+from uavgram.imaging.tiles import Pixels
 from uavgram.picking.answers import Json
 from uavgram.picking.commands import Snap
 
 
-def snap_json(pyramid: Pyramid, asked: Snap) -> Json:
+def snap_json(photo: Pixels, asked: Snap) -> Json:
     """The exact place with its sigma, or why there is none."""
     find = snap_corner if asked.target == "corner" else snap_circle
-    found = find(pyramid.photo, asked.u_px, asked.v_px)
+    found = find(photo, asked.u_px, asked.v_px)
     if not isinstance(found, Snapped):
         return {"why": found}
     return {"u": found.u_px, "v": found.v_px, "sigma": round(found.sigma_px, 3)}

@@ -108,13 +108,22 @@ def _refuse(wanted: str | None, path: Path) -> None:
         raise InputError(path, f"holds one camera: leave out --camera {wanted!r}")
 
 
-def camera_of_photos(photos: Photos) -> tuple[Calibration, tuple[Message, ...]]:
+def camera_of_photos(
+    photos: Photos, *, may_be_unknown: bool = False
+) -> tuple[Calibration, tuple[Message, ...]]:
     """Assume the camera of a project's photos from what they say of it.
+
+    Parameters
+    ----------
+    photos
+        Of one camera.
+    may_be_unknown
+        Whether an ordinary drone camera is assumed where they do not say enough.
 
     Raises
     ------
     InputError
-        The photos come from several cameras or zoom settings, or nothing is known of theirs.
+        The photos come from several cameras or zoom settings, or nothing can be assumed of theirs.
     """
     tags = read_all_camera_tags(photos.path)
     first = tags[0]
@@ -126,7 +135,7 @@ def camera_of_photos(photos: Photos) -> tuple[Calibration, tuple[Message, ...]]:
                 f"{difference} {Path(first.path).name}, so one assumed camera cannot serve both: "
                 f"leave the others out, or {WAY_OUT}",
             )
-    return assume_camera(first, drone_cameras())
+    return assume_camera(first, drone_cameras(), may_be_unknown=may_be_unknown)
 
 
 def _difference(first: CameraTags, other: CameraTags) -> str:

@@ -43,6 +43,7 @@ from uavgram.stages.assemble import Assembled, assemble, unpicked_areas
 from uavgram.stages.learn_camera import what_was_learnt
 from uavgram.stages.measure import measure, measurement_results
 from uavgram.stages.monte_carlo import compare, sample
+from uavgram.stages.other_solutions import with_alternatives
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
 from uavgram.stages.second_order import second_order
@@ -126,6 +127,7 @@ def compute(
         tuple(measure(other, inputs.requests, posed.frames)[0].value)
         for other in refined.alternatives
     )
+    measurements = with_alternatives(measurements, others)
     sampled: MonteCarloResults | None = None
     sampled_messages: tuple[Message, ...] = ()
     if sampling is not None:

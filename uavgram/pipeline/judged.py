@@ -70,9 +70,11 @@ def judge_survey(
     examined = examine(refined, lines, index, measured, significance)
     picks, pick_effects = judge_picks(examined, _pick_table(inputs, assembled))
     line_results, line_checks, line_effects, line_messages = judge_lines(examined, lines, index)
-    point_checks, unseen_messages = judge_points(refined.adjustment, check)
+    point_checks, unseen_messages = judge_points(refined.adjustment, check, significance)
     overall, overall_messages = judge_overall(refined.adjustment, lines, check, significance)
-    groups, group_messages = judge_groups(refined.adjustment, significance)
+    groups, group_messages = judge_groups(
+        refined.adjustment, significance, explained=refined.accused_alone
+    )
     return Judged(
         picks=picks,
         lines=line_results,

@@ -198,13 +198,13 @@ class LiveSurvey:
         pixels = blocks["pixels"]
         follow = np.einsum("nrk,nk->nr", pixels.jacobian, step[pixels.columns])
         residual = pixels.residual + follow - errors["pixels"]
-        every = np.arange(layout.points)
+        world, _, _ = problem.world_points(state, np.arange(layout.points))
         return Linearised(
             base=base,
             value=values_at(adjustment, state, observed.requests, self.posed.frames),
-            length_m=_lengths(observed.lines, survey.label, problem.world_points(state, every)[0]),
+            length_m=_lengths(observed.lines, survey.label, world),
             residual_px=residual * survey.pick_sigma_px[:, None],
-            world_m=problem.world_points(state, every)[0],
+            world_m=world,
         )
 
     def _flight(self) -> tuple[TelemetryPrior, Flight, tuple[str, ...]] | None:

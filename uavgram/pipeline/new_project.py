@@ -16,7 +16,7 @@ from uavgram.io.photo_poses import FROM_PHOTOS
 from uavgram.io.photos import read_photos
 from uavgram.io.project_search import search_folder
 from uavgram.model.message import Message
-from uavgram.model.options import CAMERA_OF_PHOTOS, TimeOptions
+from uavgram.model.options import TimeOptions
 from uavgram.pipeline.check import missing
 from uavgram.pipeline.inputs import read_inputs
 from uavgram.pipeline.pose import pose_frames
@@ -48,14 +48,11 @@ class NewProject:
         What it names, in words.
     messages
         What is still missing, and what is odd.
-    is_ready
-        Whether points can be picked in it.
     """
 
     path: Path
     found: tuple[str, ...]
     messages: tuple[Message, ...]
-    is_ready: bool
 
 
 def new_project(folder: Path, choices: Choices | None = None) -> NewProject:
@@ -75,7 +72,8 @@ def new_project(folder: Path, choices: Choices | None = None) -> NewProject:
     ------
     InputError
         The folder holds no photo, or several sizes, logs, cameras or tables of one kind: lists
-        them. Or it holds a project file already, or a file in it is wrong.
+        them. Or it holds a project file already, or a file in it is wrong, or no camera can be
+        assumed for the photos.
     OutputError
         It cannot be written to.
     """
@@ -87,20 +85,13 @@ def new_project(folder: Path, choices: Choices | None = None) -> NewProject:
     notes = Notes()
     text, names = _described(folder, choices, notes)
     made = _make_files(folder, text)
-    is_ready = text.camera == CAMERA_OF_PHOTOS or (folder / text.camera).is_file()
     try:
-        if is_ready:
-            _try(project, text, names, notes)
+        _try(project, text, names, notes)
     except BaseException:
         for path in made:
             path.unlink(missing_ok=True)
         raise
-    return NewProject(
-        path=project,
-        found=tuple(notes.found),
-        messages=tuple(notes.messages),
-        is_ready=is_ready,
-    )
+    return NewProject(path=project, found=tuple(notes.found), messages=tuple(notes.messages))
 
 
 def _described(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectText, tuple[str, ...]]:

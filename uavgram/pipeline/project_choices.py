@@ -8,16 +8,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from uavgram.errors import InputError, UavgramError
+from uavgram.errors import InputError
 from uavgram.io.picked_tables import LINES_HEADER, MEASURE_HEADER, PICKS_HEADER
 from uavgram.io.project_search import Holdings, PhotoGroup, TableRole, grouped
 from uavgram.model.frames import Photos
 from uavgram.model.message import Message
-from uavgram.model.options import CAMERA_OF_PHOTOS
+from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN
 from uavgram.pipeline.camera import camera_of_photos, read_camera
 
 PROJECT = "project.yaml"
-NO_CAMERA_YET = "camera.yaml"
 PICKED = {"picks": PICKS_HEADER, "lines": LINES_HEADER, "measure": MEASURE_HEADER}
 """Tables that the picking page makes, and their columns."""
 
@@ -145,7 +144,7 @@ def choose_camera(
     photos: Photos,
     notes: Notes,
 ) -> str:
-    """The camera file that fits the photos, ``auto``, or a file that is still to be made."""
+    """The camera file that fits the photos, ``auto``, or ``unknown``."""
     size = round(float(photos.width_px[0])), round(float(photos.height_px[0]))
     fitting: list[Path] = []
     for path in candidates if chosen is None else ():
@@ -170,16 +169,27 @@ def choose_camera(
         return name
     try:
         camera_of_photos(photos)
-    except UavgramError as why:
-        notes.warn(
-            "camera-missing",
-            f"No camera file fits the photos, and they do not say enough themselves ({why}). Make "
-            f"one with `uavgram calibrate` and call it {NO_CAMERA_YET}, or correct `camera` in "
-            f"{PROJECT}; until then the project cannot be opened.",
-        )
-        return NO_CAMERA_YET
+    except InputError:
+        return _unknown_camera(photos, notes)
     notes.found.append("camera: auto, as the photos say which it was (with wide errors)")
     return CAMERA_OF_PHOTOS
+
+
+def _unknown_camera(photos: Photos, notes: Notes) -> str:
+    """Where neither a file nor the photos say which camera it was.
+
+    Raises
+    ------
+    InputError
+        No ordinary camera can stand for it, or for all of the photos.
+    """
+    try:
+        camera_of_photos(photos, may_be_unknown=True)
+    except InputError as why:
+        way = "Put a camera file beside the photos, or choose photos with --images; then try again"
+        raise InputError(why.path, f"{why.message}. {way}") from why
+    notes.found.append("camera: unknown, so an ordinary drone camera, with very wide errors")
+    return CAMERA_UNKNOWN
 
 
 def choose_tables(folder: Path, holdings: Holdings, notes: Notes) -> dict[str, str]:

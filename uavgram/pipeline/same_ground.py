@@ -63,7 +63,8 @@ def same_ground(
     camera = np.einsum("fji,fnj->fni", poses.world_from_camera, from_center)
     pixel = project(calibration.model, calibration.parameters, camera)
     along = (pixel[:, 1:] - pixel[:, :1]) / STEP_PX
-    scale = np.sqrt(np.abs(np.linalg.det(along)))
+    with np.errstate(invalid="ignore"):  # NaN where a photo does not see the ground
+        scale = np.sqrt(np.abs(np.linalg.det(along)))
     return {
         name: (float(pixel[k, 0, 0]), float(pixel[k, 0, 1]), float(scale[k]))
         for name, k in poses.row.items()

@@ -1,7 +1,8 @@
 """A camera from what a photo says of it: with wide errors, and in words where it comes from.
 
 The best source that there is: the maker's calibration in the photo, else the table of drone
-cameras with the focal length of EXIF, else the 35 mm equivalent.
+cameras with the focal length of EXIF, else the 35 mm equivalent. Where there is none and that may
+be, an ordinary drone camera.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from uavgram.model.assumed_errors import (
     EQUIVALENT_FOCAL,
     FACTORY,
     FOCAL_OF_A_STRIP,
+    ORDINARY_EQUIVALENTS_MM,
     RADIAL_UNKNOWN,
     AssumedErrors,
     assumed_covariance,
@@ -33,6 +35,10 @@ WAY_OUT = (
     "calibrate the camera (uavgram calibrate) and name its camera.yaml, or write a camera.yaml by "
     "hand"
 )
+WITHOUT = "or write `camera: unknown` in the project, for an ordinary drone camera with wide errors"
+UNKNOWN_CAMERA = "camera-unknown"
+"""Code of the message about a camera of which nothing is known."""
+
 CALIBRATED_FOCAL = 0.002
 """Of a focal length by an ordinary calibration, as a share: what there is to gain (the published
 calibration of a Phantom 3 by 30 photos has 0.15 % of fy)."""
@@ -51,7 +57,7 @@ class _Source:
 
 
 def assume_camera(
-    tags: CameraTags, table: tuple[DroneCamera, ...]
+    tags: CameraTags, table: tuple[DroneCamera, ...], *, may_be_unknown: bool = False
 ) -> tuple[Calibration, tuple[Message, ...]]:
     """Make a camera from the tags of a photo.
 
@@ -61,6 +67,8 @@ def assume_camera(
         Of one photo.
     table
         The drone cameras that are known.
+    may_be_unknown
+        Whether an ordinary drone camera is assumed where the photo says nothing that helps.
 
     Returns
     -------
@@ -72,12 +80,25 @@ def assume_camera(
     Raises
     ------
     InputError
-        Nothing is known of this camera, or the photo was taken with digital zoom.
+        Nothing is known of this camera, or the photo was taken with digital zoom, and that may not
+        be; or it has a fisheye lens, which no ordinary camera stands for.
     """
-    source = _factory(tags) or _from_table(tags, table) or _from_equivalent(tags)
-    if source is None:
-        raise InputError(tags.path, f"{_why_unknown(tags, table)}: {WAY_OUT}")
-    calibration = Calibration(
+    is_fisheye = _is_fisheye(tags, table)
+    source = _factory(tags)
+    if source is None and not is_fisheye:
+        source = _from_table(tags, table) or _from_equivalent(tags)
+    if source is not None:
+        return _calibration(tags, source), (_assumed(tags, source),)
+    why = _why_unknown(tags, table)
+    if is_fisheye or not may_be_unknown:
+        or_not = "" if is_fisheye else f"; {WITHOUT}"
+        raise InputError(tags.path, f"{why}: {WAY_OUT}{or_not}")
+    source = _ordinary(tags)
+    return _calibration(tags, source), (_nothing_known(tags, source, why),)
+
+
+def _calibration(tags: CameraTags, source: _Source) -> Calibration:
+    return Calibration(
         name=tags.camera_name or "camera",
         model="brown",
         width_px=tags.width_px,
@@ -85,17 +106,44 @@ def assume_camera(
         parameters=source.parameters,
         covariance=assumed_covariance("brown", source.parameters, tags.width_px, source.errors),
     )
-    focal_px = source.parameters[0]
-    sigma_px = source.errors.focal * focal_px
+
+
+def _assumed(tags: CameraTags, source: _Source) -> Message:
+    """What was assumed, and what a calibration would gain."""
+    focal_px, errors = source.parameters[0], source.errors
     text = (
-        f"Camera {calibration.name!r} is assumed, not calibrated: {source.words}. Focal length "
-        f"{focal_px:.0f} ± {sigma_px:.0f} px ({100 * source.errors.focal:.1f} %), principal point "
-        f"± {source.errors.centre * tags.width_px:.0f} px; a calibration would bring the focal "
-        f"length's sigma from {100 * source.errors.focal:.1f} % down to some "
-        f"{100 * CALIBRATED_FOCAL:.1f} %: photograph a chessboard, 15 times or more, and run "
-        "`uavgram calibrate PHOTOS --board chessboard:9x6:25mm`."
+        f"Camera {tags.camera_name or 'camera'!r} is assumed, not calibrated: {source.words}. "
+        f"Focal length {focal_px:.0f} ± {errors.focal * focal_px:.0f} px "
+        f"({100 * errors.focal:.1f} %), principal point ± {errors.centre * tags.width_px:.0f} px; "
+        f"a calibration would bring the focal length's sigma from {100 * errors.focal:.1f} % down "
+        f"to some {100 * CALIBRATED_FOCAL:.1f} %: photograph a chessboard, 15 times or more, and "
+        "run `uavgram calibrate PHOTOS --board chessboard:9x6:25mm`."
     )
-    return calibration, (Message("warning", "camera-assumed", text),)
+    return Message("warning", "camera-assumed", text)
+
+
+def _nothing_known(tags: CameraTags, source: _Source, why: str) -> Message:
+    """What was assumed of a camera that nobody knows, what follows, and what to do."""
+    focal_px, errors = source.parameters[0], source.errors
+    text = (
+        f"Nothing is known of this camera: the first photo {why}. {source.words} is assumed: focal "
+        f"length {focal_px:.0f} ± {errors.focal * focal_px:.0f} px ({100 * errors.focal:.0f} %), "
+        f"principal point ± {errors.centre * tags.width_px:.0f} px, distortion "
+        f"± {_corner_sigma_px(tags, source):.0f} px at the corners. Lengths from one photo are as "
+        "uncertain; more photos and known lengths help, and the ± of each measurement says how "
+        "far, but not for a tele, zoom or fisheye lens. Tape six lengths or more, and calibrate "
+        "the camera: photograph a chessboard 15 times, then `uavgram calibrate`, or the Camera tab "
+        "of `uavgram pick`."
+    )
+    return Message("warning", UNKNOWN_CAMERA, text)
+
+
+def _corner_sigma_px(tags: CameraTags, source: _Source) -> float:
+    """How far the assumed errors of a radial distortion move the image's corners."""
+    focal_px = source.parameters[0]
+    radius = math.hypot(tags.width_px, tags.height_px) / (2 * focal_px)
+    terms = (sigma * radius**k for k, sigma in zip((3, 5, 7), source.errors.radial, strict=True))
+    return float(focal_px * math.hypot(*terms))
 
 
 def _centre(tags: CameraTags) -> list[float]:
@@ -120,9 +168,12 @@ def _factory(tags: CameraTags) -> _Source | None:
 
 
 def _from_table(tags: CameraTags, table: tuple[DroneCamera, ...]) -> _Source | None:
-    """Focal length of EXIF over the table's pixel size, with the table's distortion."""
+    """Focal length of EXIF over the table's pixel size, with the table's distortion.
+
+    Of a camera with a perspective lens.
+    """
     camera = find_camera(tags, table)
-    if camera is None or not camera.is_perspective or tags.digital_zoom > 1:
+    if camera is None or tags.digital_zoom > 1:
         return None
     focal_mm = tags.focal_mm if math.isfinite(tags.focal_mm) else camera.focal_mm
     if math.isnan(focal_mm):
@@ -171,35 +222,61 @@ def _folds_in_view(parameters: Floats, tags: CameraTags) -> bool:
 
 
 def _from_equivalent(tags: CameraTags) -> _Source | None:
-    """Focal length over the diagonal of a 35 mm frame (CIPA DC-008, FocalLengthIn35mmFilm).
-
-    A photo wider than 3:2 is taken for a strip of a 4:3 sensor of its width: so it is in both
-    such cameras at hand.
-    """
+    """The 35 mm equivalent of EXIF; its distortion is unknown."""
     if math.isnan(tags.focal_35mm_mm) or tags.digital_zoom > 1:
         return None
-    width, height = sorted((tags.width_px, tags.height_px), reverse=True)
-    is_strip = width / height > _LARGEST_SHAPE
-    diagonal_px = math.hypot(width, width * 3 / 4 if is_strip else height)
-    focal_px = tags.focal_35mm_mm / FRAME_35MM_DIAGONAL_MM * diagonal_px
     errors = replace(DRONE_TABLE, focal=EQUIVALENT_FOCAL, radial=RADIAL_UNKNOWN)
     words = f"the 35 mm equivalent in EXIF ({tags.focal_35mm_mm:g} mm); its distortion is unknown"
-    if is_strip:
+    if _is_strip(tags):
         errors = _of_a_strip(errors)
         words += ", and so is how wide a strip of the sensor the photo is"
-    parameters = np.array([focal_px, focal_px, *_centre(tags), 0.0, 0.0, 0.0, 0.0, 0.0])
-    return _Source(parameters, words, errors)
+    return _Source(_of_equivalent(tags, tags.focal_35mm_mm), words, errors)
+
+
+def _ordinary(tags: CameraTags) -> _Source:
+    """A camera as drones have them: nobody says of which width of its sensor the photo is."""
+    logarithm = np.log(list(ORDINARY_EQUIVALENTS_MM.values()))
+    spread = float(np.std(logarithm, ddof=1))
+    equivalent_mm = math.exp(np.mean(logarithm)) * tags.digital_zoom
+    errors = _of_a_strip(replace(DRONE_TABLE, radial=RADIAL_UNKNOWN))
+    errors = replace(
+        errors,
+        focal=math.hypot(errors.focal, spread),
+        centre=errors.centre * tags.digital_zoom,
+    )
+    words = f"An ordinary drone camera of {equivalent_mm:.0f} mm (35 mm equivalent)"
+    return _Source(_of_equivalent(tags, equivalent_mm), words, errors)
+
+
+def _of_equivalent(tags: CameraTags, equivalent_mm: float) -> Floats:
+    """(9,) parameters: focal length over the diagonal of a 35 mm frame, no distortion.
+
+    CIPA DC-008, FocalLengthIn35mmFilm. A photo wider than 3:2 is taken for a strip of a 4:3 sensor
+    of its width: so it is in both such cameras at hand.
+    """
+    width, height = sorted((tags.width_px, tags.height_px), reverse=True)
+    diagonal_px = math.hypot(width, width * 3 / 4 if _is_strip(tags) else height)
+    focal_px = equivalent_mm / FRAME_35MM_DIAGONAL_MM * diagonal_px
+    return np.array([focal_px, focal_px, *_centre(tags), 0.0, 0.0, 0.0, 0.0, 0.0])
+
+
+def _is_strip(tags: CameraTags) -> bool:
+    width, height = sorted((tags.width_px, tags.height_px), reverse=True)
+    return width / height > _LARGEST_SHAPE
+
+
+def _is_fisheye(tags: CameraTags, table: tuple[DroneCamera, ...]) -> bool:
+    camera = find_camera(tags, table)
+    return camera is not None and not camera.is_perspective
 
 
 def _why_unknown(tags: CameraTags, table: tuple[DroneCamera, ...]) -> str:
-    if tags.digital_zoom > 1:
+    if _is_fisheye(tags, table):
         return (
-            f"was taken with digital zoom ({tags.digital_zoom:g} times), so its camera cannot be "
-            "assumed"
+            f"was taken with a fisheye lens ({tags.camera_name}), of which nothing can be assumed"
         )
-    camera = find_camera(tags, table)
-    if camera is not None and not camera.is_perspective:
-        return f"was taken with a fisheye lens ({camera.comment}), of which nothing can be assumed"
+    if tags.digital_zoom > 1:
+        return f"was taken with digital zoom ({tags.digital_zoom:g} times)"
     if not tags.camera_name:
         return "does not say which camera took it (no Make and Model in EXIF)"
     return (

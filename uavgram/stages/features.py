@@ -276,6 +276,9 @@ def _measured(name: str, kind: str, result: Result) -> Layer:
             "unit": tuple(measured.unit[i] for i in rows),
             "lower_95": _column(measured.interval_95[rows, 0]),
             "upper_95": _column(measured.interval_95[rows, 1]),
+            "alternatives": tuple(
+                ";".join(f"{value:.4f}" for value in measured.alternative_values[i]) for i in rows
+            ),
         },
     )
 

@@ -15,7 +15,7 @@ from uavgram.geometry.telemetry_pose import (
     LEVER_ARM,
     POSITION_BIAS,
     SHARED_SIZE,
-    exposures_of,
+    exposures_by_time,
     predict_pose,
 )
 from uavgram.model.arrays import Floats
@@ -65,7 +65,7 @@ def seed(frames: Frames, flight: Flight, mount: MountOptions, telemetry: Telemet
     # Photo poses may come without any time, and need none: what stands still has no speed.
     time_s = np.nan_to_num(frames.time_utc_s[matched], nan=0.0)
     sigma_time_s = np.nan_to_num(frames.sigma_time_s[matched], nan=0.0)
-    exposures = exposures_of(flight, names, time_s)
+    exposures = exposures_by_time(flight, names)(time_s)
     gimbal = isinstance(flight, PhotoExposures) or len(flight.gimbal_time_s) > 0
     mount_from_camera = nominal_mount(mount, gimbal=gimbal)
     shared, shared_sigma = _shared(frames, mount, telemetry)

@@ -6,7 +6,14 @@ import numpy as np
 
 from uavgram.model.result import Result
 from uavgram.views.frame_states import frame_counts
-from uavgram.views.wording import axes_text, number, relative, with_sigma, worst_first
+from uavgram.views.wording import (
+    alternatives_text,
+    axes_text,
+    number,
+    relative,
+    with_sigma,
+    worst_first,
+)
 
 Fact = tuple[str, str]
 
@@ -43,8 +50,8 @@ def _least_certain(result: Result) -> str:
     if row is None:
         return ""
     value, sigma, unit = float(rows.value[row]), float(rows.sigma[row]), rows.unit[row]
-    share = relative(value, sigma, unit)
-    return f"{rows.name[row]}: {with_sigma(value, sigma, unit)} ({share})"
+    why = alternatives_text(rows, row) or f"({relative(value, sigma, unit)})"
+    return f"{rows.name[row]}: {with_sigma(value, sigma, unit)} {why}"
 
 
 def _worst_fit(result: Result) -> str:

@@ -11,6 +11,8 @@ from uavgram.model.result import Result
 from uavgram.stages.synchronise.pairing import Pairing
 from uavgram.views.wording import (
     KIND_WORDS,
+    NOT_UNIQUE,
+    alternatives_text,
     decimals_for,
     interval,
     number,
@@ -22,6 +24,7 @@ from uavgram.views.wording import (
 
 HEADER = ("measurement", "kind", "points", "value ± 1 sigma", "95 % interval", "sigma/value")
 RIGHT_ALIGNED = (3, 4, 5)
+OTHERS = "fits as well"
 
 
 def measurement_table(result: Result) -> str:
@@ -34,7 +37,8 @@ def measurement_table(result: Result) -> str:
     rows = result.measurements
     if not rows.name:
         return "No measurements were asked for (measure: in the project file)."
-    cells: list[tuple[str, ...]] = [HEADER]
+    unsure = bool(rows.is_ambiguous.any())
+    cells: list[tuple[str, ...]] = [(*HEADER, *((OTHERS,) if unsure else ()))]
     for i in worst_first(rows):
         value, sigma, unit = float(rows.value[i]), float(rows.sigma[i]), rows.unit[i]
         low, high = (float(bound) for bound in rows.interval_95[i])
@@ -46,9 +50,10 @@ def measurement_table(result: Result) -> str:
                 with_sigma(value, sigma, unit),
                 interval(low, high, sigma, unit),
                 "–" if rows.kind[i] == "coordinate" else relative(value, sigma, unit),
+                *((alternatives_text(rows, int(i)),) if unsure else ()),
             )
         )
-    return aligned(cells)
+    return aligned(cells) + (f"\n{NOT_UNIQUE}" if unsure else "")
 
 
 def message_lines(messages: Sequence[Message]) -> list[str]:

@@ -189,7 +189,8 @@ def _texts(result: Result, sheet: _Sheet) -> list[Text]:
         if strips:
             places = decimals_for(float(rows.sigma[i]), rows.unit[i])
             unit = UNIT_WORDS.get(rows.unit[i], rows.unit[i])
-            text = f"{rows.name[i]} {rows.value[i]:.{places}f} {unit}"
+            doubt = " ?" if rows.is_ambiguous[i] else ""
+            text = f"{rows.name[i]} {rows.value[i]:.{places}f} {unit}{doubt}"
             words.append((int(i), Text(*_at(sheet(longest_middle(strips))), text, "measured")))
     rank = {int(i): r for r, i in enumerate(worst_first(rows))}
     texts = [text for _, text in sorted(words, key=lambda word: rank[word[0]])]

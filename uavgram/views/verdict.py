@@ -42,6 +42,7 @@ def judge(result: Result) -> Verdict:
     """Sum up a result for someone who has ten seconds."""
     reasons = (
         *_convergence(result),
+        *_not_unique(result),
         *_bad_lines(result),
         *_checks(result),
         *_picks(result),
@@ -95,12 +96,24 @@ def _agreement(result: Result) -> list[str]:
             f"The observations disagree more than their sigmas allow (variance factor "
             f"{solution.variance_factor:.2f}; by chance less than once in a thousand times)."
         )
-    if solution.alternatives:
+    if solution.alternatives and not result.measurements.is_ambiguous.any():
         reasons.append(
             f"{_count(len(solution.alternatives), 'other camera position')} explain the known "
             "lengths as well: one more length would decide."
         )
     return reasons
+
+
+def _not_unique(result: Result) -> list[str]:
+    """Measurements to which other solutions, which fit as well, give other values."""
+    rows = result.measurements
+    names = [rows.name[i] for i in np.flatnonzero(rows.is_ambiguous)]
+    if not names:
+        return []
+    return [
+        f"{_count(len(names), 'measurement')} not unique: other camera positions explain what is "
+        f"known as well, but give other values: {_names(names)}. One more length would decide."
+    ]
 
 
 def _bad_lines(result: Result) -> list[str]:

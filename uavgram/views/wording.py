@@ -13,6 +13,11 @@ from uavgram.model.result_tables import MeasurementResults
 
 NOT_COMPUTED = "not computed"
 
+NOT_UNIQUE = (
+    'Values with "or" are not sure: other solutions explain what was observed as well, and give '
+    "the others. Sigma and interval hold only if the first one is right."
+)
+
 UNIT_WORDS = {"m": "m", "m2": "m²", "deg": "°", "m/s": "m/s"}
 
 KIND_WORDS = {
@@ -120,6 +125,15 @@ def interval(low: float, high: float, sigma: float, unit: str) -> str:
     return f"{low:.{places}f} to {high:.{places}f} {UNIT_WORDS.get(unit, unit)}"
 
 
+def alternatives_text(measurements: MeasurementResults, row: int) -> str:
+    """``or 31.25, 44.91 m``: what other solutions that fit as well give; empty where none does."""
+    values, unit = measurements.alternative_values[row], measurements.unit[row]
+    if not values:
+        return ""
+    places = decimals_for(float(measurements.sigma[row]), unit)
+    return f"or {', '.join(number(v, places) for v in values)} {UNIT_WORDS.get(unit, unit)}"
+
+
 def relative(value: float, sigma: float, unit: str) -> str:
     """Sigma in percent of the value, where that means something (not for angles)."""
     if unit == "deg" or not math.isfinite(value) or value == 0:
@@ -150,10 +164,11 @@ def place(result: Result) -> str:
 
 
 def worst_first(measurements: MeasurementResults) -> Ints:
-    """Order in which to show measurements: what has no value, then the least certain.
+    """Order in which to show measurements: no value, not the only value, then the least certain.
 
     Uncertainty is compared relative to the value; for angles as the angle itself in radians; for
-    coordinates, whose value says nothing of scale, relative to the median measured distance.
+    coordinates, whose value says nothing of scale, relative to the median measured distance. Where
+    other solutions give other values, the farthest of these counts in place of sigma.
 
     Returns
     -------
@@ -164,9 +179,15 @@ def worst_first(measurements: MeasurementResults) -> Ints:
     lengths = value[(unit == "m") & (kind != "coordinate") & np.isfinite(value)]
     typical_m = float(np.median(lengths)) if lengths.size else 1.0
     scale = np.where(kind == "coordinate", max(typical_m, 1e-9), np.maximum(value, 1e-9))
-    badness = np.where(unit == "deg", np.radians(sigma), sigma / scale)
-    badness = np.where(np.isfinite(value), badness, np.inf)
-    return np.argsort(-badness, kind="stable").astype(np.int64)
+    away = [
+        max((abs(other - here) for other in others), default=0.0)
+        for others, here in zip(measurements.alternative_values, measurements.value, strict=True)
+    ]
+    unsure, is_known = measurements.is_ambiguous, np.isfinite(value)
+    spread = np.where(unsure, np.array(away), sigma)
+    badness = np.where(unit == "deg", np.radians(spread), spread / scale)
+    badness = np.where(is_known, badness, np.inf)
+    return np.lexsort((-badness, is_known & ~unsure, is_known)).astype(np.int64)
 
 
 def computed_first(measurements: MeasurementResults) -> Ints:

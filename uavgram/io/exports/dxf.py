@@ -33,6 +33,9 @@ _LAYERS = {
 }
 _LABELS, _DIMENSIONS, _NOTES = "LABELS", "DIMENSIONS", "NOTES"
 _UNITS = {"m": "m", "m2": "m²", "deg": "°", "m/s": "m/s"}
+_DOUBT = " ?"
+"""After a value that is another one in another solution that fits as well."""
+
 _TEXT_SHARE = 1 / 80  # of the drawing's extent is the height of its letters
 
 
@@ -227,6 +230,7 @@ def _values(sheet: _Sheet, layer: Layer) -> None:
                 continue
             value, sigma = layer.attributes["value"][row], layer.attributes["sigma"][row]
             text = _said(value, sigma, str(layer.attributes["unit"][row]))
+            text += _DOUBT if layer.attributes["alternatives"][row] else ""
             if len(strip) == 2 and layer.attributes["unit"][row] == "m":
                 _dimension(sheet, strip, _DIMENSIONS, text)
             else:
@@ -262,6 +266,9 @@ def _note(sheet: _Sheet, features: Features, note: str) -> None:
     vertices = features.layer("points").vertices_m
     if not vertices:
         return
+    layers = (features.layer(name) for name in ("measured_areas", "measured_lines"))
+    if any(any(layer.attributes["alternatives"]) for layer in layers):
+        note += f";{_DOUBT} = other solutions fit as well and give other values, see the report"
     low = np.concatenate(vertices).min(axis=0, keepdims=True)
     corner = sheet.place(low)[0] - np.array([0.0, 6.0 * sheet.text_m, 0.0])
     sheet.space.add_text(

@@ -82,7 +82,7 @@ def _folder(document: Element, layer: Layer, origin: Origin) -> None:
         data = SubElement(mark, "ExtendedData")
         for key, values in layer.attributes.items():
             value = values[row]
-            if isinstance(value, float) and not math.isfinite(value):
+            if value == "" or (isinstance(value, float) and not math.isfinite(value)):
                 continue
             SubElement(SubElement(data, "Data", name=key), "value").text = str(value)
         _geometry(mark, layer, places)

@@ -4,18 +4,22 @@ import { showCamera } from "./camera.js";
 import { errandActions } from "./errands.js";
 import { byId, choose, node } from "./format.js";
 import { showFrames } from "./frames.js";
-import { KEYS, listenToKeys, roving, TOOLS } from "./keys.js";
+import { buildHelp } from "./help.js";
+import { listenToKeys, roving, throughRows, TOOLS } from "./keys.js";
 import { Link } from "./link.js";
 import { moveActions } from "./moves.js";
 import { showOutputs, showOutside } from "./outputs.js";
 import { Pane } from "./pane.js";
 import { modeText, showMeasure } from "./panel.js";
-import { isSuspect, labels, pickAt, pickKey, picksIn, receive, stale, store, worstIn } from "./store.js";
+import { labels, pickAt, pickKey, receive, stale, store } from "./store.js";
+import { stripActions } from "./strip.js";
+import { drop } from "./table.js";
 import { onTile } from "./tiles.js";
 import { toolActions } from "./tools.js";
 
-const THUMBNAILS_AFTER_MS = 4000; // at the latest: the photo may be none that can be shown
 const [MARKS, VALUES, ALL] = [1, 2, 3]; // how much of the page is to be brought up to date
+const GONE_AFTER_MS = 3000;
+const NOTICE_MS = 8000; // what went well is told for half of it
 const STALE_AFTER_MS = 100; // up to this long people take an answer for immediate
 const TABS = { measure: "Measure", frames: "Frames", camera: "Camera" };
 
@@ -27,7 +31,8 @@ class Desk {
     this.tool = "pick";
     this.draft = []; // labels of the length or measurement that is being clicked
     this.entry = null;
-    this.shownKinds = { ellipses: true, residuals: true, predicted: true, labels: true };
+    this.shownKinds = { ellipses: true, residuals: true, predicted: true, labels: true, lines: true };
+    this.typed = false; // the label was typed since the last point was placed
     this.loupe = true;
     this.linked = false;
     this.tab = "measure";
@@ -38,17 +43,17 @@ class Desk {
     this.folders = null; // in which photos of a board could be
     this.build();
     onTile((image) => { for (const pane of this.panes) if (pane.image === image) pane.redraw(); });
-    this.link = new Link((message) => this.received(message), (open) => { store.connected = open; this.showMode(); });
+    this.link = new Link((message) => this.received(message), (open) => this.connected(open));
     listenToKeys(this);
     window.addEventListener("resize", () => { for (const pane of this.panes) pane.resize(); });
   }
 
   build() {
-    byId("tools").append(...Object.entries(TOOLS).map(([name, { key, name: words }]) => node("button", {
-      role: "radio", "aria-checked": name === this.tool, "data-tool": name, title: `${words} (${key.toUpperCase()})`, onclick: () => this.setTool(name),
+    byId("tools").append(...Object.entries(TOOLS).map(([name, { key, name: words, what }]) => node("button", {
+      role: "radio", "aria-checked": name === this.tool, "data-tool": name, title: `${words} (${key.toUpperCase()}): ${what}`, onclick: () => this.setTool(name),
     }, words)));
     byId("pane-counts").append(...[1, 2, 4].map((count) => node("button", {
-      role: "radio", "aria-checked": count === 1, "data-count": count, title: `${count} panes (Ctrl+${count})`, onclick: () => this.setPanes(count),
+      role: "radio", "aria-checked": count === 1, "data-count": count, title: `${count} pane${count === 1 ? "" : "s"} (Ctrl+${count})`, onclick: () => this.setPanes(count),
     }, `${count}`)));
     byId("tabs").append(...Object.entries(TABS).map(([name, words]) => node("button", {
       role: "tab", id: `tab-button-${name}`, "aria-selected": name === this.tab, "aria-controls": `tab-${name}`, onclick: () => this.setTab(name),
@@ -60,10 +65,10 @@ class Desk {
     byId("linked").onclick = () => this.toggleLink();
     byId("help-button").onclick = () => this.help();
     byId("label").addEventListener("keydown", (event) => { if (event.key === "Enter") this.named(); });
+    byId("label").addEventListener("input", () => { this.typed = true; });
     for (const group of ["tools", "pane-counts", "tabs", "strip"]) roving(byId(group));
-    byId("help").append(node("h2", { id: "help-title", class: "unseen" }, "Keys"), node("div", { class: "keys" }, ...KEYS.map(([title, rows]) => node("div", {}, node("h2", {}, title),
-      node("dl", {}, ...rows.flatMap(([keys, what]) => [node("dt", {}, keys), node("dd", {}, what)]))))),
-    node("button", { onclick: () => byId("help").close() }, "Close"));
+    throughRows(byId("panel"));
+    buildHelp(byId("help"));
   }
 
   // From the server.
@@ -71,6 +76,7 @@ class Desk {
   received(message) {
     if (message.t === "refused") {
       this.notice(message.why);
+      this.refused(this.link.sent);
       if (!Number.isInteger(store.version)) this.link.socket.close(); // a drag ran ahead: begin anew
     }
     const moves = this.link?.waiting.filter((one) => one.t === "place") ?? [];
@@ -81,6 +87,24 @@ class Desk {
     else if (isNew) this.refreshSoon(message.mode === "linearised" ? VALUES : ALL);
     else this.showStanding();
     this.showFoot();
+  }
+
+  // A connection that is soon back is no matter; one that stays away is said.
+  connected(open) {
+    store.connected = open;
+    if (open) {
+      clearTimeout(this.losing);
+      this.losing = null;
+      store.gone = false;
+    } else this.losing ??= setTimeout(() => { store.gone = true; this.showFoot(); }, GONE_AFTER_MS);
+    this.showMode();
+  }
+
+  // What was typed and refused is not shown as if it held.
+  refused(sent) {
+    if (sent?.t === "rename") this.select(sent.label);
+    for (const part of ["pick", "lengths"]) drop(part);
+    this.refreshSoon();
   }
 
   // Once a frame, however many messages come; and of the page no more than they change.
@@ -95,6 +119,7 @@ class Desk {
     this.pictures = pictures;
     document.title = `${store.project} \u2013 uavgram pick`;
     byId("project").textContent = store.project;
+    byId("project").title = store.project;
     if (!this.panes.length) this.setPanes(1);
     else for (const pane of this.panes) pane.show(pane.image);
     if (store.recovered) this.notice("Recovered what the last session confirmed and could not save.", true);
@@ -172,45 +197,17 @@ class Desk {
     this.showPanel();
   }
 
-  showStrip() {
-    const strip = byId("strip");
-    if (strip.childElementCount !== store.photos.length) {
-      strip.replaceChildren(...store.photos.map((photo, k) => node("button", { "data-image": k, onclick: () => { this.active?.show(k); this.backToPhoto(); } },
-        node("img", { "data-src": `/photo/${k}/thumbnail.jpg?${photo.digest}`, alt: "", loading: "lazy", draggable: false }),
-        node("span", { class: "name" }, node("bdi", {}, photo.name.replace(/\.\w+$/, ""))), node("span", { class: "badge" }))));
-      setTimeout(() => this.sharpened(), THUMBNAILS_AFTER_MS);
-    }
-    store.photos.forEach((photo, k) => {
-      const button = strip.children[k];
-      const count = picksIn(k).length;
-      const worst = worstIn(k);
-      const bad = worst && isSuspect(worst.status);
-      button.classList.toggle("unmatched", !photo.matched && store.photos.some((one) => one.matched));
-      button.setAttribute("aria-current", this.panes.some((pane) => pane.image === k));
-      button.tabIndex = k === (this.active?.image ?? 0) ? 0 : -1;
-      const badge = button.lastChild;
-      badge.textContent = `${count || ""}${bad ? ` \u25c6 ${Math.abs(worst.w).toFixed(1)}` : ""}`;
-      badge.hidden = !count;
-      badge.classList.toggle("bad", Boolean(bad));
-      const state = photo.matched ? "matched" : `not matched: ${photo.reason}`;
-      const fit = worst ? `, worst w ${Math.abs(worst.w).toFixed(1)}` : "";
-      button.setAttribute("aria-label", `${photo.name}, ${state}, ${count} picks${fit}`);
-      button.title = `${photo.name}: ${state}, ${count} picks${fit}`;
-    });
-  }
-
-  // A photo is there as a whole: now its small pictures may come, which would have delayed it.
-  sharpened() {
-    for (const picture of byId("strip").querySelectorAll("img:not([src])")) picture.src = picture.dataset.src;
-  }
-
   notice(words, good = false) {
     const box = byId("notice");
     box.textContent = words;
     box.classList.toggle("info", good);
     box.hidden = false;
     clearTimeout(this.noticeTimer);
-    this.noticeTimer = setTimeout(() => { box.hidden = true; }, 5000);
+    this.noticeTimer = setTimeout(() => this.unnotice(), good ? NOTICE_MS / 2 : NOTICE_MS);
+  }
+
+  unnotice() {
+    byId("notice").hidden = true;
   }
 
   // To the server.
@@ -245,7 +242,8 @@ class Desk {
       pane.show((before + this.panes.length - 1) % store.photos.length);
     }
     choose(byId("pane-counts"), (button) => Number(button.dataset.count) === count, "aria-checked");
-    if (!this.panes.includes(this.active)) this.activate(this.panes[0]);
+    if (this.panes.includes(this.active)) this.showActive();
+    else this.activate(this.panes[0]);
     for (const pane of this.panes) pane.resize();
     this.showStrip();
     if (this.linked) this.viewed(this.active);
@@ -254,13 +252,18 @@ class Desk {
   activate(pane) {
     if (this.active === pane) return;
     this.active = pane;
-    for (const one of this.panes) one.box.classList.toggle("active", one === pane && this.panes.length > 1);
+    this.showActive();
     if (store.version !== undefined) this.showPanel();
+  }
+
+  showActive() {
+    for (const one of this.panes) one.box.classList.toggle("active", one === this.active && this.panes.length > 1);
   }
 
   shown() {
     if (store.photos.length) this.showStrip();
     if (!this.active) return;
+    this.bringThumbnail(this.active.image);
     this.showPanel();
     this.viewed(this.active);
   }
@@ -313,6 +316,6 @@ class Desk {
   }
 }
 
-Object.assign(Desk.prototype, toolActions, moveActions, errandActions);
+Object.assign(Desk.prototype, toolActions, moveActions, errandActions, stripActions);
 
 new Desk();

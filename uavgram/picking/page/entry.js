@@ -1,50 +1,107 @@
 // Forms that ask for what clicks cannot say: a length's reading, a skid's friction, a name.
 
 import { node } from "./format.js";
+import { placeText, speedFacts } from "./speed.js";
 import { drop, keep } from "./table.js";
+
+export const KINDS = {
+  distance: "Distance", polyline: "Polyline", area: "Area", angle: "Angle",
+  line_distance: "Distance from a line", skid_speed: "Skid speed", coordinate: "Coordinate", speed: "Speed",
+};
 
 export function entryPart(desk) {
   const { entry } = desk;
-  if (!entry) drop("entry");
-  return entry ? keep("entry", entry, () => entryForm(entry, desk)) : null;
+  if (!entry) {
+    drop("entry");
+    return null;
+  }
+  const form = keep("entry", entry, () => entryForm(entry, desk));
+  if (entry.kind === "speed") showNeeds(form, entry, desk.coming("place").map((one) => one.label));
+  return form;
 }
 
 function entryForm(entry, desk) {
   const field = (name, caption, value, more = {}) => node("label", {}, caption, node("input", { name, value, required: true, autocomplete: "off", ...more }));
   const number = { inputmode: "decimal" };
   const name = field("name", "Name", entry.name, { maxlength: 64 });
+  const title = entry.t === "line" ? `Taped length ${entry.start} \u2013 ${entry.end}` : `${KINDS[entry.kind]} ${entry.points.join(" \u2013 ")}`;
   const fields = entry.t === "line" ? [
-    field("length", `${entry.start} \u2013 ${entry.end}, metres`, entry.length ?? "", number), field("sigma", "Sigma, metres", entry.sigma, number), name,
-    node("label", {}, "Use", node("select", { name: "use" }, node("option", { value: "adjust", selected: entry.adjust !== false }, "for the adjustment"),
-      node("option", { value: "check", selected: entry.adjust === false }, "withheld: only judge"))),
+    field("length", "Length, metres", entry.length ?? "", number), field("sigma", "Sigma, metres", entry.sigma, number), name,
+    node("label", {}, "Use", node("select", { name: "use" }, node("option", { value: "adjust", selected: entry.adjust !== false }, "to adjust"),
+      node("option", { value: "check", selected: entry.adjust === false }, "only judged"))),
   ] : [name, ...(entry.kind === "skid_speed" ? [
     field("mu", "Friction \u03bc", entry.parameters?.mu ?? "0.7", number), field("mu_sigma", "Sigma of \u03bc", entry.parameters?.mu_sigma ?? "0.05", number),
-  ] : [])];
+  ] : entry.kind === "speed" ? [node("div", { class: "both needs", role: "status", "aria-label": "What a speed needs" })] : [])];
   const what = entry.t === "line" ? `length ${entry.start} to ${entry.end}` : entry.name;
   return node("form", {
-    class: "entry", "data-row": "entry", "aria-label": `${entry.was ? "Change" : "New"} ${what}`,
-    onsubmit: (event) => { event.preventDefault(); desk.entered(new FormData(event.target)); },
-  }, ...fields, node("div", { class: "both row" }, node("button", { type: "submit" }, entry.was ? "Change (Enter)" : "Add (Enter)"),
+    class: "entry", "data-row": "entry", "aria-label": `${entry.was ? "Change" : "New"} ${what}`, novalidate: true,
+    onsubmit: (event) => { event.preventDefault(); desk.entered(event.target); },
+  }, node("p", { class: "both title" }, title), ...fields, node("p", { class: "both wrong", role: "alert", hidden: true }),
+  node("div", { class: "both row" }, node("button", { type: "submit" }, entry.was ? "Change (Enter)" : "Add (Enter)"),
     node("button", { type: "button", onclick: () => desk.cancel() }, "Cancel (Esc)")));
+}
+
+// The photos and times of a speed, and what is in its way: as they are now, while the form is open.
+// Points that are not confirmed yet are waited for.
+function showNeeds(form, { points, was }, coming) {
+  const waits = points.some((label) => coming.includes(label));
+  const { seconds, why } = waits ? { seconds: null, why: "" } : speedFacts(points);
+  const lines = [...points.map(placeText), ...(seconds ? [`Between the two photos: ${seconds.toFixed(2)} s`] : [])];
+  form.querySelector("[type=submit]").disabled = (waits || Boolean(why)) && !was;
+  const words = [...lines, why].join("|");
+  const box = form.querySelector(".needs");
+  if (box.words === words) return;
+  box.words = words;
+  box.replaceChildren(...lines.map((line) => node("p", { class: "dim" }, line)), ...(why ? [node("p", { class: "wrong" }, why)] : []));
 }
 
 export function parse(text) {
   return /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i.test(text.trim()) ? Number(text) : NaN;
 }
 
-// The message that a filled-in form makes, or why it makes none.
-export function entryMessage(entry, form) {
-  const value = (name) => parse(form.get(name));
+const WITH_COMMA = /^[-+]?\d*,\d+$/;
+
+// Why a text is no number; with a comma it is plain what was meant, but not for the program to guess.
+export function noNumber(text, example = "") {
+  const written = text.trim();
+  if (WITH_COMMA.test(written)) return `${written} has a comma: write ${written.replace(",", ".")}, with a point.`;
+  return `${written || "nothing"} is no number.${example && ` Write it ${example}.`}`;
+}
+
+// Says beside the fields what is wrong, and goes to the field that is.
+export function showFault(form, why, field) {
+  const box = form.querySelector("[role=alert]");
+  box.textContent = why;
+  box.hidden = false;
+  for (const input of form.querySelectorAll("[aria-invalid]")) input.removeAttribute("aria-invalid");
+  const input = form.querySelector(`[name="${field}"]`);
+  input.setAttribute("aria-invalid", "true");
+  input.focus();
+  input.select();
+}
+
+// The message that a filled-in form makes, or why it makes none, and which field is to blame.
+// `taken`: names of the others of its sort.
+export function entryMessage(entry, form, taken) {
   const name = form.get("name").trim();
   const was = entry.was ?? "";
-  if (entry.t === "line") {
-    const [length, sigma] = [value("length"), value("sigma")];
-    if (!(length > 0 && sigma > 0)) return { why: "Length and sigma are numbers in metres greater than 0, such as 11.52 and 0.01." };
-    return { message: { t: "line", was, name, start: entry.start, end: entry.end, length, sigma, adjust: form.get("use") === "adjust" } };
+  if (!name) return { why: "It needs a name.", field: "name" };
+  if (name !== was && taken.includes(name)) return { why: `There is a ${entry.t === "line" ? "length" : "measurement"} ${name} already: choose another name.`, field: "name" };
+  const wanted = NUMBERS[entry.t === "line" ? "line" : entry.kind] ?? [];
+  const found = {};
+  for (const [field, caption, example, zero] of wanted) {
+    const value = parse(form.get(field));
+    if (Number.isNaN(value)) return { why: `${caption}: ${noNumber(form.get(field), example)}`, field };
+    if (value < 0 || (value === 0 && !zero)) return { why: `${caption}: ${form.get(field)} is not greater than 0.`, field };
+    found[field] = value;
   }
+  if (entry.t === "line") return { message: { t: "line", was, name, start: entry.start, end: entry.end, ...found, adjust: form.get("use") === "adjust" } };
   const message = { t: "measure", was, name, kind: entry.kind, points: entry.points };
-  if (entry.kind !== "skid_speed") return { message };
-  const parameters = { mu: value("mu"), mu_sigma: value("mu_sigma") };
-  if (!(parameters.mu > 0 && parameters.mu_sigma >= 0)) return { why: "Friction and its sigma are numbers, such as 0.7 and 0.05." };
-  return { message: { ...message, parameters } };
+  return { message: wanted.length ? { ...message, parameters: found } : message };
 }
+
+// Fields that hold numbers: caption, an example, whether 0 will do.
+const NUMBERS = {
+  line: [["length", "Length", "in metres, such as 11.52"], ["sigma", "Sigma", "in metres, such as 0.01"]],
+  skid_speed: [["mu", "Friction", "such as 0.7"], ["mu_sigma", "Sigma of the friction", "such as 0.05", true]],
+};

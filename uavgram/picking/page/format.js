@@ -3,7 +3,9 @@
 export const missing = "\u2013";
 
 export function fixed(value, digits) {
-  return value === null || value === undefined ? missing : value.toFixed(digits);
+  if (value === null || value === undefined) return missing;
+  const words = value.toFixed(digits);
+  return Number(words) === 0 ? words.replace("-", "") : words;
 }
 
 // A value with as many digits as its sigma deserves: two digits of the sigma, no more than 3 places.
@@ -16,7 +18,15 @@ export function withSigma(value, sigma, unit = "") {
   if (value === null || value === undefined) return missing;
   const digits = places(sigma);
   const error = sigma === null || sigma === undefined ? "" : ` \u00b1 ${sigma.toFixed(digits)}`;
-  return `${value.toFixed(digits)}${error}${unit && ` ${unit}`}`;
+  return `${fixed(value, digits)}${error}${unit && ` ${unit}`}`;
+}
+
+const METRES_OF_A_DEGREE = 111_320; // of a great circle
+
+// Latitude or longitude to the digits that its sigma in metres deserves.
+export function degrees(value, sigma) {
+  const digits = sigma > 0 ? 1 - Math.floor(Math.log10(sigma / METRES_OF_A_DEGREE)) : 7;
+  return `${value.toFixed(Math.min(Math.max(digits, 4), 8))}\u00b0`;
 }
 
 // A measurement as the page shows it: speeds as on a speedometer.

@@ -2,7 +2,7 @@
 
 import { fixed, missing, node } from "./format.js";
 import { adjusted, picksIn, store } from "./store.js";
-import { fill, keep, list, table, titled } from "./table.js";
+import { about, fill, keep, list, table, titled } from "./table.js";
 
 export function showFrames(section, desk) {
   const now = adjusted();
@@ -31,13 +31,13 @@ function framesPart(facts, desk) {
     const words = [photo.time === null ? "" : `${utc} UTC`, photo.reason, photo.event ? `event ${photo.event.status}, ${fixed(photo.event.residual, 3)} s off` : "",
       photo.seed ? `seed: ${photo.seed.up} m up, direction \u00b1 ${photo.seed.turn}\u00b0` : "", found?.moved ? `moved by ${fixed(found.moved, 2)} m` : ""];
     return node("tr", { title: words.filter(Boolean).join("; "), "data-row": `frame ${k}` },
-      node("td", { title: photo.name }, node("button", { class: "link", name: "show", "aria-label": `Show ${photo.name}`, onclick: () => desk.active?.show(k) }, photo.name)),
+      node("td", { class: "named ended", title: photo.name }, node("button", { class: "link", name: "show", "aria-label": `Show ${photo.name}`, onclick: () => desk.active?.show(k) }, node("bdi", {}, photo.name))),
       node("td", {}, `${picks}`), node("td", {}, status), node("td", {}, fixed(seed, 2)), node("td", { class: "value" }, fixed(refined, 2)),
       node("td", { class: "wide-only" }, utc));
   });
   const matched = facts.filter(({ photo }) => photo.matched).length;
-  return titled(`Frames (${matched} of ${facts.length} matched)`, node("p", { class: "dim" }, "\u03c3 of the camera's place in metres: of the seed, and now."),
-    table("Frames", ["photo", "picks", "status", "seed \u03c3", "now", node("span", { class: "wide-only" }, "UTC")], rows));
+  return titled(`Frames (${matched} of ${facts.length} matched)`, node("p", { class: "dim" }, "How well the camera's place is known, \u03c3 in metres: from the flight alone (seed), and now."),
+    table("Frames", ["photo", "picks", "status", about("seed \u03c3", "before any pick, from the flight log or the given poses"), about("now", "\u03c3 in metres, with all picks and lengths"), node("span", { class: "wide-only" }, "UTC")], rows));
 }
 
 function unmatchedPart(facts) {

@@ -4,7 +4,7 @@ export const KEYS = [
   ["Photos", [
     ["wheel, + \u2212", "zoom at the pointer"], ["drag, Space + drag", "pan (middle and right button too)"], ["Ctrl + arrows", "pan; the arrows alone where no point is selected"],
     ["F   1   Z", "fit; one to one; to the selected point, \u00d74"], ["Page Down, Page Up", "next, previous photo; with Alt only those where the label is expected"],
-    ["Ctrl+1  2  4", "panes"], ["K", "all panes show the same ground"], ["E R O T", "ellipses, residuals, predictions, labels"], ["M", "magnifier"],
+    ["Ctrl+1  2  4", "panes"], ["K", "all panes show the same ground"], ["E R O T U", "ellipses, residuals, predictions, labels, lines"], ["M", "magnifier"],
   ]],
   ["Points", [
     ["click, Enter", "place the label (Enter: in the middle of the photo)"], ["drag, Shift + drag", "move; ten times finer"],
@@ -12,22 +12,25 @@ export const KEYS = [
     ["N, B, Tab", "next, previous point"], ["/", "to the label: type one, Enter selects it"], ["F2", "rename"], ["Delete, Shift+Delete", "remove here, everywhere"],
   ]],
   ["Lengths and measurements", [
-    ["P L D A Y J", "tools: point, length, distance, area, polyline, angle"], ["I V", "distance from a line, skid speed"],
+    ["P L D A Y J", "tools: point, length, distance, area, polyline, angle"], ["I V", "distance from a line, skid speed"], ["C H", "coordinate, speed between two photos"],
     ["click points; N B, Enter", "the points in order; Enter takes the selected one, once more ends"], ["Esc", "stop"],
   ]],
-  ["All", [["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"], ["F6, Shift+F6", "next, previous part of the page"], ["X, Shift+X", "next, previous tab: measure, frames, camera"],
-    ["W", "write report and exports"], ["?", "these keys"]]],
+  ["All", [["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"], ["F6, Shift+F6", "next, previous part of the page"], ["X, Shift+X", "next, previous tab: measure, frames, camera"], ["up, down", "in a table: the same in the next row"],
+    ["W", "write report and exports"], ["?", "this help"]]],
 ];
 
+// `what` is for who has never used the tool; `apart`: each point is a place of its own, in one photo.
 export const TOOLS = {
-  pick: { key: "p", name: "Point", prefix: "P" },
-  length: { key: "l", name: "Length", prefix: "L", least: 2, most: 2 },
-  distance: { key: "d", name: "Distance", prefix: "D", least: 2, most: 2 },
-  area: { key: "a", name: "Area", prefix: "A", least: 3 },
-  polyline: { key: "y", name: "Polyline", prefix: "W", least: 2 },
-  angle: { key: "j", name: "Angle", prefix: "J", least: 3, most: 3 },
-  line_distance: { key: "i", name: "From line", prefix: "H", least: 3, most: 3 },
-  skid_speed: { key: "v", name: "Skid", prefix: "V", least: 2 },
+  pick: { key: "p", name: "Point", prefix: "P", what: "marks a place on the ground by a label" },
+  length: { key: "l", name: "Length", prefix: "L", least: 2, most: 2, what: "a length that was taped, which the adjustment takes as known" },
+  distance: { key: "d", name: "Distance", prefix: "D", least: 2, most: 2, what: "how far two points are apart" },
+  area: { key: "a", name: "Area", prefix: "A", least: 3, what: "what three or more points enclose, in their order" },
+  polyline: { key: "y", name: "Polyline", prefix: "W", least: 2, what: "the way along points, in their order" },
+  angle: { key: "j", name: "Angle", prefix: "J", least: 3, most: 3, what: "the angle at the second of three points" },
+  line_distance: { key: "i", name: "From line", prefix: "H", least: 3, most: 3, what: "how far the first point is from the line through the two others" },
+  skid_speed: { key: "v", name: "Skid", prefix: "V", least: 2, what: "the speed before a skid to rest, from the length of its mark and the friction" },
+  coordinate: { key: "c", name: "Coordinate", prefix: "C", least: 1, most: 1, what: "where a point is: east and north, latitude and longitude" },
+  speed: { key: "h", name: "Speed", prefix: "S", least: 2, most: 2, apart: true, what: "the mean speed of what moved between two photos" },
 };
 
 const MOVING = ["Tab", "F6", "Enter"]; // who uses these is to see where he is
@@ -58,6 +61,17 @@ export function roving(group) {
     event.preventDefault();
     all[to].focus();
     if (group.getAttribute("role")) all[to].click();
+  });
+}
+
+// Up and down go to the same field of the next row of a table.
+export function throughRows(panel) {
+  panel.addEventListener("keydown", (event) => {
+    const row = event.target.closest("tbody tr");
+    const next = { ArrowUp: row?.previousElementSibling, ArrowDown: row?.nextElementSibling }[event.key];
+    if (!row || !event.target.name || !["ArrowUp", "ArrowDown"].includes(event.key)) return;
+    event.preventDefault();
+    next?.querySelector(`[name="${event.target.name}"]`)?.focus();
   });
 }
 
@@ -110,7 +124,7 @@ const NAMED = {
 for (const [name, action] of Object.entries({
   f: (desk) => desk.active?.fit(), 1: (desk) => desk.active?.scaleTo(1), z: (desk) => desk.toSelected(4), g: (desk) => desk.goToPredicted(),
   n: (desk) => desk.step(1), b: (desk) => desk.step(-1), k: (desk) => desk.toggleLink(), m: (desk) => desk.toggleLoupe(),
-  e: (desk) => desk.toggle("ellipses"), r: (desk) => desk.toggle("residuals"), o: (desk) => desk.toggle("predicted"), t: (desk) => desk.toggle("labels"),
+  e: (desk) => desk.toggle("ellipses"), r: (desk) => desk.toggle("residuals"), o: (desk) => desk.toggle("predicted"), t: (desk) => desk.toggle("labels"), u: (desk) => desk.toggle("lines"),
   s: (desk) => desk.snap("corner"), S: (desk) => desk.snap("circle"),
   x: (desk) => desk.nextTab(1), X: (desk) => desk.nextTab(-1), w: (desk) => { desk.exportAll(); },
 })) NAMED[name] = letter(action);

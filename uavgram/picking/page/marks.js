@@ -7,9 +7,9 @@ const RESIDUAL_SCALES = [20, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01]; // s
 const LONGEST_RESIDUAL_PX = 90;
 export const CONFIDENCE = 2.4477; // 95 % of a plane's normal distribution
 
-const CROSS = "M-9 0H-3M3 0H9M0 -9V-3M0 3V9";
-const KNOWN = { control: "M0 -13L11.5 7H-11.5Z", check: "M-10 -10H10V10H-10Z" }; // points with known coordinates
-const DIAMOND = "M0 -13L13 0L0 13L-13 0Z";
+export const CROSS = "M-9 0H-3M3 0H9M0 -9V-3M0 3V9";
+export const KNOWN = { control: "M0 -13L11.5 7H-11.5Z", check: "M-10 -10H10V10H-10Z" }; // points with known coordinates
+export const DIAMOND = "M0 -13L13 0L0 13L-13 0Z";
 
 // The largest scale that leaves the photo's residuals readable; it is written beside the zoom.
 export function residualScale(image) {
@@ -21,10 +21,8 @@ export function residualScale(image) {
 // Everything that is drawn in a photo, as [{key, sign, make(), move(group, view)}]: `sign` tells
 // whether what was made before will do, `move` brings it to its place.
 export function buildMarks(image, { selected, shown, draft }) {
-  const parts = [];
-  for (const line of store.lines) parts.push(lengthPart(image, line));
-  for (const one of store.measurements) parts.push(measurementPart(image, one));
-  parts.push(...parts.filter((part) => part?.words).map(wordsPart)); // over all lines
+  const parts = shown.lines ? linesIn(image, selected) : [];
+  parts.push(...parts.filter((part) => part.words).map(wordsPart)); // over all lines
   if (draft.length) parts.push(pathPart(image, "", draft, "draft", "", false));
   if (shown.predicted) {
     for (const one of predictedIn(image)) parts.push(predictedPart(one, selected, shown));
@@ -32,6 +30,22 @@ export function buildMarks(image, { selected, shown, draft }) {
   const scale = residualScale(image);
   for (const pick of picksIn(image)) parts.push(pickPart(pick, selected, shown, scale));
   return parts.filter(Boolean);
+}
+
+// Lengths and measurements. Where these are too many to read, only what hangs on the selected point
+// stands out: the others are faint and without their values, which the table has.
+function linesIn(image, selected) {
+  const measured = store.measurements.map((one) => measurementPart(image, one)).filter(Boolean);
+  if (measured.length > CROWD) for (const part of measured) if (!part.points.includes(selected)) soften(part);
+  return [...store.lines.map((line) => lengthPart(image, line)).filter(Boolean), ...measured];
+}
+
+const CROWD = 24;
+
+function soften(part) {
+  part.kind += " faint";
+  part.sign = part.kind;
+  part.words = "";
 }
 
 function pickPart(pick, selected, shown, scale) {
@@ -151,7 +165,8 @@ function pathPart(image, key, points, kind, words, closed) {
     sign: kind,
     kind,
     words,
-    make: () => shape("g", { class: kind, "aria-hidden": "true" }, shape("polyline", { class: "halo wide" }), shape("polyline", { class: "thin" })),
+    points,
+    make() { return shape("g", { class: this.kind, "aria-hidden": "true" }, shape("polyline", { class: "halo wide" }), shape("polyline", { class: "thin" })); },
     move(group, view) {
       const [halo, thin] = group.children;
       const screen = at.map(({ u, v }) => view.toScreen(u, v));
@@ -182,12 +197,15 @@ function wordsPart(path) {
 }
 
 // Where a label may stand beside its mark, the usual place first.
-const TAG_SPOTS = [[12, -8, "start"], [12, 19, "start"], [-12, -8, "end"], [-12, 19, "end"]];
+const TAG_SPOTS = [[12, -8, "start"], [12, 19, "start"], [-12, -8, "end"], [-12, 19, "end"], [0, -14, "middle"], [0, 25, "middle"]];
+const ASIDE = { start: 0, middle: 0.5, end: 1 }; // part of a text that stands left of its place
 
 function showTag(group) {
   const tag = group.lastChild;
   if (!tag?.classList.contains("tag")) return;
-  const [x, y, anchor] = TAG_SPOTS[group.spot ?? 0];
+  const hidden = group.spot < 0 && !group.classList.contains("selected"); // there is no room for it
+  put(tag, "display", hidden ? "none" : "inline");
+  const [x, y, anchor] = TAG_SPOTS[Math.max(group.spot ?? 0, 0)];
   put(tag, "x", x);
   put(tag, "y", y);
   put(tag, "text-anchor", anchor);
@@ -196,20 +214,22 @@ function showTag(group) {
 function tagBox(part, [x, y], spot) {
   const [dx, dy, anchor] = TAG_SPOTS[spot];
   const width = part.label.length * CHARACTER_PX;
-  return { x: x + dx - (anchor === "end" ? width : 0), y: y + dy - LINE_PX + 3, width, height: LINE_PX };
+  return { x: x + dx - ASIDE[anchor] * width, y: y + dy - LINE_PX + 3, width, height: LINE_PX };
 }
 
 // Labels of marks that lie close together, each where no other label and no mark is. That hangs on
-// the zoom alone, so it is done when that rests.
+// the view alone, so it is done when that rests.
 export function spreadTags(parts, view) {
   const marks = parts.filter((part) => part.label).map((part) => ({ part, at: view.toScreen(...part.at) }))
     .filter(({ at: [x, y] }) => x > -50 && y > -50 && x < view.width + 50 && y < view.height + 50);
+  const over = furniture(view);
   const taken = marks.map(({ at: [x, y] }) => ({ x: x - 8, y: y - 8, width: 16, height: 16 }));
   for (const { part, at } of marks) {
     const boxes = TAG_SPOTS.map((_, spot) => tagBox(part, at, spot));
-    const spot = boxes.findIndex((box) => free(taken, box.x, box.y, box.width));
-    part.group.spot = Math.max(spot, 0);
-    taken.push(boxes[part.group.spot]);
+    const open = boxes.map((box) => free(taken, box.x, box.y, box.width));
+    const best = boxes.findIndex((box, k) => open[k] && within(view, box) && free(over, box.x, box.y, box.width));
+    part.group.spot = best >= 0 ? best : open.indexOf(true);
+    if (part.group.spot >= 0) taken.push(boxes[part.group.spot]);
     showTag(part.group);
   }
 }
@@ -221,18 +241,19 @@ const LINE_PX = 15;
 // Values stand where nothing else does: in the middle of their line, else nearer to an end, else
 // they are left out of the photo (the table has them).
 export function keepApart(parts, view) {
-  const taken = parts.filter((part) => part.label).map((part) => {
+  const taken = furniture(view);
+  taken.push(...parts.filter((part) => part.label).map((part) => {
     const [x, y] = view.toScreen(...part.at);
-    const tag = tagBox(part, [x, y], part.group.spot ?? 0);
+    const tag = tagBox(part, [x, y], Math.max(part.group.spot ?? 0, 0));
     const top = Math.min(tag.y, y - 9);
     const left = Math.min(tag.x, x - 9);
     return { x: left, y: top, width: Math.max(tag.x + tag.width, x + 9) - left, height: Math.max(tag.y + LINE_PX, y + 9) - top };
-  });
+  }));
   for (const part of parts) {
     if (!part.path) continue;
     const { element: label, path: { words, room } } = part;
     const width = words.length * CHARACTER_PX;
-    const spot = words && room > 60 ? spots(part.path).find(([x, y]) => free(taken, x - width / 2, y - LINE_PX, width)) : null;
+    const spot = words && room > 60 ? spots(part.path).find(([x, y]) => within(view, { x: x - width / 2, y: y - LINE_PX, width }) && free(taken, x - width / 2, y - LINE_PX, width)) : null;
     put(label, "display", spot ? "inline" : "none");
     if (!spot) continue;
     put(label, "x", spot[0]);
@@ -245,6 +266,11 @@ function spots({ along: [a, b], middle }) {
   if (middle) return [middle, [middle[0], middle[1] + 18], [middle[0], middle[1] - 18]];
   return [0.5, 0.35, 0.65, 0.22, 0.78].map((part) => [a[0] + (b[0] - a[0]) * part, a[1] + (b[1] - a[1]) * part]);
 }
+
+// What lies over every photo: the box that chooses it, and the line of numbers beneath.
+const furniture = ({ height }) => [{ x: 0, y: 0, width: 212, height: 38 }, { x: 0, y: height - 34, width: 330, height: 34 }];
+
+const within = (view, { x, y, width }) => x >= 0 && y >= 0 && x + width <= view.width && y + LINE_PX <= view.height;
 
 function free(taken, x, y, width) {
   return !taken.some((box) => x < box.x + box.width && x + width > box.x && y < box.y + box.height && y + LINE_PX > box.y);

@@ -37,6 +37,8 @@ export const moveActions = {
   },
 
   cancel() {
+    this.unnotice();
+    this.active?.calm();
     const nothing = !this.draft.length && !this.entry;
     this.draft = [];
     this.entry = null;

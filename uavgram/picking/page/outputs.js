@@ -40,7 +40,8 @@ function links({ files, recording, folder }) {
 export function showOutside(bar, desk) {
   const outside = store.outside ?? [];
   const words = [];
-  if (store.fault) words.push(`Not saved: ${store.fault}`);
+  if (store.gone) words.push("The program does not answer. Start uavgram pick again, and open the address that it prints. What it confirmed is saved; what you do here now would be lost.");
+  else if (store.fault) words.push(`Not saved: ${store.fault}`);
   else if (outside.length) words.push(`${outside.join(" and ")} ${outside.length > 1 ? "were" : "was"} changed by another program. Nothing is written over.`);
   bar.hidden = !words.length;
   const sign = JSON.stringify([words, outside]);

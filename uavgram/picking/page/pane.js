@@ -3,7 +3,7 @@
 import { node, shape } from "./format.js";
 import { Loupe } from "./loupe.js";
 import { buildMarks, keepApart, residualScale, spreadTags } from "./marks.js";
-import { pickAt, placeOf, store } from "./store.js";
+import { pickAt, picksIn, placeOf, store } from "./store.js";
 import { forget, tile, tileKey, want } from "./tiles.js";
 import { View } from "./view.js";
 
@@ -118,13 +118,18 @@ export class Pane {
   moveMarks() {
     for (const part of this.parts) part.move(part.group, this.view);
     keepApart(this.parts, this.view);
-    if (this.spread !== this.view.scale) this.spreadSoon();
+    if (this.spread !== this.viewed()) this.spreadSoon();
+  }
+
+  viewed() {
+    const { left, top, scale, width, height } = this.view;
+    return [left, top, scale, width, height].join();
   }
 
   spreadSoon() {
     clearTimeout(this.spreading);
     this.spreading = setTimeout(() => {
-      this.spread = this.view.scale;
+      this.spread = this.viewed();
       spreadTags(this.parts, this.view);
       keepApart(this.parts, this.view);
     }, REST_MS);
@@ -203,9 +208,10 @@ export class Pane {
 
   tell(u, v) {
     this.told = u === undefined ? null : [u, v];
-    const place = u === undefined ? "" : `u ${u.toFixed(2)}  v ${v.toFixed(2)} px   `;
-    const scale = this.desk.marks().shown.residuals ? `   residuals \u00d7${residualScale(this.image)}` : "";
-    this.readout.textContent = `${place}\u00d7${this.view.scale.toPrecision(3)}${scale}`;
+    const place = u === undefined ? "" : `u ${u.toFixed(2)}  v ${v.toFixed(2)} px \u00b7 `;
+    const scale = this.desk.marks().shown.residuals && picksIn(this.image).length ? ` \u00b7 residuals \u00d7${residualScale(this.image)}` : "";
+    const away = !this.photo || this.contains(...this.middle()) ? "" : " \u00b7 beside the photo: F shows it";
+    this.readout.textContent = `${place}zoom \u00d7${this.view.scale.toPrecision(3)}${scale}${away}`;
   }
 
   // What the mouse does.
@@ -225,6 +231,7 @@ export class Pane {
     svg.addEventListener("pointerleave", () => { this.hover = null; this.loupe.hide(); this.tell(); });
     svg.addEventListener("contextmenu", (event) => event.preventDefault());
     svg.addEventListener("dblclick", (event) => this.desk.doubled(event.target.closest?.("[data-label]")?.dataset.label));
+    svg.addEventListener("focusout", (event) => { if (!svg.contains(event.relatedTarget)) this.calm(); });
     this.box.addEventListener("focusin", (event) => {
       this.desk.activate(this);
       const label = event.target.dataset?.label;
@@ -314,6 +321,13 @@ export class Pane {
     this.magnify(...press.at, x, y);
   }
 
+  // The magnifier stays with the pointer; where the keys brought it, it goes when they are done.
+  calm() {
+    if (this.hover) return;
+    this.loupe.hide();
+    this.tell();
+  }
+
   inside(u, v) {
     const clamp = (value, most) => Math.min(Math.max(value, -0.5), most - 0.5);
     return [clamp(u, this.photo.width), clamp(v, this.photo.height)];
@@ -357,6 +371,7 @@ export class Pane {
   }
 
   fit() {
+    this.loupe.hide();
     this.view.fit(this.photo.width, this.photo.height);
     this.redraw();
     this.desk.viewed(this);

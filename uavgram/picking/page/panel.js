@@ -1,15 +1,11 @@
 // The tab of measurements: points, lengths, what is measured, and what the program has to say.
 
-import { entryPart } from "./entry.js";
-import { fixed, missing, node, valueText, withSigma } from "./format.js";
+import { entryPart, KINDS } from "./entry.js";
+import { degrees, fixed, missing, node, valueText, withSigma } from "./format.js";
 import { TOOLS } from "./keys.js";
-import { adjusted, labels, pickAt, stale, store } from "./store.js";
-import { drop, fill, keep, list, remove, table, titled, wCell, withValues } from "./table.js";
-
-export const KINDS = {
-  distance: "Distance", polyline: "Polyline", area: "Area", angle: "Angle",
-  line_distance: "Distance from a line", skid_speed: "Skid speed", coordinate: "Coordinate", speed: "Speed",
-};
+import { placeText } from "./speed.js";
+import { adjusted, labels, pickAt, picksOf, stale, store } from "./store.js";
+import { about, drop, fill, keep, list, remove, table, titled, wCell, withValues } from "./table.js";
 
 export function showMeasure(section, desk) {
   fill(section, [
@@ -26,11 +22,18 @@ function missingPart() {
 // What the tool in hand waits for.
 const hint = node("p", { class: "hint", role: "status" });
 function hintPart({ tool, draft, entry }) {
-  const { name, least, most } = TOOLS[tool];
-  const more = draft.length < least ? `${least - draft.length} more` : "another one, or Enter to end";
-  const words = tool === "pick" || entry ? "" : `${name}: ${draft.length ? `${draft.join(" \u2013 ")}, ${more}` : `choose ${most === least ? least : `${least} or more`} points`} (click, or N B and Enter; Esc stops)`;
+  const words = tool === "pick" || entry ? "" : hintText(TOOLS[tool], draft);
   if (hint.textContent !== words) hint.textContent = words;
   return hint;
+}
+
+function hintText({ name, what, least, most, apart }, draft) {
+  if (apart && draft.length) return `${name}. ${placeText(draft[0])}. Now show another photo (Page Down or the strip), and click where the same thing is there. Esc stops.`;
+  const begin = `${name}: ${draft.length ? draft.join(" \u2013 ") : what}`;
+  if (apart) return `${begin}. Choose where it is in this photo (click, or N B and Enter; Esc stops).`;
+  const count = most === least ? least : `${least} or more`;
+  const more = !draft.length ? `. Choose ${count} point${count === 1 ? "" : "s"}` : draft.length < least ? `, ${least - draft.length} more` : ", another one, or Enter to end";
+  return `${begin}${more} (click, or N B and Enter; Esc stops).`;
 }
 
 function pointsPart(desk) {
@@ -46,7 +49,8 @@ function pointsPart(desk) {
   for (const pick of store.picks.values()) count.set(pick.label, (count.get(pick.label) ?? 0) + 1);
   const facts = all.map((label) => {
     const point = now?.points[label];
-    return { label, fit: worst.get(label), sigma: point ? Math.max(...point.sigma) * 1000 : null, count: count.get(label) };
+    const sigma = point && all.length > 1 ? Math.max(...point.sigma) * 1000 : null; // within the survey: one alone has none
+    return { label, fit: worst.get(label), sigma, count: count.get(label) };
   });
   const sign = [desk.selected, facts.map(({ label, fit, sigma, count: photos }) => [label, fit?.w, fit?.status, sigma, photos])];
   return keep("points", sign, () => pointsTable(facts, desk));
@@ -57,16 +61,19 @@ function pointsTable(facts, desk) {
     const kind = store.control.includes(label) ? " control" : store.check.includes(label) ? " check" : "";
     const chosen = desk.selected === label;
     return node("tr", { class: chosen ? "selected" : "", "data-row": `point ${label}` },
-      node("td", { title: label }, node("button", { class: "link", name: "select", "aria-pressed": chosen, onclick: () => desk.select(label) }, label), node("span", { class: "dim" }, kind)),
+      node("td", { class: "named", title: label }, node("button", { class: "link", name: "select", "aria-pressed": chosen, onclick: () => desk.select(label) }, label), node("span", { class: "dim" }, kind)),
       node("td", {}, `${count}`), node("td", { class: "value" }, fixed(sigma, sigma < 10 ? 1 : 0)), node("td", { class: "value" }, wCell(fit?.w, fit?.status)));
   });
-  return titled(`Points (${facts.length})`, table("Points", ["label", "photos", "\u03c3 mm", "worst w"], rows));
+  return titled(`Points (${facts.length})`, table("Points", ["label", "photos", about("\u03c3 mm", `within the survey; ${SIGMA}`), about("worst w", W)], rows));
 }
+
+const SIGMA = "standard deviation: the true value lies within twice as much 19 times out of 20";
+const W = "how far it is off, in its own standard deviations; what is above about 3 deserves a second look";
 
 // The point that is selected, and its pick in this photo: what a person may say of them.
 function pickPart(desk) {
   const label = desk.selected;
-  const one = label ? [...store.picks.values()].find((pick) => pick.label === label) : null;
+  const [one] = label && !desk.entry ? picksOf(label) : [];
   if (!one || !desk.active) return null;
   const pick = pickAt(desk.active.image, label);
   const field = (name, caption, value, hint, act) => node("label", {}, caption, node("input", {
@@ -83,7 +90,7 @@ function lengthsPart(desk) {
   if (!store.lines.length) return null;
   const now = adjusted();
   const part = keep("lengths", store.lines, () => titled(`Lengths (${store.lines.length})`,
-    table("Known lengths", ["name", "taped m", "adjusted", "\u03c3", "w", ""], store.lines.map((line) => lengthRow(line, desk)))));
+    table("Known lengths", ["name", "taped m", about("adjusted", "in metres, as all observations together have it"), about("\u03c3", SIGMA), about("w", W), ""], store.lines.map((line) => lengthRow(line, desk)))));
   const fits = store.lines.map((line) => now?.lines[line.name]);
   return withValues(part, fits.flatMap((fit) => [[fixed(fit?.adjusted, 3)], [fixed(fit?.sigma, 3)], [wCell(fit?.w, fit?.status)]]));
 }
@@ -92,8 +99,8 @@ function lengthRow(line, desk) {
   const value = () => node("td", { class: "value" });
   const change = (changes) => desk.send({ t: "line", ...line, was: line.name, ...changes });
   const use = line.adjust ? [`Withhold ${line.name}: only judge it`, "Withhold: only judge it", "\u2713"] : [`Use ${line.name}`, "Use it", "\u25cb"];
-  return node("tr", { "data-row": `line ${line.name}`, title: `${line.start} \u2013 ${line.end}${line.adjust ? "" : ", withheld"}` },
-    node("td", {}, node("button", { class: "link", name: "change", "aria-label": `Change length ${line.name}, ${line.start} to ${line.end}`, onclick: () => desk.change("line", line) }, line.name),
+  return node("tr", { "data-row": `line ${line.name}`, title: `${line.name}: ${line.start} \u2013 ${line.end}${line.adjust ? "" : ", withheld"}` },
+    node("td", { class: "named" }, node("button", { class: "link", name: "change", "aria-label": `Change length ${line.name}, ${line.start} to ${line.end}`, onclick: () => desk.change("line", line) }, line.name),
       line.adjust ? null : node("span", { class: "dim" }, " check")),
     node("td", {}, node("input", {
       name: "length", value: line.length, inputmode: "decimal", autocomplete: "off", "aria-label": `${line.name}, taped length in metres`,
@@ -112,10 +119,28 @@ function measurementsPart(desk) {
   const now = adjusted();
   const part = keep("measurements", store.measurements, () => titled(`Measurements (${store.measurements.length})`,
     table("Measurements", ["name", "value \u00b1 \u03c3", ""], store.measurements.map((one) => measurementRow(one, desk)))));
-  return withValues(part, store.measurements.map((one) => partsOf(one)
-    .map(([found, prefix]) => (now?.measurements[found] ? `${prefix}${valueText(now.measurements[found])}` : missing))
-    .flatMap((value, k) => (k ? [node("br"), value] : [value]))));
+  return withValues(part, store.measurements.map((one) => valuesOf(one, now).flatMap((value, k) => (k ? [node("br"), value] : [value]))));
 }
+
+// The lines of a measurement's value. A coordinate has several: east and north, and where that is on
+// the earth; of a survey that nothing ties to the earth only the first two.
+function valuesOf({ name, kind, points }, now) {
+  const rows = kind === "coordinate" ? [`${name} east`, `${name} north`] : [name];
+  const found = rows.map((row) => now?.measurements[row]);
+  if (!found.every(Boolean)) return [missing];
+  if (found[0].value === null) return [unmeasured(name)];
+  if (kind !== "coordinate") return [valueText(found[0])];
+  const [east, north] = found;
+  const [latitude, longitude] = now.earth[points[0]] ?? [];
+  return [`E ${valueText(east)}`, `N ${valueText(north)}`, ...(latitude === undefined ? [] : [`lat ${degrees(latitude, north.sigma)}`, `lon ${degrees(longitude, east.sigma)}`])];
+}
+
+function unmeasured(name) {
+  const why = remarks().find(({ code, text }) => code === "measurement-null" && text.includes(`'${name}'`));
+  return node("span", { class: "bad", title: why?.text }, "not measured");
+}
+
+const ON_EARTH = "East and north of the survey's origin in metres; latitude and longitude in degrees (WGS 84) where it is tied to the earth";
 
 function measurementRow(one, desk) {
   const kind = KINDS[one.kind] ?? one.kind;
@@ -123,11 +148,8 @@ function measurementRow(one, desk) {
   return node("tr", { "data-row": `measure ${one.name}`, title: `${kind}: ${points}` },
     node("td", { class: "named" }, node("button", { class: "link", name: "change", "aria-label": `Change ${one.name}, ${kind} ${points}`, onclick: () => desk.change("measure", one) }, one.name),
       node("span", { class: "dim" }, ` ${points}`)),
-    node("td", { class: "value" }), node("td", {}, remove(one.name, () => desk.send({ t: "unmeasure", name: one.name }))));
+    node("td", { class: "value", title: one.kind === "coordinate" ? ON_EARTH : null }), node("td", {}, remove(one.name, () => desk.send({ t: "unmeasure", name: one.name }))));
 }
-
-// A coordinate is measured as two values.
-const partsOf = ({ name, kind }) => (kind === "coordinate" ? [[`${name} east`, "E "], [`${name} north`, "N "]] : [[name, ""]]);
 
 function advicePart(desk) {
   const advice = adjusted()?.advice;
@@ -178,7 +200,7 @@ function knownPart(desk) {
 export function modeText() {
   if (!store.connected) return ["none", "no connection"];
   if (store.mode === "none" && !stale()) return ["none", "nothing adjusted yet"];
-  if (store.mode === "linearised") return ["linearised", "linearised (first order)"];
+  if (store.mode === "linearised") return ["linearised", "to first order"];
   if (stale() || store.mode === "waiting") return ["waiting", "adjusting\u2026"];
   return ["adjusted", `adjusted in ${store.live.seconds.toFixed(2)} s`];
 }

@@ -12,6 +12,7 @@ export const store = {
   liveFor: -1,
   mode: "waiting",
   connected: false,
+  gone: false, // not connected for so long that it is to be said
   fault: "",
 };
 
@@ -114,12 +115,15 @@ function layOver(message) {
   for (const [label, world] of Object.entries(message.points)) {
     if (base.points[label]) base.points[label].world = world;
   }
+  base.earth = message.earth;
 }
 
 export const adjusted = () => (store.live?.mode === "adjusted" ? store.live : null);
 export const stale = () => store.liveFor < store.version;
 export const pickAt = (image, label) => store.picks.get(pickKey(image, label));
 export const fitOf = (image, label) => adjusted()?.pickAt.get(pickKey(image, label));
+
+export const picksOf = (label) => [...store.picks.values()].filter((pick) => pick.label === label);
 
 export function labels() {
   return [...new Set([...store.picks.values()].map((pick) => pick.label))];
@@ -137,7 +141,7 @@ export function predictedIn(image) {
   return expected.length ? [...predicted, ...expected] : predicted;
 }
 
-const isPicked = (label) => [...store.picks.values()].some((pick) => pick.label === label);
+const isPicked = (label) => picksOf(label).length > 0;
 
 // Where a label is in a photo: its pick, else its predicted place.
 export function placeOf(image, label) {

@@ -34,12 +34,22 @@ export function fill(section, parts) {
 function focusIn(section) {
   const at = document.activeElement;
   if (!section.contains(at) || !at.name) return null;
-  return { name: at.name, row: at.closest("[data-row]")?.dataset.row, value: at.value };
+  const row = at.closest("[data-row]");
+  const rows = row?.closest("tbody")?.children ?? [];
+  return { name: at.name, row: row?.dataset.row, table: row?.closest("table")?.getAttribute("aria-label"), place: [...rows].indexOf(row), value: at.value };
+}
+
+// The row that was focused; where its button removed it, the one that took its place, or the last.
+function rowOf(section, { name, row, table: caption, place }) {
+  const same = section.querySelector(`[data-row="${CSS.escape(row)}"]`);
+  if (same || name !== "remove") return same;
+  const rows = section.querySelector(`table[aria-label="${caption}"] tbody`)?.children ?? [];
+  return rows[Math.min(place, rows.length - 1)];
 }
 
 function restore(section, focus) {
   if (!focus) return;
-  const scope = focus.row === undefined ? section : section.querySelector(`[data-row="${CSS.escape(focus.row)}"]`);
+  const scope = focus.row === undefined ? section : rowOf(section, focus);
   const at = scope?.querySelector(`[name="${focus.name}"]`);
   if (!at || at === document.activeElement) return;
   at.focus({ preventScroll: true });
@@ -54,9 +64,12 @@ export function table(caption, heads, rows) {
   return rows.length > LONG ? node("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": `${caption}, scrolls` }, made) : made;
 }
 
+// A word that says what it means where the pointer rests on it.
+export const about = (words, meaning) => node("span", { class: "about", title: meaning }, words);
+
 export const titled = (title, ...parts) => node("div", { class: "part" }, node("h2", {}, title), ...parts);
 
-export const remove = (what, act) => node("button", { class: "small", "aria-label": `Remove ${what}`, title: `Remove ${what}`, onclick: act }, "\u00d7");
+export const remove = (what, act) => node("button", { class: "small", name: "remove", "aria-label": `Remove ${what}`, title: `Remove ${what}`, onclick: act }, "\u00d7");
 
 export const list = (messages) => node("ul", { class: "messages" }, ...messages.map((message) => node("li", { class: message.level }, message.text)));
 

@@ -10,6 +10,8 @@ const under = new Map(); // key -> AbortController
 const failed = new Set();
 const wanted = new Map(); // owner -> keys, the most wanted first
 const drawn = new Map(); // owner -> how many tiles it draws
+const shown = new Map(); // owner -> the photo that it shows
+const page = Math.random().toString(36).slice(2, 14);
 let arrived = () => {};
 
 export function onTile(callback) {
@@ -19,6 +21,8 @@ export function onTile(callback) {
 export function tileKey(photo, level, column, row) {
   return `${photo}/${level}/${column}/${row}`;
 }
+
+const photoOf = (key) => Number(key.split("/", 1)[0]);
 
 export function tile(key) {
   const found = kept.get(key);
@@ -31,6 +35,7 @@ export function tile(key) {
 
 export function want(owner, keys, count) {
   drawn.set(owner, count);
+  if (keys.length) shown.set(owner, photoOf(keys[0]));
   wanted.set(owner, keys.filter((key) => !kept.has(key) && !failed.has(key)));
   const all = new Set([...wanted.values()].flat());
   for (const [key, control] of under) {
@@ -42,6 +47,7 @@ export function want(owner, keys, count) {
 export function forget(owner) {
   wanted.delete(owner);
   drawn.delete(owner);
+  shown.delete(owner);
 }
 
 function mostKept() {
@@ -63,8 +69,10 @@ async function load(key) {
   const control = new AbortController();
   under.set(key, control);
   try {
-    const photo = store.photos[key.split("/", 1)[0]];
-    const answer = await fetch(`/photo/${key}.jpg?${photo.digest}`, { signal: control.signal });
+    const photo = store.photos[photoOf(key)];
+    // The server keeps decoded what is shown side by side, and little else.
+    const headers = { "x-shown": `${page} ${[...new Set(shown.values())].join()}` };
+    const answer = await fetch(`/photo/${key}.jpg?${photo.digest}`, { signal: control.signal, headers });
     if (!answer.ok) throw new Error(`${answer.status}`);
     const picture = await createImageBitmap(await answer.blob());
     kept.set(key, picture);
@@ -77,7 +85,7 @@ async function load(key) {
     if (fault.name !== "AbortError") failed.add(key);
   } finally {
     under.delete(key);
-    arrived(Number(key.split("/", 1)[0]));
+    arrived(photoOf(key));
     next();
   }
 }

@@ -1,9 +1,12 @@
 // Tools: what a click makes, and which names are free.
 
-import { entryMessage, parse } from "./entry.js";
+import { entryMessage, noNumber, parse, showFault } from "./entry.js";
 import { byId, choose } from "./format.js";
 import { TOOLS } from "./keys.js";
+import { placeFault } from "./speed.js";
 import { freeName, labels, pickAt, store } from "./store.js";
+
+const ASKED = ["skid_speed", "speed"]; // kinds that take more than their points
 
 export const toolActions = {
   setTool(tool) {
@@ -21,9 +24,20 @@ export const toolActions = {
   // The label that a click places: the one in the box, or the next free one where that is taken.
   labelFor(image) {
     const given = this.label();
-    const isTaken = pickAt(image, given) || this.coming("place").some((one) => one.image === image && one.label === given);
-    if (given && !given.includes(";") && !isTaken) return given;
-    return this.freeLabel(given);
+    const taken = this.taken(image, given);
+    if (given && !given.includes(";") && !taken) return given;
+    const free = this.freeLabel(given);
+    if (taken && this.typed) this.notice(`${given} is picked ${taken} already: this point is called ${free}.`, true);
+    return free;
+  },
+
+  // Where a label stands that cannot be placed in a photo; empty where it can. What moves is at
+  // another place in each photo, so there each place has a label of its own.
+  taken(image, label) {
+    const apart = TOOLS[this.tool].apart;
+    const coming = this.coming("place").filter((one) => one.label === label);
+    if (pickAt(image, label) || coming.some((one) => one.image === image)) return "in this photo";
+    return apart && (coming.length || labels().includes(label)) ? "in another photo" : "";
   },
 
   freeLabel(given) {
@@ -60,6 +74,7 @@ export const toolActions = {
   placeAt(pane, label, u, v, sigma = null) {
     this.send({ t: "place", image: pane.image, label, u, v, sigma });
     this.selected = label;
+    this.typed = false;
     byId("label").value = label;
   },
 
@@ -71,6 +86,11 @@ export const toolActions = {
   extend(label) {
     const tool = TOOLS[this.tool];
     if (this.draft.at(-1) === label) return;
+    const why = tool.apart && labels().includes(label) ? placeFault(label) : "";
+    if (why) {
+      this.notice(why);
+      return;
+    }
     if (this.tool === "area" && this.draft.length >= 3 && label === this.draft[0]) {
       this.finish();
       return;
@@ -86,13 +106,16 @@ export const toolActions = {
     if (points.length < (tool.least ?? 99)) return false;
     this.draft = [];
     if (this.tool === "length") this.askLength(points[0], points[1]);
-    else {
-      const name = this.freeNameOf("measure", tool.prefix, store.measurements);
-      if (this.tool === "skid_speed") this.ask({ t: "measure", kind: this.tool, points, name });
-      else this.send({ t: "measure", was: "", name, kind: this.tool, points });
-    }
+    else this.measure(this.tool, points, this.freeNameOf("measure", tool.prefix, store.measurements));
     this.rebuild();
     return true;
+  },
+
+  measure(kind, points, name) {
+    const there = store.measurements.find((one) => kind === "coordinate" && one.kind === kind && one.points[0] === points[0]);
+    if (there) this.notice(`${there.name} is the coordinate of ${points[0]} already.`, true);
+    else if (ASKED.includes(kind)) this.ask({ t: "measure", kind, points, name });
+    else this.send({ t: "measure", was: "", name, kind, points });
   },
 
   askLength(start, end) {
@@ -107,9 +130,11 @@ export const toolActions = {
   },
 
   entered(form) {
-    const { message, why } = entryMessage(this.entry, form);
+    const there = this.entry.t === "line" ? store.lines : store.measurements;
+    const taken = [...there, ...this.coming(this.entry.t)].map((one) => one.name);
+    const { message, why, field } = entryMessage(this.entry, new FormData(form), taken);
     if (why) {
-      this.notice(why);
+      showFault(form, why, field);
       return;
     }
     if (message.t === "line") this.lastSigma = message.sigma;
@@ -145,7 +170,8 @@ export const toolActions = {
   number(input, act) {
     const value = input.value.trim() ? parse(input.value) : null;
     if (value !== null && !Number.isFinite(value)) {
-      this.notice(`${input.value} is no number`);
+      this.notice(noNumber(input.value));
+      input.value = input.defaultValue;
       return;
     }
     act(value);

@@ -23,6 +23,7 @@ from uavgram.stages.calibrate.judged import Judged, judge
 from uavgram.stages.calibrate.maps import image_maps
 from uavgram.stages.calibrate.remarks import remarks
 from uavgram.stages.calibrate.tables import corner_results, photo_results
+from uavgram.stages.calibrate.two_cameras import refuse_two_cameras
 from uavgram.stages.calibrate.usable import usable_photos
 
 
@@ -43,7 +44,8 @@ def calibrate(
     Raises
     ------
     GeometryError
-        The photos do not determine the camera; the message says what is missing.
+        The photos do not determine the camera, and the message says what is missing; or they are
+        of two cameras, and it says which are of which.
     """
     observations, left_out = usable_photos(observations)
     corners = pad(observations, options.bow)
@@ -51,6 +53,7 @@ def calibrate(
     start = start_staged(options, corners, (photo.width_px, photo.height_px))
     options, start, models = _decide(options, corners, start)
     judged = judge(observations, options, corners, snoop(lens_of(options), corners, start, options))
+    about_cameras = refuse_two_cameras(judged)
     if not models:
         own = score(judged.fit, judged.held, options.coefficients, judged.sigma_px, is_chosen=True)
         models = (own,)
@@ -73,7 +76,7 @@ def calibrate(
         maps=image_maps(judged, camera),
         messages=(),
     )
-    return replace(result, messages=remarks(judged, result))
+    return replace(result, messages=(*about_cameras, *remarks(judged, result)))
 
 
 def _decide(

@@ -56,7 +56,12 @@ def judge_overall(
         rms_error_m=float(np.sqrt(np.mean(error**2))),
         mean_error_percent=float(100.0 * share.mean()) if withheld else np.nan,
     )
-    return overall, _messages(overall, significance)
+    if overall.probability >= significance or not adjustment.minimum.converged:
+        return overall, ()
+    names = [lines.name[i] for i in withheld] + [known.label[i] for i in chosen]
+    of = np.concatenate([np.arange(len(withheld)), len(withheld) + np.arange(3 * len(chosen)) // 3])
+    off = _off_alone(error, joint, of, significance)
+    return overall, (_message(overall, [names[k] for k in off], len(names)),)
 
 
 def _values(
@@ -75,12 +80,41 @@ def _values(
     return value, unknown, gradient
 
 
-def _messages(overall: ChecksOverall, significance: float) -> tuple[Message, ...]:
-    if overall.probability >= significance:
-        return ()
+def _off_alone(error: Floats, joint: Floats, of: Ints, significance: float) -> list[int]:
+    """Checks that do not fit by themselves, if all others do without them; else none.
+
+    Parameters
+    ----------
+    error, joint
+        (n,), (n, n) all errors and their covariance.
+    of
+        (n,) which check each is of.
+    """
+    off = []
+    for check in range(int(of[-1]) + 1):
+        own = np.flatnonzero(of == check)
+        squared = float(error[own] @ np.linalg.solve(joint[np.ix_(own, own)], error[own]))
+        if upper_tail(squared, len(own)) < significance:
+            off.append(check)
+    rest = np.flatnonzero(~np.isin(of, off))
+    if not off or not len(rest):
+        return []
+    squared = float(error[rest] @ np.linalg.solve(joint[np.ix_(rest, rest)], error[rest]))
+    return off if upper_tail(squared, len(rest)) >= significance else []
+
+
+def _message(overall: ChecksOverall, off: list[str], checks: int) -> Message:
+    cause = (
+        "the stated sigmas of lengths, picks or log are too small, or something common to all is "
+        "wrong."
+    )
+    if off:
+        cause = (
+            f"that is {', '.join(repr(name) for name in off)} alone; the other {checks - len(off)} "
+            "fit."
+        )
     text = (
         f"The {overall.count} checks as a whole are further off than their uncertainties allow "
-        f"(chi-square {overall.chi2:.1f}, probability {overall.probability:.1g}): the stated "
-        "sigmas of lengths, picks or log are too small, or something common to all is wrong."
+        f"(chi-square {overall.chi2:.1f}, probability {overall.probability:.1g}): {cause}"
     )
-    return (Message("warning", "checks-misfit", text),)
+    return Message("warning", "checks-misfit", text)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -30,7 +31,8 @@ class Examined:
     groups
         Its observations and priors by group.
     suspicions
-        Those that do not fit, and what no test can part from them.
+        Those that do not fit, and what no test can part from them; none where the adjustment did
+        not come to rest: its residuals say nothing of where the fault lies.
     worst, weakest
         External reliability, by observation and by measurement.
     names
@@ -69,6 +71,11 @@ class Examined:
         suspect = np.zeros(len(group.w), dtype=bool)
         suspect[np.array(rows, dtype=np.int64)] = True
         return suspect
+
+    def significant(self, w: float) -> bool:
+        """Whether a test statistic means that something does not fit."""
+        large = abs(w) > critical_value(self.significance)
+        return bool(large and self.adjustment.minimum.converged)
 
     def effects(self, kind: str, rows: Ints) -> Effects:
         """Effects of undetected errors in some observations of a group; none for rows < 0."""
@@ -127,13 +134,22 @@ def examine(
     return Examined(
         refined=refined,
         groups=groups,
-        suspicions=tuple(suspicions(adjustment, groups, significance, refined.accused)),
+        suspicions=_suspicions(refined, groups, significance),
         worst=worst,
         weakest=weakest,
         names=named(refined, lines, line_index),
         measured=measured,
         significance=significance,
     )
+
+
+def _suspicions(
+    refined: Refined, groups: dict[str, Observed], significance: float
+) -> tuple[Suspicion, ...]:
+    if not refined.adjustment.minimum.converged:
+        return ()
+    found = suspicions(refined.adjustment, groups, significance, refined.accused)
+    return tuple(islice(found, 1) if refined.accused_alone else found)
 
 
 def named(refined: Refined, lines: KnownLines, line_index: Ints) -> Names:

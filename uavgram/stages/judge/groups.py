@@ -17,16 +17,21 @@ GROUP_WORDS = {
 
 
 def judge_groups(
-    adjustment: Adjustment, significance: float
+    adjustment: Adjustment, significance: float, *, explained: bool = False
 ) -> tuple[tuple[GroupFactor, ...], tuple[Message, ...]]:
-    """Variance factor of each group of observations; a message on each that is too large."""
+    """Variance factor of each group of observations; a message on each that is too large.
+
+    No message where one observation explains them all (`explained`), which is named as such, nor
+    where the adjustment did not come to rest.
+    """
+    silent = explained or not adjustment.minimum.converged
     groups, messages = [], []
     for name, block in adjustment.minimum.blocks.items():
         if name == "gauge":
             continue
         fit = group_fit(block, adjustment.minimum.factor, adjustment.covariance)
         groups.append(GroupFactor(name=name, observations=block.residual.size, **fit._asdict()))
-        if fit.probability < significance and name in GROUP_WORDS:
+        if fit.probability < significance and name in GROUP_WORDS and not silent:
             text = (
                 f"The {GROUP_WORDS[name]} fit worse than stated: variance factor "
                 f"{fit.variance_factor:.1f}, probability {fit.probability:.1g}. The uncertainties "

@@ -7,13 +7,13 @@ from difflib import get_close_matches
 import numpy as np
 
 from uavgram.estimation.adjustment import Adjustment
-from uavgram.estimation.reliability import critical_value
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.evidence import Effects
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownLines
 from uavgram.model.result_tables import LineChecks, LineResults, LineStatus
 from uavgram.stages.judge.examine import Examined
+from uavgram.stages.judge.gross import judge_gross, mistake
 from uavgram.stages.judge.picks import rows_of
 
 _COLUMNS = ("adjusted_m", "adjusted_sigma_m", "residual_m", "w", "redundancy", "mdb_m")
@@ -40,7 +40,7 @@ def judge_lines(
     effects
         (L,) what an undetected error in each would do.
     messages
-        On lengths never seen, and withheld ones that do not fit.
+        On lengths never seen, those left out, and withheld ones that do not fit.
     """
     refined, adjustment = examined.refined, examined.adjustment
     columns = {name: np.full(len(lines.name), np.nan) for name in _COLUMNS}
@@ -51,8 +51,8 @@ def judge_lines(
     withheld = ~np.asarray(lines.adjust, dtype=bool) & np.isfinite(columns["adjusted_m"])
     sigma = np.hypot(columns["adjusted_sigma_m"], lines.sigma_m)
     columns["w"][withheld] = (columns["residual_m"] / sigma)[withheld]
-    limit = critical_value(examined.significance)
-    messages: list[Message] = []
+    adjusted = columns["adjusted_m"], columns["adjusted_sigma_m"]
+    messages = list(judge_gross(refined, lines, survey_index, *adjusted))
     status: list[LineStatus] = []
     suspect = examined.suspect("lengths") if "lengths" in examined.groups else np.zeros(0, bool)
     known = adjustment.survey.label
@@ -63,7 +63,7 @@ def judge_lines(
             messages.append(_unseen(name, missing, known))
         elif withheld[i]:
             status.append("checked")
-            if abs(columns["w"][i]) > limit:
+            if examined.significant(columns["w"][i]):
                 messages.append(_does_not_fit(lines, i, columns))
         elif row[i] < 0:
             status.append("removed")
@@ -88,12 +88,8 @@ def _adjusted_lengths(
     start = np.array([place.get(p, -1) for p in lines.start], dtype=np.int64)
     end = np.array([place.get(p, -1) for p in lines.end], dtype=np.int64)
     seen = np.flatnonzero((start >= 0) & (end >= 0))
-    length, gradient, unknowns = adjustment.problem.lengths_between(
-        adjustment.state, start[seen], end[seen]
-    )
-    columns["adjusted_m"][seen] = length
-    variance = adjustment.minimum.factor.variances(unknowns, gradient)
-    columns["adjusted_sigma_m"][seen] = np.sqrt(variance)
+    length, sigma = adjustment.lengths(start[seen], end[seen])
+    columns["adjusted_m"][seen], columns["adjusted_sigma_m"][seen] = length, sigma
     columns["residual_m"][:] = columns["adjusted_m"] - lines.length_m
 
 
@@ -118,10 +114,13 @@ def _unseen(name: str, missing: list[str], known: tuple[str, ...]) -> Message:
 
 
 def _does_not_fit(lines: KnownLines, i: int, columns: dict[str, Floats]) -> Message:
+    found = float(columns["adjusted_m"][i])
+    what = mistake(lines, i, found, float(columns["adjusted_sigma_m"][i]))
+    ask = f"{what[0].upper()}{what[1:]}? " if what else ""
     text = (
         f"The withheld length {lines.name[i]!r} does not fit: taped {lines.length_m[i]:.3f} m, "
-        f"found {columns['adjusted_m'][i]:.3f} m (w = {columns['w'][i]:.1f}). Look at the reading, "
-        "at its ends and at their picks."
+        f"found {found:.3f} m (w = {columns['w'][i]:.1f}). {ask}Look at the reading, at its ends "
+        "and at their picks."
     )
     return Message("warning", "line-suspect", text)
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.adjustment import Adjustment
+from uavgram.estimation.coordinate_faults import displaced, likely_fault
+from uavgram.estimation.reliability import upper_tail
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownWorldPoints
 from uavgram.model.result_tables import PointChecks
 
 
 def judge_points(
-    adjustment: Adjustment, known: KnownWorldPoints
+    adjustment: Adjustment, known: KnownWorldPoints, significance: float
 ) -> tuple[PointChecks, tuple[Message, ...]]:
-    """Result minus known coordinates of check points; those never picked are named.
+    """Result minus known coordinates of check points; those far off, or never picked, are named.
 
     Nothing is judged with gauge ``plane``: coordinates mean nothing there.
     """
@@ -31,10 +33,22 @@ def judge_points(
         sigma_m=np.sqrt(np.einsum("nii->ni", joint)),
         mahalanobis=np.sqrt(squared),
     )
-    messages = tuple(
+    messages = [
         Message(
             "warning", "check-unseen", f"The check point {known.label[i]!r} has no usable pick."
         )
         for i in np.flatnonzero(index < 0)
+    ]
+    if adjustment.minimum.converged:
+        off = [upper_tail(float(each), 3) < significance for each in squared]
+        messages += [_off(checks, int(i)) for i in np.flatnonzero(off)]
+    return checks, tuple(messages)
+
+
+def _off(checks: PointChecks, i: int) -> Message:
+    off = -checks.error_m[i]
+    text = (
+        f"The check point {checks.label[i]!r} is {displaced(off, checks.sigma_m[i])}: look at its "
+        f"coordinates{likely_fault(off)} and its picks."
     )
-    return checks, messages
+    return Message("warning", "check-suspect", text)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.adjustment import Adjustment, Refined
+from uavgram.estimation.adjustment import Refined
 from uavgram.estimation.measured import values_at
 from uavgram.model.arrays import Ints
 from uavgram.model.evidence import RemovalRecord
@@ -31,28 +31,45 @@ def judge_removals(
     requests, frames
         What is measured, before and after each step.
     """
+    name_of = {int(index): lines.name[i] for i, index in enumerate(line_index) if index >= 0}
     steps = [removal.before for removal in refined.removals] + [refined]
-    values = [values_at(r.adjustment, r.adjustment.state, requests, frames) for r in steps]
+    values = [
+        None if r is None else values_at(r.adjustment, r.adjustment.state, requests, frames)
+        for r in steps
+    ]
     records = []
     for k, removal in enumerate(refined.removals):
-        suspicion = removal.suspicion
-        names = named(removal.before, lines, line_index)
+        suspicion, before = removal.suspicion, values[k]
+        later = next(j for j in range(k + 1, len(steps)) if steps[j] is not None)
+        after = values[later]
+        assert after is not None  # noqa: S101  (that step is there)
+        what = f"length {name_of.get(removal.index)!r}"
+        group: tuple[str, ...] = ()
+        rivals: tuple[str, ...] = ()
+        if removal.before is not None:
+            names = named(removal.before, lines, line_index)
+            what = names.observation(suspicion.accused)
+            group = tuple(names.observation(m) for m in suspicion.group)
+            rivals = tuple(names.observation(m) for m in suspicion.rivals)
         records.append(
             RemovalRecord(
-                what=names.observation(suspicion.accused),
+                what=what,
                 w=suspicion.w,
-                group=tuple(names.observation(m) for m in suspicion.group),
-                rivals=tuple(names.observation(m) for m in suspicion.rivals),
-                variance_factor_before=_variance_factor(steps[k].adjustment),
-                variance_factor_after=_variance_factor(steps[k + 1].adjustment),
-                change=tuple((values[k + 1] - values[k]).tolist()),
+                group=group,
+                rivals=rivals,
+                variance_factor_before=_variance_factor(steps[k]),
+                variance_factor_after=_variance_factor(steps[later]),
+                change=tuple((after - (np.nan if before is None else before)).tolist()),
             )
         )
     return tuple(records)
 
 
-def _variance_factor(adjustment: Adjustment) -> float:
-    minimum = adjustment.minimum
+def _variance_factor(refined: Refined | None) -> float:
+    """Of an adjustment; NaN where there is none, or no redundancy."""
+    if refined is None:
+        return float(np.nan)
+    minimum = refined.adjustment.minimum
     observations = sum(block.residual.size for block in minimum.blocks.values())
-    degrees = observations - adjustment.problem.layout.size
+    degrees = observations - refined.adjustment.problem.layout.size
     return minimum.cost / degrees if degrees > 0 else float(np.nan)

@@ -66,6 +66,7 @@ def _length(examined: Examined, suspicion: Suspicion) -> str:
     return (
         f"The {what} does not fit: taped {taped:.3f} m, adjusted {adjusted:.3f} m "
         f"(w = {suspicion.w:.1f}). Look at the reading, at its ends and at their picks."
+        f"{' Without it, everything else fits.' if examined.refined.accused_alone else ''}"
     )
 
 

@@ -9,7 +9,7 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.adjustment import Adjustment, Refined
 from uavgram.estimation.first_values import FirstValues
 from uavgram.estimation.ground_planes import area_centroids, first_planes
-from uavgram.estimation.least_squares import MAX_ITERATIONS, Minimum, minimise
+from uavgram.estimation.least_squares import Minimum, minimise
 from uavgram.estimation.line_advice import line_faults
 from uavgram.estimation.normal_equations import SingularError
 from uavgram.estimation.survey_problem import SurveyProblem
@@ -17,10 +17,17 @@ from uavgram.estimation.survey_select import select_lines, select_picks
 from uavgram.estimation.survey_state import Layout, State, advance
 from uavgram.model.arrays import Bools
 from uavgram.model.survey import Survey
+from uavgram.stages.refine.poor_camera import iterations_for, settled
 from uavgram.stages.refine.starts import first_values, unusable
 
 AS_GOOD = 0.001
 """Probability below which an alternative's extra cost rules it out."""
+
+SLACK = 1e-9
+"""Damping, as a share of the normal matrix's diagonal, that gives an undetermined rival an end."""
+
+UNDETERMINED = "the observations do not determine "
+"""Opening of the reason why something was left out that nothing determines."""
 
 
 class UndeterminedError(GeometryError):
@@ -36,9 +43,11 @@ def adjust_all(
     keep: Bools,
     line_removed: Bools,
     reason: dict[int, str],
-    most: int = MAX_ITERATIONS,
+    most: int | None = None,
 ) -> Refined:
     """One adjustment of all picks in `keep` that can be placed, all minima, in `most` iterations.
+
+    None: as many as such a survey may need.
 
     Picks without first values are left out, and so are frames and points that nothing determines:
     `pick_reason` of the result says why. The rest goes on.
@@ -93,34 +102,39 @@ def _to_go_on_without(why: UndeterminedError, skipped: list[dict[int, str]]) -> 
 
 
 def _minima(
-    survey: Survey, starts: list[FirstValues], line_used: Bools, most: int
+    survey: Survey, starts: list[FirstValues], line_used: Bools, most: int | None
 ) -> list[Adjustment]:
     """The best minimum, and every other one that explains the observations nearly as well."""
     # A rival that is cut off on its way would go unreported, so several starts have all the time.
-    most = most if len(starts) == 1 else MAX_ITERATIONS
-    found = []
+    if most is None or len(starts) > 1:
+        most = iterations_for(survey.calibration)
+    found, loose = [], []
     undetermined: GeometryError | None = None
     for values in starts:
         try:
             found.append(_minimise(survey, values, line_used, most))
         except GeometryError as error:  # one start may lie where two solutions merge
             undetermined = undetermined or error
+            loose.append(values)
     if undetermined is not None and not found:
         raise undetermined
     found.sort(key=lambda minimum: minimum[1].cost)
     limit = found[0][1].cost + float(chdtri(1, AS_GOOD))
     minima = [_adjustment(*found[0])]
-    for problem, minimum in found[1:]:
-        as_good = minimum.converged and minimum.cost < limit
-        if as_good and all(_apart(known, minimum.state) for known in minima):
+    # What explains the observations as well is a rival, though they may not determine it.
+    rivals = [one for one in found[1:] if one[1].converged]
+    rivals += [_minimise(survey, values, line_used, most, SLACK) for values in loose]
+    for problem, minimum in rivals:
+        if minimum.cost < limit and all(_apart(known, minimum.state) for known in minima):
             minima.append(_adjustment(problem, minimum))
     return minima
 
 
 def _minimise(
-    survey: Survey, values: FirstValues, line_used: Bools, most: int
+    survey: Survey, values: FirstValues, line_used: Bools, most: int, slack: float = 0.0
 ) -> tuple[SurveyProblem, Minimum[State]]:
-    problem = SurveyProblem(survey, area_centroids(survey, values.point_m), line_used)
+    pivot = area_centroids(survey, values.point_m)
+    problem = SurveyProblem(survey, pivot, line_used)
     layout = problem.layout
     point = np.zeros((layout.points, layout.point_size))
     point[:, :2] = values.point_m
@@ -134,16 +148,17 @@ def _minimise(
     )
     try:
         minimum = minimise(
-            state,
+            settled(survey, state, pivot, line_used),
             problem.evaluate,
             lambda now, step: advance(layout, now, step),
             layout.size,
             layout.structure,
             most,
+            slack=slack,
         )
     except SingularError as error:
         raise UndeterminedError(
-            f"the observations do not determine {layout.describe(error.index, survey)}: add known "
+            f"{UNDETERMINED}{layout.describe(error.index, survey)}: add known "
             f"lengths or picks there, or leave it out{_weakness(survey, values, line_used)}",
             _hanging_on(error.index, layout, survey),
         ) from error

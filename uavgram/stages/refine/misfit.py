@@ -39,7 +39,7 @@ def gross(adjustment: Adjustment) -> bool:
 def _by_frame(adjustment: Adjustment) -> Floats:
     """(F,) median residual of each frame's picks, in their sigmas."""
     size = np.linalg.norm(adjustment.minimum.blocks["pixels"].residual, axis=1)
-    return _medians(size, adjustment.survey.pick_frame, len(adjustment.survey.frame_id))
+    return group_medians(size, adjustment.survey.pick_frame, len(adjustment.survey.frame_id))
 
 
 def culprit(cost: float, without: Floats) -> int | None:
@@ -59,10 +59,12 @@ def culprit(cost: float, without: Floats) -> int | None:
     return int(order[0])
 
 
-def _medians(value: Floats, group: Ints, groups: int) -> Floats:
+def group_medians(value: Floats, group: Ints, groups: int) -> Floats:
     """Lower median of the values of each group; 0 where it has none."""
+    if not len(value):
+        return np.zeros(groups)
     order = np.lexsort((value, group))
     number = np.bincount(group, minlength=groups)
     first = np.cumsum(number) - number
-    middle = np.minimum(first + np.maximum(number - 1, 0) // 2, max(len(value) - 1, 0))
+    middle = np.minimum(first + np.maximum(number - 1, 0) // 2, len(value) - 1)
     return np.where(number > 0, value[order][middle], 0.0)

@@ -1,4 +1,4 @@
-"""Adjust without the frames that take all others with them, and name them."""
+"""Adjust without the frames, or the lengths, that take all others with them, and name them."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.adjustment import Refined
-from uavgram.model.arrays import Bools, Ints
+from uavgram.model.arrays import Bools
 from uavgram.model.survey import Survey
+from uavgram.stages.refine.attempts import attempt, ends_among, in_order, misfit
 from uavgram.stages.refine.consensus import contradicting
 from uavgram.stages.refine.minima import adjust_all
-from uavgram.stages.refine.misfit import GAIN, GROSS, MOST_TRIED, culprit, gross, suspects
+from uavgram.stages.refine.misfit import GAIN, MOST_TRIED, culprit, gross, suspects
+from uavgram.stages.refine.wrong_lengths import without_wrong_lengths
 
 MOST_MISPLACED = 3
 """One frame in so many may be left out because it shows something else than the others."""
@@ -20,29 +22,51 @@ MISPLACED = (
     "the rest agrees: look for labels in disorder, or a photo of another place"
 )
 
-TRIAL = 20
-"""Iterations of an adjustment that only has to show whether what was left out was the trouble:
-where it was, few are needed."""
-
 
 def adjust(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, str]) -> Refined:
     """`adjust_all` of the picks in `keep`, without frames that show something else than the others.
 
     `pick_reason` of the result says which, and why. Of a frame of which most picks agree with the
-    others, only the rest is left out.
+    others, only the rest is left out. Of lengths without a log, those that all else rules out are
+    left out too: `line_removed` of the result has them.
+    """
+    refined = failed = None
+    try:
+        refined = _begun(survey, keep, line_removed, reason)
+    except GeometryError as why:
+        failed = why
+    single = without_wrong_lengths(survey, keep, line_removed, reason, refined, 1)
+    if single is not None:
+        refined, line_removed = single, single.line_removed
+    refined, kept, out = _without_misplaced(survey, keep, line_removed, reason, refined)
+    pair = without_wrong_lengths(survey, keep, line_removed, reason, refined, 2)
+    if pair is not None:
+        return pair
+    if refined is None:
+        assert failed is not None  # noqa: S101  (one of the two is always there)
+        raise failed
+    if refined.adjustment.minimum.converged:
+        return refined
+    return adjust_all(survey, kept, line_removed, out)
+
+
+def _without_misplaced(
+    survey: Survey,
+    keep: Bools,
+    line_removed: Bools,
+    reason: dict[int, str],
+    refined: Refined | None,
+) -> tuple[Refined | None, Bools, dict[int, str]]:
+    """The result without frames that show something else, the picks left, and why others are not.
+
+    Parameters as for `_without_culprits`.
     """
     out = dict(reason)
-    refined = failed = None
     left = len(np.unique(survey.pick_frame[keep])) // MOST_MISPLACED
     while True:
-        if refined is None:
-            try:
-                refined = _begun(survey, keep, line_removed, out)
-            except GeometryError as why:
-                failed = why
         better = _without_culprits(survey, keep, line_removed, out, refined, left)
         if better is None:
-            break
+            return refined, keep, out
         frames, rest = better
         left -= len(frames)
         entire = True
@@ -55,12 +79,6 @@ def adjust(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, s
         keep = keep.copy()
         keep[list(out)] = False
         refined = rest if entire else _begun(survey, keep, line_removed, out)
-    if refined is None:
-        assert failed is not None  # noqa: S101  (one of the two is always there)
-        raise failed
-    if refined.adjustment.minimum.converged:
-        return refined
-    return adjust_all(survey, keep, line_removed, out)
 
 
 def _begun(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, str]) -> Refined:
@@ -69,19 +87,6 @@ def _begun(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, s
     if refined.adjustment.minimum.converged or gross(refined.adjustment):
         return refined
     return adjust_all(survey, keep, line_removed, reason)
-
-
-def attempt(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, str]) -> Refined:
-    """`adjust_all` cut short: to see what leaving something out does.
-
-    In order (see `in_order`), it is the result of `adjust`.
-    """
-    return adjust_all(survey, keep, line_removed, reason, TRIAL)
-
-
-def in_order(refined: Refined) -> bool:
-    """Whether an adjustment came to rest, and no frame spoils it."""
-    return refined.adjustment.minimum.converged and not len(suspects(refined.adjustment))
 
 
 def _without_culprits(
@@ -120,10 +125,10 @@ def _without_culprits(
             failures += 1
             continue
         tried.append((frame, rest))
-        costs.append(_misfit(rest, int(without.sum())))
+        costs.append(misfit(rest, int(without.sum())))
     if not tried or len(tried) + failures < 2:
         return None
-    before = np.inf if refined is None else _misfit(refined, int(keep.sum()))
+    before = np.inf if refined is None else misfit(refined, int(keep.sum()))
     found = culprit(before, np.array(costs + failures * [np.inf]))
     if found is not None:
         frame, rest = tried[found]
@@ -143,7 +148,7 @@ def _one_length(
 ) -> bool:
     """Whether a length less, of those that no other frame shows, serves as well as a frame less."""
     mine, others = survey.pick_frame == frame, survey.pick_frame != frame
-    shown, elsewhere = (_ends_among(survey, survey.pick_label[p & keep]) for p in (mine, others))
+    shown, elsewhere = (ends_among(survey, survey.pick_label[p & keep]) for p in (mine, others))
     for line in np.flatnonzero(shown & ~elsewhere & ~line_removed)[:MOST_TRIED]:
         removed = line_removed.copy()
         removed[line] = True
@@ -151,19 +156,9 @@ def _one_length(
             rest = attempt(survey, keep, removed, {})
         except GeometryError:
             continue
-        if _misfit(rest, int(keep.sum())) < GAIN * without:
+        if misfit(rest, int(keep.sum())) < GAIN * without:
             return True
     return False
-
-
-def _ends_among(survey: Survey, labels: Ints) -> Bools:
-    """(L,) whether both ends of a line are among some labels."""
-    return np.asarray(np.isin(survey.line_start, labels) & np.isin(survey.line_end, labels))
-
-
-def _misfit(refined: Refined, picks: int) -> float:
-    """Cost of an adjustment; a pick that it had to leave out counts as one that fits badly."""
-    return refined.adjustment.minimum.cost + GROSS**2 * (picks - len(refined.pick_index))
 
 
 def _suspected(survey: Survey, keep: Bools, refined: Refined | None) -> list[int]:

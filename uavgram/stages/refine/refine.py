@@ -13,9 +13,27 @@ from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
+from uavgram.stages.refine.attempts import attempt, in_order
 from uavgram.stages.refine.blunders import MOST, best_of, blunders
-from uavgram.stages.refine.misplaced import adjust, attempt, in_order
-from uavgram.stages.refine.remarks import indispensable, not_located, remarks, too_many
+from uavgram.stages.refine.gross_control import (
+    control_beyond_doubt,
+    control_left_out,
+    doubtful_control,
+    without_control,
+)
+from uavgram.stages.refine.gross_lengths import (
+    doubtful,
+    with_gross_lengths,
+    wrong_beyond_doubt,
+)
+from uavgram.stages.refine.misplaced import adjust
+from uavgram.stages.refine.remarks import (
+    contradiction,
+    indispensable,
+    not_located,
+    remarks,
+    too_many,
+)
 
 BEYOND_LENS = "the lens model cannot be inverted at that pixel"
 
@@ -39,13 +57,59 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     """
     keep, reason = _in_lens(survey)
     no_pick = np.zeros(len(survey.pick_frame), dtype=bool)
-    no_line = np.zeros(len(survey.line_start), dtype=bool)
-    refined = replace(adjust(survey, keep, no_line, reason), pick_removed=no_pick)
+    survey, refined, left_out = _without_gross_control(survey, keep, reason)
+    refined = replace(refined, pick_removed=no_pick)
     if options.outliers == "remove":
         refined, said = _without_blunders(survey, refined, options.significance)
     else:
         refined, said = _with_the_accused(survey, refined, options.significance), []
-    return refined, (*remarks(survey, refined), *said)
+    refined = with_gross_lengths(survey, refined)
+    return refined, (*left_out, *remarks(survey, refined), *said)
+
+
+def _without_gross_control(
+    survey: Survey, keep: Bools, reason: dict[int, str]
+) -> tuple[Survey, Refined, list[Message]]:
+    """Adjusted without control points and lengths that are wrong beyond doubt.
+
+    The survey without these control points, the result, and what is to be said of them; those that
+    the result does not rule out come back.
+    """
+    out = doubtful_control(survey, keep)
+    while True:
+        rest = without_control(survey, out)
+        refined = _without_gross_lengths(rest, keep, reason)
+        control = np.flatnonzero(out)
+        wrong = control_beyond_doubt(survey, refined, control)
+        if wrong.all():
+            return rest, refined, control_left_out(survey, refined, control)
+        out = out.copy()
+        out[control[~wrong]] = False
+
+
+def _without_gross_lengths(survey: Survey, keep: Bools, reason: dict[int, str]) -> Refined:
+    """Adjusted without the lengths that are wrong beyond doubt.
+
+    It starts without all that are in doubt; those that the result does not rule out come back, and
+    so do all where too few are left.
+    """
+    out = doubtful(survey, keep)
+    while True:
+        try:
+            refined = adjust(survey, keep, out, reason)
+        except GeometryError as why:
+            if survey.telemetry is not None:
+                raise
+            if not out.any():
+                raise GeometryError(f"{why}{contradiction(survey, keep)}") from why
+            out = np.zeros_like(out)
+            continue
+        line = np.flatnonzero(out)
+        wrong = wrong_beyond_doubt(survey, refined, line)
+        if wrong.all():
+            return refined
+        out = out.copy()
+        out[line[~wrong]] = False
 
 
 def _without_blunders(
@@ -61,7 +125,7 @@ def _without_blunders(
             return refined, [too_many(len(refined.removals))]
         tried = _tried(survey, refined, choices)
         if isinstance(tried, GeometryError):  # nothing is left to solve by: better with it
-            return refined, [indispensable(choices[0], tried)]
+            return refined, [indispensable(refined, choices[0], tried)]
         removal, after = best_of(tried)
         if not in_order(after):
             settled = adjust(survey, _used(survey, after), after.line_removed, after.pick_reason)
@@ -70,14 +134,25 @@ def _without_blunders(
 
 
 def _with_the_accused(survey: Survey, refined: Refined, significance: float) -> Refined:
-    """The same, with the observation that adjustments without each of several point at."""
-    choices, _ = blunders(refined, significance)
-    if len(choices) < 2:
-        return refined
-    tried = _tried(survey, refined, choices)
-    if isinstance(tried, GeometryError):
-        return refined
-    return replace(refined, accused=best_of(tried)[0].suspicion.accused)
+    """The same, with the observation that adjustments without each of several point at.
+
+    A length that is then wrong beyond doubt is left out: it would bend all others.
+    """
+    while True:
+        choices, _ = blunders(refined, significance)
+        if len(choices) < 2:
+            return refined
+        tried = _tried(survey, refined, choices)
+        if isinstance(tried, GeometryError):
+            return refined
+        removal, after = best_of(tried)
+        line = np.array([removal.index] if removal.kind == "line" else [], dtype=np.int64)
+        if not in_order(after):
+            return replace(refined, accused=removal.suspicion.accused)
+        if not wrong_beyond_doubt(survey, after, line).any():
+            alone = blunders(after, significance) == ([], [])
+            return replace(refined, accused=removal.suspicion.accused, accused_alone=alone)
+        refined = after
 
 
 def _tried(

@@ -4,13 +4,25 @@ from __future__ import annotations
 
 from typing import Literal
 
+import numpy as np
+
 from uavgram.errors import GeometryError
-from uavgram.estimation.adjustment import Refined, Removal
+from uavgram.estimation.adjustment import Adjustment, Refined, Removal
 from uavgram.estimation.line_advice import distance_changes, line_faults, next_line
 from uavgram.estimation.observation_names import Names
-from uavgram.estimation.suspicion import Suspicion
+from uavgram.estimation.snooping import READINGS
+from uavgram.estimation.suspicion import Member, Suspicion
+from uavgram.estimation.wrong_units import likely_unit_of_height
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message
 from uavgram.model.survey import Survey
+from uavgram.stages.refine.gross_lengths import odd_in_view, ratios_in_view
+
+LOWEST_M, HIGHEST_M = 0.3, 1000.0
+"""Heights of a drone's camera above the ground, beyond which lengths or log are in question."""
+
+MOST_LISTED = 12
+"""Lengths that are listed, oddest first."""
 
 WEAK = 0.01
 """Relative sigma of the scene's distances (root mean square) from which the lengths are weak."""
@@ -20,16 +32,83 @@ def remarks(survey: Survey, refined: Refined) -> tuple[Message, ...]:
     """Everything that the result itself shows: picks left out, removals, ambiguity, no rest."""
     messages = _left_out(survey, refined)
     messages += [
-        Message("warning", f"{removal.kind}-removed", _removal(removal))
+        Message("warning", f"{removal.kind}-removed", _removal(removal, removal.before))
         for removal in refined.removals
+        if removal.before is not None
     ]
     if not refined.adjustment.minimum.converged:
         text = (
-            "The adjustment did not come to rest: do not trust these numbers. Look for a swapped "
-            "label or a wrong length."
+            "The adjustment did not come to rest: do not trust these numbers, and no test can tell "
+            f"from them what is wrong. {_pulling_hardest(refined)} Look for a swapped label or a "
+            "wrong length; where the camera is only assumed, calibrate it."
         )
         messages.append(Message("error", "not-converged", text))
+    messages += _contradictory(survey, refined)
+    messages += _odd_height(refined.adjustment)
     return (*messages, *_ambiguity(refined), *_weak_lengths(refined))
+
+
+def _pulling_hardest(refined: Refined) -> str:
+    """The observation with the largest residual, as a sentence."""
+    blocks = refined.adjustment.minimum.blocks
+    sizes = {k: np.linalg.norm(blocks[k].residual, axis=1) for k in READINGS if k in blocks}
+    kind = max(sizes, key=lambda k: float(sizes[k].max(initial=0.0)))
+    row = int(sizes[kind].argmax())
+    what = Names(refined.adjustment).observation(Member(kind, row, 0))
+    return f"The {what} pulls hardest (residual of {sizes[kind][row]:.3g} of its sigmas)."
+
+
+def _contradictory(survey: Survey, refined: Refined) -> list[Message]:
+    """Lengths that contradict each other, where none could be singled out as wrong."""
+    if survey.telemetry is not None:
+        return []
+    keep = np.zeros(len(survey.pick_frame), dtype=bool)
+    keep[refined.pick_index] = True
+    ratio = ratios_in_view(survey, keep)
+    ratio[refined.line_removed] = np.nan
+    if refined.adjustment.minimum.converged and not odd_in_view(ratio).any():
+        return []
+    text = f"The lengths may contradict each other. {_listed(survey, ratio)}"
+    return [Message("warning", "lengths-contradict", text)] if np.isfinite(ratio).any() else []
+
+
+def contradiction(survey: Survey, keep: Bools) -> str:
+    """Lengths of which one is so odd that no pose explains it, as sentences; else empty."""
+    ratio = ratios_in_view(survey, keep)
+    if not odd_in_view(ratio).any():
+        return ""
+    return f". The lengths contradict each other. {_listed(survey, ratio)}"
+
+
+def _listed(survey: Survey, ratio: Floats) -> str:
+    """How the lengths compare with what one sees, as sentences."""
+    lines = np.flatnonzero(np.isfinite(ratio))
+    lines = lines[np.argsort(-np.abs(ratio[lines]), kind="stable")][:MOST_LISTED]
+    label = survey.label
+    values = [
+        f"{label[survey.line_start[i]]!r} to {label[survey.line_end[i]]!r} {np.exp(ratio[i]):.3g}"
+        for i in lines
+    ]
+    return (
+        "Taped over seen, as if from straight above, an ordinary one of the same frames being 1: "
+        f"{', '.join(values)}. Look at the unit and at the labels of the odd one."
+    )
+
+
+def _odd_height(adjustment: Adjustment) -> list[Message]:
+    """Cameras at a height from which no drone takes photos of the ground."""
+    above = adjustment.state.center[:, 2] - adjustment.state.plane[0]
+    height = float(np.median(above))
+    if LOWEST_M <= height <= HIGHEST_M:
+        return []
+    unit, otherwise = likely_unit_of_height(height)
+    size = f"{height / 1000:.3g} km" if height > HIGHEST_M else f"{height:.2g} m"
+    text = f"The cameras stand {size} above the ground (median): "
+    if adjustment.survey.telemetry is None and adjustment.survey.gauge == "plane":
+        text += f"are the lengths in {unit}? It would be {otherwise:.3g} m then."
+    else:
+        text += "look at the heights of log, ground and control points, and at the lengths."
+    return [Message("warning", "odd-height", text)]
 
 
 def _left_out(survey: Survey, refined: Refined) -> list[Message]:
@@ -61,8 +140,8 @@ def _picks(number: int) -> str:
     return "1 pick" if number == 1 else f"{number} picks"
 
 
-def _removal(removal: Removal) -> str:
-    names = Names(removal.before.adjustment)
+def _removal(removal: Removal, before: Refined) -> str:
+    names = Names(before.adjustment)
     what = names.observation(removal.suspicion.accused)
     text = f"The {what} was removed as a blunder (w = {removal.w:.1f}); the rest was adjusted anew."
     if removal.suspicion.group:
@@ -82,9 +161,9 @@ def not_located(refined: Refined, suspicion: Suspicion) -> Message:
     return Message("warning", "blunder-not-located", text)
 
 
-def indispensable(removal: Removal, why: GeometryError) -> Message:
+def indispensable(refined: Refined, removal: Removal, why: GeometryError) -> Message:
     """What looks like a blunder is needed: without it the survey is not determined."""
-    what = Names(removal.before.adjustment).observation(removal.suspicion.accused)
+    what = Names(refined.adjustment).observation(removal.suspicion.accused)
     text = f"The {what} looks like a blunder (w = {removal.w:.1f}), but was kept: without it, {why}"
     return Message("warning", "blunder-kept", text)
 

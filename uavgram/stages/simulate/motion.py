@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import lfilter
 
 from uavgram.model.arrays import Floats, freeze
 from uavgram.model.scene import FlightPlan, Site
@@ -66,11 +66,12 @@ def gauss_markov(
 
     x[i+1] = a x[i] + w, a = exp(-step / tau), var w = sigma^2 (1 - a^2) (Gelb 1974, section 3.8).
     """
-    decay = np.exp(-step_s / tau_s)
+    decay = float(np.exp(-step_s / tau_s))
     white = rng.standard_normal((count, len(sigma)))
     white[1:] *= np.sqrt(1.0 - decay**2)
-    correlated: Floats = lfilter([1.0], [1.0, -decay], white, axis=0)
-    return correlated * sigma
+    # A recursion is nothing for numpy, and scipy.signal takes longer to load than this to run.
+    columns = [list(accumulate(w, lambda x, new: decay * x + new)) for w in white.T.tolist()]
+    return np.reshape(columns, white.T.shape).T * sigma
 
 
 def scene_axes(site: Site) -> Floats:

@@ -12,7 +12,14 @@ from uavgram.stages.features import measured_strips, point_index, reference_stri
 from uavgram.views.drawing import longest_middle, uncovered
 from uavgram.views.facts import least_certain_length
 from uavgram.views.recording.scene import Scene, on_screen
-from uavgram.views.wording import UNIT_WORDS, axes_text, decimals_for, relative, worst_first
+from uavgram.views.wording import (
+    UNIT_WORDS,
+    alternatives_text,
+    axes_text,
+    decimals_for,
+    relative,
+    worst_first,
+)
 
 # Rerun does not keep labels from covering each other: beyond a dozen, tables are read instead.
 MOST_LABELS = 14
@@ -56,12 +63,12 @@ def reference_text(result: Result, row: int) -> str:
 
 
 def measured_text(result: Result, row: int) -> str:
-    """``road width 6.31 m ± 0.02``."""
+    """``road width 6.31 m ± 0.02``; behind it ``or 7.25 m`` where that fits as well."""
     rows = result.measurements
     unit, sigma = rows.unit[row], float(rows.sigma[row])
     places = decimals_for(sigma, unit)
     value = f"{rows.value[row]:.{places}f} {UNIT_WORDS.get(unit, unit)} ± {sigma:.{places}f}"
-    return f"{rows.name[row]} {value}"
+    return f"{rows.name[row]} {value} {alternatives_text(rows, row)}".rstrip()
 
 
 def survey_labels(result: Result, scene: Scene) -> Labels:
@@ -148,8 +155,10 @@ def _measured(result: Result) -> list[Candidate]:
 
 
 def _least_certain(result: Result, row: int) -> str:
-    """Why this one: its sigma is the largest share of its value."""
+    """Why this one: it is not the only value, or its sigma is the largest share of it."""
     rows = result.measurements
+    if rows.is_ambiguous[row]:
+        return "NOT UNIQUE: "
     share = relative(float(rows.value[row]), float(rows.sigma[row]), rows.unit[row])
     return f"LEAST CERTAIN LENGTH (by {share}): "
 

@@ -14,7 +14,9 @@ from uavgram.views.recording.markdown import MOST_ROWS, plain, table
 from uavgram.views.wording import (
     KIND_WORDS,
     LINE_STATUS_WORDS,
+    NOT_UNIQUE,
     WHY_TWO_ELLIPSES,
+    alternatives_text,
     axes_text,
     computed_first,
     interval,
@@ -33,13 +35,16 @@ def measured_table(result: Result, most: int = MOST_ROWS) -> str:
     cells = [
         (
             plain(rows.name[i]),
-            f"**{with_sigma(float(rows.value[i]), float(rows.sigma[i]), rows.unit[i])}**",
+            f"**{with_sigma(float(rows.value[i]), float(rows.sigma[i]), rows.unit[i])}** "
+            f"{alternatives_text(rows, int(i))}".rstrip(),
             _interval(rows, int(i)),
             KIND_WORDS.get(rows.kind[i], rows.kind[i]),
         )
         for i in computed_first(rows)
     ]
     shown = table(("name", "value ± 1 σ", "95 % interval", "kind"), cells[:most])
+    if rows.is_ambiguous.any():
+        shown = f"{shown}\n\n{NOT_UNIQUE}"
     more = len(cells) - most
     return f"{shown}\n\n{more} more are on the page *Measured*." if more > 0 else shown
 

@@ -13,6 +13,7 @@ from uavgram.views.report.rows import Row
 from uavgram.views.wording import (
     KIND_WORDS,
     UNIT_WORDS,
+    alternatives_text,
     computed_first,
     decimals_for,
     interval,
@@ -43,6 +44,7 @@ def measurement_rows(result: Result) -> list[Row]:
             value=with_sigma(value, sigma, unit),
             interval=interval(low, high, sigma, unit),
             relative="–" if rows.kind[i] == "coordinate" else relative(value, sigma, unit),
+            others=alternatives_text(rows, int(i)),
             doubtful=second is not None and bool(second.off[i]),
             bad=not np.isfinite(value),
         )

@@ -35,7 +35,7 @@ from uavgram.views.report.method import method_facts
 from uavgram.views.report.places import frame_rows, point_rows
 from uavgram.views.top_view import INK, top_view
 from uavgram.views.verdict import judge
-from uavgram.views.wording import WHY_TWO_ELLIPSES, place
+from uavgram.views.wording import NOT_UNIQUE, WHY_TWO_ELLIPSES, place
 
 
 def write_report(result: Result, path: str | os.PathLike[str]) -> None:
@@ -68,6 +68,7 @@ def render_report(result: Result) -> str:
             verdict=judge(result),
             facts=key_facts(result),
             measurements=measurement_rows(result),
+            not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
             sampled=sampled_words(result),
             second_order=second_order_note(result),
             alternatives=alternative_tables(result),

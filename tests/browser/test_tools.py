@@ -1,0 +1,200 @@
+"""Tools of the page: every kind that can be measured, and what each says of what it needs."""
+
+from __future__ import annotations
+
+import re
+import shutil
+
+import pytest
+from picking_pages import (
+    click_mark,
+    eventually,
+    measured,
+    place,
+    show_photo,
+    to_page,
+    wait_until_adjusted,
+)
+from picking_server import served
+from playwright.sync_api import expect
+
+from uavgram.io.measure import POINT_COUNTS
+from uavgram.pipeline.compute import compute
+from uavgram.pipeline.inputs import read_inputs
+
+WITHOUT_NUMBERS = {"pick", "length"}
+"""Tools that measure nothing: one marks a place, one takes a length as known."""
+
+
+def entry(page, name):
+    """The form that asks for what clicks cannot say."""
+    return page.get_by_role("form", name=name)
+
+
+def type_label(page, label):
+    """Name a point, and do with it what the tool does."""
+    page.keyboard.press("/")
+    page.keyboard.type(label)
+    page.keyboard.press("Enter")
+    page.keyboard.press("Enter")
+
+
+def test_every_kind_of_measurement_has_a_tool_with_a_key_of_its_own(planted, open_page):
+    with served(planted.path) as server:
+        page = open_page(server)
+        tools = page.get_by_role("radiogroup", name="Tool").get_by_role("radio")
+        titles = {
+            tool.get_attribute("data-tool"): tool.get_attribute("title") for tool in tools.all()
+        }
+        assert set(titles) == set(POINT_COUNTS) | WITHOUT_NUMBERS
+        keys = {kind: re.search(r"\((\w)\): \w", title)[1] for kind, title in titles.items()}
+        assert len(set(keys.values())) == len(keys)
+        for kind, key in keys.items():
+            page.keyboard.press(key.lower())
+            expect(page.locator(f'#tools [data-tool="{kind}"]')).to_be_checked()
+        page.keyboard.press("?")
+        named = page.get_by_role("dialog").locator("dt").all_inner_texts()
+        assert set(keys.values()) <= {key for words in named for key in words.split()}
+        assert not page.errors
+
+
+@pytest.fixture
+def survey(data_dir, tmp_path):
+    """A survey with a flight log, in which one distance is measured."""
+    folder = tmp_path / "survey"
+    leave = shutil.ignore_patterns("out", "*.tlog", "measure.csv")
+    shutil.copytree(data_dir / "calm_nadir", folder, ignore=leave)
+    (folder / "measure.csv").write_text("name,kind,points\nD1,distance,R1;R2\n")
+    return folder / "project.yaml"
+
+
+def test_a_coordinate_and_a_speed_by_keyboard_alone_have_the_numbers_of_a_run(survey, open_page):
+    with served(survey) as server:
+        page = open_page(server)
+        show_photo(page, server.desk.index["IMG_0044.jpg"])
+        page.keyboard.press("c")
+        type_label(page, "R1")
+        page.keyboard.press("h")
+        type_label(page, "car then")  # in the middle of the photo
+        expect(page.get_by_role("button", name=re.compile("^car then, u"))).to_be_visible()
+        expect(page.get_by_role("tabpanel")).to_contain_text("Now show another photo")
+        page.keyboard.press("PageDown")
+        type_label(page, "car later")
+        form = entry(page, "New S1")
+        expect(form).to_contain_text(
+            re.compile(r"car then: IMG_0044.jpg, \d\d:\d\d:\d\d\.\d\d UTC")
+        )
+        expect(form).to_contain_text(re.compile(r"Between the two photos: \d+\.\d\d s"))
+        expect(form.get_by_role("textbox", name="Name")).to_be_focused()
+        expect(form.get_by_role("button", name="Add")).to_be_enabled()
+        page.keyboard.press("Enter")
+        eventually(page, lambda: "km/h" in measured(page).get("S1", ""))
+        wait_until_adjusted(page)
+        shown = measured(page)
+        assert not page.errors
+    result = compute(read_inputs(survey)).result
+    found = dict(zip(result.measurements.name, result.measurements.value.tolist(), strict=True))
+    point = result.points.label.index("R1")
+    wanted = {
+        "E": found["C1 east"],
+        "N": found["C1 north"],
+        "lat": result.points.latitude_deg[point],
+        "lon": result.points.longitude_deg[point],
+        "speed": found["S1"] * 3.6,
+    }
+    said = dict(line.split(" ", 1) for line in shown["C1"].splitlines()) | {"speed": shown["S1"]}
+    assert set(said) == set(wanted)
+    for name, value in wanted.items():
+        number = re.match(r"-?\d+\.(\d+)", said[name])
+        assert number[0] == f"{value:.{len(number[1])}f}", name
+        assert len(number[1]) >= {"lat": 6, "lon": 6}.get(name, 1)
+
+
+def test_a_speed_says_why_its_points_will_not_do(survey, open_page):
+    with served(survey) as server:
+        page = open_page(server)
+        show_photo(page, server.desk.index["IMG_0046.jpg"])
+        page.keyboard.press("h")
+        click_mark(page, "R1")
+        notice = page.locator("#notice")
+        expect(notice).to_contain_text(
+            re.compile(r"R1 is picked in \d photos \(IMG_.*label of its own")
+        )
+        page.locator("#label").fill("R2")  # is elsewhere, too: what moves gets a label of its own
+        for u, v in ((700.0, 500.0), (900.0, 500.0)):
+            page.mouse.click(*to_page(page, u, v))
+        form = entry(page, "New S1")
+        why = "R9 and R10 are both picked in IMG_0046.jpg. A speed needs two photos"
+        expect(form.get_by_role("status")).to_contain_text(why)
+        expect(form.get_by_role("button", name="Add")).to_be_disabled()
+        assert {"R9", "R10"} <= set(server.desk.state.labels)
+        assert not page.errors
+
+
+def test_what_is_wrong_is_said_beside_its_field_and_nothing_else_is_changed(planted, open_page):
+    with served(planted.path) as server:
+        page = open_page(server)
+        for label, (u, v) in zip(("A", "B", "C"), planted.marks_px, strict=False):
+            place(page, label, u, v)
+        for end, length in (("B", "1.5"), ("C", "2.5")):
+            page.keyboard.press("l")
+            type_label(page, "A")
+            type_label(page, end)
+            form = entry(page, f"New length A to {end}")
+            wrong = form.get_by_role("alert")
+            for typed, why in (("abc", "abc is no number"), ("1,5", "write 1.5, with a point")):
+                form.get_by_label("Length").fill(typed)
+                page.keyboard.press("Enter")
+                expect(wrong).to_contain_text(why)
+                expect(form.get_by_label("Length")).to_be_focused()
+            form.get_by_label("Length").fill(length)
+            form.get_by_label("Name").fill("base")
+            page.keyboard.press("Enter")
+        expect(wrong).to_contain_text("There is a length base already")
+        form.get_by_label("Name").fill("other")
+        page.keyboard.press("Enter")
+        expect(page.get_by_role("button", name="Remove other")).to_be_visible()
+        page.keyboard.press("p")
+        page.keyboard.press("/")
+        page.keyboard.type("C")
+        page.keyboard.press("Enter")
+        page.keyboard.press("F2")
+        page.keyboard.type("B")
+        page.keyboard.press("Enter")
+        expect(page.locator("#notice")).to_contain_text("there is a label 'B' already")
+        expect(page.locator('.mark.selected[data-label="C"]')).to_have_count(1)
+        expect(page.locator("#label")).to_have_value("C")
+        lines = [(line.name, line.end, line.length_m) for line in server.desk.state.lines]
+        assert lines == [("base", "B", 1.5), ("other", "C", 2.5)]
+        assert set(server.desk.state.labels) == {"A", "B", "C"}
+        page.keyboard.press("h")
+        page.keyboard.press("Enter")
+        expect(page.locator("#notice")).to_contain_text("The time of photo.jpg is not known")
+        assert not page.errors
+
+
+def test_rows_of_a_table_are_gone_through_and_removed_by_keyboard(planted, open_page):
+    measure = planted.path.with_name("measure.csv")
+    rows = [f"D{k},distance,A;{label}" for k, label in enumerate("BCD")]
+    measure.write_text("\n".join(["name,kind,points", *rows]) + "\n")
+    with served(planted.path) as server:
+        page = open_page(server)
+        page.get_by_role("button", name="Remove D0").focus()
+        page.keyboard.press("ArrowDown")
+        expect(page.get_by_role("button", name="Remove D1")).to_be_focused()
+        page.keyboard.press("Enter")
+        expect(page.get_by_role("button", name="Remove D2")).to_be_focused()
+        page.keyboard.press("Enter")  # the last one: on to the one before
+        expect(page.get_by_role("button", name="Remove D0")).to_be_focused()
+        assert [one.name for one in server.desk.state.requests] == ["D0"]
+        assert not page.errors
+
+
+def test_a_page_whose_program_has_ended_says_so(planted, open_page):
+    with served(planted.path) as server:
+        page = open_page(server)
+        page.clock.install()
+        server.stop()
+        expect(page.locator("#mode")).to_have_text("no connection")
+        page.clock.run_for(3_000)  # it takes no time
+        expect(page.get_by_role("alert")).to_contain_text("The program does not answer")

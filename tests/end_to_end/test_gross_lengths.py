@@ -1,0 +1,124 @@
+"""Typing mistakes in lengths and coordinates, from the table to the message: named, and alone."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from uavgram.io.demo_files import write_demo
+from uavgram.model.scene import CameraSpec, DemoScenario
+from uavgram.pipeline.compute import compute
+from uavgram.pipeline.inputs import read_inputs
+from uavgram.stages.simulate.survey import simulate
+
+WIDTH_PX, HEIGHT_PX = 400, 300
+WITHOUT_LOG = ("log", "time", "mount", "check")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The simulated survey with small blank photos."""
+    full, scale = CameraSpec(), WIDTH_PX / CameraSpec().width_px
+    pixels = [scale] * 4 + [1.0] * 5
+    camera = CameraSpec(
+        width_px=WIDTH_PX,
+        height_px=HEIGHT_PX,
+        parameters=tuple(np.multiply(full.parameters, pixels).tolist()),
+        sigma=tuple(np.multiply(full.sigma, pixels).tolist()),
+    )
+    survey = simulate(replace(DemoScenario(), camera=camera))
+    photos = (np.full((HEIGHT_PX, WIDTH_PX, 3), 90, np.uint8) for _ in survey.frame_id)
+    return write_demo(tmp_path_factory.mktemp("gross") / "survey", survey, photos).parent
+
+
+@pytest.fixture
+def solve(folder, copy_project, tmp_path):
+    """Compute the survey with cells of its tables changed: {row: value or factor}."""
+
+    def run(table="lines", column="length_m", without=(), **cells):
+        changed = tmp_path / f"{table}.csv"
+        with (folder / f"{table}.csv").open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        for row in rows:
+            change = cells.get(row.get("name", row.get("label")))
+            row[column] = row[column] if change is None else repr(change(float(row[column])))
+        with changed.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.DictWriter(file, rows[0])
+            writer.writeheader()
+            writer.writerows(rows)
+        left_out = dict.fromkeys(without)
+        path = copy_project(folder, tmp_path / "copy", **({table: str(changed)} | left_out))
+        return compute(read_inputs(path), curved=False).result
+
+    return run
+
+
+def warned(result):
+    return [(m.code, m.text) for m in result.messages if m.level != "info"]
+
+
+def as_it_should_be(result, clean):
+    """Whether all measurements lie where they do without a mistake, as far as they are known."""
+    off = result.measurements.value - clean.measurements.value
+    return bool((np.abs(off) < 2.0 * result.measurements.sigma + 1e-9).all())
+
+
+@pytest.mark.parametrize("without", [(), WITHOUT_LOG], ids=["log", "no log"])
+def test_a_length_in_millimetres_is_the_only_thing_named(solve, without):
+    clean = solve(without=without)
+    assert warned(clean) == []
+    result = solve(without=without, L2=lambda metres: 1000.0 * metres)
+    ((code, text),) = warned(result)
+    assert code == "line-left-out"
+    assert "'L2'" in text
+    assert "13000.3 m taped" in text
+    assert "in millimetres?" in text
+    assert ("the log" in text) == (not without)
+    status = dict(zip(result.lines.name, result.lines.status, strict=True))
+    assert status == dict.fromkeys(status, "used") | {"L2": "removed", "L6": "checked"}
+    assert as_it_should_be(result, clean)
+    assert [one.what for one in result.removals] == ["length 'L2'"]
+
+
+def test_all_lengths_in_feet_are_told_in_one_message(solve):
+    def feet(metres):
+        return metres / 0.3048
+
+    result = solve(L1=feet, L2=feet, L3=feet, L4=feet, L5=feet)
+    ((code, text),) = warned(result)
+    assert code == "line-left-out"
+    assert "5 lengths" in text
+    assert "in feet?" in text
+    assert as_it_should_be(result, solve())
+
+
+def test_a_withheld_length_and_a_check_point_are_named_before_the_checks_as_a_whole(solve):
+    result = solve(L6=lambda metres: 1000.0 * metres)
+    (_, first), (_, last) = warned(result)
+    assert "withheld length 'L6'" in first
+    assert "In millimetres?" in first
+    assert "'L6' alone" in last
+    result = solve("check", "east_m", C2=lambda _: 0.0)
+    (_, first), (_, last) = warned(result)
+    assert "check point 'C2' is 34.4" in first
+    assert "mostly to the west" in first
+    assert "'C2' alone" in last
+
+
+def test_in_a_twin_a_length_in_feet_is_the_only_thing_named(data_dir, copy_project, tmp_path):
+    source = data_dir / "calm_nadir"
+    lines = (source / "lines.csv").read_text(encoding="utf-8").splitlines()
+    clean = compute(read_inputs(copy_project(source, tmp_path / "clean")), curved=False).result
+    cells = lines[2].split(",")
+    column = lines[0].split(",").index("length_m")
+    cells[column] = repr(float(cells[column]) / 0.3048)
+    (tmp_path / "lines.csv").write_text("\n".join([*lines[:2], ",".join(cells), *lines[3:], ""]))
+    path = copy_project(source, tmp_path / "copy", lines=str(tmp_path / "lines.csv"))
+    result = compute(read_inputs(path), curved=False).result
+    told = [pair for pair in warned(result) if pair not in warned(clean)]
+    assert [code for code, _ in told] == ["line-left-out"]
+    assert repr(cells[0]) in told[0][1]
+    assert "in feet?" in told[0][1]

@@ -1,0 +1,144 @@
+"""`camera: unknown`: whole surveys with a camera that nobody knows, against their truth."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from camera_photos import camera_photo
+from scipy.stats import norm
+
+import uavgram
+from uavgram.errors import InputError
+from uavgram.io.jpeg import APP1, build_jpeg, parse_jpeg
+from uavgram.io.results import write_results
+from uavgram.pipeline.check import check
+from uavgram.views.report import render_report
+
+FEW = 12
+"""Measurements of a twin that are judged: each costs time for its second order."""
+
+
+@pytest.fixture
+def twin_of(data_dir, tmp_path):
+    """A twin's project with an unknown camera and some of its measurements."""
+
+    def make(name, **changes):
+        source = data_dir / name
+        project = yaml.safe_load((source / "project.yaml").read_text())
+        for key in ("log", "picks", "lines", "images"):
+            project[key] = str(source / project[key])
+        header, *rows = (source / "measure.csv").read_text().splitlines()
+        step = len(rows) // FEW
+        (tmp_path / "measure.csv").write_text("\n".join([header, *rows[::step][:FEW]]) + "\n")
+        project |= {"camera": "unknown", "measure": "measure.csv", **changes}
+        project = {key: value for key, value in project.items() if value is not None}
+        path = tmp_path / "project.yaml"
+        path.write_text(yaml.safe_dump(project))
+        truth = json.loads((data_dir / "truth" / f"{name}.json").read_text())
+        return path, truth
+
+    return make
+
+
+def judged(result, truth):
+    """Errors of the measurements, in their sigmas."""
+    measured = result.measurements
+    true = np.array([truth["measurements"][name] for name in measured.name])
+    return (measured.value - true) / measured.sigma
+
+
+def test_a_flight_with_lengths_is_measured_within_its_sigmas_and_learns_the_camera(
+    twin_of, tmp_path
+):
+    project, truth = twin_of("wind_oblique")
+    result = uavgram.run(project, output=None)
+    camera = result.shared.intrinsics
+    z = judged(result, truth)
+
+    assert result.solution.converged
+    # All share one camera, so they are not independent: the largest, for so many.
+    assert np.abs(z).max() < norm.isf(0.001 / 2 / FEW)
+    assert (result.measurements.sigma < 0.02 * result.measurements.value).all()
+    true = np.array(truth["intrinsics"])
+    assert (np.abs(camera.value - true) < 3 * camera.sigma).all()
+    assert camera.sigma[0] < 0.05 * camera.value[0]
+    file = tmp_path / "results.json"
+    write_results(result, file)
+    said = [m["text"] for m in json.loads(file.read_text())["messages"]]
+    (text,) = [text for text in said if text.startswith("Nothing is known of this camera")]
+    assert "uavgram calibrate" in text
+    assert "Nothing is known of this camera" in render_report(result)
+
+
+@pytest.mark.parametrize("name", ["calm_nadir", "wind_oblique"])
+def test_a_strip_without_a_log_comes_to_rest_within_its_sigmas(twin_of, name):
+    """Lengths in a few of the photos alone: focal length, heights and tilts change together."""
+    project, truth = twin_of(name, log=None, time=None)
+    result = uavgram.run(project, output=None)
+
+    assert result.solution.converged
+    assert result.solution.variance_factor < 1.3
+    assert np.abs(judged(result, truth)).max() < norm.isf(0.001 / 2 / FEW)
+
+
+def test_a_real_photo_without_tags_has_its_focal_length_from_four_targets(data_dir, tmp_path):
+    folder = data_dir / "narrabeen_mavic"
+    still = "snapshotNarrabeen.JPG"
+    parsed = parse_jpeg((folder / still).read_bytes())
+    bare = [segment for segment in parsed.segments if segment.marker != APP1]
+    (tmp_path / still).write_bytes(build_jpeg(bare, parsed.scan))
+    control = json.loads((folder / "control.json").read_text())
+    first = np.array(control["points"][0]["xyz"])
+    rows = [
+        f"{p['id']},{','.join(map(str, np.array(p['xyz']) - first))},0.2" for p in control["points"]
+    ]
+    text = "\n".join(["label,east_m,north_m,up_m,sigma_m", *rows])
+    (tmp_path / "control.csv").write_text(text + "\n")
+    seen = next(p for p in control["photos"] if p["file"] == still)["observations"]
+    picks = [f"{still},{o['id']},{o['uv'][0]},{o['uv'][1]}" for o in seen]
+    (tmp_path / "picks.csv").write_text("\n".join(["image,label,u_px,v_px", *picks]) + "\n")
+    project = tmp_path / "project.yaml"
+    content = {"images": still, "camera": "unknown", "picks": "picks.csv", "control": "control.csv"}
+    project.write_text(yaml.safe_dump(content))
+    result = uavgram.run(project, output=None)
+    camera = result.shared.intrinsics
+
+    assert result.solution.converged
+    assert abs(camera.value[0] - 3120.0) < 2 * camera.sigma[0]  # by resection on the targets
+    assert camera.sigma[0] < 0.1 * camera.value[0]  # 20 % before
+
+
+def test_what_the_photos_say_is_used_where_they_say_something(tmp_path):
+    camera_photo(tmp_path / "a.jpg", make="DJI", model="FC220", focal=(47, 10))
+    (tmp_path / "picks.csv").write_text("image,label,u_px,v_px\na.jpg,p,20,10\n")
+    seen = []
+    for camera in ("auto", "unknown"):
+        (tmp_path / "project.yaml").write_text(
+            f"images: a.jpg\ncamera: {camera}\npicks: picks.csv\n"
+        )
+        checked = check(tmp_path / "project.yaml")
+        assert {"camera-assumed"} == {m.code for m in checked.messages if "camera" in m.code}
+        seen.append(checked.inputs.calibration)
+    np.testing.assert_array_equal(seen[0].parameters, seen[1].parameters)
+    np.testing.assert_array_equal(seen[0].covariance, seen[1].covariance)
+
+
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        ({"size": (300, 400)}, "b.jpg: is 300 x 400 px"),
+        ({"make": "Parrot", "model": "BEBOP 2"}, "b.jpg: comes from another camera"),
+    ],
+)
+def test_photos_that_no_one_camera_can_have_taken_are_refused(tmp_path, other, words):
+    camera_photo(tmp_path / "a.jpg")
+    camera_photo(tmp_path / "b.jpg", **other)
+    (tmp_path / "picks.csv").write_text("image,label,u_px,v_px\na.jpg,p,20,10\n")
+    project = tmp_path / "project.yaml"
+    project.write_text("images: '*.jpg'\ncamera: unknown\npicks: picks.csv\n")
+    with pytest.raises(InputError) as refused:
+        check(project)
+    assert words in str(refused.value)

@@ -1,0 +1,171 @@
+"""Whether photos of one board are of two cameras: the split in two groups that fits best.
+
+Each photo wants a camera of its own: to first order it says so by its gradient and its share of
+the reduced normal equations. Two cameras make two clusters of these wishes, far apart against the
+scatter within them; a bent board, a moving camera or a poor lens model scatter them about one.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.calibration.adjustment import Fit
+from uavgram.estimation.calibration.normals import prior_normal
+from uavgram.estimation.calibration.reliability import reduced_border
+from uavgram.model.arrays import Bools, Floats, Ints
+
+FEWEST = 3
+"""Photos of a group: fewer are judged as photos that do not fit the others."""
+
+_DIRECTIONS = 4  # in which the wishes scatter most, for first groups
+_DRAWS = 12  # further first groups, at random
+_ROUNDS = 50
+_SINGULAR = 1e-12
+
+
+class Split(NamedTuple):
+    """The M photos in two groups, each with a camera of its own.
+
+    Attributes
+    ----------
+    group
+        (M,) 0 or 1; the first photo is in group 0.
+    distance
+        Square of half the distance between the two cameras over the scatter of single photos'
+        cameras about their group's, mean over the parameters. One camera whose photos scatter by
+        chance gives about 0.2; one whose photos scatter for other reasons 0.4 to 1.
+    decision
+        The least that a photo says for its own group, its group's camera being estimated without
+        it: 1 where it asks for just that camera, 0 halfway to the other one, less beyond.
+    """
+
+    group: Ints
+    distance: float
+    decision: float
+
+
+class _Wishes(NamedTuple):
+    """Cost of photo i of a change d of the camera: 2 gradient[i] d + d normal[i] d; of a prior."""
+
+    normal: Floats  # (M, q, q)
+    gradient: Floats  # (M, q)
+    prior_normal: Floats  # (q, q)
+    prior_gradient: Floats  # (q,)
+
+    def camera(self, photos: Bools) -> Floats:
+        """(..., q) best change for some photos (..., M)."""
+        normal = np.einsum("...m,mij->...ij", photos, self.normal) + self.prior_normal
+        gradient = photos @ self.gradient + self.prior_gradient
+        inverse = np.linalg.pinv(normal, rcond=_SINGULAR, hermitian=True)
+        return np.asarray(-np.einsum("...ij,...j->...i", inverse, gradient))
+
+    def cost(self, change: Floats) -> Floats:
+        """(M,) of each photo, for a change (q,) or one for each (M, q)."""
+        turned = np.einsum("mij,mj->mi", self.normal, np.broadcast_to(change, self.gradient.shape))
+        return np.asarray(np.sum((2 * self.gradient + turned) * change, axis=1))
+
+
+def best_split(fit: Fit) -> Split | None:
+    """Find the two groups of photos with cameras of their own that fit best together.
+
+    Hard expectation maximisation from many first groups, on the normal equations of the joint
+    adjustment (the change of a camera by which two groups differ is small against its curvature).
+
+    Returns
+    -------
+    Split or None
+        None where there are too few photos.
+    """
+    wishes = _wishes(fit)
+    best, most = None, 0.0
+    for first in _first_groups(wishes):
+        group, gain = _settled(wishes, first)
+        if gain > most:
+            best, most = group, gain
+    return None if best is None else _judged(fit, wishes, best, most)
+
+
+def _wishes(fit: Fit) -> _Wishes:
+    """Of the camera alone, in units in which the joint normal matrix has a unit diagonal."""
+    free = fit.lens.basis.shape[1]
+    gradient = np.einsum("mri,mr->mi", reduced_border(fit), fit.linear.residual)[:, :free]
+    normal = fit.normals.photo_border[:, :free, :free]
+    prior = prior_normal(fit.lens)[:free, :free]
+    scale = np.sqrt(np.diag(normal.sum(axis=0) + prior))
+    gradient = gradient / scale
+    return _Wishes(
+        normal / np.outer(scale, scale),
+        gradient,
+        prior / np.outer(scale, scale),
+        -gradient.sum(axis=0),  # all together are at rest
+    )
+
+
+def _first_groups(wishes: _Wishes) -> list[Bools]:
+    """Groups (M,) to start from: along the directions of most scatter, by order, by chance."""
+    photos = len(wishes.gradient)
+    if photos < 2 * FEWEST:
+        return []
+    values, vectors = np.linalg.eigh(wishes.normal.sum(axis=0) + wishes.prior_normal)
+    white = wishes.gradient @ (vectors / np.sqrt(np.maximum(values, _SINGULAR)))
+    along = np.linalg.svd(white - white.mean(axis=0), full_matrices=False)[2][:_DIRECTIONS]
+    place = white @ along.T
+    ascending = np.sort(place, axis=0)
+    gap = np.diff(ascending, axis=0)[FEWEST - 1 : photos - FEWEST]
+    widest = np.argmax(gap, axis=0) + FEWEST - 1
+    columns = np.arange(place.shape[1])
+    between = (ascending[widest, columns] + ascending[widest + 1, columns]) / 2
+    order = np.arange(photos)
+    draws = np.random.default_rng(0)
+    return [
+        *(place > place.mean(axis=0)).T,
+        *(place > between).T,
+        order >= photos // 2,
+        *(draws.permutation(photos) % 2 == 1 for _ in range(_DRAWS)),
+    ]
+
+
+def _settled(wishes: _Wishes, second: Bools) -> tuple[Ints, float]:
+    """Groups in which each photo prefers its own camera, and the fall of the cost; 0 if none."""
+    group = second.astype(np.int64)
+    for _ in range(_ROUNDS):
+        members = group == np.array([[0], [1]])
+        if members.sum(axis=1).min() < FEWEST:
+            return group, 0.0
+        cameras = wishes.camera(members)
+        cost = np.stack([wishes.cost(camera) for camera in cameras])
+        new = np.argmin(cost, axis=0)
+        if np.array_equal(new, group):
+            prior = 2 * cameras @ wishes.prior_gradient + np.einsum(
+                "ki,ij,kj->k", cameras, wishes.prior_normal, cameras
+            )
+            return group, -float(cost.min(axis=0).sum() + prior.sum())
+        group = new
+    return group, 0.0
+
+
+def _judged(fit: Fit, wishes: _Wishes, group: Ints, gain: float) -> Split:
+    """How far apart the groups are, and how sure each photo is of its own."""
+    photos, q = wishes.gradient.shape
+    own = group == group[:, None]  # (M, M) the photos of each one's group
+    mine = wishes.camera(own)
+    others = wishes.camera(~own)
+    rest = np.einsum("nm,mij->nij", own, wishes.normal) - wishes.normal + wishes.prior_normal
+    whole = np.linalg.pinv(rest + wishes.normal, rcond=_SINGULAR, hermitian=True)
+    rest = np.linalg.pinv(rest, rcond=_SINGULAR, hermitian=True)
+    left = wishes.gradient + np.einsum("mij,mj->mi", wishes.normal, mine)
+    moved = np.einsum("mij,mj->mi", rest, left)
+    # The scatter of the wishes within the groups, as `photo_effect` has it for one group.
+    scatter = np.sum(left * moved) / np.einsum("mij,mji->", wishes.normal, whole)
+    noise = (fit.corner_cost - gain) / max(fit.corner_redundancy - q, 1.0)
+    without = mine + moved
+    apart = others - without
+    length = np.einsum("mi,mij,mj->m", apart, wishes.normal, apart)
+    says = (wishes.cost(others) - wishes.cost(without)) / np.maximum(length, np.finfo(float).tiny)
+    return Split(
+        group=group if group[0] == 0 else 1 - group,
+        distance=float(gain / q / max(scatter, noise) / photos),
+        decision=float(says.min()),
+    )

@@ -1,0 +1,57 @@
+"""By which unit a number that should be in metres was probably taken, in words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+UNITS = (
+    (1000.0, "millimetres"),
+    (100.0, "centimetres"),
+    (1.0 / 0.0254, "inches"),
+    (1.0 / 0.3048, "feet"),
+    (0.001, "kilometres"),
+)
+"""How many of a unit a metre has: exact, the inch by definition of 1959."""
+
+SLIPS = (
+    (10.0, "the decimal point one place off"),
+    (0.1, "the decimal point one place off"),
+    (0.01, "the decimal point two places off"),
+    (0.3048, "turned from feet into metres twice"),
+    (0.0254, "turned from inches into metres twice"),
+)
+
+CLOSE = 0.01
+"""Relative difference up to which a ratio is that of a unit, however well it is known."""
+
+FARTHEST = 0.2
+"""The same, however badly it is known: so far no two of these ratios lie apart."""
+
+SIGMAS = 3.0
+
+ORDINARY_HEIGHT_M = 40.0
+"""Above the ground, from which most surveys are flown."""
+
+
+def likely_mistake(ratio: float, relative_sigma: float) -> str:
+    """What makes a length so many times too long, such as ``in feet``; empty where nothing does.
+
+    Parameters
+    ----------
+    ratio
+        As written, over what it should be.
+    relative_sigma
+        Of that ratio.
+    """
+    known = [*((size, f"in {unit}") for size, unit in UNITS), *SLIPS]
+    off = np.abs(np.log(ratio / np.array([size for size, _ in known])))
+    nearest = int(off.argmin())
+    if off[nearest] > min(max(CLOSE, SIGMAS * relative_sigma), FARTHEST):
+        return ""
+    return known[nearest][1]
+
+
+def likely_unit_of_height(height_m: float) -> tuple[str, float]:
+    """The unit of lengths that puts a camera at an odd height, and its height if it is that."""
+    size, unit = min(UNITS, key=lambda each: abs(np.log(height_m / each[0] / ORDINARY_HEIGHT_M)))
+    return unit, height_m / size

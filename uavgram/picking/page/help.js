@@ -1,0 +1,39 @@
+// What the keys do, and what is drawn and written means.
+
+import { node, shape } from "./format.js";
+import { KEYS } from "./keys.js";
+import { CROSS, DIAMOND, KNOWN } from "./marks.js";
+
+const ROUND = "M-9 0A9 6 0 1 0 9 0A9 6 0 1 0 -9 0Z";
+const STROKE = "M-16 0H16";
+
+// Class and path of what is drawn, and its meaning.
+const MARKS = [
+  ["placed", CROSS, "a point that you placed; the ellipse is where it lies, 95\u00a0%"],
+  ["predicted", ROUND, "where a point should be that is placed in other photos, 95\u00a0%"],
+  ["suspect", DIAMOND, "suspect: it does not fit the rest. Look whether it is the right place, or the right length"],
+  ["pulled", STROKE, "residual: from the point to where all else says it is, enlarged as the photo's corner says"],
+  ["length", STROKE, "a taped length; dashed: only judged"],
+  ["measured", STROKE, "a measurement"],
+  ["placed", KNOWN.control, "a point with known coordinates that takes part; square: one that is only judged"],
+];
+
+const WORDS = [
+  ["\u00b1, \u03c3", "standard deviation: the true value lies within twice as much 19 times out of 20"],
+  ["w", "how far something is off, in its own standard deviations; above about 3 look again"],
+  ["grey numbers", "are being computed anew"],
+];
+
+export function buildHelp(dialog) {
+  dialog.append(node("h2", { id: "help-title", class: "unseen" }, "Help"),
+    node("div", { class: "keys" }, ...KEYS.map(([title, rows]) => part(title, rows)),
+      part("What is drawn", MARKS.map(([kind, path, what]) => [swatch(kind, path), what])), part("What is written", WORDS)),
+    node("button", { onclick: () => dialog.close() }, "Close (Esc)"));
+}
+
+const part = (title, rows) => node("div", {}, node("h2", {}, title), node("dl", {}, ...rows.flatMap(([key, what]) => [node("dt", {}, key), node("dd", {}, what)])));
+
+function swatch(kind, path) {
+  return shape("svg", { class: "swatch", viewBox: "-26 -14.5 52 29", width: 52, height: 29, "aria-hidden": "true" },
+    shape("g", { class: kind }, shape("path", { class: "halo wide", d: path }), shape("path", { class: "thin", d: path })));
+}

@@ -1,0 +1,53 @@
+// The speed of what moved between two photos: which photos and times its two places have, and what
+// is in the way of it.
+
+import { picksOf, store } from "./store.js";
+
+const CLOCK = [11, 22]; // hours to hundredths of an ISO time
+
+// Which photos a label is picked in, and when they were taken [s]; null where that is not known.
+function seenIn(label) {
+  return picksOf(label).map(({ image }) => {
+    const { name, time } = store.photos[image];
+    return { image, name, time };
+  });
+}
+
+const clockText = (time) => (time === null ? "time not known" : `${new Date(time * 1000).toISOString().slice(...CLOCK)} UTC`);
+
+// A label with its photo and time, or in how many photos it is.
+export function placeText(label) {
+  const seen = seenIn(label);
+  if (seen.length !== 1) return seen.length ? `${label}: in ${seen.length} photos` : label;
+  return `${label}: ${seen[0].name}, ${clockText(seen[0].time)}`;
+}
+
+const MOST_NAMES = 3;
+
+function names(seen) {
+  const all = seen.map(({ name }) => name);
+  return all.length > MOST_NAMES ? `${all.slice(0, MOST_NAMES).join(", ")} \u2026` : all.join(", ");
+}
+
+// Why one label cannot be a place of something that moves; empty where it can.
+export function placeFault(label) {
+  const seen = seenIn(label);
+  if (!seen.length) return `${label} is picked in no photo. Pick it in one.`;
+  if (seen.length > 1) {
+    return `${label} is picked in ${seen.length} photos (${names(seen)}). What moves is at another place in each photo: `
+      + `keep ${label} in one of them (Delete removes it from the photo that is shown), and give its place in another photo a label of its own.`;
+  }
+  return seen[0].time === null ? `The time of ${seen[0].name} is not known, so nothing tells how fast ${label} moved.` : "";
+}
+
+// What a speed needs, as it stands: the seconds between its photos, or why there are none.
+export function speedFacts([start, end]) {
+  const why = placeFault(start) || placeFault(end);
+  if (why) return { seconds: null, why };
+  const [[from], [to]] = [seenIn(start), seenIn(end)];
+  if (from.image === to.image) {
+    return { seconds: null, why: `${start} and ${end} are both picked in ${from.name}. A speed needs two photos: pick where the same thing is in another one.` };
+  }
+  const seconds = Math.abs(to.time - from.time);
+  return { seconds, why: seconds > 0 ? "" : `${from.name} and ${to.name} have the same time, so nothing tells how fast it moved.` };
+}

@@ -1,0 +1,148 @@
+"""Photos of two cameras (or zooms, or focus settings) in one calibration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.errors import GeometryError
+from uavgram.estimation.calibration.adjustment import Fit, adjust
+from uavgram.estimation.calibration.normals import UndeterminedError
+from uavgram.estimation.calibration.problem import lens_of, pad
+from uavgram.estimation.calibration.two_cameras import Split, best_split
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.message import Message
+from uavgram.stages.calibrate.compare import extended
+from uavgram.stages.calibrate.judged import PHOTO_FACTOR_SIGNIFICANCE, Judged
+
+
+class _Level(NamedTuple):
+    """What a split must reach.
+
+    Attributes
+    ----------
+    distance, decision
+        Of the split.
+    total
+        Distance times photos: few photos fall into two groups by chance.
+    photos
+        In the smaller group.
+    """
+
+    distance: float
+    decision: float
+    total: float
+    photos: int
+
+    def is_reached(self, split: Split) -> bool:
+        """Whether the split is as clear as that."""
+        return (
+            split.distance >= max(self.distance, self.total / len(split.group))
+            and split.decision >= self.decision
+            and np.bincount(split.group).min() >= self.photos
+        )
+
+
+LIKELY = (_Level(0.8, 0.2, 10.0, 4), _Level(6.0, 0.3, 0.0, 3))
+CERTAIN = (_Level(1.0, 0.3, 20.0, 5), _Level(15.0, 0.3, 0.0, 3))
+"""Any of them. Simulated photos of one camera reached `CERTAIN` in none of @@@."""
+
+BENT_SHARE = 0.03
+"""Of the board's length is the prior sigma of the bow where that is tried as the reason."""
+
+MOST_NAMES = 20
+
+
+def refuse_two_cameras(judged: Judged) -> tuple[Message, ...]:
+    """Warn of photos of two cameras where these are likely.
+
+    Photos of one camera disagree too, where the board is bent, the camera moved or the lens is
+    not of the model; but then they scatter about one camera, and do not fall in two groups. A
+    bent board that was held in two ways would make two groups: its bow is set free first.
+
+    Raises
+    ------
+    GeometryError
+        Two cameras are beyond doubt: what is common to both describes neither.
+    """
+    if judged.effect.probability > PHOTO_FACTOR_SIGNIFICANCE:
+        return ()
+    try:
+        fit = _with_bow(judged)
+        split = best_split(fit)
+        if split is None or not any(level.is_reached(split) for level in LIKELY):
+            return ()
+        cameras = [_alone(fit, split.group == k) for k in (0, 1)]
+    except UndeterminedError:  # where a group knows no camera, nothing tells it from the other
+        return ()
+    text = _words(judged, split, cameras)
+    if any(level.is_reached(split) for level in CERTAIN):
+        raise GeometryError(
+            f"the photos are of two cameras (or two zooms, or focus settings): {text}. Calibrate "
+            "each of the two by itself"
+        )
+    return (
+        Message(
+            "warning",
+            "two-cameras",
+            f"The photos may be of two cameras (or two zooms, or focus settings): {text}. If they "
+            "are, calibrate each of the two by itself; otherwise hold focus, zoom and camera "
+            "still, and switch stabilisation off.",
+        ),
+    )
+
+
+def _with_bow(judged: Judged) -> Fit:
+    """The adjustment with the bow of the board free."""
+    if judged.options.bow == "paraboloid":
+        return judged.fit
+    length_m = float(np.ptp(judged.observations.board.corner_board_m, axis=0).max())
+    sigma_m = max(judged.options.bow_sigma_m, BENT_SHARE * length_m)
+    options = replace(judged.options, bow="paraboloid", bow_sigma_m=sigma_m)
+    shape = pad(judged.observations, "paraboloid").bow[_in_fit(judged)]
+    corners = replace(judged.fit.corners, bow=shape)
+    return adjust(lens_of(options), corners, extended(judged.fit.state, options, corners))
+
+
+def _in_fit(judged: Judged) -> Bools:
+    """(M,) which of the usable photos are in the adjustment."""
+    return np.asarray(judged.snooped.fit.corners.count > 0)
+
+
+def _alone(fit: Fit, photos: Bools) -> Floats:
+    """(P,) camera of some of the photos, on the board as all of them have it."""
+    count = len(fit.lens.basis)
+    lens = replace(
+        fit.lens,
+        prior_mean=fit.lens.prior_mean[:count],
+        prior_information=fit.lens.prior_information[:count, :count],
+    )
+    corners = fit.corners.take(photos)
+    bent = corners.board_m.copy()
+    bent[..., 2] += corners.bow @ fit.state.bow_m
+    corners = replace(corners, board_m=bent, bow=corners.bow[..., :0])
+    start = replace(fit.state.take(photos), bow_m=np.zeros(0))
+    return adjust(lens, corners, start).state.parameters
+
+
+def _words(judged: Judged, split: Split, cameras: list[Floats]) -> str:
+    files = [photo.file for photo in np.array(judged.observations.photos)[_in_fit(judged)]]
+    first, second = (_names(files, split.group == k) for k in (0, 1))
+    one, other = cameras
+    return (
+        f"{first} ask for a focal length of {one[0]:.1f} px and a principal point of "
+        f"{one[2]:.1f}, {one[3]:.1f}; {second} for {other[0]:.1f} px and {other[2]:.1f}, "
+        f"{other[3]:.1f}"
+    )
+
+
+def _names(files: list[str], chosen: Bools) -> str:
+    """First and last of neighbours; all of others, as far as there are not too many."""
+    rows = np.flatnonzero(chosen)
+    if np.ptp(rows) == len(rows) - 1:
+        return f"{files[rows[0]]} to {files[rows[-1]]} ({len(rows)} photos)"
+    shown = ", ".join(files[i] for i in rows[:MOST_NAMES])
+    more = len(rows) - MOST_NAMES
+    return shown + (f" and {more} more" if more > 0 else "")
