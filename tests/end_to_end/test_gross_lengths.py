@@ -95,6 +95,16 @@ def test_all_lengths_in_feet_are_told_in_one_message(solve):
     assert as_it_should_be(result, solve())
 
 
+def test_a_length_a_quarter_off_stays_and_is_the_only_suspect(solve):
+    result = solve(L2=lambda _: 16.0)
+    suspects = [text for code, text in warned(result) if "suspect" in code or "strained" in code]
+    (text,) = [text for text in suspects if "withheld" not in text]
+    assert "'L2'" in text
+    assert "Without it, everything else fits." in text
+    status = dict(zip(result.lines.name, result.lines.status, strict=True))
+    assert [name for name, state in status.items() if state == "suspect"] == ["L2"]
+
+
 def test_a_withheld_length_and_a_check_point_are_named_before_the_checks_as_a_whole(solve):
     result = solve(L6=lambda metres: 1000.0 * metres)
     (_, first), (_, last) = warned(result)

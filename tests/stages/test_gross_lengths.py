@@ -12,6 +12,7 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.survey_problem import SurveyProblem
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
+from uavgram.stages.refine.gross_control import doubtful_control
 from uavgram.stages.refine.gross_lengths import doubtful, wrong_beyond_doubt
 from uavgram.stages.refine.seeded_lengths import seeded_lengths, seeded_points
 
@@ -87,6 +88,13 @@ def test_two_of_six_in_feet_are_found_by_leaving_out_pairs_without_log(scene_fac
     assert left_out(refined) == {0: None, 4: None}
 
 
+def test_an_innocent_length_is_not_left_out_where_the_rest_does_not_fit(scene_factory):
+    # Without the third, the others agree in a pose that the camera and the picks contradict.
+    scene = scene_factory(2, frames=3, ends=PAIRS[:5], **NO_LOG)
+    refined, _ = refine(times(scene.survey, {0: 1 / 0.3048, 4: 1 / 0.3048}), REPORT)
+    assert left_out(refined) == {}
+
+
 def test_all_lengths_in_a_wrong_unit_yield_to_the_log(scene_factory):
     survey = logged(scene_factory(2, frames=6, ends=PAIRS))
     refined, _ = refine(times(survey, dict.fromkeys(range(6), 1000.0)), REPORT)
@@ -96,24 +104,27 @@ def test_all_lengths_in_a_wrong_unit_yield_to_the_log(scene_factory):
     assert not doubtful(times(survey, dict.fromkeys(range(6), 2.0)), all_picks(survey)).any()
 
 
+def misled(scene, shift):
+    """A survey whose log is right, but whose seeds stand elsewhere and are sure of it."""
+    survey = logged(scene, np.full(6, 0.01))
+    seeds = replace(survey.seeds, center_world_m=survey.seeds.center_world_m + shift)
+    return replace(survey, seeds=seeds)
+
+
 def test_a_length_that_only_seems_wrong_to_the_seeds_comes_back(scene_factory):
-    scene = scene_factory(2, frames=6, ends=PAIRS)
-    survey = logged(scene)
-    center = np.array(survey.seeds.center_world_m)
-    center[:, 2] *= 3.0
-    tight = np.tile(1e-4 * np.eye(6), (6, 1, 1))
-    misled = replace(survey, seeds=replace(survey.seeds, center_world_m=center, covariance=tight))
-    one = replace(
-        misled,
-        line_start=survey.line_start[:1],
-        line_end=survey.line_end[:1],
-        length_m=survey.length_m[:1],
-        length_sigma_m=survey.length_sigma_m[:1],
-    )
-    assert doubtful(one, all_picks(one)).all()
-    refined, _ = refine(one, REPORT)
+    survey = misled(scene_factory(2, frames=6, ends=PAIRS[:1]), [0.0, 0.0, 50.0])
+    assert doubtful(survey, all_picks(survey)).all()
+    refined, _ = refine(survey, REPORT)
     assert not refined.line_removed.any()
     assert left_out(refined) == {}
+
+
+def test_a_control_point_that_only_seems_wrong_to_the_seeds_comes_back(scene_factory):
+    survey = misled(scene_factory(3, frames=4, control=2), [30.0, 0.0, 0.0])
+    assert doubtful_control(survey, all_picks(survey)).all()
+    refined, messages = refine(survey, REPORT)
+    assert "control-left-out" not in {m.code for m in messages}
+    assert len(refined.adjustment.survey.control_label) == 2
 
 
 def test_a_clean_survey_starts_with_all_its_lengths(scene_factory):

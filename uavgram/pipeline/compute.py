@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.errors import near_miss
+from uavgram.errors import GeometryError, near_miss
 from uavgram.estimation.adjustment import Refined
 from uavgram.estimation.error_budget import error_budget, shares
 from uavgram.estimation.measured import measured_rows
@@ -43,6 +43,7 @@ from uavgram.stages.assemble import Assembled, assemble, unpicked_areas
 from uavgram.stages.learn_camera import what_was_learnt
 from uavgram.stages.measure import measure, measurement_results
 from uavgram.stages.monte_carlo import compare, sample
+from uavgram.stages.mount_check import turned_mount
 from uavgram.stages.other_solutions import with_alternatives
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
@@ -112,7 +113,13 @@ def compute(
     if world.gauge == "plane":
         world = replace(world, latitude_deg=None, longitude_deg=None, height_m=None)
     world = replace(world, crs=_map_crs(project, world))
-    refined, refine_messages = refine(_with_candidates(assembled.survey), project.solve)
+    mount = turned_mount(assembled.survey)
+    try:
+        refined, refine_messages = refine(_with_candidates(assembled.survey), project.solve)
+    except GeometryError as why:
+        if mount is not None:  # what is behind it
+            raise GeometryError(f"{mount.text} ({why})") from why
+        raise
     adjustment = refined.adjustment
     points = reconstruct(adjustment, world)
     measured = measured_rows(adjustment, inputs.requests, posed.frames)
@@ -165,6 +172,7 @@ def compute(
         checks_overall=judged.checks_overall,
         solution=summarise_solution(refined, judged.groups, others),
         messages=(
+            *(() if mount is None else (mount,)),
             *inputs.messages,
             *posed.messages,
             *control_messages,

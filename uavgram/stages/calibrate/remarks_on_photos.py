@@ -8,7 +8,7 @@ from itertools import chain
 import numpy as np
 
 from uavgram.estimation.calibration.network import Tilts, coverage, tilts
-from uavgram.estimation.calibration.systematics import focus_drift, rolling_shutter
+from uavgram.estimation.calibration.systematics import RollingShutter, focus_drift, rolling_shutter
 from uavgram.geometry.back_projection import share_without_rays
 from uavgram.geometry.camera_facts import FRAME_35MM_DIAGONAL_MM
 from uavgram.model.calibration_photos import LensSetting
@@ -110,9 +110,14 @@ def _on_coverage(judged: Judged, result: CalibrationResult) -> Iterator[Message]
         )
 
 
+def shows_rolling_shutter(found: RollingShutter) -> bool:
+    """Whether the drift of the rows is large, and no chance."""
+    return found.probability < SHUTTER_SIGNIFICANCE and found.drift_px > SHUTTER_PX
+
+
 def _on_the_shutter(judged: Judged) -> Iterator[Message]:
     found = rolling_shutter(judged.fit, judged.size_px)
-    if found.probability < SHUTTER_SIGNIFICANCE and found.drift_px > SHUTTER_PX:
+    if shows_rolling_shutter(found):
         yield Message(
             "warning",
             "rolling-shutter",

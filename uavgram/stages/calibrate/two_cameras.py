@@ -11,11 +11,13 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.adjustment import Fit, adjust
 from uavgram.estimation.calibration.normals import UndeterminedError
 from uavgram.estimation.calibration.problem import lens_of, pad
+from uavgram.estimation.calibration.systematics import rolling_shutter
 from uavgram.estimation.calibration.two_cameras import Split, best_split
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message
 from uavgram.stages.calibrate.compare import extended
 from uavgram.stages.calibrate.judged import PHOTO_FACTOR_SIGNIFICANCE, Judged
+from uavgram.stages.calibrate.remarks_on_photos import shows_rolling_shutter
 
 
 class _Level(NamedTuple):
@@ -60,7 +62,8 @@ def refuse_two_cameras(judged: Judged) -> tuple[Message, ...]:
 
     Photos of one camera disagree too, where the board is bent, the camera moved or the lens is
     not of the model; but then they scatter about one camera, and do not fall in two groups. A
-    bent board that was held in two ways would make two groups: its bow is set free first.
+    bent board that was held in two ways would make two groups: its bow is set free first. Where
+    rows drift within each group, the camera's motion explains groups that are not quite clear.
 
     Raises
     ------
@@ -74,11 +77,18 @@ def refuse_two_cameras(judged: Judged) -> tuple[Message, ...]:
         split = best_split(fit)
         if split is None or not any(level.is_reached(split) for level in LIKELY):
             return ()
-        cameras = [_alone(fit, split.group == k) for k in (0, 1)]
+        alone = [_alone(fit, split.group == k) for k in (0, 1)]
     except UndeterminedError:  # where a group knows no camera, nothing tells it from the other
         return ()
-    text = _words(judged, split, cameras)
-    if any(level.is_reached(split) for level in CERTAIN):
+    is_certain = any(level.is_reached(split) for level in CERTAIN)
+    together, *apart = (
+        shows_rolling_shutter(rolling_shutter(one, judged.size_px)) for one in (fit, *alone)
+    )
+    is_moved = any(apart)
+    if not is_certain and (together or is_moved):
+        return ()
+    text = _words(judged, split, [one.state.parameters for one in alone])
+    if is_certain and not is_moved:
         raise GeometryError(
             f"the photos are of two cameras (or two zooms, or focus settings): {text}. Calibrate "
             "each of the two by itself"
@@ -111,8 +121,8 @@ def _in_fit(judged: Judged) -> Bools:
     return np.asarray(judged.snooped.fit.corners.count > 0)
 
 
-def _alone(fit: Fit, photos: Bools) -> Floats:
-    """(P,) camera of some of the photos, on the board as all of them have it."""
+def _alone(fit: Fit, photos: Bools) -> Fit:
+    """The adjustment of some of the photos, on the board as all of them have it."""
     count = len(fit.lens.basis)
     lens = replace(
         fit.lens,
@@ -124,7 +134,7 @@ def _alone(fit: Fit, photos: Bools) -> Floats:
     bent[..., 2] += corners.bow @ fit.state.bow_m
     corners = replace(corners, board_m=bent, bow=corners.bow[..., :0])
     start = replace(fit.state.take(photos), bow_m=np.zeros(0))
-    return adjust(lens, corners, start).state.parameters
+    return adjust(lens, corners, start)
 
 
 def _words(judged: Judged, split: Split, cameras: list[Floats]) -> str:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import chdtri
 
 from uavgram.estimation.adjustment import Refined, Removal
 from uavgram.estimation.first_values import seen_lines
@@ -36,6 +37,15 @@ KNOWN = 0.5
 
 FEW = 3
 """Lengths from which on they tell what they have in common: the scale, which the log may miss."""
+
+SLACK = 2.0
+"""Factor by which all sigmas may be too small in an adjustment that counts as fitting."""
+
+TRIMMED = 5.0
+"""Residual of a pick, in its sigmas, from which on it counts as a blunder of its own."""
+
+UNLIKELY = 0.001
+"""Probability of a sum of squares beyond which an adjustment does not fit."""
 
 ODD = 30.0
 """Factor by which no length differs from the others of a frame for its perspective alone."""
@@ -102,6 +112,21 @@ def wrong_beyond_doubt(survey: Survey, refined: Refined, line: Ints) -> Bools:
     nearest = taped + np.clip(seen - taped, -BEYOND * own, BEYOND * own)
     ratio = np.abs(np.log(nearest / seen))
     return np.asarray(ratio > np.maximum(np.log(FACTOR), BEYOND * sigma / seen))
+
+
+def fits(refined: Refined) -> bool:
+    """Whether an adjustment is in order, but for single picks: then it may speak against others.
+
+    Without redundancy, nothing says that it is.
+    """
+    minimum = refined.adjustment.minimum
+    observations = sum(block.residual.size for block in minimum.blocks.values())
+    degrees = observations - refined.adjustment.problem.layout.size
+    squares = np.sum(minimum.blocks["pixels"].residual ** 2, axis=1)
+    cost = minimum.cost - float(np.maximum(squares - TRIMMED**2, 0.0).sum())
+    return bool(
+        minimum.converged and degrees > 0 and cost <= SLACK**2 * float(chdtri(degrees, UNLIKELY))
+    )
 
 
 def seen_lengths(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, Floats]:

@@ -23,6 +23,7 @@ from uavgram.stages.refine.gross_control import (
 )
 from uavgram.stages.refine.gross_lengths import (
     doubtful,
+    fits,
     with_gross_lengths,
     wrong_beyond_doubt,
 )
@@ -136,23 +137,23 @@ def _without_blunders(
 def _with_the_accused(survey: Survey, refined: Refined, significance: float) -> Refined:
     """The same, with the observation that adjustments without each of several point at.
 
-    A length that is then wrong beyond doubt is left out: it would bend all others.
+    Lengths that are then wrong beyond doubt are left out, if the rest fits: they would bend it.
     """
+    first, without = refined, refined
     while True:
-        choices, _ = blunders(refined, significance)
-        if len(choices) < 2:
-            return refined
-        tried = _tried(survey, refined, choices)
-        if isinstance(tried, GeometryError):
-            return refined
+        choices, _ = blunders(without, significance)
+        tried = _tried(survey, without, choices) if len(choices) > 1 else []
+        if isinstance(tried, GeometryError) or not tried:
+            return without if fits(without) else first
         removal, after = best_of(tried)
+        if without is refined:
+            alone = in_order(after) and blunders(after, significance) == ([], [])
+            accused = removal.suspicion.accused
+            first = replace(refined, accused=accused, accused_alone=alone)
         line = np.array([removal.index] if removal.kind == "line" else [], dtype=np.int64)
-        if not in_order(after):
-            return replace(refined, accused=removal.suspicion.accused)
-        if not wrong_beyond_doubt(survey, after, line).any():
-            alone = blunders(after, significance) == ([], [])
-            return replace(refined, accused=removal.suspicion.accused, accused_alone=alone)
-        refined = after
+        if not (in_order(after) and wrong_beyond_doubt(survey, after, line).any()):
+            return first if without is refined or not fits(without) else without
+        without = after
 
 
 def _tried(

@@ -11,7 +11,7 @@ from uavgram.estimation.adjustment import Refined
 from uavgram.model.arrays import Bools
 from uavgram.model.survey import Survey
 from uavgram.stages.refine.attempts import attempt, ends_among, misfit
-from uavgram.stages.refine.gross_lengths import wrong_beyond_doubt
+from uavgram.stages.refine.gross_lengths import fits, wrong_beyond_doubt
 from uavgram.stages.refine.minima import UNDETERMINED
 from uavgram.stages.refine.misfit import culprit, gross
 
@@ -63,7 +63,7 @@ def without_wrong_lengths(
     costs = np.array([np.inf if each is None else misfit(each, picks) for each in tried])
     found = culprit(np.inf if refined is None else misfit(refined, picks), costs)
     rest = None if found is None else tried[found]
-    if found is None or rest is None or _led_astray(rest):
+    if found is None or rest is None or _led_astray(rest) or not fits(rest):
         return None
     return rest if wrong_beyond_doubt(survey, rest, np.array(sets[found])).all() else None
 
