@@ -125,6 +125,15 @@ def test_three_lengths_are_warned_of(data_dir, tmp_path, copy_project):
     assert "ambiguous-pose" in told
     (other,) = result.solution.alternatives
     assert len(other.values) == len(result.measurements.value)
+    # What it would change by more than its interval says is marked so.
+    rows = result.measurements
+    low, high = rows.interval_95.T
+    there = np.array(other.values)
+    outside = (there < low) | (there > high)
+    assert outside.any()
+    np.testing.assert_array_equal(rows.is_ambiguous, outside)
+    marked = [values[0] for values in rows.alternative_values if values]
+    np.testing.assert_array_equal(marked, there[outside])
 
 
 def test_neither_log_nor_lengths_is_an_error(data_dir, tmp_path, copy_project):

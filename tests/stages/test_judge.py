@@ -426,4 +426,24 @@ def test_a_check_point_that_is_wrong_is_named_before_the_checks_as_a_whole(scene
         assert "that is 'P7' alone; the other 2 fit" in message.text
 
 
+def test_check_points_that_are_all_off_are_told_in_one_message(scene_factory):
+    scene = scene_factory(6)
+    adjustment = solve(scene.survey).adjustment
+    known = KnownWorldPoints(
+        label=("P2", "P7", "P8"),
+        world_m=scene.world[[2, 7, 8]] + np.array([0.0, 0.0, 20.0]),
+        sigma_m=np.full((3, 3), 0.02),
+    )
+    _, (message,) = judge_points(adjustment, known, ALPHA)
+    assert message.text.startswith("3 of 3 check points are off, the median ")
+    assert "mostly above" in message.text
+    assert "datum of their heights" in message.text
+    none = lines_of(replace(scene.survey, **{
+        name: getattr(scene.survey, name)[:0]
+        for name in ("line_start", "line_end", "length_m", "length_sigma_m")
+    }))  # fmt: skip
+    _, (message,) = judge_overall(adjustment, none, known, ALPHA)
+    assert "something common to all is wrong" in message.text
+
+
 NO_POINTS = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empty((0, 3)))

@@ -31,24 +31,30 @@ class _Level(NamedTuple):
         Distance times photos: few photos fall into two groups by chance.
     photos
         In the smaller group.
+    chance
+        Of so wide a gap between the groups where one camera drifts evenly from one state to
+        another (autofocus): its photos lie evenly from -2 to 2 in units of `decision`, so all N
+        stay farther than g from the middle with the probability (1 - g / 2)^N.
     """
 
     distance: float
     decision: float
     total: float
     photos: int
+    chance: float
 
     def is_reached(self, split: Split) -> bool:
         """Whether the split is as clear as that."""
+        count = len(split.group)
         return (
-            split.distance >= max(self.distance, self.total / len(split.group))
-            and split.decision >= self.decision
+            split.distance >= max(self.distance, self.total / count)
+            and split.decision >= max(self.decision, 2 * (1 - self.chance ** (1 / count)))
             and np.bincount(split.group).min() >= self.photos
         )
 
 
-LIKELY = (_Level(0.8, 0.2, 10.0, 4), _Level(6.0, 0.3, 0.0, 3))
-CERTAIN = (_Level(1.0, 0.3, 20.0, 5), _Level(15.0, 0.3, 0.0, 3))
+LIKELY = (_Level(0.8, 0.2, 10.0, 4, 0.05), _Level(6.0, 0.3, 0.0, 3, 1.0))
+CERTAIN = (_Level(1.0, 0.3, 20.0, 5, 0.01), _Level(15.0, 0.3, 0.0, 3, 1.0))
 """Any of them. Simulated photos of one camera reached `CERTAIN` in none of @@@."""
 
 BENT_SHARE = 0.03

@@ -81,7 +81,7 @@ def _values(
 
 
 def _off_alone(error: Floats, joint: Floats, of: Ints, significance: float) -> list[int]:
-    """Checks that do not fit by themselves, if all others do without them; else none.
+    """Checks that do not fit by themselves, few enough, if all others do without them; else none.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def _off_alone(error: Floats, joint: Floats, of: Ints, significance: float) -> l
         if upper_tail(squared, len(own)) < significance:
             off.append(check)
     rest = np.flatnonzero(~np.isin(of, off))
-    if not off or not len(rest):
+    if not off or not len(rest) or 2 * len(off) > int(of[-1]) + 1:
         return []
     squared = float(error[rest] @ np.linalg.solve(joint[np.ix_(rest, rest)], error[rest]))
     return off if upper_tail(squared, len(rest)) >= significance else []

@@ -7,9 +7,13 @@ import numpy as np
 from uavgram.estimation.adjustment import Adjustment
 from uavgram.estimation.coordinate_faults import displaced, likely_fault
 from uavgram.estimation.reliability import upper_tail
+from uavgram.model.arrays import Ints
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownWorldPoints
 from uavgram.model.result_tables import PointChecks
+
+FEW = 3
+"""Check points from which on most of them being off is one fault and not several."""
 
 
 def judge_points(
@@ -41,8 +45,21 @@ def judge_points(
     ]
     if adjustment.minimum.converged:
         off = [upper_tail(float(each), 3) < significance for each in squared]
-        messages += [_off(checks, int(i)) for i in np.flatnonzero(off)]
+        messages += _suspects(checks, np.flatnonzero(off))
     return checks, tuple(messages)
+
+
+def _suspects(checks: PointChecks, off: Ints) -> list[Message]:
+    """A message on each check point that is off; one on all, where most of several are."""
+    if len(off) < FEW or 2 * len(off) <= len(checks.label):
+        return [_off(checks, int(i)) for i in off]
+    middle, sigma = (np.median(each[off], axis=0) for each in (-checks.error_m, checks.sigma_m))
+    text = (
+        f"{len(off)} of {len(checks.label)} check points are off, the median "
+        f"{displaced(middle, sigma)}: look at what they have in common, the datum of their "
+        f"heights, their coordinate system{likely_fault(middle)} and the origin."
+    )
+    return [Message("warning", "check-suspect", text)]
 
 
 def _off(checks: PointChecks, i: int) -> Message:
