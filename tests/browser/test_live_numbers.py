@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 import threading
+from dataclasses import replace
 
 import pytest
 from large_photos import write_large_project
 from picking_pages import eventually, measured, to_page, wait_until_adjusted
 from picking_server import served
+from playwright.sync_api import expect
+from unsure import unsure
 
 GREY = "body.stale"
 ADJUSTED = '#mode[data-mode="adjusted"]'
@@ -72,4 +75,24 @@ def test_numbers_are_grey_until_they_belong_to_what_is_picked(slow, open_page):
     hold.set()
     page.wait_for_selector(GREY, state="detached")
     page.wait_for_selector(ADJUSTED)
+    assert not page.errors
+
+
+def test_a_value_that_another_solution_changes_shows_the_other_one_beside_it(slow, open_page):
+    server, _ = slow
+    survey, adjust = server.desk.survey, server.desk.survey.adjust
+
+    def ambiguous(observed):
+        adjusted = adjust(observed)
+        result = unsure(adjusted.result, "D1", (12.3456, 45.6789))
+        return replace(adjusted, computed=adjusted.computed._replace(result=result))
+
+    survey.adjust = ambiguous
+    page = open_page(server)
+    page.locator("#label").fill("New")
+    page.mouse.click(*to_page(page, 700.0, 500.0))
+    row = page.locator('[data-row="measure D1"]')
+    expect(row).to_contain_text(re.compile(r"m\s*or 12\.\d+, 45\.\d+"))
+    other = page.locator('table[aria-label="Measurements"] tbody tr').nth(1)
+    expect(other).not_to_contain_text(" or ")
     assert not page.errors

@@ -35,6 +35,13 @@ export function valueText(found) {
   return withSigma(found.value, found.sigma, unitText(found.unit));
 }
 
+// What other solutions, that fit as well, make of a value; empty where there is none.
+export function alternativesText({ alternatives, sigma, unit }) {
+  const pace = unit === "m/s" ? 3.6 : 1;
+  const words = (alternatives ?? []).map((value) => fixed(pace * value, places(pace * sigma)));
+  return words.length ? `or ${words.join(", ")}` : "";
+}
+
 export const unitText = (unit) => ({ m2: "m\u00b2", deg: "\u00b0" })[unit] ?? unit;
 
 export const byId = (id) => document.getElementById(id);

@@ -1,7 +1,7 @@
 // The tab of measurements: points, lengths, what is measured, and what the program has to say.
 
 import { entryPart, KINDS } from "./entry.js";
-import { degrees, fixed, missing, node, valueText, withSigma } from "./format.js";
+import { alternativesText, degrees, fixed, missing, node, valueText, withSigma } from "./format.js";
 import { TOOLS } from "./keys.js";
 import { placeText } from "./speed.js";
 import { adjusted, labels, pickAt, picksOf, stale, store } from "./store.js";
@@ -129,10 +129,15 @@ function valuesOf({ name, kind, points }, now) {
   const found = rows.map((row) => now?.measurements[row]);
   if (!found.every(Boolean)) return [missing];
   if (found[0].value === null) return [unmeasured(name)];
-  if (kind !== "coordinate") return [valueText(found[0])];
+  const others = found.filter((one) => one.alternatives?.length).map(notUnique);
+  if (kind !== "coordinate") return [valueText(found[0]), ...others];
   const [east, north] = found;
   const [latitude, longitude] = now.earth[points[0]] ?? [];
-  return [`E ${valueText(east)}`, `N ${valueText(north)}`, ...(latitude === undefined ? [] : [`lat ${degrees(latitude, north.sigma)}`, `lon ${degrees(longitude, east.sigma)}`])];
+  return [`E ${valueText(east)}`, `N ${valueText(north)}`, ...(latitude === undefined ? [] : [`lat ${degrees(latitude, north.sigma)}`, `lon ${degrees(longitude, east.sigma)}`]), ...others];
+}
+
+function notUnique(found) {
+  return node("span", { class: "bad", title: "Other solutions explain what was observed as well, and give this: value and sigma hold only if the first one is right" }, alternativesText(found));
 }
 
 function unmeasured(name) {
