@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 from types import SimpleNamespace
 
 import httpx
 import pytest
+from own_loop import run_alone
 from starlette.applications import Starlette
 
 from uavgram.errors import InputError
@@ -29,7 +29,7 @@ def tile(desk, **headers):
         async with httpx.AsyncClient(transport=door, base_url="http://page") as page:
             return await page.get("/photo/3/0/1/2.jpg", headers=headers)
 
-    return asyncio.run(ask())
+    return run_alone(ask())
 
 
 def test_a_page_says_with_each_tile_which_photos_it_shows(desk):

@@ -10,6 +10,7 @@ import subprocess
 import sys
 
 import pytest
+from own_loop import run_alone
 
 from uavgram.errors import UavgramError
 from uavgram.picking.server import open_door
@@ -42,7 +43,7 @@ def test_small_messages_are_sent_at_once():
             await writer.wait_closed()
             return found
 
-    assert asyncio.run(nodelay())
+    assert run_alone(nodelay())
 
 
 KEPT_MB = """
