@@ -55,7 +55,7 @@ def compare(name: str, observations, coefficients: int, flags: int) -> None:
     theirs = best_ms(
         lambda: cv2.calibrateCameraExtended(points, pixels, size, None, None, flags=flags)
     )
-    rested = best_ms(lambda: scenes.opencv_calibration(observations, flags))
+    rested = best_ms(lambda: scenes.opencv_calibration(observations, flags, times=1))
     mine = best_ms(ours)
     whole = best_ms(lambda: calibrate(observations, options))
     print(

@@ -175,25 +175,32 @@ def phantom3(data_dir):
     return BoardObservations(board=flat_board(9, 11, 0.06), photos=tuple(photos)), control["camera"]
 
 
-def opencv_calibration(observations, flags=0):
-    """Parameters (P,), their standard deviations, rms and the poses' ones, by OpenCV."""
+def opencv_calibration(observations, flags=0, times=5):
+    """Parameters (P,), their standard deviations, rms and the poses' ones, by OpenCV.
+
+    Its threads add up in any order, and its iterations stop where the sum no longer falls: some
+    1e-5 of a sigma from one another, now and then more. So it is the median of several times.
+    """
     board = observations.board.corner_board_m.astype(np.float32)
     points = [board[photo.corner] for photo in observations.photos]
     pixels = [photo.pixel_px.astype(np.float32)[:, None] for photo in observations.photos]
     first = observations.photos[0]
-    rms, matrix, distortion, _, _, sigma, pose_sigma, _ = cv2.calibrateCameraExtended(
-        points,
-        pixels,
-        (first.width_px, first.height_px),
-        None,
-        None,
-        flags=flags,
-        criteria=(3, 300, 1e-16),
-    )
     count = 12 if flags & cv2.CALIB_RATIONAL_MODEL else 9
-    camera = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]
-    parameters = np.concatenate([camera, distortion.ravel()[: count - 4]])
-    return parameters, sigma.ravel()[:count], rms, pose_sigma.reshape(-1, 6)
+    runs = []
+    for _ in range(times):
+        rms, matrix, distortion, _, _, sigma, pose_sigma, _ = cv2.calibrateCameraExtended(
+            points,
+            pixels,
+            (first.width_px, first.height_px),
+            None,
+            None,
+            flags=flags,
+            criteria=(3, 300, 1e-16),
+        )
+        camera = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]
+        parameters = np.concatenate([camera, distortion.ravel()[: count - 4]])
+        runs.append((parameters, sigma.ravel()[:count], rms, pose_sigma.reshape(-1, 6)))
+    return tuple(np.median(np.stack(values), axis=0) for values in zip(*runs, strict=True))
 
 
 def as_float32(observations):
