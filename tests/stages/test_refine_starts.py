@@ -257,3 +257,16 @@ def test_a_pose_that_nothing_determines_is_still_told_beside_the_one_that_is_fou
         found, _ = one.lengths(np.array(start), np.array(end))
         off.append(abs(found[0] / true - 1.0))
     assert min(off) < 0.02 < max(off), off
+
+
+@pytest.mark.parametrize("number", [76, 28, 52])
+def test_a_rival_that_nothing_determines_does_not_stop_a_survey_with_an_unknown_camera(number):
+    kind = Kind(sources=("pixels", "lengths"), telemetry=("absent",), lines=(3, 3), frames=(1,))
+    survey = random_scene((3, number), kind).survey
+    covariance = np.array(survey.calibration.covariance)
+    covariance[:2], covariance[:, :2] = 0.0, 0.0
+    focal = 0.2 * survey.calibration.parameters[0]
+    covariance[:2, :2] = focal**2 * np.array([[1.0, 0.999], [0.999, 1.0]])
+    calibration = replace(survey.calibration, covariance=covariance)
+    _, messages = refine(replace(survey, calibration=calibration), REPORT)
+    assert "ambiguous-pose" in [message.code for message in messages]

@@ -13,6 +13,14 @@ from uavgram.model.arrays import Floats
 
 Origin = tuple[float, float, float]
 
+EARTH_RADIUS_M = 6_371_000.0
+"""Mean radius: for what the earth's curvature does over some kilometres."""
+
+
+def curvature_drop(distance_m: float) -> float:
+    """How far the ground at a distance lies below the horizontal plane here [m]: d^2 / 2R."""
+    return distance_m**2 / (2.0 * EARTH_RADIUS_M)
+
 
 def enu_from_geodetic(
     latitude_deg: ArrayLike, longitude_deg: ArrayLike, height_m: ArrayLike, origin: Origin

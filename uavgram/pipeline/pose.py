@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.errors import GeometryError, InputError, UavgramError
+from uavgram.geometry.geodesy import curvature_drop
 from uavgram.model.arrays import Floats
 from uavgram.model.frames import Frames
 from uavgram.model.message import Message
@@ -25,7 +26,7 @@ from uavgram.stages.trajectory import build_track, find_home
 Place = tuple[float, float, float]
 
 FARTHEST_ORIGIN_M = 20_000.0
-EARTH_RADIUS_M = 6_371_000.0
+"""Of a stated origin: over this distance the ground falls 31 m below its horizontal plane."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -127,14 +128,11 @@ def _seeded(
 
 
 def _far_origin(inputs: Inputs, center_world_m: Floats) -> tuple[Message, ...]:
-    """Refuse an origin that is no place of this flight; say what the earth's curvature does.
-
-    At a distance d the ground lies d^2 / 2R below the origin's horizontal plane.
-    """
+    """Refuse an origin that is no place of this flight; say what the earth's curvature does."""
     if not isinstance(inputs.project.world.origin, GeodeticOrigin):
         return ()
     apart_m = float(np.linalg.norm(np.median(center_world_m, axis=0)[:2]))
-    below_m = apart_m**2 / (2.0 * EARTH_RADIUS_M)
+    below_m = curvature_drop(apart_m)
     if apart_m > FARTHEST_ORIGIN_M:
         raise InputError(
             inputs.project_path,

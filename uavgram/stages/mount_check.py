@@ -15,6 +15,7 @@ from uavgram.geometry.back_projection import back_project
 from uavgram.geometry.ground import intersect_ground
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
+from uavgram.model.pose import Poses
 from uavgram.model.survey import Survey
 
 BETTER = 0.2
@@ -43,11 +44,12 @@ def turned_mount(survey: Survey) -> Message | None:
     Message or None
         None where the mount is in order, or nothing tells.
     """
-    if survey.seeds is None:
+    seeds = survey.seeds
+    if seeds is None:
         return None
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
-    stated = _scatter_m(survey, ray, np.eye(3))
-    turned = {turn: _scatter_m(survey, ray, _rotation(*turn)) for turn in _TURNS}
+    stated = _scatter_m(survey, seeds, ray, np.eye(3))
+    turned = {turn: _scatter_m(survey, seeds, ray, _rotation(*turn)) for turn in _TURNS}
     best = min(turned, key=turned.__getitem__)
     if not turned[best] < BETTER * stated:
         return None
@@ -69,11 +71,11 @@ def _rotation(tilt_deg: float, turn_deg: float) -> Floats:
     return np.asarray(Rotation.from_euler("xz", [tilt_deg, turn_deg], degrees=True).as_matrix())
 
 
-def _scatter_m(survey: Survey, ray_camera: Floats, camera_from_mounted: Floats) -> float:
+def _scatter_m(
+    survey: Survey, seeds: Poses, ray_camera: Floats, camera_from_mounted: Floats
+) -> float:
     """Root mean square by which the photos disagree on where a point lies; infinite in the sky."""
-    seeds, frame, label = survey.seeds, survey.pick_frame, survey.pick_label
-    if seeds is None:
-        return np.inf
+    frame, label = survey.pick_frame, survey.pick_label
     rotation = seeds.world_from_camera[frame] @ camera_from_mounted
     ground = intersect_ground(
         seeds.center_world_m[frame],
@@ -86,11 +88,10 @@ def _scatter_m(survey: Survey, ray_camera: Floats, camera_from_mounted: Floats) 
     if meets.mean() < SEEN:
         return np.inf
     place, owner = ground[meets], label[meets]
-    count = np.bincount(owner, minlength=len(survey.label))
+    count = np.bincount(owner)
     shared = count[owner] > 1
     if not shared.any():
         return np.inf
-    sums = np.zeros((len(count), 2))
-    np.add.at(sums, owner, place)
-    apart = place - (sums / np.maximum(count, 1)[:, None])[owner]
+    mean = np.stack([np.bincount(owner, axis) for axis in place.T], axis=1)[owner]
+    apart = place - mean / count[owner][:, None]
     return float(np.sqrt(np.mean(np.sum(apart[shared] ** 2, axis=1))))

@@ -29,13 +29,17 @@ def judge_gross(
         (L,) the lengths as adjusted, and their sigmas.
     """
     gross = {r.index for r in refined.removals if r.kind == "line" and r.before is None}
-    by_mistake: dict[str, list[int]] = {}
-    for i in (i for i, index in enumerate(survey_index) if int(index) in gross):
-        what = mistake(lines, i, seen_m[i], sigma_m[i])
-        by_mistake.setdefault(what or str(i), []).append(i)  # unknown mistakes: each alone
+    out = [i for i, index in enumerate(survey_index) if int(index) in gross]
+    what = {i: mistake(lines, i, seen_m[i], sigma_m[i]) for i in out}
+    alike = {i: what[i] or i for i in out}  # unknown mistakes: each alone
+    groups = [[i for i in out if alike[i] == key] for key in dict.fromkeys(alike.values())]
     return tuple(
-        Message("warning", "line-left-out", _text(refined, lines, found, what, (seen_m, sigma_m)))
-        for what, found in by_mistake.items()
+        Message(
+            "warning",
+            "line-left-out",
+            _text(refined, lines, group, what[group[0]], (seen_m, sigma_m)),
+        )
+        for group in groups
     )
 
 
@@ -54,7 +58,7 @@ def _text(
     what: str,
     adjusted: tuple[Floats, Floats],
 ) -> str:
-    ask = "" if what.isdigit() else f": {what}?"
+    ask = f": {what}?" if what else ""
     taped = [f"{lines.length_m[i]:.10g} m taped" for i in found]
     seen = [f"{adjusted[0][i]:.4g} m (sigma {adjusted[1][i]:.2g} m)" for i in found]
     if len(found) == 1:

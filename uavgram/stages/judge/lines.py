@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
-
 import numpy as np
 
+from uavgram.errors import near_miss
 from uavgram.estimation.adjustment import Adjustment
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.evidence import Effects
@@ -106,8 +105,7 @@ def _fit_of_observed(examined: Examined, row: Ints, columns: dict[str, Floats]) 
 def _unseen(name: str, missing: list[str], known: tuple[str, ...]) -> Message:
     words = []
     for label in missing:
-        near = get_close_matches(label, known, n=1)
-        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        hint = f" ({near})" if (near := near_miss(label, known)) else ""
         words.append(f"{label!r}{hint}")
     text = f"The length {name!r} is not used: no usable pick of {', '.join(words)}."
     return Message("warning", "line-unseen", text)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 from scipy.special import chdtri
 
@@ -17,14 +19,11 @@ from uavgram.estimation.survey_select import select_lines, select_picks
 from uavgram.estimation.survey_state import Layout, State, advance
 from uavgram.model.arrays import Bools
 from uavgram.model.survey import Survey
-from uavgram.stages.refine.poor_camera import iterations_for, settled
+from uavgram.stages.refine.poor_camera import SLACK, iterations_for, settled
 from uavgram.stages.refine.starts import first_values, unusable
 
 AS_GOOD = 0.001
 """Probability below which an alternative's extra cost rules it out."""
-
-SLACK = 1e-9
-"""Damping, as a share of the normal matrix's diagonal, that gives an undetermined rival an end."""
 
 UNDETERMINED = "the observations do not determine "
 """Opening of the reason why something was left out that nothing determines."""
@@ -123,7 +122,9 @@ def _minima(
     minima = [_adjustment(*found[0])]
     # What explains the observations as well is a rival, though they may not determine it.
     rivals = [one for one in found[1:] if one[1].converged]
-    rivals += [_minimise(survey, values, line_used, most, SLACK) for values in loose]
+    for values in loose:
+        with suppress(GeometryError):  # not even damped: no observation says anything there
+            rivals.append(_minimise(survey, values, line_used, most, SLACK))
     for problem, minimum in rivals:
         if minimum.cost < limit and all(_apart(known, minimum.state) for known in minima):
             minima.append(_adjustment(problem, minimum))

@@ -26,6 +26,9 @@ first values by a wrong focal length and without distortion, exact picks lead al
 (40 to 111 iterations in those strips) or into a wrong one (2 of the 12); soft ones leave the lens
 near its prior until the photos lie about where they belong."""
 
+SLACK = 1e-9
+"""Damping, as a share of the normal matrix's diagonal, by which what nothing determines may end."""
+
 EACH = 20
 """Iterations for each factor."""
 
@@ -43,12 +46,13 @@ def is_hardly_known(camera: Calibration) -> bool:
 def settled(survey: Survey, state: State, pivot: Floats, line_used: Bools) -> State:
     """First values nearer to the minimum, where the camera is hardly known; else `state` itself.
 
-    Where telemetry says where the photos lie, they need no such help.
+    Where telemetry says where the photos lie, they need no such help. What nothing determines is
+    no fault here: the adjustment that follows says so.
 
     Raises
     ------
     SingularError
-        An unknown is not determined.
+        No observation says anything of an unknown.
     """
     if survey.telemetry is not None or not is_hardly_known(survey.calibration):
         return state
@@ -67,5 +71,6 @@ def settled(survey: Survey, state: State, pivot: Floats, line_used: Bools) -> St
             layout.size,
             layout.structure,
             EACH,
+            slack=SLACK,
         ).state
     return state
