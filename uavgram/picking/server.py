@@ -28,6 +28,7 @@ from uavgram.picking.messages import LONGEST_MESSAGE, RefusedError, parse_messag
 from uavgram.picking.open_project import Keep, OpenProject, Run
 from uavgram.picking.tables import Tables
 from uavgram.pipeline.live import LiveSurvey
+from uavgram.pipeline.threads import with_one_blas_thread
 
 log = logging.getLogger(__name__)
 
@@ -210,6 +211,7 @@ def open_door(port: int) -> socket.socket:
     return door
 
 
+@with_one_blas_thread
 def serve(project: Path, announce: Callable[[str], None], run: Run, port: int = 0) -> None:
     """Serve the picking page of a project until Ctrl+C; everything is saved then.
 

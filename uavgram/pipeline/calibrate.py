@@ -34,6 +34,7 @@ from uavgram.model.camera import Calibration
 from uavgram.model.camera_provenance import CameraProvenance, OptionValue
 from uavgram.model.camera_tags import CameraTags
 from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.pipeline.versions import package_versions
 from uavgram.stages.assume_camera import assume_camera
 from uavgram.stages.calibrate.calibrate import calibrate as estimate
@@ -76,6 +77,7 @@ class _Seen:
     previews: Mapping[str, Preview]
 
 
+@with_one_blas_thread
 def calibrate(
     images: Sequence[str],
     board: str,

@@ -10,6 +10,7 @@ from uavgram.errors import near_miss
 from uavgram.model.message import Message
 from uavgram.pipeline.inputs import Inputs, read_inputs
 from uavgram.pipeline.pose import Posed, pose_frames
+from uavgram.pipeline.threads import with_one_blas_thread
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -21,6 +22,7 @@ class Checked:
     messages: tuple[Message, ...]
 
 
+@with_one_blas_thread
 def check(project: str | os.PathLike[str]) -> Checked:
     """Read and validate every input of a project.
 

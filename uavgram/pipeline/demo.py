@@ -11,9 +11,11 @@ from uavgram.model.result import Result
 from uavgram.model.scene import DemoScenario
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.run import run
+from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.simulate.survey import simulate
 
 
+@with_one_blas_thread
 def demo(
     folder: Path, scenario: DemoScenario, progress: Progress = silent
 ) -> tuple[Result, Mapping[str, float], Path]:

@@ -20,6 +20,7 @@ from uavgram.pipeline.compute import compute
 from uavgram.pipeline.inputs import Inputs, read_inputs
 from uavgram.pipeline.pose import pose_frames
 from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.geotag import geotag as make_tags
 
 FOLDER = "geotag"
@@ -36,6 +37,7 @@ class Geotagged:
     messages: tuple[Message, ...]
 
 
+@with_one_blas_thread
 def geotag(
     project: str | os.PathLike[str],
     output: str | os.PathLike[str] | None = None,

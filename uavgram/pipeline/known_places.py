@@ -11,6 +11,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.result_tables import PoseTable
 from uavgram.pipeline.compute import known_in_world
 from uavgram.pipeline.live import Adjusted, LiveSurvey
+from uavgram.pipeline.threads import with_one_blas_thread
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +27,7 @@ class KnownPlaces:
 NOWHERE = KnownPlaces((), (), np.empty((0, 2)), np.empty((0, 2, 2)))
 
 
+@with_one_blas_thread
 def known_places(survey: LiveSurvey, last: Adjusted | None) -> KnownPlaces:
     """Pixels of control and check points in the photos that should show them.
 

@@ -28,6 +28,7 @@ from uavgram.model.result import Result
 from uavgram.pipeline.compute import Computed, compute
 from uavgram.pipeline.inputs import Inputs, read_inputs
 from uavgram.pipeline.pose import Posed, pose_frames
+from uavgram.pipeline.threads import with_one_blas_thread
 
 NOTHING_PICKED = (
     "Nothing is picked yet. Click a point on the ground in a photo; a second one makes a distance, "
@@ -117,6 +118,7 @@ class LiveSurvey:
         As read; its picks, lengths and measurements are where the session starts.
     """
 
+    @with_one_blas_thread
     def __init__(self, inputs: Inputs) -> None:
         self.inputs = inputs
         self.posed: Posed | None = None
@@ -137,6 +139,7 @@ class LiveSurvey:
         """
         return cls(read_inputs(project, unfinished=True))
 
+    @with_one_blas_thread
     def adjust(self, observed: Observed) -> Adjusted:
         """Adjust and measure in full.
 
@@ -168,6 +171,7 @@ class LiveSurvey:
             seconds=time.perf_counter() - started,
         )
 
+    @with_one_blas_thread
     def linearised(self, base: Adjusted, observed: Observed) -> Linearised | None:
         """First-order change of the last adjustment; None where more than numbers changed."""
         if self.posed is None or not _alike(base.observed, observed):

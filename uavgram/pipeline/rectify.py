@@ -25,6 +25,7 @@ from uavgram.pipeline.ahead import work_ahead
 from uavgram.pipeline.compute import compute
 from uavgram.pipeline.inputs import read_inputs
 from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.rectify import boxes, choose_view, lay_raster, reductions
 
 PICTURE, SHEET, SIGMA = "rectified.tif", "rectified.png", "rectified_sigma.tif"
@@ -55,6 +56,7 @@ class Rectified:
     messages: tuple[Message, ...]
 
 
+@with_one_blas_thread
 def rectify(
     project: str | os.PathLike[str],
     output: str | os.PathLike[str] | None = None,

@@ -19,6 +19,7 @@ from uavgram.pipeline.exports import exports
 from uavgram.pipeline.inputs import read_inputs
 from uavgram.pipeline.journal import Journal
 from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.views.recording.write import write_recording
 from uavgram.views.report import write_report
 
@@ -33,6 +34,7 @@ FROM_PROJECT = _Output.FROM_PROJECT
 OutputChoice = str | os.PathLike[str] | None | Literal[_Output.FROM_PROJECT]
 
 
+@with_one_blas_thread
 def run(
     project: str | os.PathLike[str],
     output: OutputChoice = FROM_PROJECT,

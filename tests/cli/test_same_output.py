@@ -1,0 +1,41 @@
+"""Same input, same output: whatever the environment, to the last digit."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+
+from threadpoolctl import threadpool_limits
+
+import uavgram
+
+ELSEWHERE = {
+    "OPENBLAS_NUM_THREADS": "4",
+    "OPENCV_FOR_THREADS_NUM": "4",
+    "OMP_NUM_THREADS": "3",
+    "TZ": "Asia/Kathmandu",
+    "LC_ALL": "C",
+    "PYTHONUTF8": "0",
+    "PYTHONHASHSEED": "77",
+}
+PROGRAM = "import os, sys, uavgram; os.umask(0o077); uavgram.run(*sys.argv[1:])"
+
+
+def results(folder):
+    text = (folder / "results.json").read_text(encoding="utf-8")
+    return re.sub(r'"created_utc": *"[^"]*"', "", text)
+
+
+def test_neither_threads_nor_place_nor_language_change_a_digit(project, tmp_path):
+    here, there = tmp_path / "here", tmp_path / "there"
+    with threadpool_limits(1, user_api="blas"):
+        uavgram.run(project.path, here)
+    subprocess.run(
+        [sys.executable, "-c", PROGRAM, str(project.path), str(there)],
+        env={**os.environ, **ELSEWHERE},
+        check=True,
+    )
+    assert results(here) == results(there)
+    assert (here / "measurements.csv").read_bytes() == (there / "measurements.csv").read_bytes()

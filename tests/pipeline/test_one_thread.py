@@ -1,0 +1,73 @@
+"""BLAS has one thread inside our calls, and the caller's number of them again afterwards."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from uavgram.errors import InputError
+from uavgram.pipeline.check import check
+from uavgram.pipeline.run import run
+from uavgram.pipeline.threads import one_blas_thread, with_one_blas_thread
+
+
+def numbers() -> set[int]:
+    return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+
+
+@pytest.fixture(autouse=True)
+def _two():
+    with threadpool_limits(2, user_api="blas"):
+        yield
+        assert numbers() == {2}
+
+
+def test_the_setting_comes_back_also_after_an_error():
+    with pytest.raises(KeyError), one_blas_thread():
+        assert numbers() == {1}
+        raise KeyError
+    assert numbers() == {2}
+    assert with_one_blas_thread(numbers)() == {1}
+
+
+@pytest.mark.parametrize("call", [run, check])
+def test_the_calls_are_limited_and_leave_nothing(call, tmp_path, monkeypatch):
+    seen = []
+    module = __import__(call.__module__, fromlist=["read_inputs"])
+    real = module.read_inputs
+    monkeypatch.setattr(
+        module, "read_inputs", lambda *a, **k: seen.append(numbers()) or real(*a, **k)
+    )
+    with pytest.raises(InputError):
+        call(tmp_path / "absent.yaml")
+    assert seen == [{1}]
+    assert numbers() == {2}
+
+
+def test_calls_that_overlap_share_it_and_the_last_one_puts_it_back():
+    first_is_in, second_is_in, first_is_out = (threading.Event() for _ in range(3))
+    seen = {}
+
+    @with_one_blas_thread
+    def second():
+        second_is_in.set()
+        first_is_out.wait(10)
+        seen["second, alone"] = numbers()
+
+    @with_one_blas_thread
+    def first():
+        first_is_in.set()
+        second_is_in.wait(10)
+
+    threads = [threading.Thread(target=first)]
+    threads[0].start()
+    first_is_in.wait(10)
+    threads.append(threading.Thread(target=second))
+    threads[1].start()
+    threads[0].join()
+    first_is_out.set()
+    threads[1].join()
+    assert seen == {"second, alone": {1}}
+    assert numbers() == {2}
