@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from uavgram.errors import InputError
 from uavgram.pipeline.check import check
 from uavgram.pipeline.run import run
-from uavgram.pipeline.threads import one_blas_thread, with_one_blas_thread
+from uavgram.pipeline.threads import with_one_blas_thread
 
 
 def numbers() -> set[int]:
@@ -25,9 +25,12 @@ def _two():
 
 
 def test_the_setting_comes_back_also_after_an_error():
-    with pytest.raises(KeyError), one_blas_thread():
-        assert numbers() == {1}
-        raise KeyError
+    @with_one_blas_thread
+    def failing():
+        raise KeyError(*numbers())
+
+    with pytest.raises(KeyError, match="1"):
+        failing()
     assert numbers() == {2}
     assert with_one_blas_thread(numbers)() == {1}
 

@@ -14,6 +14,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
 
+from uavgram.io.spreadsheet_cells import guarded
+
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 # A quoted cell may hold anything; one without quotes ends at a comma or at the end of its line.
 _CELL = re.compile(r'("(?:[^"]|"")*"[^,\r\n]*|[^,\r\n]*)(,|\r\n|\r|\n|\Z)')
@@ -209,7 +211,9 @@ def _line(header: Sequence[str], row: Cells) -> str:
 
 
 def _raw(text: str) -> str:
-    """A cell as CSV writes it: in quotes where it needs them."""
+    """A cell as CSV writes it: in quotes where it needs them, and no formula."""
     cell = io.StringIO()
-    csv.writer(cell).writerow([text, ""])  # with \r\n, as else a lone \r would get no quotes
+    csv.writer(cell).writerow(
+        [guarded(text), ""]
+    )  # with \r\n, as else a lone \r would get no quotes
     return cell.getvalue().removesuffix(",\r\n")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from uavgram.io.outputs import replace_text
 from uavgram.io.results_tables import plain
+from uavgram.io.spreadsheet_cells import guarded
 from uavgram.model.result import Result
 
 HEADER = (
@@ -25,6 +26,8 @@ HEADER = (
 
 def write_measurements_csv(result: Result, path: str | Path) -> None:
     """Write measurements.csv; cells that cannot be computed are empty.
+
+    Names and labels are `guarded`: no spreadsheet runs them. `read_table` reads them as they are.
 
     Raises
     ------
@@ -46,9 +49,9 @@ def dump_measurements_csv(result: Result) -> str:
     writer.writerow(HEADER)
     writer.writerows(
         zip(
-            rows.name,
+            map(guarded, rows.name),
             rows.kind,
-            (";".join(labels) for labels in rows.points),
+            (guarded(";".join(labels)) for labels in rows.points),
             plain(rows.value),
             plain(rows.sigma),
             rows.unit,

@@ -52,6 +52,10 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
 
 
 def _check_names(table: Table) -> None:
+    if not any(map(re.compile(r"[/\\]").search, set(table.text["image"]))) and not any(
+        ";" in label for label in set(table.text["label"])
+    ):
+        return
     for row, (image, label) in enumerate(
         zip(table.text["image"], table.text["label"], strict=True)
     ):
@@ -65,6 +69,8 @@ def _check_names(table: Table) -> None:
 
 
 def _check_doubles(table: Table) -> None:
+    if len(set(zip(table.text["image"], table.text["label"], strict=True))) == len(table.line):
+        return
     first: dict[tuple[str, str], int] = {}
     for row, pick in enumerate(zip(table.text["image"], table.text["label"], strict=True)):
         if all(pick) and pick in first:
@@ -80,13 +86,13 @@ def _check_doubles(table: Table) -> None:
 
 def _check_heights(table: Table) -> None:
     first: dict[str, int] = {}
-    heights = table.numbers["height_m"]
-    for row in np.flatnonzero(np.isfinite(heights)):
+    heights = table.numbers["height_m"].tolist()
+    for row in np.flatnonzero(np.isfinite(table.numbers["height_m"])).tolist():
         label = table.text["label"][row]
-        earlier = first.setdefault(label, int(row))
+        earlier = first.setdefault(label, row)
         if heights[earlier] != heights[row]:
             table.blame(
-                int(row),
+                row,
                 f"height_m of label {label!r} is {heights[row]:g} here, but {heights[earlier]:g} "
                 f"in line {table.line[earlier]}: one physical point has one height",
             )
@@ -95,6 +101,8 @@ def _check_heights(table: Table) -> None:
 def _check_areas(table: Table) -> None:
     first: dict[str, int] = {}
     areas = table.text["area"]
+    if not any(areas):
+        return
     for row, (label, area) in enumerate(zip(table.text["label"], areas, strict=True)):
         if not area:
             continue

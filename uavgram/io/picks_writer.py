@@ -8,6 +8,7 @@ from pathlib import Path
 
 from uavgram.errors import InputError
 from uavgram.io.outputs import replace_text
+from uavgram.io.spreadsheet_cells import guarded
 from uavgram.model.imported import ImportedPicks
 from uavgram.model.observations import KnownPoints
 
@@ -23,7 +24,7 @@ def write_new_picks(picks: ImportedPicks, path: Path) -> None:
         It cannot be written.
     """
     rows = [
-        [image, label, repr(float(u)), repr(float(v))]
+        [guarded(image), guarded(label), repr(float(u)), repr(float(v))]
         for image, label, (u, v) in zip(picks.image, picks.label, picks.pixel_px, strict=True)
     ]
     _write_new(path, ["image", "label", "u_px", "v_px"], rows)
@@ -34,7 +35,7 @@ def write_new_control(known: KnownPoints, path: Path) -> None:
     header = ["label", "latitude_deg", "longitude_deg", "height_m"]
     header += ["sigma_east_m", "sigma_north_m", "sigma_up_m"]
     rows = [
-        [label, *(repr(float(value)) for value in (*place, *sigma))]
+        [guarded(label), *(repr(float(value)) for value in (*place, *sigma))]
         for label, place, sigma in zip(known.label, known.coordinates, known.sigma_m, strict=True)
     ]
     _write_new(path, header, rows)

@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from uavgram.errors import InputError, near_miss
+from uavgram.io.spreadsheet_cells import readable
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.limits import LARGEST_NUMBER, sigma_fault
+from uavgram.model.limits import LARGEST_NUMBER, LARGEST_SIGMA, SMALLEST_SIGMA, sigma_fault
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 UNSHOWABLE = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff]")
 """Characters that no name can hold: they break lines, drive terminals, or are no XML."""
+_NOT_DECIMAL = re.compile(r"[^0-9eE+.\-]")
+_BLOCK = 10_000  # rows at a time
 _BYTE_ORDER_MARKS_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -96,10 +101,10 @@ class Table:
 
     def require_sigma(self, name: str) -> None:
         """Note every number of a column that can be no standard deviation (empty cells pass)."""
-        for row in np.flatnonzero(np.isfinite(self.numbers[name])):
-            value = self.numbers[name][row]
-            if fault := sigma_fault(float(value)):
-                self.blame(int(row), f"{name} {fault} (got {value:g})")
+        values = self.numbers[name]
+        for row in np.flatnonzero((values < SMALLEST_SIGMA) | (values > LARGEST_SIGMA)):
+            fault = sigma_fault(float(values[row]))
+            self.blame(int(row), f"{name} {fault} (got {values[row]:g})")
 
     def require_unique(self, name: str, what: str) -> None:
         """Note every text of a column that stands in an earlier row too."""
@@ -129,10 +134,10 @@ def read_table(path: str | Path, columns: Columns) -> Table:
     """
     path = Path(path)
     records = _records(path)
-    if not records:
+    header_line, header = next(records, (1, []))
+    if not header:
         wanted = ",".join(columns.required)
         raise InputError(path, f"the file is empty: its first line must be {wanted}", 1)
-    (header_line, header), rows = records[0], records[1:]
     if len(header) == 1 and (separator := re.search("[;\t]", header[0])):
         used = "semicolons" if separator[0] == ";" else "tabs"
         raise InputError(
@@ -141,48 +146,92 @@ def read_table(path: str | Path, columns: Columns) -> Table:
             "decimal points",
             header_line,
         )
-    faults: list[tuple[int | None, str]] = [
+    torn: list[tuple[int | None, str]] = [
         (header_line, text) for text in _header_faults(header, columns)
     ]
-    faults += [
-        (line, f"{len(cells)} cells, but the header has {len(header)}")
-        for line, cells in rows
-        if len(cells) != len(header)
-    ]
-    if faults:
-        raise InputError.of_all(path, faults)
-    table = Table(path, np.array([line for line, _ in rows], np.int64), tuple(header), {}, {})
+    reading = {name: _Column(name, columns) for name in columns.known if name in header}
+    lines: list[int] = []
+    faults: list[tuple[int | None, str]] = []
+    while block := list(itertools.islice(records, _BLOCK)):
+        torn += [
+            (line, f"{len(cells)} cells, but the header has {len(header)}")
+            for line, cells in block
+            if len(cells) != len(header)
+        ]
+        if torn:
+            continue
+        here, rows = zip(*block, strict=True)
+        lines += here
+        by_name = dict(zip(header, zip(*rows, strict=True), strict=True))
+        for name, column in reading.items():
+            faults += [(here[row], text) for row, text in column.read(by_name[name])]
+    if torn:
+        raise InputError.of_all(path, torn)
+    table = Table(path, np.array(lines, np.int64), tuple(header), {}, {}, faults)
     for name in columns.known:
-        at = header.index(name) if name in header else None
-        cells = ["" if at is None else row[at] for _, row in rows]
-        if name in columns.required:
-            for row in (i for i, cell in enumerate(cells) if not cell):
-                table.blame(row, f"{name} is empty")
+        column = reading.get(name)
         if name in columns.text or name in columns.optional_text:
-            table.text[name] = tuple(cells)
-            for row in (i for i, cell in enumerate(cells) if UNSHOWABLE.search(cell)):
-                table.blame(row, f"{name} holds {_unshowable(cells[row])}: type it again")
+            table.text[name] = tuple(column.texts) if column else ("",) * len(lines)
         else:
-            table.numbers[name] = _numbers(table, name, cells)
+            parts = column.parts if column else [np.full(len(lines), np.nan)]
+            table.numbers[name] = np.concatenate([np.empty(0), *parts])
     return table
 
 
-def _records(path: Path) -> list[tuple[int, list[str]]]:
-    """Split a file into (line, stripped cells), blank lines left out."""
+class _Column:
+    """A column as it is read, block by block.
+
+    What is good is told from what is not for a whole block at a time; its cells are looked at one
+    by one only where something is wrong.
+    """
+
+    def __init__(self, name: str, columns: Columns) -> None:
+        self.name = name
+        self.texts: list[str] = []
+        self.parts: list[Floats] = []
+        self._known: dict[str, str] = {}  # each text once in memory
+        self._is_required = name in columns.required
+        self._is_text = name in columns.text or name in columns.optional_text
+
+    def read(self, raw: Sequence[str]) -> list[tuple[int, str]]:
+        """Take a block of cells; pairs of row in it and mistake come back."""
+        cells = list(map(str.strip, raw))
+        faults: list[tuple[int, str]] = []
+        if self._is_required and "" in cells:
+            faults += [(i, f"{self.name} is empty") for i, cell in enumerate(cells) if not cell]
+        if not self._is_text:
+            numbers, wrong = _numbers(self.name, cells)
+            self.parts.append(numbers)
+            return [*faults, *wrong]
+        together = "".join(cells)
+        if "'" in together:
+            cells = list(map(readable, cells))
+        if UNSHOWABLE.search(together):
+            faults += [
+                (row, f"{self.name} holds {_unshowable(cell)}: type it again")
+                for row, cell in enumerate(cells)
+                if UNSHOWABLE.search(cell)
+            ]
+        self.texts += [self._known.setdefault(cell, cell) for cell in cells]
+        return faults
+
+
+def _records(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Lines and cells of a file, blank lines left out; the header's cells are stripped."""
     reader = csv.reader(io.StringIO(_read_text(path), newline=""), strict=True)
-    records = []
     line = 1
+    is_header = True
     try:
         for cells in reader:
-            stripped = [cell.strip() for cell in cells]
-            if any(stripped):  # spreadsheets write blank lines as ,,,
-                records.append((line, stripped))
+            if cells and (cells[0].strip() or any(map(str.strip, cells))):
+                # spreadsheets write blank lines as ,,,
+                yield line, list(map(str.strip, cells)) if is_header else cells
+                is_header = False
             line = reader.line_num + 1  # a quoted cell may hold line breaks
     except csv.Error as fault:
         raise InputError(
             path, f'is not valid CSV: {fault}; is a quote (") missing?', line
         ) from fault
-    return records
 
 
 def _read_text(path: Path) -> str:
@@ -233,22 +282,28 @@ def _header_faults(header: Sequence[str], columns: Columns) -> list[str]:
 
 def own_columns(path: str | Path, columns: Columns) -> tuple[str, ...]:
     """Names of the columns that a person keeps in a table and that are not read."""
-    header = _records(Path(path))[0][1]
+    _, header = next(_records(Path(path)))
     return tuple(name for name in header if name not in columns.known)
 
 
-def _numbers(table: Table, name: str, cells: Sequence[str]) -> Floats:
+def _numbers(name: str, cells: Sequence[str]) -> tuple[Floats, list[tuple[int, str]]]:
     """(N,) numbers of a column; NaN, and a fault, for what is none."""
+    if not any(cells):
+        return np.full(len(cells), np.nan), []
+    if not _NOT_DECIMAL.search("".join(cells)):  # else float() knows 1_000, nan and ٣
+        with suppress(ValueError):
+            values = np.array([float(cell) if cell else np.nan for cell in cells])
+            if not (np.abs(values) > LARGEST_NUMBER).any():
+                return values, []
     values = np.full(len(cells), np.nan)
+    faults = []
     for row, cell in enumerate(cells):
-        if not cell:
-            continue
-        number = parse_number(cell)
+        number = parse_number(cell) if cell else np.nan
         if number is None:
-            table.blame(row, f"{name} must be a number (got {cell!r}){number_hint(cell)}")
+            faults.append((row, f"{name} must be a number (got {cell!r}){number_hint(cell)}"))
         else:
             values[row] = number
-    return values
+    return values, faults
 
 
 def parse_number(text: str) -> float | None:

@@ -225,27 +225,35 @@ def _way_to_size(camera: str, have: tuple[int, int], want: tuple[int, int]) -> s
 
 
 def _check_picks(project: Project, picks: Picks, photos: Photos) -> None:
-    size = {name: k for k, name in enumerate(photos.frame_id)}
-    for i, image in enumerate(picks.image):
-        if image not in size:
-            hint = f" ({near})" if (near := near_miss(image, photos.frame_id)) else ""
-            if normalize("NFC", image) in (normalize("NFC", name) for name in size):
-                hint = (
-                    "; a photo's name looks the same, but its accents are stored in another way "
-                    "(as macOS does): rename the photo without accents, and here too"
-                )
+    """Refuse the first pick in a photo that is not there, or outside its photo."""
+    at = {name: k for k, name in enumerate(photos.frame_id)}
+    photo = np.array([at.get(image, -1) for image in picks.image], dtype=np.int64)
+    size = np.stack([photos.width_px, photos.height_px], axis=1)[photo]
+    inside = ((picks.pixel_px >= -0.5) & (picks.pixel_px <= size - 0.5)).all(axis=1)
+    for i in np.flatnonzero((photo < 0) | ~inside)[:1].tolist():
+        image, label = picks.image[i], picks.label[i]
+        if photo[i] < 0:
             raise InputError(
                 project.picks,
-                f"the pick of {picks.label[i]!r} names the photo {image!r}, which is not among "
-                f"the project's images{hint}",
+                f"the pick of {label!r} names the photo {image!r}, which is not among the "
+                f"project's images{_photo_hint(image, photos)}",
                 picks.line_of(i),
             )
         u, v = picks.pixel_px[i]
-        width, height = photos.width_px[size[image]], photos.height_px[size[image]]
-        if not (-0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5):
-            raise InputError(
-                project.picks,
-                f"the pick of {picks.label[i]!r} at ({u:g}, {v:g}) lies outside {image!r} "
-                f"({width:.0f} x {height:.0f} px, original and unrotated)",
-                picks.line_of(i),
-            )
+        width, height = size[i]
+        raise InputError(
+            project.picks,
+            f"the pick of {label!r} at ({u:g}, {v:g}) lies outside {image!r} "
+            f"({width:.0f} x {height:.0f} px, original and unrotated)",
+            picks.line_of(i),
+        )
+
+
+def _photo_hint(image: str, photos: Photos) -> str:
+    """Which photo may be meant."""
+    if normalize("NFC", image) in (normalize("NFC", name) for name in photos.frame_id):
+        return (
+            "; a photo's name looks the same, but its accents are stored in another way (as macOS "
+            "does): rename the photo without accents, and here too"
+        )
+    return f" ({near})" if (near := near_miss(image, photos.frame_id)) else ""

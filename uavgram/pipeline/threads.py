@@ -15,8 +15,8 @@ from contextlib import contextmanager
 from typing import ParamSpec, TypeVar
 
 # Only libraries that are loaded can be limited, and these two bring one each.
-import numpy.linalg
-import scipy.linalg
+import numpy.linalg  # noqa: F401
+import scipy.linalg  # noqa: F401
 from threadpoolctl import LibController, OpenBLASController, ThreadpoolController
 
 Arguments = ParamSpec("Arguments")
