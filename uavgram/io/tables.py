@@ -169,11 +169,11 @@ def read_table(path: str | Path, columns: Columns) -> Table:
         raise InputError.of_all(path, torn)
     table = Table(path, np.array(lines, np.int64), tuple(header), {}, {}, faults)
     for name in columns.known:
-        column = reading.get(name)
+        read = reading.get(name)
         if name in columns.text or name in columns.optional_text:
-            table.text[name] = tuple(column.texts) if column else ("",) * len(lines)
+            table.text[name] = tuple(read.texts) if read else ("",) * len(lines)
         else:
-            parts = column.parts if column else [np.full(len(lines), np.nan)]
+            parts = read.parts if read else [np.full(len(lines), np.nan)]
             table.numbers[name] = np.concatenate([np.empty(0), *parts])
     return table
 

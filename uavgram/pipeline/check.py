@@ -8,7 +8,7 @@ from pathlib import Path
 
 from uavgram.errors import near_miss
 from uavgram.model.message import Message
-from uavgram.pipeline.inputs import Inputs, read_inputs
+from uavgram.pipeline.inputs import Inputs, duplicates_of, read_inputs
 from uavgram.pipeline.pose import Posed, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
 
@@ -33,7 +33,8 @@ def check(project: str | os.PathLike[str]) -> Checked:
     """
     inputs = read_inputs(Path(project), unpicked=True)
     posed = pose_frames(inputs)
-    messages = (*inputs.messages, *posed.messages, *missing(inputs), *_unseen(inputs))
+    twice = duplicates_of(inputs).messages
+    messages = (*inputs.messages, *twice, *posed.messages, *missing(inputs), *_unseen(inputs))
     return Checked(inputs=inputs, posed=posed, messages=messages)
 
 

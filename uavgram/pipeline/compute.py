@@ -28,18 +28,19 @@ from uavgram.model.arrays import Floats
 from uavgram.model.evidence import SecondOrder
 from uavgram.model.learnt_camera import learnt_camera
 from uavgram.model.message import Message
-from uavgram.model.observations import KnownPoints, KnownWorldPoints
+from uavgram.model.observations import KnownLines, KnownPoints, KnownWorldPoints
 from uavgram.model.options import ACCOUNT, Project, option_pairs
 from uavgram.model.provenance import Provenance
 from uavgram.model.result import Result
 from uavgram.model.result_tables import MonteCarloResults
 from uavgram.model.survey import Survey
 from uavgram.model.world import World
-from uavgram.pipeline.inputs import Inputs
+from uavgram.pipeline.inputs import Inputs, duplicates_of
 from uavgram.pipeline.judged import judge_survey
 from uavgram.pipeline.pose import Posed, height_shift, pose_frames
 from uavgram.pipeline.versions import account_name, package_versions
 from uavgram.stages.assemble import Assembled, assemble, unpicked_areas
+from uavgram.stages.duplicates import Duplicates
 from uavgram.stages.learn_camera import what_was_learnt
 from uavgram.stages.measure import measure, measurement_results
 from uavgram.stages.monte_carlo import compare, sample
@@ -96,18 +97,23 @@ def compute(
         time where much is measured.
     """
     project = inputs.project
+    duplicates = duplicates_of(inputs)
+    # Not withheld either: what is a reading that was used would be a check of itself.
+    counted = _with_duplicates(inputs.lines, duplicates, adjust=False)
+    inputs = replace(inputs, lines=_with_duplicates(inputs.lines, duplicates, adjust=True))
     posed = posed or pose_frames(inputs)
     control, control_messages = known_in_world(inputs, inputs.control, posed.world)
     check, check_messages = known_in_world(inputs, inputs.check, posed.world)
     assembled = assemble(
         inputs.calibration,
         inputs.picks,
-        inputs.lines,
+        counted,
         control,
         posed.telemetry,
         project.ground,
         project.picks_sigma_px,
         inputs.photos.frame_id,
+        copies=duplicates.photos,
     )
     world = replace(posed.world, gauge=assembled.survey.gauge)
     if world.gauge == "plane":
@@ -156,7 +162,7 @@ def compute(
             inputs.photos.path,
             None if posed.telemetry is None else posed.telemetry.poses,
             refined,
-            _picked_frames(inputs, assembled, refined),
+            _picked_frames(inputs, assembled, refined, duplicates),
         ),
         points=points,
         error_budget=shares(error_budget(adjustment.minimum.blocks, measured)),
@@ -174,6 +180,7 @@ def compute(
         messages=(
             *(() if mount is None else (mount,)),
             *inputs.messages,
+            *duplicates.messages,
             *posed.messages,
             *control_messages,
             *check_messages,
@@ -189,6 +196,13 @@ def compute(
         ),
     )
     return Computed(result, refined)
+
+
+def _with_duplicates(lines: KnownLines, duplicates: Duplicates, *, adjust: bool) -> KnownLines:
+    """The lengths, those that are not counted withheld from the adjustment or not."""
+    chosen = np.array(lines.adjust)
+    chosen[list(duplicates.lines)] = adjust
+    return replace(lines, adjust=chosen)
 
 
 def _with_candidates(survey: Survey) -> Survey:
@@ -261,9 +275,11 @@ def _unseen_control(control: KnownWorldPoints, assembled: Assembled) -> tuple[Me
     return tuple(messages)
 
 
-def _picked_frames(inputs: Inputs, assembled: Assembled, refined: Refined) -> dict[str, str]:
+def _picked_frames(
+    inputs: Inputs, assembled: Assembled, refined: Refined, duplicates: Duplicates
+) -> dict[str, str]:
     """Frames with picks, each with the first reason why one of its picks was left out."""
-    reasons = dict.fromkeys(inputs.picks.image, "")
+    reasons = {image: duplicates.reason(image) for image in dict.fromkeys(inputs.picks.image)}
     for i, image in enumerate(inputs.picks.image):
         why = refined.pick_reason.get(int(assembled.pick_index[i]), "")
         reasons[image] = reasons[image] or why

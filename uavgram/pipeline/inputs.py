@@ -30,6 +30,7 @@ from uavgram.model.photo_poses import PhotoPoses
 from uavgram.model.provenance import InputDigest
 from uavgram.model.telemetry import FlightLog
 from uavgram.pipeline.camera import camera_of_photos, read_camera
+from uavgram.stages.duplicates import Duplicates, find_duplicates
 
 NO_PICKS = Picks(
     image=(),
@@ -141,6 +142,14 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
             *notes,
         ),
     )
+
+
+def duplicates_of(inputs: Inputs) -> Duplicates:
+    """What a project holds twice."""
+    digests = dict(zip(inputs.files, (one.sha256 for one in inputs.digests), strict=True))
+    pairs = zip(inputs.photos.frame_id, map(Path, inputs.photos.path), strict=True)
+    sha256 = {name: digests[path] for name, path in pairs if path in digests}
+    return find_duplicates(inputs.photos, sha256, inputs.picks, inputs.lines)
 
 
 def _column_messages(*files: str | None) -> tuple[Message, ...]:

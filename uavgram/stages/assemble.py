@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -72,12 +72,15 @@ def assemble(
     ground: GroundOptions,
     picks_sigma_px: float,
     photos: Sequence[str] = (),
+    *,
+    copies: Collection[str] = (),
 ) -> Assembled:
     """Make one survey of what was observed.
 
     Frames take part where they have a pick and, with a log, an instant in it. The gauge is
     ``world`` where telemetry or two picked control points fix position and heading. Without
-    telemetry frames come in the order of `photos`, so that of the picks means nothing.
+    telemetry frames come in the order of `photos`, so that of the picks means nothing. Photos of
+    `copies` stay out: others stand for them.
 
     Raises
     ------
@@ -86,6 +89,7 @@ def assemble(
     """
     control = control or NO_CONTROL
     posed = set(picks.image) if telemetry is None else set(telemetry.poses.frame_id)
+    posed -= set(copies)
     used = np.array([image in posed for image in picks.image], dtype=bool)
     if not used.any():
         raise GeometryError(

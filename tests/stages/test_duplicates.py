@@ -1,0 +1,110 @@
+"""Copies of photos and readings are named, and found by what they hold."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from uavgram.model.frames import Photos
+from uavgram.model.observations import KnownLines, Picks
+from uavgram.stages.duplicates import find_duplicates
+
+
+def photos(*times):
+    n = len(times)
+    names = tuple(f"{chr(97 + k)}.jpg" for k in range(n))
+    return Photos(
+        frame_id=names,
+        path=names,
+        width_px=np.full(n, 10.0),
+        height_px=np.full(n, 10.0),
+        file_time_s=np.array(times),
+        file_time_resolution_s=np.ones(n),
+        time_source="exif",
+    )
+
+
+def picks(*rows):
+    n = len(rows)
+    return Picks(
+        image=tuple(row[0] for row in rows),
+        label=tuple(row[1] for row in rows),
+        pixel_px=np.array([row[2:] for row in rows], dtype=float).reshape(n, 2),
+        sigma_px=np.full(n, np.nan),
+        height_m=np.full(n, np.nan),
+    )
+
+
+def lines(*rows):
+    start, end, length, adjust = zip(*rows, strict=True) if rows else ((), (), (), ())
+    return KnownLines(
+        name=tuple(f"L{k}" for k in range(len(rows))),
+        start=start,
+        end=end,
+        length_m=np.array(length, dtype=float),
+        sigma_m=np.full(len(rows), 0.01),
+        adjust=np.array(adjust, dtype=bool),
+    )
+
+
+TWO = (("a.jpg", "A", 1, 2), ("a.jpg", "B", 3, 4))
+
+
+def test_of_identical_files_the_one_with_most_picks_is_kept():
+    found = find_duplicates(
+        photos(1.0, 2.0, 3.0),
+        {"a.jpg": "x", "b.jpg": "x", "c.jpg": "y"},
+        picks(("b.jpg", "A", 1, 2), ("b.jpg", "B", 3, 4), ("a.jpg", "C", 5, 6)),
+        lines(),
+    )
+    assert found.photos == {"a.jpg": "b.jpg"}
+    (message,) = found.messages
+    assert message.text.startswith(
+        "1 photo is there twice and counted once, as a copy says nothing new: a.jpg is the same "
+        "file as b.jpg (picks of 'C' are in the copy alone: pick them in b.jpg)."
+    )
+    assert found.reason("a.jpg") == "the same photo as b.jpg, which is counted"
+    assert not found.reason("c.jpg")
+
+
+@pytest.mark.parametrize(
+    ("times", "second", "same"),
+    [
+        ((5.0, 5.0), (1, 2, 3, 4), True),
+        ((5.0, 5.0), (1, 2, 3, 4.001), False),
+        ((5.0, 6.0), (1, 2, 3, 4), False),
+        ((np.nan, np.nan), (1, 2, 3, 4), False),
+    ],
+    ids=["saved anew", "another pick", "another time", "no time"],
+)
+def test_other_bytes_with_equal_time_and_picks_are_the_same_photo(times, second, same):
+    u0, v0, u1, v1 = second
+    more = (("b.jpg", "B", u1, v1), ("b.jpg", "A", u0, v0))
+    found = find_duplicates(
+        photos(*times), {"a.jpg": "x", "b.jpg": "y"}, picks(*TWO, *more), lines()
+    )
+    assert found.photos == ({"b.jpg": "a.jpg"} if same else {})
+    assert len(found.messages) == int(same)
+
+
+def test_photos_of_one_second_without_picks_are_a_burst():
+    found = find_duplicates(photos(1.0, 1.0), {"a.jpg": "x", "b.jpg": "y"}, picks(), lines())
+    assert not found.photos
+
+
+def test_a_length_is_counted_once_for_each_of_its_readings():
+    found = find_duplicates(
+        photos(),
+        {},
+        picks(),
+        lines(
+            ("A", "B", 12.34, False),
+            ("A", "B", 12.34, True),
+            ("B", "A", 12.34, True),
+            ("A", "B", 12.35, True),
+            ("A", "C", 12.34, True),
+        ),
+    )
+    assert found.lines == {0: 1, 2: 1}
+    (message,) = found.messages
+    assert "12.34 m from 'A' to 'B' (counted: 'L1'; not counted: 'L0', 'L2')" in message.text

@@ -1,0 +1,169 @@
+"""What stands in a survey twice and says nothing new: counted twice, it would sharpen sigmas.
+
+A copy of a photo carries the errors of its original (pose, picks, lens), and a length that was
+copied the error of its reading; the adjustment takes observations for independent.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from uavgram.model.frames import Photos
+from uavgram.model.message import Message
+from uavgram.model.observations import KnownLines, Picks
+
+_MOST_NAMED = 10
+
+
+@dataclass(frozen=True, kw_only=True)
+class Duplicates:
+    """What is to be counted once.
+
+    Attributes
+    ----------
+    photos
+        Name of each photo that is not counted -> that of the one which is.
+    lines
+        Index of each known length that is not counted -> that of the one which is.
+    messages
+        All of it in words.
+    """
+
+    photos: Mapping[str, str]
+    lines: Mapping[int, int]
+    messages: tuple[Message, ...]
+
+    def reason(self, frame_id: str) -> str:
+        """Why a photo is not counted; empty where it is."""
+        kept = self.photos.get(frame_id)
+        return "" if kept is None else f"the same photo as {kept}, which is counted"
+
+
+def find_duplicates(
+    photos: Photos, sha256: Mapping[str, str], picks: Picks, lines: KnownLines
+) -> Duplicates:
+    """Find photos and lengths that are there more than once.
+
+    Parameters
+    ----------
+    photos
+        Of the project.
+    sha256
+        Of their files, by name.
+    picks, lines
+        Every one of them.
+    """
+    picked = _picked(photos, picks)
+    by_content = [(sha256[name],) if name in sha256 else None for name in photos.frame_id]
+    same_file = _copies(photos.frame_id, by_content, picked)
+    rest = [name not in same_file for name in photos.frame_id]
+    timed = zip(photos.frame_id, rest, photos.file_time_s.tolist(), strict=True)
+    by_picks = [
+        (time, frozenset(picked[name].items()))
+        if is_other and picked[name] and math.isfinite(time)
+        else None
+        for name, is_other, time in timed
+    ]
+    saved_anew = _copies(photos.frame_id, by_picks, picked)
+    same_lines = _same_lines(lines)
+    return Duplicates(
+        photos={**same_file, **saved_anew},
+        lines=same_lines,
+        messages=(
+            *_photo_message("photo-duplicate", "the same file as", same_file, picked),
+            *_photo_message(
+                "photo-saved-anew", "with the capture time and all the picks of", saved_anew, picked
+            ),
+            *_line_messages(lines, same_lines),
+        ),
+    )
+
+
+Places = dict[str, tuple[float, float]]
+
+
+def _picked(photos: Photos, picks: Picks) -> dict[str, Places]:
+    """Photo -> label -> pixel."""
+    picked: dict[str, Places] = {name: {} for name in photos.frame_id}
+    for image, label, (u, v) in zip(picks.image, picks.label, picks.pixel_px.tolist(), strict=True):
+        if image in picked:
+            picked[image][label] = u, v
+    return picked
+
+
+def _copies(
+    names: Iterable[str],
+    keys: Iterable[tuple[object, ...] | None],
+    picked: Mapping[str, Places],
+) -> dict[str, str]:
+    """Copy -> what is kept: of those with one key the one with most picks, then the first."""
+    groups: dict[tuple[object, ...], list[str]] = {}
+    for name, key in zip(names, keys, strict=True):
+        if key is not None:
+            groups.setdefault(key, []).append(name)
+    copies: dict[str, str] = {}
+    for group in groups.values():
+        kept = max(group, key=lambda name: len(picked[name]))  # the first of the largest
+        copies.update({name: kept for name in group if name != kept})
+    return copies
+
+
+def _same_lines(lines: KnownLines) -> dict[int, int]:
+    """Length -> the one between the same labels, of the same value, that is kept."""
+    groups: dict[tuple[frozenset[str], float], list[int]] = {}
+    for i, ends in enumerate(zip(lines.start, lines.end, strict=True)):
+        groups.setdefault((frozenset(ends), float(lines.length_m[i])), []).append(i)
+    same: dict[int, int] = {}
+    for group in groups.values():
+        kept = max(group, key=lambda i: bool(lines.adjust[i]))  # the first that is not withheld
+        same.update({i: kept for i in group if i != kept})
+    return same
+
+
+def _photo_message(
+    code: str, what: str, copies: Mapping[str, str], picked: Mapping[str, Places]
+) -> tuple[Message, ...]:
+    if not copies:
+        return ()
+    parts = []
+    for name, kept in copies.items():
+        lost = sorted(picked[name].keys() - picked[kept].keys())
+        more = f" (picks of {_listed(lost)} are in the copy alone: pick them in {kept})"
+        parts.append(f"{name} is {what} {kept}{more if lost else ''}")
+    count = f"{len(copies)} photo{'s are' if len(copies) > 1 else ' is'}"
+    text = (
+        f"{count} there twice and counted once, as a copy says nothing new: "
+        f"{'; '.join(parts[:_MOST_NAMED])}{_rest(parts)}. Take the copies out of `images`."
+    )
+    return (Message("warning", code, text),)
+
+
+def _line_messages(lines: KnownLines, same: Mapping[int, int]) -> tuple[Message, ...]:
+    """One message on all lengths that are not counted."""
+    if not same:
+        return ()
+    parts = []
+    for kept in dict.fromkeys(same.values()):
+        others = _listed([lines.name[i] for i, one in same.items() if one == kept])
+        ends = f"{lines.start[kept]!r} to {lines.end[kept]!r}"
+        parts.append(
+            f"{lines.length_m[kept]:.10g} m from {ends} (counted: {lines.name[kept]!r}; not "
+            f"counted: {others})"
+        )
+    text = (
+        "The same length with the same reading, to the last digit, was counted once: "
+        f"{'; '.join(parts[:_MOST_NAMED])}{_rest(parts)}. If it was copied, remove the copies. If "
+        "it was taped again with this very reading, write down one more digit of each reading."
+    )
+    return (Message("warning", "line-duplicate", text),)
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(map(repr, names[:_MOST_NAMED])) + _rest(names)
+
+
+def _rest(parts: list[str]) -> str:
+    more = len(parts) - _MOST_NAMED
+    return f" and {more} more" if more > 0 else ""
