@@ -13,6 +13,7 @@ import numpy as np
 from uavgram.errors import InputError
 from uavgram.io.exif_tags import read_exif_tags
 from uavgram.io.image_size import image_size
+from uavgram.io.spreadsheet_cells import runs
 from uavgram.io.tables import UNSHOWABLE
 from uavgram.model.frames import Photos, TimeSource
 from uavgram.model.message import Message
@@ -58,7 +59,20 @@ def read_photos(
         file_time_resolution_s=np.array([reading.resolution_s for reading in readings]),
         time_source=source,
     )
-    return photos, messages
+    return photos, (*messages, *_like_formulas(photos.frame_id))
+
+
+def _like_formulas(names: tuple[str, ...]) -> tuple[Message, ...]:
+    """A warning on names that tables for other programs must carry as they are."""
+    found = [name for name in names if runs(name) or any(map(runs, name.split(",")))]
+    if not found:
+        return ()
+    text = (
+        f"{len(found)} of the photos' names begin as a formula does (the first is {found[0]!r}). "
+        "Tables for other programs (pix4d.csv, pose_priors.csv) must name photos as they are: do "
+        "not open those in a spreadsheet, or rename the photos."
+    )
+    return (Message("warning", "photo-name-formula", text),)
 
 
 def _find(patterns: tuple[str, ...]) -> list[Path]:

@@ -20,7 +20,8 @@ _RUNS = re.compile(r"[\s'\0]*[=+\-@\uff1d\uff0b\uff0d\uff20]|[ ']*[\t\r\n]")
 
 def runs(text: str) -> bool:
     """Whether a cell, or what follows a semicolon in it, begins as a formula does."""
-    return any(map(_begins_a_formula, text.split(";")))
+    parts = text.split(";")
+    return any(_begins_a_formula(part) and not part.startswith("'") for part in parts)
 
 
 def guarded(text: str) -> str:
