@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from uavgram.errors import InputError
 from uavgram.io.tables import Columns, own_columns, parse_number, read_table
@@ -123,6 +125,28 @@ def test_all_mistakes_come_at_once(read):
 def test_a_missing_file_is_an_input_error(tmp_path):
     with pytest.raises(InputError, match="No such file"):
         read_table(tmp_path / "absent.csv", COLUMNS)
+
+
+CELL = st.sampled_from(["a", " b ", "", "1", "1e3", "1_0", "nan", "\t", "'=x", "\u2028", "c\x00"])
+
+
+@given(
+    rows=st.lists(st.lists(CELL, min_size=0, max_size=5), max_size=8),
+    end=st.sampled_from(["\n", "\r\n", "\r"]),
+)
+def test_what_is_read_many_rows_at_a_time_is_what_is_read_one_by_one(tmp_path_factory, rows, end):
+    path = tmp_path_factory.getbasetemp() / "plain.csv"
+
+    def content(header):
+        path.write_bytes(end.join([header, *map(",".join, rows)]).encode())
+        try:
+            table = read_table(path, COLUMNS)
+        except InputError as fault:
+            return str(fault)
+        return table.text, repr(table.numbers), table.line.tolist(), table.faults
+
+    # A quote anywhere has the rows read by Python's csv one by one.
+    assert content("name,length_m,use,sigma_m") == content('name,"length_m",use,sigma_m')
 
 
 @pytest.mark.parametrize("text", ["1", "-2.5", "+.5", "3.", "1e-3", "007"])

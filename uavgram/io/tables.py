@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import itertools
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError, near_miss
+from uavgram.io.csv_rows import read_blocks, read_header
 from uavgram.io.spreadsheet_cells import readable
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.limits import LARGEST_NUMBER, LARGEST_SIGMA, SMALLEST_SIGMA, sigma_fault
@@ -22,8 +20,6 @@ _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 UNSHOWABLE = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff]")
 """Characters that no name can hold: they break lines, drive terminals, or are no XML."""
 _NOT_DECIMAL = re.compile(r"[^0-9eE+.\-]")
-_BLOCK = 10_000  # rows at a time
-_BYTE_ORDER_MARKS_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 @dataclass(frozen=True)
@@ -133,11 +129,11 @@ def read_table(path: str | Path, columns: Columns) -> Table:
         nothing can be said about the cells.
     """
     path = Path(path)
-    records = _records(path)
-    header_line, header = next(records, (1, []))
-    if not header:
+    found = read_header(path)
+    if found is None:
         wanted = ",".join(columns.required)
         raise InputError(path, f"the file is empty: its first line must be {wanted}", 1)
+    header_line, header = found
     if len(header) == 1 and (separator := re.search("[;\t]", header[0])):
         used = "semicolons" if separator[0] == ";" else "tabs"
         raise InputError(
@@ -152,19 +148,16 @@ def read_table(path: str | Path, columns: Columns) -> Table:
     reading = {name: _Column(name, columns) for name in columns.known if name in header}
     lines: list[int] = []
     faults: list[tuple[int | None, str]] = []
-    while block := list(itertools.islice(records, _BLOCK)):
+    for block in read_blocks(path):
         torn += [
-            (line, f"{len(cells)} cells, but the header has {len(header)}")
-            for line, cells in block
-            if len(cells) != len(header)
+            (line, f"{count} cells, but the header has {len(header)}") for line, count in block.torn
         ]
         if torn:
             continue
-        here, rows = zip(*block, strict=True)
-        lines += here
-        by_name = dict(zip(header, zip(*rows, strict=True), strict=True))
+        lines += block.line
+        by_name = dict(zip(header, block.columns, strict=True))
         for name, column in reading.items():
-            faults += [(here[row], text) for row, text in column.read(by_name[name])]
+            faults += [(block.line[row], text) for row, text in column.read(by_name[name])]
     if torn:
         raise InputError.of_all(path, torn)
     table = Table(path, np.array(lines, np.int64), tuple(header), {}, {}, faults)
@@ -216,44 +209,6 @@ class _Column:
         return faults
 
 
-def _records(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Lines and cells of a file, blank lines left out; the header's cells are stripped."""
-    reader = csv.reader(io.StringIO(_read_text(path), newline=""), strict=True)
-    line = 1
-    is_header = True
-    try:
-        for cells in reader:
-            if cells and (cells[0].strip() or any(map(str.strip, cells))):
-                # spreadsheets write blank lines as ,,,
-                yield line, list(map(str.strip, cells)) if is_header else cells
-                is_header = False
-            line = reader.line_num + 1  # a quoted cell may hold line breaks
-    except csv.Error as fault:
-        raise InputError(
-            path, f'is not valid CSV: {fault}; is a quote (") missing?', line
-        ) from fault
-
-
-def _read_text(path: Path) -> str:
-    try:
-        data = path.read_bytes()
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    if data.startswith(_BYTE_ORDER_MARKS_16) or _looks_like_utf_16(data):
-        raise InputError(path, "is UTF-16 text: save it as CSV UTF-8", 1)
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as fault:
-        line = data.count(b"\n", 0, fault.start) + 1
-        raise InputError(path, "is not UTF-8 text: save it as CSV UTF-8", line) from fault
-
-
-def _looks_like_utf_16(data: bytes) -> bool:
-    """Whether every other byte is 0, as in Latin text of two bytes a character."""
-    start = data[:64]
-    return b"\0" in start and not (any(start[::2]) and any(start[1::2]))
-
-
 def _unshowable(cell: str) -> str:
     """Say which character of a cell cannot be shown."""
     found = UNSHOWABLE.search(cell)
@@ -282,7 +237,7 @@ def _header_faults(header: Sequence[str], columns: Columns) -> list[str]:
 
 def own_columns(path: str | Path, columns: Columns) -> tuple[str, ...]:
     """Names of the columns that a person keeps in a table and that are not read."""
-    _, header = next(_records(Path(path)))
+    _, header = read_header(Path(path)) or (1, [])
     return tuple(name for name in header if name not in columns.known)
 
 

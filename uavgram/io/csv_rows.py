@@ -1,0 +1,127 @@
+"""The rows of a CSV file, with the line of each; many at a time where nothing is quoted."""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from uavgram.errors import InputError
+
+_BLOCK = 10_000  # rows at a time
+_LONGEST_LINE = 100_000  # a cell may be as long for the csv module
+_BYTE_ORDER_MARKS_16 = (b"\xff\xfe", b"\xfe\xff")
+
+
+class Block(NamedTuple):
+    """Rows of a file: the line of each, and the cells of each column (not stripped).
+
+    Attributes
+    ----------
+    line
+        (N,) numbers.
+    columns
+        As many as the header has, (N,) cells each; none where a row is torn.
+    torn
+        Line and number of cells of rows that have more or fewer cells than the header.
+    """
+
+    line: Sequence[int]
+    columns: Sequence[Sequence[str]]
+    torn: Sequence[tuple[int, int]]
+
+
+def read_header(path: Path) -> tuple[int, list[str]] | None:
+    """Line and stripped cells of the first line that is not blank; None where all are."""
+    return next(((line, _stripped(cells)) for line, cells in _records(path, read_text(path))), None)
+
+
+def read_blocks(path: Path) -> Iterator[Block]:
+    """All that follows the header, blank lines left out.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is no CSV.
+    """
+    text = read_text(path)
+    if '"' in text:
+        records = _records(path, text)
+        width = len(next(records)[1])
+        while rows := list(itertools.islice(records, _BLOCK)):
+            yield _block(rows, width)
+        return
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    at, header = next(_records(path, text))
+    width = len(header)
+    for first in range(at, len(lines), _BLOCK):
+        block = lines[first : first + _BLOCK]
+        yield _plain_block(block, first + 1, width) or _block(
+            [(first + line, cells) for line, cells in _records(path, "\n".join(block))], width
+        )
+
+
+def _plain_block(lines: Sequence[str], first: int, width: int) -> Block | None:
+    """Lines without quotes, none of them blank or torn; None where they are not that."""
+    if set(map(_commas, lines)) != {width - 1} or max(map(len, lines)) > _LONGEST_LINE:
+        return None
+    cells = ",".join(lines).split(",")
+    columns = [cells[k::width] for k in range(width)]
+    if not all(map(str.strip, columns[0])):
+        return None  # it may be blank
+    return Block(range(first, first + len(lines)), columns, ())
+
+
+def _commas(line: str) -> int:
+    return line.count(",")
+
+
+def _block(rows: Sequence[tuple[int, list[str]]], width: int) -> Block:
+    torn = [(line, len(cells)) for line, cells in rows if len(cells) != width]
+    if torn or not rows:
+        return Block([], [[] for _ in range(width)], torn)
+    lines, cells = zip(*rows, strict=True)
+    return Block(lines, list(zip(*cells, strict=True)), ())
+
+
+def _records(path: Path, text: str) -> Iterator[tuple[int, list[str]]]:
+    """Line and cells of each row that is not blank."""
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    line = 1
+    try:
+        for cells in reader:
+            if any(map(str.strip, cells)):  # spreadsheets write blank lines as ,,,
+                yield line, cells
+            line = reader.line_num + 1  # a quoted cell may hold line breaks
+    except csv.Error as fault:
+        raise InputError(
+            path, f'is not valid CSV: {fault}; is a quote (") missing?', line
+        ) from fault
+
+
+def _stripped(cells: Sequence[str]) -> list[str]:
+    return list(map(str.strip, cells))
+
+
+def read_text(path: Path) -> str:
+    """Text of a file in UTF-8, without byte order mark."""
+    try:
+        data = path.read_bytes()
+    except OSError as fault:
+        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    if data.startswith(_BYTE_ORDER_MARKS_16) or _looks_like_utf_16(data):
+        raise InputError(path, "is UTF-16 text: save it as CSV UTF-8", 1)
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as fault:
+        line = data.count(b"\n", 0, fault.start) + 1
+        raise InputError(path, "is not UTF-8 text: save it as CSV UTF-8", line) from fault
+
+
+def _looks_like_utf_16(data: bytes) -> bool:
+    """Whether every other byte is 0, as in Latin text of two bytes a character."""
+    start = data[:64]
+    return b"\0" in start and not (any(start[::2]) and any(start[1::2]))
