@@ -12,6 +12,9 @@ from uavgram.pipeline.inputs import Inputs, duplicates_of, read_inputs
 from uavgram.pipeline.pose import Posed, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
 
+_MOST_COMPARED = 1_000_000
+"""Pairs of names that are compared for a slip of the pen, 2 microseconds each."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Checked:
@@ -78,10 +81,15 @@ def _unseen(inputs: Inputs) -> list[Message]:
     named += [(f"measurement {r.name!r}", p) for r in inputs.requests for p in r.points]
     named += [("the control points", label) for label in inputs.control.label]
     named += [("the check points", label) for label in inputs.check.label]
-    return [_never_picked(what, label, picked) for what, label in named if label not in picked]
+    missing = [(what, label) for what, label in named if label not in picked]
+    few = len({label for _, label in missing}) * len(picked) <= _MOST_COMPARED
+    known = sorted(picked) if few else []
+    hints = {
+        label: near_miss(label, known) for label in dict.fromkeys(label for _, label in missing)
+    }
+    return [_never_picked(what, label, hints[label]) for what, label in missing]
 
 
-def _never_picked(what: str, label: str, picked: set[str]) -> Message:
-    near = near_miss(label, sorted(picked))
+def _never_picked(what: str, label: str, near: str) -> Message:
     hint = f" ({near})" if near else ""
     return Message("warning", "label-unseen", f"Point {label!r} of {what} is never picked{hint}.")

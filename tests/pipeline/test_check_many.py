@@ -1,0 +1,28 @@
+"""Labels that nobody picked are all named; what may be meant is looked for while that is quick."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from uavgram.pipeline import check
+
+
+@pytest.mark.parametrize(("most", "hint"), [(8, " (did you mean 'P11'?)"), (7, "")])
+def test_hints_stop_where_they_would_take_long(monkeypatch, most, hint):
+    monkeypatch.setattr(check, "_MOST_COMPARED", most)
+    inputs = SimpleNamespace(
+        picks=SimpleNamespace(label=("A", "B", "C", "P11")),
+        lines=SimpleNamespace(name=("L",), start=("A",), end=("P1",)),
+        requests=(SimpleNamespace(name="m", points=("P1", "B")),),
+        control=SimpleNamespace(label=("Q77",)),
+        check=SimpleNamespace(label=np.array([])),
+    )
+    texts = [message.text for message in check._unseen(inputs)]
+    assert texts == [
+        f"Point 'P1' of line 'L' is never picked{hint}.",
+        f"Point 'P1' of measurement 'm' is never picked{hint}.",
+        "Point 'Q77' of the control points is never picked.",
+    ]
