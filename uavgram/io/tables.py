@@ -13,11 +13,9 @@ import numpy as np
 
 from uavgram.errors import InputError, near_miss
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.limits import LARGEST_NUMBER, sigma_fault
+from uavgram.model.limits import LARGEST_NUMBER, UNSHOWABLE, sigma_fault, unshowable
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
-UNSHOWABLE = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff]")
-"""Characters that no name can hold: they break lines, drive terminals, or are no XML."""
 _BYTE_ORDER_MARKS_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -161,7 +159,7 @@ def read_table(path: str | Path, columns: Columns) -> Table:
         if name in columns.text or name in columns.optional_text:
             table.text[name] = tuple(cells)
             for row in (i for i, cell in enumerate(cells) if UNSHOWABLE.search(cell)):
-                table.blame(row, f"{name} holds {_unshowable(cells[row])}: type it again")
+                table.blame(row, f"{name} holds {unshowable(cells[row])}: type it again")
         else:
             table.numbers[name] = _numbers(table, name, cells)
     return table
@@ -203,13 +201,6 @@ def _looks_like_utf_16(data: bytes) -> bool:
     """Whether every other byte is 0, as in Latin text of two bytes a character."""
     start = data[:64]
     return b"\0" in start and not (any(start[::2]) and any(start[1::2]))
-
-
-def _unshowable(cell: str) -> str:
-    """Say which character of a cell cannot be shown."""
-    found = UNSHOWABLE.search(cell)
-    character = found[0] if found else ""
-    return "a line break" if character in "\r\n" else f"the control character {character!r}"
 
 
 def _header_faults(header: Sequence[str], columns: Columns) -> list[str]:

@@ -86,7 +86,7 @@ def read_camera(path: str | Path, wanted: str | None = None) -> CameraRead:
         calibration, messages = read_odm_camera(path, wanted)
     elif is_colmap_cameras(text):
         calibration, messages = read_colmap_camera(path, wanted)
-    elif is_opencv_calibration(path):
+    elif is_opencv_calibration(path) or text.lstrip().startswith("<"):
         _refuse(wanted, path)
         calibration, messages = read_opencv_calibration(path)
     else:
