@@ -17,6 +17,7 @@ import difflib
 import os
 import stat
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 MOST_FAULTS_SHOWN = 20
 
@@ -106,7 +107,7 @@ def no_file(path: str | os.PathLike[str]) -> str:
         ``a folder, no file`` and the like; empty where it is a file, or nothing that can be seen.
     """
     try:
-        mode = os.stat(path).st_mode
+        mode = Path(path).stat().st_mode
     except (OSError, ValueError):
-        return "a link to a file that is not there" if os.path.islink(path) else ""
+        return "a link to a file that is not there" if Path(path).is_symlink() else ""
     return next((what for is_one, what in _KINDS if is_one(mode)), "")

@@ -17,12 +17,13 @@ _OTHER_MEANINGS = {"yes", "no", "on", "off", "true", "false", "null", "none", "y
 
 @dataclass(frozen=True, kw_only=True)
 class AssumedOrigin:
-    """A place on the ground: WGS 84 degrees, and how high it is, with its standard deviation."""
+    """A place on the ground: WGS 84 degrees, and how high it is, with sigma and datum."""
 
     latitude_deg: float
     longitude_deg: float
     height_m: float
     height_sigma_m: float
+    datum: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +128,7 @@ def _origin_lines(origin: AssumedOrigin) -> str:
     place = f"{{latitude_deg: {origin.latitude_deg:.7f}, longitude_deg: {origin.longitude_deg:.7f}"
     return (
         f"world:\n  origin: {place}, height_m: {origin.height_m:.1f}}}\n"
-        "#   heights: msl                   # datum of heights in files: msl (mean sea level) or "
+        f"  heights: {origin.datum:<23} # datum of heights in files: msl (mean sea level) or "
         "ellipsoid\n"
         "ground:\n"
         "  height_m: 0.0                    # of the ground above that origin\n"

@@ -174,7 +174,9 @@ class _Builder:
             if not isinstance(key_node, yaml.ScalarNode):
                 place = dotted(at) or "the file"
                 raise InputError(self.path, f"{place}: a key must be plain text", _line(key_node))
-            self._refuse_unseen(str(key_node.value), f"a key of {dotted(at) or 'the file'}", key_node)
+            self._refuse_unseen(
+                str(key_node.value), f"a key of {dotted(at) or 'the file'}", key_node
+            )
             key = key_node.value  # the text as written: keys such as `no` or `1` stay text
             if key in result:
                 first = self.lines[(*at, key)]

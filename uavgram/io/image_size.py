@@ -23,8 +23,8 @@ _JPEG_ALONE = frozenset({0x01, *range(0xD0, 0xD8)})  # markers without a segment
 def image_size(path: str | Path) -> tuple[int, int]:
     """Width and height [px] of the stored, unrotated image.
 
-    JPEG, PNG and TIFF are read from their headers; every other kind is decoded by OpenCV. Of a JPEG the
-    end is looked for too: without it nothing of it can be decoded.
+    JPEG, PNG and TIFF are read from their headers; every other kind is decoded by OpenCV. Of a JPEG
+    the end is looked for too: without it nothing of it can be decoded.
 
     Raises
     ------

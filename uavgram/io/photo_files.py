@@ -46,7 +46,9 @@ def matching_files(pattern: str, way_out: str) -> list[Path]:
     files = [Path(name) for name, kind in kinds.items() if not kind]
     if odd or (names and not files):
         name = odd[0] if odd else names[0]
-        raise InputError(shown(name), f"is {kinds[name]}: take it out of {pattern!r}, or replace it")
+        raise InputError(
+            shown(name), f"is {kinds[name]}: take it out of {pattern!r}, or replace it"
+        )
     if not files:
         folder = Path(pattern).parent
         if folder.is_dir() and not os.access(folder, os.R_OK | os.X_OK):
@@ -112,6 +114,4 @@ def check_name(path: Path) -> None:
             shown(written), "the photo's name is no text that can be written: rename it"
         )
     if fault := unshowable(path.name):
-        raise InputError(
-            shown(str(path)), f"the photo's name holds {fault}: rename it"
-        )
+        raise InputError(shown(str(path)), f"the photo's name holds {fault}: rename it")

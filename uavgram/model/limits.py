@@ -26,7 +26,8 @@ def sigma_fault(value: float) -> str:
 UNSHOWABLE = re.compile(
     "[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff"  # break lines, drive terminals
     "\u202a-\u202e\u2066-\u2069\u200e\u200f\u061c"  # turn the order of what is read
-    "\u00ad\u180e\u200b\u2060-\u2065\u206a-\u206f\ufeff\ufff9-\ufffb\U000e0000-\U000e007f]"  # unseen
+    # unseen
+    "\u00ad\u180e\u200b\u2060-\u2065\u206a-\u206f\ufeff\ufff9-\ufffb\U000e0000-\U000e007f]"
     # Joiners belong to Persian, Indic scripts and emoji; behind a Latin letter they only hide.
     "|(?<![^\x00-\u02ff])[\u200c\u200d]"
 )

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from uavgram.errors import InputError
+from uavgram.io.photo_files import matching_files
 from uavgram.io.picked_tables import LINES_HEADER, MEASURE_HEADER, PICKS_HEADER
 from uavgram.io.project_search import Holdings, PhotoGroup, TableRole, grouped
 from uavgram.model.frames import Photos
