@@ -70,6 +70,17 @@ def test_pipes_in_place_of_tables_logs_and_projects_do_not_hold_anyone_up(projec
     assert "project.yaml: is a FIFO" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "command", ["log F", "camera F", "picks import F.txt --output p.csv", "camera F.jpg"]
+)
+def test_no_command_waits_for_a_pipe(tmp_path, monkeypatch, capsys, command):
+    monkeypatch.chdir(tmp_path)
+    for name in ("F", "F.txt", "F.jpg"):
+        os.mkfifo(name)
+    assert main(command.split()) == 1
+    assert "is a FIFO (a pipe between programs), no file" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("pattern", ["**", "**/*.jpg", "deep/**/*.jpg", "*"])
 def test_a_pattern_beyond_reason_ends_early(tmp_path, monkeypatch, pattern):
     (tmp_path / "deep").mkdir()

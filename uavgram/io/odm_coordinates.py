@@ -10,7 +10,7 @@ import numpy as np
 from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError
 
-from uavgram.errors import InputError
+from uavgram.errors import InputError, no_file
 from uavgram.model.arrays import Floats
 from uavgram.model.telemetry import HeightDatum
 
@@ -41,6 +41,8 @@ def content_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
     InputError
         The file cannot be read, is no text, or has no line but the first.
     """
+    if what := no_file(path):
+        raise InputError(path, f"is {what}: name a file")
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as fault:

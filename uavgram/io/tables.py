@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uavgram.errors import InputError, near_miss
+from uavgram.errors import InputError, near_miss, no_file
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.limits import LARGEST_NUMBER, UNSHOWABLE, sigma_fault, unshowable
 
@@ -184,6 +184,8 @@ def _records(path: Path) -> list[tuple[int, list[str]]]:
 
 
 def _read_text(path: Path) -> str:
+    if what := no_file(path):
+        raise InputError(path, f"is {what}: name a file")
     try:
         data = path.read_bytes()
     except OSError as fault:

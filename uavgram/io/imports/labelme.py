@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from uavgram.errors import InputError
+from uavgram.errors import InputError, no_file
 from uavgram.io.exif_tags import read_exif_tags
 from uavgram.io.image_size import image_size
 from uavgram.model.arrays import Floats
@@ -100,6 +100,8 @@ def _place(
 
 
 def _content(path: Path) -> dict[str, Any]:
+    if what := no_file(path):
+        raise InputError(path, f"is {what}: name a file")
     try:
         content = json.loads(path.read_text(encoding="utf-8-sig"))
         _check(content)
