@@ -15,7 +15,9 @@ from __future__ import annotations
 
 import difflib
 import os
+import stat
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 MOST_FAULTS_SHOWN = 20
 
@@ -85,3 +87,27 @@ def near_miss(word: str, known: Iterable[str]) -> str:
     by_lower = {name.lower(): name for name in known}
     close = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
     return f"did you mean {by_lower[close[0]]!r}?" if close else ""
+
+
+_KINDS = (
+    (stat.S_ISDIR, "a folder, no file"),
+    (stat.S_ISFIFO, "a FIFO (a pipe between programs), no file"),
+    (stat.S_ISCHR, "a device, no file"),
+    (stat.S_ISBLK, "a device, no file"),
+    (stat.S_ISSOCK, "a socket (a door of a program), no file"),
+)
+
+
+def no_file(path: str | os.PathLike[str]) -> str:
+    """Say what stands where a file should: opening a FIFO or a device may never come back.
+
+    Returns
+    -------
+    str
+        ``a folder, no file`` and the like; empty where it is a file, or nothing that can be seen.
+    """
+    try:
+        mode = Path(path).stat().st_mode
+    except (OSError, ValueError):
+        return "a link to a file that is not there" if Path(path).is_symlink() else ""
+    return next((what for is_one, what in _KINDS if is_one(mode)), "")

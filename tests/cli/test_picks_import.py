@@ -69,3 +69,29 @@ def test_wrong_use_is_one_clear_message(arguments, status, said, tmp_path, monke
 
     assert main(arguments) == status
     assert said.lower() in capsys.readouterr().err.lower()
+
+
+def test_points_to_judge_by_go_to_a_table_of_their_own(data_dir, tmp_path, capsys):
+    """A real list (Helenenschacht, OpenDroneMap): the truth is the CSV that lies beside it."""
+    source = data_dir / "helenenschacht"
+    tables = ["--control", str(tmp_path / "control.csv"), "--control-sigma-m", "0.02"]
+    arguments = [str(source / "gcp_list.txt"), "--output", str(tmp_path / "picks.csv"), *tables]
+    assert main(["picks", "import", *arguments, "--check", "4, 5"]) == 0
+    assert "2 check points" in capsys.readouterr().out
+    control = read_known_points(tmp_path / "control.csv")
+    check = read_known_points(tmp_path / "check.csv")
+    assert (control.label, check.label) == (("1", "2", "3"), ("4", "5"))
+    theirs = read_known_points(source / "control.csv")
+    rows = [theirs.label.index(label) for label in control.label]
+    assert control.coordinates.tolist() == theirs.coordinates[rows].tolist()
+
+
+@pytest.mark.parametrize(
+    ("check", "said"), [("C", "has no point 'C', which --check"), ("A,B", "names every point")]
+)
+def test_a_wrong_choice_of_check_points_writes_nothing(files, tmp_path, capsys, check, said):
+    control = ["--control", str(tmp_path / "control.csv"), "--control-sigma-m", "0.03"]
+    arguments = [files[0], "--output", str(tmp_path / "p.csv"), *control, "--check", check]
+    assert main(["picks", "import", *arguments]) == 1
+    assert said in capsys.readouterr().err
+    assert not list(tmp_path.glob("*.csv"))

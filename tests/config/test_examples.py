@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from typing import get_args
 
 import numpy as np
@@ -28,8 +28,9 @@ def project(repository):
 def test_the_example_project_states_the_real_defaults(project):
     plain = Project(name="x", images=("x",), camera="x", picks="x")
 
-    for key in ("world", "ground", "mount", "time", "telemetry", "picks_sigma_px", "solve"):
+    for key in ("world", "ground", "mount", "telemetry", "picks_sigma_px", "solve"):
         assert getattr(project, key) == getattr(plain, key)
+    assert project.time == replace(plain.time, offset_s=0.0)  # the log's events come at equal steps
 
 
 def test_the_example_project_names_every_key(repository, project):
@@ -64,5 +65,5 @@ def test_the_example_tables_belong_together(project):
     assert {*lines.start, *lines.end} <= labels
     assert {label for request in requests for label in request.points} <= labels
     assert {label for points in known for label in points.label} <= labels
-    assert lines.adjust.tolist() == [True, True, True, False]
+    assert lines.adjust.tolist() == [True, True, True, True, True, False]
     assert {request.kind for request in requests} == {*get_args(MeasurementKind)} - {"speed"}

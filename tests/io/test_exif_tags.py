@@ -1,10 +1,17 @@
 """EXIF of damaged photos: read, or one clear message."""
 
+import logging
+import struct
+import tracemalloc
+import zlib
+
+import cv2
 import numpy as np
 import pytest
 
 from uavgram.errors import InputError
 from uavgram.io.exif_tags import read_exif_tags
+from uavgram.io.image_size import image_size
 from uavgram.io.photos import read_photos
 from uavgram.model.options import TimeOptions
 
@@ -40,3 +47,64 @@ def test_a_photo_that_is_not_there_is_named(tmp_path):
         read_exif_tags(tmp_path / "gone.jpg")
     with pytest.raises(InputError, match="gone"):
         read_photos((str(tmp_path / "gone.jpg"),), TimeOptions())
+
+
+def png(chunk: bytes = b"") -> bytes:
+    plain = cv2.imencode(".png", np.zeros((6, 8, 3), np.uint8))[1].tobytes()
+    head = 8 + 25  # signature, and the first chunk: what it describes
+    return plain[:head] + chunk + plain[head:]
+
+
+def tiff(count: int, at: bytes) -> bytes:
+    """An EXIF block with one tag, the camera's model."""
+    entry = struct.pack(">HHI", 0x0110, 2, count) + at
+    return b"MM\0*\0\0\0\x08" + struct.pack(">H", 1) + entry + bytes(4)
+
+
+def test_a_png_without_exif_has_no_tags_and_nothing_is_said(tmp_path, caplog):
+    path = tmp_path / "a.png"
+    path.write_bytes(png())
+
+    assert read_exif_tags(path) == {}
+    assert caplog.records == []
+    logging.getLogger("exifread").warning("of someone else")
+    assert [record.message for record in caplog.records] == ["of someone else"]
+
+
+def test_the_exif_chunk_of_a_png_is_read(tmp_path):
+    """PNG, third edition, 11.3.4.5: length, name, the block without its ``Exif`` head, CRC."""
+    body = b"eXIf" + tiff(4, b"Eye\0")
+    chunk = struct.pack(">I", len(body) - 4) + body + struct.pack(">I", zlib.crc32(body))
+    path = tmp_path / "a.png"
+    path.write_bytes(png(chunk))
+
+    assert str(read_exif_tags(path)["Image Model"]) == "Eye"
+
+
+def test_a_tag_that_asks_for_gigabytes_is_refused_and_gets_none(tmp_path):
+    block = b"Exif\0\0" + tiff(3_800_000_000, struct.pack(">I", 8))
+    plain = cv2.imencode(".jpg", np.zeros((6, 8, 3), np.uint8))[1].tobytes()
+    path = tmp_path / "a.jpg"
+    path.write_bytes(
+        plain[:2] + b"\xff\xe1" + struct.pack(">H", len(block) + 2) + block + plain[2:]
+    )
+    tracemalloc.start()
+    with pytest.raises(InputError, match=r"a\.jpg: its EXIF is broken .*3,800,000,000 bytes"):
+        read_exif_tags(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 5_000_000
+
+
+def test_a_tiff_that_says_it_is_huge_is_not_decoded(tmp_path):
+    path = tmp_path / "a.tif"
+    cv2.imwrite(str(path), np.zeros((6, 8, 3), np.uint8))
+    data = bytearray(path.read_bytes())
+    (at,) = struct.unpack_from("<I", data, 4)
+    for k in range(struct.unpack_from("<H", data, at)[0]):
+        tag, kind = struct.unpack_from("<HH", data, at + 2 + 12 * k)
+        if tag in (256, 257):
+            struct.pack_into("<HII", data, at + 4 + 12 * k, 4, 1, 30_000)
+            assert kind in (3, 4)
+    path.write_bytes(data)
+    assert image_size(path) == (30_000, 30_000)

@@ -127,7 +127,9 @@ def test_auto_takes_exif_where_most_photos_have_it_and_names_one_that_has_not(ph
     assert "b.jpg" in messages[0].text
 
 
-@pytest.mark.parametrize("name", [b"IMG_\xff3.jpg", b"IMG\n3.jpg", b"IMG\x1b[3.jpg"])
+@pytest.mark.parametrize(
+    "name", [b"IMG_\xff3.jpg", b"IMG\n3.jpg", b"IMG\x1b[3.jpg", "IMG\u202e3.jpg".encode()]
+)
 def test_a_name_that_cannot_be_written_is_refused_in_words_that_can(photo, tmp_path, name):
     photo("a.jpg").rename(os.fsdecode(os.fsencode(tmp_path) + b"/" + name))
     with pytest.raises(InputError, match=r"IMG.*3\.jpg: the photo's name .*rename it") as caught:

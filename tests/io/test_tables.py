@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from uavgram.errors import InputError
 from uavgram.io.tables import Columns, own_columns, parse_number, read_table
+from uavgram.model.limits import unshowable
 
 COLUMNS = Columns(
     text=("name",), numbers=("length_m",), optional_text=("use",), optional_numbers=("sigma_m",)
@@ -96,6 +97,9 @@ def test_rows_keep_their_line_numbers_across_blank_lines_and_quoted_breaks(read_
         ("name,length_m\na\x1b[31m,1\n", 2, "name holds the control character '\\x1b'"),
         ("name,length_m,use\na,1,\ufffe\n", 2, "use holds the control character '\\ufffe'"),
         ('name,length_m\n"a\nb",1\n', 2, "name holds a line break"),
+        ("name,length_m\nP\u202e1,1\n", 2, "character U+202E (right-to-left override)"),
+        ("name,length_m\nP1\u200b,1\n", 2, "invisible character U+200B (zero width space)"),
+        ("name,length_m\nP1\u200d,1\n", 2, "invisible character U+200D (zero width joiner)"),
         ("name,length_m\na,1_000\n", 2, "must be a number (got '1_000')"),
         ("name,length_m\na,٣\n", 2, "must be a number"),
         ("name,length_m,sigma_m\na,1,?\n", 2, "sigma_m must be a number"),
@@ -178,3 +182,17 @@ def test_what_can_be_no_standard_deviation_is_named(read_own, sigma):
     ((line, text),) = table.faults
     assert line == 4
     assert text.startswith("sigma_m must ")
+
+
+@pytest.mark.parametrize(
+    "code", [*range(0x202A, 0x202F), *range(0x2066, 0x206A), 0x200E, 0x200F, 0x061C, 0xFEFF, 0xAD]
+)
+def test_what_turns_or_hides_what_is_read_is_no_part_of_a_name(code):
+    assert f"U+{code:04X}" in unshowable(f"kerb{chr(code)}1")
+
+
+@pytest.mark.parametrize(
+    "name", ["بهـ\u200cها", "क्\u200dष", "👩\u200d🚒", "Straße 3", "ß é ñ 漢字"]
+)
+def test_names_in_any_script_are_names(name):
+    assert not unshowable(name)

@@ -36,6 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Most matrices here are small: more threads wait for each other longer than they help. numpy's
     # library reads this when a command loads it.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Of damaged photos OpenCV speaks in terms of its own source; our messages say what to do.
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     try:
         status = app(arguments)
     except cyclopts.CycloptsError as error:

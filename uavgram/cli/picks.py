@@ -11,6 +11,8 @@ from uavgram.cli.application import DONE, app
 from uavgram.cli.terminal import say
 from uavgram.errors import InputError
 
+Sigma = Annotated[float | None, Parameter(validator=validators.Number(gt=0))]
+
 picks = App(name="picks", help="Take over picks that were made in another program.")
 app.command(picks)
 
@@ -22,7 +24,11 @@ def import_(
     *,
     output: Path,
     control: Path | None = None,
-    control_sigma_m: Annotated[float | None, Parameter(validator=validators.Number(gt=0))] = None,
+    control_sigma_m: Sigma = None,
+    control_sigma_up_m: Sigma = None,
+    sigma_columns: Annotated[bool, Parameter(negative=())] = False,
+    check: str = "",
+    check_file: Path | None = None,
 ) -> int:
     """Write a picks.csv from LabelMe's JSON files or OpenDroneMap's gcp_list.txt.
 
@@ -36,15 +42,40 @@ def import_(
         Also write the coordinates of a gcp_list.txt to this control.csv.
     control_sigma_m
         Standard deviation of those coordinates, which the file does not hold.
+    control_sigma_up_m
+        That of the heights, where it is another; heights of 0 are believed only with it.
+    sigma_columns
+        The cells behind each label are its sigmas in metres: horizontal, and vertical where that
+        is another.
+    check
+        Labels, joined by commas, of points that only judge the result: they go to a check.csv.
+    check_file
+        That file; by default check.csv beside the control.csv.
     """
-    from uavgram.pipeline.import_picks import import_picks
+    from uavgram.io.imports.gcp_list import GcpSigmas
+    from uavgram.pipeline.import_picks import ControlFiles, import_picks
     from uavgram.views.table import message_lines
 
-    if (control is None) != (control_sigma_m is None):
-        raise InputError(files[0], "--control and --control-sigma-m belong together")
-    done = import_picks(files, output, control, control_sigma_m)
+    stated = control_sigma_m is not None or sigma_columns
+    if (control is None) == stated:
+        raise InputError(
+            files[0], "--control and --control-sigma-m (or --sigma-columns) belong together"
+        )
+    labels = tuple(label.strip() for label in check.split(",") if label.strip())
+    if control is None and (labels or check_file):
+        raise InputError(files[0], "--check needs --control: name the file of the other points")
+    sigmas = GcpSigmas(
+        sigma_m=control_sigma_m, sigma_up_m=control_sigma_up_m, in_columns=sigma_columns
+    )
+    coordinates = None
+    if control is not None:
+        check_path = check_file or control.with_name("check.csv")
+        coordinates = ControlFiles(path=control, sigmas=sigmas, check=labels, check_path=check_path)
+    done = import_picks(files, output, coordinates)
     say(*message_lines(done.messages))
     say(f"{done.picks} picks of {done.labels} labels in {done.images} photos: {output}")
     if control is not None:
         say(f"{done.control} control points: {control}")
+    if coordinates is not None and labels:
+        say(f"{done.check} check points: {coordinates.check_path}")
     return DONE

@@ -10,7 +10,7 @@ from pathlib import Path
 from uavgram.config.faults import Fault
 from uavgram.config.strict_yaml import Document, Plain, read_yaml
 from uavgram.config.validation import validate
-from uavgram.errors import GeometryError, near_miss
+from uavgram.errors import GeometryError, near_miss, no_file
 from uavgram.geometry.map_projection import checked_crs
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Project
 
@@ -94,8 +94,8 @@ def _is_no_path(key: str, name: str | None) -> bool:
 
 
 def _why_missing(path: Path, name: str) -> str:
-    if path.is_dir():
-        return f"{name!r} is a folder: name a file"
+    if what := no_file(path):
+        return f"{name!r} is {what}: name a file"
     if not path.parent.is_dir():
         return f"no such file {name!r}: there is no folder {path.parent}"
     guess = near_miss(path.name, [p.name for p in path.parent.iterdir()])

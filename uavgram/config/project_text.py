@@ -16,6 +16,17 @@ _OTHER_MEANINGS = {"yes", "no", "on", "off", "true", "false", "null", "none", "y
 
 
 @dataclass(frozen=True, kw_only=True)
+class AssumedOrigin:
+    """A place on the ground: WGS 84 degrees, and how high it is, with sigma and datum."""
+
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+    height_sigma_m: float
+    datum: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class ProjectText:
     """What a new project names; paths are relative to it, in the form of YAML's patterns.
 
@@ -33,6 +44,8 @@ class ProjectText:
         Files of picks, lines, measure, and, where there are some, control and check.
     offset_s
         Camera clock minus UTC [s]; None: from the log's camera events.
+    origin
+        Place and height of the ground, where neither log nor poses state them.
     name_format
         By which the photos' names are read as their times; None: EXIF states them.
     """
@@ -44,6 +57,7 @@ class ProjectText:
     poses: str | None
     tables: Mapping[str, str]
     offset_s: float | None = None
+    origin: AssumedOrigin | None = None
     name_format: str | None = None
 
 
@@ -98,11 +112,29 @@ def project_text(project: ProjectText) -> str:
         text = f"# {key}: {_EXAMPLES.get(key, 'exif')}" if value is None else f"{key}: {value}"
         lines.append(f"{text.ljust(_WIDTH)} # {comment}" if comment else text)
     text = "\n".join(lines) + "\n"
+    options = _OPTIONS
+    if project.origin is not None:
+        first, _, rest = options.partition("# world:\n")
+        options = first + _origin_lines(project.origin) + rest.partition("# mount:\n")[2]
+        options = options.replace("#   gimbal", "# mount:\n#   gimbal")
     times = _time_lines(project)
     if not times:
-        return text + _OPTIONS
-    start, _, _ = _OPTIONS.partition("# time:")
+        return text + options
+    start, _, _ = options.partition("# time:")
     return text + start + "\n".join(("time:", *times)) + "\n"
+
+
+def _origin_lines(origin: AssumedOrigin) -> str:
+    place = f"{{latitude_deg: {origin.latitude_deg:.7f}, longitude_deg: {origin.longitude_deg:.7f}"
+    return (
+        f"world:\n  origin: {place}, height_m: {origin.height_m:.1f}}}\n"
+        f"  heights: {origin.datum:<23} # datum of heights in files: msl (mean sea level) or "
+        "ellipsoid\n"
+        "ground:\n"
+        "  height_m: 0.0                    # of the ground above that origin\n"
+        f"  height_sigma_m: {origin.height_sigma_m:<16.1f} # how well that is known\n"
+        "#   slope_sigma_deg: 0.5           # the ground is level up to this\n"
+    )
 
 
 def _time_lines(project: ProjectText) -> list[str]:

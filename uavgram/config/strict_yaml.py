@@ -15,7 +15,8 @@ from pathlib import Path
 
 import yaml
 
-from uavgram.errors import InputError
+from uavgram.errors import InputError, no_file
+from uavgram.model.limits import unshowable
 
 KeyPath = tuple[str | int, ...]
 Plain = str | int | float | bool | None | list["Plain"] | dict[str, "Plain"]
@@ -81,6 +82,8 @@ def read_yaml(path: Path) -> Document:
 
 
 def _read_text(path: Path) -> str:
+    if what := no_file(path):
+        raise InputError(path, f"is {what}: name a file")
     try:
         return path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as fault:
@@ -157,8 +160,13 @@ class _Builder:
         if isinstance(node, yaml.SequenceNode):
             return [self.build(item, (*at, i)) for i, item in enumerate(node.value)]
         # PyYAML tags a plain scalar by the rules of YAML 1.1: resolve what was written again.
+        self._refuse_unseen(str(node.value), dotted(at), node)
         is_quoted = isinstance(node, yaml.ScalarNode) and node.style is not None
         return str(node.value) if is_quoted else resolve_scalar(str(node.value))
+
+    def _refuse_unseen(self, text: str, what: str, node: yaml.Node) -> None:
+        if fault := unshowable("".join(text.split())):  # texts of several lines may be meant
+            self.faults.append((_line(node), f"{what}: holds {fault}: type it again"))
 
     def _mapping(self, node: yaml.MappingNode, at: KeyPath) -> dict[str, Plain]:
         result: dict[str, Plain] = {}
@@ -166,6 +174,9 @@ class _Builder:
             if not isinstance(key_node, yaml.ScalarNode):
                 place = dotted(at) or "the file"
                 raise InputError(self.path, f"{place}: a key must be plain text", _line(key_node))
+            self._refuse_unseen(
+                str(key_node.value), f"a key of {dotted(at) or 'the file'}", key_node
+            )
             key = key_node.value  # the text as written: keys such as `no` or `1` stay text
             if key in result:
                 first = self.lines[(*at, key)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from uavgram.errors import InputError
 from uavgram.io.camera_tags import read_all_camera_tags
 from uavgram.io.digest import digest_inputs
+from uavgram.io.photo_files import matching_files
 from uavgram.model.calibration_photos import LensSetting
 from uavgram.model.camera_tags import CameraTags
 from uavgram.model.provenance import InputDigest
@@ -60,7 +60,7 @@ def find_calibration_photos(patterns: Sequence[str]) -> CalibrationFiles:
         A pattern matches nothing, there are too few photos, one is no photo or a copy of another,
         or they differ in size, camera, lens or focal length.
     """
-    paths = sorted({name for pattern in patterns for name in _matches(pattern)})
+    paths = sorted({name for pattern in patterns for name in _files(pattern)})
     if len(paths) < LEAST_PHOTOS:
         raise InputError(
             paths[0] if paths else "IMAGES",
@@ -103,13 +103,8 @@ def read_grey(path: str | Path) -> NDArray[np.uint8]:
     return np.asarray(grey, np.uint8)
 
 
-def _matches(pattern: str) -> list[str]:
-    # patterns are text and may hold ** and [..]: glob's own language
-    names = sorted(glob.glob(pattern, recursive=True))  # noqa: PTH207
-    files = [name for name in names if Path(name).is_file()]
-    if not files:
-        raise InputError(pattern, "matches no file; name the photos of the board")
-    return files
+def _files(pattern: str) -> list[str]:
+    return [str(path) for path in matching_files(pattern, "name the photos of the board")]
 
 
 def _refuse_copies(digests: Sequence[InputDigest]) -> None:

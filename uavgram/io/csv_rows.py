@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from uavgram.errors import InputError
+from uavgram.errors import InputError, no_file
 
 _BLOCK = 10_000  # rows at a time
 _LONGEST_LINE = 100_000  # a cell may be as long for the csv module
@@ -108,6 +108,8 @@ def _stripped(cells: Sequence[str]) -> list[str]:
 
 def read_text(path: Path) -> str:
     """Text of a file in UTF-8, without byte order mark."""
+    if what := no_file(path):
+        raise InputError(path, f"is {what}: name a file")
     try:
         data = path.read_bytes()
     except OSError as fault:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from uavgram.errors import InputError
+from uavgram.errors import InputError, no_file
 from uavgram.io.dataflash import read_dataflash
 from uavgram.io.tlog import read_tlog
 from uavgram.io.ulog import ULOG_MAGIC, read_ulog
@@ -78,6 +78,8 @@ def _read(path: str | Path) -> FlightLog:
 
 
 def _head(path: str | Path) -> bytes:
+    if what := no_file(path):
+        raise InputError(path, f"is {what}: name a flight log")
     try:
         with Path(path).open("rb") as file:
             return file.read(8000)

@@ -9,9 +9,12 @@ from typing import BinaryIO
 
 import cv2
 
-from uavgram.errors import InputError
+from uavgram.errors import InputError, no_file
+from uavgram.io.exif_tags import read_exif_tags
 
+_TIFF = (b"II*\0", b"MM\0*")
 _PNG = b"\x89PNG\r\n\x1a\n"
+_TIFF_SIDES = ("ImageWidth", "ImageLength")
 # Start-of-frame markers of JPEG (ITU-T T.81, table B.1); 0xC4, 0xC8 and 0xCC are none.
 _JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _JPEG_ALONE = frozenset({0x01, *range(0xD0, 0xD8)})  # markers without a segment
@@ -20,14 +23,16 @@ _JPEG_ALONE = frozenset({0x01, *range(0xD0, 0xD8)})  # markers without a segment
 def image_size(path: str | Path) -> tuple[int, int]:
     """Width and height [px] of the stored, unrotated image.
 
-    JPEG and PNG are read from their headers; every other kind is decoded by OpenCV. Of a JPEG the
-    end is looked for too: without it nothing of it can be decoded.
+    JPEG, PNG and TIFF are read from their headers; every other kind is decoded by OpenCV. Of a JPEG
+    the end is looked for too: without it nothing of it can be decoded.
 
     Raises
     ------
     InputError
         The file is missing, cut off, or no photo.
     """
+    if what := no_file(path):
+        raise InputError(path, f"is {what}: take it out of `images`")
     is_whole = True
     try:
         with Path(path).open("rb") as file:
@@ -38,6 +43,8 @@ def image_size(path: str | Path) -> tuple[int, int]:
                 is_whole = _has_end(file)
             elif head[:8] == _PNG and len(head) >= 24:
                 size = struct.unpack(">II", head[16:24])
+            elif head[:4] in _TIFF:
+                size = _tiff_size(path)
             else:
                 size = _decoded_size(path)
     except OSError as error:
@@ -84,6 +91,14 @@ def _has_end(file: BinaryIO) -> bool:
     """Whether a JPEG's end marker stands somewhere behind its frame header, where `file` is."""
     with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         return content.rfind(b"\xff\xd9", file.tell()) >= 0
+
+
+def _tiff_size(path: str | Path) -> tuple[int, int] | None:
+    """Size of the first picture: a header can ask a decoder for gigabytes that are not there."""
+    tags = read_exif_tags(path)
+    sides = [getattr(tags.get(f"Image {name}"), "values", []) for name in _TIFF_SIDES]
+    numbers = [side[0] for side in sides if side and isinstance(side[0], int)]
+    return (numbers[0], numbers[1]) if len(numbers) == 2 else None
 
 
 def _decoded_size(path: str | Path) -> tuple[int, int] | None:

@@ -10,11 +10,27 @@ import numpy as np
 from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError
 
-from uavgram.errors import InputError
+from uavgram.errors import InputError, no_file
 from uavgram.model.arrays import Floats
 from uavgram.model.telemetry import HeightDatum
 
 _UTM = re.compile(r"WGS84\s+UTM\s+([0-9]{1,2})\s*([NS])", re.IGNORECASE)
+_EPSG = re.compile(r"EPSG\s*:?\s*([0-9]+)", re.IGNORECASE)
+# Names that people write in first lines and PROJ does not know: Poland's systems of 1992 and 2000
+# (its zones 5 to 8), Sweden's, Switzerland's old and new, Britain's grid.
+_NAMED = {
+    "PUWG1992": 2180,
+    "PL1992": 2180,
+    "PUWG2000Z5": 2176,
+    "PUWG2000Z6": 2177,
+    "PUWG2000Z7": 2178,
+    "PUWG2000Z8": 2179,
+    "WGS84": 4326,
+    "SWEREF99TM": 3006,
+    "CH1903": 21781,
+    "CH1903+": 2056,
+    "OSGB36": 27700,
+}
 
 
 def content_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
@@ -25,6 +41,8 @@ def content_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
     InputError
         The file cannot be read, is no text, or has no line but the first.
     """
+    if what := no_file(path):
+        raise InputError(path, f"is {what}: name a file")
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as fault:
@@ -44,13 +62,18 @@ def crs_of_header(path: Path, line: int, header: str) -> CRS:
     if utm is not None:
         zone, south = int(utm[1]), utm[2].upper() == "S"
         header = f"EPSG:{(32700 if south else 32600) + zone}"
+    elif epsg := _EPSG.fullmatch(header):
+        header = f"EPSG:{epsg[1]}"
+    else:
+        code = _NAMED.get(re.sub(r"[\s/_-]", "", header).upper())
+        header = header if code is None else f"EPSG:{code}"
     try:
         return CRS.from_user_input(header)
     except CRSError as fault:
         raise InputError(
             path,
             f"{header!r} is no coordinate system: the first line must be such as EPSG:4326, a "
-            "PROJ text, or WGS84 UTM 16N",
+            "PROJ text (+proj=utm +zone=16), or WGS84 UTM 16N; epsg.io knows the number of others",
             line,
         ) from fault
 

@@ -41,6 +41,7 @@ _ROUNDING = 1e-6  # of symmetry and definiteness, as correlations
 _FISHEYE_NAMES = {"fisheye", "equidistant"}
 _CALIB_FIX_ASPECT_RATIO = 2  # bit of the key `flags`, opencv2/calib3d.hpp
 
+_XML_ROOT = "<opencv_storage"
 _YAML_HEADER = "%YAML:1.0\n---\n"
 
 
@@ -50,7 +51,9 @@ def is_opencv_calibration(path: str | Path) -> bool:
         text = Path(path).read_text(encoding="utf-8-sig", errors="replace").lstrip()
     except OSError:
         return False  # whoever reads it next says why
-    if text.startswith(("%YAML", "<?xml", "<opencv_storage")):
+    if text.startswith("<"):
+        return _XML_ROOT in text
+    if text.startswith("%YAML"):
         return True
     names = r"camera_?matrix|intrinsic_?matrix|k|mtx"
     return (
@@ -101,15 +104,25 @@ def _read_keys(path: Path) -> dict[str, Any]:
         raise InputError(path, f"cannot be read: {fault.strerror}") from fault
     except UnicodeDecodeError as fault:
         raise InputError(path, "is no text file, so no camera calibration") from fault
+    if text.lstrip().startswith("<") and _XML_ROOT not in text:
+        raise InputError(
+            path,
+            "is XML of another program, no camera calibration: name a camera.yaml, or a file that "
+            "OpenCV wrote",
+        )
     is_bare_yaml = not text.lstrip().startswith(("%YAML", "<", "{"))
     content = _YAML_HEADER + text if is_bare_yaml else text
     try:
         storage = cv2.FileStorage(content, cv2.FileStorage_READ | cv2.FileStorage_MEMORY)
     except (cv2.error, SystemError) as fault:  # the binding wraps the parser's error in the latter
+        # its text speaks of OpenCV's own source; of use is only where in the file it stopped
+        at = re.search(r"\(([0-9]+)\):", str(fault.__cause__ or fault))
+        line = int(at[1]) - (_YAML_HEADER.count("\n") if is_bare_yaml else 0) if at else None
         raise InputError(
             path,
-            "cannot be read as a calibration file of OpenCV (YAML, JSON or XML): "
-            + str(fault.__cause__ or fault).strip().splitlines()[0],
+            "cannot be read as a calibration file of OpenCV (YAML, JSON or XML): it is damaged or "
+            "cut off here; export the calibration again",
+            line if line and line > 0 else None,
         ) from fault
     root = storage.root()
     if not root.isMap():

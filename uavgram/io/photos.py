@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import glob
-import os
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,8 +11,8 @@ import numpy as np
 from uavgram.errors import InputError
 from uavgram.io.exif_tags import read_exif_tags
 from uavgram.io.image_size import image_size
+from uavgram.io.photo_files import check_name, matching_files
 from uavgram.io.spreadsheet_cells import runs
-from uavgram.io.tables import UNSHOWABLE
 from uavgram.model.frames import Photos, TimeSource
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
@@ -79,32 +77,15 @@ def _find(patterns: tuple[str, ...]) -> list[Path]:
     """Files that the patterns name, in the order of their names."""
     found: dict[str, Path] = {}
     for pattern in patterns:
-        # patterns are text, absolute, and may hold ** and [..]: glob's own language
-        paths = [Path(name) for name in sorted(glob.glob(pattern, recursive=True))]  # noqa: PTH207
-        files = [path for path in paths if path.is_file()]
-        folder = Path(pattern).parent
-        if not files and folder.is_dir() and not os.access(folder, os.R_OK | os.X_OK):
-            raise InputError(folder, "cannot be read: ask for the right to, or copy the photos")
-        if not files:
-            raise InputError(pattern, "matches no file; correct `images` in the project")
+        files = matching_files(pattern, "correct `images` in the project")
         for path in files:
-            _check_name(path)
+            check_name(path)
             other = found.setdefault(path.name, path)
             if other.resolve() != path.resolve():
                 raise InputError(
                     path, f"has the name of {other}; picks name photos by it: rename one"
                 )
     return [found[name] for name in sorted(found)]
-
-
-def _check_name(path: Path) -> None:
-    """Refuse a name that no other file could hold."""
-    shown = os.fsencode(path).decode(errors="backslashreplace")
-    if shown != str(path) or UNSHOWABLE.search(path.name):
-        raise InputError(
-            shown.translate({code: ascii(chr(code))[1:-1] for code in range(32)}),
-            "the photo's name holds characters that cannot be written: rename it",
-        )
 
 
 def _times(

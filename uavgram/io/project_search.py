@@ -18,6 +18,7 @@ from uavgram.io.flight_log import is_flight_log
 from uavgram.io.image_size import image_size
 from uavgram.io.odm_cameras import is_odm_cameras
 from uavgram.io.opencv_calibration import is_opencv_calibration
+from uavgram.io.photo_files import bounded
 
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
 _CAMERA_SUFFIXES = (".yaml", ".yml", ".json", ".xml", ".txt")
@@ -69,7 +70,7 @@ def search_folder(folder: Path) -> Holdings:
     InputError
         It cannot be read, or is no folder.
     """
-    files = tuple(_files(folder))
+    files = tuple(path for path in bounded(_files(folder), folder) if path.is_file())
     tables: dict[TableRole, tuple[Path, ...]] = {}
     for path in files:
         role = _table_role(path) if path.suffix.lower() == ".csv" else None

@@ -14,11 +14,16 @@ from uavgram.errors import InputError, near_miss
 from uavgram.io.csv_rows import read_blocks, read_header
 from uavgram.io.spreadsheet_cells import readable
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.limits import LARGEST_NUMBER, LARGEST_SIGMA, SMALLEST_SIGMA, sigma_fault
+from uavgram.model.limits import (
+    LARGEST_NUMBER,
+    LARGEST_SIGMA,
+    SMALLEST_SIGMA,
+    UNSHOWABLE,
+    sigma_fault,
+    unshowable,
+)
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
-UNSHOWABLE = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff]")
-"""Characters that no name can hold: they break lines, drive terminals, or are no XML."""
 _NOT_DECIMAL = re.compile(r"[^0-9eE+.\-]")
 
 
@@ -201,19 +206,12 @@ class _Column:
             cells = list(map(readable, cells))
         if UNSHOWABLE.search(together):
             faults += [
-                (row, f"{self.name} holds {_unshowable(cell)}: type it again")
+                (row, f"{self.name} holds {unshowable(cell)}: type it again")
                 for row, cell in enumerate(cells)
                 if UNSHOWABLE.search(cell)
             ]
         self.texts += [self._known.setdefault(cell, cell) for cell in cells]
         return faults
-
-
-def _unshowable(cell: str) -> str:
-    """Say which character of a cell cannot be shown."""
-    found = UNSHOWABLE.search(cell)
-    character = found[0] if found else ""
-    return "a line break" if character in "\r\n" else f"the control character {character!r}"
 
 
 def _header_faults(header: Sequence[str], columns: Columns) -> list[str]:

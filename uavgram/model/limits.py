@@ -1,7 +1,13 @@
-"""What numbers of a person's files can be: beyond it they are slips, and overflow what follows."""
+"""What numbers and names of a person's files can be: what lies beyond is a slip, or a trap."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
 
 LARGEST_NUMBER = 1e10
-"""Of any number: metres, pixels, degrees and seconds since 1970 stay below it."""
+"""Of any number: metres, pixels, degrees and seconds since 1970 stay below it; beyond it they
+overflow what follows."""
 
 SMALLEST_SIGMA, LARGEST_SIGMA = 1e-6, 1e6
 """In metres, pixels, degrees and seconds: beyond them weights lose all digits of what they are
@@ -15,3 +21,34 @@ def sigma_fault(value: float) -> str:
     if not SMALLEST_SIGMA <= value <= LARGEST_SIGMA:
         return f"must lie between {SMALLEST_SIGMA:g} and {LARGEST_SIGMA:g}"
     return ""
+
+
+UNSHOWABLE = re.compile(
+    "[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff"  # break lines, drive terminals
+    "\u202a-\u202e\u2066-\u2069\u200e\u200f\u061c"  # turn the order of what is read
+    # unseen
+    "\u00ad\u180e\u200b\u2060-\u2065\u206a-\u206f\ufeff\ufff9-\ufffb\U000e0000-\U000e007f]"
+    # Joiners belong to Persian, Indic scripts and emoji; behind a Latin letter they only hide.
+    "|(?<![^\x00-\u02ff])[\u200c\u200d]"
+)
+"""Characters that no name can hold: they break lines, are no XML, or make what is read differ from
+what is there (Unicode Technical Report 36, 2.6: bidirectional text spoofing)."""
+
+
+def unshowable(text: str) -> str:
+    """Say which character of a text no name can hold; empty where there is none."""
+    found = UNSHOWABLE.search(text)
+    if found is None:
+        return ""
+    character = found[0]
+    if character in "\r\n":
+        return "a line break"
+    name = unicodedata.name(character, "").lower()
+    if not name:
+        return f"the control character {character!r}"
+    return f"the invisible character U+{ord(character):04X} ({name})"
+
+
+def shown(text: str) -> str:
+    """Write a text for a message: what cannot be shown stands as its code point."""
+    return UNSHOWABLE.sub(lambda found: ascii(found[0])[1:-1], text)

@@ -14,8 +14,8 @@ from typing import Any, NoReturn, TypeVar
 
 from uavgram.errors import UavgramError
 from uavgram.io.measure import PARAMETERS, POINT_COUNTS
-from uavgram.io.tables import UNSHOWABLE
 from uavgram.model.camera import LensModel
+from uavgram.model.limits import unshowable
 from uavgram.model.observations import MeasurementKind
 from uavgram.picking import commands as c
 
@@ -143,8 +143,8 @@ class _Fields:
             _refuse(f"{name} is empty")
         if len(value) > LONGEST_NAME:
             _refuse(f"{name} may have {LONGEST_NAME} characters")
-        if UNSHOWABLE.search(value):
-            _refuse(f"{name} holds a character that cannot be shown")
+        if fault := unshowable(value):
+            _refuse(f"{name} holds {fault}: type it again")
         return value
 
     def label(self, name: str = "label") -> str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from uavgram.config.camera import load_camera_file
 from uavgram.config.camera_text import camera_text
-from uavgram.errors import InputError
+from uavgram.errors import InputError, no_file
 from uavgram.io.camera_tags import read_all_camera_tags, read_camera_tags
 from uavgram.io.colmap_cameras import colmap_text, is_colmap_cameras, read_colmap_camera
 from uavgram.io.digest import digest_file
@@ -86,7 +86,7 @@ def read_camera(path: str | Path, wanted: str | None = None) -> CameraRead:
         calibration, messages = read_odm_camera(path, wanted)
     elif is_colmap_cameras(text):
         calibration, messages = read_colmap_camera(path, wanted)
-    elif is_opencv_calibration(path):
+    elif is_opencv_calibration(path) or text.lstrip().startswith("<"):
         _refuse(wanted, path)
         calibration, messages = read_opencv_calibration(path)
     else:
@@ -97,6 +97,8 @@ def read_camera(path: str | Path, wanted: str | None = None) -> CameraRead:
 
 
 def _beginning(path: Path) -> str:
+    if what := no_file(path):
+        raise InputError(path, f"is {what}: name a file")
     try:
         return path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as fault:

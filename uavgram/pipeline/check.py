@@ -8,6 +8,7 @@ from pathlib import Path
 
 from uavgram.errors import near_miss
 from uavgram.model.message import Message
+from uavgram.pipeline.ground_below import has_place
 from uavgram.pipeline.inputs import Inputs, duplicates_of, read_inputs
 from uavgram.pipeline.pose import Posed, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
@@ -56,9 +57,14 @@ def missing(inputs: Inputs) -> tuple[Message, ...]:
         messages.append(Message("info", "nothing-to-measure", text))
     known = len(inputs.lines.name) or len(inputs.control.label)
     if not known and project.log is None and project.poses is None:
+        poses = (
+            "poses (though the photos state where they were taken: `poses: exif`, and world.origin)"
+            if has_place(inputs.photos)
+            else "poses"
+        )
         text = (
-            "There is neither a flight log, nor poses, nor a known length: without one of them "
-            "nothing says how large anything is. Tape at least four lengths on the ground."
+            f"The project names neither a flight log, nor {poses}, nor a known length: without one "
+            "of them nothing says how large anything is. Tape at least four lengths on the ground."
         )
         messages.append(Message("warning", "no-scale", text))
     elif not known:

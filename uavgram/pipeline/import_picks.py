@@ -3,17 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from uavgram.errors import InputError
-from uavgram.io.imports.gcp_list import read_gcp_list
+from uavgram.errors import InputError, near_miss
+from uavgram.io.imports.gcp_list import GcpSigmas, read_gcp_list
 from uavgram.io.imports.labelme import read_labelme
 from uavgram.io.picks_writer import write_new_control, write_new_picks
+from uavgram.model.arrays import Bools
 from uavgram.model.imported import ImportedPicks
 from uavgram.model.message import Message
+from uavgram.model.observations import KnownPoints
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlFiles:
+    """Where the coordinates of a gcp_list.txt go to.
+
+    Attributes
+    ----------
+    path
+        The control.csv.
+    sigmas
+        How well they are known.
+    check
+        Labels of the points that go to `check_path` instead: only to judge the result.
+    check_path
+        The check.csv.
+    """
+
+    path: Path
+    sigmas: GcpSigmas
+    check: tuple[str, ...] = ()
+    check_path: Path = Path("check.csv")
 
 
 @dataclass(frozen=True)
@@ -24,14 +48,14 @@ class Imported:
     labels: int
     images: int
     control: int
+    check: int
     messages: tuple[Message, ...]
 
 
 def import_picks(
     files: Sequence[Path],
     output: Path,
-    control: Path | None = None,
-    control_sigma_m: float | None = None,
+    control: ControlFiles | None = None,
 ) -> Imported:
     """Write a new picks.csv from LabelMe's JSON files and gcp_list.txt of OpenDroneMap.
 
@@ -41,8 +65,8 @@ def import_picks(
         Any number of either kind.
     output
         The picks.csv to write.
-    control, control_sigma_m
-        Also write the coordinates in a gcp_list.txt as control points, with this sigma.
+    control
+        Also write the coordinates in a gcp_list.txt.
 
     Raises
     ------
@@ -50,7 +74,7 @@ def import_picks(
         A file is of neither kind or wrong, two files pick one label in one photo, or a file to
         write is there already. Nothing is written then.
     """
-    read = [_read(path, control_sigma_m) for path in files]
+    read = [_read(path, None if control is None else control.sigmas) for path in files]
     _check_doubles(files, read)
     together = ImportedPicks(
         image=tuple(name for one in read for name in one.image),
@@ -59,28 +83,56 @@ def import_picks(
         known=next((one.known for one in read if one.known is not None), None),
         messages=tuple(message for one in read for message in one.messages),
     )
-    if control is not None:
-        if together.known is None:
-            raise InputError(files[0], "holds no coordinates: leave --control out")
-        if control.exists():
-            raise InputError(control, "is there already: name another file, or move this one away")
+    tables = {} if control is None else _tables(files[0], together.known, control)
+    for path in tables:
+        if path.exists():
+            raise InputError(path, "is there already: name another file, or move this one away")
     write_new_picks(together, output)
-    if control is not None and together.known is not None:
-        write_new_control(together.known, control)
+    for path, known in tables.items():
+        write_new_control(known, path)
+    checks = 0 if control is None else len(control.check)
     return Imported(
         picks=len(together.image),
         labels=len(set(together.label)),
         images=len(set(together.image)),
-        control=0 if control is None or together.known is None else len(together.known.label),
+        control=sum(len(known.label) for known in tables.values()) - checks,
+        check=checks,
         messages=together.messages,
     )
 
 
-def _read(path: Path, control_sigma_m: float | None) -> ImportedPicks:
+def _tables(
+    file: Path, known: KnownPoints | None, control: ControlFiles
+) -> dict[Path, KnownPoints]:
+    """Points of each file to write: those to judge the result apart from those it is made of."""
+    if known is None:
+        raise InputError(file, "holds no coordinates: leave --control out")
+    for label in control.check:
+        if label not in known.label:
+            hint = near_miss(label, known.label) or f"it has {', '.join(known.label)}"
+            raise InputError(file, f"has no point {label!r}, which --check names: {hint}")
+    is_check = np.array([label in control.check for label in known.label])
+    if is_check.all():
+        raise InputError(file, "--check names every point, so none is left to control: name fewer")
+    if not is_check.any():
+        return {control.path: known}
+    return {control.path: _chosen(known, ~is_check), control.check_path: _chosen(known, is_check)}
+
+
+def _chosen(known: KnownPoints, rows: Bools) -> KnownPoints:
+    return replace(
+        known,
+        label=tuple(known.label[k] for k in np.flatnonzero(rows)),
+        coordinates=known.coordinates[rows],
+        sigma_m=known.sigma_m[rows],
+    )
+
+
+def _read(path: Path, sigmas: GcpSigmas | None) -> ImportedPicks:
     if path.suffix.lower() == ".json":
         return read_labelme(path)
     if path.suffix.lower() == ".txt":
-        return read_gcp_list(path, control_sigma_m)
+        return read_gcp_list(path, sigmas)
     raise InputError(path, "is neither LabelMe's .json nor a gcp_list.txt")
 
 

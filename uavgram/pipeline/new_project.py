@@ -15,9 +15,16 @@ from uavgram.io.outputs import replace_text
 from uavgram.io.photo_poses import FROM_PHOTOS
 from uavgram.io.photos import read_photos
 from uavgram.io.project_search import search_folder
+from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.pipeline.check import missing
+from uavgram.pipeline.ground_below import (
+    ABOVE_GROUND_M,
+    ABOVE_GROUND_SIGMA_M,
+    ground_below,
+    has_place,
+)
 from uavgram.pipeline.inputs import read_inputs
 from uavgram.pipeline.pose import pose_frames
 from uavgram.pipeline.project_choices import (
@@ -83,10 +90,10 @@ def new_project(folder: Path, choices: Choices | None = None) -> NewProject:
     if project.exists():
         raise InputError(project, "is there already: edit it, or move it away first")
     notes = Notes()
-    text, names = _described(folder, choices, notes)
+    text, photos = _described(folder, choices, notes)
     made = _make_files(folder, text)
     try:
-        _try(project, text, names, notes)
+        _try(project, text, photos, notes)
     except BaseException:
         for path in made:
             path.unlink(missing_ok=True)
@@ -94,8 +101,8 @@ def new_project(folder: Path, choices: Choices | None = None) -> NewProject:
     return NewProject(path=project, found=tuple(notes.found), messages=tuple(notes.messages))
 
 
-def _described(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectText, tuple[str, ...]]:
-    """What the project file is to say, with poses only attempted; and the photos' names."""
+def _described(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectText, Photos]:
+    """What the project file is to say, with poses only attempted; and the photos."""
     holdings = search_folder(folder)
     groups = choose_photos(folder, holdings, choices)
     images = choices.images or tuple(pattern_of(folder, group) for group in groups)
@@ -118,7 +125,7 @@ def _described(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectTex
         poses=poses,
         tables=choose_tables(folder, holdings, notes),
     )
-    return text, photos.frame_id
+    return text, photos
 
 
 def _make_files(folder: Path, text: ProjectText) -> list[Path]:
@@ -146,7 +153,7 @@ def _make_files(folder: Path, text: ProjectText) -> list[Path]:
     return made
 
 
-def _try(project: Path, text: ProjectText, names: Sequence[str], notes: Notes) -> None:
+def _try(project: Path, text: ProjectText, photos: Photos, notes: Notes) -> None:
     """Read the project as `uavgram check` does, and say what it still lacks.
 
     Where the photos cannot be placed as it stands, what else can be tried without asking is tried.
@@ -156,17 +163,20 @@ def _try(project: Path, text: ProjectText, names: Sequence[str], notes: Notes) -
     InputError
         A file that is named is wrong.
     """
-    why = ""
-    for attempt, note in _attempts(text, names):
+    why = last = ""
+    for attempt, note in _attempts(text, photos):
         replace_text(project, project_text(attempt))
         try:
             inputs = read_inputs(project, unpicked=True)
             posed = pose_frames(inputs)
         except UavgramError as fault:
+            last = str(fault).removeprefix(f"{attempt.poses}: ")
             why = why or str(fault)
             continue
         if note is not None:
             notes.messages.append(note)
+        if last and attempt.log is None and attempt.poses is None and has_place(photos):
+            notes.warn("poses-unusable", f"The photos state where they were taken, but: {last}.")
         notes.messages += [*inputs.messages, *posed.messages, *missing(inputs)]
         return
     replace_text(project, project_text(text))
@@ -175,17 +185,33 @@ def _try(project: Path, text: ProjectText, names: Sequence[str], notes: Notes) -
     notes.messages += [*inputs.messages, *missing(inputs)]
 
 
-def _attempts(text: ProjectText, names: Sequence[str]) -> list[Attempt]:
+def _attempts(text: ProjectText, photos: Photos) -> list[Attempt]:
     """Project files to try, the first that works is taken; and what is to be said of each."""
     if text.log is not None:
-        return [(text, None), _on_utc(text, ""), *_by_names(text, names)]
+        return [(text, None), _on_utc(text, ""), *_by_names(text, photos.frame_id)]
     if text.poses is not None:
-        return [(text, None)]
+        return [(text, None), *_above_ground(text, photos, "")]
     said = "The photos state where they were taken: `poses: exif` uses that."
+    posed = replace(text, poses=FROM_PHOTOS)
     return [
-        (replace(text, poses=FROM_PHOTOS), Message("info", "poses-found", said)),
+        (posed, Message("info", "poses-found", said)),
+        *_above_ground(posed, photos, f"{said} "),
         (text, None),
     ]
+
+
+def _above_ground(text: ProjectText, photos: Photos, also: str) -> list[Attempt]:
+    """The same with an assumed height above the ground, for poses that say nothing of it."""
+    origin = ground_below(str(text.poses), photos)
+    if origin is None:
+        return []
+    said = (
+        f"{also}They do not say how high that is above the ground: {ABOVE_GROUND_M:.0f} m ± "
+        f"{ABOVE_GROUND_SIGMA_M:.0f} m was assumed. Write the height of the ground (from a map, or "
+        "the place of take-off) into world.origin, and how well you know it into "
+        "ground.height_sigma_m."
+    )
+    return [(replace(text, origin=origin), Message("warning", "ground-assumed", said))]
 
 
 def _on_utc(text: ProjectText, also: str) -> Attempt:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from uavgram.errors import InputError
+from uavgram.io.photo_files import matching_files
 from uavgram.io.picked_tables import LINES_HEADER, MEASURE_HEADER, PICKS_HEADER
 from uavgram.io.project_search import Holdings, PhotoGroup, TableRole, grouped
 from uavgram.model.frames import Photos
@@ -50,11 +51,11 @@ def choose_photos(folder: Path, holdings: Holdings, choices: Choices) -> tuple[P
     groups = holdings.photos
     if choices.images:
         named = {
-            Path(name)
+            path
             for pattern in choices.images
-            for name in glob.glob(absolute(folder, pattern), recursive=True)  # noqa: PTH207
+            for path in matching_files(absolute(folder, pattern), "correct --images")
         }
-        groups = grouped(sorted(path for path in named if path.is_file()))
+        groups = grouped(sorted(named))
         if not groups:
             wanted = ", ".join(choices.images)
             raise InputError(folder, f"no photo is named {wanted}: correct --images")

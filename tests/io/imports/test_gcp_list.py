@@ -7,7 +7,7 @@ import pytest
 from pyproj import Transformer
 
 from uavgram.errors import InputError
-from uavgram.io.imports.gcp_list import read_gcp_list
+from uavgram.io.imports.gcp_list import GcpSigmas, read_gcp_list
 
 HEAD = "EPSG:32632\n"
 ROW = "691000.25 5334000.5 520.125 1539.25 1337 DSC_1.JPG A\n"
@@ -20,7 +20,7 @@ def write(tmp_path, text):
 
 
 def test_picks_and_places_are_those_of_the_file(tmp_path):
-    picks = read_gcp_list(write(tmp_path, HEAD + "# note\n" + ROW), sigma_m=0.05)
+    picks = read_gcp_list(write(tmp_path, HEAD + "# note\n" + ROW), GcpSigmas(sigma_m=0.05))
 
     np.testing.assert_array_equal(picks.pixel_px, [[1539.25, 1337.0]])
     assert (picks.image, picks.label) == (("DSC_1.JPG",), ("A",))
@@ -69,7 +69,7 @@ def test_a_point_without_height_is_picked_but_is_no_control(tmp_path):
 
     assert read_gcp_list(path).label == ("A", "A", "B")
     with pytest.raises(InputError, match=r":2: has no height \(NaN\)"):
-        read_gcp_list(path, sigma_m=0.05)
+        read_gcp_list(path, GcpSigmas(sigma_m=0.05))
 
 
 def test_blanks_tabs_and_further_cells_are_no_matter(tmp_path):
@@ -78,3 +78,62 @@ def test_blanks_tabs_and_further_cells_are_no_matter(tmp_path):
 
     assert picks.label == ("A",)
     np.testing.assert_array_equal(picks.pixel_px, [[10.5, 20.0]])
+
+
+@pytest.mark.parametrize(
+    ("first", "code"),
+    [
+        ("PUWG1992", 2180),
+        ("PUWG 1992", 2180),
+        ("EPSG:2180", 2180),
+        ("epsg 2180", 2180),
+        ("WGS84 UTM 32N", 32632),
+        ("WGS84 UTM 33S", 32733),
+        ("+proj=utm +zone=32 +datum=WGS84 +units=m +no_defs", 32632),
+        ("SWEREF99 TM", 3006),
+    ],
+)
+def test_coordinate_systems_by_the_names_that_people_write(tmp_path, first, code):
+    place = "500000 5600000" if code != 2180 else "500000 500000"
+    picks = read_gcp_list(
+        write(tmp_path, f"{first}\n{place} 3 10 20 a.jpg A\n"), GcpSigmas(sigma_m=1)
+    )
+    latitude, longitude, _ = picks.known.coordinates[0]
+    back = Transformer.from_crs("EPSG:4326", f"EPSG:{code}", always_xy=True)
+    expected = [float(value) for value in place.split()]
+    np.testing.assert_allclose(back.transform(longitude, latitude), expected, atol=1e-3)
+
+
+ZERO = "1 2 0 10 20 a.jpg A\n1 3 0.0 10 30 a.jpg B\n"
+
+
+def test_heights_of_0_get_no_weight_and_a_warning(tmp_path):
+    picks = read_gcp_list(write(tmp_path, "EPSG:4326\n" + ZERO), GcpSigmas(sigma_m=0.02))
+    assert picks.known.sigma_m.tolist() == [[0.02, 0.02, 10_000.0]] * 2
+    assert [message.code for message in picks.messages] == ["gcp-zero-heights"]
+    assert "all points have the height 0" in picks.messages[0].text
+
+    known = read_gcp_list(
+        write(tmp_path, "EPSG:4326\n" + ZERO), GcpSigmas(sigma_m=0.02, sigma_up_m=0.05)
+    )
+    assert known.known.sigma_m.tolist() == [[0.02, 0.02, 0.05]] * 2
+    assert known.messages == ()
+
+
+def test_points_may_have_sigmas_of_their_own(tmp_path):
+    rows = "1 2 5 10 20 a.jpg A 0.01 0.03\n1 3 5 10 30 a.jpg B 0.02\n1 4 5 10 40 a.jpg C\n"
+    path = write(tmp_path, "EPSG:4326\n" + rows)
+    picks = read_gcp_list(path, GcpSigmas(sigma_m=0.5, in_columns=True))
+    assert picks.known.sigma_m.tolist() == [[0.01, 0.01, 0.03], [0.02] * 3, [0.5] * 3]
+    with pytest.raises(InputError, match=r":4: label 'C' has no sigma behind it"):
+        read_gcp_list(path, GcpSigmas(in_columns=True))
+    with pytest.raises(InputError, match=r":2: sigma behind the label 'A' must be greater than 0"):
+        read_gcp_list(
+            write(tmp_path, "EPSG:4326\n1 2 5 10 20 a.jpg A -1\n"), GcpSigmas(in_columns=True)
+        )
+
+
+@pytest.mark.parametrize("label", ["A;B", "A\u202eB"])
+def test_a_label_that_no_table_can_hold_is_told(tmp_path, label):
+    with pytest.raises(InputError, match=r":2: label .* holds"):
+        read_gcp_list(write(tmp_path, f"EPSG:4326\n1 2 5 10 20 a.jpg {label}\n"))

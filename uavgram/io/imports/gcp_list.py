@@ -9,7 +9,7 @@ After docs.opendronemap.org, "Ground Control Points": a coordinate system, then 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +17,36 @@ import numpy as np
 from uavgram.errors import InputError
 from uavgram.io.odm_coordinates import content_lines, crs_of_header, geodetic
 from uavgram.io.tables import parse_number
+from uavgram.model.arrays import Floats
 from uavgram.model.imported import ImportedPicks
+from uavgram.model.limits import sigma_fault, unshowable
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownPoints
 
 _NAMES = ("x", "y", "z", "column", "row")
 _NUMBERS, _Z = 5, 2
+UNKNOWN_HEIGHT_SIGMA_M = 10_000.0
+"""Of a height that says nothing: so wide that it has no weight."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GcpSigmas:
+    """Standard deviations of the coordinates, which the format does not hold.
+
+    Attributes
+    ----------
+    sigma_m
+        Of each coordinate of a point that has none of its own; None: every point has.
+    sigma_up_m
+        Of its height, where that is another. Stated, it is believed of heights of 0 too.
+    in_columns
+        Whether the cells behind the label are the point's own: horizontal, and vertical where
+        that is another.
+    """
+
+    sigma_m: float | None = None
+    sigma_up_m: float | None = None
+    in_columns: bool = False
 
 
 @dataclass(frozen=True)
@@ -32,17 +56,19 @@ class _Row:
     pixel: tuple[float, float]
     image: str
     label: str
+    rest: tuple[str, ...] = ()
 
 
-def read_gcp_list(path: str | Path, sigma_m: float | None = None) -> ImportedPicks:
-    """Read picks and, where `sigma_m` is stated, the points' coordinates.
+def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> ImportedPicks:
+    """Read picks and, where `sigmas` are stated, the points' coordinates.
 
     Parameters
     ----------
     path
         The file.
-    sigma_m
-        Standard deviation of each coordinate, which the file does not hold.
+    sigmas
+        Of the coordinates. A height of exactly 0, which programs write where they know none, is
+        given one without weight.
 
     Raises
     ------
@@ -61,7 +87,7 @@ def read_gcp_list(path: str | Path, sigma_m: float | None = None) -> ImportedPic
         messages.append(Message("info", "gcp-without-labels", text))
     _check(path, rows)
     known = None
-    if sigma_m is not None:
+    if sigmas is not None:
         first = list({row.label: row for row in reversed(rows)}.values())[::-1]
         _check_heights(path, first)
         xyz = np.array([row.xyz for row in first], dtype=np.float64)
@@ -70,8 +96,9 @@ def read_gcp_list(path: str | Path, sigma_m: float | None = None) -> ImportedPic
             label=tuple(row.label for row in first),
             kind="geodetic",
             coordinates=np.column_stack([latitude, longitude, xyz[:, 2]]),
-            sigma_m=np.full((len(first), 3), sigma_m),
+            sigma_m=_sigmas(path, first, sigmas),
         )
+        messages += _zero_heights(path, first, sigmas)
     return ImportedPicks(
         image=tuple(row.image for row in rows),
         label=tuple(row.label for row in rows),
@@ -99,7 +126,8 @@ def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
             x, y, z, u, v = good
             label = cells[_NUMBERS + 1] if len(cells) > _NUMBERS + 1 else ""
             place = (x, y, None if no_height else z)
-            rows.append(_Row(line, place, (u, v), cells[_NUMBERS], label))
+            rest = tuple(cells[_NUMBERS + 2 :])
+            rows.append(_Row(line, place, (u, v), cells[_NUMBERS], label, rest))
     if faults:
         raise InputError.of_all(path, faults)
     return rows
@@ -110,7 +138,52 @@ def _named(rows: list[_Row]) -> list[_Row]:
     number: dict[tuple[float, float, float | None], int] = {}
     for row in rows:
         number.setdefault(row.xyz, len(number) + 1)
-    return [_Row(r.line, r.xyz, r.pixel, r.image, r.label or f"gcp-{number[r.xyz]}") for r in rows]
+    return [replace(row, label=row.label or f"gcp-{number[row.xyz]}") for row in rows]
+
+
+def _sigmas(path: Path, rows: list[_Row], sigmas: GcpSigmas) -> Floats:
+    """(N, 3) east, north, up of points, each by its first row."""
+    result = np.empty((len(rows), 3))
+    faults: list[tuple[int, str]] = []
+    for k, row in enumerate(rows):
+        cells = row.rest[:2] if sigmas.in_columns else ()
+        own = [parse_number(cell) for cell in cells]
+        fault = next((text for text in map(_sigma_fault, own) if text), "")
+        if fault:
+            faults.append((row.line, f"sigma behind the label {row.label!r} {fault}"))
+        elif not own and sigmas.sigma_m is None:
+            text = f"label {row.label!r} has no sigma behind it: add it, or state --control-sigma-m"
+            faults.append((row.line, text))
+        else:
+            across = own[0] if own else sigmas.sigma_m
+            up = own[-1] if len(own) > 1 else sigmas.sigma_up_m or across
+            up = UNKNOWN_HEIGHT_SIGMA_M if _has_no_height(row, sigmas) else up
+            result[k] = (across, across, up)
+    if faults:
+        raise InputError.of_all(path, faults)
+    return result
+
+
+def _sigma_fault(value: float | None) -> str:
+    return "must be a number" if value is None else sigma_fault(value)
+
+
+def _has_no_height(row: _Row, sigmas: GcpSigmas) -> bool:
+    return row.xyz[_Z] == 0.0 and sigmas.sigma_up_m is None
+
+
+def _zero_heights(path: Path, rows: list[_Row], sigmas: GcpSigmas) -> list[Message]:
+    without = [row.label for row in rows if _has_no_height(row, sigmas)]
+    if not without:
+        return []
+    which = "all points" if len(without) == len(rows) else f"points {', '.join(without)}"
+    text = (
+        f"{path.name}: {which} have the height 0, which programs write where they know none: the "
+        f"heights got a sigma of {UNKNOWN_HEIGHT_SIGMA_M:g} m, so they say nothing. If they are "
+        "true, state how well they are known with --control-sigma-up-m; else write the heights "
+        "into the table."
+    )
+    return [Message("warning", "gcp-zero-heights", text)]
 
 
 def _check_heights(path: Path, rows: list[_Row]) -> None:
@@ -125,6 +198,12 @@ def _check(path: Path, rows: list[_Row]) -> None:
     seen: dict[tuple[str, str], int] = {}
     faults = []
     for row in rows:
+        for what, name in (("label", row.label), ("image", row.image)):
+            if fault := unshowable(name):
+                faults.append((row.line, f"{what} {name!r} holds {fault}: type it again"))
+        if ";" in row.label:
+            text = f"label {row.label!r} holds a semicolon, which separates labels in measure.csv"
+            faults.append((row.line, text))
         first = place.setdefault(row.label, row)
         if first.xyz != row.xyz:
             text = f"label {row.label!r} has another place than in line {first.line}"

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from uavgram.errors import InputError
+from uavgram.errors import InputError, no_file
 from uavgram.io.exif_tags import read_exif_tags
 from uavgram.io.image_size import image_size
-from uavgram.io.tables import UNSHOWABLE
 from uavgram.model.arrays import Floats
 from uavgram.model.imported import ImportedPicks
+from uavgram.model.limits import unshowable
 from uavgram.model.message import Message
 
 _PICKS = ("point", "circle")
@@ -59,9 +59,9 @@ def read_labelme(path: str | Path) -> ImportedPicks:
             continue
         if name in label:
             raise InputError(path, f"label {name!r} is picked twice: rename one of the two")
-        if UNSHOWABLE.search(name) or ";" in name:
+        if fault := unshowable(name) or ("a semicolon" if ";" in name else ""):
             raise InputError(
-                path, f"label {name!r} holds a character that no label can have: rename it"
+                path, f"label {name!r} holds {fault}, which no label can have: rename it"
             )
         label.append(name)
         shown.append(_place(path, name, shape["points"][0], content))
@@ -100,6 +100,8 @@ def _place(
 
 
 def _content(path: Path) -> dict[str, Any]:
+    if what := no_file(path):
+        raise InputError(path, f"is {what}: name a file")
     try:
         content = json.loads(path.read_text(encoding="utf-8-sig"))
         _check(content)
