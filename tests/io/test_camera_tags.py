@@ -2,8 +2,10 @@
 
 import math
 
+import numpy as np
 import pytest
 from camera_photos import camera_photo
+from PIL.TiffImagePlugin import IFDRational
 
 from uavgram.errors import InputError
 from uavgram.io.camera_tags import read_all_camera_tags, read_camera_tags
@@ -83,3 +85,53 @@ def test_real_photos_say_their_camera(data_dir):
 
     assert {t.camera_name for t in tags} == {"DJI FC300S"}
     assert {(t.focal_mm, t.focal_step_mm, t.focal_35mm_mm) for t in tags} == {(3.61, 0.01, 20.0)}
+
+
+@pytest.mark.parametrize(
+    ("value", "focal", "step"),
+    [((473, 100), 4.73, 0.01), (4.73, 4.73, 0.01), (50.0, 50.0, 1.0), (np.pi, np.pi, 0.0)],
+)
+def test_a_focal_length_of_any_number_type_is_read(tags_of, value, focal, step):
+    """Pillow writes a float as a double: it was a TypeError."""
+    tags = tags_of(focal=value)
+
+    assert tags.focal_mm == pytest.approx(focal)
+    assert tags.focal_step_mm == pytest.approx(step)
+
+
+def test_all_numbers_may_be_doubles(tags_of):
+    names = {41486: 137.5, 41487: 138.0, 41988: 2.0, 41989: 35.0, 37382: 12.5, 40962: 800.0}
+    tags = tags_of(focal=10.0, details={**names, 40963: 600.0, 41488: 4})
+
+    assert (tags.focal_35mm_mm, tags.digital_zoom, tags.focus_m) == (35.0, 2.0, 12.5)
+    assert tags.focal_plane_per_mm == (137.5, 138.0)
+    assert tags.original_px == (800.0, 600.0)
+
+
+@pytest.mark.parametrize("unit", [(None, 25.4), (2, 25.4), (3, 10.0), (4, 1.0), (5, 0.001)])
+def test_the_sensors_resolution_is_read_in_its_unit(tags_of, unit):
+    code, mm = unit
+    stated = {41486: IFDRational(5616000, 1459), **({} if code is None else {41488: code})}
+    across, down = tags_of(details=stated).focal_plane_per_mm
+
+    assert across == down == pytest.approx(5616000 / 1459 / mm)
+
+
+@pytest.mark.parametrize("code", [1, 6, 77])
+def test_a_resolution_without_a_length_is_unknown(tags_of, code):
+    assert all(map(math.isnan, tags_of(details={41486: 3849.0, 41488: code}).focal_plane_per_mm))
+
+
+@pytest.mark.parametrize(
+    ("make", "model", "name"),
+    [
+        ("Canon", "Canon EOS 6D", "Canon EOS 6D"),
+        ("NIKON CORPORATION", "NIKON D850", "NIKON D850"),
+        ("SONY", "ILCE-7RM4", "SONY ILCE-7RM4"),
+        ("DJI", "FC220", "DJI FC220"),
+        ("", "Eye", "Eye"),
+        ("Canon", "", "Canon"),
+    ],
+)
+def test_a_make_is_said_once(tags_of, make, model, name):
+    assert tags_of(make=make, model=model).camera_name == name

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.io.exif_tags import read_exif_tags
+from uavgram.io.exif_gps import read_exif_place
+from uavgram.io.exif_tags import exif_numbers, read_exif_tags
 from uavgram.io.image_size import image_size
 from uavgram.io.photos import read_photos
 from uavgram.model.options import TimeOptions
@@ -108,3 +109,56 @@ def test_a_tiff_that_says_it_is_huge_is_not_decoded(tmp_path):
             assert kind in (3, 4)
     path.write_bytes(data)
     assert image_size(path) == (30_000, 30_000)
+
+
+def tiff_file(path, tag, kind, data, count=1, order="<"):
+    """A TIFF file whose GPS directory has one entry (two for a place's half)."""
+    first = struct.pack(order + "HIHHIII", 42, 8, 1, 0x8825, 4, 1, 26)[0:]
+    head = (b"II" if order == "<" else b"MM") + struct.pack(order + "HI", 42, 8)
+    assert first[:6] == head[2:]
+    directory = struct.pack(order + "HHHIII", 1, 0x8825, 4, 1, 26, 0)
+    value = data if len(data) > 4 else b""
+    field = struct.pack(order + "I", 44) if value else data.ljust(4, b"\0")
+    entry = struct.pack(order + "HHHI", 1, tag, kind, count) + field + bytes(4)
+    path.write_bytes(head + directory + entry + value)
+    return path
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize(
+    ("kind", "code", "values", "number"),
+    [
+        (1, "B", [7], 7.0),
+        (3, "H", [7], 7.0),
+        (4, "I", [70000], 70000.0),
+        (5, "II", [47, 10], 4.7),
+        (6, "b", [-7], -7.0),
+        (8, "h", [-7], -7.0),
+        (9, "i", [-70000], -70000.0),
+        (10, "ii", [-47, 10], -4.7),
+        (11, "f", [4.75], 4.75),
+        (12, "d", [4.7], 4.7),
+        (2, "4s", [b"4.7"], 4.7),
+    ],
+)
+def test_a_number_of_any_type_that_exif_has_is_read(tmp_path, order, kind, code, values, number):
+    data = struct.pack(order + code, *values)
+    count = len(data) if kind == 2 else 1
+    path = tiff_file(tmp_path / "a.tif", 6, kind, data, count, order)
+
+    assert exif_numbers(read_exif_tags(path)["GPS GPSAltitude"]) == [number]
+    assert read_exif_place(path).altitude_m == number
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf")])
+def test_a_number_that_is_none_counts_as_absent(tmp_path, number):
+    path = tiff_file(tmp_path / "a.tif", 6, 12, struct.pack("<d", number))
+
+    assert exif_numbers(read_exif_tags(path)["GPS GPSAltitude"]) == []
+    assert exif_numbers(None) == []
+
+
+def test_a_place_in_doubles_is_read(tmp_path):
+    path = tiff_file(tmp_path / "a.tif", 2, 12, struct.pack("<3d", 50.0, 30.0, 36.0), 3)
+
+    assert exif_numbers(read_exif_tags(path)["GPS GPSLatitude"]) == [50.0, 30.0, 36.0]

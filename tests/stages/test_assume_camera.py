@@ -267,3 +267,63 @@ def test_assumed_focal_lengths_go_together_as_far_as_pixels_are_square():
     assert np.sqrt(ratio @ covariance @ ratio) == pytest.approx(assumed_errors.ASPECT_SIGMA)
     assert np.linalg.eigvalsh(covariance)[0] > 0
     np.testing.assert_allclose(np.sqrt(np.diag(covariance))[:4], [40, 40, 20, 20])
+
+
+CANON = {"make": "Canon", "model": "Canon EOS 5D Mark II", "focal_mm": 50.0, "focal_step_mm": 1.0}
+PER_MM = (3849.211789 / 25.4, 3908.141962 / 25.4)
+"""As this camera states it, of 5616 x 3744 px (photoqas.blogspot.com, October 2016)."""
+
+
+@pytest.mark.parametrize("size", [(5616, 3744), (3744, 5616), (2808, 1872), (1024, 683)])
+def test_the_sensors_resolution_gives_the_focal_length_of_photos_of_any_size(size):
+    """Canon's specification: a sensor of 35.8 mm."""
+    original = (5616.0, 3744.0) if size[0] > size[1] else (3744.0, 5616.0)
+    camera, messages = assume(size=size, focal_plane_per_mm=PER_MM, original_px=original, **CANON)
+    expected = 50.0 / 35.8 * max(size)
+
+    assert camera.parameters[0] == pytest.approx(expected, rel=0.03)
+    assert camera.parameters[0] == camera.parameters[1]
+    assert abs(camera.parameters[0] - expected) < 1.5 * sigma_of(camera)[0]
+    assert 0.02 < sigma_of(camera)[0] / camera.parameters[0] < 0.025
+    assert "Camera 'Canon EOS 5D Mark II' is assumed" in messages[0].text
+    assert "FocalPlaneXResolution in EXIF with 50 mm" in messages[0].text
+
+
+def test_the_sensors_resolution_goes_before_the_35_mm_equivalent():
+    stated = {"focal_plane_per_mm": (100.0, 100.0), "original_px": (3600.0, 2400.0)}
+    camera, _ = assume(focal_mm=36.0, focal_35mm_mm=38.0, size=(3600, 2400), **stated)
+
+    assert camera.parameters[0] == pytest.approx(3600.0)
+
+
+def test_the_sensors_resolution_keeps_the_tables_distortion():
+    stated = {"focal_plane_per_mm": (640.0, 640.0), "original_px": (4000.0, 3000.0)}
+    camera, messages = assume(make="DJI", model="FC220", focal_mm=4.73, **stated)
+
+    assert camera.parameters[0] == pytest.approx(4.73 * 640.0)
+    assert camera.parameters[4] == 0.032984
+    assert "the distortion of the table of drone cameras" in messages[0].text
+
+
+def test_a_copy_whose_exif_calls_its_own_size_the_originals_is_told_by_the_equivalent():
+    stated = {"focal_plane_per_mm": PER_MM, "original_px": (1404.0, 936.0)}
+    camera, messages = assume(size=(1404, 936), focal_35mm_mm=50.0, **stated, **CANON)
+
+    assert camera.parameters[0] == pytest.approx(50 / 43.2666 * math.hypot(1404, 936), rel=1e-4)
+    assert "FocalPlaneXResolution in EXIF contradicts that" in messages[0].text
+
+
+@pytest.mark.parametrize(
+    "stated",
+    [
+        {"original_px": (math.nan, math.nan)},  # is the photo a copy?
+        {"original_px": (5616.0, 5616.0)},  # a part was cut off
+        {"focal_plane_per_mm": (150.0, 75.0)},  # pixels are square
+        {"focal_plane_per_mm": (0.15, 0.15)},  # a sensor of 37 m
+        {"digital_zoom": 2.0},
+    ],
+)
+def test_a_resolution_that_does_not_fit_the_photo_is_not_used(stated):
+    given = {"focal_plane_per_mm": PER_MM, "original_px": (5616.0, 3744.0), **CANON, **stated}
+    with pytest.raises(InputError):
+        assume(size=(5616, 3744), **given)

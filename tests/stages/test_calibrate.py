@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.calibration.normals import UndeterminedError
 from uavgram.estimation.calibration.problem import prior_from
+from uavgram.estimation.projection_uncertainty import length_uncertainty
 from uavgram.model.calibration_photos import (
     BoardObservations,
     CalibrationOptions,
@@ -18,7 +20,7 @@ from uavgram.model.calibration_photos import (
     flat_board,
 )
 from uavgram.model.camera import Calibration
-from uavgram.stages.calibrate import calibrate
+from uavgram.stages.calibrate import calibrate, choice, compare
 
 REMOVE = CalibrationOptions(outliers="remove")
 
@@ -78,6 +80,60 @@ def test_lens_models_are_compared_and_the_choice_is_said_in_words():
     assert not result.calibration.parameters[6:8].any()
     text = next(m.text for m in result.messages if m.code == "lens-model")
     assert text.startswith("3 distortion coefficients were chosen: the fewest that predict")
+
+
+WIDE = np.array([380.0, 379, 512, 380, 0.06, 0.02, 0.0, 0.0])
+"""A fisheye lens, which a rational one follows far better than a polynomial."""
+
+
+def wide_scene(seed):
+    return scenes.make_scene(
+        seed, WIDE, "fisheye", photos=6, whole=False, distance=(3, 6)
+    ).observations
+
+
+def test_a_model_whose_coefficients_trade_places_is_no_choice_and_the_choice_says_so():
+    observations = wide_scene(1)
+    rational = calibrate(observations, CalibrationOptions(coefficients=8))
+    assert length_uncertainty(rational.calibration, tilt_rad=0.0).medians[0] > 1  # 170 %
+    result = calibrate(observations, CalibrationOptions(coefficients=0))
+    assert result.options.coefficients < 8
+    assert length_uncertainty(result.calibration, tilt_rad=0.0).medians[0] < 0.01
+    text = next(m.text for m in result.messages if m.code == "lens-model")
+    assert "8 coefficients were no choice: the photos do not determine its coefficients" in text
+    assert [bool(score.dropped) for score in result.models] == [False, False, True]
+
+
+def test_a_rational_lens_that_the_photos_determine_stays_the_choice():
+    result = calibrate(wide_scene(0), CalibrationOptions(coefficients=0))
+    assert result.options.coefficients == 8
+    assert not any(score.dropped for score in result.models)
+
+
+@pytest.mark.parametrize("lost", [{8}, {5, 8}])
+def test_candidates_that_the_photos_leave_undetermined_drop_out(monkeypatch, lost):
+    """Whether 8 are regular is decided by rounding on some machines: any step may find it out."""
+    scene = scenes.make_scene(2, scenes.BROWN3, photos=6)
+    real = choice.snoop
+
+    def snoop(lens, *arguments):
+        count = np.count_nonzero(np.abs(lens.basis).sum(axis=1)) - 4
+        if count in lost:
+            raise UndeterminedError(f"the photos do not determine k{count}")
+        return real(lens, *arguments)
+
+    monkeypatch.setattr(choice, "snoop", snoop)
+    monkeypatch.setattr(compare, "simplest_good", lambda held: len(held) - 1)
+    result = calibrate(scene.observations, CalibrationOptions(coefficients=0))
+    assert {score.coefficients for score in result.models if score.dropped} == lost
+    text = next(m.text for m in result.messages if m.code == "lens-model")
+    assert "8 coefficients were no choice: the photos do not determine k8" in text
+
+
+def test_photos_that_determine_no_model_at_all_are_refused_in_words():
+    scene = scenes.make_scene(0, scenes.BROWN3, photos=3, tilt_deg=1e-6)
+    with pytest.raises(GeometryError, match="the photos do not determine"):
+        calibrate(scene.observations, CalibrationOptions(coefficients=0))
 
 
 def test_a_rational_lens_is_a_camera_of_twelve_parameters():

@@ -67,3 +67,12 @@ def test_a_survey_that_contradicts_its_calibration_is_a_warning(shift_px, count)
     if count == 2:
         assert (messages[1].level, messages[1].code) == ("warning", "camera-contradicted")
         assert f"fx by {shift_px / 40:+.1f}" in messages[1].text
+
+
+def test_a_camera_that_was_only_assumed_is_not_called_a_calibration():
+    camera = learnt(changed(0, 2300 + 121.0, VALUE), changed(0, 10.0, PRIOR))
+    refined, contradicted = what_was_learnt(camera, is_assumed=True)
+
+    assert "moved by +3.0 of the assumed camera's sigmas" in refined.text
+    assert "calibration" not in refined.text
+    assert "farther than was assumed of it (fx by +3.0 of the assumed sigmas)" in contradicted.text

@@ -19,26 +19,31 @@ def camera_photo(
     *,
     make: str = "",
     model: str = "",
-    focal: tuple[int, int] | None = None,
+    focal: tuple[int, int] | float | None = None,
     equivalent: int | None = None,
     zoom: tuple[int, int] | None = None,
     distance: tuple[int, int] | None = None,
     serial: str = "",
     dji: dict[str, str] | None = None,
+    details: dict[int, float | IFDRational] | None = None,
 ) -> Path:
-    """Write a grey JPEG with these tags; `dji` are attributes of DJI's XMP."""
+    """Write a grey JPEG with these tags; `dji` are attributes of DJI's XMP.
+
+    `details`: more tags of EXIF by their numbers; Pillow writes a Python float as a double.
+    """
     exif = Image.Exif()
     for key, text in ((_MAKE, make), (_MODEL, model)):
         if text:
             exif[key] = text
-    details = exif.get_ifd(_EXIF)
+    stated = exif.get_ifd(_EXIF)
+    stated.update(details or {})
     for key, ratio in ((_FOCAL, focal), (_ZOOM, zoom), (_DISTANCE, distance)):
         if ratio is not None:
-            details[key] = IFDRational(*ratio)
+            stated[key] = IFDRational(*ratio) if isinstance(ratio, tuple) else ratio
     if equivalent is not None:
-        details[_EQUIVALENT] = equivalent
+        stated[_EQUIVALENT] = equivalent
     if serial:
-        details[_SERIAL] = serial
+        stated[_SERIAL] = serial
     Image.new("L", size, 128).save(path, "JPEG", exif=exif)
     if dji is not None:
         attributes = " ".join(f'drone-dji:{name}="{value}"' for name, value in dji.items())

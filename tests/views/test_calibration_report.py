@@ -149,6 +149,24 @@ def test_the_verdict_goes_from_good_to_not_usable(account):
     )
 
 
+def test_the_verdict_follows_what_the_lens_alone_costs_a_length(account):
+    quiet = replace(account, messages=(), without_board=())
+
+    def sentence(fitted):
+        lengths = account.effects[0].lengths
+        worse = replace(lengths, pose_fitted=np.full(len(lengths.length), fitted))
+        effects = (replace(account.effects[0], lengths=worse), *account.effects[1:])
+        return judge_calibration(replace(quiet, effects=effects)).sentence
+
+    assert sentence(0.001).startswith("Good: ")
+    assert sentence(0.01) == "Use with care: the lens alone costs a length 1 %."
+    assert sentence(9.02) == "Not usable: the lens alone costs a length 902 %."
+    blind = (replace(account.effects[0], lengths=None), *account.effects[1:])
+    verdict = judge_calibration(replace(quiet, effects=blind))
+    assert verdict.sentence.startswith("Not usable: hardly a pixel")
+    assert "estimate fewer coefficients" in verdict.reasons[0]
+
+
 def test_the_terminal_shows_the_photos_that_fit_worst(account):
     lines = calibration_lines(account)
     start = next(k for k, line in enumerate(lines) if line.startswith("photo "))

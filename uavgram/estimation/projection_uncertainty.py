@@ -79,6 +79,11 @@ class LengthUncertainty:
         n = len(self.length)
         freeze(self, pixel_px=(n, 2, 2), length=(n,), pose_known=(n,), pose_fitted=(n,))
 
+    @property
+    def medians(self) -> tuple[float, float]:
+        """What the lens alone costs a usual length, as a share: `pose_fitted`, `pose_known`."""
+        return float(np.median(self.pose_fitted)), float(np.median(self.pose_known))
+
 
 def length_uncertainty(
     calibration: Calibration,

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from uavgram.errors import InputError
-from uavgram.io.exif_tags import read_exif_tags
+from uavgram.io.exif_tags import exif_numbers, read_exif_tags
 from uavgram.io.image_size import image_size
 from uavgram.io.xmp import DJI, XmpTags, read_xmp
 from uavgram.model.camera_tags import CameraTags
@@ -18,6 +18,8 @@ from uavgram.model.camera_tags import CameraTags
 _BROWN, _RATIONAL = 9, 12
 # Largest denominators of rational numbers that still tell how a focal length was rounded.
 _TELLING_DENOMINATOR = 1000
+_INFINITE = 2**32 - 1  # as a numerator
+_UNITS_MM = {2.0: 25.4, 3.0: 10.0, 4.0: 1.0, 5.0: 0.001}  # CIPA DC-008 has the first two
 
 
 def read_camera_tags(path: str | Path) -> CameraTags:
@@ -41,6 +43,11 @@ def read_camera_tags(path: str | Path) -> CameraTags:
         focal_mm=focal,
         focal_step_mm=step,
         focal_35mm_mm=_positive(exif, "EXIF FocalLengthIn35mmFilm"),
+        focal_plane_per_mm=_focal_plane(exif),
+        original_px=(
+            _positive(exif, "EXIF ExifImageWidth"),
+            _positive(exif, "EXIF ExifImageLength"),
+        ),
         focus_m=_positive(exif, "EXIF SubjectDistance"),
         digital_zoom=max(1.0, _positive(exif, "EXIF DigitalZoomRatio", otherwise=1.0)),
         dewarp=_dewarp(path, xmp),
@@ -58,34 +65,33 @@ def _text(exif: Mapping[str, Any], key: str) -> str:
     return str(exif.get(key, "")).strip("\0 ")
 
 
-def _ratio(exif: Mapping[str, Any], key: str) -> tuple[float, float] | None:
-    """Numerator and denominator of a number in EXIF; None where there is none."""
-    tag = exif.get(key)
-    if tag is None or not tag.values:
-        return None
-    value = tag.values[0]  # a ratio, a whole number, or a letter where the tag is broken
-    try:
-        return float(getattr(value, "num", value)), float(getattr(value, "den", 1))
-    except ValueError:
-        return None
-
-
 def _positive(exif: Mapping[str, Any], key: str, otherwise: float = math.nan) -> float:
     """A number in EXIF; 0, 0/0 and infinity stand for "unknown" (CIPA DC-008)."""
-    ratio = _ratio(exif, key)
-    if ratio is None or not min(ratio) > 0:
+    tag = exif.get(key)
+    numbers = exif_numbers(tag)
+    if tag is None or len(numbers) != 1 or numbers[0] <= 0:
         return otherwise
-    value = ratio[0] / ratio[1]
-    return value if ratio[0] < 2**32 - 1 else otherwise
+    return numbers[0] if getattr(tag.values[0], "num", numbers[0]) < _INFINITE else otherwise
 
 
 def _focal(exif: Mapping[str, Any]) -> tuple[float, float]:
     """Focal length and the step that it is rounded to [mm]."""
-    ratio = _ratio(exif, "EXIF FocalLength")
     focal = _positive(exif, "EXIF FocalLength")
-    if ratio is None or math.isnan(focal) or ratio[1] > _TELLING_DENOMINATOR:
+    if math.isnan(focal):
         return focal, 0.0
-    return focal, 1.0 / ratio[1]
+    value = exif["EXIF FocalLength"].values[0]
+    denominator = getattr(value, "den", None)
+    if denominator is None:  # a float: its digits tell as much
+        denominator = 10 ** len(f"{focal:.6f}".rstrip("0").partition(".")[2])
+    return focal, 0.0 if denominator > _TELLING_DENOMINATOR else 1.0 / denominator
+
+
+def _focal_plane(exif: Mapping[str, Any]) -> tuple[float, float]:
+    """Pixels per mm on the sensor, across and down; inches where no unit is stated."""
+    unit = exif_numbers(exif.get("EXIF FocalPlaneResolutionUnit")) or [2.0]
+    unit_mm = _UNITS_MM.get(unit[0], math.nan)
+    across, down = (_positive(exif, f"EXIF FocalPlane{axis}Resolution") for axis in "XY")
+    return across / unit_mm, (across if math.isnan(down) else down) / unit_mm
 
 
 def _dewarp(path: str | Path, xmp: XmpTags) -> tuple[float, ...]:

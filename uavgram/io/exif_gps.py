@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from uavgram.io.exif_tags import read_exif_tags
+from uavgram.io.exif_tags import exif_numbers, read_exif_tags
 
 _ALTITUDE_SIGN = {0: 1.0, 1: -1.0, 2: 1.0, 3: -1.0}
 
@@ -40,9 +40,9 @@ def read_exif_place(path: str | Path) -> ExifPlace:
     longitude = _degrees(tags, "Longitude", "W")
     if latitude == 0.0 and longitude == 0.0:
         latitude = longitude = float("nan")
-    reference = _numbers(tags.get("GPS GPSAltitudeRef"))
+    reference = exif_numbers(tags.get("GPS GPSAltitudeRef"))
     code = int(reference[0]) if reference else 0
-    altitude = _numbers(tags.get("GPS GPSAltitude"))
+    altitude = exif_numbers(tags.get("GPS GPSAltitude"))
     return ExifPlace(
         latitude_deg=latitude,
         longitude_deg=longitude,
@@ -53,19 +53,9 @@ def read_exif_place(path: str | Path) -> ExifPlace:
 
 def _degrees(tags: dict[str, Any], name: str, negative: str) -> float:
     """Signed degrees of degrees, minutes, seconds; NaN where a part or the reference is absent."""
-    parts = _numbers(tags.get(f"GPS GPS{name}"))
+    parts = exif_numbers(tags.get(f"GPS GPS{name}"))
     reference = str(tags.get(f"GPS GPS{name}Ref", "")).strip("\0 ").upper()
     if len(parts) != 3 or not reference:
         return float("nan")
     size = float(np.dot(parts, [1.0, 1 / 60, 1 / 3600]))
     return -size if reference.startswith(negative) else size
-
-
-def _numbers(tag: Any) -> list[float]:  # noqa: ANN401 - exifread has no types
-    """Numbers of a tag; none where one of them is no number, as in a corrupt block."""
-    values = getattr(tag, "values", [])
-    try:
-        numbers = [float(value) for value in values]
-    except (TypeError, ValueError, ZeroDivisionError):
-        return []
-    return numbers if np.isfinite(numbers).all() else []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import struct
 import threading
 from pathlib import Path
@@ -72,3 +73,19 @@ def _is_not_ours(_: logging.LogRecord) -> bool:
 
 # It reports what a photo lacks, once a photo; who uses the library beside us keeps its messages.
 logging.getLogger("exifread").addFilter(_is_not_ours)
+
+
+def exif_numbers(tag: Any) -> list[float]:  # noqa: ANN401 - exifread has no types
+    """Numbers of a tag of any of EXIF's types; none where one of them is no finite number.
+
+    exifread hands on whole numbers, ratios (also 0/0, which stands for "unknown"), each float and
+    double as a tuple of one, and text as it stands.
+    """
+    values = getattr(tag, "values", [])
+    if isinstance(values, str):
+        values = values.strip("\0 ").split()
+    try:
+        numbers = [float(value[0] if isinstance(value, tuple) else value) for value in values]
+    except (IndexError, OverflowError, TypeError, ValueError, ZeroDivisionError):
+        return []
+    return numbers if all(map(math.isfinite, numbers)) else []

@@ -106,19 +106,22 @@ class ModelScore:
     coefficients
         Of distortion.
     aic, bic
-        Information criteria: smaller is better.
+        Information criteria: smaller is better; None where the photos do not determine the model.
     held_out_px
         Standard deviation per coordinate of corners of photos left out; None where the model
         cannot do without one of the photos.
     is_chosen
         Whether it is the one of the result.
+    dropped
+        Why it could not be chosen; empty where it could.
     """
 
     coefficients: int
-    aic: float
-    bic: float
+    aic: float | None
+    bic: float | None
     held_out_px: float | None
     is_chosen: bool
+    dropped: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -8,6 +8,12 @@ from dataclasses import dataclass
 from uavgram.model.arrays import Floats, freeze
 
 
+def named_camera(make: str, model: str) -> str:
+    """Make and model in words; many models begin with the make: "Canon", "Canon EOS 6D"."""
+    first, said = make.casefold().split()[:1], model.casefold().split()[:1]
+    return model if first and first == said else " ".join(filter(None, (make, model)))
+
+
 @dataclass(frozen=True, kw_only=True)
 class CameraTags:
     """Tags of one photo about its camera; NaN or empty for what they do not say.
@@ -26,6 +32,10 @@ class CameraTags:
         EXIF FocalLength, and the step it is rounded to.
     focal_35mm_mm
         EXIF FocalLengthIn35mmFilm.
+    focal_plane_per_mm
+        EXIF FocalPlaneXResolution and FocalPlaneYResolution: pixels of the original photo.
+    original_px
+        EXIF PixelXDimension and PixelYDimension: the size of the original photo.
     focus_m
         EXIF SubjectDistance.
     digital_zoom
@@ -46,6 +56,8 @@ class CameraTags:
     focal_mm: float = math.nan
     focal_step_mm: float = math.nan
     focal_35mm_mm: float = math.nan
+    focal_plane_per_mm: tuple[float, float] = (math.nan, math.nan)
+    original_px: tuple[float, float] = (math.nan, math.nan)
     focus_m: float = math.nan
     digital_zoom: float = 1.0
     dewarp: tuple[float, ...] = ()
@@ -54,7 +66,7 @@ class CameraTags:
     @property
     def camera_name(self) -> str:
         """Make and model, as a person would say them."""
-        return " ".join(filter(None, (self.make, self.model)))
+        return named_camera(self.make, self.model)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -40,6 +40,7 @@ from uavgram.pipeline.judged import judge_survey
 from uavgram.pipeline.pose import Posed, height_shift, pose_frames
 from uavgram.pipeline.versions import account_name, package_versions
 from uavgram.stages.assemble import Assembled, assemble, unpicked_areas
+from uavgram.stages.assume_camera import ASSUMED_CAMERA, UNKNOWN_CAMERA
 from uavgram.stages.duplicates import Duplicates
 from uavgram.stages.learn_camera import what_was_learnt
 from uavgram.stages.measure import measure, measurement_results
@@ -56,6 +57,7 @@ from uavgram.stages.summarise import (
     summarise_solution,
 )
 
+_GUESSED = (ASSUMED_CAMERA, UNKNOWN_CAMERA)
 PACKAGES = ("numpy", "scipy", "opencv-python-headless", "pymavlink", "pyproj", "rerun-sdk")
 
 
@@ -188,7 +190,10 @@ def compute(
             *_unseen_control(control, assembled),
             *unpicked_areas(project.ground, assembled.survey),
             *refine_messages,
-            *what_was_learnt(learnt_camera(inputs.calibration, shared.intrinsics)),
+            *what_was_learnt(
+                learnt_camera(inputs.calibration, shared.intrinsics),
+                is_assumed=any(m.code in _GUESSED for m in inputs.messages),
+            ),
             *measure_messages,
             *curved_messages,
             *sampled_messages,

@@ -1,8 +1,8 @@
 """A camera from what a photo says of it: with wide errors, and in words where it comes from.
 
-The best source that there is: the maker's calibration in the photo, else the table of drone
-cameras with the focal length of EXIF, else the 35 mm equivalent. Where there is none and that may
-be, an ordinary drone camera.
+The best source that there is: the maker's calibration in the photo, else the sensor's resolution in
+EXIF, else the table of drone cameras with the focal length of EXIF, else the 35 mm equivalent.
+Where there is none and that may be, an ordinary drone camera.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.geometry.camera_facts import FRAME_35MM_DIAGONAL_MM
+from uavgram.geometry.focal_length import equivalent_focal_px, focal_plane_px, is_strip
 from uavgram.geometry.lens import largest_radius
 from uavgram.model.arrays import Floats
 from uavgram.model.assumed_errors import (
@@ -22,6 +22,7 @@ from uavgram.model.assumed_errors import (
     EQUIVALENT_FOCAL,
     FACTORY,
     FOCAL_OF_A_STRIP,
+    FOCAL_PLANE_FOCAL,
     ORDINARY_EQUIVALENTS_MM,
     RADIAL_UNKNOWN,
     AssumedErrors,
@@ -36,15 +37,15 @@ WAY_OUT = (
     "hand"
 )
 WITHOUT = "or write `camera: unknown` in the project, for an ordinary drone camera with wide errors"
-UNKNOWN_CAMERA = "camera-unknown"
-"""Code of the message about a camera of which nothing is known."""
+UNKNOWN_CAMERA, ASSUMED_CAMERA = "camera-unknown", "camera-assumed"
+"""Codes of the messages about a camera of which nothing is known, and one that photos tell of."""
 
 CALIBRATED_FOCAL = 0.002
 """Of a focal length by an ordinary calibration, as a share: what there is to gain (the published
 calibration of a Phantom 3 by 30 photos has 0.15 % of fy)."""
 
 _SAME_SHAPE = 0.01  # of width / height
-_LARGEST_SHAPE = 1.51  # wider than 3:2: a strip of some sensor
+_CONTRADICTION = 0.12  # of two focal lengths: more than a strip of a sensor, or a rounded one
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +87,7 @@ def assume_camera(
     is_fisheye = _is_fisheye(tags, table)
     source = _factory(tags)
     if source is None and not is_fisheye:
-        source = _from_table(tags, table) or _from_equivalent(tags)
+        source = _from_sensor(tags, _from_table(tags, table) or _from_equivalent(tags))
     if source is not None:
         return _calibration(tags, source), (_assumed(tags, source),)
     why = _why_unknown(tags, table)
@@ -119,7 +120,7 @@ def _assumed(tags: CameraTags, source: _Source) -> Message:
         f"to some {100 * CALIBRATED_FOCAL:.1f} %: photograph a chessboard, 15 times or more, and "
         "run `uavgram calibrate PHOTOS --board chessboard:9x6:25mm`."
     )
-    return Message("warning", "camera-assumed", text)
+    return Message("warning", ASSUMED_CAMERA, text)
 
 
 def _nothing_known(tags: CameraTags, source: _Source, why: str) -> Message:
@@ -227,10 +228,37 @@ def _from_equivalent(tags: CameraTags) -> _Source | None:
         return None
     errors = replace(DRONE_TABLE, focal=EQUIVALENT_FOCAL, radial=RADIAL_UNKNOWN)
     words = f"the 35 mm equivalent in EXIF ({tags.focal_35mm_mm:g} mm); its distortion is unknown"
-    if _is_strip(tags):
+    if is_strip(tags):
         errors = _of_a_strip(errors)
         words += ", and so is how wide a strip of the sensor the photo is"
-    return _Source(_of_equivalent(tags, tags.focal_35mm_mm), words, errors)
+    return _Source(_pinhole(tags, equivalent_focal_px(tags, tags.focal_35mm_mm)), words, errors)
+
+
+def _from_sensor(tags: CameraTags, other: _Source | None) -> _Source | None:
+    """The focal length over the sensor's resolution, the rest as the other source has it.
+
+    EXIF alone does not tell a copy whose EXIF names its own size as the original's: the focal
+    length must agree with the other source; where there is none, the original's size is stated.
+    """
+    focal_px, apart = focal_plane_px(tags)
+    if math.isnan(focal_px):
+        return other
+    if other is None and not all(map(math.isfinite, tags.original_px)):
+        return None
+    if other is not None and abs(focal_px / other.parameters[0] - 1) > _CONTRADICTION:
+        but = f"{other.words}; FocalPlaneXResolution in EXIF contradicts that ({focal_px:.0f} px)"
+        return replace(other, words=f"{but} and was not used: a copy of another size?")
+    rounding = tags.focal_step_mm / tags.focal_mm / math.sqrt(12)
+    focal = math.hypot(FOCAL_PLANE_FOCAL, apart, 0.0 if math.isnan(rounding) else rounding)
+    words = f"FocalPlaneXResolution in EXIF with {tags.focal_mm:g} mm"
+    parameters = _pinhole(tags, focal_px)
+    errors = replace(DRONE_TABLE, focal=focal, radial=RADIAL_UNKNOWN)
+    if other is not None and other.parameters[4:].any():
+        parameters[4:], errors = other.parameters[4:], replace(other.errors, focal=focal)
+        words += ", and the distortion of the table of drone cameras"
+    else:
+        words += "; its distortion is unknown"
+    return _Source(parameters, words, errors)
 
 
 def _ordinary(tags: CameraTags) -> _Source:
@@ -245,24 +273,12 @@ def _ordinary(tags: CameraTags) -> _Source:
         centre=errors.centre * tags.digital_zoom,
     )
     words = f"An ordinary drone camera of {equivalent_mm:.0f} mm (35 mm equivalent)"
-    return _Source(_of_equivalent(tags, equivalent_mm), words, errors)
+    return _Source(_pinhole(tags, equivalent_focal_px(tags, equivalent_mm)), words, errors)
 
 
-def _of_equivalent(tags: CameraTags, equivalent_mm: float) -> Floats:
-    """(9,) parameters: focal length over the diagonal of a 35 mm frame, no distortion.
-
-    CIPA DC-008, FocalLengthIn35mmFilm. A photo wider than 3:2 is taken for a strip of a 4:3 sensor
-    of its width: so it is in both such cameras at hand.
-    """
-    width, height = sorted((tags.width_px, tags.height_px), reverse=True)
-    diagonal_px = math.hypot(width, width * 3 / 4 if _is_strip(tags) else height)
-    focal_px = equivalent_mm / FRAME_35MM_DIAGONAL_MM * diagonal_px
+def _pinhole(tags: CameraTags, focal_px: float) -> Floats:
+    """(9,) parameters without distortion."""
     return np.array([focal_px, focal_px, *_centre(tags), 0.0, 0.0, 0.0, 0.0, 0.0])
-
-
-def _is_strip(tags: CameraTags) -> bool:
-    width, height = sorted((tags.width_px, tags.height_px), reverse=True)
-    return width / height > _LARGEST_SHAPE
 
 
 def _is_fisheye(tags: CameraTags, table: tuple[DroneCamera, ...]) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from uavgram.imaging.preview import jpeg_of_width
 from uavgram.model.arrays import Floats
 from uavgram.model.calibration_photos import Board
-from uavgram.model.calibration_result import CalibrationResult
+from uavgram.model.calibration_result import CalibrationResult, ModelScore
 from uavgram.stages.calibration_account import CalibrationAccount, LensEffect
 from uavgram.views.calibration_drawing import SQRT2, pixels_text, rows_by_photo
 from uavgram.views.calibration_maps import (
@@ -123,20 +123,25 @@ def _bow(result: CalibrationResult) -> str:
 
 
 def _models(result: CalibrationResult) -> list[Row]:
-    best_aic = min(model.aic for model in result.models)
-    best_bic = min(model.bic for model in result.models)
+    best_aic = min((m.aic for m in result.models if m.aic is not None), default=0.0)
+    best_bic = min((m.bic for m in result.models if m.bic is not None), default=0.0)
     return [
         Row(
             coefficients=str(model.coefficients),
-            held="cannot do without one of them"
-            if model.held_out_px is None
-            else f"{model.held_out_px:.3f} px",
-            aic=number(model.aic - best_aic, 1),
-            bic=number(model.bic - best_bic, 1),
+            held=_held(model),
+            aic="–" if model.aic is None else number(model.aic - best_aic, 1),
+            bic="–" if model.bic is None else number(model.bic - best_bic, 1),
             chosen=model.is_chosen,
         )
         for model in result.models
     ]
+
+
+def _held(model: ModelScore) -> str:
+    if model.dropped:
+        return f"no choice: {model.dropped}"
+    known = model.held_out_px is not None
+    return f"{model.held_out_px:.3f} px" if known else "cannot do without one of them"
 
 
 def _length_row(effect: LensEffect) -> tuple[str, str, str, str]:

@@ -13,7 +13,15 @@ from uavgram.views.verdict import Verdict
 
 RANK = {"error": 0, "warning": 1, "info": 2}
 GOOD_FOCAL = 0.005
-"""Of the focal length, as a share: what a length may lose to the lens before it is seen."""
+"""What a length may lose to the lens, or its focal length may be unsure by, before it is seen."""
+WORST_SHARE = 0.05
+"""Of a length: a lens that costs more is no better than one guessed from EXIF (3 to 8 %)."""
+
+_UNDETERMINED = (
+    "The photos do not determine this lens: estimate fewer coefficients (--coefficients auto "
+    "chooses), and take more photos with the board tilted to all sides and in the corners of the "
+    "image."
+)
 
 Fact = tuple[str, str]
 
@@ -28,12 +36,33 @@ def judge_calibration(account: CalibrationAccount) -> Verdict:
     counts = _counts(account)
     if not result.quality.converged:
         return Verdict("look", "Not usable: the adjustment did not converge.", reasons, counts)
+    cost = length_share(account.effects)
+    if not cost <= WORST_SHARE:
+        reasons = (_UNDETERMINED, *reasons)
+        return Verdict("look", f"Not usable: {_cost(cost)}.", reasons, counts)
+    if cost > GOOD_FOCAL and cost > share:
+        return Verdict("look", f"Use with care: {_cost(cost)}.", reasons, counts)
     if share > GOOD_FOCAL:
         return Verdict("look", f"Use with care: {known} only.", reasons, counts)
     if reasons:
         sentence = f"Usable where the board was seen: {known}. Look at this:"
         return Verdict("look", sentence, reasons, counts)
     return Verdict("good", f"Good: {known}, and nothing speaks against it.", (), counts)
+
+
+def length_share(effects: tuple[LensEffect, ...]) -> float:
+    """What the lens alone costs a usual length straight down; NaN where it sees no ground.
+
+    The larger of both: with the pose from known lengths, and from the flight log.
+    """
+    lengths = effects[0].lengths
+    return float("nan") if lengths is None else max(lengths.medians)
+
+
+def _cost(share: float) -> str:
+    if np.isnan(share):
+        return "hardly a pixel of the lens has a direction"
+    return f"the lens alone costs a length {percent(share)}"
 
 
 def focal_share(camera: Calibration) -> float:
@@ -88,9 +117,9 @@ def _length_facts(effects: tuple[LensEffect, ...]) -> tuple[Fact, ...]:
     lengths = effects[0].lengths
     if lengths is None:
         return ()
+    fitted, known = lengths.medians
     text = (
-        f"{percent(np.median(lengths.pose_fitted))} (pose from known lengths), "
-        f"{percent(np.median(lengths.pose_known))} (pose from the flight log)"
+        f"{percent(fitted)} (pose from known lengths), {percent(known)} (pose from the flight log)"
     )
     return (("the lens alone costs a length, straight down (median)", text),)
 

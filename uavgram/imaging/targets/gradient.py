@@ -7,11 +7,11 @@ uses less of the image than the fit of a saddle where that fit's model holds.
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.saddle import Windows
+from uavgram.imaging.targets.sub_pixel import search_corners
 from uavgram.model.arrays import Floats
 
 ITERATIONS = 100
@@ -37,7 +37,7 @@ def gradient_corners(
     Returns
     -------
     pixel_px : (N, 2)
-        OpenCV's form of the operator (cv2.cornerSubPix).
+        OpenCV's form of the operator (cv2.cornerSubPix); NaN outside the image.
     covariance_px2 : (N, 2, 2)
         White noise of the grey values carried through gradients and operator.
     """
@@ -45,10 +45,7 @@ def gradient_corners(
         return np.empty((0, 2)), np.empty((0, 2, 2))
     side = round(len(windows.offset_px) ** 0.5)
     half = side // 2
-    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, ITERATIONS, _CONVERGED_PX)
-    points = start_px.astype(np.float32).reshape(-1, 1, 2)
-    found = cv2.cornerSubPix(image, points, (half, half), (-1, -1), criteria)
-    corner = np.asarray(found, np.float64).reshape(-1, 2)
+    corner = search_corners(image, start_px, half, ITERATIONS, _CONVERGED_PX)
     grey = windows.grey.reshape(-1, side, side)
     gradient = np.stack(np.gradient(grey, axis=(2, 1)), axis=-1)
     gradient[:, [0, -1]] = gradient[:, :, [0, -1]] = 0.0  # one-sided differences are no gradients

@@ -15,6 +15,7 @@ import numpy as np
 
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.sighting import FARTHEST_MOVE, grid_axes, mean_of_known
+from uavgram.imaging.targets.sub_pixel import search_corners
 from uavgram.model.arrays import Bools, Floats
 
 CORE = 3
@@ -195,7 +196,4 @@ def _window(step_px: Floats) -> int:
 
 def _refine(image: Image, start_px: Floats, half_px: int) -> Floats:
     """Corners by gradients, at the image's own size; see `gradient.py` for the exact ones."""
-    points = start_px.astype(np.float32).reshape(-1, 1, 2)
-    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 0.01)
-    refined = cv2.cornerSubPix(image, points, (half_px, half_px), (-1, -1), criteria)
-    return np.asarray(refined, np.float64).reshape(-1, 2)
+    return search_corners(image, start_px, half_px, 20, 0.01)

@@ -103,6 +103,9 @@ def measure_corners(
     if wanted > half:
         half, fit = wanted, _fit(image, start, axes, wanted, reach)
     keep = _is_corner(fit, start, spacing.min(axis=1))
+    height, width = image.shape
+    # a corner beyond the edge is led to by what lies before it, never seen
+    keep &= ((fit.pixel_px >= 0) & (fit.pixel_px <= [width - 1, height - 1])).all(axis=1)
     # the operator's window is square: its corners must not reach what is printed next either
     half = _half(np.sqrt(0.5) * reach * spacing.min(keepdims=True), half)
     windows = cut_windows(image, fit.pixel_px[keep], axes[keep], half, reach)

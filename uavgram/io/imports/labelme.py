@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from uavgram.errors import InputError, no_file
-from uavgram.io.exif_tags import read_exif_tags
+from uavgram.io.exif_tags import exif_numbers, read_exif_tags
 from uavgram.io.image_size import image_size
 from uavgram.model.arrays import Floats
 from uavgram.model.imported import ImportedPicks
@@ -127,8 +127,8 @@ def _check(content: dict[str, Any]) -> None:
 def _turned_back(path: Path, photo: Path, content: dict[str, Any], corner: Floats) -> Floats:
     """Places in the stored photo of what was picked in the photo as LabelMe showed it."""
     width, height = image_size(photo)
-    values = getattr(read_exif_tags(photo).get("Image Orientation"), "values", [1])
-    orientation = int(values[0]) if values and int(values[0]) in _STORED else 1
+    values = exif_numbers(read_exif_tags(photo).get("Image Orientation"))
+    orientation = int(values[0]) if values and values[0] in _STORED else 1
     shown = (width, height) if orientation < 5 else (height, width)
     stated = (content.get("imageWidth") or shown[0], content.get("imageHeight") or shown[1])
     if tuple(stated) == shown:

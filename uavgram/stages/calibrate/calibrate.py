@@ -7,18 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.estimation.calibration.outliers import snoop
-from uavgram.estimation.calibration.problem import Corners, State, lens_of, pad
+from uavgram.estimation.calibration.problem import Corners, lens_of, pad
 from uavgram.estimation.reliability import upper_tail
 from uavgram.model.calibration_photos import BoardObservations, CalibrationOptions
 from uavgram.model.calibration_result import CalibrationQuality, CalibrationResult, ModelScore
-from uavgram.model.camera import Calibration
-from uavgram.stages.calibrate.compare import (
-    USUAL,
-    compare_models,
-    extended,
-    score,
-    start_staged,
-)
+from uavgram.stages.calibrate.choice import choose_and_estimate
+from uavgram.stages.calibrate.compare import Candidate, start_staged
 from uavgram.stages.calibrate.judged import Judged, judge
 from uavgram.stages.calibrate.maps import image_maps
 from uavgram.stages.calibrate.remarks import remarks
@@ -49,15 +43,9 @@ def calibrate(
     """
     observations, left_out = usable_photos(observations)
     corners = pad(observations, options.bow)
-    photo = observations.photos[0]
-    start = start_staged(options, corners, (photo.width_px, photo.height_px))
-    options, start, models = _decide(options, corners, start)
-    judged = judge(observations, options, corners, snoop(lens_of(options), corners, start, options))
+    judged, models = _estimate(observations, options, corners)
     about_cameras = refuse_two_cameras(judged)
-    if not models:
-        own = score(judged.fit, judged.held, options.coefficients, judged.sigma_px, is_chosen=True)
-        models = (own,)
-    camera = _camera(judged, name)
+    camera = judged.camera(name)
     p = len(camera.parameters)
     result = CalibrationResult(
         calibration=camera,
@@ -65,7 +53,7 @@ def calibrate(
             :p, :p
         ],
         covariance_corners=judged.fit.parameter_covariance()[:p, :p],
-        options=options,
+        options=judged.options,
         board=observations.board,
         bow_m=judged.fit.state.bow_m,
         bow_covariance_m2=judged.fit.parameter_covariance(judged.factor)[p:, p:],
@@ -79,34 +67,17 @@ def calibrate(
     return replace(result, messages=(*about_cameras, *remarks(judged, result)))
 
 
-def _decide(
-    options: CalibrationOptions, corners: Corners, start: State
-) -> tuple[CalibrationOptions, State, tuple[ModelScore, ...]]:
-    """Choose the number of coefficients, where that is asked for, on corners without outliers."""
-    if options.coefficients:
-        return options, start, ()
-    usual = replace(options, coefficients=USUAL[options.model], outliers="remove")
-    cleaned = snoop(lens_of(usual), corners, start, usual)
-    kept = cleaned.fit.corners.count > 0
-    clean = cleaned.fit.corners.take(kept)
-    sigma_px = float(np.sqrt(np.mean(clean.weight[clean.weight > 0] ** -2.0)))
-    models = compare_models(options, clean, cleaned.fit.state.take(kept), sigma_px)
-    chosen = next(model.coefficients for model in models if model.is_chosen)
-    options = replace(options, coefficients=chosen)
-    return options, extended(cleaned.fit.state, options, corners), models
-
-
-def _camera(judged: Judged, name: str) -> Calibration:
-    width, height = judged.size_px
-    p = len(judged.fit.state.parameters)
-    return Calibration(
-        name=name,
-        model=judged.options.model,
-        width_px=width,
-        height_px=height,
-        parameters=judged.fit.state.parameters,
-        covariance=judged.fit.parameter_covariance(judged.factor)[:p, :p],
-    )
+def _estimate(
+    observations: BoardObservations, options: CalibrationOptions, corners: Corners
+) -> tuple[Judged, tuple[ModelScore, ...]]:
+    """Adjust with the number of coefficients asked for, or with the best one."""
+    if not options.coefficients:
+        return choose_and_estimate(observations, options, corners)
+    photo = observations.photos[0]
+    start = start_staged(options, corners, (photo.width_px, photo.height_px))
+    judged = judge(observations, options, corners, snoop(lens_of(options), corners, start, options))
+    own = Candidate(options.coefficients, judged.fit, judged.held)
+    return judged, (own.score(judged.sigma_px, is_chosen=True),)
 
 
 def _quality(judged: Judged) -> CalibrationQuality:

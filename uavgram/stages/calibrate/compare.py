@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,10 +57,44 @@ def extended(state: State, options: CalibrationOptions, corners: Corners) -> Sta
     return replace(state, parameters=parameters, bow_m=bow)
 
 
-def compare_models(
-    options: CalibrationOptions, corners: Corners, state: State, sigma_px: float
-) -> tuple[ModelScore, ...]:
-    """Judge every number of coefficients; the fewest that predict photos left out are chosen.
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One number of coefficients.
+
+    Attributes
+    ----------
+    coefficients
+        Of distortion.
+    fit, held
+        Its adjustment, and how it predicts photos left out; None where the photos leave some of
+        it undetermined.
+    dropped
+        Why it cannot be chosen; empty where it can.
+    """
+
+    coefficients: int
+    fit: Fit | None
+    held: HeldOut | None
+    dropped: str = ""
+
+    def score(self, sigma_px: float, *, is_chosen: bool) -> ModelScore:
+        """Figures of this model; `sigma_px` is what a whitened residual of 1 means in pixels."""
+        aic, bic = (None, None) if self.fit is None else information_criteria(self.fit)
+        known = self.held is not None and np.isfinite(self.held.factor)
+        return ModelScore(
+            coefficients=self.coefficients,
+            aic=aic,
+            bic=bic,
+            held_out_px=float(np.sqrt(self.held.factor)) * sigma_px
+            if known and self.held
+            else None,
+            is_chosen=is_chosen,
+            dropped=self.dropped,
+        )
+
+
+def candidates(options: CalibrationOptions, corners: Corners, state: State) -> list[Candidate]:
+    """Adjust every number of coefficients, the simplest first, and predict photos left out.
 
     Parameters
     ----------
@@ -69,34 +103,20 @@ def compare_models(
     corners
         Without outliers.
     state
-        With the usual number of coefficients.
-    sigma_px
-        What a whitened residual of 1 means in pixels.
+        With any number of coefficients.
     """
-    found: list[tuple[int, Fit, HeldOut]] = []
+    found = []
     for coefficients in MODELS[options.model]:
         own = replace(options, coefficients=coefficients)
         try:
             fit = adjust(lens_of(own), corners, extended(state, own, corners))
-        except UndeterminedError:  # too many for these photos
-            continue
-        found.append((coefficients, fit, held_out(fit)))
-    chosen = simplest_good([held for *_, held in found])
-    return tuple(
-        score(fit, held, coefficients, sigma_px, is_chosen=index == chosen)
-        for index, (coefficients, fit, held) in enumerate(found)
-    )
+            found.append(Candidate(coefficients, fit, held_out(fit)))
+        except UndeterminedError as fault:
+            found.append(Candidate(coefficients, None, None, str(fault)))
+    return found
 
 
-def score(
-    fit: Fit, held: HeldOut, coefficients: int, sigma_px: float, *, is_chosen: bool
-) -> ModelScore:
-    """Figures of one model; `sigma_px` as for `compare_models`."""
-    aic, bic = information_criteria(fit)
-    return ModelScore(
-        coefficients=coefficients,
-        aic=aic,
-        bic=bic,
-        held_out_px=float(np.sqrt(held.factor)) * sigma_px if np.isfinite(held.factor) else None,
-        is_chosen=is_chosen,
-    )
+def choose(found: list[Candidate]) -> Candidate | None:
+    """The fewest coefficients that predict photos left out as well as any; None: none is left."""
+    left = [(one, one.held) for one in found if one.held is not None and not one.dropped]
+    return left[simplest_good([held for _, held in left])][0] if left else None

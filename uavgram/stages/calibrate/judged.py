@@ -13,6 +13,7 @@ from uavgram.estimation.calibration.reliability import PhotoEffect, photo_effect
 from uavgram.estimation.calibration.validation import HeldOut, held_out
 from uavgram.model.arrays import Bools
 from uavgram.model.calibration_photos import BoardObservations, BoardPhoto, CalibrationOptions
+from uavgram.model.camera import Calibration
 
 PHOTO_FACTOR_SIGNIFICANCE = 0.01
 """Of the test whether photos disagree more than their corners' noise explains."""
@@ -78,6 +79,19 @@ class Judged:
         """Standard deviation of a corner's coordinate as scaled: root of the mean square."""
         weight = self.fit.corners.weight
         return float(np.sqrt(np.mean(weight[weight > 0] ** -2.0)))
+
+    def camera(self, name: str) -> Calibration:
+        """Return the camera that was estimated, with its covariance."""
+        width, height = self.size_px
+        p = len(self.fit.state.parameters)
+        return Calibration(
+            name=name,
+            model=self.options.model,
+            width_px=width,
+            height_px=height,
+            parameters=self.fit.state.parameters,
+            covariance=self.fit.parameter_covariance(self.factor)[:p, :p],
+        )
 
 
 def judge(

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from uavgram.model.calibration_result import CalibrationResult
+from uavgram.model.calibration_result import CalibrationResult, ModelScore
 from uavgram.model.message import Message
 from uavgram.stages.calibrate.judged import Judged
 from uavgram.stages.calibrate.remarks_on_photos import remarks_on_photos
@@ -31,20 +31,7 @@ def _on_the_model(result: CalibrationResult) -> Iterator[Message]:
     scores = result.models
     chosen = next(score for score in scores if score.is_chosen)
     if len(scores) > 1:
-        others = ", ".join(
-            f"{score.coefficients}: {_pixels(score.held_out_px)}"
-            for score in scores
-            if not score.is_chosen
-        )
-        aic = min(scores, key=lambda score: score.aic).coefficients
-        bic = min(scores, key=lambda score: score.bic).coefficients
-        yield Message(
-            "info",
-            "lens-model",
-            f"{chosen.coefficients} distortion coefficients were chosen: the fewest that predict "
-            f"photos left out as well as any ({_pixels(chosen.held_out_px)} per coordinate; "
-            f"{others}). Akaike's criterion prefers {aic}, the Bayesian one {bic}.",
-        )
+        yield Message("info", "lens-model", _choice(chosen, scores))
     if not result.quality.converged:
         yield Message(
             "error",
@@ -156,6 +143,31 @@ def _on_the_parameters(result: CalibrationResult) -> Iterator[Message]:
             "intrinsics-prior",
             f"Known beforehand ({prior.source}); sigma before and after: {', '.join(learnt)}.",
         )
+
+
+def _choice(chosen: ModelScore, scores: tuple[ModelScore, ...]) -> str:
+    """How the number of coefficients was chosen, and which could not be."""
+    possible = [score for score in scores if not score.dropped]
+    others = [score for score in possible if not score.is_chosen]
+    compared = [f"{_pixels(chosen.held_out_px)} per coordinate"]
+    compared += [", ".join(f"{one.coefficients}: {_pixels(one.held_out_px)}" for one in others)]
+    text = (
+        f"{chosen.coefficients} distortion coefficients were chosen: the fewest that predict "
+        f"photos left out as well as any ({'; '.join(filter(None, compared))})."
+    )
+    if len(possible) > 1:
+        aic = min(possible, key=lambda score: score.aic or np.inf).coefficients
+        bic = min(possible, key=lambda score: score.bic or np.inf).coefficients
+        text += f" Akaike's criterion prefers {aic}, the Bayesian one {bic}."
+    if chosen.dropped:
+        text = (
+            f"{chosen.coefficients} distortion coefficients were taken, the fewest: the photos "
+            "determine no lens model well."
+        )
+    for one in scores:
+        if one.dropped:
+            text += f" {one.coefficients} coefficients were no choice: {one.dropped}."
+    return text
 
 
 def _pixels(value: float | None) -> str:

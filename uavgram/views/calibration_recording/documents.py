@@ -75,9 +75,11 @@ def camera_page(result: CalibrationResult) -> str:
     models = [
         (
             f"**{model.coefficients}, taken**" if model.is_chosen else str(model.coefficients),
-            pixels_text(np.nan if model.held_out_px is None else model.held_out_px),
-            number(model.aic, 1),
-            number(model.bic, 1),
+            "not determined"
+            if model.dropped
+            else pixels_text(np.nan if model.held_out_px is None else model.held_out_px),
+            "–" if model.aic is None else number(model.aic, 1),
+            "–" if model.bic is None else number(model.bic, 1),
         )
         for model in result.models
     ]
