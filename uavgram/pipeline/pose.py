@@ -74,7 +74,7 @@ def _by_photos(inputs: Inputs, poses: PhotoPoses) -> Posed:
     """Take the photos' own poses."""
     project = inputs.project
     stated = _stated_origin(inputs, poses.datum)
-    source = str(project.poses)
+    source = ", ".join(project.pose_sources)
     messages: tuple[Message, ...] = ()
     try:
         place, messages = (stated, ()) if stated is not None else find_photo_home(poses)
