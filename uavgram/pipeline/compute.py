@@ -40,6 +40,7 @@ from uavgram.pipeline.judged import judge_survey
 from uavgram.pipeline.pose import Posed, height_shift, pose_frames
 from uavgram.pipeline.versions import account_name, package_versions
 from uavgram.stages.assemble import Assembled, assemble, unpicked_areas
+from uavgram.stages.headings import find_headings
 from uavgram.stages.learn_camera import what_was_learnt
 from uavgram.stages.measure import measure, measurement_results
 from uavgram.stages.monte_carlo import compare, sample
@@ -113,9 +114,10 @@ def compute(
     if world.gauge == "plane":
         world = replace(world, latitude_deg=None, longitude_deg=None, height_m=None)
     world = replace(world, crs=_map_crs(project, world))
-    mount = turned_mount(assembled.survey)
+    survey, heading_messages = find_headings(assembled.survey)
+    mount = turned_mount(survey)
     try:
-        refined, refine_messages = refine(_with_candidates(assembled.survey), project.solve)
+        refined, refine_messages = refine(_with_candidates(survey), project.solve)
     except GeometryError as why:
         if mount is not None:  # what is behind it
             raise GeometryError(f"{mount.text} ({why})") from why
@@ -180,6 +182,7 @@ def compute(
             *_gauge_messages(inputs, adjustment.survey),
             *_unseen_control(control, assembled),
             *unpicked_areas(project.ground, assembled.survey),
+            *heading_messages,
             *refine_messages,
             *what_was_learnt(learnt_camera(inputs.calibration, shared.intrinsics)),
             *measure_messages,
