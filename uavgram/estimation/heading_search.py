@@ -15,16 +15,16 @@ import numpy as np
 
 from uavgram.model.arrays import Bools, Floats, Ints
 
-STARTS = 24
+STARTS = 18
 """First headings of a group of photos: so close that the right one keeps the others in place."""
 
 STEPS = 48
 """Headings that are tried of each photo; the best is then refined."""
 
-KEPT = 4
+KEPT = 3
 """First headings that are followed to the end: those that fit best so far."""
 
-SWEEPS = 4
+SWEEPS = 3
 """Times that each photo is laid down anew among all others."""
 
 ROBUST = 3.0

@@ -25,13 +25,13 @@ DEPARTURE = 5.0
 """Sigmas, of what was stated, beyond which a point does not depart from its plane."""
 
 RESIDUAL = 20.0
-"""Residual of a pick, in its sigmas, beyond which something is out of order."""
+"""Test statistic of a pick beyond which something is out of order."""
 
 GAIN = 100.0
 """Fall of the weighted sum of squares from which a pick is wrong beyond doubt (ten sigmas), and by
 which it must fall further than without any other."""
 
-MOST_TRIED = 12
+MOST_TRIED = 6
 """Picks that are left out in turn: those that promise most."""
 
 MOST_LEFT_OUT = 0.1
@@ -83,8 +83,16 @@ def _rough(survey: Survey) -> bool:
 def _out_of_order(adjustment: Adjustment) -> bool:
     blocks = adjustment.minimum.blocks
     departure = np.abs(blocks["roughness"].residual).max(initial=0.0)
-    residual = np.linalg.norm(blocks["pixels"].residual, axis=1).max(initial=0.0)
-    return bool(departure > DEPARTURE or residual > RESIDUAL or len(suspects(adjustment)))
+    if departure > DEPARTURE or len(suspects(adjustment)):
+        return True
+    return bool(_falls(adjustment).max(initial=0.0) > RESIDUAL**2)
+
+
+def _falls(adjustment: Adjustment) -> Floats:
+    """(P,) by which the sum of squares falls without each pick, in the linear model."""
+    block = adjustment.minimum.blocks["pixels"]
+    inverse = np.linalg.pinv(cofactors(block, adjustment.covariance), rcond=1e-6, hermitian=True)
+    return np.asarray(np.einsum("pi,pij,pj->p", block.residual, inverse, block.residual))
 
 
 def _tried(
@@ -108,10 +116,7 @@ def _promising(adjustment: Adjustment) -> Ints:
 
     And those of the points that depart most: they have bent it.
     """
-    block = adjustment.minimum.blocks["pixels"]
-    cofactor = cofactors(block, adjustment.covariance)
-    inverse = np.linalg.pinv(cofactor, rcond=1e-6, hermitian=True)
-    fall = np.einsum("pi,pij,pj->p", block.residual, inverse, block.residual)
+    fall = _falls(adjustment)
     departure = np.abs(adjustment.minimum.blocks["roughness"].residual[:, 0])
     label = adjustment.survey.pick_label
     most = departure[label] >= min(float(departure.max()), DEPARTURE * 2)
