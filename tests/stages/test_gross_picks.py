@@ -27,8 +27,7 @@ def survey_with(frames, off_px, scene_seed=1):
     return replace(survey, pixel_px=pixel), pick, scene
 
 
-@pytest.mark.parametrize("frames", [3, 5])
-@pytest.mark.parametrize("off_px", [60.0, 500.0])
+@pytest.mark.parametrize(("frames", "off_px"), [(3, 60.0), (3, 500.0), (4, 200.0)])
 def test_a_gross_pick_is_named_alone(frames, off_px):
     survey, pick, scene = survey_with(frames, off_px)
     refined, messages = refine(survey, SolveOptions())
@@ -42,20 +41,18 @@ def test_a_gross_pick_is_named_alone(frames, off_px):
     assert len(list(suspicions(adjustment, observed(adjustment), 1e-4))) == 0
 
 
-@pytest.mark.parametrize("off_px", [15.0, 30.0])
+@pytest.mark.parametrize("off_px", [8.0, 15.0])
 def test_a_moderate_pick_is_left_to_the_tests_and_reported_first(off_px):
-    survey, pick, _ = survey_with(5, off_px)
+    survey, pick, _ = survey_with(4, off_px)
     refined, _ = refine(survey, SolveOptions())
     accused = next(suspicions(refined.adjustment, observed(refined.adjustment), 0.001)).accused
 
-    if not refined.pick_reason:
-        assert (accused.kind, refined.pick_index[accused.row]) == ("pixels", pick)
-    else:
-        assert list(refined.pick_reason) == [pick]
+    assert refined.pick_reason == {}
+    assert (accused.kind, refined.pick_index[accused.row]) == ("pixels", pick)
 
 
 def test_of_two_picks_of_a_point_nothing_tells_which_is_wrong():
-    survey, pick, _ = survey_with(5, 700.0)
+    survey, pick, _ = survey_with(4, 700.0)
     mine = np.flatnonzero(survey.pick_label == survey.pick_label[pick])
     keep = np.ones(len(survey.pick_frame), dtype=bool)
     keep[[k for k in mine if k != pick][1:]] = False
@@ -75,7 +72,7 @@ def test_of_two_picks_of_a_point_nothing_tells_which_is_wrong():
 
 
 def test_right_picks_of_a_rough_ground_stay():
-    survey, _, _ = survey_with(5, 0.0)
+    survey, _, _ = survey_with(4, 0.0)
     refined, messages = refine(survey, SolveOptions())
 
     assert refined.pick_reason == {}
