@@ -254,3 +254,28 @@ def test_a_mistake_in_an_area_is_told_with_its_line(load, areas, line, words):
         load("ground:\n  areas:\n" + areas)
     assert words in str(caught.value)
     assert f":{line}:" in str(caught.value)
+
+
+def test_poses_may_be_a_list_of_sources(load, tmp_path):
+    folder = tmp_path / "crossing"
+    (folder / "a.mrk").touch()
+
+    assert load("poses: exif\n").pose_sources == ("exif",)
+    assert load("poses: a.mrk\n").pose_sources == (str(folder / "a.mrk"),)
+    both = load("poses: [a.mrk, exif]\n")
+    assert both.pose_sources == both.poses == (str(folder / "a.mrk"), "exif")
+    assert dict(option_pairs(both))["poses"] == both.poses
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("[a.mrk, exif]", "no such file 'a.mrk'"),
+        ("[]", "must not be empty"),
+        ("[exif, exif]", "must name each source once"),
+        ("[exif, 3]", "must be text"),
+    ],
+)
+def test_a_mistake_in_the_list_of_poses_is_told_with_its_line(load, value, words):
+    with pytest.raises(InputError, match=rf"project\.yaml:4: poses.*{words}"):
+        load(f"poses: {value}\n")

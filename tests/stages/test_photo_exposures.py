@@ -50,8 +50,15 @@ def make_poses():
     return make
 
 
-def place(poses, mount=None, telemetry=None):
-    return place_photos(poses, ORIGIN, mount or MountOptions(), telemetry or TelemetryOptions())
+def place(poses, mount=None, telemetry=None, every_s=2.0):
+    """Place photos that were taken so many seconds apart."""
+    return place_photos(
+        poses,
+        ORIGIN,
+        mount or MountOptions(),
+        telemetry or TelemetryOptions(),
+        np.arange(len(poses.frame_id)) * every_s,
+    )
 
 
 def headings_deg(exposures):
@@ -144,22 +151,48 @@ def test_the_mount_turns_the_camera_against_the_course(make_poses):
     np.testing.assert_allclose(headings_deg(exposures)[:3], 90.0, atol=1e-3)
 
 
-def test_an_oblique_camera_without_attitude_is_refused(make_poses):
-    with pytest.raises(UavgramError, match="too far from straight down"):
-        place(make_poses(), mount=MountOptions(pitch_deg=-20.0))
+def test_a_course_over_minutes_is_no_attitude(make_poses):
+    exposures, messages = place(make_poses(), every_s=10.0)
+
+    np.testing.assert_allclose(np.degrees(exposures.sigma_attitude_rad[:, 1]), 180.0)
+    assert [m.code for m in messages] == ["attitude-unknown"]
+    assert "their heading is unknown" in messages[0].text
+    # nor is one between photos of which nobody knows when they were taken
+    timeless, _ = place(make_poses(), every_s=np.nan)
+    np.testing.assert_allclose(np.degrees(timeless.sigma_attitude_rad[:, 1]), 180.0)
+
+
+def test_an_oblique_camera_without_attitude_has_an_unknown_heading(make_poses):
+    exposures, _ = place(make_poses(), mount=MountOptions(pitch_deg=-20.0), every_s=60.0)
+
+    down = exposures.world_from_gimbal[:, 2, 0]
+    np.testing.assert_allclose(down, -np.sin(np.radians(20.0)))
+    np.testing.assert_allclose(np.degrees(exposures.sigma_attitude_rad), [[6.0, 180.0]] * 8)
 
 
 def test_a_hovering_drone_has_no_course(make_poses):
-    with pytest.raises(UavgramError, match="too close together"):
-        place(make_poses(route=np.zeros((3, 2))))
+    exposures, messages = place(make_poses(route=np.zeros((3, 2))))
+
+    np.testing.assert_allclose(np.degrees(exposures.sigma_attitude_rad[:, 1]), 180.0)
+    assert [m.code for m in messages] == ["attitude-unknown"]
 
 
-def test_photos_without_course_are_left_out_and_told(make_poses):
+def test_photos_without_course_stay_in_and_are_told(make_poses):
     route = np.vstack([ROUTE[:3], [[0, 41.0], [0, 42.0], [0, 43.0]]])  # hovers at the end
     exposures, messages = place(make_poses(route=route))
 
-    assert exposures.frame_id == ("p0.jpg", "p1.jpg", "p2.jpg")
+    assert len(exposures.frame_id) == 6
+    yaw = np.degrees(exposures.sigma_attitude_rad[:, 1])
+    np.testing.assert_allclose(yaw, [15, 15, 15, 180, 180, 180])
     assert [m.code for m in messages] == ["attitude-from-course", "attitude-unknown"]
+
+
+def test_stated_sigmas_hold_for_a_guessed_attitude_too_but_make_it_no_better(make_poses):
+    wide, _ = place(make_poses(), telemetry=TelemetryOptions(attitude_sigma_deg=(4.0, 120.0)))
+    sharp, _ = place(make_poses(), telemetry=TelemetryOptions(attitude_sigma_deg=(4.0, 2.0)))
+
+    np.testing.assert_allclose(np.degrees(wide.sigma_attitude_rad), [[4.0, 120.0]] * 8)
+    np.testing.assert_allclose(np.degrees(sharp.sigma_attitude_rad[0]), [4.0, 15.0])
 
 
 def test_exposures_of_photos_stand_still_and_go_by_name(make_poses):

@@ -68,13 +68,17 @@ def _missing_files(data: dict[str, Plain], folder: Path, keys: Sequence[str]) ->
     """Find the input files named by `keys` that are not there."""
     faults = []
     for key in keys:
-        name = data.get(key)
-        if not isinstance(name, str) or not name or _is_no_path(key, name):
-            continue
-        if (folder / name).is_file():
-            continue
-        faults.append(Fault((key,), _why_missing(folder / name, name)))
+        for name in _names(data.get(key)):
+            if _is_no_path(key, name) or (folder / name).is_file():
+                continue
+            faults.append(Fault((key,), _why_missing(folder / name, name)))
     return tuple(faults)
+
+
+def _names(value: Plain) -> list[str]:
+    """Texts of a value, or of a list of values, that are not empty."""
+    values = value if isinstance(value, list) else [value]
+    return [name for name in values if isinstance(name, str) and name]
 
 
 def _unknown_crs(data: dict[str, Plain]) -> tuple[Fault, ...]:
@@ -104,13 +108,19 @@ def _why_missing(path: Path, name: str) -> str:
 
 def _with_absolute_paths(project: Project, folder: Path) -> Project:
     root = glob.escape(str(folder))
-    changed: dict[str, str] = {
-        key: str(folder / name)
-        for key in (*_INPUT_FILES, "output")
-        if (name := getattr(project, key)) is not None and not _is_no_path(key, name)
-    }
+    changed: dict[str, str | tuple[str, ...]] = {}
+    for key in (*_INPUT_FILES, "output"):
+        named = getattr(project, key)
+        if isinstance(named, tuple):
+            changed[key] = tuple(_absolute(key, name, folder) for name in named)
+        elif named is not None:
+            changed[key] = _absolute(key, named, folder)
     images = tuple(
         pattern if Path(pattern).is_absolute() else f"{root}/{pattern}"
         for pattern in project.images
     )
     return replace(project, images=images, **changed)  # type: ignore[arg-type]
+
+
+def _absolute(key: str, name: str, folder: Path) -> str:
+    return name if _is_no_path(key, name) else str(folder / name)

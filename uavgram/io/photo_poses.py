@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.errors import InputError, near_miss
 from uavgram.io.geo_txt import read_geo_txt
 from uavgram.io.mrk import read_mrk
-from uavgram.io.photo_tags import read_photo_tags
+from uavgram.io.photo_tags import read_photo_tags, read_stated_tags
 from uavgram.io.pose_csv import read_pose_csv
 from uavgram.model.frames import Photos
 from uavgram.model.message import Message
@@ -45,23 +45,48 @@ def read_photo_poses(
     InputError
         The source is malformed, or has a pose for none of the photos.
     """
-    messages: tuple[Message, ...] = ()
     if source == FROM_PHOTOS:
         poses, messages = read_photo_tags(photos)
-    elif source.lower().endswith(".mrk"):
-        poses, messages = read_mrk(source, photos)
-    elif source.lower().endswith(".csv"):
-        poses = read_pose_csv(source, heights)
     else:
-        poses, messages = read_geo_txt(source, heights)
-    if poses.datum_guess:
-        text = (
-            f"Heights of {poses.source} were taken as "
-            f"{'above sea level' if poses.datum == 'msl' else 'ellipsoidal'}: {poses.datum_guess}."
-        )
-        messages = (*messages, Message("info", "height-datum-assumed", text))
+        poses, messages = _of_file(source, photos, heights)
+    messages = (*messages, *height_guess(poses))
     chosen, more = _of_photos(source, poses, photos)
     return chosen, (*messages, *more)
+
+
+def read_stated_poses(
+    source: str, photos: Photos, heights: HeightDatum
+) -> tuple[PhotoPoses | None, tuple[Message, ...]]:
+    """`read_photo_poses` of one source among several: it may lack places, and even everything.
+
+    Places may be NaN; None where the photos' tags state neither a place nor an attitude.
+    """
+    if source == FROM_PHOTOS:
+        return read_stated_tags(photos)
+    poses, messages = _of_file(source, photos, heights, may_lack_places=True)
+    chosen, more = _of_photos(source, poses, photos)
+    return chosen, (*messages, *more)
+
+
+def height_guess(poses: PhotoPoses) -> tuple[Message, ...]:
+    """Say so where the datum of the heights was assumed."""
+    if not poses.datum_guess:
+        return ()
+    text = (
+        f"Heights of {poses.source} were taken as "
+        f"{'above sea level' if poses.datum == 'msl' else 'ellipsoidal'}: {poses.datum_guess}."
+    )
+    return (Message("info", "height-datum-assumed", text),)
+
+
+def _of_file(
+    source: str, photos: Photos, heights: HeightDatum, *, may_lack_places: bool = False
+) -> tuple[PhotoPoses, tuple[Message, ...]]:
+    if source.lower().endswith(".mrk"):
+        return read_mrk(source, photos)
+    if source.lower().endswith(".csv"):
+        return read_pose_csv(source, heights, may_lack_places=may_lack_places), ()
+    return read_geo_txt(source, heights)
 
 
 def _of_photos(

@@ -153,7 +153,40 @@ def read_photo_tags(photos: Photos) -> tuple[PhotoPoses, tuple[Message, ...]]:
             "photos: name a file in `poses`, or a `log`",
         )
     chosen = [readings[k] for k in rows]
-    datum = _one_datum(photos, rows, chosen)
+    return _of_tags(photos, rows, chosen, _one_datum(photos, rows, chosen))
+
+
+def read_stated_tags(photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, ...]]:
+    """`read_photo_tags` where another source has places: photos with an attitude alone count too.
+
+    None, with a message, where no photo states either.
+    """
+    with ThreadPoolExecutor() as pool:
+        readings = [_without_half_a_place(pose) for pose in pool.map(_read_pose, photos.path)]
+    rows = [k for k, pose in enumerate(readings) if _is_complete(pose) or _has_attitude(pose)]
+    if not rows:
+        text = (
+            f"None of the {len(readings)} photos states a place or an attitude in EXIF or XMP: "
+            "`exif` in `poses` adds nothing."
+        )
+        return None, (Message("warning", "no-pose-tags", text),)
+    placed = [k for k in rows if _is_complete(readings[k])]
+    datum: HeightDatum = "msl"
+    if placed:
+        datum = _one_datum(photos, placed, [readings[k] for k in placed])
+    return _of_tags(photos, rows, [readings[k] for k in rows], datum)
+
+
+def _without_half_a_place(pose: TagPose) -> TagPose:
+    if _is_complete(pose):
+        return pose
+    return replace(pose, latitude_deg=math.nan, longitude_deg=math.nan, height_m=math.nan)
+
+
+def _of_tags(
+    photos: Photos, rows: list[int], chosen: list[TagPose], datum: HeightDatum
+) -> tuple[PhotoPoses, tuple[Message, ...]]:
+    """The tags of some photos as columns."""
     frame_id = tuple(photos.frame_id[k] for k in rows)
     guesses = dict.fromkeys(pose.datum_guess for pose in chosen if pose.datum_guess)
     poses = PhotoPoses(
@@ -181,8 +214,7 @@ def first_maker(photos: Photos) -> str:
         pose = _read_pose(photos.path[0])
     except InputError:
         return ""
-    has_attitude = not any(math.isnan(angle) for angle in pose.ypr_deg)
-    return pose.source if _is_complete(pose) and has_attitude else ""
+    return pose.source if _is_complete(pose) and _has_attitude(pose) else ""
 
 
 def _read_pose(path: str) -> TagPose:
@@ -273,6 +305,10 @@ def _is_place(latitude_deg: float, longitude_deg: float) -> bool:
 
 def _is_complete(pose: TagPose) -> bool:
     return _is_place(pose.latitude_deg, pose.longitude_deg) and math.isfinite(pose.height_m)
+
+
+def _has_attitude(pose: TagPose) -> bool:
+    return not any(math.isnan(angle) for angle in pose.ypr_deg)
 
 
 def _column(values: Iterable[float]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

@@ -15,11 +15,14 @@ _SIGMAS = ("sigma_horizontal_m", "sigma_vertical_m", "sigma_attitude_deg")
 _PLACE = ("latitude_deg", "longitude_deg", "height_m")
 
 
-def read_pose_csv(path: str | Path, heights: HeightDatum) -> PhotoPoses:
+def read_pose_csv(
+    path: str | Path, heights: HeightDatum, *, may_lack_places: bool = False
+) -> PhotoPoses:
     """Read image, latitude_deg, longitude_deg, height_m and, optional, angles and sigmas.
 
     Angles are those of the optical axis, as of a gimbal: yaw from north, pitch -90 straight down,
-    roll 0 with the horizon level; all three, or none. Heights are above `heights`.
+    roll 0 with the horizon level; all three, or none. Heights are above `heights`. Places may be
+    absent where another source has them (`may_lack_places`): all three numbers, or none.
 
     Raises
     ------
@@ -28,7 +31,11 @@ def read_pose_csv(path: str | Path, heights: HeightDatum) -> PhotoPoses:
     """
     table = read_table(
         path,
-        Columns(text=("image",), numbers=_PLACE, optional_numbers=(*_ANGLES, *_SIGMAS)),
+        Columns(
+            text=("image",),
+            numbers=() if may_lack_places else _PLACE,
+            optional_numbers=(*(_PLACE if may_lack_places else ()), *_ANGLES, *_SIGMAS),
+        ),
     )
     _check(table)
     numbers = table.numbers
@@ -58,9 +65,11 @@ def _check(table: Table) -> None:
     for name, limit in (("latitude_deg", 90.0), ("longitude_deg", 360.0)):
         for row in np.flatnonzero(np.abs(table.numbers[name]) > limit):
             table.blame(int(row), f"{name} must lie between -{limit:g} and {limit:g}")
-    given = np.stack([np.isfinite(table.numbers[name]) for name in _ANGLES], axis=1)
-    for row in np.flatnonzero(given.any(axis=1) & ~given.all(axis=1)):
-        table.blame(int(row), "yaw_deg, pitch_deg and roll_deg: give all three, or none")
+    for together in (_ANGLES, _PLACE):
+        given = np.stack([np.isfinite(table.numbers[name]) for name in together], axis=1)
+        for row in np.flatnonzero(given.any(axis=1) & ~given.all(axis=1)):
+            names = f"{', '.join(together[:-1])} and {together[-1]}"
+            table.blame(int(row), f"{names}: give all three, or none")
     if not len(table.line):
         table.faults.append((None, "holds no photo: give a row for each, or leave `poses` out"))
     table.raise_faults()

@@ -274,9 +274,9 @@ class Project:
     """A project file: which inputs, and every option.
 
     Paths are those of the file, made absolute; `images` are patterns. `camera` is ``auto``,
-    ``unknown`` or a path; `poses` is ``exif`` or a path, and stands in place of `log`. `crs` is the
-    projected coordinate system of maps and drawings; ``auto``: the UTM zone. `operator` is who
-    answers for the survey; ``auto``: the account that runs it.
+    ``unknown`` or a path; `poses` is ``exif`` or a path, or several, and stands in place of
+    `log`. `crs` is the projected coordinate system of maps and drawings; ``auto``: the UTM zone.
+    `operator` is who answers for the survey; ``auto``: the account that runs it.
     """
 
     name: str
@@ -284,7 +284,7 @@ class Project:
     camera: str
     picks: str
     log: str | None = None
-    poses: str | None = None
+    poses: str | tuple[str, ...] | None = None
     lines: str | None = None
     measure: str | None = None
     control: str | None = None
@@ -301,14 +301,14 @@ class Project:
     solve: SolveOptions = field(default_factory=SolveOptions)
 
     def __post_init__(self) -> None:
-        given = {"log": self.log, "poses": self.poses, "lines": self.lines, "measure": self.measure}
+        given = {"log": self.log, "lines": self.lines, "measure": self.measure}
         given |= {"control": self.control, "check": self.check}
         given |= {"name": self.name, "camera": self.camera, "picks": self.picks}
         given |= {"output": self.output, "crs": self.crs, "operator": self.operator}
         _require(
             self,
             **{key: (text != "", "must not be empty") for key, text in given.items()}
-            | self._one_source(),
+            | self._pose_rules(),
             images=(
                 bool(self.images) and all(self.images),
                 "must name at least one file or pattern",
@@ -321,10 +321,22 @@ class Project:
         """The camera's file; None where the camera is assumed."""
         return None if self.camera in (CAMERA_OF_PHOTOS, CAMERA_UNKNOWN) else self.camera
 
-    def _one_source(self) -> dict[str, tuple[bool, str]]:
-        if self.poses is None or self.log is None:
+    @property
+    def pose_sources(self) -> tuple[str, ...]:
+        """Every source of poses, in the order of the file: ``exif``, or paths."""
+        if self.poses is None:
+            return ()
+        return (self.poses,) if isinstance(self.poses, str) else self.poses
+
+    def _pose_rules(self) -> dict[str, tuple[bool, str]]:
+        if self.poses is None:
             return {}
-        return {"poses": (False, "cannot stand beside `log`: leave one of the two out")}
+        if self.log is not None:
+            return {"poses": (False, "cannot stand beside `log`: leave one of the two out")}
+        sources = self.pose_sources
+        if not sources or "" in sources:
+            return {"poses": (False, "must not be empty")}
+        return {"poses": (len(set(sources)) == len(sources), "must name each source once")}
 
 
 def option_pairs(options: object, prefix: str = "") -> tuple[tuple[str, object], ...]:

@@ -20,9 +20,9 @@ class PhotoPoses:
     frame_id
         (N,) names of photos, each once, in the order of the names.
     latitude_deg, longitude_deg
-        (N,) WGS 84, of the camera.
+        (N,) WGS 84, of the camera; NaN where only another source has it.
     height_m
-        (N,) above `datum`.
+        (N,) above `datum`; NaN where the place is.
     height_home_m
         (N,) above the take-off point; NaN where unknown.
     datum
@@ -60,8 +60,7 @@ class PhotoPoses:
 
     def __post_init__(self) -> None:
         n = len(self.frame_id)
-        freeze(self, latitude_deg=(n,), longitude_deg=(n,), height_m=(n,))
-        optional = ("height_home_m", "time_utc_s")
+        optional = ("latitude_deg", "longitude_deg", "height_m", "height_home_m", "time_utc_s")
         sigmas = ("sigma_horizontal_m", "sigma_vertical_m", "sigma_attitude_rad")
         turns = ("ypr_rad", "vehicle_ypr_rad")
         freeze(

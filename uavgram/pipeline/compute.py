@@ -42,6 +42,7 @@ from uavgram.pipeline.versions import account_name, package_versions
 from uavgram.stages.assemble import Assembled, assemble, unpicked_areas
 from uavgram.stages.assume_camera import ASSUMED_CAMERA, UNKNOWN_CAMERA
 from uavgram.stages.duplicates import Duplicates
+from uavgram.stages.headings import find_headings
 from uavgram.stages.learn_camera import what_was_learnt
 from uavgram.stages.measure import measure, measurement_results
 from uavgram.stages.monte_carlo import compare, sample
@@ -121,9 +122,10 @@ def compute(
     if world.gauge == "plane":
         world = replace(world, latitude_deg=None, longitude_deg=None, height_m=None)
     world = replace(world, crs=_map_crs(project, world))
-    mount = turned_mount(assembled.survey)
+    survey, heading_messages = find_headings(assembled.survey)
+    mount = turned_mount(survey)
     try:
-        refined, refine_messages = refine(_with_candidates(assembled.survey), project.solve)
+        refined, refine_messages = refine(_with_candidates(survey), project.solve)
     except GeometryError as why:
         if mount is not None:  # what is behind it
             raise GeometryError(f"{mount.text} ({why})") from why
@@ -189,6 +191,7 @@ def compute(
             *_gauge_messages(inputs, adjustment.survey),
             *_unseen_control(control, assembled),
             *unpicked_areas(project.ground, assembled.survey),
+            *heading_messages,
             *refine_messages,
             *what_was_learnt(
                 learnt_camera(inputs.calibration, shared.intrinsics),

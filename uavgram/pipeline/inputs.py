@@ -16,10 +16,11 @@ from uavgram.io.flight_log import read_flight_log
 from uavgram.io.known_points import read_known_points
 from uavgram.io.lines import LINES_COLUMNS, read_lines
 from uavgram.io.measure import MEASURE_COLUMNS, read_measure
-from uavgram.io.photo_poses import FROM_PHOTOS, read_photo_poses
+from uavgram.io.photo_poses import FROM_PHOTOS
 from uavgram.io.photo_tags import first_maker
 from uavgram.io.photos import read_photos
 from uavgram.io.picks import PICKS_COLUMNS, read_picks
+from uavgram.io.pose_sources import read_pose_sources
 from uavgram.io.tables import own_columns
 from uavgram.model.camera import Calibration
 from uavgram.model.frames import Photos
@@ -117,8 +118,8 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     log = read_flight_log(project.log) if project.log else None
     poses, pose_messages = _poses(project, photos)
     notes = () if log is None else _log_notes(log)
-    pose_file = None if project.poses == FROM_PHOTOS else project.poses
-    named = (project.camera_file, picks_file, project.log, pose_file, lines_file, measure_file)
+    pose_files = [source for source in project.pose_sources if source != FROM_PHOTOS]
+    named = (project.camera_file, picks_file, project.log, *pose_files, lines_file, measure_file)
     files = [str(path), *(f for f in (*named, project.control, project.check) if f), *photos.path]
     return Inputs(
         project_path=str(path),
@@ -194,7 +195,7 @@ def _camera(project: Project, photos: Photos) -> tuple[Calibration, tuple[Messag
 def _poses(project: Project, photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, ...]]:
     """Poses that the project names; where it names none, nor a log, a hint at those it could."""
     if project.poses is not None:
-        return read_photo_poses(project.poses, photos, project.world.heights)
+        return read_pose_sources(project.pose_sources, photos, project.world.heights)
     maker = "" if project.log else first_maker(photos)
     if not maker:
         return None, ()

@@ -74,11 +74,18 @@ def _by_photos(inputs: Inputs, poses: PhotoPoses) -> Posed:
     """Take the photos' own poses."""
     project = inputs.project
     stated = _stated_origin(inputs, poses.datum)
-    source = str(project.poses)
+    source = ", ".join(project.pose_sources)
     messages: tuple[Message, ...] = ()
     try:
         place, messages = (stated, ()) if stated is not None else find_photo_home(poses)
-        exposures, more = place_photos(poses, place, project.mount, project.telemetry)
+        file_time = dict(zip(inputs.photos.frame_id, inputs.photos.file_time_s, strict=True))
+        exposures, more = place_photos(
+            poses,
+            place,
+            project.mount,
+            project.telemetry,
+            np.array([file_time[name] for name in poses.frame_id]),
+        )
     except UavgramError as fault:  # the stage knows poses; which file they are of is known here
         raise InputError(source, str(fault)) from fault
     frames = _photo_frames(inputs, poses, exposures.frame_id)
@@ -196,16 +203,12 @@ def _photo_frames(inputs: Inputs, poses: PhotoPoses, placed: tuple[str, ...]) ->
     stated = dict(zip(poses.frame_id, poses.time_utc_s, strict=True))
     own = np.array([stated.get(name, np.nan) for name in base.frame_id])
     matched = np.isin(base.frame_id, placed)
-    lacking = {True: "neither attitude nor course", False: f"no pose in {poses.source}"}
     return Frames(
         frame_id=base.frame_id,
         time_utc_s=np.where(np.isfinite(own), own, base.time_utc_s),
         sigma_time_s=np.where(np.isfinite(own), 0.0, base.sigma_time_s),
         matched=matched,
-        reason=tuple(
-            "" if good else lacking[name in stated]
-            for name, good in zip(base.frame_id, matched, strict=True)
-        ),
+        reason=tuple("" if good else f"no pose in {poses.source}" for good in matched),
         clock_offset_s=base.clock_offset_s,
         clock_offset_sigma_s=base.clock_offset_sigma_s,
     )

@@ -22,8 +22,10 @@ TILT_SIGMA_DEG, YAW_SIGMA_DEG = 3.0, 3.0
 # A fixed camera tilts with the vehicle, and a vehicle crabs in the wind. At a turn the course
 # before and the one after differ, and nobody says which of them the photo has.
 COURSE_TILT_SIGMA_DEG, COURSE_YAW_SIGMA_DEG, TURN_YAW_SIGMA_DEG = 6.0, 15.0, 30.0
+UNKNOWN_YAW_SIGMA_DEG = 180.0
+CLOSE_S = 5.0
+"""Time from photo to photo up to which a drone is taken to fly on along its nose."""
 _TURN_DEG = 30.0
-_LARGEST_TILT_WITHOUT_YAW_DEG = 30.0
 _DROWNED = 10.0  # times the positions' own sigma
 _SHORTEST_LEG_SIGMAS = 3.0  # of one position: below, the course is noise
 
@@ -56,12 +58,17 @@ def find_photo_home(poses: PhotoPoses) -> tuple[Origin, tuple[Message, ...]]:
 
 
 def place_photos(
-    poses: PhotoPoses, origin: Origin, mount: MountOptions, telemetry: TelemetryOptions
+    poses: PhotoPoses,
+    origin: Origin,
+    mount: MountOptions,
+    telemetry: TelemetryOptions,
+    file_time_s: Floats | None = None,
 ) -> tuple[PhotoExposures, tuple[Message, ...]]:
     """Turn the photos' poses into exposures in the local world.
 
-    Photos without attitude look as `mount` says from a level vehicle; its heading is the course
-    from photo to photo, with wide sigmas. Those without a course either are left out.
+    Photos without attitude look as `mount` says from a level vehicle. Where they follow each other
+    within seconds, its heading is the course from photo to photo, with wide sigmas; else it is
+    unknown (north, with a sigma of 180 degrees), and the picks have to tell it.
 
     Parameters
     ----------
@@ -71,35 +78,32 @@ def place_photos(
         Of the world: latitude, longitude [deg], height [m] in the poses' datum.
     mount, telemetry
         Nominal view, and sigmas where they are not ``auto``.
-
-    Raises
-    ------
-    UavgramError
-        Photos have no attitude, and the camera is too oblique for a guess of it, or no photo has
-        a neighbour that would give a course.
+    file_time_s
+        (N,) when the photos' files say they were taken, on one clock; NaN where they do not. Used
+        where `poses` has no times of its own.
     """
     position = enu_from_geodetic(poses.latitude_deg, poses.longitude_deg, poses.height_m, origin)
     sigma_position = _position_sigmas(poses, telemetry)
     has_attitude = np.asarray(np.isfinite(poses.ypr_rad).all(axis=1))
-    heading, turning, messages = _headings(poses, position, sigma_position, has_attitude, mount)
-    ned_from_body = _vehicle(poses, heading, has_attitude)
+    time_s = _times(poses, file_time_s)
+    course, turning = _courses_in_time(time_s, position, sigma_position)
+    messages = _said(poses, has_attitude, course)
+    ned_from_body = _vehicle(poses, course, has_attitude)
     ned_from_gimbal = matrix_from_ypr(*np.nan_to_num(poses.ypr_rad).T)
     mount_ypr = np.radians([mount.yaw_deg, mount.pitch_deg, mount.roll_deg])
     guessed = ned_from_body @ matrix_from_ypr(*mount_ypr)
     ned_from_gimbal = np.where(has_attitude[:, None, None], ned_from_gimbal, guessed)
-    sigma_attitude = _attitude_sigmas(poses, telemetry, has_attitude, turning)
-    keep = has_attitude | np.isfinite(heading)
     exposures = PhotoExposures(
-        frame_id=tuple(poses.frame_id[k] for k in np.flatnonzero(keep)),
-        position_world_m=position[keep],
-        world_from_body=(ENU_FROM_NED @ ned_from_body)[keep],
-        world_from_gimbal=(ENU_FROM_NED @ ned_from_gimbal)[keep],
-        sigma_position_m=sigma_position[keep],
-        sigma_attitude_rad=sigma_attitude[keep],
-        by_course=~has_attitude[keep],
+        frame_id=poses.frame_id,
+        position_world_m=position,
+        world_from_body=ENU_FROM_NED @ ned_from_body,
+        world_from_gimbal=ENU_FROM_NED @ ned_from_gimbal,
+        sigma_position_m=sigma_position,
+        sigma_attitude_rad=_attitude_sigmas(poses, telemetry, has_attitude, course, turning),
+        by_course=~has_attitude,
         source=poses.source,
     )
-    return exposures, (*messages, *_bias_hint(sigma_position[keep], telemetry))
+    return exposures, (*messages, *_bias_hint(sigma_position, telemetry))
 
 
 def _bias_hint(sigma_position: Floats, telemetry: TelemetryOptions) -> tuple[Message, ...]:
@@ -126,60 +130,68 @@ def _vehicle(poses: PhotoPoses, heading: Floats, has_attitude: Bools) -> Floats:
     return matrix_from_ypr(*np.where(known[:, None], stated, level).T)
 
 
-def _headings(
-    poses: PhotoPoses,
-    position: Floats,
-    sigma_position: Floats,
-    has_attitude: Bools,
-    mount: MountOptions,
-) -> tuple[Floats, Bools, tuple[Message, ...]]:
-    """Course (N,) from photo to photo [rad from north], NaN where there is none; if it turns."""
-    without = np.flatnonzero(~has_attitude)
-    if not without.size:
-        return np.full(len(position), np.nan), np.zeros(len(position), dtype=np.bool_), ()
-    way_out = "give yaw_deg, pitch_deg and roll_deg in a CSV file (`poses`), or leave `poses` out"
-    if abs(mount.pitch_deg + 90.0) > _LARGEST_TILT_WITHOUT_YAW_DEG:
-        raise UavgramError(
-            f"{poses.source} has no attitude for {len(without)} photos (the first is "
-            f"{poses.frame_id[without[0]]}), and mount.pitch_deg {mount.pitch_deg:g} looks too far "
-            f"from straight down to do without: {way_out}"
+def _times(poses: PhotoPoses, file_time_s: Floats | None) -> Floats:
+    """(N,) instants on one clock: the source's own, else the files'; NaN where neither has all."""
+    if np.isfinite(poses.time_utc_s).all() or file_time_s is None:
+        return poses.time_utc_s
+    return file_time_s
+
+
+def _courses_in_time(
+    time_s: Floats, position: Floats, sigma_position: Floats
+) -> tuple[Floats, Bools]:
+    """Courses (N,) [rad from north] where photos follow closely in time, else NaN; if they turn."""
+    course = np.full(len(time_s), np.nan)
+    turning = np.zeros(len(time_s), dtype=np.bool_)
+    known = np.flatnonzero(np.isfinite(time_s))
+    order = known[np.argsort(time_s[known], kind="stable")]
+    if len(order) > 1:
+        close = np.diff(time_s[order]) <= CLOSE_S
+        course[order], turning[order] = _courses(
+            position[order, :2], sigma_position[order, 0], close
         )
-    order = np.arange(len(position))
-    if np.isfinite(poses.time_utc_s).all():
-        order = np.argsort(poses.time_utc_s, kind="stable")
-    course, turning = np.empty(len(order)), np.empty(len(order), dtype=np.bool_)
-    course[order], turning[order] = _courses(position[order, :2], sigma_position[order, 0])
-    lost = without[np.isnan(course[without])]
-    if lost.size == len(order):
-        raise UavgramError(
-            f"{poses.source} has no attitude, and its photos lie too close together for a course: "
+    return course, turning
+
+
+def _said(poses: PhotoPoses, has_attitude: Bools, course: Floats) -> tuple[Message, ...]:
+    """What was assumed of photos without attitude."""
+    guessed = ~has_attitude & np.isfinite(course)
+    unknown = np.flatnonzero(~has_attitude & np.isnan(course))
+    way_out = "give yaw_deg, pitch_deg and roll_deg in a CSV file (`poses`)"
+    messages = []
+    if guessed.any():
+        text = (
+            f"{poses.source} has no attitude for {int(guessed.sum())} photos: they look as "
+            "`mount` says from a level vehicle that heads along the course from photo to photo "
+            f"(sigma {COURSE_TILT_SIGMA_DEG:g} degrees of tilt, {COURSE_YAW_SIGMA_DEG:g} of yaw, "
+            f"{TURN_YAW_SIGMA_DEG:g} where the course turns)"
+        )
+        messages.append(Message("warning", "attitude-from-course", text))
+    if unknown.size:
+        text = (
+            f"{poses.source} has no attitude for {unknown.size} photos (the first is "
+            f"{poses.frame_id[unknown[0]]}), and no other photo follows within {CLOSE_S:g} s that "
+            "would give a course. They look as `mount` says from a level vehicle (sigma "
+            f"{COURSE_TILT_SIGMA_DEG:g} degrees of tilt); their heading is unknown, and only "
+            f"points that several photos share, or known points, tell it: pick such points, or "
             f"{way_out}"
         )
-    text = (
-        f"{poses.source} has no attitude for {len(without) - len(lost)} photos: they look as "
-        "`mount` says from a level vehicle that heads along the course from photo to photo (sigma "
-        f"{COURSE_TILT_SIGMA_DEG:g} degrees of tilt, {COURSE_YAW_SIGMA_DEG:g} of yaw, "
-        f"{TURN_YAW_SIGMA_DEG:g} where the course turns)"
-    )
-    messages = [Message("warning", "attitude-from-course", text)]
-    if lost.size:
-        text = (
-            f"{len(lost)} photos (the first is {poses.frame_id[lost[0]]}) have neither attitude "
-            f"nor a neighbour far enough for a course, and were left out: {way_out}"
-        )
         messages.append(Message("warning", "attitude-unknown", text))
-    return course, turning, tuple(messages)
+    return tuple(messages)
 
 
-def _courses(position_m: Floats, sigma_m: Floats) -> tuple[Floats, Bools]:
+def _courses(position_m: Floats, sigma_m: Floats, close: Bools) -> tuple[Floats, Bools]:
     """Courses (N,) [rad from north] through points (N, 2) in order, and where they turn.
+
+    Only legs that are flown within seconds count, `close` (N - 1,): over a longer time a drone
+    turns as it likes.
 
     The mean direction of the leg before and the one after; of a single leg, its own; where both
     differ by more than a turn, the shorter one, which lies within a flight line.
     """
     legs = np.diff(position_m, axis=0)
     length = np.hypot(*legs.T)
-    good = length > _SHORTEST_LEG_SIGMAS * np.maximum(sigma_m[:-1], sigma_m[1:])
+    good = close & (length > _SHORTEST_LEG_SIGMAS * np.maximum(sigma_m[:-1], sigma_m[1:]))
     unit = np.where(good[:, None], legs / np.where(length > 0, length, 1.0)[:, None], 0.0)
     none = np.zeros((1, 2))
     before, after = np.vstack([none, unit]), np.vstack([unit, none])
@@ -203,15 +215,20 @@ def _position_sigmas(poses: PhotoPoses, options: TelemetryOptions) -> Floats:
 
 
 def _attitude_sigmas(
-    poses: PhotoPoses, options: TelemetryOptions, has_attitude: Bools, turning: Bools
+    poses: PhotoPoses,
+    options: TelemetryOptions,
+    has_attitude: Bools,
+    course: Floats,
+    turning: Bools,
 ) -> Floats:
-    """(N, 2) of roll and pitch, and of yaw [rad]."""
-    defaults = np.radians([TILT_SIGMA_DEG, YAW_SIGMA_DEG])
+    """(N, 2) of roll and pitch, and of yaw [rad]; what is only guessed is never made certain."""
+    stated = poses.sigma_attitude_rad[:, None]
+    sigma = np.where(np.isfinite(stated), stated, np.radians([TILT_SIGMA_DEG, YAW_SIGMA_DEG]))
+    yaw = np.where(turning, TURN_YAW_SIGMA_DEG, COURSE_YAW_SIGMA_DEG)
+    yaw = np.where(np.isfinite(course), yaw, UNKNOWN_YAW_SIGMA_DEG)
+    tilt = COURSE_TILT_SIGMA_DEG
     if options.attitude_sigma_deg != "auto":
         sigma = np.tile(np.radians(options.attitude_sigma_deg), (len(poses.frame_id), 1))
-    else:
-        stated = poses.sigma_attitude_rad[:, None]
-        sigma = np.where(np.isfinite(stated), stated, defaults)
-    yaw = np.where(turning, TURN_YAW_SIGMA_DEG, COURSE_YAW_SIGMA_DEG)
-    by_course = np.radians(np.stack([np.full_like(yaw, COURSE_TILT_SIGMA_DEG), yaw], axis=1))
-    return np.where(has_attitude[:, None], sigma, by_course)
+        tilt, yaw = options.attitude_sigma_deg[0], np.maximum(yaw, options.attitude_sigma_deg[1])
+    guessed = np.radians(np.stack([np.full_like(yaw, tilt), yaw], axis=1))
+    return np.where(has_attitude[:, None], sigma, guessed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uavgram.estimation.adjustment import Adjustment
-from uavgram.estimation.reliability import group_fit
+from uavgram.estimation.reliability import group_fit, upper_tail
 from uavgram.model.message import Message
 from uavgram.model.result import GroupFactor
 
@@ -15,11 +15,17 @@ GROUP_WORDS = {
     "calibration": "calibration of the camera (its sigmas, or another focus or resolution)",
 }
 
+WIDE = 0.4
+"""Variance factor below which stated sigmas are far too wide; those of priors are meant to be
+generous, and surveys in good order lie above."""
+
 
 def judge_groups(
     adjustment: Adjustment, significance: float, *, explained: bool = False
 ) -> tuple[tuple[GroupFactor, ...], tuple[Message, ...]]:
     """Variance factor of each group of observations; a message on each that is too large.
+
+    And one where that of the whole is far too small.
 
     No message where one observation explains them all (`explained`), which is named as such, nor
     where the adjustment did not come to rest.
@@ -38,4 +44,35 @@ def judge_groups(
                 "of the results are too small until this is cleared up."
             )
             messages.append(Message("warning", "group-misfit", text))
+    if adjustment.minimum.converged:
+        messages += _too_wide(adjustment, groups, significance)
     return tuple(groups), tuple(messages)
+
+
+def _too_wide(
+    adjustment: Adjustment, groups: list[GroupFactor], significance: float
+) -> list[Message]:
+    """Say so where everything fits far better than the stated sigmas promise."""
+    cost = adjustment.minimum.cost
+    observations = sum(block.residual.size for block in adjustment.minimum.blocks.values())
+    degrees = observations - adjustment.problem.layout.size
+    if degrees <= 0 or cost > WIDE * degrees:
+        return []
+    probability = upper_tail(cost, degrees)
+    if probability < 1.0 - significance:
+        return []
+    wide = [g for g in groups if g.variance_factor < WIDE and g.probability > 1.0 - significance]
+    named = sorted(wide, key=lambda g: -g.redundancy)
+    which = ", ".join(
+        f"{GROUP_WORDS.get(g.name, g.name.replace('_', ' ')).split(' (')[0]} "
+        f"({g.variance_factor:.2g})"
+        for g in named
+    )
+    text = (
+        f"Everything fits far better than stated: variance factor {cost / degrees:.2g}, "
+        f"probability {probability:.7g}. The priors and stated sigmas are far too wide, and so "
+        "are the uncertainties of the results"
+        + (f"; by group: {which}" if which else "")
+        + ". State them as they are: picks_sigma_px, sigma_m of the lengths, ground, telemetry."
+    )
+    return [Message("info", "sigmas-too-wide", text)]

@@ -10,6 +10,7 @@ from uavgram.model.arrays import Bools
 from uavgram.model.survey import Survey
 from uavgram.stages.refine.attempts import attempt, ends_among, in_order, misfit
 from uavgram.stages.refine.consensus import contradicting
+from uavgram.stages.refine.gross_picks import without_gross_picks
 from uavgram.stages.refine.minima import adjust_all
 from uavgram.stages.refine.misfit import GAIN, MOST_TRIED, culprit, gross, suspects
 from uavgram.stages.refine.wrong_lengths import without_wrong_lengths
@@ -33,6 +34,7 @@ def adjust(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, s
     refined = failed = None
     try:
         refined = _begun(survey, keep, line_removed, reason)
+        refined, keep, reason = without_gross_picks(survey, keep, line_removed, reason, refined)
     except GeometryError as why:
         failed = why
     single = without_wrong_lengths(survey, keep, line_removed, reason, refined, 1)

@@ -1,0 +1,26 @@
+"""Everything fits far better than stated: it is said, with the groups that are too wide."""
+
+from scenes import make_scene
+
+from uavgram.model.options import SolveOptions
+from uavgram.stages.judge.groups import judge_groups
+from uavgram.stages.refine import refine
+
+
+def messages_of(noise):
+    scene = make_scene(5, frames=4, labels=14, noise=noise)
+    refined, _ = refine(scene.survey, SolveOptions())
+    return judge_groups(refined.adjustment, 0.001)[1]
+
+
+def test_sigmas_far_too_wide_are_told():
+    (message,) = messages_of(noise=0.4)
+
+    assert message.code == "sigmas-too-wide"
+    assert "variance factor 0.1" in message.text
+    assert "picks (0.1" in message.text
+    assert "far too wide" in message.text
+
+
+def test_sigmas_as_they_are_say_nothing():
+    assert messages_of(noise=1.0) == ()

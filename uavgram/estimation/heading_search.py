@@ -1,0 +1,237 @@
+"""Headings of photos that state a place but none, from the points that they share.
+
+With its tilt known, a photo sees its points in a plan that only a turn about the vertical and a
+shift bring to their places. Photos are laid down one by one, each at the heading, of a whole round,
+at which its points meet those already there and it stands where its position says; from many first
+headings, for nothing but the positions tells which way the whole lies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.model.arrays import Bools, Floats, Ints
+
+STARTS = 18
+"""First headings of a group of photos: so close that the right one keeps the others in place."""
+
+STEPS = 48
+"""Headings that are tried of each photo; the best is then refined."""
+
+KEPT = 3
+"""First headings that are followed to the end: those that fit best so far."""
+
+SWEEPS = 3
+"""Times that each photo is laid down anew among all others."""
+
+ROBUST = 3.0
+"""Distance in sigmas from which on a pick weighs less (Cauchy), for labels may be wrong."""
+
+
+class Plan(NamedTuple):
+    """What photos see of the ground, in plan.
+
+    Attributes
+    ----------
+    frame, label
+        (P,) of each pick.
+    offset_m
+        (P, 2) east and north from the photo's position, at its present heading.
+    sigma_m
+        (P,) of each offset, but for what moves all of a photo alike.
+    center_m
+        (F, 2) positions of the photos.
+    center_sigma_m
+        (F,) of each, with what moves all points of a photo alike.
+    turn_sigma_rad
+        (F,) how well the present heading is known; infinite: not at all.
+    anchor_m
+        (K, 2) points that are known; NaN where they are not.
+    """
+
+    frame: Ints
+    label: Ints
+    offset_m: Floats
+    sigma_m: Floats
+    center_m: Floats
+    center_sigma_m: Floats
+    turn_sigma_rad: Floats
+    anchor_m: Floats
+
+
+def search_turns(plan: Plan, free: Bools) -> Floats:
+    """Turns (F,) about up [rad] by which the photos' plans agree; 0 where nothing tells.
+
+    Parameters
+    ----------
+    plan
+        What the photos see.
+    free
+        (F,) whose heading is in question; the others stay.
+    """
+    turns = np.zeros(len(free))
+    for frames in _groups(plan):
+        if not free[frames].any():
+            continue
+        anchored = not free[frames].all() or _has_anchor(plan, frames)
+        if len(frames) == 1 and not anchored:
+            continue
+        found = _best_laying(plan, free, frames, anchored=anchored)
+        turns[frames] = found[frames]
+    return np.asarray((turns + np.pi) % (2 * np.pi) - np.pi)
+
+
+def _groups(plan: Plan) -> list[Ints]:
+    """Photos that hang together by common points."""
+    group = np.arange(len(plan.center_m))
+    while True:
+        of_label = np.full(len(plan.anchor_m), len(group))
+        np.minimum.at(of_label, plan.label, group[plan.frame])
+        new = group.copy()
+        np.minimum.at(new, plan.frame, of_label[plan.label])
+        if (new == group).all():
+            seen = np.unique(plan.frame)
+            return [seen[group[seen] == k] for k in np.unique(group[seen])]
+        group = new
+
+
+def _has_anchor(plan: Plan, frames: Ints) -> bool:
+    mine = np.isin(plan.frame, frames)
+    return bool(np.isfinite(plan.anchor_m[plan.label[mine], 0]).any())
+
+
+def _best_laying(plan: Plan, free: Bools, frames: Ints, *, anchored: bool) -> Floats:
+    """Turns (F,) of the laying that fits best."""
+    starts: list[tuple[int, float] | None] = [None]
+    if not anchored:
+        first = int(frames[np.argmax(np.bincount(plan.frame, minlength=len(free))[frames])])
+        starts = [(first, 2 * np.pi * k / STARTS) for k in range(STARTS)]
+    laid = [_laid(plan, free, frames, start) for start in starts]
+    laid.sort(key=lambda each: each[0])
+    moving = [int(f) for f in frames if free[f]]
+    swept = []
+    for cost, laying in laid[:KEPT]:
+        for _ in range(SWEEPS):
+            cost = sum(laying.settle(frame) for frame in moving)  # noqa: PLW2901
+        swept.append((cost, laying.turn))
+    return min(swept, key=lambda each: each[0])[1]
+
+
+def _laid(
+    plan: Plan, free: Bools, frames: Ints, start: tuple[int, float] | None
+) -> tuple[float, _Laying]:
+    """A group laid down from a first photo's turn, or from what is known; and at what cost."""
+    laying = _Laying.begun(plan)
+    if start is None:
+        for frame in frames[~free[frames]]:
+            laying.put(int(frame), 0.0, np.zeros(2))
+    else:
+        laying.put(*start, np.zeros(2))
+    waiting = [int(f) for f in frames if not laying.there[f]]
+    cost = 0.0
+    while waiting:
+        frame = max(waiting, key=laying.told)
+        cost += laying.settle(frame)
+        waiting.remove(frame)
+    return cost, laying
+
+
+@dataclass(eq=False)
+class _Laying:
+    """Photos laid down so far, and where their points lie (`total` over `weight`, by label)."""
+
+    plan: Plan
+    picks: list[Ints]
+    turn: Floats
+    shift: Floats
+    there: Bools
+    total: Floats
+    weight: Floats
+
+    @classmethod
+    def begun(cls, plan: Plan) -> _Laying:
+        order = np.argsort(plan.frame, kind="stable")
+        bounds = np.searchsorted(plan.frame[order], np.arange(len(plan.center_m) + 1))
+        picks = [order[bounds[f] : bounds[f + 1]] for f in range(len(plan.center_m))]
+        known = np.isfinite(plan.anchor_m[:, 0])
+        weight = np.where(known, 1.0, 0.0)
+        total = np.where(known[:, None], plan.anchor_m, 0.0)
+        count = len(plan.center_m)
+        none = np.zeros(count, dtype=np.bool_)
+        return cls(plan, picks, np.zeros(count), np.zeros((count, 2)), none, total, weight)
+
+    def told(self, frame: int) -> float:
+        """How well the points already there tell a photo's heading."""
+        picks = self.picks[frame]
+        weight = np.where(self.weight[self.plan.label[picks]] > 0, 1.0, 0.0)
+        weight /= self.plan.sigma_m[picks] ** 2
+        offset = self.plan.offset_m[picks]
+        size = weight.sum()
+        if not size > 0:
+            return -1.0
+        mean = weight @ offset / size
+        own = 1.0 / (1.0 / size + self.plan.center_sigma_m[frame] ** 2)
+        return float(weight @ np.sum((offset - mean) ** 2, axis=1) + own * (mean @ mean))
+
+    def put(self, frame: int, turn: float, shift: Floats) -> None:
+        """Lay a photo down; its points move with it."""
+        self._weigh(frame, -1.0)
+        self.turn[frame], self.shift[frame], self.there[frame] = turn, shift, True
+        self._weigh(frame, 1.0)
+
+    def _weigh(self, frame: int, sign: float) -> None:
+        if not self.there[frame]:
+            return
+        picks = self.picks[frame]
+        weight = sign / self.plan.sigma_m[picks] ** 2
+        label = self.plan.label[picks]
+        place = self.plan.center_m[frame] + self.shift[frame]
+        place = place + self.plan.offset_m[picks] @ _turn(np.array([self.turn[frame]]))[0].T
+        np.add.at(self.total, label, weight[:, None] * place)
+        np.add.at(self.weight, label, weight)
+
+    def settle(self, frame: int) -> float:
+        """Lay a photo down where it fits best among the others; its cost there."""
+        self._weigh(frame, -1.0)
+        self.there[frame] = False
+        around = 2 * np.pi * np.arange(STEPS) / STEPS
+        cost, _ = self._costs(frame, around)
+        best = around[int(cost.argmin())]
+        near = best + np.linspace(-1.0, 1.0, 17) * 2 * np.pi / STEPS
+        cost, shift = self._costs(frame, near)
+        k = int(cost.argmin())
+        self.put(frame, float(near[k]), shift[k])
+        return float(cost[k])
+
+    def _costs(self, frame: int, turn: Floats) -> tuple[Floats, Floats]:
+        """Costs (T,) of a photo at some turns, and the shifts (T, 2) that suit it best there."""
+        plan, picks = self.plan, self.picks[frame]
+        label = plan.label[picks]
+        met = self.weight[label] > 1e-9
+        picks, label = picks[met], label[met]
+        sigma = plan.turn_sigma_rad[frame]
+        prior = (((turn + np.pi) % (2 * np.pi) - np.pi) / sigma) ** 2
+        if not len(picks):
+            return prior, np.zeros((len(turn), 2))
+        target = self.total[label] / self.weight[label][:, None] - plan.center_m[frame]
+        place = np.einsum("tij,pj->tpi", _turn(turn), plan.offset_m[picks])
+        off = place - target
+        weight = 1.0 / (plan.sigma_m[picks] ** 2 + 1.0 / self.weight[label])
+        own = 1.0 / (2.0 * plan.center_sigma_m[frame] ** 2)
+        robust = np.ones(off.shape[:2])
+        for _ in range(3):
+            total = weight * robust
+            shift = -np.einsum("tp,tpi->ti", total, off) / (total.sum(axis=1) + own)[:, None]
+            squared = weight * np.sum((off + shift[:, None]) ** 2, axis=2)
+            robust = 1.0 / (1.0 + squared / ROBUST**2)
+        cost = ROBUST**2 * np.log1p(squared / ROBUST**2).sum(axis=1)
+        return cost + own * np.sum(shift**2, axis=1) + prior, shift
+
+
+def _turn(angle: Floats) -> Floats:
+    """(T, 2, 2) turns about up."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.stack([np.stack([cosine, -sine], -1), np.stack([sine, cosine], -1)], -2)
