@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavgram.errors import near_miss
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Several
 from uavgram.pipeline.inputs import Inputs, read_inputs
 from uavgram.pipeline.pose import Posed, pose_frames
+from uavgram.stages.tell import told
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,7 +32,7 @@ def check(project: str | os.PathLike[str]) -> Checked:
     """
     inputs = read_inputs(Path(project), unpicked=True)
     posed = pose_frames(inputs)
-    messages = (*inputs.messages, *posed.messages, *missing(inputs), *_unseen(inputs))
+    messages = told(*inputs.messages, *posed.messages, *missing(inputs), *_unseen(inputs))
     return Checked(inputs=inputs, posed=posed, messages=messages)
 
 
@@ -81,4 +82,6 @@ def _unseen(inputs: Inputs) -> list[Message]:
 def _never_picked(what: str, label: str, picked: set[str]) -> Message:
     near = near_miss(label, sorted(picked))
     hint = f" ({near})" if near else ""
-    return Message("warning", "label-unseen", f"Point {label!r} of {what} is never picked{hint}.")
+    several = Several("{count} points are never picked", f"{label!r} of {what}{hint}")
+    text = f"Point {label!r} of {what} is never picked{hint}."
+    return Message("warning", "label-unseen", text, labels=(label,), several=several)

@@ -27,7 +27,7 @@ from uavgram.imaging.known_point_pose import known_point_poses
 from uavgram.model.arrays import Floats
 from uavgram.model.evidence import SecondOrder
 from uavgram.model.learnt_camera import learnt_camera
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Several
 from uavgram.model.observations import KnownPoints, KnownWorldPoints
 from uavgram.model.options import ACCOUNT, Project, option_pairs
 from uavgram.model.provenance import Provenance
@@ -54,6 +54,7 @@ from uavgram.stages.summarise import (
     summarise_shared,
     summarise_solution,
 )
+from uavgram.stages.tell import told
 
 PACKAGES = ("numpy", "scipy", "opencv-python-headless", "pymavlink", "pyproj", "rerun-sdk")
 
@@ -171,7 +172,7 @@ def compute(
         line_checks=judged.line_checks,
         checks_overall=judged.checks_overall,
         solution=summarise_solution(refined, judged.groups, others),
-        messages=(
+        messages=told(
             *(() if mount is None else (mount,)),
             *inputs.messages,
             *posed.messages,
@@ -257,7 +258,12 @@ def _unseen_control(control: KnownWorldPoints, assembled: Assembled) -> tuple[Me
             near = near_miss(label, known)
             hint = f" ({near})" if near else ""
             text = f"The control point {label!r} is not used: it has no usable pick{hint}."
-            messages.append(Message("warning", "control-unseen", text))
+            several = Several(
+                "{count} control points are not used, having no usable pick", f"{label!r}{hint}"
+            )
+            messages.append(
+                Message("warning", "control-unseen", text, labels=(label,), several=several)
+            )
     return tuple(messages)
 
 

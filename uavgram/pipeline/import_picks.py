@@ -14,6 +14,7 @@ from uavgram.io.imports.labelme import read_labelme
 from uavgram.io.picks_writer import write_new_control, write_new_picks
 from uavgram.model.imported import ImportedPicks
 from uavgram.model.message import Message
+from uavgram.stages.tell import told
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ def import_picks(
         label=tuple(name for one in read for name in one.label),
         pixel_px=np.concatenate([one.pixel_px for one in read]),
         known=next((one.known for one in read if one.known is not None), None),
-        messages=tuple(message for one in read for message in one.messages),
+        messages=told(*(message for one in read for message in one.messages)),
     )
     if control is not None:
         if together.known is None:
