@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter, validators
 
-from uavgram.cli.application import DONE, app
+from uavgram.cli.application import DONE, Decimal, app
 from uavgram.cli.terminal import say
 from uavgram.errors import InputError
 
@@ -22,7 +22,7 @@ def import_(
     *,
     output: Path,
     control: Path | None = None,
-    control_sigma_m: Annotated[float | None, Parameter(validator=validators.Number(gt=0))] = None,
+    control_sigma_m: Annotated[Decimal | None, Parameter(validator=validators.Number(gt=0))] = None,
 ) -> int:
     """Write a picks.csv from LabelMe's JSON files or OpenDroneMap's gcp_list.txt.
 

@@ -14,6 +14,7 @@ import numpy as np
 from uavgram.errors import InputError, near_miss
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.limits import LARGEST_NUMBER, sigma_fault
+from uavgram.model.typed_numbers import comma_question, has_decimal_comma, with_point
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 UNSHOWABLE = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff]")
@@ -46,6 +47,11 @@ class Columns:
     def required(self) -> tuple[str, ...]:
         """Names of the columns that every file must have."""
         return (*self.text, *self.numbers)
+
+    @property
+    def numeric(self) -> tuple[str, ...]:
+        """Names of the columns that hold numbers."""
+        return (*self.numbers, *self.optional_numbers)
 
     @property
     def known(self) -> tuple[str, ...]:
@@ -114,7 +120,10 @@ class Table:
 
 
 def read_table(path: str | Path, columns: Columns) -> Table:
-    """Read a CSV file with a header: UTF-8 with or without byte order mark, comma, blank lines.
+    """Read a CSV file with a header: UTF-8 with or without byte order mark, blank lines.
+
+    Cells are separated by commas, or all by semicolons, as spreadsheets do that write a decimal
+    comma. A comma in a number is read where it can only be a decimal one.
 
     Returns
     -------
@@ -133,12 +142,10 @@ def read_table(path: str | Path, columns: Columns) -> Table:
         wanted = ",".join(columns.required)
         raise InputError(path, f"the file is empty: its first line must be {wanted}", 1)
     (header_line, header), rows = records[0], records[1:]
-    if len(header) == 1 and (separator := re.search("[;\t]", header[0])):
-        used = "semicolons" if separator[0] == ";" else "tabs"
+    if len(header) == 1 and "\t" in header[0]:
         raise InputError(
             path,
-            f"the cells are separated by {used}: save the table as CSV with commas, and with "
-            "decimal points",
+            "the cells are separated by tabs: save the table as CSV with commas or semicolons",
             header_line,
         )
     faults: list[tuple[int | None, str]] = [
@@ -151,6 +158,8 @@ def read_table(path: str | Path, columns: Columns) -> Table:
     ]
     if faults:
         raise InputError.of_all(path, faults)
+    numeric = [k for k, name in enumerate(header) if name in columns.numeric]
+    is_comma = any("," in row[k] and has_decimal_comma(row[k]) for _, row in rows for k in numeric)
     table = Table(path, np.array([line for line, _ in rows], np.int64), tuple(header), {}, {})
     for name in columns.known:
         at = header.index(name) if name in header else None
@@ -163,13 +172,14 @@ def read_table(path: str | Path, columns: Columns) -> Table:
             for row in (i for i, cell in enumerate(cells) if UNSHOWABLE.search(cell)):
                 table.blame(row, f"{name} holds {_unshowable(cells[row])}: type it again")
         else:
-            table.numbers[name] = _numbers(table, name, cells)
+            table.numbers[name] = _numbers(table, name, cells, is_comma=is_comma)
     return table
 
 
 def _records(path: Path) -> list[tuple[int, list[str]]]:
     """Split a file into (line, stripped cells), blank lines left out."""
-    reader = csv.reader(io.StringIO(_read_text(path), newline=""), strict=True)
+    text = _read_text(path)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator_of(text), strict=True)
     records = []
     line = 1
     try:
@@ -183,6 +193,12 @@ def _records(path: Path) -> list[tuple[int, list[str]]]:
             path, f'is not valid CSV: {fault}; is a quote (") missing?', line
         ) from fault
     return records
+
+
+def separator_of(text: str) -> str:
+    """What separates the cells of a table: a semicolon where its header knows no comma."""
+    header = next((line for line in text.splitlines() if line.strip(" ,;")), "")
+    return ";" if ";" in header and "," not in header else ","
 
 
 def _read_text(path: Path) -> str:
@@ -237,13 +253,16 @@ def own_columns(path: str | Path, columns: Columns) -> tuple[str, ...]:
     return tuple(name for name in header if name not in columns.known)
 
 
-def _numbers(table: Table, name: str, cells: Sequence[str]) -> Floats:
-    """(N,) numbers of a column; NaN, and a fault, for what is none."""
+def _numbers(table: Table, name: str, cells: Sequence[str], *, is_comma: bool) -> Floats:
+    """(N,) numbers of a column; NaN, and a fault, for what is none.
+
+    `is_comma`: the table writes decimal commas, so that ``12,001`` is no question.
+    """
     values = np.full(len(cells), np.nan)
     for row, cell in enumerate(cells):
         if not cell:
             continue
-        number = parse_number(cell)
+        number = parse_number(cell.replace(",", ".") if is_comma and cell.count(",") == 1 else cell)
         if number is None:
             table.blame(row, f"{name} must be a number (got {cell!r}){number_hint(cell)}")
         else:
@@ -252,7 +271,11 @@ def _numbers(table: Table, name: str, cells: Sequence[str]) -> Floats:
 
 
 def parse_number(text: str) -> float | None:
-    """Read a decimal number of at most LARGEST_NUMBER; None for anything else (nan, inf, 1_000)."""
+    """Read a decimal number of at most LARGEST_NUMBER; None for anything else (nan, inf, 1_000).
+
+    A decimal comma is read where it can mean nothing else: ``1,5``, not ``12,001``.
+    """
+    text = with_point(text)
     value = float(text) if _NUMBER.fullmatch(text) else np.inf
     return value if abs(value) <= LARGEST_NUMBER else None
 
@@ -261,8 +284,10 @@ def number_hint(text: str) -> str:
     """Say why some text that looks like a number is none."""
     if _NUMBER.fullmatch(text):
         return ": it is far too large"
-    if re.fullmatch(r"[-+]?[0-9.]*,[0-9]+", text):
-        return ": write a decimal point, not a comma"
+    if question := comma_question(text):
+        return question
+    if re.fullmatch(r"[-+]?[0-9.,]*,[0-9.]+", text):
+        return ": write it with one decimal point, and no comma"
     if re.fullmatch(r"[-+]?[0-9.]+\s*[a-zA-Z°]+", text):
         return ": write the number alone, the column's name says the unit"
     return ""

@@ -13,10 +13,12 @@ from __future__ import annotations
 import importlib.metadata
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.config.project import relative_paths
 from uavgram.errors import GeometryError, near_miss
 from uavgram.estimation.adjustment import Refined
 from uavgram.estimation.error_budget import error_budget, shares
@@ -284,7 +286,9 @@ def _provenance(inputs: Inputs, seed: int | None) -> Provenance:
         created_utc=datetime.now(UTC).isoformat(timespec="seconds"),
         made_by=account_name() if operator == ACCOUNT else operator,
         inputs=inputs.digests,
-        options=option_pairs(inputs.project),
+        options=option_pairs(
+            relative_paths(inputs.project, Path(inputs.project_path).absolute().parent)
+        ),
         seed=seed,
         packages=package_versions(PACKAGES),
     )
