@@ -29,6 +29,11 @@ _HOME = {
 }
 
 
+def __dir__() -> list[str]:
+    """What the module has: names of the door too, which are loaded when they are asked for."""
+    return sorted({*globals(), *__all__})
+
+
 def __getattr__(name: str) -> Any:  # noqa: ANN401
     if name not in _HOME:
         raise AttributeError(f"module 'uavgram' has no attribute {name!r}")

@@ -136,13 +136,13 @@ def test_what_is_wrong_is_said_beside_its_field_and_nothing_else_is_changed(plan
         page = open_page(server)
         for label, (u, v) in zip(("A", "B", "C"), planted.marks_px, strict=False):
             place(page, label, u, v)
-        for end, length in (("B", "1.5"), ("C", "2.5")):
+        for end, length in (("B", "1,5"), ("C", "2.5")):
             page.keyboard.press("l")
             type_label(page, "A")
             type_label(page, end)
             form = entry(page, f"New length A to {end}")
             wrong = form.get_by_role("alert")
-            for typed, why in (("abc", "abc is no number"), ("1,5", "write 1.5, with a point")):
+            for typed, why in (("abc", "abc is no number"), ("12,001", "meant as 12.001 or 12001")):
                 form.get_by_label("Length").fill(typed)
                 page.keyboard.press("Enter")
                 expect(wrong).to_contain_text(why)

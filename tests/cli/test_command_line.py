@@ -7,8 +7,10 @@ import subprocess
 import sys
 
 import pytest
+from cyclopts import App
 
 from uavgram.cli import main
+from uavgram.cli.application import Decimal
 
 ESCAPE = "\x1b"
 
@@ -72,13 +74,12 @@ def test_log_reads_both_formats(repository, command, name):
     "arguments",
     [
         ["rnu", "project.yaml"],
-        ["run"],
         ["run", "a.yaml", "b.yaml"],
         ["run", "a.yaml", "--outptu", "x"],
         ["run", "a.yaml", "--output"],
         ["demo", "--seed", "many"],
         ["demo", "--seed", "-1"],
-        ["check"],
+        ["rectify", "--pixel-size", "12,001"],
         ["log"],
         ["view"],
     ],
@@ -91,6 +92,60 @@ def test_wrong_usage_is_status_2_on_stderr(command, arguments, tmp_path, monkeyp
     assert done.stderr.startswith("uavgram: ")
     assert "uavgram --help" in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["run", "check", "pick", "rectify", "geotag"])
+def test_without_a_project_here_the_way_to_one_is_told(command, name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for arguments in ([name], [name, tmp_path]):
+        done = command(*arguments)
+        assert (done.status, done.stdout) == (1, "")
+        assert "project.yaml: there is no such file" in done.stderr
+        assert "uavgram new" in done.stderr
+
+
+def test_a_folder_means_the_project_in_it_and_nothing_the_present_one(
+    project, command, monkeypatch
+):
+    monkeypatch.chdir(project.folder)
+    named = command("check", project.path)
+    assert command("check").stdout == command("check", project.folder).stdout == named.stdout
+    assert named.status == 0
+
+
+def test_the_table_stops_after_as_many_rows_as_asked_and_says_how_to_see_the_rest(project, command):
+    done = command("run", project.path, "--rows", "3")
+    table, _, said = done.stdout.partition("\n\n")
+    assert len(table.splitlines()) == 2 + 3 + 1
+    assert "... and 8 more" in table
+    assert "--rows 0" in table
+    assert str(project.out / "measurements.csv") in table
+    assert " fx " not in said  # what the camera learnt is for -v
+
+
+def test_a_decimal_comma_is_a_point_where_it_can_mean_nothing_else():
+    seen = []
+    probe = App(name="probe", result_action="return_value")
+
+    @probe.command
+    def take(*, size: Decimal) -> None:
+        seen.append(size)
+
+    for typed in ("1,5", "1.5", "0,125"):
+        probe(["take", "--size", typed])
+    assert seen == [1.5, 1.5, 0.125]
+
+
+def test_what_may_be_thousands_is_asked_about(command):
+    said = command("rectify", "--pixel-size", "12,001").stderr
+    assert "is it 12.001 or 12001? Write it without a comma" in said
+
+
+def test_shell_completion_can_be_installed(command, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    script = tmp_path / "uavgram.bash"
+    assert command("--install-completion", "--shell", "bash", "--output", script).status == 0
+    assert "rectify" in script.read_text()
 
 
 def test_a_mistyped_command_is_suggested(command):

@@ -99,8 +99,10 @@ def test_check_tells_of_labels_never_picked_and_suggests_the_near_miss(project, 
     project.cell("measure.csv", 1, "points", "P1;P22")
     done = command("check", project.path)
     assert done.status == 0
-    assert "'R33' of line 'L2' is never picked (did you mean 'R" in done.stdout
-    assert "'P22' of measurement 'skid left' is never picked (did you mean 'P2'?)" in done.stdout
+    (said,) = [line for line in done.stdout.splitlines() if "never picked" in line]
+    assert said.startswith("warning: 2 points are never picked: ")
+    assert "'R33' of line 'L2' (did you mean 'R" in said
+    assert "'P22' of measurement 'skid left' (did you mean 'P2'?)" in said
 
 
 def test_without_measurements_the_table_says_so(project, command):
@@ -117,4 +119,6 @@ def test_measurements_of_nothing_but_labels_never_picked_are_all_null(project, r
     (project / "measure.csv").write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
     result, _ = runs()
     assert [str(value) for value in result.measurements.value] == ["nan", "nan"]
-    assert len(messages(result, "measurement-null")) == 2
+    (said,) = [m for m in result.messages if m.code == "measurement-null"]
+    assert said.measurements == ("one", "two")
+    assert said.text.startswith("2 measurements have no value: 'one', 'two' (")

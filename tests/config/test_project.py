@@ -41,6 +41,11 @@ def test_the_three_required_keys_are_enough(load, tmp_path):
     assert project.telemetry.position_bias_sigma_m == (2.0, 3.0)
 
 
+def test_a_decimal_comma_that_can_mean_nothing_else_is_read(load):
+    assert load("picks_sigma_px: 1,5\n").picks_sigma_px == 1.5
+    assert load("ground:\n  height_m: -0,125\n").ground.height_m == -0.125
+
+
 def test_every_key_of_a_real_project_arrives(load):
     project = load(
         "name: 'x'\nlog: flight.BIN\nlines: lines.csv\noutput: results\n"
@@ -106,7 +111,8 @@ def test_patterns_find_photos_in_a_folder_whose_name_holds_glob_characters(tmp_p
         ("picks_sigma_px: no\n", 4, "must be a number (got 'no')"),
         ("picks_sigma_px: 12:30\n", 4, "must be a number (got '12:30')"),
         ("picks_sigma_px: 010\n", 4, "without the leading zero"),
-        ("picks_sigma_px: 1,5\n", 4, "decimal point"),
+        ("picks_sigma_px: 12,001\n", 4, "is it 12.001 or 12001? Write it without a comma"),
+        ("picks_sigma_px: 1.000,5\n", 4, "decimal point"),
         ("picks_sigma_px: 2 px\n", 4, "the key's name says the unit"),
         ("picks_sigma_px: .nan\n", 4, "must be a number (got '.nan')"),
         ("picks_sigma_px: 1e999\n", 4, "must be a number"),

@@ -80,7 +80,9 @@ def test_a_length_in_millimetres_is_the_only_thing_named(solve, without):
     status = dict(zip(result.lines.name, result.lines.status, strict=True))
     assert status == dict.fromkeys(status, "used") | {"L2": "removed", "L6": "checked"}
     assert as_it_should_be(result, clean)
-    assert [one.what for one in result.removals] == ["length 'L2'"]
+    (removal,) = result.removals
+    assert removal.what.startswith("length 'L2' (")
+    assert f"The {removal.what} was left out" in text
 
 
 def test_all_lengths_in_feet_are_told_in_one_message(solve):

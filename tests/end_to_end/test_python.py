@@ -32,6 +32,10 @@ def assert_same(one, other, where="result"):
         assert one == other, where
 
 
+def test_the_module_shows_what_it_is_for():
+    assert {"run", "load_results", "Result", "UavgramError"} <= set(dir(uavgram))
+
+
 def test_loading_gives_the_object_that_run_returned(demo, tmp_path):
     returned = uavgram.run(demo.project, output=tmp_path / "out")
     assert_same(returned, uavgram.load_results(tmp_path / "out" / "results.json"))

@@ -35,11 +35,12 @@ def changed(survey, name, index, by):
 
 def test_in_one_frame_a_length_and_the_picks_of_its_ends_are_one_group(scene_factory):
     survey = scene_factory(3, sources=("pixels", "lengths"), **ALONE).survey
+    survey = replace(survey, line_name=("a", "b", "c", "d", "e", "f"))
     adjustment, (found, *_) = suspected(changed(survey, "length_m", 1, 0.5))
     assert found.accused == Member("lengths", 1, 0)
     assert {(m.kind, m.row) for m in found.group} == {("pixels", 1), ("pixels", 7)}
-    names = Names(adjustment, ("a", "b", "c", "d", "e", "f"))
-    assert names.group(found) == "length 'b' or the picks of 'P1' and 'P7' in 'f0'"
+    names = Names(adjustment)
+    assert names.group(found) == "length 'b' ('P1' to 'P7') or the picks of 'P1' and 'P7' in 'f0'"
     assert names.look(found) == "no test can part them: look at all three"
 
 

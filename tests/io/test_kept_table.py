@@ -98,6 +98,25 @@ def test_a_column_is_added_only_where_a_value_needs_it(picks_file):
     assert read_picks(picks_file).height_m[2] == 0.12
 
 
+def test_a_table_with_semicolons_and_decimal_commas_stays_one(tmp_path):
+    path = tmp_path / "lines.csv"
+    path.write_bytes(b'name;from;to;length_m;sigma_m;note\nL1;A;B;12,001;0,010;"a;b"\n')
+    before = read_lines(path)
+    after = KnownLines(
+        name=("L1", "L2"),
+        start=("A", "C"),
+        end=("B", "D"),
+        length_m=np.array([12.001, 3.5]),
+        sigma_m=np.array([0.02, 0.02]),
+        adjust=np.array([True, True]),
+    )
+    path.write_bytes(lines_content(path.read_bytes(), before, after))
+    assert path.read_bytes() == (
+        b'name;from;to;length_m;sigma_m;note\nL1;A;B;12,001;0,02;"a;b"\nL2;C;D;3,5;0,02;\n'
+    )
+    assert read_lines(path).length_m.tolist() == [12.001, 3.5]
+
+
 def test_a_new_length_that_is_adjusted_needs_no_column_that_says_so(tmp_path):
     path = tmp_path / "lines.csv"
     path.write_bytes(b"name,from,to,length_m,sigma_m\nL1,A,B,11.5200,0.010\n")
@@ -177,3 +196,11 @@ def test_any_table_becomes_what_it_should_hold_and_back_again(before, after, end
 
 def test_a_new_table_quotes_what_needs_quotes():
     assert new_table(["a", "b"], [{"a": "x,y", "b": 'say "z"'}]) == b'a,b\n"x,y","say ""z"""\n'
+
+
+def test_a_negative_number_with_a_decimal_comma_is_written_as_a_number():
+    """Guarded against formulas, it would be read as text: no number."""
+    before = b"name;length_m\na;1,5\n"
+    rows = ({"name": "a", "length_m": "1.5"}, {"name": "b", "length_m": "-2.25"})
+    written = rewritten_table(before, rows[:1], rows, ("name",))
+    assert written.decode().splitlines()[-1] == "b;-2,25"

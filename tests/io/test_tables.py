@@ -76,7 +76,8 @@ def test_rows_keep_their_line_numbers_across_blank_lines_and_quoted_breaks(read_
     [
         ("", 1, "the file is empty"),
         ("\n\n", 1, "the file is empty"),
-        ("name;length_m\na;1,5\nb;2,5\n", 1, "by semicolons: save the table as CSV with commas"),
+        ("name;length_m\na;12,001\n", 2, "is it 12.001 or 12001? Write it without a comma"),
+        ("name;length_m\na;1.234,5\n", 2, "with one decimal point, and no comma"),
         ("name\tlength_m\na\t1\n", 1, "by tabs: save the table as CSV with commas"),
         ("name,sigma_m\na,1\n", 1, "column 'length_m' is missing"),
         ("name,length_m,sigma\na,1,1\n", 1, "unknown column 'sigma': did you mean 'sigma_m'?"),
@@ -87,7 +88,7 @@ def test_rows_keep_their_line_numbers_across_blank_lines_and_quoted_breaks(read_
         ("name,length_m\n,1\n", 2, "name is empty"),
         ("name,length_m\na,\n", 2, "length_m is empty"),
         ("name,length_m\na,1\nb,x\n", 3, "length_m must be a number (got 'x')"),
-        ('name,length_m\na,"1,5"\n', 2, "decimal point"),
+        ('name,length_m\na,"12,001"\n', 2, "is it 12.001 or 12001?"),
         ("name,length_m\na,12 m\n", 2, "write the number alone"),
         ("name,length_m\na,nan\n", 2, "must be a number (got 'nan')"),
         ("name,length_m\na,-inf\n", 2, "must be a number (got '-inf')"),
@@ -196,3 +197,20 @@ def test_what_turns_or_hides_what_is_read_is_no_part_of_a_name(code):
 )
 def test_names_in_any_script_are_names(name):
     assert not unshowable(name)
+
+
+def test_semicolons_and_decimal_commas_are_read_as_spreadsheets_write_them(read):
+    plain = read("name,length_m,sigma_m\na,1.5,0.010\nb,-22.125,\n")
+    table = read("name;length_m;sigma_m\na;1,5;0,010\nb;-22,125;\n")
+
+    assert table.text == plain.text
+    for name, numbers in plain.numbers.items():
+        np.testing.assert_array_equal(table.numbers[name], numbers)
+
+
+def test_one_comma_that_is_clear_answers_for_the_whole_table(read):
+    assert read("name;length_m;sigma_m\na;12,001;0,02\n").numbers["length_m"].tolist() == [12.001]
+
+
+def test_a_quoted_decimal_comma_between_commas_is_read_too(read):
+    assert read('name,length_m\na,"1,5"\n').numbers["length_m"].tolist() == [1.5]

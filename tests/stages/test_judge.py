@@ -23,6 +23,7 @@ from uavgram.stages.judge import (
     judge_removals,
     judge_suspects,
     judge_weakest,
+    swapped_labels,
 )
 from uavgram.stages.refine import refine
 
@@ -59,22 +60,27 @@ def lines_of(survey, adjust=None):
 
 
 def solve(survey, outliers="report"):
+    if not survey.line_name:
+        survey = replace(survey, line_name=lines_of(survey).name)
     return refine(survey, SolveOptions(outliers=outliers))[0]
+
+
+def named(lines, i):
+    return f"length {lines.name[i]!r} ({lines.start[i]!r} to {lines.end[i]!r})"
 
 
 WHOLE = (MeasurementRequest(name="whole", kind="distance", points=("P0", "P1")),)
 
 
-def examined(refined, lines, index=None, requests=WHOLE):
-    index = np.arange(len(lines.name)) if index is None else index
+def examined(refined, requests=WHOLE):
     measured = measured_rows(refined.adjustment, requests, None)
-    return examine(refined, lines, index, measured, ALPHA)
+    return examine(refined, measured, ALPHA)
 
 
 def test_a_clean_survey_has_nothing_to_say(scene_factory):
     survey = scene_factory(9, frames=6).survey
     refined = solve(survey)
-    given = examined(refined, lines_of(survey))
+    given = examined(refined)
     picks, _ = judge_picks(given, table(survey))
     lines, checks, _, line_messages = judge_lines(given, lines_of(survey), np.arange(6))
     groups, group_messages = judge_groups(refined.adjustment, ALPHA)
@@ -93,7 +99,7 @@ def test_a_wrong_pick_and_a_wrong_length_are_named(scene_factory, outliers, stat
     survey = scene_factory(6, frames=6, lines=8).survey
     survey = changed(changed(survey, "pixel_px", (17, 0), 15.0), "length_m", 2, 0.5)
     refined = solve(survey, outliers)
-    given = examined(refined, lines_of(survey))
+    given = examined(refined)
     picks, _ = judge_picks(given, table(survey))
     lines, _, _, _ = judge_lines(given, lines_of(survey), np.arange(8))
     messages = judge_suspects(given)
@@ -125,7 +131,7 @@ def test_residuals_and_redundancies_stand_with_their_own_picks(scene_factory):
         sigma_px=np.append(whole.sigma_px[shuffled], 1.0),
         survey_index=index,
     )
-    under_test = examined(refined, lines_of(survey))
+    under_test = examined(refined)
     plain, plain_effects = judge_picks(under_test, whole)
     found, effects = judge_picks(under_test, given)
     np.testing.assert_array_equal(effects.change[:-1], plain_effects.change[shuffled])
@@ -151,9 +157,7 @@ def test_a_withheld_length_is_judged_by_its_error_over_the_joint_sigma(scene_fac
     )
     index = np.array([0, 1, 2, 3, -1, 4])
     known = lines_of(survey, adjust)
-    lines, checks, effects, messages = judge_lines(
-        examined(solve(reduced), known, index), known, index
-    )
+    lines, checks, effects, messages = judge_lines(examined(solve(reduced)), known, index)
     assert effects.on[4] == ""
     assert lines.status == ("used",) * 4 + ("checked", "used")
     assert checks.name == ("L4",)
@@ -165,7 +169,7 @@ def test_a_withheld_length_is_judged_by_its_error_over_the_joint_sigma(scene_fac
 
     wrong = changed(survey, "length_m", 4, 1.0)
     known = lines_of(wrong, adjust)
-    _, _, _, messages = judge_lines(examined(solve(reduced), known, index), known, index)
+    _, _, _, messages = judge_lines(examined(solve(reduced)), known, index)
     assert [m.code for m in messages] == ["line-suspect"]
 
 
@@ -181,7 +185,7 @@ def test_a_length_to_a_label_never_picked_is_unseen_with_the_nearest_spelling(sc
         },
     )
     index = np.array([-1, 0, 1, 2, 3, 4])
-    found, _, _, messages = judge_lines(examined(solve(without), lines, index), lines, index)
+    found, _, _, messages = judge_lines(examined(solve(without)), lines, index)
     assert found.status[0] == "unseen"
     assert np.isnan(found.adjusted_m[0])
     assert [m.code for m in messages] == ["line-unseen"]
@@ -227,13 +231,13 @@ def test_a_boresight_and_a_frame_far_from_their_priors_are_named(scene_factory):
         [[1, 0, 0], [0, 0.9801, -0.1987], [0, 0.1987, 0.9801]]
     )
     strained = replace(strained, telemetry=replace(strained.telemetry, gimbal_from_camera=turned))
-    messages = judge_suspects(examined(solve(strained), lines_of(strained)))
+    messages = judge_suspects(examined(solve(strained)))
     assert any("boresight x" in m.text for m in messages)
 
     late = np.array(prior.time_s)
     late[2] += 0.4
     tight = replace(prior, time_s=late, covariance=prior.covariance * 0.01, clock_sigma_s=0.01)
-    given = examined(solve(replace(survey, telemetry=tight)), lines_of(survey))
+    given = examined(solve(replace(survey, telemetry=tight)))
     messages = judge_suspects(given)
     assert any("'f2'" in m.text for m in messages if m.code == "telemetry-strained")
 
@@ -241,7 +245,7 @@ def test_a_boresight_and_a_frame_far_from_their_priors_are_named(scene_factory):
 def test_every_prior_has_a_row_with_its_name_unit_and_effect(scene_factory):
     survey = scene_factory(6, frames=4, control=2, roughness=0.05, verge=(4, 5, 9)).survey
     refined = solve(survey)
-    priors = judge_priors(examined(refined, lines_of(survey)))
+    priors = judge_priors(examined(refined))
     rows = dict(zip(zip(priors.name, priors.frame_id, strict=True), priors.unit, strict=True))
     assert rows["image x axis", "f2"] == "deg"
     assert rows["north", "f0"] == "m"
@@ -271,10 +275,11 @@ def test_a_suspect_in_one_frame_names_its_group_and_blames_nobody_else(scene_fac
         sources=("pixels", "lengths"),
     )  # fmt: skip
     survey = changed(scene.survey, "length_m", 1, 0.4)
-    given = examined(solve(survey), lines_of(survey))
+    given = examined(solve(survey))
     (message,) = judge_suspects(given)
     assert message.code == "line-suspect"
-    group = "The length 'L1' or the picks of 'P1' and 'P7' in 'f0': no test can part them"
+    picks_of_ends = "the picks of 'P1' and 'P7' in 'f0'"
+    group = f"The {named(lines_of(survey), 1)} or {picks_of_ends}: no test can part them"
     assert f"{group}: look at all three." in message.text
     lines, _, _, _ = judge_lines(given, lines_of(survey), np.arange(6))
     picks, _ = judge_picks(given, table(survey))
@@ -287,7 +292,9 @@ def test_the_record_of_a_removal_tells_what_it_did(scene_factory):
     before, after = solve(survey), solve(survey, "remove")
     lines = lines_of(survey)
     record, *_ = judge_removals(after, lines, np.arange(8), WHOLE, None)
-    assert record.what == "length 'L2'"
+    assert record.what == named(lines, 2)
+    (said,) = [m for m in judge_suspects(examined(before)) if m.lengths == ("L2",)]
+    assert said.text.startswith(f"The {named(lines, 2)} does not fit")  # one name in both modes
     assert abs(record.w) == pytest.approx(abs(after.removals[0].suspicion.w))
     assert record.variance_factor_before > record.variance_factor_after
     steps = [before, *(r.before for r in after.removals[1:]), after]
@@ -297,11 +304,11 @@ def test_the_record_of_a_removal_tells_what_it_did(scene_factory):
 
 def test_the_weakest_link_is_named_with_its_size(scene_factory):
     survey = scene_factory(6, frames=6, lines=8).survey
-    given = examined(solve(survey), lines_of(survey))
+    given = examined(solve(survey))
     links = judge_weakest(given)
     lines, _, effects, _ = judge_lines(given, lines_of(survey), np.arange(8))
     largest = int(np.argmax(np.abs(effects.change)))
-    assert links.what == (f"length 'L{largest}'",)
+    assert links.what == (named(lines_of(survey), largest),)
     assert links.bias[0] == pytest.approx(lines.mdb_m[largest])
     assert links.unit == ("m",)
     assert links.change[0] == pytest.approx(effects.change[largest])
@@ -363,7 +370,7 @@ def test_a_length_left_out_beforehand_is_named_with_both_values_and_its_unit(sce
         wrong = replace(survey, length_m=length)
         refined = solve(wrong)
         lines = lines_of(wrong)
-        given = examined(refined, lines)
+        given = examined(refined)
         found, _, _, messages = judge_lines(given, lines, np.arange(6))
         assert [m.code for m in messages] == ["line-left-out"]
         for line in factors:
@@ -375,7 +382,8 @@ def test_a_length_left_out_beforehand_is_named_with_both_values_and_its_unit(sce
         assert unit in messages[0].text
         assert judge_suspects(given) == ()
         records = judge_removals(refined, lines, np.arange(6), WHOLE, None)
-        assert [r.what for r in records] == [f"length 'L{line}'" for line in factors]
+        assert [r.what for r in records] == [named(lines, line) for line in factors]
+        assert messages[0].lengths == tuple(f"L{line}" for line in factors)
         assert all(np.isnan([r.variance_factor_before, *r.change]).all() for r in records)
         assert 0.3 < records[0].variance_factor_after < 2.0
 
@@ -385,7 +393,7 @@ def test_a_suspect_without_which_all_fits_is_the_only_one_named(scene_factory):
     wrong = changed(survey, "length_m", 2, 0.25 * survey.length_m[2])
     refined = solve(wrong)
     assert refined.accused_alone
-    (message,) = judge_suspects(examined(refined, lines_of(wrong)))
+    (message,) = judge_suspects(examined(refined))
     assert "'L2'" in message.text
     assert "Without it, everything else fits." in message.text
     assert judge_groups(refined.adjustment, ALPHA)[1] != ()
@@ -398,7 +406,7 @@ def test_tests_of_an_adjustment_not_at_rest_accuse_nobody(scene_factory, monkeyp
     refined = solve(survey)
     withheld = lines_of(survey, np.zeros(1, dtype=bool))
     for lines, index, status in ((lines_of(survey), 0, "used"), (withheld, -1, "checked")):
-        given = examined(refined, lines_of(survey))
+        given = examined(refined)
         found, _, _, messages = judge_lines(given, lines, np.array([index]))
         assert (*messages, *judge_suspects(given)) == ()
         assert found.status == (status,)
@@ -447,3 +455,31 @@ def test_check_points_that_are_all_off_are_told_in_one_message(scene_factory):
 
 
 NO_POINTS = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empty((0, 3)))
+
+
+@pytest.mark.parametrize("outliers", ["report", "remove"])
+def test_swapped_labels_are_told_as_such_and_their_picks_are_not_blamed(scene_factory, outliers):
+    survey = scene_factory(6, frames=6).survey
+    one, other = np.flatnonzero(survey.pick_frame == 2)[[1, 4]]
+    label = np.array(survey.pick_label)
+    label[[one, other]] = label[[other, one]]
+    swapped = replace(survey, pick_label=label)
+    given = examined(solve(swapped, outliers))
+    picks, _ = judge_picks(given, table(swapped))
+    (swap,) = swapped_labels(given, picks)
+    assert swap.frame == "f2"
+    assert set(swap.labels) == {survey.label[label[one]], survey.label[label[other]]}
+    messages = judge_suspects(given, (swap,))
+    assert [m.code for m in messages if "f2" in m.frames] == ["labels-swapped"]
+    assert messages[0].frames == ("f2",)
+    assert "seem to be swapped in 'f2'" in messages[0].text
+
+
+def test_two_wrong_picks_of_one_photo_are_no_swapped_labels(scene_factory):
+    survey = scene_factory(6, frames=6).survey
+    one, other = np.flatnonzero(survey.pick_frame == 2)[[1, 4]]
+    wrong = changed(changed(survey, "pixel_px", (one, 0), 60.0), "pixel_px", (other, 1), 60.0)
+    given = examined(solve(wrong))
+    picks, _ = judge_picks(given, table(wrong))
+    assert {picks.status[one], picks.status[other]} == {"suspect"}
+    assert swapped_labels(given, picks) == ()

@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
-from cyclopts import App, Parameter, validators
+from cyclopts import App, Parameter, Token, validators
 
+from uavgram.model.typed_numbers import comma_question, with_point
+
+
+def decimal(_type: object, tokens: Sequence[Token]) -> float:
+    """Read a number that a person typed; a decimal comma where it can mean nothing else."""
+    typed = tokens[0].value
+    try:
+        return float(with_point(typed))
+    except ValueError:
+        raise ValueError(f"must be a number (got {typed!r}){comma_question(typed)}") from None
+
+
+Decimal = Annotated[float, Parameter(converter=decimal)]
 Verbose = Annotated[bool, Parameter(name=["--verbose", "-v"], negative=())]
 Seed = Annotated[int, Parameter(validator=validators.Number(gte=0))]
 
@@ -21,4 +35,7 @@ app = App(
     exit_on_error=False,
     suppress_keyboard_interrupt=False,
     result_action="return_value",
+)
+app.register_install_completion_command(
+    help="Let the shell complete commands and options (bash, zsh, fish)."
 )

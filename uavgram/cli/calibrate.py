@@ -7,14 +7,14 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter, validators
 
-from uavgram.cli.application import DONE, app
+from uavgram.cli.application import DONE, Decimal, app
 from uavgram.cli.terminal import progress, say
 from uavgram.errors import InputError
 
 Switch = Annotated[bool, Parameter(negative=())]
 Model = Literal["brown", "fisheye"]
 Coefficients = Literal["auto", "3", "4", "5", "8"]
-Share = Annotated[float, Parameter(validator=validators.Number(gt=0, lt=1))]
+Share = Annotated[Decimal, Parameter(validator=validators.Number(gt=0, lt=1))]
 
 
 @app.command

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from uavgram.cli.application import DONE, app
+from uavgram.cli.application import DONE, Decimal, app
 from uavgram.cli.terminal import say
 from uavgram.errors import InputError
 
@@ -39,7 +39,7 @@ def camera(
     crop: Annotated[str | None, Parameter(validator=_is_part)] = None,
     size: Annotated[str | None, Parameter(validator=_is_size)] = None,
     compare: Path | None = None,
-    distance: float | None = None,
+    distance: Decimal | None = None,
     to: Literal["uavgram", "opencv", "colmap"] | None = None,
     output: Path | None = None,
 ) -> int:

@@ -9,13 +9,13 @@ from uavgram.cli.terminal import say
 
 
 @app.command
-def check(project: Path, /) -> int:
+def check(project: Path = Path(), /) -> int:
     """Read and validate every input of a project; run nothing.
 
     Parameters
     ----------
     project
-        The project file (project.yaml).
+        The project file, or the folder of a project.yaml; by default the present folder.
     """
     from uavgram.pipeline.check import check as check_project
     from uavgram.views.table import check_lines

@@ -39,7 +39,7 @@ def demo(
     survey = survey if seed is None else survey.with_seed(seed)
     result, truth, project = run_demo(output, survey, progress())
     recording = project.parent / "out" / "recording.rrd"
-    say(truth_table(result, truth), "", *message_lines(result.messages))
+    say(truth_table(result, truth), "", *message_lines(result.messages, verbose=verbose))
     say("", f"project:   {project}", f"results:   {recording.with_name('results.json')}")
     say(f"report:    {recording.with_name('report.html')}", f"look:      uavgram view {recording}")
     return DONE

@@ -11,7 +11,7 @@ from uavgram.cli.terminal import progress, say
 
 @app.command
 def geotag(
-    project: Path,
+    project: Path = Path(),
     /,
     *,
     output: Path | None = None,
@@ -23,7 +23,7 @@ def geotag(
     Parameters
     ----------
     project
-        The project file (project.yaml).
+        The project file, or the folder of a project.yaml; by default the present folder.
     output
         Folder of the files; by default `geotag` in the project's output folder.
     poses

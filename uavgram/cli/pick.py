@@ -15,7 +15,7 @@ Port = Annotated[int, Parameter(validator=validators.Number(gte=0, lte=65535))]
 
 @app.command
 def pick(
-    project: Path,
+    project: Path = Path(),
     /,
     *,
     port: Port = 0,
@@ -29,7 +29,7 @@ def pick(
     Parameters
     ----------
     project
-        The project file (project.yaml).
+        The project file, or the folder of a project.yaml; by default the present folder.
     port
         Of the page, on this machine only; 0: any free one.
     browser

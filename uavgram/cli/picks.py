@@ -7,11 +7,11 @@ from typing import Annotated
 
 from cyclopts import App, Parameter, validators
 
-from uavgram.cli.application import DONE, app
+from uavgram.cli.application import DONE, Decimal, app
 from uavgram.cli.terminal import say
 from uavgram.errors import InputError
 
-Sigma = Annotated[float | None, Parameter(validator=validators.Number(gt=0))]
+Sigma = Annotated[Decimal | None, Parameter(validator=validators.Number(gt=0))]
 
 picks = App(name="picks", help="Take over picks that were made in another program.")
 app.command(picks)

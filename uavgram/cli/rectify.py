@@ -7,25 +7,25 @@ from typing import Annotated
 
 from cyclopts import Parameter, validators
 
-from uavgram.cli.application import DONE, app
+from uavgram.cli.application import DONE, Decimal, app
 from uavgram.cli.terminal import progress, say
 
 
 @app.command
 def rectify(
-    project: Path,
+    project: Path = Path(),
     /,
     *,
     output: Path | None = None,
     frame: str | None = None,
-    pixel_size: Annotated[float | None, Parameter(validator=validators.Number(gt=0))] = None,
+    pixel_size: Annotated[Decimal | None, Parameter(validator=validators.Number(gt=0))] = None,
 ) -> int:
     """Make a metric top view of the ground: GeoTIFF, a PNG with a scale bar, a map of the sigma.
 
     Parameters
     ----------
     project
-        The project file (project.yaml).
+        The project file, or the folder of a project.yaml; by default the present folder.
     output
         Folder of the files; by default `rectified` in the project's output folder.
     frame

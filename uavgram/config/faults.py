@@ -12,6 +12,7 @@ from pydantic_core import ErrorDetails
 from uavgram.config.strict_yaml import KeyPath, Plain
 from uavgram.errors import near_miss
 from uavgram.model.options import OptionsError
+from uavgram.model.typed_numbers import comma_question
 
 LONGEST_VALUE_SHOWN = 60
 
@@ -167,9 +168,11 @@ def _number_hint(value: Plain) -> str:
     """Say why some text that looks like a number is none."""
     if not isinstance(value, str):
         return ""
+    if question := comma_question(value.strip()):
+        return question
     digits = value.strip().lstrip("+-")
     if digits.replace(",", "", 1).replace(".", "", 1).isdigit() and "," in digits:
-        return ": write a decimal point, not a comma"
+        return ": write it with one decimal point, and no comma"
     if digits[:1] == "0" and digits.isdigit():
         return ": write it without the leading zero"
     if digits[:1].isdigit() and digits[-1:].isalpha():

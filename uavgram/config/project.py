@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,11 +11,12 @@ from pathlib import Path
 from uavgram.config.faults import Fault
 from uavgram.config.strict_yaml import Document, Plain, read_yaml
 from uavgram.config.validation import validate
-from uavgram.errors import GeometryError, near_miss, no_file
+from uavgram.errors import GeometryError, InputError, near_miss, no_file
 from uavgram.geometry.map_projection import checked_crs
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Project
 
 _INPUT_FILES = ("log", "poses", "camera", "picks", "lines", "measure", "control", "check")
+PROJECT_FILE = "project.yaml"
 PICKED_FILES = ("picks", "lines", "measure")
 """Inputs that the picking page makes: a project that is not finished may lack them."""
 
@@ -34,7 +36,7 @@ def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
     Parameters
     ----------
     path
-        The file. Its paths are relative to its folder.
+        The file, or its folder (see `project_file`). Its paths are relative to its folder.
     unfinished
         Whether picks, lengths and measurements may name files that are not there yet.
 
@@ -50,7 +52,7 @@ def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
         Names file, line, key and value of every mistake at once: syntax, unknown or missing keys,
         wrong types, values out of range, input files that do not exist.
     """
-    path = Path(path).absolute()
+    path = project_file(path).absolute()
     document = read_yaml(path)
     data = document.data
     missing: tuple[Fault, ...] = ()
@@ -62,6 +64,52 @@ def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
         missing = _missing_files(data, path.parent, keys) + _unknown_crs(data)
     project = validate(Project, Document(path, data, document.lines, document.faults), missing)
     return _with_absolute_paths(project, path.parent)
+
+
+def project_file(path: str | Path) -> Path:
+    """The project file that is meant: in a folder, its project.yaml.
+
+    Raises
+    ------
+    InputError
+        The folder has none.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        return path
+    file = path / PROJECT_FILE
+    if not file.exists():
+        where = "" if path == Path() else f" {path}"
+        raise InputError(
+            file,
+            f"there is no such file: name the project file, or write one with `uavgram new{where}`",
+        )
+    return file
+
+
+def relative_paths(project: Project, folder: Path) -> Project:
+    """The project with its paths relative to its folder, as a person would write them there.
+
+    Parameters
+    ----------
+    project
+        As `load_project` returns it.
+    folder
+        The folder of its file.
+    """
+    folder = folder.absolute()
+    root = glob.escape(str(folder))
+    changed: dict[str, str] = {
+        key: _from_folder(name, str(folder))
+        for key in (*_INPUT_FILES, "output")
+        if (name := getattr(project, key)) is not None and not _is_no_path(key, name)
+    }
+    images = tuple(_from_folder(pattern, root) for pattern in project.images)
+    return replace(project, images=images, **changed)  # type: ignore[arg-type]
+
+
+def _from_folder(path: str, folder: str) -> str:
+    return Path(os.path.relpath(path, folder)).as_posix() if Path(path).is_absolute() else path
 
 
 def _missing_files(data: dict[str, Plain], folder: Path, keys: Sequence[str]) -> tuple[Fault, ...]:

@@ -17,6 +17,7 @@ import yaml
 
 from uavgram.errors import InputError, no_file
 from uavgram.model.limits import unshowable
+from uavgram.model.typed_numbers import with_point
 
 KeyPath = tuple[str | int, ...]
 Plain = str | int | float | bool | None | list["Plain"] | dict[str, "Plain"]
@@ -205,12 +206,14 @@ _RESOLVERS: tuple[tuple[re.Pattern[str], Callable[[str], Plain]], ...] = (
 def resolve_scalar(written: str) -> Plain:
     """Read an unquoted scalar by YAML 1.2.2, section 10.3.2, decimal and finite numbers only.
 
+    But for a decimal comma that can mean nothing else (``1,5``), which is a number here.
+
     Whatever is no such number stays text (``010``, ``12:30``, ``.nan``, ``0x10``, ``1_000``), so
     that it is refused where a number is wanted, with the text in the message.
     """
     for pattern, convert in _RESOLVERS:
-        if pattern.fullmatch(written):
-            value = convert(written)
+        if pattern.fullmatch(pointed := with_point(written)):
+            value = convert(pointed)
             is_infinite = isinstance(value, float) and math.isinf(value)
             return written if is_infinite else value
     return written

@@ -197,6 +197,8 @@ class Refined:
         (P,), (L,) of the survey handed in: taken out as blunders.
     pick_reason
         Why picks (index into the survey handed in) were left out beforehand.
+    undetermined
+        Those of them that were left out because they hang on what nothing determines.
     alternatives
         Other minima that explain the lengths as well.
     accused
@@ -213,5 +215,6 @@ class Refined:
     line_removed: Bools
     pick_reason: dict[int, str]
     alternatives: tuple[Adjustment, ...]
+    undetermined: frozenset[int] = frozenset()
     accused: Member | None = None
     accused_alone: bool = False

@@ -56,22 +56,20 @@ class Names:
     ----------
     adjustment
         The adjusted survey.
-    line_name
-        (L',) of the lengths that are observations, in the order of their rows; empty where they
-        have no names.
     """
 
     adjustment: Adjustment
-    line_name: tuple[str, ...] = ()
 
     def observation(self, member: Member) -> str:
         """``pick of 'P' in 'img1.jpg'`` and the like, without an article."""
         survey, row = self.adjustment.survey, member.row
         if member.kind == "pixels":
-            label = survey.label[survey.pick_label[row]]
-            return f"pick of {label!r} in {survey.frame_id[survey.pick_frame[row]]!r}"
+            frame, label = self.pick(row)
+            return f"pick of {label!r} in {frame!r}"
         if member.kind == "lengths":
-            return f"length {self._length(row)}"
+            survey, line = self.adjustment.survey, self.adjustment.problem.line_index[row]
+            start, end = survey.label[survey.line_start[line]], survey.label[survey.line_end[line]]
+            return length_name(survey.line_name[line] if survey.line_name else "", start, end)
         if member.kind == "telemetry":
             return f"log's pose of {self.frame(row)!r} ({POSE_AXES[member.axis]})"
         if member.kind == "control":
@@ -94,6 +92,12 @@ class Names:
         if member.kind.startswith(PLANE_OF):
             return f"{PRIOR_WORDS['plane'][row]} of {member.kind.removeprefix(PLANE_OF)!r}"
         return PRIOR_WORDS[member.kind][row]
+
+    def pick(self, row: int) -> tuple[str, str]:
+        """Frame and label of a pick of the adjustment."""
+        survey = self.adjustment.survey
+        frame, label = survey.pick_frame[row], survey.pick_label[row]
+        return survey.frame_id[frame], survey.label[label]
 
     def frame(self, row: int) -> str:
         """Name of the frame of a row of the telemetry."""
@@ -144,12 +148,27 @@ class Names:
             f"{' or the '.join(named)}{others}."
         )
 
-    def _length(self, row: int) -> str:
-        if self.line_name:
-            return repr(self.line_name[row])
-        survey, line = self.adjustment.survey, self.adjustment.problem.line_index[row]
-        start, end = survey.label[survey.line_start[line]], survey.label[survey.line_end[line]]
-        return f"{start!r} to {end!r}"
+    def subjects(self, member: Member) -> dict[str, tuple[str, ...]]:
+        """Which frames, labels and lengths an observation is of, as a message carries them."""
+        survey, row = self.adjustment.survey, member.row
+        if member.kind == "pixels":
+            frame, label = self.pick(row)
+            return {"frames": (frame,), "labels": (label,)}
+        if member.kind == "lengths":
+            line = self.adjustment.problem.line_index[row]
+            ends = survey.line_start[line], survey.line_end[line]
+            name = survey.line_name[line : line + 1]
+            return {"lengths": tuple(name), "labels": tuple(survey.label[k] for k in ends)}
+        if member.kind == "telemetry":
+            return {"frames": (self.frame(row),)}
+        if member.kind == "control":
+            return {"labels": (survey.label[survey.control_label[row]],)}
+        return {"labels": (survey.label[row],)} if member.kind == "roughness" else {}
+
+
+def length_name(name: str, start: str, end: str) -> str:
+    """``length 'L2' ('R3' to 'R4')``; by its ends alone where it has no name."""
+    return f"length {name!r} ({start!r} to {end!r})" if name else f"length {start!r} to {end!r}"
 
 
 def _listed(words: list[str]) -> str:

@@ -57,6 +57,7 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
         line_end=end[lines],
         length_m=survey.length_m[lines],
         length_sigma_m=survey.length_sigma_m[lines],
+        line_name=_some_names(survey, lines),
         control_label=new_label[survey.control_label[control]],
         control_world_m=survey.control_world_m[control],
         control_sigma_m=survey.control_sigma_m[control],
@@ -72,7 +73,12 @@ def select_lines(survey: Survey, keep: Bools) -> Survey:
         line_end=survey.line_end[keep],
         length_m=survey.length_m[keep],
         length_sigma_m=survey.length_sigma_m[keep],
+        line_name=_some_names(survey, np.flatnonzero(keep)),
     )
+
+
+def _some_names(survey: Survey, lines: Ints) -> tuple[str, ...]:
+    return tuple(survey.line_name[i] for i in lines) if survey.line_name else ()
 
 
 def _some_telemetry(survey: Survey, new_frame: Ints) -> TelemetryPrior | None:

@@ -50,7 +50,7 @@ def calibration_text(account: CalibrationAccount) -> str:
         "corners": _corners(result),
         "maps": _maps(result),
         "length_uncertainty": [_effect(effect) for effect in account.effects],
-        "messages": [asdict(message) for message in account.messages],
+        "messages": [message.record() for message in account.messages],
     }
     return one_record_a_line(content)
 

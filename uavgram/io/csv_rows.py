@@ -5,12 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import itertools
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from uavgram.errors import InputError, no_file
 
+_LINE = re.compile(r"[^\r\n]+")
 _BLOCK = 10_000  # rows at a time
 _LONGEST_LINE = 100_000  # a cell may be as long for the csv module
 _BYTE_ORDER_MARKS_16 = (b"\xff\xfe", b"\xfe\xff")
@@ -54,29 +56,26 @@ def read_blocks(path: Path) -> Iterator[Block]:
         while rows := list(itertools.islice(records, _BLOCK)):
             yield _block(rows, width)
         return
+    mark = separator_of(text)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     at, header = next(_records(path, text))
     width = len(header)
     for first in range(at, len(lines), _BLOCK):
         block = lines[first : first + _BLOCK]
-        yield _plain_block(block, first + 1, width) or _block(
-            [(first + line, cells) for line, cells in _records(path, "\n".join(block))], width
+        yield _plain_block(block, first + 1, width, mark) or _block(
+            [(first + line, cells) for line, cells in _records(path, "\n".join(block), mark)], width
         )
 
 
-def _plain_block(lines: Sequence[str], first: int, width: int) -> Block | None:
+def _plain_block(lines: Sequence[str], first: int, width: int, mark: str) -> Block | None:
     """Lines without quotes, none of them blank or torn; None where they are not that."""
-    if set(map(_commas, lines)) != {width - 1} or max(map(len, lines)) > _LONGEST_LINE:
+    if {line.count(mark) for line in lines} != {width - 1} or max(map(len, lines)) > _LONGEST_LINE:
         return None
-    cells = ",".join(lines).split(",")
+    cells = mark.join(lines).split(mark)
     columns = [cells[k::width] for k in range(width)]
     if not all(map(str.strip, columns[0])):
         return None  # it may be blank
     return Block(range(first, first + len(lines)), columns, ())
-
-
-def _commas(line: str) -> int:
-    return line.count(",")
 
 
 def _block(rows: Sequence[tuple[int, list[str]]], width: int) -> Block:
@@ -87,9 +86,23 @@ def _block(rows: Sequence[tuple[int, list[str]]], width: int) -> Block:
     return Block(lines, list(zip(*cells, strict=True)), ())
 
 
-def _records(path: Path, text: str) -> Iterator[tuple[int, list[str]]]:
-    """Line and cells of each row that is not blank."""
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+def separator_of(text: str) -> str:
+    """What separates the cells of a table: a semicolon where its header knows no comma."""
+    lines = (match[0] for match in _LINE.finditer(text))
+    header = next((line for line in lines if line.strip(" ,;")), "")
+    return ";" if ";" in header and "," not in header else ","
+
+
+def may_hold_commas(path: Path) -> bool:
+    """Whether cells of a table can hold commas: in quotes, or between semicolons."""
+    text = read_text(path)
+    return '"' in text or separator_of(text) == ";"
+
+
+def _records(path: Path, text: str, mark: str = "") -> Iterator[tuple[int, list[str]]]:
+    """Line and cells of each row that is not blank; `mark` separates cells, if it is known."""
+    mark = mark or separator_of(text)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=mark, strict=True)
     line = 1
     try:
         for cells in reader:

@@ -14,11 +14,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
 
+from uavgram.io.csv_rows import separator_of
 from uavgram.io.spreadsheet_cells import guarded
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
-# A quoted cell may hold anything; one without quotes ends at a comma or at the end of its line.
-_CELL = re.compile(r'("(?:[^"]|"")*"[^,\r\n]*|[^,\r\n]*)(,|\r\n|\r|\n|\Z)')
+# A quoted cell may hold anything; one without quotes ends at a separator or at the end of its line.
+_CELL = {
+    mark: re.compile(rf'("(?:[^"]|"")*"[^{mark}\r\n]*|[^{mark}\r\n]*)({mark}|\r\n|\r|\n|\Z)')
+    for mark in ",;"
+}
+_COMMA_NUMBER = re.compile(r"[-+]?[0-9]*,[0-9]+")
+_POINT_NUMBER = re.compile(r"[-+]?[0-9]+\.[0-9]+")
 
 Cells = Mapping[str, str]
 
@@ -30,9 +36,8 @@ class _Record:
     cells: tuple[str, ...]
     end: str
 
-    @property
-    def text(self) -> str:
-        return ",".join(self.cells) + self.end
+    def text(self, separator: str) -> str:
+        return separator.join(self.cells) + self.end
 
     @property
     def is_blank(self) -> bool:
@@ -78,9 +83,11 @@ def rewritten_table(
         `content` itself where `after` equals `before`.
     """
     mark = BYTE_ORDER_MARK if content.startswith(BYTE_ORDER_MARK) else b""
-    records = list(_records(content[len(mark) :].decode()))
+    text = content[len(mark) :].decode()
+    separator = separator_of(text)
+    records = list(_records(text, separator))
     at = next(i for i, record in enumerate(records) if not record.is_blank)
-    header = [_plain(cell) for cell in records[at].cells]
+    header = [_plain(cell, separator) for cell in records[at].cells]
     kept = _compared(before, after, key)
     wanted = [*kept.changes.values(), *(row for rows in kept.added.values() for row in rows)]
     new = [
@@ -89,33 +96,66 @@ def rewritten_table(
         if name not in header and any(row.get(name) for row in wanted)
     ]
     ends = records[at].end or "\n"
-    written = _written(records, at, [*header, *new], kept, len(new))
-    return mark + "".join(record.text for record in _ended(written, ends, records[-1].end)).encode()
+    writer = _Writer([*header, *new], separator, _comma_columns(records[at + 1 :], header))
+    written = _written(records, at, writer, kept, len(new))
+    ended = _ended(written, ends, records[-1].end)
+    return mark + "".join(record.text(separator) for record in ended).encode()
 
 
 def new_table(header: Sequence[str], rows: Sequence[Cells]) -> bytes:
     """A CSV file with these columns; cells that a row does not have are empty."""
-    lines = [",".join(header), *(_line(header, row) for row in rows)]
+    lines = [",".join(header), *(_Writer(header).line(row) for row in rows)]
     return "".join(line + "\n" for line in lines).encode()
 
 
-def _records(text: str) -> Iterator[_Record]:
+def _records(text: str, separator: str) -> Iterator[_Record]:
     cells: list[str] = []
     position = 0
     while position < len(text) or cells:
-        match = _CELL.match(text, position)
+        match = _CELL[separator].match(text, position)
         if match is None:
             raise ValueError("a quote is not closed")  # the reader refused such a file
         cells.append(match[1])
         position = match.end()
-        if match[2] != ",":
+        if match[2] != separator:
             yield _Record(tuple(cells), match[2])
             cells = []
 
 
-def _plain(cell: str) -> str:
+def _plain(cell: str, separator: str) -> str:
     """What a raw cell says."""
-    return next(iter(csv.reader([cell])), [""])[0].strip() if cell else ""
+    return next(iter(csv.reader([cell], delimiter=separator)), [""])[0].strip() if cell else ""
+
+
+def _comma_columns(records: Sequence[_Record], header: Sequence[str]) -> frozenset[str]:
+    """Columns in which the file writes numbers with a decimal comma."""
+    return frozenset(
+        name
+        for k, name in enumerate(header)
+        if any(_COMMA_NUMBER.fullmatch(r.cells[k].strip(' "')) for r in records if k < len(r.cells))
+    )
+
+
+@dataclass(frozen=True)
+class _Writer:
+    """How the file writes its cells: header, separator, and columns with decimal commas."""
+
+    header: Sequence[str]
+    separator: str = ","
+    commas: frozenset[str] = frozenset()
+
+    def line(self, row: Cells) -> str:
+        """A new row."""
+        return self.separator.join(self.cell(name, row.get(name, "")) for name in self.header)
+
+    def cell(self, name: str, text: str) -> str:
+        """A cell as the file writes it: in quotes where it needs them."""
+        if name in self.commas and _POINT_NUMBER.fullmatch(text):
+            text = text.replace(".", ",")
+        cell = io.StringIO()
+        # with \r\n, as else a lone \r would get no quotes
+        csv.writer(cell, delimiter=self.separator).writerow([guarded(text), ""])
+        return cell.getvalue().removesuffix(f"{self.separator}\r\n")
 
 
 def _compared(before: Sequence[Cells], after: Sequence[Cells], key: Sequence[str]) -> _Kept:
@@ -173,13 +213,14 @@ def _renamed(
 
 
 def _written(
-    records: Sequence[_Record], at: int, header: Sequence[str], kept: _Kept, more: int
+    records: Sequence[_Record], at: int, writer: _Writer, kept: _Kept, more: int
 ) -> Iterator[_Record]:
     """The records of the new file; `at` is the header's place, `more` the number of new columns."""
+    header = writer.header
     place = {name: i for i, name in enumerate(header)}
     yield from records[:at]
     yield replace(records[at], cells=(*records[at].cells, *header[len(header) - more :]))
-    yield from (_Record((_line(header, row),), "") for row in kept.added.get(-1, ()))
+    yield from (_Record((writer.line(row),), "") for row in kept.added.get(-1, ()))
     row_number = -1
     for record in records[at + 1 :]:
         if record.is_blank:
@@ -190,9 +231,9 @@ def _written(
             cells = [*record.cells, *[""] * more]
             for name, text in kept.changes[row_number].items():
                 if name in place:
-                    cells[place[name]] = _raw(text)
+                    cells[place[name]] = writer.cell(name, text)
             yield replace(record, cells=tuple(cells))
-        yield from (_Record((_line(header, row),), "") for row in kept.added.get(row_number, ()))
+        yield from (_Record((writer.line(row),), "") for row in kept.added.get(row_number, ()))
 
 
 def _ended(records: Iterator[_Record], end: str, last_end: str) -> Iterator[_Record]:
@@ -204,16 +245,3 @@ def _ended(records: Iterator[_Record], end: str, last_end: str) -> Iterator[_Rec
         earlier = record
     if earlier is not None:
         yield replace(earlier, end=(earlier.end or end) if last_end else "")
-
-
-def _line(header: Sequence[str], row: Cells) -> str:
-    return ",".join(_raw(row.get(name, "")) for name in header)
-
-
-def _raw(text: str) -> str:
-    """A cell as CSV writes it: in quotes where it needs them, and no formula."""
-    cell = io.StringIO()
-    csv.writer(cell).writerow(
-        [guarded(text), ""]
-    )  # with \r\n, as else a lone \r would get no quotes
-    return cell.getvalue().removesuffix(",\r\n")

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from pathlib import Path
 
 from uavgram.io.outputs import replace_text
-from uavgram.io.results_tables import plain
 from uavgram.io.spreadsheet_cells import guarded
 from uavgram.model.result import Result
+
+DIGITS = 4
+"""Of sigma: the two that it deserves, and two more."""
 
 HEADER = (
     "name",
@@ -38,8 +41,10 @@ def write_measurements_csv(result: Result, path: str | Path) -> None:
 
 
 def dump_measurements_csv(result: Result) -> str:
-    """Write the text of measurements.csv: as results.json has them, in the same order.
+    """Write the text of measurements.csv: what results.json has, in the same order.
 
+    Numbers are rounded to four digits of their sigma, two more than it deserves, so that nobody
+    takes further ones for known and nobody who computes on loses any; results.json has them all.
     Where other solutions, which explain the observations as well, put a value outside its
     interval, their values stand under ``alternatives``: then neither value nor interval is sure.
     """
@@ -47,18 +52,24 @@ def dump_measurements_csv(result: Result) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(HEADER)
-    writer.writerows(
-        zip(
-            map(guarded, rows.name),
-            rows.kind,
-            (guarded(";".join(labels)) for labels in rows.points),
-            plain(rows.value),
-            plain(rows.sigma),
-            rows.unit,
-            plain(rows.interval_95[:, 0]),
-            plain(rows.interval_95[:, 1]),
-            (";".join(map(str, plain(values))) for values in rows.alternative_values),
-            strict=True,
+    for i, sigma in enumerate(rows.sigma):
+        value, own, low, high, *others = (
+            rounded(number, float(sigma))
+            for number in (rows.value[i], sigma, *rows.interval_95[i], *rows.alternative_values[i])
         )
-    )
+        name, points = guarded(rows.name[i]), guarded(";".join(rows.points[i]))
+        alternatives, unit = ";".join(others), rows.unit[i]
+        writer.writerow((name, rows.kind[i], points, value, own, unit, low, high, alternatives))
     return text.getvalue()
+
+
+def rounded(number: float, sigma: float) -> str:
+    """A number with the decimals of four digits of its sigma; empty for NaN.
+
+    Nothing is rounded away before the decimal point, nor where the sigma says nothing.
+    """
+    if not math.isfinite(number):
+        return ""
+    if not (math.isfinite(sigma) and sigma > 0):
+        return str(float(number))
+    return f"{number:.{max(DIGITS - 1 - math.floor(math.log10(sigma)), 0)}f}"

@@ -15,7 +15,6 @@ from uavgram.io import results_evidence as evidence
 from uavgram.io import results_parts as parts
 from uavgram.io import results_tables as tables
 from uavgram.io.outputs import replace_text
-from uavgram.model.message import Message
 from uavgram.model.result import Result
 
 SCHEMA = 1
@@ -59,7 +58,7 @@ def dump_results(result: Result) -> str:
         "checks_overall": evidence.dump_checks_overall(result.checks_overall),
         "checks": point_checks + tables.dump_line_checks(result.line_checks),
         "solution": parts.dump_solution(result.solution),
-        "messages": [{"level": m.level, "code": m.code, "text": m.text} for m in result.messages],
+        "messages": [message.record() for message in result.messages],
     }
     if result.evidence is not None:
         content["priors"] = evidence.dump_priors(result.evidence.priors)
@@ -124,10 +123,7 @@ def _result(content: dict[str, Any]) -> Result:
         point_checks=tables.load_point_checks([c for c in checks if "label" in c]),
         line_checks=tables.load_line_checks([c for c in checks if "label" not in c]),
         solution=parts.load_solution(content["solution"]),
-        messages=tuple(
-            Message(tables.one_of(Message, "level", m["level"]), m["code"], m["text"])
-            for m in content["messages"]
-        ),
+        messages=tuple(parts.load_message(message) for message in content["messages"]),
     )
 
 

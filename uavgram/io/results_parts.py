@@ -9,6 +9,7 @@ from uavgram.io.results_tables import numbers, one_of, plain, text
 from uavgram.model.camera import Calibration, LensModel
 from uavgram.model.error_budget import ErrorBudget
 from uavgram.model.learnt_camera import learnt_camera
+from uavgram.model.message import SUBJECTS, Message
 from uavgram.model.provenance import InputDigest, Provenance
 from uavgram.model.result import Alternative, GroupFactor, SolutionSummary
 from uavgram.model.result_tables import MonteCarloResults
@@ -49,6 +50,13 @@ def load_provenance(record: Record) -> Provenance:
         seed=None if record["seed"] is None else _whole(record["seed"]),
         packages=tuple((name, text(version)) for name, version in record["packages"].items()),
     )
+
+
+def load_message(record: Record) -> Message:
+    """Inverse of `Message.record`; files of before name no subjects."""
+    subjects = {what: tuple(map(text, record.get(what, ()))) for what in SUBJECTS}
+    level = one_of(Message, "level", record["level"])
+    return Message(level, text(record["code"]), text(record["text"]), **subjects, several=None)
 
 
 def _frozen(value: Any) -> Any:  # noqa: ANN401

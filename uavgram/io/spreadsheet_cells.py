@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 
-_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+_NUMBER = re.compile(r"[-+]?([0-9]+[.,]?[0-9]*|[.,][0-9]+)([eE][-+]?[0-9]+)?")
 _RUNS = re.compile(r"[\s'\0]*[=+\-@\uff1d\uff0b\uff0d\uff20]|[ ']*[\t\r\n]")
 """The beginning of what runs, behind any apostrophes, so that one more changes nothing in it."""
 

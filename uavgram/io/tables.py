@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError, near_miss
-from uavgram.io.csv_rows import read_blocks, read_header
+from uavgram.io.csv_rows import may_hold_commas, read_blocks, read_header
 from uavgram.io.spreadsheet_cells import readable
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.limits import (
@@ -22,6 +22,7 @@ from uavgram.model.limits import (
     sigma_fault,
     unshowable,
 )
+from uavgram.model.typed_numbers import comma_question, has_decimal_comma, with_point
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _NOT_DECIMAL = re.compile(r"[^0-9eE+.\-]")
@@ -52,6 +53,11 @@ class Columns:
     def required(self) -> tuple[str, ...]:
         """Names of the columns that every file must have."""
         return (*self.text, *self.numbers)
+
+    @property
+    def numeric(self) -> tuple[str, ...]:
+        """Names of the columns that hold numbers."""
+        return (*self.numbers, *self.optional_numbers)
 
     @property
     def known(self) -> tuple[str, ...]:
@@ -120,7 +126,10 @@ class Table:
 
 
 def read_table(path: str | Path, columns: Columns) -> Table:
-    """Read a CSV file with a header: UTF-8 with or without byte order mark, comma, blank lines.
+    """Read a CSV file with a header: UTF-8 with or without byte order mark, blank lines.
+
+    Cells are separated by commas, or all by semicolons, as spreadsheets do that write a decimal
+    comma. A comma in a number is read where it can only be a decimal one.
 
     Returns
     -------
@@ -139,18 +148,19 @@ def read_table(path: str | Path, columns: Columns) -> Table:
         wanted = ",".join(columns.required)
         raise InputError(path, f"the file is empty: its first line must be {wanted}", 1)
     header_line, header = found
-    if len(header) == 1 and (separator := re.search("[;\t]", header[0])):
-        used = "semicolons" if separator[0] == ";" else "tabs"
+    if len(header) == 1 and "\t" in header[0]:
         raise InputError(
             path,
-            f"the cells are separated by {used}: save the table as CSV with commas, and with "
-            "decimal points",
+            "the cells are separated by tabs: save the table as CSV with commas or semicolons",
             header_line,
         )
     torn: list[tuple[int | None, str]] = [
         (header_line, text) for text in _header_faults(header, columns)
     ]
-    reading = {name: _Column(name, columns) for name in columns.known if name in header}
+    is_comma = _writes_commas(path, header, columns)
+    reading = {
+        name: _Column(name, columns, is_comma=is_comma) for name in columns.known if name in header
+    }
     lines: list[int] = []
     faults: list[tuple[int | None, str]] = []
     for block in read_blocks(path):
@@ -176,6 +186,20 @@ def read_table(path: str | Path, columns: Columns) -> Table:
     return table
 
 
+def _writes_commas(path: Path, header: Sequence[str], columns: Columns) -> bool:
+    """Whether a table has decimal commas, so that ``12,001`` is no question in it."""
+    if not may_hold_commas(path):
+        return False
+    numeric = [k for k, name in enumerate(header) if name in columns.numeric]
+    return any(
+        "," in cell and has_decimal_comma(cell.strip())
+        for block in read_blocks(path)
+        if not block.torn
+        for k in numeric
+        for cell in block.columns[k]
+    )
+
+
 class _Column:
     """A column as it is read, block by block.
 
@@ -183,11 +207,12 @@ class _Column:
     by one only where something is wrong.
     """
 
-    def __init__(self, name: str, columns: Columns) -> None:
+    def __init__(self, name: str, columns: Columns, *, is_comma: bool) -> None:
         self.name = name
         self.texts: list[str] = []
         self.parts: list[Floats] = []
         self._known: dict[str, str] = {}  # each text once in memory
+        self._is_comma = is_comma
         self._is_required = name in columns.required
         self._is_text = name in columns.text or name in columns.optional_text
 
@@ -198,7 +223,7 @@ class _Column:
         if self._is_required and "" in cells:
             faults += [(i, f"{self.name} is empty") for i, cell in enumerate(cells) if not cell]
         if not self._is_text:
-            numbers, wrong = _numbers(self.name, cells)
+            numbers, wrong = _numbers(self.name, cells, is_comma=self._is_comma)
             self.parts.append(numbers)
             return [*faults, *wrong]
         together = "".join(cells)
@@ -239,8 +264,13 @@ def own_columns(path: str | Path, columns: Columns) -> tuple[str, ...]:
     return tuple(name for name in header if name not in columns.known)
 
 
-def _numbers(name: str, cells: Sequence[str]) -> tuple[Floats, list[tuple[int, str]]]:
-    """(N,) numbers of a column; NaN, and a fault, for what is none."""
+def _numbers(
+    name: str, cells: Sequence[str], *, is_comma: bool
+) -> tuple[Floats, list[tuple[int, str]]]:
+    """(N,) numbers of a column; NaN, and a fault, for what is none.
+
+    `is_comma`: the table writes decimal commas, so that ``12,001`` is no question.
+    """
     if not any(cells):
         return np.full(len(cells), np.nan), []
     if not _NOT_DECIMAL.search("".join(cells)):  # else float() knows 1_000, nan and ٣
@@ -251,7 +281,9 @@ def _numbers(name: str, cells: Sequence[str]) -> tuple[Floats, list[tuple[int, s
     values = np.full(len(cells), np.nan)
     faults = []
     for row, cell in enumerate(cells):
-        number = parse_number(cell) if cell else np.nan
+        if not cell:
+            continue
+        number = parse_number(cell.replace(",", ".") if is_comma and cell.count(",") == 1 else cell)
         if number is None:
             faults.append((row, f"{name} must be a number (got {cell!r}){number_hint(cell)}"))
         else:
@@ -260,7 +292,11 @@ def _numbers(name: str, cells: Sequence[str]) -> tuple[Floats, list[tuple[int, s
 
 
 def parse_number(text: str) -> float | None:
-    """Read a decimal number of at most LARGEST_NUMBER; None for anything else (nan, inf, 1_000)."""
+    """Read a decimal number of at most LARGEST_NUMBER; None for anything else (nan, inf, 1_000).
+
+    A decimal comma is read where it can mean nothing else: ``1,5``, not ``12,001``.
+    """
+    text = with_point(text)
     value = float(text) if _NUMBER.fullmatch(text) else np.inf
     return value if abs(value) <= LARGEST_NUMBER else None
 
@@ -269,8 +305,10 @@ def number_hint(text: str) -> str:
     """Say why some text that looks like a number is none."""
     if _NUMBER.fullmatch(text):
         return ": it is far too large"
-    if re.fullmatch(r"[-+]?[0-9.]*,[0-9]+", text):
-        return ": write a decimal point, not a comma"
+    if question := comma_question(text):
+        return question
+    if re.fullmatch(r"[-+]?[0-9.,]*,[0-9.]+", text):
+        return ": write it with one decimal point, and no comma"
     if re.fullmatch(r"[-+]?[0-9.]+\s*[a-zA-Z°]+", text):
         return ": write the number alone, the column's name says the unit"
     return ""

@@ -2,8 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
+
+Level = Literal["info", "warning", "error"]
+
+SUBJECTS = ("frames", "labels", "lengths", "measurements", "files")
+"""Kinds of things that a message may speak of, each a field of `Message`."""
+
+
+@dataclass(frozen=True)
+class Several:
+    """How a message is told in one sentence with others of its kind.
+
+    Attributes
+    ----------
+    opening
+        What holds of all of them, without a full stop; ``{count}`` stands for their number.
+    item
+        This one, in a few words.
+    why
+        The reason, in a few words; those that share it stand together. Empty where there is none.
+    ending
+        What to do, said once behind the list, as a sentence.
+    """
+
+    opening: str
+    item: str
+    why: str = ""
+    ending: str = ""
 
 
 @dataclass(frozen=True)
@@ -19,8 +46,24 @@ class Message:
         Stable, machine-readable, kebab-case: ``label-unseen``, ``frame-unmatched``...
     text
         One sentence or two: what, where, and what to do.
+    frames, labels, lengths, measurements, files
+        Names of what it speaks of.
+    several
+        How it is told together with others of its code and opening; None: always alone. No part of
+        what is stored.
     """
 
-    level: Literal["info", "warning", "error"]
+    level: Level
     code: str
     text: str
+    frames: tuple[str, ...] = ()
+    labels: tuple[str, ...] = ()
+    lengths: tuple[str, ...] = ()
+    measurements: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
+    several: Several | None = field(default=None, compare=False, repr=False)
+
+    def record(self) -> dict[str, str | list[str]]:
+        """Everything that is stored: level, code, text, and the subjects that it has."""
+        subjects = {what: list(getattr(self, what)) for what in SUBJECTS if getattr(self, what)}
+        return {"level": self.level, "code": self.code, "text": self.text, **subjects}

@@ -61,6 +61,8 @@ class Survey:
         (P,), (P,), (P, 2), (P,): frame, label, place and sigma of each pick.
     line_start, line_end, length_m, length_sigma_m
         (L,) labels of the ends of each known length, and the length.
+    line_name
+        (L,) what the project calls each known length; empty where they have no names.
     control_label, control_world_m, control_sigma_m
         (C,), (C, 3), (C, 3): points with known coordinates.
     ground, other_grounds
@@ -89,6 +91,7 @@ class Survey:
     line_end: Ints
     length_m: Floats
     length_sigma_m: Floats
+    line_name: tuple[str, ...] = ()
     control_label: Ints
     control_world_m: Floats
     control_sigma_m: Floats
@@ -102,6 +105,8 @@ class Survey:
         p, n, c = len(self.pick_frame), len(self.line_start), len(self.control_label)
         freeze_as(self, np.int64, pick_frame=(p,), pick_label=(p,), control_label=(c,))
         freeze_as(self, np.int64, line_start=(n,), line_end=(n,))
+        if len(self.line_name) not in (0, n):
+            raise ValueError(f"{len(self.line_name)} names of {n} known lengths")
         freeze(self, height_above_m=(len(self.label),), pixel_px=(p, 2), pick_sigma_px=(p,))
         freeze(self, length_m=(n,), length_sigma_m=(n,))
         freeze(self, control_world_m=(c, 3), control_sigma_m=(c, 3))

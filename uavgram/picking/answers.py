@@ -16,6 +16,7 @@ from uavgram.picking.places_on_earth import places_on_earth
 from uavgram.picking.state import Line, Pick, State
 from uavgram.pipeline.known_places import KnownPlaces
 from uavgram.pipeline.live import Adjusted, Linearised
+from uavgram.stages.tell import told
 
 Json = dict[str, Any]
 
@@ -118,10 +119,8 @@ def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
 
 
 def messages_json(messages: Iterable[Message]) -> list[Json]:
-    """Remarks, each once, warnings and errors first."""
-    rank = {"error": 0, "warning": 1, "info": 2}
-    once = sorted(dict.fromkeys(messages), key=lambda message: rank[message.level])
-    return [{"level": m.level, "code": m.code, "text": m.text} for m in once]
+    """Remarks, each once, warnings and errors first, those of one kind as one."""
+    return [{"level": m.level, "code": m.code, "text": m.text} for m in told(*messages)]
 
 
 def linearised_json(quick: Linearised, index: Mapping[str, int]) -> Json:

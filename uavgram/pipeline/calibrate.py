@@ -46,6 +46,7 @@ from uavgram.stages.calibration_account import (
     unexplained_error,
     with_common_error,
 )
+from uavgram.stages.tell import told
 from uavgram.views.calibration_drawing import residual_factor, rows_by_photo
 from uavgram.views.calibration_report import write_calibration_report
 
@@ -214,7 +215,7 @@ def _account(
         without_board=_without_board(seen),
         common_error_px=error_px,
         effects=lens_effects(result),
-        messages=(*messages, *common_error_message(error_px), *result.messages),
+        messages=told(*messages, *common_error_message(error_px), *result.messages),
     )
 
 

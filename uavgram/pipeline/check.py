@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavgram.errors import near_miss
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Several
 from uavgram.pipeline.ground_below import has_place
 from uavgram.pipeline.inputs import Inputs, duplicates_of, read_inputs
 from uavgram.pipeline.pose import Posed, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.stages.tell import told
 
 _MOST_COMPARED = 1_000_000
 """Pairs of names that are compared for a slip of the pen, 2 microseconds each."""
@@ -38,7 +39,7 @@ def check(project: str | os.PathLike[str]) -> Checked:
     inputs = read_inputs(Path(project), unpicked=True)
     posed = pose_frames(inputs)
     twice = duplicates_of(inputs).messages
-    messages = (*inputs.messages, *twice, *posed.messages, *missing(inputs), *_unseen(inputs))
+    messages = told(*inputs.messages, *twice, *posed.messages, *missing(inputs), *_unseen(inputs))
     return Checked(inputs=inputs, posed=posed, messages=messages)
 
 
@@ -98,4 +99,6 @@ def _unseen(inputs: Inputs) -> list[Message]:
 
 def _never_picked(what: str, label: str, near: str) -> Message:
     hint = f" ({near})" if near else ""
-    return Message("warning", "label-unseen", f"Point {label!r} of {what} is never picked{hint}.")
+    several = Several("{count} points are never picked", f"{label!r} of {what}{hint}")
+    text = f"Point {label!r} of {what} is never picked{hint}."
+    return Message("warning", "label-unseen", text, labels=(label,), several=several)

@@ -13,10 +13,12 @@ from __future__ import annotations
 import importlib.metadata
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.config.project import relative_paths
 from uavgram.errors import GeometryError, near_miss
 from uavgram.estimation.adjustment import Refined
 from uavgram.estimation.error_budget import error_budget, shares
@@ -27,7 +29,7 @@ from uavgram.imaging.known_point_pose import known_point_poses
 from uavgram.model.arrays import Floats
 from uavgram.model.evidence import SecondOrder
 from uavgram.model.learnt_camera import learnt_camera
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Several
 from uavgram.model.observations import KnownLines, KnownPoints, KnownWorldPoints
 from uavgram.model.options import ACCOUNT, Project, option_pairs
 from uavgram.model.provenance import Provenance
@@ -57,6 +59,7 @@ from uavgram.stages.summarise import (
     summarise_shared,
     summarise_solution,
 )
+from uavgram.stages.tell import told
 
 _GUESSED = (ASSUMED_CAMERA, UNKNOWN_CAMERA)
 PACKAGES = ("numpy", "scipy", "opencv-python-headless", "pymavlink", "pyproj", "rerun-sdk")
@@ -181,7 +184,7 @@ def compute(
         line_checks=judged.line_checks,
         checks_overall=judged.checks_overall,
         solution=summarise_solution(refined, judged.groups, others),
-        messages=(
+        messages=told(
             *(() if mount is None else (mount,)),
             *inputs.messages,
             *duplicates.messages,
@@ -279,7 +282,12 @@ def _unseen_control(control: KnownWorldPoints, assembled: Assembled) -> tuple[Me
             near = near_miss(label, known)
             hint = f" ({near})" if near else ""
             text = f"The control point {label!r} is not used: it has no usable pick{hint}."
-            messages.append(Message("warning", "control-unseen", text))
+            several = Several(
+                "{count} control points are not used, having no usable pick", f"{label!r}{hint}"
+            )
+            messages.append(
+                Message("warning", "control-unseen", text, labels=(label,), several=several)
+            )
     return tuple(messages)
 
 
@@ -302,7 +310,9 @@ def _provenance(inputs: Inputs, seed: int | None) -> Provenance:
         created_utc=datetime.now(UTC).isoformat(timespec="seconds"),
         made_by=account_name() if operator == ACCOUNT else operator,
         inputs=inputs.digests,
-        options=option_pairs(inputs.project),
+        options=option_pairs(
+            relative_paths(inputs.project, Path(inputs.project_path).absolute().parent)
+        ),
         seed=seed,
         packages=package_versions(PACKAGES),
     )

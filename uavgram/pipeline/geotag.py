@@ -22,6 +22,7 @@ from uavgram.pipeline.pose import pose_frames
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.geotag import geotag as make_tags
+from uavgram.stages.tell import told
 
 FOLDER = "geotag"
 TAGGED = "tagged"
@@ -110,7 +111,7 @@ def _seeds(inputs: Inputs) -> _Chosen:
             "refined ones (--poses refined)"
         )
     poses = posed.telemetry.poses
-    messages = (*inputs.messages, *posed.messages)
+    messages = told(*inputs.messages, *posed.messages)
     kind: PoseChoice = "seed"
     return poses, (kind,) * len(poses.frame_id), posed.world, messages
 

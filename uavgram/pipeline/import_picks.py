@@ -16,6 +16,7 @@ from uavgram.model.arrays import Bools
 from uavgram.model.imported import ImportedPicks
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownPoints
+from uavgram.stages.tell import told
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +82,7 @@ def import_picks(
         label=tuple(name for one in read for name in one.label),
         pixel_px=np.concatenate([one.pixel_px for one in read]),
         known=next((one.known for one in read if one.known is not None), None),
-        messages=tuple(message for one in read for message in one.messages),
+        messages=told(*(message for one in read for message in one.messages)),
     )
     tables = {} if control is None else _tables(files[0], together.known, control)
     for path in tables:

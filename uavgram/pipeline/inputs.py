@@ -8,7 +8,7 @@ from unicodedata import normalize
 
 import numpy as np
 
-from uavgram.config.project import load_project
+from uavgram.config.project import load_project, project_file
 from uavgram.errors import InputError, near_miss
 from uavgram.geometry.back_projection import share_without_rays
 from uavgram.io.digest import digest_inputs
@@ -87,7 +87,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     Parameters
     ----------
     path
-        The project file.
+        The project file, or its folder.
     unfinished
         Whether it may still lack picks, lengths and measurements: files that are not there then
         count as empty.
@@ -99,6 +99,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     InputError
         The first problem found, with file, line, frame or label.
     """
+    path = project_file(path)
     project = load_project(path, unfinished=unfinished)
 
     picks_file, lines_file, measure_file = (

@@ -44,7 +44,7 @@ class Journal:
             degrees_of_freedom=solution.degrees_of_freedom,
         )
         for message in result.messages:
-            self.note("message", level=message.level, code=message.code, text=message.text)
+            self.note("message", **message.record())
 
     def write(self, path: Path) -> None:
         """Write one JSON object per line."""

@@ -26,6 +26,7 @@ from uavgram.stages.judge import (
     judge_removals,
     judge_suspects,
     judge_weakest,
+    swapped_labels,
 )
 
 
@@ -67,7 +68,7 @@ def judge_survey(
     """
     significance = inputs.project.solve.significance
     lines, index = inputs.lines, assembled.line_index
-    examined = examine(refined, lines, index, measured, significance)
+    examined = examine(refined, measured, significance)
     picks, pick_effects = judge_picks(examined, _pick_table(inputs, assembled))
     line_results, line_checks, line_effects, line_messages = judge_lines(examined, lines, index)
     point_checks, unseen_messages = judge_points(refined.adjustment, check, significance)
@@ -90,8 +91,8 @@ def judge_survey(
         checks_overall=overall,
         removals=judge_removals(refined, lines, index, inputs.requests, frames),
         messages=(
+            *judge_suspects(examined, swapped_labels(examined, picks)),
             *line_messages,
-            *judge_suspects(examined),
             *unseen_messages,
             *overall_messages,
             *group_messages,

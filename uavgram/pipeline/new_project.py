@@ -39,6 +39,7 @@ from uavgram.pipeline.project_choices import (
     only_one,
     pattern_of,
 )
+from uavgram.stages.tell import told
 
 Attempt = tuple[ProjectText, Message | None]
 
@@ -98,7 +99,7 @@ def new_project(folder: Path, choices: Choices | None = None) -> NewProject:
         for path in made:
             path.unlink(missing_ok=True)
         raise
-    return NewProject(path=project, found=tuple(notes.found), messages=tuple(notes.messages))
+    return NewProject(path=project, found=tuple(notes.found), messages=told(*notes.messages))
 
 
 def _described(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectText, Photos]:

@@ -27,6 +27,7 @@ from uavgram.pipeline.inputs import read_inputs
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.rectify import boxes, choose_view, lay_raster, reductions
+from uavgram.stages.tell import told
 
 PICTURE, SHEET, SIGMA = "rectified.tif", "rectified.png", "rectified_sigma.tif"
 SHEET_PX = 3000
@@ -108,7 +109,7 @@ def rectify(
         frames=view.frame_id,
         covered=float((picture[..., 3] > 0).mean()),
         sigma_m=_usual_and_large(sigma),
-        messages=(*computed.result.messages, *_other_planes(view)),
+        messages=told(*computed.result.messages, *_other_planes(view)),
     )
 
 

@@ -136,6 +136,7 @@ def assemble(
         line_end=np.array([label_at[lines.end[i]] for i in seen], dtype=np.int64),
         length_m=lines.length_m[seen],
         length_sigma_m=lines.sigma_m[seen],
+        line_name=tuple(lines.name[i] for i in seen),
         control_label=np.array([label_at[control.label[i]] for i in known], dtype=np.int64),
         control_world_m=control.world_m[known],
         control_sigma_m=control.sigma_m[known],

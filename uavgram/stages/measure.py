@@ -8,7 +8,7 @@ from scipy.special import ndtri
 from uavgram.estimation.adjustment import Adjustment
 from uavgram.estimation.measured import Measured, measured_rows
 from uavgram.model.frames import Frames
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Several
 from uavgram.model.observations import MeasurementRequest
 from uavgram.model.result_tables import MeasurementResults
 
@@ -57,7 +57,13 @@ def measurement_results(measured: Measured) -> tuple[MeasurementResults, tuple[M
         correlation=correlation,
     )
     messages = tuple(
-        Message("warning", "measurement-null", f"{name!r} cannot be measured: {why}.")
+        Message(
+            "warning",
+            "measurement-null",
+            f"{name!r} cannot be measured: {why}.",
+            measurements=(name,),
+            several=Several("{count} measurements have no value", repr(name), why),
+        )
         for name, why in measured.why_not
     )
     return results, messages

@@ -17,7 +17,7 @@ from uavgram.estimation.measured import measured_rows, values_at
 from uavgram.estimation.refit import refit
 from uavgram.model.arrays import Bools
 from uavgram.model.frames import Frames
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Several
 from uavgram.model.observations import MeasurementRequest
 from uavgram.model.result_tables import MeasurementResults, MonteCarloResults
 
@@ -119,7 +119,20 @@ def _left_out(
                 f"{row.name!r} has no value in {missing} of {len(known)} Monte Carlo repetitions: "
                 "its sampled interval leaves them out."
             )
-            messages.append(Message("warning", "monte-carlo-null", text))
+            several = Several(
+                "{count} measurements have no value in some of the Monte Carlo repetitions, which "
+                "their sampled intervals leave out",
+                f"{row.name!r} in {missing} of {len(known)}",
+            )
+            messages.append(
+                Message(
+                    "warning",
+                    "monte-carlo-null",
+                    text,
+                    measurements=(row.name,),
+                    several=several,
+                )
+            )
     return tuple(messages)
 
 
@@ -136,10 +149,20 @@ def compare(first: MeasurementResults, sampled: MonteCarloResults) -> tuple[Mess
         end_off = ends.max() / WIDTH - chance * QUANTILE_SIGMA / WIDTH
         if max(sigma_off, end_off) > NOTICED:
             low, high = sampled.interval_95[i]
-            text = (
-                f"{name!r}: first-order sigma {first.sigma[i]:.3g}, sampled {sampled.sigma[i]:.3g} "
-                f"{first.unit[i]}: use the sampled 95 % interval, {low:.6g} to {high:.6g} "
-                f"{first.unit[i]}."
+            unit = first.unit[i]
+            sigmas = f"sigma {first.sigma[i]:.3g}, sampled {sampled.sigma[i]:.3g} {unit}"
+            ends_text = f"{low:.6g} to {high:.6g} {unit}"
+            several = Several(
+                "{count} measurements: the first-order interval is off, use the sampled 95 % one",
+                f"{name!r} {ends_text} ({sigmas})",
             )
-            messages.append(Message("warning", "first-order-off", text))
+            messages.append(
+                Message(
+                    "warning",
+                    "first-order-off",
+                    f"{name!r}: first-order {sigmas}: use the sampled 95 % interval, {ends_text}.",
+                    measurements=(name,),
+                    several=several,
+                )
+            )
     return tuple(messages)

@@ -9,7 +9,7 @@ from uavgram.estimation.curvature import curvature
 from uavgram.estimation.measured import Measured
 from uavgram.model.evidence import SecondOrder
 from uavgram.model.frames import Frames
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Several
 from uavgram.model.observations import MeasurementRequest
 from uavgram.model.result_tables import MeasurementResults
 
@@ -66,4 +66,16 @@ def _message(results: MeasurementResults, bias: float, sigma: float, i: int) -> 
         f"{results.name[i]!r}: first-order uncertainty is not good enough ({why}). Run again with "
         "--monte-carlo and use that interval."
     )
-    return Message("warning", "first-order-doubtful", text)
+    several = Several(
+        "{count} measurements: first-order uncertainty is not good enough",
+        repr(results.name[i]),
+        why,
+        "Run again with --monte-carlo and use those intervals.",
+    )
+    return Message(
+        "warning",
+        "first-order-doubtful",
+        text,
+        measurements=(results.name[i],),
+        several=several,
+    )

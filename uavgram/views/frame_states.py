@@ -21,22 +21,11 @@ def frame_states(result: Result) -> tuple[FrameState, ...]:
         for image, status in zip(result.picks.image, result.picks.status, strict=True)
         if status in ("suspect", "removed")
     }
-    odd |= _strained(result)
+    odd |= {name for m in result.messages if m.code == "telemetry-strained" for name in m.frames}
     return tuple(
         "check" if status == "refined" and name in odd else status
         for name, status in zip(result.frames.frame_id, result.frames.status, strict=True)
     )
-
-
-def _strained(result: Result) -> set[str]:
-    """Frames that do not stand where the log has them: the messages on them name them first."""
-    named = {f"Frame {name!r}": name for name in result.frames.frame_id}
-    openings = (
-        message.text.partition(" does not stand")[0]
-        for message in result.messages
-        if message.code == "telemetry-strained"
-    )
-    return {named[opening] for opening in openings if opening in named}
 
 
 def frame_counts(result: Result) -> str:

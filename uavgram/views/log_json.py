@@ -63,7 +63,7 @@ def _boot(summary: BootSummary) -> dict[str, Any]:
         "sigmas": _sigmas(boot.sigmas),
         "events": _events(boot.events, summary),
         "home": _home(boot.home, summary.home_moves_m),
-        "messages": [{"level": m.level, "code": m.code, "text": m.text} for m in summary.messages],
+        "messages": [message.record() for message in summary.messages],
     }
 
 

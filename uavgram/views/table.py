@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from uavgram.model.frames import Frames, Photos
 from uavgram.model.geotag import GeoTags
@@ -24,11 +25,21 @@ from uavgram.views.wording import (
 
 HEADER = ("measurement", "kind", "points", "value ± 1 sigma", "95 % interval", "sigma/value")
 RIGHT_ALIGNED = (3, 4, 5)
+DETAILS = {("info", "camera-learnt"), ("info", "camera-not-learnt")}
+"""Messages of every run that few need: results.json and the report have them."""
+
 OTHERS = "fits as well"
 
 
-def measurement_table(result: Result) -> str:
+def measurement_table(result: Result, most: int = 0) -> str:
     """Measurements as aligned columns, the least certain first.
+
+    Parameters
+    ----------
+    result
+        Of a run.
+    most
+        Rows to show; 0: all.
 
     Returns
     -------
@@ -39,7 +50,7 @@ def measurement_table(result: Result) -> str:
         return "No measurements were asked for (measure: in the project file)."
     unsure = bool(rows.is_ambiguous.any())
     cells: list[tuple[str, ...]] = [(*HEADER, *((OTHERS,) if unsure else ()))]
-    for i in worst_first(rows):
+    for i in worst_first(rows)[: most or None]:
         value, sigma, unit = float(rows.value[i]), float(rows.sigma[i]), rows.unit[i]
         low, high = (float(bound) for bound in rows.interval_95[i])
         cells.append(
@@ -56,10 +67,25 @@ def measurement_table(result: Result) -> str:
     return aligned(cells) + (f"\n{NOT_UNIQUE}" if unsure else "")
 
 
-def message_lines(messages: Sequence[Message]) -> list[str]:
-    """One line per message: errors first, then warnings, then the choices that were made."""
+def unshown_rows(result: Result, most: int, folder: Path) -> list[str]:
+    """What a table cut after `most` rows does not show, and where to see it."""
+    more = len(result.measurements.name) - most
+    if not most or more <= 0:
+        return []
+    return [
+        f"... and {more} more, which are known better: --rows 0 shows all, and all are in "
+        f"{folder / 'measurements.csv'}"
+    ]
+
+
+def message_lines(messages: Sequence[Message], *, verbose: bool = True) -> list[str]:
+    """One line per message: errors first, then warnings, then the choices that were made.
+
+    Without `verbose`, nothing of what only says how the program came to its numbers.
+    """
     rank = {"error": 0, "warning": 1, "info": 2}
-    ordered = sorted(messages, key=lambda message: rank[message.level])
+    told = [m for m in messages if verbose or (m.level, m.code) not in DETAILS]
+    ordered = sorted(told, key=lambda message: rank[message.level])
     return [f"{message.level}: {message.text}" for message in ordered]
 
 

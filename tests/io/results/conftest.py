@@ -192,5 +192,5 @@ def sample_result() -> Result:
                 ),
             ),
         ),
-        messages=(Message("warning", "label-unseen", "label 'Z' was never picked"),),
+        messages=(Message("warning", "label-unseen", "label 'Z' was never picked", labels=("Z",)),),
     )

@@ -44,7 +44,7 @@ def test_a_file_of_before_has_none(marked, tmp_path):
 def test_the_csv_joins_them(marked):
     rows = list(csv.DictReader(io.StringIO(dump_measurements_csv(marked))))
 
-    assert [row["alternatives"] for row in rows] == ["", "", "31.25;44.9", "", "", ""]
+    assert [row["alternatives"] for row in rows] == ["", "", "31.25000;44.90000", "", "", ""]
 
 
 def test_the_geojson_lists_them(marked):

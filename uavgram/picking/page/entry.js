@@ -55,16 +55,21 @@ function showNeeds(form, { points, was }, coming) {
   box.replaceChildren(...lines.map((line) => node("p", { class: "dim" }, line)), ...(why ? [node("p", { class: "wrong" }, why)] : []));
 }
 
+const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i;
+const WITH_COMMA = /^[-+]?\d*,\d+$/;
+const THOUSANDS = /^[-+]?[1-9]\d{0,2},\d{3}$/;
+
+// A decimal comma is taken where it can mean nothing else, as the program's readers do.
 export function parse(text) {
-  return /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i.test(text.trim()) ? Number(text) : NaN;
+  const written = text.trim();
+  const pointed = WITH_COMMA.test(written) && !THOUSANDS.test(written) ? written.replace(",", ".") : written;
+  return NUMBER.test(pointed) ? Number(pointed) : NaN;
 }
 
-const WITH_COMMA = /^[-+]?\d*,\d+$/;
-
-// Why a text is no number; with a comma it is plain what was meant, but not for the program to guess.
+// Why a text is no number, or what it is asked to mean.
 export function noNumber(text, example = "") {
   const written = text.trim();
-  if (WITH_COMMA.test(written)) return `${written} has a comma: write ${written.replace(",", ".")}, with a point.`;
+  if (THOUSANDS.test(written)) return `Is ${written} meant as ${written.replace(",", ".")} or ${written.replace(",", "")}? Write it without a comma.`;
   return `${written || "nothing"} is no number.${example && ` Write it ${example}.`}`;
 }
 

@@ -7,13 +7,21 @@ from collections.abc import Iterator
 import numpy as np
 
 from uavgram.model.calibration_result import CalibrationResult, ModelScore
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Several
 from uavgram.stages.calibrate.judged import Judged
 from uavgram.stages.calibrate.remarks_on_photos import remarks_on_photos
 
 STRONG_CORRELATION = 0.9
 SQUARE_PIXELS = 0.01
 """Departure of fx / fy from 1 that no sensor has."""
+
+
+LEFT_OUT = "{count} photos were left out"
+DO_NOT_FIT = "{count} photos do not fit the others"
+LOOK = (
+    "Look at them; leave them out (--outliers remove) if the board was moved, blurred or found "
+    "wrongly."
+)
 
 
 def remarks(judged: Judged, result: CalibrationResult) -> tuple[Message, ...]:
@@ -44,17 +52,17 @@ def _on_the_model(result: CalibrationResult) -> Iterator[Message]:
 def _on_outliers(result: CalibrationResult) -> Iterator[Message]:
     photos, corners = result.photos, result.corners
     for file, why in photos.unusable:
-        yield Message("warning", "photo-unusable", f"{file} was left out: {why}.")
+        yield _photo("photo-unusable", file, f"{file} was left out: {why}.", LEFT_OUT, why)
     for file, status, reason in zip(photos.file, photos.status, photos.reason, strict=True):
         if status == "removed":
-            yield Message("warning", "photo-removed", f"{file} was left out: {reason}.")
+            text = f"{file} was left out: {reason}."
+            yield _photo("photo-removed", file, text, LEFT_OUT, reason)
         elif status == "suspect":
-            yield Message(
-                "warning",
-                "photo-suspect",
+            text = (
                 f"{file} does not fit the others: {reason}. Look at it; leave it out (--outliers "
-                "remove) if the board was moved, blurred or found wrongly.",
+                "remove) if the board was moved, blurred or found wrongly."
             )
+            yield _photo("photo-suspect", file, text, DO_NOT_FIT, reason, LOOK)
     verdict = np.array(corners.status, dtype=object)
     for word, code, what in (
         ("removed", "corners-removed", "were left out, being outliers"),
@@ -69,6 +77,11 @@ def _on_outliers(result: CalibrationResult) -> Iterator[Message]:
                 code,
                 f"{marked.sum()} of {len(verdict)} corners {what}: in {', '.join(files)}.",
             )
+
+
+def _photo(code: str, file: str, text: str, opening: str, why: str, look: str = "") -> Message:
+    several = Several(opening, file, why, look)
+    return Message("warning", code, text, files=(file,), several=several)
 
 
 def _on_the_covariance(judged: Judged, result: CalibrationResult) -> Iterator[Message]:

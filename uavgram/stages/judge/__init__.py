@@ -11,4 +11,5 @@ from uavgram.stages.judge.points import judge_points as judge_points
 from uavgram.stages.judge.priors import judge_priors as judge_priors
 from uavgram.stages.judge.removals import judge_removals as judge_removals
 from uavgram.stages.judge.suspects import judge_suspects as judge_suspects
+from uavgram.stages.judge.swapped import swapped_labels as swapped_labels
 from uavgram.stages.judge.weakest import judge_weakest as judge_weakest

@@ -17,7 +17,6 @@ from uavgram.estimation.snooping import MOST_SUSPECTS, suspicions
 from uavgram.estimation.suspicion import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.evidence import Effects
-from uavgram.model.observations import KnownLines
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,23 +105,13 @@ def effects_on(measured: Measured, on: Ints, change: Floats) -> Effects:
     )
 
 
-def examine(
-    refined: Refined,
-    lines: KnownLines,
-    line_index: Ints,
-    measured: Measured,
-    significance: float,
-) -> Examined:
+def examine(refined: Refined, measured: Measured, significance: float) -> Examined:
     """Test every observation and prior, and propagate what would stay undetected.
 
     Parameters
     ----------
     refined
         The adjusted survey.
-    lines
-        All L known lengths of the project.
-    line_index
-        (L,) into the lines of the survey handed to refine; -1 for withheld and unseen ones.
     measured
         The measured values.
     significance
@@ -137,7 +126,7 @@ def examine(
         suspicions=_suspicions(refined, groups, significance),
         worst=worst,
         weakest=weakest,
-        names=named(refined, lines, line_index),
+        names=Names(refined.adjustment),
         measured=measured,
         significance=significance,
     )
@@ -150,10 +139,3 @@ def _suspicions(
         return ()
     found = suspicions(refined.adjustment, groups, significance, refined.accused)
     return tuple(islice(found, 1) if refined.accused_alone else found)
-
-
-def named(refined: Refined, lines: KnownLines, line_index: Ints) -> Names:
-    """Names of the observations, lengths by the project's own."""
-    name_of = {int(index): lines.name[i] for i, index in enumerate(line_index) if index >= 0}
-    used = refined.line_index[refined.adjustment.problem.line_index]
-    return Names(refined.adjustment, tuple(name_of[int(index)] for index in used))

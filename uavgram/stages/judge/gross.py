@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.adjustment import Refined
+from uavgram.estimation.observation_names import length_name
 from uavgram.estimation.wrong_units import likely_mistake
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
@@ -38,6 +39,7 @@ def judge_gross(
             "warning",
             "line-left-out",
             _text(refined, lines, group, what[group[0]], (seen_m, sigma_m)),
+            lengths=tuple(lines.name[i] for i in group),
         )
         for group in groups
     )
@@ -62,8 +64,9 @@ def _text(
     taped = [f"{lines.length_m[i]:.10g} m taped" for i in found]
     seen = [f"{adjusted[0][i]:.4g} m (sigma {adjusted[1][i]:.2g} m)" for i in found]
     if len(found) == 1:
+        name, start, end = (each[found[0]] for each in (lines.name, lines.start, lines.end))
         opening = (
-            f"The length {lines.name[found[0]]!r} was left out: {taped[0]}, but "
+            f"The {length_name(name, start, end)} was left out: {taped[0]}, but "
             f"{_against(refined)} say {seen[0]}{ask or '.'}"
         )
     else:

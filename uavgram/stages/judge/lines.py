@@ -6,9 +6,10 @@ import numpy as np
 
 from uavgram.errors import near_miss
 from uavgram.estimation.adjustment import Adjustment
+from uavgram.estimation.observation_names import length_name
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.evidence import Effects
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Several
 from uavgram.model.observations import KnownLines
 from uavgram.model.result_tables import LineChecks, LineResults, LineStatus
 from uavgram.stages.judge.examine import Examined
@@ -55,11 +56,11 @@ def judge_lines(
     status: list[LineStatus] = []
     suspect = examined.suspect("lengths") if "lengths" in examined.groups else np.zeros(0, bool)
     known = adjustment.survey.label
-    for i, name in enumerate(lines.name):
+    for i in range(len(lines.name)):
         missing = [p for p in (lines.start[i], lines.end[i]) if p not in known]
         if missing:
             status.append("unseen")
-            messages.append(_unseen(name, missing, known))
+            messages.append(_unseen(lines, i, missing, known))
         elif withheld[i]:
             status.append("checked")
             if examined.significant(columns["w"][i]):
@@ -102,25 +103,42 @@ def _fit_of_observed(examined: Examined, row: Ints, columns: dict[str, Floats]) 
     columns["mdb_m"][there] = group.bias(examined.significance)[at, 0]
 
 
-def _unseen(name: str, missing: list[str], known: tuple[str, ...]) -> Message:
+def _unseen(lines: KnownLines, i: int, missing: list[str], known: tuple[str, ...]) -> Message:
     words = []
     for label in missing:
         hint = f" ({near})" if (near := near_miss(label, known)) else ""
         words.append(f"{label!r}{hint}")
-    text = f"The length {name!r} is not used: no usable pick of {', '.join(words)}."
-    return Message("warning", "line-unseen", text)
+    what = length_name(lines.name[i], lines.start[i], lines.end[i])
+    which = f"no usable pick of {' and '.join(words)}"
+    return Message(
+        "warning",
+        "line-unseen",
+        f"The {what} is not used: {which}.",
+        lengths=(lines.name[i],),
+        labels=tuple(missing),
+        several=Several("{count} lengths are not used", what.removeprefix("length "), which),
+    )
 
 
 def _does_not_fit(lines: KnownLines, i: int, columns: dict[str, Floats]) -> Message:
     found = float(columns["adjusted_m"][i])
     what = mistake(lines, i, found, float(columns["adjusted_sigma_m"][i]))
     ask = f"{what[0].upper()}{what[1:]}? " if what else ""
-    text = (
-        f"The withheld length {lines.name[i]!r} does not fit: taped {lines.length_m[i]:.3f} m, "
-        f"found {found:.3f} m (w = {columns['w'][i]:.1f}). {ask}Look at the reading, at its ends "
-        "and at their picks."
+    name = length_name(lines.name[i], lines.start[i], lines.end[i])
+    how = f"taped {lines.length_m[i]:.3f} m, found {found:.3f} m (w = {columns['w'][i]:.1f})"
+    return Message(
+        "warning",
+        "line-suspect",
+        f"The withheld {name} does not fit: {how}. {ask}Look at the reading, at its ends and at "
+        "their picks.",
+        lengths=(lines.name[i],),
+        labels=(lines.start[i], lines.end[i]),
+        several=Several(
+            "{count} withheld lengths do not fit",
+            f"{name.removeprefix('length ')} {how}{f': {what}?' if what else ''}",
+            ending="Look at the readings, at their ends and at their picks.",
+        ),
     )
-    return Message("warning", "line-suspect", text)
 
 
 def _line_checks(lines: LineResults) -> LineChecks:

@@ -8,7 +8,7 @@ from uavgram.estimation.adjustment import Adjustment
 from uavgram.estimation.coordinate_faults import displaced, likely_fault
 from uavgram.estimation.reliability import upper_tail
 from uavgram.model.arrays import Ints
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Several
 from uavgram.model.observations import KnownWorldPoints
 from uavgram.model.result_tables import PointChecks
 
@@ -39,7 +39,11 @@ def judge_points(
     )
     messages = [
         Message(
-            "warning", "check-unseen", f"The check point {known.label[i]!r} has no usable pick."
+            "warning",
+            "check-unseen",
+            f"The check point {known.label[i]!r} has no usable pick.",
+            labels=(known.label[i],),
+            several=Several("{count} check points have no usable pick", repr(known.label[i])),
         )
         for i in np.flatnonzero(index < 0)
     ]
@@ -59,13 +63,20 @@ def _suspects(checks: PointChecks, off: Ints) -> list[Message]:
         f"{displaced(middle, sigma)}: look at what they have in common, the datum of their "
         f"heights, their coordinate system{likely_fault(middle)} and the origin."
     )
-    return [Message("warning", "check-suspect", text)]
+    labels = tuple(checks.label[i] for i in off)
+    return [Message("warning", "check-suspect", text, labels=labels)]
 
 
 def _off(checks: PointChecks, i: int) -> Message:
     off = -checks.error_m[i]
-    text = (
-        f"The check point {checks.label[i]!r} is {displaced(off, checks.sigma_m[i])}: look at its "
-        f"coordinates{likely_fault(off)} and its picks."
+    label, where = checks.label[i], displaced(off, checks.sigma_m[i])
+    several = Several(
+        "{count} check points are off",
+        f"{label!r} is {where}{likely_fault(off)}",
+        ending="Look at their coordinates and their picks.",
     )
-    return Message("warning", "check-suspect", text)
+    text = (
+        f"The check point {label!r} is {where}: look at its coordinates{likely_fault(off)} and its "
+        "picks."
+    )
+    return Message("warning", "check-suspect", text, labels=(label,), several=several)

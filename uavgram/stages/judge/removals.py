@@ -6,11 +6,11 @@ import numpy as np
 
 from uavgram.estimation.adjustment import Refined
 from uavgram.estimation.measured import values_at
+from uavgram.estimation.observation_names import Names, length_name
 from uavgram.model.arrays import Ints
 from uavgram.model.evidence import RemovalRecord
 from uavgram.model.frames import Frames
 from uavgram.model.observations import KnownLines, MeasurementRequest
-from uavgram.stages.judge.examine import named
 
 
 def judge_removals(
@@ -31,7 +31,7 @@ def judge_removals(
     requests, frames
         What is measured, before and after each step.
     """
-    name_of = {int(index): lines.name[i] for i, index in enumerate(line_index) if index >= 0}
+    at = {int(index): i for i, index in enumerate(line_index) if index >= 0}
     steps = [removal.before for removal in refined.removals] + [refined]
     values = [
         None if r is None else values_at(r.adjustment, r.adjustment.state, requests, frames)
@@ -43,11 +43,13 @@ def judge_removals(
         later = next(j for j in range(k + 1, len(steps)) if steps[j] is not None)
         after = values[later]
         assert after is not None  # noqa: S101  (that step is there)
-        what = f"length {name_of.get(removal.index)!r}"
         group: tuple[str, ...] = ()
         rivals: tuple[str, ...] = ()
-        if removal.before is not None:
-            names = named(removal.before, lines, line_index)
+        if removal.before is None:
+            i = at[removal.index]
+            what = length_name(lines.name[i], lines.start[i], lines.end[i])
+        else:
+            names = Names(removal.before.adjustment)
             what = names.observation(suspicion.accused)
             group = tuple(names.observation(m) for m in suspicion.group)
             rivals = tuple(names.observation(m) for m in suspicion.rivals)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from uavgram.estimation.observation_names import POSE_AXES
 from uavgram.estimation.snooping import MOST_SUSPECTS
 from uavgram.estimation.suspicion import Suspicion
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Several
 from uavgram.stages.judge.examine import Examined
+from uavgram.stages.judge.swapped import Swap
 
 CODES = {
     "pixels": "pick-suspect",
@@ -16,13 +19,45 @@ CODES = {
 }
 
 
-def judge_suspects(examined: Examined) -> tuple[Message, ...]:
-    """One message for each suspicion; where there are too many, the model is named instead."""
-    messages = [
-        Message("warning", CODES.get(s.accused.kind, "prior-strained"), _text(examined, s))
+TOLD_TOGETHER = {
+    "pixels": ("{count} picks do not fit", "Look at their places and at their labels."),
+    "lengths": (
+        "{count} known lengths do not fit",
+        "Look at the readings, at their ends and at their picks.",
+    ),
+    "control": (
+        "{count} control points do not fit",
+        "Look at their coordinates, their labels and their picks.",
+    ),
+    "telemetry": (
+        "{count} frames do not stand where the log has them",
+        "Look at their picks, their times and the gimbal.",
+    ),
+}
+PRIORS_TOGETHER = (
+    "The observations contradict {count} things that were assumed",
+    "Check their values and sigmas in the project.",
+)
+
+
+def judge_suspects(examined: Examined, swaps: Sequence[Swap] = ()) -> tuple[Message, ...]:
+    """One message for each suspicion; where there are too many, the model is named instead.
+
+    Parameters
+    ----------
+    examined
+        The adjusted survey under test.
+    swaps
+        Labels that seem to be swapped: said first, and their picks then not blamed.
+    """
+    blameless = {(swap.frame, label) for swap in swaps for label in swap.labels}
+    messages = [swap.message() for swap in swaps]
+    messages += [
+        _message(examined, s)
         for s in examined.suspicions
+        if s.accused.kind != "pixels" or examined.names.pick(s.accused.row) not in blameless
     ]
-    if len(messages) >= MOST_SUSPECTS:
+    if len(examined.suspicions) >= MOST_SUSPECTS:
         text = (
             f"{MOST_SUSPECTS} observations or more do not fit; the first {MOST_SUSPECTS} are "
             "named. Something common to them is wrong: labels, the camera file, the ground, times."
@@ -31,72 +66,81 @@ def judge_suspects(examined: Examined) -> tuple[Message, ...]:
     return tuple(messages)
 
 
-def _text(examined: Examined, suspicion: Suspicion) -> str:
-    words = {
-        "pixels": _pick,
-        "lengths": _length,
-        "control": _control,
-        "telemetry": _pose,
-    }.get(suspicion.accused.kind, _prior)
-    names, sentences = examined.names, [words(examined, suspicion)]
+def _message(examined: Examined, suspicion: Suspicion) -> Message:
+    kind, names = suspicion.accused.kind, examined.names
+    words = {"pixels": _pick, "lengths": _length, "control": _control, "telemetry": _pose}
+    text, item = words.get(kind, _prior)(examined, suspicion)
+    opening, ending = TOLD_TOGETHER.get(kind, PRIORS_TOGETHER)
+    others = []
     if suspicion.group:
-        sentences.append(f"The {names.group(suspicion)}: {names.look(suspicion)}.")
+        others.append(f"The {names.group(suspicion)}: {names.look(suspicion)}.")
+        item += f", or the {' or the '.join(names.observation(m) for m in suspicion.group)}"
     if suspicion.rivals:
-        sentences.append(names.rivals(suspicion))
-    return " ".join(sentences)
-
-
-def _pick(examined: Examined, suspicion: Suspicion) -> str:
-    survey, row = examined.adjustment.survey, suspicion.accused.row
-    block = examined.groups["pixels"].block
-    u, v = block.residual[row] * survey.pick_sigma_px[row]
-    what = examined.names.observation(suspicion.accused)
-    return (
-        f"The {what} does not fit (w = {suspicion.w:.1f}, residual {u:+.1f}, {v:+.1f} px): look at "
-        "the place and at the label."
+        others.append(names.rivals(suspicion))
+    return Message(
+        "warning",
+        CODES.get(kind, "prior-strained"),
+        " ".join([text, *others]),
+        **names.subjects(suspicion.accused),
+        several=Several(opening, item, ending=ending),
     )
 
 
-def _length(examined: Examined, suspicion: Suspicion) -> str:
+def _pick(examined: Examined, suspicion: Suspicion) -> tuple[str, str]:
+    """What does not fit and where to look, as a sentence; and in a few words."""
+    survey, row = examined.adjustment.survey, suspicion.accused.row
+    block = examined.groups["pixels"].block
+    u, v = block.residual[row] * survey.pick_sigma_px[row]
+    frame, label = examined.names.pick(row)
+    how = f"(w = {suspicion.w:.1f}, residual {u:+.1f}, {v:+.1f} px)"
+    what = f"{label!r} in {frame!r}"
+    return (
+        f"The pick of {what} does not fit {how}: look at the place and at the label.",
+        f"{what} {how}",
+    )
+
+
+def _length(examined: Examined, suspicion: Suspicion) -> tuple[str, str]:
     survey, row = examined.adjustment.survey, suspicion.accused.row
     line = examined.adjustment.problem.line_index[row]
     taped, sigma = survey.length_m[line], survey.length_sigma_m[line]
     adjusted = taped + examined.groups["lengths"].block.residual[row, 0] * sigma
     what = examined.names.observation(suspicion.accused)
+    how = f"taped {taped:.3f} m, adjusted {adjusted:.3f} m (w = {suspicion.w:.1f})"
+    alone = " Without it, everything else fits." if examined.refined.accused_alone else ""
     return (
-        f"The {what} does not fit: taped {taped:.3f} m, adjusted {adjusted:.3f} m "
-        f"(w = {suspicion.w:.1f}). Look at the reading, at its ends and at their picks."
-        f"{' Without it, everything else fits.' if examined.refined.accused_alone else ''}"
+        f"The {what} does not fit: {how}. Look at the reading, at its ends and at their picks."
+        f"{alone}",
+        f"{what.removeprefix('length ')} {how}",
     )
 
 
-def _control(examined: Examined, suspicion: Suspicion) -> str:
+def _control(examined: Examined, suspicion: Suspicion) -> tuple[str, str]:
     survey, row = examined.adjustment.survey, suspicion.accused.row
     residual = examined.groups["control"].block.residual[row] * survey.control_sigma_m[row]
-    what = examined.names.observation(suspicion.accused)
+    label = survey.label[survey.control_label[row]]
+    how = f"(w = {suspicion.w:.1f}, found minus known {', '.join(f'{r:+.3f}' for r in residual)} m)"
     return (
-        f"The {what} does not fit (w = {suspicion.w:.1f}, found minus known "
-        f"{', '.join(f'{r:+.3f}' for r in residual)} m): look at its coordinates, its label and "
-        "its picks."
+        f"The control point {label!r} does not fit {how}: look at its coordinates, its label and "
+        "its picks.",
+        f"{label!r} {how}",
     )
 
 
-def _pose(examined: Examined, suspicion: Suspicion) -> str:
-    row, axis = suspicion.accused.row, suspicion.accused.axis
-    return strained_frame(examined.names.frame(row), axis, suspicion.w)
-
-
-def strained_frame(frame_id: str, axis: int, w: float) -> str:
-    """A frame whose logged pose the observations contradict along one axis."""
+def _pose(examined: Examined, suspicion: Suspicion) -> tuple[str, str]:
+    frame = examined.names.frame(suspicion.accused.row)
+    how = f"{POSE_AXES[suspicion.accused.axis]}, w = {suspicion.w:.1f}"
     return (
-        f"Frame {frame_id!r} does not stand where the log has it: {POSE_AXES[axis]}, w = "
-        f"{w:.1f}. Look at its picks, its time and the gimbal."
+        f"Frame {frame!r} does not stand where the log has it: {how}. Look at its picks, its time "
+        "and the gimbal.",
+        f"{frame!r} ({how})",
     )
 
 
-def _prior(examined: Examined, suspicion: Suspicion) -> str:
+def _prior(examined: Examined, suspicion: Suspicion) -> tuple[str, str]:
+    what = examined.names.prior(suspicion.accused)
     return (
-        "The observations contradict what was assumed of the "
-        f"{examined.names.prior(suspicion.accused)} (w = {suspicion.w:.1f}): check its value and "
-        "sigma in the project."
+        f"The observations contradict what was assumed of the {what} (w = {suspicion.w:.1f}): "
+        "check its value and sigma in the project.",
+        f"{what} (w = {suspicion.w:.1f})",
     )

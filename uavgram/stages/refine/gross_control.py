@@ -12,7 +12,7 @@ import numpy as np
 from uavgram.estimation.adjustment import Refined
 from uavgram.estimation.coordinate_faults import FAR_M, displaced, likely_fault
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Several
 from uavgram.model.survey import Survey
 from uavgram.stages.refine.gross_lengths import BEYOND, DOUBT, FEW
 from uavgram.stages.refine.seeded_lengths import seeded_points
@@ -70,12 +70,20 @@ def control_left_out(survey: Survey, refined: Refined, control: Ints) -> list[Me
     messages = []
     for k, i in enumerate(control.tolist()):
         sigma = np.sqrt(np.diag(covariance[k]) + survey.control_sigma_m[i] ** 2)
+        label = survey.label[survey.control_label[i]]
+        where, likely = displaced(off[k], sigma), likely_fault(off[k])
         text = (
-            f"The control point {survey.label[survey.control_label[i]]!r} was left out: it is "
-            f"{displaced(off[k], sigma)}, and with it nothing else would fit. Look at its "
-            f"coordinates{likely_fault(off[k])}, its label and its picks."
+            f"The control point {label!r} was left out: it is {where}, and with it nothing else "
+            f"would fit. Look at its coordinates{likely}, its label and its picks."
         )
-        messages.append(Message("warning", "control-left-out", text))
+        several = Several(
+            "{count} control points were left out, as nothing else would fit with them",
+            f"{label!r} is {where}{likely}",
+            ending="Look at their coordinates, their labels and their picks.",
+        )
+        messages.append(
+            Message("warning", "control-left-out", text, labels=(label,), several=several)
+        )
     return messages
 
 

@@ -25,9 +25,6 @@ from uavgram.stages.refine.starts import first_values, unusable
 AS_GOOD = 0.001
 """Probability below which an alternative's extra cost rules it out."""
 
-UNDETERMINED = "the observations do not determine "
-"""Opening of the reason why something was left out that nothing determines."""
-
 
 class UndeterminedError(GeometryError):
     """The observations leave something free; `picks` (P,) are those that hang on it alone."""
@@ -51,7 +48,7 @@ def adjust_all(
     Picks without first values are left out, and so are frames and points that nothing determines:
     `pick_reason` of the result says why. The rest goes on.
     """
-    reason, keep = dict(reason), keep.copy()
+    reason, keep, undetermined = dict(reason), keep.copy(), frozenset[int]()
     while True:
         if not keep.any():
             raise GeometryError(
@@ -74,6 +71,8 @@ def adjust_all(
                 out = _to_go_on_without(why, skipped)
                 if not out:
                     raise
+                if not why.picks.all():
+                    undetermined |= frozenset(selection.pick_index[why.picks].tolist())
         left = selection.pick_index[list(out)]
         reason |= dict(zip(left.tolist(), out.values(), strict=True))
         keep[left] = False
@@ -86,6 +85,7 @@ def adjust_all(
         line_removed=line_removed,
         pick_reason=reason,
         alternatives=tuple(alternatives),
+        undetermined=undetermined,
     )
 
 
@@ -159,7 +159,7 @@ def _minimise(
         )
     except SingularError as error:
         raise UndeterminedError(
-            f"{UNDETERMINED}{layout.describe(error.index, survey)}: add known "
+            f"the observations do not determine {layout.describe(error.index, survey)}: add known "
             f"lengths or picks there, or leave it out{_weakness(survey, values, line_used)}",
             _hanging_on(error.index, layout, survey),
         ) from error

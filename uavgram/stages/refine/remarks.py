@@ -14,7 +14,7 @@ from uavgram.estimation.snooping import READINGS
 from uavgram.estimation.suspicion import Member, Suspicion
 from uavgram.estimation.wrong_units import likely_unit_of_height
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Several
 from uavgram.model.survey import Survey
 from uavgram.stages.refine.gross_lengths import odd_in_view, ratios_in_view
 
@@ -32,7 +32,7 @@ def remarks(survey: Survey, refined: Refined) -> tuple[Message, ...]:
     """Everything that the result itself shows: picks left out, removals, ambiguity, no rest."""
     messages = _left_out(survey, refined)
     messages += [
-        Message("warning", f"{removal.kind}-removed", _removal(removal, removal.before))
+        _removal(removal, removal.before)
         for removal in refined.removals
         if removal.before is not None
     ]
@@ -121,8 +121,16 @@ def _left_out(survey: Survey, refined: Refined) -> list[Message]:
         frame = int(survey.pick_frame[index])
         name = survey.frame_id[frame]
         if name in stayed:
-            text = f"The pick of {label!r} in {name!r} was left out: {why}."
-            messages.append(Message("warning", "pick-left-out", text))
+            messages.append(
+                Message(
+                    "warning",
+                    "pick-left-out",
+                    f"The pick of {label!r} in {name!r} was left out: {why}.",
+                    frames=(name,),
+                    labels=(label,),
+                    several=Several("{count} picks were left out", f"{label!r} in {name!r}", why),
+                )
+            )
         else:
             number = frames.setdefault(frame, {})
             number[why] = number.get(why, 0) + 1
@@ -131,8 +139,18 @@ def _left_out(survey: Survey, refined: Refined) -> list[Message]:
             text if len(reasons) == 1 else f"{text} ({_picks(number)})"
             for text, number in reasons.items()
         )
-        text = f"The frame {survey.frame_id[frame]!r} was left out, with all of its picks: {why}."
-        messages.append(Message("warning", "frame-left-out", text))
+        name = survey.frame_id[frame]
+        messages.append(
+            Message(
+                "warning",
+                "frame-left-out",
+                f"The frame {name!r} was left out, with all of its picks: {why}.",
+                frames=(name,),
+                several=Several(
+                    "{count} frames were left out, with all of their picks", repr(name), why
+                ),
+            )
+        )
     return messages
 
 
@@ -140,15 +158,25 @@ def _picks(number: int) -> str:
     return "1 pick" if number == 1 else f"{number} picks"
 
 
-def _removal(removal: Removal, before: Refined) -> str:
+def _removal(removal: Removal, before: Refined) -> Message:
     names = Names(before.adjustment)
     what = names.observation(removal.suspicion.accused)
+    plural = {"line": "known lengths", "pick": "picks"}[removal.kind]
     text = f"The {what} was removed as a blunder (w = {removal.w:.1f}); the rest was adjusted anew."
     if removal.suspicion.group:
         text += f" It may be the {names.group(removal.suspicion)}: {names.look(removal.suspicion)}."
     if removal.suspicion.rivals:
         text += f" {names.rivals(removal.suspicion)}"
-    return text
+    return Message(
+        "warning",
+        f"{removal.kind}-removed",
+        text,
+        **names.subjects(removal.suspicion.accused),
+        several=Several(
+            f"{{count}} {plural} were removed as blunders, and the rest adjusted anew",
+            f"{what} (w = {removal.w:.1f})",
+        ),
+    )
 
 
 def not_located(refined: Refined, suspicion: Suspicion) -> Message:

@@ -12,7 +12,6 @@ from uavgram.model.arrays import Bools
 from uavgram.model.survey import Survey
 from uavgram.stages.refine.attempts import attempt, ends_among, misfit
 from uavgram.stages.refine.gross_lengths import fits, wrong_beyond_doubt
-from uavgram.stages.refine.minima import UNDETERMINED
 from uavgram.stages.refine.misfit import culprit, gross
 
 MOST_TRIED = 36
@@ -70,5 +69,5 @@ def without_wrong_lengths(
 
 def _led_astray(refined: Refined) -> bool:
     """Whether an adjustment did not come to rest, or came to rest where something is far off."""
-    lost = any(why.startswith(UNDETERMINED) for why in refined.pick_reason.values())
+    lost = bool(refined.undetermined)
     return lost or not refined.adjustment.minimum.converged or gross(refined.adjustment)

@@ -7,7 +7,7 @@ import numpy as np
 from uavgram.estimation.boot_clock import as_text, to_utc
 from uavgram.model.arrays import Floats
 from uavgram.model.frames import Frames, Photos
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Several
 from uavgram.stages.synchronise.boots import ClockedBoot, is_inside
 from uavgram.stages.synchronise.event_times import Timing
 
@@ -65,7 +65,13 @@ def _to_nearest(time: Floats, samples: Floats) -> Floats:
 def unmatched_messages(frames: Frames) -> tuple[Message, ...]:
     """One warning for each frame that has no place in the log."""
     return tuple(
-        Message("warning", "frame-unmatched", f"{frame}: {reason}")
+        Message(
+            "warning",
+            "frame-unmatched",
+            f"{frame}: {reason}",
+            frames=(frame,),
+            several=Several("{count} photos have no place in the log", repr(frame), reason),
+        )
         for frame, reason in zip(frames.frame_id, frames.reason, strict=True)
         if reason
     )

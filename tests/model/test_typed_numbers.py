@@ -1,0 +1,38 @@
+"""A decimal comma is taken where it can mean nothing else, and asked about where it can."""
+
+from __future__ import annotations
+
+import pytest
+
+from uavgram.model.typed_numbers import comma_question, has_decimal_comma, with_point
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        ("1,5", "1.5"),
+        ("-0,010", "-0.010"),
+        ("0,125", "0.125"),
+        (",5", ".5"),
+        ("12,0015", "12.0015"),
+        ("1234,567", "1234.567"),
+        ("1,500e2", "1.500e2"),
+    ],
+)
+def test_a_comma_that_can_only_be_decimal_is_one(typed, meant):
+    assert has_decimal_comma(typed)
+    assert with_point(typed) == meant
+    assert comma_question(typed) == ""
+
+
+@pytest.mark.parametrize("typed", ["12,001", "1,234", "-999,999"])
+def test_what_may_be_thousands_is_asked_about(typed):
+    assert with_point(typed) == typed
+    assert typed.replace(",", ".") in comma_question(typed)
+    assert typed.replace(",", "") in comma_question(typed)
+
+
+@pytest.mark.parametrize("typed", ["1.5", "a,b", "1,2,3", "1.234,5", "1,234.5", "1,", "", "1,5 m"])
+def test_other_text_stays_as_it_is(typed):
+    assert with_point(typed) == typed
+    assert comma_question(typed) == ""

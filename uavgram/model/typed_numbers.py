@@ -1,0 +1,31 @@
+"""Numbers as people type them: a decimal comma is taken where it can mean nothing else."""
+
+from __future__ import annotations
+
+import re
+
+_COMMA = re.compile(r"[-+]?([0-9]*),([0-9]+)([eE][-+]?[0-9]+)?")
+_THOUSANDS = re.compile(r"[1-9][0-9]{0,2}")
+
+
+def has_decimal_comma(text: str) -> bool:
+    """Whether a comma in a number can only be a decimal one: ``1,5`` and ``0,010``.
+
+    Not in ``12,001``, which may be twelve thousand and one, nor beside a point.
+    """
+    found = _COMMA.fullmatch(text)
+    if found is None:
+        return False
+    return len(found[2]) != 3 or bool(found[3]) or _THOUSANDS.fullmatch(found[1]) is None
+
+
+def with_point(text: str) -> str:
+    """``1.5`` for ``1,5``; any other text as it is."""
+    return text.replace(",", ".") if "," in text and has_decimal_comma(text) else text
+
+
+def comma_question(text: str) -> str:
+    """What is asked of ``12,001``, as the end of a sentence; empty where nothing is unclear."""
+    if _COMMA.fullmatch(text) is None or has_decimal_comma(text):
+        return ""
+    return f": is it {text.replace(',', '.')} or {text.replace(',', '')}? Write it without a comma"

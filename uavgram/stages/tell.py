@@ -1,0 +1,91 @@
+"""What a run has to say, in order: one message for each kind, the likeliest cause first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import chain
+
+from uavgram.model.message import SUBJECTS, Message, Several
+
+MOST_LISTED = 12
+"""Things that a sentence lists; the message names all of them as data."""
+
+LEVELS = ("error", "warning", "info")
+
+CAUSES = (
+    ("mount-turned", "line-left-out", "control-left-out", "labels-swapped"),
+    ("line-removed", "pick-removed", "blunder-not-located", "blunder-kept"),
+    ("pick-suspect", "line-suspect", "control-suspect", "telemetry-strained", "prior-strained"),
+    ("check-suspect", "lengths-contradict", "odd-height"),
+)
+"""Codes of what explains other messages, what explains most of them first."""
+
+CONSEQUENCES = (
+    ("frame-left-out", "pick-left-out"),
+    ("many-suspects", "group-misfit", "checks-misfit"),
+    ("first-order-doubtful", "first-order-off", "monte-carlo-null", "monte-carlo-failed"),
+)
+"""Codes of what another message explains, where there is one; told last."""
+
+_RANK = {code: k - len(CAUSES) for k, codes in enumerate(CAUSES) for code in codes} | {
+    code: 1 + k for k, codes in enumerate(CONSEQUENCES) for code in codes
+}
+
+
+def told(*messages: Message) -> tuple[Message, ...]:
+    """Messages as people read them: each once, those of one kind as one.
+
+    Parameters
+    ----------
+    messages
+        As the stages gave them.
+
+    Returns
+    -------
+    Errors before warnings before choices; of one level causes first and their consequences last,
+    else in the order in which they came. Telling twice changes nothing.
+    """
+    groups: dict[object, list[Message]] = {}
+    for message in dict.fromkeys(messages):
+        groups.setdefault(_kind(message), []).append(message)
+    joined = [_joined(group) for group in groups.values()]
+    joined.sort(key=lambda m: (LEVELS.index(m.level), _RANK.get(m.code, 0)))
+    return tuple(joined)
+
+
+def _kind(message: Message) -> object:
+    several = message.several
+    if several is None:
+        return message
+    return message.level, message.code, several.opening, several.ending
+
+
+def _joined(group: Sequence[Message]) -> Message:
+    """One message of several of a kind."""
+    first, several = group[0], [m.several for m in group if m.several is not None]
+    if len(group) == 1:
+        return replace(first, several=None)
+    subjects = {
+        what: tuple(dict.fromkeys(chain.from_iterable(getattr(m, what) for m in group)))
+        for what in SUBJECTS
+    }
+    opening = several[0].opening.replace("{count}", str(len(group)))
+    sentences = (f"{opening}: {_listed(several)}.", several[0].ending)
+    return Message(
+        first.level, first.code, " ".join(filter(None, sentences)), **subjects, several=None
+    )
+
+
+def _listed(several: Sequence[Several]) -> str:
+    """``'a', 'b' (too few picks); 'c' (in the sky); and 4 more``."""
+    by_reason: dict[str, list[str]] = {}
+    for one in several[:MOST_LISTED]:
+        by_reason.setdefault(one.why, []).append(one.item)
+    separator = "; " if any(", " in one.item for one in several) else ", "
+    parts = [
+        separator.join(items) + (f" ({why})" if why else "") for why, items in by_reason.items()
+    ]
+    if (more := len(several) - MOST_LISTED) > 0:
+        parts.append(f"and {more} more")
+    return "; ".join(parts)
