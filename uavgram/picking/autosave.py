@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from uavgram.errors import OutputError, UavgramError
+from uavgram.io.own_files import open_own
 from uavgram.model.message import Message
 from uavgram.model.observations import MeasurementRequest
 from uavgram.picking import commands as c
@@ -51,7 +52,7 @@ class Journal:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             content = b"" if fresh or not path.is_file() else path.read_bytes()
-            self._handle = os.open(path, os.O_WRONLY | os.O_CREAT, 0o600)
+            self._handle = open_own(path, os.O_WRONLY | os.O_CREAT)
             self._size = content.rfind(b"\n") + 1
             os.ftruncate(self._handle, self._size)
         except OSError as fault:
