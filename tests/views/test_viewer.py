@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 import urllib.error
 import urllib.request
 from pathlib import Path
@@ -42,20 +43,21 @@ def test_the_viewer_listens_on_this_machine_only_and_its_failure_is_told(
     path = tmp_path / "a.rrd"
     path.write_bytes(b"RRF2 and more")
     calls = []
+    start = subprocess.Popen
 
-    def run(command, *, check):
+    def popen(command, **options):
         calls.append(command)
-        assert not check
-        return subprocess.CompletedProcess(command, status)
+        return start([sys.executable, "-c", f"raise SystemExit({status})"], **options)
 
-    monkeypatch.setattr(viewer.subprocess, "run", run)
+    monkeypatch.setattr(viewer.subprocess, "Popen", popen)
     if status:
         with pytest.raises(UavgramError, match=r"needs a screen.*a\.rrd --web"):
             viewer.open_viewer(path)
     else:
         viewer.open_viewer(path)
 
-    assert calls == [[sys.executable, "-m", "rerun", "--bind", "127.0.0.1", str(path)]]
+    assert [call[3:] for call in calls] == [["--bind", "127.0.0.1", "--", str(path)]]
+    assert calls[0][1] == "-P"  # no module from the folder that somebody stands in
 
 
 def processes_of(parent):
@@ -154,7 +156,7 @@ def test_a_server_that_is_killed_is_told(recording, monkeypatch):
             "held = [socket.create_server(('127.0.0.1', int(p))) for p in sys.argv[1:]];"
             "time.sleep(60)"
         )
-        ports = [_arguments[0][i + 1] for i, a in enumerate(_arguments[0]) if "port" in a]
+        ports = [_arguments[0][i + 1] for i, a in enumerate(_arguments[0]) if a.endswith("port")]
         server = start([sys.executable, "-c", code, *ports], **options)
 
         def kill():
@@ -168,3 +170,34 @@ def test_a_server_that_is_killed_is_told(recording, monkeypatch):
 
     with pytest.raises(UavgramError, match="ended with status -9"):
         viewer.serve_viewer(recording, lambda _: started.set())
+
+
+@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs Linux's /proc")
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
+def test_the_viewer_ends_with_the_program_however_that_ends(recording, tmp_path, how):
+    (tmp_path / "rerun_cli.py").write_text("raise SystemExit('taken from the folder')")
+    home = {"HOME": str(tmp_path), "FORCE_RERUN_ANALYTICS": "1"}
+    with subprocess.Popen(
+        [sys.executable, "-P", "-m", "uavgram", "view", str(recording), "--web"],
+        cwd=tmp_path,
+        env=os.environ | home,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as program:
+        assert program.stdout.readline().startswith("open http://127.0.0.1:")
+        pids = processes_of(program.pid)
+        assert len(pids) == 3
+        program.send_signal(how)
+        assert program.wait(30) == -how
+    latest = time.monotonic() + 30
+    while any(is_running(pid) for pid in pids) and time.monotonic() < latest:
+        time.sleep(0.02)
+    assert [pid for pid in pids if is_running(pid)] == []
+    assert not (tmp_path / ".config").exists()  # Rerun's analytics keep a file there
+
+
+def is_running(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2][0] != "Z"
+    except OSError:
+        return False
