@@ -12,6 +12,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from contextlib import ExitStack
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
@@ -19,7 +20,7 @@ import pytest
 from small_recording import write_small_recording
 
 from uavgram.errors import InputError, UavgramError
-from uavgram.views import viewer
+from uavgram.views import viewer, viewer_gate
 
 
 @pytest.fixture
@@ -106,6 +107,7 @@ def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(recording
         with urllib.request.urlopen(source, timeout=60) as file:  # noqa: S310
             seen["recording"] = file.read()
         others = ({"Host": "evil.example"}, {"Sec-Fetch-Site": "same-site"})
+        seen["guessed"] = status_of(f"http://{urlsplit(address).netloc}/recording.rrd", {})
         seen["foreign"] = [status_of(source, headers) for headers in others]
         raise KeyboardInterrupt  # as Ctrl-C does
 
@@ -113,7 +115,10 @@ def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(recording
         viewer.serve_viewer(recording, started)
 
     address = urlsplit(seen["address"])
-    assert parse_qs(address.query)["url"] == [f"http://{address.netloc}/recording.rrd"]
+    source = urlsplit(parse_qs(address.query)["url"][0])
+    assert source.netloc == address.netloc
+    assert re.fullmatch(r"/[-\w]{43}/recording\.rrd", source.path)  # no other user can guess it
+    assert seen["guessed"] == 404
     assert address.hostname == "127.0.0.1"
     assert len(seen["sockets"]) == 2
     assert {place for place, _ in seen["sockets"]} == {"0100007F"}  # 127.0.0.1, little-endian
@@ -128,6 +133,24 @@ def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(recording
     for port in {address.port, *(port for _, port in seen["sockets"])}:  # nothing is left behind
         with pytest.raises(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
             pass
+
+
+def test_the_gate_waits_for_no_one_who_says_nothing(recording, monkeypatch):
+    monkeypatch.setattr(viewer_gate, "HEADERS_S", 0.2)
+    gate = viewer_gate.ViewerGate(1, recording)
+    try:
+        with ExitStack() as calls:
+            for k in range(viewer_gate.MOST_AT_ONCE + 10):
+                call = socket.create_connection(("127.0.0.1", gate.server_port), timeout=30)
+                calls.callback(call.close)
+                call.sendall(b"GET / HTTP/1.1\r\nHost: x"[: k % 20])
+            assert call.recv(1) == b""  # one too many
+            time.sleep(0.4)
+            address = f"http://127.0.0.1:{gate.server_port}{gate.way}"
+            with urllib.request.urlopen(address, timeout=30) as file:  # noqa: S310
+                assert file.read() == recording.read_bytes()
+    finally:
+        gate.close()
 
 
 def status_of(address, headers):

@@ -26,6 +26,7 @@ from uavgram.picking.guard import Guard, Pace
 from uavgram.picking.memory import give_back_large_blocks
 from uavgram.picking.messages import LONGEST_MESSAGE, RefusedError, parse_message
 from uavgram.picking.open_project import Keep, OpenProject, Run
+from uavgram.picking.patience import PatientProtocol
 from uavgram.picking.tables import Tables
 from uavgram.pipeline.live import LiveSurvey
 
@@ -247,6 +248,7 @@ def serve(project: Path, announce: Callable[[str], None], run: Run, port: int = 
             guard[0],
             log_config=None,
             access_log=False,
+            http=PatientProtocol,
             ws="websockets-sansio",
             ws_max_size=LONGEST_MESSAGE,
             ws_max_queue=64,

@@ -15,7 +15,7 @@ from urllib.parse import quote
 
 from uavgram.errors import InputError, UavgramError
 from uavgram.views import viewer_process
-from uavgram.views.viewer_gate import LOOPBACK, RECORDING, ViewerGate
+from uavgram.views.viewer_gate import LOOPBACK, ViewerGate
 
 MAGIC = (b"RRF2", b"RRIO", b"RRF0", b"RRF1")
 START_S = 30.0
@@ -92,7 +92,7 @@ class RecordingServer:
             raise
         self._gate = ViewerGate(page, recording)
         home = f"http://{LOOPBACK}:{self._gate.server_port}"
-        self.address = f"{home}?url={quote(home + RECORDING, safe='')}&theme=dark"
+        self.address = f"{home}?url={quote(home + self._gate.way, safe='')}&theme=dark"
 
     @property
     def is_up(self) -> bool:
