@@ -211,7 +211,13 @@ def open_door(port: int) -> socket.socket:
     return door
 
 
-def serve(project: Path, announce: Callable[[str], None], run: Run, port: int = 0) -> None:
+def serve(
+    project: Path,
+    announce: Callable[[str], None],
+    run: Run,
+    port: int = 0,
+    entered: Callable[[], None] = lambda: None,
+) -> None:
     """Serve the picking page of a project until Ctrl+C; everything is saved then.
 
     Parameters
@@ -224,6 +230,8 @@ def serve(project: Path, announce: Callable[[str], None], run: Run, port: int = 
         Runs the project from its files and writes its outputs, where the page asks for them.
     port
         0: any free one.
+    entered
+        Called when a browser has used the address.
 
     Raises
     ------
@@ -243,7 +251,7 @@ def serve(project: Path, announce: Callable[[str], None], run: Run, port: int = 
         bound = int(door.getsockname()[1])
         guard: list[Guard] = []
         app: ASGIApp = pick.application(lambda: announce(guard[0].address()))
-        guard.append(Guard(app, bound))
+        guard.append(Guard(app, bound, entered))
         config = uvicorn.Config(
             guard[0],
             log_config=None,
