@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -113,6 +113,8 @@ class Left:
     ----------
     session
         As the last command left it; None before any ``open``.
+    saved
+        What the tables held when they were last known to be whole.
     settled, begun
         Digests of the tables as last known to be whole, and as a writing that was begun would
         have made them.
@@ -121,6 +123,7 @@ class Left:
     """
 
     session: Session | None = None
+    saved: State | None = None
     settled: dict[str, str | None] = field(default_factory=dict)
     begun: dict[str, str | None] = field(default_factory=dict)
     unsaved: bool = False
@@ -159,10 +162,12 @@ def _play(left: Left, entry: dict[str, Any]) -> None:
         else:
             left.session = Session(state=files)
             left.unsaved = False
+        left.saved = files
         left.settled, left.begun = entry["files"], {}
     elif what == "saving":
         left.begun, left.unsaved = entry["files"], True
     elif what == "saved":
+        left.saved = None if left.session is None else left.session.state
         left.settled, left.begun, left.unsaved = {**left.settled, **left.begun}, {}, False
     elif left.session is not None:
         step = int(entry.pop("step"))
@@ -252,6 +257,13 @@ class Saver(Protocol):
 
     def changed_outside(self) -> tuple[str, ...]:
         """Names of tables that another program changed since they were read or written here."""
+        ...
+
+    def inputs_now(self, read: Iterable[str]) -> frozenset[str] | None:
+        """Digests of the project's files as they are now, where `read` are those that were read.
+
+        None while changes wait to be saved.
+        """
         ...
 
     def close(self) -> None:

@@ -302,6 +302,8 @@ _PARSERS: dict[str, Callable[[_Fields], c.Command | c.Question | c.Errand]] = {
     "redo": lambda _: c.Redo(),
     "export": lambda _: c.Export(),
     "reload": lambda _: c.Reload(),
+    "take-aside": lambda _: c.TakeAside(),
+    "discard-aside": lambda _: c.DiscardAside(),
     "folders": lambda _: c.Folders(),
     "calibrate": _calibrate,
     "stop-calibration": lambda _: c.StopCalibration(),

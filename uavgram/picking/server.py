@@ -90,6 +90,7 @@ class PickServer:
         """Look again and again for what other programs change."""
         while True:
             await asyncio.sleep(LOOK_OUTSIDE_S)
+            await to_thread.run_sync(self.project.outputs.look)
             self.project.look_outside()
 
     async def _socket(self, page: WebSocket) -> None:

@@ -11,6 +11,7 @@ import hashlib
 import logging
 import os
 import shutil
+from collections.abc import Iterable
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -60,6 +61,7 @@ class Tables:
             self._files = state_of(inputs.picks, inputs.lines, inputs.requests)
             self._original = self._as_read(inputs)
             self._on_disk = dict(self._original)
+            self._digest = _digests(self._on_disk)
             self._backed_up: set[str] = set()
             self._messages: tuple[Message, ...] = ()
             check_own(output / JOURNAL)
@@ -122,6 +124,14 @@ class Tables:
         except OutputError:  # what cannot be read now is told when it is to be written
             return ()
 
+    def inputs_now(self, read: Iterable[str]) -> frozenset[str] | None:
+        """Digests of the project's files as they are now; None while changes are not saved."""
+        if self._pending:
+            return None
+        tables = {self._digest[role] for role in ROLES if self._named[role]}
+        others = set(read) - set(_digests(self._original).values())
+        return frozenset(digest for digest in others | tables if digest is not None)
+
     def close(self) -> None:
         """Let go of the journal and of the project."""
         self._journal.close()
@@ -173,6 +183,7 @@ class Tables:
                 "next change tries again"
             ) from fault
         self._on_disk[role] = content
+        self._digest |= _digests({role: content})
 
     def _beside(self, foreign: list[str], wanted: Contents) -> str:
         """Save all tables under other names, and say why."""
