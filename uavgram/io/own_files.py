@@ -110,4 +110,3 @@ def check_inside(path: Path, home: Path, what: str) -> None:
 def _lies_in(path: Path, home: Path) -> bool:
     """Whether a path lies in a folder as it is written, links not followed."""
     return Path(os.path.abspath(path)).is_relative_to(os.path.abspath(home))  # noqa: PTH100
-

@@ -193,13 +193,6 @@ Change = (
 )
 Command = Change | Undo | Redo
 Errand = (
-    Export
-    | Reload
-    | TakeAside
-    | DiscardAside
-    | Folders
-    | Calibrate
-    | StopCalibration
-    | UseCamera
+    Export | Reload | TakeAside | DiscardAside | Folders | Calibrate | StopCalibration | UseCamera
 )
 Question = Snap | SameGround

@@ -97,9 +97,7 @@ class Guard:
         Called when the token has been used.
     """
 
-    def __init__(
-        self, app: ASGIApp, port: int, entered: Callable[[], None] = lambda: None
-    ) -> None:
+    def __init__(self, app: ASGIApp, port: int, entered: Callable[[], None] = lambda: None) -> None:
         self._app, self._entered = app, entered
         self._hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
         self._cookie = f"uavgram-pick-{port}"  # cookies do not tell ports apart

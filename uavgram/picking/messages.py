@@ -216,9 +216,7 @@ class _Fields:
         if not isinstance(values, dict):
             _refuse("parameters must be an object")
         inner = _Fields(values, ())
-        found = tuple(
-            (name, inner.number(name, partial(parameter_fault, name))) for name in wanted
-        )
+        found = tuple((name, inner.number(name, partial(parameter_fault, name))) for name in wanted)
         inner.nothing_else()
         return found
 
