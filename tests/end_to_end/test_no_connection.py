@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -33,9 +34,9 @@ def strangers(trace: Path) -> list[str]:
 
 def traced(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     calls = "trace=connect,sendto,sendmsg,sendmmsg"
+    trace = [STRACE, "-f", "--seccomp-bpf", "-qq", "-e", calls, "-o", str(folder / "trace")]
     return subprocess.Popen(
-        [STRACE, "-f", "--seccomp-bpf", "-qq", "-e", calls, "-o", str(folder / "trace"), sys.executable]
-        + ["-P", "-m", "uavgram", *arguments],
+        [*trace, sys.executable, "-P", "-m", "uavgram", *arguments],
         env=os.environ | {"HOME": str(folder), "DISPLAY": "", "WAYLAND_DISPLAY": ""},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -46,15 +47,18 @@ def traced(folder: Path, *arguments: str) -> subprocess.Popen[str]:
 
 def analytics_agreed_to(folder: Path) -> None:
     """As Rerun's first start leaves it; it sends from the second one on."""
-    for name, text in {
-        ".config/rerun/analytics.json": '{"analytics_enabled":true,"analytics_id":"%s",'
-        '"metadata":{},"config_file_path":"%s/.config/rerun/analytics.json",'
-        '"data_dir_path":"%s/.local/share/rerun/analytics"}' % ("0" * 32, folder, folder),
-        ".local/share/rerun/analytics/1.json": "",
-    }.items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
+    config, kept = folder / ".config" / "rerun", folder / ".local" / "share" / "rerun" / "analytics"
+    config.mkdir(parents=True)
+    kept.mkdir(parents=True)
+    (kept / "1.json").touch()
+    agreed = {
+        "analytics_enabled": True,
+        "analytics_id": "0" * 32,
+        "metadata": {},
+        "config_file_path": str(config / "analytics.json"),
+        "data_dir_path": str(kept),
+    }
+    (config / "analytics.json").write_text(json.dumps(agreed))
 
 
 def test_the_viewer_calls_nobody_and_leaves_no_trace_of_its_use(tmp_path):

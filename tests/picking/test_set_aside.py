@@ -45,24 +45,23 @@ def place_of(hello, label):
 
 
 def test_it_is_taken_over_in_one_step_beside_what_the_other_did(project, tmp_path):
-    with running(project) as server:
-        with Page(server) as page, Page(server, page.cookie) as other:
-            assert page.hello["aside"] == 6
-            assert labels(page.hello) == {"A", "B", "Z"}
-            assert errand(page, "take-aside")["refused"] == 0
-            hello = other.until("hello")
-            assert labels(hello) == {"A", "C", "Z"}
-            assert place_of(hello, "A") == (11, 21, None)
-            assert place_of(hello, "C") == (50, 60, 0.5)
-            assert [line["name"] for line in hello["state"]["lines"]] == ["L"]
-            assert hello["state"]["measurements"][0]["points"] == ["A", "C"]
-            assert (hello["undo"], hello["aside"]) == (1, None)
-            assert b"P2.jpg,C,50" in (tmp_path / "picks.csv").read_bytes()
-            assert "set aside" in errand(page, "take-aside")["why"]
-            with Page(server, page.cookie) as third:
-                third.do("undo")
-            with Page(server, page.cookie) as third:
-                assert labels(third.hello) == {"A", "B", "Z"}
+    with running(project) as server, Page(server) as page, Page(server, page.cookie) as other:
+        assert page.hello["aside"] == 6
+        assert labels(page.hello) == {"A", "B", "Z"}
+        assert errand(page, "take-aside")["refused"] == 0
+        hello = other.until("hello")
+        assert labels(hello) == {"A", "C", "Z"}
+        assert place_of(hello, "A") == (11, 21, None)
+        assert place_of(hello, "C") == (50, 60, 0.5)
+        assert [line["name"] for line in hello["state"]["lines"]] == ["L"]
+        assert hello["state"]["measurements"][0]["points"] == ["A", "C"]
+        assert (hello["undo"], hello["aside"]) == (1, None)
+        assert b"P2.jpg,C,50" in (tmp_path / "picks.csv").read_bytes()
+        assert "set aside" in errand(page, "take-aside")["why"]
+        with Page(server, page.cookie) as third:
+            third.do("undo")
+        with Page(server, page.cookie) as third:
+            assert labels(third.hello) == {"A", "B", "Z"}
     (kept,) = (tmp_path / "out").glob("pick-journal-*")
     assert kept.name.endswith(".jsonl.taken")
 
