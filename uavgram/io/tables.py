@@ -19,6 +19,8 @@ from uavgram.model.limits import (
     LARGEST_SIGMA,
     SMALLEST_SIGMA,
     UNSHOWABLE,
+    length_fault,
+    name_fault,
     sigma_fault,
     unshowable,
 )
@@ -100,11 +102,19 @@ class Table:
         if self.faults:
             raise InputError.of_all(self.path, self.faults)
 
-    def require_positive(self, name: str) -> None:
-        """Note every number of a column that is not greater than 0 (empty cells pass)."""
-        for row in np.flatnonzero(self.numbers[name] <= 0):
+    def require_length(self, name: str) -> None:
+        """Note every number of a column that can be no length (empty cells pass)."""
+        for row in np.flatnonzero(np.isfinite(self.numbers[name])):
             value = self.numbers[name][row]
-            self.blame(int(row), f"{name} must be greater than 0 (got {value:g})")
+            if fault := length_fault(float(value)):
+                self.blame(int(row), f"{name} {fault} (got {value:g})")
+
+    def require_short(self, *names: str) -> None:
+        """Note every name that is too long."""
+        for name in names:
+            for row, text in enumerate(self.text[name]):
+                if fault := name_fault(text):
+                    self.blame(row, f"{name} {fault} (it begins with {text[:32]!r})")
 
     def require_sigma(self, name: str) -> None:
         """Note every number of a column that can be no standard deviation (empty cells pass)."""

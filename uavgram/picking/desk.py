@@ -6,8 +6,9 @@ session runs in one thread (the server's loop), so there is no lock.
 
 from __future__ import annotations
 
+import json
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from uavgram.errors import OutputError
 from uavgram.imaging.kept import Kept
@@ -26,7 +27,7 @@ from uavgram.picking.answers import (
 from uavgram.picking.autosave import Saver
 from uavgram.picking.ground import same_ground_json
 from uavgram.picking.live import Live, Task
-from uavgram.picking.messages import Message, PhotoSize
+from uavgram.picking.messages import Message, PhotoSize, RefusedError, parse_message
 from uavgram.picking.session import Session, apply
 from uavgram.picking.snapping import snap_json
 from uavgram.picking.state import State, state_of
@@ -184,6 +185,28 @@ class Desk:
             "diff": difference_json(before.state, after.state, self.index),
             **self._standing(),
         }
+
+    def take(self, changes: Sequence[Json], step: int) -> int:
+        """Make changes in one step, each as if a page had sent it; how many do not fit any more.
+
+        Raises
+        ------
+        OutputError
+            They cannot be kept.
+        """
+        refused = 0
+        for said in changes:
+            text = json.dumps({"seq": 0, "step": step, **said})
+            try:
+                self.change(parse_message(text, self.photos))
+            except RefusedError as why:
+                log.info("does not fit any more: %s", why)
+                refused += 1
+        return refused
+
+    def inputs_now(self) -> frozenset[str] | None:
+        """Digests of the project's files as they are now; None while changes wait to be saved."""
+        return self._saver.inputs_now(digest.sha256 for digest in self.survey.inputs.digests)
 
     def _try(self, state: State, *, final: bool) -> None:
         """Adjust a state under a number of its own."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from uavgram.picking.desk import Desk
 from uavgram.picking.messages import RefusedError
 from uavgram.picking.outputs import Outputs
 from uavgram.picking.outside import Outside
+from uavgram.picking.set_aside import Changes, SetAside, changes_of, oldest_set_aside
 from uavgram.pipeline.calibrate_nearby import use_camera
 from uavgram.pipeline.inputs import Inputs
 from uavgram.pipeline.live import LiveSurvey
@@ -58,6 +60,8 @@ class OpenProject:
         self._outside = Outside(survey.inputs)
         self.outputs = Outputs(Path(self.desk.output))
         self.bench = Bench(self._path, tell)
+        self._written_then = self._written()
+        self._aside = oldest_set_aside(self.outputs.folder)
         self.refuses = ""
 
     def open(self) -> None:
@@ -81,6 +85,7 @@ class OpenProject:
             "outputs": self._written(),
             "outside": self._outside.changed(self.desk.changed_outside()),
             "calibration": self.bench.said or None,
+            "aside": None if self._aside is None else len(self._changes(self._aside)),
         }
 
     def look_outside(self) -> None:
@@ -90,6 +95,9 @@ class OpenProject:
         before = self._outside.said
         if (now := self._outside.changed(self.desk.changed_outside())) != before:
             self._tell({"t": "outside", "files": now})
+        if (written := self._written()) != self._written_then:
+            self._written_then = written
+            self._tell({"t": "outputs", "outputs": written})
 
     async def do(self, errand: c.Errand) -> Json:
         """Do an errand; the answer is for who asked.
@@ -112,6 +120,10 @@ class OpenProject:
                 await self._use_camera()
             case c.Reload():
                 await self._reload()
+            case c.TakeAside():
+                return {"t": "done", "refused": await self._deal_with_aside(take=True)}
+            case c.DiscardAside():
+                await self._deal_with_aside(take=False)
         return {"t": "done"}
 
     async def _exported(self) -> Json:
@@ -122,16 +134,38 @@ class OpenProject:
                 return {"why": self.desk.fault}
             version = self.desk.version
             await to_thread.run_sync(self._run)
-        written = {**self._written(), "version": version}
+        await to_thread.run_sync(self.outputs.look)
+        self._written_then = self._written()
+        written = {**self._written_then, "version": version}
         self._tell({"t": "outputs", "outputs": written})
         return {"outputs": written}
 
+    async def _deal_with_aside(self, *, take: bool) -> int:
+        """Take over what an earlier session could not save, or let it be; how much does not fit."""
+        async with self._busy:
+            if self._aside is None:
+                raise RefusedError("nothing is set aside any more")
+            aside, refused = self._aside, 0
+            if take:
+                refused = self.desk.take(self._changes(aside), step=time.time_ns() // 1_000_000)
+                self.desk.save()
+            aside.rename("taken" if take else "discarded")
+            self._aside = oldest_set_aside(self.outputs.folder)
+        self._tell(self.hello())
+        return refused
+
+    def _changes(self, aside: SetAside) -> Changes:
+        return changes_of(aside, self.desk.state, self.desk.index)
+
     def _written(self) -> Json:
+        """The outputs; with the number of the state that they show, where it is the present one."""
+        made_of = self.outputs.made_of
+        is_current = made_of is not None and made_of == self.desk.inputs_now()
         return {
             "folder": str(self.outputs.folder),
             "files": self.outputs.listed(),
             "recording": self.outputs.has_recording,
-            "version": None,
+            "version": self.desk.version if is_current else None,
         }
 
     async def _use_camera(self) -> None:
@@ -182,4 +216,5 @@ class OpenProject:
         if self.outputs.folder != Path(self.desk.output):
             self.outputs.close()
             self.outputs = Outputs(Path(self.desk.output))
+        self._aside = oldest_set_aside(self.outputs.folder)
         self.desk.open()

@@ -43,7 +43,7 @@ class Outside:
 
     def _differs(self, path: Path) -> bool:
         """Whether its content is another; read again only where size or time changed."""
-        stamp = _stamp(path)
+        stamp = stamp_of(path)
         before = self._seen.get(path)
         if before is not None and before[0] == stamp:
             return before[1]
@@ -55,7 +55,8 @@ class Outside:
         return differs
 
 
-def _stamp(path: Path) -> Stamp:
+def stamp_of(path: Path) -> Stamp:
+    """Time and size of a file, which change where its content does; None where there is none."""
     try:
         status = path.stat()
     except OSError:

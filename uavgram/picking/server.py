@@ -26,6 +26,7 @@ from uavgram.picking.guard import Guard, Pace
 from uavgram.picking.memory import give_back_large_blocks
 from uavgram.picking.messages import LONGEST_MESSAGE, RefusedError, parse_message
 from uavgram.picking.open_project import Keep, OpenProject, Run
+from uavgram.picking.patience import PatientProtocol
 from uavgram.picking.tables import Tables
 from uavgram.pipeline.live import LiveSurvey
 from uavgram.pipeline.threads import with_one_blas_thread
@@ -90,6 +91,7 @@ class PickServer:
         """Look again and again for what other programs change."""
         while True:
             await asyncio.sleep(LOOK_OUTSIDE_S)
+            await to_thread.run_sync(self.project.outputs.look)
             self.project.look_outside()
 
     async def _socket(self, page: WebSocket) -> None:
@@ -212,7 +214,13 @@ def open_door(port: int) -> socket.socket:
 
 
 @with_one_blas_thread
-def serve(project: Path, announce: Callable[[str], None], run: Run, port: int = 0) -> None:
+def serve(
+    project: Path,
+    announce: Callable[[str], None],
+    run: Run,
+    port: int = 0,
+    entered: Callable[[], None] = lambda: None,
+) -> None:
     """Serve the picking page of a project until Ctrl+C; everything is saved then.
 
     Parameters
@@ -225,6 +233,8 @@ def serve(project: Path, announce: Callable[[str], None], run: Run, port: int = 
         Runs the project from its files and writes its outputs, where the page asks for them.
     port
         0: any free one.
+    entered
+        Called when a browser has used the address.
 
     Raises
     ------
@@ -244,11 +254,12 @@ def serve(project: Path, announce: Callable[[str], None], run: Run, port: int = 
         bound = int(door.getsockname()[1])
         guard: list[Guard] = []
         app: ASGIApp = pick.application(lambda: announce(guard[0].address()))
-        guard.append(Guard(app, bound))
+        guard.append(Guard(app, bound, entered))
         config = uvicorn.Config(
             guard[0],
             log_config=None,
             access_log=False,
+            http=PatientProtocol,
             ws="websockets-sansio",
             ws_max_size=LONGEST_MESSAGE,
             ws_max_queue=64,

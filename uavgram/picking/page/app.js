@@ -98,6 +98,7 @@ class Desk {
       store.gone = false;
     } else this.losing ??= setTimeout(() => { store.gone = true; this.showFoot(); }, GONE_AFTER_MS);
     this.showMode();
+    if (!open) byId("saved").textContent = ""; // nobody knows, until the server says so again
   }
 
   // What was typed and refused is not shown as if it held.

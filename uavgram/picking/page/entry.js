@@ -23,7 +23,7 @@ export function entryPart(desk) {
 function entryForm(entry, desk) {
   const field = (name, caption, value, more = {}) => node("label", {}, caption, node("input", { name, value, required: true, autocomplete: "off", ...more }));
   const number = { inputmode: "decimal" };
-  const name = field("name", "Name", entry.name, { maxlength: 64 });
+  const name = field("name", "Name", entry.name, { maxlength: 200 });
   const title = entry.t === "line" ? `Taped length ${entry.start} \u2013 ${entry.end}` : `${KINDS[entry.kind]} ${entry.points.join(" \u2013 ")}`;
   const fields = entry.t === "line" ? [
     field("length", "Length, metres", entry.length ?? "", number), field("sigma", "Sigma, metres", entry.sigma, number), name,

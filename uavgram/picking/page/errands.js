@@ -37,6 +37,15 @@ export const errandActions = {
     if (await this.errand({ t: "use-camera" })) this.notice("The project names this camera now, and was read again.", true);
   },
 
+  async takeAside() {
+    const said = await this.errand({ t: "take-aside" });
+    if (said?.refused) this.notice(`${said.refused} of the changes do not fit any more and were left out.`);
+  },
+
+  discardAside() {
+    return this.errand({ t: "discard-aside" });
+  },
+
   async reload() {
     if (await this.errand({ t: "reload" })) this.notice("The project was read again from its files; undo begins anew.", true);
   },

@@ -36,6 +36,14 @@ function links({ files, recording, folder }) {
   ].filter(Boolean);
 }
 
+// What an earlier session could not save, as another program had changed the tables.
+const offered = (count, desk) => [
+  node("p", {}, `An earlier session ended before it could save ${count === 1 ? "a change" : `${count} changes`}, and the files were changed since.`),
+  node("p", { class: "dim" }, "Take makes the same changes now; Undo takes them back. Discard offers them no more; they stay in the output folder."),
+  node("button", { name: "take-aside", onclick: () => desk.takeAside() }, "Take"),
+  node("button", { name: "discard-aside", onclick: () => desk.discardAside() }, "Discard"),
+];
+
 // A bar that stays while files of the project differ from what the page shows, or cannot be saved.
 export function showOutside(bar, desk) {
   const outside = store.outside ?? [];
@@ -43,11 +51,11 @@ export function showOutside(bar, desk) {
   if (store.gone) words.push("The program does not answer. Start uavgram pick again, and open the address that it prints. What it confirmed is saved; what you do here now would be lost.");
   else if (store.fault) words.push(`Not saved: ${store.fault}`);
   else if (outside.length) words.push(`${outside.join(" and ")} ${outside.length > 1 ? "were" : "was"} changed by another program. Nothing is written over.`);
-  bar.hidden = !words.length;
-  const sign = JSON.stringify([words, outside]);
+  bar.hidden = !words.length && !store.aside;
+  const sign = JSON.stringify([words, outside, store.aside]);
   if (bar.sign === sign) return;
   bar.sign = sign;
   bar.replaceChildren(node("p", {}, ...words), ...(outside.length ? [
     node("p", { class: "dim" }, "Reload takes the files as they are now. What only this page has is kept beside them, and undo begins anew."),
-    node("button", { name: "reload", onclick: () => desk.reload() }, "Reload")] : []));
+    node("button", { name: "reload", onclick: () => desk.reload() }, "Reload")] : []), ...(store.aside ? offered(store.aside, desk) : []));
 }

@@ -80,7 +80,7 @@ function pickPart(desk) {
     name, value: value ?? "", inputmode: "decimal", placeholder: hint, autocomplete: "off", onchange: (event) => act(event.target),
   }));
   return keep("pick", [pick?.image, label, pick?.sigma, one.height], () => node("form", { class: "entry", "data-row": "pick", "aria-label": `Point ${label}`, onsubmit: (event) => { event.preventDefault(); desk.backToPhoto(); } },
-    node("label", { class: "both" }, "Label", node("input", { name: "rename", value: label, maxlength: 64, autocomplete: "off", onchange: (event) => desk.rename(label, event.target.value) })),
+    node("label", { class: "both" }, "Label", node("input", { name: "rename", value: label, maxlength: 200, autocomplete: "off", onchange: (event) => desk.rename(label, event.target.value) })),
     pick && field("sigma", "Sigma here, px", pick.sigma, `${store.sigma}`, (input) => desk.number(input, (sigma) => desk.send({ t: "sigma", image: pick.image, label, sigma }))),
     field("height", "Height over ground, m", one.height, "0", (input) => desk.number(input, (height) => desk.send({ t: "height", label, height }))),
     node("button", { type: "submit", hidden: true }, "Done"))); // without it Enter would not end the form

@@ -46,6 +46,7 @@ function hello(message) {
     expected: message.expected,
     outputs: message.outputs,
     outside: message.outside,
+    aside: message.aside,
     calibration: message.calibration,
     fault: "",
     picks: new Map(message.state.picks.map((pick) => [pickKey(pick.image, pick.label), pick])),
