@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.io import dataflash_events, dataflash_pose
+from uavgram.io import dataflash_events, dataflash_gimbal, dataflash_pose
+from uavgram.io.agreement import disagreements
 from uavgram.io.boot_span import consistent
 from uavgram.io.dataflash_pose import Tables, boot_time_s
 from uavgram.io.dataflash_tables import index_binary
@@ -82,17 +83,21 @@ def _boot(tables: Tables) -> tuple[Boot, tuple[str, ...]]:
     positions, position_notes = dataflash_pose.positions(tables, core)
     clock = dataflash_events.gps_clock(tables)
     events, event_notes = dataflash_events.camera_events(tables, clock)
+    attitudes, attitude_notes = dataflash_pose.attitudes(tables, core)
+    gimbal, gimbal_notes = dataflash_gimbal.gimbal(tables)
     boot = Boot(
         positions=positions,
-        attitudes=dataflash_pose.attitudes(tables, core),
-        gimbal=dataflash_pose.gimbal(tables),
+        attitudes=attitudes,
+        gimbal=gimbal,
         sigmas=dataflash_pose.sigmas(tables, core),
         events=events,
         home=dataflash_events.home(tables),
         clocks=() if clock is None else (clock,),
     )
     boot, remarks = consistent(boot)
-    return boot, (*position_notes, *event_notes, *remarks)
+    doubts = disagreements(boot, *dataflash_pose.second_opinions(tables, core))
+    notes = (*position_notes, *attitude_notes, *gimbal_notes, *event_notes)
+    return boot, (*notes, *remarks, *doubts)
 
 
 def _counts(tables: Tables) -> tuple[MessageCount, ...]:

@@ -64,6 +64,19 @@ def in_order(time_s: Floats, believable: Bools, *, dense: bool = False) -> Ints:
     return rows[first_of_instant].astype(np.int64)
 
 
+def left_out(source: str, time_s: Floats, rows: Ints) -> tuple[str, ...]:
+    """A remark where rows of a table are not used, though no other row has their time.
+
+    Firmware writes some rows twice, such as the gimbal's at an exposure.
+    """
+    unused = np.ones(len(time_s), dtype=bool)
+    unused[rows] = False
+    unused &= ~np.isin(time_s, time_s[rows])
+    if not unused.any():
+        return ()
+    return (f"{int(unused.sum())} of {len(time_s)} {source} rows make no sense and were dropped",)
+
+
 def _without_lone_ends(time_s: Floats, rows: Ints) -> Ints:
     """Rows of a dense table less single ones far before its first or after its last.
 

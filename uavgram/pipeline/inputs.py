@@ -115,7 +115,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     _check_picks(project, picks, photos)
     log = read_flight_log(project.log) if project.log else None
     poses, pose_messages = _poses(project, photos)
-    notes = () if log is None else _log_notes(log)
+    notes = () if log is None else log_messages(log)
     pose_file = None if project.poses == FROM_PHOTOS else project.poses
     named = (project.camera_file, picks_file, project.log, pose_file, lines_file, measure_file)
     files = [str(path), *(f for f in (*named, project.control, project.check) if f), *photos.path]
@@ -156,7 +156,8 @@ def _column_messages(*files: str | None) -> tuple[Message, ...]:
     return tuple(said)
 
 
-def _log_notes(log: FlightLog) -> tuple[Message, ...]:
+def log_messages(log: FlightLog) -> tuple[Message, ...]:
+    """What was odd about a log's file, as warnings."""
     name = Path(log.path).name
     return tuple(Message("warning", "log-note", f"{name}: {note}") for note in log.notes)
 
