@@ -6,6 +6,7 @@ line, a record of a telemetry log.
 
 from __future__ import annotations
 
+import itertools
 import struct
 from collections.abc import Callable
 
@@ -42,7 +43,7 @@ def mutant(suffix: str, data: bytes, seed: int) -> tuple[str, bytes]:
     return kind.__name__.strip("_"), kind(data, rng)
 
 
-def _pick(rng: Rng, items):  # noqa: ANN001, ANN202
+def _pick(rng: Rng, items):
     return items[int(rng.integers(len(items)))]
 
 
@@ -96,7 +97,7 @@ def _shuffled(rows: list[bytes], rng: Rng) -> list[bytes]:
 
 def _binary_rows(data: bytes) -> list[bytes]:
     edges = [*sorted(at for starts in indexed_by_loop(data) for at in starts), len(data)]
-    return [data[a:b] for a, b in zip(edges, edges[1:], strict=False)]
+    return [data[a:b] for a, b in itertools.pairwise(edges)]
 
 
 def _binary_shuffled(data: bytes, rng: Rng) -> bytes:
@@ -186,9 +187,7 @@ def _binary_format(data: bytes, rng: Rng) -> bytes:
 
 def _text_format(data: bytes, rng: Rng) -> bytes:
     lines = data.split(b"\n")
-    at = [
-        k for k, x in enumerate(lines) if x[:4] == b"FMT," and x.split(b", ")[3].decode() in USED
-    ]
+    at = [k for k, x in enumerate(lines) if x[:4] == b"FMT," and x.split(b", ")[3].decode() in USED]
     k = _pick(rng, at)
     fields = lines[k].split(b", ")
     names = fields[5].split(b",")
@@ -201,8 +200,9 @@ def _text_format(data: bytes, rng: Rng) -> bytes:
     elif part == 3:
         names.insert(i, b"New")
     else:
-        fields[4] = bytes(_pick(rng, b"bBhHiIfcCeELqQdnNZ") if rng.random() < 0.3 else c
-                          for c in fields[4])
+        fields[4] = bytes(
+            _pick(rng, b"bBhHiIfcCeELqQdnNZ") if rng.random() < 0.3 else c for c in fields[4]
+        )
     if part in (2, 3):
         fields[4] = b"f" * len(names)
     fields[5] = b",".join(names)
@@ -217,7 +217,8 @@ def _text_format(data: bytes, rng: Rng) -> bytes:
 # telemetry logs: records of eight bytes of time and a frame
 
 
-def _records(data: bytes) -> list[bytes]:
+def records(data: bytes) -> list[bytes]:
+    """The records of an undamaged telemetry log."""
     records, at = [], 0
     while at + 20 <= len(data):
         second = data[at + 8] == 0xFD
@@ -229,7 +230,7 @@ def _records(data: bytes) -> list[bytes]:
 
 
 def _tlog_shuffled(data: bytes, rng: Rng) -> bytes:
-    return b"".join(_shuffled(_records(data), rng))
+    return b"".join(_shuffled(records(data), rng))
 
 
 def _checked(record: bytearray) -> bytes:
@@ -248,10 +249,10 @@ def _checked(record: bytearray) -> bytes:
 
 def _tlog_values(data: bytes, rng: Rng) -> bytes:
     """Payloads of one to five messages changed, their checksums right."""
-    records = _records(data)
+    rows = records(data)
     for _ in range(int(rng.integers(1, 6))):
-        k = int(rng.integers(len(records)))
-        record = bytearray(records[k])
+        k = int(rng.integers(len(rows)))
+        record = bytearray(rows[k])
         first = 18 if record[8] == 0xFD else 14
         if record[9] == 0:
             continue
@@ -261,19 +262,19 @@ def _tlog_values(data: bytes, rng: Rng) -> bytes:
         else:
             size = min(int(rng.integers(1, 9)), first + record[9] - at)
             record[at : at + size] = (*STRANGE, rng.bytes(8))[int(rng.integers(6))][:size]
-        records[k] = _checked(record)
-    return b"".join(records)
+        rows[k] = _checked(record)
+    return b"".join(rows)
 
 
 def _tlog_stamps(data: bytes, rng: Rng) -> bytes:
     """Times of reception, which no checksum covers."""
-    records = _records(data)
+    rows = records(data)
     for _ in range(int(rng.integers(1, 20))):
-        k = int(rng.integers(len(records)))
-        record = bytearray(records[k])
+        k = int(rng.integers(len(rows)))
+        record = bytearray(rows[k])
         record[int(rng.integers(8))] ^= 1 << int(rng.integers(8))
-        records[k] = bytes(record)
-    return b"".join(records)
+        rows[k] = bytes(record)
+    return b"".join(rows)
 
 
 _BYTES: tuple[Callable[[bytes, Rng], bytes], ...] = (_flipped, _overwritten, _cut, _spliced)

@@ -1,6 +1,6 @@
 """Seeds of a survey from damaged logs: what moves them by more than three sigma without a word.
 
-    python tests/support/mutated_seeds.py LOGS_FOLDER [--count 24000] [--first 0] [--seconds 1e9]
+python tests/support/mutated_seeds.py LOGS_FOLDER [--count 24000] [--first 0] [--seconds 1e9]
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-
 from log_mutants import mutant, text_log
+
 from uavgram.errors import UavgramError
 from uavgram.estimation.boot_clock import fit_boot_clock, to_utc
 from uavgram.geometry.geodesy import enu_from_geodetic, geodetic_from_enu
@@ -134,7 +134,15 @@ def examine(logs: Path, suffix: str, seeds: range, seconds: float = 1e9) -> dict
     binary = logs / "twin_short.BIN"
     is_text = suffix == ".log"
     data = text_log(str(binary)) if is_text else binary.with_suffix(suffix).read_bytes()
-    told = {"read": 0, "refused": 0, "warned": 0, "moved": 0, "crashed": [], "silent": []}
+    told = {
+        "tried": 0,
+        "read": 0,
+        "refused": 0,
+        "warned": 0,
+        "moved": 0,
+        "crashed": [],
+        "silent": [],
+    }
     started = time.process_time()
     with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
         warnings.simplefilter("error")  # a library's warning on the screen is a fault as well
@@ -146,6 +154,7 @@ def examine(logs: Path, suffix: str, seeds: range, seconds: float = 1e9) -> dict
         for seed in seeds:
             if time.process_time() - started > seconds:
                 break
+            told["tried"] += 1
             kind, damaged = mutant(suffix, data, seed)
             path.write_bytes(damaged)
             _judge(told, f"{suffix} {seed} {kind}", base, surveys, path)
@@ -171,6 +180,7 @@ def _judge(told: dict, name: str, base: Seen, surveys: list[Inputs], path: Path)
         told["moved"] += 1
         if not new:
             told["silent"].append(f"{name}: {what}")
+            sys.stderr.write(f"{name}: {what}\n")
 
 
 def exposures(binary: Path) -> np.ndarray:

@@ -20,6 +20,13 @@ from uavgram.model.telemetry import Boot, FlightLog, MessageCount
 
 _FIRMWARE = re.compile(r"\b(Ardu\w+|APM:\w+|Blimp|AntennaTracker)\s+V?\d[\w.\-]*(\s+\(\w+\))?")
 
+# PX4's first log format borrows DataFlash's framing and means other things by the same names.
+_SDLOG2 = (
+    "is a PX4 log of the old form sdlog2 (.px4log), which is not read here: give the ground "
+    "station's .tlog of this flight, or the photos' positions and angles as a table (`poses`); "
+    "newer PX4 firmware writes .ulg, which is read"
+)
+
 
 def read_dataflash(path: str | Path) -> FlightLog:
     """Read a DataFlash log, binary or text.
@@ -27,9 +34,12 @@ def read_dataflash(path: str | Path) -> FlightLog:
     Raises
     ------
     InputError
-        The file is missing, empty, no DataFlash log, or holds no complete message.
+        The file is missing, empty, no DataFlash log (or PX4's sdlog2, which looks like one), or
+        holds no complete message.
     """
     tables = _index(str(path))
+    if "StartTime" in tables.ends("TIME"):
+        raise InputError(path, _SDLOG2)
     parts = _parts(tables)
     notes = list(tables.notes)
     if len(parts) > 1:

@@ -34,7 +34,8 @@ class _Agility:
 
 
 _PLACE = _Agility(floor=1.0, acceleration=10.0)  # m, m/s²
-_TURN = _Agility(floor=np.radians(3.0), acceleration=np.radians(100.0))  # rad, rad/s²
+# Of quaternions, whose distance is half of the small angle between them.
+_TURN = _Agility(floor=np.radians(3.0) / 2, acceleration=np.radians(100.0) / 2)
 _UNREST = 6.0  # times the median of the fifteen rows about it
 
 
@@ -47,14 +48,14 @@ def without_damaged_rows(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
         notes += _remark(positions.source, positions.time_boot_s, off_m, "m")
         positions = _positions_where(positions, off_m == 0)
     if attitudes is not None:
-        off_rad = 2 * _off(attitudes.time_boot_s, _halved(attitudes.ned_from_body_xyzw), _TURN)
-        notes += _remark(attitudes.source, attitudes.time_boot_s, np.degrees(off_rad), "degrees")
-        attitudes = _attitudes_where(attitudes, off_rad == 0)
+        off = _off(attitudes.time_boot_s, _continuous(attitudes.ned_from_body_xyzw), _TURN)
+        notes += _remark(attitudes.source, attitudes.time_boot_s, _degrees(off), "degrees")
+        attitudes = _attitudes_where(attitudes, off == 0)
     if gimbal is not None:
         matrix = matrix_from_ypr(gimbal.yaw_rad, gimbal.pitch_rad, gimbal.roll_rad)
-        off_rad = 2 * _off(gimbal.time_boot_s, _halved(xyzw_from_matrix(matrix)), _TURN)
-        notes += _remark(gimbal.source, gimbal.time_boot_s, np.degrees(off_rad), "degrees")
-        gimbal = _gimbal_where(gimbal, off_rad == 0)
+        off = _off(gimbal.time_boot_s, _continuous(xyzw_from_matrix(matrix)), _TURN)
+        notes += _remark(gimbal.source, gimbal.time_boot_s, _degrees(off), "degrees")
+        gimbal = _gimbal_where(gimbal, off == 0)
     return replace(boot, positions=positions, attitudes=attitudes, gimbal=gimbal), tuple(notes)
 
 
@@ -106,14 +107,16 @@ def _place_m(positions: PositionSamples) -> Floats:
     return enu_from_geodetic(p.latitude_deg, p.longitude_deg, p.height_m, origin)
 
 
-def _halved(xyzw: Floats) -> Floats:
-    """(N, 4) quaternions, of each the one of its two signs that is nearer to the row before.
-
-    Their distance is half of the angle between them, where it is small.
-    """
+def _continuous(xyzw: Floats) -> Floats:
+    """(N, 4) quaternions, of each the one of its two signs that is nearer to the row before."""
     along = np.sum(xyzw[1:] * xyzw[:-1], axis=1)
     sign = np.cumprod(np.append(1.0, np.where(along < 0, -1.0, 1.0)))
     return np.asarray(xyzw * sign[:, None])
+
+
+def _degrees(chord: Floats) -> Floats:
+    """Angles between quaternions (N,) so far apart."""
+    return np.asarray(np.degrees(4 * np.arcsin(np.clip(chord / 2, 0.0, 1.0))))
 
 
 def _remark(source: str, time_s: Floats, off: Floats, unit: str) -> list[str]:
