@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from log_mutants import text_log
+from log_mutants import short_logs
 
 from uavgram.io.dataflash_tables import index_binary
 from uavgram.io.flight_log import read_flight_log
@@ -13,8 +13,8 @@ from uavgram.io.neighbours import off_neighbours
 
 @pytest.fixture(scope="module")
 def good_text(repository):
-    """The first nine seconds of the flight as text."""
-    return text_log(str(repository / "logs" / "twin_short.BIN"), 159.0).decode("latin-1")
+    """The first ten seconds of the flight as text."""
+    return short_logs(repository / "logs")[".log"].decode("latin-1")
 
 
 @pytest.fixture

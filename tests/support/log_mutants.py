@@ -8,30 +8,62 @@ from __future__ import annotations
 
 import itertools
 import struct
+import tempfile
 from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from pymavlink import DFReader
 from pymavlink.dialects.v20 import all as dialect
 from pymavlink.generator.mavcrc import x25crc
 
+from uavgram.io.dataflash_formats import FMT_TYPE
 from uavgram.io.dataflash_index import indexed_by_loop
-from uavgram.io.dataflash_tables import index_binary
+from uavgram.io.dataflash_tables import DataflashTables, index_binary
 
 Rng = np.random.Generator
 USED = ("POS", "ATT", "MNT", "GPS", "GPA", "ORGN", "CAM", "XKF1", "XKF4", "XKQ", "XKV1")
 STRANGE = (b"\0" * 8, b"\xff" * 8, b"\x7f" * 8, b"\0\0\xc0\x7f\0\0\xf8\x7f", b"\0\0\x80\x7f" * 2)
 
 
-def text_log(binary: str, until_s: float = 1e9) -> bytes:
-    """A binary DataFlash log in its text form, up to a time since boot."""
-    reader = DFReader.DFReader_binary(binary)
-    lines = []
-    while (message := reader.recv_match()) is not None:
-        if getattr(message, "TimeUS", 0) < until_s * 1e6:
+def short_logs(folder: Path, until_s: float = 160.0) -> dict[str, bytes]:
+    """The first ten seconds of our own flight in the three forms, with the messages in use only."""
+    data = (folder / "twin_short.BIN").read_bytes()
+    tables = index_binary("", data)
+    number = {p[0].format.number: n for n, p in tables.pieces.items() if n in USED}
+    late = {
+        at
+        for name in USED
+        for at, time in zip(tables.places(name), tables.columns(name)["TimeUS"], strict=True)
+        if time > until_s * 1e6
+    }
+    kept, at = [], 0
+    for row in binary_rows(data):
+        kind = row[3] if row[2] == FMT_TYPE else row[2]
+        if kind in (*number, FMT_TYPE) and at not in late:
+            kept.append(row)
+        at += len(row)
+    kept_records = records((folder / "twin_short.tlog").read_bytes())
+    last = struct.unpack(">Q", kept_records[0][:8])[0] + 10_000_000
+    return {
+        ".BIN": b"".join(kept),
+        ".log": text_log(b"".join(kept)),
+        ".tlog": b"".join(r for r in kept_records if struct.unpack(">Q", r[:8])[0] < last),
+    }
+
+
+def text_log(data: bytes) -> bytes:
+    """A binary DataFlash log in its text form."""
+    with tempfile.NamedTemporaryFile(suffix=".BIN") as file:
+        file.write(data)
+        file.flush()
+        reader = DFReader.DFReader_binary(file.name)
+        lines = []
+        while (message := reader.recv_match()) is not None:
             values = (getattr(message, field) for field in message.get_fieldnames())
             lines.append(", ".join([message.get_type(), *(str(v) for v in values)]))
-    reader.close()
+        reader.close()
     return "\n".join(lines).encode("latin-1")
 
 
@@ -95,13 +127,15 @@ def _shuffled(rows: list[bytes], rng: Rng) -> list[bytes]:
     return rows
 
 
-def _binary_rows(data: bytes) -> list[bytes]:
+@lru_cache(maxsize=1)
+def binary_rows(data: bytes) -> list[bytes]:
+    """The messages of a DataFlash log."""
     edges = [*sorted(at for starts in indexed_by_loop(data) for at in starts), len(data)]
     return [data[a:b] for a, b in itertools.pairwise(edges)]
 
 
 def _binary_shuffled(data: bytes, rng: Rng) -> bytes:
-    return b"".join(_shuffled(_binary_rows(data), rng))
+    return b"".join(_shuffled(binary_rows(data), rng))
 
 
 def _text_shuffled(data: bytes, rng: Rng) -> bytes:
@@ -111,9 +145,14 @@ def _text_shuffled(data: bytes, rng: Rng) -> bytes:
 # values
 
 
+@lru_cache(maxsize=1)
+def _indexed(data: bytes) -> DataflashTables:
+    return index_binary("", data)
+
+
 def _binary_values(data: bytes, rng: Rng) -> bytes:
     """One to five fields of messages that are used: another bit, another value, no number."""
-    tables = index_binary("", data)
+    tables = _indexed(data)
     damaged = bytearray(data)
     for _ in range(int(rng.integers(1, 6))):
         piece = tables.pieces[_pick(rng, [n for n in USED if n in tables.pieces])][0]
@@ -160,7 +199,7 @@ def _text_values(data: bytes, rng: Rng) -> bytes:
 
 def _binary_format(data: bytes, rng: Rng) -> bytes:
     """A used format damaged where it stands, or stated anew and otherwise in mid-log."""
-    rows = _binary_rows(data)
+    rows = list(binary_rows(data))
     at = [k for k, r in enumerate(rows) if r[2] == 0x80 and r[5:9].strip(b"\0").decode() in USED]
     k = _pick(rng, at)
     row = bytearray(rows[k])

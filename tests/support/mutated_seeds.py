@@ -18,7 +18,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from log_mutants import mutant, text_log
+from log_mutants import mutant, short_logs
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.boot_clock import fit_boot_clock, to_utc
@@ -28,7 +28,8 @@ from uavgram.pipeline.inputs import Inputs, log_messages, read_inputs
 from uavgram.pipeline.pose import pose_frames
 
 LIMIT_SIGMAS = 3.0
-PHOTOS = 60
+PROGRESS = 500  # mutants, after which it says how far it is
+PHOTOS, BETWEEN_BOOT_S = 30, (150.8, 159.2)
 SUFFIXES = (".BIN", ".log", ".tlog")
 PROJECT = """images: photos/*.jpg
 log: flight{suffix}
@@ -131,9 +132,7 @@ def moved(base: Seen, other: Seen) -> tuple[float, str]:
 
 def examine(logs: Path, suffix: str, seeds: range, seconds: float = 1e9) -> dict:
     """Read mutants of one form; what crashed, and what moved a seed without a word."""
-    binary = logs / "twin_short.BIN"
-    is_text = suffix == ".log"
-    data = text_log(str(binary)) if is_text else binary.with_suffix(suffix).read_bytes()
+    data = short_logs(logs)[suffix]
     told = {
         "tried": 0,
         "read": 0,
@@ -147,7 +146,7 @@ def examine(logs: Path, suffix: str, seeds: range, seconds: float = 1e9) -> dict
     with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
         warnings.simplefilter("error")  # a library's warning on the screen is a fault as well
         folder = Path(name)
-        times = exposures(binary)
+        times = exposures(logs)
         surveys = survey(folder, suffix, data, times)
         path = folder / f"flight{suffix}"
         base = seen(surveys, path)
@@ -155,6 +154,8 @@ def examine(logs: Path, suffix: str, seeds: range, seconds: float = 1e9) -> dict
             if time.process_time() - started > seconds:
                 break
             told["tried"] += 1
+            if told["tried"] % PROGRESS == 0:
+                sys.stderr.write(f"{suffix} {json.dumps(told)}\n")
             kind, damaged = mutant(suffix, data, seed)
             path.write_bytes(damaged)
             _judge(told, f"{suffix} {seed} {kind}", base, surveys, path)
@@ -183,11 +184,10 @@ def _judge(told: dict, name: str, base: Seen, surveys: list[Inputs], path: Path)
             sys.stderr.write(f"{name}: {what}\n")
 
 
-def exposures(binary: Path) -> np.ndarray:
-    """Sixty instants over the log, less its very ends, where any loss leaves photos out."""
-    boot = read_flight_log(binary).boots[0]
-    first, last = to_utc(fit_boot_clock(boot)[0], boot.positions.time_boot_s[[0, -1]])
-    return np.linspace(first + 1.0, last - 1.0, PHOTOS)
+def exposures(logs: Path) -> np.ndarray:
+    """Instants over the ten seconds, less their ends, where any loss leaves photos out."""
+    boot = read_flight_log(logs / "twin_short.BIN").boots[0]
+    return to_utc(fit_boot_clock(boot)[0], np.linspace(*BETWEEN_BOOT_S, PHOTOS))
 
 
 def main() -> None:
