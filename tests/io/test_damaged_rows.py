@@ -88,6 +88,19 @@ def test_rows_without_a_pitch_are_told_not_forgotten(read_text, good_text):
 
 
 @pytest.mark.parametrize(
+    ("message", "first", "second"),
+    [("MNT", "Roll", "Pitch"), ("MNT", "TimeUS", "YawB"), ("ATT", "Roll", "Yaw")],
+)
+def test_field_names_that_were_exchanged_are_told(read_text, good_text, message, first, second):
+    (stated,) = (x for x in good_text.splitlines() if x.startswith("FMT,") and f", {message}," in x)
+    names = stated.rsplit(", ", 1)[1].split(",")
+    i, j = names.index(first), names.index(second)
+    names[i], names[j] = second, first
+    log = read_text(good_text.replace(stated, f"{stated.rsplit(', ', 1)[0]}, {','.join(names)}"))
+    assert any(f"the format of {message} names" in note for note in log.notes), log.notes
+
+
+@pytest.mark.parametrize(
     ("message", "field", "change", "size"),
     [
         ("MNT", "Pitch", lambda old: old + 149, "by 149 degrees at 153.94 s"),

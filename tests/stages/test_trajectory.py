@@ -273,3 +273,8 @@ def test_photos_taken_while_the_log_is_silent_about_the_gimbal_are_named(pause, 
     assert [m.code for m in messages] == ["attitude-gap"] * told
     if told:
         assert "gimbal's attitude for up to 2.5 s while B.jpg were taken" in messages[0].text
+
+
+def test_a_gimbal_of_a_single_row_is_not_left_out_silently():
+    _, messages = track_of(boot(gimbal=gimbal_of("earth", 30.0, time=TIME[:1])))
+    assert "gimbal-unused" in [m.code for m in messages]

@@ -12,6 +12,7 @@ from uavgram.errors import InputError
 from uavgram.io import dataflash_events, dataflash_gimbal, dataflash_pose
 from uavgram.io.agreement import disagreements
 from uavgram.io.boot_span import consistent
+from uavgram.io.dataflash_formats import odd_order
 from uavgram.io.dataflash_pose import Tables, boot_time_s
 from uavgram.io.dataflash_tables import index_binary
 from uavgram.io.dataflash_text import index_text
@@ -41,7 +42,8 @@ def read_dataflash(path: str | Path) -> FlightLog:
     if "StartTime" in tables.ends("TIME"):
         raise InputError(path, _SDLOG2)
     parts = _parts(tables)
-    notes = list(tables.notes)
+    formats = (piece.format for pieces in tables.pieces.values() for piece in pieces)
+    notes = [*tables.notes, *(note for fmt in formats for note in odd_order(fmt))]
     if len(parts) > 1:
         notes.append(f"the boot clock starts again {len(parts) - 1} times: several boots")
     boots: list[Boot] = []

@@ -6,6 +6,7 @@ AP_Mount_Backend.cpp, AP_GPS.cpp (LogStructure.h of each).
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from uavgram.geometry.rotation import matrix_from_ypr, xyzw_from_matrix
 from uavgram.io.dataflash_formats import Columns
+from uavgram.io.dataflash_tables import Piece
 from uavgram.io.samples import (
     are_body_angles,
     as_numbers,
@@ -35,6 +37,11 @@ class Tables(Protocol):
     @property
     def names(self) -> tuple[str, ...]:
         """Message types that the log holds, sorted."""
+        ...
+
+    @property
+    def pieces(self) -> Mapping[str, Sequence[Piece]]:
+        """The messages of each type, by the format that the file states of them."""
         ...
 
     @property

@@ -188,7 +188,7 @@ def _gimbal_track(
     gimbal: GimbalSamples | None, attitudes: AttitudeSamples
 ) -> tuple[Floats, Floats, tuple[Message, ...]]:
     """Gimbal attitudes (L, 4) in the world at their boot times (L,), over the attitudes' span."""
-    if gimbal is None or len(gimbal.time_boot_s) < 2:
+    if gimbal is None:
         return np.zeros(0), np.zeros((0, 4)), ()
     vehicle_time = attitudes.time_boot_s
     inside = (gimbal.time_boot_s >= vehicle_time[0]) & (gimbal.time_boot_s <= vehicle_time[-1])
