@@ -69,7 +69,9 @@ def fit_boot_clock(boot: Boot) -> tuple[BootClock, tuple[Message, ...]]:
                 else "use a log that was recorded with a GPS fix"
             )
         )
-    text = "the log has no SYSTEM_TIME" if not reason else f"the log's {reason.removeprefix('its ')}"
+    text = (
+        "the log has no SYSTEM_TIME" if not reason else f"the log's {reason.removeprefix('its ')}"
+    )
     remark = Message(
         "warning" if reason else "info",
         "clock-receive",

@@ -36,6 +36,7 @@ class _Agility:
 _PLACE = _Agility(floor=1.0, acceleration=10.0)  # m, m/s²
 # Of quaternions, whose distance is half of the small angle between them.
 _TURN = _Agility(floor=np.radians(3.0) / 2, acceleration=np.radians(100.0) / 2)
+_CROWDED = 0.2  # of the usual step between rows
 _UNREST = 6.0  # times the median of the fifteen rows about it
 
 
@@ -96,8 +97,11 @@ def _off(time_s: Floats, values: Floats, usual: _Agility) -> Floats:
     off = off_neighbours(time_s, values)
     step_s = np.diff(time_s)
     widest_s = np.maximum(np.append(step_s[0], step_s), np.append(step_s, step_s[-1]))
+    nearest_s = np.minimum(np.append(np.inf, step_s), np.append(step_s, np.inf))
+    # Two rows at almost one instant: what they differ by becomes a speed without bounds.
+    share = np.minimum(nearest_s / (_CROWDED * float(np.median(step_s))), 1.0)
     unrest = median_filter(off, size=15, mode="nearest")
-    allowed = usual.floor + usual.acceleration * widest_s**2 + _UNREST * unrest
+    allowed = usual.floor * share + usual.acceleration * share * widest_s**2 + _UNREST * unrest
     return np.where(off > allowed, off, 0.0)
 
 
