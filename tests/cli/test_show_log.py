@@ -72,6 +72,15 @@ TRUE_OF = {
     ),
 }
 
+# Folders that carry the same flights once more, to the byte.
+SAME_AS = {
+    "street_nadir": "calm_nadir",
+    "street_rolling": "calm_nadir",
+    "street_oblique": "wind_oblique",
+}
+# What is only said of damaged rows: of the undamaged logs never.
+OF_DAMAGE = ("taken for damaged", "contradict each other", "home by", "name no mount")
+
 
 @pytest.mark.parametrize("name", TRUE_OF)
 def test_true_things_are_said_of_every_real_log(data_dir, name, capsys):
@@ -79,6 +88,21 @@ def test_true_things_are_said_of_every_real_log(data_dir, name, capsys):
     said = capsys.readouterr().out
     for statement in TRUE_OF[name]:
         assert statement in said, statement
+    assert [words for words in OF_DAMAGE if words in said] == []
+
+
+@pytest.mark.parametrize("folder", SAME_AS)
+def test_the_streets_were_seen_on_the_same_flights(data_dir, folder):
+    for name in ("flight.BIN", "flight.tlog"):
+        ours, first = (data_dir / place / name for place in (folder, SAME_AS[folder]))
+        assert ours.read_bytes() == first.read_bytes()
+
+
+def test_a_log_of_the_form_before_ulog_is_refused_by_name(data_dir, tmp_path, capsys):
+    path = tmp_path / "flight.bin"
+    path.write_bytes((data_dir / "logs" / "px4_sdlog2.px4log").read_bytes())
+    assert main(["log", str(path)]) == 1
+    assert "is a PX4 log of the old form sdlog2" in capsys.readouterr().err
 
 
 def test_every_real_log_is_among_them(data_dir):
@@ -88,7 +112,8 @@ def test_every_real_log_is_among_them(data_dir):
         for path in data_dir.rglob("*")
         if suffix.search(path.name)
     }
-    assert found == set(TRUE_OF)
+    streets = {f"{folder}/flight.{kind}" for folder in SAME_AS for kind in ("BIN", "tlog")}
+    assert found == set(TRUE_OF) | streets
 
 
 def test_json_and_plot_come_on_request(repository, tmp_path, capsys):

@@ -97,3 +97,28 @@ def test_a_damaged_receive_time_does_not_move_the_envelope():
     clock, _ = fit_boot_clock(boot(receive=late))
     assert clock.offset_s == pytest.approx(EPOCH, abs=0.05)
     assert clock.sigma_s < 0.2
+
+
+def test_a_boot_clock_that_is_ten_per_cent_slow_is_called_slow():
+    with pytest.raises(UavgramError, match=r"the boot clock runs 9\.1 % slow against it"):
+        fit_boot_clock(boot(gps=EPOCH + 1.1 * TIME))
+
+
+def test_gps_time_of_another_century_is_called_that():
+    with pytest.raises(UavgramError, match="its GPS time is nonsense"):
+        fit_boot_clock(boot(gps=1e9 + TIME))
+
+
+def test_gps_time_that_jumps_about_is_called_that():
+    rng = np.random.default_rng(2)
+    with pytest.raises(UavgramError, match=r"its GPS time scatters by \d\.\d s about"):
+        fit_boot_clock(boot(gps=EPOCH + TIME + rng.normal(0, 1.0, len(TIME))))
+
+
+@pytest.mark.parametrize("scatter_s", [0.3, 0.45])
+def test_a_clock_that_scatters_is_no_better_than_its_scatter(scatter_s):
+    rng = np.random.default_rng(3)
+    wandering = rng.normal(0, 1, len(TIME) // 40).repeat(40)  # for twenty seconds the same way
+    wandering *= scatter_s / 1.4826 / np.median(np.abs(wandering - np.median(wandering)))
+    clock, _ = fit_boot_clock(boot(gps=EPOCH + TIME + wandering))
+    assert scatter_s * 0.8 < clock.sigma_s < scatter_s * 1.6

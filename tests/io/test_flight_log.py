@@ -1,5 +1,6 @@
 """Logs of any kind: told apart by content, and our own short logs."""
 
+import log_mutants
 import numpy as np
 import pytest
 
@@ -54,3 +55,32 @@ def test_an_unknown_kind_is_refused_with_the_known_ones(tmp_path):
 def test_a_missing_log_is_an_input_error(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         read_flight_log(tmp_path / "none.BIN")
+
+
+def sdlog2_head():
+    """Formats and a message as PX4's sdlog2 begins a file: DataFlash's framing, other contents."""
+
+    def fmt(number, length, name, characters, fields):
+        body = name.ljust(4, b"\0") + characters.ljust(16, b"\0") + fields.ljust(64, b"\0")
+        return b"\xa3\x95\x80" + bytes([number, length]) + body
+
+    time = fmt(129, 11, b"TIME", b"Q", b"StartTime")
+    return time + fmt(2, 7, b"ATT", b"f", b"Roll") + b"\xa3\x95\x81" + bytes(8)
+
+
+@pytest.mark.parametrize("name", ["flight.px4log", "flight.bin", "flight.tlog"])
+def test_an_sdlog2_file_is_refused_by_name(tmp_path, name):
+    path = tmp_path / name
+    path.write_bytes(sdlog2_head())
+    with pytest.raises(InputError, match=r"is a PX4 log of the old form sdlog2.*give the ground"):
+        read_flight_log(path)
+
+
+@pytest.mark.parametrize("cut", [0, 7])
+@pytest.mark.parametrize("name", ["flight.bin", "flight.tlog", "flight.raw"])
+def test_a_stream_without_time_stamps_is_refused_by_name(repository, tmp_path, name, cut):
+    records = log_mutants.records((repository / "logs" / "twin_short.tlog").read_bytes())
+    path = tmp_path / name
+    path.write_bytes(b"".join(record[8:] for record in records)[cut:])
+    with pytest.raises(InputError, match="is a MAVLink stream without time stamps: nothing says"):
+        read_flight_log(path)

@@ -38,8 +38,12 @@ def fit_boot_clock(boot: Boot) -> tuple[BootClock, tuple[Message, ...]]:
     """
     by_source = {samples.source: samples for samples in boot.clocks}
     gps, system, receive = (by_source.get(name) for name in ("gps", "system_time", "receive"))
-    if gps is not None and _is_plausible(line := _line(gps), gps):
-        return _clock(line, RECEIVER_LAG_SIGMA_S, "gps"), _jumps(line, gps)
+    reason = ""
+    if gps is not None:
+        line = _line(gps)
+        if _is_plausible(line, gps):
+            return _clock(line, RECEIVER_LAG_SIGMA_S, "gps"), _jumps(line, gps)
+        reason = f"its GPS time {_gps_objection(line, gps)}"
     station = None if receive is None else fit_lower_envelope(receive.time_boot_s, receive.utc_s)
     station_is_dated = (
         station is not None
@@ -47,20 +51,27 @@ def fit_boot_clock(boot: Boot) -> tuple[BootClock, tuple[Message, ...]]:
         and station.scatter_s < _WORST_STATION_SCATTER_S
         and _is_dated(station, receive.time_boot_s)
     )
-    reason = ""
     if system is not None:
         line = _line(system)
-        reason = _objection(line, system, station if station_is_dated else None)
-        if not reason:
+        objection = _objection(line, system, station if station_is_dated else None)
+        if not objection:
             remarks = (*_jumps(line, system), *_difference(line, station))
             return _clock(line, RECEIVER_LAG_SIGMA_S, "system_time"), remarks
+        reason = f"its SYSTEM_TIME {objection}"
     if station is None or not station_is_dated:
         raise UavgramError(
             "the log ties its boot clock to no UTC"
-            + (f" (its SYSTEM_TIME {reason})" if reason else " (no GPS time, no SYSTEM_TIME)")
-            + ": photos cannot be matched to it; use a log that was recorded with a GPS fix"
+            + f" ({reason or 'no GPS time, no SYSTEM_TIME'})"
+            + ": photos cannot be matched to it; "
+            + (
+                "give their positions as a table (`poses`), or the ground station's .tlog"
+                if gps is not None
+                else "use a log that was recorded with a GPS fix"
+            )
         )
-    text = "the log has no SYSTEM_TIME" if not reason else f"the log's SYSTEM_TIME {reason}"
+    text = (
+        "the log has no SYSTEM_TIME" if not reason else f"the log's {reason.removeprefix('its ')}"
+    )
     remark = Message(
         "warning" if reason else "info",
         "clock-receive",
@@ -94,7 +105,8 @@ def _clock(line: ClockLine, systematic_s: float, source: str) -> BootClock:
     return BootClock(
         offset_s=line.offset_s,
         rate=line.rate,
-        sigma_s=float(np.hypot(line.sigma_s, systematic_s)),
+        # what scatters need not be independent from reading to reading: no mean is better
+        sigma_s=float(np.hypot(max(line.sigma_s, line.scatter_s), systematic_s)),
         source=source,
         drift_sigma=line.drift_sigma,
         scatter_s=line.scatter_s,
@@ -123,6 +135,22 @@ def _is_dated(line: ClockLine, time_boot_s: Floats) -> bool:
 def _is_plausible(line: ClockLine, samples: ClockSamples) -> bool:
     steady = abs(line.rate - 1) < _WORST_DRIFT and line.scatter_s < _WORST_SCATTER_S
     return steady and _is_dated(line, samples.time_boot_s)
+
+
+def _gps_objection(line: ClockLine, gps: ClockSamples) -> str:
+    """Why GPS time cannot be tied to the boot clock by a line."""
+    if not _is_dated(line, gps.time_boot_s):
+        return "is nonsense: it is of no year in which there were autopilots"
+    half = len(gps.utc_s) // 2
+    apart_s = gps.time_boot_s[half:] - gps.time_boot_s[: len(gps.utc_s) - half]
+    utc_s = gps.utc_s[half:] - gps.utc_s[: len(gps.utc_s) - half]
+    rates = apart_s[utc_s > 0] / utc_s[utc_s > 0]
+    rate = float(np.median(rates)) if len(rates) else 1.0
+    if abs(rate - 1) > _WORST_DRIFT:
+        how = "slow" if rate < 1 else "fast"
+        off = abs(rate - 1) * 100
+        return f"is there, but the boot clock runs {off:.1f} % {how} against it"
+    return f"scatters by {line.scatter_s:.1f} s about the boot clock"
 
 
 def _objection(line: ClockLine, system: ClockSamples, station: ClockLine | None) -> str:

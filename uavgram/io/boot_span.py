@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from uavgram.io.agreement import homes_in_doubt
+from uavgram.io.neighbours import without_damaged_rows
 from uavgram.model.arrays import Bools
 from uavgram.model.telemetry import Boot, CameraEvents, HomeSamples
 
@@ -14,18 +16,23 @@ _FARTHEST_DEG = 1.0  # of a home from the flight
 
 
 def consistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
-    """The boot without events and homes at impossible times or places, and what was left out."""
+    """The boot without what cannot be: rows off their neighbours, impossible events and homes."""
+    boot, said = without_damaged_rows(boot)
     dense = [t for t in (boot.positions, boot.attitudes) if t is not None]
     if not dense:
-        return boot, ()
+        return boot, said
     first = min(float(t.time_boot_s[0]) for t in dense) - _MARGIN_S
     last = max(float(t.time_boot_s[-1]) for t in dense) + _MARGIN_S
-    events, home, notes = boot.events, boot.home, []
+    events, home, notes = boot.events, boot.home, list(said)
     if events is not None:
         inside = (events.time_boot_s >= first) & (events.time_boot_s <= last)
         if not inside.all():
             notes.append(f"{int((~inside).sum())} {events.source} events lie far outside the log")
             events = _events_where(events, inside)
+    if home is not None and boot.positions is not None:
+        doubted, remarks = homes_in_doubt(home, boot.positions)
+        home = _home_where(home, ~doubted)
+        notes += remarks
     if home is not None:
         inside = (home.time_boot_s >= first) & (home.time_boot_s <= last) & _is_near(home, boot)
         if not inside.all():

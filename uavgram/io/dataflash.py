@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.io import dataflash_events, dataflash_pose
+from uavgram.io import dataflash_events, dataflash_gimbal, dataflash_pose
+from uavgram.io.agreement import disagreements
 from uavgram.io.boot_span import consistent
+from uavgram.io.dataflash_formats import odd_order
 from uavgram.io.dataflash_pose import Tables, boot_time_s
 from uavgram.io.dataflash_tables import index_binary
 from uavgram.io.dataflash_text import index_text
@@ -19,6 +21,13 @@ from uavgram.model.telemetry import Boot, FlightLog, MessageCount
 
 _FIRMWARE = re.compile(r"\b(Ardu\w+|APM:\w+|Blimp|AntennaTracker)\s+V?\d[\w.\-]*(\s+\(\w+\))?")
 
+# PX4's first log format borrows DataFlash's framing and means other things by the same names.
+_SDLOG2 = (
+    "is a PX4 log of the old form sdlog2 (.px4log), which is not read here: give the ground "
+    "station's .tlog of this flight, or the photos' positions and angles as a table (`poses`); "
+    "newer PX4 firmware writes .ulg, which is read"
+)
+
 
 def read_dataflash(path: str | Path) -> FlightLog:
     """Read a DataFlash log, binary or text.
@@ -26,11 +35,15 @@ def read_dataflash(path: str | Path) -> FlightLog:
     Raises
     ------
     InputError
-        The file is missing, empty, no DataFlash log, or holds no complete message.
+        The file is missing, empty, no DataFlash log (or PX4's sdlog2, which looks like one), or
+        holds no complete message.
     """
     tables = _index(str(path))
+    if "StartTime" in tables.ends("TIME"):
+        raise InputError(path, _SDLOG2)
     parts = _parts(tables)
-    notes = list(tables.notes)
+    formats = (piece.format for pieces in tables.pieces.values() for piece in pieces)
+    notes = [*tables.notes, *(note for fmt in formats for note in odd_order(fmt))]
     if len(parts) > 1:
         notes.append(f"the boot clock starts again {len(parts) - 1} times: several boots")
     boots: list[Boot] = []
@@ -82,17 +95,21 @@ def _boot(tables: Tables) -> tuple[Boot, tuple[str, ...]]:
     positions, position_notes = dataflash_pose.positions(tables, core)
     clock = dataflash_events.gps_clock(tables)
     events, event_notes = dataflash_events.camera_events(tables, clock)
+    attitudes, attitude_notes = dataflash_pose.attitudes(tables, core)
+    gimbal, gimbal_notes = dataflash_gimbal.gimbal(tables)
     boot = Boot(
         positions=positions,
-        attitudes=dataflash_pose.attitudes(tables, core),
-        gimbal=dataflash_pose.gimbal(tables),
+        attitudes=attitudes,
+        gimbal=gimbal,
         sigmas=dataflash_pose.sigmas(tables, core),
         events=events,
         home=dataflash_events.home(tables),
         clocks=() if clock is None else (clock,),
     )
     boot, remarks = consistent(boot)
-    return boot, (*position_notes, *event_notes, *remarks)
+    doubts = disagreements(boot, *dataflash_pose.second_opinions(tables, core))
+    notes = (*position_notes, *attitude_notes, *gimbal_notes, *event_notes)
+    return boot, (*notes, *remarks, *doubts)
 
 
 def _counts(tables: Tables) -> tuple[MessageCount, ...]:

@@ -45,6 +45,15 @@ _NUMPY_TYPES: dict[str, tuple[str, float | None]] = {
     "E": ("<u4", 100.0),
     "L": ("<i4", 1e7),
 }
+_PLACE, _ANGLES = ("TimeUS", "Lat", "Lng", "Alt"), ("TimeUS", "Roll", "Pitch", "Yaw")
+# In which order every firmware since 3.3 writes the fields that are read here.
+_ORDERS: dict[str, tuple[tuple[str, ...], ...]] = {
+    "POS": ((*_PLACE, "RelHomeAlt"),),
+    "GPS": (_PLACE,),
+    "ORGN": (("TimeUS", "Type", "Lat", "Lng", "Alt"),),
+    "ATT": (_ANGLES, ("DesRoll", "Roll", "DesPitch", "Pitch", "DesYaw", "Yaw")),
+    "MNT": (("TimeUS", "DRoll", "Roll", "DPitch", "Pitch", "DYawB", "YawB", "DYawE", "YawE"),),
+}
 TEXT_CHARACTERS = "nNZa"  # neither numbers nor scaled
 
 
@@ -103,6 +112,19 @@ class Format:
 
 def _scaled(raw: NDArray[Any], divisor: float | None) -> NDArray[Any]:
     return np.ascontiguousarray(raw) if divisor is None else raw / divisor
+
+
+def odd_order(fmt: Format) -> tuple[str, ...]:
+    """A remark where a format names its fields in an order in which no firmware writes them.
+
+    The names are then damaged or exchanged, and every value of the message stands under another.
+    """
+    for order in _ORDERS.get(fmt.name, ()):
+        stated = [fmt.fields.index(field) for field in order if field in fmt.fields]
+        if stated != sorted(stated):
+            text = f"the format of {fmt.name} names {', '.join(order)} in an order of no firmware"
+            return (f"{text}: its values may stand under wrong names",)
+    return ()
 
 
 def format_at(data: bytes, start: int) -> Format | None:

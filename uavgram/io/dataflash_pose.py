@@ -6,6 +6,7 @@ AP_Mount_Backend.cpp, AP_GPS.cpp (LogStructure.h of each).
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,19 +14,19 @@ from numpy.typing import NDArray
 
 from uavgram.geometry.rotation import matrix_from_ypr, xyzw_from_matrix
 from uavgram.io.dataflash_formats import Columns
+from uavgram.io.dataflash_tables import Piece
 from uavgram.io.samples import (
-    are_angles,
     are_body_angles,
     as_numbers,
     in_order,
     is_height,
+    left_out,
     near_its_track,
 )
 from uavgram.model.arrays import Floats
 from uavgram.model.telemetry import (
     AttitudeSamples,
     EstimatorSigmas,
-    GimbalSamples,
     PositionSamples,
 )
 
@@ -36,6 +37,11 @@ class Tables(Protocol):
     @property
     def names(self) -> tuple[str, ...]:
         """Message types that the log holds, sorted."""
+        ...
+
+    @property
+    def pieces(self) -> Mapping[str, Sequence[Piece]]:
+        """The messages of each type, by the format that the file states of them."""
         ...
 
     @property
@@ -171,10 +177,9 @@ def _positions_of(columns: Columns, source: str) -> tuple[PositionSamples | None
     latitude, longitude = numbers(columns, "Lat"), numbers(columns, "Lng")
     height = numbers(columns, "Alt")
     rows = in_order(time, near_its_track(time, latitude, longitude, height), dense=True)
-    dropped = len(time) - len(rows)
-    notes = (f"{dropped} of {len(time)} {source} rows make no sense and were dropped",)
+    notes = left_out(source, time, rows)
     if not len(rows):
-        return None, notes if dropped else ()
+        return None, notes
     home = numbers(columns, "RelHomeAlt", "RelAlt")[rows]
     samples = PositionSamples(
         time_boot_s=time[rows],
@@ -185,7 +190,7 @@ def _positions_of(columns: Columns, source: str) -> tuple[PositionSamples | None
         datum="msl",
         source=source,
     )
-    return samples, notes if dropped else ()
+    return samples, notes
 
 
 def _placed(columns: Columns, origins: Columns) -> Columns:
@@ -213,62 +218,54 @@ def _placed(columns: Columns, origins: Columns) -> Columns:
     }
 
 
-def attitudes(tables: Tables, core: int) -> AttitudeSamples | None:
+def attitudes(tables: Tables, core: int) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
     """ATT, else the estimator's quaternions."""
     columns = tables.columns("ATT")
-    if columns:
-        angles_deg = np.stack([numbers(columns, n) for n in ("Roll", "Pitch", "Yaw")], axis=1)
-        time = boot_time_s(columns)
-        rows = in_order(time, are_body_angles(angles_deg), dense=True)
-        if len(rows):
-            roll, pitch, yaw = np.radians(angles_deg[rows]).T
-            return AttitudeSamples(
-                time_boot_s=time[rows],
-                ned_from_body_xyzw=xyzw_from_matrix(matrix_from_ypr(yaw, pitch, roll)),
-                source="ATT",
-            )
+    samples, notes = _by_angles(columns, "ATT") if columns else (None, ())
+    if samples is not None:
+        return samples, notes
+    samples, more = _quaternions(tables, core)
+    return samples, (*notes, *more)
+
+
+def _by_angles(columns: Columns, source: str) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
+    angles_deg = np.stack([numbers(columns, n) for n in ("Roll", "Pitch", "Yaw")], axis=1)
+    time = boot_time_s(columns)
+    rows = in_order(time, are_body_angles(angles_deg), dense=True)
+    notes = left_out(source, time, rows)
+    if not len(rows):
+        return None, notes
+    roll, pitch, yaw = np.radians(angles_deg[rows]).T
+    unit = xyzw_from_matrix(matrix_from_ypr(yaw, pitch, roll))
+    return AttitudeSamples(time_boot_s=time[rows], ned_from_body_xyzw=unit, source=source), notes
+
+
+def _quaternions(tables: Tables, core: int) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
     name, columns = of_core(tables, ("XKQ", "XKQ1", "NKQ", "NKQ1"), core)
     if not name:
-        return None
+        return None, ()
     # ArduPilot stores w x y z
     xyzw = np.stack([numbers(columns, n) for n in ("Q2", "Q3", "Q4", "Q1")], axis=1)
     length = np.linalg.norm(xyzw, axis=1)
     time = boot_time_s(columns)
     rows = in_order(time, np.abs(length - 1) < 0.01, dense=True)
+    notes = left_out(name, time, rows)
     if not len(rows):
-        return None
+        return None, notes
     unit = xyzw[rows] / length[rows, None]
-    return AttitudeSamples(time_boot_s=time[rows], ned_from_body_xyzw=unit, source=name)
+    return AttitudeSamples(time_boot_s=time[rows], ned_from_body_xyzw=unit, source=name), notes
 
 
-def gimbal(tables: Tables) -> GimbalSamples | None:
-    """MNT of the first mount: yaw from north (YawE) where it is known, else from the nose."""
-    columns = tables.columns("MNT")
-    if not columns or "Pitch" not in columns:
-        return None
-    if "I" in columns:
-        instance = numbers(columns, "I")
-        columns = rows_where(columns, instance == instance.min())
-    earth = numbers(columns, "YawE")
-    vehicle = numbers(columns, "YawB")
-    use_earth = np.isfinite(earth).sum() >= np.isfinite(vehicle).sum() > 0 or (
-        np.isfinite(earth).any() and not np.isfinite(vehicle).any()
-    )
-    yaw = earth if use_earth else vehicle
-    angles = np.stack([numbers(columns, "Roll"), numbers(columns, "Pitch"), yaw], axis=1)
-    time = boot_time_s(columns)
-    rows = in_order(time, are_angles(angles))
-    if not len(rows):
-        return None
-    roll, pitch, yaw = np.radians(angles[rows]).T
-    return GimbalSamples(
-        time_boot_s=time[rows],
-        roll_rad=roll,
-        pitch_rad=pitch,
-        yaw_rad=yaw,
-        yaw_frame="earth" if use_earth else "vehicle",
-        source="MNT",
-    )
+def second_opinions(
+    tables: Tables, core: int
+) -> tuple[PositionSamples | None, AttitudeSamples | None]:
+    """The receiver's own positions, and the estimator's attitudes, to hold against POS and ATT."""
+    gps, _ = receiver(tables)
+    place = _positions_of(gps, "GPS")[0] if gps else None
+    name, columns = of_core(tables, ("XKF1", "NKF1"), core)
+    if not name:
+        return place, _quaternions(tables, core)[0]
+    return place, _by_angles(columns, name)[0]
 
 
 def sigmas(tables: Tables, core: int) -> EstimatorSigmas | None:

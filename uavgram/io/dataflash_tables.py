@@ -99,24 +99,32 @@ class DataflashTables:
         decoded = [
             (fmt, fmt.decoded(self.data, np.array(starts, dtype=np.int64))) for fmt, starts in parts
         ]
-        return decoded[0][1] if len(decoded) == 1 else _joined(decoded)
+        return decoded[0][1] if len(decoded) == 1 else joined(decoded)
 
     def between(self, start: int, end: int) -> DataflashTables:
         """The messages that begin in this range of bytes."""
-        pieces: dict[str, tuple[Piece, ...]] = {}
-        for name, whole in self.pieces.items():
-            cut = [replace(p, starts=_inside(p.starts, start, end)) for p in whole]
-            kept = tuple(piece for piece in cut if piece.starts)
-            if kept:
-                pieces[name] = kept
-        return replace(self, pieces=pieces)
+        return replace(self, pieces=pieces_between(self.pieces, start, end))
 
 
-def _inside(starts: list[int], start: int, end: int) -> list[int]:
+def pieces_between(
+    pieces: dict[str, tuple[Piece, ...]], start: int, end: int
+) -> dict[str, tuple[Piece, ...]]:
+    """The messages that begin in this range of the file."""
+    found: dict[str, tuple[Piece, ...]] = {}
+    for name, whole in pieces.items():
+        cut = [replace(p, starts=inside(p.starts, start, end)) for p in whole]
+        kept = tuple(piece for piece in cut if piece.starts)
+        if kept:
+            found[name] = kept
+    return found
+
+
+def inside(starts: list[int], start: int, end: int) -> list[int]:
+    """Those of the places that lie in this range of the file."""
     return starts[bisect_left(starts, start) : bisect_left(starts, end)]
 
 
-def _joined(decoded: list[tuple[Format, Columns]]) -> Columns:
+def joined(decoded: list[tuple[Format, Columns]]) -> Columns:
     """One table of several formats of the same message type."""
     fields = dict.fromkeys(field for fmt, _ in decoded for field in fmt.fields)
     return {field: np.concatenate(_alike(decoded, field)) for field in fields}
@@ -181,11 +189,11 @@ def _tables(data: bytes, starts: Starts) -> DataflashTables:
     for number, stated in formats.items():
         edges = [0, *(start for start, _ in stated[1:]), len(data)]
         for k, (_, fmt) in enumerate(stated):
-            inside = _inside(starts[number], edges[k], edges[k + 1])
-            while inside and inside[-1] + fmt.length > len(data):
-                inside.pop()  # the tail of a truncated file
-            if inside:
-                pieces.setdefault(fmt.name, []).append(Piece(fmt, inside))
+            found = inside(starts[number], edges[k], edges[k + 1])
+            while found and found[-1] + fmt.length > len(data):
+                found.pop()  # the tail of a truncated file
+            if found:
+                pieces.setdefault(fmt.name, []).append(Piece(fmt, found))
     ordered = {n: tuple(sorted(p, key=lambda piece: piece.starts[0])) for n, p in pieces.items()}
     return DataflashTables(np.frombuffer(data, dtype=np.uint8), ordered, tuple(notes))
 

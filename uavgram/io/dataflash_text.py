@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from uavgram.errors import InputError
 from uavgram.io.dataflash_formats import TEXT_CHARACTERS, Columns, Format
+from uavgram.io.dataflash_tables import Piece, joined, pieces_between
 
 _LONGEST_TEXT = 64  # bytes of format Z; a damaged line may be longer
 
@@ -23,45 +23,51 @@ class TextTables:
     ----------
     data
         The bytes of the file.
-    formats
-        By message name; of one that is redefined the last holds.
-    starts
-        By message name: where its lines begin, increasing.
+    pieces
+        By message name, in the order of the file: one for each format that the file states of it.
     notes
         What was odd about the file.
     """
 
     data: bytes
-    formats: dict[str, Format]
-    starts: dict[str, list[int]]
+    pieces: dict[str, tuple[Piece, ...]]
     notes: tuple[str, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
         """Message types that the file holds, sorted."""
-        return tuple(sorted(self.starts))
+        return tuple(sorted(self.pieces))
 
     def count(self, name: str) -> int:
         """How many messages of this type the file holds."""
-        return len(self.starts.get(name, ()))
+        return sum(len(piece.starts) for piece in self.pieces.get(name, ()))
 
     def places(self, name: str) -> NDArray[np.int64]:
         """(N,) where the lines of one type begin."""
-        return np.array(self.starts.get(name, ()), dtype=np.int64)
+        starts = (piece.starts for piece in self.pieces.get(name, ()))
+        return np.array([at for piece in starts for at in piece], dtype=np.int64)
 
     def columns(self, name: str) -> Columns:
         """Every field of one message type as a column; text forms carry scaled values."""
-        return self._decoded(name, self.starts.get(name, []))
+        return self._decoded([(p.format, p.starts) for p in self.pieces.get(name, ())])
 
     def ends(self, name: str) -> Columns:
         """The columns of the first and the last message of one type only."""
-        starts = self.starts.get(name, [])
-        return self._decoded(name, [*starts[:1], *starts[-1:]])
-
-    def _decoded(self, name: str, starts: list[int]) -> Columns:
-        if not starts:
+        pieces = self.pieces.get(name, ())
+        if not pieces:
             return {}
-        fmt = self.formats[name]
+        first, last = pieces[0], pieces[-1]
+        if first is last:
+            return self._decoded([(first.format, [first.starts[0], first.starts[-1]])])
+        return self._decoded([(first.format, first.starts[:1]), (last.format, last.starts[-1:])])
+
+    def _decoded(self, parts: list[tuple[Format, list[int]]]) -> Columns:
+        decoded = [(fmt, self._columns(fmt, starts)) for fmt, starts in parts]
+        if len(decoded) < 2:
+            return decoded[0][1] if decoded else {}
+        return joined(decoded)
+
+    def _columns(self, fmt: Format, starts: list[int]) -> Columns:
         fields = zip(*(self._fields(at, len(fmt.fields)) for at in starts), strict=True)
         return {
             field: _numbers(texts) if c not in TEXT_CHARACTERS else _texts(texts)
@@ -78,11 +84,7 @@ class TextTables:
 
     def between(self, start: int, end: int) -> TextTables:
         """The messages that begin in this range of bytes."""
-        inside = {
-            name: at[bisect_left(at, start) : bisect_left(at, end)]
-            for name, at in self.starts.items()
-        }
-        return replace(self, starts={name: at for name, at in inside.items() if at})
+        return replace(self, pieces=pieces_between(self.pieces, start, end))
 
 
 def _numbers(texts: Sequence[bytes]) -> NDArray[np.float64]:
@@ -113,7 +115,8 @@ def index_text(path: str, data: bytes) -> TextTables:
         There is no FMT line in the file.
     """
     formats: dict[str, Format] = {}
-    starts: dict[str, list[int]] = {}
+    pieces: dict[str, list[Piece]] = {}
+    notes: list[str] = []
     skipped = at = 0
     while at < len(data):
         end = data.find(b"\n", at)
@@ -121,24 +124,41 @@ def index_text(path: str, data: bytes) -> TextTables:
         comma = data.find(b",", at, end)
         key = data[at : comma if comma >= 0 else end].strip().decode("latin-1")
         if key == "FMT":
-            _add_format(formats, data[at:end])
+            notes += _add_format(formats, pieces, data[at:end], at)
         elif key in formats and data.count(b",", at, end) >= len(formats[key].fields):
-            starts.setdefault(key, []).append(at)
+            parts = pieces.setdefault(key, [])
+            if not parts or parts[-1].format is not formats[key]:
+                parts.append(Piece(formats[key], []))
+            parts[-1].starts.append(at)
         elif data[at:end].strip():
             skipped += 1
         at = end + 1
     if not formats:
         raise InputError(path, "is no DataFlash log in text form: it has no FMT line")
-    notes = (f"{skipped} lines belong to no defined message",) if skipped else ()
-    return TextTables(data, formats, starts, notes)
+    if skipped:
+        notes.append(f"{skipped} lines belong to no defined message")
+    return TextTables(data, {name: tuple(parts) for name, parts in pieces.items()}, tuple(notes))
 
 
-def _add_format(formats: dict[str, Format], line: bytes) -> None:
-    """Note what a FMT line states, where it makes sense."""
+def _add_format(
+    formats: dict[str, Format], pieces: dict[str, list[Piece]], line: bytes, at: int
+) -> list[str]:
+    """Note what a FMT line states, where it makes sense; what was odd about it."""
     _, *fields = (part.strip() for part in line.decode("latin-1").split(","))
     if len(fields) < 5:
-        return
+        return []
     number, length, name, characters, *names = fields
     distinct = len(set(names)) == len(names) == len(characters) > 0
-    if number.isdecimal() and length.isdecimal() and distinct:
-        formats[name] = Format(int(number), int(length), name, characters, tuple(names))
+    if not (_is_small(number) and _is_small(length) and distinct):
+        return [f"a format message at byte {at} makes no sense and was skipped"]
+    stated = Format(int(number), int(length), name, characters, tuple(names))
+    known = formats.get(name)
+    if known == stated:
+        return []
+    formats[name] = stated
+    return [f"the format of {name} changes at byte {at}"] if name in pieces else []
+
+
+def _is_small(text: str) -> bool:
+    """Whether a text is a number of a few digits."""
+    return text.isascii() and text.isdecimal() and len(text) < 6

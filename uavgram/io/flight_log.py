@@ -6,6 +6,7 @@ from pathlib import Path
 
 from uavgram.errors import InputError, no_file
 from uavgram.io.dataflash import read_dataflash
+from uavgram.io.mavlink_frames import is_bare_stream
 from uavgram.io.tlog import read_tlog
 from uavgram.io.ulog import ULOG_MAGIC, read_ulog
 from uavgram.model.telemetry import FlightLog
@@ -67,7 +68,16 @@ def _read(path: str | Path) -> FlightLog:
     head = _head(path)
     if head.startswith(ULOG_MAGIC) or suffix == ".ulg":
         return read_ulog(path)
-    if head.startswith(_DATAFLASH_FORMAT) or b"FMT," in head or suffix in _DATAFLASH_SUFFIXES:
+    if head.startswith(_DATAFLASH_FORMAT) or b"FMT," in head:
+        return read_dataflash(path)
+    if is_bare_stream(head):
+        raise InputError(
+            path,
+            "is a MAVLink stream without time stamps: nothing says when a message was received, "
+            "so photos cannot be matched to it; give the .tlog that the ground station recorded "
+            "(each message behind its time), or the autopilot's own .bin",
+        )
+    if suffix in _DATAFLASH_SUFFIXES:
         return read_dataflash(path)
     if suffix == ".tlog" or (len(head) > 8 and head[8] in (0xFD, 0xFE)):
         return read_tlog(path)

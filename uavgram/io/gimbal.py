@@ -5,17 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.geometry.rotation import matrix_from_xyzw, ypr_from_matrix
-from uavgram.io.samples import are_angles, in_order
-from uavgram.model.arrays import Floats, Ints
+from uavgram.io.samples import are_angles, in_order, left_out
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.telemetry import GimbalSamples
 
 # GIMBAL_DEVICE_FLAGS, https://mavlink.io/en/messages/common.html
 _YAW_LOCK, _YAW_IN_VEHICLE_FRAME, _YAW_IN_EARTH_FRAME = 16, 32, 64
 
 
+def _among(stated: Bools, rows: Ints) -> Ints:
+    """Which of the rows that state something are used, counted among these."""
+    return np.flatnonzero(np.isin(np.flatnonzero(stated), rows))
+
+
 def from_device_status(
     time_s: Floats, wxyz: Floats, flags: Ints, source: str
-) -> GimbalSamples | None:
+) -> tuple[GimbalSamples | None, tuple[str, ...]]:
     """GIMBAL_DEVICE_ATTITUDE_STATUS: roll and pitch from the horizon, yaw as the flags say.
 
     Parameters
@@ -37,10 +42,12 @@ def from_device_status(
     )
     use_earth = bool(len(earth) and earth.mean() > 0.5)
     rows = in_order(time_s, (np.abs(length - 1) < 0.01) & (earth == use_earth))
+    stated = np.asarray(np.isfinite(length))
+    notes = left_out(source, time_s[stated], _among(stated, rows))
     if not len(rows):
-        return None
+        return None, notes
     yaw, pitch, roll = ypr_from_matrix(matrix_from_xyzw(xyzw[rows] / length[rows, None]))
-    return GimbalSamples(
+    samples = GimbalSamples(
         time_boot_s=time_s[rows],
         roll_rad=roll,
         pitch_rad=pitch,
@@ -48,15 +55,20 @@ def from_device_status(
         yaw_frame="earth" if use_earth else "vehicle",
         source=source,
     )
+    return samples, notes
 
 
-def from_angles(time_s: Floats, rpy_deg: Floats, source: str) -> GimbalSamples | None:
+def from_angles(
+    time_s: Floats, rpy_deg: Floats, source: str
+) -> tuple[GimbalSamples | None, tuple[str, ...]]:
     """Angles (N, 3) of roll, pitch [deg] from the horizon and yaw from the vehicle's nose."""
     rows = in_order(time_s, are_angles(rpy_deg))
+    stated = np.asarray(np.isfinite(rpy_deg).any(axis=1))
+    notes = left_out(source, time_s[stated], _among(stated, rows))
     if not len(rows):
-        return None
+        return None, notes
     roll, pitch, yaw = np.radians(rpy_deg[rows]).T
-    return GimbalSamples(
+    samples = GimbalSamples(
         time_boot_s=time_s[rows],
         roll_rad=roll,
         pitch_rad=pitch,
@@ -64,3 +76,4 @@ def from_angles(time_s: Floats, rpy_deg: Floats, source: str) -> GimbalSamples |
         yaw_frame="vehicle",
         source=source,
     )
+    return samples, notes

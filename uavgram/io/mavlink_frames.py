@@ -22,6 +22,7 @@ Columns = dict[str, NDArray[Any]]
 _V1, _V2 = 0xFE, 0xFD
 _CHUNK = 1 << 23  # bytes searched at a time
 _LATEST = 0x10  # second byte of a time: 2^52 microseconds are the year 2112
+_BARE_FRAMES = 4  # in a row: no other kind of file begins so
 _ROWS = 1 << 16  # messages decoded at a time
 
 
@@ -147,6 +148,28 @@ def scan_frames(data: bytes) -> FrameTable:
         bad_checksum=failed,
         unknown=len(others) - failed,
     )
+
+
+def is_bare_stream(head: bytes) -> bool:
+    """Whether a file holds frames that follow each other without any time between them.
+
+    It may begin inside of one, where the recording was started.
+    """
+    longest = 12 + 255 + 13
+    return any(
+        head[at] in (_V1, _V2) and _frames_in_a_row(head, at)
+        for at in range(min(longest, len(head)))
+    )
+
+
+def _frames_in_a_row(head: bytes, at: int) -> bool:
+    frames = 0
+    while frames < _BARE_FRAMES and at + 3 <= len(head) and head[at] in (_V1, _V2):
+        second = head[at] == _V2
+        signed = second and head[at + 2] & 1
+        at += head[at + 1] + (12 if second else 8) + (13 if signed else 0)
+        frames += 1
+    return frames == _BARE_FRAMES
 
 
 def _candidates(data: NDArray[np.uint8]) -> _Candidates:

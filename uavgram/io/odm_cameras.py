@@ -9,11 +9,13 @@ Lengths are over max(width, height), from the centre of the image, which lies at
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 from uavgram.errors import InputError
 from uavgram.io.camera_choice import choose_camera, without_errors
+from uavgram.io.json_text import parse_json
 from uavgram.model.camera import Calibration, LensModel
 from uavgram.model.message import Message
 
@@ -54,7 +56,7 @@ def read_odm_camera(
     """
     path = Path(path)
     try:
-        cameras = json.loads(path.read_text(encoding="utf-8-sig"))
+        cameras = parse_json(path, path.read_text(encoding="utf-8-sig"))
     except OSError as fault:
         raise InputError(path, f"cannot be read: {fault.strerror}") from fault
     except json.JSONDecodeError as fault:
@@ -82,6 +84,8 @@ def _camera(path: Path, name: str, camera: dict[str, Any]) -> dict[str, Any]:
         value = next((camera[key] for key in keys if key in camera), otherwise)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InputError(path, f"camera {name!r}: {keys[0]} must be a number (got {value!r})")
+        if not math.isfinite(value):
+            raise InputError(path, f"camera {name!r}: {keys[0]} is no finite number")
         return float(value)
 
     width, height = number("width"), number("height")

@@ -14,6 +14,7 @@ from uavgram.errors import InputError
 from uavgram.io import results_evidence as evidence
 from uavgram.io import results_parts as parts
 from uavgram.io import results_tables as tables
+from uavgram.io.json_text import parse_json
 from uavgram.io.outputs import replace_text
 from uavgram.model.result import Result
 
@@ -145,7 +146,7 @@ def _compact(value: object) -> str:
 
 def _parse(path: Path) -> dict[str, Any]:
     try:
-        content = json.loads(path.read_bytes().decode("utf-8"), parse_constant=_refuse_constant)
+        content = parse_json(path, path.read_bytes().decode("utf-8"), constant=_refuse_constant)
     except OSError as fault:
         raise InputError(path, f"cannot be read: {fault.strerror}") from fault
     except UnicodeDecodeError as fault:

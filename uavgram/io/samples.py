@@ -30,11 +30,14 @@ def is_spike(time_s: Floats) -> Bools:
     """(N,) whether a time lies off its neighbours: damaged bytes, as DataFlash has no checksum.
 
     In an increasing sequence every value equals the median of its neighbourhood, whatever the
-    gaps; only values out of order differ.
+    gaps; only values out of order differ. What is no finite number is a spike.
     """
-    if len(time_s) < 3:
-        return np.zeros(len(time_s), dtype=bool)
-    return np.asarray(np.abs(time_s - median_filter(time_s, size=7, mode="nearest")) > RESTART_S)
+    finite = np.isfinite(time_s)
+    spike = ~finite
+    if finite.sum() >= 3:
+        time = time_s[finite]
+        spike[finite] = np.abs(time - median_filter(time, size=7, mode="nearest")) > RESTART_S
+    return spike
 
 
 def in_order(time_s: Floats, believable: Bools, *, dense: bool = False) -> Ints:
@@ -62,6 +65,19 @@ def in_order(time_s: Floats, believable: Bools, *, dense: bool = False) -> Ints:
         rows = _without_lone_ends(time, rows)
     first_of_instant = np.diff(time[rows], prepend=-np.inf) > 0
     return rows[first_of_instant].astype(np.int64)
+
+
+def left_out(source: str, time_s: Floats, rows: Ints) -> tuple[str, ...]:
+    """A remark where rows of a table are not used, though no other row has their time.
+
+    Firmware writes some rows twice, such as the gimbal's at an exposure.
+    """
+    unused = np.ones(len(time_s), dtype=bool)
+    unused[rows] = False
+    unused &= ~np.isin(time_s, time_s[rows])
+    if not unused.any():
+        return ()
+    return (f"{int(unused.sum())} of {len(time_s)} {source} rows make no sense and were dropped",)
 
 
 def _without_lone_ends(time_s: Floats, rows: Ints) -> Ints:

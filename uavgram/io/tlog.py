@@ -9,6 +9,7 @@ import numpy as np
 
 from uavgram.errors import InputError
 from uavgram.io import tlog_pose
+from uavgram.io.agreement import disagreements
 from uavgram.io.boot_span import consistent
 from uavgram.io.mavlink_dialect import message_name, vehicle_kind
 from uavgram.io.mavlink_frames import FrameTable, scan_frames
@@ -89,7 +90,7 @@ def _scan_notes(frames: FrameTable) -> list[str]:
 def _boot(stream: Stream) -> tuple[Boot, tuple[str, ...]]:
     events, event_notes = camera_events(stream)
     positions, position_notes = tlog_pose.positions(stream)
-    attitudes = tlog_pose.attitudes(stream)
+    attitudes, attitude_notes = tlog_pose.attitudes(stream)
     gimbal, gimbal_notes = tlog_pose.gimbal(stream, attitudes)
     boot = Boot(
         positions=positions,
@@ -101,7 +102,8 @@ def _boot(stream: Stream) -> tuple[Boot, tuple[str, ...]]:
         clocks=_clocks(stream),
     )
     boot, remarks = consistent(boot)
-    return boot, (*position_notes, *gimbal_notes, *event_notes, *remarks)
+    doubts = disagreements(boot, *tlog_pose.second_opinions(stream))
+    return boot, (*position_notes, *attitude_notes, *gimbal_notes, *event_notes, *remarks, *doubts)
 
 
 def _clocks(stream: Stream) -> tuple[ClockSamples, ...]:

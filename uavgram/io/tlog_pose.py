@@ -14,7 +14,7 @@ from uavgram.geometry.rotation import matrix_from_ypr, xyzw_from_matrix, ypr_fro
 from uavgram.io import gimbal as gimbal_forms
 from uavgram.io.dataflash_pose import merged_sigmas
 from uavgram.io.mavlink_frames import Columns
-from uavgram.io.samples import in_order, is_height, near_its_track
+from uavgram.io.samples import as_numbers, in_order, is_height, left_out, near_its_track
 from uavgram.io.tlog_stream import Stream
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.telemetry import (
@@ -23,6 +23,8 @@ from uavgram.model.telemetry import (
     GimbalSamples,
     PositionSamples,
 )
+
+_LARGEST_RAD = 7.0  # of an angle: some say 2 pi for 0
 
 
 def positions(stream: Stream) -> tuple[PositionSamples | None, tuple[str, ...]]:
@@ -74,62 +76,90 @@ def receiver(stream: Stream) -> tuple[Columns, Ints]:
     return {}, np.zeros(0, dtype=np.int64)
 
 
-def attitudes(stream: Stream) -> AttitudeSamples | None:
+def attitudes(stream: Stream) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
     """ATTITUDE_QUATERNION, else ATTITUDE."""
     columns, _ = stream.columns("ATTITUDE_QUATERNION")
     if columns:
-        q = np.stack([columns[k].astype(np.float64) for k in ("q2", "q3", "q4", "q1")], axis=1)
-        return _attitude_samples(columns, q, "ATTITUDE_QUATERNION")
+        q = np.stack([as_numbers(columns[k]) for k in ("q2", "q3", "q4", "q1")], axis=1)
+        samples, notes = _attitude_samples(columns, q, "ATTITUDE_QUATERNION")
+        if samples is not None:
+            return samples, notes
+    return _by_angles(stream)
+
+
+def _by_angles(stream: Stream) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
     columns, _ = stream.columns("ATTITUDE")
     if not columns:
-        return None
-    yaw, pitch, roll = (columns[k].astype(np.float64) for k in ("yaw", "pitch", "roll"))
-    finite = np.isfinite(yaw) & np.isfinite(pitch) & np.isfinite(roll)
-    angles = (np.where(finite, a, 0.0) for a in (yaw, pitch, roll))
-    xyzw = np.where(finite[:, None], xyzw_from_matrix(matrix_from_ypr(*angles)), np.nan)
+        return None, ()
+    yaw, pitch, roll = (as_numbers(columns[k]) for k in ("yaw", "pitch", "roll"))
+    sane = np.abs(np.stack([yaw, pitch, roll])).max(axis=0) < _LARGEST_RAD  # NaN compares False
+    angles = (np.where(sane, a, 0.0) for a in (yaw, pitch, roll))
+    xyzw = np.where(sane[:, None], xyzw_from_matrix(matrix_from_ypr(*angles)), np.nan)
     return _attitude_samples(columns, xyzw, "ATTITUDE")
 
 
-def _attitude_samples(columns: Columns, xyzw: Floats, source: str) -> AttitudeSamples | None:
+def _attitude_samples(
+    columns: Columns, xyzw: Floats, source: str
+) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
     time = columns["time_boot_ms"] * 1e-3
     length = np.linalg.norm(xyzw, axis=1)
     rows = in_order(time, np.abs(length - 1) < 0.01, dense=True)
+    notes = left_out(source, time, rows)
     if not len(rows):
-        return None
-    return AttitudeSamples(
+        return None, notes
+    samples = AttitudeSamples(
         time_boot_s=time[rows],
         ned_from_body_xyzw=xyzw[rows] / length[rows, None],
         source=source,
     )
+    return samples, notes
+
+
+def second_opinions(
+    stream: Stream,
+) -> tuple[PositionSamples | None, AttitudeSamples | None]:
+    """The receiver's own positions, and ATTITUDE, to hold against what is used."""
+    columns, rows = receiver(stream)
+    place = None
+    if columns:
+        time = stream.boot_s(rows)
+        place, _ = _position_samples(columns, time, np.full(len(time), np.nan), "GPS_RAW_INT")
+    return place, _by_angles(stream)[0]
 
 
 def gimbal(
     stream: Stream, attitudes: AttitudeSamples | None
 ) -> tuple[GimbalSamples | None, tuple[str, ...]]:
     """The gimbal's attitude from the first of its messages that the log has, newest first."""
-    samples = _gimbal_device(stream) or _mount_orientation(stream)
-    return (samples, ()) if samples is not None else _mount_status(stream, attitudes)
+    notes: tuple[str, ...] = ()
+    for read in (_gimbal_device, _mount_orientation):
+        samples, remarks = read(stream)
+        notes = (*notes, *remarks)
+        if samples is not None:
+            return samples, notes
+    samples, remarks = _mount_status(stream, attitudes)
+    return samples, (*notes, *remarks)
 
 
-def _gimbal_device(stream: Stream) -> GimbalSamples | None:
+def _gimbal_device(stream: Stream) -> tuple[GimbalSamples | None, tuple[str, ...]]:
     columns, _ = stream.columns("GIMBAL_DEVICE_ATTITUDE_STATUS")
     if not columns:
-        return None
+        return None, ()
     return gimbal_forms.from_device_status(
         columns["time_boot_ms"] * 1e-3,
-        columns["q"].astype(np.float64),
+        as_numbers(columns["q"].reshape(-1)).reshape(-1, 4),
         columns["flags"].astype(np.int64),
         "GIMBAL_DEVICE_ATTITUDE_STATUS",
     )
 
 
-def _mount_orientation(stream: Stream) -> GimbalSamples | None:
+def _mount_orientation(stream: Stream) -> tuple[GimbalSamples | None, tuple[str, ...]]:
     columns, _ = stream.columns("MOUNT_ORIENTATION")
     if not columns:
-        return None
-    angles_deg = np.stack([columns[k] for k in ("roll", "pitch", "yaw")], axis=1)
+        return None, ()
+    angles_deg = np.stack([as_numbers(columns[k]) for k in ("roll", "pitch", "yaw")], axis=1)
     time = columns["time_boot_ms"] * 1e-3
-    return gimbal_forms.from_angles(time, angles_deg.astype(np.float64), "MOUNT_ORIENTATION")
+    return gimbal_forms.from_angles(time, angles_deg, "MOUNT_ORIENTATION")
 
 
 def _mount_status(
@@ -149,21 +179,21 @@ def _mount_status(
     angles_deg = np.stack([columns[k] / 100.0 for k in names], axis=1)
     if not angles_deg.any():
         return None, ()  # no mount is configured
-    samples = gimbal_forms.from_angles(stream.boot_s(found), angles_deg, "MOUNT_STATUS")
+    samples, notes = gimbal_forms.from_angles(stream.boot_s(found), angles_deg, "MOUNT_STATUS")
     if samples is None or attitudes is None or len(attitudes.time_boot_s) < 2:
-        return samples, ()
+        return samples, notes
     vehicle, _ = interpolate_rotation(
         attitudes.time_boot_s,
         attitudes.ned_from_body_xyzw,
         np.clip(samples.time_boot_s, *attitudes.time_boot_s[[0, -1]]),
     )
     if not _cancels(samples, vehicle):
-        return samples, ()
+        return samples, notes
     note = (
         "MOUNT_STATUS states servo angles, which cancel the vehicle's roll and pitch: they were "
         "turned by the vehicle's attitude"
     )
-    return _on_vehicle(samples, vehicle), (note,)
+    return _on_vehicle(samples, vehicle), (*notes, note)
 
 
 def _cancels(samples: GimbalSamples, ned_from_body: Floats) -> bool:
@@ -189,8 +219,8 @@ def sigmas(stream: Stream) -> EstimatorSigmas | None:
     parts: list[tuple[str, Floats, dict[str, Floats]]] = []
     columns, rows = stream.columns("ESTIMATOR_STATUS")
     if columns:
-        horizontal = columns["pos_horiz_accuracy"].astype(np.float64)
-        vertical = columns["pos_vert_accuracy"].astype(np.float64)
+        horizontal = as_numbers(columns["pos_horiz_accuracy"])
+        vertical = as_numbers(columns["pos_vert_accuracy"])
         parts.append(_part("ESTIMATOR_STATUS", stream, rows, horizontal, vertical))
     columns, rows = receiver(stream)
     if columns:

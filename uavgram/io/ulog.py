@@ -53,17 +53,19 @@ def _boot(tables: UlogTables) -> tuple[Boot, tuple[str, ...]]:
     positions, position_notes = ulog_pose.positions(tables)
     events, event_notes = ulog_events.camera_events(tables)
     clock = ulog_events.gps_clock(tables)
+    attitudes, attitude_notes = ulog_pose.attitudes(tables)
+    gimbal, gimbal_notes = ulog_pose.gimbal(tables)
     boot = Boot(
         positions=positions,
-        attitudes=ulog_pose.attitudes(tables),
-        gimbal=ulog_pose.gimbal(tables),
+        attitudes=attitudes,
+        gimbal=gimbal,
         sigmas=ulog_pose.sigmas(tables),
         events=events,
         home=ulog_events.home(tables),
         clocks=() if clock is None else (clock,),
     )
     boot, remarks = consistent(boot)
-    return boot, (*position_notes, *event_notes, *remarks)
+    return boot, (*position_notes, *attitude_notes, *gimbal_notes, *event_notes, *remarks)
 
 
 def _counts(tables: UlogTables) -> tuple[MessageCount, ...]:

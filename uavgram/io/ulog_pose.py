@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.io import gimbal as gimbal_forms
 from uavgram.io.dataflash_pose import merged_sigmas
-from uavgram.io.samples import in_order, near_its_track
+from uavgram.io.samples import in_order, left_out, near_its_track
 from uavgram.io.ulog_tables import Topic, UlogTables
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.telemetry import (
@@ -141,37 +141,41 @@ def undulation_m(tables: UlogTables) -> float:
     return float(np.median(believable)) if len(believable) else float("nan")
 
 
-def attitudes(tables: UlogTables) -> AttitudeSamples | None:
+def attitudes(tables: UlogTables) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
     """vehicle_attitude: FRD to NED, w first."""
     topic = tables.topic("vehicle_attitude")
     if topic is None:
-        return None
+        return None, ()
     xyzw = topic.array("q", 4)[:, [1, 2, 3, 0]]
     length = np.linalg.norm(xyzw, axis=1)
     rows = in_order(topic.time_s, np.abs(length - 1) < 0.01, dense=True)
+    notes = left_out(topic.name, topic.time_s, rows)
     if not len(rows):
-        return None
-    return AttitudeSamples(
+        return None, notes
+    samples = AttitudeSamples(
         time_boot_s=topic.time_s[rows],
         ned_from_body_xyzw=xyzw[rows] / length[rows, None],
         source=topic.name,
     )
+    return samples, notes
 
 
-def gimbal(tables: UlogTables) -> GimbalSamples | None:
+def gimbal(tables: UlogTables) -> tuple[GimbalSamples | None, tuple[str, ...]]:
     """gimbal_device_attitude_status; else mount_orientation (yaw from the vehicle's nose)."""
+    notes: tuple[str, ...] = ()
     topic = tables.topic("gimbal_device_attitude_status")
     if topic is not None:
-        samples = gimbal_forms.from_device_status(
+        samples, notes = gimbal_forms.from_device_status(
             topic.time_s, topic.array("q", 4), _integers(topic.column("device_flags")), topic.name
         )
         if samples is not None:
-            return samples
+            return samples, notes
     topic = tables.topic("mount_orientation")
     if topic is None:
-        return None
+        return None, notes
     angles_deg = np.degrees(topic.array("attitude_euler_angle", 3))
-    return gimbal_forms.from_angles(topic.time_s, angles_deg, topic.name)
+    samples, remarks = gimbal_forms.from_angles(topic.time_s, angles_deg, topic.name)
+    return samples, (*notes, *remarks)
 
 
 def _integers(values: Floats) -> Ints:

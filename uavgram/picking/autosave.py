@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from uavgram.errors import OutputError, UavgramError
+from uavgram.io.json_text import parse_json
 from uavgram.io.own_files import open_own
 from uavgram.model.message import Message
 from uavgram.model.observations import MeasurementRequest
@@ -105,6 +106,10 @@ class Journal:
         )
 
 
+_NO_JOURNAL = "is no journal of this program: move it away to go on without what it holds"
+_ON_DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError)
+
+
 @dataclass
 class Left:
     """What earlier sessions left in a journal, while it is read.
@@ -148,8 +153,8 @@ def left_in(path: Path) -> Left:
     for entry in _entries(path):
         try:
             _play(left, entry)
-        except (KeyError, TypeError, ValueError) as fault:
-            raise UavgramError(f"{path}: is no journal of this program ({fault!r})") from fault
+        except _ON_DAMAGE as fault:
+            raise UavgramError(f"{path}: {_NO_JOURNAL} ({fault!r:.200})") from fault
     return left
 
 
@@ -182,11 +187,11 @@ def _entries(path: Path) -> Iterator[dict[str, Any]]:
     *lines, _ = path.read_bytes().split(b"\n")
     for line in lines:
         try:
-            entry = json.loads(line)
+            entry = parse_json(path, line)
         except ValueError as fault:
-            raise UavgramError(f"{path}: is no journal of this program ({fault})") from fault
+            raise UavgramError(f"{path}: {_NO_JOURNAL} ({fault})") from fault
         if not isinstance(entry, dict):
-            raise UavgramError(f"{path}: is no journal of this program")
+            raise UavgramError(f"{path}: {_NO_JOURNAL}")
         yield entry
 
 

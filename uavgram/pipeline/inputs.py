@@ -118,7 +118,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     _check_picks(project, picks, photos)
     log = read_flight_log(project.log) if project.log else None
     poses, pose_messages = _poses(project, photos)
-    notes = () if log is None else _log_notes(log)
+    notes = () if log is None else log_messages(log)
     pose_files = [source for source in project.pose_sources if source != FROM_PHOTOS]
     named = (project.camera_file, picks_file, project.log, *pose_files, lines_file, measure_file)
     files = [str(path), *(f for f in (*named, project.control, project.check) if f), *photos.path]
@@ -167,7 +167,8 @@ def _column_messages(*files: str | None) -> tuple[Message, ...]:
     return tuple(said)
 
 
-def _log_notes(log: FlightLog) -> tuple[Message, ...]:
+def log_messages(log: FlightLog) -> tuple[Message, ...]:
+    """What was odd about a log's file, as warnings."""
     name = Path(log.path).name
     return tuple(Message("warning", "log-note", f"{name}: {note}") for note in log.notes)
 

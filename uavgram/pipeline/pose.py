@@ -21,7 +21,7 @@ from uavgram.stages.photo_exposures import find_photo_home, place_photos
 from uavgram.stages.seed import seed
 from uavgram.stages.synchronise import Synchronised, synchronise
 from uavgram.stages.synchronise.pairing import Pairing
-from uavgram.stages.trajectory import build_track, find_home
+from uavgram.stages.trajectory import build_track, find_home, track_gaps
 
 Place = tuple[float, float, float]
 
@@ -65,7 +65,8 @@ def _by_log(inputs: Inputs, log: FlightLog) -> Posed:
     track, track_messages = build_track(
         matched.boot, matched.clock, place, project.mount, project.telemetry
     )
-    messages = (*matched.messages, *home_messages, *track_messages)
+    gaps = track_gaps(track, frames)
+    messages = (*matched.messages, *home_messages, *track_messages, *gaps)
     posed = _seeded(inputs, frames, track, (place, datum), messages)
     return replace(posed, pairing=matched.pairing)
 

@@ -7,7 +7,6 @@ LabelMe counts from the corner of the top-left pixel, and shows a photo turned a
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +17,7 @@ import numpy as np
 from uavgram.errors import InputError, no_file
 from uavgram.io.exif_tags import exif_numbers, read_exif_tags
 from uavgram.io.image_size import image_size
+from uavgram.io.json_text import parse_json
 from uavgram.model.arrays import Floats
 from uavgram.model.imported import ImportedPicks
 from uavgram.model.limits import unshowable
@@ -103,25 +103,28 @@ def _content(path: Path) -> dict[str, Any]:
     if what := no_file(path):
         raise InputError(path, f"is {what}: name a file")
     try:
-        content = json.loads(path.read_text(encoding="utf-8-sig"))
-        _check(content)
+        content = parse_json(path, path.read_text(encoding="utf-8-sig"))
+        checked = _checked(content)
     except OSError as fault:
         raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    except (ValueError, KeyError, TypeError, IndexError) as fault:
+    except (ValueError, KeyError, TypeError, IndexError, OverflowError) as fault:
         raise InputError(
             path, f"is no LabelMe file ({type(fault).__name__}: {fault}): export it again"
         ) from fault
-    return dict(content)
+    return checked
 
 
-def _check(content: dict[str, Any]) -> None:
-    """Raise what `_content` tells in words."""
+def _checked(content: object) -> dict[str, Any]:
+    """The content as an object; raises what `_content` tells in words."""
+    if not isinstance(content, dict):
+        raise TypeError("no object")
     if not isinstance(content["imagePath"], str):
         raise TypeError("imagePath")
     for shape in content["shapes"]:
         x, y = shape["points"][0][:2]
         if not (np.isfinite(float(x)) and np.isfinite(float(y)) and str(shape["label"])):
             raise ValueError("points")
+    return content
 
 
 def _turned_back(path: Path, photo: Path, content: dict[str, Any], corner: Floats) -> Floats:

@@ -1,0 +1,48 @@
+"""JSON that somebody else wrote -> plain data, whatever stands in it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+from uavgram.errors import InputError
+
+_MOST_DIGITS = 300  # of a whole number: more do not fit a float
+
+
+def parse_json(
+    path: Path, text: str | bytes, *, constant: Callable[[str], object] | None = None
+) -> object:
+    """Parse a file's text.
+
+    Parameters
+    ----------
+    path
+        Names the file in messages.
+    text
+        Its content; bytes are UTF-8.
+    constant
+        Called with NaN, Infinity and -Infinity, which are no JSON; None takes them for numbers.
+
+    Raises
+    ------
+    InputError
+        It is nested without end, or holds a number of thousands of digits.
+    json.JSONDecodeError
+        It is no JSON; whose file it is knows what to say of that.
+    """
+
+    def whole(digits: str) -> int:
+        if len(digits) > _MOST_DIGITS:
+            raise InputError(
+                path, f"holds a number of {len(digits)} digits: it is damaged; make it again"
+            )
+        return int(digits)
+
+    try:
+        return json.loads(text, parse_constant=constant, parse_int=whole)
+    except RecursionError as fault:
+        raise InputError(
+            path, "has too many brackets inside each other: it is damaged; make it again"
+        ) from fault
