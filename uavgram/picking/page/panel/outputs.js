@@ -1,53 +1,59 @@
 // What stands at the foot of the measurements: one click runs the project and writes everything.
 
-import { node } from "./format.js";
-import { store } from "./store.js";
-import { keep } from "./table.js";
+import { store } from "../connection/store.js";
+import { fillIfNew, node } from "../elements/dom.js";
+import { keep } from "../elements/table.js";
 
+/** @import { Outputs } from "../connection/protocol.js" */
+/** @import { Attribute } from "../elements/dom.js" */
+
+/** @param {string} href @param {string} words @param {Record<string, Attribute>} more */
 const link = (href, words, more = {}) => node("a", { href, ...more }, words);
 const aside = { target: "_blank", rel: "noopener" };
 
-export function showOutputs(foot, desk) {
+/** @param {Element} foot @param {boolean} exporting @param {() => void} exportAll */
+export function showOutputs(foot, exporting, exportAll) {
   const { outputs, version } = store;
   if (!outputs) return;
   const old = outputs.files.length > 0 && outputs.version !== version;
-  const made = keep("outputs", [outputs, old, desk.exporting], () => node("div", {},
+  const made = keep("outputs", [outputs, old, exporting], () => node("div", {},
     node("div", { class: "row" },
-      node("button", { name: "export", class: "main", disabled: desk.exporting, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: () => desk.exportAll() },
-        desk.exporting ? "Writing\u2026" : "Write report and exports"),
-      node("span", { class: "dim", role: "status" }, desk.exporting ? "" : age(outputs, old))),
+      node("button", { name: "export", class: "main", disabled: exporting, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: exportAll },
+        exporting ? "Writing\u2026" : "Write report and exports"),
+      node("span", { class: "dim", role: "status" }, exporting ? "" : age(outputs, old))),
     outputs.files.length || outputs.recording ? node("nav", { "aria-label": "Outputs" }, ...links(outputs)) : null));
   if (foot.firstChild !== made) foot.replaceChildren(made);
 }
 
+/** @param {Outputs} outputs @param {boolean} old */
 function age(outputs, old) {
   if (!outputs.files.length) return "none yet";
   return old ? "older than what you see" : "up to date";
 }
 
+/** @param {Outputs} outputs */
 function links({ files, recording, folder }) {
   const [shown, saved] = [files.filter(({ name }) => name.endsWith(".html")), files.filter(({ name }) => !name.endsWith(".html"))];
   return [
     ...shown.map(({ name, words }) => link(`/output/${name}`, words, aside)),
     recording ? link("/recording", "Recording in the Rerun viewer", aside) : null,
     ...saved.filter(({ name }) => name.endsWith(".csv")).map(({ name, words }) => link(`/output/${name}`, words, { download: name })),
-    files.length && node("details", {}, node("summary", {}, "More"), node("ul", {}, ...saved.filter(({ name }) => !name.endsWith(".csv")).map(({ name, words }) => node("li", {}, link(`/output/${name}`, words, { download: name })))),
-      node("p", { class: "dim" }, "All in ", node("code", {}, folder))),
-  ].filter(Boolean);
+    files.length ? node("details", {}, node("summary", {}, "More"), node("ul", {}, ...saved.filter(({ name }) => !name.endsWith(".csv")).map(({ name, words }) => node("li", {}, link(`/output/${name}`, words, { download: name })))),
+      node("p", { class: "dim" }, "All in ", node("code", {}, folder))) : null,
+  ];
 }
 
 // A bar that stays while files of the project differ from what the page shows, or cannot be saved.
-export function showOutside(bar, desk) {
-  const outside = store.outside ?? [];
+/** @param {HTMLElement} bar @param {() => void} reload */
+export function showOutside(bar, reload) {
+  const { outside } = store;
+  /** @type {string[]} */
   const words = [];
   if (store.gone) words.push("The program does not answer. Start uavgram pick again, and open the address that it prints. What it confirmed is saved; what you do here now would be lost.");
   else if (store.fault) words.push(`Not saved: ${store.fault}`);
   else if (outside.length) words.push(`${outside.join(" and ")} ${outside.length > 1 ? "were" : "was"} changed by another program. Nothing is written over.`);
   bar.hidden = !words.length;
-  const sign = JSON.stringify([words, outside]);
-  if (bar.sign === sign) return;
-  bar.sign = sign;
-  bar.replaceChildren(node("p", {}, ...words), ...(outside.length ? [
+  fillIfNew(bar, JSON.stringify([words, outside]), () => [node("p", {}, ...words), ...(outside.length ? [
     node("p", { class: "dim" }, "Reload takes the files as they are now. What only this page has is kept beside them, and undo begins anew."),
-    node("button", { name: "reload", onclick: () => desk.reload() }, "Reload")] : []));
+    node("button", { name: "reload", onclick: reload }, "Reload")] : [])]);
 }
