@@ -5,12 +5,16 @@ from __future__ import annotations
 import socket
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 from pick_pages import small_project
 from picking_pages import place
 from picking_server import served
 from playwright.sync_api import expect
+
+from uavgram.picking.redirect import RedirectFile
 
 HTML = "<img src=x onerror=\"document.title='pwned'\">"
 
@@ -140,3 +144,21 @@ def test_another_page_of_this_browser_gets_neither_photos_nor_socket(server, ope
         thread.join()
     place(page, "A", 100, 100)  # the page itself lives on
     assert [pick.label for pick in server.desk.state.picks] == ["A"]
+
+
+def test_a_file_that_only_its_user_can_read_leads_to_the_page(server, chromium):
+    way = RedirectFile(server.guard.address())
+    path = Path(urlsplit(way.uri).path)
+    modes = [one.stat().st_mode & 0o777 for one in (path, path.parent)]
+    assert modes == [0o600, 0o700]
+    assert "token" not in way.uri
+    context = chromium.new_context()
+    try:
+        page = context.new_page()
+        page.goto(way.uri)
+        page.wait_for_selector('.pane[data-sharp="true"]', timeout=60_000)
+        assert page.url == f"http://127.0.0.1:{server.port}/"
+    finally:
+        context.close()
+    way.remove()
+    assert not path.parent.exists()

@@ -12,6 +12,7 @@ from pathlib import Path
 import uvicorn
 
 from uavgram.picking.guard import Guard
+from uavgram.picking.patience import PatientProtocol
 from uavgram.picking.server import PickServer, open_door
 from uavgram.picking.tables import Tables
 from uavgram.pipeline.compute import compute
@@ -29,7 +30,11 @@ class Served:
         self.pick = PickServer(survey, Tables(survey.inputs), lambda: compute(read_inputs(project)))
         self.guard = Guard(self.pick.application(), self.port)
         config = uvicorn.Config(
-            self.guard, log_config=None, ws="websockets-sansio", timeout_graceful_shutdown=1
+            self.guard,
+            log_config=None,
+            http=PatientProtocol,
+            ws="websockets-sansio",
+            timeout_graceful_shutdown=1,
         )
         self._server = uvicorn.Server(config)
         self._thread = threading.Thread(target=self._run, daemon=True)

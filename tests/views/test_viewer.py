@@ -9,8 +9,10 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 import urllib.error
 import urllib.request
+from contextlib import ExitStack
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
@@ -18,7 +20,7 @@ import pytest
 from small_recording import write_small_recording
 
 from uavgram.errors import InputError, UavgramError
-from uavgram.views import viewer
+from uavgram.views import viewer, viewer_gate
 
 
 @pytest.fixture
@@ -42,20 +44,21 @@ def test_the_viewer_listens_on_this_machine_only_and_its_failure_is_told(
     path = tmp_path / "a.rrd"
     path.write_bytes(b"RRF2 and more")
     calls = []
+    start = subprocess.Popen
 
-    def run(command, *, check):
+    def popen(command, **options):
         calls.append(command)
-        assert not check
-        return subprocess.CompletedProcess(command, status)
+        return start([sys.executable, "-c", f"raise SystemExit({status})"], **options)
 
-    monkeypatch.setattr(viewer.subprocess, "run", run)
+    monkeypatch.setattr(viewer.subprocess, "Popen", popen)
     if status:
         with pytest.raises(UavgramError, match=r"needs a screen.*a\.rrd --web"):
             viewer.open_viewer(path)
     else:
         viewer.open_viewer(path)
 
-    assert calls == [[sys.executable, "-m", "rerun", "--bind", "127.0.0.1", str(path)]]
+    assert [call[3:] for call in calls] == [["--bind", "127.0.0.1", "--", str(path)]]
+    assert calls[0][1] == "-P"  # no module from the folder that somebody stands in
 
 
 def processes_of(parent):
@@ -104,6 +107,7 @@ def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(recording
         with urllib.request.urlopen(source, timeout=60) as file:  # noqa: S310
             seen["recording"] = file.read()
         others = ({"Host": "evil.example"}, {"Sec-Fetch-Site": "same-site"})
+        seen["guessed"] = status_of(f"http://{urlsplit(address).netloc}/recording.rrd", {})
         seen["foreign"] = [status_of(source, headers) for headers in others]
         raise KeyboardInterrupt  # as Ctrl-C does
 
@@ -111,7 +115,10 @@ def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(recording
         viewer.serve_viewer(recording, started)
 
     address = urlsplit(seen["address"])
-    assert parse_qs(address.query)["url"] == [f"http://{address.netloc}/recording.rrd"]
+    source = urlsplit(parse_qs(address.query)["url"][0])
+    assert source.netloc == address.netloc
+    assert re.fullmatch(r"/[-\w]{43}/recording\.rrd", source.path)  # no other user can guess it
+    assert seen["guessed"] == 404
     assert address.hostname == "127.0.0.1"
     assert len(seen["sockets"]) == 2
     assert {place for place, _ in seen["sockets"]} == {"0100007F"}  # 127.0.0.1, little-endian
@@ -126,6 +133,24 @@ def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(recording
     for port in {address.port, *(port for _, port in seen["sockets"])}:  # nothing is left behind
         with pytest.raises(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
             pass
+
+
+def test_the_gate_waits_for_no_one_who_says_nothing(recording, monkeypatch):
+    monkeypatch.setattr(viewer_gate, "HEADERS_S", 0.2)
+    gate = viewer_gate.ViewerGate(1, recording)
+    try:
+        with ExitStack() as calls:
+            for k in range(viewer_gate.MOST_AT_ONCE + 10):
+                call = socket.create_connection(("127.0.0.1", gate.server_port), timeout=30)
+                calls.callback(call.close)
+                call.sendall(b"GET / HTTP/1.1\r\nHost: x"[: k % 20])
+            assert call.recv(1) == b""  # one too many
+            time.sleep(0.4)
+            address = f"http://127.0.0.1:{gate.server_port}{gate.way}"
+            with urllib.request.urlopen(address, timeout=30) as file:  # noqa: S310
+                assert file.read() == recording.read_bytes()
+    finally:
+        gate.close()
 
 
 def status_of(address, headers):
@@ -154,7 +179,7 @@ def test_a_server_that_is_killed_is_told(recording, monkeypatch):
             "held = [socket.create_server(('127.0.0.1', int(p))) for p in sys.argv[1:]];"
             "time.sleep(60)"
         )
-        ports = [_arguments[0][i + 1] for i, a in enumerate(_arguments[0]) if "port" in a]
+        ports = [_arguments[0][i + 1] for i, a in enumerate(_arguments[0]) if a.endswith("port")]
         server = start([sys.executable, "-c", code, *ports], **options)
 
         def kill():
@@ -168,3 +193,34 @@ def test_a_server_that_is_killed_is_told(recording, monkeypatch):
 
     with pytest.raises(UavgramError, match="ended with status -9"):
         viewer.serve_viewer(recording, lambda _: started.set())
+
+
+@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs Linux's /proc")
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
+def test_the_viewer_ends_with_the_program_however_that_ends(recording, tmp_path, how):
+    (tmp_path / "rerun_cli.py").write_text("raise SystemExit('taken from the folder')")
+    home = {"HOME": str(tmp_path), "FORCE_RERUN_ANALYTICS": "1"}
+    with subprocess.Popen(
+        [sys.executable, "-P", "-m", "uavgram", "view", str(recording), "--web"],
+        cwd=tmp_path,
+        env=os.environ | home,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as program:
+        assert program.stdout.readline().startswith("open http://127.0.0.1:")
+        pids = processes_of(program.pid)
+        assert len(pids) == 3
+        program.send_signal(how)
+        assert program.wait(30) == -how
+    latest = time.monotonic() + 30
+    while any(is_running(pid) for pid in pids) and time.monotonic() < latest:
+        time.sleep(0.02)
+    assert [pid for pid in pids if is_running(pid)] == []
+    assert not (tmp_path / ".config").exists()  # Rerun's analytics keep a file there
+
+
+def is_running(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2][0] != "Z"
+    except OSError:
+        return False

@@ -44,20 +44,30 @@ def pick(
     # the browser needs the processors too. Read when numpy is loaded, which is below.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+    from uavgram.picking.redirect import RedirectFile
     from uavgram.picking.server import serve
 
     log_to_stderr(verbose=verbose)
+    ways: list[RedirectFile] = []
 
     def announce(address: str) -> None:
         say(f"Picking page: {address}", "Ctrl+C ends it; everything is saved.")
         if browser:
-            webbrowser.open(address)
+            ways.append(RedirectFile(address))
+            webbrowser.open(ways[-1].uri)
+
+    def entered() -> None:
+        for way in ways:
+            way.remove()
 
     def run() -> None:
         from uavgram.pipeline.run import run as run_project
 
         run_project(project)
 
-    serve(project, announce, run, port)
+    try:
+        serve(project, announce, run, port, entered)
+    finally:
+        entered()
     say("Saved.")
     return DONE

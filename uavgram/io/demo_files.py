@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from uavgram.errors import OutputError
 from uavgram.io.exif_writer import CaptureTags, with_exif
 from uavgram.io.mavlink_writer import write_tlog
+from uavgram.io.own_files import remove_link
 from uavgram.model.arrays import Floats
 from uavgram.model.simulation import SimulatedSurvey, SurveyTruth
 
@@ -45,13 +46,13 @@ def write_demo(folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[n
     try:
         _make_photo_folder(folder / "photos", survey.frame_id)
         _write_photos(folder / "photos", survey, photos)
-        write_tlog(folder / "flight.tlog", survey.log)
+        write_tlog(remove_link(folder / "flight.tlog"), survey.log)
         _write_observations(folder, survey)
         _write_requests(folder, survey)
-        (folder / "camera.yaml").write_text(_camera_yaml(survey), encoding="utf-8")
+        remove_link(folder / "camera.yaml").write_text(_camera_yaml(survey), encoding="utf-8")
         truth = json.dumps(truth_as_json(survey), indent=1) + "\n"
-        (folder / "truth.json").write_text(truth, encoding="utf-8")
-        project = folder / "project.yaml"
+        remove_link(folder / "truth.json").write_text(truth, encoding="utf-8")
+        project = remove_link(folder / "project.yaml")
         project.write_text(_project_yaml(survey), encoding="utf-8")
     except OSError as error:
         raise OutputError(f"{folder}: cannot be written: {error.strerror}; name another") from error
@@ -122,7 +123,7 @@ def _lengths_as_json(survey: SimulatedSurvey) -> list[dict[str, object]]:
 
 
 def _make_photo_folder(folder: Path, frame_id: Sequence[str]) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
+    remove_link(folder).mkdir(parents=True, exist_ok=True)
     strangers = sorted({p.name for p in folder.glob("*.jpg")} - set(frame_id))
     if strangers:
         raise OutputError(
@@ -141,7 +142,7 @@ def _write_photos(
         if not done:
             raise ValueError(f"{name}: an image of shape {photo.shape} cannot be encoded")
         tags = CaptureTags(time_utc_s=time, zone_h=zone_h, make=MAKE, model=survey.calibration.name)
-        (folder / name).write_bytes(with_exif(jpeg.tobytes(), tags))
+        remove_link(folder / name).write_bytes(with_exif(jpeg.tobytes(), tags))
 
 
 def _write_observations(folder: Path, survey: SimulatedSurvey) -> None:
@@ -200,7 +201,7 @@ def _write_requests(folder: Path, survey: SimulatedSurvey) -> None:
 
 
 def _write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with remove_link(path).open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(header)
         writer.writerows(rows)

@@ -29,7 +29,8 @@ def read_lines(path: str | Path) -> KnownLines:
         greater than 0, a line from a label to itself, a name used twice, an unknown `use`.
     """
     table = read_table(path, LINES_COLUMNS)
-    table.require_positive("length_m")
+    table.require_length("length_m")
+    table.require_short("name", "from", "to")
     table.require_sigma("sigma_m")
     table.require_unique("name", "line")
     rows = zip(table.text["from"], table.text["to"], table.text["use"], strict=True)

@@ -8,6 +8,7 @@ from typing import get_args
 
 from uavgram.errors import near_miss
 from uavgram.io.tables import Columns, Table, number_hint, parse_number, read_table
+from uavgram.model.limits import name_fault
 from uavgram.model.observations import MeasurementKind, MeasurementRequest
 
 MEASURE_COLUMNS = Columns(
@@ -40,6 +41,7 @@ def read_measure(path: str | Path) -> tuple[MeasurementRequest, ...]:
     """
     table = read_table(path, MEASURE_COLUMNS)
     table.require_unique("name", "measurement")
+    table.require_short("name")
     requests = []
     for row, kind in enumerate(table.text["kind"]):
         if kind not in POINT_COUNTS:
@@ -60,11 +62,22 @@ def read_measure(path: str | Path) -> tuple[MeasurementRequest, ...]:
     return tuple(requests)
 
 
+def parameter_fault(name: str, value: float) -> str:
+    """Say why a number can be no such parameter; empty where it can, or where it is none (NaN)."""
+    if name == "mu" and value <= 0:
+        return "must be greater than 0"
+    if name == "mu_sigma" and value < 0:
+        return "must not be negative"
+    return ""
+
+
 def _points(table: Table, row: int, kind: MeasurementKind) -> tuple[str, ...]:
     written = table.text["points"][row]
     points = tuple(label.strip() for label in written.split(";"))
     if not written:
         return ()
+    for label in filter(name_fault, points):
+        table.blame(row, f"points: a label {name_fault(label)} (it begins with {label[:32]!r})")
     if not all(points):
         table.blame(row, f"points holds an empty label (got {written!r})")
     least, most = POINT_COUNTS[kind]
@@ -105,8 +118,7 @@ def _parameters(table: Table, row: int, kind: MeasurementKind) -> tuple[tuple[st
             f"kind {kind} needs the parameter {' and '.join(missing)}, "
             "such as mu=0.7;mu_sigma=0.05",
         )
-    if found.get("mu", 1.0) <= 0:
-        table.blame(row, f"parameter mu must be greater than 0 (got {found['mu']:g})")
-    if found.get("mu_sigma", 0.0) < 0:
-        table.blame(row, f"parameter mu_sigma must not be negative (got {found['mu_sigma']:g})")
+    for name, value in found.items():
+        if fault := parameter_fault(name, value):
+            table.blame(row, f"parameter {name} {fault} (got {value:g})")
     return tuple((name, found[name]) for name in wanted if name in found)

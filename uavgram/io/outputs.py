@@ -8,7 +8,7 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Set
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -28,7 +28,9 @@ _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 @contextmanager
-def staged_output(folder: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator[Path]:
+def staged_output(
+    folder: str | Path, inputs: Iterable[str | Path] = (), photos: Iterable[str | Path] = ()
+) -> Iterator[Path]:
     """Give a hidden folder to write into; move its files into `folder` once all are complete.
 
     The hidden folder lies inside `folder`, so on the same file system. Its files replace those of
@@ -43,13 +45,18 @@ def staged_output(folder: str | Path, inputs: Iterable[str | Path] = ()) -> Iter
         The output folder; made where there is none.
     inputs
         Files that no output may replace.
+    photos
+        The originals: nothing is written into their folders.
 
     Raises
     ------
     OutputError
-        The folder cannot be written to, the disk is full, or an output has the name of an input.
+        The folder cannot be written to, holds the photos, or one in it is a link that leads
+        elsewhere; the disk is full; an output has the name of an input.
     """
     folder = Path(folder).absolute()
+    photo_folders = {Path(path).resolve().parent for path in photos}
+    _keep_apart(photo_folders, folder)
     with _told_as_output_errors(folder):
         existed = folder.is_dir()
         folder.mkdir(parents=True, exist_ok=True)
@@ -60,6 +67,7 @@ def staged_output(folder: str | Path, inputs: Iterable[str | Path] = ()) -> Iter
             (staging / NEW).mkdir()
             yield staging / NEW
             _spare(inputs, staging / NEW, folder)
+            _stay_inside(photo_folders, staging / NEW, folder)
             _commit(staging, folder)
         finally:
             shutil.rmtree(staging, ignore_errors=True)
@@ -87,7 +95,8 @@ def replace_bytes(path: Path, content: bytes) -> None:
     unfinished = path.with_name(f".{path.name}.unfinished")
     with _told_as_output_errors(path.parent):
         try:
-            with unfinished.open("wb") as stream:
+            unfinished.unlink(missing_ok=True)
+            with unfinished.open("xb") as stream:  # never through a link
                 stream.write(content)
                 stream.flush()
                 os.fsync(stream.fileno())
@@ -131,7 +140,7 @@ def _remove_stale(folder: Path) -> None:
         return
     for stale in folder.glob(f"{PREFIX}*"):
         with suppress(OSError):  # locked by a living run, or gone already
-            handle = os.open(stale, os.O_RDONLY)
+            handle = os.open(stale, os.O_RDONLY | os.O_NOFOLLOW)
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 log.info("removing %s, which a killed run left behind", stale)
@@ -139,6 +148,15 @@ def _remove_stale(folder: Path) -> None:
                 shutil.rmtree(stale) if stale.is_dir() else stale.unlink()
             finally:
                 os.close(handle)
+
+
+def _keep_apart(photo_folders: Set[Path], folder: Path) -> None:
+    """Refuse to write among the photos: the next run might take a result for one of them."""
+    if folder.resolve() in photo_folders:
+        raise OutputError(
+            f"{folder}: holds the photos themselves, and nothing is written among them; choose "
+            "another folder with --output (or `output` in the project)"
+        )
 
 
 def _spare(inputs: Iterable[str | Path], source: Path, folder: Path) -> None:
@@ -151,6 +169,20 @@ def _spare(inputs: Iterable[str | Path], source: Path, folder: Path) -> None:
                 f"{target}: is an input, and a result has the same name; nothing was written: "
                 "choose another folder with --output (or `output` in the project), or rename the "
                 "input"
+            )
+
+
+def _stay_inside(photo_folders: Set[Path], source: Path, folder: Path) -> None:
+    """Refuse to write through links in the output folder that lead out of it, or to the photos."""
+    for path in sorted(source.rglob("*")):
+        if not path.is_dir():
+            continue
+        target = folder / path.relative_to(source)
+        _keep_apart(photo_folders, target)
+        if not target.resolve().is_relative_to(folder.resolve()):
+            raise OutputError(
+                f"{target}: is a link that leads out of the output folder, to {target.resolve()}; "
+                "nothing was written: remove the link"
             )
 
 
@@ -183,10 +215,21 @@ def _put_back(stale: Path, folder: Path) -> None:
     if not (stale / MOVING).is_file():
         return
     *names, end = map(Path, (stale / MOVING).read_text().split("\n"))
+    if not all(_is_own(stale, folder, name) for name in names):
+        log.warning("%s is not of this program's making: nothing of it is put back", stale)
+        return
     # Killed while the list was written: nothing had moved.
     if end == _END and any((stale / NEW / name).exists() for name in names):
         for name in names:
             _restore(stale / NEW / name, stale / EARLIER / name, folder / name)
+
+
+def _is_own(stale: Path, folder: Path, name: Path) -> bool:
+    """Whether a name leads nowhere else, as one in somebody's unpacked archive may."""
+    homes = {stale / NEW: stale, stale / EARLIER: stale, folder: folder}
+    return ".." not in name.parts and all(
+        (home / name).parent.resolve().is_relative_to(own.resolve()) for home, own in homes.items()
+    )
 
 
 def _flush(path: Path) -> None:

@@ -35,6 +35,7 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
             (1, "holds no pick: pick points with `uavgram pick`, or add a line each")
         )
     table.require_sigma("sigma_px")
+    table.require_short("label")
     _check_names(table)
     _check_doubles(table)
     _check_heights(table)

@@ -13,7 +13,7 @@ import numpy as np
 
 from uavgram.errors import InputError, near_miss
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.limits import LARGEST_NUMBER, sigma_fault
+from uavgram.model.limits import LARGEST_NUMBER, length_fault, name_fault, sigma_fault
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 UNSHOWABLE = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff]")
@@ -88,11 +88,19 @@ class Table:
         if self.faults:
             raise InputError.of_all(self.path, self.faults)
 
-    def require_positive(self, name: str) -> None:
-        """Note every number of a column that is not greater than 0 (empty cells pass)."""
-        for row in np.flatnonzero(self.numbers[name] <= 0):
+    def require_length(self, name: str) -> None:
+        """Note every number of a column that can be no length (empty cells pass)."""
+        for row in np.flatnonzero(np.isfinite(self.numbers[name])):
             value = self.numbers[name][row]
-            self.blame(int(row), f"{name} must be greater than 0 (got {value:g})")
+            if fault := length_fault(float(value)):
+                self.blame(int(row), f"{name} {fault} (got {value:g})")
+
+    def require_short(self, *names: str) -> None:
+        """Note every name that is too long."""
+        for name in names:
+            for row, text in enumerate(self.text[name]):
+                if fault := name_fault(text):
+                    self.blame(row, f"{name} {fault} (it begins with {text[:32]!r})")
 
     def require_sigma(self, name: str) -> None:
         """Note every number of a column that can be no standard deviation (empty cells pass)."""

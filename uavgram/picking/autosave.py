@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
 from uavgram.errors import OutputError, UavgramError
+from uavgram.io.own_files import open_own
 from uavgram.model.message import Message
 from uavgram.model.observations import MeasurementRequest
 from uavgram.picking import commands as c
@@ -51,7 +52,7 @@ class Journal:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             content = b"" if fresh or not path.is_file() else path.read_bytes()
-            self._handle = os.open(path, os.O_WRONLY | os.O_CREAT, 0o600)
+            self._handle = open_own(path, os.O_WRONLY | os.O_CREAT)
             self._size = content.rfind(b"\n") + 1
             os.ftruncate(self._handle, self._size)
         except OSError as fault:
@@ -112,6 +113,8 @@ class Left:
     ----------
     session
         As the last command left it; None before any ``open``.
+    saved
+        What the tables held when they were last known to be whole.
     settled, begun
         Digests of the tables as last known to be whole, and as a writing that was begun would
         have made them.
@@ -120,6 +123,7 @@ class Left:
     """
 
     session: Session | None = None
+    saved: State | None = None
     settled: dict[str, str | None] = field(default_factory=dict)
     begun: dict[str, str | None] = field(default_factory=dict)
     unsaved: bool = False
@@ -158,10 +162,12 @@ def _play(left: Left, entry: dict[str, Any]) -> None:
         else:
             left.session = Session(state=files)
             left.unsaved = False
+        left.saved = files
         left.settled, left.begun = entry["files"], {}
     elif what == "saving":
         left.begun, left.unsaved = entry["files"], True
     elif what == "saved":
+        left.saved = None if left.session is None else left.session.state
         left.settled, left.begun, left.unsaved = {**left.settled, **left.begun}, {}, False
     elif left.session is not None:
         step = int(entry.pop("step"))
@@ -251,6 +257,13 @@ class Saver(Protocol):
 
     def changed_outside(self) -> tuple[str, ...]:
         """Names of tables that another program changed since they were read or written here."""
+        ...
+
+    def inputs_now(self, read: Iterable[str]) -> frozenset[str] | None:
+        """Digests of the project's files as they are now, where `read` are those that were read.
+
+        None while changes wait to be saved.
+        """
         ...
 
     def close(self) -> None:

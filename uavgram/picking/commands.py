@@ -146,6 +146,16 @@ class Reload:
 
 
 @dataclass(frozen=True)
+class TakeAside:
+    """Take over what an earlier session could not save."""
+
+
+@dataclass(frozen=True)
+class DiscardAside:
+    """Offer it no more."""
+
+
+@dataclass(frozen=True)
 class Folders:
     """List the folders near the project that hold photos."""
 
@@ -182,5 +192,7 @@ Change = (
     | RemoveMeasurement
 )
 Command = Change | Undo | Redo
-Errand = Export | Reload | Folders | Calibrate | StopCalibration | UseCamera
+Errand = (
+    Export | Reload | TakeAside | DiscardAside | Folders | Calibrate | StopCalibration | UseCamera
+)
 Question = Snap | SameGround

@@ -6,8 +6,9 @@ session runs in one thread (the server's loop), so there is no lock.
 
 from __future__ import annotations
 
+import json
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from uavgram.errors import OutputError
 from uavgram.imaging.kept import Kept
@@ -26,7 +27,7 @@ from uavgram.picking.answers import (
 from uavgram.picking.autosave import Saver
 from uavgram.picking.ground import same_ground_json
 from uavgram.picking.live import Live, Task
-from uavgram.picking.messages import Message, PhotoSize
+from uavgram.picking.messages import Message, PhotoSize, RefusedError, parse_message
 from uavgram.picking.session import Session, apply
 from uavgram.picking.snapping import snap_json
 from uavgram.picking.state import State, state_of
@@ -47,14 +48,14 @@ class Desk:
         The project.
     saver
         Keeps what is confirmed.
-    tell
+    broadcast
         Called with what every page should know, from any thread.
     """
 
-    def __init__(self, survey: LiveSurvey, saver: Saver, tell: Callable[[Json], None]) -> None:
+    def __init__(self, survey: LiveSurvey, saver: Saver, broadcast: Callable[[Json], None]) -> None:
         self.survey = survey
         self._saver = saver
-        self._tell = tell
+        self._broadcast = broadcast
         inputs = survey.inputs
         photos = inputs.photos
         self.photos = tuple(
@@ -71,7 +72,7 @@ class Desk:
             self.session = Session(state=self.recovered, past=(files,))
         self.version = 0
         self.fault = ""
-        self._said: Json = {}
+        self._last_message: Json = {}
         self._tiled = TiledPhotos(
             [
                 PhotoFile(path, photo.width_px, photo.height_px)
@@ -116,15 +117,14 @@ class Desk:
         """Names of tables that another program changed meanwhile."""
         return self._saver.changed_outside()
 
-    def hello(self) -> Json:
+    def initial_state(self) -> Json:
         """Everything a page needs to begin."""
         inputs, posed = self.survey.inputs, self.survey.posed
         return {
-            "t": "hello",
+            "t": "initial-state",
             "project": inputs.project.name,
-            "tile": TILE_PX,
-            "sigma": inputs.project.picks_sigma_px,
-            "significance": inputs.project.solve.significance,
+            "tile_px": TILE_PX,
+            "pick_sigma_px": inputs.project.picks_sigma_px,
             "photos": photos_json(self.survey, self.photos),
             "camera": camera_json(self.survey),
             "clock": clock_json(self.survey),
@@ -136,7 +136,7 @@ class Desk:
             ),
             "state": state_json(self.state, self.index),
             **self._standing(),
-            "live": self._said or None,
+            "live": self._last_message or None,
         }
 
     def answer(self, message: Message) -> Json:
@@ -185,6 +185,28 @@ class Desk:
             **self._standing(),
         }
 
+    def take(self, changes: Sequence[Json], step: int) -> int:
+        """Make changes in one step, each as if a page had sent it; how many do not fit any more.
+
+        Raises
+        ------
+        OutputError
+            They cannot be kept.
+        """
+        refused = 0
+        for said in changes:
+            text = json.dumps({"seq": 0, "step": step, **said})
+            try:
+                self.change(parse_message(text, self.photos))
+            except RefusedError as why:
+                log.info("does not fit any more: %s", why)
+                refused += 1
+        return refused
+
+    def inputs_now(self) -> frozenset[str] | None:
+        """Digests of the project's files as they are now; None while changes wait to be saved."""
+        return self._saver.inputs_now(digest.sha256 for digest in self.survey.inputs.digests)
+
     def _try(self, state: State, *, final: bool) -> None:
         """Adjust a state under a number of its own."""
         self.version += 1
@@ -196,7 +218,7 @@ class Desk:
         if fault:
             log.warning("not saved: %s", fault)
         self.fault = fault
-        self._tell({"t": "saved", "version": self.version, "fault": fault})
+        self._broadcast({"t": "saved", "version": self.version, "fault": fault})
 
     def tile(self, photo: int, level: int, column: int, row: int) -> bytes | None:
         """JPEG of a tile; None where there is none."""
@@ -224,6 +246,5 @@ class Desk:
         answer = {"t": "live", "for": version, **said}
         if said["mode"] != "linearised":
             answer["expected"] = self._expected()
-        if said["mode"] != "linearised":
-            self._said = answer
-        self._tell(answer)
+            self._last_message = answer
+        self._broadcast(answer)

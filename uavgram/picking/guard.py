@@ -21,8 +21,10 @@ from collections.abc import Callable
 
 from starlette.datastructures import URL, Headers, MutableHeaders
 from starlette.requests import HTTPConnection
-from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from uavgram.picking.redirect import leading_to
 
 log = logging.getLogger(__name__)
 
@@ -91,10 +93,12 @@ class Guard:
         What is guarded.
     port
         On which the server listens.
+    entered
+        Called when the token has been used.
     """
 
-    def __init__(self, app: ASGIApp, port: int) -> None:
-        self._app = app
+    def __init__(self, app: ASGIApp, port: int, entered: Callable[[], None] = lambda: None) -> None:
+        self._app, self._entered = app, entered
         self._hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
         self._cookie = f"uavgram-pick-{port}"  # cookies do not tell ports apart
         self._key = secrets.token_urlsafe(32)
@@ -159,8 +163,12 @@ class Guard:
                     "This address has been used. Start `uavgram pick` again.", 403
                 )
             self._token = None
+            self._entered()
         bare = URL(scope=connection.scope).remove_query_params("token")
-        answer = RedirectResponse(bare.path, 303)
+        answer: Response = RedirectResponse(bare.path, 303)
+        if connection.headers.get("sec-fetch-site", "none") != "none":
+            # Led here by a file: a strict cookie goes along only where a page of ours leads on.
+            answer = HTMLResponse(leading_to(bare.path))
         answer.set_cookie(self._cookie, self._key, httponly=True, samesite="strict", path="/")
         return answer
 

@@ -8,23 +8,25 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NoReturn, TypeVar
 
 from uavgram.errors import UavgramError
-from uavgram.io.measure import PARAMETERS, POINT_COUNTS
+from uavgram.io.measure import PARAMETERS, POINT_COUNTS, parameter_fault
 from uavgram.io.tables import UNSHOWABLE
 from uavgram.model.camera import LensModel
+from uavgram.model.limits import LONGEST_NAME, length_fault, name_fault, number_fault, sigma_fault
 from uavgram.model.observations import MeasurementKind
 from uavgram.picking import commands as c
 
 LONGEST_MESSAGE = 1_000_000
-LONGEST_NAME = 64
 MOST_POINTS = 256
-LARGEST_NUMBER = 2**53
-LARGEST_M = 1e7
-LARGEST_SIGMA_PX = 1e4
+LARGEST_INTEGER = 2**53
+
+_UNIT = re.compile(r"_(px|m)$")  # of a field; people know the field without it
 
 _TARGETS: tuple[c.Target, ...] = ("corner", "circle")
 
@@ -127,7 +129,7 @@ class _Fields:
 
     def _take(self, name: str) -> Any:  # noqa: ANN401  (JSON: anything)
         if name not in self._data:
-            _refuse(f"{name} is missing")
+            _refuse(f"{_UNIT.sub('', name)} is missing")
         return self._data.pop(name)
 
     def nothing_else(self) -> None:
@@ -141,8 +143,8 @@ class _Fields:
         value = value.strip()
         if not value and not empty:
             _refuse(f"{name} is empty")
-        if len(value) > LONGEST_NAME:
-            _refuse(f"{name} may have {LONGEST_NAME} characters")
+        if fault := name_fault(value):
+            _refuse(f"{name} {fault}")
         if UNSHOWABLE.search(value):
             _refuse(f"{name} holds a character that cannot be shown")
         return value
@@ -170,22 +172,23 @@ class _Fields:
         value = default if default is not None and name not in self._data else self._take(name)
         if not isinstance(value, int) or isinstance(value, bool):
             _refuse(f"{name} must be a whole number")
-        if not 0 <= value < LARGEST_NUMBER:
+        if not 0 <= value < LARGEST_INTEGER:
             _refuse(f"{name} is out of range")
         return value
 
-    def number(self, name: str, least: float, most: float) -> float:
+    def number(self, name: str, fault_of: Callable[[float], str] = number_fault) -> float:
+        """A number that a table may hold: the readers of the tables know what is wrong with one."""
         value = self._take(name)
         if not isinstance(value, int | float) or isinstance(value, bool):
-            _refuse(f"{name} must be a number")
-        if not (abs(value) <= LARGEST_NUMBER and math.isfinite(value) and least <= value <= most):
-            _refuse(f"{name} must lie between {least:g} and {most:g}")
+            _refuse(f"{_UNIT.sub('', name)} must be a number")
+        if fault := number_fault(value) or fault_of(value):  # a whole number may have any size
+            _refuse(f"{_UNIT.sub('', name)} {fault}")
         return float(value)
 
-    def positive(self, name: str, most: float) -> float:
-        value = self.number(name, 0.0, most)
-        if value <= 0:
-            _refuse(f"{name} must be greater than 0")
+    def between(self, name: str, least: float, most: float) -> float:
+        value = self.number(name)
+        if not least <= value <= most:
+            _refuse(f"{_UNIT.sub('', name)} must lie between {least:g} and {most:g}")
         return value
 
     def optional(self, name: str, read: Callable[[], float]) -> float | None:
@@ -201,8 +204,8 @@ class _Fields:
         return self._photos[index]
 
     def pixel(self, photo: PhotoSize) -> tuple[float, float]:
-        u = self.number("u", -0.5, photo.width_px - 0.5)
-        return u, self.number("v", -0.5, photo.height_px - 0.5)
+        u = self.between("u_px", -0.5, photo.width_px - 0.5)
+        return u, self.between("v_px", -0.5, photo.height_px - 0.5)
 
     def labels(self, name: str) -> tuple[str, ...]:
         values = self._take(name)
@@ -216,27 +219,25 @@ class _Fields:
         if not isinstance(values, dict):
             _refuse("parameters must be an object")
         inner = _Fields(values, ())
-        found = tuple((name, inner.number(name, 0.0, 100.0)) for name in wanted)
+        found = tuple((name, inner.number(name, partial(parameter_fault, name))) for name in wanted)
         inner.nothing_else()
-        if dict(found).get("mu", 1.0) <= 0:
-            _refuse("mu must be greater than 0")
         return found
 
 
 def _place(fields: _Fields) -> c.Place:
     photo = fields.photo()
     u, v = fields.pixel(photo)
-    sigma = fields.optional("sigma", lambda: fields.positive("sigma", LARGEST_SIGMA_PX))
+    sigma = fields.optional("sigma_px", lambda: fields.number("sigma_px", sigma_fault))
     return c.Place(image=photo.name, label=fields.label(), u_px=u, v_px=v, sigma_px=sigma)
 
 
 def _set_sigma(fields: _Fields) -> c.SetSigma:
-    sigma = fields.optional("sigma", lambda: fields.positive("sigma", LARGEST_SIGMA_PX))
+    sigma = fields.optional("sigma_px", lambda: fields.number("sigma_px", sigma_fault))
     return c.SetSigma(image=fields.photo().name, label=fields.label(), sigma_px=sigma)
 
 
 def _set_height(fields: _Fields) -> c.SetHeight:
-    height = fields.optional("height", lambda: fields.number("height", -LARGEST_M, LARGEST_M))
+    height = fields.optional("height_m", lambda: fields.number("height_m"))
     return c.SetHeight(label=fields.label(), height_m=height)
 
 
@@ -246,8 +247,8 @@ def _set_line(fields: _Fields) -> c.SetLine:
         name=fields.text("name"),
         start=fields.label("start"),
         end=fields.label("end"),
-        length_m=fields.positive("length", LARGEST_M),
-        sigma_m=fields.positive("sigma", LARGEST_M),
+        length_m=fields.number("length_m", length_fault),
+        sigma_m=fields.number("sigma_m", sigma_fault),
         adjust=fields.flag("adjust", default=True),
     )
 
@@ -295,13 +296,15 @@ _PARSERS: dict[str, Callable[[_Fields], c.Command | c.Question | c.Errand]] = {
     "sigma": _set_sigma,
     "height": _set_height,
     "line": _set_line,
-    "unline": lambda f: c.RemoveLine(name=f.text("name")),
+    "remove-line": lambda f: c.RemoveLine(name=f.text("name")),
     "measure": _set_measurement,
-    "unmeasure": lambda f: c.RemoveMeasurement(name=f.text("name")),
+    "remove-measurement": lambda f: c.RemoveMeasurement(name=f.text("name")),
     "undo": lambda _: c.Undo(),
     "redo": lambda _: c.Redo(),
     "export": lambda _: c.Export(),
     "reload": lambda _: c.Reload(),
+    "take-aside": lambda _: c.TakeAside(),
+    "discard-aside": lambda _: c.DiscardAside(),
     "folders": lambda _: c.Folders(),
     "calibrate": _calibrate,
     "stop-calibration": lambda _: c.StopCalibration(),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from uavgram.picking.desk import Desk
 from uavgram.picking.messages import RefusedError
 from uavgram.picking.outputs import Outputs
 from uavgram.picking.outside import Outside
+from uavgram.picking.set_aside import Changes, SetAside, changes_of, oldest_set_aside
 from uavgram.pipeline.calibrate_nearby import use_camera
 from uavgram.pipeline.inputs import Inputs
 from uavgram.pipeline.live import LiveSurvey
@@ -37,7 +39,7 @@ class OpenProject:
         The project, and who keeps its tables.
     run
         Runs the project from its files and writes its outputs.
-    tell
+    broadcast
         Called with what every page should know, from any thread.
     keep
         Makes another saver, where the project is read again.
@@ -48,16 +50,18 @@ class OpenProject:
         survey: LiveSurvey,
         saver: Saver,
         run: Run,
-        tell: Callable[[Json], None],
+        broadcast: Callable[[Json], None],
         keep: Keep,
     ) -> None:
-        self.desk = Desk(survey, saver, tell)
+        self.desk = Desk(survey, saver, broadcast)
         self._path = Path(survey.inputs.project_path)
-        self._run, self._tell, self._keep = run, tell, keep
+        self._run, self._broadcast, self._keep = run, broadcast, keep
         self._busy = asyncio.Lock()
         self._outside = Outside(survey.inputs)
         self.outputs = Outputs(Path(self.desk.output))
-        self.bench = Bench(self._path, tell)
+        self.bench = Bench(self._path, broadcast)
+        self._written_then = self._written()
+        self._aside = oldest_set_aside(self.outputs.folder)
         self.refuses = ""
 
     def open(self) -> None:
@@ -74,22 +78,26 @@ class OpenProject:
         """Save everything, let go of the project."""
         self.desk.close()
 
-    def hello(self) -> Json:
+    def initial_state(self) -> Json:
         """Everything a page needs to begin."""
         return {
-            **self.desk.hello(),
+            **self.desk.initial_state(),
             "outputs": self._written(),
             "outside": self._outside.changed(self.desk.changed_outside()),
-            "calibration": self.bench.said or None,
+            "calibration": self.bench.last_message or None,
+            "aside": None if self._aside is None else len(self._changes(self._aside)),
         }
 
     def look_outside(self) -> None:
         """Tell the pages where another program changed a file of the project."""
         if self.refuses:
             return
-        before = self._outside.said
+        before = self._outside.last_changed
         if (now := self._outside.changed(self.desk.changed_outside())) != before:
-            self._tell({"t": "outside", "files": now})
+            self._broadcast({"t": "outside", "files": now})
+        if (written := self._written()) != self._written_then:
+            self._written_then = written
+            self._broadcast({"t": "outputs", "outputs": written})
 
     async def do(self, errand: c.Errand) -> Json:
         """Do an errand; the answer is for who asked.
@@ -112,6 +120,10 @@ class OpenProject:
                 await self._use_camera()
             case c.Reload():
                 await self._reload()
+            case c.TakeAside():
+                return {"t": "done", "refused": await self._deal_with_aside(take=True)}
+            case c.DiscardAside():
+                await self._deal_with_aside(take=False)
         return {"t": "done"}
 
     async def _exported(self) -> Json:
@@ -122,26 +134,48 @@ class OpenProject:
                 return {"why": self.desk.fault}
             version = self.desk.version
             await to_thread.run_sync(self._run)
-        written = {**self._written(), "version": version}
-        self._tell({"t": "outputs", "outputs": written})
+        await to_thread.run_sync(self.outputs.look)
+        self._written_then = self._written()
+        written = {**self._written_then, "version": version}
+        self._broadcast({"t": "outputs", "outputs": written})
         return {"outputs": written}
 
+    async def _deal_with_aside(self, *, take: bool) -> int:
+        """Take over what an earlier session could not save, or let it be; how much does not fit."""
+        async with self._busy:
+            if self._aside is None:
+                raise RefusedError("nothing is set aside any more")
+            aside, refused = self._aside, 0
+            if take:
+                refused = self.desk.take(self._changes(aside), step=time.time_ns() // 1_000_000)
+                self.desk.save()
+            aside.rename("taken" if take else "discarded")
+            self._aside = oldest_set_aside(self.outputs.folder)
+        self._broadcast(self.initial_state())
+        return refused
+
+    def _changes(self, aside: SetAside) -> Changes:
+        return changes_of(aside, self.desk.state, self.desk.index)
+
     def _written(self) -> Json:
+        """The outputs; with the number of the state that they show, where it is the present one."""
+        made_of = self.outputs.made_of
+        is_current = made_of is not None and made_of == self.desk.inputs_now()
         return {
             "folder": str(self.outputs.folder),
             "files": self.outputs.listed(),
             "recording": self.outputs.has_recording,
-            "version": None,
+            "version": self.desk.version if is_current else None,
         }
 
     async def _use_camera(self) -> None:
         made = self.bench.made
         if made is None:
             raise RefusedError("no camera file was made yet")
-        said, photo = self.bench.said, self.desk.photos[0]
-        if (said["width"], said["height"]) != (photo.width_px, photo.height_px):
+        made_for, photo = self.bench.last_message, self.desk.photos[0]
+        if (made_for["width_px"], made_for["height_px"]) != (photo.width_px, photo.height_px):
             raise RefusedError(
-                f"the camera file is for {said['width']} x {said['height']} px, the photos of the "
+                f"the camera file is for {made_for['width_px']} x {made_for['height_px']} px, the photos of the "
                 f"project have {photo.width_px} x {photo.height_px}: calibrate with photos of "
                 "their size"
             )
@@ -168,7 +202,7 @@ class OpenProject:
                 self.refuses = ""
                 raise
             self.refuses = ""
-        self._tell(self.hello())
+        self._broadcast(self.initial_state())
 
     def _begin(self, survey: LiveSurvey) -> None:
         try:
@@ -177,9 +211,10 @@ class OpenProject:
             self.refuses = f"{why}. Start `uavgram pick` again"
             log.warning("the project was let go: %s", why)
             return
-        self.desk = Desk(survey, saver, self._tell)
+        self.desk = Desk(survey, saver, self._broadcast)
         self._outside = Outside(survey.inputs)
         if self.outputs.folder != Path(self.desk.output):
             self.outputs.close()
             self.outputs = Outputs(Path(self.desk.output))
+        self._aside = oldest_set_aside(self.outputs.folder)
         self.desk.open()

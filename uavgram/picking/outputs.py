@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import threading
+from contextlib import suppress
 from pathlib import Path
 
 from uavgram.errors import InputError
 from uavgram.picking.answers import Json
+from uavgram.picking.outside import Stamp, stamp_of
 from uavgram.views.viewer import RecordingServer
 
 log = logging.getLogger(__name__)
 
 REPORT = "report.html"
+RESULTS = "results.json"
 RECORDING = "recording.rrd"
 FILES = {
     REPORT: "Report",
@@ -22,7 +26,7 @@ FILES = {
     "survey.gpkg": "Layers for GIS (GeoPackage)",
     "points.geojson": "Points (GeoJSON)",
     "survey.kml": "For Google Earth (KML)",
-    "results.json": "All results (JSON)",
+    RESULTS: "All results (JSON)",
 }
 """Files that the page hands out, and what they are; nothing else is."""
 
@@ -34,12 +38,33 @@ class Outputs:
     ----------
     folder
         It.
+
+    Attributes
+    ----------
+    made_of
+        Digests of the inputs that the results were made of, as `look` last found them; None where
+        there are no results.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._viewer: RecordingServer | None = None
         self._opening = threading.Lock()
+        self._stamp: Stamp = None
+        self.made_of: frozenset[str] | None = None
+        self.look()
+
+    def look(self) -> None:
+        """Find out what the results were made of, whoever wrote them; slow where they are new."""
+        stamp = stamp_of(self.folder / RESULTS)
+        if stamp == self._stamp:
+            return
+        self._stamp, self.made_of = stamp, None
+        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            results = json.loads((self.folder / RESULTS).read_bytes())
+            self.made_of = frozenset(
+                str(one["sha256"]) for one in results["provenance"]["inputs"].values()
+            )
 
     def listed(self) -> list[Json]:
         """Files that are there, and what they are."""

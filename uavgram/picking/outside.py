@@ -24,7 +24,7 @@ class Outside:
 
     Attributes
     ----------
-    said
+    last_changed
         Names of what was changed, as last found.
     """
 
@@ -34,16 +34,18 @@ class Outside:
         self._files = [Path(name) for name in names if name]
         self._known = {digest.sha256 for digest in inputs.digests}
         self._seen: dict[Path, tuple[Stamp, bool]] = {}
-        self.said: list[str] = []
+        self.last_changed: list[str] = []
 
     def changed(self, others: Sequence[str] = ()) -> list[str]:
         """Names of the files that are not as they were read, `others` among them."""
-        self.said = sorted({*(path.name for path in self._files if self._differs(path)), *others})
-        return self.said
+        self.last_changed = sorted(
+            {*(path.name for path in self._files if self._differs(path)), *others}
+        )
+        return self.last_changed
 
     def _differs(self, path: Path) -> bool:
         """Whether its content is another; read again only where size or time changed."""
-        stamp = _stamp(path)
+        stamp = stamp_of(path)
         before = self._seen.get(path)
         if before is not None and before[0] == stamp:
             return before[1]
@@ -55,7 +57,8 @@ class Outside:
         return differs
 
 
-def _stamp(path: Path) -> Stamp:
+def stamp_of(path: Path) -> Stamp:
+    """Time and size of a file, which change where its content does; None where there is none."""
     try:
         status = path.stat()
     except OSError:

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from uavgram.errors import OutputError, UavgramError
+from uavgram.io.own_files import open_own
 
 if sys.platform != "win32":  # without locks, a second page is not noticed
     import fcntl
@@ -35,7 +36,7 @@ class ProjectLock:
     UavgramError
         Another process picks in the project; names it.
     OutputError
-        The folder cannot be written to.
+        The folder cannot be written to, or a link stands where the lock should be.
     """
 
     def __init__(self, folder: Path, project: str) -> None:
@@ -58,7 +59,7 @@ class ProjectLock:
 
     def _locked(self, project: str) -> int:
         while True:
-            handle = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o600)
+            handle = open_own(self._path, os.O_RDWR | os.O_CREAT)
             try:
                 _take(handle)
             except BlockingIOError as fault:

@@ -26,6 +26,7 @@ from uavgram.picking.guard import Guard, Pace
 from uavgram.picking.memory import give_back_large_blocks
 from uavgram.picking.messages import LONGEST_MESSAGE, RefusedError, parse_message
 from uavgram.picking.open_project import Keep, OpenProject, Run
+from uavgram.picking.patience import PatientProtocol
 from uavgram.picking.tables import Tables
 from uavgram.pipeline.live import LiveSurvey
 
@@ -56,7 +57,7 @@ class PickServer:
     """
 
     def __init__(self, survey: LiveSurvey, saver: Saver, run: Run, keep: Keep = Tables) -> None:
-        self.project = OpenProject(survey, saver, run, self._tell, keep)
+        self.project = OpenProject(survey, saver, run, self._broadcast_soon, keep)
         self._pages: set[asyncio.Queue[Json]] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._saving: asyncio.TimerHandle | None = None
@@ -89,6 +90,7 @@ class PickServer:
         """Look again and again for what other programs change."""
         while True:
             await asyncio.sleep(LOOK_OUTSIDE_S)
+            await to_thread.run_sync(self.project.outputs.look)
             self.project.look_outside()
 
     async def _socket(self, page: WebSocket) -> None:
@@ -99,7 +101,7 @@ class PickServer:
         await page.accept()
         pace = Pace()
         waiting: asyncio.Queue[Json] = asyncio.Queue(MOST_WAITING)
-        waiting.put_nowait(self.project.hello())
+        waiting.put_nowait(self.project.initial_state())
         self._pages.add(waiting)
         sender = asyncio.create_task(self._send(page, waiting))
         try:
@@ -166,7 +168,7 @@ class PickServer:
         if not self.project.refuses:
             self.desk.save()
 
-    def _tell(self, said: Json) -> None:
+    def _broadcast_soon(self, said: Json) -> None:
         """Tell every page, from any thread."""
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._broadcast, said)
@@ -210,7 +212,13 @@ def open_door(port: int) -> socket.socket:
     return door
 
 
-def serve(project: Path, announce: Callable[[str], None], run: Run, port: int = 0) -> None:
+def serve(
+    project: Path,
+    announce: Callable[[str], None],
+    run: Run,
+    port: int = 0,
+    entered: Callable[[], None] = lambda: None,
+) -> None:
     """Serve the picking page of a project until Ctrl+C; everything is saved then.
 
     Parameters
@@ -223,6 +231,8 @@ def serve(project: Path, announce: Callable[[str], None], run: Run, port: int = 
         Runs the project from its files and writes its outputs, where the page asks for them.
     port
         0: any free one.
+    entered
+        Called when a browser has used the address.
 
     Raises
     ------
@@ -242,11 +252,12 @@ def serve(project: Path, announce: Callable[[str], None], run: Run, port: int = 
         bound = int(door.getsockname()[1])
         guard: list[Guard] = []
         app: ASGIApp = pick.application(lambda: announce(guard[0].address()))
-        guard.append(Guard(app, bound))
+        guard.append(Guard(app, bound, entered))
         config = uvicorn.Config(
             guard[0],
             log_config=None,
             access_log=False,
+            http=PatientProtocol,
             ws="websockets-sansio",
             ws_max_size=LONGEST_MESSAGE,
             ws_max_queue=64,

@@ -11,12 +11,14 @@ import hashlib
 import logging
 import os
 import shutil
+from collections.abc import Iterable
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
 from uavgram.errors import InputError, OutputError, UavgramError
 from uavgram.io.outputs import replace_bytes
+from uavgram.io.own_files import check_inside, check_own
 from uavgram.io.picked_tables import lines_content, measure_content, picks_content
 from uavgram.model.message import Message
 from uavgram.picking import commands as c
@@ -44,22 +46,25 @@ class Tables:
     Raises
     ------
     UavgramError
-        Another process picks in the project, a table was changed since it was read, or the
-        output folder cannot be written to.
+        Another process picks in the project, a table was changed since it was read, the output
+        folder cannot be written to, or it or a table lies outside the project's folder.
     """
 
     def __init__(self, inputs: Inputs) -> None:
         project = inputs.project
         output = Path(project.output)
+        self._paths = _paths(inputs)
+        _check_places(inputs)
         self._lock = ProjectLock(output, inputs.project_path)
         try:
             self._named = {role: getattr(project, role) is not None for role in ROLES}
-            self._paths = _paths(inputs)
             self._files = state_of(inputs.picks, inputs.lines, inputs.requests)
             self._original = self._as_read(inputs)
             self._on_disk = dict(self._original)
+            self._digest = _digests(self._on_disk)
             self._backed_up: set[str] = set()
             self._messages: tuple[Message, ...] = ()
+            check_own(output / JOURNAL)
             self._recovered = self._lost(output / JOURNAL, frozenset(inputs.photos.frame_id))
             resumed = self._recovered is not None
             self._journal = Journal(output / JOURNAL, fresh=not resumed)
@@ -119,6 +124,14 @@ class Tables:
         except OutputError:  # what cannot be read now is told when it is to be written
             return ()
 
+    def inputs_now(self, read: Iterable[str]) -> frozenset[str] | None:
+        """Digests of the project's files as they are now; None while changes are not saved."""
+        if self._pending:
+            return None
+        tables = {self._digest[role] for role in ROLES if self._named[role]}
+        others = set(read) - set(_digests(self._original).values())
+        return frozenset(digest for digest in others | tables if digest is not None)
+
     def close(self) -> None:
         """Let go of the journal and of the project."""
         self._journal.close()
@@ -170,6 +183,7 @@ class Tables:
                 "next change tries again"
             ) from fault
         self._on_disk[role] = content
+        self._digest |= _digests({role: content})
 
     def _beside(self, foreign: list[str], wanted: Contents) -> str:
         """Save all tables under other names, and say why."""
@@ -239,6 +253,15 @@ def _paths(inputs: Inputs) -> dict[str, Path]:
     return {
         role: Path(getattr(project, role) or beside / f"{role}.csv").resolve() for role in ROLES
     }
+
+
+def _check_places(inputs: Inputs) -> None:
+    """Who opens somebody's unpacked folder is to have nothing written outside it."""
+    home, project = Path(inputs.project_path).absolute().parent, inputs.project
+    check_inside(Path(project.output), home, f"The output folder {project.output}")
+    for role in ROLES:
+        if name := getattr(project, role):
+            check_inside(Path(name), home, f"The table {name} (`{role}` in the project file)")
 
 
 def _beside(path: Path) -> Path:

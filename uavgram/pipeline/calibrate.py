@@ -125,7 +125,7 @@ def calibrate(
         options = replace(options, prior=known)
     seen = _look(files, target, progress)
     account = _account(seen, target, board, options, tags, name)
-    with staged_output(folder) as staging:
+    with staged_output(folder, photos=files.path) as staging:
         written = _write(account, seen, staging, progress)
     return Calibrated(account=account, folder=folder, files=written)
 

@@ -11,6 +11,7 @@ import numpy as np
 from uavgram.errors import GeometryError, OutputError
 from uavgram.io.geotag_tables import write_geo_txt, write_pix4d_csv
 from uavgram.io.outputs import staged_output
+from uavgram.io.own_files import check_folder_of_project
 from uavgram.io.tagged_photos import write_tagged_photo
 from uavgram.model.geotag import GeoTags, PoseChoice
 from uavgram.model.message import Message
@@ -67,10 +68,12 @@ def geotag(
     """
     inputs = read_inputs(Path(project))
     folder = Path(inputs.project.output) / FOLDER if output is None else Path(output).absolute()
+    if output is None:
+        check_folder_of_project(folder, Path(project).absolute().parent)
     _keep_originals(inputs, folder / TAGGED, exif=exif)
     tags, messages = _tags(inputs, poses)
     files = ["geo.txt", "pix4d.csv"]
-    with staged_output(folder, inputs.files) as staging:
+    with staged_output(folder, inputs.files, inputs.photos.path) as staging:
         write_geo_txt(tags, staging / files[0])
         write_pix4d_csv(tags, staging / files[1])
         if exif:

@@ -18,6 +18,7 @@ from uavgram.imaging.warp import warp_window
 from uavgram.imaging.warp_maps import Window
 from uavgram.io.geotiff import WINDOW_PX, read_reduced, write_colour_geotiff, write_float_geotiff
 from uavgram.io.outputs import staged_output
+from uavgram.io.own_files import check_folder_of_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.ground_raster import GroundRaster
 from uavgram.model.message import Message
@@ -87,8 +88,10 @@ def rectify(
     view = choose_view(computed.result, frame)
     raster = lay_raster(view, pixel_m)
     folder = Path(inputs.project.output) / "rectified" if output is None else Path(output)
+    if output is None:
+        check_folder_of_project(folder, Path(project).absolute().parent)
     tags = _tags(view)
-    with staged_output(folder, inputs.files) as staging:
+    with staged_output(folder, inputs.files, inputs.photos.path) as staging:
         count = -(-raster.width // WINDOW_PX) * -(-raster.height // WINDOW_PX)
         windows = progress(warped_windows(view, raster), "rectifying", count)
         write_colour_geotiff(raster, windows, tags, staging / PICTURE)

@@ -11,6 +11,7 @@ from typing import Literal
 from uavgram.imaging.mosaic import Mosaic
 from uavgram.imaging.preview import Preview, jpeg_preview_scale, read_preview
 from uavgram.io.outputs import staged_output
+from uavgram.io.own_files import check_folder_of_project
 from uavgram.io.results import write_results
 from uavgram.model.result import Result
 from uavgram.pipeline.ahead import work_ahead
@@ -65,12 +66,14 @@ def run(
     journal = Journal()
     with journal.step("read the inputs"):
         inputs = read_inputs(Path(project))
+    folder = inputs.project.output if output is FROM_PROJECT else output
+    if output is FROM_PROJECT:
+        check_folder_of_project(Path(inputs.project.output), Path(project).absolute().parent)
     with journal.step("adjust and measure"):
         result = compute(inputs, sampling).result
     journal.result(result)
-    folder = inputs.project.output if output is FROM_PROJECT else output
     if folder is not None:
-        with staged_output(Path(folder), inputs.files) as staging:
+        with staged_output(Path(folder), inputs.files, inputs.photos.path) as staging:
             _write_outputs(result, staging, journal, progress)
     return result
 

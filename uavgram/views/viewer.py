@@ -14,7 +14,8 @@ from pathlib import Path
 from urllib.parse import quote
 
 from uavgram.errors import InputError, UavgramError
-from uavgram.views.viewer_gate import LOOPBACK, RECORDING, ViewerGate
+from uavgram.views import viewer_process
+from uavgram.views.viewer_gate import LOOPBACK, ViewerGate
 
 MAGIC = (b"RRF2", b"RRIO", b"RRF0", b"RRF1")
 START_S = 30.0
@@ -24,6 +25,12 @@ END_S = 5.0
 """Longest wait for its end, before it is killed."""
 
 _POLL_S = 0.05
+
+_NO_ANALYTICS = {"CI": "1"}
+"""By which Rerun sends nothing about its use, and keeps no file of it: as in automatic tests. The
+other way, `rerun analytics disable`, would change what the user's own viewers do."""
+
+_FORCED = {"FORCE_RERUN_ANALYTICS"}
 
 
 def open_viewer(recording: Path) -> None:
@@ -39,8 +46,11 @@ def open_viewer(recording: Path) -> None:
         The viewer could not run, for example without a screen.
     """
     _check(recording)
-    command = [sys.executable, "-m", "rerun", "--bind", LOOPBACK, str(recording)]
-    status = subprocess.run(command, check=False).returncode  # noqa: S603  (our own interpreter)
+    viewer = _start(["--bind", LOOPBACK, "--", str(recording)])
+    try:
+        status = viewer.wait()
+    finally:
+        _end(viewer)
     if status:
         raise UavgramError(
             f"the Rerun viewer ended with status {status}; it needs a screen and a graphics driver "
@@ -73,15 +83,8 @@ class RecordingServer:
         _check(recording)
         page, data = _free_ports(2)
         self._gate: ViewerGate | None = None
-        command = [
-            *(sys.executable, "-m", "rerun", "--serve-web", "--bind", LOOPBACK),
-            *("--web-viewer-port", str(page), "--port", str(data)),
-        ]
-        quiet = os.environ | {"RUST_LOG": "error"}
-        # In a session of its own: what it starts ends with it, and Ctrl-C comes to us alone.
-        self._process = subprocess.Popen(  # noqa: S603  (our own interpreter)
-            command, env=quiet, start_new_session=True
-        )
+        where = ("--web-viewer-port", str(page), "--port", str(data))
+        self._process = _start(["--serve-web", "--bind", LOOPBACK, *where], RUST_LOG="error")
         try:
             self._await(page, data)
         except BaseException:
@@ -89,7 +92,7 @@ class RecordingServer:
             raise
         self._gate = ViewerGate(page, recording)
         home = f"http://{LOOPBACK}:{self._gate.server_port}"
-        self.address = f"{home}?url={quote(home + RECORDING, safe='')}&theme=dark"
+        self.address = f"{home}?url={quote(home + self._gate.way, safe='')}&theme=dark"
 
     @property
     def is_up(self) -> bool:
@@ -112,15 +115,7 @@ class RecordingServer:
         if self._gate is not None:
             self._gate.close()
             self._gate = None
-        with suppress(ProcessLookupError):  # all of it has ended
-            os.killpg(self._process.pid, signal.SIGTERM)
-            self._process.wait()
-            end = time.monotonic() + END_S
-            while time.monotonic() < end:
-                os.killpg(self._process.pid, 0)  # what it started may need longer
-                time.sleep(_POLL_S)
-            os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
+        _end(self._process)
 
 
 def serve_viewer(recording: Path, started: Callable[[str], None]) -> None:
@@ -148,6 +143,35 @@ def serve_viewer(recording: Path, started: Callable[[str], None]) -> None:
         server.stop()
     if status:
         raise UavgramError(f"the Rerun viewer's server ended with status {status}")
+
+
+def _start(arguments: list[str], **environment: str) -> subprocess.Popen[bytes]:
+    """Start the viewer's program; it ends with this process, however that ends."""
+    # -P: no file of the folder that somebody stands in is taken for a module of the program.
+    command = [sys.executable, "-P", viewer_process.__file__, *arguments]
+    given = {name: value for name, value in os.environ.items() if name not in _FORCED}
+    # In a session of its own: what it starts ends with it, and Ctrl-C comes to us alone.
+    return subprocess.Popen(  # noqa: S603  (our own interpreter)
+        command,
+        stdin=subprocess.PIPE,
+        env=given | _NO_ANALYTICS | environment,
+        start_new_session=True,
+    )
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End the viewer's program, and all that it started."""
+    with suppress(ProcessLookupError):  # all of it has ended
+        os.killpg(process.pid, signal.SIGTERM)
+        process.wait()
+        end = time.monotonic() + END_S
+        while time.monotonic() < end:
+            os.killpg(process.pid, 0)  # what it started may need longer
+            time.sleep(_POLL_S)
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    if process.stdin is not None:
+        process.stdin.close()
 
 
 def _check(recording: Path) -> None:

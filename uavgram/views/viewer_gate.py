@@ -4,24 +4,32 @@ As delivered the viewer's page fetches a font, asks for a newer version and repo
 from servers elsewhere. The gate hands on what the viewer's own server says, without the links that
 lead away and with a content security policy by which the browser refuses every other request. And
 it hands out the recording itself, to that page only: the viewer's own port would give it to any
-page of the browser that guesses the port.
+page of the browser, and to any user of the machine, that guesses the port.
 """
 
 from __future__ import annotations
 
+import hmac
 import os
 import re
+import secrets
 import shutil
+import socket
 import threading
 import urllib.error
 import urllib.request
+from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any
 
 LOOPBACK = "127.0.0.1"
-RECORDING = "/recording.rrd"
+RECORDING = "recording.rrd"
 FETCH_S = 30.0
+HEADERS_S = 10.0
+"""A browser of this machine says within milliseconds what it wants."""
+MOST_AT_ONCE = 64
 POLICY = (
     "default-src 'none'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval'; "
     "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
@@ -46,12 +54,30 @@ class ViewerGate(ThreadingHTTPServer):
     """
 
     daemon_threads = True
+    request_queue_size = 2 * MOST_AT_ONCE
 
     def __init__(self, page_port: int, recording: Path) -> None:
         super().__init__((LOOPBACK, 0), _Handler)
         self.page_port, self.recording = page_port, recording
+        # Other users of this machine can call the port, so the way to the recording is a secret.
+        self.way = f"/{secrets.token_urlsafe(32)}/{RECORDING}"
+        self._free = threading.Semaphore(MOST_AT_ONCE)
         self._thread = threading.Thread(target=self.serve_forever, daemon=True)
         self._thread.start()
+
+    def process_request(self, request: Any, client_address: Any) -> None:  # noqa: ANN401
+        """Answer in a thread of its own; one too many is closed at once."""
+        if self._free.acquire(blocking=False):
+            super().process_request(request, client_address)
+        else:
+            self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:  # noqa: ANN401
+        """Answer, and make room for the next."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
 
     def close(self) -> None:
         """End it."""
@@ -65,13 +91,33 @@ class _Handler(BaseHTTPRequestHandler):
 
     server: ViewerGate
 
+    def handle_one_request(self) -> None:
+        """Answer, where the request is whole in time."""
+        self._overdue = threading.Timer(HEADERS_S, self._hang_up)
+        self._overdue.daemon = True
+        self._overdue.start()
+        try:
+            super().handle_one_request()
+        finally:
+            self._overdue.cancel()
+
+    def parse_request(self) -> bool:
+        """Take the headers; from now on there is time."""
+        whole = super().parse_request()
+        self._overdue.cancel()
+        return whole
+
+    def _hang_up(self) -> None:
+        with suppress(OSError):  # it is gone already
+            self.connection.shutdown(socket.SHUT_RDWR)
+
     def do_GET(self) -> None:
         """Answer one request."""
         path = self.path.partition("?")[0]
         host = f"{LOOPBACK}:{self.server.server_port}"
         if self.headers.get("host") != host:  # a foreign name that resolves to this machine
             self.send_error(HTTPStatus.FORBIDDEN)
-        elif path != RECORDING:
+        elif not hmac.compare_digest(path.encode(), self.server.way.encode()):
             self._hand_on(path)
         elif self.headers.get("sec-fetch-site", "none") not in _OWN_SITE:
             self.send_error(HTTPStatus.FORBIDDEN)

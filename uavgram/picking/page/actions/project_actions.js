@@ -57,6 +57,15 @@ export class ProjectActions {
     if (await this.ask({ t: "use-camera" })) this.notice.show("The project names this camera now, and was read again.", true);
   }
 
+  async takeAside() {
+    const answer = await this.ask({ t: "take-aside" });
+    if (answer?.refused) this.notice.show(`${answer.refused} of the changes do not fit any more and were left out.`);
+  }
+
+  async discardAside() {
+    await this.ask({ t: "discard-aside" });
+  }
+
   async reload() {
     if (await this.ask({ t: "reload" })) this.notice.show("The project was read again from its files; undo begins anew.", true);
   }

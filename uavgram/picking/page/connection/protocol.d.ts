@@ -66,7 +66,7 @@ export interface InitialState extends Standing {
   t: "initial-state"; project: string; tile_px: number; pick_sigma_px: number; photos: Photo[]; camera: Camera; clock: Clock | null;
   control: string[]; check: string[]; expected: Predicted[]; recovered: boolean; messages: Remark[];
   state: { picks: Pick[]; lines: Line[]; measurements: Measurement[] };
-  live: FullLive | null; outputs: Outputs; outside: string[]; calibration: Calibration | null;
+  live: FullLive | null; outputs: Outputs; outside: string[]; aside: number | null; calibration: Calibration | null;
 }
 export interface Changed extends Standing {
   t: "changed"; diff: { picks?: { put: Pick[]; gone: [number, string][] }; lines?: Line[]; measurements?: Measurement[] };
@@ -89,7 +89,7 @@ export type Change = Place | SetLine | SetMeasurement
 export type Target = "corner" | "circle";
 export type Question =
   | { t: "snap"; image: number; u_px: number; v_px: number; target: Target } | { t: "ground"; image: number; u_px: number; v_px: number }
-  | { t: "export" } | { t: "reload" } | { t: "folders" } | { t: "stop-calibration" } | { t: "use-camera" }
+  | { t: "export" } | { t: "reload" } | { t: "take-aside" } | { t: "discard-aside" } | { t: "folders" } | { t: "stop-calibration" } | { t: "use-camera" }
   | { t: "calibrate"; folder: number; board: string; model: string };
 interface Done { t: "done"; why?: string }
 export interface Answers {
@@ -97,5 +97,5 @@ export interface Answers {
   ground: { t: "ground"; places: Record<number, [number, number, number] | undefined> }; // u, v [px] and scale
   export: { t: "exported"; why?: string; outputs?: Outputs };
   folders: { t: "folders"; why?: string; folders: Folder[] };
-  reload: Done; "stop-calibration": Done; "use-camera": Done; calibrate: Done;
+  reload: Done; "stop-calibration": Done; "use-camera": Done; calibrate: Done; "discard-aside": Done; "take-aside": Done & { refused: number };
 }

@@ -18,6 +18,7 @@
  * @property {Predicted[]} expected
  * @property {Outputs | null} outputs
  * @property {string[]} outside
+ * @property {number | null} aside how many changes an earlier session could not save
  * @property {Calibration | null} calibration
  * @property {Map<string, Pick>} picks "image|label" -> pick
  * @property {Line[]} lines
@@ -50,6 +51,7 @@ export const store = {
   expected: [],
   outputs: null,
   outside: [],
+  aside: null,
   calibration: null,
   picks: new Map(),
   lines: [],
@@ -87,10 +89,10 @@ export function receive(message, moved) {
 }
 
 /** @param {InitialState} message */
-function begin({ project, photos, camera, control, check, recovered, clock, expected, outputs, outside, calibration, ...message }) {
+function begin({ project, photos, camera, control, check, recovered, clock, expected, outputs, outside, aside, calibration, ...message }) {
   const { picks, lines, measurements } = message.state;
   Object.assign(store, {
-    begun: true, project, photos, camera, control, check, recovered, clock, expected, outputs, outside, calibration, lines, measurements,
+    begun: true, project, photos, camera, control, check, recovered, clock, expected, outputs, outside, aside, calibration, lines, measurements,
     tilePx: message.tile_px,
     pickSigmaPx: message.pick_sigma_px,
     opening: message.messages,

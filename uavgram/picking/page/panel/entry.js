@@ -31,7 +31,7 @@ function entryForm(entry, tools) {
   /** @param {string} name @param {string} caption @param {Attribute} value @param {Record<string, Attribute>} more */
   const field = (name, caption, value, more = {}) => node("label", {}, caption, node("input", { name, value, required: true, autocomplete: "off", ...more }));
   const number = { inputmode: "decimal" };
-  const name = field("name", "Name", entry.name, { maxlength: 64 });
+  const name = field("name", "Name", entry.name, { maxlength: 200 });
   const title = entry.t === "line" ? `Taped length ${entry.start} \u2013 ${entry.end}` : `${KINDS[entry.kind]} ${entry.points.join(" \u2013 ")}`;
   const fields = entry.t === "line" ? [
     field("length_m", "Length, metres", entry.length_m ?? "", number), field("sigma_m", "Sigma, metres", entry.sigma_m, number), name,

@@ -42,6 +42,7 @@ export class Header {
   }
 
   showMode() {
+    if (!store.connected) byId("saved").textContent = ""; // nobody knows, until the server says so again
     const [mode, words] = modeText();
     const box = byId("mode");
     if (box.textContent === words && box.dataset.mode === mode) return;

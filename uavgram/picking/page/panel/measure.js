@@ -101,7 +101,7 @@ function pickPart({ selected: label, entry }, image, tools) {
     name, value: value ?? "", inputmode: "decimal", placeholder: usual, autocomplete: "off", onchange: ({ target }) => act(as(HTMLInputElement, target)),
   }));
   return keep("pick", [pick?.image, label, pick?.sigma_px, one.height_m], () => node("form", { class: "entry", "data-row": "pick", "aria-label": `Point ${label}`, onsubmit: (event) => { event.preventDefault(); tools.panes.active?.focus(); } },
-    node("label", { class: "both" }, "Label", node("input", { name: "rename", value: label, maxlength: 64, autocomplete: "off", onchange: ({ target }) => tools.rename(label, as(HTMLInputElement, target).value) })),
+    node("label", { class: "both" }, "Label", node("input", { name: "rename", value: label, maxlength: 200, autocomplete: "off", onchange: ({ target }) => tools.rename(label, as(HTMLInputElement, target).value) })),
     pick && field("sigma", "Sigma here, px", pick.sigma_px, `${store.pickSigmaPx}`, (input) => tools.number(input, (sigma_px) => tools.send({ t: "sigma", image: pick.image, label, sigma_px }))),
     field("height", "Height over ground, m", one.height_m, "0", (input) => tools.number(input, (height_m) => tools.send({ t: "height", label, height_m }))),
     node("button", { type: "submit", hidden: true }, "Done"))); // without it Enter would not end the form

@@ -4,6 +4,7 @@ import { store } from "../connection/store.js";
 import { fillIfNew, node } from "../elements/dom.js";
 import { keep } from "../elements/table.js";
 
+/** @import { ProjectActions } from "../actions/project_actions.js" */
 /** @import { Outputs } from "../connection/protocol.js" */
 /** @import { Attribute } from "../elements/dom.js" */
 
@@ -43,17 +44,26 @@ function links({ files, recording, folder }) {
   ];
 }
 
+// What an earlier session could not save, as another program had changed the tables.
+/** @param {number} count @param {ProjectActions} project */
+const offered = (count, project) => [
+  node("p", {}, `An earlier session ended before it could save ${count === 1 ? "a change" : `${count} changes`}, and the files were changed since.`),
+  node("p", { class: "dim" }, "Take makes the same changes now; Undo takes them back. Discard offers them no more; they stay in the output folder."),
+  node("button", { name: "take-aside", onclick: () => void project.takeAside() }, "Take"),
+  node("button", { name: "discard-aside", onclick: () => void project.discardAside() }, "Discard"),
+];
+
 // A bar that stays while files of the project differ from what the page shows, or cannot be saved.
-/** @param {HTMLElement} bar @param {() => void} reload */
-export function showOutside(bar, reload) {
-  const { outside } = store;
+/** @param {HTMLElement} bar @param {ProjectActions} project */
+export function showOutside(bar, project) {
+  const { outside, aside } = store;
   /** @type {string[]} */
   const words = [];
   if (store.gone) words.push("The program does not answer. Start uavgram pick again, and open the address that it prints. What it confirmed is saved; what you do here now would be lost.");
   else if (store.fault) words.push(`Not saved: ${store.fault}`);
   else if (outside.length) words.push(`${outside.join(" and ")} ${outside.length > 1 ? "were" : "was"} changed by another program. Nothing is written over.`);
-  bar.hidden = !words.length;
-  fillIfNew(bar, JSON.stringify([words, outside]), () => [node("p", {}, ...words), ...(outside.length ? [
+  bar.hidden = !words.length && !aside;
+  fillIfNew(bar, JSON.stringify([words, outside, aside]), () => [node("p", {}, ...words), ...(outside.length ? [
     node("p", { class: "dim" }, "Reload takes the files as they are now. What only this page has is kept beside them, and undo begins anew."),
-    node("button", { name: "reload", onclick: reload }, "Reload")] : [])]);
+    node("button", { name: "reload", onclick: () => void project.reload() }, "Reload")] : []), ...(aside ? offered(aside, project) : [])]);
 }

@@ -37,7 +37,7 @@ export class Panel {
     const { tab, exporting } = this.state;
     byId("outputs").hidden = tab !== "measure";
     showOutputs(byId("outputs"), exporting, () => void this.project.exportAll());
-    showOutside(byId("outside"), () => void this.project.reload());
+    showOutside(byId("outside"), this.project);
   }
 
   /** @param {Tab} name */

@@ -1,0 +1,97 @@
+"""What a killed session confirmed while another program changed the tables is offered again."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from pick_pages import Page, Server, running, small_project
+
+PICKS = b"image,label,u_px,v_px\nP1.jpg,A,10,20\nP1.jpg,B,30,40\n"
+
+
+def errand(page, kind):
+    seq = page.send(kind)
+    while (said := page.read()).get("seq") != seq:
+        pass
+    return said
+
+
+def labels(said):
+    return {pick["label"] for pick in said["state"]["picks"]}
+
+
+@pytest.fixture
+def project(tmp_path):
+    """A session was killed before it had saved; then somebody edited its tables."""
+    path = small_project(tmp_path)
+    (tmp_path / "picks.csv").write_bytes(PICKS)
+    server = Server(path, save_after_s=60)
+    with Page(server) as page:
+        page.do("place", image=0, label="A", u_px=11, v_px=21)
+        page.do("place", image=1, label="C", u_px=50, v_px=60)
+        page.do("height", label="C", height_m=0.5)
+        page.do("unpick", image=0, label="B")
+        page.do("line", was="", name="L", start="A", end="C", length_m=2, sigma_m=0.1)
+        page.do("measure", was="", name="D", kind="distance", points=["A", "C"])
+    server.kill()
+    (tmp_path / "picks.csv").write_bytes(PICKS + b"P2.jpg,Z,7,8\n")
+    return path
+
+
+def place_of(initial_state, label):
+    pick = next(pick for pick in initial_state["state"]["picks"] if pick["label"] == label)
+    return pick["u_px"], pick["v_px"], pick["height_m"]
+
+
+def test_it_is_taken_over_in_one_step_beside_what_the_other_did(project, tmp_path):
+    with running(project) as server:
+        with Page(server) as page, Page(server, page.cookie) as other:
+            assert page.initial_state["aside"] == 6
+            assert labels(page.initial_state) == {"A", "B", "Z"}
+            assert errand(page, "take-aside")["refused"] == 0
+            initial_state = other.until("initial-state")
+            assert labels(initial_state) == {"A", "C", "Z"}
+            assert place_of(initial_state, "A") == (11, 21, None)
+            assert place_of(initial_state, "C") == (50, 60, 0.5)
+            assert [line["name"] for line in initial_state["state"]["lines"]] == ["L"]
+            assert initial_state["state"]["measurements"][0]["points"] == ["A", "C"]
+            assert (initial_state["undo"], initial_state["aside"]) == (1, None)
+            assert b"P2.jpg,C,50" in (tmp_path / "picks.csv").read_bytes()
+            assert "set aside" in errand(page, "take-aside")["why"]
+            page.do("undo")
+            assert labels({"state": {"picks": list(page.picks.values())}}) == {"A", "B", "Z"}
+    (kept,) = (tmp_path / "out").glob("pick-journal-*")
+    assert kept.name.endswith(".jsonl.taken")
+
+
+def test_it_is_discarded_and_kept_and_not_offered_again(project, tmp_path):
+    with running(project) as server, Page(server) as page:
+        assert errand(page, "discard-aside")["t"] == "done"
+        assert labels(page.initial_state) == {"A", "B", "Z"}
+    with running(project) as server, Page(server) as page:
+        assert page.initial_state["aside"] is None
+    (kept,) = (tmp_path / "out").glob("pick-journal-*")
+    assert kept.name.endswith(".jsonl.discarded")
+
+
+def test_what_is_no_change_of_the_page_is_not_taken(project, tmp_path):
+    """A journal in an archive can hold anything; all of it goes the way of a page's message."""
+    state = {"picks": [], "lines": [], "requests": []}
+    place = {"do": "Place", "step": 0, "image": "P1.jpg", "label": "Q", "u_px": 1, "v_px": 1}
+    entries = [
+        {"do": "open", "pid": 1, "state": state, "files": {}, "resumed": False},
+        *({**place, "label": name, "sigma_px": s} for name, s in (("Q", 1.0), ("R", 1e-9))),
+        {**place, "label": "S", "image": "../../x", "sigma_px": 1.0},
+        {**place, "label": "T", "u_px": "many", "sigma_px": 1.0},
+        {**place, "label": "a;b", "sigma_px": 1.0},
+    ]
+    with running(project) as server, Page(server) as page:
+        assert page.initial_state["aside"] == 6
+        errand(page, "discard-aside")
+    text = "".join(json.dumps(entry) + "\n" for entry in entries)
+    (tmp_path / "out" / "pick-journal-1.jsonl").write_text(text)
+    with running(project) as server, Page(server) as page:
+        assert errand(page, "take-aside")["refused"] == 4
+        with Page(server, page.cookie) as other:
+            assert labels(other.initial_state) == {"A", "B", "Z", "Q"}

@@ -1,0 +1,112 @@
+"""Files and folders of our own: no link in somebody's unpacked folder leads what we write elsewhere."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from uavgram.errors import OutputError
+
+# Not there on Windows, where links need a right that few have.
+_NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
+
+
+def open_own(path: Path, flags: int, mode: int = 0o600) -> int:
+    """Open a file that this program alone writes; returns its handle.
+
+    Parameters
+    ----------
+    path
+        The file.
+    flags, mode
+        As of ``os.open``.
+
+    Raises
+    ------
+    OutputError
+        What stands there is a link, a pipe or a device, or has a second name elsewhere.
+    OSError
+        It cannot be opened for another reason.
+    """
+    check_own(path)
+    return os.open(path, flags | _NO_FOLLOW, mode)
+
+
+def check_own(path: Path) -> None:
+    """Refuse a link, a pipe or a device, and what has a second name elsewhere.
+
+    Raises
+    ------
+    OutputError
+        Such a thing stands there.
+    """
+    try:
+        status = path.lstat()
+    except OSError:
+        return
+    if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
+        raise OutputError(
+            f"{path}: is a link to another file, or no file at all, and is not written to: remove "
+            "it"
+        )
+
+
+def remove_link(path: Path) -> Path:
+    """The same path, where no link stands any more: what is written there now stays there."""
+    if path.is_symlink():
+        path.unlink()
+    return path
+
+
+def check_folder_of_project(folder: Path, home: Path) -> None:
+    """Refuse an output folder that looks like one of the project's own, and is a link out of it.
+
+    Parameters
+    ----------
+    folder
+        As the project names it.
+    home
+        The project's folder.
+
+    Raises
+    ------
+    OutputError
+        It leads elsewhere.
+    """
+    if _lies_in(folder, home):
+        check_inside(folder, home, f"The output folder {folder}")
+
+
+def check_inside(path: Path, home: Path, what: str) -> None:
+    """Refuse what does not lie in a folder, links followed.
+
+    Parameters
+    ----------
+    path, home
+        What is to lie where.
+    what
+        It, in words.
+
+    Raises
+    ------
+    OutputError
+        It lies elsewhere.
+    """
+    real, own = path.resolve(), home.resolve()
+    if real.is_relative_to(own):
+        return
+    if _lies_in(path, home):
+        raise OutputError(
+            f"{what} is a link, or lies in one, that leads out of the project's folder, to {real}. "
+            "Nothing is written there: remove the link, or put a copy in its place"
+        )
+    raise OutputError(
+        f"{what} lies outside the project's folder {own}. The page writes nothing outside it: name "
+        "a place inside it in the project file"
+    )
+
+
+def _lies_in(path: Path, home: Path) -> bool:
+    """Whether a path lies in a folder as it is written, links not followed."""
+    return Path(os.path.abspath(path)).is_relative_to(os.path.abspath(home))  # noqa: PTH100
