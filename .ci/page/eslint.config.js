@@ -1,7 +1,6 @@
 // The rules of the picking page's JavaScript. Run from the repository's top, as `check` beside this file does.
 
 import js from "@eslint/js";
-import { createNodeResolver, importX } from "eslint-plugin-import-x";
 import globals from "globals";
 import tseslint from "typescript-eslint";
 
@@ -10,18 +9,12 @@ export default tseslint.config(
   js.configs.recommended,
   ...tseslint.configs.strictTypeChecked,
   {
-    plugins: { "import-x": importX },
-    settings: { "import-x/resolver-next": [createNodeResolver()] },
     linterOptions: { noInlineConfig: true, reportUnusedDisableDirectives: "error" },
     languageOptions: {
       globals: globals.browser,
       parserOptions: { project: "./tsconfig.json", tsconfigRootDir: import.meta.dirname },
     },
     rules: {
-      // One way, no circle.
-      "import-x/no-cycle": "error",
-      "import-x/no-unresolved": "error",
-      "import-x/order": ["error", { alphabetize: { order: "asc" } }],
       // No way around the types.
       "no-warning-comments": ["error", { terms: ["@ts-ignore", "@ts-nocheck", "@ts-expect-error", "eslint-disable", "{any", "{*}", "<any", "any>", "any[]"], location: "anywhere" }],
       // What a browser must not do here: the page shows labels that strangers may have written.

@@ -27,6 +27,11 @@ def out(tmp_path):
     return folder
 
 
+def write_into(folder, name):
+    folder.mkdir()
+    (folder / name).write_text("new")
+
+
 def test_a_file_is_replaced_and_not_written_through_links(out, victim):
     (out / "a.csv").symlink_to(victim)
     (out / ".a.csv.unfinished").symlink_to(victim)
@@ -45,8 +50,7 @@ def test_results_replace_links_and_folders_that_lead_elsewhere_are_refused(out, 
         pytest.raises(OutputError, match=r"out/colmap: is a link that leads out.*remove the link"),
         staged_output(out) as staging,
     ):
-        (staging / "colmap").mkdir()
-        (staging / "colmap" / "victim").write_text("new")
+        write_into(staging / "colmap", "victim")
 
 
 @pytest.mark.parametrize("name", ["../../elsewhere/victim", "/{victim}", "over/victim"])
@@ -97,6 +101,5 @@ def test_a_folder_that_holds_the_photos_takes_no_results(tmp_path, out):
         pytest.raises(OutputError, match="project/photos: holds the photos themselves"),
         staged_output(photos.parent, photos=[photo]) as staging,
     ):
-        (staging / "photos").mkdir()
-        (staging / "photos" / "P2.jpg").write_bytes(b"a result")
+        write_into(staging / "photos", "P2.jpg")
     assert os.listdir(photos) == ["P1.jpg"]  # noqa: PTH208

@@ -28,7 +28,6 @@ def test_a_run_elsewhere_makes_them_current_and_an_edit_makes_them_old(tmp_path)
         assert page.initial_state["outputs"]["version"] == page.initial_state["version"]
         page.do("place", image=0, label="A", u_px=11, v_px=21)
         assert page.until("outputs")["outputs"]["version"] is None
-        page.until("saved", fault="")
         results_of(tmp_path, *read)  # `uavgram run` in a terminal, while the page is open
         assert page.until("outputs")["outputs"]["version"] == 1
     with running(project) as server, Page(server) as page:

@@ -39,28 +39,29 @@ def project(tmp_path):
     return path
 
 
-def place_of(initial_state, label):
-    pick = next(pick for pick in initial_state["state"]["picks"] if pick["label"] == label)
+def place_of(begun, label):
+    pick = next(pick for pick in begun["state"]["picks"] if pick["label"] == label)
     return pick["u_px"], pick["v_px"], pick["height_m"]
 
 
 def test_it_is_taken_over_in_one_step_beside_what_the_other_did(project, tmp_path):
-    with running(project) as server:
-        with Page(server) as page, Page(server, page.cookie) as other:
-            assert page.initial_state["aside"] == 6
-            assert labels(page.initial_state) == {"A", "B", "Z"}
-            assert errand(page, "take-aside")["refused"] == 0
-            initial_state = other.until("initial-state")
-            assert labels(initial_state) == {"A", "C", "Z"}
-            assert place_of(initial_state, "A") == (11, 21, None)
-            assert place_of(initial_state, "C") == (50, 60, 0.5)
-            assert [line["name"] for line in initial_state["state"]["lines"]] == ["L"]
-            assert initial_state["state"]["measurements"][0]["points"] == ["A", "C"]
-            assert (initial_state["undo"], initial_state["aside"]) == (1, None)
-            assert b"P2.jpg,C,50" in (tmp_path / "picks.csv").read_bytes()
-            assert "set aside" in errand(page, "take-aside")["why"]
-            page.do("undo")
-            assert labels({"state": {"picks": list(page.picks.values())}}) == {"A", "B", "Z"}
+    with running(project) as server, Page(server) as page, Page(server, page.cookie) as other:
+        assert page.initial_state["aside"] == 6
+        assert labels(page.initial_state) == {"A", "B", "Z"}
+        assert errand(page, "take-aside")["refused"] == 0
+        begun = other.until("initial-state")
+        assert labels(begun) == {"A", "C", "Z"}
+        assert place_of(begun, "A") == (11, 21, None)
+        assert place_of(begun, "C") == (50, 60, 0.5)
+        assert [line["name"] for line in begun["state"]["lines"]] == ["L"]
+        assert begun["state"]["measurements"][0]["points"] == ["A", "C"]
+        assert (begun["undo"], begun["aside"]) == (1, None)
+        assert b"P2.jpg,C,50" in (tmp_path / "picks.csv").read_bytes()
+        assert "set aside" in errand(page, "take-aside")["why"]
+        with Page(server, page.cookie) as third:
+            third.do("undo")
+        with Page(server, page.cookie) as third:
+            assert labels(third.initial_state) == {"A", "B", "Z"}
     (kept,) = (tmp_path / "out").glob("pick-journal-*")
     assert kept.name.endswith(".jsonl.taken")
 

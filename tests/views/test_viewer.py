@@ -147,7 +147,7 @@ def test_the_gate_waits_for_no_one_who_says_nothing(recording, monkeypatch):
             assert call.recv(1) == b""  # one too many
             time.sleep(0.4)
             address = f"http://127.0.0.1:{gate.server_port}{gate.way}"
-            with urllib.request.urlopen(address, timeout=30) as file:  # noqa: S310
+            with urllib.request.urlopen(address, timeout=30) as file:
                 assert file.read() == recording.read_bytes()
     finally:
         gate.close()

@@ -1,4 +1,4 @@
-"""Files and folders of our own: no link in somebody's unpacked folder leads what we write elsewhere."""
+"""Files of our own: no link in somebody's unpacked folder leads what we write elsewhere."""
 
 from __future__ import annotations
 

@@ -127,7 +127,7 @@ class Files:
 
 
 def _page_files(folder: Traversable, above: str = "") -> Iterator[tuple[str, bytes]]:
-    """Files that the page consists of, by their paths in its folder: these are served, no others."""
+    """Files that the page consists of, by their paths in its folder; no others are served."""
     for one in folder.iterdir():
         name = f"{above}{one.name}"
         if one.is_dir():

@@ -7,7 +7,6 @@ are one step for the user (a drag, a run of nudges). Photos are numbers, never n
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -175,9 +175,9 @@ class OpenProject:
         made_for, photo = self.bench.last_message, self.desk.photos[0]
         if (made_for["width_px"], made_for["height_px"]) != (photo.width_px, photo.height_px):
             raise RefusedError(
-                f"the camera file is for {made_for['width_px']} x {made_for['height_px']} px, the photos of the "
-                f"project have {photo.width_px} x {photo.height_px}: calibrate with photos of "
-                "their size"
+                f"the camera file is for {made_for['width_px']} x {made_for['height_px']} px, the "
+                f"photos of the project have {photo.width_px} x {photo.height_px}: calibrate with "
+                "photos of their size"
             )
         await to_thread.run_sync(use_camera, self._path, made)
         await self._reload()

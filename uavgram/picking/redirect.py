@@ -1,4 +1,4 @@
-"""A file that leads the browser to the page: its command line, which other users can read, has no key.
+"""A file that leads the browser to the page: its command line, which others can read, has no key.
 
 The page's address holds a token. Given to the browser as an argument it would stand in the list of
 processes; so the browser is given a file that only its own user can read.
@@ -31,7 +31,7 @@ class RedirectFile:
         self._folder = Path(tempfile.mkdtemp(prefix="uavgram-"))  # mode 0700
         path = self._folder / "open.html"
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with open(handle, "w", encoding="utf-8") as stream:
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
             stream.write(leading_to(address))
         self.uri = path.as_uri()
 

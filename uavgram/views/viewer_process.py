@@ -16,9 +16,9 @@ import threading
 def main() -> int:
     """Run the viewer with the arguments of this program; its exit status."""
     threading.Thread(target=_end_with_who_started, daemon=True).start()
-    from rerun_cli.__main__ import main as rerun
+    from rerun_cli.__main__ import main as rerun  # type: ignore[import-untyped]  # noqa: PLC0415
 
-    return rerun()
+    return int(rerun())
 
 
 def _end_with_who_started() -> None:
