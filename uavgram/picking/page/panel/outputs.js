@@ -10,7 +10,7 @@ import { keep } from "../elements/table.js";
 
 /** @param {string} href @param {string} words @param {Record<string, Attribute>} more */
 const link = (href, words, more = {}) => node("a", { href, ...more }, words);
-const aside = { target: "_blank", rel: "noopener" };
+const inNewTab = { target: "_blank", rel: "noopener" };
 
 /** @param {Element} foot @param {boolean} exporting @param {() => void} exportAll */
 export function showOutputs(foot, exporting, exportAll) {
@@ -36,8 +36,8 @@ function age(outputs, old) {
 function links({ files, recording, folder }) {
   const [shown, saved] = [files.filter(({ name }) => name.endsWith(".html")), files.filter(({ name }) => !name.endsWith(".html"))];
   return [
-    ...shown.map(({ name, words }) => link(`/output/${name}`, words, aside)),
-    recording ? link("/recording", "Recording in the Rerun viewer", aside) : null,
+    ...shown.map(({ name, words }) => link(`/output/${name}`, words, inNewTab)),
+    recording ? link("/recording", "Recording in the Rerun viewer", inNewTab) : null,
     ...saved.filter(({ name }) => name.endsWith(".csv")).map(({ name, words }) => link(`/output/${name}`, words, { download: name })),
     files.length ? node("details", {}, node("summary", {}, "More"), node("ul", {}, ...saved.filter(({ name }) => !name.endsWith(".csv")).map(({ name, words }) => node("li", {}, link(`/output/${name}`, words, { download: name })))),
       node("p", { class: "dim" }, "All in ", node("code", {}, folder))) : null,
