@@ -120,7 +120,7 @@ def plant(page, header, *, aligned=True):
 
     changed("style.css", "grid-template: 40px ", f"grid-template: {header} ")
     if not aligned:
-        changed("pane.js", "Math.ceil(top - 1e-6)", "top")
+        changed("photos/pane.js", "Math.ceil(top - 1e-6)", "top")
     page.reload()
     page.wait_for_selector(SHARP)
 

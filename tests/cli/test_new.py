@@ -61,9 +61,9 @@ def test_photos_log_and_camera_become_a_project_that_check_accepts_and_the_page_
     assert "picks.csv:1: holds no pick: pick points with `uavgram pick`" in capsys.readouterr().err
 
     with running(folder / "project.yaml") as server, Page(server) as page:
-        assert len(page.hello["photos"]) == 10
-        assert all(photo["matched"] for photo in page.hello["photos"])
-        assert page.hello["state"] == {"picks": [], "lines": [], "measurements": []}
+        assert len(page.initial_state["photos"]) == 10
+        assert all(photo["matched"] for photo in page.initial_state["photos"])
+        assert page.initial_state["state"] == {"picks": [], "lines": [], "measurements": []}
 
 
 def test_an_offset_of_the_clock_that_had_to_be_assumed_is_said(data_dir, tmp_path, capsys):
@@ -128,7 +128,7 @@ def test_a_camera_of_which_nothing_is_known_is_an_ordinary_one_until_it_is_calib
     assert "every input can be read" in checked
 
     with running(project) as server, Page(server) as page:
-        camera = page.hello["camera"]
+        camera = page.initial_state["camera"]
     assert camera["file"] == ""
     assert camera["source"] == [
         "Nobody knows it, so an ordinary drone camera is assumed (`camera: unknown`)."

@@ -25,13 +25,13 @@ def test_a_run_elsewhere_makes_them_current_and_an_edit_makes_them_old(tmp_path)
     read = ("project.yaml", "camera.yaml", "picks.csv", "photos/P1.jpg", "photos/P2.jpg")
     results_of(tmp_path, *read)
     with running(project) as server, Page(server) as page:
-        assert page.hello["outputs"]["version"] == page.hello["version"]
-        page.do("place", image=0, label="A", u=11, v=21)
+        assert page.initial_state["outputs"]["version"] == page.initial_state["version"]
+        page.do("place", image=0, label="A", u_px=11, v_px=21)
         assert page.until("outputs")["outputs"]["version"] is None
         results_of(tmp_path, *read)  # `uavgram run` in a terminal, while the page is open
         assert page.until("outputs")["outputs"]["version"] == 1
     with running(project) as server, Page(server) as page:
-        assert page.hello["outputs"]["version"] == page.hello["version"]
+        assert page.initial_state["outputs"]["version"] == page.initial_state["version"]
     (tmp_path / "camera.yaml").write_text((tmp_path / "camera.yaml").read_text() + "# note\n")
     with running(project) as server, Page(server) as page:
-        assert page.hello["outputs"]["version"] is None
+        assert page.initial_state["outputs"]["version"] is None

@@ -20,9 +20,9 @@ LABELS = [f"L{k}" for k in range(12)]
 class Model:
     """What the page should hold, in the simplest words: whole states and a list of earlier ones."""
 
-    def __init__(self, hello: dict, tables: dict) -> None:
-        self.state = _sorted(hello["state"])
-        self.past: list[dict] = [tables] if hello["recovered"] else []
+    def __init__(self, initial_state: dict, tables: dict) -> None:
+        self.state = _sorted(initial_state["state"])
+        self.past: list[dict] = [tables] if initial_state["recovered"] else []
         self.future: list[dict] = []
 
     def after(self, kind: str, fields: dict) -> dict:
@@ -69,10 +69,10 @@ def _tables(folder: Path) -> dict:
         {
             "image": int(row["image"].removeprefix("P").removesuffix(".jpg")) - 1,
             "label": row["label"],
-            "u": float(row["u_px"]),
-            "v": float(row["v_px"]),
-            "sigma": None,
-            "height": None,
+            "u_px": float(row["u_px"]),
+            "v_px": float(row["v_px"]),
+            "sigma_px": None,
+            "height_m": None,
             "area": "",
         }
         for row in rows("picks.csv")
@@ -82,8 +82,8 @@ def _tables(folder: Path) -> dict:
             "name": row["name"],
             "start": row["from"],
             "end": row["to"],
-            "length": float(row["length_m"]),
-            "sigma": float(row["sigma_m"]),
+            "length_m": float(row["length_m"]),
+            "sigma_m": float(row["sigma_m"]),
             "adjust": True,
         }
         for row in rows("lines.csv")
@@ -101,12 +101,12 @@ def _tables(folder: Path) -> dict:
 
 
 def _place(state: dict, do: dict) -> None:
-    where = {"u": do["u"], "v": do["v"]}
+    where = {"u_px": do["u_px"], "v_px": do["v_px"]}
     for pick in state["picks"]:
         if (pick["image"], pick["label"]) == (do["image"], do["label"]):
             pick.update(where)
             return
-    rest = {"sigma": None, "height": None, "area": ""}
+    rest = {"sigma_px": None, "height_m": None, "area": ""}
     state["picks"].append({"image": do["image"], "label": do["label"], **where, **rest})
 
 
@@ -135,7 +135,7 @@ def _rename(state: dict, do: dict) -> None:
 
 
 def _line(state: dict, do: dict) -> None:
-    line = {name: do[name] for name in ("name", "start", "end", "length", "sigma")}
+    line = {name: do[name] for name in ("name", "start", "end", "length_m", "sigma_m")}
     if line["name"] not in {one["name"] for one in state["lines"]}:
         state["lines"] = [*state["lines"], {**line, "adjust": True}]
 
@@ -159,7 +159,7 @@ def _command(state: dict, rng: random.Random) -> tuple[str, dict]:
     """Something that a person might do next."""
     roll = rng.random()
     if len(state["picks"]) < 4 or roll < 0.55:
-        place = {"u": rng.uniform(0, WIDTH - 1), "v": rng.uniform(0, HEIGHT - 1)}
+        place = {"u_px": rng.uniform(0, WIDTH - 1), "v_px": rng.uniform(0, HEIGHT - 1)}
         return "place", {"image": rng.randrange(2), "label": rng.choice(LABELS), **place}
     pick = rng.choice(state["picks"])
     image, label = pick["image"], pick["label"]
@@ -170,7 +170,7 @@ def _command(state: dict, rng: random.Random) -> tuple[str, dict]:
     if roll < 0.77:
         ends = {"start": label, "end": f"far {label}"}
         name = f"known {len(state['lines'])}"
-        return "line", {"was": "", "name": name, **ends, "length": 3.5, "sigma": 0.01}
+        return "line", {"was": "", "name": name, **ends, "length_m": 3.5, "sigma_m": 0.01}
     if roll < 0.84:
         name, points = f"D{len(state['measurements'])}", [label, f"far {label}"]
         return "measure", {"was": "", "name": name, "kind": "distance", "points": points}
@@ -208,9 +208,9 @@ def test_twenty_kills_lose_nothing_that_the_page_had_confirmed(tmp_path):
         server = Server(project, SAVE_AFTER_S)
         try:
             with Page(server) as page:
-                model = Model(page.hello, _tables(tmp_path))
+                model = Model(page.initial_state, _tables(tmp_path))
                 assert not expected or model.state in expected
-                recoveries += page.hello["recovered"]
+                recoveries += page.initial_state["recovered"]
                 last = _work_until_killed(page, model, rng, server)
         finally:
             server.kill()
@@ -218,11 +218,11 @@ def test_twenty_kills_lose_nothing_that_the_page_had_confirmed(tmp_path):
         expected = [model.state, model.after(*last)]
         confirmed += page.seq - 1
     with running(project) as server, Page(server) as page:
-        found = _sorted(page.hello["state"])
+        found = _sorted(page.initial_state["state"])
         assert found in expected
     with running(project) as server, Page(server) as page:  # Ctrl+C has saved it
-        assert _sorted(page.hello["state"]) == found == _tables(tmp_path)
-        assert not page.hello["recovered"]
+        assert _sorted(page.initial_state["state"]) == found == _tables(tmp_path)
+        assert not page.initial_state["recovered"]
     assert confirmed > 4 * KILLS
     assert recoveries > KILLS / 3
 
@@ -231,22 +231,22 @@ def test_undo_after_a_recovery_goes_to_the_tables_and_survives_a_second_kill(tmp
     project = small_project(tmp_path)
     server = Server(project)
     with Page(server) as page:
-        page.do("place", image=0, label="A", u=10.25, v=20.5)
-        page.do("place", image=0, label="B", u=11, v=21)
+        page.do("place", image=0, label="A", u_px=10.25, v_px=20.5)
+        page.do("place", image=0, label="B", u_px=11, v_px=21)
         server.kill()
     server = Server(project)
     with Page(server) as page:
-        page.do("place", image=1, label="C", u=30, v=40)
+        page.do("place", image=1, label="C", u_px=30, v_px=40)
         page.do("undo")
         server.kill()
     server = Server(project)
     with Page(server) as page:
-        assert page.hello["recovered"]
-        assert [pick["label"] for pick in page.hello["state"]["picks"]] == ["A", "B"]
-        codes = [message["code"] for message in page.hello["messages"]]
+        assert page.initial_state["recovered"]
+        assert [pick["label"] for pick in page.initial_state["state"]["picks"]] == ["A", "B"]
+        codes = [message["code"] for message in page.initial_state["messages"]]
         assert "pick-recovered" in codes
         page.do("undo")  # back to what the tables hold
         server.kill()
     with running(project) as server, Page(server) as page:
-        assert page.hello["state"]["picks"] == []
-        assert not page.hello["recovered"]
+        assert page.initial_state["state"]["picks"] == []
+        assert not page.initial_state["recovered"]

@@ -41,7 +41,7 @@ def page(server, cookie):
         yield page
         assert server.is_alive
         # Whatever was tried: a page can still pick, and undo it.
-        picked = page.do("place", image=0, label="still alive", u=1, v=2)
+        picked = page.do("place", image=0, label="still alive", u_px=1, v_px=2)
         assert picked["t"] == "changed"
         assert page.do("undo")["t"] == "changed"
 
@@ -94,7 +94,14 @@ def test_the_token_becomes_a_cookie_that_scripts_and_other_sites_cannot_use(tmp_
 
 @pytest.mark.parametrize(
     "path",
-    ["/", "/page/app.js", "/photo/0/0/0/0.jpg", "/photo/0/thumbnail.jpg", "/output/report.html"],
+    [
+        "/",
+        "/page/app.js",
+        "/page/photos/pane.js",
+        "/photo/0/0/0/0.jpg",
+        "/photo/0/thumbnail.jpg",
+        "/output/report.html",
+    ],
 )
 def test_nothing_is_given_without_the_cookie_and_all_of_it_with_it(server, browser, path):
     for headers in ({}, {"Cookie": f"{browser.headers['Cookie'].split('=')[0]}=wrong"}):
@@ -167,6 +174,11 @@ PATHS = [
     "/page/..%5cserver.py",
     "/page//etc/passwd",
     "/page/__init__.py",
+    "/page/photos",
+    "/page/photos/../../server.py",
+    "/page/photos/%2e%2e/%2e%2e/server.py",
+    "/page/photos//etc/passwd",
+    "/page/connection/protocol.d.ts",
     "/page/app.js%00.css",
     "/photo/../../project.yaml",
     "/photo/P1.jpg",
@@ -220,8 +232,8 @@ NUMBERS = ["NaN", "Infinity", "-Infinity", "1e999", "-1e308", "1e17", "9" * 400,
 
 @pytest.mark.parametrize("number", NUMBERS, ids=range(len(NUMBERS)))
 def test_numbers_that_are_none_or_huge_are_refused(page, number):
-    for field in ("u", "v", "sigma"):
-        fields = {"u": "5", "v": "5", "sigma": "1", field: number}
+    for field in ("u_px", "v_px", "sigma_px"):
+        fields = {"u_px": "5", "v_px": "5", "sigma_px": "1", field: number}
         text = ",".join(f'"{name}":{value}' for name, value in fields.items())
         page.socket.send(f'{{"seq":77,"t":"place","image":0,"label":"X",{text}}}')
         assert page.until("refused")["why"]
@@ -239,15 +251,15 @@ MESSAGES = [
     "{}",
     '{"t":"place"}',
     '{"seq":1,"t":"__class__"}',
-    '{"seq":1,"t":"place","image":"../../etc/passwd","label":"A","u":1,"v":1}',
-    '{"seq":1,"t":"place","image":-1,"label":"A","u":1,"v":1}',
-    '{"seq":1,"t":"place","image":true,"label":"A","u":1,"v":1}',
-    '{"seq":1,"t":"place","image":0,"label":"A","u":1,"v":1,"more":1}',
-    '{"seq":1,"t":"place","image":0,"label":"A;B","u":1,"v":1}',
-    '{"seq":1,"t":"place","image":0,"label":"a\\u0000b","u":1,"v":1}',
-    '{"seq":1,"t":"place","image":0,"label":"a\\u001b[31mb","u":1,"v":1}',
-    '{"seq":1,"t":"place","image":0,"label":"\\ud800","u":1,"v":1}',
-    '{"seq":1,"t":"place","image":0,"label":["A"],"u":1,"v":1}',
+    '{"seq":1,"t":"place","image":"../../etc/passwd","label":"A","u_px":1,"v_px":1}',
+    '{"seq":1,"t":"place","image":-1,"label":"A","u_px":1,"v_px":1}',
+    '{"seq":1,"t":"place","image":true,"label":"A","u_px":1,"v_px":1}',
+    '{"seq":1,"t":"place","image":0,"label":"A","u_px":1,"v_px":1,"more":1}',
+    '{"seq":1,"t":"place","image":0,"label":"A;B","u_px":1,"v_px":1}',
+    '{"seq":1,"t":"place","image":0,"label":"a\\u0000b","u_px":1,"v_px":1}',
+    '{"seq":1,"t":"place","image":0,"label":"a\\u001b[31mb","u_px":1,"v_px":1}',
+    '{"seq":1,"t":"place","image":0,"label":"\\ud800","u_px":1,"v_px":1}',
+    '{"seq":1,"t":"place","image":0,"label":["A"],"u_px":1,"v_px":1}',
     '{"seq":1,"t":"undo"}{"seq":2,"t":"undo"}',
     "[" * 100_000,
     '{"a":' * 50_000,
@@ -264,10 +276,10 @@ def test_messages_that_are_none_are_refused(page, text):
 def test_labels_are_kept_as_text_whatever_they_look_like(page, server):
     names = ['<img src=x onerror="alert(1)">', "</script><b>&amp", '=cmd|"/c calc"!A0', "%s%n{0}"]
     for name in names:
-        assert page.do("place", image=0, label=name, u=3, v=4)["t"] == "changed"
+        assert page.do("place", image=0, label=name, u_px=3, v_px=4)["t"] == "changed"
     assert sorted(label for _, label in page.picks) == sorted(names)
     for name in ("x" * (LONGEST_NAME + 1), "a;b", ""):  # refused by its own number: nobody waits
-        assert page.do("place", image=0, label=name, u=3, v=4)["t"] == "refused"
+        assert page.do("place", image=0, label=name, u_px=3, v_px=4)["t"] == "refused"
     page.until("saved", fault="")
     from uavgram.io.picks import read_picks
 
@@ -302,12 +314,12 @@ def test_a_message_that_is_too_long_ends_its_own_page_only(server, cookie):
 def test_a_flood_is_slowed_down_while_another_page_goes_on(page, server, cookie):
     """Far more than people can make; a million takes the same road, only longer."""
     with Page(server, cookie) as loud:
-        flood = json.dumps({"seq": 1, "t": "place", "image": 9, "label": "A", "u": 1, "v": 1})
+        flood = json.dumps({"seq": 1, "t": "place", "image": 9, "label": "A", "u_px": 1, "v_px": 1})
         refused, began = 0, time.monotonic()
         for _ in range(1200):
             loud.socket.send(flood)
         for k in range(10):  # meanwhile
-            assert page.do("place", image=0, label="A", u=1 + k, v=2)["t"] == "changed"
+            assert page.do("place", image=0, label="A", u_px=1 + k, v_px=2)["t"] == "changed"
         for _ in range(10):
             page.do("undo")
         while refused < 1200:

@@ -43,18 +43,22 @@ def labels(said):
 def test_a_table_that_was_edited_outside_is_taken_on_request_and_loses_nothing(server, tmp_path):
     edited = PICKS + b"P2.jpg,Z,7,8,from a spreadsheet\r\n"
     with Page(server) as page, Page(server, page.cookie) as other:
-        assert page.hello["outside"] == []
+        assert page.initial_state["outside"] == []
         (tmp_path / "picks.csv").write_bytes(edited)
         assert page.until("outside")["files"] == ["picks.csv"]
-        page.do("place", image=1, label="ours", u=50, v=60)
+        page.do("place", image=1, label="ours", u_px=50, v_px=60)
         assert "picks-from-page.csv" in page.until("saved")["fault"]
         said = errand(page, "reload")
         assert said["t"] == "done"
-        hello = other.until("hello")  # every page begins anew
-        assert labels(hello) == {"A", "Z"}
-        assert (hello["undo"], hello["redo"], hello["outside"]) == (0, 0, [])
-        assert "pick-not-recovered" in {message["code"] for message in hello["messages"]}
-        page.do("place", image=0, label="after", u=5, v=6)
+        initial_state = other.until("initial-state")  # every page begins anew
+        assert labels(initial_state) == {"A", "Z"}
+        assert (initial_state["undo"], initial_state["redo"], initial_state["outside"]) == (
+            0,
+            0,
+            [],
+        )
+        assert "pick-not-recovered" in {message["code"] for message in initial_state["messages"]}
+        page.do("place", image=0, label="after", u_px=5, v_px=6)
         page.until("saved", fault="")
     kept = (tmp_path / "picks.csv").read_bytes()
     assert kept.startswith(edited)
@@ -64,16 +68,16 @@ def test_a_table_that_was_edited_outside_is_taken_on_request_and_loses_nothing(s
 
 def test_what_the_page_has_is_saved_before_the_project_is_read_again(server, project, tmp_path):
     with Page(server) as page, Page(server, page.cookie) as other:
-        page.do("place", image=1, label="B", u=50, v=60)
+        page.do("place", image=1, label="B", u_px=50, v_px=60)
         project.write_text(project.read_text() + "picks_sigma_px: 2.5\n", encoding="utf-8")
         assert errand(page, "reload")["t"] == "done"
-        codes = {message["code"] for message in other.until("hello")["messages"]}
+        codes = {message["code"] for message in other.until("initial-state")["messages"]}
         assert not codes & {"pick-recovered", "pick-not-recovered"}
-        page.do("place", image=0, label="C", u=5, v=6)
+        page.do("place", image=0, label="C", u_px=5, v_px=6)
         page.until("saved", fault="")
     with Page(server, page.cookie) as page:
-        assert page.hello["sigma"] == 2.5
-        assert labels(page.hello) == {"A", "B", "C"}
+        assert page.initial_state["pick_sigma_px"] == 2.5
+        assert labels(page.initial_state) == {"A", "B", "C"}
     assert b"P2.jpg,B,50" in (tmp_path / "picks.csv").read_bytes()
 
 
@@ -85,7 +89,7 @@ def test_a_project_that_cannot_be_read_any_more_leaves_the_page_as_it_was(server
         said = errand(page, "reload")
         assert said["t"] == "refused"
         assert "imagse" in said["why"]
-        assert page.do("place", image=1, label="B", u=50, v=60)["t"] == "changed"
+        assert page.do("place", image=1, label="B", u_px=50, v_px=60)["t"] == "changed"
         page.until("saved", fault="")
         project.write_text(sound, encoding="utf-8")
         assert page.until("outside")["files"] == []
@@ -107,7 +111,7 @@ def test_outputs_are_handed_out_by_name_and_a_report_can_do_nothing(server, tmp_
         table = browser.get("/output/measurements.csv")
         assert table.headers["content-disposition"] == 'attachment; filename="measurements.csv"'
         with Page(server, headers["Cookie"]) as page:
-            outputs = page.hello["outputs"]
+            outputs = page.initial_state["outputs"]
         assert [file["name"] for file in outputs["files"]] == ["report.html", "measurements.csv"]
         assert not outputs["recording"]
 
@@ -156,11 +160,11 @@ def test_a_camera_is_calibrated_on_a_folder_beside_and_taken_into_the_project(
     with Page(server) as page:
         assert errand(page, "use-camera")["why"] == "no camera file was made yet"
         folders = {one["name"]: one for one in errand(page, "folders")["folders"]}
-        assert (folders["board"]["photos"], folders["board"]["width"]) == (6, 640)
+        assert (folders["board"]["photos"], folders["board"]["width_px"]) == (6, 640)
         number = folders["board"]["id"]
         asked = {"folder": number, "board": "chessboard:9x6:25mm", "model": "brown"}
         assert errand(page, "calibrate", **asked)["t"] == "done"
-        assert page.do("place", image=0, label="meanwhile", u=5, v=6)["t"] == "changed"
+        assert page.do("place", image=0, label="meanwhile", u_px=5, v_px=6)["t"] == "changed"
         assert "already" in errand(page, "calibrate", **asked)["why"]
         said = until_calibrated(page)
         assert said["state"] == "done", said
@@ -171,10 +175,10 @@ def test_a_camera_is_calibrated_on_a_folder_beside_and_taken_into_the_project(
     changed = before.replace("camera: camera.yaml", "camera: calibration/camera.yaml")
     assert project.read_text(encoding="utf-8") == changed
     with Page(server, page.cookie) as page:
-        focal = float(page.hello["camera"]["parameters"][0][1].split()[0])
+        focal = float(page.initial_state["camera"]["parameters"][0][1].split()[0])
         assert focal == pytest.approx(534, abs=8)  # OpenCV's own result for these photos
-        assert any("board" in line for line in page.hello["camera"]["source"])
-        assert labels(page.hello) == {"A", "meanwhile"}
+        assert any("board" in line for line in page.initial_state["camera"]["source"])
+        assert labels(page.initial_state) == {"A", "meanwhile"}
 
 
 @pytest.mark.usefixtures("board")

@@ -18,33 +18,41 @@ NUMBERS = (
     *(-1e11, -1e10, -1.0, -1e-9, 0.0, 5e-324, 1e-9, 9.9e-7, 1e-6, 0.5, 1e4, 1.1e4),
     *(1e6, 1.1e6, 1e7, 1.1e7, 1e10, 1.1e10, 1e16, 1e300),
 )
-PLACE = {"t": "place", "image": 0, "label": "A", "u": 5, "v": 6}
-LINE = {"t": "line", "was": "", "name": "L", "start": "A", "end": "B", "length": 2, "sigma": 0.1}
+PLACE = {"t": "place", "image": 0, "label": "A", "u_px": 5, "v_px": 6}
+LINE = {
+    "t": "line",
+    "was": "",
+    "name": "L",
+    "start": "A",
+    "end": "B",
+    "length_m": 2,
+    "sigma_m": 0.1,
+}
 SKID = {"t": "measure", "was": "", "name": "S", "kind": "skid_speed", "points": ["A", "B"]}
 
 FIELDS = {
     "sigma of a pick": (
-        lambda x: PLACE | {"sigma": x},
+        lambda x: PLACE | {"sigma_px": x},
         read_picks,
         "image,label,u_px,v_px,sigma_px\nP1.jpg,A,5,6,{}\n",
     ),
     "its sigma, later": (
-        lambda x: {"t": "sigma", "image": 0, "label": "A", "sigma": x},
+        lambda x: {"t": "sigma", "image": 0, "label": "A", "sigma_px": x},
         read_picks,
         "image,label,u_px,v_px,sigma_px\nP1.jpg,A,5,6,{}\n",
     ),
     "height": (
-        lambda x: {"t": "height", "label": "A", "height": x},
+        lambda x: {"t": "height", "label": "A", "height_m": x},
         read_picks,
         "image,label,u_px,v_px,height_m\nP1.jpg,A,5,6,{}\n",
     ),
     "length": (
-        lambda x: LINE | {"length": x},
+        lambda x: LINE | {"length_m": x},
         read_lines,
         "name,from,to,length_m,sigma_m\nL,A,B,{},0.1\n",
     ),
     "sigma of a length": (
-        lambda x: LINE | {"sigma": x},
+        lambda x: LINE | {"sigma_m": x},
         read_lines,
         "name,from,to,length_m,sigma_m\nL,A,B,2,{}\n",
     ),

@@ -54,7 +54,7 @@ def test_who_is_in_stays_and_who_comes_later_gets_in(server, monkeypatch):
         monkeypatch.setattr(patience, "HEADERS_S", 60.0)
         silent = calls(server, patience.MOST_SILENT * 2, b"GET /")
         time.sleep(0.5)
-        assert page.do("place", image=0, label="A", u=1, v=2)["t"] == "changed"
+        assert page.do("place", image=0, label="A", u_px=1, v_px=2)["t"] == "changed"
         assert ask(server.origin, headers={"Cookie": cookie}).status_code == 200
         still = [one for one in silent if not is_closed(one)]
         assert len(still) <= patience.MOST_SILENT

@@ -31,7 +31,7 @@ def test_only_what_is_asked_for_has_a_place_and_it_is_the_results(surveyed):
     _, adjusted, index = surveyed
     points = adjusted.result.points
     k = points.label.index("R1")
-    found = adjusted_json(adjusted, index)["earth"]
+    found = adjusted_json(adjusted, index)["earth_deg"]
     assert set(found) == {"R1"}
     assert found["R1"] == pytest.approx([points.latitude_deg[k], points.longitude_deg[k]], abs=1e-9)
 
@@ -46,7 +46,7 @@ def test_the_place_follows_a_pick_that_moves(surveyed):
     k = adjusted.adjustment.survey.label.index("R1")
     moved_m = (quick.world_m - adjusted.result.points.position_world_m)[k, :2]
     (lat0, lon0), (lat1, lon1) = (
-        said["earth"]["R1"]
+        said["earth_deg"]["R1"]
         for said in (adjusted_json(adjusted, index), linearised_json(quick, index))
     )
     azimuth, _, distance = Geod(ellps="WGS84").inv(lon0, lat0, lon1, lat1)

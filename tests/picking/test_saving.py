@@ -122,8 +122,8 @@ def test_undo_to_the_start_leaves_the_files_byte_for_byte_as_they_were(project, 
 def test_files_that_were_not_there_are_gone_again_after_undo(tmp_path):
     project = small_project(tmp_path)
     with running(project) as server, Page(server) as page:
-        page.do("place", image=0, label="A", u=1, v=2)
-        page.do("line", was="", name="L", start="A", end="B", length=2, sigma=0.01)
+        page.do("place", image=0, label="A", u_px=1, v_px=2)
+        page.do("line", was="", name="L", start="A", end="B", length_m=2, sigma_m=0.01)
         page.until("saved", fault="")
         assert sorted(files(tmp_path)) == ["lines.csv", "picks.csv"]
         page.do("undo")
@@ -135,11 +135,11 @@ def test_a_table_edited_outside_meanwhile_is_not_written_over(project, tmp_path)
     edited = PICKS + b"\r\n,Z,from a spreadsheet,P2.jpg,7,8"
     with running(project) as server:
         with Page(server) as page:
-            page.do("place", image=0, label="A", u=11, v=20.5)
+            page.do("place", image=0, label="A", u_px=11, v_px=20.5)
             page.until("saved", fault="")
             ours = (tmp_path / "picks.csv").read_bytes()
             (tmp_path / "picks.csv").write_bytes(edited)
-            page.do("place", image=1, label="A", u=52, v=60)
+            page.do("place", image=1, label="A", u_px=52, v_px=60)
             said = page.until("saved")
             assert "picks.csv" in said["fault"]
             assert "picks-from-page.csv" in said["fault"]
@@ -148,8 +148,8 @@ def test_a_table_edited_outside_meanwhile_is_not_written_over(project, tmp_path)
     beside = (tmp_path / "picks-from-page.csv").read_bytes()
     assert beside == ours.replace(b"P2.jpg,60.000,50", b"P2.jpg,60.000,52.0")
     with running(project) as server, Page(server) as page:
-        assert {pick["label"] for pick in page.hello["state"]["picks"]} == {"A", "B", "Z"}
-        codes = [message["code"] for message in page.hello["messages"]]
+        assert {pick["label"] for pick in page.initial_state["state"]["picks"]} == {"A", "B", "Z"}
+        codes = [message["code"] for message in page.initial_state["messages"]]
         assert "pick-not-recovered" in codes
     asides = list((tmp_path / "out").glob("pick-journal-*.jsonl"))
     assert len(asides) == 1
@@ -158,12 +158,12 @@ def test_a_table_edited_outside_meanwhile_is_not_written_over(project, tmp_path)
 
 def test_a_table_edited_between_two_sessions_is_simply_read(project, tmp_path):
     with running(project) as server, Page(server) as page:
-        page.do("place", image=0, label="A", u=11, v=20.5)
+        page.do("place", image=0, label="A", u_px=11, v_px=20.5)
     more = (tmp_path / "picks.csv").read_bytes() + b"\r\n,Z,,P2.jpg,7,8"
     (tmp_path / "picks.csv").write_bytes(more)
     with running(project) as server, Page(server) as page:
-        assert not page.hello["recovered"]
-        assert {pick["label"] for pick in page.hello["state"]["picks"]} == {"A", "B", "Z"}
+        assert not page.initial_state["recovered"]
+        assert {pick["label"] for pick in page.initial_state["state"]["picks"]} == {"A", "B", "Z"}
     assert (tmp_path / "picks.csv").read_bytes() == more
 
 
@@ -387,7 +387,7 @@ def test_ctrl_c_ends_the_command_with_everything_saved(tmp_path):
         server = Server.__new__(Server)
         server.address, server.pid = address, process.pid
         with Page(server) as page:
-            page.do("place", image=0, label="A", u=1.5, v=2.5)
+            page.do("place", image=0, label="A", u_px=1.5, v_px=2.5)
             process.send_signal(2)
             rest, _ = process.communicate(timeout=60)
     finally:

@@ -28,40 +28,40 @@ def project(tmp_path):
     (tmp_path / "picks.csv").write_bytes(PICKS)
     server = Server(path, save_after_s=60)
     with Page(server) as page:
-        page.do("place", image=0, label="A", u=11, v=21)
-        page.do("place", image=1, label="C", u=50, v=60)
-        page.do("height", label="C", height=0.5)
+        page.do("place", image=0, label="A", u_px=11, v_px=21)
+        page.do("place", image=1, label="C", u_px=50, v_px=60)
+        page.do("height", label="C", height_m=0.5)
         page.do("unpick", image=0, label="B")
-        page.do("line", was="", name="L", start="A", end="C", length=2, sigma=0.1)
+        page.do("line", was="", name="L", start="A", end="C", length_m=2, sigma_m=0.1)
         page.do("measure", was="", name="D", kind="distance", points=["A", "C"])
     server.kill()
     (tmp_path / "picks.csv").write_bytes(PICKS + b"P2.jpg,Z,7,8\n")
     return path
 
 
-def place_of(hello, label):
-    pick = next(pick for pick in hello["state"]["picks"] if pick["label"] == label)
-    return pick["u"], pick["v"], pick["height"]
+def place_of(begun, label):
+    pick = next(pick for pick in begun["state"]["picks"] if pick["label"] == label)
+    return pick["u_px"], pick["v_px"], pick["height_m"]
 
 
 def test_it_is_taken_over_in_one_step_beside_what_the_other_did(project, tmp_path):
     with running(project) as server, Page(server) as page, Page(server, page.cookie) as other:
-        assert page.hello["aside"] == 6
-        assert labels(page.hello) == {"A", "B", "Z"}
+        assert page.initial_state["aside"] == 6
+        assert labels(page.initial_state) == {"A", "B", "Z"}
         assert errand(page, "take-aside")["refused"] == 0
-        hello = other.until("hello")
-        assert labels(hello) == {"A", "C", "Z"}
-        assert place_of(hello, "A") == (11, 21, None)
-        assert place_of(hello, "C") == (50, 60, 0.5)
-        assert [line["name"] for line in hello["state"]["lines"]] == ["L"]
-        assert hello["state"]["measurements"][0]["points"] == ["A", "C"]
-        assert (hello["undo"], hello["aside"]) == (1, None)
+        begun = other.until("initial-state")
+        assert labels(begun) == {"A", "C", "Z"}
+        assert place_of(begun, "A") == (11, 21, None)
+        assert place_of(begun, "C") == (50, 60, 0.5)
+        assert [line["name"] for line in begun["state"]["lines"]] == ["L"]
+        assert begun["state"]["measurements"][0]["points"] == ["A", "C"]
+        assert (begun["undo"], begun["aside"]) == (1, None)
         assert b"P2.jpg,C,50" in (tmp_path / "picks.csv").read_bytes()
         assert "set aside" in errand(page, "take-aside")["why"]
         with Page(server, page.cookie) as third:
             third.do("undo")
         with Page(server, page.cookie) as third:
-            assert labels(third.hello) == {"A", "B", "Z"}
+            assert labels(third.initial_state) == {"A", "B", "Z"}
     (kept,) = (tmp_path / "out").glob("pick-journal-*")
     assert kept.name.endswith(".jsonl.taken")
 
@@ -69,9 +69,9 @@ def test_it_is_taken_over_in_one_step_beside_what_the_other_did(project, tmp_pat
 def test_it_is_discarded_and_kept_and_not_offered_again(project, tmp_path):
     with running(project) as server, Page(server) as page:
         assert errand(page, "discard-aside")["t"] == "done"
-        assert labels(page.hello) == {"A", "B", "Z"}
+        assert labels(page.initial_state) == {"A", "B", "Z"}
     with running(project) as server, Page(server) as page:
-        assert page.hello["aside"] is None
+        assert page.initial_state["aside"] is None
     (kept,) = (tmp_path / "out").glob("pick-journal-*")
     assert kept.name.endswith(".jsonl.discarded")
 
@@ -88,11 +88,11 @@ def test_what_is_no_change_of_the_page_is_not_taken(project, tmp_path):
         {**place, "label": "a;b", "sigma_px": 1.0},
     ]
     with running(project) as server, Page(server) as page:
-        assert page.hello["aside"] == 6
+        assert page.initial_state["aside"] == 6
         errand(page, "discard-aside")
     text = "".join(json.dumps(entry) + "\n" for entry in entries)
     (tmp_path / "out" / "pick-journal-1.jsonl").write_text(text)
     with running(project) as server, Page(server) as page:
         assert errand(page, "take-aside")["refused"] == 4
         with Page(server, page.cookie) as other:
-            assert labels(other.hello) == {"A", "B", "Z", "Q"}
+            assert labels(other.initial_state) == {"A", "B", "Z", "Q"}

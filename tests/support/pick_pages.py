@@ -170,12 +170,12 @@ class Page:
                 proxy=None,
             )
         )
-        self.hello = self.until("hello")
+        self.initial_state = self.until("initial-state")
         self.picks: dict[tuple[int, str], dict] = {
-            (pick["image"], pick["label"]): pick for pick in self.hello["state"]["picks"]
+            (pick["image"], pick["label"]): pick for pick in self.initial_state["state"]["picks"]
         }
-        self.lines = self.hello["state"]["lines"]
-        self.measurements = self.hello["state"]["measurements"]
+        self.lines = self.initial_state["state"]["lines"]
+        self.measurements = self.initial_state["state"]["measurements"]
         self.seq = 0
 
     def close(self) -> None:

@@ -40,12 +40,12 @@ def photos_json(survey: LiveSurvey, sizes: tuple[PhotoSize, ...]) -> list[Json]:
         {
             "name": photo.name,
             "digest": digests[k].sha256[:16],
-            "width": photo.width_px,
-            "height": photo.height_px,
+            "width_px": photo.width_px,
+            "height_px": photo.height_px,
             "levels": level_count(photo.width_px, photo.height_px),
             "matched": bool(frames is not None and frames.matched[k]),
             "reason": "" if frames is None else frames.reason[k],
-            "time": None if frames is None else number(frames.time_utc_s[k]),
+            "time_utc_s": None if frames is None else number(frames.time_utc_s[k]),
             "seed": seeds.get(photo.name),
             "event": pairs.get(photo.name),
         }
@@ -61,9 +61,9 @@ def _seeds(posed: Posed | None) -> dict[str, Json]:
     sigma = np.sqrt(np.einsum("nii->ni", poses.covariance))
     return {
         name: {
-            "up": number(poses.center_world_m[k, 2], 2),
-            "sigma": numbers(sigma[k, :3], 3),
-            "turn": number(np.degrees(np.linalg.norm(sigma[k, 3:])), 2),
+            "up_m": number(poses.center_world_m[k, 2], 2),
+            "sigma_m": numbers(sigma[k, :3], 3),
+            "turn_sigma_deg": number(np.degrees(np.linalg.norm(sigma[k, 3:])), 2),
         }
         for k, name in enumerate(poses.frame_id)
     }
@@ -77,7 +77,7 @@ def _pairs(posed: Posed | None) -> dict[str, Json]:
     return {
         name: {
             "status": pairing.status[k],
-            "residual": number(pairing.residual_s[k], 4),
+            "residual_s": number(pairing.residual_s[k], 4),
             "why": pairing.reason[k],
         }
         for k, name in enumerate(pairing.frame_id)
@@ -91,8 +91,8 @@ def clock_json(survey: LiveSurvey) -> Json | None:
         return None
     unused = () if posed.pairing is None else posed.pairing.unused_reason
     return {
-        "offset": number(posed.frames.clock_offset_s),
-        "sigma": number(posed.frames.clock_offset_sigma_s),
+        "offset_s": number(posed.frames.clock_offset_s),
+        "sigma_s": number(posed.frames.clock_offset_sigma_s),
         "log": Path(survey.inputs.log.path).name,
         "events": 0 if posed.pairing is None else len(posed.pairing.event_index) + len(unused),
         "unused": list(unused),
@@ -108,8 +108,8 @@ def camera_json(survey: LiveSurvey) -> Json:
     return {
         "name": calibration.name,
         "model": calibration.model,
-        "width": calibration.width_px,
-        "height": calibration.height_px,
+        "width_px": calibration.width_px,
+        "height_px": calibration.height_px,
         "parameters": [list(row) for row in cells],
         "facts": fact_lines(facts, None),
         "source": _source(inputs),

@@ -63,10 +63,10 @@ def _pick(pick: Pick, index: Mapping[str, int]) -> Json:
     return {
         "image": index[pick.image],
         "label": pick.label,
-        "u": pick.u_px,
-        "v": pick.v_px,
-        "sigma": pick.sigma_px,
-        "height": pick.height_m,
+        "u_px": pick.u_px,
+        "v_px": pick.v_px,
+        "sigma_px": pick.sigma_px,
+        "height_m": pick.height_m,
         "area": pick.area,
     }
 
@@ -76,8 +76,8 @@ def _line(line: Line) -> Json:
         "name": line.name,
         "start": line.start,
         "end": line.end,
-        "length": line.length_m,
-        "sigma": line.sigma_m,
+        "length_m": line.length_m,
+        "sigma_m": line.sigma_m,
         "adjust": line.adjust,
     }
 
@@ -93,13 +93,12 @@ def _request(request: MeasurementRequest) -> Json:
 
 def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
     """A full adjustment."""
-    result, survey = adjusted.result, adjusted.adjustment.survey
-    solution = result.solution
+    result = adjusted.result
     return {
         "mode": "adjusted",
         "seconds": number(adjusted.seconds, 3),
         "points": _points(adjusted),
-        "earth": places_on_earth(adjusted, result.points.label, result.points.position_world_m),
+        "earth_deg": places_on_earth(adjusted, result.points.label, result.points.position_world_m),
         "picks": _picks(adjusted, index),
         "predicted": _predicted(adjusted, index),
         "lines": _lines(adjusted),
@@ -107,12 +106,6 @@ def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
         "checks": _checks(adjusted),
         "frames": _frames(result, index),
         "clock": _clock(result),
-        "solution": {
-            "freedom": solution.degrees_of_freedom,
-            "factor": number(solution.variance_factor),
-            "probability": number(solution.chi2_probability),
-            "gauge": survey.gauge,
-        },
         "advice": _advice(adjusted),
         "messages": messages_json(result.messages),
     }
@@ -130,16 +123,13 @@ def linearised_json(quick: Linearised, index: Mapping[str, int]) -> Json:
     picks = zip(survey.pick_frame, survey.pick_label, quick.residual_px, strict=True)
     return {
         "mode": "linearised",
-        "picks": [
+        "residuals_px": [
             [index[survey.frame_id[f]], survey.label[k], *numbers(residual, _PIXEL_DIGITS)]
             for f, k, residual in picks
         ],
-        "lines": dict(zip(base.lines.name, numbers(quick.length_m), strict=True)),
-        "measurements": dict(zip(base.measurements.name, numbers(quick.value), strict=True)),
-        "points": {
-            label: numbers(world) for label, world in zip(survey.label, quick.world_m, strict=True)
-        },
-        "earth": places_on_earth(quick.base, survey.label, quick.world_m),
+        "lengths_m": dict(zip(base.lines.name, numbers(quick.length_m), strict=True)),
+        "values": dict(zip(base.measurements.name, numbers(quick.value), strict=True)),
+        "earth_deg": places_on_earth(quick.base, survey.label, quick.world_m),
     }
 
 
@@ -151,15 +141,7 @@ def unadjusted_json(why: str, messages: Iterable[Message]) -> Json:
 def _points(adjusted: Adjusted) -> Json:
     points = adjusted.result.points
     sigma = np.sqrt(np.einsum("kii->ki", points.relative.covariance_m2))
-    return {
-        label: {
-            "world": numbers(points.position_world_m[k]),
-            "sigma": numbers(sigma[k]),
-            "ellipse": [*numbers(points.relative.ellipse_95_m[k])],
-            "photos": len(points.frames[k]),
-        }
-        for k, label in enumerate(points.label)
-    }
+    return {label: {"sigma_m": numbers(sigma[k])} for k, label in enumerate(points.label)}
 
 
 def _picks(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
@@ -174,9 +156,8 @@ def _picks(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
         {
             "image": index[image],
             "label": label,
-            "residual": numbers(picks.residual_px[i], _PIXEL_DIGITS),
+            "residual_px": numbers(picks.residual_px[i], _PIXEL_DIGITS),
             "w": number(picks.w[i], 3),
-            "redundancy": number(picks.redundancy[i], 3),
             "status": picks.status[i],
             "spread": spread.get((image, label)),
         }
@@ -190,7 +171,7 @@ def _predicted(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
         {
             "image": index[frame],
             "label": label[predicted.label[i]],
-            "at": numbers(predicted.pixel_px[i], 3),
+            "pixel_px": numbers(predicted.pixel_px[i], 3),
             "spread": _ellipse(predicted.covariance_px2[i]),
         }
         for i, frame in enumerate(predicted.frame_id)
@@ -205,8 +186,8 @@ def _frames(result: Result, index: Mapping[str, int]) -> Json:
     return {
         str(index[name]): {
             "status": frames.status[k],
-            "sigma": numbers(sigma[k, :3], 3),
-            "moved": number(moved[k], 3),
+            "sigma_m": numbers(sigma[k, :3], 3),
+            "moved_m": number(moved[k], 3),
         }
         for k, name in enumerate(frames.frame_id)
     }
@@ -217,7 +198,7 @@ def _clock(result: Result) -> Json | None:
     offset = result.shared.clock_offset_s
     if offset is None:
         return None
-    return {"offset": number(offset.value[0]), "sigma": number(offset.sigma[0])}
+    return {"offset_s": number(offset.value[0]), "sigma_s": number(offset.sigma[0])}
 
 
 def expected_json(places: KnownPlaces, index: Mapping[str, int]) -> list[Json]:
@@ -226,28 +207,32 @@ def expected_json(places: KnownPlaces, index: Mapping[str, int]) -> list[Json]:
         {
             "image": index[frame],
             "label": places.label[i],
-            "at": numbers(places.pixel_px[i], 3),
+            "pixel_px": numbers(places.pixel_px[i], 3),
             "spread": _ellipse(places.covariance_px2[i]),
         }
         for i, frame in enumerate(places.frame_id)
     ]
 
 
-def _ellipse(covariance_px2: Floats) -> list[float | None]:
+def _ellipse(covariance_px2: Floats) -> Json:
     """One-sigma half-axes [px], and the direction of the major one from u towards v [deg]."""
     value, vector = np.linalg.eigh(covariance_px2)
     minor, major = np.sqrt(np.maximum(value, 0.0))
-    return numbers([major, minor, math.degrees(math.atan2(vector[1, 1], vector[0, 1]))], 3)
+    turn_deg = math.degrees(math.atan2(vector[1, 1], vector[0, 1]))
+    return {
+        "major_px": number(major, 3),
+        "minor_px": number(minor, 3),
+        "turn_deg": number(turn_deg, 3),
+    }
 
 
 def _lines(adjusted: Adjusted) -> Json:
     lines = adjusted.result.lines
     return {
         name: {
-            "adjusted": number(lines.adjusted_m[i]),
-            "sigma": number(lines.adjusted_sigma_m[i]),
+            "adjusted_m": number(lines.adjusted_m[i]),
+            "sigma_m": number(lines.adjusted_sigma_m[i]),
             "w": number(lines.w[i], 3),
-            "mdb": number(lines.mdb_m[i], 4),
             "status": lines.status[i],
         }
         for i, name in enumerate(lines.name)
@@ -260,7 +245,6 @@ def _measurements(adjusted: Adjusted) -> Json:
         name: {
             "value": number(found.value[i]),
             "sigma": number(found.sigma[i]),
-            "interval": numbers(found.interval_95[i]),
             "unit": found.unit[i],
             "alternatives": numbers(found.alternative_values[i]),
         }
@@ -273,8 +257,8 @@ def _checks(adjusted: Adjusted) -> list[Json]:
     return [
         {
             "label": label,
-            "error": numbers(points.error_m[i]),
-            "sigma": numbers(points.sigma_m[i]),
+            "error_m": numbers(points.error_m[i]),
+            "sigma_m": numbers(points.sigma_m[i]),
         }
         for i, label in enumerate(points.label)
     ]
@@ -287,7 +271,7 @@ def _advice(adjusted: Adjusted) -> Json | None:
     return {
         "start": label[advice.start],
         "end": label[advice.end],
-        "length": number(advice.length_m, 2),
-        "now": number(advice.relative_sigma),
-        "after": number(advice.relative_sigma_after),
+        "length_m": number(advice.length_m, 2),
+        "relative_sigma": number(advice.relative_sigma),
+        "relative_sigma_after": number(advice.relative_sigma_after),
     }

@@ -37,25 +37,25 @@ class Bench:
     ----------
     project
         The project file.
-    tell
+    broadcast
         Called with what every page should know, from any thread.
 
     Attributes
     ----------
-    said
+    last_message
         What was told last; empty before the first calibration.
     made
         The camera file that the last calibration wrote; None where there is none.
     """
 
-    def __init__(self, project: Path, tell: Callable[[Json], None]) -> None:
+    def __init__(self, project: Path, broadcast: Callable[[Json], None]) -> None:
         self._project = project
-        self._tell = tell
+        self._broadcast = broadcast
         self._listed: dict[Path, int] = {}
         self._folders: dict[int, PhotoFolder] = {}
         self._thread: threading.Thread | None = None
         self._stopped = threading.Event()
-        self.said: Json = {}
+        self.last_message: Json = {}
         self.made: Path | None = None
 
     @property
@@ -66,7 +66,7 @@ class Bench:
     @property
     def is_busy(self) -> bool:
         """Whether a calibration is running; not any more once its end is told."""
-        return self.said.get("state") == "running"
+        return self.last_message.get("state") == "running"
 
     def folders(self) -> list[Json]:
         """Folders near the project that hold photos; each keeps its number."""
@@ -79,8 +79,8 @@ class Bench:
                 "id": self._listed[folder.path],
                 "name": _short(folder.path, beside),
                 "photos": len(folder.files),
-                "width": folder.size_px[0],
-                "height": folder.size_px[1],
+                "width_px": folder.size_px[0],
+                "height_px": folder.size_px[1],
             }
             for folder in found
         ]
@@ -136,8 +136,8 @@ class Bench:
             yield item
 
     def _say(self, **what: object) -> None:
-        self.said = {"t": "calibration", **what}
-        self._tell(self.said)
+        self.last_message = {"t": "calibration", **what}
+        self._broadcast(self.last_message)
 
 
 def _result(done: Calibrated, beside: Path) -> Json:
@@ -150,8 +150,8 @@ def _result(done: Calibrated, beside: Path) -> Json:
         "counts": verdict.counts,
         "facts": [list(fact) for fact in calibration_facts(done.account)],
         "file": _short(done.folder / CAMERA, beside),
-        "width": camera.width_px,
-        "height": camera.height_px,
+        "width_px": camera.width_px,
+        "height_px": camera.height_px,
     }
 
 

@@ -48,14 +48,14 @@ class Desk:
         The project.
     saver
         Keeps what is confirmed.
-    tell
+    broadcast
         Called with what every page should know, from any thread.
     """
 
-    def __init__(self, survey: LiveSurvey, saver: Saver, tell: Callable[[Json], None]) -> None:
+    def __init__(self, survey: LiveSurvey, saver: Saver, broadcast: Callable[[Json], None]) -> None:
         self.survey = survey
         self._saver = saver
-        self._tell = tell
+        self._broadcast = broadcast
         inputs = survey.inputs
         photos = inputs.photos
         self.photos = tuple(
@@ -72,7 +72,7 @@ class Desk:
             self.session = Session(state=self.recovered, past=(files,))
         self.version = 0
         self.fault = ""
-        self._said: Json = {}
+        self._last_message: Json = {}
         self._tiled = TiledPhotos(
             [
                 PhotoFile(path, photo.width_px, photo.height_px)
@@ -117,15 +117,14 @@ class Desk:
         """Names of tables that another program changed meanwhile."""
         return self._saver.changed_outside()
 
-    def hello(self) -> Json:
+    def initial_state(self) -> Json:
         """Everything a page needs to begin."""
         inputs, posed = self.survey.inputs, self.survey.posed
         return {
-            "t": "hello",
+            "t": "initial-state",
             "project": inputs.project.name,
-            "tile": TILE_PX,
-            "sigma": inputs.project.picks_sigma_px,
-            "significance": inputs.project.solve.significance,
+            "tile_px": TILE_PX,
+            "pick_sigma_px": inputs.project.picks_sigma_px,
             "photos": photos_json(self.survey, self.photos),
             "camera": camera_json(self.survey),
             "clock": clock_json(self.survey),
@@ -137,7 +136,7 @@ class Desk:
             ),
             "state": state_json(self.state, self.index),
             **self._standing(),
-            "live": self._said or None,
+            "live": self._last_message or None,
         }
 
     def answer(self, message: Message) -> Json:
@@ -219,7 +218,7 @@ class Desk:
         if fault:
             log.warning("not saved: %s", fault)
         self.fault = fault
-        self._tell({"t": "saved", "version": self.version, "fault": fault})
+        self._broadcast({"t": "saved", "version": self.version, "fault": fault})
 
     def tile(self, photo: int, level: int, column: int, row: int) -> bytes | None:
         """JPEG of a tile; None where there is none."""
@@ -247,6 +246,5 @@ class Desk:
         answer = {"t": "live", "for": version, **said}
         if said["mode"] != "linearised":
             answer["expected"] = self._expected()
-        if said["mode"] != "linearised":
-            self._said = answer
-        self._tell(answer)
+            self._last_message = answer
+        self._broadcast(answer)

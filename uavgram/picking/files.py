@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from anyio import to_thread
@@ -38,7 +39,7 @@ def file_routes(project: OpenProject) -> list[Route]:
     files = Files(project)
     return [
         Route("/", files.index),
-        Route("/page/{name}", files.page),
+        Route("/page/{name:path}", files.page),
         Route("/photo/{photo:int}/{level:int}/{column:int}/{row:int}.jpg", files.tile),
         Route("/photo/{photo:int}/thumbnail.jpg", files.thumbnail),
         Route("/output/{name}", files.output),
@@ -58,8 +59,7 @@ class Files:
 
     def __init__(self, project: OpenProject) -> None:
         self._project = project
-        folder = resources.files("uavgram.picking") / "page"
-        self._page = {file.name: file.read_bytes() for file in folder.iterdir() if file.is_file()}
+        self._page = dict(_page_files(resources.files("uavgram.picking") / "page"))
 
     async def index(self, _: Request) -> Response:
         """The page itself."""
@@ -68,7 +68,7 @@ class Files:
     async def page(self, request: Request) -> Response:
         """A file of the page."""
         name = request.path_params["name"]
-        if name not in self._page or Path(name).suffix not in _TYPES:
+        if name not in self._page:
             return Response(status_code=404)
         kind = _TYPES[Path(name).suffix]
         return Response(self._page[name], media_type=kind, headers={"cache-control": "no-cache"})
@@ -124,3 +124,13 @@ class Files:
             return PlainTextResponse("There is no calibration yet.", 404)
         content = await to_thread.run_sync(report.read_bytes)
         return Response(content, media_type=_TYPES[".html"], headers=DOCUMENT_HEADERS)
+
+
+def _page_files(folder: Traversable, above: str = "") -> Iterator[tuple[str, bytes]]:
+    """Files that the page consists of, by their paths in its folder; no others are served."""
+    for one in folder.iterdir():
+        name = f"{above}{one.name}"
+        if one.is_dir():
+            yield from _page_files(one, f"{name}/")
+        elif Path(name).suffix in _TYPES:
+            yield name, one.read_bytes()

@@ -7,6 +7,7 @@ are one step for the user (a drag, a run of nudges). Photos are numbers, never n
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -29,6 +30,8 @@ from uavgram.picking import commands as c
 LONGEST_MESSAGE = 1_000_000
 MOST_POINTS = 256
 LARGEST_INTEGER = 2**53
+
+_UNIT = re.compile(r"_(px|m)$")  # of a field; people know the field without it
 
 _TARGETS: tuple[c.Target, ...] = ("corner", "circle")
 
@@ -131,7 +134,7 @@ class _Fields:
 
     def _take(self, name: str) -> Any:  # noqa: ANN401  (JSON: anything)
         if name not in self._data:
-            _refuse(f"{name} is missing")
+            _refuse(f"{_UNIT.sub('', name)} is missing")
         return self._data.pop(name)
 
     def nothing_else(self) -> None:
@@ -182,15 +185,15 @@ class _Fields:
         """A number that a table may hold: the readers of the tables know what is wrong with one."""
         value = self._take(name)
         if not isinstance(value, int | float) or isinstance(value, bool):
-            _refuse(f"{name} must be a number")
+            _refuse(f"{_UNIT.sub('', name)} must be a number")
         if fault := number_fault(value) or fault_of(value):  # a whole number may have any size
-            _refuse(f"{name} {fault}")
+            _refuse(f"{_UNIT.sub('', name)} {fault}")
         return float(value)
 
     def between(self, name: str, least: float, most: float) -> float:
         value = self.number(name)
         if not least <= value <= most:
-            _refuse(f"{name} must lie between {least:g} and {most:g}")
+            _refuse(f"{_UNIT.sub('', name)} must lie between {least:g} and {most:g}")
         return value
 
     def optional(self, name: str, read: Callable[[], float]) -> float | None:
@@ -206,8 +209,8 @@ class _Fields:
         return self._photos[index]
 
     def pixel(self, photo: PhotoSize) -> tuple[float, float]:
-        u = self.between("u", -0.5, photo.width_px - 0.5)
-        return u, self.between("v", -0.5, photo.height_px - 0.5)
+        u = self.between("u_px", -0.5, photo.width_px - 0.5)
+        return u, self.between("v_px", -0.5, photo.height_px - 0.5)
 
     def labels(self, name: str) -> tuple[str, ...]:
         values = self._take(name)
@@ -229,17 +232,17 @@ class _Fields:
 def _place(fields: _Fields) -> c.Place:
     photo = fields.photo()
     u, v = fields.pixel(photo)
-    sigma = fields.optional("sigma", lambda: fields.number("sigma", sigma_fault))
+    sigma = fields.optional("sigma_px", lambda: fields.number("sigma_px", sigma_fault))
     return c.Place(image=photo.name, label=fields.label(), u_px=u, v_px=v, sigma_px=sigma)
 
 
 def _set_sigma(fields: _Fields) -> c.SetSigma:
-    sigma = fields.optional("sigma", lambda: fields.number("sigma", sigma_fault))
+    sigma = fields.optional("sigma_px", lambda: fields.number("sigma_px", sigma_fault))
     return c.SetSigma(image=fields.photo().name, label=fields.label(), sigma_px=sigma)
 
 
 def _set_height(fields: _Fields) -> c.SetHeight:
-    height = fields.optional("height", lambda: fields.number("height"))
+    height = fields.optional("height_m", lambda: fields.number("height_m"))
     return c.SetHeight(label=fields.label(), height_m=height)
 
 
@@ -249,8 +252,8 @@ def _set_line(fields: _Fields) -> c.SetLine:
         name=fields.text("name"),
         start=fields.label("start"),
         end=fields.label("end"),
-        length_m=fields.number("length", length_fault),
-        sigma_m=fields.number("sigma", sigma_fault),
+        length_m=fields.number("length_m", length_fault),
+        sigma_m=fields.number("sigma_m", sigma_fault),
         adjust=fields.flag("adjust", default=True),
     )
 
@@ -298,9 +301,9 @@ _PARSERS: dict[str, Callable[[_Fields], c.Command | c.Question | c.Errand]] = {
     "sigma": _set_sigma,
     "height": _set_height,
     "line": _set_line,
-    "unline": lambda f: c.RemoveLine(name=f.text("name")),
+    "remove-line": lambda f: c.RemoveLine(name=f.text("name")),
     "measure": _set_measurement,
-    "unmeasure": lambda f: c.RemoveMeasurement(name=f.text("name")),
+    "remove-measurement": lambda f: c.RemoveMeasurement(name=f.text("name")),
     "undo": lambda _: c.Undo(),
     "redo": lambda _: c.Redo(),
     "export": lambda _: c.Export(),

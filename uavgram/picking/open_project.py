@@ -39,7 +39,7 @@ class OpenProject:
         The project, and who keeps its tables.
     run
         Runs the project from its files and writes its outputs.
-    tell
+    broadcast
         Called with what every page should know, from any thread.
     keep
         Makes another saver, where the project is read again.
@@ -50,16 +50,16 @@ class OpenProject:
         survey: LiveSurvey,
         saver: Saver,
         run: Run,
-        tell: Callable[[Json], None],
+        broadcast: Callable[[Json], None],
         keep: Keep,
     ) -> None:
-        self.desk = Desk(survey, saver, tell)
+        self.desk = Desk(survey, saver, broadcast)
         self._path = Path(survey.inputs.project_path)
-        self._run, self._tell, self._keep = run, tell, keep
+        self._run, self._broadcast, self._keep = run, broadcast, keep
         self._busy = asyncio.Lock()
         self._outside = Outside(survey.inputs)
         self.outputs = Outputs(Path(self.desk.output))
-        self.bench = Bench(self._path, tell)
+        self.bench = Bench(self._path, broadcast)
         self._written_then = self._written()
         self._aside = oldest_set_aside(self.outputs.folder)
         self.refuses = ""
@@ -78,13 +78,13 @@ class OpenProject:
         """Save everything, let go of the project."""
         self.desk.close()
 
-    def hello(self) -> Json:
+    def initial_state(self) -> Json:
         """Everything a page needs to begin."""
         return {
-            **self.desk.hello(),
+            **self.desk.initial_state(),
             "outputs": self._written(),
             "outside": self._outside.changed(self.desk.changed_outside()),
-            "calibration": self.bench.said or None,
+            "calibration": self.bench.last_message or None,
             "aside": None if self._aside is None else len(self._changes(self._aside)),
         }
 
@@ -92,12 +92,12 @@ class OpenProject:
         """Tell the pages where another program changed a file of the project."""
         if self.refuses:
             return
-        before = self._outside.said
+        before = self._outside.last_changed
         if (now := self._outside.changed(self.desk.changed_outside())) != before:
-            self._tell({"t": "outside", "files": now})
+            self._broadcast({"t": "outside", "files": now})
         if (written := self._written()) != self._written_then:
             self._written_then = written
-            self._tell({"t": "outputs", "outputs": written})
+            self._broadcast({"t": "outputs", "outputs": written})
 
     async def do(self, errand: c.Errand) -> Json:
         """Do an errand; the answer is for who asked.
@@ -137,7 +137,7 @@ class OpenProject:
         await to_thread.run_sync(self.outputs.look)
         self._written_then = self._written()
         written = {**self._written_then, "version": version}
-        self._tell({"t": "outputs", "outputs": written})
+        self._broadcast({"t": "outputs", "outputs": written})
         return {"outputs": written}
 
     async def _deal_with_aside(self, *, take: bool) -> int:
@@ -151,7 +151,7 @@ class OpenProject:
                 self.desk.save()
             aside.rename("taken" if take else "discarded")
             self._aside = oldest_set_aside(self.outputs.folder)
-        self._tell(self.hello())
+        self._broadcast(self.initial_state())
         return refused
 
     def _changes(self, aside: SetAside) -> Changes:
@@ -172,12 +172,12 @@ class OpenProject:
         made = self.bench.made
         if made is None:
             raise RefusedError("no camera file was made yet")
-        said, photo = self.bench.said, self.desk.photos[0]
-        if (said["width"], said["height"]) != (photo.width_px, photo.height_px):
+        made_for, photo = self.bench.last_message, self.desk.photos[0]
+        if (made_for["width_px"], made_for["height_px"]) != (photo.width_px, photo.height_px):
             raise RefusedError(
-                f"the camera file is for {said['width']} x {said['height']} px, the photos of the "
-                f"project have {photo.width_px} x {photo.height_px}: calibrate with photos of "
-                "their size"
+                f"the camera file is for {made_for['width_px']} x {made_for['height_px']} px, the "
+                f"photos of the project have {photo.width_px} x {photo.height_px}: calibrate with "
+                "photos of their size"
             )
         await to_thread.run_sync(use_camera, self._path, made)
         await self._reload()
@@ -202,7 +202,7 @@ class OpenProject:
                 self.refuses = ""
                 raise
             self.refuses = ""
-        self._tell(self.hello())
+        self._broadcast(self.initial_state())
 
     def _begin(self, survey: LiveSurvey) -> None:
         try:
@@ -211,7 +211,7 @@ class OpenProject:
             self.refuses = f"{why}. Start `uavgram pick` again"
             log.warning("the project was let go: %s", why)
             return
-        self.desk = Desk(survey, saver, self._tell)
+        self.desk = Desk(survey, saver, self._broadcast)
         self._outside = Outside(survey.inputs)
         if self.outputs.folder != Path(self.desk.output):
             self.outputs.close()

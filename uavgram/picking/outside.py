@@ -24,7 +24,7 @@ class Outside:
 
     Attributes
     ----------
-    said
+    last_changed
         Names of what was changed, as last found.
     """
 
@@ -34,12 +34,14 @@ class Outside:
         self._files = [Path(name) for name in names if name]
         self._known = {digest.sha256 for digest in inputs.digests}
         self._seen: dict[Path, tuple[Stamp, bool]] = {}
-        self.said: list[str] = []
+        self.last_changed: list[str] = []
 
     def changed(self, others: Sequence[str] = ()) -> list[str]:
         """Names of the files that are not as they were read, `others` among them."""
-        self.said = sorted({*(path.name for path in self._files if self._differs(path)), *others})
-        return self.said
+        self.last_changed = sorted(
+            {*(path.name for path in self._files if self._differs(path)), *others}
+        )
+        return self.last_changed
 
     def _differs(self, path: Path) -> bool:
         """Whether its content is another; read again only where size or time changed."""

@@ -58,7 +58,7 @@ class PickServer:
     """
 
     def __init__(self, survey: LiveSurvey, saver: Saver, run: Run, keep: Keep = Tables) -> None:
-        self.project = OpenProject(survey, saver, run, self._tell, keep)
+        self.project = OpenProject(survey, saver, run, self._broadcast_soon, keep)
         self._pages: set[asyncio.Queue[Json]] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._saving: asyncio.TimerHandle | None = None
@@ -102,7 +102,7 @@ class PickServer:
         await page.accept()
         pace = Pace()
         waiting: asyncio.Queue[Json] = asyncio.Queue(MOST_WAITING)
-        waiting.put_nowait(self.project.hello())
+        waiting.put_nowait(self.project.initial_state())
         self._pages.add(waiting)
         sender = asyncio.create_task(self._send(page, waiting))
         try:
@@ -169,7 +169,7 @@ class PickServer:
         if not self.project.refuses:
             self.desk.save()
 
-    def _tell(self, said: Json) -> None:
+    def _broadcast_soon(self, said: Json) -> None:
         """Tell every page, from any thread."""
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._broadcast, said)

@@ -68,12 +68,12 @@ def _removals(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
             if pick.key not in kept and now.pick(*pick.key) is not None
         ),
         *(
-            {"t": "unline", "name": line.name}
+            {"t": "remove-line", "name": line.name}
             for line in aside.before.lines
             if line.name not in lines and line.name in there[0]
         ),
         *(
-            {"t": "unmeasure", "name": one.name}
+            {"t": "remove-measurement", "name": one.name}
             for one in aside.before.requests
             if one.name not in requests and one.name in there[1]
         ),
@@ -88,13 +88,15 @@ def _picks(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
         if earlier.get(pick.key) == pick:
             continue
         which = {"image": index.get(pick.image, -1), "label": pick.label}
-        said.append({"t": "place", **which, "u": pick.u_px, "v": pick.v_px, "sigma": pick.sigma_px})
+        said.append(
+            {"t": "place", **which, "u_px": pick.u_px, "v_px": pick.v_px, "sigma_px": pick.sigma_px}
+        )
         there = now.pick(*pick.key)
         if pick.sigma_px is None and there is not None and there.sigma_px is not None:
-            said.append({"t": "sigma", **which, "sigma": None})
+            said.append({"t": "sigma", **which, "sigma_px": None})
         if heights.setdefault(pick.label, None) != pick.height_m:
             heights[pick.label] = pick.height_m
-            said.append({"t": "height", "label": pick.label, "height": pick.height_m})
+            said.append({"t": "height", "label": pick.label, "height_m": pick.height_m})
     return tuple(said)
 
 
@@ -107,8 +109,8 @@ def _lines(aside: SetAside, now: State) -> Changes:
             "name": line.name,
             "start": line.start,
             "end": line.end,
-            "length": line.length_m,
-            "sigma": line.sigma_m,
+            "length_m": line.length_m,
+            "sigma_m": line.sigma_m,
             "adjust": line.adjust,
         }
         for line in aside.after.lines

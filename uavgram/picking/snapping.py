@@ -14,4 +14,4 @@ def snap_json(photo: Pixels, asked: Snap) -> Json:
     found = find(photo, asked.u_px, asked.v_px)
     if not isinstance(found, Snapped):
         return {"why": found}
-    return {"u": found.u_px, "v": found.v_px, "sigma": round(found.sigma_px, 3)}
+    return {"u_px": found.u_px, "v_px": found.v_px, "sigma_px": round(found.sigma_px, 3)}

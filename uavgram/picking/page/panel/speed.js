@@ -1,21 +1,26 @@
 // The speed of what moved between two photos: which photos and times its two places have, and what
 // is in the way of it.
 
-import { picksOf, store } from "./store.js";
+import { picksOf, store } from "../connection/store.js";
+
+/** @typedef {{ image: number, name: string, time: number | null }} Seen */
 
 const CLOCK = [11, 22]; // hours to hundredths of an ISO time
 
 // Which photos a label is picked in, and when they were taken [s]; null where that is not known.
+/** @param {string} label @returns {Seen[]} */
 function seenIn(label) {
   return picksOf(label).map(({ image }) => {
-    const { name, time } = store.photos[image];
+    const { name, time_utc_s: time } = store.photos[image];
     return { image, name, time };
   });
 }
 
+/** @param {number | null} time */
 const clockText = (time) => (time === null ? "time not known" : `${new Date(time * 1000).toISOString().slice(...CLOCK)} UTC`);
 
 // A label with its photo and time, or in how many photos it is.
+/** @param {string} label */
 export function placeText(label) {
   const seen = seenIn(label);
   if (seen.length !== 1) return seen.length ? `${label}: in ${seen.length} photos` : label;
@@ -24,12 +29,14 @@ export function placeText(label) {
 
 const MOST_NAMES = 3;
 
+/** @param {Seen[]} seen */
 function names(seen) {
   const all = seen.map(({ name }) => name);
   return all.length > MOST_NAMES ? `${all.slice(0, MOST_NAMES).join(", ")} \u2026` : all.join(", ");
 }
 
 // Why one label cannot be a place of something that moves; empty where it can.
+/** @param {string} label */
 export function placeFault(label) {
   const seen = seenIn(label);
   if (!seen.length) return `${label} is picked in no photo. Pick it in one.`;
@@ -41,6 +48,7 @@ export function placeFault(label) {
 }
 
 // What a speed needs, as it stands: the seconds between its photos, or why there are none.
+/** @param {string[]} points */
 export function speedFacts([start, end]) {
   const why = placeFault(start) || placeFault(end);
   if (why) return { seconds: null, why };
@@ -48,6 +56,6 @@ export function speedFacts([start, end]) {
   if (from.image === to.image) {
     return { seconds: null, why: `${start} and ${end} are both picked in ${from.name}. A speed needs two photos: pick where the same thing is in another one.` };
   }
-  const seconds = Math.abs(to.time - from.time);
+  const seconds = Math.abs((to.time ?? 0) - (from.time ?? 0));
   return { seconds, why: seconds > 0 ? "" : `${from.name} and ${to.name} have the same time, so nothing tells how fast it moved.` };
 }

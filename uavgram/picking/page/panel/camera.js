@@ -1,24 +1,30 @@
 // The tab of the camera: what is known of it, what is odd about it, and a calibration.
 
-import { node } from "./format.js";
-import { adjusted, store } from "./store.js";
-import { fill, keep, list, table, titled } from "./table.js";
+import { adjusted, store } from "../connection/store.js";
+import { as, node } from "../elements/dom.js";
+import { fill, keep, list, table, titled } from "../elements/table.js";
+import { textIn } from "./entry.js";
+
+/** @import { ProjectActions } from "../actions/project_actions.js" */
+/** @import { Calibration, Camera, Folder } from "../connection/protocol.js" */
 
 const DICTIONARIES = [4, 5, 6, 7].flatMap((bits) => [50, 100, 250, 1000].map((size) => `DICT_${bits}X${bits}_${size}`));
 
-export function showCamera(section, desk) {
-  fill(section, [knownPart(), formPart(desk), runPart(desk)]);
+/** @param {Element} section @param {Folder[]} folders @param {ProjectActions} project */
+export function showCamera(section, folders, project) {
+  const { camera, calibration } = store;
+  if (camera) fill(section, [knownPart(camera), formPart(folders, project), calibration ? keep("calibration", calibration, () => runShown(calibration, project)) : null]);
 }
 
-function knownPart() {
-  const { camera } = store;
+/** @param {Camera} camera */
+function knownPart(camera) {
   const learnt = (adjusted()?.messages ?? []).filter(({ code }) => code.startsWith("camera-") || code.startsWith("lens-"));
   const all = [...new Map([...camera.messages, ...learnt].map((message) => [message.text, message])).values()];
   return keep("camera", [camera, all], () => {
     const rows = camera.parameters.map((cells) => node("tr", {}, ...cells.map((cell) => node("td", {}, cell))));
     const [warnings, others] = [all.filter(({ level }) => level !== "info"), all.filter(({ level }) => level === "info")];
     return node("div", {}, warnings.length ? titled(`Warnings (${warnings.length})`, list(warnings)) : null,
-      titled("Camera", node("p", {}, `${camera.name}: ${camera.width} \u00d7 ${camera.height} px, ${camera.model} lens${camera.file && ` (${camera.file})`}`),
+      titled("Camera", node("p", {}, `${camera.name}: ${camera.width_px} \u00d7 ${camera.height_px} px, ${camera.model} lens${camera.file && ` (${camera.file})`}`),
         ...camera.source.map((line) => node("p", { class: "dim" }, line)),
         table("Interior orientation", ["parameter", "value", "\u03c3", "\u03c3/value"], rows)),
       titled("What that means", node("dl", { class: "facts" }, ...camera.facts.flatMap((line) => {
@@ -28,53 +34,55 @@ function knownPart() {
   });
 }
 
-function formPart(desk) {
-  return keep("calibrate", desk.folders, () => {
-    const folders = desk.folders ?? [];
-    const option = (value, words) => node("option", { value }, words);
+/** @param {string | number} value @param {string} words */
+const option = (value, words) => node("option", { value }, words);
+
+/** @param {Folder[]} folders @param {ProjectActions} project */
+function formPart(folders, project) {
+  return keep("calibrate", folders, () => {
+    /** @param {string} name @param {string} caption @param {string} value @param {string} kind */
     const field = (name, caption, value, kind = "") => node("label", { class: kind }, caption, node("input", { name, value, inputmode: "decimal", autocomplete: "off", required: true }));
     const form = node("form", {
       class: "entry", "data-row": "calibrate", "aria-label": "Calibration", "data-kind": "chessboard",
-      onsubmit: (event) => { event.preventDefault(); desk.calibrate(new FormData(event.target)); },
+      onsubmit: (event) => { event.preventDefault(); void project.calibrate(new FormData(form)); },
     },
     node("label", { class: "both" }, "Folder with photos of a board", node("select", { name: "folder", required: true },
-      ...folders.map((one) => option(one.id, `${one.name}: ${one.photos} photos, ${one.width} \u00d7 ${one.height} px`)))),
-    node("label", {}, "Board", node("select", { name: "kind", onchange: (event) => { form.dataset.kind = event.target.value; } }, option("chessboard", "Chessboard"), option("charuco", "ChArUco"))),
+      ...folders.map((one) => option(one.id, `${one.name}: ${one.photos} photos, ${one.width_px} \u00d7 ${one.height_px} px`)))),
+    node("label", {}, "Board", node("select", { name: "kind", onchange: (event) => { form.dataset.kind = as(HTMLSelectElement, event.target).value; } }, option("chessboard", "Chessboard"), option("charuco", "ChArUco"))),
     node("label", {}, "Lens", node("select", { name: "model" }, option("brown", "ordinary"), option("fisheye", "fisheye"))),
     field("columns", "Inner corners across", "9", "chess"), field("rows", "Inner corners down", "6", "chess"),
     field("across", "Squares across", "8", "charuco"), field("down", "Squares down", "6", "charuco"),
     field("square", "Side of a square, mm", "25"), field("marker", "Side of a marker, mm", "18", "charuco"),
     node("label", { class: "both charuco" }, "Markers", node("select", { name: "dictionary" }, ...DICTIONARIES.map((one) => option(one, one)))),
     node("div", { class: "both row" }, node("button", { type: "submit", disabled: !folders.length }, "Start"),
-      node("button", { type: "button", onclick: () => desk.listFolders() }, "Look again")));
+      node("button", { type: "button", onclick: () => void project.listFolders() }, "Look again")));
     return titled("Calibrate on a folder", folders.length ? null : node("p", { class: "dim" }, "No folder in the project's folder or beside it holds three photos. Copy those of the board there."), form);
   });
 }
 
-function runPart(desk) {
-  const { calibration } = store;
-  return calibration ? keep("calibration", calibration, () => runShown(calibration, desk)) : null;
-}
-
-function runShown(run, desk) {
+/** @param {Calibration} run @param {ProjectActions} project */
+function runShown(run, project) {
   if (run.state === "running") {
     return titled("Calibration", node("p", { role: "status" }, `${run.what}: ${run.done} of ${run.total}`),
-      node("div", { class: "row" }, node("progress", { max: run.total, value: run.done, "aria-label": run.what }), node("button", { onclick: () => desk.errand({ t: "stop-calibration" }) }, "Stop")));
+      node("div", { class: "row" }, node("progress", { max: run.total, value: run.done, "aria-label": run.what }), node("button", { onclick: () => void project.stopCalibration() }, "Stop")));
   }
   if (run.state === "failed") return titled("Calibration", node("p", { class: "why", role: "alert" }, run.why));
-  const fits = run.width === store.photos[0]?.width && run.height === store.photos[0]?.height;
+  const { width_px, height_px } = store.photos[0];
+  const fits = run.width_px === width_px && run.height_px === height_px;
   const use = fits
     ? [node("p", {}, "To use it, put ", node("code", {}, `camera: ${run.file}`), " in the project file, or"),
-      node("button", { onclick: () => desk.useCamera() }, "Use it in the project")]
-    : [node("p", { class: "why" }, `It is for ${run.width} \u00d7 ${run.height} px, the project's photos have ${store.photos[0]?.width} \u00d7 ${store.photos[0]?.height}: it is not theirs.`)];
-  return titled("Calibration", node("p", { role: "status" }, run.verdict), list(run.reasons.map((text) => ({ level: "warning", text }))), node("p", { class: "dim" }, run.counts),
+      node("button", { onclick: () => void project.useCamera() }, "Use it in the project")]
+    : [node("p", { class: "why" }, `It is for ${run.width_px} \u00d7 ${run.height_px} px, the project's photos have ${width_px} \u00d7 ${height_px}: it is not theirs.`)];
+  return titled("Calibration", node("p", { role: "status" }, run.verdict), list(run.reasons.map((text) => ({ level: /** @type {const} */ ("warning"), text }))), node("p", { class: "dim" }, run.counts),
     node("dl", { class: "facts" }, ...run.facts.flatMap(([question, answer]) => [node("dt", {}, question), node("dd", {}, answer)])),
     node("p", {}, "Written: ", node("code", {}, run.file), ". ", node("a", { href: "/calibration", target: "_blank", rel: "noopener" }, "Open its report")), ...use);
 }
 
 // The board as the command line writes it.
+/** @param {FormData} form */
 export function boardText(form) {
-  const get = (name) => form.get(name).trim();
+  /** @param {string} name */
+  const get = (name) => textIn(form, name);
   if (get("kind") === "chessboard") return `chessboard:${get("columns")}x${get("rows")}:${get("square")}mm`;
   return `charuco:${get("across")}x${get("down")}:${get("square")}mm:${get("marker")}mm:${get("dictionary")}`;
 }

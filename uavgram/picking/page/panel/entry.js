@@ -1,32 +1,40 @@
 // Forms that ask for what clicks cannot say: a length's reading, a skid's friction, a name.
 
-import { node } from "./format.js";
+import { as, fillIfNew, node } from "../elements/dom.js";
+import { drop, keep } from "../elements/table.js";
 import { placeText, speedFacts } from "./speed.js";
-import { drop, keep } from "./table.js";
 
+/** @import { Entry } from "../actions/page_state.js" */
+/** @import { Tools } from "../actions/tools.js" */
+/** @import { SetLine, SetMeasurement } from "../connection/protocol.js" */
+/** @import { Attribute } from "../elements/dom.js" */
+
+/** @type {Record<string, string>} */
 export const KINDS = {
   distance: "Distance", polyline: "Polyline", area: "Area", angle: "Angle",
   line_distance: "Distance from a line", skid_speed: "Skid speed", coordinate: "Coordinate", speed: "Speed",
 };
 
-export function entryPart(desk) {
-  const { entry } = desk;
+/** @param {Entry | null} entry @param {Tools} tools */
+export function entryPart(entry, tools) {
   if (!entry) {
     drop("entry");
     return null;
   }
-  const form = keep("entry", entry, () => entryForm(entry, desk));
-  if (entry.kind === "speed") showNeeds(form, entry, desk.coming("place").map((one) => one.label));
+  const form = keep("entry", entry, () => entryForm(entry, tools));
+  if (entry.t === "measure" && entry.kind === "speed") showNeeds(form, entry.points, !entry.was, tools.coming.map((one) => one.label));
   return form;
 }
 
-function entryForm(entry, desk) {
+/** @param {Entry} entry @param {Tools} tools */
+function entryForm(entry, tools) {
+  /** @param {string} name @param {string} caption @param {Attribute} value @param {Record<string, Attribute>} more */
   const field = (name, caption, value, more = {}) => node("label", {}, caption, node("input", { name, value, required: true, autocomplete: "off", ...more }));
   const number = { inputmode: "decimal" };
   const name = field("name", "Name", entry.name, { maxlength: 200 });
   const title = entry.t === "line" ? `Taped length ${entry.start} \u2013 ${entry.end}` : `${KINDS[entry.kind]} ${entry.points.join(" \u2013 ")}`;
   const fields = entry.t === "line" ? [
-    field("length", "Length, metres", entry.length ?? "", number), field("sigma", "Sigma, metres", entry.sigma, number), name,
+    field("length_m", "Length, metres", entry.length_m ?? "", number), field("sigma_m", "Sigma, metres", entry.sigma_m, number), name,
     node("label", {}, "Use", node("select", { name: "use" }, node("option", { value: "adjust", selected: entry.adjust !== false }, "to adjust"),
       node("option", { value: "check", selected: entry.adjust === false }, "only judged"))),
   ] : [name, ...(entry.kind === "skid_speed" ? [
@@ -35,24 +43,28 @@ function entryForm(entry, desk) {
   const what = entry.t === "line" ? `length ${entry.start} to ${entry.end}` : entry.name;
   return node("form", {
     class: "entry", "data-row": "entry", "aria-label": `${entry.was ? "Change" : "New"} ${what}`, novalidate: true,
-    onsubmit: (event) => { event.preventDefault(); desk.entered(event.target); },
+    onsubmit: (event) => { event.preventDefault(); tools.entered(as(HTMLFormElement, event.target)); },
   }, node("p", { class: "both title" }, title), ...fields, node("p", { class: "both wrong", role: "alert", hidden: true }),
   node("div", { class: "both row" }, node("button", { type: "submit" }, entry.was ? "Change (Enter)" : "Add (Enter)"),
-    node("button", { type: "button", onclick: () => desk.cancel() }, "Cancel (Esc)")));
+    node("button", { type: "button", onclick: () => tools.cancel() }, "Cancel (Esc)")));
 }
 
 // The photos and times of a speed, and what is in its way: as they are now, while the form is open.
 // Points that are not confirmed yet are waited for.
-function showNeeds(form, { points, was }, coming) {
+/** @param {HTMLElement} form @param {string[]} points @param {boolean} isNew @param {string[]} coming */
+function showNeeds(form, points, isNew, coming) {
   const waits = points.some((label) => coming.includes(label));
   const { seconds, why } = waits ? { seconds: null, why: "" } : speedFacts(points);
   const lines = [...points.map(placeText), ...(seconds ? [`Between the two photos: ${seconds.toFixed(2)} s`] : [])];
-  form.querySelector("[type=submit]").disabled = (waits || Boolean(why)) && !was;
-  const words = [...lines, why].join("|");
-  const box = form.querySelector(".needs");
-  if (box.words === words) return;
-  box.words = words;
-  box.replaceChildren(...lines.map((line) => node("p", { class: "dim" }, line)), ...(why ? [node("p", { class: "wrong" }, why)] : []));
+  as(HTMLButtonElement, form.querySelector("[type=submit]")).disabled = (waits || Boolean(why)) && isNew;
+  fillIfNew(as(HTMLElement, form.querySelector(".needs")), [...lines, why].join("|"),
+    () => [...lines.map((line) => node("p", { class: "dim" }, line)), ...(why ? [node("p", { class: "wrong" }, why)] : [])]);
+}
+
+/** What a field of a form holds. @param {FormData} form @param {string} name */
+export function textIn(form, name) {
+  const value = form.get(name);
+  return typeof value === "string" ? value.trim() : "";
 }
 
 const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i;
@@ -60,6 +72,7 @@ const WITH_COMMA = /^[-+]?\d*,\d+$/;
 const THOUSANDS = /^[-+]?[1-9]\d{0,2},\d{3}$/;
 
 // A decimal comma is taken where it can mean nothing else, as the program's readers do.
+/** @param {string} text */
 export function parse(text) {
   const written = text.trim();
   const pointed = WITH_COMMA.test(written) && !THOUSANDS.test(written) ? written.replace(",", ".") : written;
@@ -67,6 +80,7 @@ export function parse(text) {
 }
 
 // Why a text is no number, or what it is asked to mean.
+/** @param {string} text @param {string} example */
 export function noNumber(text, example = "") {
   const written = text.trim();
   if (THOUSANDS.test(written)) return `Is ${written} meant as ${written.replace(",", ".")} or ${written.replace(",", "")}? Write it without a comma.`;
@@ -74,12 +88,13 @@ export function noNumber(text, example = "") {
 }
 
 // Says beside the fields what is wrong, and goes to the field that is.
+/** @param {HTMLFormElement} form @param {string} why @param {string} field */
 export function showFault(form, why, field) {
-  const box = form.querySelector("[role=alert]");
+  const box = as(HTMLElement, form.querySelector("[role=alert]"));
   box.textContent = why;
   box.hidden = false;
   for (const input of form.querySelectorAll("[aria-invalid]")) input.removeAttribute("aria-invalid");
-  const input = form.querySelector(`[name="${field}"]`);
+  const input = as(HTMLInputElement, form.querySelector(`[name="${field}"]`));
   input.setAttribute("aria-invalid", "true");
   input.focus();
   input.select();
@@ -87,26 +102,31 @@ export function showFault(form, why, field) {
 
 // The message that a filled-in form makes, or why it makes none, and which field is to blame.
 // `taken`: names of the others of its sort.
+/**
+ * @param {Entry} entry @param {FormData} form @param {string[]} taken
+ * @returns {{ message: SetLine | SetMeasurement, why?: undefined, field?: undefined } | { message?: undefined, why: string, field: string }}
+ */
 export function entryMessage(entry, form, taken) {
-  const name = form.get("name").trim();
+  const name = textIn(form, "name");
   const was = entry.was ?? "";
   if (!name) return { why: "It needs a name.", field: "name" };
   if (name !== was && taken.includes(name)) return { why: `There is a ${entry.t === "line" ? "length" : "measurement"} ${name} already: choose another name.`, field: "name" };
   const wanted = NUMBERS[entry.t === "line" ? "line" : entry.kind] ?? [];
+  /** @type {Record<string, number>} */
   const found = {};
-  for (const [field, caption, example, zero] of wanted) {
-    const value = parse(form.get(field));
-    if (Number.isNaN(value)) return { why: `${caption}: ${noNumber(form.get(field), example)}`, field };
-    if (value < 0 || (value === 0 && !zero)) return { why: `${caption}: ${form.get(field)} is not greater than 0.`, field };
+  for (const { field, caption, example, zero } of wanted) {
+    const value = parse(textIn(form, field));
+    if (Number.isNaN(value)) return { why: `${caption}: ${noNumber(textIn(form, field), example)}`, field };
+    if (value < 0 || (value === 0 && !zero)) return { why: `${caption}: ${textIn(form, field)} is not greater than 0.`, field };
     found[field] = value;
   }
-  if (entry.t === "line") return { message: { t: "line", was, name, start: entry.start, end: entry.end, ...found, adjust: form.get("use") === "adjust" } };
-  const message = { t: "measure", was, name, kind: entry.kind, points: entry.points };
-  return { message: wanted.length ? { ...message, parameters: found } : message };
+  if (entry.t === "line") return { message: { t: "line", was, name, start: entry.start, end: entry.end, length_m: found.length_m, sigma_m: found.sigma_m, adjust: form.get("use") === "adjust" } };
+  return { message: { t: "measure", was, name, kind: entry.kind, points: entry.points, parameters: found } };
 }
 
 // Fields that hold numbers: caption, an example, whether 0 will do.
+/** @type {Record<string, { field: string, caption: string, example: string, zero?: boolean }[] | undefined>} */
 const NUMBERS = {
-  line: [["length", "Length", "in metres, such as 11.52"], ["sigma", "Sigma", "in metres, such as 0.01"]],
-  skid_speed: [["mu", "Friction", "such as 0.7"], ["mu_sigma", "Sigma of the friction", "such as 0.05", true]],
+  line: [{ field: "length_m", caption: "Length", example: "in metres, such as 11.52" }, { field: "sigma_m", caption: "Sigma", example: "in metres, such as 0.01" }],
+  skid_speed: [{ field: "mu", caption: "Friction", example: "such as 0.7" }, { field: "mu_sigma", caption: "Sigma of the friction", example: "such as 0.05", zero: true }],
 };

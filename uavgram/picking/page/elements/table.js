@@ -1,13 +1,20 @@
 // Tables and lists of the panel, and how a part of it stays as it is while nothing of it changed.
 
-import { fixed, missing, node } from "./format.js";
-import { isSuspect } from "./store.js";
+import { isSuspect } from "../connection/store.js";
+import { fillIfNew, node } from "./dom.js";
+import { fixed, missing } from "./numbers.js";
+
+/** @import { Remark } from "../connection/protocol.js" */
+/** @import { Child } from "./dom.js" */
+/** @typedef {{ name: string, row: string | undefined, table: string | null | undefined, place: number, value: string }} Focus a field or button of a section */
 
 const LONG = 9; // rows from which on a table scrolls by itself
 
+/** @type {Map<string, { sign: string, made: HTMLElement }>} */
 const kept = new Map();
 
 // A part as it was made before, where nothing of it has changed.
+/** @param {string} name @param {unknown} sign @param {() => HTMLElement} make */
 export function keep(name, sign, make) {
   const before = kept.get(name);
   const now = JSON.stringify(sign);
@@ -17,46 +24,56 @@ export function keep(name, sign, make) {
   return made;
 }
 
+/** @param {string} name */
 export const drop = (name) => { kept.delete(name); };
 
 // Shows parts in a section. Elements that stay are not touched: what is focused in them stays so,
 // what was scrolled stays there, and what is being typed is left alone.
+/** @param {Element} section @param {(HTMLElement | null)[]} parts */
 export function fill(section, parts) {
   const focus = focusIn(section);
   const scrolled = new Map([...section.querySelectorAll(".scroll")].map((box) => [box.getAttribute("aria-label"), box.scrollTop]));
-  const wanted = parts.filter(Boolean);
-  for (const child of [...section.children]) if (!wanted.includes(child)) child.remove();
+  const wanted = parts.filter((part) => part !== null);
+  for (const child of [...section.children]) if (!wanted.some((part) => part === child)) child.remove();
   wanted.forEach((part, k) => { if (section.children[k] !== part) section.insertBefore(part, section.children[k] ?? null); });
   for (const box of section.querySelectorAll(".scroll")) box.scrollTop = scrolled.get(box.getAttribute("aria-label")) ?? box.scrollTop;
   restore(section, focus);
 }
 
+/** @param {Element | null | undefined} at */
+const isField = (at) => at instanceof HTMLInputElement || at instanceof HTMLButtonElement || at instanceof HTMLSelectElement;
+
+/** @param {Element} section @returns {Focus | null} */
 function focusIn(section) {
   const at = document.activeElement;
-  if (!section.contains(at) || !at.name) return null;
+  if (!isField(at) || !section.contains(at) || !at.name) return null;
+  /** @type {HTMLElement | null} */
   const row = at.closest("[data-row]");
   const rows = row?.closest("tbody")?.children ?? [];
-  return { name: at.name, row: row?.dataset.row, table: row?.closest("table")?.getAttribute("aria-label"), place: [...rows].indexOf(row), value: at.value };
+  return { name: at.name, row: row?.dataset.row, table: row?.closest("table")?.getAttribute("aria-label"), place: [...rows].findIndex((one) => one === row), value: at.value };
 }
 
 // The row that was focused; where its button removed it, the one that took its place, or the last.
+/** @param {Element} section @param {Focus} focus */
 function rowOf(section, { name, row, table: caption, place }) {
-  const same = section.querySelector(`[data-row="${CSS.escape(row)}"]`);
+  const same = section.querySelector(`[data-row="${CSS.escape(row ?? "")}"]`);
   if (same || name !== "remove") return same;
   const rows = section.querySelector(`table[aria-label="${caption}"] tbody`)?.children ?? [];
   return rows[Math.min(place, rows.length - 1)];
 }
 
+/** @param {Element} section @param {Focus | null} focus */
 function restore(section, focus) {
   if (!focus) return;
   const scope = focus.row === undefined ? section : rowOf(section, focus);
   const at = scope?.querySelector(`[name="${focus.name}"]`);
-  if (!at || at === document.activeElement) return;
+  if (!isField(at) || at === document.activeElement) return;
   at.focus({ preventScroll: true });
-  if (at.tagName === "INPUT" && at.value !== focus.value) at.value = focus.value;
+  if (at instanceof HTMLInputElement && at.value !== focus.value) at.value = focus.value;
 }
 
 // A long table scrolls in a box of its own, so that what stands beneath it stays in reach.
+/** @param {string} caption @param {(string | Node)[]} heads @param {Node[]} rows */
 export function table(caption, heads, rows) {
   const made = node("table", { "aria-label": caption },
     node("thead", {}, node("tr", {}, ...heads.map((head) => node("th", { scope: "col" }, head)))),
@@ -65,25 +82,28 @@ export function table(caption, heads, rows) {
 }
 
 // A word that says what it means where the pointer rests on it.
+/** @param {string} words @param {string} meaning */
 export const about = (words, meaning) => node("span", { class: "about", title: meaning }, words);
 
+/** @param {string} title @param {...Child} parts */
 export const titled = (title, ...parts) => node("div", { class: "part" }, node("h2", {}, title), ...parts);
 
+/** @param {string} what @param {() => void} act */
 export const remove = (what, act) => node("button", { class: "small", name: "remove", "aria-label": `Remove ${what}`, title: `Remove ${what}`, onclick: act }, "\u00d7");
 
+/** @param {Pick<Remark, "level" | "text">[]} messages */
 export const list = (messages) => node("ul", { class: "messages" }, ...messages.map((message) => node("li", { class: message.level }, message.text)));
 
 // Numbers into the cells of a part that stays: making it anew at each move of a drag takes too long.
+/** @param {HTMLElement} part @param {(string | Element)[][]} contents */
 export function withValues(part, contents) {
   part.querySelectorAll("td.value").forEach((cell, k) => {
-    const words = contents[k].map((one) => one.outerHTML ?? one).join("");
-    if (cell.words === words) return;
-    cell.words = words;
-    cell.replaceChildren(...contents[k]);
+    fillIfNew(cell, contents[k].map((one) => (one instanceof Element ? `${one.className} ${one.textContent}` : one)).join(""), () => contents[k]);
   });
   return part;
 }
 
+/** @param {number | null | undefined} w @param {string | undefined} status */
 export function wCell(w, status) {
   if (w === null || w === undefined) return missing;
   return isSuspect(status) ? node("span", { class: "bad", title: "suspect" }, `\u25c6 ${fixed(w, 1)}`) : fixed(w, 1);

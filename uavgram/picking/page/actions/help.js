@@ -1,13 +1,14 @@
 // What the keys do, and what is drawn and written means.
 
-import { node, shape } from "./format.js";
+import { node, shape } from "../elements/dom.js";
+import { CROSS, DIAMOND, KNOWN } from "../photos/marks.js";
 import { KEYS } from "./keys.js";
-import { CROSS, DIAMOND, KNOWN } from "./marks.js";
 
 const ROUND = "M-9 0A9 6 0 1 0 9 0A9 6 0 1 0 -9 0Z";
 const STROKE = "M-16 0H16";
 
 // Class and path of what is drawn, and its meaning.
+/** @type {[string, string, string][]} */
 const MARKS = [
   ["placed", CROSS, "a point that you placed; the ellipse is where it lies, 95\u00a0%"],
   ["predicted", ROUND, "where a point should be that is placed in other photos, 95\u00a0%"],
@@ -18,21 +19,25 @@ const MARKS = [
   ["placed", KNOWN.control, "a point with known coordinates that takes part; square: one that is only judged"],
 ];
 
+/** @type {[string, string][]} */
 const WORDS = [
   ["\u00b1, \u03c3", "standard deviation: the true value lies within twice as much 19 times out of 20"],
   ["w", "how far something is off, in its own standard deviations; above about 3 look again"],
   ["grey numbers", "are being computed anew"],
 ];
 
+/** @param {HTMLDialogElement} dialog */
 export function buildHelp(dialog) {
   dialog.append(node("h2", { id: "help-title", class: "unseen" }, "Help"),
     node("div", { class: "keys" }, ...KEYS.map(([title, rows]) => part(title, rows)),
-      part("What is drawn", MARKS.map(([kind, path, what]) => [swatch(kind, path), what])), part("What is written", WORDS)),
+      part("What is drawn", MARKS.map(([kind, path, what]) => /** @type {[Node, string]} */ ([swatch(kind, path), what]))), part("What is written", WORDS)),
     node("button", { onclick: () => dialog.close() }, "Close (Esc)"));
 }
 
+/** @param {string} title @param {[string | Node, string][]} rows */
 const part = (title, rows) => node("div", {}, node("h2", {}, title), node("dl", {}, ...rows.flatMap(([key, what]) => [node("dt", {}, key), node("dd", {}, what)])));
 
+/** @param {string} kind @param {string} path */
 function swatch(kind, path) {
   return shape("svg", { class: "swatch", viewBox: "-26 -14.5 52 29", width: 52, height: 29, "aria-hidden": "true" },
     shape("g", { class: kind }, shape("path", { class: "halo wide", d: path }), shape("path", { class: "thin", d: path })));

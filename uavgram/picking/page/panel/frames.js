@@ -1,37 +1,46 @@
 // The tab of frames: which photo is when, how it was matched and seeded, and what is unmatched.
 
-import { fixed, missing, node } from "./format.js";
-import { adjusted, picksIn, store } from "./store.js";
-import { about, fill, keep, list, table, titled } from "./table.js";
+import { adjusted, picksIn, store } from "../connection/store.js";
+import { node } from "../elements/dom.js";
+import { fixed, missing } from "../elements/numbers.js";
+import { about, fill, keep, list, table, titled } from "../elements/table.js";
 
-export function showFrames(section, desk) {
+/** @import { Adjusted, ClockOffset, Photo, Remark } from "../connection/protocol.js" */
+/** @typedef {{ photo: Photo, k: number, picks: number, found: Adjusted["frames"][number] }} Facts of a photo */
+
+/** @param {Element} section @param {(image: number) => void} show */
+export function showFrames(section, show) {
   const now = adjusted();
   const facts = store.photos.map((photo, k) => ({ photo, k, picks: picksIn(k).length, found: now?.frames[k] }));
   const sign = [facts, now?.clock, store.clock, store.opening];
-  fill(section, [keep("frames", sign, () => node("div", {}, clockPart(now), framesPart(facts, desk), unmatchedPart(facts), foundPart()))]);
+  fill(section, [keep("frames", sign, () => node("div", {}, clockPart(now), framesPart(facts, show), unmatchedPart(facts), foundPart()))]);
 }
 
+/** @param {Adjusted | null} now */
 function clockPart(now) {
   const { clock } = store;
   if (!clock) return titled("Clock", node("p", {}, "There is no flight log: no clock to match."));
-  const offset = ({ offset: value, sigma }) => `${fixed(value, 3)} \u00b1 ${fixed(sigma, 3)} s`;
+  /** @param {ClockOffset} of */
+  const offset = ({ offset_s, sigma_s }) => `${fixed(offset_s, 3)} \u00b1 ${fixed(sigma_s, 3)} s`;
   const events = clock.events ? `: ${clock.events} camera events, ${clock.unused.length ? `${clock.unused.length} without a photo` : "each with its photo"}` : ": photos are matched by their times";
   return titled("Clock", node("p", {}, `Log: ${clock.log}${events}.`),
     node("p", {}, `Camera clock minus UTC: ${offset(clock)} before the adjustment`, now?.clock ? `, ${offset(now.clock)} after it.` : "."));
 }
 
-const most = (sigma) => (sigma?.some((one) => one !== null) ? Math.max(...sigma) : null);
+/** The largest of sigmas; none where all are none. @param {(number | null)[] | undefined} sigma */
+const most = (sigma) => (sigma?.some((one) => one !== null) ? Math.max(...sigma.map(Number)) : null);
 
-function framesPart(facts, desk) {
+/** @param {Facts[]} facts @param {(image: number) => void} show */
+function framesPart(facts, show) {
   const rows = facts.map(({ photo, k, picks, found }) => {
-    const seed = most(photo.seed?.sigma);
-    const refined = found?.status === "refined" ? most(found.sigma) : null;
+    const seed = most(photo.seed?.sigma_m);
+    const refined = found?.status === "refined" ? most(found.sigma_m) : null;
     const status = found?.status ?? (photo.matched ? "matched" : "unmatched");
-    const utc = photo.time === null ? missing : new Date(photo.time * 1000).toISOString().slice(11, 22);
-    const words = [photo.time === null ? "" : `${utc} UTC`, photo.reason, photo.event ? `event ${photo.event.status}, ${fixed(photo.event.residual, 3)} s off` : "",
-      photo.seed ? `seed: ${photo.seed.up} m up, direction \u00b1 ${photo.seed.turn}\u00b0` : "", found?.moved ? `moved by ${fixed(found.moved, 2)} m` : ""];
+    const utc = photo.time_utc_s === null ? missing : new Date(photo.time_utc_s * 1000).toISOString().slice(11, 22);
+    const words = [photo.time_utc_s === null ? "" : `${utc} UTC`, photo.reason, photo.event ? `event ${photo.event.status}, ${fixed(photo.event.residual_s, 3)} s off` : "",
+      photo.seed ? `seed: ${photo.seed.up_m} m up, direction \u00b1 ${photo.seed.turn_sigma_deg}\u00b0` : "", found?.moved_m ? `moved by ${fixed(found.moved_m, 2)} m` : ""];
     return node("tr", { title: words.filter(Boolean).join("; "), "data-row": `frame ${k}` },
-      node("td", { class: "named ended", title: photo.name }, node("button", { class: "link", name: "show", "aria-label": `Show ${photo.name}`, onclick: () => desk.active?.show(k) }, node("bdi", {}, photo.name))),
+      node("td", { class: "named ended", title: photo.name }, node("button", { class: "link", name: "show", "aria-label": `Show ${photo.name}`, onclick: () => show(k) }, node("bdi", {}, photo.name))),
       node("td", {}, `${picks}`), node("td", {}, status), node("td", {}, fixed(seed, 2)), node("td", { class: "value" }, fixed(refined, 2)),
       node("td", { class: "wide-only" }, utc));
   });
@@ -40,13 +49,17 @@ function framesPart(facts, desk) {
     table("Frames", ["photo", "picks", "status", about("seed \u03c3", "before any pick, from the flight log or the given poses"), about("now", "\u03c3 in metres, with all picks and lengths"), node("span", { class: "wide-only" }, "UTC")], rows));
 }
 
+/** @param {Facts[]} facts */
 function unmatchedPart(facts) {
+  /** @type {Pick<Remark, "level" | "text">[]} */
   const photos = facts.filter(({ photo }) => !photo.matched && photo.reason).map(({ photo }) => ({ level: "warning", text: `${photo.name}: ${photo.reason}` }));
+  /** @type {Map<string, number>} */
   const count = new Map();
   for (const where of store.clock?.unused ?? []) count.set(where, (count.get(where) ?? 0) + 1);
+  /** @type {Pick<Remark, "level" | "text">[]} */
   const events = [...count].map(([where, many]) => ({ level: "info", text: `${many} camera event${many > 1 ? "s" : ""} ${where}` }));
   const all = [...photos, ...events];
   return all.length ? titled("Unmatched", list(all)) : null;
 }
 
-const foundPart = () => (store.opening?.length ? titled("What was found out", list(store.opening)) : null);
+const foundPart = () => (store.opening.length ? titled("What was found out", list(store.opening)) : null);

@@ -1,0 +1,179 @@
+// Everything by key. Keys are letters where they name a thing, and nothing while text is typed.
+
+/** @import { Panes } from "../photos/panes.js" */
+/** @import { Navigation } from "./navigation.js" */
+/** @import { PageState } from "./page_state.js" */
+/** @import { ProjectActions } from "./project_actions.js" */
+/** @import { Tools } from "./tools.js" */
+
+/**
+ * What the keys act on.
+ * @typedef {object} Acted
+ * @property {PageState} state
+ * @property {Panes} panes
+ * @property {Tools} tools
+ * @property {Navigation} navigation
+ * @property {ProjectActions} project
+ * @property {(count: number) => void} setPanes
+ */
+
+/** @typedef {"pick" | "length" | "distance" | "area" | "polyline" | "angle" | "line_distance" | "skid_speed" | "coordinate" | "speed"} ToolName */
+/** @typedef {{ key: string, name: string, prefix: string, least: number, most?: number, apart?: boolean, what: string }} Tool */
+
+/** @type {[string, [string, string][]][]} */
+export const KEYS = [
+  ["Photos", [
+    ["wheel, + \u2212", "zoom at the pointer"], ["drag, Space + drag", "pan (middle and right button too)"], ["Ctrl + arrows", "pan; the arrows alone where no point is selected"],
+    ["F   1   Z", "fit; one to one; to the selected point, \u00d74"], ["Page Down, Page Up", "next, previous photo; with Alt only those where the label is expected"],
+    ["Ctrl+1  2  4", "panes"], ["K", "all panes show the same ground"], ["E R O T U", "ellipses, residuals, predictions, labels, lines"], ["M", "magnifier"],
+  ]],
+  ["Points", [
+    ["click, Enter", "place the label (Enter: in the middle of the photo)"], ["drag, Shift + drag", "move; ten times finer"],
+    ["arrows, Shift, Alt", "nudge by 0.1, 1, 10 px"], ["G", "go to where the label is expected"], ["S, Shift+S", "snap to a corner, to a round target"],
+    ["N, B, Tab", "next, previous point"], ["/", "to the label: type one, Enter selects it"], ["F2", "rename"], ["Delete, Shift+Delete", "remove here, everywhere"],
+  ]],
+  ["Lengths and measurements", [
+    ["P L D A Y J", "tools: point, length, distance, area, polyline, angle"], ["I V", "distance from a line, skid speed"], ["C H", "coordinate, speed between two photos"],
+    ["click points; N B, Enter", "the points in order; Enter takes the selected one, once more ends"], ["Esc", "stop"],
+  ]],
+  ["All", [["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"], ["F6, Shift+F6", "next, previous part of the page"], ["X, Shift+X", "next, previous tab: measure, frames, camera"], ["up, down", "in a table: the same in the next row"],
+    ["W", "write report and exports"], ["?", "this help"]]],
+];
+
+// `what` is for who has never used the tool; `apart`: each point is a place of its own, in one photo.
+/** @type {Record<ToolName, Tool>} */
+export const TOOLS = {
+  pick: { key: "p", name: "Point", prefix: "P", least: 1, what: "marks a place on the ground by a label" },
+  length: { key: "l", name: "Length", prefix: "L", least: 2, most: 2, what: "a length that was taped, which the adjustment takes as known" },
+  distance: { key: "d", name: "Distance", prefix: "D", least: 2, most: 2, what: "how far two points are apart" },
+  area: { key: "a", name: "Area", prefix: "A", least: 3, what: "what three or more points enclose, in their order" },
+  polyline: { key: "y", name: "Polyline", prefix: "W", least: 2, what: "the way along points, in their order" },
+  angle: { key: "j", name: "Angle", prefix: "J", least: 3, most: 3, what: "the angle at the second of three points" },
+  line_distance: { key: "i", name: "From line", prefix: "H", least: 3, most: 3, what: "how far the first point is from the line through the two others" },
+  skid_speed: { key: "v", name: "Skid", prefix: "V", least: 2, what: "the speed before a skid to rest, from the length of its mark and the friction" },
+  coordinate: { key: "c", name: "Coordinate", prefix: "C", least: 1, most: 1, what: "where a point is: east and north, latitude and longitude" },
+  speed: { key: "h", name: "Speed", prefix: "S", least: 2, most: 2, apart: true, what: "the mean speed of what moved between two photos" },
+};
+
+const MOVING = ["Tab", "F6", "Enter"]; // who uses these is to see where he is
+const PAGES = ["PageUp", "PageDown", "Home", "End"];
+/** @type {Record<string, [number, number] | undefined>} */
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+
+/** @param {Acted} acted */
+export function listenToKeys(acted) {
+  window.addEventListener("keydown", (event) => {
+    if (ARROWS[event.key] || MOVING.includes(event.key)) document.body.classList.add("keyed");
+    if (!isTyped(event) && handle(acted, event)) event.preventDefault();
+  });
+  window.addEventListener("keyup", ({ key }) => { if (key === " ") acted.state.spaceHeld = false; });
+  window.addEventListener("blur", () => { acted.state.spaceHeld = false; });
+  window.addEventListener("pointermove", () => document.body.classList.remove("keyed"));
+}
+
+// The arrows go through the buttons of a group, which is one stop for Tab: of radio buttons and tabs
+// they choose as well.
+/** @param {HTMLElement} group */
+export function roving(group) {
+  group.addEventListener("keydown", (event) => {
+    const [dx, dy] = ARROWS[event.key] ?? [0, 0];
+    const all = [...group.querySelectorAll("button")];
+    const at = all.findIndex((button) => event.target instanceof Node && button.contains(event.target));
+    const last = all.length - 1;
+    const to = event.key === "Home" ? 0 : event.key === "End" ? last : (at + dx + dy + all.length) % all.length;
+    if (at < 0 || to === at || event.ctrlKey) return;
+    event.preventDefault();
+    all[to].focus();
+    if (group.getAttribute("role")) all[to].click();
+  });
+}
+
+// Up and down go to the same field of the next row of a table.
+/** @param {HTMLElement} panel */
+export function throughRows(panel) {
+  panel.addEventListener("keydown", (event) => {
+    const { key, target } = event;
+    const name = target instanceof HTMLInputElement || target instanceof HTMLButtonElement ? target.name : "";
+    const row = target instanceof Element ? target.closest("tbody tr") : null;
+    if (!row || !name || !["ArrowUp", "ArrowDown"].includes(key)) return;
+    event.preventDefault();
+    const next = key === "ArrowUp" ? row.previousElementSibling : row.nextElementSibling;
+    /** @type {HTMLElement | null | undefined} */ (next?.querySelector(`[name="${name}"]`))?.focus();
+  });
+}
+
+// Whether a key belongs to what is focused: to a text, a button, a table.
+/** @param {KeyboardEvent} event */
+function isTyped({ key, target }) {
+  if (!(target instanceof HTMLElement || target instanceof SVGElement)) return false;
+  if (target.closest("dialog")) return true;
+  if (key === "F6") return false;
+  if ((ARROWS[key] || PAGES.includes(key)) && target.closest("#panel, [role=radiogroup], #strip")) return true;
+  const isField = target.matches("input, select, textarea");
+  if (isField && key === "Escape") {
+    target.blur();
+    return false;
+  }
+  return isField || (target.matches("button, a, summary") && ["Enter", " "].includes(key));
+}
+
+// Does what a key says; whether it says something.
+/** @param {Acted} acted @param {KeyboardEvent} event @returns {boolean} */
+function handle(acted, event) {
+  const { key, shiftKey, altKey } = event;
+  const arrow = ARROWS[key];
+  if (event.ctrlKey || event.metaKey) return arrow ? acted.navigation.pan(...arrow) : withControl(acted, key.toLowerCase(), shiftKey);
+  if (arrow) return acted.navigation.arrow(...arrow, shiftKey ? 1 : altKey ? 10 : 0.1);
+  if (key === "Enter") return acted.navigation.enter();
+  const named = NAMED[key];
+  if (named) {
+    named(acted, event);
+    return true;
+  }
+  const tool = Object.entries(TOOLS).find(([, one]) => one.key === key.toLowerCase());
+  if (tool) acted.tools.setTool(/** @type {ToolName} */ (tool[0]));
+  return Boolean(tool);
+}
+
+/** @param {Acted} acted @param {string} key @param {boolean} shift */
+function withControl({ tools, setPanes }, key, shift) {
+  if (key === "z") tools.send({ t: shift ? "redo" : "undo" });
+  else if (key === "y") tools.send({ t: "redo" });
+  else if (["1", "2", "4"].includes(key)) setPanes(Number(key));
+  else return false;
+  return true;
+}
+
+/** @type {Record<string, ((acted: Acted, event: KeyboardEvent) => void) | undefined>} */
+const NAMED = {
+  Escape: ({ tools }) => tools.cancel(),
+  Delete: ({ tools }, { shiftKey }) => tools.remove(shiftKey),
+  F2: ({ navigation }) => navigation.beginRename(),
+  "/": ({ tools }) => tools.toLabel(),
+  F6: ({ navigation }, { shiftKey }) => navigation.nextRegion(shiftKey ? -1 : 1),
+  PageDown: ({ navigation }, { altKey }) => navigation.turn(1, altKey),
+  PageUp: ({ navigation }, { altKey }) => navigation.turn(-1, altKey),
+  "+": ({ navigation }) => navigation.zoom(1.25),
+  "=": ({ navigation }) => navigation.zoom(1.25),
+  "-": ({ navigation }) => navigation.zoom(0.8),
+  " ": ({ state }) => { state.spaceHeld = true; },
+  "?": ({ navigation }) => navigation.help(),
+  f: ({ panes }) => panes.active?.fit(),
+  1: ({ panes }) => panes.active?.scaleTo(1),
+  z: ({ navigation }) => navigation.toSelected(4),
+  g: ({ navigation }) => navigation.goToPredicted(),
+  n: ({ navigation }) => navigation.step(1),
+  b: ({ navigation }) => navigation.step(-1),
+  k: ({ panes }) => panes.toggleLink(),
+  m: ({ navigation }) => navigation.toggleLoupe(),
+  e: ({ navigation }) => navigation.toggle("ellipses"),
+  r: ({ navigation }) => navigation.toggle("residuals"),
+  o: ({ navigation }) => navigation.toggle("predicted"),
+  t: ({ navigation }) => navigation.toggle("labels"),
+  u: ({ navigation }) => navigation.toggle("lines"),
+  s: ({ tools }) => void tools.snap("corner"),
+  S: ({ tools }) => void tools.snap("circle"),
+  x: ({ navigation }) => navigation.nextTab(1),
+  X: ({ navigation }) => navigation.nextTab(-1),
+  w: ({ project }) => void project.exportAll(),
+};

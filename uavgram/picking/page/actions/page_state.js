@@ -1,0 +1,37 @@
+// What this page alone knows: what is selected, which tool is in hand, what is shown.
+
+/** @import { Folder, Measurement } from "../connection/protocol.js" */
+/** @import { ToolName } from "./keys.js" */
+
+/** @typedef {"ellipses" | "residuals" | "predicted" | "labels" | "lines"} ShownKind */
+/** @typedef {Record<ShownKind, boolean>} Shown */
+/** @typedef {"measure" | "frames" | "camera"} Tab */
+
+/**
+ * A length or measurement whose form is open; `was`: its name, where it is there already.
+ * @typedef {{ t: "line", name: string, start: string, end: string, sigma_m: number, length_m?: number, adjust?: boolean, was?: string } | Measurement & { t: "measure", was?: string }} Entry
+ */
+
+export class PageState {
+  constructor() {
+    /** @type {string | null} */
+    this.selected = null; // label
+    /** @type {ToolName} */
+    this.tool = "pick";
+    /** @type {string[]} */
+    this.draft = []; // labels of the length or measurement that is being clicked
+    /** @type {Entry | null} */
+    this.entry = null;
+    /** @type {Shown} */
+    this.shown = { ellipses: true, residuals: true, predicted: true, labels: true, lines: true };
+    this.magnifies = true;
+    this.spaceHeld = false; // a drag pans
+    this.typed = false; // the label was typed since the last point was placed
+    this.lastSigmaM = 0.01; // of a taped length
+    /** @type {Tab} */
+    this.tab = "measure";
+    this.exporting = false;
+    /** @type {Folder[] | null} */
+    this.folders = null; // in which photos of a board could be
+  }
+}

@@ -1,0 +1,72 @@
+// About the project as a whole: exports, calibration, reading it again.
+
+import { boardText } from "../panel/camera.js";
+
+/** @import { Answers, Question } from "../connection/protocol.js" */
+/** @import { Link } from "../connection/link.js" */
+/** @import { Notice } from "../elements/notice.js" */
+/** @import { PageState } from "./page_state.js" */
+
+export class ProjectActions {
+  /** @param {{ state: PageState, link: Link, notice: Notice, showPanel: () => void }} needs */
+  constructor({ state, link, notice, showPanel }) {
+    this.state = state;
+    this.link = link;
+    this.notice = notice;
+    this.showPanel = showPanel;
+  }
+
+  // The answer; none where it is refused, or cannot be had, which is shown.
+  /** @template {Exclude<Question, { t: "snap" | "ground" }>} Q @param {Q} question @returns {Promise<Answers[Q["t"]] | null>} */
+  async ask(question) {
+    try {
+      const answer = await this.link.ask(question);
+      if (answer.why) this.notice.show(answer.why);
+      return answer;
+    } catch (fault) {
+      this.notice.fault(fault);
+      return null;
+    }
+  }
+
+  async exportAll() {
+    if (this.state.exporting) return;
+    this.state.exporting = true;
+    this.showPanel();
+    await this.ask({ t: "export" });
+    this.state.exporting = false;
+    this.showPanel();
+  }
+
+  async listFolders() {
+    const answer = await this.ask({ t: "folders" });
+    if (answer) this.state.folders = answer.folders;
+    this.showPanel();
+  }
+
+  /** @param {FormData} form */
+  async calibrate(form) {
+    await this.ask({ t: "calibrate", folder: Number(form.get("folder")), board: boardText(form), model: form.get("model") === "fisheye" ? "fisheye" : "brown" });
+  }
+
+  async stopCalibration() {
+    await this.ask({ t: "stop-calibration" });
+  }
+
+  async useCamera() {
+    if (await this.ask({ t: "use-camera" })) this.notice.show("The project names this camera now, and was read again.", true);
+  }
+
+  async takeAside() {
+    const answer = await this.ask({ t: "take-aside" });
+    if (answer?.refused) this.notice.show(`${answer.refused} of the changes do not fit any more and were left out.`);
+  }
+
+  async discardAside() {
+    await this.ask({ t: "discard-aside" });
+  }
+
+  async reload() {
+    if (await this.ask({ t: "reload" })) this.notice.show("The project was read again from its files; undo begins anew.", true);
+  }
+}

@@ -1,0 +1,297 @@
+// Tools: what a click makes, and which names are free.
+
+import { freeName, labels, pickAt, pickKey, store } from "../connection/store.js";
+import { as, byId, choose } from "../elements/dom.js";
+import { entryMessage, noNumber, parse, showFault } from "../panel/entry.js";
+import { placeFault } from "../panel/speed.js";
+import { TOOLS } from "./keys.js";
+
+/** @import { Change, Kind, Line, Measurement, Target } from "../connection/protocol.js" */
+/** @import { Link } from "../connection/link.js" */
+/** @import { Notice } from "../elements/notice.js" */
+/** @import { Pane } from "../photos/pane.js" */
+/** @import { Panes } from "../photos/panes.js" */
+/** @import { ToolName } from "./keys.js" */
+/** @import { Entry, PageState } from "./page_state.js" */
+
+export class Tools {
+  /**
+   * @param {object} needs
+   * @param {PageState} needs.state
+   * @param {Link} needs.link
+   * @param {Notice} needs.notice
+   * @param {Panes} needs.panes
+   * @param {() => void} needs.rebuild draws what hangs on the page's state
+   * @param {() => void} needs.moved a mark was moved: draws it with the next frame
+   * @param {() => void} needs.showForms shows the tab whose forms ask for what clicks cannot say
+   */
+  constructor({ state, link, notice, panes, rebuild, moved, showForms }) {
+    this.state = state;
+    this.link = link;
+    this.notice = notice;
+    this.panes = panes;
+    this.rebuild = rebuild;
+    this.moved = moved;
+    this.showForms = showForms;
+    this.box = as(HTMLInputElement, byId("label")); // of the label that the next click places
+    this.box.addEventListener("keydown", ({ key }) => { if (key === "Enter") this.name(this.label); });
+    this.box.addEventListener("input", () => { state.typed = true; });
+  }
+
+  /** @param {Change} change */
+  send(change) {
+    this.link.change(change);
+  }
+
+  /** @param {ToolName} tool */
+  setTool(tool) {
+    Object.assign(this.state, { tool, draft: [], entry: null });
+    choose(byId("tools"), (button) => button.dataset.tool === tool, "aria-checked");
+    this.rebuild();
+  }
+
+  get label() {
+    return this.box.value.trim();
+  }
+
+  // The label that a click places: the one in the box, or the next free one where that is taken.
+  /** @param {number} image */
+  labelFor(image) {
+    const given = this.label;
+    const taken = this.taken(image, given);
+    if (given && !given.includes(";") && !taken) return given;
+    const free = this.freeLabel(given);
+    if (taken && this.state.typed) this.notice.show(`${given} is picked ${taken} already: this point is called ${free}.`, true);
+    return free;
+  }
+
+  // Where a label stands that cannot be placed in a photo; empty where it can. What moves is at
+  // another place in each photo, so there each place has a label of its own.
+  /** @param {number} image @param {string} label */
+  taken(image, label) {
+    const coming = this.coming.filter((one) => one.label === label);
+    if (pickAt(image, label) || coming.some((one) => one.image === image)) return "in this photo";
+    return TOOLS[this.state.tool].apart && (coming.length || labels().includes(label)) ? "in another photo" : "";
+  }
+
+  /** @param {string} given */
+  freeLabel(given) {
+    const prefix = given.replace(/\d*$/, "") || "P";
+    return freeName(prefix, new Set([...labels(), ...this.coming.map(({ label }) => label)]));
+  }
+
+  // Picks that were sent and are not confirmed yet: their labels are taken, too.
+  get coming() {
+    return this.link.unconfirmed.filter((one) => one.t === "place");
+  }
+
+  /** Names that lengths or measurements have, or will have. @param {"line" | "measure"} t */
+  namesOf(t) {
+    const coming = this.link.unconfirmed.flatMap((one) => (one.t === t ? [one.name] : []));
+    return [...(t === "line" ? store.lines : store.measurements).map(({ name }) => name), ...coming];
+  }
+
+  suggest() {
+    if (!this.label) this.box.value = this.freeLabel("P1");
+  }
+
+  /** @param {string} label */
+  select(label) {
+    if (this.state.selected === label) return;
+    this.choose(label);
+    this.rebuild();
+  }
+
+  /** @param {string} label */
+  choose(label) {
+    this.state.selected = label;
+    this.box.value = label;
+  }
+
+  /** @param {Pane} pane @param {number} u @param {number} v */
+  clicked(pane, u, v) {
+    const label = this.labelFor(pane.image);
+    this.placeAt(pane, label, u, v);
+    if (this.state.tool !== "pick") this.extend(label);
+  }
+
+  /** @param {Pane} pane @param {string} label @param {number} u_px @param {number} v_px @param {number | null} sigma_px */
+  placeAt(pane, label, u_px, v_px, sigma_px = null) {
+    this.send({ t: "place", image: pane.image, label, u_px, v_px, sigma_px });
+    this.choose(label);
+    this.state.typed = false;
+  }
+
+  /** @param {number} image @param {string} label @param {[number, number]} at @param {number} step @param {boolean} final */
+  drag(image, label, [u_px, v_px], step, final) {
+    const pick = pickAt(image, label);
+    if (!pick) return;
+    store.picks.set(pickKey(image, label), { ...pick, u_px, v_px });
+    store.version += 0.5; // newer than what the server knows: what hangs on it is grey
+    this.send({ t: "place", image, label, u_px, v_px, step, final });
+    this.moved();
+  }
+
+  /** @param {string} label */
+  clickedMark(label) {
+    this.select(label);
+    if (this.state.tool !== "pick") this.extend(label);
+  }
+
+  /** @param {string} label */
+  extend(label) {
+    const { draft, tool } = this.state;
+    const { apart, most } = TOOLS[tool];
+    if (draft.at(-1) === label) return;
+    const why = apart && labels().includes(label) ? placeFault(label) : "";
+    if (why) {
+      this.notice.show(why);
+      return;
+    }
+    if (tool === "area" && draft.length >= 3 && label === draft[0]) {
+      this.finish();
+      return;
+    }
+    draft.push(label);
+    if (draft.length === most) this.finish();
+    else this.rebuild();
+  }
+
+  finish() {
+    const { draft, tool } = this.state;
+    if (tool === "pick" || draft.length < TOOLS[tool].least) return false;
+    this.state.draft = [];
+    if (tool === "length") this.askLength(draft[0], draft[1]);
+    else this.measure(tool, draft, freeName(TOOLS[tool].prefix, new Set(this.namesOf("measure"))));
+    this.rebuild();
+    return true;
+  }
+
+  /** @param {Kind} kind @param {string[]} points @param {string} name */
+  measure(kind, points, name) {
+    const there = store.measurements.find((one) => kind === "coordinate" && one.kind === kind && one.points[0] === points[0]);
+    if (there) this.notice.show(`${there.name} is the coordinate of ${points[0]} already.`, true);
+    else if (kind === "skid_speed" || kind === "speed") this.ask({ t: "measure", kind, points, name }); // it takes more than its points
+    else this.send({ t: "measure", was: "", name, kind, points });
+  }
+
+  /** @param {string} start @param {string} end */
+  askLength(start, end) {
+    const name = freeName("L", new Set(this.namesOf("line")));
+    this.ask({ t: "line", start, end, name, sigma_m: this.state.lastSigmaM });
+  }
+
+  /** @param {Entry} entry */
+  ask(entry) {
+    this.state.entry = entry;
+    this.showForms();
+    inputIn('form[data-row="entry"] input')?.focus();
+  }
+
+  /** @param {HTMLFormElement} form */
+  entered(form) {
+    const { entry } = this.state;
+    if (!entry) return;
+    const { message, why, field } = entryMessage(entry, new FormData(form), this.namesOf(entry.t));
+    if (!message) {
+      showFault(form, why, field);
+      return;
+    }
+    if (message.t === "line") this.state.lastSigmaM = message.sigma_m;
+    this.send(message);
+    this.state.entry = null;
+    this.rebuild();
+    this.panes.active?.focus();
+  }
+
+  // A length or measurement that is there, to be changed.
+  /** @param {Line} line */
+  changeLine(line) {
+    this.ask({ ...line, t: "line", was: line.name });
+  }
+
+  /** @param {Measurement} measurement */
+  changeMeasurement(measurement) {
+    this.ask({ ...measurement, t: "measure", was: measurement.name });
+  }
+
+  cancel() {
+    const { state, panes } = this;
+    this.notice.hide();
+    panes.active?.calm();
+    const nothing = !state.draft.length && !state.entry;
+    state.draft = [];
+    state.entry = null;
+    if (nothing && state.tool === "pick") state.selected = null;
+    if (nothing) this.setTool("pick");
+    else this.rebuild();
+    panes.active?.focus();
+  }
+
+  toLabel() {
+    this.box.focus();
+    this.box.select();
+  }
+
+  // The label box was left with Enter: a known label is selected, a new one is to be placed.
+  /** @param {string} label */
+  name(label) {
+    const { active } = this.panes;
+    this.box.value = label;
+    this.state.selected = labels().includes(label) ? label : null;
+    this.rebuild();
+    (active?.markOf(this.state.selected) ?? active?.svg)?.focus({ preventScroll: true });
+  }
+
+  // A number that was typed into a field: null where it is empty, nothing where it is none.
+  /** @param {HTMLInputElement} input @param {(value: number | null) => void} act */
+  number(input, act) {
+    const value = input.value.trim() ? parse(input.value) : null;
+    if (value !== null && !Number.isFinite(value)) {
+      this.notice.show(noNumber(input.value));
+      input.value = input.defaultValue;
+      return;
+    }
+    act(value);
+  }
+
+  /** @param {string} label @param {string} name */
+  rename(label, name) {
+    const wanted = name.trim();
+    if (!wanted || wanted === label) return;
+    this.send({ t: "rename", label, new: wanted });
+    this.choose(wanted);
+  }
+
+  /** @param {boolean} everywhere */
+  remove(everywhere) {
+    const { selected: label } = this.state;
+    const { active } = this.panes;
+    if (!label || !active) return;
+    if (everywhere) this.send({ t: "forget", label });
+    else if (pickAt(active.image, label)) this.send({ t: "unpick", image: active.image, label });
+  }
+
+  // The selected pick, or what is under the pointer, moved to the exact place of a target.
+  /** @param {Target} target */
+  async snap(target) {
+    const pane = this.panes.active;
+    if (!pane) return;
+    const pick = this.state.selected ? pickAt(pane.image, this.state.selected) : null;
+    const [u_px, v_px] = pick ? [pick.u_px, pick.v_px] : pane.inside(...pane.aim);
+    try {
+      const found = await this.link.ask({ t: "snap", image: pane.image, u_px, v_px, target });
+      if (found.why !== undefined) this.notice.show(found.why);
+      else {
+        const label = pick ? pick.label : this.labelFor(pane.image);
+        this.placeAt(pane, label, found.u_px, found.v_px, found.sigma_px);
+        this.notice.show(`${label}: ${target} at u ${found.u_px.toFixed(2)}, v ${found.v_px.toFixed(2)}, sigma ${found.sigma_px.toFixed(2)} px`, true);
+      }
+    } catch (fault) {
+      this.notice.fault(fault);
+    }
+  }
+}
+
+/** @param {string} selector @returns {HTMLInputElement | null} */
+export const inputIn = (selector) => byId("tab-measure").querySelector(selector);

@@ -1,0 +1,103 @@
+// The socket: one change under way at a time, and of the moves that wait the newest wins.
+
+/** @import { Answers, Change, Question, ServerMessage } from "./protocol.js" */
+
+const AGAIN_AFTER_MS = 1000;
+
+export class Link {
+  /** @param {(message: ServerMessage, answered: Change | null) => void} onMessage @param {(open: boolean) => void} onState */
+  constructor(onMessage, onState) {
+    this.onMessage = onMessage;
+    this.onState = onState;
+    /** @type {Change[]} */
+    this.waiting = [];
+    /** @type {{ seq: number, change: Change } | null} */
+    this.under = null; // the change that the server is asked to confirm
+    this.seq = 0;
+    this.steps = Date.now(); // step numbers of several pages must not meet
+    /** @type {Map<number, { yes: (answer: ServerMessage) => void, no: (fault: Error) => void }>} */
+    this.asked = new Map();
+    this.socket = this.open();
+  }
+
+  open() {
+    const socket = new WebSocket(`ws://${location.host}/socket`);
+    socket.onopen = () => this.onState(true);
+    socket.onmessage = ({ data }) => {
+      /** @type {unknown} */
+      const message = JSON.parse(`${data}`);
+      this.receive(/** @type {ServerMessage} */ (message));
+    };
+    socket.onclose = () => {
+      this.onState(false);
+      this.under = null;
+      for (const { no } of this.asked.values()) no(new Error("the connection is gone"));
+      this.asked.clear();
+      setTimeout(() => { this.socket = this.open(); }, AGAIN_AFTER_MS);
+    };
+    return socket;
+  }
+
+  // The page has what the server does not know: it begins anew.
+  reopen() {
+    this.socket.close();
+  }
+
+  newStep() {
+    return (this.steps += 1);
+  }
+
+  // A change: its answer comes to all pages as a difference.
+  /** @param {Change} change */
+  change(change) {
+    const last = this.waiting.at(-1);
+    const replaces = last?.t === "place" && change.t === "place" && change.step
+      && last.step === change.step && last.image === change.image && last.label === change.label;
+    if (replaces) this.waiting.pop();
+    this.waiting.push(change);
+    this.next();
+  }
+
+  // A question: its answer comes to whoever asked.
+  /** @template {Question} Q @param {Q} question @returns {Promise<Answers[Q["t"]]>} */
+  ask(question) {
+    const seq = (this.seq += 1);
+    return new Promise((yes, no) => {
+      if (this.socket.readyState !== WebSocket.OPEN) {
+        no(new Error("no connection"));
+        return;
+      }
+      this.asked.set(seq, { yes: (answer) => yes(/** @type {Answers[Q["t"]]} */ (answer)), no });
+      this.socket.send(JSON.stringify({ ...question, seq }));
+    });
+  }
+
+  next() {
+    if (this.under || this.socket.readyState !== WebSocket.OPEN) return;
+    const change = this.waiting.shift();
+    if (!change) return;
+    this.under = { seq: (this.seq += 1), change };
+    this.socket.send(JSON.stringify({ ...change, seq: this.under.seq }));
+  }
+
+  // Changes that the server has not confirmed yet.
+  get unconfirmed() {
+    return this.under ? [this.under.change, ...this.waiting] : this.waiting;
+  }
+
+  /** @param {ServerMessage} message */
+  receive(message) {
+    const seq = message.seq ?? -1;
+    const asked = this.asked.get(seq);
+    if (asked) {
+      this.asked.delete(seq);
+      if (message.t === "refused") asked.no(new Error(message.why));
+      else asked.yes(message);
+      return;
+    }
+    const answered = seq === this.under?.seq ? this.under.change : null;
+    if (answered) this.under = null;
+    this.onMessage(message, answered);
+    this.next();
+  }
+}

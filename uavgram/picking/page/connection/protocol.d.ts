@@ -1,0 +1,101 @@
+// What page and server say to each other, as JSON: types alone, for the checks in .ci/page. The server
+// makes its part in about.py, answers.py and bench.py, and checks what comes in messages.py.
+
+type Maybe = number | null; // null where Python has NaN
+
+// Ellipse of one sigma: half-axes, and the direction of the major one from u towards v.
+export interface Spread { major_px: Maybe; minor_px: Maybe; turn_deg: Maybe }
+
+export interface Pick { image: number; label: string; u_px: number; v_px: number; sigma_px: Maybe; height_m: Maybe; area: string }
+export interface Line { name: string; start: string; end: string; length_m: number; sigma_m: number; adjust: boolean }
+export type Kind = "distance" | "polyline" | "area" | "angle" | "line_distance" | "skid_speed" | "coordinate" | "speed";
+export interface Measurement { name: string; kind: Kind; points: string[]; parameters?: Record<string, number> }
+export interface Remark { level: "error" | "warning" | "info"; code: string; text: string }
+
+// The project itself.
+
+export interface Photo {
+  name: string; digest: string; width_px: number; height_px: number; levels: number; matched: boolean; reason: string; time_utc_s: Maybe;
+  seed: { up_m: Maybe; sigma_m: Maybe[]; turn_sigma_deg: Maybe } | null;
+  event: { status: string; residual_s: Maybe; why: string } | null;
+}
+export interface Camera {
+  name: string; model: string; width_px: number; height_px: number; parameters: string[][]; facts: string[]; source: string[]; file: string; messages: Remark[];
+}
+export interface ClockOffset { offset_s: Maybe; sigma_s: Maybe }
+export interface Clock extends ClockOffset { log: string; events: number; unused: string[] }
+export interface Predicted { image: number; label: string; pixel_px: [number, number]; spread: Spread }
+export interface Outputs { folder: string; files: { name: string; words: string }[]; recording: boolean; version: number | null }
+export interface Folder { id: number; name: string; photos: number; width_px: number; height_px: number }
+export type Calibration = { t: "calibration" } & (
+  | { state: "running"; what: string; done: number; total: number }
+  | { state: "failed"; why: string }
+  | { state: "done"; verdict: string; reasons: string[]; counts: string; facts: [string, string][]; file: string; width_px: number; height_px: number });
+
+// The adjustment.
+
+export interface Fit { image: number; label: string; residual_px: Maybe[]; w: Maybe; status: string; spread: Spread | null }
+export interface Measured { value: Maybe; sigma: Maybe; unit: string; alternatives: Maybe[] }
+export type Places = Record<string, [number, number] | undefined>; // latitude and longitude by label
+export interface Adjusted {
+  mode: "adjusted"; seconds: number;
+  points: Record<string, { sigma_m: Maybe[] } | undefined>;
+  earth_deg: Places;
+  picks: Fit[]; predicted: Predicted[];
+  lines: Record<string, { adjusted_m: Maybe; sigma_m: Maybe; w: Maybe; status: string } | undefined>;
+  measurements: Record<string, Measured | undefined>;
+  checks: { label: string; error_m: Maybe[]; sigma_m: Maybe[] }[];
+  frames: Record<number, { status: string; sigma_m: Maybe[]; moved_m: Maybe } | undefined>;
+  clock: ClockOffset | null;
+  advice: { start: string; end: string; length_m: Maybe; relative_sigma: number; relative_sigma_after: number } | null;
+  messages: Remark[];
+}
+export interface Unadjusted { mode: "none"; why: string; messages: Remark[] }
+export interface Linearised {
+  mode: "linearised";
+  residuals_px: [number, string, Maybe, Maybe][]; // image, label, u, v
+  lengths_m: Record<string, Maybe>; values: Record<string, Maybe>; earth_deg: Places;
+}
+export type Live = { t: "live"; for: number; expected?: Predicted[] } & (Adjusted | Unadjusted | Linearised);
+export type FullLive = Exclude<Live, Linearised>;
+
+// From the server.
+
+export interface Standing { version: number; undo: number; redo: number }
+export interface InitialState extends Standing {
+  t: "initial-state"; project: string; tile_px: number; pick_sigma_px: number; photos: Photo[]; camera: Camera; clock: Clock | null;
+  control: string[]; check: string[]; expected: Predicted[]; recovered: boolean; messages: Remark[];
+  state: { picks: Pick[]; lines: Line[]; measurements: Measurement[] };
+  live: FullLive | null; outputs: Outputs; outside: string[]; aside: number | null; calibration: Calibration | null;
+}
+export interface Changed extends Standing {
+  t: "changed"; diff: { picks?: { put: Pick[]; gone: [number, string][] }; lines?: Line[]; measurements?: Measurement[] };
+}
+export interface Refused { t: "refused"; why: string }
+export type ServerMessage = { seq?: number | null } & (
+  | InitialState | Changed | Live | Calibration | Refused | Answers[keyof Answers]
+  | { t: "saved"; version: number; fault: string } | { t: "outside"; files: string[] } | { t: "outputs"; outputs: Outputs });
+
+// From the page: changes of what is picked, and questions.
+
+export interface Place { t: "place"; image: number; label: string; u_px: number; v_px: number; sigma_px?: Maybe; step?: number; final?: boolean }
+export interface SetLine extends Line { t: "line"; was: string }
+export interface SetMeasurement extends Measurement { t: "measure"; was: string }
+export type Change = Place | SetLine | SetMeasurement
+  | { t: "unpick"; image: number; label: string } | { t: "forget"; label: string } | { t: "rename"; label: string; new: string }
+  | { t: "sigma"; image: number; label: string; sigma_px: Maybe } | { t: "height"; label: string; height_m: Maybe }
+  | { t: "remove-line"; name: string } | { t: "remove-measurement"; name: string } | { t: "undo" } | { t: "redo" };
+
+export type Target = "corner" | "circle";
+export type Question =
+  | { t: "snap"; image: number; u_px: number; v_px: number; target: Target } | { t: "ground"; image: number; u_px: number; v_px: number }
+  | { t: "export" } | { t: "reload" } | { t: "take-aside" } | { t: "discard-aside" } | { t: "folders" } | { t: "stop-calibration" } | { t: "use-camera" }
+  | { t: "calibrate"; folder: number; board: string; model: string };
+interface Done { t: "done"; why?: string }
+export interface Answers {
+  snap: { t: "snapped"; why: string } | { t: "snapped"; why?: undefined; u_px: number; v_px: number; sigma_px: number };
+  ground: { t: "ground"; places: Record<number, [number, number, number] | undefined> }; // u, v [px] and scale
+  export: { t: "exported"; why?: string; outputs?: Outputs };
+  folders: { t: "folders"; why?: string; folders: Folder[] };
+  reload: Done; "stop-calibration": Done; "use-camera": Done; calibrate: Done; "discard-aside": Done; "take-aside": Done & { refused: number };
+}

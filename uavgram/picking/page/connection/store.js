@@ -1,0 +1,222 @@
+// What the server said: the picked state, and what the adjustment makes of it.
+
+/** @import { Adjusted, Calibration, Camera, Changed, Clock, Fit, FullLive, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, Predicted, Remark, ServerMessage, Standing } from "./protocol.js" */
+
+/**
+ * @typedef {object} Store
+ * @property {boolean} begun whether the server has said how things stand
+ * @property {string} project
+ * @property {Photo[]} photos
+ * @property {number} tilePx
+ * @property {number} pickSigmaPx
+ * @property {Camera | null} camera
+ * @property {string[]} control
+ * @property {string[]} check
+ * @property {Remark[]} opening
+ * @property {boolean} recovered
+ * @property {Clock | null} clock
+ * @property {Predicted[]} expected
+ * @property {Outputs | null} outputs
+ * @property {string[]} outside
+ * @property {number | null} aside how many changes an earlier session could not save
+ * @property {Calibration | null} calibration
+ * @property {Map<string, Pick>} picks "image|label" -> pick
+ * @property {Line[]} lines
+ * @property {Measurement[]} measurements
+ * @property {number} undo
+ * @property {number} redo
+ * @property {number} version
+ * @property {FullLive | null} live the last full adjustment, with first-order values laid over it
+ * @property {Map<string, Fit>} fits "image|label" -> how the pick fits there
+ * @property {number} liveFor
+ * @property {Live["mode"] | "waiting"} mode
+ * @property {boolean} connected
+ * @property {boolean} gone not connected for so long that it is to be said
+ * @property {string} fault
+ */
+
+/** @type {Store} */
+export const store = {
+  begun: false,
+  project: "",
+  photos: [],
+  tilePx: 0,
+  pickSigmaPx: 1,
+  camera: null,
+  control: [],
+  check: [],
+  opening: [],
+  recovered: false,
+  clock: null,
+  expected: [],
+  outputs: null,
+  outside: [],
+  aside: null,
+  calibration: null,
+  picks: new Map(),
+  lines: [],
+  measurements: [],
+  undo: 0,
+  redo: 0,
+  version: 0,
+  live: null,
+  fits: new Map(),
+  liveFor: -1,
+  mode: "waiting",
+  connected: false,
+  gone: false,
+  fault: "",
+};
+
+/** @param {number} image @param {string} label */
+export const pickKey = (image, label) => `${image}|${label}`;
+
+/** @template {{ image: number, label: string }} T @param {T[]} all @returns {Map<string, T>} */
+const byKey = (all) => new Map(all.map((one) => [pickKey(one.image, one.label), one]));
+
+// `moved`: picks that were moved since what the server answers to here. Returns whether there is
+// something new to draw: what a drag does is drawn before the server confirms it.
+/** @param {ServerMessage} message @param {Set<string>} moved */
+export function receive(message, moved) {
+  if (message.t === "initial-state") begin(message);
+  else if (message.t === "changed") return changed(message, moved);
+  else if (message.t === "live") live(message);
+  else if (message.t === "saved") store.fault = message.fault;
+  else if (message.t === "outside") store.outside = message.files;
+  else if (message.t === "outputs") store.outputs = message.outputs;
+  else if (message.t === "calibration") store.calibration = message;
+  return true;
+}
+
+/** @param {InitialState} message */
+function begin({ project, photos, camera, control, check, recovered, clock, expected, outputs, outside, aside, calibration, ...message }) {
+  const { picks, lines, measurements } = message.state;
+  Object.assign(store, {
+    begun: true, project, photos, camera, control, check, recovered, clock, expected, outputs, outside, aside, calibration, lines, measurements,
+    tilePx: message.tile_px,
+    pickSigmaPx: message.pick_sigma_px,
+    opening: message.messages,
+    picks: byKey(picks),
+    live: null,
+    liveFor: -1,
+    mode: "waiting",
+    fault: "",
+  });
+  standing(message);
+  if (message.live) live(message.live);
+}
+
+/** @param {Standing} message */
+function standing({ version, undo, redo }) {
+  Object.assign(store, { version, undo, redo });
+}
+
+/** @param {Changed} message @param {Set<string>} moved */
+function changed(message, moved) {
+  const { picks, lines, measurements } = message.diff;
+  for (const [image, label] of picks?.gone ?? []) store.picks.delete(pickKey(image, label));
+  const put = (picks?.put ?? []).filter((pick) => !moved.has(pickKey(pick.image, pick.label)) && !isThere(pick));
+  for (const pick of put) store.picks.set(pickKey(pick.image, pick.label), pick);
+  if (lines) store.lines = lines;
+  if (measurements) store.measurements = measurements;
+  standing(message);
+  return Boolean(put.length || picks?.gone.length || lines || measurements);
+}
+
+/** @param {Pick} pick */
+const isThere = (pick) => JSON.stringify(pick) === JSON.stringify(pickAt(pick.image, pick.label));
+
+/** @param {Live} message */
+function live(message) {
+  store.liveFor = message.for;
+  store.mode = message.mode;
+  if (message.mode === "linearised") {
+    layOver(message);
+    return;
+  }
+  store.live = message;
+  store.expected = message.expected ?? store.expected;
+  store.fits = byKey(message.mode === "adjusted" ? message.picks : []);
+}
+
+// A first-order answer has values alone: sigmas and tests stay those of the last adjustment.
+/** @param {Linearised} message */
+function layOver({ residuals_px, lengths_m, values, earth_deg }) {
+  const base = adjusted();
+  if (!base) return;
+  for (const [image, label, u, v] of residuals_px) {
+    const there = store.fits.get(pickKey(image, label));
+    if (there) there.residual_px = [u, v];
+  }
+  for (const [name, value] of Object.entries(lengths_m)) {
+    const there = base.lines[name];
+    if (there) there.adjusted_m = value;
+  }
+  for (const [name, value] of Object.entries(values)) {
+    const there = base.measurements[name];
+    if (there) there.value = value;
+  }
+  base.earth_deg = earth_deg;
+}
+
+/** @returns {Adjusted | null} */
+export const adjusted = () => (store.live?.mode === "adjusted" ? store.live : null);
+export const stale = () => store.liveFor < store.version;
+/** @param {number} image @param {string} label */
+export const pickAt = (image, label) => store.picks.get(pickKey(image, label));
+/** @param {number} image @param {string} label */
+export const fitOf = (image, label) => store.fits.get(pickKey(image, label));
+
+/** @param {string} label */
+export const picksOf = (label) => [...store.picks.values()].filter((pick) => pick.label === label);
+
+export function labels() {
+  return [...new Set([...store.picks.values()].map((pick) => pick.label))];
+}
+
+/** @param {number} image */
+export function picksIn(image) {
+  return [...store.picks.values()].filter((pick) => pick.image === image);
+}
+
+// Labels that are picked in other photos, and points with known coordinates that are in none yet.
+/** @param {number} image */
+export function predictedIn(image) {
+  /** @param {Predicted} one */
+  const here = (one) => one.image === image && !pickAt(image, one.label);
+  const predicted = (adjusted()?.predicted ?? []).filter(here);
+  const expected = store.expected.filter((one) => here(one) && !isPicked(one.label));
+  return expected.length ? [...predicted, ...expected] : predicted;
+}
+
+/** @param {string} label */
+const isPicked = (label) => picksOf(label).length > 0;
+
+// Where a label is in a photo: its pick, else its predicted place.
+/** @param {number} image @param {string} label */
+export function placeOf(image, label) {
+  const pick = pickAt(image, label);
+  if (pick) return { u: pick.u_px, v: pick.v_px, picked: true };
+  const found = predictedIn(image).find((one) => one.label === label);
+  return found ? { u: found.pixel_px[0], v: found.pixel_px[1], picked: false } : null;
+}
+
+/** @param {string} prefix @param {Set<string>} taken */
+export function freeName(prefix, taken) {
+  for (let k = 1; ; k += 1) {
+    if (!taken.has(`${prefix}${k}`)) return `${prefix}${k}`;
+  }
+}
+
+/** @param {string | undefined} status */
+export const isSuspect = (status) => status === "suspect" || status === "removed";
+
+// How far the worst pick of a photo is off, in its own standard deviations.
+/** @param {number} image */
+export function worstIn(image) {
+  let worst = { w: 0, status: "" };
+  for (const { image: its, w, status } of adjusted()?.picks ?? []) {
+    if (its === image && w !== null && Math.abs(w) > worst.w) worst = { w: Math.abs(w), status };
+  }
+  return worst;
+}

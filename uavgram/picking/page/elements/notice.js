@@ -1,0 +1,29 @@
+// One sentence over the page, for a while.
+
+const SHOWN_MS = 8000; // what went well is told for half of it
+
+export class Notice {
+  /** @param {HTMLElement} box */
+  constructor(box) {
+    this.box = box;
+    this.timer = 0;
+  }
+
+  /** @param {string} words @param {boolean} good */
+  show(words, good = false) {
+    this.box.textContent = words;
+    this.box.classList.toggle("info", good);
+    this.box.hidden = false;
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.hide(), good ? SHOWN_MS / 2 : SHOWN_MS);
+  }
+
+  /** What a question ended with instead of an answer. @param {unknown} fault */
+  fault(fault) {
+    this.show(fault instanceof Error ? fault.message : "that failed");
+  }
+
+  hide() {
+    this.box.hidden = true;
+  }
+}

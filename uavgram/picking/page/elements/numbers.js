@@ -1,0 +1,57 @@
+// Numbers as people read them.
+
+/** @import { Measured } from "../connection/protocol.js" */
+
+export const missing = "\u2013";
+
+/** @param {number | null | undefined} value @param {number} digits */
+export function fixed(value, digits) {
+  if (value === null || value === undefined) return missing;
+  const words = value.toFixed(digits);
+  return Number(words) === 0 ? words.replace("-", "") : words;
+}
+
+// A value with as many digits as its sigma deserves: two digits of the sigma, no more than 3 places.
+/** @param {number | null | undefined} sigma */
+export function places(sigma) {
+  if (!sigma || !(sigma > 0)) return 3;
+  return Math.min(Math.max(1 - Math.floor(Math.log10(sigma)), 0), 3);
+}
+
+/** @param {number | null | undefined} value @param {number | null | undefined} sigma @param {string} unit */
+export function withSigma(value, sigma, unit = "") {
+  if (value === null || value === undefined) return missing;
+  const digits = places(sigma);
+  const error = sigma === null || sigma === undefined ? "" : ` \u00b1 ${sigma.toFixed(digits)}`;
+  return `${fixed(value, digits)}${error}${unit && ` ${unit}`}`;
+}
+
+const METRES_OF_A_DEGREE = 111_320; // of a great circle
+
+// Latitude or longitude to the digits that its sigma in metres deserves.
+/** @param {number} value @param {number | null} sigma */
+export function degrees(value, sigma) {
+  const digits = sigma && sigma > 0 ? 1 - Math.floor(Math.log10(sigma / METRES_OF_A_DEGREE)) : 7;
+  return `${value.toFixed(Math.min(Math.max(digits, 4), 8))}\u00b0`;
+}
+
+// A measurement as the page shows it: speeds as on a speedometer.
+/** @param {Measured} found */
+export function valueText({ value, sigma, unit }) {
+  const pace = paceOf(unit);
+  return withSigma(value === null ? null : pace * value, sigma === null ? null : pace * sigma, UNITS[unit] ?? unit);
+}
+
+// What other solutions, that fit as well, make of a value; empty where there is none.
+/** @param {Measured} found */
+export function alternativesText({ alternatives, sigma, unit }) {
+  const pace = paceOf(unit);
+  const words = alternatives.map((value) => fixed(value === null ? null : pace * value, places(sigma === null ? null : pace * sigma)));
+  return words.length ? `or ${words.join(", ")}` : "";
+}
+
+/** @type {Record<string, string | undefined>} */
+const UNITS = { m2: "m\u00b2", deg: "\u00b0", "m/s": "km/h" };
+
+/** @param {string} unit */
+const paceOf = (unit) => (unit === "m/s" ? 3.6 : 1);

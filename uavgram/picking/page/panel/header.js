@@ -1,0 +1,66 @@
+// What the header says: how far the numbers are, whether all is saved, what can be undone.
+
+import { labels, stale, store } from "../connection/store.js";
+import { as, byId, fillIfNew, node } from "../elements/dom.js";
+
+const STALE_AFTER_MS = 100; // up to this long people take an answer for immediate
+
+export class Header {
+  constructor() {
+    this.answered = 0; // when the last answer came
+    /** @type {number | null} */
+    this.staleSince = null;
+    this.greying = 0; // timer
+  }
+
+  showProject() {
+    document.title = `${store.project} \u2013 uavgram pick`;
+    byId("project").textContent = store.project;
+    byId("project").title = store.project;
+  }
+
+  showStanding() {
+    as(HTMLButtonElement, byId("undo")).disabled = !store.undo;
+    as(HTMLButtonElement, byId("redo")).disabled = !store.redo;
+    if (store.begun) document.body.dataset.version = `${store.version}`;
+    document.body.dataset.liveFor = `${store.liveFor}`;
+    this.showStale();
+  }
+
+  // Numbers that follow the pointer are not grey, though it is always a step ahead of them.
+  showStale() {
+    clearTimeout(this.greying);
+    this.staleSince = stale() ? this.staleSince ?? performance.now() : null;
+    const left = STALE_AFTER_MS + Math.max(this.staleSince ?? 0, this.answered) - performance.now();
+    document.body.classList.toggle("stale", stale() && left <= 0);
+    if (stale() && left > 0) this.greying = setTimeout(() => this.showStale(), left);
+  }
+
+  showKnownLabels() {
+    const known = [...new Set([...labels(), ...store.control, ...store.check])];
+    fillIfNew(byId("known-labels"), known.join(";"), () => known.map((value) => node("option", { value })));
+  }
+
+  showMode() {
+    if (!store.connected) byId("saved").textContent = ""; // nobody knows, until the server says so again
+    const [mode, words] = modeText();
+    const box = byId("mode");
+    if (box.textContent === words && box.dataset.mode === mode) return;
+    box.dataset.mode = mode;
+    box.textContent = words;
+    box.title = mode === "linearised" ? "Values to first order, sigmas and tests of the last full adjustment" : words;
+  }
+
+  showSaved() {
+    byId("saved").textContent = store.fault ? "not saved" : "saved";
+    byId("saved").dataset.fault = `${Boolean(store.fault)}`;
+  }
+}
+
+function modeText() {
+  if (!store.connected) return ["none", "no connection"];
+  if (store.mode === "none" && !stale()) return ["none", "nothing adjusted yet"];
+  if (store.mode === "linearised") return ["linearised", "to first order"];
+  if (stale() || store.live?.mode !== "adjusted") return ["waiting", "adjusting\u2026"];
+  return ["adjusted", `adjusted in ${store.live.seconds.toFixed(2)} s`];
+}

@@ -1,0 +1,236 @@
+// The tab of measurements: points, lengths, what is measured, and what the program has to say.
+
+import { TOOLS } from "../actions/keys.js";
+import { adjusted, labels, pickAt, picksOf, store } from "../connection/store.js";
+import { as, node } from "../elements/dom.js";
+import { alternativesText, degrees, fixed, missing, valueText, withSigma } from "../elements/numbers.js";
+import { about, drop, fill, keep, list, remove, table, titled, wCell, withValues } from "../elements/table.js";
+import { entryPart, KINDS } from "./entry.js";
+import { placeText } from "./speed.js";
+
+/** @import { PageState } from "../actions/page_state.js" */
+/** @import { Tool } from "../actions/keys.js" */
+/** @import { Tools } from "../actions/tools.js" */
+/** @import { Adjusted, Fit, Line, Measured, Measurement, Remark } from "../connection/protocol.js" */
+/** @typedef {{ label: string, fit: Fit | undefined, sigmaMm: number | null, count: number }} PointFacts */
+
+/** @param {Element} section @param {PageState} state @param {number | undefined} image the photo in use @param {Tools} tools */
+export function showMeasure(section, state, image, tools) {
+  fill(section, [
+    missingPart(), hintPart(state), entryPart(state.entry, tools), pickPart(state, image, tools), warningsPart(), measurementsPart(tools), lengthsPart(tools),
+    advicePart(tools), pointsPart(state.selected, tools), knownPart(tools), remarksPart(),
+  ]);
+}
+
+function missingPart() {
+  const live = store.live;
+  return live?.mode === "none" ? keep("missing", live.why, () => node("p", { class: "why", role: "status" }, live.why)) : null;
+}
+
+// What the tool in hand waits for.
+const hint = node("p", { class: "hint", role: "status" });
+/** @param {PageState} state */
+function hintPart({ tool, draft, entry }) {
+  const words = tool === "pick" || entry ? "" : hintText(TOOLS[tool], draft);
+  if (hint.textContent !== words) hint.textContent = words;
+  return hint;
+}
+
+/** @param {Tool} tool @param {string[]} draft */
+function hintText({ name, what, least, most, apart }, draft) {
+  if (apart && draft.length) return `${name}. ${placeText(draft[0])}. Now show another photo (Page Down or the strip), and click where the same thing is there. Esc stops.`;
+  const begin = `${name}: ${draft.length ? draft.join(" \u2013 ") : what}`;
+  if (apart) return `${begin}. Choose where it is in this photo (click, or N B and Enter; Esc stops).`;
+  const count = most === least ? least : `${least} or more`;
+  const more = !draft.length ? `. Choose ${count} point${count === 1 ? "" : "s"}` : draft.length < least ? `, ${least - draft.length} more` : ", another one, or Enter to end";
+  return `${begin}${more} (click, or N B and Enter; Esc stops).`;
+}
+
+/** How many picks each label has. */
+function countsOfPicks() {
+  /** @type {Map<string, number>} */
+  const count = new Map();
+  for (const { label } of store.picks.values()) count.set(label, (count.get(label) ?? 0) + 1);
+  return count;
+}
+
+/** @param {string | null} selected @param {Tools} tools */
+function pointsPart(selected, tools) {
+  const all = labels();
+  if (!all.length) return null;
+  const now = adjusted();
+  /** @type {Map<string, Fit>} */
+  const worst = new Map();
+  for (const pick of now?.picks ?? []) {
+    const before = worst.get(pick.label);
+    if (pick.w !== null && Math.abs(pick.w) > Math.abs(before?.w ?? 0)) worst.set(pick.label, pick);
+  }
+  const count = countsOfPicks();
+  const facts = all.map((label) => {
+    const point = now?.points[label];
+    const sigmaMm = point && all.length > 1 ? Math.max(...point.sigma_m.map(Number)) * 1000 : null; // within the survey: one alone has none
+    return { label, fit: worst.get(label), sigmaMm, count: count.get(label) ?? 0 };
+  });
+  const sign = [selected, facts.map((one) => [one.label, one.fit?.w, one.fit?.status, one.sigmaMm, one.count])];
+  return keep("points", sign, () => pointsTable(facts, selected, tools));
+}
+
+/** @param {PointFacts[]} facts @param {string | null} selected @param {Tools} tools */
+function pointsTable(facts, selected, tools) {
+  const rows = facts.map(({ label, fit, sigmaMm, count }) => {
+    const kind = store.control.includes(label) ? " control" : store.check.includes(label) ? " check" : "";
+    const chosen = selected === label;
+    return node("tr", { class: chosen ? "selected" : "", "data-row": `point ${label}` },
+      node("td", { class: "named", title: label }, node("button", { class: "link", name: "select", "aria-pressed": chosen, onclick: () => tools.select(label) }, label), node("span", { class: "dim" }, kind)),
+      node("td", {}, `${count}`), node("td", { class: "value" }, fixed(sigmaMm, Number(sigmaMm) < 10 ? 1 : 0)), node("td", { class: "value" }, wCell(fit?.w, fit?.status)));
+  });
+  return titled(`Points (${facts.length})`, table("Points", ["label", "photos", about("\u03c3 mm", `within the survey; ${SIGMA}`), about("worst w", W)], rows));
+}
+
+const SIGMA = "standard deviation: the true value lies within twice as much 19 times out of 20";
+const W = "how far it is off, in its own standard deviations; what is above about 3 deserves a second look";
+
+// The point that is selected, and its pick in this photo: what a person may say of them.
+/** @param {PageState} state @param {number | undefined} image @param {Tools} tools */
+function pickPart({ selected: label, entry }, image, tools) {
+  const one = label && !entry ? picksOf(label).at(0) : undefined;
+  if (!label || !one || image === undefined) return null;
+  const pick = pickAt(image, label);
+  /** @param {string} name @param {string} caption @param {number | null} value @param {string} usual @param {(input: HTMLInputElement) => void} act */
+  const field = (name, caption, value, usual, act) => node("label", {}, caption, node("input", {
+    name, value: value ?? "", inputmode: "decimal", placeholder: usual, autocomplete: "off", onchange: ({ target }) => act(as(HTMLInputElement, target)),
+  }));
+  return keep("pick", [pick?.image, label, pick?.sigma_px, one.height_m], () => node("form", { class: "entry", "data-row": "pick", "aria-label": `Point ${label}`, onsubmit: (event) => { event.preventDefault(); tools.panes.active?.focus(); } },
+    node("label", { class: "both" }, "Label", node("input", { name: "rename", value: label, maxlength: 200, autocomplete: "off", onchange: ({ target }) => tools.rename(label, as(HTMLInputElement, target).value) })),
+    pick && field("sigma", "Sigma here, px", pick.sigma_px, `${store.pickSigmaPx}`, (input) => tools.number(input, (sigma_px) => tools.send({ t: "sigma", image: pick.image, label, sigma_px }))),
+    field("height", "Height over ground, m", one.height_m, "0", (input) => tools.number(input, (height_m) => tools.send({ t: "height", label, height_m }))),
+    node("button", { type: "submit", hidden: true }, "Done"))); // without it Enter would not end the form
+}
+
+/** @param {Tools} tools */
+function lengthsPart(tools) {
+  if (!store.lines.length) return null;
+  const now = adjusted();
+  const part = keep("lengths", store.lines, () => titled(`Lengths (${store.lines.length})`,
+    table("Known lengths", ["name", "taped m", about("adjusted", "in metres, as all observations together have it"), about("\u03c3", SIGMA), about("w", W), ""], store.lines.map((line) => lengthRow(line, tools)))));
+  const fits = store.lines.map((line) => now?.lines[line.name]);
+  return withValues(part, fits.flatMap((fit) => [[fixed(fit?.adjusted_m, 3)], [fixed(fit?.sigma_m, 3)], [wCell(fit?.w, fit?.status)]]));
+}
+
+/** @param {Line} line @param {Tools} tools */
+function lengthRow(line, tools) {
+  const value = () => node("td", { class: "value" });
+  /** @param {Partial<Line>} changes */
+  const change = (changes) => tools.send({ t: "line", ...line, was: line.name, ...changes });
+  const use = line.adjust ? [`Withhold ${line.name}: only judge it`, "Withhold: only judge it", "\u2713"] : [`Use ${line.name}`, "Use it", "\u25cb"];
+  return node("tr", { "data-row": `line ${line.name}`, title: `${line.name}: ${line.start} \u2013 ${line.end}${line.adjust ? "" : ", withheld"}` },
+    node("td", { class: "named" }, node("button", { class: "link", name: "change", "aria-label": `Change length ${line.name}, ${line.start} to ${line.end}`, onclick: () => tools.changeLine(line) }, line.name),
+      line.adjust ? null : node("span", { class: "dim" }, " check")),
+    node("td", {}, node("input", {
+      name: "length", value: line.length_m, inputmode: "decimal", autocomplete: "off", "aria-label": `${line.name}, taped length in metres`,
+      onchange: ({ target }) => {
+        const input = as(HTMLInputElement, target);
+        tools.number(input, (length_m) => { if (length_m !== null) change({ length_m }); });
+        input.value = `${line.length_m}`; // until it is confirmed, and the table made anew
+      },
+    })),
+    value(), value(), value(),
+    node("td", {}, node("button", { class: "small", name: "use", "aria-label": use[0], "aria-pressed": line.adjust, title: use[1], onclick: () => change({ adjust: !line.adjust }) }, use[2]),
+      remove(line.name, () => tools.send({ t: "remove-line", name: line.name }))));
+}
+
+/** @param {Tools} tools */
+function measurementsPart(tools) {
+  if (!store.measurements.length) return null;
+  const now = adjusted();
+  const part = keep("measurements", store.measurements, () => titled(`Measurements (${store.measurements.length})`,
+    table("Measurements", ["name", "value \u00b1 \u03c3", ""], store.measurements.map((one) => measurementRow(one, tools)))));
+  return withValues(part, store.measurements.map((one) => valuesOf(one, now).flatMap((value, k) => (k ? [node("br"), value] : [value]))));
+}
+
+// The lines of a measurement's value. A coordinate has several: east and north, and where that is on
+// the earth; of a survey that nothing ties to the earth only the first two.
+/** @param {Measurement} measurement @param {Adjusted | null} now @returns {(string | Element)[]} */
+function valuesOf({ name, kind, points }, now) {
+  const rows = kind === "coordinate" ? [`${name} east`, `${name} north`] : [name];
+  const found = rows.flatMap((row) => now?.measurements[row] ?? []);
+  if (!now || found.length < rows.length) return [missing];
+  if (found[0].value === null) return [unmeasured(name)];
+  const others = found.filter((one) => one.alternatives.length).map(notUnique);
+  if (kind !== "coordinate") return [valueText(found[0]), ...others];
+  const [east, north] = found;
+  const [latitude, longitude] = now.earth_deg[points[0]] ?? [];
+  return [`E ${valueText(east)}`, `N ${valueText(north)}`, ...(latitude === undefined || longitude === undefined ? [] : [`lat ${degrees(latitude, north.sigma)}`, `lon ${degrees(longitude, east.sigma)}`]), ...others];
+}
+
+/** @param {Measured} found */
+function notUnique(found) {
+  return node("span", { class: "bad", title: "Other solutions explain what was observed as well, and give this: value and sigma hold only if the first one is right" }, alternativesText(found));
+}
+
+/** @param {string} name */
+function unmeasured(name) {
+  const why = remarks().find(({ code, text }) => code === "measurement-null" && text.includes(`'${name}'`));
+  return node("span", { class: "bad", title: why?.text }, "not measured");
+}
+
+const ON_EARTH = "East and north of the survey's origin in metres; latitude and longitude in degrees (WGS 84) where it is tied to the earth";
+
+/** @param {Measurement} one @param {Tools} tools */
+function measurementRow(one, tools) {
+  const kind = KINDS[one.kind] ?? one.kind;
+  const points = one.points.join(" \u2013 ");
+  return node("tr", { "data-row": `measure ${one.name}`, title: `${kind}: ${points}` },
+    node("td", { class: "named" }, node("button", { class: "link", name: "change", "aria-label": `Change ${one.name}, ${kind} ${points}`, onclick: () => tools.changeMeasurement(one) }, one.name),
+      node("span", { class: "dim" }, ` ${points}`)),
+    node("td", { class: "value", title: one.kind === "coordinate" ? ON_EARTH : null }), node("td", {}, remove(one.name, () => tools.send({ t: "remove-measurement", name: one.name }))));
+}
+
+/** @param {Tools} tools */
+function advicePart(tools) {
+  const advice = adjusted()?.advice;
+  if (!advice) return null;
+  const text = `Tape ${advice.start} \u2013 ${advice.end} (about ${advice.length_m} m) next: distances between the points would be known to `
+    + `${percent(advice.relative_sigma_after)} instead of ${percent(advice.relative_sigma)}. `;
+  return keep("advice", advice, () => titled("What a further length would bring", node("p", { class: "value" }, text),
+    node("button", { onclick: () => tools.askLength(advice.start, advice.end) }, "Enter it")));
+}
+
+/** @param {number} part */
+const percent = (part) => `${(100 * part).toPrecision(2)} %`;
+
+const remarks = () => store.live?.messages ?? store.opening;
+
+function warningsPart() {
+  const all = remarks().filter((message) => message.level !== "info");
+  return keep("warnings", all, () => node("div", { role: "log", "aria-label": "Warnings" }, ...(all.length ? [node("h2", {}, `Warnings (${all.length})`), list(all.slice(0, MOST_WARNINGS)), furtherPart(all.slice(MOST_WARNINGS))] : [])));
+}
+
+const MOST_WARNINGS = 3; // the rest folds away: numbers come first
+
+/** @param {Remark[]} more */
+const furtherPart = (more) => (more.length ? node("details", {}, node("summary", {}, `${more.length} more`), list(more)) : "");
+
+function remarksPart() {
+  const all = remarks().filter((message) => message.level === "info");
+  if (!all.length) drop("remarks");
+  return all.length ? keep("remarks", all, () => titled("Remarks", list(all))) : null;
+}
+
+// Points with known coordinates: which are picked, and how far the withheld ones are off.
+/** @param {Tools} tools */
+function knownPart(tools) {
+  const known = [...store.control.map((label) => [label, "control"]), ...store.check.map((label) => [label, "check"])];
+  if (!known.length) return null;
+  const off = new Map((adjusted()?.checks ?? []).map((check) => [check.label, check]));
+  const picked = countsOfPicks();
+  const sign = [known, [...off.values()], known.map(([label]) => picked.get(label) ?? 0)];
+  return keep("known", sign, () => titled("Known points", node("p", { class: "dim" }, "Control points take part; check points are withheld, and judged: metres off."),
+    table("Known points", ["label", "use", "photos", "east", "north", "up"], known.map(([label, use]) => {
+      const { error_m, sigma_m } = off.get(label) ?? { error_m: [null, null, null], sigma_m: [] };
+      return node("tr", { "data-row": `known ${label}` },
+        node("td", { title: label }, node("button", { class: "link", name: "name", "aria-label": `Pick ${label}`, onclick: () => tools.name(label) }, label)),
+        node("td", {}, use), node("td", {}, `${picked.get(label) ?? 0}`),
+        ...error_m.map((value, k) => node("td", { class: "value", title: value === null ? "" : withSigma(value, sigma_m[k], "m") }, fixed(value, 3))));
+    }))));
+}

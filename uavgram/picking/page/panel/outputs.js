@@ -1,0 +1,69 @@
+// What stands at the foot of the measurements: one click runs the project and writes everything.
+
+import { store } from "../connection/store.js";
+import { fillIfNew, node } from "../elements/dom.js";
+import { keep } from "../elements/table.js";
+
+/** @import { ProjectActions } from "../actions/project_actions.js" */
+/** @import { Outputs } from "../connection/protocol.js" */
+/** @import { Attribute } from "../elements/dom.js" */
+
+/** @param {string} href @param {string} words @param {Record<string, Attribute>} more */
+const link = (href, words, more = {}) => node("a", { href, ...more }, words);
+const inNewTab = { target: "_blank", rel: "noopener" };
+
+/** @param {Element} foot @param {boolean} exporting @param {() => void} exportAll */
+export function showOutputs(foot, exporting, exportAll) {
+  const { outputs, version } = store;
+  if (!outputs) return;
+  const old = outputs.files.length > 0 && outputs.version !== version;
+  const made = keep("outputs", [outputs, old, exporting], () => node("div", {},
+    node("div", { class: "row" },
+      node("button", { name: "export", class: "main", disabled: exporting, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: exportAll },
+        exporting ? "Writing\u2026" : "Write report and exports"),
+      node("span", { class: "dim", role: "status" }, exporting ? "" : age(outputs, old))),
+    outputs.files.length || outputs.recording ? node("nav", { "aria-label": "Outputs" }, ...links(outputs)) : null));
+  if (foot.firstChild !== made) foot.replaceChildren(made);
+}
+
+/** @param {Outputs} outputs @param {boolean} old */
+function age(outputs, old) {
+  if (!outputs.files.length) return "none yet";
+  return old ? "older than what you see" : "up to date";
+}
+
+/** @param {Outputs} outputs */
+function links({ files, recording, folder }) {
+  const [shown, saved] = [files.filter(({ name }) => name.endsWith(".html")), files.filter(({ name }) => !name.endsWith(".html"))];
+  return [
+    ...shown.map(({ name, words }) => link(`/output/${name}`, words, inNewTab)),
+    recording ? link("/recording", "Recording in the Rerun viewer", inNewTab) : null,
+    ...saved.filter(({ name }) => name.endsWith(".csv")).map(({ name, words }) => link(`/output/${name}`, words, { download: name })),
+    files.length ? node("details", {}, node("summary", {}, "More"), node("ul", {}, ...saved.filter(({ name }) => !name.endsWith(".csv")).map(({ name, words }) => node("li", {}, link(`/output/${name}`, words, { download: name })))),
+      node("p", { class: "dim" }, "All in ", node("code", {}, folder))) : null,
+  ];
+}
+
+// What an earlier session could not save, as another program had changed the tables.
+/** @param {number} count @param {ProjectActions} project */
+const offered = (count, project) => [
+  node("p", {}, `An earlier session ended before it could save ${count === 1 ? "a change" : `${count} changes`}, and the files were changed since.`),
+  node("p", { class: "dim" }, "Take makes the same changes now; Undo takes them back. Discard offers them no more; they stay in the output folder."),
+  node("button", { name: "take-aside", onclick: () => void project.takeAside() }, "Take"),
+  node("button", { name: "discard-aside", onclick: () => void project.discardAside() }, "Discard"),
+];
+
+// A bar that stays while files of the project differ from what the page shows, or cannot be saved.
+/** @param {HTMLElement} bar @param {ProjectActions} project */
+export function showOutside(bar, project) {
+  const { outside, aside } = store;
+  /** @type {string[]} */
+  const words = [];
+  if (store.gone) words.push("The program does not answer. Start uavgram pick again, and open the address that it prints. What it confirmed is saved; what you do here now would be lost.");
+  else if (store.fault) words.push(`Not saved: ${store.fault}`);
+  else if (outside.length) words.push(`${outside.join(" and ")} ${outside.length > 1 ? "were" : "was"} changed by another program. Nothing is written over.`);
+  bar.hidden = !words.length && !aside;
+  fillIfNew(bar, JSON.stringify([words, outside, aside]), () => [node("p", {}, ...words), ...(outside.length ? [
+    node("p", { class: "dim" }, "Reload takes the files as they are now. What only this page has is kept beside them, and undo begins anew."),
+    node("button", { name: "reload", onclick: () => void project.reload() }, "Reload")] : []), ...(aside ? offered(aside, project) : [])]);
+}

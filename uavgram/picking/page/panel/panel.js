@@ -1,0 +1,50 @@
+// The numbers beside the photos: tabs, and what stands at their foot.
+
+import { byId, choose } from "../elements/dom.js";
+import { showCamera } from "./camera.js";
+import { showFrames } from "./frames.js";
+import { showMeasure } from "./measure.js";
+import { showOutputs, showOutside } from "./outputs.js";
+
+/** @import { PageState, Tab } from "../actions/page_state.js" */
+/** @import { ProjectActions } from "../actions/project_actions.js" */
+/** @import { Tools } from "../actions/tools.js" */
+/** @import { Panes } from "../photos/panes.js" */
+
+/** @type {[Tab, string][]} */
+export const TABS = [["measure", "Measure"], ["frames", "Frames"], ["camera", "Camera"]];
+
+export class Panel {
+  /** @param {{ state: PageState, panes: Panes, tools: Tools, project: ProjectActions }} needs */
+  constructor({ state, panes, tools, project }) {
+    this.state = state;
+    this.panes = panes;
+    this.tools = tools;
+    this.project = project;
+  }
+
+  show() {
+    const { tab } = this.state;
+    const section = byId(`tab-${tab}`);
+    for (const [name] of TABS) byId(`tab-${name}`).hidden = name !== tab;
+    if (tab === "measure") showMeasure(section, this.state, this.panes.active?.image, this.tools);
+    else if (tab === "frames") showFrames(section, (image) => this.panes.active?.show(image));
+    else showCamera(section, this.state.folders ?? [], this.project);
+    this.showFoot();
+  }
+
+  showFoot() {
+    const { tab, exporting } = this.state;
+    byId("outputs").hidden = tab !== "measure";
+    showOutputs(byId("outputs"), exporting, () => void this.project.exportAll());
+    showOutside(byId("outside"), this.project);
+  }
+
+  /** @param {Tab} name */
+  setTab(name) {
+    this.state.tab = name;
+    choose(byId("tabs"), (button) => button.id === `tab-button-${name}`, "aria-selected");
+    if (name === "camera" && !this.state.folders) void this.project.listFolders();
+    this.show();
+  }
+}

@@ -1,0 +1,57 @@
+// The strip of small pictures: what is picked in each photo, and how well it fits.
+
+import { isSuspect, picksIn, store, worstIn } from "../connection/store.js";
+import { as, byId, node } from "../elements/dom.js";
+
+/** @import { Photo } from "../connection/protocol.js" */
+/** @import { Panes } from "./panes.js" */
+
+const THUMBNAILS_AFTER_MS = 4000; // at the latest: the photo may be none that can be shown
+
+export class Filmstrip {
+  /** @param {Panes} panes */
+  constructor(panes) {
+    this.panes = panes;
+    this.box = byId("strip");
+  }
+
+  show() {
+    if (this.box.childElementCount !== store.photos.length) this.build();
+    store.photos.forEach((photo, k) => this.showPhoto(photo, k));
+  }
+
+  build() {
+    this.box.replaceChildren(...store.photos.map((photo, k) => node("button", { "data-image": k, onclick: () => { this.panes.active?.show(k); this.panes.active?.focus(); } },
+      node("img", { "data-src": `/photo/${k}/thumbnail.jpg?${photo.digest}`, alt: "", loading: "lazy", draggable: "false" }),
+      node("span", { class: "name" }, node("bdi", {}, photo.name.replace(/\.\w+$/, ""))), node("span", { class: "badge" }))));
+    setTimeout(() => this.loadThumbnails(), THUMBNAILS_AFTER_MS);
+  }
+
+  /** @param {Photo} photo @param {number} k */
+  showPhoto(photo, k) {
+    const button = as(HTMLElement, this.box.children[k]);
+    const count = picksIn(k).length;
+    const worst = worstIn(k);
+    const isBad = isSuspect(worst.status);
+    button.classList.toggle("unmatched", !photo.matched && store.photos.some((one) => one.matched));
+    button.setAttribute("aria-current", `${this.panes.all.some((pane) => pane.image === k)}`);
+    button.tabIndex = k === (this.panes.active?.image ?? 0) ? 0 : -1;
+    const badge = as(HTMLElement, button.lastChild);
+    badge.textContent = `${count || ""}${isBad ? ` \u25c6 ${worst.w.toFixed(1)}` : ""}`;
+    badge.hidden = !count;
+    badge.classList.toggle("bad", isBad);
+    const words = `${photo.matched ? "matched" : `not matched: ${photo.reason}`}, ${count} picks${worst.w ? `, worst w ${worst.w.toFixed(1)}` : ""}`;
+    button.setAttribute("aria-label", `${photo.name}, ${words}`);
+    button.title = `${photo.name}: ${words}`;
+  }
+
+  // A photo is there as a whole: now its small pictures may come, which would have delayed it.
+  loadThumbnails() {
+    for (const picture of this.box.querySelectorAll("img")) if (!picture.hasAttribute("src")) picture.src = picture.dataset.src ?? "";
+  }
+
+  /** @param {number} image */
+  bring(image) {
+    this.box.children[image]?.scrollIntoView({ block: "nearest", inline: "nearest" });
+  }
+}

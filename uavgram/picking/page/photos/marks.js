@@ -1,0 +1,239 @@
+// The marks of one pane as SVG: made when the state changes, moved when the view does.
+
+import { adjusted, fitOf, isSuspect, picksIn, placeOf, predictedIn, store } from "../connection/store.js";
+import { put, shape } from "../elements/dom.js";
+import { fixed, missing, valueText, withSigma } from "../elements/numbers.js";
+import { showTag } from "./labels.js";
+
+/** @import { Fit, Line, Measurement, Pick, Predicted, Spread } from "../connection/protocol.js" */
+/** @import { PageState, Shown } from "../actions/page_state.js" */
+/** @import { View } from "./view.js" */
+
+/**
+ * What is drawn in a photo. `sign` tells whether the group that was made before will do.
+ * @typedef {object} Part
+ * @property {string} key
+ * @property {string} sign
+ * @property {() => SVGGElement} make
+ * @property {(group: SVGGElement, view: View) => void} move brings the group to its place
+ * @property {{ label: string, at: [number, number] }} [mark] a point, and where it is in the photo
+ * @property {Words} [words] a value that stands at a path; `keepApart` finds its place
+ */
+
+/**
+ * @typedef {object} Path lines between points, on the screen since they were moved last
+ * @property {string} kind
+ * @property {string} words
+ * @property {string[]} points labels
+ * @property {boolean} closed
+ * @property {[number, number][]} screen
+ */
+
+/** @typedef {{ path: Path, text: SVGTextElement | null }} Words */
+
+const RESIDUAL_SCALES = [20, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01]; // screen pixels for each of the photo
+const LONGEST_RESIDUAL_PX = 90;
+const CONFIDENCE = 2.4477; // 95 % of a plane's normal distribution
+const CROWD = 24; // measurements from which on they are too many to read
+
+export const CROSS = "M-9 0H-3M3 0H9M0 -9V-3M0 3V9";
+export const KNOWN = { control: "M0 -13L11.5 7H-11.5Z", check: "M-10 -10H10V10H-10Z" }; // points with known coordinates
+export const DIAMOND = "M0 -13L13 0L0 13L-13 0Z";
+
+// The residual of a pick where there is one.
+/** @param {Fit | undefined} fit @returns {[number, number] | null} */
+function residualOf(fit) {
+  const [u, v] = fit?.residual_px ?? [null, null];
+  return u === null || v === null ? null : [u, v];
+}
+
+// The largest scale that leaves the photo's residuals readable; it is written beside the zoom.
+/** @param {number} image */
+export function residualScale(image) {
+  const longest = Math.max(...picksIn(image).map(({ label }) => Math.hypot(...(residualOf(fitOf(image, label)) ?? [0]))), 1e-9);
+  return RESIDUAL_SCALES.find((scale) => scale * longest <= LONGEST_RESIDUAL_PX) ?? 0.01;
+}
+
+// Everything that is drawn in a photo.
+/** @param {number} image @param {PageState} state @returns {Part[]} */
+export function buildMarks(image, { selected, shown, draft }) {
+  const paths = shown.lines ? linesIn(image, selected) : [];
+  const drawn = draft.length ? pathOf(image, draft, "draft", "", false) : null;
+  const scale = residualScale(image);
+  return [
+    ...paths.map(({ name, path }) => pathPart(image, name, path)),
+    ...paths.filter(({ path }) => path.words).map(({ name, path }) => wordsPart(name, path)), // over all lines
+    ...(drawn ? [pathPart(image, "", drawn)] : []),
+    ...(shown.predicted ? predictedIn(image).map((one) => predictedPart(one, selected, shown)) : []),
+    ...picksIn(image).map((pick) => pickPart(pick, selected, shown, scale)),
+  ];
+}
+
+// Lengths and measurements. Where these are too many to read, only what hangs on the selected point
+// stands out: the others are faint and without their values, which the table has.
+/** @param {number} image @param {string | null} selected */
+function linesIn(image, selected) {
+  const lengths = store.lines.map((line) => ({ name: line.name, path: lengthPath(image, line) }));
+  const measured = store.measurements.map((one) => ({ name: one.name, path: measurementPath(image, one) })).filter(({ path }) => path);
+  if (measured.length > CROWD) {
+    for (const { path } of measured) if (path && !path.points.includes(selected ?? "")) Object.assign(path, { kind: `${path.kind} faint`, words: "" });
+  }
+  return [...lengths, ...measured].flatMap(({ name, path }) => (path ? [{ name, path }] : []));
+}
+
+/** @param {Pick} pick @param {string | null} selected @param {Shown} shown @param {number} scale @returns {Part} */
+function pickPart(pick, selected, shown, scale) {
+  const fit = fitOf(pick.image, pick.label);
+  const residual = shown.residuals ? residualOf(fit) : null;
+  return {
+    key: `pick ${pick.label}`,
+    mark: { label: pick.label, at: [pick.u_px, pick.v_px] },
+    sign: JSON.stringify([Boolean(residual), fit?.spread, isSuspect(fit?.status), fit?.w, selected === pick.label, shown]),
+    make: () => pickGroup(pick, fit, selected, shown, Boolean(residual)),
+    move: (group, view) => {
+      place(group, view, pick.u_px, pick.v_px);
+      showTag(group);
+      for (const line of residual ? group.querySelectorAll("line") : []) {
+        put(line, "x2", seen((residual?.[0] ?? 0) * scale));
+        put(line, "y2", seen((residual?.[1] ?? 0) * scale));
+      }
+      put(group, "aria-label", spokenPick(pick, fit));
+    },
+  };
+}
+
+// To what can be seen: a drag moves all residuals a little, and what stays need not be drawn anew.
+/** @param {number} length */
+const seen = (length) => Math.round(length * 2) / 2;
+
+/** A line with its halo. @param {string} d @param {string} [wide] */
+const stroke = (d, wide = "halo wide") => [shape("path", { class: wide, d }), shape("path", { class: "thin", d })];
+
+/** @param {Pick} pick @param {Fit | undefined} fit @param {string | null} selected @param {Shown} shown @param {boolean} pulled */
+function pickGroup({ label }, fit, selected, shown, pulled) {
+  const suspect = isSuspect(fit?.status);
+  const group = shape("g", { class: `mark placed${suspect ? " suspect" : ""}${selected === label ? " selected" : ""}`, tabindex: 0, role: "button", "data-label": label });
+  if (shown.ellipses && fit?.spread) group.append(...ellipse(fit.spread));
+  if (pulled) group.append(shape("line", { class: "halo", "stroke-width": 4 }), shape("line", { class: "residual" }));
+  if (suspect) group.append(...stroke(DIAMOND));
+  const known = knownAs(label);
+  if (known) group.append(...stroke(KNOWN[known]));
+  group.append(...stroke(CROSS), shape("circle", { class: "ring", r: 15, fill: "none" }), shape("circle", { class: "hit", r: 12 }));
+  if (shown.labels) group.append(textShape(label, "tag"));
+  return group;
+}
+
+/** @param {string} label @returns {"control" | "check" | ""} */
+const knownAs = (label) => (store.control.includes(label) ? "control" : store.check.includes(label) ? "check" : "");
+
+/** @param {Pick} pick @param {Fit | undefined} fit */
+function spokenPick(pick, fit) {
+  const w = fit === undefined || fit.w === null ? "" : `, w ${fixed(fit.w, 1)}`;
+  const known = knownAs(pick.label);
+  return `${pick.label}${known && `, ${known} point`}, u ${pick.u_px.toFixed(2)}, v ${pick.v_px.toFixed(2)}${w}${isSuspect(fit?.status) ? ", suspect" : ""}`;
+}
+
+/** @param {Predicted} one @param {string | null} selected @param {Shown} shown @returns {Part} */
+function predictedPart({ label, pixel_px: at, spread }, selected, shown) {
+  return {
+    key: `predicted ${label}`,
+    mark: { label, at },
+    sign: JSON.stringify([label, at, spread, selected === label, shown.labels]),
+    make: () => {
+      const group = shape("g", {
+        class: `predicted${selected === label ? " selected" : ""}`, "data-predicted": label,
+        role: "img", "aria-label": `${label} expected at u ${at[0].toFixed(1)}, v ${at[1].toFixed(1)}`,
+      }, ...ellipse(spread, 5), shape("circle", { class: "ring", r: 15, fill: "none" }));
+      if (shown.labels) group.append(textShape(label, "tag"));
+      return group;
+    },
+    move: (group, view) => { place(group, view, ...at); showTag(group); },
+  };
+}
+
+/** @type {WeakMap<Element, (scale: number) => void>} */
+const resizers = new WeakMap(); // of ellipses, whose size hangs on the zoom
+
+// A 95 % ellipse; `least` keeps it visible where it is smaller than that on the screen. It is a
+// path, as a turned <ellipse> has a system of coordinates of its own, and hundreds of those are slow.
+/** @param {Spread} spread @param {number} least */
+function ellipse({ major_px, minor_px, turn_deg }, least = 0) {
+  const angle = ((turn_deg ?? 0) * Math.PI) / 180;
+  const made = stroke("");
+  for (const one of made) {
+    resizers.set(one, (scale) => {
+      const [rx, ry] = [major_px, minor_px].map((axis) => Math.max((axis ?? 0) * CONFIDENCE * scale, least));
+      const [x, y] = [rx * Math.cos(angle), rx * Math.sin(angle)].map((along) => Number(along.toFixed(2)));
+      const arc = `A${rx.toFixed(2)} ${ry.toFixed(2)} ${(turn_deg ?? 0).toFixed(1)} 1 0`;
+      put(one, "d", `M${-x} ${-y}${arc} ${x} ${y}${arc} ${-x} ${-y}Z`);
+    });
+  }
+  return made;
+}
+
+/** @param {string} words @param {string} kind */
+function textShape(words, kind) {
+  const made = shape("text", { x: 0, y: 0, class: kind });
+  made.textContent = words;
+  return made;
+}
+
+/** @param {SVGGElement} group @param {View} view @param {number} u @param {number} v */
+function place(group, view, u, v) {
+  put(group, "transform", `translate(${view.toScreen(u, v).join(" ")})`);
+  for (const child of group.children) resizers.get(child)?.(view.scale);
+}
+
+/** @param {number} image @param {Line} line */
+function lengthPath(image, line) {
+  const now = adjusted()?.lines[line.name];
+  const words = now?.adjusted_m ? withSigma(now.adjusted_m, now.sigma_m, "m") : `${line.length_m} m taped`;
+  const kind = `length${line.adjust ? "" : " withheld"}${isSuspect(now?.status) ? " suspect" : ""}`;
+  return pathOf(image, [line.start, line.end], kind, `${line.name} ${words}`, false);
+}
+
+/** @param {number} image @param {Measurement} request */
+function measurementPath(image, { name, kind, points }) {
+  const now = adjusted()?.measurements[name];
+  return points.length < 2 ? null : pathOf(image, points, "measured", `${name} ${now ? valueText(now) : missing}`, kind === "area");
+}
+
+// Lines between labels; none where one of these is not in the photo, or all are only expected there.
+/** @param {number} image @param {string[]} points @param {string} kind @param {string} words @param {boolean} closed @returns {Path | null} */
+function pathOf(image, points, kind, words, closed) {
+  const at = points.map((label) => placeOf(image, label));
+  const there = at.every(Boolean) && (kind === "draft" || at.some((one) => one?.picked));
+  return there ? { kind, words, points, closed, screen: [] } : null;
+}
+
+/** @param {number} image @param {string} name @param {Path} path @returns {Part} */
+function pathPart(image, name, path) {
+  const at = path.points.flatMap((label) => placeOf(image, label) ?? []);
+  return {
+    key: `path ${path.kind.split(" ", 1)[0]} ${name}`,
+    sign: path.kind,
+    make: () => shape("g", { class: path.kind, "aria-hidden": "true" }, shape("polyline", { class: "halo wide" }), shape("polyline", { class: "thin" })),
+    move: (group, view) => {
+      path.screen = at.map(({ u, v }) => view.toScreen(u, v));
+      const points = (path.closed ? [...path.screen, path.screen[0]] : path.screen).map((point) => point.join()).join(" ");
+      for (const line of group.children) put(line, "points", points);
+    },
+  };
+}
+
+/** @param {string} name @param {Path} path @returns {Part} */
+function wordsPart(name, path) {
+  /** @type {Words} */
+  const words = { path, text: null };
+  return {
+    key: `words ${path.kind.split(" ", 1)[0]} ${name}`,
+    sign: JSON.stringify([path.kind, path.words]),
+    words,
+    make: () => {
+      const text = textShape(path.words, "value");
+      text.setAttribute("text-anchor", "middle");
+      return shape("g", { class: path.kind, "aria-hidden": "true" }, text);
+    },
+    move: (group) => { words.text = group.querySelector("text"); },
+  };
+}

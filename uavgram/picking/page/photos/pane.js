@@ -1,0 +1,283 @@
+// One photo in a window: the picture on a canvas, and the marks over it.
+
+import { picksIn, placeOf, store } from "../connection/store.js";
+import { node, shape } from "../elements/dom.js";
+import { keepApart, spreadTags } from "./labels.js";
+import { Loupe } from "./loupe.js";
+import { buildMarks, residualScale } from "./marks.js";
+import { Picture } from "./picture.js";
+import { Pointer } from "./pointer.js";
+import { forget, tile } from "./tiles.js";
+import { View } from "./view.js";
+
+/** @import { PageState } from "../actions/page_state.js" */
+/** @import { Part } from "./marks.js" */
+
+/**
+ * What a pane tells of, and what the mouse on it asks for.
+ * @typedef {object} PaneEvents
+ * @property {(pane: Pane) => void} entered
+ * @property {() => void} shown another photo
+ * @property {() => void} sharpened
+ * @property {(pane: Pane) => void} viewed the view has changed
+ * @property {(pane: Pane, u: number, v: number) => void} clicked
+ * @property {(label: string) => void} clickedMark
+ * @property {(label: string) => void} doubled
+ * @property {(label: string) => void} selected
+ * @property {(image: number, label: string, at: [number, number], step: number, final: boolean) => void} dragged
+ * @property {() => number} newStep
+ */
+
+// A picture that moves is drawn fast, one that has rested so long exactly: fast smoothing takes
+// its places from sixteenths of a pixel, rounded down, which moves what is seen by 1/32 of a pixel.
+const REST_MS = 100;
+let panes = 0;
+
+export class Pane {
+  /** @param {Element} parent @param {PageState} state @param {PaneEvents} events */
+  constructor(parent, state, events) {
+    this.state = state;
+    this.events = events;
+    this.id = (panes += 1);
+    this.view = new View();
+    this.image = -1;
+    /** @type {Map<Part, SVGGElement>} */
+    this.parts = new Map();
+    this.fitted = false;
+    this.movedAt = -REST_MS;
+    this.resting = 0; // timers
+    this.spreading = 0;
+    this.spread = ""; // the view for which labels were spread
+    this.asked = false; // for a frame
+    /** @type {[number, number] | null} */
+    this.pointed = null; // the place in the photo whose numbers are shown
+    this.canvas = node("canvas", { class: "photo" });
+    this.svg = shape("svg", { class: "marks", tabindex: 0, role: "application" });
+    this.choice = node("select", { "aria-label": "Photo", onchange: () => this.show(Number(this.choice.value)) });
+    this.readout = node("div", { class: "readout" });
+    this.box = node("div", { class: "pane" }, this.canvas, this.svg,
+      node("div", { class: "aim", "aria-hidden": true }), this.choice, this.readout); // the aim is where Enter places a point
+    parent.append(this.box);
+    this.picture = new Picture(this.id, this.canvas, this.view);
+    this.loupe = new Loupe(this.box);
+    this.watch = new ResizeObserver(() => this.resize());
+    this.watch.observe(this.box);
+    this.pointer = new Pointer(this);
+  }
+
+  remove() {
+    this.watch.disconnect();
+    clearTimeout(this.resting);
+    clearTimeout(this.spreading);
+    forget(this.id);
+    this.box.remove();
+  }
+
+  get photo() {
+    return store.photos[this.image];
+  }
+
+  /** @param {number} image */
+  show(image) {
+    if (!store.photos[image]) return;
+    this.image = image;
+    this.svg.replaceChildren();
+    this.parts.clear();
+    this.choice.replaceChildren(...store.photos.map((photo, k) => node("option", { value: k }, photo.name)));
+    this.choice.value = `${image}`;
+    this.svg.setAttribute("aria-label", `${this.photo.name}: arrows pan, Enter places a point in the middle`);
+    this.box.dataset.image = this.photo.name;
+    this.fit();
+    this.rebuild();
+    this.events.shown();
+  }
+
+  // The canvas lies on whole CSS pixels and whole device pixels, or the browser moves the picture.
+  resize() {
+    const ratio = window.devicePixelRatio;
+    const { left, top, right, bottom } = this.box.getBoundingClientRect();
+    const x = wholePixel(Math.ceil(left - 1e-6), ratio, 1);
+    const y = wholePixel(Math.ceil(top - 1e-6), ratio, 1);
+    const width = Math.max(wholePixel(Math.floor(right - x + 1e-6), ratio, -1), 1);
+    const height = Math.max(wholePixel(Math.floor(bottom - y + 1e-6), ratio, -1), 1);
+    for (const layer of [this.canvas, this.svg]) {
+      Object.assign(layer.style, { left: `${x - left}px`, top: `${y - top}px`, width: `${width}px`, height: `${height}px` });
+    }
+    this.canvas.width = Math.round(width * ratio);
+    this.canvas.height = Math.round(height * ratio);
+    this.svg.setAttribute("width", `${width}`);
+    this.svg.setAttribute("height", `${height}`);
+    this.view.resize(width, height, ratio);
+    if (this.fitted && this.photo) this.view.fit(this.photo.width_px, this.photo.height_px);
+    this.draw();
+  }
+
+  rebuild() {
+    if (!this.photo) return;
+    const before = new Map([...this.parts].map(([part, group]) => [part.key, { part, group }]));
+    const count = this.parts.size;
+    this.parts = new Map();
+    /** @type {SVGGElement | null} */
+    let last = null;
+    for (const part of buildMarks(this.image, this.state)) {
+      const old = before.get(part.key);
+      before.delete(part.key);
+      const group = old?.group ?? part.make();
+      if (old && old.part.sign !== part.sign) renew(group, part.make());
+      /** @type {ChildNode | null} */
+      const here = last ? last.nextSibling : this.svg.firstChild;
+      if (here !== group) this.svg.insertBefore(group, here);
+      this.parts.set(part, group);
+      last = group;
+    }
+    for (const { group } of before.values()) group.remove();
+    if (this.parts.size !== count) this.spread = "";
+    this.moveMarks();
+    this.showReadout();
+  }
+
+  /** @param {string | null} label */
+  markOf(label) {
+    return [...this.parts].find(([part]) => part.key === `pick ${label}`)?.[1];
+  }
+
+  moveMarks() {
+    for (const [part, group] of this.parts) part.move(group, this.view);
+    keepApart(this.parts, this.view);
+    if (this.spread === this.view.sign) return;
+    clearTimeout(this.spreading);
+    this.spreading = setTimeout(() => {
+      this.spread = this.view.sign;
+      spreadTags(this.parts, this.view);
+      keepApart(this.parts, this.view);
+    }, REST_MS);
+  }
+
+  redraw() {
+    if (this.asked) return;
+    this.asked = true;
+    requestAnimationFrame(() => { this.asked = false; this.draw(); });
+  }
+
+  draw() {
+    if (!this.photo) return;
+    const rests = performance.now() - this.movedAt >= REST_MS;
+    const { pictured, sharp } = this.picture.paint(this.photo, this.image, rests, this.loupe.keys);
+    this.loupe.draw();
+    this.moveMarks();
+    if (sharp && this.box.dataset.sharp !== "true") this.events.sharpened();
+    const { scale, left, top } = this.view;
+    Object.assign(this.box.dataset, { pictured, sharp, scale, left, top });
+    this.showReadout();
+  }
+
+  // The line of numbers beneath the photo.
+  showReadout() {
+    const [u, v] = this.pointed ?? [];
+    const place = u === undefined || v === undefined ? "" : `u ${u.toFixed(2)}  v ${v.toFixed(2)} px \u00b7 `;
+    const scale = this.state.shown.residuals && picksIn(this.image).length ? ` \u00b7 residuals \u00d7${residualScale(this.image)}` : "";
+    const away = !this.photo || this.contains(...this.view.middle) ? "" : " \u00b7 beside the photo: F shows it";
+    this.readout.textContent = `${place}zoom \u00d7${this.view.scale.toPrecision(3)}${scale}${away}`;
+  }
+
+  /** @param {number} x @param {number} y @param {number} factor */
+  zoom(x, y, factor) {
+    const least = Math.min(this.view.fitScale(this.photo.width_px, this.photo.height_px) / 4, 1);
+    this.view.zoomAt(x, y, factor, least);
+    this.moved();
+  }
+
+  moved() {
+    this.fitted = false;
+    this.movedAt = performance.now();
+    clearTimeout(this.resting);
+    this.resting = setTimeout(() => this.redraw(), REST_MS);
+    this.redraw();
+    this.events.viewed(this);
+  }
+
+  // The magnifier and the numbers of a place of the photo, which stands at x, y; by itself in the middle.
+  /** @param {number} u @param {number} v @param {number} x @param {number} y */
+  magnify(u, v, x = this.view.width / 2, y = this.view.height / 2) {
+    this.pointed = [u, v];
+    this.showReadout();
+    const over = this.photo && u > -20 && v > -20 && u < this.photo.width_px + 20 && v < this.photo.height_px + 20;
+    if (!this.state.magnifies || !over) {
+      this.loupe.hide();
+      return;
+    }
+    this.loupe.show({ u, v, scale: this.view.scale, aside: x > this.view.width - 230 && y < 230 }, this.photo, this.image, store.tilePx);
+    if (this.loupe.keys.every((key) => tile(key))) this.loupe.drawSoon();
+    else this.redraw(); // which asks for them
+  }
+
+  // The magnifier stays with the pointer; where the keys brought it, it goes when they are done.
+  calm() {
+    if (!this.pointer.hover) this.pointAway();
+  }
+
+  pointAway() {
+    this.loupe.hide();
+    this.pointed = null;
+    this.showReadout();
+  }
+
+  /** The nearest place in the photo. @param {number} u @param {number} v @returns {[number, number]} */
+  inside(u, v) {
+    return [Math.min(Math.max(u, -0.5), this.photo.width_px - 0.5), Math.min(Math.max(v, -0.5), this.photo.height_px - 0.5)];
+  }
+
+  /** @param {number} u @param {number} v */
+  contains(u, v) {
+    return u >= -0.5 && v >= -0.5 && u <= this.photo.width_px - 0.5 && v <= this.photo.height_px - 0.5;
+  }
+
+  /** The place under the pointer, or in the middle where it is elsewhere. */
+  get aim() {
+    return this.pointer.hover ? this.view.toPhoto(...this.pointer.hover) : this.view.middle;
+  }
+
+  /** @param {string} label @param {number} scale */
+  goTo(label, scale) {
+    const at = placeOf(this.image, label);
+    if (!at) return;
+    this.view.center(at.u, at.v, scale);
+    this.moved();
+    this.magnify(at.u, at.v);
+  }
+
+  fit() {
+    this.loupe.hide();
+    this.view.fit(this.photo.width_px, this.photo.height_px);
+    this.fitted = true;
+    this.redraw();
+    this.events.viewed(this);
+  }
+
+  /** @param {number} scale */
+  scaleTo(scale) {
+    this.view.center(...this.aim, scale);
+    this.moved();
+  }
+
+  focus() {
+    this.svg.focus({ preventScroll: true });
+  }
+}
+
+// The first CSS pixel from `value` on, forwards or backwards, that lies on a whole device pixel.
+/** @param {number} value @param {number} ratio @param {1 | -1} step */
+function wholePixel(value, ratio, step) {
+  for (let k = 0; k < 20; k += 1) {
+    const device = (value + step * k) * ratio;
+    if (Math.abs(device - Math.round(device)) < 1e-3) return value + step * k;
+  }
+  return value;
+}
+
+// What is focused or pressed stays the same element.
+/** @param {SVGGElement} group @param {SVGGElement} fresh */
+function renew(group, fresh) {
+  for (const { name, value } of fresh.attributes) group.setAttribute(name, value);
+  group.replaceChildren(...fresh.children);
+}

@@ -1,0 +1,99 @@
+// The panes side by side: how many, which one is in use, and all of them over the same ground.
+
+import { store } from "../connection/store.js";
+import { byId, choose } from "../elements/dom.js";
+import { Pane } from "./pane.js";
+
+/** @import { PageState } from "../actions/page_state.js" */
+/** @import { Notice } from "../elements/notice.js" */
+/** @import { Link } from "../connection/link.js" */
+/** @import { PaneEvents } from "./pane.js" */
+
+export class Panes {
+  /** @param {{ state: PageState, link: Link, notice: Notice, events: Omit<PaneEvents, "viewed"> }} needs */
+  constructor({ state, link, notice, events }) {
+    this.state = state;
+    this.link = link;
+    this.notice = notice;
+    this.events = { ...events, viewed: (/** @type {Pane} */ pane) => this.viewed(pane) };
+    this.box = byId("panes");
+    /** @type {Pane[]} */
+    this.all = [];
+    /** @type {Pane | null} */
+    this.active = null;
+    this.linked = false;
+    this.asking = false; // where the same ground is
+    this.askAgain = false;
+    window.addEventListener("resize", () => { for (const pane of this.all) pane.resize(); });
+  }
+
+  /** @param {number} count */
+  setCount(count) {
+    while (this.all.length > count) this.all.pop()?.remove();
+    this.box.dataset.count = `${count}`;
+    const before = this.active?.image ?? 0;
+    while (this.all.length < count) {
+      const pane = new Pane(this.box, this.state, this.events);
+      this.all.push(pane);
+      pane.resize();
+      pane.show((before + this.all.length - 1) % store.photos.length);
+    }
+    choose(byId("pane-counts"), (button) => Number(button.dataset.count) === count, "aria-checked");
+    if (!this.active || !this.all.includes(this.active)) this.events.entered(this.all[0]);
+    this.showActive();
+    for (const pane of this.all) pane.resize();
+    if (this.active) this.viewed(this.active);
+  }
+
+  /** Whether the pane was not in use before. @param {Pane} pane */
+  activate(pane) {
+    if (this.active === pane) return false;
+    this.active = pane;
+    this.showActive();
+    return true;
+  }
+
+  showActive() {
+    for (const one of this.all) one.box.classList.toggle("active", one === this.active && this.all.length > 1);
+  }
+
+  rebuild() {
+    for (const pane of this.all) pane.rebuild();
+  }
+
+  toggleLink() {
+    this.linked = !this.linked;
+    byId("linked").setAttribute("aria-pressed", `${this.linked}`);
+    if (this.active) this.viewed(this.active);
+  }
+
+  /** @param {Pane} pane */
+  viewed(pane) {
+    if (!this.linked || pane !== this.active || this.all.length < 2) return;
+    if (this.asking) this.askAgain = true;
+    else void this.followGround(pane);
+  }
+
+  /** The other panes go where this one is. @param {Pane} pane */
+  async followGround(pane) {
+    this.asking = true;
+    this.askAgain = false;
+    const [u, v] = pane.inside(...pane.view.middle);
+    try {
+      const { places } = await this.link.ask({ t: "ground", image: pane.image, u_px: u, v_px: v });
+      for (const other of this.all) {
+        const found = places[other.image];
+        if (other === pane) continue;
+        if (other.image === pane.image) other.view.center(u, v, pane.view.scale);
+        else if (found) other.view.center(found[0], found[1], pane.view.scale / found[2]);
+        other.fitted = false;
+        other.redraw();
+      }
+    } catch (fault) {
+      this.notice.fault(fault);
+    } finally {
+      this.asking = false;
+      if (this.askAgain && this.active) this.viewed(this.active);
+    }
+  }
+}

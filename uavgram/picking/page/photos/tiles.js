@@ -1,0 +1,97 @@
+// Tiles of all photos: fetched few at a time, the most wanted first, the longest unused dropped.
+
+import { store } from "../connection/store.js";
+
+const LEAST_KEPT = 48; // a tile takes a megabyte
+const SPARE = 1.25; // of what is drawn: fewer than that would be fetched again and again
+const AT_ONCE = 6;
+/** @type {Map<string, ImageBitmap>} */
+const kept = new Map(); // by key, in the order of their last use
+/** @type {Map<string, AbortController>} */
+const under = new Map(); // by key
+/** @type {Set<string>} */
+const failed = new Set();
+/** What each pane wants: keys, the most wanted first; how many tiles it draws, and of which photo. @type {Map<number, { keys: string[], drawn: number, photo: number }>} */
+const panes = new Map();
+const page = Math.random().toString(36).slice(2, 14);
+/** @type {(photo: number) => void} */
+let arrived = () => undefined;
+
+/** @param {(photo: number) => void} callback */
+export function onTile(callback) {
+  arrived = callback;
+}
+
+/** @param {number} photo @param {number} level @param {number} column @param {number} row */
+export function tileKey(photo, level, column, row) {
+  return `${photo}/${level}/${column}/${row}`;
+}
+
+/** @param {string} key */
+const photoOf = (key) => Number(key.split("/", 1)[0]);
+
+/** @param {string} key */
+export function tile(key) {
+  const found = kept.get(key);
+  if (found) {
+    kept.delete(key);
+    kept.set(key, found);
+  }
+  return found;
+}
+
+/** @param {number} pane @param {number} photo @param {string[]} keys @param {number} drawn */
+export function want(pane, photo, keys, drawn) {
+  panes.set(pane, { keys: keys.filter((key) => !kept.has(key) && !failed.has(key)), drawn, photo });
+  const all = new Set([...panes.values()].flatMap((one) => one.keys));
+  for (const [key, control] of under) {
+    if (!all.has(key)) control.abort();
+  }
+  next();
+}
+
+/** @param {number} pane */
+export function forget(pane) {
+  panes.delete(pane);
+}
+
+function mostKept() {
+  return Math.max(LEAST_KEPT, SPARE * [...panes.values()].reduce((sum, { drawn }) => sum + drawn, 0));
+}
+
+function next() {
+  const lists = [...panes.values()].map(({ keys }) => keys);
+  for (let rank = 0; under.size < AT_ONCE; rank += 1) {
+    const row = lists.filter((list) => rank < list.length).map((list) => list[rank]);
+    if (!row.length) return;
+    for (const key of row) {
+      if (under.size < AT_ONCE && !under.has(key) && !kept.has(key) && !failed.has(key)) void load(key);
+    }
+  }
+}
+
+/** @param {string} key */
+async function load(key) {
+  const control = new AbortController();
+  under.set(key, control);
+  try {
+    const digest = store.photos[photoOf(key)]?.digest;
+    // The server keeps decoded what is shown side by side, and little else.
+    const headers = { "x-shown": `${page} ${[...new Set([...panes.values()].map(({ photo }) => photo))].join()}` };
+    const answer = await fetch(`/photo/${key}.jpg?${digest}`, { signal: control.signal, headers });
+    if (!answer.ok) throw new Error(`${answer.status}`);
+    const picture = await createImageBitmap(await answer.blob());
+    kept.set(key, picture);
+    const spare = kept.size - mostKept();
+    for (const [oldest, bitmap] of [...kept].slice(0, Math.max(Math.ceil(spare), 0))) {
+      bitmap.close();
+      kept.delete(oldest);
+    }
+  } catch {
+    if (!control.signal.aborted) failed.add(key);
+  } finally {
+    under.delete(key);
+    arrived(photoOf(key));
+    next();
+  }
+}
