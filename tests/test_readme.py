@@ -15,7 +15,7 @@ def readme(repository):
 
 @pytest.fixture(scope="module")
 def demo_folder(tmp_path_factory):
-    from uavgram.model.scene import DemoScenario
+    from uavgram.model.demo.scenario import DemoScenario
     from uavgram.pipeline.demo import demo
 
     folder = tmp_path_factory.mktemp("readme")

@@ -15,17 +15,17 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from uavgram.errors import UavgramError
-    from uavgram.io.results import load_results
-    from uavgram.model.result import Result
-    from uavgram.pipeline.run import run
+    from uavgram.io.results.results_json import load_results
+    from uavgram.model.result.result import Result
+    from uavgram.pipeline.measure.run import run
 
 __all__ = ["Result", "UavgramError", "load_results", "run"]
 
 _HOME = {
-    "Result": "uavgram.model.result",
+    "Result": "uavgram.model.result.result",
     "UavgramError": "uavgram.errors",
-    "load_results": "uavgram.io.results",
-    "run": "uavgram.pipeline.run",
+    "load_results": "uavgram.io.results.results_json",
+    "run": "uavgram.pipeline.measure.run",
 }
 
 

@@ -42,7 +42,7 @@ def best(action, times=3):
 def one(frames: int) -> None:
     from large_survey import large_survey
 
-    from uavgram.estimation.reliability import group_fit
+    from uavgram.estimation.reliability.redundancy import group_fit
     from uavgram.model.options import SolveOptions
     from uavgram.stages.refine import refine
 
@@ -74,9 +74,9 @@ def one(frames: int) -> None:
 
 def parts(adjustment) -> None:
     """Time, and rate of memory and arithmetic, of what one iteration and the end consist of."""
-    from uavgram.estimation.multifrontal import Multifrontal
-    from uavgram.estimation.normal_equations import NormalEquations
-    from uavgram.estimation.reliability import reliability
+    from uavgram.estimation.reliability.redundancy import reliability
+    from uavgram.estimation.solver.normal_equations import NormalEquations
+    from uavgram.estimation.solver.sparse.multifrontal import Multifrontal
 
     problem, layout = adjustment.problem, adjustment.problem.layout
     evaluate, blocks = best(lambda: problem.evaluate(adjustment.state))

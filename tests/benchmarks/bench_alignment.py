@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 
-from uavgram.estimation.time_alignment import align
+from uavgram.estimation.clocks.alignment import align
 
 PHOTOS, EVENTS, OFFSET_S, REPEATS = 400, 450, 36000.3, 5
 

@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from bench_targets import BOARD, LENS, SIZE_PX, classical, sector
 from board_photos import Sensor, look, photograph
 
-from uavgram.pipeline.calibrate import Calibrated, calibrate
+from uavgram.pipeline.cameras.calibrate import Calibrated, calibrate
 
 WORKERS = 2
 

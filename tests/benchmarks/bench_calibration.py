@@ -22,7 +22,7 @@ import numpy as np
 from uavgram.estimation.calibration.adjustment import adjust
 from uavgram.estimation.calibration.problem import lens_of, pad
 from uavgram.estimation.calibration.start import first_values
-from uavgram.model.calibration_photos import CalibrationOptions
+from uavgram.model.camera.board import CalibrationOptions
 from uavgram.stages.calibrate import calibrate
 
 REPEATS = 7

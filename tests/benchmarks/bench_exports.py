@@ -21,10 +21,10 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 import synthetic_survey
 
-from uavgram.geometry.map_projection import utm_crs
-from uavgram.model.result import Result
-from uavgram.model.result_tables import FrameResults, PickResults, PoseTable
-from uavgram.pipeline.exports import exports
+from uavgram.geometry.earth.map_projection import utm_crs
+from uavgram.model.result.result import Result
+from uavgram.model.result.tables import FrameResults, PickResults, PoseTable
+from uavgram.pipeline.measure.exports import exports
 
 PICKS_A_POINT = 5
 

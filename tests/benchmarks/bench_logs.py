@@ -48,12 +48,12 @@ def ours(path: str) -> int:
     """Read the columns with uavgram."""
     data = Path(path).read_bytes()
     if path.endswith(".tlog"):
-        from uavgram.io.mavlink_frames import scan_frames
+        from uavgram.io.logs.tlog.frames import scan_frames
 
         frames = scan_frames(data)
         tables = [frames.columns(name, frames.rows(name)) for name in TLOG]
     else:
-        from uavgram.io.dataflash_tables import index_binary
+        from uavgram.io.logs.dataflash.binary import index_binary
 
         log = index_binary(path, data)
         tables = [log.columns(name) for name in DATAFLASH]
@@ -86,8 +86,8 @@ def child(reader: str, path: str) -> None:
     """Time one reader, its imports left out, and print the figures."""
     from pymavlink import mavutil  # noqa: F401
 
-    import uavgram.io.dataflash_tables
-    import uavgram.io.mavlink_frames  # noqa: F401
+    import uavgram.io.logs.dataflash.binary
+    import uavgram.io.logs.tlog.frames  # noqa: F401
 
     start = time.perf_counter()
     messages = {"ours": ours, "pymavlink": pymavlink}[reader](path)
@@ -100,7 +100,7 @@ def repeated(source: Path, target: Path) -> None:
     """One log after itself until it is large; a .tlog without the rest of a cut record."""
     data = source.read_bytes()
     if source.suffix == ".tlog":
-        from uavgram.io.mavlink_frames import scan_frames
+        from uavgram.io.logs.tlog.frames import scan_frames
 
         frames = scan_frames(data)
         last = len(frames.start) - 1

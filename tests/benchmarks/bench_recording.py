@@ -32,9 +32,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 from large_result import HEIGHT_PX, WIDTH_PX, large_result
 
-from uavgram.imaging.preview import read_preview
-from uavgram.pipeline.ahead import work_ahead
-from uavgram.pipeline.run import write_review
+from uavgram.imaging.photos.preview import read_preview
+from uavgram.pipeline.measure.run import write_review
+from uavgram.pipeline.parallel import prefetch
 from uavgram.views.recording import write_recording
 
 FRAMES, ROUNDS, POINTS_PER_FRAME = 1000, 3, 5
@@ -69,7 +69,7 @@ def one(what: str, folder: Path, frames: int) -> None:
     cv2.setNumThreads(1)
     before, started = resource.getrusage(resource.RUSAGE_SELF), time.perf_counter()
     if what == "decode":
-        deque(work_ahead(read_preview, result.frames.path), maxlen=0)
+        deque(prefetch(read_preview, result.frames.path), maxlen=0)
     else:
         write_review(result, folder / "recording.rrd")
     wall, after = time.perf_counter() - started, resource.getrusage(resource.RUSAGE_SELF)

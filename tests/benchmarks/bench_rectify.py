@@ -32,14 +32,14 @@ import numpy as np
 import rasterio
 from rasterio.warp import Resampling, reproject
 
-from uavgram.geometry.map_projection import projected_from_enu
-from uavgram.geometry.top_view import View
-from uavgram.io.geotiff import write_colour_geotiff
-from uavgram.model.ground_raster import GroundRaster
-from uavgram.pipeline.compute import compute
-from uavgram.pipeline.inputs import read_inputs
+from uavgram.geometry.earth.map_projection import projected_from_enu
+from uavgram.geometry.ground.top_view import View
+from uavgram.io.exports.geotiff import write_colour_geotiff
+from uavgram.model.maps.raster import GroundRaster
+from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.rectify import warped_windows
-from uavgram.stages.rectify import choose_view, lay_raster
+from uavgram.stages.products.top_view import choose_view, lay_raster
 
 HERE = Path(__file__).parent
 ROUNDS, DEMAND = 5, 10.0

@@ -24,11 +24,11 @@ import cameratransform
 import cv2
 import numpy as np
 
-from uavgram.estimation.length_conditions import LengthFrames
-from uavgram.estimation.length_resection import resect_from_lengths
-from uavgram.estimation.survey_problem import covariance_root
-from uavgram.geometry.back_projection import back_project
-from uavgram.geometry.ground_points import View, ground_points
+from uavgram.estimation.first_poses.length_conditions import LengthFrames
+from uavgram.estimation.first_poses.resection import resect_from_lengths
+from uavgram.estimation.survey.likelihood import covariance_root
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.ground.points import View, ground_points
 
 HERE = Path(__file__).parent
 

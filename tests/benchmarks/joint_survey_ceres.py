@@ -15,7 +15,7 @@ import numpy as np
 import pyceres
 from scipy.spatial.transform import Rotation
 
-from uavgram.geometry.rotation import hat, log_so3, right_jacobian
+from uavgram.geometry.motion.rotation import hat, log_so3, right_jacobian
 
 
 class PointCost(pyceres.CostFunction):

@@ -12,8 +12,8 @@ from picking_server import served
 from playwright.sync_api import expect
 
 from uavgram.cli import main
-from uavgram.pipeline.compute import compute
-from uavgram.pipeline.inputs import read_inputs
+from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.inputs import read_inputs
 
 PHOTOS = ("IMG_0045.jpg", "IMG_0046.jpg", "IMG_0048.jpg")
 ENDS = [f"R{k}" for k in range(1, 9)]

@@ -11,8 +11,8 @@ from picking_pages import eventually, measured, show_photo, to_page, wait_until_
 from picking_server import served
 from playwright.sync_api import expect
 
-from uavgram.pipeline.compute import compute
-from uavgram.pipeline.inputs import read_inputs
+from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.inputs import read_inputs
 
 
 def picks_of(server):

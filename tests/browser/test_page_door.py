@@ -14,7 +14,7 @@ from picking_pages import place
 from picking_server import served
 from playwright.sync_api import expect
 
-from uavgram.picking.redirect import RedirectFile
+from uavgram.picking.web.redirect import RedirectFile
 
 HTML = "<img src=x onerror=\"document.title='pwned'\">"
 

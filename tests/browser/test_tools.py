@@ -18,9 +18,9 @@ from picking_pages import (
 from picking_server import served
 from playwright.sync_api import expect
 
-from uavgram.io.measure import POINT_COUNTS
-from uavgram.pipeline.compute import compute
-from uavgram.pipeline.inputs import read_inputs
+from uavgram.io.tables.measure import POINT_COUNTS
+from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.inputs import read_inputs
 
 WITHOUT_NUMBERS = {"pick", "length"}
 """Tools that measure nothing: one marks a place, one takes a length as known."""

@@ -8,7 +8,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 from playwright.sync_api import expect
 
-from uavgram.views.viewer_gate import LOOPBACK, ViewerGate
+from uavgram.views.viewer.proxy import LOOPBACK, ViewerGate
 
 PAGE = """<!doctype html><html><head><title>viewer</title>
 <link rel="preconnect" href="http://ELSEWHERE/">

@@ -12,7 +12,7 @@ import yaml
 
 from uavgram.cli import main
 from uavgram.io.demo_files import write_demo
-from uavgram.model.scene import CameraSpec, DemoScenario
+from uavgram.model.demo.scenario import CameraSpec, DemoScenario
 from uavgram.stages.simulate.survey import simulate
 
 WIDTH_PX, HEIGHT_PX = 400, 300

@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 
 import uavgram
-from uavgram.io.spreadsheet_cells import runs
-from uavgram.io.tables import Columns, read_table
+from uavgram.io.tables.csv_tables import Columns, read_table
+from uavgram.io.tables.spreadsheet_cells import runs
 
 COMMAND = "=cmd|' /C calc'!A0"
 

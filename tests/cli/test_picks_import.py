@@ -7,8 +7,8 @@ import json
 import pytest
 
 from uavgram.cli import main
-from uavgram.io.known_points import read_known_points
-from uavgram.io.picks import read_picks
+from uavgram.io.tables.known_points import read_known_points
+from uavgram.io.tables.picks import read_picks
 
 GCP = "EPSG:4326\n11.5 48.1 520 10.25 20.5 a.jpg A\n11.6 48.2 521 30 40 a.jpg B\n"
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-run_module = importlib.import_module("uavgram.pipeline.run")
-exports_module = importlib.import_module("uavgram.pipeline.exports")
+run_module = importlib.import_module("uavgram.pipeline.measure.run")
+exports_module = importlib.import_module("uavgram.pipeline.measure.exports")
 
 
 @pytest.fixture

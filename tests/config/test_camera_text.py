@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from uavgram.config.camera import load_camera, load_camera_file
 from uavgram.config.camera_text import camera_text, number_text
 from uavgram.errors import InputError
-from uavgram.model.camera import Calibration
-from uavgram.model.camera_provenance import CameraProvenance
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.provenance import CameraProvenance
 from uavgram.model.provenance import InputDigest
 
 PROVENANCE = CameraProvenance(

@@ -11,13 +11,13 @@ import pytest
 
 from uavgram.config.camera import load_camera
 from uavgram.config.project import load_project
-from uavgram.io.known_points import read_known_points
-from uavgram.io.lines import read_lines
-from uavgram.io.measure import read_measure
-from uavgram.io.opencv_calibration import is_opencv_calibration, read_opencv_calibration
-from uavgram.io.picks import read_picks
-from uavgram.model.observations import MeasurementKind
+from uavgram.io.cameras.opencv import is_opencv_calibration, read_opencv_calibration
+from uavgram.io.tables.known_points import read_known_points
+from uavgram.io.tables.lines import read_lines
+from uavgram.io.tables.measure import read_measure
+from uavgram.io.tables.picks import read_picks
 from uavgram.model.options import Project
+from uavgram.model.survey.observations import MeasurementKind
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import pytest
 
 from uavgram.config.scenario import load_scenario
 from uavgram.errors import InputError
-from uavgram.model.scene import DemoScenario
+from uavgram.model.demo.scenario import DemoScenario
 
 
 def test_the_file_that_people_copy_is_the_built_in_survey(repository):

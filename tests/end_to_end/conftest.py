@@ -13,7 +13,7 @@ import yaml
 
 import uavgram
 from uavgram.cli import main
-from uavgram.geometry.geodesy import enu_from_geodetic
+from uavgram.geometry.earth.geodesy import enu_from_geodetic
 
 FILES = ("log", "camera", "picks", "lines", "measure", "control", "check")
 

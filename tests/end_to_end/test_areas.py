@@ -9,7 +9,7 @@ import pytest
 
 import uavgram
 from uavgram.errors import InputError
-from uavgram.io.results import dump_results, load_results
+from uavgram.io.results.results_json import dump_results, load_results
 
 EAST = ("R1", "R2", "R3", "R4", "R5")
 

@@ -11,8 +11,8 @@ from board_photos import Sensor, look, photograph
 
 from uavgram.cli import main
 from uavgram.io.demo_files import write_demo
-from uavgram.model.calibration_photos import flat_board
-from uavgram.model.scene import CameraSpec, DemoScenario
+from uavgram.model.camera.board import flat_board
+from uavgram.model.demo.scenario import CameraSpec, DemoScenario
 from uavgram.stages.simulate.survey import simulate
 
 TRUE = (620.0, 618.0, 322.0, 237.0, -0.15, 0.04, 8e-4, -5e-4, 0.0)

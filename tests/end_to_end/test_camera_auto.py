@@ -12,7 +12,7 @@ from pyproj import Transformer
 
 import uavgram
 from uavgram.errors import InputError
-from uavgram.io.results import write_results
+from uavgram.io.results.results_json import write_results
 from uavgram.pipeline.check import check
 from uavgram.views.report import render_report
 

@@ -14,8 +14,8 @@ import pytest
 
 import uavgram
 from uavgram.cli import main
-from uavgram.geometry.geodesy import enu_from_geodetic
-from uavgram.io.image_size import image_size
+from uavgram.geometry.earth.geodesy import enu_from_geodetic
+from uavgram.io.photos.size import image_size
 
 TAKE_OFF_DEG = (-35.363261, 149.1652299)
 POINTS_M = {

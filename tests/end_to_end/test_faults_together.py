@@ -7,8 +7,8 @@ import csv
 import numpy as np
 import pytest
 
-from uavgram.pipeline.compute import compute
-from uavgram.pipeline.inputs import read_inputs
+from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.inputs import read_inputs
 
 FRAMES = 8
 WRONG_M, TAPE_M = 0.6, 0.01

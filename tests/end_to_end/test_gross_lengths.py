@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from uavgram.io.demo_files import write_demo
-from uavgram.model.scene import CameraSpec, DemoScenario
-from uavgram.pipeline.compute import compute
-from uavgram.pipeline.inputs import read_inputs
+from uavgram.model.demo.scenario import CameraSpec, DemoScenario
+from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.simulate.survey import simulate
 
 WIDTH_PX, HEIGHT_PX = 400, 300

@@ -24,11 +24,11 @@ from published_scenes import (
 
 import uavgram
 from uavgram.cli import main
-from uavgram.io.photo_poses import read_photo_poses
-from uavgram.io.photos import read_photos
+from uavgram.io.photos.catalogue import read_photos
+from uavgram.io.photos.poses.read import read_photo_poses
 from uavgram.model.options import MountOptions, TelemetryOptions, TimeOptions
 from uavgram.pipeline.check import check
-from uavgram.stages.photo_exposures import find_photo_home, place_photos
+from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
 
 STILL = "snapshotNarrabeen.JPG"
 FOCAL_PX = 3320.0  # of the still, which has the pixels of the video

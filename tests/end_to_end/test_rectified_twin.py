@@ -23,13 +23,13 @@ import pytest
 import rasterio
 from pyproj import Transformer
 
-from uavgram.io.geotiff import write_colour_geotiff
-from uavgram.model.result_tables import PoseTable
-from uavgram.model.shared_result import Estimate
-from uavgram.pipeline.compute import compute
-from uavgram.pipeline.inputs import read_inputs
+from uavgram.io.exports.geotiff import write_colour_geotiff
+from uavgram.model.result.shared import Estimate
+from uavgram.model.result.tables import PoseTable
+from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.rectify import rectify, warped_windows
-from uavgram.stages.rectify import choose_view, lay_raster
+from uavgram.stages.products.top_view import choose_view, lay_raster
 
 DOT_M2 = 0.1  # of a mark's dot on the ground
 FRAME = "IMG_0045.jpg"

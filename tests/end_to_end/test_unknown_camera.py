@@ -12,8 +12,8 @@ from scipy.stats import norm
 
 import uavgram
 from uavgram.errors import InputError
-from uavgram.io.jpeg import APP1, build_jpeg, parse_jpeg
-from uavgram.io.results import write_results
+from uavgram.io.photos.jpeg_segments import APP1, build_jpeg, parse_jpeg
+from uavgram.io.results.results_json import write_results
 from uavgram.pipeline.check import check
 from uavgram.views.report import render_report
 

@@ -1,10 +1,9 @@
 """Truth of the simulated flights."""
 
-import importlib.util
 import json
-from pathlib import Path
 
 import pytest
+import sample_results
 
 
 @pytest.fixture
@@ -20,18 +19,20 @@ def truth(data_dir):
 @pytest.fixture(scope="session")
 def tagged_jpeg():
     """Helpers that make small JPEGs with tags."""
-    path = Path(__file__).with_name("tagged_jpeg.py")
-    spec = importlib.util.spec_from_file_location("uavgram_tests_tagged_jpeg", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    import tagged_jpeg as module
+
     return module
 
 
 @pytest.fixture(scope="session")
 def ulog_writer():
     """Writer of small ULogs, with the topics of a flight."""
-    path = Path(__file__).with_name("ulog_writer.py")
-    spec = importlib.util.spec_from_file_location("uavgram_tests_ulog_writer", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    import ulog_writer as module
+
     return module
+
+
+@pytest.fixture
+def sample_result():
+    """A result in which everything is different from everything else."""
+    return sample_results.sample_result()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from uavgram.io.jpeg import APP1, XMP_HEAD, Segment, build_jpeg, parse_jpeg
-from uavgram.model.frames import Photos
+from uavgram.io.photos.jpeg_segments import APP1, XMP_HEAD, Segment, build_jpeg, parse_jpeg
+from uavgram.model.flight.frames import Photos
 
 RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
 DJI = "http://www.dji.com/drone-dji/1.0/"

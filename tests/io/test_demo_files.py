@@ -11,13 +11,13 @@ from uavgram.config.camera import load_camera
 from uavgram.config.project import load_project
 from uavgram.errors import OutputError
 from uavgram.io.demo_files import write_demo
-from uavgram.io.known_points import read_known_points
-from uavgram.io.lines import read_lines
-from uavgram.io.measure import read_measure
-from uavgram.io.photos import read_photos
-from uavgram.io.picks import read_picks
+from uavgram.io.photos.catalogue import read_photos
+from uavgram.io.tables.known_points import read_known_points
+from uavgram.io.tables.lines import read_lines
+from uavgram.io.tables.measure import read_measure
+from uavgram.io.tables.picks import read_picks
+from uavgram.model.demo.scenario import DemoScenario
 from uavgram.model.options import TimeOptions
-from uavgram.model.scene import DemoScenario
 from uavgram.stages.simulate import simulate
 
 

@@ -5,11 +5,11 @@ import json
 import pytest
 
 from uavgram.errors import UavgramError
+from uavgram.io.cameras.odm import read_odm_camera
 from uavgram.io.imports.labelme import read_labelme
 from uavgram.io.json_text import parse_json
-from uavgram.io.odm_cameras import read_odm_camera
-from uavgram.io.results import load_results
-from uavgram.picking.autosave import left_in
+from uavgram.io.results.results_json import load_results
+from uavgram.picking.storage.journal import left_in
 
 DEEP = "[" * 200_000 + "]" * 200_000
 LONG = "9" * 5000

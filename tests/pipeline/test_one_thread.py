@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from uavgram.errors import InputError
 from uavgram.pipeline.check import check
-from uavgram.pipeline.run import run
+from uavgram.pipeline.measure.run import run
 from uavgram.pipeline.threads import with_one_blas_thread
 
 

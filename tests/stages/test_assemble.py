@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from uavgram.errors import GeometryError
-from uavgram.model.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.model.options import AreaOptions, GroundOptions
+from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.stages.assemble import Telemetry, assemble, unpicked_areas
 
 NAN = np.nan

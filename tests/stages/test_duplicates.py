@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uavgram.model.frames import Photos
-from uavgram.model.observations import KnownLines, Picks
+from uavgram.model.flight.frames import Photos
+from uavgram.model.survey.observations import KnownLines, Picks
 from uavgram.stages.duplicates import find_duplicates
 
 

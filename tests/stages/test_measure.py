@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from uavgram.estimation.survey_select import select_picks
-from uavgram.model.frames import Frames
-from uavgram.model.observations import MeasurementRequest
+from uavgram.estimation.survey.selection import select_picks
+from uavgram.model.flight.frames import Frames
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.stages.measure import measure
 from uavgram.stages.refine import refine
 

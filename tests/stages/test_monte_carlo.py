@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from uavgram.model.frames import Frames
-from uavgram.model.observations import MeasurementRequest
+from uavgram.model.flight.frames import Frames
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.stages.measure import measure
 from uavgram.stages.monte_carlo import sample
 from uavgram.stages.refine import refine

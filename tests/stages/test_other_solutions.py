@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavgram.model.result_tables import MeasurementResults
+from uavgram.model.result.tables import MeasurementResults
 from uavgram.stages.other_solutions import with_alternatives
 
 

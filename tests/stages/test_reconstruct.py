@@ -7,7 +7,7 @@ import pyproj
 import pytest
 
 from uavgram.model.options import SolveOptions
-from uavgram.model.world import World
+from uavgram.model.survey.world import World
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
 

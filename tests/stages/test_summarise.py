@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from uavgram.model.frames import Frames
+from uavgram.model.flight.frames import Frames
 from uavgram.model.options import SolveOptions
 from uavgram.stages.judge import judge_groups
 from uavgram.stages.refine import refine

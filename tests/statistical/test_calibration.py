@@ -14,16 +14,16 @@ from scipy.stats import binom, chi2
 
 from uavgram.estimation.calibration import normals
 from uavgram.estimation.calibration.adjustment import adjust
+from uavgram.estimation.calibration.difference import camera_difference
 from uavgram.estimation.calibration.normals import UndeterminedError
 from uavgram.estimation.calibration.outliers import snoop, without
 from uavgram.estimation.calibration.problem import lens_of, pad
+from uavgram.estimation.calibration.projection_uncertainty import projection_covariance
 from uavgram.estimation.calibration.reliability import photo_effect, photo_tests
 from uavgram.estimation.calibration.start import first_values
-from uavgram.estimation.camera_difference import camera_difference
-from uavgram.estimation.projection_uncertainty import projection_covariance
-from uavgram.geometry.projection import back_project, project, project_with_jacobian
-from uavgram.model.calibration_photos import BoardObservations, CalibrationOptions
-from uavgram.model.camera import Calibration
+from uavgram.geometry.camera.projection import back_project, project, project_with_jacobian
+from uavgram.model.camera.board import BoardObservations, CalibrationOptions
+from uavgram.model.camera.calibration import Calibration
 
 pytestmark = pytest.mark.statistical
 

@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavgram.estimation.correlated_errors import trend_inflation
-from uavgram.geometry import shapes
+from uavgram.estimation.survey.correlated_errors import trend_inflation
+from uavgram.geometry.ground import shapes
 from uavgram.model.options import SolveOptions, TelemetryOptions
 from uavgram.stages.refine import refine
 

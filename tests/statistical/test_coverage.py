@@ -27,16 +27,17 @@ from random_scenes import MEASURED, Kind, random_scene
 from scipy.stats import binom, chi2, norm
 
 from uavgram.errors import GeometryError
-from uavgram.estimation import least_squares, survey_problem
-from uavgram.estimation.adjustment import Adjustment
-from uavgram.estimation.curvature import curvature
-from uavgram.estimation.least_squares import minimise
-from uavgram.estimation.measured import measured_rows
-from uavgram.estimation.survey_problem import SurveyProblem
-from uavgram.estimation.survey_state import advance
-from uavgram.geometry import shapes
-from uavgram.model.observations import MeasurementRequest
+from uavgram.estimation.measuring.propagation import propagate
+from uavgram.estimation.measuring.second_order import curvature
+from uavgram.estimation.solver import levenberg_marquardt as least_squares
+from uavgram.estimation.solver.levenberg_marquardt import minimise
+from uavgram.estimation.survey import likelihood as survey_problem
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.unknowns import advance
+from uavgram.geometry.ground import shapes
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.stages.monte_carlo import sample
 from uavgram.stages.refine import refine
 from uavgram.stages.second_order import BIAS_OFF, SIGMA_OFF
@@ -122,7 +123,7 @@ def adjusted(scene):
 
 def curved(adjustment):
     """Whether the program would say that the distance needs more than first order."""
-    measured = measured_rows(adjustment, DISTANCE, None)
+    measured = propagate(adjustment, DISTANCE, None)
     terms = curvature(adjustment, measured, DISTANCE, None)
     within = abs(terms.sigma[0] / measured.sigma[0] - 1.0) <= SIGMA_OFF
     return not (within and abs(terms.bias[0] / measured.sigma[0]) <= BIAS_OFF)
@@ -219,7 +220,7 @@ def test_ambiguous_scenes_of_three_lines_hold_the_truth_in_one_of_their_interval
             solutions = [refined.adjustment, *refined.alternatives]
             inside.append(judged_by_sampling(solutions, apart, trial))
         elif set(DISTANCE[0].points) <= set(refined.adjustment.survey.label):
-            found = measured_rows(refined.adjustment, DISTANCE, None)
+            found = propagate(refined.adjustment, DISTANCE, None)
             alone.append(abs(found.value[0] - apart) / found.sigma[0])
         if len(inside) == JUDGED:
             break

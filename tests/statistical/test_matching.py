@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+import shutters
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.time_alignment import align
-from uavgram.io.flight_log import read_flight_log
-from uavgram.io.photos import read_photos
+from uavgram.estimation.clocks.alignment import align
+from uavgram.io.logs.flight_log import read_flight_log
+from uavgram.io.photos.catalogue import read_photos
 from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise import synchronise
 from uavgram.stages.synchronise.boots import usable_boots
@@ -21,18 +20,8 @@ from uavgram.stages.synchronise.boots import usable_boots
 FLIGHTS = 1000
 
 
-def load_shutters():
-    """The module tests/estimation/shutters.py, by its path."""
-    path = Path(__file__).parents[1] / "estimation" / "shutters.py"
-    spec = importlib.util.spec_from_file_location("uavgram_test_shutters", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.statistical
 def test_no_wrong_pair_is_certain_and_uneven_spacing_gives_the_right_ones():
-    shutters = load_shutters()
     certain = wrong = 0
     found, there, z = {0.001: 0, 1.0: 0}, {0.001: 0, 1.0: 0}, []
     for seed in range(FLIGHTS):
@@ -59,7 +48,6 @@ def test_no_wrong_pair_is_certain_and_uneven_spacing_gives_the_right_ones():
 
 @pytest.mark.statistical
 def test_an_even_interval_is_never_guessed():
-    shutters = load_shutters()
     refused = 0
     for seed in range(150):
         rng = np.random.default_rng(seed)

@@ -14,8 +14,8 @@ import pytest
 from scipy.stats import chi2
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.reliability import upper_tail
-from uavgram.geometry import shapes
+from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.geometry.ground import shapes
 from uavgram.imaging.known_point_pose import known_point_poses
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine

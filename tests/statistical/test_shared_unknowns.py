@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from uavgram.estimation.survey_problem import TELEMETRY_PARTS
-from uavgram.geometry import telemetry_pose
+from uavgram.estimation.survey.likelihood import TELEMETRY_PARTS
+from uavgram.geometry.motion import telemetry_pose
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
 
@@ -51,6 +51,6 @@ def test_a_drift_that_the_model_leaves_out_breaks_the_bounds(scene_factory, monk
     def without_drift(shared, time_s, middle_s):  # noqa: ARG001
         return time_s - shared[telemetry_pose.CLOCK]
 
-    monkeypatch.setattr("uavgram.estimation.survey_problem.corrected_time", without_drift)
+    monkeypatch.setattr("uavgram.estimation.survey.likelihood.corrected_time", without_drift)
     squares, _ = found_and_true(scene_factory, "clock_drift", trials=3)
     assert off_bounds(squares, 1)

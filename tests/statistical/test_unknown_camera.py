@@ -22,16 +22,16 @@ from random_scenes import MEASURED, Kind, random_scene
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom, norm
 
-from uavgram.estimation.curvature import curvature
-from uavgram.estimation.measured import measured_rows
-from uavgram.geometry import shapes
-from uavgram.geometry.lens import largest_radius
-from uavgram.io.drone_table import drone_cameras
-from uavgram.model.camera_tags import CameraTags
-from uavgram.model.observations import MeasurementRequest
+from uavgram.estimation.measuring.propagation import propagate
+from uavgram.estimation.measuring.second_order import curvature
+from uavgram.geometry.camera.lens import largest_radius
+from uavgram.geometry.ground import shapes
+from uavgram.io.cameras.drone_table import drone_cameras
+from uavgram.model.camera.tags import CameraTags
+from uavgram.model.flight.pose import Poses
 from uavgram.model.options import SolveOptions
-from uavgram.model.pose import Poses
-from uavgram.stages.assume_camera import assume_camera
+from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.stages.camera.assume import assume_camera
 from uavgram.stages.refine import refine
 from uavgram.stages.second_order import BIAS_OFF, SIGMA_OFF
 
@@ -118,7 +118,7 @@ def with_seeds(scene, rng):
 def error_of(scene, refined):
     """Error of the distance in sigmas, and whether first order is enough for it."""
     adjustment = refined.adjustment
-    measured = measured_rows(adjustment, DISTANCE, None)
+    measured = propagate(adjustment, DISTANCE, None)
     terms = curvature(adjustment, measured, DISTANCE, None)
     enough = abs(terms.sigma[0] / measured.sigma[0] - 1.0) <= SIGMA_OFF
     enough &= abs(terms.bias[0] / measured.sigma[0]) <= BIAS_OFF

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from uavgram.geometry.projection import back_project, project
+from uavgram.geometry.camera.projection import back_project, project
 
 TEXELS_PER_SQUARE = 60
 BLACK, WHITE, FLOOR = 30.0, 215.0, 120.0

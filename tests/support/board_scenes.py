@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from uavgram.estimation.calibration.problem import State, board_middle
-from uavgram.model.calibration_photos import BoardObservations, BoardPhoto, flat_board
+from uavgram.model.camera.board import BoardObservations, BoardPhoto, flat_board
 
 BROWN5 = np.array([820.0, 815, 512, 380, -0.21, 0.09, 8e-4, -5e-4, -0.02])
 BROWN3 = np.array([820.0, 815, 512, 380, -0.21, 0.09, 0, 0, -0.02])

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.model.error_budget import ErrorBudget
-from uavgram.model.evidence import ChecksOverall, SecondOrder
-from uavgram.model.result import Alternative, Result
-from uavgram.model.result_tables import MonteCarloResults
-from uavgram.model.shared_result import AreaPlane, Estimate
+from uavgram.model.result.error_budget import ErrorBudget
+from uavgram.model.result.reliability import ChecksOverall, SecondOrder
+from uavgram.model.result.result import Alternative, Result
+from uavgram.model.result.shared import AreaPlane, Estimate
+from uavgram.model.result.tables import MonteCarloResults
 
 SOURCES = ("lens", "picks", "friction and times", "known lengths", "flight log")
 

@@ -9,9 +9,9 @@ import synthetic_survey
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from uavgram.geometry.projection import project
-from uavgram.model.result import Result
-from uavgram.model.result_tables import PickResults, PlanarUncertainty, PointResults, PoseTable
+from uavgram.geometry.camera.projection import project
+from uavgram.model.result.result import Result
+from uavgram.model.result.tables import PickResults, PlanarUncertainty, PointResults, PoseTable
 
 WIDTH_PX, HEIGHT_PX = 5472, 3648
 LENS = np.array([3650.0, 3652.0, 2735.0, 1822.0, -0.06, 0.03, 2e-4, -2e-4, -0.01])

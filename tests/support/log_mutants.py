@@ -18,9 +18,9 @@ from pymavlink import DFReader
 from pymavlink.dialects.v20 import all as dialect
 from pymavlink.generator.mavcrc import x25crc
 
-from uavgram.io.dataflash_formats import FMT_TYPE
-from uavgram.io.dataflash_index import indexed_by_loop
-from uavgram.io.dataflash_tables import DataflashTables, index_binary
+from uavgram.io.logs.dataflash.binary import DataflashTables, index_binary
+from uavgram.io.logs.dataflash.formats import FMT_TYPE
+from uavgram.io.logs.dataflash.index import indexed_by_loop
 
 Rng = np.random.Generator
 USED = ("POS", "ATT", "MNT", "GPS", "GPA", "ORGN", "CAM", "XKF1", "XKF4", "XKQ", "XKV1")

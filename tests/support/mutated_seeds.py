@@ -21,11 +21,11 @@ import numpy as np
 from log_mutants import mutant, short_logs
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.boot_clock import fit_boot_clock, to_utc
-from uavgram.geometry.geodesy import enu_from_geodetic, geodetic_from_enu
-from uavgram.io.flight_log import read_flight_log
-from uavgram.pipeline.inputs import Inputs, log_messages, read_inputs
-from uavgram.pipeline.pose import pose_frames
+from uavgram.estimation.clocks.boot_clock import fit_boot_clock, to_utc
+from uavgram.geometry.earth.geodesy import enu_from_geodetic, geodetic_from_enu
+from uavgram.io.logs.flight_log import read_flight_log
+from uavgram.pipeline.measure.inputs import Inputs, log_messages, read_inputs
+from uavgram.pipeline.measure.pose import pose_frames
 
 LIMIT_SIGMAS = 3.0
 PROGRESS = 500  # mutants, after which it says how far it is

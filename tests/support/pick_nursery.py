@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 
 from uavgram.errors import UavgramError
-from uavgram.picking import server
+from uavgram.picking.web import server
 
 
 def tell(**said: object) -> None:

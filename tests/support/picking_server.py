@@ -11,13 +11,13 @@ from pathlib import Path
 
 import uvicorn
 
-from uavgram.picking.guard import Guard
-from uavgram.picking.patience import PatientProtocol
-from uavgram.picking.server import PickServer, open_door
-from uavgram.picking.tables import Tables
-from uavgram.pipeline.compute import compute
-from uavgram.pipeline.inputs import read_inputs
-from uavgram.pipeline.live import LiveSurvey
+from uavgram.picking.storage.tables import Tables
+from uavgram.picking.web.guard import Guard
+from uavgram.picking.web.patience import PatientProtocol
+from uavgram.picking.web.server import PickServer, open_door
+from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.inputs import read_inputs
+from uavgram.pipeline.pick.live import LiveSurvey
 
 
 class Served:

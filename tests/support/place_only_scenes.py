@@ -12,15 +12,15 @@ from pyproj import Transformer
 from scenes import calibration_covariance, cv_pixels
 from scipy.spatial.transform import Rotation
 
-from uavgram.model.camera import Calibration
-from uavgram.model.frames import Frames
-from uavgram.model.observations import KnownLines, Picks
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.flight.frames import Frames
+from uavgram.model.flight.photo_poses import PhotoPoses
 from uavgram.model.options import GroundOptions, MountOptions, TelemetryOptions
-from uavgram.model.photo_poses import PhotoPoses
-from uavgram.model.survey import Survey
+from uavgram.model.survey.observations import KnownLines, Picks
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.assemble import Telemetry, assemble
-from uavgram.stages.photo_exposures import place_photos
-from uavgram.stages.seed import seed
+from uavgram.stages.seed.photo_exposures import place_photos
+from uavgram.stages.seed.seed import seed
 
 SIZE_PX = (2400, 1800)
 LENS = np.array([1700.0, 1702.0, 1198.0, 901.0, -0.02, 0.01, 2e-4, -1e-4, 0.0])

@@ -9,7 +9,7 @@ import numpy as np
 import yaml
 from pyproj import Transformer
 
-from uavgram.geometry.geodesy import enu_from_geodetic
+from uavgram.geometry.earth.geodesy import enu_from_geodetic
 
 NARRABEEN_ORIGIN = {"latitude_deg": -33.7299, "longitude_deg": 151.3006, "height_m": 2.475}
 

@@ -15,12 +15,12 @@ import scenes
 from scenes import GIMBAL_FROM_CAMERA, LEVER_ARM, Scene, Sources, cv_pixels, look_down
 from scipy.spatial.transform import Rotation
 
-from uavgram.estimation.survey_state import State
-from uavgram.model.camera import Calibration
-from uavgram.model.photo_poses import PhotoExposures
-from uavgram.model.pose import TelemetryPrior
-from uavgram.model.survey import Ground, Survey
-from uavgram.model.telemetry import Track
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.flight.log import Track
+from uavgram.model.flight.photo_poses import PhotoExposures
+from uavgram.model.flight.pose import TelemetryPrior
+from uavgram.model.survey.survey import Ground, Survey
 
 LABELS = 9
 MEASURED = (7, 8)

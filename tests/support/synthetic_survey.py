@@ -10,11 +10,12 @@ import cv2
 import numpy as np
 from pyproj import Transformer
 
-from uavgram.model.camera import Calibration
+from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import Message
 from uavgram.model.provenance import InputDigest, Provenance
-from uavgram.model.result import Alternative, GroupFactor, Result, SolutionSummary
-from uavgram.model.result_tables import (
+from uavgram.model.result.result import Alternative, GroupFactor, Result, SolutionSummary
+from uavgram.model.result.shared import Estimate, SharedResult
+from uavgram.model.result.tables import (
     FrameResults,
     LineChecks,
     LineResults,
@@ -25,8 +26,7 @@ from uavgram.model.result_tables import (
     PointResults,
     PoseTable,
 )
-from uavgram.model.shared_result import Estimate, SharedResult
-from uavgram.model.world import World
+from uavgram.model.survey.world import World
 
 WIDTH_PX, HEIGHT_PX = 1640, 1232
 LENS = np.array([1310.0, 1312.0, 818.0, 617.0, -0.11, 0.05, 4e-4, -3e-4, -0.01])

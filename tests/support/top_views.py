@@ -11,11 +11,11 @@ from pyproj import Transformer
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
-from uavgram.geometry.top_view import View
-from uavgram.model.camera import Calibration
-from uavgram.model.ground_raster import GroundRaster
-from uavgram.model.result_tables import PoseTable
-from uavgram.model.shared_result import Estimate
+from uavgram.geometry.ground.top_view import View
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.result.shared import Estimate
+from uavgram.model.result.tables import PoseTable
 
 SIZE_PX = (800, 600)
 BROWN = np.array([620.0, 618.0, 404.0, 297.0, -0.12, 0.05, 6e-4, -4e-4, 0.008])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from uavgram.model.result import Result
+from uavgram.model.result.result import Result
 
 
 def unsure(result: Result, name: str, values: tuple[float, ...]) -> Result:

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 
 import cyclopts
 
-from uavgram.cli import (  # noqa: F401  (each registers itself with the application)
+from uavgram.cli.application import DONE, INTERRUPTED, PROBLEM, WRONG_USAGE, app
+from uavgram.cli.commands import (  # noqa: F401  (each registers itself with the application)
     calibrate,
     camera,
     check,
@@ -22,7 +23,6 @@ from uavgram.cli import (  # noqa: F401  (each registers itself with the applica
     run,
     view,
 )
-from uavgram.cli.application import DONE, INTERRUPTED, PROBLEM, WRONG_USAGE, app
 from uavgram.cli.terminal import drop_output
 from uavgram.errors import UavgramError
 

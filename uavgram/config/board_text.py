@@ -6,7 +6,7 @@ import re
 
 from uavgram.errors import InputError, near_miss
 from uavgram.imaging.targets.charuco import dictionary_names, dictionary_size
-from uavgram.model.calibration_photos import Board, flat_board
+from uavgram.model.camera.board import Board, flat_board
 
 OPTION = "--board"
 FORMS = (

@@ -11,14 +11,14 @@ from uavgram.config.strict_yaml import Document, read_yaml
 from uavgram.config.validation import validate
 from uavgram.errors import InputError
 from uavgram.model.arrays import Floats
-from uavgram.model.camera import (
+from uavgram.model.camera.calibration import (
     PARAMETER_NAMES,
     Calibration,
     LensModel,
     parameter_counts,
     parameter_names,
 )
-from uavgram.model.camera_provenance import CameraProvenance
+from uavgram.model.camera.provenance import CameraProvenance
 from uavgram.model.limits import LARGEST_SIGMA
 
 RELATIVE_TOLERANCE = 1e-6  # of symmetry and definiteness: files are rounded to some digits

@@ -8,8 +8,8 @@ from collections.abc import Iterable
 import yaml
 
 from uavgram.model.arrays import Floats
-from uavgram.model.camera import Calibration
-from uavgram.model.camera_provenance import CameraProvenance
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.provenance import CameraProvenance
 
 _SIGMA_DIGITS = 3
 

@@ -12,7 +12,7 @@ from uavgram.config.faults import Fault
 from uavgram.config.strict_yaml import Document, Plain, read_yaml
 from uavgram.config.validation import validate
 from uavgram.errors import GeometryError, InputError, near_miss, no_file
-from uavgram.geometry.map_projection import checked_crs
+from uavgram.geometry.earth.map_projection import checked_crs
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Project
 
 _INPUT_FILES = ("log", "poses", "camera", "picks", "lines", "measure", "control", "check")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from uavgram.config.strict_yaml import read_yaml
 from uavgram.config.validation import validate
-from uavgram.model.scene import DemoScenario
+from uavgram.model.demo.scenario import DemoScenario
 
 
 def load_scenario(path: str | Path) -> DemoScenario:

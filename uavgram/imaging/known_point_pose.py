@@ -11,10 +11,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from uavgram.geometry.back_projection import back_project
+from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats
-from uavgram.model.pose import CandidatePoses
-from uavgram.model.survey import Survey
+from uavgram.model.flight.pose import CandidatePoses
+from uavgram.model.survey.survey import Survey
 
 FEWEST_POINTS = 4
 THIN = 0.1

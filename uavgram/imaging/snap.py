@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from uavgram.imaging.photos.tiles import Pixels
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.gradient import gradient_corners
 from uavgram.imaging.targets.saddle import cut_windows
-from uavgram.imaging.tiles import Pixels
 from uavgram.model.arrays import Floats
 
 CORNER_HALF_PX = 6

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import OutputError
-from uavgram.io.exif_writer import CaptureTags, with_exif
-from uavgram.io.mavlink_writer import write_tlog
+from uavgram.io.logs.tlog.writer import write_tlog
 from uavgram.io.own_files import remove_link
+from uavgram.io.photos.tagging.exif_capture import CaptureTags, with_exif
 from uavgram.model.arrays import Floats
-from uavgram.model.simulation import SimulatedSurvey, SurveyTruth
+from uavgram.model.demo.simulated import SimulatedSurvey, SurveyTruth
 
 JPEG_QUALITY = 92
 MAKE = "uavgram"

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
 from typing import Literal
 
+from uavgram.model.flight.log import HeightDatum
 from uavgram.model.limits import LARGEST_NUMBER, sigma_fault
-from uavgram.model.survey import DEFAULT_AREA
-from uavgram.model.telemetry import HeightDatum
+from uavgram.model.survey.survey import DEFAULT_AREA
 
 Auto = Literal["auto"]
 

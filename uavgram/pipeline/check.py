@@ -8,9 +8,9 @@ from pathlib import Path
 
 from uavgram.errors import near_miss
 from uavgram.model.message import Message, Several
-from uavgram.pipeline.ground_below import has_place
-from uavgram.pipeline.inputs import Inputs, duplicates_of, read_inputs
-from uavgram.pipeline.pose import Posed, pose_frames
+from uavgram.pipeline.measure.ground_below import has_place
+from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, read_inputs
+from uavgram.pipeline.measure.pose import Posed, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.tell import told
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from uavgram.imaging.render import render_photos
+from uavgram.imaging.demo_scene.render import render_photos
 from uavgram.io.demo_files import write_demo
-from uavgram.model.result import Result
-from uavgram.model.scene import DemoScenario
+from uavgram.model.demo.scenario import DemoScenario
+from uavgram.model.result.result import Result
+from uavgram.pipeline.measure.run import run
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.pipeline.run import run
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.simulate.survey import simulate
 

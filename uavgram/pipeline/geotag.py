@@ -9,20 +9,20 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import GeometryError, OutputError
-from uavgram.io.geotag_tables import write_geo_txt, write_pix4d_csv
+from uavgram.io.exports.geotags import write_geo_txt, write_pix4d_csv
 from uavgram.io.outputs import staged_output
 from uavgram.io.own_files import check_folder_of_project
-from uavgram.io.tagged_photos import write_tagged_photo
-from uavgram.model.geotag import GeoTags, PoseChoice
+from uavgram.io.photos.tagging.copies import write_tagged_photo
+from uavgram.model.flight.geotag import GeoTags, PoseChoice
+from uavgram.model.flight.pose import Poses
 from uavgram.model.message import Message
-from uavgram.model.pose import Poses
-from uavgram.model.world import World
-from uavgram.pipeline.compute import compute
-from uavgram.pipeline.inputs import Inputs, read_inputs
-from uavgram.pipeline.pose import pose_frames
+from uavgram.model.survey.world import World
+from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.inputs import Inputs, read_inputs
+from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.geotag import geotag as make_tags
+from uavgram.stages.products.geotags import geotag as make_tags
 from uavgram.stages.tell import told
 
 FOLDER = "geotag"

@@ -11,11 +11,11 @@ import numpy as np
 from uavgram.errors import InputError, near_miss
 from uavgram.io.imports.gcp_list import GcpSigmas, read_gcp_list
 from uavgram.io.imports.labelme import read_labelme
-from uavgram.io.picks_writer import write_new_control, write_new_picks
+from uavgram.io.tables.new_picks import write_new_control, write_new_picks
 from uavgram.model.arrays import Bools
-from uavgram.model.imported import ImportedPicks
 from uavgram.model.message import Message
-from uavgram.model.observations import KnownPoints
+from uavgram.model.survey.imported import ImportedPicks
+from uavgram.model.survey.observations import KnownPoints
 from uavgram.stages.tell import told
 
 

@@ -9,25 +9,30 @@ from pathlib import Path
 
 import numpy as np
 
-from uavgram.estimation.adjustment import Adjustment
-from uavgram.geometry.top_view import FrameKnowledge, View, place_sigma
-from uavgram.imaging.map_sheet import map_sheet
-from uavgram.imaging.photo_cache import PhotoCache
-from uavgram.imaging.preview import Pixels
-from uavgram.imaging.warp import warp_window
-from uavgram.imaging.warp_maps import Window
-from uavgram.io.geotiff import WINDOW_PX, read_reduced, write_colour_geotiff, write_float_geotiff
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.geometry.ground.top_view import FrameKnowledge, View, place_sigma
+from uavgram.imaging.photos.preview import Pixels
+from uavgram.imaging.top_view.map_sheet import map_sheet
+from uavgram.imaging.top_view.photo_cache import PhotoCache
+from uavgram.imaging.top_view.warp import warp_window
+from uavgram.imaging.top_view.warp_maps import Window
+from uavgram.io.exports.geotiff import (
+    WINDOW_PX,
+    read_reduced,
+    write_colour_geotiff,
+    write_float_geotiff,
+)
 from uavgram.io.outputs import staged_output
 from uavgram.io.own_files import check_folder_of_project
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.ground_raster import GroundRaster
+from uavgram.model.maps.raster import GroundRaster
 from uavgram.model.message import Message
-from uavgram.pipeline.ahead import work_ahead
-from uavgram.pipeline.compute import compute
-from uavgram.pipeline.inputs import read_inputs
+from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.inputs import read_inputs
+from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.rectify import boxes, choose_view, lay_raster, reductions
+from uavgram.stages.products.top_view import boxes, choose_view, lay_raster, reductions
 from uavgram.stages.tell import told
 
 PICTURE, SHEET, SIGMA = "rectified.tif", "rectified.png", "rectified_sigma.tif"
@@ -170,7 +175,7 @@ def warped_windows(view: View, raster: GroundRaster) -> Iterator[tuple[Window, P
         for row in range(0, raster.height, WINDOW_PX)
         for column in range(0, raster.width, WINDOW_PX)
     ]
-    yield from work_ahead(warp, windows)
+    yield from prefetch(warp, windows)
 
 
 def _within(reach: Floats, window: Window) -> Ints:

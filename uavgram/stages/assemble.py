@@ -9,15 +9,15 @@ from typing import Literal
 import numpy as np
 
 from uavgram.errors import GeometryError, near_miss
-from uavgram.estimation.correlated_errors import trend_inflation
+from uavgram.estimation.survey.correlated_errors import trend_inflation
 from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
-from uavgram.model.camera import Calibration
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.flight.photo_poses import Flight
+from uavgram.model.flight.pose import Poses, TelemetryPrior
 from uavgram.model.message import Message
-from uavgram.model.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.model.options import GroundOptions
-from uavgram.model.photo_poses import Flight
-from uavgram.model.pose import Poses, TelemetryPrior
-from uavgram.model.survey import DEFAULT_AREA, Ground, Survey
+from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
+from uavgram.model.survey.survey import DEFAULT_AREA, Ground, Survey
 
 NO_CONTROL = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empty((0, 3)))
 

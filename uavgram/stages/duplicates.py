@@ -10,9 +10,9 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from uavgram.model.frames import Photos
+from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
-from uavgram.model.observations import KnownLines, Picks
+from uavgram.model.survey.observations import KnownLines, Picks
 
 _MOST_NAMED = 10
 

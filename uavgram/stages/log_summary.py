@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.boot_clock import as_text, fit_boot_clock, to_utc
-from uavgram.geometry.geodesy import enu_from_geodetic
+from uavgram.estimation.clocks.boot_clock import as_text, fit_boot_clock, to_utc
+from uavgram.geometry.earth.geodesy import enu_from_geodetic
 from uavgram.model.arrays import Floats, freeze
-from uavgram.model.message import Message
-from uavgram.model.telemetry import (
+from uavgram.model.flight.log import (
     Boot,
     BootClock,
     CameraEvents,
@@ -19,6 +18,7 @@ from uavgram.model.telemetry import (
     HomeSamples,
     PositionSamples,
 )
+from uavgram.model.message import Message
 
 _LONG_PAUSE_S = 1.0
 _HOME_MOVED_M = 0.5

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtri
 
-from uavgram.estimation.adjustment import Adjustment
-from uavgram.estimation.measured import Measured, measured_rows
-from uavgram.model.frames import Frames
+from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message, Several
-from uavgram.model.observations import MeasurementRequest
-from uavgram.model.result_tables import MeasurementResults
+from uavgram.model.result.tables import MeasurementResults
+from uavgram.model.survey.observations import MeasurementRequest
 
 UNITS = {"area": "m2", "angle": "deg", "skid_speed": "m/s", "speed": "m/s"}
 
@@ -36,10 +36,10 @@ def measure(
     messages
         Why not.
     """
-    return measurement_results(measured_rows(adjustment, requests, frames))
+    return measurement_results(propagate(adjustment, requests, frames))
 
 
-def measurement_results(measured: Measured) -> tuple[MeasurementResults, tuple[Message, ...]]:
+def measurement_results(measured: MeasuredValues) -> tuple[MeasurementResults, tuple[Message, ...]]:
     """What was measured as a table of the result, and why the rest was not."""
     sigma, value = measured.sigma, measured.value
     reach = float(ndtri(0.975)) * sigma

@@ -12,14 +12,14 @@ import numpy as np
 from scipy.special import ndtri
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.adjustment import Adjustment
-from uavgram.estimation.measured import measured_rows, values_at
-from uavgram.estimation.refit import refit
+from uavgram.estimation.measuring.propagation import propagate, values_at
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.refit import refit
 from uavgram.model.arrays import Bools
-from uavgram.model.frames import Frames
+from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message, Several
-from uavgram.model.observations import MeasurementRequest
-from uavgram.model.result_tables import MeasurementResults, MonteCarloResults
+from uavgram.model.result.tables import MeasurementResults, MonteCarloResults
+from uavgram.model.survey.observations import MeasurementRequest
 
 NOTICED = 0.05
 """Difference between sampled and first-order sigma, or of an end of the interval as a share of its
@@ -112,7 +112,7 @@ def _left_out(
     if failed:
         text = f"{failed} Monte Carlo repetitions did not come to rest and were left out."
         messages.append(Message("warning", "monte-carlo-failed", text))
-    rows = measured_rows(adjustment, requests, frames).rows
+    rows = propagate(adjustment, requests, frames).rows
     for row, missing in zip(rows, (~known).sum(axis=0), strict=True):
         if missing and row.gradient is not None:
             text = (

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.result_tables import MeasurementResults
+from uavgram.model.result.tables import MeasurementResults
 
 SAME_SIGMAS = 1.0
 """Values of two other solutions that lie this close, in sigmas, are one value to a reader."""

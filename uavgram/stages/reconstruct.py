@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.adjustment import Adjustment
-from uavgram.geometry.ellipse import ELLIPSE_95, error_ellipse
-from uavgram.geometry.geodesy import geodetic_from_enu
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.geometry.ground.ellipse import ELLIPSE_95, error_ellipse
 from uavgram.model.arrays import Floats
-from uavgram.model.result_tables import PlanarUncertainty, PointResults
-from uavgram.model.world import World
+from uavgram.model.result.tables import PlanarUncertainty, PointResults
+from uavgram.model.survey.world import World
 
 
 def reconstruct(adjustment: Adjustment, world: World) -> PointResults:

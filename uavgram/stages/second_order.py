@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.adjustment import Adjustment
-from uavgram.estimation.curvature import curvature
-from uavgram.estimation.measured import Measured
-from uavgram.model.evidence import SecondOrder
-from uavgram.model.frames import Frames
+from uavgram.estimation.measuring.propagation import MeasuredValues
+from uavgram.estimation.measuring.second_order import curvature
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message, Several
-from uavgram.model.observations import MeasurementRequest
-from uavgram.model.result_tables import MeasurementResults
+from uavgram.model.result.reliability import SecondOrder
+from uavgram.model.result.tables import MeasurementResults
+from uavgram.model.survey.observations import MeasurementRequest
 
 SIGMA_OFF = 0.05
 """Difference of second- and first-order sigma, as a share, from which first order is off."""
@@ -23,7 +23,7 @@ then holds the truth in 94.5 % of cases, but misses it twice as often on one sid
 
 def second_order(
     adjustment: Adjustment,
-    measured: Measured,
+    measured: MeasuredValues,
     results: MeasurementResults,
     requests: tuple[MeasurementRequest, ...],
     frames: Frames,

@@ -6,18 +6,18 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from uavgram.estimation.adjustment import Adjustment, Refined
-from uavgram.estimation.ground_planes import PLANE_SIZE
-from uavgram.estimation.reliability import upper_tail
-from uavgram.estimation.survey_problem import TELEMETRY_PARTS
-from uavgram.geometry.telemetry_pose import corrected_time
+from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.estimation.survey.adjustment import Adjustment, Refined
+from uavgram.estimation.survey.ground_planes import PLANE_SIZE
+from uavgram.estimation.survey.likelihood import TELEMETRY_PARTS
+from uavgram.geometry.motion.telemetry_pose import corrected_time
 from uavgram.model.arrays import Floats
-from uavgram.model.frames import Frames
-from uavgram.model.photo_poses import PhotoExposures
-from uavgram.model.pose import Poses
-from uavgram.model.result import Alternative, GroupFactor, SolutionSummary
-from uavgram.model.result_tables import FrameResults, FrameStatus, PoseTable
-from uavgram.model.shared_result import AreaPlane, Estimate, SharedResult
+from uavgram.model.flight.frames import Frames
+from uavgram.model.flight.photo_poses import PhotoExposures
+from uavgram.model.flight.pose import Poses
+from uavgram.model.result.result import Alternative, GroupFactor, SolutionSummary
+from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
+from uavgram.model.result.tables import FrameResults, FrameStatus, PoseTable
 
 
 def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedResult:

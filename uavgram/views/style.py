@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.imaging.preview import Pixels
+from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats
 
 Rgb = tuple[int, int, int]

@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 import numpy as np
 
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.result import Result
-from uavgram.model.result_tables import MeasurementResults
+from uavgram.model.result.result import Result
+from uavgram.model.result.tables import MeasurementResults
 
 NOT_COMPUTED = "not computed"
 

@@ -18,7 +18,7 @@ from uavgram.estimation.calibration.adjustment import (
 from uavgram.estimation.calibration.normals import UndeterminedError
 from uavgram.estimation.calibration.problem import lens_of, pad
 from uavgram.estimation.calibration.start import first_values
-from uavgram.model.calibration_photos import (
+from uavgram.model.camera.board import (
     BoardObservations,
     CalibrationOptions,
     IntrinsicsPrior,

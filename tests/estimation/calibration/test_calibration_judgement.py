@@ -21,7 +21,7 @@ from uavgram.estimation.calibration.validation import (
     information_criteria,
     simplest_good,
 )
-from uavgram.model.calibration_photos import BoardObservations, CalibrationOptions
+from uavgram.model.camera.board import BoardObservations, CalibrationOptions
 
 USUAL = CalibrationOptions()
 

@@ -16,8 +16,8 @@ from uavgram.estimation.calibration.problem import (
     pad,
     prior_from,
 )
-from uavgram.model.calibration_photos import CalibrationOptions, flat_board
-from uavgram.model.camera import Calibration
+from uavgram.model.camera.board import CalibrationOptions, flat_board
+from uavgram.model.camera.calibration import Calibration
 
 CASES = {
     "brown 3": (scenes.BROWN3, CalibrationOptions(coefficients=3)),

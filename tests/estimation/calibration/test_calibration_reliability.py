@@ -11,7 +11,7 @@ from uavgram.estimation.calibration.outliers import adjust_scaled, snoop, withou
 from uavgram.estimation.calibration.problem import lens_of, pad
 from uavgram.estimation.calibration.reliability import corner_tests, photo_effect, photo_tests
 from uavgram.estimation.calibration.start import first_values
-from uavgram.model.calibration_photos import (
+from uavgram.model.camera.board import (
     BoardObservations,
     CalibrationOptions,
     IntrinsicsPrior,

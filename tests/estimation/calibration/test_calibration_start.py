@@ -18,7 +18,7 @@ from uavgram.estimation.calibration.start import (
     poses_from_rays,
     zhang,
 )
-from uavgram.model.calibration_photos import CalibrationOptions
+from uavgram.model.camera.board import CalibrationOptions
 
 PINHOLE = np.array([820.0, 815, 530, 370, 0, 0, 0, 0, 0])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import board_photos
 import pytest
 
-from uavgram.model.calibration_photos import flat_board
+from uavgram.model.camera.board import flat_board
 
 SIZE_PX = (960, 720)
 BROWN = [620.0, 618.0, 481.0, 357.0, -0.25, 0.08, 1e-3, -5e-4, 0.0]

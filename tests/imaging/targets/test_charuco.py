@@ -8,7 +8,7 @@ import pytest
 from board_photos import Sensor
 
 from uavgram.imaging.targets.charuco import charuco_board, dictionary_size, sight_charuco
-from uavgram.model.calibration_photos import flat_board
+from uavgram.model.camera.board import flat_board
 
 
 @pytest.mark.parametrize("model", ["brown", "fisheye"])

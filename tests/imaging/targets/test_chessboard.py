@@ -13,8 +13,8 @@ from uavgram.imaging.targets import chessboard as module
 from uavgram.imaging.targets.chessboard import sight_chessboard
 from uavgram.imaging.targets.detect import detect_in_photos
 from uavgram.imaging.targets.observations import collect_observations
-from uavgram.io.calibration_photos import read_grey
-from uavgram.model.calibration_photos import LensSetting, flat_board
+from uavgram.io.photos.board_photos import read_grey
+from uavgram.model.camera.board import LensSetting, flat_board
 
 
 @pytest.mark.parametrize("model", ["brown", "fisheye"])

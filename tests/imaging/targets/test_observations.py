@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.imaging.preview import jpeg_size
+from uavgram.imaging.photos.preview import jpeg_size
 from uavgram.imaging.targets.coverage import corner_coverage, draw_coverage
+from uavgram.imaging.targets.draw_board import draw_board
 from uavgram.imaging.targets.observations import collect_observations
-from uavgram.imaging.targets.picture import draw_board
 from uavgram.imaging.targets.sighting import Sighting
-from uavgram.model.calibration_photos import LensSetting, flat_board
+from uavgram.model.camera.board import LensSetting, flat_board
 
 SIZE_PX = (640, 480)
 

@@ -11,8 +11,8 @@ from uavgram.imaging.targets.gradient import gradient_corners
 from uavgram.imaging.targets.grid_growth import grow_grid
 from uavgram.imaging.targets.saddle import cut_windows
 from uavgram.imaging.targets.sub_pixel import search_corners
-from uavgram.io.calibration_photos import read_grey
-from uavgram.model.calibration_photos import flat_board
+from uavgram.io.photos.board_photos import read_grey
+from uavgram.model.camera.board import flat_board
 
 SQUARE = 20
 

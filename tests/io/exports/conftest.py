@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 import synthetic_survey
 
-from uavgram.geometry.map_projection import utm_crs
-from uavgram.stages.features import features_of
+from uavgram.geometry.earth.map_projection import utm_crs
+from uavgram.stages.products.map_layers import features_of
 
 
 @pytest.fixture(scope="session")

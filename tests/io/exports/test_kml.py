@@ -29,7 +29,7 @@ def test_gdal_finds_every_layer_and_the_points_in_their_places(features, result,
 def test_labels_are_text_whatever_they_hold(result, tmp_path):
     from dataclasses import replace
 
-    from uavgram.stages.features import features_of
+    from uavgram.stages.products.map_layers import features_of
 
     nasty = ("<b>&", *result.points.label[1:])
     changed = replace(result, points=replace(result.points, label=nasty))

@@ -12,7 +12,7 @@ from unsure import unsure
 from uavgram.io.exports.dxf import write_local_dxf
 from uavgram.io.exports.geopackage import write_geopackage
 from uavgram.io.exports.kml import write_kml
-from uavgram.stages.features import features_of
+from uavgram.stages.products.map_layers import features_of
 
 NAME, KEPT = "road width", "31.2500;44.9000"
 

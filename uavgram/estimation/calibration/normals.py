@@ -13,7 +13,7 @@ import numpy as np
 from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.problem import POSE, Lens, Linear, State
 from uavgram.model.arrays import Floats
-from uavgram.model.camera import parameter_names
+from uavgram.model.camera.calibration import parameter_names
 
 SINGULAR = 1e-13
 """Eigenvalue of the border's scaled normal matrix below which it is not determined."""

@@ -11,7 +11,7 @@ from uavgram.estimation.calibration.problem import Corners, Lens, State
 from uavgram.estimation.calibration.reliability import corner_tests, photo_tests
 from uavgram.estimation.calibration.start import FEWEST_CORNERS
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.calibration_photos import CalibrationOptions
+from uavgram.model.camera.board import CalibrationOptions
 
 ROUNDS = 100
 """Refits in which corners and photos are taken out."""

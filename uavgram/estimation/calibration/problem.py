@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavgram.geometry.projection import project_with_jacobian
-from uavgram.geometry.rotation import exp_so3, hat
+from uavgram.geometry.camera.projection import project_with_jacobian
+from uavgram.geometry.motion.rotation import exp_so3, hat
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.calibration_photos import (
+from uavgram.model.camera.board import (
     Board,
     BoardObservations,
     Bow,
@@ -22,7 +22,12 @@ from uavgram.model.calibration_photos import (
     IntrinsicsPrior,
     parameter_count,
 )
-from uavgram.model.camera import PARAMETER_NAMES, Calibration, LensModel, parameter_names
+from uavgram.model.camera.calibration import (
+    PARAMETER_NAMES,
+    Calibration,
+    LensModel,
+    parameter_names,
+)
 
 HELD = 1e-6
 """Relative sigma (and share of a variance) of what a prior states without any error."""

@@ -14,9 +14,9 @@ import numpy as np
 from scipy.stats import chi2, f
 
 from uavgram.estimation.calibration.adjustment import Fit
-from uavgram.estimation.reliability import NO_REDUNDANCY
+from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
 from uavgram.model.arrays import Floats
-from uavgram.model.calibration_photos import CornerSigma
+from uavgram.model.camera.board import CornerSigma
 
 
 class CornerTests(NamedTuple):

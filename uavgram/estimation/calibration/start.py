@@ -7,9 +7,9 @@ import numpy as np
 from uavgram.estimation.calibration.adjustment import fit_poses
 from uavgram.estimation.calibration.normals import UndeterminedError
 from uavgram.estimation.calibration.problem import Corners, Lens, State, linearise
-from uavgram.geometry.projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.camera import LensModel
+from uavgram.model.camera.calibration import LensModel
 
 FEWEST_CORNERS = 4
 """Corners of a photo from which its homography follows."""

@@ -9,7 +9,7 @@ from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.reduced import reduced_copies, to_full_size
 from uavgram.imaging.targets.sighting import Sighting, measure_corners
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.calibration_photos import Board
+from uavgram.model.camera.board import Board
 
 WIDTHS_PX = (1200, 2400, 4800)
 LEAST_CORNERS = 6

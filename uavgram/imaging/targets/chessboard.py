@@ -18,7 +18,7 @@ from uavgram.imaging.targets.numbering import number_grid, trim
 from uavgram.imaging.targets.reduced import reduced_copies, to_full_size
 from uavgram.imaging.targets.sighting import Sighting, measure_corners
 from uavgram.model.arrays import Floats
-from uavgram.model.calibration_photos import Board
+from uavgram.model.camera.board import Board
 
 # Half the way to the next corner less what blur adds: nothing else is printed within.
 REACH = 0.35

@@ -7,7 +7,7 @@ import numpy as np
 
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Ints
-from uavgram.model.calibration_photos import BoardObservations
+from uavgram.model.camera.board import BoardObservations
 
 CELLS_ACROSS = 16
 PICTURE_WIDTH_PX = 800

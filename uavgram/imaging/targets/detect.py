@@ -9,7 +9,7 @@ from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.charuco import sight_charuco
 from uavgram.imaging.targets.chessboard import sight_chessboard
 from uavgram.imaging.targets.sighting import Sighting
-from uavgram.model.calibration_photos import Board, BoardKind
+from uavgram.model.camera.board import Board, BoardKind
 
 Detector = Callable[[Image, Board], Sighting]
 

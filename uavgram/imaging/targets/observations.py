@@ -10,7 +10,7 @@ import numpy as np
 from uavgram.errors import InputError
 from uavgram.imaging.targets.sighting import Sighting
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.calibration_photos import Board, BoardObservations, BoardPhoto, LensSetting
+from uavgram.model.camera.board import Board, BoardObservations, BoardPhoto, LensSetting
 from uavgram.model.message import Message
 
 LEAST_PHOTOS = 3

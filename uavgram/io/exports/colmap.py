@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from uavgram.io.colmap_cameras import colmap_text
+from uavgram.io.cameras.colmap import colmap_text
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.result import Result
+from uavgram.model.result.result import Result
 
 _CAMERA_ID = 1
 _PRIOR_HEADER = [

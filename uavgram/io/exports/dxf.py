@@ -13,9 +13,9 @@ from ezdxf.enums import TextEntityAlignment
 from ezdxf.filemanagement import new
 from ezdxf.layouts.layout import Modelspace
 
-from uavgram.geometry.map_projection import map_scale, projected_from_enu
+from uavgram.geometry.earth.map_projection import map_scale, projected_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.features import Features, Layer
+from uavgram.model.maps.layers import Features, Layer
 
 Place = Callable[[Floats], Floats]
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from pyogrio.raw import write
 
-from uavgram.geometry.geodesy import Origin
-from uavgram.geometry.map_projection import projected_from_enu
+from uavgram.geometry.earth.geodesy import Origin
+from uavgram.geometry.earth.map_projection import projected_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.features import Attribute, Features, Layer
+from uavgram.model.maps.layers import Attribute, Features, Layer
 
 _TYPES = {"point": "Point Z", "line": "LineString Z", "polygon": "Polygon Z"}
 _LOCAL = 'LOCAL_CS["local metres: x east, y north",UNIT["metre",1]]'

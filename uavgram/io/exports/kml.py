@@ -8,9 +8,9 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement
 
 import numpy as np
 
-from uavgram.geometry.geodesy import Origin, geodetic_from_enu
+from uavgram.geometry.earth.geodesy import Origin, geodetic_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.features import Features, Layer
+from uavgram.model.maps.layers import Features, Layer
 
 _NAMESPACE = "http://www.opengis.net/kml/2.2"
 _TITLES = {

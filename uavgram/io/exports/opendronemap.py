@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from uavgram.geometry.map_projection import projected_from_enu
-from uavgram.model.features import Features
-from uavgram.model.result import Result
+from uavgram.geometry.earth.map_projection import projected_from_enu
+from uavgram.model.maps.layers import Features
+from uavgram.model.result.result import Result
 
 
 def write_gcp_list(result: Result, features: Features, path: Path) -> None:

@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.io.odm_coordinates import content_lines, crs_of_header, geodetic
-from uavgram.io.tables import parse_number
+from uavgram.io.tables.csv_tables import parse_number
+from uavgram.io.tables.odm_coordinates import content_lines, crs_of_header, geodetic
 from uavgram.model.arrays import Floats
-from uavgram.model.imported import ImportedPicks
 from uavgram.model.limits import sigma_fault, unshowable
 from uavgram.model.message import Message
-from uavgram.model.observations import KnownPoints
+from uavgram.model.survey.imported import ImportedPicks
+from uavgram.model.survey.observations import KnownPoints
 
 _NAMES = ("x", "y", "z", "column", "row")
 _NUMBERS, _Z = 5, 2

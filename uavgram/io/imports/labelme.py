@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from uavgram.errors import InputError, no_file
-from uavgram.io.exif_tags import exif_numbers, read_exif_tags
-from uavgram.io.image_size import image_size
 from uavgram.io.json_text import parse_json
+from uavgram.io.photos.exif import exif_numbers, read_exif_tags
+from uavgram.io.photos.size import image_size
 from uavgram.model.arrays import Floats
-from uavgram.model.imported import ImportedPicks
 from uavgram.model.limits import unshowable
 from uavgram.model.message import Message
+from uavgram.model.survey.imported import ImportedPicks
 
 _PICKS = ("point", "circle")
 # Stored (x, y) of what is shown at (x, y), from corner to corner of a stored photo of w by h, as

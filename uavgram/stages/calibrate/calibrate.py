@@ -8,12 +8,16 @@ import numpy as np
 
 from uavgram.estimation.calibration.outliers import snoop
 from uavgram.estimation.calibration.problem import Corners, lens_of, pad
-from uavgram.estimation.reliability import upper_tail
-from uavgram.model.calibration_photos import BoardObservations, CalibrationOptions
-from uavgram.model.calibration_result import CalibrationQuality, CalibrationResult, ModelScore
+from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.model.camera.board import BoardObservations, CalibrationOptions
+from uavgram.model.camera.calibration_result import (
+    CalibrationQuality,
+    CalibrationResult,
+    ModelScore,
+)
+from uavgram.stages.calibrate.assessed import AssessedCalibration, judge
 from uavgram.stages.calibrate.choice import choose_and_estimate
 from uavgram.stages.calibrate.compare import Candidate, start_staged
-from uavgram.stages.calibrate.judged import Judged, judge
 from uavgram.stages.calibrate.maps import image_maps
 from uavgram.stages.calibrate.remarks import remarks
 from uavgram.stages.calibrate.tables import corner_results, photo_results
@@ -69,7 +73,7 @@ def calibrate(
 
 def _estimate(
     observations: BoardObservations, options: CalibrationOptions, corners: Corners
-) -> tuple[Judged, tuple[ModelScore, ...]]:
+) -> tuple[AssessedCalibration, tuple[ModelScore, ...]]:
     """Adjust with the number of coefficients asked for, or with the best one."""
     if not options.coefficients:
         return choose_and_estimate(observations, options, corners)
@@ -80,7 +84,7 @@ def _estimate(
     return judged, (own.score(judged.sigma_px, is_chosen=True),)
 
 
-def _quality(judged: Judged) -> CalibrationQuality:
+def _quality(judged: AssessedCalibration) -> CalibrationQuality:
     fit, held = judged.fit, judged.held.factor
     redundancy = max(fit.corner_redundancy, 1.0)
     squares = fit.corner_cost * judged.snooped.sigma_scale**2

@@ -11,9 +11,10 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.normals import UndeterminedError
 from uavgram.estimation.calibration.outliers import Snooped, snoop
 from uavgram.estimation.calibration.problem import Corners, lens_of
-from uavgram.estimation.projection_uncertainty import length_uncertainty
-from uavgram.model.calibration_photos import BoardObservations, CalibrationOptions
-from uavgram.model.calibration_result import ModelScore
+from uavgram.estimation.calibration.projection_uncertainty import length_uncertainty
+from uavgram.model.camera.board import BoardObservations, CalibrationOptions
+from uavgram.model.camera.calibration_result import ModelScore
+from uavgram.stages.calibrate.assessed import AssessedCalibration, judge
 from uavgram.stages.calibrate.compare import (
     MODELS,
     USUAL,
@@ -22,7 +23,6 @@ from uavgram.stages.calibrate.compare import (
     extended,
     start_staged,
 )
-from uavgram.stages.calibrate.judged import Judged, judge
 
 LARGEST_COST = 0.01
 """Share of a usual length that the lens alone may cost: ordinary calibrations are at 0.0002 to
@@ -31,7 +31,7 @@ LARGEST_COST = 0.01
 
 def choose_and_estimate(
     observations: BoardObservations, options: CalibrationOptions, corners: Corners
-) -> tuple[Judged, tuple[ModelScore, ...]]:
+) -> tuple[AssessedCalibration, tuple[ModelScore, ...]]:
     """Estimate with the best number of coefficients that the photos determine.
 
     Raises
@@ -45,7 +45,7 @@ def choose_and_estimate(
     clean = cleaned.fit.corners.take(kept)
     sigma_px = float(np.sqrt(np.mean(clean.weight[clean.weight > 0] ** -2.0)))
     found = candidates(options, clean, cleaned.fit.state.take(kept))
-    estimated: dict[int, Judged] = {}
+    estimated: dict[int, AssessedCalibration] = {}
     best = choose(found)
     while best is not None:
         own = replace(options, coefficients=best.coefficients)
@@ -82,7 +82,7 @@ def _cleaned(options: CalibrationOptions, corners: Corners, size_px: tuple[int, 
     return clean(last)
 
 
-def _why_not(judged: Judged) -> str:
+def _why_not(judged: AssessedCalibration) -> str:
     """Why a lens is no choice though it fits; empty where it is one."""
     if not judged.fit.converged:
         return "its adjustment did not come to rest"

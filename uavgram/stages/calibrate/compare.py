@@ -16,9 +16,9 @@ from uavgram.estimation.calibration.validation import (
     information_criteria,
     simplest_good,
 )
-from uavgram.model.calibration_photos import CalibrationOptions, parameter_count
-from uavgram.model.calibration_result import ModelScore
-from uavgram.model.camera import LensModel
+from uavgram.model.camera.board import CalibrationOptions, parameter_count
+from uavgram.model.camera.calibration import LensModel
+from uavgram.model.camera.calibration_result import ModelScore
 
 MODELS: dict[LensModel, tuple[int, ...]] = {"brown": (3, 5, 8), "fisheye": (4,)}
 """Numbers of coefficients, the simplest first."""

@@ -6,15 +6,15 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.network import CELLS
+from uavgram.estimation.calibration.projection_uncertainty import projection_covariance, worst_sigma
 from uavgram.estimation.calibration.systematics import residual_map
-from uavgram.estimation.projection_uncertainty import projection_covariance, worst_sigma
 from uavgram.model.arrays import Floats
-from uavgram.model.calibration_result import ImageMaps
-from uavgram.model.camera import Calibration
-from uavgram.stages.calibrate.judged import Judged
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.calibration_result import ImageMaps
+from uavgram.stages.calibrate.assessed import AssessedCalibration
 
 
-def image_maps(judged: Judged, camera: Calibration) -> ImageMaps:
+def image_maps(judged: AssessedCalibration, camera: Calibration) -> ImageMaps:
     """Corners, mean residuals and projection uncertainty by cell of the image."""
     columns, rows = CELLS
     found = residual_map(judged.fit, judged.size_px, CELLS)

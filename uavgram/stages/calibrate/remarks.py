@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from uavgram.model.calibration_result import CalibrationResult, ModelScore
+from uavgram.model.camera.calibration_result import CalibrationResult, ModelScore
 from uavgram.model.message import Message, Several
-from uavgram.stages.calibrate.judged import Judged
+from uavgram.stages.calibrate.assessed import AssessedCalibration
 from uavgram.stages.calibrate.remarks_on_photos import remarks_on_photos
 
 STRONG_CORRELATION = 0.9
@@ -24,7 +24,7 @@ LOOK = (
 )
 
 
-def remarks(judged: Judged, result: CalibrationResult) -> tuple[Message, ...]:
+def remarks(judged: AssessedCalibration, result: CalibrationResult) -> tuple[Message, ...]:
     """All remarks: on the model, on what was left out, on the covariance, on the photos."""
     return (
         *_on_the_model(result),
@@ -84,7 +84,7 @@ def _photo(code: str, file: str, text: str, opening: str, why: str, look: str = 
     return Message("warning", code, text, files=(file,), several=several)
 
 
-def _on_the_covariance(judged: Judged, result: CalibrationResult) -> Iterator[Message]:
+def _on_the_covariance(judged: AssessedCalibration, result: CalibrationResult) -> Iterator[Message]:
     quality = result.quality
     if judged.factor > 1:
         advice = "Use a stiff, flat board, and hold the camera still."

@@ -9,12 +9,12 @@ import numpy as np
 
 from uavgram.estimation.calibration.network import Tilts, coverage, tilts
 from uavgram.estimation.calibration.systematics import RollingShutter, focus_drift, rolling_shutter
-from uavgram.geometry.back_projection import share_without_rays
-from uavgram.geometry.camera_facts import FRAME_35MM_DIAGONAL_MM
-from uavgram.model.calibration_photos import LensSetting
-from uavgram.model.calibration_result import CalibrationResult
+from uavgram.geometry.camera.back_projection import share_without_rays
+from uavgram.geometry.camera.facts import FRAME_35MM_DIAGONAL_MM
+from uavgram.model.camera.board import LensSetting
+from uavgram.model.camera.calibration_result import CalibrationResult
 from uavgram.model.message import Message
-from uavgram.stages.calibrate.judged import Judged
+from uavgram.stages.calibrate.assessed import AssessedCalibration
 
 FEW_PHOTOS = 10
 SMALL_SPREAD_DEG = 5.0
@@ -34,7 +34,9 @@ EXIF_TOLERANCE = 0.05
 """Of a focal length by EXIF, which is rounded, and by a table of sensors."""
 
 
-def remarks_on_photos(judged: Judged, result: CalibrationResult) -> tuple[Message, ...]:
+def remarks_on_photos(
+    judged: AssessedCalibration, result: CalibrationResult
+) -> tuple[Message, ...]:
     """Remarks on the geometry, on the image's coverage, on shutter and focus."""
     return tuple(
         chain(
@@ -47,7 +49,7 @@ def remarks_on_photos(judged: Judged, result: CalibrationResult) -> tuple[Messag
     )
 
 
-def _on_tilts(judged: Judged, result: CalibrationResult) -> Iterator[Message]:
+def _on_tilts(judged: AssessedCalibration, result: CalibrationResult) -> Iterator[Message]:
     count = len(judged.fit.corners.count)
     if count < FEW_PHOTOS:
         yield Message(
@@ -85,7 +87,7 @@ def _one_roll(found: Tilts, result: CalibrationResult, narrow_deg: float) -> Mes
     )
 
 
-def _on_coverage(judged: Judged, result: CalibrationResult) -> Iterator[Message]:
+def _on_coverage(judged: AssessedCalibration, result: CalibrationResult) -> Iterator[Message]:
     corners = judged.fit.corners
     found = coverage(corners.pixel_px[corners.weight > 0], judged.size_px)
     if found.largest_share < LARGEST_REACH or found.share < LEAST_SHARE:
@@ -115,7 +117,7 @@ def shows_rolling_shutter(found: RollingShutter) -> bool:
     return found.probability < SHUTTER_SIGNIFICANCE and found.drift_px > SHUTTER_PX
 
 
-def _on_the_shutter(judged: Judged) -> Iterator[Message]:
+def _on_the_shutter(judged: AssessedCalibration) -> Iterator[Message]:
     found = rolling_shutter(judged.fit, judged.size_px)
     if shows_rolling_shutter(found):
         yield Message(
@@ -127,7 +129,7 @@ def _on_the_shutter(judged: Judged) -> Iterator[Message]:
         )
 
 
-def _on_the_focus(judged: Judged) -> Iterator[Message]:
+def _on_the_focus(judged: AssessedCalibration) -> Iterator[Message]:
     factor = judged.effect.factor if np.isfinite(judged.effect.factor) else 1.0
     found = focus_drift(judged.fit, max(factor, 1.0))
     spread = float(np.sqrt(np.mean(found.relative**2)))
@@ -141,7 +143,7 @@ def _on_the_focus(judged: Judged) -> Iterator[Message]:
         )
 
 
-def _on_exif(judged: Judged, result: CalibrationResult) -> Iterator[Message]:
+def _on_exif(judged: AssessedCalibration, result: CalibrationResult) -> Iterator[Message]:
     settings = [photo.setting for photo in judged.observations.photos]
     for attribute, code, what in (
         ("camera", "two-cameras", "cameras"),

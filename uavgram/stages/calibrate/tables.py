@@ -18,11 +18,11 @@ from uavgram.estimation.calibration.problem import (
     linearise,
 )
 from uavgram.estimation.calibration.reliability import corner_tests
-from uavgram.geometry.rotation import hat
+from uavgram.geometry.motion.rotation import hat
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.calibration_result import CornerResults, PhotoResults, Status
-from uavgram.model.pose import Poses
-from uavgram.stages.calibrate.judged import Judged, LeftOut
+from uavgram.model.camera.calibration_result import CornerResults, PhotoResults, Status
+from uavgram.model.flight.pose import Poses
+from uavgram.stages.calibrate.assessed import AssessedCalibration, LeftOut
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class _Everything:
     linear: Linear
 
 
-def _everything(judged: Judged) -> _Everything:
+def _everything(judged: AssessedCalibration) -> _Everything:
     snooped, lens = judged.snooped, judged.fit.lens
     found = judged.first.weighted(judged.first.weight / snooped.sigma_scale)
     state = snooped.fit.state
@@ -49,7 +49,7 @@ def _everything(judged: Judged) -> _Everything:
     return _Everything(found, state, linear)
 
 
-def corner_results(judged: Judged) -> CornerResults:
+def corner_results(judged: AssessedCalibration) -> CornerResults:
     """Every corner of every usable photo, with its test."""
     everything = _everything(judged)
     there = judged.first.weight > 0
@@ -73,7 +73,7 @@ def corner_results(judged: Judged) -> CornerResults:
     )
 
 
-def photo_results(judged: Judged, left_out: LeftOut) -> PhotoResults:
+def photo_results(judged: AssessedCalibration, left_out: LeftOut) -> PhotoResults:
     """Every usable photo with its pose; then those left out, by name and reason alone."""
     everything = _everything(judged)
     count = judged.first.count
@@ -97,7 +97,7 @@ def photo_results(judged: Judged, left_out: LeftOut) -> PhotoResults:
     )
 
 
-def _verdicts(judged: Judged) -> tuple[tuple[Status, ...], tuple[str, ...]]:
+def _verdicts(judged: AssessedCalibration) -> tuple[tuple[Status, ...], tuple[str, ...]]:
     size = judged.snooped.bad_photo_size
     bad = judged.snooped.bad_photo
     gone = judged.snooped.bad_corner.sum(axis=1)
@@ -116,7 +116,7 @@ def _verdicts(judged: Judged) -> tuple[tuple[Status, ...], tuple[str, ...]]:
     return tuple(status), tuple(reason)
 
 
-def _poses(judged: Judged, everything: _Everything, files: tuple[str, ...]) -> Poses:
+def _poses(judged: AssessedCalibration, everything: _Everything, files: tuple[str, ...]) -> Poses:
     """Camera poses in the board's frame, from board poses in the camera's frame.
 
     C = m - R^T t, with R = camera_from_board and m the board's middle. The estimator's errors
@@ -147,7 +147,7 @@ def _poses(judged: Judged, everything: _Everything, files: tuple[str, ...]) -> P
     )
 
 
-def _used_weight(judged: Judged, everything: _Everything) -> Floats:
+def _used_weight(judged: AssessedCalibration, everything: _Everything) -> Floats:
     """(M, n) without bad corners, but with removed photos: their poses are wanted too."""
     out: Bools = judged.removed_corner & ~judged.removed[:, None]
     return np.where(out, 0.0, everything.corners.weight)

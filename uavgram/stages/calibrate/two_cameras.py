@@ -15,8 +15,8 @@ from uavgram.estimation.calibration.systematics import rolling_shutter
 from uavgram.estimation.calibration.two_cameras import Split, best_split
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message
+from uavgram.stages.calibrate.assessed import PHOTO_FACTOR_SIGNIFICANCE, AssessedCalibration
 from uavgram.stages.calibrate.compare import extended
-from uavgram.stages.calibrate.judged import PHOTO_FACTOR_SIGNIFICANCE, Judged
 from uavgram.stages.calibrate.remarks_on_photos import shows_rolling_shutter
 
 
@@ -65,7 +65,7 @@ BENT_SHARE = 0.03
 MOST_NAMES = 20
 
 
-def refuse_two_cameras(judged: Judged) -> tuple[Message, ...]:
+def refuse_two_cameras(judged: AssessedCalibration) -> tuple[Message, ...]:
     """Warn of photos of two cameras where these are likely.
 
     Photos of one camera disagree too, where the board is bent, the camera moved or the lens is
@@ -112,7 +112,7 @@ def refuse_two_cameras(judged: Judged) -> tuple[Message, ...]:
     )
 
 
-def _with_bow(judged: Judged) -> Fit:
+def _with_bow(judged: AssessedCalibration) -> Fit:
     """The adjustment with the bow of the board free."""
     if judged.options.bow == "paraboloid":
         return judged.fit
@@ -124,7 +124,7 @@ def _with_bow(judged: Judged) -> Fit:
     return adjust(lens_of(options), corners, extended(judged.fit.state, options, corners))
 
 
-def _in_fit(judged: Judged) -> Bools:
+def _in_fit(judged: AssessedCalibration) -> Bools:
     """(M,) which of the usable photos are in the adjustment."""
     return np.asarray(judged.snooped.fit.corners.count > 0)
 
@@ -145,7 +145,7 @@ def _alone(fit: Fit, photos: Bools) -> Fit:
     return adjust(lens, corners, start)
 
 
-def _words(judged: Judged, split: Split, cameras: list[Floats]) -> str:
+def _words(judged: AssessedCalibration, split: Split, cameras: list[Floats]) -> str:
     files = [photo.file for photo in np.array(judged.observations.photos)[_in_fit(judged)]]
     first, second = (_names(files, split.group == k) for k in (0, 1))
     one, other = cameras

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.model.calibration_photos import BoardObservations, BoardPhoto
+from uavgram.model.camera.board import BoardObservations, BoardPhoto
 
 FEWEST_CORNERS = 6
 """Corners of a photo: four determine its homography, the others say something of the camera."""

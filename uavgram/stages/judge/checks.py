@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.adjustment import Adjustment
-from uavgram.estimation.reliability import upper_tail
+from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.evidence import ChecksOverall
 from uavgram.model.message import Message
-from uavgram.model.observations import KnownLines, KnownWorldPoints
+from uavgram.model.result.reliability import ChecksOverall
+from uavgram.model.survey.observations import KnownLines, KnownWorldPoints
 
 
 def judge_overall(

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.adjustment import Refined
-from uavgram.estimation.observation_names import length_name
-from uavgram.estimation.wrong_units import likely_mistake
+from uavgram.estimation.reliability.wrong_units import likely_mistake
+from uavgram.estimation.survey.adjustment import Refined
+from uavgram.estimation.survey.names import length_name
 from uavgram.model.arrays import Floats, Ints
+from uavgram.model.flight.photo_poses import PhotoExposures
 from uavgram.model.message import Message
-from uavgram.model.observations import KnownLines
-from uavgram.model.photo_poses import PhotoExposures
+from uavgram.model.survey.observations import KnownLines
 
 
 def judge_gross(

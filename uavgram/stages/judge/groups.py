@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from uavgram.estimation.adjustment import Adjustment
-from uavgram.estimation.reliability import group_fit, upper_tail
+from uavgram.estimation.reliability.redundancy import group_fit, upper_tail
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.message import Message
-from uavgram.model.result import GroupFactor
+from uavgram.model.result.result import GroupFactor
 
 GROUP_WORDS = {
     "pixels": "picks (their sigmas, or a wrong label)",

@@ -5,22 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.errors import near_miss
-from uavgram.estimation.adjustment import Adjustment
-from uavgram.estimation.observation_names import length_name
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.names import length_name
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.evidence import Effects
 from uavgram.model.message import Message, Several
-from uavgram.model.observations import KnownLines
-from uavgram.model.result_tables import LineChecks, LineResults, LineStatus
-from uavgram.stages.judge.examine import Examined
+from uavgram.model.result.reliability import Effects
+from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
+from uavgram.model.survey.observations import KnownLines
 from uavgram.stages.judge.gross import judge_gross, mistake
 from uavgram.stages.judge.picks import rows_of
+from uavgram.stages.judge.tested_survey import TestedSurvey
 
 _COLUMNS = ("adjusted_m", "adjusted_sigma_m", "residual_m", "w", "redundancy", "mdb_m")
 
 
 def judge_lines(
-    examined: Examined, lines: KnownLines, survey_index: Ints
+    examined: TestedSurvey, lines: KnownLines, survey_index: Ints
 ) -> tuple[LineResults, LineChecks, Effects, tuple[Message, ...]]:
     """Adjusted length, residual, w, redundancy and status of every known length.
 
@@ -93,7 +93,7 @@ def _adjusted_lengths(
     columns["residual_m"][:] = columns["adjusted_m"] - lines.length_m
 
 
-def _fit_of_observed(examined: Examined, row: Ints, columns: dict[str, Floats]) -> None:
+def _fit_of_observed(examined: TestedSurvey, row: Ints, columns: dict[str, Floats]) -> None:
     if "lengths" not in examined.groups:
         return
     group, there = examined.groups["lengths"], row >= 0

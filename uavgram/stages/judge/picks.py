@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.evidence import Effects
-from uavgram.model.result_tables import PickResults, PickStatus
-from uavgram.stages.judge.examine import Examined
+from uavgram.model.result.reliability import Effects
+from uavgram.model.result.tables import PickResults, PickStatus
+from uavgram.stages.judge.tested_survey import TestedSurvey
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,7 +31,7 @@ class PickTable:
     survey_index: Ints
 
 
-def judge_picks(examined: Examined, table: PickTable) -> tuple[PickResults, Effects]:
+def judge_picks(examined: TestedSurvey, table: PickTable) -> tuple[PickResults, Effects]:
     """Residual, w, redundancy and status of every pick, and what an unseen error would do.
 
     w is that of the coordinate where it is larger, the redundancy the mean of the two.

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.adjustment import Adjustment
-from uavgram.estimation.coordinate_faults import displaced, likely_fault
-from uavgram.estimation.reliability import upper_tail
+from uavgram.estimation.reliability.coordinate_faults import displaced, likely_fault
+from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message, Several
-from uavgram.model.observations import KnownWorldPoints
-from uavgram.model.result_tables import PointChecks
+from uavgram.model.result.tables import PointChecks
+from uavgram.model.survey.observations import KnownWorldPoints
 
 FEW = 3
 """Check points from which on most of them being off is one fault and not several."""

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.observed import Observed
-from uavgram.estimation.suspicion import Member
+from uavgram.estimation.reliability.test_statistics import Observed
+from uavgram.estimation.survey.suspicion import Member
 from uavgram.model.arrays import Floats
-from uavgram.model.evidence import PriorResults
-from uavgram.stages.judge.examine import Examined, effects_on
+from uavgram.model.result.reliability import PriorResults
+from uavgram.stages.judge.tested_survey import TestedSurvey, effects_on
 
 OBSERVED = ("pixels", "lengths")
 """Groups with tables of their own."""
 
 
-def judge_priors(examined: Examined) -> PriorResults:
+def judge_priors(examined: TestedSurvey) -> PriorResults:
     """Residual, w, redundancy, detectable bias and its effect, of every axis of every prior.
 
     Telemetry by frame and axis, mount, biases, clock, ground, calibration and control points.
@@ -44,7 +44,7 @@ def judge_priors(examined: Examined) -> PriorResults:
 
 
 def _group(
-    examined: Examined, kind: str, group: Observed
+    examined: TestedSurvey, kind: str, group: Observed
 ) -> tuple[list[Member], *tuple[Floats, ...]]:
     """Members, then residual, w, redundancy, bias, change and measurement of each axis."""
     n, a = group.w.shape

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.adjustment import Refined
-from uavgram.estimation.measured import values_at
-from uavgram.estimation.observation_names import Names, length_name
+from uavgram.estimation.measuring.propagation import values_at
+from uavgram.estimation.survey.adjustment import Refined
+from uavgram.estimation.survey.names import Names, length_name
 from uavgram.model.arrays import Ints
-from uavgram.model.evidence import RemovalRecord
-from uavgram.model.frames import Frames
-from uavgram.model.observations import KnownLines, MeasurementRequest
+from uavgram.model.flight.frames import Frames
+from uavgram.model.result.reliability import RemovalRecord
+from uavgram.model.survey.observations import KnownLines, MeasurementRequest
 
 
 def judge_removals(

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from uavgram.estimation.observation_names import POSE_AXES
-from uavgram.estimation.snooping import MOST_SUSPECTS
-from uavgram.estimation.suspicion import Suspicion
+from uavgram.estimation.reliability.data_snooping import MOST_SUSPECTS
+from uavgram.estimation.survey.names import POSE_AXES
+from uavgram.estimation.survey.suspicion import Suspicion
 from uavgram.model.message import Message, Several
-from uavgram.stages.judge.examine import Examined
 from uavgram.stages.judge.swapped import Swap
+from uavgram.stages.judge.tested_survey import TestedSurvey
 
 CODES = {
     "pixels": "pick-suspect",
@@ -40,7 +40,7 @@ PRIORS_TOGETHER = (
 )
 
 
-def judge_suspects(examined: Examined, swaps: Sequence[Swap] = ()) -> tuple[Message, ...]:
+def judge_suspects(examined: TestedSurvey, swaps: Sequence[Swap] = ()) -> tuple[Message, ...]:
     """One message for each suspicion; where there are too many, the model is named instead.
 
     Parameters
@@ -66,7 +66,7 @@ def judge_suspects(examined: Examined, swaps: Sequence[Swap] = ()) -> tuple[Mess
     return tuple(messages)
 
 
-def _message(examined: Examined, suspicion: Suspicion) -> Message:
+def _message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
     kind, names = suspicion.accused.kind, examined.names
     words = {"pixels": _pick, "lengths": _length, "control": _control, "telemetry": _pose}
     text, item = words.get(kind, _prior)(examined, suspicion)
@@ -86,7 +86,7 @@ def _message(examined: Examined, suspicion: Suspicion) -> Message:
     )
 
 
-def _pick(examined: Examined, suspicion: Suspicion) -> tuple[str, str]:
+def _pick(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
     """What does not fit and where to look, as a sentence; and in a few words."""
     survey, row = examined.adjustment.survey, suspicion.accused.row
     block = examined.groups["pixels"].block
@@ -100,7 +100,7 @@ def _pick(examined: Examined, suspicion: Suspicion) -> tuple[str, str]:
     )
 
 
-def _length(examined: Examined, suspicion: Suspicion) -> tuple[str, str]:
+def _length(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
     survey, row = examined.adjustment.survey, suspicion.accused.row
     line = examined.adjustment.problem.line_index[row]
     taped, sigma = survey.length_m[line], survey.length_sigma_m[line]
@@ -115,7 +115,7 @@ def _length(examined: Examined, suspicion: Suspicion) -> tuple[str, str]:
     )
 
 
-def _control(examined: Examined, suspicion: Suspicion) -> tuple[str, str]:
+def _control(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
     survey, row = examined.adjustment.survey, suspicion.accused.row
     residual = examined.groups["control"].block.residual[row] * survey.control_sigma_m[row]
     label = survey.label[survey.control_label[row]]
@@ -127,7 +127,7 @@ def _control(examined: Examined, suspicion: Suspicion) -> tuple[str, str]:
     )
 
 
-def _pose(examined: Examined, suspicion: Suspicion) -> tuple[str, str]:
+def _pose(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
     frame = examined.names.frame(suspicion.accused.row)
     how = f"{POSE_AXES[suspicion.accused.axis]}, w = {suspicion.w:.1f}"
     return (
@@ -137,7 +137,7 @@ def _pose(examined: Examined, suspicion: Suspicion) -> tuple[str, str]:
     )
 
 
-def _prior(examined: Examined, suspicion: Suspicion) -> tuple[str, str]:
+def _prior(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
     what = examined.names.prior(suspicion.accused)
     return (
         f"The observations contradict what was assumed of the {what} (w = {suspicion.w:.1f}): "

@@ -8,11 +8,11 @@ from itertools import combinations
 
 import numpy as np
 
-from uavgram.geometry.projection import project
+from uavgram.geometry.camera.projection import project
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message, Several
-from uavgram.model.result_tables import PickResults
-from uavgram.stages.judge.examine import Examined
+from uavgram.model.result.tables import PickResults
+from uavgram.stages.judge.tested_survey import TestedSurvey
 
 MUCH_BETTER = 0.25
 """Distance of a pick from the other's place over that from its own, up to which it belongs there.
@@ -59,7 +59,7 @@ class Swap:
         )
 
 
-def swapped_labels(examined: Examined, picks: PickResults) -> tuple[Swap, ...]:
+def swapped_labels(examined: TestedSurvey, picks: PickResults) -> tuple[Swap, ...]:
     """Pairs of picks that are suspect or were taken out, and fit each other's place; best first."""
     odd: dict[str, list[int]] = {}
     known_label = {label: k for k, label in enumerate(examined.adjustment.survey.label)}
@@ -77,7 +77,7 @@ def swapped_labels(examined: Examined, picks: PickResults) -> tuple[Swap, ...]:
     return tuple(found)
 
 
-def _places(examined: Examined, frame: int, label: np.ndarray) -> Floats:
+def _places(examined: TestedSurvey, frame: int, label: np.ndarray) -> Floats:
     """(n, 2) pixels at which labels should appear in a frame."""
     adjustment, state = examined.adjustment, examined.adjustment.state
     world, _, _ = adjustment.problem.world_points(state, label)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.evidence import WeakestLinks
-from uavgram.stages.judge.examine import Examined
+from uavgram.model.result.reliability import WeakestLinks
+from uavgram.stages.judge.tested_survey import TestedSurvey
 
 
-def judge_weakest(examined: Examined) -> WeakestLinks:
+def judge_weakest(examined: TestedSurvey) -> WeakestLinks:
     """Weakest link of each of M measurements, and what of it nothing checks."""
     names, what, units = examined.names, [], []
     bias = np.full(len(examined.weakest), np.nan)

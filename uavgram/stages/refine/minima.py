@@ -8,17 +8,17 @@ import numpy as np
 from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.adjustment import Adjustment, Refined
-from uavgram.estimation.first_values import FirstValues
-from uavgram.estimation.ground_planes import area_centroids, first_planes
-from uavgram.estimation.least_squares import Minimum, minimise
-from uavgram.estimation.line_advice import line_faults
-from uavgram.estimation.normal_equations import SingularError
-from uavgram.estimation.survey_problem import SurveyProblem
-from uavgram.estimation.survey_select import select_lines, select_picks
-from uavgram.estimation.survey_state import Layout, State, advance
+from uavgram.estimation.first_poses.network import FirstValues
+from uavgram.estimation.measuring.next_length import line_faults
+from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
+from uavgram.estimation.solver.normal_equations import SingularError
+from uavgram.estimation.survey.adjustment import Adjustment, Refined
+from uavgram.estimation.survey.ground_planes import area_centroids, first_planes
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.selection import select_lines, select_picks
+from uavgram.estimation.survey.unknowns import Layout, State, advance
 from uavgram.model.arrays import Bools
-from uavgram.model.survey import Survey
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.poor_camera import SLACK, iterations_for, settled
 from uavgram.stages.refine.starts import first_values, unusable
 
@@ -34,7 +34,7 @@ class UndeterminedError(GeometryError):
         super().__init__(message)
 
 
-def adjust_all(
+def best_minima(
     survey: Survey,
     keep: Bools,
     line_removed: Bools,

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.estimation.least_squares import MAX_ITERATIONS, minimise
-from uavgram.estimation.survey_problem import SurveyProblem
-from uavgram.estimation.survey_state import State, advance
+from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS, minimise
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.unknowns import State, advance
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.camera import Calibration
-from uavgram.model.survey import Survey
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.survey.survey import Survey
 
 POOR_FOCAL = 0.05
 """Sigma of the focal length, as a share of it, from which a camera is hardly known."""

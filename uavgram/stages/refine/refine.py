@@ -7,27 +7,26 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.adjustment import Refined, Removal
-from uavgram.geometry.back_projection import back_project
+from uavgram.estimation.survey.adjustment import Refined, Removal
+from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey import Survey
-from uavgram.stages.refine.attempts import attempt, in_order
-from uavgram.stages.refine.blunders import MOST, best_of, blunders
-from uavgram.stages.refine.gross_control import (
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.blunders.gross_control import (
     control_beyond_doubt,
     control_left_out,
     doubtful_control,
     without_control,
 )
-from uavgram.stages.refine.gross_lengths import (
+from uavgram.stages.refine.blunders.gross_lengths import (
     doubtful,
     fits,
     with_gross_lengths,
     wrong_beyond_doubt,
 )
-from uavgram.stages.refine.misplaced import adjust
+from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
+from uavgram.stages.refine.blunders.trial_adjustment import is_settled, trial_adjustment
 from uavgram.stages.refine.remarks import (
     contradiction,
     indispensable,
@@ -35,6 +34,7 @@ from uavgram.stages.refine.remarks import (
     remarks,
     too_many,
 )
+from uavgram.stages.refine.robust_adjustment import adjust_survey
 
 BEYOND_LENS = "the lens model cannot be inverted at that pixel"
 
@@ -97,7 +97,7 @@ def _without_gross_lengths(survey: Survey, keep: Bools, reason: dict[int, str]) 
     out = doubtful(survey, keep)
     while True:
         try:
-            refined = adjust(survey, keep, out, reason)
+            refined = adjust_survey(survey, keep, out, reason)
         except GeometryError as why:
             if survey.telemetry is not None:
                 raise
@@ -128,8 +128,10 @@ def _without_blunders(
         if isinstance(tried, GeometryError):  # nothing is left to solve by: better with it
             return refined, [indispensable(refined, choices[0], tried)]
         removal, after = best_of(tried)
-        if not in_order(after):
-            settled = adjust(survey, _used(survey, after), after.line_removed, after.pick_reason)
+        if not is_settled(after):
+            settled = adjust_survey(
+                survey, _used(survey, after), after.line_removed, after.pick_reason
+            )
             after = replace(settled, pick_removed=after.pick_removed)
         refined = replace(after, removals=(*refined.removals, removal))
 
@@ -147,11 +149,11 @@ def _with_the_accused(survey: Survey, refined: Refined, significance: float) -> 
             return without if fits(without) else first
         removal, after = best_of(tried)
         if without is refined:
-            alone = in_order(after) and blunders(after, significance) == ([], [])
+            alone = is_settled(after) and blunders(after, significance) == ([], [])
             accused = removal.suspicion.accused
             first = replace(refined, accused=accused, accused_alone=alone)
         line = np.array([removal.index] if removal.kind == "line" else [], dtype=np.int64)
-        if not (in_order(after) and wrong_beyond_doubt(survey, after, line).any()):
+        if not (is_settled(after) and wrong_beyond_doubt(survey, after, line).any()):
             return first if without is refined or not fits(without) else without
         without = after
 
@@ -169,7 +171,7 @@ def _tried(
         pick, line = refined.pick_removed.copy(), refined.line_removed.copy()
         (pick if choice.kind == "pick" else line)[choice.index] = True
         try:
-            after = attempt(survey, keep & ~pick, line, reason)
+            after = trial_adjustment(survey, keep & ~pick, line, reason)
         except GeometryError as why:
             if choice is choices[0]:
                 return why

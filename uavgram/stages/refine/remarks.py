@@ -7,16 +7,16 @@ from typing import Literal
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.adjustment import Adjustment, Refined, Removal
-from uavgram.estimation.line_advice import distance_changes, line_faults, next_line
-from uavgram.estimation.observation_names import Names
-from uavgram.estimation.snooping import READINGS
-from uavgram.estimation.suspicion import Member, Suspicion
-from uavgram.estimation.wrong_units import likely_unit_of_height
+from uavgram.estimation.measuring.next_length import distance_changes, line_faults, next_line
+from uavgram.estimation.reliability.data_snooping import READINGS
+from uavgram.estimation.reliability.wrong_units import likely_unit_of_height
+from uavgram.estimation.survey.adjustment import Adjustment, Refined, Removal
+from uavgram.estimation.survey.names import Names
+from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message, Several
-from uavgram.model.survey import Survey
-from uavgram.stages.refine.gross_lengths import odd_in_view, ratios_in_view
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.blunders.gross_lengths import odd_in_view, ratios_in_view
 
 LOWEST_M, HIGHEST_M = 0.3, 1000.0
 """Heights of a drone's camera above the ground, beyond which lengths or log are in question."""

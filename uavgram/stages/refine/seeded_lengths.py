@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.first_values import seen_lines
-from uavgram.geometry.back_projection import back_project
-from uavgram.geometry.ground import intersect_ground, intersect_ground_with_jacobian
-from uavgram.geometry.rotation import hat
+from uavgram.estimation.first_poses.network import seen_lines
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.ground.plane import intersect_ground, intersect_ground_with_jacobian
+from uavgram.geometry.motion.rotation import hat
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey import Survey
+from uavgram.model.survey.survey import Survey
 
 POSE, OWN = 6, 8
 """Of a point's derivatives the first are by its pose, those up to here by its pose and its pixel;

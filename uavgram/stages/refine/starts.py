@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_values import (
+from uavgram.estimation.first_poses.network import (
     FirstValues,
     PlaneNetwork,
     align_in_plane,
@@ -16,17 +16,17 @@ from uavgram.estimation.first_values import (
     length_poses,
     lines_per_frame,
 )
-from uavgram.estimation.length_resection import LengthPoses
-from uavgram.estimation.prior_gate import (
+from uavgram.estimation.first_poses.prior_gate import (
     OUTSIDE,
     allowed,
     distance_from_prior,
     seed_on_plane,
     shift_of_seed,
 )
-from uavgram.geometry.back_projection import back_project
+from uavgram.estimation.first_poses.resection import LengthPoses
+from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey import Survey
+from uavgram.model.survey.survey import Survey
 
 FAR_RAD, FAR_HEIGHT = 0.1, 0.15
 """Tilt, and share of the height, up to which the iterations reach a pose from the seed anyway."""

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.constants import g as GRAVITY_M_S2  # noqa: N812
 
 from uavgram.model.arrays import Floats
-from uavgram.model.observations import MeasurementRequest
+from uavgram.model.survey.observations import MeasurementRequest
 
 UNITS = {
     "distance": "m",

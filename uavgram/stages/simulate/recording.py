@@ -7,10 +7,10 @@ from datetime import datetime
 
 import numpy as np
 
-from uavgram.geometry.geodesy import geodetic_from_enu
+from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats, freeze
-from uavgram.model.scene import DemoScenario, ErrorSpec, Site
-from uavgram.model.simulation import SimulatedLog
+from uavgram.model.demo.scenario import DemoScenario, ErrorSpec, Site
+from uavgram.model.demo.simulated import SimulatedLog
 from uavgram.stages.simulate.motion import STEP_S, Motion, at, gauss_markov
 
 POSITION_EVERY = 10  # of the motion's steps: 10 Hz

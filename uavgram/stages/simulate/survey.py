@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.geometry.projection import project
-from uavgram.geometry.rotation import ENU_FROM_NED, GIMBAL_FROM_CAMERA, exp_so3, matrix_from_ypr
+from uavgram.geometry.camera.projection import project
+from uavgram.geometry.motion.rotation import (
+    ENU_FROM_NED,
+    GIMBAL_FROM_CAMERA,
+    exp_so3,
+    matrix_from_ypr,
+)
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.camera import Calibration
-from uavgram.model.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
-from uavgram.model.scene import CameraSpec, DemoScenario
-from uavgram.model.simulation import SimulatedLog, SimulatedSurvey, SurveyTruth
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.demo.scenario import CameraSpec, DemoScenario
+from uavgram.model.demo.simulated import SimulatedLog, SimulatedSurvey, SurveyTruth
+from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
 from uavgram.stages.simulate.motion import Motion, at, fly, scene_axes
 from uavgram.stages.simulate.quantities import measured_values, with_true_friction
 from uavgram.stages.simulate.recording import (

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.time_alignment import Alignment, align
-from uavgram.model.frames import Photos
+from uavgram.estimation.clocks.alignment import Alignment, align
+from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise.boots import ClockedBoot, log_spans, photos_span

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.boot_clock import as_text, fit_boot_clock, to_utc
+from uavgram.estimation.clocks.boot_clock import as_text, fit_boot_clock, to_utc
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.flight.log import Boot, BootClock, FlightLog
 from uavgram.model.message import Message
-from uavgram.model.telemetry import Boot, BootClock, FlightLog
 
 # From the event to the exposure, common to all frames: small behind a feedback pin, unknown
 # behind a command (86 to 147 ms were measured in ArduPilot's simulator).

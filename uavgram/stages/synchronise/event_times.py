@@ -19,10 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.estimation.camera_clock import COARSE_S
-from uavgram.estimation.time_alignment import Alignment
+from uavgram.estimation.clocks.alignment import Alignment
+from uavgram.estimation.clocks.camera_clock import COARSE_S
 from uavgram.model.arrays import Floats
-from uavgram.model.frames import Photos
+from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise.boots import ClockedBoot

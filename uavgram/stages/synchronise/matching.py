@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from uavgram.model.frames import Frames, Photos
+from uavgram.model.flight.frames import Frames, Photos
+from uavgram.model.flight.log import Boot, BootClock, FlightLog
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
-from uavgram.model.telemetry import Boot, BootClock, FlightLog
 from uavgram.stages.synchronise.alignment import by_alignment
 from uavgram.stages.synchronise.boots import usable_boots
 from uavgram.stages.synchronise.pairing import Pairing

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.estimation.time_alignment import Alignment, PairStatus
+from uavgram.estimation.clocks.alignment import Alignment, PairStatus
 from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
-from uavgram.model.frames import Photos
+from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
 from uavgram.stages.synchronise.boots import ClockedBoot
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.boot_clock import as_text, to_utc
+from uavgram.estimation.clocks.boot_clock import as_text, to_utc
 from uavgram.model.arrays import Floats
-from uavgram.model.frames import Frames, Photos
+from uavgram.model.flight.frames import Frames, Photos
 from uavgram.model.message import Message, Several
 from uavgram.stages.synchronise.boots import ClockedBoot, is_inside
 from uavgram.stages.synchronise.event_times import Timing

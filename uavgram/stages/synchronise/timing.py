@@ -10,13 +10,13 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.camera_clock import COARSE_S
-from uavgram.estimation.time_alignment import align
+from uavgram.estimation.clocks.alignment import align
+from uavgram.estimation.clocks.camera_clock import COARSE_S
 from uavgram.model.arrays import Floats
-from uavgram.model.frames import Photos
+from uavgram.model.flight.frames import Photos
+from uavgram.model.flight.log import Boot
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
-from uavgram.model.telemetry import Boot
 from uavgram.stages.synchronise.boots import ClockedBoot, is_inside, log_spans, photos_span
 from uavgram.stages.synchronise.event_times import (
     EVENT_JITTER_S,

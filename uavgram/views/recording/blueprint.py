@@ -6,10 +6,22 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from uavgram.model.arrays import Floats
-from uavgram.model.result import Result
-from uavgram.views.frame_states import frame_counts
-from uavgram.views.recording.close_up import BAR
-from uavgram.views.recording.documents import (
+from uavgram.model.result.result import Result
+from uavgram.views.recording.curves.plots import (
+    HEIGHT,
+    RESIDUAL_REFINED,
+    RESIDUAL_SEED,
+    WORST_W,
+    Curves,
+)
+from uavgram.views.recording.curves.pose_curves import (
+    ATTITUDE_SIGMA,
+    CORRECTION,
+    POSITION_SIGMA,
+    PoseCurves,
+)
+from uavgram.views.recording.curves.status import STATUS
+from uavgram.views.recording.pages.documents import (
     CHECKS,
     FRAME_SHEET,
     LENGTHS,
@@ -18,29 +30,17 @@ from uavgram.views.recording.documents import (
     POINTS,
     SUMMARY,
 )
-from uavgram.views.recording.footprint_marks import ALL, CURRENT
-from uavgram.views.recording.geography import MAP, has_map
-from uavgram.views.recording.legend import LEGEND
-from uavgram.views.recording.overlay import NAME_ABOVE, OVERLAYS
-from uavgram.views.recording.photo import PHOTO
-from uavgram.views.recording.plots import (
-    HEIGHT,
-    RESIDUAL_REFINED,
-    RESIDUAL_SEED,
-    WORST_W,
-    Curves,
-)
-from uavgram.views.recording.pose_curves import (
-    ATTITUDE_SIGMA,
-    CORRECTION,
-    POSITION_SIGMA,
-    PoseCurves,
-)
+from uavgram.views.recording.pages.tables import messages_title
+from uavgram.views.recording.photo.overlay import NAME_ABOVE, OVERLAYS
+from uavgram.views.recording.photo.photo import PHOTO
 from uavgram.views.recording.scene import TO_THE_EYE, Scene
-from uavgram.views.recording.status import STATUS
 from uavgram.views.recording.stream import FRAME_TIMELINE
-from uavgram.views.recording.table_pages import messages_title
+from uavgram.views.recording.world.close_up import BAR
+from uavgram.views.recording.world.footprint_marks import ALL, CURRENT
+from uavgram.views.recording.world.geography import MAP, has_map
+from uavgram.views.recording.world.legend import LEGEND
 from uavgram.views.style import Rgb
+from uavgram.views.survey.frame_states import frame_counts
 from uavgram.views.wording import axes_text
 
 BACKGROUND: Rgb = (13, 16, 17)

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.imaging.mosaic import GroundTexture
-from uavgram.imaging.mosaic_grid import plane_height
+from uavgram.imaging.top_view.mosaic import GroundTexture
+from uavgram.imaging.top_view.mosaic_grid import plane_height
 from uavgram.model.arrays import Floats
-from uavgram.model.result import Result
-from uavgram.views.drawing import frusta, nice_factor, track
-from uavgram.views.facts import largest_ellipse
+from uavgram.model.result.result import Result
+from uavgram.views.survey.drawing import frusta, nice_factor, track
+from uavgram.views.survey.key_facts import largest_ellipse
 
 # Share of the scene's size that the median exaggerated ellipse may fill.
 ELLIPSE_SHARE = 0.06

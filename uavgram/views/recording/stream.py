@@ -17,7 +17,7 @@ import numpy as np
 import rerun as rr
 
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.result import Result
+from uavgram.model.result.result import Result
 from uavgram.views.recording.sink import FileSink
 
 APPLICATION_ID = "uavgram"

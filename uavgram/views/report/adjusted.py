@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.learnt_camera import learnt_camera
-from uavgram.model.result import Result
-from uavgram.model.shared_result import Estimate
-from uavgram.views.evidence import effect_words
+from uavgram.model.result.learnt_camera import learnt_camera
+from uavgram.model.result.result import Result
+from uavgram.model.result.shared import Estimate
 from uavgram.views.report.rows import Row
+from uavgram.views.survey.reliability import effect_words
 from uavgram.views.wording import GROUP_WORDS, chance, number
 
 

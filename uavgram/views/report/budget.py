@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.error_budget import ErrorBudget
-from uavgram.model.result import Result
+from uavgram.model.result.error_budget import ErrorBudget
+from uavgram.model.result.result import Result
 from uavgram.views.report.rows import Row
 from uavgram.views.wording import computed_first, number
 

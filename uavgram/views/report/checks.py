@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.result import Result
-from uavgram.views.evidence import overall_words
+from uavgram.model.result.result import Result
 from uavgram.views.report.known_lengths import found_text
 from uavgram.views.report.rows import Row, gauge
-from uavgram.views.verdict import THREE_SIGMA
+from uavgram.views.survey.reliability import overall_words
+from uavgram.views.survey.verdict import THREE_SIGMA
 from uavgram.views.wording import number
 
 

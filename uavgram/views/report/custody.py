@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uavgram.model.result import Result
+from uavgram.model.result.result import Result
 
 
 def option_rows(result: Result) -> list[tuple[str, str]]:

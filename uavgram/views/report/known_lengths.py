@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.result import Result
-from uavgram.views.evidence import SUSPECT_W, effect_words
+from uavgram.model.result.result import Result
 from uavgram.views.report.rows import Row, gauge
+from uavgram.views.survey.reliability import SUSPECT_W, effect_words
 from uavgram.views.wording import LINE_STATUS_WORDS, number
 
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.model.result import Alternative, Result
+from uavgram.model.result.result import Alternative, Result
 from uavgram.stages.second_order import BIAS_OFF, SIGMA_OFF
-from uavgram.views.evidence import second_order_rows
 from uavgram.views.report.rows import Row
+from uavgram.views.survey.reliability import second_order_rows
 from uavgram.views.wording import (
     KIND_WORDS,
     UNIT_WORDS,

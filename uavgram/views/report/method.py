@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from uavgram.estimation.reliability import POWER, critical_value, noncentrality
-from uavgram.geometry.ellipse import ELLIPSE_95
+from uavgram.estimation.reliability.redundancy import POWER, critical_value, noncentrality
+from uavgram.geometry.ground.ellipse import ELLIPSE_95
 from uavgram.model.options import SolveOptions
-from uavgram.model.result import Result
+from uavgram.model.result.result import Result
 from uavgram.views.wording import number
 
 

@@ -6,9 +6,7 @@ import os
 from pathlib import Path
 
 from uavgram.errors import OutputError
-from uavgram.model.result import Result
-from uavgram.views.evidence import prior_rows, removal_rows, weakest_links
-from uavgram.views.facts import key_facts
+from uavgram.model.result.result import Result
 from uavgram.views.pages import page_environment
 from uavgram.views.report.adjusted import (
     area_rows,
@@ -33,8 +31,10 @@ from uavgram.views.report.measured import (
 )
 from uavgram.views.report.method import method_facts
 from uavgram.views.report.places import frame_rows, point_rows
-from uavgram.views.top_view import INK, top_view
-from uavgram.views.verdict import judge
+from uavgram.views.survey.key_facts import key_facts
+from uavgram.views.survey.reliability import prior_rows, removal_rows, weakest_links
+from uavgram.views.survey.top_view import INK, top_view
+from uavgram.views.survey.verdict import judge
 from uavgram.views.wording import NOT_UNIQUE, WHY_TWO_ELLIPSES, place
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.result import Result
+from uavgram.model.result.result import Result
 from uavgram.views.report.rows import Row
 from uavgram.views.wording import FRAME_STATUS_WORDS, axes_text, number, utc
 

@@ -1,0 +1,52 @@
+"""`uavgram view` and `uavgram run --view`: which recording is shown, and how it ends."""
+
+from __future__ import annotations
+
+import pytest
+
+from uavgram.views.viewer import server as viewer
+
+
+@pytest.fixture
+def shown(monkeypatch):
+    """Recordings that were opened on the screen, without opening any."""
+    calls = []
+    monkeypatch.setattr(viewer, "open_viewer", calls.append)
+    return calls
+
+
+def test_a_run_opens_the_review_that_it_wrote(project, command, shown, tmp_path):
+    assert command("run", project.path, "--view").status == 0
+    assert command("run", project.path, "--view", "--output", tmp_path / "other").status == 0
+    assert command("run", project.path).status == 0
+
+    assert shown == [project.out / "recording.rrd", tmp_path / "other" / "recording.rrd"]
+    assert all(path.is_file() for path in shown)
+
+
+def test_on_a_screen_the_recording_itself_is_opened(project, command, shown):
+    assert command("view", project.out / "recording.rrd").status == 0
+    assert shown == [project.out / "recording.rrd"]
+
+
+def test_in_a_browser_the_address_is_said_and_ctrl_c_is_the_end(project, command, monkeypatch):
+    def serve(recording, started):
+        assert recording == project.out / "recording.rrd"
+        started("http://127.0.0.1:1234?url=x")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(viewer, "serve_viewer", serve)
+
+    done = command("view", project.out / "recording.rrd", "--web")
+
+    assert done.status == 0
+    assert "open http://127.0.0.1:1234?url=x\nCtrl-C ends it" in done.stdout
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("flags", [[], ["--web"]])
+def test_what_is_no_recording_is_one_message(project, command, flags):
+    done = command("view", project.path, *flags)
+
+    assert done.status == 1
+    assert "project.yaml: is not a Rerun recording" in done.stderr

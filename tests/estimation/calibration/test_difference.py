@@ -1,0 +1,158 @@
+"""The difference of two calibrations against OpenCV and scipy, and its covariance by experiment."""
+
+import cv2
+import numpy as np
+import pytest
+from opencv_rays import undistort
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from uavgram.errors import GeometryError
+from uavgram.estimation.calibration import difference as module
+from uavgram.estimation.calibration.difference import camera_difference, image_grid
+from uavgram.model.camera.calibration import Calibration
+
+WIDTH, HEIGHT = 4000, 3000
+PARAMETERS = np.array([2300.0, 2305, 2005, 1490, -0.05, 0.02, 4e-4, -2e-4, 0.001])
+OTHER = np.array([2330.0, 2331, 1960, 1530, -0.03, 0.01, -1e-4, 3e-4, 0.003])
+SIGMA = np.array([3.0, 5, 8, 4, 1e-3, 2e-3, 1e-4, 2e-4, 1e-3])
+
+
+def brown(parameters=PARAMETERS, sigma=None, size=(WIDTH, HEIGHT)):
+    n = len(parameters)
+    covariance = np.zeros((n, n)) if sigma is None else np.diag(np.square(sigma))
+    return Calibration(
+        name="c",
+        model="brown",
+        width_px=size[0],
+        height_px=size[1],
+        parameters=parameters,
+        covariance=covariance,
+    )
+
+
+def cv_matrix(p):
+    return np.array([[p[0], 0, p[2]], [0, p[1], p[3]], [0, 0, 1.0]])
+
+
+def cv_project(parameters, points):
+    pixel = cv2.projectPoints(
+        points, np.zeros(3), np.zeros(3), cv_matrix(parameters), parameters[4:]
+    )
+    return pixel[0][:, 0]
+
+
+def cv_rays(parameters, pixel):
+    """OpenCV's own iteration, long enough."""
+    flat = undistort(pixel[:, None], cv_matrix(parameters), parameters[4:])[:, 0]
+    return np.column_stack([flat, np.ones(len(flat))])
+
+
+@pytest.mark.parametrize("distance", [None, 5.0])
+def test_it_is_the_smallest_difference_that_opencv_and_scipy_can_find(distance):
+    found = camera_difference(brown(), brown(OTHER), distance=distance, columns=12)
+    pixel = image_grid(WIDTH, HEIGHT, 12)
+    points = cv_rays(PARAMETERS, pixel)
+    if distance is not None:
+        points *= distance / np.linalg.norm(points, axis=1)[:, None]
+
+    def misfit(x):
+        moved = points - x[3:] if distance is not None else points
+        return (
+            cv_project(OTHER, moved @ Rotation.from_rotvec(x[:3]).as_matrix().T) - pixel
+        ).ravel()
+
+    unknowns = 3 if distance is None else 6
+    best = least_squares(misfit, np.zeros(unknowns), xtol=1e-15, ftol=1e-15, gtol=1e-15)
+
+    np.testing.assert_allclose(found.pixel_px, pixel)
+    np.testing.assert_allclose(found.difference_px.ravel(), best.fun, atol=2e-4)
+    np.testing.assert_allclose(found.rotation_rad, best.x[:3], atol=1e-7)
+    np.testing.assert_allclose(found.rms_px, np.sqrt(2 * best.cost / len(pixel)), rtol=1e-6)
+    if distance is not None:
+        np.testing.assert_allclose(found.center_shift, best.x[3:], atol=1e-6)
+
+
+def test_a_camera_does_not_differ_from_itself():
+    difference = camera_difference(brown(), brown())
+
+    assert difference.max_px < 1e-8
+    assert difference.share_seen == 1.0
+    assert (difference.z == 0).all()
+
+
+def test_a_principal_point_moved_aside_is_mostly_a_turn_of_the_camera():
+    tele = np.array([20000.0, 20000, 1999.5, 1499.5, 0, 0, 0, 0, 0])
+    difference = camera_difference(brown(tele), brown(tele + np.eye(9)[2] * 20.0))
+
+    # 20 px to the right at f = 20000 px: turned about y by a thousandth
+    np.testing.assert_allclose(difference.rotation_rad, [0, -1e-3, 0], atol=1e-5)
+    assert difference.rms_px < 0.2
+
+
+def test_lens_models_may_differ():
+    fisheye = Calibration(
+        name="f",
+        model="fisheye",
+        width_px=WIDTH,
+        height_px=HEIGHT,
+        parameters=np.array([2300.0, 2300, 1999.5, 1499.5, 0, 0, 0, 0]),
+        covariance=np.zeros((8, 8)),
+    )
+    pinhole = brown(np.array([2300.0, 2300, 1999.5, 1499.5, 0, 0, 0, 0, 0]))
+    difference = camera_difference(pinhole, fisheye)
+    radius = np.hypot(*(difference.pixel_px - [1999.5, 1499.5]).T)
+
+    # f tan(theta) against f theta, and by symmetry without a turn
+    np.testing.assert_allclose(difference.rotation_rad, 0, atol=1e-9)
+    np.testing.assert_allclose(
+        difference.size_px, radius - 2300 * np.arctan(radius / 2300), atol=1e-6
+    )
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("which", ["first", "second"])
+@pytest.mark.parametrize("distance", [None, 5.0])
+def test_the_covariance_is_that_of_repeated_calibrations(which, distance):
+    rng = np.random.default_rng(5)
+    runs, squared = 100, []
+    for _ in range(runs):
+        drawn = brown(PARAMETERS + rng.normal(size=9) * SIGMA, SIGMA)
+        pair = (drawn, brown()) if which == "first" else (brown(), drawn)
+        difference = camera_difference(*pair, distance=distance, columns=5)
+        squared.append(difference.z**2)
+    mean = np.mean(squared, axis=0)
+    low, high = chi2.ppf([1e-6, 1 - 1e-6], 2 * runs) / runs
+
+    assert (mean > low).all()
+    assert (mean < high).all()
+
+
+def test_without_the_turn_in_it_the_covariance_would_be_wrong(monkeypatch):
+    """The experiment above sees it: the raw projection errors are far larger than what remains."""
+    known = camera_difference(brown(sigma=SIGMA), brown(), columns=8)
+    monkeypatch.setattr(module.np.linalg, "lstsq", _blind(np.linalg.lstsq))
+    raw = camera_difference(brown(sigma=SIGMA), brown(), columns=8)
+
+    assert raw.expected_rms_px > 1.5 * known.expected_rms_px
+
+
+def _blind(solve):
+    def lstsq(a, b, rcond=None):
+        solution = solve(a, b, rcond=rcond)
+        return (np.zeros_like(solution[0]), *solution[1:]) if b.ndim == 2 else solution
+
+    return lstsq
+
+
+def test_images_of_different_sizes_cannot_be_compared():
+    with pytest.raises(GeometryError, match="scale one of them"):
+        camera_difference(brown(), brown(size=(2000, 1500)))
+
+
+def test_cameras_that_see_nothing_in_common_are_refused():
+    folded = PARAMETERS.copy()
+    folded[4] = -60.0
+    with pytest.raises(GeometryError, match="in common"):
+        camera_difference(brown(), brown(folded))

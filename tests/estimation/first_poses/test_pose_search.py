@@ -1,0 +1,267 @@
+"""Poses from lengths alone: the search finds the truth, and every other exact solution."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from uavgram.estimation.first_poses.homography import resect_from_plane
+from uavgram.estimation.first_poses.pose_search import search_planes
+
+DOWN = np.diag([1.0, -1.0, -1.0])
+
+
+def camera_over_plane(rng, max_tilt_deg):
+    """Centre and world-from-camera of a camera tilted by up to that angle, in any direction."""
+    tilt, azimuth, spin = rng.uniform(0, np.deg2rad(max_tilt_deg)), *rng.uniform(0, 2 * np.pi, 2)
+    axis = np.array([np.cos(azimuth), np.sin(azimuth), 0])
+    rotation = Rotation.from_rotvec(tilt * axis).as_matrix() @ DOWN
+    return np.array([0, 0, rng.uniform(10, 60)]), rotation @ Rotation.from_euler(
+        "z", spin
+    ).as_matrix()
+
+
+def points_in_view(rng, center, rotation, count):
+    """(count, 2) points of the plane z = 0 in a field of view of 70 by 55 degrees, and rays."""
+    found, rays = [], []
+    while len(found) < count:
+        ray = np.array([rng.uniform(-0.7, 0.7), rng.uniform(-0.52, 0.52), 1.0])
+        direction = rotation @ ray
+        if direction[2] < -0.15 * np.linalg.norm(ray):  # not at the horizon
+            found.append(center[:2] - direction[:2] / direction[2] * center[2])
+            rays.append(ray)
+    return np.array(found), np.array(rays)
+
+
+LENS = np.array([3000.0, 3000, 1999.5, 1499.5, -0.1, 0.02, 3e-4, -2e-4, 0.0])
+MATRIX = np.array([[LENS[0], 0, LENS[2]], [0, LENS[1], LENS[3]], [0, 0, 1]])
+
+
+class RandomScenes:
+    """Frames of 4000 x 3000 px over level ground, and lines whose ends lie anywhere in them.
+
+    Heights 15 to 120 m, tilts up to 60 degrees to any side; no end nearer than 5 degrees to the
+    horizon. Rays are those of OpenCV.
+    """
+
+    def __init__(self, rng, scenes, points):
+        tilt, height = rng.uniform(0, np.pi / 3, scenes), rng.uniform(15, 120, scenes)
+        azimuth = rng.uniform(0, 2 * np.pi, scenes)
+        side = np.sin(tilt)
+        normal = [side * np.cos(azimuth), side * np.sin(azimuth), np.cos(tilt)]
+        self.plane = np.stack(normal, axis=1) / height[:, None]
+        self.ray = np.ones((scenes, points, 3))
+        wanted = np.ones((scenes, points), bool)
+        while wanted.any():
+            pixel = rng.uniform([0, 0], [3999, 2999], (wanted.sum(), 2))
+            criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-14)
+            plain = cv2.undistortPoints(pixel, MATRIX, LENS[4:], criteria=criteria)
+            self.ray[wanted, :2] = plain[:, 0]
+            depth = np.einsum("nki,ni->nk", self.ray, self.plane) * height[:, None]
+            wanted = depth < np.sin(np.deg2rad(5)) * np.linalg.norm(self.ray, axis=2)
+        self.point = self.ray / np.einsum("nki,ni->nk", self.ray, self.plane)[..., None]
+
+    def lengths(self, start, end):
+        return np.linalg.norm(self.point[:, start] - self.point[:, end], axis=2)
+
+
+def relative_errors(found, truth):
+    """Of the best plane, and of the nearest one, per scene."""
+    size = np.linalg.norm(truth, axis=1)
+    apart = [
+        [np.linalg.norm(c.plane - m) for c in candidates] or [np.inf]
+        for candidates, m in zip(found, truth, strict=True)
+    ]
+    best, nearest = np.array([a[0] for a in apart]), np.array([min(a) for a in apart])
+    return best / size, nearest / size
+
+
+@pytest.mark.statistical
+def test_the_right_plane_is_found_in_999_of_1000_scenes_of_four_to_ten_lines():
+    rng = np.random.default_rng(4)
+    wrong, missed, total = 0, 0, 0
+    for lines in range(4, 11):
+        count = 1432 if lines < 10 else 1408  # 10,000 together
+        scenes = RandomScenes(rng, count, 2 * lines)
+        start, end = np.arange(lines), np.arange(lines, 2 * lines)
+        length = scenes.lengths(start, end)
+        sigma = np.hypot(0.01, 0.002 * length)
+        found = search_planes(scenes.ray[:, start], scenes.ray[:, end], length, sigma)
+        best, nearest = relative_errors(found, scenes.plane)
+        wrong += int((best > 1e-6).sum())
+        missed += int((nearest > 1e-6).sum())
+        total += count
+    assert total == 10_000
+    # Where the truth is not the best, another plane explains four lengths exactly too.
+    assert missed <= total // 1000
+    assert wrong <= total // 1000
+
+
+def every_exact_solution(rng, start, end, length, height, starts=800):
+    """Planes by damped Newton steps from very many first values: an exhaustive search.
+
+    Residuals are the logarithms of the lengths' ratios, derivatives are complex steps.
+    """
+
+    def residual(m):
+        a, b = m @ start.T, m @ end.T
+        apart = start / a[..., None] - end / b[..., None]
+        square = np.sum(apart * apart, axis=-1)
+        behind = (np.minimum(a.real, b.real) <= 1e-6 * np.abs(m[:, 2:])).any(axis=1)
+        value = 0.5 * np.log(square / length**2)
+        value[behind] = np.nan
+        return value
+
+    tilt = np.arccos(rng.uniform(np.cos(np.deg2rad(84)), 1, starts))
+    turn = rng.uniform(0, 2 * np.pi, starts)
+    direction = [np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)]
+    m = np.stack(direction, axis=1) / (height * np.exp(rng.normal(0, 0.4, (starts, 1))))
+    value = residual(m)
+    m, value = m[np.isfinite(value).all(1)], value[np.isfinite(value).all(1)]
+    for _ in range(40):
+        with np.errstate(invalid="ignore", divide="ignore"):
+            columns = [residual(m + 1j * s).imag / 1e-30 for s in 1e-30 * np.eye(3)]
+        jacobian = np.stack(columns, axis=2)
+        ridge = 1e-13 * np.sum(jacobian**2, axis=(1, 2))[:, None, None] * np.eye(3)
+        move = -np.linalg.solve(jacobian + ridge, value[..., None])
+        open_ = np.ones(len(m), bool)
+        for size in 0.5 ** np.arange(6):
+            trial = m + size * move[..., 0]
+            with np.errstate(invalid="ignore", divide="ignore"):
+                new = residual(trial)
+            better = open_ & (np.sum(new**2, 1) < np.sum(value**2, 1))
+            m[better], value[better] = trial[better], new[better]
+            open_ &= ~better
+    solved = m[np.abs(value).max(axis=1) < 1e-11]
+    distinct = []
+    for one in solved:
+        if all(np.linalg.norm(one - other) > 1e-5 * np.linalg.norm(one) for other in distinct):
+            distinct.append(one)
+    return distinct
+
+
+def assert_same_planes(found, expected, scene):
+    """Every expected plane that looks down is found once, and nothing else is exact."""
+    exact = [c.plane for c in found if c.cost < 1e-6]
+    for m in expected:
+        if m[2] > np.cos(np.deg2rad(85)) * np.linalg.norm(m):
+            near = [np.linalg.norm(m - p) / np.linalg.norm(m) for p in exact]
+            assert min(near, default=np.inf) < 1e-5, (scene, m, exact)
+    for i, p in enumerate(exact):
+        assert all(np.linalg.norm(p - q) > 1e-6 * np.linalg.norm(p) for q in exact[:i])
+    return len(exact)
+
+
+@pytest.mark.statistical
+def test_three_lines_give_every_solution_of_an_exhaustive_search():
+    rng = np.random.default_rng(7)
+    scenes = RandomScenes(rng, 40, 6)
+    start, end = np.arange(3), np.arange(3, 6)
+    length = scenes.lengths(start, end)
+    a, b = scenes.ray[:, start], scenes.ray[:, end]
+    found = search_planes(a, b, length, 1e-6 * length)
+    numbers = []
+    for k in range(40):
+        height = 1 / np.linalg.norm(scenes.plane[k])
+        expected = every_exact_solution(rng, a[k], b[k], length[k], height)
+        numbers.append(assert_same_planes(found[k], [*expected, scenes.plane[k]], k))
+    assert 0.2 < np.mean(np.array(numbers) > 1) < 0.8  # the ambiguity that the search is there for
+
+
+def planes_of_p3p(ray, side):
+    """Planes of a triangle with known sides [opposite corner 2, 0, 1] by OpenCV's P3P."""
+    x = (side[0] ** 2 + side[2] ** 2 - side[1] ** 2) / (2 * side[0])
+    y = np.sqrt(side[2] ** 2 - x * x)
+    corner = np.array([[0, 0, 0], [side[0], 0, 0], [x, y, 0]])
+    _, rvecs, tvecs = cv2.solveP3P(corner, ray[:, :2].copy(), np.eye(3), None, cv2.SOLVEPNP_P3P)
+    planes = []
+    for rvec, tvec in zip(rvecs, tvecs, strict=True):
+        placed = corner @ Rotation.from_rotvec(rvec[:, 0]).as_matrix().T + tvec[:, 0]
+        unit = placed / placed[:, 2:]
+        if (placed[:, 2] > 0).all() and np.abs(unit - ray).max() < 1e-7:
+            planes.append(np.linalg.solve(placed, np.ones(3)))
+    return planes
+
+
+def test_a_triangle_gives_every_solution_of_p3p():
+    rng = np.random.default_rng(8)
+    scenes = RandomScenes(rng, 300, 3)
+    start, end = np.array([0, 1, 2]), np.array([1, 2, 0])
+    side = scenes.lengths(start, end)
+    found = search_planes(scenes.ray[:, start], scenes.ray[:, end], side, 1e-6 * side)
+    numbers = [
+        assert_same_planes(found[k], [*planes_of_p3p(scenes.ray[k], side[k]), scenes.plane[k]], k)
+        for k in range(300)
+    ]
+    assert np.mean(np.array(numbers) > 1) > 0.75
+    assert max(numbers) == 4
+
+
+def test_frames_with_different_numbers_of_lines_are_searched_together():
+    rng = np.random.default_rng(2)
+    scenes = RandomScenes(rng, 3, 12)
+    start, end = np.arange(6), np.arange(6, 12)
+    length = scenes.lengths(start, end)
+    sigma = np.hypot(0.01, 0.002 * length)
+    a, b = scenes.ray[:, start], scenes.ray[:, end]
+    sigma[0, [0, 3]] = sigma[1, 1:5] = np.inf
+    a[0, 0], length[0, 3] = np.nan, 1e9  # what is not there is not looked at
+    found = search_planes(a, b, length, sigma)
+    kept = [1, 2, 4, 5]
+    (alone,) = search_planes(a[:1, kept], b[:1, kept], length[:1, kept], sigma[:1, kept])
+    np.testing.assert_allclose(found[0][0].plane, alone[0].plane, rtol=1e-12)
+    np.testing.assert_allclose(found[0][0].plane, scenes.plane[0], rtol=1e-6)
+    assert found[1] == ()  # two lines are no plane
+    np.testing.assert_allclose(found[2][0].plane, scenes.plane[2], rtol=1e-6)
+
+
+def test_lengths_that_no_plane_explains_still_give_the_best_one():
+    rng = np.random.default_rng(3)
+    scenes = RandomScenes(rng, 1, 10)
+    start, end = np.arange(5), np.arange(5, 10)
+    length = scenes.lengths(start, end)
+    length[0, 2] *= 1.5
+    sigma = np.full((1, 5), 0.01)
+    (found,) = search_planes(scenes.ray[:, start], scenes.ray[:, end], length, sigma)
+    assert found
+    assert found[0].cost > 10
+    assert [c.cost for c in found] == sorted(c.cost for c in found)
+
+
+def test_two_picks_on_the_same_pixel_are_no_length():
+    ray = np.array([[0.1, 0.1, 1], [0.2, -0.1, 1], [-0.3, 0.2, 1], [0.0, 0.3, 1]])
+    end = ray + np.array([0.1, 0.05, 0])
+    end[1] = ray[1]
+    assert search_planes(ray[None], end[None], np.full((1, 4), 5.0), np.full((1, 4), 0.01)) == [()]
+
+
+@pytest.mark.parametrize("count", [4, 5, 12])
+def test_resection_equals_that_of_opencv(count):
+    rng = np.random.default_rng(count)
+    for _ in range(40):
+        center, rotation = camera_over_plane(rng, 60)
+        center[:2] = rng.uniform(-30, 30, 2)
+        point, ray = points_in_view(rng, center, rotation, count)
+        flat = np.column_stack([point, np.zeros(count)])
+        ok, rvec, tvec = cv2.solvePnP(
+            flat, np.ascontiguousarray(ray[:, :2]), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
+        )
+        assert ok
+        turn = Rotation.from_rotvec(rvec[:, 0]).as_matrix().T
+        found_center, found_rotation = resect_from_plane(point, ray)
+        np.testing.assert_allclose(found_center, -turn @ tvec[:, 0], atol=1e-4 * center[2])
+        np.testing.assert_allclose(found_rotation, turn, atol=1e-4)
+        np.testing.assert_allclose(found_center, center, atol=1e-6 * center[2])
+        np.testing.assert_allclose(found_rotation, rotation, atol=1e-7)
+
+
+def test_points_in_line_resect_nothing():
+    rng = np.random.default_rng(0)
+    along = rng.uniform(-5, 5, 6)
+    point = np.column_stack([along, 2 * along + 1])
+    center, rotation = np.array([0, 0, 20.0]), DOWN
+    camera = (np.column_stack([point, np.zeros(6)]) - center) @ rotation
+    assert resect_from_plane(point, camera / camera[:, 2:]) is None
+    assert resect_from_plane(np.zeros((4, 2)), np.ones((4, 3))) is None

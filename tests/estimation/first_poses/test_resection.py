@@ -1,0 +1,220 @@
+"""Poses of single frames from lengths: the joint adjustment's numbers, many frames at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from uavgram.estimation.first_poses.length_conditions import LengthFrames
+from uavgram.estimation.first_poses.network import length_poses, seen_lines
+from uavgram.estimation.first_poses.resection import lengths_between, resect_from_lengths
+from uavgram.geometry.ground import shapes
+from uavgram.geometry.motion.rotation import hat
+from uavgram.model.options import SolveOptions
+from uavgram.stages.refine import refine
+
+NO_LOG = {"telemetry": False, "gauge": "plane", "frames": 1}
+UNCONNECTED = tuple((k, k + 6) for k in range(6))
+SHARED = ((0, 1), (1, 2), (2, 0), (2, 3), (3, 4), (4, 0), (5, 6))
+
+
+def frames_of(surveys):
+    """Surveys of one frame as one batch, filled up to the largest."""
+    picks = max(len(s.pick_frame) for s in surveys)
+    lines = max(len(s.line_start) for s in surveys)
+    count = len(surveys)
+    pixel, sigma = np.full((count, picks, 2), 700.0), np.ones((count, picks))
+    ends = np.tile(np.array([[[0]], [[1]]]), (1, count, lines))
+    length, length_sigma = np.ones((count, lines)), np.full((count, lines), np.inf)
+    for k, s in enumerate(surveys):
+        at = np.full(len(s.label), -1)
+        at[s.pick_label] = np.arange(len(s.pick_label))
+        pixel[k, : len(at)], sigma[k, : len(at)] = s.pixel_px, s.pick_sigma_px
+        n = len(s.line_start)
+        ends[:, k, :n] = at[s.line_start], at[s.line_end]
+        length[k, :n], length_sigma[k, :n] = s.length_m, s.length_sigma_m
+    return LengthFrames(pixel, sigma, ends[0], ends[1], length, length_sigma)
+
+
+def plane_of(adjustment):
+    """m of the adjusted frame, and how it and the interior depend on the unknowns."""
+    up, height = adjustment.state.rotation[0, 2], adjustment.state.center[0, 2]
+    layout, basis = adjustment.problem.layout, adjustment.problem.intrinsic_basis
+    jacobian = np.zeros((3 + len(basis), 6 + layout.intrinsics))
+    jacobian[:3, 2] = up / height**2
+    jacobian[:3, 3:6] = -hat(up[None])[0] / height
+    jacobian[3:, 6:] = basis
+    columns = np.concatenate(
+        [layout.frame_columns(np.array([0]))[0], layout.first_intrinsic + np.arange(len(basis))]
+    )
+    return -up / height, jacobian @ adjustment.minimum.factor.joint(columns) @ jacobian.T
+
+
+def test_optimum_and_covariance_are_those_of_the_joint_adjustment(scene_factory):
+    surveys = [
+        scene_factory(seed, ends=SHARED if seed % 2 else UNCONNECTED, **NO_LOG).survey
+        for seed in range(6)
+    ]
+    found = resect_from_lengths(surveys[0].calibration, frames_of(surveys))
+    assert found.converged.all()
+    for k, survey in enumerate(surveys):
+        adjustment = refine(survey, SolveOptions())[0].adjustment
+        plane, covariance = plane_of(adjustment)
+        interior = adjustment.problem.intrinsics(adjustment.state)
+        sigma = np.sqrt(np.diag(covariance))
+        apart = np.concatenate([found.plane[k] - plane, found.interior[k] - interior]) / sigma
+        assert np.abs(apart).max() < 1e-4
+        own = np.sqrt(np.diag(found.covariance[k]))
+        np.testing.assert_allclose(own, sigma, rtol=1e-5)
+        ours, theirs = (c / np.outer(sigma, sigma) for c in (found.covariance[k], covariance))
+        np.testing.assert_allclose(ours, theirs, atol=2e-5)
+        assert found.cost[k] == pytest.approx(adjustment.minimum.cost, abs=1e-6)
+
+
+def test_a_shared_end_taken_as_two_points_would_be_noticed(scene_factory):
+    survey = scene_factory(1, ends=SHARED, **NO_LOG).survey
+    frames = frames_of([survey])
+    right = resect_from_lengths(survey.calibration, frames)
+    rows = np.concatenate([frames.start[0], frames.end[0]])
+    lines = np.arange(len(SHARED))[None]
+    apart = frames._replace(
+        pixel_px=frames.pixel_px[:, rows],
+        pixel_sigma_px=frames.pixel_sigma_px[:, rows],
+        start=lines,
+        end=lines + len(SHARED),
+    )
+    wrong = resect_from_lengths(survey.calibration, apart)
+    sigma = np.sqrt(np.diag(right.covariance[0]))[:3]
+    assert np.abs((wrong.plane - right.plane)[0] / sigma).max() > 1e-2
+
+
+def test_lengths_of_other_pixels_equal_those_of_the_joint_adjustment(scene_factory):
+    # In the joint adjustment, picks that end no known length serve only what is measured.
+    survey = scene_factory(3, labels=16, ends=UNCONNECTED, **NO_LOG).survey
+    adjustment = refine(survey, SolveOptions())[0].adjustment
+    poses = resect_from_lengths(survey.calibration, frames_of([survey]))
+    at = {label: k for k, label in enumerate(survey.pick_label.tolist())}
+    free = [k for k in range(12, 16) if k in at]
+    assert len(free) >= 3
+    a, b = np.array(free[:2]), np.array(free[1:3])
+    picks = np.array([at[k] for k in free])
+    value, covariance = lengths_between(
+        survey.calibration,
+        poses,
+        survey.pixel_px[picks][None],
+        survey.pick_sigma_px[picks][None],
+        (np.array([[0, 1]]), np.array([[1, 2]])),
+    )
+    world, joint = adjustment.joint_points(np.array([a[0], b[0], b[1]]))
+    gradient = np.zeros((2, 9))
+    for k in range(2):
+        distance, by_points = shapes.distance(world[k : k + 2])
+        assert value[0, k] == pytest.approx(distance, abs=1e-4 * np.sqrt(covariance[0, k, k]))
+        gradient[k, 3 * k : 3 * k + 6] = by_points.ravel()
+    np.testing.assert_allclose(covariance[0], gradient @ joint @ gradient.T, rtol=2e-5)
+
+
+def test_many_frames_give_what_each_gives_alone(scene_factory):
+    surveys = [
+        scene_factory(seed, ends=UNCONNECTED[: 4 + seed % 3], **NO_LOG).survey for seed in range(8)
+    ]
+    calibration = surveys[0].calibration
+    together = resect_from_lengths(calibration, frames_of(surveys * 20))
+    assert together.converged.all()
+    for k, survey in enumerate(surveys):
+        (alone,) = resect_from_lengths(calibration, frames_of([survey])).plane
+        sigma = np.sqrt(np.diag(together.covariance[k]))[:3]
+        for copy in range(20):
+            row = together.plane[k + len(surveys) * copy]
+            assert np.abs((row - alone) / sigma).max() < 1e-4
+
+
+def test_a_poor_start_leads_to_the_same_poses_and_a_lost_frame_takes_none_along(scene_factory):
+    survey = scene_factory(2, ends=UNCONNECTED, **NO_LOG).survey
+    frames = frames_of([survey] * 3)
+    good = resect_from_lengths(survey.calibration, frames)
+    start = good.plane * np.array([[1.1], [0.93], [np.nan]])
+    start[1, 0] += 0.05 * np.linalg.norm(start[1])
+    found = resect_from_lengths(survey.calibration, frames, start)
+    assert found.converged.tolist() == [True, True, False]
+    sigma = np.sqrt(np.diag(good.covariance[0]))[:3]
+    assert np.abs((found.plane - good.plane)[:2] / sigma).max() < 1e-4
+
+
+@pytest.mark.statistical
+def test_truth_lies_inside_the_stated_covariance(scene_factory):
+    """Mean squared Mahalanobis distance of 400 planes within the bounds of chi-square (99.9 %)."""
+    scenes = [scene_factory(seed, ends=UNCONNECTED, **NO_LOG) for seed in range(400)]
+    found = resect_from_lengths(scenes[0].survey.calibration, frames_of([s.survey for s in scenes]))
+    truth = np.array([-s.truth.rotation[0, 2] / s.truth.center[0, 2] for s in scenes])
+    apart = found.plane - truth
+    good = found.converged
+    assert good.sum() >= 396
+    squared = np.einsum(
+        "bi,bij,bj->b", apart[good], np.linalg.inv(found.covariance[good, :3, :3]), apart[good]
+    )
+    assert 2.66 < squared.mean() < 3.36  # chi-square of 1200 over 400, second order left room
+
+
+def test_lines_are_seen_where_both_ends_are_picked(scene_factory):
+    survey = scene_factory(
+        6, frames=5, labels=14, along=25.0, telemetry=False, gauge="plane"
+    ).survey
+    seen = seen_lines(survey)
+    expected = {
+        (f, line)
+        for f in range(5)
+        for line in range(len(survey.line_start))
+        if {survey.line_start[line], survey.line_end[line]}
+        <= set(survey.pick_label[survey.pick_frame == f].tolist())
+    }
+    assert set(zip(seen.frame.tolist(), seen.line.tolist(), strict=True)) == expected
+    assert len(seen.frame) == len(expected)
+    assert (np.diff(seen.frame) >= 0).all()
+    for picks, labels in ((seen.start, survey.line_start), (seen.end, survey.line_end)):
+        assert (survey.pick_label[picks] == labels[seen.line]).all()
+        assert (survey.pick_frame[picks] == seen.frame).all()
+
+
+def test_lines_between_heights_or_areas_start_no_plane(scene_factory):
+    survey = scene_factory(4, ends=UNCONNECTED, heights={0: 1.0}, **NO_LOG).survey
+    assert 0 not in seen_lines(survey).line
+    area = np.zeros(12, dtype=int)
+    area[7] = 1
+    survey = replace(survey, other_grounds=(survey.ground,), label_area=area)
+    assert set(seen_lines(survey).line.tolist()) == {2, 3, 4, 5}
+
+
+def test_frames_with_different_lines_are_posed_together(scene_factory):
+    scene = scene_factory(
+        6, frames=5, labels=14, along=25.0, lines=9, telemetry=False, gauge="plane", noise=0.0
+    )
+    poses = length_poses(scene.survey)
+    counts = np.bincount(seen_lines(scene.survey).frame, minlength=5)
+    assert set(poses) == set(np.flatnonzero(counts >= 3).tolist())
+    for frame, found in poses.items():
+        up, height = scene.truth.rotation[frame, 2], scene.truth.center[frame, 2]
+        nearest = np.abs(found.plane + up / height).max(axis=1).min()
+        assert nearest < 1e-6 / height
+
+
+def test_a_plane_that_the_lengths_leave_open_is_not_called_found(scene_factory):
+    # One line taped both ways, and another: any sigma is small against one without bounds.
+    survey = scene_factory(4, labels=5, ends=((0, 1), (1, 0), (2, 3)), noise=0.0, **NO_LOG).survey
+    up, height = np.array([0.0, 0.0, 1.0]), 20.0
+    start = np.array([up / height, [0.01, 0.0, 0.05]])
+    frames = frames_of([survey, survey])
+    assert not resect_from_lengths(survey.calibration, frames, start).converged.any()
+    assert length_poses(survey) == {}
+
+
+def test_candidates_that_end_in_one_maximum_count_once(scene_factory):
+    for seed in range(4):
+        survey = scene_factory(seed, ends=((0, 1), (1, 2), (2, 0)), labels=6, **NO_LOG).survey
+        for poses in length_poses(survey).values():
+            found = poses.plane[poses.converged]
+            apart = np.linalg.norm(found[:, None] - found, axis=2)
+            apart[np.diag_indices(len(found))] = np.inf
+            assert apart.min(initial=np.inf) > 1e-6 * np.linalg.norm(found, axis=1).max()

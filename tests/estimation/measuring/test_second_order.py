@@ -1,0 +1,135 @@
+"""Second-order terms against sampling, where first order holds and where it does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+
+from uavgram.estimation.measuring.propagation import propagate
+from uavgram.model.flight.frames import Frames
+from uavgram.model.options import SolveOptions
+from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.stages.measure import measurement_results
+from uavgram.stages.monte_carlo import sample
+from uavgram.stages.refine import refine
+from uavgram.stages.second_order import second_order
+
+ALONE = {"frames": 1, "telemetry": False, "gauge": "plane"}
+PAIRS = ((0, 6), (1, 7), (2, 8), (3, 9), (4, 10), (5, 11))
+
+
+def frames_of(survey):
+    n = len(survey.frame_id)
+    return Frames(
+        frame_id=survey.frame_id, time_utc_s=np.arange(n) * 2.0, sigma_time_s=np.full(n, 0.4),
+        matched=np.ones(n), reason=("",) * n, clock_offset_s=0.0, clock_offset_sigma_s=1.0,
+    )  # fmt: skip
+
+
+def compared(survey, requests, count=0):
+    adjustment = refine(survey, SolveOptions())[0].adjustment
+    frames = frames_of(survey)
+    measured = propagate(adjustment, requests, frames)
+    first, _ = measurement_results(measured)
+    second, messages = second_order(adjustment, measured, first, requests, frames)
+    drawn = sample(adjustment, requests, frames, count, 1)[0] if count else None
+    return SimpleNamespace(first=first, second=second, messages=messages, sampled=drawn)
+
+
+def distance(*points):
+    return MeasurementRequest(name="-".join(points), kind="distance", points=points)
+
+
+@pytest.mark.parametrize("options", [{}, {**ALONE, "ends": PAIRS, "tilt": 0.4}])
+def test_where_first_order_holds_nothing_is_said(scene_factory, options):
+    survey = scene_factory(3, **options).survey
+    area = MeasurementRequest(name="a", kind="area", points=("P0", "P1", "P2"))
+    found = compared(survey, (distance("P0", "P1"), area))
+    assert not found.second.off.any()
+    assert found.messages == ()
+    np.testing.assert_allclose(found.second.sigma, found.first.sigma, rtol=0.02)
+    assert (np.abs(found.second.curvature) < 0.05).all()
+
+
+@pytest.mark.parametrize("bias_m", [2.0, 400.0, 5e3])
+def test_an_error_that_all_points_share_says_nothing_of_what_parts_them(scene_factory, bias_m):
+    survey = scene_factory(3).survey
+    telemetry = replace(survey.telemetry, position_bias_sigma_m=np.full(3, bias_m))
+    area = MeasurementRequest(name="a", kind="area", points=("P0", "P1", "P2"))
+    found = compared(replace(survey, telemetry=telemetry), (distance("P0", "P1"), area))
+    assert not found.second.off.any()
+    np.testing.assert_allclose(found.second.sigma, found.first.sigma, rtol=0.02)
+
+
+def test_two_points_that_nearly_coincide_are_further_apart_than_first_order_says(scene_factory):
+    # Their distance of two sigmas is never negative, and errors across it make it longer.
+    scene = scene_factory(3, ends=PAIRS, tilt=0.4, **ALONE)
+    survey = scene.survey
+    pixel = np.array(survey.pixel_px)
+    pixel[1] = pixel[0] + [1.5, 0.0]
+    changed = scene_with(survey, pixel, keep=(2, 3, 4, 5))
+    found = compared(changed, (distance("P0", "P1"),), 300)
+    assert found.second.off[0]
+    assert "'P0-P1'" in found.messages[0].text
+    bias = found.sampled.mean - found.first.value
+    assert found.second.bias[0] == pytest.approx(bias[0], rel=0.35)
+    assert found.second.bias[0] > 0.2 * found.first.sigma[0]
+
+
+def scene_with(survey, pixel, keep):
+    lines = {
+        name: getattr(survey, name)[list(keep)]
+        for name in ("line_start", "line_end", "length_m", "length_sigma_m")
+    }
+    return replace(survey, pixel_px=pixel, **lines)
+
+
+def test_near_the_horizon_second_order_follows_the_sampled_sigma(scene_factory):
+    scene = scene_factory(3, ends=PAIRS, tilt=0.4, **ALONE)
+    survey = scene.survey
+    adjustment = refine(survey, SolveOptions())[0].adjustment
+    # A pick that looks along a ray only a few of its sigmas below the horizon.
+    rotation = adjustment.state.rotation[0]
+    fx, fy, cx, cy = adjustment.problem.intrinsics(adjustment.state)[:4]
+    down = np.deg2rad(0.5)
+    ray = rotation.T @ np.array([0.0, np.cos(down), -np.sin(down)])
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    assert ray[2] > 0
+    far, _ = cv2.projectPoints(ray[None] / ray[2], np.zeros(3), np.zeros(3), matrix, np.zeros(5))
+    pixel = np.array(survey.pixel_px)
+    pixel[0] = far[0, 0]
+    calibration = replace(
+        survey.calibration,
+        parameters=[*survey.calibration.parameters[:4], 0, 0, 0, 0, 0],
+        covariance=np.zeros((9, 9)),
+    )
+    changed = replace(scene_with(survey, pixel, keep=(1, 2, 3, 4, 5)), calibration=calibration)
+    found = compared(changed, (distance("P0", "P1"), distance("P2", "P3")), 100)
+    assert found.second.off.tolist() == [True, False]
+    ratio = found.sampled.sigma / found.first.sigma
+    assert not 0.8 < ratio[0] < 1.25
+    assert 0.8 < ratio[1] < 1.25
+
+
+def test_a_time_that_is_short_for_its_sigma_makes_a_speed_doubtful(scene_factory):
+    survey = scene_factory(4, frames=2, labels=8).survey
+    one = int(np.flatnonzero(survey.pick_frame == 0)[0])
+    other = int(np.flatnonzero(survey.pick_frame == 1)[-1])
+    names = [survey.label[survey.pick_label[k]] for k in (one, other)]
+    keep = ~np.isin(survey.pick_label, survey.pick_label[[one, other]])
+    keep[[one, other]] = True
+    survey = replace(
+        survey,
+        pick_frame=survey.pick_frame[keep],
+        pick_label=survey.pick_label[keep],
+        pixel_px=survey.pixel_px[keep],
+        pick_sigma_px=survey.pick_sigma_px[keep],
+    )
+    request = MeasurementRequest(name="v", kind="speed", points=tuple(names))
+    found = compared(survey, (request,))
+    assert found.second.off[0]
+    assert found.second.bias[0] > 0

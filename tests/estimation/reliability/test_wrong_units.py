@@ -1,0 +1,53 @@
+"""Which mistake makes a number so many times too large: in words, or none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from uavgram.estimation.reliability.coordinate_faults import displaced, likely_fault
+from uavgram.estimation.reliability.wrong_units import likely_mistake, likely_unit_of_height
+
+
+@pytest.mark.parametrize(
+    ("ratio", "words"),
+    [
+        (1000.0, "in millimetres"),
+        (100.0, "in centimetres"),
+        (1 / 0.3048, "in feet"),
+        (1 / 0.0254, "in inches"),
+        (0.001, "in kilometres"),
+        (10.0, "the decimal point one place off"),
+        (0.1, "the decimal point one place off"),
+        (0.01, "the decimal point two places off"),
+        (0.3048, "turned from feet into metres twice"),
+    ],
+)
+def test_a_ratio_of_units_is_named_if_it_is_near_enough(ratio, words):
+    assert likely_mistake(ratio, 0.0) == words
+    assert likely_mistake(1.009 * ratio, 0.001) == words
+    assert likely_mistake(1.05 * ratio, 0.02) == words
+    assert likely_mistake(1.05 * ratio, 0.01) == ""
+    assert likely_mistake(1.3 * ratio, 1.0) == ""
+
+
+def test_another_ratio_has_no_name():
+    assert likely_mistake(2.3, 0.01) == ""
+    assert likely_mistake(1.0, 0.01) == ""
+
+
+def test_an_odd_height_is_told_by_the_unit_that_makes_it_ordinary():
+    assert likely_unit_of_height(31_700.0) == ("millimetres", pytest.approx(31.7))
+    assert likely_unit_of_height(3170.0) == ("centimetres", pytest.approx(31.7))
+    assert likely_unit_of_height(0.0317) == ("kilometres", pytest.approx(31.7))
+
+
+def test_where_coordinates_lie_is_told_by_distance_sigma_and_side():
+    sigma = np.array([0.02, 0.03, 0.05])
+    text = displaced(np.array([-26.1, 3.0, 0.0]), sigma)
+    assert text == "26.27 m from where it was found (sigma 0.02 m), mostly to the west"
+    assert displaced(np.array([0.0, 0.0, 4.0]), sigma).endswith("(sigma 0.05 m), mostly above")
+    assert displaced(np.array([5.0, 5.0, 5.0]), sigma).endswith("to no one side")
+    assert displaced(np.array([0.0, 2e6, 0.0]), sigma).startswith("2000 km from")
+    assert likely_fault(np.array([0.0, 2e6, 0.0]))
+    assert not likely_fault(np.array([0.0, 200.0, 0.0]))

@@ -1,0 +1,73 @@
+"""The likelihood's residuals and Jacobians."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from uavgram.estimation.survey.likelihood import SurveyProblem, covariance_root
+from uavgram.estimation.survey.unknowns import move
+
+CASES = {
+    "telemetry": {},
+    "rough ground and control": {"roughness": 0.05, "control": 3},
+    "lengths alone": {"telemetry": False, "gauge": "plane"},
+    "control without log": {"telemetry": False, "control": 4},
+    "two areas": {"verge": (0, 1, 2, 5), "control": 4, "roughness": 0.05},
+    "two areas, lengths alone": {"verge": (0, 1, 2, 5), "telemetry": False, "gauge": "plane"},
+}
+
+
+@pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
+def test_every_jacobian_equals_central_differences(scene_factory, options):
+    scene = scene_factory(3, **options)
+    lines = np.ones(len(scene.survey.line_start), dtype=bool)
+    problem = SurveyProblem(scene.survey, scene.pivot, lines)
+    layout = problem.layout
+    rng = np.random.default_rng(1)
+    state = move(layout, scene.truth, 0.01 * rng.normal(size=layout.size))
+    blocks = problem.evaluate(state)
+
+    assert blocks is not None
+    for name, block in blocks.items():
+        n, r, _ = block.jacobian.shape
+        dense = np.zeros((n, r, layout.size))
+        rows = np.arange(n)[:, None, None]
+        np.add.at(dense, (rows, np.arange(r)[:, None], block.columns[:, None, :]), block.jacobian)
+        numeric = np.zeros_like(dense)
+        for column in np.flatnonzero(np.abs(dense).sum((0, 1))):
+            step = np.zeros(layout.size)
+            h = 1e-5 if name != "gauge" else 1e-6
+            step[column] = h
+            ahead = problem.evaluate(move(layout, state, step))[name].residual
+            behind = problem.evaluate(move(layout, state, -step))[name].residual
+            numeric[:, :, column] = (ahead - behind) / (2 * h)
+        scale = np.abs(dense).max()
+        assert np.abs(dense - numeric).max() < 2e-6 * scale, name
+        assert scale > 0, name
+
+
+def test_exact_data_have_no_residual_at_the_truth(scene_factory):
+    scene = scene_factory(5, noise=0.0, control=3)
+    problem = SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
+    blocks = problem.evaluate(scene.truth)
+
+    for name in ("pixels", "lengths", "control"):
+        assert np.abs(blocks[name].residual).max() < 1e-8, name
+
+
+def test_a_point_behind_its_camera_makes_the_state_impossible(scene_factory):
+    scene = scene_factory(5, noise=0.0)
+    problem = SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
+    flipped = scene.truth.rotation @ np.diag([1.0, -1.0, -1.0])
+
+    assert problem.evaluate(replace(scene.truth, rotation=flipped)) is None
+
+
+def test_the_root_of_a_singular_covariance_leaves_out_what_is_known_exactly():
+    covariance = np.diag([4.0, 0.0, 9e-8])
+    covariance[0, 2] = covariance[2, 0] = 1e-4
+    root = covariance_root(covariance)
+
+    assert root.shape == (3, 2)
+    np.testing.assert_allclose(root @ root.T, covariance, rtol=1e-12, atol=1e-20)

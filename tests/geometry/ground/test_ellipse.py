@@ -1,0 +1,74 @@
+"""Error ellipses against eigenvectors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import chi2
+
+from uavgram.geometry.ground.ellipse import ELLIPSE_95, error_ellipse
+
+
+def test_level_is_the_root_of_the_chi_square_quantile():
+    assert pytest.approx(np.sqrt(chi2.ppf(0.95, 2)), rel=1e-14) == ELLIPSE_95
+    assert pytest.approx(2.4477, abs=5e-5) == ELLIPSE_95
+
+
+def test_axes_are_those_of_the_eigenvectors():
+    half = np.random.default_rng(1).normal(size=(300, 2, 2))
+    covariance = half @ np.swapaxes(half, 1, 2)
+    values, axes = np.linalg.eigh(covariance)
+    major, minor, azimuth = error_ellipse(covariance)
+    np.testing.assert_allclose(major**2, values[:, 1], rtol=1e-12)
+    np.testing.assert_allclose(minor**2, values[:, 0], rtol=1e-9, atol=1e-12)
+    direction = np.stack([np.sin(azimuth), np.cos(azimuth)], -1)  # east, north
+    np.testing.assert_allclose(np.abs(np.sum(direction * axes[:, :, 1], 1)), 1, atol=1e-12)
+    assert ((azimuth >= 0) & (azimuth < np.pi)).all()
+
+
+@pytest.mark.parametrize(
+    ("covariance", "expected"),
+    [
+        ([[1, 0], [0, 4]], (2, 1, 0)),
+        ([[4, 0], [0, 1]], (2, 1, np.pi / 2)),
+        ([[4, -0.0], [-0.0, 1]], (2, 1, np.pi / 2)),
+        ([[2.5, 1.5], [1.5, 2.5]], (2, 1, np.pi / 4)),
+        ([[2.5, -1.5], [-1.5, 2.5]], (2, 1, 3 * np.pi / 4)),
+        ([[9, 0], [0, 9]], (3, 3, 0)),
+        ([[1, 1], [1, 1]], (np.sqrt(2), 0, np.pi / 4)),
+        ([[0, 0], [0, 0]], (0, 0, 0)),
+        ([[1, -1e-30], [-1e-30, 4]], (2, 1, 0)),
+        ([[1, 1 + 1e-13], [1 + 1e-13, 1]], (np.sqrt(2), 0, np.pi / 4)),
+    ],
+)
+def test_ellipses_by_hand(covariance, expected):
+    np.testing.assert_allclose(error_ellipse(np.array(covariance, float)), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [[[1, 2], [2, 1]], [[-1, 0], [0, -2]], [[np.nan, 0], [0, 1]], [[1e-12, 2e-12], [2e-12, 1e-12]]],
+)
+def test_what_is_no_covariance_has_no_ellipse(wrong):
+    assert np.isnan(error_ellipse(np.array(wrong, float))).all()
+
+
+@settings(derandomize=True, deadline=None)
+@given(st.floats(0.01, 100), st.floats(0, 0.99), st.floats(0, 3.14), st.floats(-3, 3))
+def test_turning_the_covariance_turns_the_ellipse(major, ratio, azimuth, turn):
+    def covariance(angle: float) -> np.ndarray:
+        axis = np.array([np.sin(angle), np.cos(angle)])
+        other = np.array([axis[1], -axis[0]])
+        return major**2 * (np.outer(axis, axis) + ratio**2 * np.outer(other, other))
+
+    before, after = (error_ellipse(covariance(a)) for a in (azimuth, azimuth + turn))
+    np.testing.assert_allclose(before[0], after[0], rtol=1e-9)
+    assert np.sin(after[2] - before[2] - turn) == pytest.approx(0, abs=1e-9)
+
+
+def test_inputs_stay_as_they_were():
+    covariance = np.eye(2)
+    covariance.flags.writeable = False
+    error_ellipse(covariance)

@@ -1,0 +1,149 @@
+"""Shapes by pencil and paper, and their gradients by central differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uavgram.geometry.ground import shapes
+from uavgram.geometry.motion.rotation import exp_so3
+
+SQUARE = np.array([[0.0, 0, 0], [4, 0, 0], [4, 3, 0], [0, 3, 0]])
+COUNT = {
+    shapes.distance: 2,
+    shapes.polyline: 5,
+    shapes.area: 6,
+    shapes.angle: 3,
+    shapes.line_distance: 3,
+}
+
+
+def test_distance_is_pythagoras():
+    value, gradient = shapes.distance(np.array([[1.0, 2, 3], [3, 5, 9]]))
+    assert value == 7
+    np.testing.assert_allclose(gradient, np.array([[-2, -3, -6], [2, 3, 6]]) / 7)
+
+
+def test_polyline_adds_its_pieces():
+    value, gradient = shapes.polyline(SQUARE)
+    assert value == 11
+    np.testing.assert_allclose(gradient[:, :2], [[-1, 0], [1, -1], [1, 1], [-1, 0]])
+
+
+def test_area_of_a_rectangle_whichever_way_round():
+    assert shapes.area(SQUARE)[0] == pytest.approx(12)
+    assert shapes.area(SQUARE[::-1])[0] == pytest.approx(12)
+
+
+def test_area_lies_in_the_polygons_own_plane():
+    tilted = SQUARE @ exp_so3(np.array([0.8, 0.1, 0])).T + [5e5, 5e6, 100]
+    assert shapes.area(tilted)[0] == pytest.approx(12, rel=1e-9)
+
+
+def test_area_of_a_notched_polygon_by_hand():
+    notched = np.array([[0.0, 0, 0], [4, 0, 0], [4, 4, 0], [2, 1, 0], [0, 4, 0]])
+    assert shapes.area(notched)[0] == pytest.approx(16 - 6)
+
+
+@pytest.mark.parametrize("degrees", [1e-4, 30, 90, 120, 179.9999])
+def test_angle_is_the_one_at_the_middle(degrees):
+    a = np.radians(degrees)
+    points = np.array([[5, 0, 0], [0, 0, 0], [2 * np.cos(a), 0, 2 * np.sin(a)]]) + 7.0
+    assert np.degrees(shapes.angle(points)[0]) == pytest.approx(degrees, rel=1e-9)
+
+
+def test_line_distance_is_perpendicular_also_beyond_the_ends():
+    points = np.array([[10.0, 3, 4], [0, 0, 0], [2, 0, 0]])
+    value, gradient = shapes.line_distance(points)
+    assert value == 5
+    np.testing.assert_allclose(gradient @ [0, 0.6, 0.8], [1, 4, -5])
+
+
+@pytest.mark.parametrize("measure", COUNT)
+def test_gradients_equal_central_differences(measure, differences):
+    for seed in range(20):
+        points = np.random.default_rng(seed).uniform(-20, 20, (COUNT[measure], 3))
+        numeric = differences(
+            lambda x, shape=points.shape: np.array(measure(x.reshape(shape))[0]), points.ravel()
+        )
+        gradient = measure(points)[1].ravel()
+        assert np.abs(gradient - numeric).max() <= 1e-6 * np.abs(numeric).max()
+
+
+@pytest.mark.parametrize("measure", COUNT)
+@settings(derandomize=True, deadline=None, max_examples=30)
+@given(
+    turn=st.tuples(*[st.floats(-3, 3)] * 3),
+    shift=st.tuples(*[st.floats(-1e3, 1e3)] * 3),
+    scale=st.floats(0.1, 10),
+)
+def test_moving_and_turning_change_nothing_and_scaling_scales(measure, turn, shift, scale):
+    points = np.random.default_rng(1).uniform(-20, 20, (COUNT[measure], 3))
+    power = {shapes.area: 2, shapes.angle: 0}.get(measure, 1)
+    moved = scale * points @ exp_so3(np.array(turn)).T + np.array(shift)
+    value, gradient = measure(points)
+    assert measure(moved)[0] == pytest.approx(scale**power * value, rel=1e-9)
+    np.testing.assert_allclose(gradient.sum(axis=0), 0, atol=1e-9)
+    assert (gradient * points).sum() == pytest.approx(power * value, abs=1e-9)  # Euler
+
+
+@pytest.mark.parametrize(
+    ("measure", "points"),
+    [
+        (shapes.distance, [[1, 2, 3], [1, 2, 3]]),
+        (shapes.polyline, [[0, 0, 0], [1, 0, 0], [1, 0, 0]]),
+        (shapes.area, [[0, 0, 0], [1, 0, 0], [2, 0, 0]]),
+        (shapes.angle, [[0, 0, 0], [0, 0, 0], [2, 0, 0]]),
+        (shapes.angle, [[-1, 0, 0], [0, 0, 0], [2, 0, 0]]),
+        (shapes.line_distance, [[0, 1, 0], [2, 0, 0], [2, 0, 0]]),
+        (shapes.line_distance, [[1, 0, 0], [0, 0, 0], [2, 0, 0]]),
+        (shapes.distance, [[1, 2, np.nan], [1, 2, 3]]),
+    ],
+)
+def test_what_has_no_derivative_is_nan(measure, points):
+    value, gradient = measure(np.array(points, float))
+    assert np.isnan(value)
+    assert np.isnan(gradient).all()
+    assert gradient.shape == np.shape(points)
+
+
+@pytest.mark.parametrize("measure", COUNT)
+def test_the_wrong_number_of_points_is_refused(measure):
+    with pytest.raises(ValueError, match="points of shape"):
+        measure(np.zeros((1, 3)))
+    with pytest.raises(ValueError, match="points of shape"):
+        measure(np.zeros((3, 2)))
+
+
+@pytest.mark.parametrize(
+    ("outline", "crosses"),
+    [
+        ([(0, 0), (4, 0), (4, 4), (0, 4)], False),
+        ([(0, 0), (4, 4), (4, 0), (0, 4)], True),
+        ([(0, 0), (4, 0), (2, 3)], False),
+        ([(0, 0), (4, 0), (4, 4), (2, 1), (0, 4)], False),
+        ([(0, 0), (4, 0), (4, 4), (2, -1), (0, 4)], True),
+        ([(0, 0), (4, 0), (4, 4), (2, 0), (0, 4)], True),
+        ([(0, 0), (4, 0), (1, 0)], True),
+        ([(0, 0), (4, 0), (4, 0), (4, 4), (0, 4), (0, 0)], False),
+        ([(0, 0), (2, 0), (4, 0), (4, 4), (0, 4)], False),
+        ([(0, 0), (4, 0), (0, 0), (4, 0)], True),
+        ([(0, 0), (4, 0)], True),
+        ([(0, 0), (0, 0), (0, 0)], False),
+        ([(0, 0), (1, 0), (1, 1), (2, 1), (2, 0), (3, 0), (3, 2), (0, 2)], False),
+    ],
+)
+def test_outlines_that_cross_or_touch_themselves(outline, crosses):
+    outline = np.array(outline, float)
+    assert shapes.polygon_self_intersects(outline) is crosses
+    assert shapes.polygon_self_intersects(outline[::-1]) is crosses
+    assert shapes.polygon_self_intersects(np.roll(outline, 1, axis=0)) is crosses
+
+
+@pytest.mark.parametrize("measure", COUNT)
+def test_inputs_stay_as_they_were(measure):
+    points = np.random.default_rng(1).uniform(-20, 20, (COUNT[measure], 3))
+    points.flags.writeable = False
+    measure(points)

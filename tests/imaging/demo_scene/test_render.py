@@ -1,0 +1,113 @@
+"""Rendered photos: are the marks where the geometry says?"""
+
+from __future__ import annotations
+
+from itertools import islice
+
+import cv2
+import numpy as np
+import pytest
+
+from uavgram.geometry.camera.projection import project
+from uavgram.imaging.demo_scene.render import ground_map, render_photos, scene_from_world
+from uavgram.imaging.raster import GroundRaster, Painter, box
+from uavgram.model.demo.scenario import DemoScenario
+from uavgram.stages.simulate import simulate
+
+FRAMES = (0, 4)
+
+
+@pytest.fixture(scope="module")
+def survey():
+    return simulate(DemoScenario())
+
+
+@pytest.fixture(scope="module")
+def photos(survey):
+    return dict(zip(FRAMES, islice(render_photos(survey), 0, 5, 4), strict=True))
+
+
+def true_marks(survey, index, kind):
+    """Labels and true pixels of the marks of a kind that lie well inside a photo."""
+    truth = survey.truth
+    offset = truth.point_world_m - truth.center_world_m[index]
+    pixel = project("brown", truth.intrinsics, offset @ truth.world_from_camera[index])
+    size = np.array([survey.calibration.width_px, survey.calibration.height_px])
+    inside = np.all((pixel > 40) & (pixel < size - 40), axis=1)
+    return [
+        (point.label, pixel[i])
+        for i, point in enumerate(survey.scenario.points)
+        if inside[i] and point.mark == kind
+    ]
+
+
+@pytest.mark.parametrize("index", FRAMES)
+def test_checker_targets_lie_where_they_are_projected(survey, photos, index):
+    gray = cv2.cvtColor(photos[index], cv2.COLOR_BGR2GRAY)
+    marks = true_marks(survey, index, "checker")
+    assert len(marks) >= 2
+    start = np.array([np.round(pixel) for _, pixel in marks], np.float32)[:, None]
+    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
+    found = cv2.cornerSubPix(gray, start.copy(), (6, 6), (-1, -1), criteria)[:, 0]
+    error = np.linalg.norm(found - [pixel for _, pixel in marks], axis=1)
+    assert error.max() < 0.15, dict(zip([label for label, _ in marks], error, strict=True))
+
+
+def test_sprayed_crosses_lie_where_they_are_projected(survey, photos):
+    photo = photos[4].astype(float)
+    yellow = photo[..., 2] - photo[..., 0]
+    alone = {"P5", "P7", "P8"}  # nothing yellow or red within reach
+    marks = [m for m in true_marks(survey, 4, "cross") if m[0] in alone]
+    assert len(marks) == 3
+    for label, pixel in marks:
+        u0, v0 = np.round(pixel).astype(int)
+        reach = 17  # all of the cross, nothing of its label
+        weight = yellow[v0 - reach : v0 + reach + 1, u0 - reach : u0 + reach + 1]
+        weight = weight - np.median(weight)
+        weight[np.abs(weight) < 12] = 0.0  # asphalt is not quite grey
+        v, u = np.indices(weight.shape) - reach
+        center = np.array(
+            [u0 + np.sum(u * weight) / weight.sum(), v0 + np.sum(v * weight) / weight.sum()]
+        )
+        assert np.linalg.norm(center - pixel) < 0.15, label
+
+
+def test_the_coarse_grid_of_rays_costs_less_than_two_hundredths_of_a_pixel(survey):
+    truth, axes = survey.truth, scene_from_world(survey)
+    width, height = survey.calibration.width_px, survey.calibration.height_px
+    map_x, map_y = ground_map(truth, 2, axes, (width, height))
+    assert map_x.shape == (height, width)
+    rng = np.random.default_rng(0)
+    u = np.concatenate([rng.integers(0, width, 2000), [0, 0, width - 1, width - 1]])
+    v = np.concatenate([rng.integers(0, height, 2000), [0, height - 1, 0, height - 1]])
+    scene = np.stack([map_x[v, u], map_y[v, u]], axis=1).astype(float)
+    plane = (scene - axes[:, 2]) @ np.linalg.inv(axes[:, :2]).T
+    up = truth.plane_height_m + (plane - truth.plane_pivot_m) @ truth.plane_slope
+    offset = np.column_stack([plane, up]) - truth.center_world_m[2]
+    back = project("brown", truth.intrinsics, offset @ truth.world_from_camera[2])
+    assert np.abs(back - np.stack([u, v], axis=1)).max() < 0.02
+
+
+def test_photos_have_the_cameras_size_and_are_neither_dark_nor_burnt_out(survey, photos):
+    for photo in photos.values():
+        assert photo.shape == (survey.calibration.height_px, survey.calibration.width_px, 3)
+        assert photo.dtype == np.uint8
+        assert 50 < photo.mean() < 180
+        assert np.mean(photo == 255) < 0.01
+
+
+def test_the_same_survey_gives_the_same_photo(survey, photos):
+    assert np.array_equal(next(render_photos(survey)), photos[0])
+
+
+def test_shapes_are_painted_where_the_scene_has_them():
+    raster = GroundRaster(
+        image=np.zeros((40, 60, 3), np.uint8), x_top_m=2.0, y_left_m=3.0, resolution_m=0.1
+    )
+    mask = Painter(raster).polygons(box(0.5, 1.5, -1.0, 2.0)).astype(float)
+    v, u = np.indices(mask.shape)
+    center = np.array([np.sum(u * mask), np.sum(v * mask)]) / mask.sum()
+    # Middle (1.0, 0.5): 1 m below the top, 2.5 m right of the left edge; pixel centres are whole.
+    # OpenCV fills up to half a pixel too far.
+    np.testing.assert_allclose(center, [24.5, 9.5], atol=0.5)
+    assert raster.corners_m.tolist() == [[2, 3], [2, -3], [-2, -3], [-2, 3]]

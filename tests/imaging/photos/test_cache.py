@@ -1,0 +1,136 @@
+"""A memory that makes values once and forgets the longest unused."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from uavgram.errors import InputError
+from uavgram.imaging.photos.cache import LruCache
+
+
+def test_the_longest_unused_goes_first_and_the_newest_stays():
+    made = []
+    kept = LruCache(lambda key: made.append(key) or key, lambda key: key, 10)
+    for key in (4, 5, 4, 6, 4):
+        kept.get(key)
+    assert made == [4, 5, 6]
+    kept.get(5)
+    assert made == [4, 5, 6, 5]
+    kept.get(99)  # larger than the bound by itself
+    kept.get(99)
+    assert made.count(99) == 1
+
+
+def test_values_that_are_held_stay_though_they_are_large():
+    made = []
+    kept = LruCache(lambda key: made.append(key) or key, lambda _: 7, 10)
+    kept.hold({1, 2})
+    for key in (1, 2, 1, 2, 1, 2):
+        kept.get(key)
+    assert made == [1, 2]
+    kept.get(3)  # beside them, as it is asked for
+    kept.get(1)
+    kept.get(2)
+    assert made == [1, 2, 3]
+    kept.hold({2})  # the others make room at once
+    kept.get(2)
+    kept.get(1)
+    assert made == [1, 2, 3, 1]
+
+
+def test_threads_share_the_making_of_a_value():
+    made, begun = [], threading.Barrier(4)
+    kept = LruCache(lambda key: made.append(key) or key, lambda _: 1, 10)
+
+    def ask():
+        begun.wait()
+        kept.get(1)
+
+    threads = [threading.Thread(target=ask) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert made == [1]
+
+
+def test_a_value_whose_making_failed_is_made_again():
+    tries = []
+
+    def make(key):
+        tries.append(key)
+        if len(tries) == 1:
+            raise OSError("not now")
+        return key
+
+    kept = LruCache(make, lambda _: 1, 10)
+    with pytest.raises(OSError, match="not now"):
+        kept.get(1)
+    assert kept.get(1) == 1
+
+
+def test_room_is_made_before_a_value_is_and_not_after():
+    others = []
+    kept = LruCache(
+        lambda key: others.append(set(kept._kept) - {key}),
+        lambda _: 7,
+        10,
+        expected_bytes=lambda _: 7,
+    )
+    for key in (1, 2, 3, 1):
+        kept.get(key)
+    assert others == [set()] * 4
+
+
+def test_a_value_that_is_being_made_is_not_let_go():
+    go_on, made = threading.Event(), []
+
+    def make(key):
+        made.append(key)
+        if key == 1:
+            go_on.wait(60)
+        return key
+
+    kept = LruCache(make, lambda _: 7, 10, expected_bytes=lambda _: 7)
+    kept.ahead(1)
+    kept.get(2)
+    kept.get(3)
+    go_on.set()
+    assert kept.get(1) == 1
+    assert made.count(1) == 1
+
+
+def test_a_value_that_is_made_ahead_is_there_when_it_is_asked_for():
+    made, begun, go_on = [], threading.Event(), threading.Event()
+
+    def make(key):
+        begun.set()
+        go_on.wait(60)
+        made.append(key)
+        return key
+
+    kept = LruCache(make, lambda _: 1, 10)
+    kept.ahead(1)
+    assert begun.wait(60)
+    kept.ahead(1)
+    go_on.set()
+    assert kept.get(1) == 1
+    assert made == [1]
+
+
+def test_a_fault_met_ahead_is_told_when_the_value_is_asked_for():
+    ended = threading.Event()
+
+    def make(_):
+        try:
+            raise InputError("photo.jpg", "is no photo")
+        finally:
+            ended.set()
+
+    kept = LruCache(make, lambda _: 1, 10)
+    kept.ahead(1)
+    assert ended.wait(60)
+    with pytest.raises(InputError, match="is no photo"):
+        kept.get(1)

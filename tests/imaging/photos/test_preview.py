@@ -1,0 +1,122 @@
+"""Photos reduced for looking at."""
+
+from __future__ import annotations
+
+import struct
+
+import cv2
+import numpy as np
+import pytest
+
+from uavgram.errors import InputError
+from uavgram.imaging.photos.preview import (
+    decode_preview,
+    jpeg_of_width,
+    jpeg_size,
+    preview_of,
+    read_preview,
+)
+
+
+def photo(width, height, colour=(1, 1, 1)):
+    """RGB photo with a bright blob a quarter from the left and a third from the top."""
+    rgb = np.full((height, width, 3), 40, np.uint8)
+    u, v = np.meshgrid(np.arange(width), np.arange(height))
+    sigma = width / 60
+    blob = np.exp(-((u - width / 4) ** 2 + (v - height / 3) ** 2) / (2 * sigma**2))
+    rgb[:] = 40 + 200 * blob[..., None] * colour
+    return rgb
+
+
+def write(path, rgb):
+    assert cv2.imwrite(str(path), rgb[:, :, ::-1])
+    return path
+
+
+def centroid(rgb):
+    weight = rgb[..., 0].astype(float) - 60
+    weight[weight < 0] = 0
+    v, u = np.indices(weight.shape)
+    return np.array([(u * weight).sum(), (v * weight).sum()]) / weight.sum()
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png"])
+@pytest.mark.parametrize(
+    ("width", "height", "asked"),
+    [(1603, 1201, 400), (1603, 1201, 333), (803, 602, 700), (301, 202, 800)],
+)
+def test_the_scale_leads_back_to_original_pixels(tmp_path, suffix, width, height, asked):
+    rgb = photo(width, height)
+    preview, pixels = read_preview(write(tmp_path / f"photo.{suffix}", rgb), asked)
+    small = decode_preview(preview)
+    back = (centroid(small) + 0.5) * preview.scale - 0.5
+
+    assert small.shape == pixels.shape == (preview.height_px, preview.width_px, 3)
+    assert preview.width_px <= min(asked, width)
+    assert preview.width_px >= 0.8 * min(asked, width)
+    np.testing.assert_allclose(back, centroid(rgb), atol=0.15)
+
+
+def test_colours_stay_in_their_channels(tmp_path):
+    preview, _ = read_preview(write(tmp_path / "photo.png", photo(400, 300, (1, 0, 0))), 200)
+    red, green, blue = decode_preview(preview)[50, 50].astype(int)
+
+    assert red > 180
+    assert green < 80
+    assert blue < 80
+
+
+def test_the_rotation_in_exif_is_not_applied(tmp_path):
+    path = write(tmp_path / "photo.jpg", photo(400, 300))
+    # Exif 2.32, 4.6.4: one IFD with one SHORT, tag 0x0112 (orientation) = 6: a quarter turn
+    tiff = b"MM\x00*\x00\x00\x00\x08\x00\x01" + struct.pack(">HHIHHI", 0x0112, 3, 1, 6, 0, 0)
+    segment = b"Exif\x00\x00" + tiff
+    plain = path.read_bytes()
+    header = b"\xff\xe1" + struct.pack(">H", len(segment) + 2)
+    path.write_bytes(plain[:2] + header + segment + plain[2:])
+    preview, _ = read_preview(path, 400)
+
+    assert cv2.imread(str(path)).shape[:2] == (400, 300)  # OpenCV would turn it
+    assert (preview.width_px, preview.height_px) == (400, 300)
+
+
+def test_the_size_in_the_header_is_that_of_the_pixels(tmp_path):
+    path = write(tmp_path / "photo.jpg", photo(123, 45))
+
+    assert jpeg_size(path.read_bytes()) == (123, 45)
+    assert jpeg_size(b"\x89PNG") is None
+    assert jpeg_size(path.read_bytes()[:30]) is None
+
+
+@pytest.mark.parametrize("content", [b"", b"no photo", b"\xff\xd8\xff\xe0\x00\x10JFIF"])
+def test_a_file_that_is_no_photo_is_an_input_error_that_names_it(tmp_path, content):
+    path = tmp_path / "photo.jpg"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"photo\.jpg: is no photo"):
+        read_preview(path)
+
+
+def test_a_missing_photo_is_an_input_error_that_names_it(tmp_path):
+    with pytest.raises(InputError, match=r"gone\.jpg: cannot be read: No such file"):
+        read_preview(tmp_path / "gone.jpg")
+
+
+def test_a_real_photo_keeps_its_shape(data_dir):
+    preview, _ = read_preview(data_dir / "brighton_beach" / "DJI_0025.JPG", 1000)
+    width, height = jpeg_size((data_dir / "brighton_beach" / "DJI_0025.JPG").read_bytes())
+
+    assert preview.width_px * preview.scale[0] == pytest.approx(width, abs=8)
+    assert preview.height_px * preview.scale[1] == pytest.approx(height, abs=8)
+    assert len(preview.jpeg) < 300_000
+
+
+def test_a_decoded_photo_is_reduced_as_its_file_is():
+    rng = np.random.default_rng(0)
+    grey = cv2.GaussianBlur(rng.integers(0, 255, (900, 1200)).astype(np.uint8), (0, 0), 8)
+    preview = preview_of(grey, 400)
+    assert (preview.width_px, preview.height_px) == (400, 300)
+    assert preview.scale == (3.0, 3.0)
+    mean = grey.reshape(300, 3, 400, 3).mean(axis=(1, 3))
+    assert np.abs(decode_preview(preview)[..., 0] - mean).mean() < 2.0
+    assert jpeg_size(jpeg_of_width(preview.jpeg, 100)) == (100, 75)
+    assert jpeg_size(jpeg_of_width(preview.jpeg, 1000)) == (400, 300)

@@ -1,0 +1,138 @@
+"""Photos of which few are decoded at a time: what is shown stays the photo's own pixels."""
+
+from __future__ import annotations
+
+import threading
+
+import cv2
+import numpy as np
+import pytest
+
+from uavgram.errors import InputError
+from uavgram.imaging.photos import tiled_photos as module
+from uavgram.imaging.photos.tiled_photos import PhotoFile, TiledPhotos
+from uavgram.imaging.photos.tiles import FIRST_COARSE, TILE_PX, fine_tile, overview_of
+
+WIDTH, HEIGHT = 1500, 1100
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Three photos."""
+    for k in range(3):
+        pixels = np.random.default_rng(k).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
+        cv2.imwrite(str(tmp_path / f"{k}.bmp"), pixels)
+    return [PhotoFile(str(tmp_path / f"{k}.bmp"), WIDTH, HEIGHT) for k in range(3)]
+
+
+@pytest.fixture
+def decoded(monkeypatch):
+    """Names of the files that were decoded; so little is kept that only one photo's pixels are."""
+    names, read = [], module.read_pixels
+
+    def counted(path, size_px):
+        names.append(path.rsplit("/", 1)[1])
+        return read(path, size_px)
+
+    monkeypatch.setattr(module, "read_pixels", counted)
+    monkeypatch.setattr(module, "PIXELS_BYTES", WIDTH * HEIGHT * 4)
+    return names
+
+
+def every_tile(photos, photo):
+    return [
+        photos.tile(photo, level, column, row)
+        for level in range(4)
+        for row in range(-(-HEIGHT // (TILE_PX << level)))
+        for column in range(-(-WIDTH // (TILE_PX << level)))
+    ]
+
+
+def test_tiles_are_the_same_before_and_after_a_photo_made_room_for_another(files, decoded):
+    photos = TiledPhotos(files)
+    before = every_tile(photos, 0)
+    every_tile(photos, 1)
+    assert every_tile(photos, 0) == before
+    pixels = cv2.imread(files[0].path)
+    assert before[0] == fine_tile(pixels, 0, 0, 0)
+    assert photos.tile(0, FIRST_COARSE, 0, 0) == overview_of(pixels).tile(FIRST_COARSE, 0, 0)
+    assert decoded[:3] == ["0.bmp", "1.bmp", "0.bmp"]
+
+
+def test_the_whole_of_a_photo_is_shown_again_without_waiting_for_its_pixels(
+    files, decoded, monkeypatch
+):
+    photos = TiledPhotos(files)
+    shown = photos.tile(0, FIRST_COARSE, 0, 0)
+    photos.tile(1, FIRST_COARSE, 0, 0)
+    read, go_on, begun = module.read_pixels, threading.Event(), threading.Event()
+
+    def later(path, size_px):
+        begun.set()
+        go_on.wait(60)
+        return read(path, size_px)
+
+    monkeypatch.setattr(module, "read_pixels", later)
+    assert photos.tile(0, FIRST_COARSE, 0, 0) == shown
+    assert begun.wait(60)  # before anyone looks closer
+    go_on.set()
+    photos.pixels(0)
+    assert decoded == ["0.bmp", "1.bmp", "0.bmp"]
+
+
+def test_photos_that_a_page_shows_side_by_side_are_decoded_once_each(files, decoded):
+    photos = TiledPhotos(files)
+    for _ in range(3):
+        for photo in range(3):
+            photos.show("page", (0, 1, 2))
+            photos.tile(photo, 0, 0, 0)
+    assert sorted(decoded) == ["0.bmp", "1.bmp", "2.bmp"]
+
+
+def test_what_one_page_shows_is_not_taken_from_it_by_another(files, decoded):
+    photos = TiledPhotos(files)
+    for _ in range(3):
+        for photo in range(2):
+            photos.show(f"page {photo}", (photo,))
+            photos.tile(photo, 0, 0, 0)
+    assert sorted(decoded) == ["0.bmp", "1.bmp"]
+
+
+def test_a_page_that_is_closed_keeps_nothing(files, decoded, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
+    photos = TiledPhotos(files)
+    photos.show("closed", (0,))
+    photos.tile(0, 0, 0, 0)
+    now[0] = module.IN_USE_S + 1
+    photos.show("open", (1,))
+    photos.tile(1, 0, 0, 0)
+    photos.tile(0, 0, 0, 0)
+    assert decoded == ["0.bmp", "1.bmp", "0.bmp"]
+
+
+@pytest.mark.usefixtures("decoded")
+def test_what_cannot_be_decoded_any_more_is_said_and_the_rest_lives_on(files, tmp_path):
+    photos = TiledPhotos(files)
+    shown = photos.tile(0, FIRST_COARSE, 0, 0)
+    photos.tile(1, 0, 0, 0)
+    (tmp_path / "0.bmp").write_bytes(b"no photo")
+    assert photos.tile(0, FIRST_COARSE, 0, 0) == shown
+    for _ in range(2):
+        with pytest.raises(InputError, match="no photo"):
+            photos.tile(0, 0, 0, 0)
+    assert photos.tile(1, 0, 0, 0) is not None
+
+
+@pytest.mark.parametrize("level", [0, FIRST_COARSE])
+@pytest.mark.parametrize("photo", [-1, 3])
+def test_there_is_no_tile_of_a_photo_that_is_not_there(files, photo, level):
+    assert TiledPhotos(files).tile(photo, level, 0, 0) is None
+
+
+def test_a_photo_that_is_read_ahead_is_decoded_once(files, decoded):
+    photos = TiledPhotos(files)
+    photos.read_ahead(2)
+    assert photos.tile(2, FIRST_COARSE, 0, 0) is not None
+    assert photos.tile(2, 0, 0, 0) is not None
+    assert decoded == ["2.bmp"]

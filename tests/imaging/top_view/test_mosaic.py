@@ -1,0 +1,181 @@
+"""The ground put together from photos of a known ground."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from uavgram.imaging.photos.preview import Preview, decode_preview
+from uavgram.imaging.top_view import mosaic
+from uavgram.imaging.top_view.mosaic import Mosaic
+from uavgram.imaging.top_view.mosaic_grid import Cameras, Grid, choose, plane_height
+
+SCALE = 4
+
+
+@pytest.fixture(scope="module")
+def survey():
+    import synthetic_survey
+
+    return synthetic_survey
+
+
+def previews(survey, result, paint=None):
+    made = {}
+    for i in np.flatnonzero(result.has_refined):
+        poses = result.frames.refined
+        rgb = survey.render(poses.center_world_m[i], poses.world_from_camera[i], SCALE)
+        if paint is not None:
+            rgb[:] = paint(i)
+        made[result.frames.frame_id[i]] = Preview(
+            survey.jpeg(rgb), rgb.shape[1], rgb.shape[0], (float(SCALE), float(SCALE))
+        )
+    return made
+
+
+def ground_texture(result, photos, *size):
+    """The mosaic of these photos, added from the last to the first."""
+    made = Mosaic(result, photos, SCALE, *size)
+    for name in reversed(photos):
+        made.add(name, decode_preview(photos[name])[..., ::-1])
+    return made.texture()
+
+
+def spots(texture):
+    """(H, W, 2) world east and north of the pixels' centres."""
+    rows, columns = texture.covered.shape
+    east = texture.west_m + (np.arange(columns) + 0.5) * texture.pixel_size_m
+    north = texture.north_m - (np.arange(rows) + 0.5) * texture.pixel_size_m
+    return np.stack(np.meshgrid(east, north), axis=-1)
+
+
+def test_the_mosaic_shows_the_ground_where_it_is(survey):
+    result = survey.build()
+    texture = ground_texture(result, previews(survey, result))
+    at = spots(texture)
+    truth = survey.ground_rgb(at[..., 0], at[..., 1]).astype(float)
+    difference = np.abs(texture.rgb - truth).mean(axis=-1)[texture.covered]
+
+    assert texture.covered.mean() > 0.6
+    assert np.median(difference) < 3
+    # the brown field's western edge, at east -29, to a pixel
+    row = np.argmin(np.abs(at[:, 0, 1] + 18))
+    red = texture.rgb[row, :, 0].astype(int)
+    edge = at[row, np.argmax((red > 110) & (at[row, :, 0] < -20)), 0]
+    assert edge == pytest.approx(-29, abs=1.5 * texture.pixel_size_m)
+
+
+def test_each_spot_comes_from_the_frame_most_above_it(survey):
+    result = survey.build(clean=True)
+    texture = ground_texture(result, previews(survey, result, paint=lambda i: (12 * i, 60, 60)))
+    at = spots(texture)[8::16, 8::16]
+    shown = texture.rgb[8::16, 8::16, 0].astype(float) / 12
+    centers = result.frames.refined.center_world_m
+    away = np.linalg.norm(at[:, :, None] - centers[:, :2], axis=-1) / centers[:, 2]
+    first, second = np.sort(away, axis=-1)[..., :2].transpose(2, 0, 1)
+    # well inside the photo below, and well away from where the next frame fades in
+    inside = texture.covered[8::16, 8::16] & (first < 0.2) & (second - first > 0.08)
+    nearest = away.argmin(axis=-1)
+
+    assert inside.sum() > 100
+    assert np.mean(np.round(shown[inside]) == nearest[inside]) > 0.97
+
+
+def test_frames_fade_into_each_other_at_seams(survey):
+    result = survey.build(clean=True)
+    texture = ground_texture(result, previews(survey, result, paint=lambda i: (200 * (i % 2),) * 3))
+    red, covered = texture.rgb[..., 0].astype(int), texture.covered
+    step = np.abs(np.diff(red, axis=1))[covered[:, 1:] & covered[:, :-1]]
+
+    assert red[covered].max() == 200
+    assert red[covered].min() == 0
+    assert np.quantile(step, 0.999) < 20  # a hard seam steps by 200
+
+
+def test_a_sloping_plane_is_met_at_its_slope(survey):
+    result = survey.build()
+    shared = replace(
+        result.shared,
+        plane_height_m=replace(result.shared.plane_height_m, value=[2.0]),
+        plane_slope_deg=replace(result.shared.plane_slope_deg, value=[45.0, 0.0]),
+        plane_pivot_m=[10.0, 0.0],
+    )
+    height = plane_height(replace(result, shared=shared), np.array([[10.0, 5.0], [13.0, -7.0]]))
+
+    np.testing.assert_allclose(height, [2.0, 5.0])
+
+
+def test_the_mosaic_stays_within_its_size(survey):
+    result = survey.build()
+    texture = ground_texture(result, previews(survey, result), 200)
+
+    assert max(texture.covered.shape) <= 200 + mosaic.CELL_PX
+
+
+def test_without_photos_or_refined_frames_there_is_no_mosaic(survey):
+    result = survey.build()
+    nowhere = np.full_like(result.frames.refined.center_world_m, np.nan)
+    refined = replace(result.frames.refined, center_world_m=nowhere)
+    unposed = replace(result, frames=replace(result.frames, refined=refined))
+
+    assert ground_texture(result, {}) is None
+    assert ground_texture(unposed, previews(survey, result)) is None
+
+
+def test_a_frame_that_shows_all_of_a_cell_goes_before_one_that_shows_some(survey):
+    result = survey.build(clean=True)
+    poses = result.frames.refined
+    cameras = Cameras(poses.center_world_m, poses.world_from_camera)
+    grid = Grid(result, -60.0, 50.0, 0.15, 64, (10, 12))
+    choice = choose(grid, cameras)
+    row, column = np.meshgrid(np.arange(11.0) * 64, np.arange(13.0) * 64, indexing="ij")
+    world = grid.world(column, row)
+    seen = np.array(
+        [
+            np.isfinite(grid.pixels_in(cameras, f, world)[..., 0])
+            for f in range(len(poses.center_world_m))
+        ]
+    )
+    whole = seen[:, :-1, :-1] & seen[:, 1:, :-1] & seen[:, :-1, 1:] & seen[:, 1:, 1:]
+    i, j = np.nonzero(whole.any(axis=0))
+
+    assert len(i) > 20
+    assert whole[choice[i, j], i, j].all()
+    # what only a part of some photo shows is shown too
+    assert ((choice >= 0) & ~whole.any(axis=0)).any()
+
+
+def test_a_mosaic_much_coarser_than_the_photos_does_not_flicker(survey):
+    result = survey.build(clean=True)
+    noise = np.random.default_rng(5)
+    photos = previews(survey, result, paint=lambda _: (0, 0, 0))
+    made = Mosaic(result, photos, SCALE, 60)
+    for name in photos:
+        made.add(
+            name, noise.choice(np.array([0, 255], np.uint8), (1232 // SCALE, 1640 // SCALE, 3))
+        )
+    texture = made.texture()
+
+    # one pixel of it stands for dozens of black and white ones
+    assert texture.rgb[texture.covered].std() < 255 / 2 / 3
+    assert texture.rgb[texture.covered].mean() == pytest.approx(127.5, abs=5)
+
+
+def test_hundreds_of_frames_choose_in_coarser_cells(survey):
+    result = survey.build(frame_count=500)
+    some = dict(list(previews(survey, survey.build(frame_count=20)).items()))
+    texture = ground_texture(result, some)
+
+    assert texture.covered.any()
+
+
+@pytest.mark.parametrize(("grey", "gain"), [(20, 3.0), (80, 2.5), (120, 1.0), (250, 1.0)])
+def test_dark_ground_is_brightened_to_be_seen_and_says_by_how_much(survey, grey, gain):
+    result = survey.build(clean=True)
+    photos = previews(survey, result, paint=lambda _: (grey, grey, grey))
+    texture = ground_texture(result, dict(list(photos.items())[:2]))
+
+    assert texture.gain == gain
+    assert np.abs(texture.rgb[texture.covered].astype(float) - gain * grey).max() <= 2 * gain

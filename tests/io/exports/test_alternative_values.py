@@ -1,0 +1,58 @@
+"""What other solutions would change, in results.json, measurements.csv and points.geojson."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import pytest
+from unsure import unsure
+
+from uavgram.io.exports.geojson import dump_geojson
+from uavgram.io.exports.measurements_csv import dump_measurements_csv
+from uavgram.io.results.results_json import dump_results, load_results
+
+
+@pytest.fixture
+def marked(sample_result):
+    return unsure(sample_result, "o", (31.25, 44.9))
+
+
+def test_results_json_has_them_with_the_measurement_and_gives_them_back(marked, tmp_path):
+    path = tmp_path / "results.json"
+    path.write_text(dump_results(marked), encoding="utf-8")
+    kept = {
+        m["name"]: m["alternative_values"] for m in json.loads(path.read_text())["measurements"]
+    }
+
+    assert kept == {**{name: [] for name in kept}, "o": [31.25, 44.9]}
+    back = load_results(path)
+    assert back.measurements.alternative_values == marked.measurements.alternative_values
+    assert dump_results(back) == dump_results(marked)
+
+
+def test_a_file_of_before_has_none(marked, tmp_path):
+    path, content = tmp_path / "results.json", json.loads(dump_results(marked))
+    for record in content["measurements"]:
+        del record["alternative_values"]
+    path.write_text(json.dumps(content), encoding="utf-8")
+
+    assert not load_results(path).measurements.is_ambiguous.any()
+
+
+def test_the_csv_joins_them(marked):
+    rows = list(csv.DictReader(io.StringIO(dump_measurements_csv(marked))))
+
+    assert [row["alternatives"] for row in rows] == ["", "", "31.25000;44.90000", "", "", ""]
+
+
+def test_the_geojson_lists_them(marked):
+    features = json.loads(dump_geojson(marked))["features"]
+    kept = {
+        f["properties"]["name"]: f["properties"]["alternative_values"]
+        for f in features
+        if f["properties"]["type"] == "measurement"
+    }
+
+    assert kept == {**{name: [] for name in kept}, "o": [31.25, 44.9]}

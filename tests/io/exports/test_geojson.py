@@ -1,0 +1,104 @@
+"""points.geojson against RFC 7946, with distances judged by pyproj."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pyproj import Geod
+
+from uavgram.io.exports.geojson import dump_geojson, write_geojson
+
+GEOD = Geod(ellps="WGS84")
+
+
+@pytest.fixture
+def features(sample_result):
+    content = json.loads(dump_geojson(sample_result))
+    assert content["type"] == "FeatureCollection"
+    assert all(set(f) == {"type", "geometry", "properties"} for f in content["features"])
+    return content["features"]
+
+
+def of_type(features, kind):
+    return [f for f in features if f["properties"]["type"] == kind]
+
+
+def test_points_are_longitude_then_latitude(features):
+    first = of_type(features, "point")[0]
+
+    assert first["geometry"] == {"type": "Point", "coordinates": [-104.6, 50.1]}
+    assert first["properties"]["label"] == "P"
+    assert first["properties"]["frames"] == ["a.jpg", "b.jpg"]
+    assert np.shape(first["properties"]["covariance_m2"]) == (2, 2)
+
+
+def test_an_ellipse_has_its_axes_in_metres_and_its_azimuth_from_north(features):
+    ring = np.array(of_type(features, "ellipse_95")[2]["geometry"]["coordinates"][0])
+    centre = np.tile([-104.5999, 50.1001], (len(ring), 1))
+
+    azimuth, _, distance = GEOD.inv(*centre.T, *ring.T)
+    farthest = np.argmax(distance)
+    assert distance.max() == pytest.approx(5.0, abs=1e-6)
+    assert distance.min() == pytest.approx(1.0, abs=1e-6)
+    assert azimuth[farthest] % 180 == pytest.approx(np.rad2deg(3.1), abs=1e-4)
+
+
+def test_every_ring_is_closed_and_counterclockwise(features):
+    rings = [f["geometry"]["coordinates"][0] for f in features if _is_polygon(f)]
+
+    assert len(rings) == 4
+    for ring in rings:
+        assert ring[0] == ring[-1]
+        x, y = (np.array(ring) - ring[0]).T
+        assert np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) > 0
+
+
+def _is_polygon(feature) -> bool:
+    return feature["geometry"] is not None and feature["geometry"]["type"] == "Polygon"
+
+
+def test_measurements_are_drawn_by_their_kind(features):
+    shapes = {f["properties"]["kind"]: f["geometry"] for f in of_type(features, "measurement")}
+
+    assert shapes["distance"] == {
+        "type": "LineString",
+        "coordinates": [[-104.6, 50.1], [-104.5999, 50.1001]],
+    }
+    assert shapes["area"]["type"] == "Polygon"
+    assert shapes["angle"]["coordinates"][1] == [-104.6003, 50.1002]
+    assert shapes["coordinate"] == {"type": "Point", "coordinates": [-104.6, 50.1]}
+    assert shapes["skid_speed"] is None  # one of its points was never seen
+
+
+def test_a_line_distance_is_drawn_perpendicular_to_its_line(features):
+    shapes = {f["properties"]["kind"]: f["geometry"] for f in of_type(features, "measurement")}
+    point, foot = shapes["line_distance"]["coordinates"]
+
+    along, _, _ = GEOD.inv(-104.6003, 50.1002, -104.5999, 50.1001)
+    across, _, _ = GEOD.inv(*point, *foot)
+    on_line, _, _ = GEOD.inv(-104.6003, 50.1002, *foot)
+    assert (along - across) % 180 == pytest.approx(90, abs=0.5)
+    assert (along - on_line + 90) % 180 == pytest.approx(90, abs=0.01)
+
+
+def test_values_that_cannot_be_computed_are_null(features):
+    skid = next(f for f in features if f["properties"].get("kind") == "skid_speed")
+
+    assert skid["properties"]["value"] is None
+    assert skid["properties"]["upper_95"] is None
+
+
+@pytest.mark.parametrize("gauge", ["plane", "world"])
+def test_without_a_place_on_earth_it_is_empty_and_says_why(sample_result, tmp_path, gauge):
+    world = replace(
+        sample_result.world, latitude_deg=None, longitude_deg=None, height_m=None, gauge=gauge
+    )
+    path = tmp_path / "points.geojson"
+    write_geojson(replace(sample_result, world=world), path)
+
+    content = json.loads(path.read_text(encoding="utf-8"))
+    assert content["features"] == []
+    assert "no geographic position" in content["message"]

@@ -1,0 +1,150 @@
+"""Damage a log in many ways and read each: run by test_mutated_logs.py in processes of its own.
+
+    python mutated_logs.py SOURCE SUFFIX FIRST_SEED COUNT
+
+prints a JSON object: how many were read and refused, the slowest reading, the growth of memory,
+and what went wrong (an error that is none of ours, an implausible value), with the seed.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+import tempfile
+import time
+import traceback
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.errors import UavgramError
+from uavgram.io.logs.flight_log import read_flight_log
+from uavgram.stages.log_summary import summarise_log
+
+SLOWEST_S = 5.0
+
+
+def flipped(data, rng):
+    """Some bits turned over."""
+    damaged = np.frombuffer(data, dtype=np.uint8).copy()
+    at = rng.integers(0, len(damaged), int(10 ** rng.uniform(0, 2.5)))
+    damaged[at] ^= (1 << rng.integers(0, 8, len(at))).astype(np.uint8)
+    return damaged.tobytes()
+
+
+def cut(data, rng):
+    """A piece left out, or the end."""
+    a, b = sorted(rng.integers(0, len(data), 2).tolist())
+    return data[:a] if rng.random() < 0.4 else data[:a] + data[b:]
+
+
+def spliced(data, rng):
+    """A piece put somewhere else once more."""
+    a, b = sorted(rng.integers(0, len(data), 2).tolist())
+    at = int(rng.integers(0, len(data)))
+    return data[:at] + data[a : min(b, a + len(data) // 3)] + data[at:]
+
+
+def zeroed(data, rng):
+    """A piece filled with zeros, or with one other byte."""
+    a = int(rng.integers(0, len(data)))
+    b = min(len(data), a + int(10 ** rng.uniform(0, 4)))
+    filling = 0 if rng.random() < 0.7 else int(rng.integers(1, 256))
+    return data[:a] + bytes([filling]) * (b - a) + data[b:]
+
+
+MUTATIONS = (flipped, cut, spliced, zeroed)
+
+
+def mutated(data, seed):
+    """One to three of the mutations, by the seed."""
+    rng = np.random.default_rng(seed)
+    for _ in range(int(rng.integers(1, 4))):
+        data = MUTATIONS[int(rng.integers(0, len(MUTATIONS)))](data, rng)
+        if len(data) < 2:
+            break
+    return data
+
+
+def check(summary):
+    """Say what of a log that was read is not plausible; an empty list where all is."""
+    undulation = summary.log.undulation_m
+    demands = [("undulation", not np.isfinite(undulation) or abs(undulation) < 150)]
+    for part in summary.boots:
+        demands += [*of_track(part), *of_angles(part.boot), *of_events(part.boot)]
+        if (clock := part.clock) is not None:
+            demands.append(("drift", abs(clock.rate - 1) < 3e-3))
+            demands.append(("clock", 1.2e9 < clock.offset_s < 3.6e9))
+            demands.append(("sigma of the clock", 0 < clock.sigma_s < 1))
+    return [what for what, truth in demands if not np.all(truth)]
+
+
+def of_track(part):
+    """Where, how fast, how well known."""
+    if (p := part.boot.positions) is not None:
+        step = np.diff(p.time_boot_s)
+        yield "latitude", np.abs(p.latitude_deg) <= 90
+        yield "longitude", np.abs(p.longitude_deg) <= 180
+        yield "height", np.abs(p.height_m) < 20000
+        yield "times of positions", (step > 0) & (p.time_boot_s[-1] < 30 * 86400)
+        run = np.linalg.norm(np.diff(part.track_m, axis=0), axis=1)
+        yield "speed", run < 5 * (60 + 200 * np.minimum(step, 20) * 4)
+    if (s := part.boot.sigmas) is not None:
+        for values in (s.horizontal_m, s.vertical_m):
+            yield "sigma", np.isnan(values) | ((values > 0) & (values < 1000))
+    if (h := part.boot.home) is not None:
+        yield "home", (np.abs(h.latitude_deg) <= 90) & (np.abs(h.height_m) < 20000)
+
+
+def of_angles(boot):
+    """How it was turned."""
+    if (a := boot.attitudes) is not None:
+        yield "attitude", np.abs(np.linalg.norm(a.ned_from_body_xyzw, axis=1) - 1) < 1e-6
+        yield "times of attitudes", np.diff(a.time_boot_s) > 0
+    if (g := boot.gimbal) is not None:
+        angles = np.c_[g.roll_rad, g.pitch_rad, g.yaw_rad]
+        yield "gimbal", np.abs(angles) <= np.radians(361)
+
+
+def of_events(boot):
+    """When it took photos."""
+    if (e := boot.events) is not None:
+        yield "times of events", (np.diff(e.time_boot_s) > 0) & (e.time_boot_s[0] >= 0)
+        yield "image numbers", (e.image_number >= -1) & (e.image_number < 1e6)
+
+
+def peak_bytes():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def examine(source, suffix, first_seed, count):
+    """Read `count` damaged forms of one log."""
+    data = Path(source).read_bytes()
+    told = {"read": 0, "refused": 0, "slowest_s": 0.0, "wrong": []}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"log{suffix}"
+        path.write_bytes(data)
+        summarise_log(read_flight_log(path, positions_needed=False))
+        base = peak_bytes()
+        for seed in range(first_seed, first_seed + count):
+            path.write_bytes(mutated(data, seed))
+            start = time.perf_counter()
+            try:
+                summary = summarise_log(read_flight_log(path, positions_needed=False))
+                told["read"] += 1
+                told["wrong"] += [f"seed {seed}: {w}" for w in check(summary)]
+            except UavgramError:
+                told["refused"] += 1
+            except Exception as error:  # noqa: BLE001 - whatever it is, it is the finding
+                at = traceback.extract_tb(error.__traceback__)[-1]
+                place = f"{Path(at.filename).name}:{at.lineno}"
+                told["wrong"].append(f"seed {seed}: {type(error).__name__} in {place}: {error}")
+            told["slowest_s"] = max(told["slowest_s"], time.perf_counter() - start)
+    told["growth_bytes"] = peak_bytes() - base
+    return told
+
+
+if __name__ == "__main__":
+    source, suffix, first_seed, count = sys.argv[1:]
+    sys.stdout.write(json.dumps(examine(source, suffix, int(first_seed), int(count))))

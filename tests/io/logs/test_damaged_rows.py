@@ -1,0 +1,163 @@
+"""One damaged row of a log: left out and named, never taken and never the whole table's end."""
+
+import re
+
+import numpy as np
+import pytest
+from log_mutants import short_logs
+
+from uavgram.io.logs.dataflash.binary import index_binary
+from uavgram.io.logs.flight_log import read_flight_log
+from uavgram.io.logs.quality.neighbours import off_neighbours
+from uavgram.io.logs.quality.rows import is_spike, restarts
+
+
+@pytest.fixture(scope="module")
+def good_text(repository):
+    """The first ten seconds of the flight as text."""
+    return short_logs(repository / "logs")[".log"].decode("latin-1")
+
+
+@pytest.fixture
+def read_text(tmp_path):
+    def read(text):
+        path = tmp_path / "flight.log"
+        path.write_text(text, encoding="latin-1")
+        return read_flight_log(path)
+
+    return read
+
+
+@pytest.fixture
+def read_changed(repository, tmp_path):
+    """Read the binary log with fields of some rows changed (raw numbers, as they are stored)."""
+
+    def read(message, rows, **fields):
+        data = bytearray((repository / "logs" / "twin_short.BIN").read_bytes())
+        (piece,) = index_binary("", bytes(data)).pieces[message]
+        dtype = piece.format.dtype()
+        for row in np.atleast_1d(np.arange(len(piece.starts))[rows]):
+            for name, change in fields.items():
+                kind, offset = dtype.fields[name][:2]
+                at = piece.starts[row] + 3 + offset
+                old = np.frombuffer(data, kind, 1, at)[0]
+                data[at : at + kind.itemsize] = np.array(change(old), kind).tobytes()
+        path = tmp_path / "flight.BIN"
+        path.write_bytes(data)
+        return read_flight_log(path)
+
+    return read
+
+
+def test_the_undamaged_log_has_no_remark(read_text, good_text):
+    assert read_text(good_text).notes == ()
+
+
+@pytest.mark.parametrize("number", ["nan", "-1", "7", "9" * 5000, ""])
+def test_one_damaged_instance_does_not_cost_the_gimbal(read_text, good_text, number):
+    rows = len(read_text(good_text).boots[0].gimbal.time_boot_s)
+    log = read_text(
+        re.sub(r"^(MNT, \d+), 0,", rf"\1, {number},", good_text, count=1, flags=re.MULTILINE)
+    )
+    assert len(log.boots[0].gimbal.time_boot_s) == rows - 1
+    assert any("MNT" in note and "dropped" in note for note in log.notes), log.notes
+
+
+def test_a_format_stated_anew_in_mid_log_holds_from_there_on(read_text, good_text):
+    lines = good_text.splitlines()
+    mounts = [k for k, line in enumerate(lines) if line.startswith("MNT,")]
+    (stated,) = (line for line in lines if line.startswith("FMT,") and ", MNT," in line)
+    lines.insert(mounts[len(mounts) // 2], stated.replace("Pitch", "Patch"))
+    whole, half = read_text(good_text), read_text("\n".join(lines))
+    kept = half.boots[0].gimbal.pitch_rad
+    assert np.array_equal(kept, whole.boots[0].gimbal.pitch_rad[: len(kept)])
+    assert len(kept) > 0.4 * len(mounts)
+    assert any(note.startswith("the format of MNT changes at byte") for note in half.notes)
+    assert any("MNT rows make no sense" in note for note in half.notes)
+
+
+def test_a_format_number_of_5000_digits_is_skipped(read_text, good_text):
+    log = read_text(f"FMT, {'9' * 5000}, 20, NEW, Q, TimeUS\n{good_text}")
+    assert any("format message at byte 0 makes no sense" in note for note in log.notes)
+
+
+def test_rows_without_a_pitch_are_told_not_forgotten(read_text, good_text):
+    stated = re.sub(r"^(FMT,.* MNT,.*),Pitch", r"\1,Patch", good_text, flags=re.MULTILINE)
+    log = read_text(stated)
+    assert log.boots[0].gimbal is None
+    assert any("no Pitch" in note for note in log.notes)
+
+
+@pytest.mark.parametrize(
+    ("message", "first", "second"),
+    [("MNT", "Roll", "Pitch"), ("MNT", "TimeUS", "YawB"), ("ATT", "Roll", "Yaw")],
+)
+def test_field_names_that_were_exchanged_are_told(read_text, good_text, message, first, second):
+    (stated,) = (x for x in good_text.splitlines() if x.startswith("FMT,") and f", {message}," in x)
+    names = stated.rsplit(", ", 1)[1].split(",")
+    i, j = names.index(first), names.index(second)
+    names[i], names[j] = second, first
+    log = read_text(good_text.replace(stated, f"{stated.rsplit(', ', 1)[0]}, {','.join(names)}"))
+    assert any(f"the format of {message} names" in note for note in log.notes), log.notes
+
+
+@pytest.mark.parametrize(
+    ("message", "field", "change", "size"),
+    [
+        ("MNT", "Pitch", lambda old: old + 149, "by 149 degrees at 153.94 s"),
+        ("MNT", "YawE", lambda old: old + 20, r"by 1[5-9]\.\d degrees at 153.94 s"),
+        ("ATT", "Roll", lambda old: old + 15, r"by 1[3-5](\.\d)? degrees at 154.04 s"),
+        ("POS", "Alt", lambda old: old + 13.1, "by 13.1 m at 154.04 s"),
+        ("POS", "Lat", lambda old: old + 4096, r"by 45\.\d m at 154.04 s"),
+    ],
+)
+def test_a_row_off_its_neighbours_is_left_out_by_name(read_changed, message, field, change, size):
+    row = {"MNT": 42}.get(message, 40)
+    log = read_changed(message, row, **{field: change})
+    (note,) = log.notes
+    assert re.search(rf"\({message}: {size}", note), note
+    boot = log.boots[0]
+    table = {"MNT": boot.gimbal, "ATT": boot.attitudes, "POS": boot.positions}[message]
+    assert len(table.time_boot_s) == (229 if message == "MNT" else 219)
+
+
+def test_a_home_that_positions_contradict_is_left_out(read_changed):
+    log = read_changed("ORGN", 3, Alt=lambda old: old - 4096)
+    assert log.boots[0].home.height_m.tolist() == [584.08]
+    assert any("home by ORGN at 41.94 s" in n and "-41.0 m" in n for n in log.notes), log.notes
+
+
+def test_a_home_far_from_another_is_told(read_changed):
+    log = read_changed("ORGN", 3, Lat=lambda old: old + (1 << 16))
+    assert any("home by ORGN moves by 727 m" in note for note in log.notes), log.notes
+
+
+def test_attitudes_that_another_message_contradicts_are_told(read_changed):
+    log = read_changed("ATT", slice(100, 160), Roll=lambda old: old + 20)
+    (note,) = log.notes
+    assert "attitudes by ATT and by XKF1 contradict each other at 60 of 220 times" in note
+
+
+def test_positions_that_the_receiver_contradicts_are_told(read_changed):
+    log = read_changed("POS", slice(100, 160), Lat=lambda old: old + 8000)
+    (note,) = log.notes
+    assert "positions by POS and by the receiver (GPS) contradict each other" in note
+    assert "by 88" in note
+
+
+def test_a_step_that_stays_and_a_turn_are_no_damage():
+    time = np.arange(40) * 0.1
+    step = np.where(time > 2, 100.0, 0.0)[:, None]
+    assert off_neighbours(time, step).max() == 0
+    turn = np.column_stack([np.cos(time), np.sin(time)])
+    assert off_neighbours(time, turn).max() < 0.011  # the acceleration of a step of 0.1 s
+    turn[20] += 3
+    assert np.flatnonzero(off_neighbours(time, turn) > 1).tolist() == [20]
+
+
+def test_a_time_that_is_no_number_is_a_spike_and_no_restart():
+    """Two infinite times side by side: their difference is no number."""
+    time = np.array([1.0, 2.0, np.inf, np.inf, np.nan, 3.0, 4.0, 5.0])
+
+    assert is_spike(time).tolist() == [False, False, True, True, True, False, False, False]
+    assert restarts(time).tolist() == []

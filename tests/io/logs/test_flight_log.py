@@ -1,0 +1,86 @@
+"""Logs of any kind: told apart by content, and our own short logs."""
+
+import log_mutants
+import numpy as np
+import pytest
+
+from uavgram.errors import InputError
+from uavgram.io.logs.flight_log import read_flight_log
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "positions", "events"),
+    [("twin_short.BIN", "dataflash", 220, 11), ("twin_short.tlog", "tlog", 220, 11)],
+)
+def test_our_own_short_logs_are_read(repository, name, kind, positions, events):
+    log = read_flight_log(repository / "logs" / name)
+    (boot,) = log.boots
+    assert log.kind == kind
+    assert len(boot.positions.time_boot_s) == positions
+    assert len(boot.events.time_boot_s) == events
+    assert boot.gimbal is not None
+    assert boot.home.height_m[0] == 584.08
+    assert log.notes == ()
+
+
+def test_both_short_logs_tell_the_same_flight(repository):
+    first, second = (
+        read_flight_log(repository / "logs" / f"twin_short.{kind}").boots[0]
+        for kind in ("BIN", "tlog")
+    )
+    time = np.arange(151.0, 171.0, 0.5)
+    for name, tolerance in (("latitude_deg", 2e-7), ("longitude_deg", 2e-7), ("height_m", 0.02)):
+        a, b = (
+            np.interp(time, boot.positions.time_boot_s, getattr(boot.positions, name))
+            for boot in (first, second)
+        )
+        assert np.abs(a - b).max() < tolerance, name
+    assert np.abs(first.events.time_boot_s - second.events.time_boot_s).max() < 0.001
+
+
+@pytest.mark.parametrize(("source", "name"), [("BIN", "a.tlog"), ("tlog", "a.dat")])
+def test_the_content_decides_what_the_suffix_does_not_tell(repository, tmp_path, source, name):
+    path = tmp_path / name
+    path.write_bytes((repository / "logs" / f"twin_short.{source}").read_bytes())
+    assert read_flight_log(path).kind == {"BIN": "dataflash", "tlog": "tlog"}[source]
+
+
+def test_an_unknown_kind_is_refused_with_the_known_ones(tmp_path):
+    path = tmp_path / "flight.gpx"
+    path.write_bytes(b"<gpx>")
+    with pytest.raises(InputError, match=r"DataFlash \.bin"):
+        read_flight_log(path)
+
+
+def test_a_missing_log_is_an_input_error(tmp_path):
+    with pytest.raises(InputError, match="cannot be read"):
+        read_flight_log(tmp_path / "none.BIN")
+
+
+def sdlog2_head():
+    """Formats and a message as PX4's sdlog2 begins a file: DataFlash's framing, other contents."""
+
+    def fmt(number, length, name, characters, fields):
+        body = name.ljust(4, b"\0") + characters.ljust(16, b"\0") + fields.ljust(64, b"\0")
+        return b"\xa3\x95\x80" + bytes([number, length]) + body
+
+    time = fmt(129, 11, b"TIME", b"Q", b"StartTime")
+    return time + fmt(2, 7, b"ATT", b"f", b"Roll") + b"\xa3\x95\x81" + bytes(8)
+
+
+@pytest.mark.parametrize("name", ["flight.px4log", "flight.bin", "flight.tlog"])
+def test_an_sdlog2_file_is_refused_by_name(tmp_path, name):
+    path = tmp_path / name
+    path.write_bytes(sdlog2_head())
+    with pytest.raises(InputError, match=r"is a PX4 log of the old form sdlog2.*give the ground"):
+        read_flight_log(path)
+
+
+@pytest.mark.parametrize("cut", [0, 7])
+@pytest.mark.parametrize("name", ["flight.bin", "flight.tlog", "flight.raw"])
+def test_a_stream_without_time_stamps_is_refused_by_name(repository, tmp_path, name, cut):
+    records = log_mutants.records((repository / "logs" / "twin_short.tlog").read_bytes())
+    path = tmp_path / name
+    path.write_bytes(b"".join(record[8:] for record in records)[cut:])
+    with pytest.raises(InputError, match="is a MAVLink stream without time stamps: nothing says"):
+        read_flight_log(path)

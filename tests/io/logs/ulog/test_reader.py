@@ -1,0 +1,223 @@
+"""PX4 logs: columns against pyulog, meaning against written flights, old and new names, damage."""
+
+import numpy as np
+import pytest
+from pyulog import ULog
+
+from uavgram.errors import InputError
+from uavgram.io.logs.flight_log import read_flight_log
+from uavgram.io.logs.ulog.reader import read_ulog
+from uavgram.io.logs.ulog.samples import _from_local, _is_global
+from uavgram.io.logs.ulog.topics import Topic, read_tables
+
+REAL = (
+    "sample.ulg",
+    "sample_appended_multiple.ulg",
+    "sample_log_small.ulg",
+    "sample_logging_tagged_and_default_params.ulg",
+    "sample_px4_events.ulg",
+)
+
+
+@pytest.fixture
+def save(tmp_path):
+    def write(data, name="flight.ulg"):
+        path = tmp_path / name
+        path.write_bytes(data)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_every_field_equals_pyulogs(data_dir, name):
+    path = data_dir / "logs" / name
+    tables = read_tables(str(path), path.read_bytes())
+    expected = [d for d in ULog(str(path)).data_list if len(d.data["timestamp"])]
+    assert sum(len(topics) for topics in tables.topics.values()) == len(expected) > 10
+    for d in expected:
+        same = [t for t in tables.topics[d.name] if len(t.time_s) == len(d.data["timestamp"])]
+        assert any(
+            all(np.array_equal(t.fields[f], d.data[f], equal_nan=True) for f in d.data)
+            for t in same
+        ), d.name
+
+
+@pytest.mark.parametrize(
+    ("name", "source", "rows", "firmware"),
+    [
+        ("sample_px4_events.ulg", "vehicle_global_position", 109, "PX4 v1.15.0 (development"),
+        (
+            "sample_logging_tagged_and_default_params.ulg",
+            "vehicle_local_position",
+            130,
+            "PX4 v1.13.0",
+        ),
+        ("sample_log_small.ulg", "vehicle_gps_position", 32, "PX4 v1.11.2"),
+    ],
+)
+def test_the_best_position_that_a_log_has_is_taken(data_dir, name, source, rows, firmware):
+    log = read_flight_log(data_dir / "logs" / name)
+    positions = log.boots[0].positions
+    assert (log.kind, positions.source, len(positions.time_boot_s)) == ("ulog", source, rows)
+    assert log.firmware.startswith(firmware)
+
+
+def test_a_log_without_positions_is_read_but_refused_where_they_are_needed(data_dir):
+    path = data_dir / "logs" / "sample.ulg"
+    log = read_flight_log(path, positions_needed=False)
+    assert log.boots[0].positions is None
+    assert len(log.boots[0].attitudes.time_boot_s) == 6461
+    with pytest.raises(InputError, match="holds no usable position"):
+        read_flight_log(path)
+
+
+def test_the_local_frame_is_put_on_the_earth_as_px4_does(data_dir):
+    path = data_dir / "logs" / "sample_px4_events.ulg"
+    tables = read_tables(str(path), path.read_bytes())
+    local, world = tables.topic("vehicle_local_position"), tables.topic("vehicle_global_position")
+    latitude, longitude, height = _from_local(local)
+    # both topics are published with one time by the estimator
+    tied = _is_global(local)
+    shared, a, b = np.intersect1d(local.time_s[tied], world.time_s, return_indices=True)
+    assert len(shared) > 50
+    assert np.abs(latitude[tied][a] - world.column("lat")[b]).max() < 1e-8
+    assert np.abs(longitude[tied][a] - world.column("lon")[b]).max() < 1e-8
+    assert np.abs(height[tied][a] - world.column("alt")[b]).max() < 0.01
+
+
+def test_the_local_frame_is_an_azimuthal_equidistant_projection():
+    from pyproj import Transformer
+
+    rng = np.random.default_rng(1)
+    east, north = rng.uniform(-5000, 5000, (2, 50))
+    fields = {"x": north, "y": east, "z": np.full(50, -20.0), "ref_alt": np.full(50, 480.0)}
+    fields |= {"ref_lat": np.full(50, 63.4), "ref_lon": np.full(50, 10.4)}
+    latitude, longitude, height = _from_local(Topic("local", np.arange(50.0), fields))
+    sphere = "+proj=aeqd +R=6371000 +lat_0=63.4 +lon_0=10.4"
+    to_degrees = Transformer.from_crs(sphere, "+proj=longlat +R=6371000", always_xy=True)
+    expected = to_degrees.transform(east, north)
+    np.testing.assert_allclose(longitude, expected[0], atol=1e-10)
+    np.testing.assert_allclose(latitude, expected[1], atol=1e-10)
+    np.testing.assert_array_equal(height, 500.0)
+
+
+def test_the_simulators_boot_clock_of_the_day_is_counted_from_the_start(data_dir):
+    log = read_ulog(data_dir / "logs" / "sample_px4_events.ulg")
+    assert 10 < log.boots[0].positions.time_boot_s[0] < 11
+    assert any("time of day" in note for note in log.notes)
+
+
+def test_the_undulation_is_the_receivers(data_dir):
+    # its first row: alt_ellipsoid 106766 mm, alt 66814 mm (by pyulog)
+    assert read_ulog(data_dir / "logs" / "sample_log_small.ulg").undulation_m == pytest.approx(
+        39.95, abs=0.01
+    )
+
+
+@pytest.mark.parametrize("gps", ["old", "new"])
+def test_old_and_new_names_of_the_receivers_fields_are_read(save, ulog_writer, gps):
+    log = read_ulog(save(ulog_writer.ulog(ulog_writer.flight(gps=gps))))
+    (boot,) = log.boots
+    assert log.undulation_m == pytest.approx(ulog_writer.UNDULATION_M, abs=1e-3)
+    np.testing.assert_allclose(
+        boot.clocks[0].utc_s - boot.clocks[0].time_boot_s, ulog_writer.UTC_S, atol=1e-6
+    )
+    assert np.median(boot.sigmas.horizontal_m) == pytest.approx(0.8)  # the larger of 0.5 and 0.8
+    assert boot.home.height_m[0] == 440.0
+    topics = ulog_writer.flight(gps=gps)
+    del topics["vehicle_global_position"]
+    found = read_ulog(save(ulog_writer.ulog(topics))).boots[0].positions
+    assert found.source == "vehicle_gps_position"
+    assert found.latitude_deg[0] == pytest.approx(ulog_writer.LATITUDE, abs=1e-7)
+    assert found.height_m[0] == pytest.approx(500.0)
+
+
+def test_attitude_is_body_to_ned(save, ulog_writer):
+    from scipy.spatial.transform import Rotation
+
+    boot = read_ulog(save(ulog_writer.ulog(ulog_writer.flight()))).boots[0]
+    yaw = Rotation.from_quat(boot.attitudes.ned_from_body_xyzw).as_euler("ZYX", degrees=True)[:, 0]
+    np.testing.assert_allclose(yaw, 90.0, atol=1e-4)
+
+
+def test_commands_without_feedback_are_missed_shots_by_time_not_by_number(save, ulog_writer):
+    topics = ulog_writer.flight()
+    shots = [12.0, 14.0, 18.0, 20.0]  # none after the command at 15.9
+    commands = [11.9, 13.9, 15.9, 17.9, 19.9]
+    topics["camera_capture"] = (
+        ulog_writer.CAPTURE,
+        [ulog_writer.capture(t, k) for k, t in enumerate(shots)],
+    )
+    topics["camera_trigger"] = (
+        ulog_writer.TRIGGER,
+        [(ulog_writer.us(t), 0, k, False) for k, t in enumerate(commands)]
+        + [(ulog_writer.us(t), 0, k, True) for k, t in enumerate(shots)],
+    )
+    events = read_ulog(save(ulog_writer.ulog(topics))).boots[0].events
+    assert events.source == "camera_capture+camera_trigger"
+    assert events.instant == "feedback"
+    assert events.time_boot_s.tolist() == pytest.approx([12.0, 14.0, 15.9, 18.0, 20.0])
+    assert events.confirmed.tolist() == [1, 1, 0, 1, 1]
+    assert events.image_number.tolist() == [0, 1, -1, 2, 3]
+
+
+def test_triggers_alone_are_commands(save, ulog_writer):
+    topics = ulog_writer.flight()
+    topics["camera_trigger"] = (
+        ulog_writer.TRIGGER,
+        [(ulog_writer.us(t), 0, k, False) for k, t in enumerate((12.0, 14.0, 18.0))],
+    )
+    events = read_ulog(save(ulog_writer.ulog(topics))).boots[0].events
+    assert (events.source, events.instant) == ("camera_trigger", "command")
+    assert events.confirmed.tolist() == [0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("topic", "fields", "row", "frame", "yaw_deg"),
+    [
+        (
+            "gimbal_device_attitude_status",
+            "GIMBAL",
+            ((0.5**0.5, 0, 0, 0.5**0.5), 32),
+            "vehicle",
+            90,
+        ),
+        ("gimbal_device_attitude_status", "GIMBAL", ((0.5**0.5, 0, 0, 0.5**0.5), 64), "earth", 90),
+        ("mount_orientation", "MOUNT", ((0.0, -1.5, 0.5),), "vehicle", 28.6479),
+    ],
+)
+def test_both_gimbal_topics_are_read(save, ulog_writer, topic, fields, row, frame, yaw_deg):
+    topics = ulog_writer.flight()
+    rows = [(ulog_writer.us(11 + k / 10), *row) for k in range(50)]
+    topics[topic] = (getattr(ulog_writer, fields), rows)
+    gimbal = read_ulog(save(ulog_writer.ulog(topics))).boots[0].gimbal
+    assert (gimbal.source, gimbal.yaw_frame) == (topic, frame)
+    np.testing.assert_allclose(np.degrees(gimbal.yaw_rad), yaw_deg, atol=1e-3)
+
+
+def test_a_cut_log_is_read_as_far_as_it_goes(data_dir, save):
+    data = (data_dir / "logs" / "sample_px4_events.ulg").read_bytes()
+    whole = read_ulog(data_dir / "logs" / "sample_px4_events.ulg")
+    part = read_ulog(save(data[: len(data) // 2 + 1]))
+    assert 100 < len(part.boots[0].attitudes.time_boot_s) < 500
+    assert len(whole.boots[0].attitudes.time_boot_s) == 622
+
+
+def test_appended_data_is_read_and_said(data_dir):
+    log = read_ulog(data_dir / "logs" / "sample_appended_multiple.ulg")
+    assert sum(m.count for m in log.messages) == 6852
+    assert "data was appended after a crash of the autopilot" in log.notes
+
+
+def test_a_log_cut_in_its_definitions_ends(save, ulog_writer):
+    data = ulog_writer.ulog(ulog_writer.flight())
+    at = data.index(b"vehicle_attitude:") - 3
+    with pytest.raises(InputError, match=r"damaged beyond use|no complete message"):
+        read_ulog(save(data[:at] + b"\x40\x00\x00" + data[at : at + 30]))
+
+
+@pytest.mark.parametrize("content", [b"", b"ULog", b"hello" * 100, b"ULog\x01\x12\x35" + bytes(9)])
+def test_what_is_no_ulog_is_refused(save, content):
+    with pytest.raises(InputError):
+        read_ulog(save(content))

@@ -1,0 +1,151 @@
+"""Poses in files that people write: geo.txt of OpenDroneMap, and a CSV."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pyproj import Transformer
+from scipy.spatial.transform import Rotation
+
+from uavgram.errors import InputError
+from uavgram.geometry.motion.rotation import matrix_from_ypr
+from uavgram.io.photos.poses.csv_table import read_pose_csv
+from uavgram.io.photos.poses.geo_txt import read_geo_txt
+from uavgram.io.photos.poses.read import read_photo_poses
+
+# the example of OpenDroneMap's documentation
+EXAMPLE = """EPSG:4326
+DJI_0028.JPG -91.9942096111111 46.84252125 198.609
+DJI_0032.JPG -91.9938293055556 46.8424584444444 198.609
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text, name="geo.txt"):
+        path = tmp_path / name
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_the_documented_example_is_read(write):
+    poses, messages = read_geo_txt(write(EXAMPLE), "msl")
+
+    assert poses.frame_id == ("DJI_0028.JPG", "DJI_0032.JPG")
+    np.testing.assert_allclose(poses.longitude_deg, [-91.9942096111111, -91.9938293055556])
+    np.testing.assert_allclose(poses.latitude_deg, [46.84252125, 46.8424584444444])
+    assert (poses.height_m == 198.609).all()
+    assert np.isnan(poses.ypr_rad).all()
+    assert poses.datum == "msl"
+    assert "world.heights" in poses.datum_guess
+    assert [m.code for m in messages] == ["geo-without-angles"]
+
+
+@pytest.mark.parametrize(
+    ("header", "epsg", "datum"),
+    [
+        ("WGS84 UTM 15N", 32615, "msl"),
+        ("EPSG:32615", 32615, "msl"),
+        ("+proj=utm +zone=15 +datum=WGS84 +units=m +no_defs", 32615, "msl"),
+        ("EPSG:4979", 4326, "ellipsoid"),
+        ("EPSG:4326+5773", 4326, "msl"),
+    ],
+)
+def test_projections_are_undone_and_tell_the_datum(write, header, epsg, datum):
+    to = Transformer.from_crs(4326, epsg, always_xy=True)
+    x, y = to.transform(-91.9942, 46.8425)
+    poses, _ = read_geo_txt(write(f"{header}\na.jpg {x!r} {y!r} 7.5\n"), "msl")
+
+    np.testing.assert_allclose(poses.longitude_deg, -91.9942, atol=1e-9)
+    np.testing.assert_allclose(poses.latitude_deg, 46.8425, atol=1e-9)
+    assert poses.height_m[0] == 7.5
+    assert poses.datum == datum
+
+
+@pytest.mark.parametrize(
+    ("nadir", "optical_axis_ned", "image_up_ned"),
+    [  # Pix4D's examples of yaw, pitch, roll
+        ((0.001, 0, 0), (0, 0, 1), (1, 0, 0)),
+        ((0, 90, 0), (1, 0, 0), (0, 0, -1)),
+        ((90, 0, 0), (0, 0, 1), (0, 1, 0)),
+        ((270, 45, 0), (0, -np.sqrt(0.5), np.sqrt(0.5)), (0, -np.sqrt(0.5), -np.sqrt(0.5))),
+    ],
+)
+def test_angles_are_those_of_a_body_above_a_nadir_camera(
+    write, nadir, optical_axis_ned, image_up_ned
+):
+    angles = " ".join(str(a) for a in nadir)
+    poses, _ = read_geo_txt(write(f"EPSG:4326\na.jpg 1 2 3 {angles} 0.5 0.7\n"), "msl")
+    ned_from_gimbal = Rotation.from_euler("ZYX", poses.ypr_rad[0]).as_matrix()
+
+    np.testing.assert_allclose(ned_from_gimbal[:, 0], optical_axis_ned, atol=1e-4)
+    np.testing.assert_allclose(-ned_from_gimbal[:, 2], image_up_ned, atol=1e-4)
+    assert poses.sigma_horizontal_m[0] == 0.5
+    assert poses.sigma_vertical_m[0] == 0.7
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", "needs a coordinate system"),
+        ("EPSG:999999\na 1 2 3\n", r"geo\.txt:1: 'EPSG:999999' is no coordinate system"),
+        ("EPSG:4326\na.jpg 1 2\n", r"geo\.txt:2: 'a.jpg' has no height"),
+        ("EPSG:4326\na.jpg 1 2 3\n# c\n\nb.jpg 1 x 3\n", r"geo\.txt:5: must be a number"),
+        ("EPSG:4326\na.jpg 1 2 3\na.jpg 1 2 3\n", r"geo\.txt:3: .* stands in line 2"),
+        ("EPSG:4326\na.jpg 1 92 3\n", r"geo\.txt:2: .* is no place"),
+        ("EPSG:4326\na.jpg 1 nan 3\n", r"geo\.txt:2: must be a number"),
+    ],
+)
+def test_mistakes_in_a_geo_txt_are_named_with_their_line(write, text, expected):
+    with pytest.raises(InputError, match=expected):
+        read_geo_txt(write(text), "msl")
+
+
+CSV = "image,latitude_deg,longitude_deg,height_m,yaw_deg,pitch_deg,roll_deg,sigma_attitude_deg\n"
+
+
+def test_a_csv_has_angles_of_the_optical_axis(write):
+    poses = read_pose_csv(
+        write(f"{CSV}a.jpg,1,2,3,90,-90,0,0.5\nb.jpg,1,2,3,,,,\n", "p.csv"), "msl"
+    )
+    axis = matrix_from_ypr(*poses.ypr_rad[0])
+
+    np.testing.assert_allclose(axis[:, 0], [0, 0, 1], atol=1e-12)  # down
+    np.testing.assert_allclose(-axis[:, 2], [0, 1, 0], atol=1e-12)  # image up is east
+    assert np.isnan(poses.ypr_rad[1]).all()
+    assert poses.sigma_attitude_rad[0] == pytest.approx(np.radians(0.5))
+
+
+@pytest.mark.parametrize(
+    ("row", "expected"),
+    [
+        ("a.jpg,1,2,3,90,,0,1", "give all three, or none"),
+        ("a.jpg,91,2,3,,,,", "latitude_deg must lie between"),
+        ("a.jpg,1,2,,,,,", "height_m is empty"),
+        ("a.jpg,1,2,3,0,0,0,0", "sigma_attitude_deg must be greater than 0"),
+        ("", "holds no photo"),
+    ],
+)
+def test_mistakes_in_a_csv_are_named(write, row, expected):
+    with pytest.raises(InputError, match=expected):
+        read_pose_csv(write(f"{CSV}{row}\n", "p.csv"), "msl")
+
+
+def test_rows_follow_the_photos_and_foreign_rows_are_told(write, tagged_jpeg):
+    path = write(EXAMPLE + "other.JPG 1 2 3\n")
+    photos = tagged_jpeg.photos([Path("DJI_0032.JPG"), Path("DJI_0040.JPG"), Path("DJI_0028.JPG")])
+    poses, messages = read_photo_poses(str(path), photos, "msl")
+
+    assert poses.frame_id == ("DJI_0032.JPG", "DJI_0028.JPG")
+    np.testing.assert_allclose(poses.longitude_deg, [-91.9938293055556, -91.9942096111111])
+    codes = [m.code for m in messages]
+    assert codes == ["geo-without-angles", "height-datum-assumed", "pose-without-photo"]
+
+
+def test_a_file_about_other_photos_is_refused_with_a_hint(write, tagged_jpeg):
+    photos = tagged_jpeg.photos([Path("DJI_0028.jpeg")])
+
+    with pytest.raises(InputError, match=r"did you mean 'DJI_0028\.jpeg'"):
+        read_photo_poses(str(write(EXAMPLE)), photos, "msl")

@@ -1,0 +1,114 @@
+"""Poses from the tags of photos: real DJI photos, and every form that DJI's tags take."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from uavgram.errors import InputError
+from uavgram.geometry.motion.rotation import matrix_from_ypr
+from uavgram.io.photos.poses.tags import first_maker, read_photo_tags
+
+PLACE = {"GpsLatitude": "46.5", "GpsLongitude": "-91.9", "AbsoluteAltitude": "+200.5"}
+
+
+@pytest.fixture
+def read(tmp_path, tagged_jpeg):
+    """Read photos with the given DJI tags."""
+
+    def read(*rows):
+        paths = []
+        for k, tags in enumerate(rows):
+            paths.append(tmp_path / f"DJI_{k:04d}.JPG")
+            paths[-1].write_bytes(
+                tagged_jpeg.jpeg(None if tags is None else tagged_jpeg.dji(**tags))
+            )
+        return read_photo_tags(tagged_jpeg.photos(paths))
+
+    return read
+
+
+def test_a_real_mavic_photo(data_dir, tagged_jpeg):
+    path = data_dir / "narrabeen_mavic" / "snapshotNarrabeen.JPG"
+    poses, messages = read_photo_tags(tagged_jpeg.photos([path]))
+
+    # the tags as any hex viewer shows them; EXIF place 33 43 47.6473 S, 151 18 2.069 E
+    assert poses.latitude_deg[0] == pytest.approx(-(33 + 43 / 60 + 47.6473 / 3600), abs=1e-10)
+    assert poses.longitude_deg[0] == pytest.approx(151 + 18 / 60 + 2.069 / 3600, abs=1e-10)
+    assert poses.height_m[0] == 98.03
+    assert poses.height_home_m[0] == 100.40
+    np.testing.assert_allclose(np.degrees(poses.ypr_rad), [[9.5, -16.6, 0.0]])
+    np.testing.assert_allclose(np.degrees(poses.vehicle_ypr_rad), [[9.4, -4.2, 2.8]])
+    assert poses.datum == "msl"
+    assert "tens of metres" in poses.datum_guess
+    assert np.isnan(poses.sigma_horizontal_m).all()
+    assert messages == ()
+
+
+def test_a_photo_without_a_fix_has_no_place(data_dir, tagged_jpeg):
+    path = data_dir / "phantom3_lenscalib" / "DJI_0002.jpg"
+
+    with pytest.raises(InputError, match="has no place and height"):
+        read_photo_tags(tagged_jpeg.photos([path]))
+
+
+def test_the_misspelt_longitude_of_old_firmware_is_read(read):
+    tags = {("GpsLongtitude" if k == "GpsLongitude" else k): v for k, v in PLACE.items()}
+    poses, _ = read(tags)
+
+    assert poses.longitude_deg[0] == -91.9
+
+
+def test_rtk_gives_sigmas_with_a_floor_and_ellipsoidal_heights(read):
+    rtk = {"RtkFlag": "50", "RtkStdLat": "0.3", "RtkStdLon": "0.4", "RtkStdHgt": "0.02"}
+    poses, _ = read(PLACE | rtk)
+
+    assert poses.datum == "ellipsoid"
+    assert poses.sigma_horizontal_m[0] == pytest.approx(np.sqrt((0.3**2 + 0.4**2) / 2))
+    assert poses.sigma_vertical_m[0] == 0.10
+
+
+def test_photos_with_two_height_datums_are_refused(read):
+    with pytest.raises(InputError, match=r"DJI_0001.JPG.*above ellipsoid.*was RTK lost"):
+        read(PLACE, PLACE | {"RtkFlag": "50"})
+
+
+@pytest.mark.parametrize("roll", ["+180.00", "-180.00"])
+def test_the_roll_180_form_of_nadir_is_yaw_turned_by_180(read, roll):
+    gimbal = {"GimbalYawDegree": "+30.00", "GimbalPitchDegree": "-90.00"}
+    poses, messages = read(PLACE | gimbal | {"GimbalRollDegree": roll})
+
+    # orthority issue 36: "treating the +180 as an optical-axis rotation (roll 0, yaw + 180) fixes
+    # it"; the camera looks down, its image up is turned by half a turn
+    stated = matrix_from_ypr(*poses.ypr_rad[0])
+    expected = Rotation.from_euler("ZYX", [210.0, -90.0, 0.0], degrees=True).as_matrix()
+    np.testing.assert_allclose(stated, expected, atol=1e-12)
+    assert stated[2, 0] == pytest.approx(1.0)  # the optical axis points down
+    assert [m.code for m in messages] == ["gimbal-roll-180"]
+
+
+def test_a_camera_upside_down_elsewhere_is_told(read):
+    gimbal = {"GimbalYawDegree": "0", "GimbalPitchDegree": "-10", "GimbalRollDegree": "180"}
+
+    assert [m.code for m in read(PLACE | gimbal)[1]] == ["gimbal-upside-down"]
+
+
+def test_photos_without_place_are_left_out_and_others_stay(read):
+    poses, _ = read(PLACE, None, {"GimbalYawDegree": "1"}, PLACE)
+
+    assert poses.frame_id == ("DJI_0000.JPG", "DJI_0003.JPG")
+
+
+def test_numbers_that_are_none_count_as_absent(read):
+    poses, _ = read(PLACE | {"RelativeAltitude": "nan", "GimbalYawDegree": "1e999"})
+
+    assert np.isnan(poses.height_home_m[0])
+    assert np.isnan(poses.ypr_rad).all()
+
+
+def test_the_hint_names_the_maker_only_where_there_is_an_attitude(data_dir, tagged_jpeg, tmp_path):
+    plain = tmp_path / "a.jpg"
+    plain.write_bytes(tagged_jpeg.jpeg())
+
+    assert first_maker(tagged_jpeg.photos([plain])) == ""
+    real = data_dir / "brighton_beach" / "DJI_0025.JPG"
+    assert first_maker(tagged_jpeg.photos([real])) == "DJI XMP"

@@ -1,0 +1,188 @@
+"""Tables and tagged copies: read back by this program, exifread and OpenCV."""
+
+import cv2
+import exifread
+import numpy as np
+import pytest
+
+from uavgram.errors import InputError
+from uavgram.geometry.motion.nadir_angles import nadir_from_gimbal
+from uavgram.io.exports.geotags import write_geo_txt, write_pix4d_csv
+from uavgram.io.photos.exif_gps import read_exif_place
+from uavgram.io.photos.jpeg_segments import parse_jpeg
+from uavgram.io.photos.poses.geo_txt import read_geo_txt
+from uavgram.io.photos.poses.tags import read_photo_tags
+from uavgram.io.photos.tagging.copies import write_tagged_photo
+from uavgram.io.photos.tagging.exif_gps import ExifGps, TiffError, with_gps
+from uavgram.io.photos.xmp import DJI, read_xmp
+from uavgram.model.flight.geotag import GeoTags
+
+
+@pytest.fixture
+def make_tags():
+    def make(path, **changes):
+        gimbal = np.radians([[200.0, -35.0, 2.0]])
+        values = {
+            "frame_id": (path.name,),
+            "path": (str(path),),
+            "pose": ("refined",),
+            "latitude_deg": [-33.123456789],
+            "longitude_deg": [-179.987654321],
+            "height_m": [98.765],
+            "datum": "ellipsoid",
+            "gimbal_ypr_rad": gimbal,
+            "nadir_ypr_rad": nadir_from_gimbal(gimbal),
+            "sigma_horizontal_m": [1.25],
+            "sigma_vertical_m": [2.5],
+        }
+        return GeoTags(**(values | changes))
+
+    return make
+
+
+def real_photo(data_dir):
+    return data_dir / "narrabeen_mavic" / "snapshotNarrabeen.JPG"
+
+
+def write_copy(tags, folder):
+    target = folder / "copy.jpg"
+    write_tagged_photo(tags, 0, target)
+    return target
+
+
+def all_exif(path):
+    with path.open("rb") as file:
+        tags = exifread.process_file(file, details=True)
+    return {k: str(v) for k, v in tags.items() if not k.startswith(("GPS", "Image GPSInfo"))}
+
+
+def test_a_tagged_copy_is_read_back_as_written(data_dir, tmp_path, make_tags, tagged_jpeg):
+    copy = write_copy(make_tags(real_photo(data_dir)), tmp_path)
+    poses, _ = read_photo_tags(tagged_jpeg.photos([copy]))
+
+    assert poses.latitude_deg[0] == pytest.approx(-33.123456789, abs=1e-10)
+    assert poses.longitude_deg[0] == pytest.approx(-179.987654321, abs=1e-10)
+    assert poses.height_m[0] == pytest.approx(98.765, abs=1e-9)
+    np.testing.assert_allclose(np.degrees(poses.ypr_rad) % 360, [[200, 325, 2]], atol=2e-4)
+    assert poses.datum == "ellipsoid"
+    assert poses.datum_guess == ""
+    assert poses.sigma_horizontal_m[0] == 1.25
+    assert poses.sigma_vertical_m[0] == 2.5
+
+
+def test_pixels_and_all_other_tags_stay(data_dir, tmp_path, make_tags):
+    original = real_photo(data_dir)
+    before = original.read_bytes()
+    copy = write_copy(make_tags(original), tmp_path)
+
+    assert original.read_bytes() == before
+    assert parse_jpeg(copy.read_bytes()).scan == parse_jpeg(before).scan
+    assert all_exif(copy) == all_exif(original)
+    assert len(all_exif(copy)) > 30
+    old, new = read_xmp(original), read_xmp(copy)
+    changed = {name for (_, name), text in old.items() if new[_, name] != text}
+    assert changed == {
+        *("AbsoluteAltitude", "GimbalYawDegree", "GimbalPitchDegree", "GimbalRollDegree")
+    }
+    assert new[DJI, "GimbalYawDegree"] == "-160.00"  # DJI's range
+    assert new[DJI, "GimbalPitchDegree"] == "-35.00"
+
+
+def test_a_photo_without_any_tags_gets_them(tmp_path, make_tags, tagged_jpeg):
+    path = tmp_path / "a.jpg"
+    path.write_bytes(tagged_jpeg.jpeg())
+    copy = write_copy(make_tags(path, height_m=[-3.5]), tmp_path)
+
+    assert read_exif_place(copy).altitude_m == -3.5
+    assert not any(namespace == DJI for namespace, _ in read_xmp(copy))
+    np.testing.assert_array_equal(cv2.imread(str(copy)), cv2.imread(str(path)))
+
+
+def test_only_jpegs_can_be_tagged(tmp_path, make_tags):
+    path = tmp_path / "a.png"
+    path.write_bytes(cv2.imencode(".png", np.zeros((4, 4, 3), np.uint8))[1].tobytes())
+
+    with pytest.raises(InputError, match=r"a\.png: is no JPEG"):
+        write_copy(make_tags(path), tmp_path)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 59.99999999999, -0.999999999999, 179.123456789, -45.5])
+def test_degrees_minutes_and_seconds_never_overflow(tmp_path, tagged_jpeg, make_tags, degrees):
+    path = tmp_path / "a.jpg"
+    path.write_bytes(tagged_jpeg.jpeg())
+    copy = write_copy(make_tags(path, latitude_deg=[12.0], longitude_deg=[degrees]), tmp_path)
+    with copy.open("rb") as file:
+        parts = exifread.process_file(file)["GPS GPSLongitude"].values
+
+    assert float(parts[1]) < 60
+    assert float(parts[2]) < 60
+    assert read_exif_place(copy).longitude_deg == pytest.approx(degrees, abs=2e-11)
+
+
+@pytest.mark.parametrize(
+    "block", [b"II", b"XX\x2a\x00\x08\x00\x00\x00", b"II\x2a\x00\xff\xff\x00\x00"]
+)
+def test_a_broken_exif_block_is_refused(block):
+    gps = ExifGps(latitude_deg=1, longitude_deg=1, height_m=1, sigma_horizontal_m=1)
+    with pytest.raises(TiffError):
+        with_gps(block, gps)
+
+
+def test_writing_again_moves_nothing_that_was_there():
+    gps = ExifGps(latitude_deg=1, longitude_deg=1, height_m=1, sigma_horizontal_m=1)
+    south = ExifGps(latitude_deg=-2, longitude_deg=1, height_m=1, sigma_horizontal_m=1)
+    first = with_gps(None, gps)
+    again = with_gps(first, south)
+
+    assert again[: len(first)][8:] == first[8:]  # all but the pointer to the first directory
+
+
+def test_damaged_photos_are_read_or_refused_and_never_crash(
+    data_dir, tmp_path, make_tags, tagged_jpeg
+):
+    rng = np.random.default_rng(8)
+    whole = real_photo(data_dir).read_bytes()[:60_000]
+    refused = 0
+    for k in range(120):
+        path = tmp_path / "a.jpg"
+        damaged = bytearray(whole)
+        first, last = ((0, 1500), (47_800, 49_000))[k % 2]  # EXIF, XMP
+        for at in rng.integers(first, last, 4):
+            damaged[at] = rng.integers(256)
+        path.write_bytes(damaged)
+        try:
+            poses, _ = read_photo_tags(tagged_jpeg.photos([path]))
+            assert abs(poses.latitude_deg[0]) <= 90
+            copy = write_copy(make_tags(path), tmp_path)
+            again, _ = read_photo_tags(tagged_jpeg.photos([copy]))
+            assert again.latitude_deg[0] == pytest.approx(-33.123456789, abs=1e-10)
+        except InputError:
+            refused += 1
+    assert 10 < refused < 110
+
+
+def test_geo_txt_has_the_documented_order_and_reads_back(tmp_path, make_tags):
+    path = tmp_path / "geo.txt"
+    tags = make_tags(tmp_path / "a.jpg")
+    write_geo_txt(tags, path)
+    lines = path.read_text().splitlines()
+    poses, _ = read_geo_txt(path, "ellipsoid")
+
+    assert lines[0] == "EPSG:4326"
+    assert "above the WGS 84 ellipsoid" in lines[1]
+    cells = lines[-1].split()
+    assert cells[:4] == ["a.jpg", "-179.987654321", "-33.123456789", "98.765"]
+    assert cells[-2:] == ["1.250", "2.500"]
+    assert float(cells[4]) == pytest.approx(np.degrees(tags.nadir_ypr_rad[0, 0]), abs=1e-3)
+    np.testing.assert_allclose(np.degrees(poses.ypr_rad) % 360, [[200, 325, 2]], atol=2e-4)
+
+
+def test_the_pix4d_table_puts_latitude_first_and_has_nine_columns(tmp_path, make_tags):
+    path = tmp_path / "pix4d.csv"
+    write_pix4d_csv(make_tags(tmp_path / "a.jpg"), path)
+    lines = path.read_text().splitlines()
+
+    assert all(line.startswith("#") for line in lines[:-1])  # no header but comments
+    cells = lines[-1].split(",")
+    assert len(cells) == 9
+    assert cells[1:4] == ["-33.123456789", "-179.987654321", "98.765"]

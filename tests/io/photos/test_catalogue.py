@@ -1,0 +1,193 @@
+"""Photos: names, sizes and capture times."""
+
+import datetime as dt
+import os
+
+import cv2
+import exifread
+import numpy as np
+import pytest
+
+from uavgram.errors import InputError
+from uavgram.io.photos.catalogue import read_photos
+from uavgram.io.photos.size import image_size
+from uavgram.model.options import TimeOptions
+
+FILENAME = TimeOptions(source="filename", filename_format="%Y%m%d%H%M%S%fZ")
+
+
+@pytest.fixture
+def photo(tmp_path):
+    """Write a small photo, with EXIF entries if asked for."""
+
+    def write(name, width=8, height=6, **exif):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        assert cv2.imwrite(str(path), np.zeros((height, width, 3), np.uint8))
+        if exif:
+            data = path.read_bytes()
+            path.write_bytes(data[:2] + app1(exif) + data[2:])
+        return path
+
+    return write
+
+
+TAGS = {"original": 0x9003, "subsec": 0x9291, "zone": 0x9011}
+
+
+def app1(exif):
+    """An EXIF segment with text entries of the Exif IFD (TIFF 6.0, little-endian)."""
+    entries = sorted((TAGS[k], v.encode() + b"\0") for k, v in exif.items())
+    offset = 8 + 18 + 2 + 12 * len(entries) + 4
+    ifd, heap = len(entries).to_bytes(2, "little"), b""
+    for tag, text in entries:
+        value = (
+            text.ljust(4, b"\0") if len(text) <= 4 else (offset + len(heap)).to_bytes(4, "little")
+        )
+        ifd += tag.to_bytes(2, "little") + b"\2\0" + len(text).to_bytes(4, "little") + value
+        heap += text if len(text) > 4 else b""
+    first = b"\1\0" + b"\x69\x87" + b"\4\0" + b"\1\0\0\0" + (26).to_bytes(4, "little") + bytes(4)
+    body = b"Exif\0\0" + b"II*\0" + (8).to_bytes(4, "little") + first + ifd + bytes(4) + heap
+    return b"\xff\xe1" + (len(body) + 2).to_bytes(2, "big") + body
+
+
+def utc(*fields):
+    return dt.datetime(*fields, tzinfo=dt.UTC).timestamp()
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png", "tif", "bmp"])
+def test_sizes_are_those_of_the_stored_image(photo, suffix):
+    assert image_size(photo(f"a.{suffix}", 37, 21)) == (37, 21)
+
+
+def test_sizes_of_real_photos_equal_opencvs(data_dir):
+    for path in sorted(data_dir.glob("*/*.[jJ][pP][gG]")):
+        flags = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
+        height, width = cv2.imread(str(path), flags).shape[:2]
+        assert image_size(path) == (width, height), path
+
+
+@pytest.mark.parametrize("content", [b"", b"hello", b"\xff\xd8\xff\xe0\x00", b"\x89PNG\r\n\x1a\n"])
+def test_what_is_no_photo_is_refused_by_name(tmp_path, content):
+    path = tmp_path / "a.jpg"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="no photo") as caught:
+        image_size(path)
+    assert caught.value.path == str(path)
+
+
+def test_file_name_times_have_hundredths_in_cuav(data_dir):
+    photos, messages = read_photos((str(data_dir / "cuav" / "photos" / "*.jpg"),), FILENAME)
+    assert photos.frame_id[0] == "2018080501005009Z.jpg"
+    assert photos.file_time_s[0] == pytest.approx(utc(2018, 8, 5, 1, 0, 50, 90000), abs=1e-6)
+    assert photos.file_time_resolution_s == pytest.approx(0.01)
+    assert photos.time_source == "filename"
+    assert (photos.width_px == 1640).all()
+    assert messages == ()
+
+
+def test_exif_times_have_milliseconds_in_the_twins(data_dir):
+    pattern = str(data_dir / "wind_oblique" / "photos" / "*.jpg")
+    photos, messages = read_photos((pattern,), TimeOptions())
+    assert photos.time_source == "exif"
+    assert photos.file_time_s[0] == pytest.approx(utc(2026, 11, 21, 9, 29, 17, 864000), abs=1e-6)
+    assert photos.file_time_resolution_s == pytest.approx(0.001)
+    assert messages == ()
+
+
+def test_a_stated_zone_is_taken_off_and_a_missing_one_is_said(photo, tmp_path):
+    photo("a.jpg", original="2024:05:06 12:00:00", subsec="25", zone="+02:00")
+    photos, messages = read_photos((str(tmp_path / "*.jpg"),), TimeOptions(source="exif"))
+    assert photos.file_time_s[0] == pytest.approx(utc(2024, 5, 6, 10, 0, 0, 250000), abs=1e-6)
+    assert photos.file_time_resolution_s[0] == pytest.approx(0.01)
+    assert messages == ()
+    photo("a.jpg", original="2024:05:06 12:00:00")
+    photos, messages = read_photos((str(tmp_path / "*.jpg"),), TimeOptions(source="exif"))
+    assert photos.file_time_s[0] == utc(2024, 5, 6, 12, 0, 0)
+    assert photos.file_time_resolution_s[0] == 1.0
+    assert [m.code for m in messages] == ["photo-zone-unknown"]
+
+
+def test_the_exif_segment_of_these_tests_is_one(photo):
+    path = photo("a.jpg", original="2024:05:06 12:00:00", subsec="25")
+    with path.open("rb") as file:
+        tags = exifread.process_file(file, details=False)
+    assert str(tags["EXIF SubSecTimeOriginal"]) == "25"
+
+
+def test_auto_takes_exif_where_most_photos_have_it_and_names_one_that_has_not(photo, tmp_path):
+    photo("a.jpg", original="2024:05:06 12:00:00")
+    photo("b.jpg")
+    photo("c.jpg", original="2024:05:06 12:00:02")
+    photos, messages = read_photos((str(tmp_path / "*.jpg"),), TimeOptions())
+    assert photos.time_source == "exif"
+    assert np.isnan(photos.file_time_s).tolist() == [False, True, False]
+    assert messages[0].code == "photo-without-time"
+    assert "1 of 3" in messages[0].text
+    assert "b.jpg" in messages[0].text
+
+
+@pytest.mark.parametrize(
+    "name", [b"IMG_\xff3.jpg", b"IMG\n3.jpg", b"IMG\x1b[3.jpg", "IMG\u202e3.jpg".encode()]
+)
+def test_a_name_that_cannot_be_written_is_refused_in_words_that_can(photo, tmp_path, name):
+    photo("a.jpg").rename(os.fsdecode(os.fsencode(tmp_path) + b"/" + name))
+    with pytest.raises(InputError, match=r"IMG.*3\.jpg: the photo's name .*rename it") as caught:
+        read_photos((str(tmp_path / "*.jpg"),), TimeOptions())
+    assert str(caught.value).isprintable()
+    assert str(caught.value).encode()
+
+
+def test_auto_leaves_exif_alone_where_few_photos_have_it(photo, tmp_path):
+    photo("a.jpg", original="2024:05:06 12:00:00")
+    photo("b.jpg")
+    photos, messages = read_photos((str(tmp_path / "*.jpg"),), TimeOptions())
+    assert photos.time_source == "none"
+    assert np.isnan(photos.file_time_s).all()
+    assert [m.code for m in messages] == ["photo-times-ignored"]
+
+
+def test_exif_asked_for_but_nowhere_stated_is_an_error(photo, tmp_path):
+    path = photo("a.jpg")
+    with pytest.raises(InputError, match=r"no capture time.*time\.source") as caught:
+        read_photos((str(tmp_path / "*.jpg"),), TimeOptions(source="exif"))
+    assert caught.value.path == str(path)
+
+
+def test_a_clock_that_was_never_set_states_no_time(photo, tmp_path):
+    photo("a.jpg", original="2024:05:06 12:00:00")
+    photo("b.jpg", original="0000:00:00 00:00:00")
+    options = TimeOptions(source="exif")
+    photos, messages = read_photos((str(tmp_path / "*.jpg"),), options)
+    assert np.isnan(photos.file_time_s).tolist() == [False, True]
+    assert messages[0].code == "photo-without-time"
+    assert "b.jpg" in messages[0].text
+
+
+def test_a_name_that_does_not_fit_the_pattern_is_named(photo, tmp_path):
+    path = photo("IMG_1.jpg")
+    with pytest.raises(InputError, match="filename_format") as caught:
+        read_photos((str(tmp_path / "*.jpg"),), FILENAME)
+    assert caught.value.path == str(path)
+
+
+def test_two_photos_of_one_name_are_refused(photo, tmp_path):
+    photo("one/a.jpg")
+    photo("two/a.jpg")
+    with pytest.raises(InputError, match="has the name of"):
+        read_photos((str(tmp_path / "*" / "a.jpg"),), TimeOptions())
+
+
+def test_one_photo_in_two_patterns_counts_once(photo, tmp_path):
+    photo("b.jpg")
+    photo("a.jpg")
+    patterns = (str(tmp_path / "*.jpg"), str(tmp_path / "a.jpg"))
+    photos, _ = read_photos(patterns, TimeOptions())
+    assert photos.frame_id == ("a.jpg", "b.jpg")
+
+
+def test_a_pattern_without_files_is_named(tmp_path):
+    pattern = str(tmp_path / "*.jpg")
+    with pytest.raises(InputError, match="matches no file") as caught:
+        read_photos((pattern,), TimeOptions())
+    assert caught.value.path == pattern

@@ -1,0 +1,115 @@
+"""Files that patterns name: within bounds, and files indeed."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+from pick_pages import small_project
+
+from uavgram.cli import main
+from uavgram.errors import InputError
+from uavgram.io.photos import files as photo_files
+from uavgram.io.photos.files import matching_files
+
+
+@pytest.fixture
+def project(tmp_path):
+    return small_project(tmp_path / "flight")
+
+
+def test_a_pipe_among_the_photos_is_named_as_one(project, capsys):
+    for name in ("picks", "lines", "measure"):
+        text = project.read_text(encoding="utf-8").replace(f"{name}: {name}.csv\n", "")
+        project.write_text(
+            text + ("picks: picks.csv\n" if name == "picks" else ""), encoding="utf-8"
+        )
+    (project.parent / "picks.csv").write_text("image,label,u_px,v_px\n", encoding="utf-8")
+    os.mkfifo(project.parent / "photos" / "P3.jpg")
+    assert main(["check", str(project)]) == 1
+    assert "P3.jpg: is a FIFO (a pipe between programs), no file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("/dev/null", "/dev/null: is a device, no file"),
+        (".", "is a folder, no file"),
+        ("gone.jpg", "gone.jpg: is a link to a file that is not there"),
+        ("absent.jpg", "absent.jpg: matches no file; correct it"),
+    ],
+)
+def test_what_is_no_file_is_named_as_what_it_is(tmp_path, name, said):
+    (tmp_path / "gone.jpg").symlink_to("nowhere.jpg")
+    with pytest.raises(InputError) as caught:
+        matching_files(str(tmp_path / name), "correct it")
+    assert said in str(caught.value)
+
+
+def test_folders_that_a_wildcard_meets_are_passed_over(tmp_path):
+    (tmp_path / "more").mkdir()
+    (tmp_path / "a.jpg").touch()
+    (tmp_path / "more" / "b.jpg").touch()
+    found = matching_files(str(tmp_path / "**"), "")
+    assert [path.name for path in found] == ["a.jpg", "b.jpg"]
+
+
+def test_pipes_in_place_of_tables_logs_and_projects_do_not_hold_anyone_up(project, capsys):
+    folder = project.parent
+    os.mkfifo(folder / "flight.BIN")
+    project.write_text(project.read_text(encoding="utf-8") + "\nlog: flight.BIN\n")
+    assert main(["check", str(project)]) == 1
+    assert "'flight.BIN' is a FIFO" in capsys.readouterr().err
+    project.unlink()
+    for name in ("tape.csv", "camera.json", "x.jpg", "flight.tlog"):
+        os.mkfifo(folder / name)
+    assert main(["new", str(folder)]) == 0
+    project.unlink()
+    os.mkfifo(project)
+    assert main(["check", str(project)]) == 1
+    assert "project.yaml: is a FIFO" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "command", ["log F", "camera F", "picks import F.txt --output p.csv", "camera F.jpg"]
+)
+def test_no_command_waits_for_a_pipe(tmp_path, monkeypatch, capsys, command):
+    monkeypatch.chdir(tmp_path)
+    for name in ("F", "F.txt", "F.jpg"):
+        os.mkfifo(name)
+    assert main(command.split()) == 1
+    assert "is a FIFO (a pipe between programs), no file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("pattern", ["**", "**/*.jpg", "deep/**/*.jpg", "*"])
+def test_a_pattern_beyond_reason_ends_early(tmp_path, monkeypatch, pattern):
+    (tmp_path / "deep").mkdir()
+    for k in range(12):
+        (tmp_path / f"{k}.txt").touch()
+        (tmp_path / "deep" / f"{k}.txt").touch()
+    monkeypatch.setattr(photo_files, "MOST_ENTRIES", 10)
+    with pytest.raises(InputError, match=r"more than 10 files.* such as photos/\*\.jpg"):
+        matching_files(str(tmp_path / pattern), "")
+
+
+def test_a_circle_of_links_ends(tmp_path, monkeypatch):
+    for name in ("one", "two"):
+        (tmp_path / name).symlink_to(tmp_path, target_is_directory=True)
+    monkeypatch.setattr(photo_files, "MOST_ENTRIES", 1000)
+    with pytest.raises(InputError, match="looks through more than 1,000"):
+        matching_files(str(tmp_path / "**" / "*.jpg"), "")
+
+
+def test_new_in_a_folder_of_everything_says_so(tmp_path, monkeypatch, capsys):
+    for k in range(12):
+        (tmp_path / f"{k}.txt").touch()
+    monkeypatch.setattr(photo_files, "MOST_ENTRIES", 10)
+    assert main(["new", str(tmp_path)]) == 1
+    assert "holds more than 10 files: name the folder of one flight" in capsys.readouterr().err
+
+
+def test_invisible_characters_in_a_project_are_told_by_line(project, capsys):
+    text = project.read_text(encoding="utf-8")
+    project.write_text(f"{text}\noperator: \u202eecila\n", encoding="utf-8")
+    assert main(["check", str(project)]) == 1
+    assert "operator: holds the invisible character U+202E" in capsys.readouterr().err

@@ -1,0 +1,230 @@
+"""results.json: the same object again, the keys that others read, and broken files refused."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields, is_dataclass, replace
+
+import numpy as np
+import pytest
+
+from uavgram.errors import InputError
+from uavgram.io.results.results_json import dump_results, load_results, write_results
+from uavgram.model.result.result import Result
+
+
+def assert_same(a, b, where="result"):
+    """Compare nested dataclasses: every field, exactly, NaN equal to NaN, signs of zeros too."""
+    assert type(a) is type(b), where
+    if is_dataclass(a):
+        for field in fields(a):
+            assert_same(getattr(a, field.name), getattr(b, field.name), f"{where}.{field.name}")
+    elif isinstance(a, np.ndarray):
+        assert a.tobytes() == np.asarray(b, a.dtype).tobytes(), where
+        assert a.shape == b.shape, where
+    elif isinstance(a, tuple):
+        assert len(a) == len(b), where
+        for i, (one, other) in enumerate(zip(a, b, strict=True)):
+            assert_same(one, other, f"{where}[{i}]")
+    else:
+        both_nan = isinstance(a, float) and np.isnan(a) and np.isnan(b)
+        assert a == b or both_nan, where
+
+
+def no_rows_of(table):
+    """Cut a table of rows, and the tables in it, down to no row."""
+    parts = {field.name: getattr(table, field.name) for field in fields(table)}
+    return replace(
+        table,
+        **{k: no_rows_of(v) if is_dataclass(v) else v[:0] for k, v in parts.items()},
+    )
+
+
+def without_records(result: Result) -> Result:
+    """Cut every table of a result down to no row, and leave out what a plane gauge lacks."""
+    empty = {}
+    for field in fields(result):
+        part = getattr(result, field.name)
+        if field.name in {"points", "lines", "picks", "point_checks", "line_checks"}:
+            empty[field.name] = no_rows_of(part)
+    rows = result.measurements
+    no_rows = {f.name: getattr(rows, f.name)[:0] for f in fields(rows)}
+    no_rows["correlation"] = np.empty((0, 0))
+    names = ("boresight_deg", "lever_arm_m", "heading_bias_deg", "clock_offset_s")
+    world = replace(
+        result.world, latitude_deg=None, longitude_deg=None, height_m=None, gauge="plane"
+    )
+    return replace(
+        result,
+        **empty,
+        measurements=replace(rows, **no_rows),
+        shared=replace(result.shared, **dict.fromkeys(names)),
+        world=world,
+        messages=(),
+    )
+
+
+def test_a_result_comes_back_as_the_same_object(sample_result, tmp_path):
+    write_results(sample_result, tmp_path / "results.json")
+
+    assert_same(sample_result, load_results(tmp_path / "results.json"))
+
+
+def test_a_result_without_any_row_comes_back_as_the_same_object(sample_result, tmp_path):
+    result = without_records(sample_result)
+    write_results(result, tmp_path / "results.json")
+
+    assert_same(result, load_results(tmp_path / "results.json"))
+
+
+def test_the_comparison_above_sees_a_last_bit(sample_result):
+    points = sample_result.points
+    turned = np.nextafter(points.ellipse_azimuth_rad, 4.0)
+
+    with pytest.raises(AssertionError, match="ellipse_azimuth_rad"):
+        assert_same(points, replace(points, ellipse_azimuth_rad=turned))
+
+
+def test_the_same_result_gives_the_same_text(sample_result, tmp_path):
+    text = dump_results(sample_result)
+    (tmp_path / "results.json").write_text(text, encoding="utf-8")
+
+    assert dump_results(load_results(tmp_path / "results.json")) == text
+
+
+def test_the_keys_of_the_contract_are_there(sample_result):
+    content = json.loads(dump_results(sample_result))
+
+    assert content["schema"] == 1
+    assert {"program", "version", "created_utc", "inputs", "options", "seed", "packages"} <= set(
+        content["provenance"]
+    )
+    assert content["provenance"]["made_by"] == "Ada Lovelace"
+    assert content["provenance"]["inputs"]["picks.csv"] == {"sha256": "ab" * 32, "bytes": 17}
+    assert content["world"] == {
+        "latitude_deg": 50.1,
+        "longitude_deg": -104.6,
+        "height_m": 577.25,
+        "height_datum": "msl",
+        "gauge": "world",
+        "crs": None,
+    }
+    assert {"offset_s", "sigma_s"} <= set(content["clock"])
+    shared = content["shared"]
+    assert {"boresight_deg", "lever_arm_m", "position_bias_m", "heading_bias_deg", "plane"} <= set(
+        shared
+    )
+    assert {"value", "sigma"} <= set(shared["intrinsics"])
+    assert (
+        set(shared["plane"]["height_m"])
+        == set(shared["plane"]["slope_deg"])
+        == {
+            "value",
+            "sigma",
+        }
+    )
+    assert isinstance(shared["heading_bias_deg"]["value"], float)
+
+
+@pytest.mark.parametrize(
+    ("table", "keys"),
+    [
+        ("frames", "frame_id time_utc_s status reason seed refined"),
+        (
+            "points",
+            "label position_world_m covariance_m2 ellipse_95 relative latitude_deg longitude_deg "
+            "frames",
+        ),
+        (
+            "lines",
+            "name from to length_m sigma_m adjusted_m adjusted_sigma_m residual_m w redundancy "
+            "mdb_m status",
+        ),
+        ("picks", "image label residual_px w redundancy status"),
+        ("measurements", "name kind points value sigma unit interval_95"),
+        ("messages", "level code text"),
+    ],
+)
+def test_every_record_has_the_keys_of_the_contract(sample_result, table, keys):
+    records = json.loads(dump_results(sample_result))[table]
+
+    assert records
+    assert all(set(keys.split()) <= set(record) for record in records)
+
+
+def test_numbers_stand_under_the_keys_that_name_them(sample_result):
+    content = json.loads(dump_results(sample_result))
+
+    frame = content["frames"][0]
+    assert set(frame["seed"]) == {"center_world_m", "world_from_camera", "covariance"}
+    assert np.shape(frame["refined"]["covariance"]) == (6, 6)
+    assert content["frames"][2]["refined"] is None
+    assert content["frames"][1]["time_utc_s"] is None
+    assert content["points"][1]["ellipse_95"]["azimuth_deg"] == pytest.approx(70.73552995)
+    assert content["points"][2]["ellipse_95"]["semi_minor_m"] == 1.0
+    assert content["lines"][1]["adjusted_m"] is None
+    assert content["lines"][0]["mdb_m"] == 0.05
+    assert content["picks"][0]["residual_px"] == [0.5, -0.25]
+    assert content["picks"][1]["residual_px"] == [None, None]
+    assert content["measurements"][4]["value"] is None
+    assert np.shape(content["measurement_correlation"]) == (6, 6)
+    assert content["checks"] == [
+        {
+            "label": "Q;ü",
+            "error_m": [0.1, 0.2, 0.3],
+            "sigma_m": [0.3, 0.3, 0.4],
+            "mahalanobis": 1.1,
+        },
+        {"name": "o", "error_m": 0.1, "sigma_m": 0.05, "z": 2.0},
+    ]
+    assert content["solution"]["variance_factor"] is None
+    assert content["solution"]["groups"][0]["name"] == "pixels"
+
+
+def test_no_infinite_number_is_ever_written(sample_result):
+    solution = replace(sample_result.solution, variance_factor=float("inf"))
+
+    with pytest.raises(ValueError, match="Out of range"):
+        dump_results(replace(sample_result, solution=solution))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda text: text[: len(text) // 2], "not complete JSON"),
+        (lambda _: "", "not complete JSON"),
+        (lambda _: "[]", "names no schema"),
+        (lambda _: "{}", "names no schema"),
+        (lambda text: text.replace('"schema": 1', '"schema": 2'), "is of schema 2"),
+        (lambda text: text.replace('"points"', '"pointz"', 1), "there is no key 'points'"),
+        (lambda text: text.replace('"residual_px"', '"residual"', 1), "no key 'residual_px'"),
+        (lambda text: text.replace("577.25", '"577.25"'), "expected a number, got '577.25'"),
+        (lambda text: text.replace("577.25", "NaN"), "holds NaN"),
+        (lambda text: text.replace('"refined"', '"refind"', 1), "expected one of refined"),
+        (lambda text: text.replace("[0.5, -0.25]", "[0.5]"), "inhomogeneous"),
+        (lambda text: text.replace('"iterations": 7', '"iterations": 7.5'), "whole number"),
+        (lambda text: text.replace('"converged": true', '"converged": 1'), "true or false"),
+        (lambda text: text.replace('"name": "crossing"', '"name": null'), "expected text"),
+    ],
+)
+def test_a_broken_file_is_an_input_error_with_the_way_out(sample_result, tmp_path, change, words):
+    path = tmp_path / "results.json"
+    path.write_text(change(dump_results(sample_result)), encoding="utf-8")
+
+    with pytest.raises(InputError, match=words):
+        load_results(path)
+
+
+def test_a_cut_file_names_the_line(sample_result, tmp_path):
+    path = tmp_path / "results.json"
+    lines = dump_results(sample_result).splitlines()
+    path.write_text("\n".join(lines[:12]), encoding="utf-8")
+
+    with pytest.raises(InputError) as caught:
+        load_results(path)
+    assert caught.value.line == 12
+
+
+def test_a_missing_file_is_an_input_error(tmp_path):
+    with pytest.raises(InputError, match="No such file"):
+        load_results(tmp_path / "absent.json")

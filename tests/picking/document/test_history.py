@@ -1,0 +1,159 @@
+"""What commands make of a session: exact undo, one name for one point, refusals in words."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uavgram.picking.document import commands as c
+from uavgram.picking.document.history import Session, apply
+from uavgram.picking.document.state import State
+from uavgram.picking.protocol.parse import RefusedError
+
+LABELS = st.sampled_from(["A", "B", "C", "D"])
+IMAGES = st.sampled_from(["1.jpg", "2.jpg"])
+NAMES = st.sampled_from(["L1", "L2"])
+PIXELS = st.floats(0, 100)
+CHANGES = st.one_of(
+    st.builds(c.Place, image=IMAGES, label=LABELS, u_px=PIXELS, v_px=PIXELS),
+    st.builds(c.Unpick, image=IMAGES, label=LABELS),
+    st.builds(c.Forget, label=LABELS),
+    st.builds(c.Rename, label=LABELS, new=LABELS),
+    st.builds(c.SetHeight, label=LABELS, height_m=st.none() | PIXELS),
+    st.builds(c.SetSigma, image=IMAGES, label=LABELS, sigma_px=st.none() | st.just(0.5)),
+    st.builds(
+        c.SetLine,
+        was=st.just("") | NAMES,
+        name=NAMES,
+        start=LABELS,
+        end=LABELS,
+        length_m=st.just(2.0),
+        sigma_m=st.just(0.01),
+        adjust=st.booleans(),
+    ),
+    st.builds(c.RemoveLine, name=NAMES),
+    st.builds(
+        c.SetMeasurement,
+        was=st.just("") | NAMES,
+        name=NAMES,
+        kind=st.just("distance"),
+        points=st.tuples(LABELS, LABELS),
+    ),
+    st.builds(c.RemoveMeasurement, name=NAMES),
+)
+
+
+def place(session, label, u=1.0, v=2.0, image="1.jpg", step=0):
+    return apply(session, c.Place(image=image, label=label, u_px=u, v_px=v), step)
+
+
+def line(session, name="L1", was="", start="A", end="B"):
+    command = c.SetLine(
+        was=was, name=name, start=start, end=end, length_m=3.0, sigma_m=0.01, adjust=True
+    )
+    return apply(session, command)
+
+
+@settings(max_examples=60)
+@given(st.lists(CHANGES, max_size=25))
+def test_undo_goes_back_through_every_state_and_redo_forward_again(changes):
+    session = Session(state=State())
+    seen = [session.state]
+    for change in changes:
+        try:
+            session = apply(session, change)
+        except RefusedError:
+            continue
+        if session.state != seen[-1]:
+            seen.append(session.state)
+    for state in reversed(seen[:-1]):
+        session = apply(session, c.Undo())
+        assert session.state == state
+    with pytest.raises(RefusedError, match="nothing to undo"):
+        apply(session, c.Undo())
+    for state in seen[1:]:
+        session = apply(session, c.Redo())
+        assert session.state == state
+
+
+def test_a_drag_is_one_step():
+    session = place(Session(state=State()), "A")
+    for k in range(20):
+        session = place(session, "A", u=float(k), step=7)
+    assert len(session.past) == 2
+    assert apply(session, c.Undo()).state.picks[0].u_px == 1.0
+
+
+def test_two_drags_are_two_steps_and_undo_ends_a_step():
+    session = place(Session(state=State()), "A")
+    session = place(session, "A", u=5.0, step=7)
+    session = apply(session, c.Undo())
+    session = place(session, "A", u=6.0, step=7)
+    assert apply(session, c.Undo()).state.picks[0].u_px == 1.0
+
+
+def test_a_change_after_undo_forgets_what_was_undone():
+    session = apply(place(place(Session(state=State()), "A"), "B"), c.Undo())
+    session = place(session, "C")
+    with pytest.raises(RefusedError, match="nothing to do again"):
+        apply(session, c.Redo())
+
+
+def test_a_rename_goes_everywhere():
+    session = line(place(place(Session(state=State()), "A"), "B"))
+    session = apply(session, c.SetMeasurement(was="", name="D", kind="distance", points=("A", "B")))
+    state = apply(session, c.Rename(label="A", new="kerb")).state
+    assert state.labels == ("kerb", "B")
+    assert state.lines[0].start == "kerb"
+    assert state.requests[0].points == ("kerb", "B")
+
+
+def test_a_rename_to_a_label_that_is_there_is_refused():
+    session = place(place(Session(state=State()), "A"), "B")
+    with pytest.raises(RefusedError, match="already"):
+        apply(session, c.Rename(label="A", new="B"))
+
+
+def test_a_further_pick_of_a_label_takes_over_its_height():
+    session = apply(place(Session(state=State()), "A"), c.SetHeight(label="A", height_m=0.4))
+    session = place(session, "A", image="2.jpg")
+    assert [pick.height_m for pick in session.state.picks] == [0.4, 0.4]
+
+
+def test_moving_a_pick_keeps_its_sigma_and_height():
+    session = place(Session(state=State()), "A")
+    session = apply(session, c.SetSigma(image="1.jpg", label="A", sigma_px=0.3))
+    session = apply(session, c.SetHeight(label="A", height_m=1.0))
+    moved = place(session, "A", u=9.0).state.picks[0]
+    assert (moved.u_px, moved.sigma_px, moved.height_m) == (9.0, 0.3, 1.0)
+
+
+def test_forgetting_a_label_takes_its_lengths_and_measurements_along():
+    session = line(place(place(Session(state=State()), "A"), "B"))
+    state = apply(session, c.Forget(label="A")).state
+    assert state.labels == ("B",)
+    assert not state.lines
+
+
+@pytest.mark.parametrize(
+    ("kind", "points"),
+    [
+        ("distance", ("A",)),
+        ("distance", ("A", "A")),
+        ("area", ("A", "B")),
+        ("angle", ("A", "B", "A")),
+        ("polyline", ("A", "A", "B")),
+    ],
+)
+def test_measurements_that_mean_nothing_are_refused(kind, points):
+    command = c.SetMeasurement(was="", name="M", kind=kind, points=points)
+    with pytest.raises(RefusedError, match="labels"):
+        apply(Session(state=State()), command)
+
+
+def test_two_lengths_of_one_name_are_refused_and_a_change_by_name_is_not():
+    session = line(Session(state=State()))
+    with pytest.raises(RefusedError, match="already"):
+        line(session)
+    assert line(session, name="L2", was="L1").state.lines[0].name == "L2"

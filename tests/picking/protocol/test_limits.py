@@ -1,0 +1,125 @@
+"""What the page accepts is what the readers of the tables accept: neither more nor less."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from uavgram.errors import InputError
+from uavgram.io.tables.lines import read_lines
+from uavgram.io.tables.measure import read_measure
+from uavgram.io.tables.picks import read_picks
+from uavgram.model.limits import LONGEST_NAME
+from uavgram.picking.protocol.parse import PhotoSize, RefusedError, parse_message
+
+PHOTOS = (PhotoSize("P1.jpg", 640, 480),)
+NUMBERS = (
+    *(-1e11, -1e10, -1.0, -1e-9, 0.0, 5e-324, 1e-9, 9.9e-7, 1e-6, 0.5, 1e4, 1.1e4),
+    *(1e6, 1.1e6, 1e7, 1.1e7, 1e10, 1.1e10, 1e16, 1e300),
+)
+PLACE = {"t": "place", "image": 0, "label": "A", "u_px": 5, "v_px": 6}
+LINE = {
+    "t": "line",
+    "was": "",
+    "name": "L",
+    "start": "A",
+    "end": "B",
+    "length_m": 2,
+    "sigma_m": 0.1,
+}
+SKID = {"t": "measure", "was": "", "name": "S", "kind": "skid_speed", "points": ["A", "B"]}
+
+FIELDS = {
+    "sigma of a pick": (
+        lambda x: PLACE | {"sigma_px": x},
+        read_picks,
+        "image,label,u_px,v_px,sigma_px\nP1.jpg,A,5,6,{}\n",
+    ),
+    "its sigma, later": (
+        lambda x: {"t": "sigma", "image": 0, "label": "A", "sigma_px": x},
+        read_picks,
+        "image,label,u_px,v_px,sigma_px\nP1.jpg,A,5,6,{}\n",
+    ),
+    "height": (
+        lambda x: {"t": "height", "label": "A", "height_m": x},
+        read_picks,
+        "image,label,u_px,v_px,height_m\nP1.jpg,A,5,6,{}\n",
+    ),
+    "length": (
+        lambda x: LINE | {"length_m": x},
+        read_lines,
+        "name,from,to,length_m,sigma_m\nL,A,B,{},0.1\n",
+    ),
+    "sigma of a length": (
+        lambda x: LINE | {"sigma_m": x},
+        read_lines,
+        "name,from,to,length_m,sigma_m\nL,A,B,2,{}\n",
+    ),
+    "friction": (
+        lambda x: SKID | {"parameters": {"mu": x, "mu_sigma": 0.1}},
+        read_measure,
+        "name,kind,points,parameters\nS,skid_speed,A;B,mu={};mu_sigma=0.1\n",
+    ),
+    "sigma of friction": (
+        lambda x: SKID | {"parameters": {"mu": 0.5, "mu_sigma": x}},
+        read_measure,
+        "name,kind,points,parameters\nS,skid_speed,A;B,mu=0.5;mu_sigma={}\n",
+    ),
+}
+
+
+def page_takes(message):
+    try:
+        parse_message(json.dumps({"seq": 1, **message}), PHOTOS)
+    except RefusedError:
+        return False
+    return True
+
+
+def reader_takes(read, path, text):
+    path.write_text(text, encoding="utf-8")
+    try:
+        read(path)
+    except InputError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("field", FIELDS)
+def test_the_page_takes_the_numbers_that_the_reader_takes(field, tmp_path):
+    message, read, table = FIELDS[field]
+    on_the_page = {x: page_takes(message(x)) for x in NUMBERS}
+    in_the_table = {
+        x: reader_takes(read, tmp_path / "t.csv", table.format(repr(x))) for x in NUMBERS
+    }
+    assert on_the_page == in_the_table
+    assert set(on_the_page.values()) == {True, False}
+
+
+@pytest.mark.parametrize("length", [1, 64, 65, LONGEST_NAME, LONGEST_NAME + 1])
+def test_the_page_takes_the_names_that_the_readers_take(length, tmp_path):
+    name, path = "x" * length, tmp_path / "t.csv"
+    measured = SKID | {"parameters": {"mu": 0.5, "mu_sigma": 0.1}}
+    end = "mu=0.5;mu_sigma=0.1"
+    pairs = [
+        (PLACE | {"label": name}, read_picks, f"image,label,u_px,v_px\nP1.jpg,{name},5,6\n"),
+        (
+            LINE | {"name": name},
+            read_lines,
+            f"name,from,to,length_m,sigma_m\n{name},A,B,2,0.1\n",
+        ),
+        (LINE | {"end": name}, read_lines, f"name,from,to,length_m,sigma_m\nL,A,{name},2,0.1\n"),
+        (
+            measured | {"name": name},
+            read_measure,
+            f"name,kind,points,parameters\n{name},skid_speed,A;B,{end}\n",
+        ),
+        (
+            measured | {"points": ["A", name]},
+            read_measure,
+            f"name,kind,points,parameters\nS,skid_speed,A;{name},{end}\n",
+        ),
+    ]
+    for message, read, table in pairs:
+        assert page_takes(message) == reader_takes(read, path, table) == (length <= LONGEST_NAME)

@@ -1,0 +1,89 @@
+"""Opening somebody's unpacked project writes nothing outside it, whatever links lie in it."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+from pick_pages import PROJECT, Server, small_project
+
+from uavgram.errors import OutputError, UavgramError
+from uavgram.picking.storage.journal import JOURNAL
+from uavgram.picking.storage.lock import LOCK
+from uavgram.picking.storage.tables import Tables
+from uavgram.pipeline.measure.inputs import read_inputs
+from uavgram.pipeline.measure.run import run
+
+
+@pytest.fixture
+def project(tmp_path):
+    path = small_project(tmp_path / "project")
+    (path.parent / "picks.csv").write_text("image,label,u_px,v_px\nP1.jpg,A,5,6\n")
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "victim").write_text("precious")
+    yield path
+    assert (tmp_path / "elsewhere" / "victim").read_text() == "precious"
+    assert os.listdir(tmp_path / "elsewhere") == ["victim"]  # noqa: PTH208
+
+
+@pytest.mark.parametrize("name", [LOCK, JOURNAL])
+@pytest.mark.parametrize("there", ["victim", "nothing yet"])
+def test_lock_and_journal_are_written_through_no_link(project, name, there):
+    (project.parent / "out").mkdir()
+    link = project.parent / "out" / name
+    link.symlink_to(f"../../elsewhere/{there}")
+    with pytest.raises(OutputError, match=rf"{name}: is a link .*remove it"):
+        Tables(read_inputs(project, unfinished=True))
+    link.unlink()
+    link.hardlink_to(project.parent / "camera.yaml")  # a second name does the same
+    before = link.read_bytes()
+    with pytest.raises(OutputError, match=rf"{name}: is a link .*remove it"):
+        Tables(read_inputs(project, unfinished=True))
+    assert link.read_bytes() == before
+    link.unlink()
+    os.mkfifo(link)  # and a pipe would wait for ever
+    with pytest.raises(UavgramError, match=name):
+        Tables(read_inputs(project, unfinished=True))
+
+
+@pytest.mark.parametrize(
+    ("output", "link", "said"),
+    [
+        ("out", "out", "is a link, or lies in one, that leads out of the project's folder"),
+        ("over/out", "over", "is a link, or lies in one, that leads out of the project's folder"),
+        ("../elsewhere", "", "lies outside the project's folder"),
+    ],
+)
+def test_an_output_folder_elsewhere_is_refused(project, output, link, said):
+    if link:
+        (project.parent / link).symlink_to("../elsewhere")
+    project.write_text(PROJECT.replace("output: out", f"output: {output}"))
+    with pytest.raises(OutputError, match=said):
+        Tables(read_inputs(project, unfinished=True))
+    if link:
+        lines = "name,from,to,length_m,sigma_m\nL,A,B,2,0.1\n"
+        (project.parent / "lines.csv").write_text(lines)
+        (project.parent / "measure.csv").write_text("name,kind,points\nM,distance,A;B\n")
+        with pytest.raises(OutputError, match=said):
+            run(project)
+
+
+def test_a_table_elsewhere_is_refused(project):
+    elsewhere = project.parent.parent / "elsewhere"
+    picks = project.parent / "picks.csv"
+    picks.unlink()
+    picks.symlink_to("../elsewhere/new.csv")
+    with pytest.raises(OutputError, match=r"picks\.csv .*is a link.*put a copy"):
+        Tables(read_inputs(project, unfinished=True))
+    picks.unlink()
+    project.write_text(PROJECT.replace("picks: picks.csv", f"picks: {elsewhere}/new.csv"))
+    with pytest.raises(OutputError, match=r"new\.csv .*lies outside"):
+        Tables(read_inputs(project, unfinished=True))
+
+
+def test_links_inside_the_project_are_followed(project):
+    (project.parent / "kept").mkdir()
+    (project.parent / "out").symlink_to("kept")
+    server = Server(project)
+    server.stop()
+    assert (project.parent / "kept" / JOURNAL).is_file()

@@ -1,0 +1,400 @@
+"""What a session leaves on disk: exact bytes, nothing of others written over, one page."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from pick_pages import Page, RefusedToStartError, Server, running, small_project
+
+from uavgram.errors import InputError, OutputError, UavgramError
+from uavgram.picking.document import commands as c
+from uavgram.picking.document.history import Session, apply
+from uavgram.picking.document.state import Pick, State
+from uavgram.picking.protocol.parse import Message
+from uavgram.picking.session.session import PickSession
+from uavgram.picking.storage import journal as autosave
+from uavgram.picking.storage.journal import JOURNAL, Journal, left_in
+from uavgram.picking.storage.lock import LOCK, ProjectLock
+from uavgram.picking.storage.tables import Tables
+from uavgram.pipeline.measure.inputs import read_inputs
+from uavgram.pipeline.pick.live import LiveSurvey
+
+PICKS = (
+    b"\xef\xbb\xbfWho saw it,label,note,image,v_px,u_px\r\n"
+    b"Ada,A,the kerb,P1.jpg,20.50,010.0\r\n"
+    b"\r\n"
+    b'"Bo, too","B","x, y",P1.jpg,4e1,30\r\n'
+    b"007,A,,P2.jpg,60.000,50"
+)
+LINES = b"name,from,to,length_m,sigma_m,note,tape\nL1,A,B,11.5200,0.010,taped twice, 3 \n"
+MEASURE = b"name,kind,points,asked by\nD, distance ,A;B,court\n\n\n"
+
+
+@pytest.fixture
+def project(tmp_path):
+    path = small_project(tmp_path)
+    (tmp_path / "picks.csv").write_bytes(PICKS)
+    (tmp_path / "lines.csv").write_bytes(LINES)
+    (tmp_path / "measure.csv").write_bytes(MEASURE)
+    return path
+
+
+def files(folder):
+    return {path.name: path.read_bytes() for path in sorted(folder.glob("*.csv*"))}
+
+
+class Working:
+    """Tables and the session that they keep, without a server."""
+
+    def __init__(self, project):
+        inputs = read_inputs(project, unfinished=True)
+        self.tables = Tables(inputs)
+        self.session = Session(state=self.tables.recovered() or self.tables._files)
+
+    def do(self, command, step=0):
+        self.session = apply(self.session, command, step)
+        self.tables.record(command, step)
+
+    def save(self):
+        return self.tables.save(self.session.state)
+
+
+def every_command():
+    yield c.Place(image="P1.jpg", label="A", u_px=11.0, v_px=20.5)
+    yield c.Place(image="P2.jpg", label="C", u_px=1.0, v_px=2.0, sigma_px=0.25)
+    yield c.Unpick(image="P1.jpg", label="B")
+    yield c.Rename(label="A", new="kerb; no".replace(";", ","))
+    yield c.SetSigma(image="P2.jpg", label="C", sigma_px=0.5)
+    yield c.SetHeight(label="C", height_m=0.15)
+    yield c.SetLine(
+        was="L1", name="long", start="C", end="B", length_m=2.0, sigma_m=0.1, adjust=False
+    )
+    yield c.RemoveLine(name="long")
+    yield c.SetMeasurement(was="", name="D2", kind="distance", points=("C", "B"))
+    yield c.RemoveMeasurement(name="D")
+    yield c.Forget(label="C")
+
+
+def test_columns_of_a_persons_own_are_told_and_stay_as_they_are(project, tmp_path):
+    inputs = read_inputs(project, unfinished=True)
+    texts = [message.text for message in inputs.messages if message.code == "own-columns"]
+    assert [text.split(":")[0] for text in texts] == ["picks.csv", "lines.csv", "measure.csv"]
+    assert "'Who saw it'" in texts[0]
+    work = Working(project)
+    work.do(c.Place(image="P2.jpg", label="A", u_px=51.5, v_px=60.0))
+    work.do(c.Place(image="P2.jpg", label="New", u_px=1.0, v_px=2.0))
+    work.do(c.Rename(label="B", new="C"))
+    assert work.save() == ""
+    work.tables.close()
+    changed = PICKS.replace(b"P2.jpg,60.000,50", b"P2.jpg,60.000,51.5").replace(b'"B"', b"C")
+    assert files(tmp_path)["picks.csv"] == changed + b"\r\n,New,,P2.jpg,2.0,1.0"
+    assert files(tmp_path)["lines.csv"] == LINES.replace(b"A,B,11", b"A,C,11")
+    assert files(tmp_path)["measure.csv"] == MEASURE.replace(b"A;B", b"A;C")
+    read_inputs(project, unfinished=True)  # and the program reads what it wrote
+
+
+def test_undo_to_the_start_leaves_the_files_byte_for_byte_as_they_were(project, tmp_path):
+    before = files(tmp_path)
+    work = Working(project)
+    steps = 0
+    for command in every_command():
+        work.do(command)
+        steps += 1
+        assert work.save() == ""
+    changed = files(tmp_path)
+    assert all(changed[name] != before[name] for name in before)
+    reread = read_inputs(project, unfinished=True)
+    assert reread.picks.label == tuple(pick.label for pick in work.session.state.picks)
+    for _ in range(steps):
+        work.do(c.Undo())
+        assert work.save() == ""
+    work.tables.close()
+    after = files(tmp_path)
+    assert {name: after[name] for name in before} == before
+    backups = {f"{name}.bak": content for name, content in before.items()}
+    assert {name: after[name] for name in backups} == backups
+
+
+def test_files_that_were_not_there_are_gone_again_after_undo(tmp_path):
+    project = small_project(tmp_path)
+    with running(project) as server, Page(server) as page:
+        page.do("place", image=0, label="A", u_px=1, v_px=2)
+        page.do("line", was="", name="L", start="A", end="B", length_m=2, sigma_m=0.01)
+        page.until("saved", fault="")
+        assert sorted(files(tmp_path)) == ["lines.csv", "picks.csv"]
+        page.do("undo")
+        page.do("undo")
+    assert files(tmp_path) == {}
+
+
+def test_a_table_edited_outside_meanwhile_is_not_written_over(project, tmp_path):
+    edited = PICKS + b"\r\n,Z,from a spreadsheet,P2.jpg,7,8"
+    with running(project) as server:
+        with Page(server) as page:
+            page.do("place", image=0, label="A", u_px=11, v_px=20.5)
+            page.until("saved", fault="")
+            ours = (tmp_path / "picks.csv").read_bytes()
+            (tmp_path / "picks.csv").write_bytes(edited)
+            page.do("place", image=1, label="A", u_px=52, v_px=60)
+            said = page.until("saved")
+            assert "picks.csv" in said["fault"]
+            assert "picks-from-page.csv" in said["fault"]
+        assert (tmp_path / "picks.csv").read_bytes() == edited
+    assert (tmp_path / "picks.csv").read_bytes() == edited
+    beside = (tmp_path / "picks-from-page.csv").read_bytes()
+    assert beside == ours.replace(b"P2.jpg,60.000,50", b"P2.jpg,60.000,52.0")
+    with running(project) as server, Page(server) as page:
+        assert {pick["label"] for pick in page.initial_state["state"]["picks"]} == {"A", "B", "Z"}
+        codes = [message["code"] for message in page.initial_state["messages"]]
+        assert "pick-not-recovered" in codes
+    asides = list((tmp_path / "out").glob("pick-journal-*.jsonl"))
+    assert len(asides) == 1
+    assert b'"u_px": 52.0' in asides[0].read_bytes()
+
+
+def test_a_table_edited_between_two_sessions_is_simply_read(project, tmp_path):
+    with running(project) as server, Page(server) as page:
+        page.do("place", image=0, label="A", u_px=11, v_px=20.5)
+    more = (tmp_path / "picks.csv").read_bytes() + b"\r\n,Z,,P2.jpg,7,8"
+    (tmp_path / "picks.csv").write_bytes(more)
+    with running(project) as server, Page(server) as page:
+        assert not page.initial_state["recovered"]
+        assert {pick["label"] for pick in page.initial_state["state"]["picks"]} == {"A", "B", "Z"}
+    assert (tmp_path / "picks.csv").read_bytes() == more
+
+
+@pytest.mark.parametrize("tables_written", range(4))
+def test_a_kill_between_two_tables_loses_and_doubles_nothing(project, monkeypatch, tables_written):
+    class Killed(BaseException):
+        pass
+
+    work = Working(project)
+    for command in every_command():
+        work.do(command)
+    written = 0
+    real = Tables._write
+
+    def write(self, role, content):
+        nonlocal written
+        if written == tables_written:
+            raise Killed
+        real(self, role, content)
+        written += 1
+
+    monkeypatch.setattr(Tables, "_write", write)
+    if tables_written == 3:
+        monkeypatch.setattr(Journal, "saved", lambda _: (_ for _ in ()).throw(Killed()))
+    with pytest.raises(Killed):
+        work.save()
+    monkeypatch.undo()
+    work.tables._lock.release()  # as the end of a process does
+
+    again = Working(project)
+    assert again.session.state == work.session.state
+    assert again.save() == ""
+    again.tables.close()
+    last = Working(project)
+    assert last.tables.recovered() is None
+    assert last.session.state == work.session.state
+    last.tables.close()
+
+
+def test_a_second_page_is_refused_and_the_first_one_named(project):
+    with (
+        running(project) as server,
+        pytest.raises(RefusedToStartError, match=f"process {server.pid}"),
+    ):
+        Server(project)
+    with running(project):
+        pass
+
+
+def test_a_lock_that_a_kill_left_behind_is_no_lock(project, tmp_path):
+    server = Server(project)
+    server.kill()
+    assert (tmp_path / "out" / LOCK).read_text() == f"{server.pid}\n"
+    with running(project) as again:
+        assert (tmp_path / "out" / LOCK).read_text() == f"{again.pid}\n"
+    assert not (tmp_path / "out" / LOCK).exists()
+
+
+def test_a_lock_is_told_by_the_system_not_by_a_number_in_a_file(tmp_path):
+    (tmp_path / LOCK).write_text(f"{os.getpid()}\n")  # alive, but it holds no lock
+    lock = ProjectLock(tmp_path, "project.yaml")
+    with pytest.raises(UavgramError, match=f"process {os.getpid()}"):
+        ProjectLock(tmp_path, "project.yaml")
+    lock.release()
+    ProjectLock(tmp_path, "project.yaml").release()
+
+
+def test_a_table_that_changed_while_the_project_was_read_is_no_start(project, tmp_path):
+    inputs = read_inputs(project, unfinished=True)
+    (tmp_path / "picks.csv").write_bytes(PICKS + b"\r\n,Z,,P2.jpg,7,8")
+    with pytest.raises(InputError, match="start again"):
+        Tables(inputs)
+    Working(project).tables.close()  # the lock was let go
+
+
+def test_a_link_stays_a_link_and_its_rights_stay(project, tmp_path):
+    (tmp_path / "store").mkdir()
+    real = tmp_path / "store" / "p.csv"
+    (tmp_path / "picks.csv").rename(real)
+    (tmp_path / "picks.csv").symlink_to(real)
+    real.chmod(0o640)
+    work = Working(project)
+    work.do(next(every_command()))
+    assert work.save() == ""
+    work.tables.close()
+    assert (tmp_path / "picks.csv").is_symlink()
+    assert b"11.0" in real.read_bytes()
+    assert real.stat().st_mode & 0o777 == 0o640
+
+
+def test_a_table_that_cannot_be_written_is_said_and_nothing_is_lost(project, tmp_path, monkeypatch):
+    before = files(tmp_path)
+    work = Working(project)
+    work.do(next(every_command()))
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    assert "picks.csv cannot be written (Permission denied)" in work.save()
+    assert files(tmp_path) == before
+    monkeypatch.undo()
+    assert work.save() == ""
+    assert files(tmp_path) != before
+    work.tables.close()
+
+
+def test_a_table_that_the_project_does_not_name_is_said(tmp_path):
+    project = small_project(tmp_path)
+    text = project.read_text(encoding="utf-8").replace("lines: lines.csv\n", "")
+    project.write_text(text, encoding="utf-8")
+    work = Working(project)
+    work.do(c.SetLine(was="", name="L", start="A", end="B", length_m=2.0, sigma_m=0.1, adjust=True))
+    assert "`lines: lines.csv`" in work.save()
+    work.tables.close()
+    assert (
+        b"L,A,B,2,0.1" in (tmp_path / "lines.csv").read_bytes()
+        or b"2.0" in (tmp_path / "lines.csv").read_bytes()
+    )
+
+
+PLACE = c.Place(image="P1.jpg", label="A", u_px=1.1, v_px=2.2)
+
+
+def journal_with(path, *commands):
+    journal = Journal(path, fresh=True)
+    journal.open(State(), {"picks": None}, resumed=False)
+    for command in commands:
+        journal.record(command, 0)
+    journal.close()
+
+
+def test_a_line_that_a_kill_cut_off_was_never_confirmed(tmp_path):
+    path = tmp_path / JOURNAL
+    journal_with(path, PLACE, c.Rename(label="A", new="B"))
+    whole = path.read_bytes()
+    second = whole.rindex(b"\n", 0, -1) + 1
+    expected = (Pick(image="P1.jpg", label="A", u_px=1.1, v_px=2.2),)
+    for end in range(second, len(whole)):
+        path.write_bytes(whole[:end])
+        assert left_in(path).session.state.picks == expected
+        journal = Journal(path, fresh=False)  # who goes on does not write behind half a line
+        journal.record(c.Unpick(image="P1.jpg", label="A"), 0)
+        journal.close()
+        assert left_in(path).session.state.picks == ()
+
+
+def test_a_full_disk_is_told_before_anything_is_confirmed(tmp_path, monkeypatch):
+    path = tmp_path / JOURNAL
+    journal = Journal(path, fresh=True)
+    journal.open(State(), {"picks": None}, resumed=False)
+    whole = path.read_bytes()
+    real = os.pwrite
+
+    def full(handle, data, place):
+        if len(data) > 10:
+            return real(handle, data[:10], place)
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(autosave.os, "pwrite", full)
+    with pytest.raises(UavgramError, match="No space left"):
+        journal.record(PLACE, 0)
+    monkeypatch.undo()
+    assert path.read_bytes() == whole
+    journal.record(PLACE, 0)
+    journal.close()
+    assert len(left_in(path).session.state.picks) == 1
+
+
+def test_what_cannot_be_kept_is_not_done_and_its_numbers_are_taken_back(project, monkeypatch):
+    survey = LiveSurvey.open(project)
+    tables = Tables(survey.inputs)
+    desk = PickSession(survey, tables, lambda _: None)
+    before, adjusted = desk.state, []
+    monkeypatch.setattr(desk._live, "submit", adjusted.append)
+
+    def full(*_):
+        raise OutputError("No space left on device")
+
+    monkeypatch.setattr(tables, "record", full)
+    with pytest.raises(OutputError, match="No space left"):
+        desk.change(Message(seq=1, step=0, final=True, body=PLACE))
+    assert desk.state is before
+    assert [task.state == before for task in adjusted] == [False, True]
+    assert desk.version == adjusted[1].version > adjusted[0].version
+    desk.let_go()
+
+
+@pytest.mark.parametrize(
+    ("line", "taken"),
+    [
+        (b"", True),  # what the others differ from
+        (b"not json\n", False),
+        (b"[1]\n", False),
+        (b'{"do": "Explode", "step": 0}\n', False),
+        (b'{"do": "Unpick", "step": 0}\n', False),
+        (b'{"do": "Unpick", "step": 0, "image": "P1.jpg", "label": "nobody"}\n', False),
+        (b'{"do": "open", "state": 3}\n', False),
+    ],
+)
+def test_a_journal_that_is_none_is_put_aside_and_said(project, tmp_path, line, taken):
+    lost = Working(project)
+    lost.do(PLACE)
+    lost.tables.close()
+    with (tmp_path / "out" / JOURNAL).open("ab") as stream:
+        stream.write(line)
+    work = Working(project)
+    assert (work.tables.recovered() is not None) == taken
+    codes = [message.code for message in work.tables.messages]
+    assert codes == ["pick-recovered" if taken else "pick-not-recovered"]
+    assert len(list((tmp_path / "out").glob("pick-journal-*.jsonl"))) == (not taken)
+    work.tables.close()
+
+
+def test_ctrl_c_ends_the_command_with_everything_saved(tmp_path):
+    """The command itself, as a person starts it."""
+    project = small_project(tmp_path)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "uavgram", "pick", str(project), "--no-browser"],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        address = process.stdout.readline().split(": ", 1)[1].strip()
+        server = Server.__new__(Server)
+        server.address, server.pid = address, process.pid
+        with Page(server) as page:
+            page.do("place", image=0, label="A", u_px=1.5, v_px=2.5)
+            process.send_signal(2)
+            rest, _ = process.communicate(timeout=60)
+    finally:
+        process.kill()
+        process.wait()
+    assert process.returncode == 0
+    assert rest.splitlines()[-1] == "Saved."
+    assert b"P1.jpg,A,1.5,2.5," in (tmp_path / "picks.csv").read_bytes()
+    entries = (tmp_path / "out" / JOURNAL).read_text().splitlines()
+    assert json.loads(entries[-1])["do"] == "saved"

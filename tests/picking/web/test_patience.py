@@ -1,0 +1,72 @@
+"""Connections that do not say what they want do not stay, and keep nobody out."""
+
+from __future__ import annotations
+
+import socket
+import time
+from contextlib import suppress
+
+import pytest
+from pick_pages import Page, ask, small_project
+from picking_server import served
+
+from uavgram.picking.web import patience
+
+
+@pytest.fixture
+def server(tmp_path):
+    with served(small_project(tmp_path)) as server:
+        yield server
+
+
+def calls(server, count, said):
+    made = []
+    for k in range(count):
+        made.append(socket.create_connection(("127.0.0.1", server.port), timeout=30))
+        made[-1].sendall(said[: 1 + k % len(said)])
+    return made
+
+
+def test_half_a_request_is_not_waited_for(server, monkeypatch):
+    monkeypatch.setattr(patience, "HEADERS_S", 0.3)
+    half = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\nCookie: x".encode()
+    silent = calls(server, 300, half)
+    silent += [socket.create_connection(("127.0.0.1", server.port), timeout=30)]
+    second = socket.create_connection(("127.0.0.1", server.port), timeout=30)
+    second.sendall(half + b"\r\n\r\n")  # a whole one, then half of the next
+    answer = b""
+    while b"pick` printed" not in answer:
+        answer += second.recv(65536)
+    assert answer.startswith(b"HTTP/1.1 403")
+    second.sendall(half)
+    began = time.monotonic()
+    for call in [*silent, second]:
+        with call, suppress(ConnectionResetError):
+            assert call.recv(65536) == b""
+    assert time.monotonic() - began < 20
+
+
+def test_who_is_in_stays_and_who_comes_later_gets_in(server, monkeypatch):
+    monkeypatch.setattr(patience, "HEADERS_S", 0.3)
+    server.origin = f"http://127.0.0.1:{server.port}"
+    cookie = ask(server.guard.address(), follow_redirects=False).headers["set-cookie"].split(";")[0]
+    with Page(server, cookie) as page:
+        monkeypatch.setattr(patience, "HEADERS_S", 60.0)
+        silent = calls(server, patience.MOST_SILENT * 2, b"GET /")
+        time.sleep(0.5)
+        assert page.do("place", image=0, label="A", u_px=1, v_px=2)["t"] == "changed"
+        assert ask(server.origin, headers={"Cookie": cookie}).status_code == 200
+        still = [one for one in silent if not is_closed(one)]
+        assert len(still) <= patience.MOST_SILENT
+        for call in silent:
+            call.close()
+
+
+def is_closed(call):
+    call.settimeout(0.001)
+    try:
+        return call.recv(1) == b""
+    except TimeoutError:
+        return False
+    except ConnectionResetError:
+        return True

@@ -1,0 +1,485 @@
+"""What is said of each pick, length, check and prior."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from uavgram.estimation.measuring.propagation import propagate
+from uavgram.model.options import SolveOptions
+from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, MeasurementRequest
+from uavgram.stages.judge import (
+    PickTable,
+    judge_groups,
+    judge_lines,
+    judge_overall,
+    judge_picks,
+    judge_points,
+    judge_priors,
+    judge_removals,
+    judge_suspects,
+    judge_weakest,
+    run_tests,
+    swapped_labels,
+)
+from uavgram.stages.refine import refine
+
+ALPHA = 0.001
+
+
+def changed(survey, name, index, by):
+    values = np.array(getattr(survey, name))
+    values[index] += by
+    return replace(survey, **{name: values})
+
+
+def table(survey, index=None):
+    index = np.arange(len(survey.pick_frame)) if index is None else index
+    return PickTable(
+        image=tuple(survey.frame_id[f] for f in survey.pick_frame),
+        label=tuple(survey.label[k] for k in survey.pick_label),
+        pixel_px=survey.pixel_px,
+        sigma_px=survey.pick_sigma_px,
+        survey_index=index,
+    )
+
+
+def lines_of(survey, adjust=None):
+    n = len(survey.line_start)
+    return KnownLines(
+        name=tuple(f"L{i}" for i in range(n)),
+        start=tuple(survey.label[k] for k in survey.line_start),
+        end=tuple(survey.label[k] for k in survey.line_end),
+        length_m=survey.length_m,
+        sigma_m=survey.length_sigma_m,
+        adjust=np.ones(n, dtype=bool) if adjust is None else adjust,
+    )
+
+
+def solve(survey, outliers="report"):
+    if not survey.line_name:
+        survey = replace(survey, line_name=lines_of(survey).name)
+    return refine(survey, SolveOptions(outliers=outliers))[0]
+
+
+def named(lines, i):
+    return f"length {lines.name[i]!r} ({lines.start[i]!r} to {lines.end[i]!r})"
+
+
+WHOLE = (MeasurementRequest(name="whole", kind="distance", points=("P0", "P1")),)
+
+
+def examined(refined, requests=WHOLE):
+    measured = propagate(refined.adjustment, requests, None)
+    return run_tests(refined, measured, ALPHA)
+
+
+def test_a_clean_survey_has_nothing_to_say(scene_factory):
+    survey = scene_factory(9, frames=6).survey
+    refined = solve(survey)
+    given = examined(refined)
+    picks, _ = judge_picks(given, table(survey))
+    lines, checks, _, line_messages = judge_lines(given, lines_of(survey), np.arange(6))
+    groups, group_messages = judge_groups(refined.adjustment, ALPHA)
+    assert set(picks.status) == {"used"}
+    assert set(lines.status) == {"used"}
+    assert checks.name == ()
+    assert (*judge_suspects(given), *line_messages, *group_messages) == ()
+    total = sum(group.redundancy for group in groups)
+    observations = sum(group.observations for group in groups)
+    layout = refined.adjustment.problem.layout
+    assert total == pytest.approx(observations - layout.size, abs=1e-5)
+
+
+@pytest.mark.parametrize(("outliers", "status"), [("report", "suspect"), ("remove", "removed")])
+def test_a_wrong_pick_and_a_wrong_length_are_named(scene_factory, outliers, status):
+    survey = scene_factory(6, frames=6, lines=8).survey
+    survey = changed(changed(survey, "pixel_px", (17, 0), 15.0), "length_m", 2, 0.5)
+    refined = solve(survey, outliers)
+    given = examined(refined)
+    picks, _ = judge_picks(given, table(survey))
+    lines, _, _, _ = judge_lines(given, lines_of(survey), np.arange(8))
+    messages = judge_suspects(given)
+    assert picks.status[17] == status
+    assert lines.status[2] == status
+    assert -0.7 < lines.residual_m[2] < -0.1  # adjusted minus taped
+    if outliers == "report":
+        assert picks.residual_px[17, 0] < -1  # adjusted minus pick
+        assert any(m.code == "pick-suspect" and "does not fit" in m.text for m in messages)
+        assert np.nanargmax(np.abs(lines.w)) == 2
+        assert any(m.code == "line-suspect" and "'L2'" in m.text for m in messages)
+    else:
+        assert np.isnan(picks.residual_px[17]).all()
+        assert np.isnan([lines.w[2], lines.redundancy[2], lines.mdb_m[2]]).all()
+        assert np.isfinite(lines.adjusted_sigma_m[2])
+
+
+def test_residuals_and_redundancies_stand_with_their_own_picks(scene_factory):
+    survey = scene_factory(6, frames=3).survey
+    refined = solve(survey)
+    count = len(survey.pick_frame)
+    shuffled = np.random.default_rng(0).permutation(count)
+    index = np.append(shuffled, -1)
+    whole = table(survey)
+    given = PickTable(
+        image=(*(whole.image[k] for k in shuffled), "lost"),
+        label=(*(whole.label[k] for k in shuffled), "A"),
+        pixel_px=np.vstack([whole.pixel_px[shuffled], [0, 0]]),
+        sigma_px=np.append(whole.sigma_px[shuffled], 1.0),
+        survey_index=index,
+    )
+    under_test = examined(refined)
+    plain, plain_effects = judge_picks(under_test, whole)
+    found, effects = judge_picks(under_test, given)
+    np.testing.assert_array_equal(effects.change[:-1], plain_effects.change[shuffled])
+    assert effects.on[-1] == ""
+    np.testing.assert_array_equal(found.residual_px[:-1], plain.residual_px[shuffled])
+    np.testing.assert_array_equal(found.w[:-1], plain.w[shuffled])
+    assert found.status[-1] == "unused"
+    assert np.isnan(found.w[-1])
+
+
+def test_a_withheld_length_is_judged_by_its_error_over_the_joint_sigma(scene_factory):
+    scene = scene_factory(6, frames=6)
+    survey = scene.survey
+    adjust = np.ones(6, dtype=bool)
+    adjust[4] = False
+    kept = np.flatnonzero(adjust)
+    reduced = replace(
+        survey,
+        line_start=survey.line_start[kept],
+        line_end=survey.line_end[kept],
+        length_m=survey.length_m[kept],
+        length_sigma_m=survey.length_sigma_m[kept],
+    )
+    index = np.array([0, 1, 2, 3, -1, 4])
+    known = lines_of(survey, adjust)
+    lines, checks, effects, messages = judge_lines(examined(solve(reduced)), known, index)
+    assert effects.on[4] == ""
+    assert lines.status == ("used",) * 4 + ("checked", "used")
+    assert checks.name == ("L4",)
+    sigma = np.hypot(lines.adjusted_sigma_m[4], survey.length_sigma_m[4])
+    assert checks.sigma_m[0] == pytest.approx(sigma)
+    assert checks.z[0] == pytest.approx(lines.residual_m[4] / sigma) == lines.w[4]
+    assert np.isnan(lines.redundancy[4])
+    assert messages == ()
+
+    wrong = changed(survey, "length_m", 4, 1.0)
+    known = lines_of(wrong, adjust)
+    _, _, _, messages = judge_lines(examined(solve(reduced)), known, index)
+    assert [m.code for m in messages] == ["line-suspect"]
+
+
+def test_a_length_to_a_label_never_picked_is_unseen_with_the_nearest_spelling(scene_factory):
+    survey = scene_factory(6).survey
+    lines = lines_of(survey)
+    lines = replace(lines, end=("P33", *lines.end[1:]))
+    without = replace(
+        survey,
+        **{
+            name: getattr(survey, name)[1:]
+            for name in ("line_start", "line_end", "length_m", "length_sigma_m")
+        },
+    )
+    index = np.array([-1, 0, 1, 2, 3, 4])
+    found, _, _, messages = judge_lines(examined(solve(without)), lines, index)
+    assert found.status[0] == "unseen"
+    assert np.isnan(found.adjusted_m[0])
+    assert [m.code for m in messages] == ["line-unseen"]
+    assert "'P33' (did you mean 'P3'?)" in messages[0].text
+
+
+def test_check_points_are_judged_with_both_covariances(scene_factory):
+    scene = scene_factory(6)
+    adjustment = solve(scene.survey).adjustment
+    known = KnownWorldPoints(
+        label=("P2", "P7", "gone"),
+        world_m=np.vstack([scene.world[[2, 7]], [0, 0, 0]]),
+        sigma_m=np.array([[0.1, 0.2, 0.3], [0.01, 0.01, 0.01], [1, 1, 1]]),
+    )
+    checks, messages = judge_points(adjustment, known, ALPHA)
+    position, covariance = adjustment.points()
+    for row, k in enumerate((2, 7)):
+        joint = covariance[k] + np.diag(known.sigma_m[row] ** 2)
+        error = position[k] - scene.world[k]
+        np.testing.assert_allclose(checks.error_m[row], error)
+        np.testing.assert_allclose(checks.sigma_m[row], np.sqrt(np.diag(joint)))
+        assert checks.mahalanobis[row] == pytest.approx(
+            np.sqrt(error @ np.linalg.inv(joint) @ error)
+        )
+    assert checks.label == ("P2", "P7")
+    assert [m.code for m in messages] == ["check-unseen"]
+
+
+def test_a_group_whose_sigmas_are_far_too_small_is_named(scene_factory):
+    survey = scene_factory(6, frames=6).survey
+    survey = replace(survey, pick_sigma_px=survey.pick_sigma_px / 4)
+    groups, messages = judge_groups(solve(survey).adjustment, ALPHA)
+    factor = {g.name: g.variance_factor for g in groups}
+    assert 10 < factor["pixels"] < 24
+    assert any("picks" in m.text for m in messages)
+
+
+def test_a_boresight_and_a_frame_far_from_their_priors_are_named(scene_factory):
+    survey = scene_factory(6, frames=6, control=6).survey
+    prior = survey.telemetry
+    strained = replace(survey, telemetry=replace(prior, boresight_sigma_rad=1e-5))
+    turned = prior.gimbal_from_camera @ np.array(
+        [[1, 0, 0], [0, 0.9801, -0.1987], [0, 0.1987, 0.9801]]
+    )
+    strained = replace(strained, telemetry=replace(strained.telemetry, gimbal_from_camera=turned))
+    messages = judge_suspects(examined(solve(strained)))
+    assert any("boresight x" in m.text for m in messages)
+
+    late = np.array(prior.time_s)
+    late[2] += 0.4
+    tight = replace(prior, time_s=late, covariance=prior.covariance * 0.01, clock_sigma_s=0.01)
+    given = examined(solve(replace(survey, telemetry=tight)))
+    messages = judge_suspects(given)
+    assert any("'f2'" in m.text for m in messages if m.code == "telemetry-strained")
+
+
+def test_every_prior_has_a_row_with_its_name_unit_and_effect(scene_factory):
+    survey = scene_factory(6, frames=4, control=2, roughness=0.05, verge=(4, 5, 9)).survey
+    refined = solve(survey)
+    priors = judge_priors(examined(refined))
+    rows = dict(zip(zip(priors.name, priors.frame_id, strict=True), priors.unit, strict=True))
+    assert rows["image x axis", "f2"] == "deg"
+    assert rows["north", "f0"] == "m"
+    assert rows["boresight y", ""] == rows["ground slope east", ""] == "deg"
+    assert rows["fx", ""] == "px"
+    assert rows["k1", ""] == "1"
+    assert rows["clock offset", ""] == "s"
+    assert rows["clock drift", ""] == "ppm"
+    assert rows["ground slope north of 'verge'", ""] == "deg"
+    assert rows["control 'P1' up", ""] == rows["departure of 'P3' from the plane", ""] == "m"
+    assert len(rows) == len(priors.name)
+    blocks = refined.adjustment.minimum.blocks
+    telemetry = [i for i, kind in enumerate(priors.kind) if kind == "telemetry"]
+    prior = survey.telemetry
+    white = np.linalg.inv(np.linalg.cholesky(prior.covariance))
+    physical = np.einsum("nij,nj->ni", np.linalg.inv(white), blocks["telemetry"].residual)
+    sigma = np.sqrt(np.einsum("nii->ni", prior.covariance))
+    np.testing.assert_allclose(priors.residual[telemetry], (physical / sigma).ravel(), rtol=1e-6)
+    assert (priors.bias[telemetry] > 0).all()
+    assert set(priors.effects.on) <= {"", "whole"}
+
+
+def test_a_suspect_in_one_frame_names_its_group_and_blames_nobody_else(scene_factory):
+    pairs = ((0, 6), (1, 7), (2, 8), (3, 9), (4, 10), (5, 11))
+    scene = scene_factory(
+        3, frames=1, telemetry=False, gauge="plane", tilt=0.4, ends=pairs,
+        sources=("pixels", "lengths"),
+    )  # fmt: skip
+    survey = changed(scene.survey, "length_m", 1, 0.4)
+    given = examined(solve(survey))
+    (message,) = judge_suspects(given)
+    assert message.code == "line-suspect"
+    picks_of_ends = "the picks of 'P1' and 'P7' in 'f0'"
+    group = f"The {named(lines_of(survey), 1)} or {picks_of_ends}: no test can part them"
+    assert f"{group}: look at all three." in message.text
+    lines, _, _, _ = judge_lines(given, lines_of(survey), np.arange(6))
+    picks, _ = judge_picks(given, table(survey))
+    assert [i for i, s in enumerate(lines.status) if s == "suspect"] == [1]
+    assert [i for i, s in enumerate(picks.status) if s == "suspect"] == [1, 7]
+
+
+def test_the_record_of_a_removal_tells_what_it_did(scene_factory):
+    survey = changed(scene_factory(6, frames=6, lines=8).survey, "length_m", 2, 0.5)
+    before, after = solve(survey), solve(survey, "remove")
+    lines = lines_of(survey)
+    record, *_ = judge_removals(after, lines, np.arange(8), WHOLE, None)
+    assert record.what == named(lines, 2)
+    (said,) = [m for m in judge_suspects(examined(before)) if m.lengths == ("L2",)]
+    assert said.text.startswith(f"The {named(lines, 2)} does not fit")  # one name in both modes
+    assert abs(record.w) == pytest.approx(abs(after.removals[0].suspicion.w))
+    assert record.variance_factor_before > record.variance_factor_after
+    steps = [before, *(r.before for r in after.removals[1:]), after]
+    values = [propagate(r.adjustment, WHOLE, None).value for r in steps[:2]]
+    np.testing.assert_allclose(record.change, values[1] - values[0], atol=1e-9)
+
+
+def test_the_weakest_link_is_named_with_its_size(scene_factory):
+    survey = scene_factory(6, frames=6, lines=8).survey
+    given = examined(solve(survey))
+    links = judge_weakest(given)
+    lines, _, effects, _ = judge_lines(given, lines_of(survey), np.arange(8))
+    largest = int(np.argmax(np.abs(effects.change)))
+    assert links.what == (named(lines_of(survey), largest),)
+    assert links.bias[0] == pytest.approx(lines.mdb_m[largest])
+    assert links.unit == ("m",)
+    assert links.change[0] == pytest.approx(effects.change[largest])
+    assert effects.sigmas[largest] == pytest.approx(
+        abs(effects.change[largest]) / given.measured.sigma[0]
+    )
+
+
+def test_checks_are_judged_together_with_their_joint_covariance(scene_factory):
+    squared = []
+    for seed in range(30):
+        scene = scene_factory(100 + seed, frames=3, lines=2)
+        survey = scene.survey
+        rng = np.random.default_rng(seed)
+        ends = np.array([[0, 1], [1, 2], [2, 3]])
+        truth = np.linalg.norm(scene.world[ends[:, 0]] - scene.world[ends[:, 1]], axis=1)
+        lines = KnownLines(
+            name=("a", "b", "c"),
+            start=tuple(f"P{k}" for k in ends[:, 0]),
+            end=tuple(f"P{k}" for k in ends[:, 1]),
+            length_m=truth + 0.01 * rng.normal(size=3),
+            sigma_m=np.full(3, 0.01),
+            adjust=np.zeros(3, dtype=bool),
+        )
+        known = KnownWorldPoints(
+            label=("P4", "P5"),
+            world_m=scene.world[[4, 5]] + 0.02 * rng.normal(size=(2, 3)),
+            sigma_m=np.full((2, 3), 0.02),
+        )
+        adjustment = solve(survey).adjustment
+        if not {f"P{k}" for k in range(6)} <= set(adjustment.survey.label):
+            continue
+        overall, _ = judge_overall(adjustment, lines, known, ALPHA)
+        assert overall.count == 9
+        squared.append(overall.chi2)
+    low, high = chi2.ppf([5e-6, 1 - 5e-6], 9 * len(squared))
+    assert low < np.sum(squared) < high
+
+    assert judge_overall(adjustment, lines, NO_POINTS, ALPHA)[0].count == 3
+    points_alone = replace(lines, adjust=~lines.adjust)
+    assert judge_overall(adjustment, points_alone, known, ALPHA)[0].count == 6
+    far = replace(known, world_m=known.world_m + np.array([0.0, 0.0, 9.0]))
+    overall, messages = judge_overall(adjustment, lines, far, ALPHA)
+    assert overall.rms_error_m == pytest.approx(np.sqrt(2 * 81 / 9), rel=0.2)
+    assert [m.code for m in messages] == ["checks-misfit"]
+    assert judge_overall(adjustment, replace(lines, adjust=~lines.adjust), NO_POINTS, ALPHA) == (
+        None, (),
+    )  # fmt: skip
+
+
+def test_a_length_left_out_beforehand_is_named_with_both_values_and_its_unit(scene_factory):
+    survey = scene_factory(6, frames=6, ends=tuple((k, k + 6) for k in range(6))).survey
+    covariance = np.tile(np.diag([1.0, 1, 1.5, 0.03, 0.03, 0.04]) ** 2, (6, 1, 1))
+    survey = replace(survey, seeds=replace(survey.seeds, covariance=covariance))
+    for factors, unit in (({2: 1000.0}, "in millimetres?"), ({1: 3.2808, 2: 3.2808}, "in feet?")):
+        length = np.array(survey.length_m)
+        for line, factor in factors.items():
+            length[line] *= factor
+        wrong = replace(survey, length_m=length)
+        refined = solve(wrong)
+        lines = lines_of(wrong)
+        given = examined(refined)
+        found, _, _, messages = judge_lines(given, lines, np.arange(6))
+        assert [m.code for m in messages] == ["line-left-out"]
+        for line in factors:
+            assert found.status[line] == "removed"
+            assert f"'L{line}'" in messages[0].text
+            assert f"{length[line]:.10g} m taped" in messages[0].text
+            assert f"{found.adjusted_m[line]:.4g} m" in messages[0].text
+            assert found.adjusted_m[line] == pytest.approx(survey.length_m[line], abs=0.1)
+        assert unit in messages[0].text
+        assert judge_suspects(given) == ()
+        records = judge_removals(refined, lines, np.arange(6), WHOLE, None)
+        assert [r.what for r in records] == [named(lines, line) for line in factors]
+        assert messages[0].lengths == tuple(f"L{line}" for line in factors)
+        assert all(np.isnan([r.variance_factor_before, *r.change]).all() for r in records)
+        assert 0.3 < records[0].variance_factor_after < 2.0
+
+
+def test_a_suspect_without_which_all_fits_is_the_only_one_named(scene_factory):
+    survey = scene_factory(6, frames=6, ends=tuple((k, k + 6) for k in range(6))).survey
+    wrong = changed(survey, "length_m", 2, 0.25 * survey.length_m[2])
+    refined = solve(wrong)
+    assert refined.accused_alone
+    (message,) = judge_suspects(examined(refined))
+    assert "'L2'" in message.text
+    assert "Without it, everything else fits." in message.text
+    assert judge_groups(refined.adjustment, ALPHA)[1] != ()
+    assert judge_groups(refined.adjustment, ALPHA, explained=True)[1] == ()
+
+
+def test_tests_of_an_adjustment_not_at_rest_accuse_nobody(scene_factory, monkeypatch):
+    survey = changed(scene_factory(6, frames=2, lines=1).survey, "length_m", 0, 2.5)
+    monkeypatch.setattr("uavgram.estimation.solver.levenberg_marquardt.AT_REST", -1.0)
+    refined = solve(survey)
+    withheld = lines_of(survey, np.zeros(1, dtype=bool))
+    for lines, index, status in ((lines_of(survey), 0, "used"), (withheld, -1, "checked")):
+        given = examined(refined)
+        found, _, _, messages = judge_lines(given, lines, np.array([index]))
+        assert (*messages, *judge_suspects(given)) == ()
+        assert found.status == (status,)
+    assert judge_groups(refined.adjustment, ALPHA)[1] == ()
+
+
+def test_a_check_point_that_is_wrong_is_named_before_the_checks_as_a_whole(scene_factory):
+    scene = scene_factory(6)
+    adjustment = solve(scene.survey).adjustment
+    truth = scene.world[[2, 7, 8]]
+    known = KnownWorldPoints(label=("P2", "P7", "P8"), world_m=truth, sigma_m=np.full((3, 3), 0.02))
+    assert judge_points(adjustment, known, ALPHA)[1] == ()
+    for off, side in (([0.0, 26.0, 0.0], "north"), ([0.0, -5e6, 3e6], "south")):
+        wrong = replace(known, world_m=truth + np.array([[0.0] * 3, off, [0.0] * 3]))
+        _, (message,) = judge_points(adjustment, wrong, ALPHA)
+        assert message.code == "check-suspect"
+        assert "'P7'" in message.text
+        assert f"mostly to the {side}" in message.text
+        assert ("swapped" in message.text) == (side == "south")
+        none = KnownLines(
+            name=(), start=(), end=(), length_m=np.zeros(0), sigma_m=np.zeros(0),
+            adjust=np.zeros(0, dtype=bool),
+        )  # fmt: skip
+        _, (message,) = judge_overall(adjustment, none, wrong, ALPHA)
+        assert "that is 'P7' alone; the other 2 fit" in message.text
+
+
+def test_check_points_that_are_all_off_are_told_in_one_message(scene_factory):
+    scene = scene_factory(6)
+    adjustment = solve(scene.survey).adjustment
+    known = KnownWorldPoints(
+        label=("P2", "P7", "P8"),
+        world_m=scene.world[[2, 7, 8]] + np.array([0.0, 0.0, 20.0]),
+        sigma_m=np.full((3, 3), 0.02),
+    )
+    _, (message,) = judge_points(adjustment, known, ALPHA)
+    assert message.text.startswith("3 of 3 check points are off, the median ")
+    assert "mostly above" in message.text
+    assert "datum of their heights" in message.text
+    none = lines_of(replace(scene.survey, **{
+        name: getattr(scene.survey, name)[:0]
+        for name in ("line_start", "line_end", "length_m", "length_sigma_m")
+    }))  # fmt: skip
+    _, (message,) = judge_overall(adjustment, none, known, ALPHA)
+    assert "something common to all is wrong" in message.text
+
+
+NO_POINTS = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empty((0, 3)))
+
+
+@pytest.mark.parametrize("outliers", ["report", "remove"])
+def test_swapped_labels_are_told_as_such_and_their_picks_are_not_blamed(scene_factory, outliers):
+    survey = scene_factory(6, frames=6).survey
+    one, other = np.flatnonzero(survey.pick_frame == 2)[[1, 4]]
+    label = np.array(survey.pick_label)
+    label[[one, other]] = label[[other, one]]
+    swapped = replace(survey, pick_label=label)
+    given = examined(solve(swapped, outliers))
+    picks, _ = judge_picks(given, table(swapped))
+    (swap,) = swapped_labels(given, picks)
+    assert swap.frame == "f2"
+    assert set(swap.labels) == {survey.label[label[one]], survey.label[label[other]]}
+    messages = judge_suspects(given, (swap,))
+    assert [m.code for m in messages if "f2" in m.frames] == ["labels-swapped"]
+    assert messages[0].frames == ("f2",)
+    assert "seem to be swapped in 'f2'" in messages[0].text
+
+
+def test_two_wrong_picks_of_one_photo_are_no_swapped_labels(scene_factory):
+    survey = scene_factory(6, frames=6).survey
+    one, other = np.flatnonzero(survey.pick_frame == 2)[[1, 4]]
+    wrong = changed(changed(survey, "pixel_px", (one, 0), 60.0), "pixel_px", (other, 1), 60.0)
+    given = examined(solve(wrong))
+    picks, _ = judge_picks(given, table(wrong))
+    assert {picks.status[one], picks.status[other]} == {"suspect"}
+    assert swapped_labels(given, picks) == ()

@@ -1,0 +1,266 @@
+"""Known lengths and control points that are wrong beyond doubt: named, alone, and left out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from uavgram.errors import GeometryError
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.model.options import SolveOptions
+from uavgram.stages.refine import refine
+from uavgram.stages.refine.blunders.gross_control import doubtful_control
+from uavgram.stages.refine.blunders.gross_lengths import doubtful, wrong_beyond_doubt
+from uavgram.stages.refine.seeded_lengths import seeded_lengths, seeded_points
+
+REPORT, REMOVE = SolveOptions(), SolveOptions(outliers="remove")
+NO_LOG = {"telemetry": False, "gauge": "plane"}
+PAIRS = tuple((k, k + 6) for k in range(6))
+SEED_SIGMA = np.array([1.0, 1.0, 1.5, 0.03, 0.03, 0.04])
+
+
+def logged(scene, pose_sigma=SEED_SIGMA):
+    """The survey with seeds that know how well they are known."""
+    survey = scene.survey
+    covariance = np.tile(np.diag(pose_sigma**2), (len(survey.frame_id), 1, 1))
+    return replace(survey, seeds=replace(survey.seeds, covariance=covariance))
+
+
+def times(survey, factors):
+    length = np.array(survey.length_m)
+    for line, factor in factors.items():
+        length[line] *= factor
+    return replace(survey, length_m=length)
+
+
+def left_out(refined):
+    return {r.index: r.before for r in refined.removals}
+
+
+def all_picks(survey):
+    return np.ones(len(survey.pick_frame), dtype=bool)
+
+
+@pytest.mark.parametrize(
+    ("factor", "options"),
+    [(1000.0, REMOVE), (1000.0, REPORT), (1 / 0.3048, REPORT), (0.1, REPORT), (2.3, REPORT)],
+)
+def test_a_length_in_another_unit_is_left_out_alone_and_the_rest_is_as_without_it(
+    scene_factory, factor, options
+):
+    scene = scene_factory(2, frames=6, ends=PAIRS)
+    survey = logged(scene)
+    refined, messages = refine(times(survey, {1: factor}), options)
+    assert refined.line_removed.tolist() == [False, True, False, False, False, False]
+    assert left_out(refined) == {1: None}
+    assert messages == ()
+    assert refined.adjustment.minimum.converged
+    fewer = np.arange(6) != 1
+    columns = ("line_start", "line_end", "length_m", "length_sigma_m")
+    without = replace(survey, **{name: getattr(survey, name)[fewer] for name in columns})
+    other, _ = refine(without, REPORT)
+    np.testing.assert_array_equal(other.adjustment.state.point, refined.adjustment.state.point)
+
+
+@pytest.mark.parametrize("factor", [1000.0, 0.1])
+def test_without_log_leaving_each_out_in_turn_finds_the_wrong_one(scene_factory, factor):
+    scene = scene_factory(2, frames=4, ends=PAIRS, **NO_LOG)
+    refined, messages = refine(times(scene.survey, {4: factor}), REPORT)
+    assert left_out(refined) == {4: None}
+    assert messages == ()
+    assert refined.adjustment.minimum.converged
+
+
+def test_two_of_six_in_another_unit_do_not_hide_each_other(scene_factory):
+    for options in ({}, NO_LOG):
+        scene = scene_factory(2, frames=4, ends=PAIRS, **options)
+        survey = logged(scene) if scene.survey.seeds is not None else scene.survey
+        refined, _ = refine(times(survey, {0: 100.0, 4: 1000.0}), REPORT)
+        assert left_out(refined) == {0: None, 4: None}
+
+
+def test_two_of_six_in_feet_are_found_by_leaving_out_pairs_without_log(scene_factory):
+    scene = scene_factory(2, frames=2, ends=PAIRS, **NO_LOG)
+    refined, _ = refine(times(scene.survey, {0: 1 / 0.3048, 4: 1 / 0.3048}), REPORT)
+    assert left_out(refined) == {0: None, 4: None}
+
+
+def test_an_innocent_length_is_not_left_out_where_the_rest_does_not_fit(scene_factory):
+    # Without the third, the others agree in a pose that the camera and the picks contradict.
+    scene = scene_factory(2, frames=3, ends=PAIRS[:5], **NO_LOG)
+    refined, _ = refine(times(scene.survey, {0: 1 / 0.3048, 4: 1 / 0.3048}), REPORT)
+    assert left_out(refined) == {}
+
+
+def test_all_lengths_in_a_wrong_unit_yield_to_the_log(scene_factory):
+    survey = logged(scene_factory(2, frames=6, ends=PAIRS))
+    refined, _ = refine(times(survey, dict.fromkeys(range(6), 1000.0)), REPORT)
+    assert refined.line_removed.all()
+    assert refined.adjustment.minimum.converged
+    # Twice too long is no unit: then it may be the ground that lies elsewhere, and all stay.
+    assert not doubtful(times(survey, dict.fromkeys(range(6), 2.0)), all_picks(survey)).any()
+
+
+def misled(scene, shift):
+    """A survey whose log is right, but whose seeds stand elsewhere and are sure of it."""
+    survey = logged(scene, np.full(6, 0.01))
+    seeds = replace(survey.seeds, center_world_m=survey.seeds.center_world_m + shift)
+    return replace(survey, seeds=seeds)
+
+
+def test_a_length_that_only_seems_wrong_to_the_seeds_comes_back(scene_factory):
+    survey = misled(scene_factory(2, frames=6, ends=PAIRS[:1]), [0.0, 0.0, 50.0])
+    assert doubtful(survey, all_picks(survey)).all()
+    refined, _ = refine(survey, REPORT)
+    assert not refined.line_removed.any()
+    assert left_out(refined) == {}
+
+
+def test_a_control_point_that_only_seems_wrong_to_the_seeds_comes_back(scene_factory):
+    survey = misled(scene_factory(3, frames=4, control=2), [30.0, 0.0, 0.0])
+    assert doubtful_control(survey, all_picks(survey)).all()
+    refined, messages = refine(survey, REPORT)
+    assert "control-left-out" not in {m.code for m in messages}
+    assert len(refined.adjustment.survey.control_label) == 2
+
+
+def test_a_clean_survey_starts_with_all_its_lengths(scene_factory):
+    for seed in range(20):
+        survey = logged(scene_factory(seed, frames=3, control=3))
+        assert not doubtful(survey, all_picks(survey)).any(), seed
+        plain = scene_factory(seed, frames=3, ends=PAIRS, **NO_LOG).survey
+        assert not doubtful(plain, all_picks(plain)).any(), seed
+
+
+def test_what_seeds_say_of_lengths_has_honest_sigmas(scene_factory):
+    z, distance = [], []
+    rng = np.random.default_rng(5)
+    for seed in range(40):
+        scene = scene_factory(seed, frames=1, ends=PAIRS, control=3, sources=("pixels", "plane"))
+        sigma = np.array([0.5, 0.5, 1.0, 0.01, 0.01, 0.02])
+        survey, truth = logged(scene, sigma), scene.truth
+        error = sigma * rng.normal(size=6)
+        turn = np.array(np.eye(3)) + np.cross(np.eye(3), -error[3:])
+        survey = replace(
+            survey,
+            seeds=replace(
+                survey.seeds,
+                center_world_m=truth.center + error[:3],
+                world_from_camera=truth.rotation @ turn,
+            ),
+        )
+        keep = all_picks(survey)
+        length, relative = seeded_lengths(survey, keep)
+        whole = np.linalg.norm(
+            scene.world[survey.line_start] - scene.world[survey.line_end], axis=1
+        )
+        line = int(rng.integers(6))  # one a scene: those of a frame go together
+        if np.isfinite(length[line]):
+            z.append((length[line] / whole[line] - 1.0) / relative[line])
+        point, covariance = seeded_points(survey, keep, survey.control_label)
+        off = point[0] - scene.world[survey.control_label[0]]
+        if np.isfinite(off[0]):
+            distance.append(off @ np.linalg.solve(covariance[0], off))
+    assert len(z) > 30
+    for squared, numbers in ((np.square(z), len(z)), (distance, 3 * len(distance))):
+        low, high = chi2.ppf([5e-4, 1 - 5e-4], numbers)
+        assert low < np.sum(squared) < high
+
+
+def test_a_length_a_fifth_off_is_told_by_its_residual_alone_and_stays(scene_factory):
+    survey = logged(scene_factory(2, frames=6, ends=PAIRS))
+    refined, _ = refine(times(survey, {1: 1.2}), REPORT)
+    assert not refined.line_removed.any()
+    assert refined.accused is not None
+    assert refined.adjustment.problem.line_index[refined.accused.row] == 1
+    assert refined.accused_alone
+
+
+def test_beyond_doubt_allows_for_the_tape_and_for_the_solution(scene_factory):
+    survey = logged(scene_factory(2, frames=6, ends=PAIRS))
+    refined, _ = refine(survey, REPORT)
+    vague = replace(survey, length_sigma_m=np.full(6, 20.0))
+    wrong = times(survey, dict.fromkeys(range(6), 10.0))
+    lines = np.arange(6)
+    assert wrong_beyond_doubt(wrong, refined, lines).all()
+    assert not wrong_beyond_doubt(survey, refined, lines).any()
+    assert not wrong_beyond_doubt(
+        replace(wrong, length_sigma_m=vague.length_sigma_m), refined, lines
+    ).any()
+
+
+def test_a_step_to_a_lens_without_focal_length_is_refused(scene_factory):
+    scene = scene_factory(2)
+    problem = SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
+    assert problem.evaluate(scene.truth) is not None
+    basis = problem.intrinsic_basis
+    wanted = np.zeros(len(basis))
+    wanted[1] = -1.001 * scene.survey.calibration.parameters[1]
+    state = replace(scene.truth, intrinsic=np.linalg.pinv(basis) @ wanted)
+    assert problem.intrinsics(state)[1] < 0
+    assert problem.evaluate(state) is None
+
+
+def test_lengths_that_nothing_can_part_are_told_with_their_ratios(scene_factory):
+    scene = scene_factory(4, frames=1, ends=PAIRS[:3], **NO_LOG)
+    survey = times(scene.survey, {1: 1000.0})
+    try:
+        _, messages = refine(survey, REPORT)
+        said = " ".join(m.text for m in messages)
+    except GeometryError as error:
+        said = str(error)
+    assert "contradict each other" in said
+    assert "'P1' to 'P7' " in said
+
+
+def test_cameras_at_an_odd_height_are_told_with_the_likely_unit(scene_factory):
+    scene = scene_factory(2, frames=3, ends=PAIRS, **NO_LOG)
+    for factor, unit in ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "kilometres")):
+        survey = scene.survey
+        survey = replace(
+            survey,
+            length_m=survey.length_m * factor,
+            length_sigma_m=survey.length_sigma_m * factor,
+        )
+        _, messages = refine(survey, REPORT)
+        told = [m.text for m in messages if m.code == "odd-height"]
+        assert len(told) == 1
+        assert f"in {unit}?" in told[0]
+    assert "odd-height" not in {m.code for m in refine(scene.survey, REPORT)[1]}
+
+
+def test_a_run_that_does_not_come_to_rest_says_what_pulls_hardest(scene_factory, monkeypatch):
+    monkeypatch.setattr("uavgram.estimation.solver.levenberg_marquardt.AT_REST", -1.0)
+    survey = logged(scene_factory(2, frames=2, ends=PAIRS))
+    pixel = np.array(survey.pixel_px)
+    pixel[7, 0] += 25.0
+    _, messages = refine(replace(survey, pixel_px=pixel), REPORT)
+    (told,) = [m for m in messages if m.code == "not-converged"]
+    label = survey.label[survey.pick_label[7]]
+    assert f"The pick of {label!r} in" in told.text
+    assert "pulls hardest" in told.text
+
+
+@pytest.mark.parametrize("off", [[40.0, 0.0, 0.0], [0.0, -9e6, 0.0]])
+def test_a_control_point_of_another_place_is_left_out_by_name(scene_factory, off):
+    scene = scene_factory(3, frames=4, control=4)
+    survey = logged(scene)
+    world = np.array(survey.control_world_m)
+    world[2] += off
+    refined, messages = refine(replace(survey, control_world_m=world), REPORT)
+    assert [m.code for m in messages] == ["control-left-out"]
+    assert "'P2'" in messages[0].text
+    assert ("mostly to the east" if off[0] else "mostly to the south") in messages[0].text
+    assert ("swapped" in messages[0].text) == (off[1] != 0)
+    assert refined.adjustment.minimum.converged
+    assert refined.adjustment.survey.control_label.tolist() == [0, 1, 3]
+
+
+def test_control_points_that_all_lie_elsewhere_together_are_kept(scene_factory):
+    survey = logged(scene_factory(3, frames=4, control=4))
+    world = survey.control_world_m + np.array([60.0, 0.0, 0.0])
+    refined, _ = refine(replace(survey, control_world_m=world), REPORT)
+    assert len(refined.adjustment.survey.control_label) == 4

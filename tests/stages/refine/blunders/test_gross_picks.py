@@ -1,0 +1,79 @@
+"""One gross pick where points may depart from their plane: named alone, and nothing else moves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from place_only_scenes import place_only
+
+from uavgram.estimation.reliability.data_snooping import suspicions
+from uavgram.estimation.reliability.test_statistics import observed
+from uavgram.model.options import GroundOptions, SolveOptions
+from uavgram.stages.refine import refine
+from uavgram.stages.seed.headings import find_headings
+
+ROUGH_M = 0.66
+
+
+def survey_with(frames, off_px, scene_seed=1):
+    """A rough survey, one of whose picks is off; and which."""
+    ground = GroundOptions(roughness_sigma_m=ROUGH_M, height_sigma_m=1.0)
+    scene = place_only(scene_seed, frames=frames, labels=11, ground=ground)
+    survey, _ = find_headings(scene.survey)
+    often = np.bincount(survey.pick_label)[survey.pick_label]
+    pick = int(np.flatnonzero(often >= min(frames, 3))[4])
+    pixel = survey.pixel_px.copy()
+    pixel[pick] += np.array([0.6, -0.8]) * off_px
+    return replace(survey, pixel_px=pixel), pick, scene
+
+
+@pytest.mark.parametrize(("frames", "off_px"), [(3, 60.0), (3, 500.0), (4, 200.0)])
+def test_a_gross_pick_is_named_alone(frames, off_px):
+    survey, pick, scene = survey_with(frames, off_px)
+    refined, messages = refine(survey, SolveOptions())
+    adjustment = refined.adjustment
+
+    assert list(refined.pick_reason) == [pick]
+    assert [m.code for m in messages] == ["pick-left-out"]
+    assert f"it lies {off_px:.0f} px from" in messages[0].text or off_px < 100
+    assert np.abs(adjustment.minimum.blocks["roughness"].residual).max() < 4.0
+    assert np.abs(scene.pose_errors(adjustment)).max() < 3.5
+    assert len(list(suspicions(adjustment, observed(adjustment), 1e-4))) == 0
+
+
+@pytest.mark.parametrize("off_px", [8.0, 15.0])
+def test_a_moderate_pick_is_left_to_the_tests_and_reported_first(off_px):
+    survey, pick, _ = survey_with(4, off_px)
+    refined, _ = refine(survey, SolveOptions())
+    accused = next(suspicions(refined.adjustment, observed(refined.adjustment), 0.001)).accused
+
+    assert refined.pick_reason == {}
+    assert (accused.kind, refined.pick_index[accused.row]) == ("pixels", pick)
+
+
+def test_of_two_picks_of_a_point_nothing_tells_which_is_wrong():
+    survey, pick, _ = survey_with(4, 700.0)
+    mine = np.flatnonzero(survey.pick_label == survey.pick_label[pick])
+    keep = np.ones(len(survey.pick_frame), dtype=bool)
+    keep[[k for k in mine if k != pick][1:]] = False
+    two = replace(
+        survey,
+        pick_frame=survey.pick_frame[keep],
+        pick_label=survey.pick_label[keep],
+        pixel_px=survey.pixel_px[keep],
+        pick_sigma_px=survey.pick_sigma_px[keep],
+    )
+    refined, _ = refine(two, SolveOptions())
+
+    left_out = {survey.label[two.pick_label[k]] for k in refined.pick_reason}
+    assert left_out <= {survey.label[survey.pick_label[pick]]}
+    departure = refined.adjustment.minimum.blocks["roughness"].residual
+    assert np.abs(departure).max() < 10.0
+
+
+def test_right_picks_of_a_rough_ground_stay():
+    survey, _, _ = survey_with(4, 0.0)
+    refined, messages = refine(survey, SolveOptions())
+
+    assert refined.pick_reason == {}
+    assert messages == ()

@@ -1,0 +1,238 @@
+"""Photo poses in the local world: origin, attitudes stated and guessed, sigmas, seeds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from uavgram.errors import UavgramError
+from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.geometry.motion.telemetry_pose import exposures_by_time
+from uavgram.model.flight.frames import Frames
+from uavgram.model.flight.photo_poses import PhotoPoses
+from uavgram.model.options import MountOptions, TelemetryOptions
+from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
+from uavgram.stages.seed.seed import seed
+
+ORIGIN = (46.84, -91.99, 160.0)
+# out north along one line, over to the next, back south along it
+ROUTE = np.array(
+    [[0, 0], [0, 20], [0, 40], [0, 60], [30, 60], [30, 40], [30, 20], [30, 0]], dtype=float
+)
+
+
+@pytest.fixture
+def make_poses():
+    def make(route=ROUTE, ypr_deg=(np.nan,) * 3, **changes):
+        count = len(route)
+        enu = np.column_stack([route, np.full(count, 40.0)])
+        latitude, longitude, height = geodetic_from_enu(enu, ORIGIN)
+        unknown = np.full(count, np.nan)
+        poses = PhotoPoses(
+            frame_id=tuple(f"p{k}.jpg" for k in range(count)),
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            height_m=height,
+            height_home_m=np.full(count, 40.0),
+            datum="msl",
+            datum_guess="",
+            time_utc_s=unknown,
+            ypr_rad=np.radians(np.tile(ypr_deg, (count, 1))),
+            vehicle_ypr_rad=np.full((count, 3), np.nan),
+            sigma_horizontal_m=unknown,
+            sigma_vertical_m=unknown,
+            sigma_attitude_rad=unknown,
+            source="test",
+        )
+        return replace(poses, **changes)
+
+    return make
+
+
+def place(poses, mount=None, telemetry=None, every_s=2.0):
+    """Place photos that were taken so many seconds apart."""
+    return place_photos(
+        poses,
+        ORIGIN,
+        mount or MountOptions(),
+        telemetry or TelemetryOptions(),
+        np.arange(len(poses.frame_id)) * every_s,
+    )
+
+
+def headings_deg(exposures):
+    """Where image up points, seen from above, for a camera that looks down."""
+    up = -exposures.world_from_gimbal[:, :, 2]
+    return np.round(np.degrees(np.arctan2(up[:, 0], up[:, 1])), 3) % 360
+
+
+def test_home_is_below_the_first_photo_at_altitude_minus_relative_altitude(make_poses):
+    poses = make_poses()
+    origin, messages = find_photo_home(poses)
+
+    assert origin == pytest.approx((poses.latitude_deg[0], poses.longitude_deg[0], 160.0))
+    assert "p0.jpg" in messages[0].text
+    assert "msl" in messages[0].text
+
+
+def test_without_relative_altitude_there_is_no_home_and_the_way_out_is_told(make_poses):
+    with pytest.raises(UavgramError, match=r"set world\.origin"):
+        find_photo_home(make_poses(height_home_m=np.full(8, np.nan)))
+
+
+def test_positions_are_those_of_the_world(make_poses):
+    exposures, _ = place(make_poses(ypr_deg=(0, -90, 0)))
+
+    np.testing.assert_allclose(exposures.position_world_m[:, :2], ROUTE, atol=1e-6)
+    np.testing.assert_allclose(exposures.position_world_m[:, 2], 40.0, atol=1e-6)
+
+
+def test_the_gimbal_looks_where_its_angles_say(make_poses):
+    exposures, messages = place(make_poses(ypr_deg=(30, -20, 0)))
+    axis = exposures.world_from_gimbal[0][:, 0]
+
+    tilt, yaw = np.radians(20), np.radians(30)
+    expected = [np.cos(tilt) * np.sin(yaw), np.cos(tilt) * np.cos(yaw), -np.sin(tilt)]
+    np.testing.assert_allclose(axis, expected, atol=1e-12)
+    assert messages == ()
+
+
+def test_sigmas_default_to_three_metres_and_degrees_and_stated_ones_win(make_poses):
+    sigma = np.array([0.05, *[np.nan] * 7])
+    poses = make_poses(ypr_deg=(0, -90, 0), sigma_horizontal_m=sigma, sigma_attitude_rad=sigma)
+    exposures, _ = place(poses)
+
+    np.testing.assert_allclose(exposures.sigma_position_m[:2], [[0.05, 3.0], [3.0, 3.0]])
+    np.testing.assert_allclose(exposures.sigma_attitude_rad[0], 0.05)
+    np.testing.assert_allclose(exposures.sigma_attitude_rad[1], np.radians([3.0, 3.0]))
+    options = TelemetryOptions(position_sigma_m=(1.0, 2.0), attitude_sigma_deg=(4.0, 5.0))
+    asked, _ = place(poses, telemetry=options)
+    np.testing.assert_allclose(asked.sigma_position_m, np.tile([1.0, 2.0], (8, 1)))
+    np.testing.assert_allclose(asked.sigma_attitude_rad[0], np.radians([4.0, 5.0]))
+
+
+def test_a_bias_that_drowns_rtk_is_told(make_poses):
+    centimetres = np.full(8, 0.05)
+    poses = make_poses(
+        ypr_deg=(0, -90, 0), sigma_horizontal_m=centimetres, sigma_vertical_m=2 * centimetres
+    )
+    _, messages = place(poses)
+
+    assert [m.code for m in messages] == ["position-bias-wide"]
+    assert "set it to [0.05, 0.10]" in messages[0].text
+    _, quiet = place(poses, telemetry=TelemetryOptions(position_bias_sigma_m=(0.05, 0.1)))
+    assert quiet == ()
+
+
+def test_without_attitude_the_course_gives_the_heading(make_poses):
+    exposures, messages = place(make_poses())
+
+    # at both ends of the turn the shorter leg, along the line, decides
+    np.testing.assert_allclose(headings_deg(exposures), [0, 0, 0, 0, 180, 180, 180, 180], atol=1e-3)
+    assert exposures.by_course.all()
+    wide = np.degrees(exposures.sigma_attitude_rad[:, 1])
+    np.testing.assert_allclose(wide, [15, 15, 15, 30, 30, 15, 15, 15])
+    assert [m.code for m in messages] == ["attitude-from-course"]
+
+
+def test_times_decide_the_order_where_the_source_has_them(make_poses):
+    shuffled = np.array([3, 0, 5, 1, 7, 2, 6, 4])
+    poses = make_poses(time_utc_s=np.arange(8.0)).rows(shuffled)
+    exposures, _ = place(poses)
+
+    expected = np.array([0, 0, 0, 0, 180, 180, 180, 180])[shuffled]
+    np.testing.assert_allclose(headings_deg(exposures), expected, atol=1e-3)
+
+
+def test_the_mount_turns_the_camera_against_the_course(make_poses):
+    exposures, _ = place(make_poses(), mount=MountOptions(yaw_deg=90.0))
+
+    np.testing.assert_allclose(headings_deg(exposures)[:3], 90.0, atol=1e-3)
+
+
+def test_a_course_over_minutes_is_no_attitude(make_poses):
+    exposures, messages = place(make_poses(), every_s=10.0)
+
+    np.testing.assert_allclose(np.degrees(exposures.sigma_attitude_rad[:, 1]), 180.0)
+    assert [m.code for m in messages] == ["attitude-unknown"]
+    assert "their heading is unknown" in messages[0].text
+    # nor is one between photos of which nobody knows when they were taken
+    timeless, _ = place(make_poses(), every_s=np.nan)
+    np.testing.assert_allclose(np.degrees(timeless.sigma_attitude_rad[:, 1]), 180.0)
+
+
+def test_an_oblique_camera_without_attitude_has_an_unknown_heading(make_poses):
+    exposures, _ = place(make_poses(), mount=MountOptions(pitch_deg=-20.0), every_s=60.0)
+
+    down = exposures.world_from_gimbal[:, 2, 0]
+    np.testing.assert_allclose(down, -np.sin(np.radians(20.0)))
+    np.testing.assert_allclose(np.degrees(exposures.sigma_attitude_rad), [[6.0, 180.0]] * 8)
+
+
+def test_a_hovering_drone_has_no_course(make_poses):
+    exposures, messages = place(make_poses(route=np.zeros((3, 2))))
+
+    np.testing.assert_allclose(np.degrees(exposures.sigma_attitude_rad[:, 1]), 180.0)
+    assert [m.code for m in messages] == ["attitude-unknown"]
+
+
+def test_photos_without_course_stay_in_and_are_told(make_poses):
+    route = np.vstack([ROUTE[:3], [[0, 41.0], [0, 42.0], [0, 43.0]]])  # hovers at the end
+    exposures, messages = place(make_poses(route=route))
+
+    assert len(exposures.frame_id) == 6
+    yaw = np.degrees(exposures.sigma_attitude_rad[:, 1])
+    np.testing.assert_allclose(yaw, [15, 15, 15, 180, 180, 180])
+    assert [m.code for m in messages] == ["attitude-from-course", "attitude-unknown"]
+
+
+def test_stated_sigmas_hold_for_a_guessed_attitude_too_but_make_it_no_better(make_poses):
+    wide, _ = place(make_poses(), telemetry=TelemetryOptions(attitude_sigma_deg=(4.0, 120.0)))
+    sharp, _ = place(make_poses(), telemetry=TelemetryOptions(attitude_sigma_deg=(4.0, 2.0)))
+
+    np.testing.assert_allclose(np.degrees(wide.sigma_attitude_rad), [[4.0, 120.0]] * 8)
+    np.testing.assert_allclose(np.degrees(sharp.sigma_attitude_rad[0]), [4.0, 15.0])
+
+
+def test_exposures_of_photos_stand_still_and_go_by_name(make_poses):
+    exposures, _ = place(make_poses(ypr_deg=(0, -90, 0)))
+    found = exposures_by_time(exposures, ("p5.jpg", "p1.jpg"))(np.array([1e9, np.nan]))
+
+    np.testing.assert_allclose(found.position, exposures.position_world_m[[5, 1]])
+    assert not found.velocity.any()
+    assert not found.mount_rate.any()
+
+
+def test_seeds_carry_the_stated_sigmas_and_what_is_shared(make_poses):
+    exposures, _ = place(make_poses(ypr_deg=(30, -60, 0)))
+    frames = Frames(
+        frame_id=(*exposures.frame_id, "lost.jpg"),
+        time_utc_s=np.full(9, np.nan),
+        sigma_time_s=np.full(9, np.nan),
+        matched=[True] * 8 + [False],
+        reason=("",) * 8 + ("no pose",),
+        clock_offset_s=0.0,
+        clock_offset_sigma_s=1.0,
+    )
+    mount = MountOptions(lever_arm_m=(0.5, 0.0, 0.0), boresight_sigma_deg=2.0)
+    seeds = seed(frames, exposures, mount, TelemetryOptions())
+
+    # the lever arm is forward in the vehicle, which is level and heads as the camera does
+    yaw = np.radians(30)
+    offset = 0.5 * np.array([np.sin(yaw), np.cos(yaw), 0.0])
+    np.testing.assert_allclose(
+        seeds.poses.center_world_m, exposures.position_world_m + offset, atol=1e-9
+    )
+    # yaw 30, pitch -60 by another library: camera axes of an intrinsic z-y-x gimbal
+    ned = Rotation.from_euler("ZYX", [30, -60, 0], degrees=True).as_matrix()
+    forward_enu = ned[:, 0][[1, 0, 2]] * [1, 1, -1]
+    np.testing.assert_allclose(seeds.poses.world_from_camera[0][:, 2], forward_enu, atol=1e-12)
+    own, marginal = seeds.prior.covariance[0], seeds.poses.covariance[0]
+    # three degrees about any axis swing the camera across its lever arm
+    swing = np.radians(3.0) ** 2 * (offset @ offset * np.eye(3) - np.outer(offset, offset))
+    np.testing.assert_allclose(own[:3, :3], 9.0 * np.eye(3) + swing, atol=1e-12)
+    np.testing.assert_allclose(np.diag(own)[3:], np.radians(3.0) ** 2)
+    assert marginal[2, 2] == pytest.approx(9.0 + 3.0**2 + 0.1**2 + swing[2, 2])
+    # tilt about the camera's x: own 3 degrees, boresight 2; the heading bias turns about up
+    assert marginal[3, 3] == pytest.approx(np.radians(3) ** 2 + np.radians(2) ** 2)

@@ -1,0 +1,270 @@
+"""Seed poses by hand, and their covariance against draws of every error source alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation, Slerp
+
+from uavgram.model.flight.frames import Frames
+from uavgram.model.flight.log import Track
+from uavgram.model.options import MountOptions, TelemetryOptions
+from uavgram.stages.seed.seed import nominal_mount, seed
+
+ENU_FROM_NED = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
+CAMERA_IN_GIMBAL = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+TINY = 1e-7
+LEAST = 1e-6  # the smallest sigma that options take
+DRAWS = 3000
+
+# Which way camera axes point in the body (forward, right, down), by pencil and paper.
+S70, C70 = np.sin(np.deg2rad(70)), np.cos(np.deg2rad(70))
+MOUNTS = {
+    # yaw, pitch, roll: optical axis, image up, image right
+    "straight down, image up is the nose": ((0, -90, 0), (0, 0, 1), (1, 0, 0), (0, 1, 0)),
+    "forward": ((0, 0, 0), (1, 0, 0), (0, 0, -1), (0, 1, 0)),
+    "70 degrees down": ((0, -70, 0), (C70, 0, S70), (S70, 0, -C70), (0, 1, 0)),
+    "to the right": ((90, 0, 0), (0, 1, 0), (0, 0, -1), (-1, 0, 0)),
+    "down, image up is the right wing": ((90, -90, 0), (0, 0, 1), (0, 1, 0), (-1, 0, 0)),
+    "forward, right side of the image down": ((0, 0, 90), (1, 0, 0), (0, 1, 0), (0, 0, 1)),
+}
+
+
+@pytest.mark.parametrize(("angles", "axis", "up", "right"), MOUNTS.values(), ids=MOUNTS)
+def test_a_fixed_camera_looks_where_the_contract_says(angles, axis, up, right):
+    yaw, pitch, roll = angles
+    mount = MountOptions(yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll)
+    body_from_camera = nominal_mount(mount, gimbal=False)
+    np.testing.assert_allclose(body_from_camera @ [0, 0, 1], axis, atol=1e-15)
+    np.testing.assert_allclose(body_from_camera @ [0, -1, 0], up, atol=1e-15)
+    np.testing.assert_allclose(body_from_camera @ [1, 0, 0], right, atol=1e-15)
+
+
+def test_with_a_gimbal_its_x_is_the_optical_axis_and_the_mounts_angles_mean_nothing():
+    mount = MountOptions(yaw_deg=33, pitch_deg=-12, roll_deg=5)
+    gimbal_from_camera = nominal_mount(mount, gimbal=True)
+    np.testing.assert_allclose(gimbal_from_camera @ [0, 0, 1], [1, 0, 0])
+    np.testing.assert_allclose(gimbal_from_camera @ [0, -1, 0], [0, 0, -1])
+
+
+TIME = np.arange(0.0, 5.0)
+POSITION = np.array([4.0, 3.0, 40.0]) + TIME[:, None] * [4.0, -2.5, 0.8]
+
+
+def steady_turn(yaw, pitch, roll, rate):
+    """Quaternions at TIME: Z-Y-X angles [deg] from north-east-down at 2.2 s, constant body rate.
+
+    On a steady way every interpolation gives the same.
+    """
+    turn = Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True)
+    spin = Rotation.from_rotvec((TIME - 2.2)[:, None] * np.deg2rad(rate))
+    return (Rotation.from_matrix(ENU_FROM_NED) * turn * spin).as_quat()
+
+
+def track(*, gimbal, position=TINY, attitude=TINY):
+    """Two sigmas each: horizontal and vertical, tilt and yaw."""
+    empty = np.zeros(0), np.zeros((0, 4))
+    mount = (TIME, steady_turn(70, -50, 4, [2, 4, -5])) if gimbal else empty
+    return Track(
+        position_time_s=TIME,
+        position_world_m=POSITION,
+        attitude_time_s=TIME,
+        world_from_body_xyzw=steady_turn(55, 2, 2, [3, -2, 7]),
+        gimbal_time_s=mount[0],
+        world_from_gimbal_xyzw=mount[1],
+        sigma_time_s=TIME[:1],
+        sigma_position_m=np.array([[position, 2 * position]]),
+        sigma_attitude_rad=np.array([[attitude, 2 * attitude]]),
+        source="test",
+    )
+
+
+def frames(*, own=TINY, clock=TINY, drift=TINY):
+    at = np.array([0.7, 2.2, 3.4, np.nan])
+    return Frames(
+        frame_id=("a", "b", "c", "lost"),
+        time_utc_s=at,
+        sigma_time_s=np.where(np.isnan(at), np.nan, own),
+        matched=np.isfinite(at),
+        reason=("", "", "", "outside the log"),
+        clock_offset_s=0.0,
+        clock_offset_sigma_s=clock,
+        clock_drift_sigma=drift,
+    )
+
+
+def truth(flight, mount, at, boresight=(0, 0, 0), lever=None, bias=(0, 0, 0), heading=0.0):
+    """Poses by scipy: centre, rotation."""
+    position = np.stack([np.interp(at, TIME, c) for c in flight.position_world_m.T], axis=1)
+    body = Slerp(TIME, Rotation.from_quat(flight.world_from_body_xyzw))(at)
+    nominal = [mount.yaw_deg, mount.pitch_deg, mount.roll_deg]
+    inner = Rotation.from_euler("ZYX", nominal, degrees=True)
+    carrier = body
+    if len(flight.gimbal_time_s):
+        carrier = Slerp(TIME, Rotation.from_quat(flight.world_from_gimbal_xyzw))(at)
+        inner = Rotation.identity()
+    turn = Rotation.from_euler("z", heading)
+    arm = np.array(mount.lever_arm_m if lever is None else lever)
+    center = position - np.array(bias) + (turn * body).apply(arm)
+    camera = Rotation.from_matrix(CAMERA_IN_GIMBAL) * Rotation.from_rotvec(boresight)
+    return center, turn * carrier * inner * camera
+
+
+QUIET = {"position_bias_sigma_m": (LEAST, LEAST), "heading_bias_sigma_deg": LEAST}
+QUIET_MOUNT = {
+    "lever_arm_m": (0.4, -0.2, 0.3),
+    "boresight_sigma_deg": LEAST,
+    "lever_arm_sigma_m": LEAST,
+    "yaw_deg": 10.0,
+    "pitch_deg": -70.0,
+    "roll_deg": 3.0,
+}
+
+
+@pytest.mark.parametrize("gimbal", [False, True])
+def test_seeds_equal_those_of_scipy_and_leave_out_what_is_unmatched(gimbal):
+    mount, flight = MountOptions(**QUIET_MOUNT), track(gimbal=gimbal)
+    seeds = seed(frames(), flight, mount, TelemetryOptions(**QUIET))
+    center, rotation = truth(flight, mount, np.array([0.7, 2.2, 3.4]))
+    assert seeds.poses.frame_id == ("a", "b", "c")
+    np.testing.assert_allclose(seeds.poses.center_world_m, center, atol=1e-12)
+    np.testing.assert_allclose(seeds.poses.world_from_camera, rotation.as_matrix(), atol=1e-12)
+    np.testing.assert_array_equal(seeds.prior.time_s, [0.7, 2.2, 3.4])
+    np.testing.assert_array_equal(seeds.prior.frame_index, [0, 1, 2])
+
+
+def deviations(seeds, index, center, rotation):
+    """(draws, 6) of (δcentre in world, δθ in camera), true R = R exp(δθ)."""
+    back = Rotation.from_matrix(seeds.poses.world_from_camera[index]).inv()
+    return np.concatenate(
+        [center - seeds.poses.center_world_m[index], (back * rotation).as_rotvec()], axis=1
+    )
+
+
+def assert_covariance(sampled, expected):
+    """Every element within 5.5 standard deviations of a sampled covariance (Wishart)."""
+    found = sampled.T @ sampled / len(sampled)
+    sigma = np.sqrt(np.diag(expected))
+    spread = np.sqrt((np.outer(sigma, sigma) ** 2 + expected**2) / len(sampled))
+    assert (np.abs(found - expected) <= 5.5 * spread + 1e-10).all()
+    assert np.abs(expected).max() > 1e-7  # the source is really on
+
+
+SIGMA_DEG, SIGMA_M, SIGMA_S, SIGMA_DRIFT = 0.3, 0.05, 0.02, 0.1
+
+
+def draws(source, rng):
+    """Options with that source on, and its draws as arguments of ``truth`` (or of the time)."""
+    telemetry, mount, stamps, names = dict(QUIET), dict(QUIET_MOUNT), {}, {}
+    normal = rng.normal(size=(DRAWS, 3))
+    if source == "boresight":
+        mount["boresight_sigma_deg"] = SIGMA_DEG
+        names = {"boresight": np.deg2rad(SIGMA_DEG) * normal}
+    elif source == "lever arm":
+        mount["lever_arm_sigma_m"] = SIGMA_M
+        names = {"lever": np.array(mount["lever_arm_m"]) + SIGMA_M * normal}
+    elif source == "position bias":
+        telemetry["position_bias_sigma_m"] = (SIGMA_M, 2 * SIGMA_M)
+        names = {"bias": SIGMA_M * normal * [1, 1, 2]}
+    elif source == "heading bias":
+        telemetry["heading_bias_sigma_deg"] = SIGMA_DEG
+        names = {"heading": np.deg2rad(SIGMA_DEG) * normal[:, 0]}
+    elif source == "clock":
+        stamps, names = {"clock": SIGMA_S}, {"at": SIGMA_S * normal[:, 0]}
+    elif source == "clock drift":  # 0.15 s after the middle of 0.7 and 3.4 s
+        stamps, names = {"drift": SIGMA_DRIFT}, {"at": 0.15 * SIGMA_DRIFT * normal[:, 0]}
+    elif source == "own time":
+        stamps, names = {"own": SIGMA_S}, {"at": SIGMA_S * normal[:, 0]}
+    return TelemetryOptions(**telemetry), MountOptions(**mount), frames(**stamps), names
+
+
+SHARED = ("boresight", "lever arm", "position bias", "heading bias", "clock", "clock drift")
+
+
+@pytest.mark.parametrize("gimbal", [False, True])
+@pytest.mark.parametrize("source", [*SHARED, "own time"])
+def test_the_marginal_is_that_of_draws_of_one_source(source, gimbal):
+    telemetry, mount, stamps, values = draws(source, np.random.default_rng(3))
+    flight = track(gimbal=gimbal)
+    seeds = seed(stamps, flight, mount, telemetry)
+    index = 1
+    at = np.full(DRAWS, 2.2) - values.pop("at", 0.0)
+    if "heading" in values:
+        pairs = [truth(flight, mount, at[:1], heading=h) for h in values["heading"]]
+        center = np.concatenate([c for c, _ in pairs])
+        rotation = Rotation.concatenate([r for _, r in pairs])
+    else:
+        center, rotation = truth(flight, mount, at, **values)
+    sampled = deviations(seeds, index, center, rotation)
+    assert_covariance(sampled, seeds.poses.covariance[index])
+
+    # What all frames share stays out of the adjustment's own prior; a frame's own timing is in it.
+    own = seeds.prior.covariance[index]
+    if source == "own time":
+        np.testing.assert_allclose(own, seeds.poses.covariance[index], atol=1e-12)
+    else:
+        assert np.abs(own).max() < 1e-6 * np.abs(seeds.poses.covariance[index]).max()
+
+
+def test_the_logs_position_sigma_is_horizontal_and_vertical():
+    seeds = seed(
+        frames(),
+        track(gimbal=False, position=0.5),
+        MountOptions(**QUIET_MOUNT),
+        TelemetryOptions(**QUIET),
+    )
+    expected = np.diag([0.25, 0.25, 1.0])
+    np.testing.assert_allclose(seeds.prior.covariance[0][:3, :3], expected, atol=1e-9)
+    np.testing.assert_allclose(seeds.poses.covariance[0][:3, :3], expected, atol=1e-9)
+
+
+def test_the_logs_attitude_sigma_is_that_of_drawn_roll_pitch_and_yaw():
+    # Roll and pitch stay small, as they do in flight: their axes are taken as horizontal.
+    sigma = np.deg2rad(SIGMA_DEG)
+    mount = MountOptions(**(QUIET_MOUNT | {"lever_arm_m": (4.0, -2.0, 3.0)}))
+    flight = track(gimbal=False, attitude=sigma)
+    seeds = seed(frames(), flight, mount, TelemetryOptions(**QUIET))
+    rng = np.random.default_rng(5)
+    turn = rng.normal(size=(DRAWS, 3)) * sigma * [1, 1, 2]  # about east, north, up
+    body = Slerp(TIME, Rotation.from_quat(flight.world_from_body_xyzw))(2.2)
+    ned = Rotation.from_matrix(ENU_FROM_NED.T) * body
+    yaw, pitch, roll = ned.as_euler("ZYX")
+    assert max(abs(pitch), abs(roll)) < np.deg2rad(5)
+    angles = np.stack([yaw + turn[:, 2], pitch + turn[:, 1], roll + turn[:, 0]], axis=1)
+    drawn = Rotation.from_matrix(ENU_FROM_NED) * Rotation.from_euler("ZYX", angles)
+    inner = Rotation.from_euler("ZYX", [10, -70, 3], degrees=True)
+    rotation = drawn * inner * Rotation.from_matrix(CAMERA_IN_GIMBAL)
+    position, _ = truth(flight, mount, np.array([2.2]), lever=np.zeros(3))
+    center = position + drawn.apply(mount.lever_arm_m)  # the camera swings about the log's
+    sampled = deviations(seeds, 1, center, rotation)
+    assert_covariance(sampled, seeds.poses.covariance[1])
+
+
+def test_sigmas_follow_the_log_in_time_and_hold_beyond_its_ends():
+    flight = track(gimbal=False)
+    varying = Track(
+        **{
+            **{name: getattr(flight, name) for name in flight.__dataclass_fields__},
+            "sigma_time_s": np.array([1.2, 3.2]),
+            "sigma_position_m": np.array([[1.0, 2.0], [3.0, 6.0]]),
+            "sigma_attitude_rad": np.full((2, 2), 0.01),
+        }
+    )
+    seeds = seed(frames(), varying, MountOptions(), TelemetryOptions())
+    sigma = np.sqrt(np.einsum("nii->ni", seeds.prior.covariance))
+    np.testing.assert_allclose(sigma[:, 0], [1, 2, 3], rtol=1e-6)
+    np.testing.assert_allclose(sigma[:, 2], [2, 4, 6], rtol=1e-6)
+
+
+def test_the_prior_carries_what_the_adjustment_needs_in_its_own_units():
+    mount = MountOptions(boresight_sigma_deg=1.5, lever_arm_m=(1, 2, 3), lever_arm_sigma_m=0.2)
+    telemetry = TelemetryOptions(position_bias_sigma_m=(2, 3), heading_bias_sigma_deg=4)
+    prior = seed(frames(clock=0.7, drift=3e-5), track(gimbal=True), mount, telemetry).prior
+    assert prior.clock_sigma_s == 0.7
+    assert prior.clock_drift_sigma == 3e-5
+    assert prior.middle_s == pytest.approx((0.7 + 3.4) / 2)
+    assert prior.boresight_sigma_rad == pytest.approx(np.deg2rad(1.5))
+    assert prior.heading_bias_sigma_rad == pytest.approx(np.deg2rad(4))
+    np.testing.assert_array_equal(prior.lever_arm_m, [1, 2, 3])
+    assert prior.lever_arm_sigma_m == 0.2
+    np.testing.assert_array_equal(prior.position_bias_sigma_m, [2, 2, 3])

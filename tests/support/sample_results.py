@@ -1,0 +1,194 @@
+"""A result with everything that a result can have, and can lack."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.message import Message
+from uavgram.model.provenance import InputDigest, Provenance
+from uavgram.model.result.error_budget import ErrorBudget
+from uavgram.model.result.result import Alternative, GroupFactor, Result, SolutionSummary
+from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
+from uavgram.model.result.tables import (
+    FrameResults,
+    LineChecks,
+    LineResults,
+    MeasurementResults,
+    PickResults,
+    PlanarUncertainty,
+    PointChecks,
+    PointResults,
+    PoseTable,
+)
+from uavgram.model.survey.world import World
+
+
+def _poses(rng: np.random.Generator, absent: list[int]) -> PoseTable:
+    tables = [rng.normal(size=(4, *shape)) for shape in ((3,), (3, 3), (6, 6))]
+    for table in tables:
+        table[absent] = np.nan
+    return PoseTable(center_world_m=tables[0], world_from_camera=tables[1], covariance=tables[2])
+
+
+def _estimate(rng: np.random.Generator, n: int) -> Estimate:
+    return Estimate(value=rng.normal(size=n), sigma=rng.uniform(size=n))
+
+
+def _points(rng: np.random.Generator) -> PointResults:
+    root = rng.normal(size=(3, 2, 2)) * 0.1
+    return PointResults(
+        label=("P", "Q;ü", "R"),
+        position_world_m=rng.normal(size=(3, 3)) * 20,
+        covariance_m2=root @ root.transpose(0, 2, 1),
+        ellipse_95_m=[[0.2, 0.1], [0.3, 0.3], [5.0, 1.0]],
+        ellipse_azimuth_rad=[
+            0.3852781571486482,
+            1.2345678901234567,
+            3.1,
+        ],  # [0]: degrees would lose a bit
+        relative=PlanarUncertainty(
+            covariance_m2=root.transpose(0, 2, 1) @ root,
+            ellipse_95_m=[[0.02, 0.01], [0.03, 0.03], [0.5, 0.1]],
+            ellipse_azimuth_rad=[0.1, 2.2, 3.05],
+        ),
+        latitude_deg=[50.1, 50.1002, 50.1001],
+        longitude_deg=[-104.6, -104.6003, -104.5999],
+        frames=(("a.jpg", "b.jpg"), ("a.jpg",), ()),
+    )
+
+
+def _measurements(rng: np.random.Generator) -> MeasurementResults:
+    three = ("P", "Q;ü", "R")
+    return MeasurementResults(
+        name=("m, long", "n", "o", "p east", "q", "r"),
+        kind=("distance", "area", "line_distance", "coordinate", "skid_speed", "angle"),
+        points=(("P", "R"), three, three, ("P",), ("P", "Z"), three),
+        value=[20.125, 3.5, 0.1, -7.0, np.nan, 33.0],
+        sigma=[0.05, 0.1, 0.01, 0.2, np.nan, 1.0],
+        unit=("m", "m2", "m", "m", "m/s", "deg"),
+        interval_95=[[20.0, 20.25], [3, 4], [0, 0.2], [-8, -6], [np.nan, np.nan], [31, 35]],
+        correlation=np.where(np.arange(6) == 4, np.nan, rng.normal(size=(6, 6))),
+    )
+
+
+def sample_result() -> Result:
+    rng = np.random.default_rng(20)
+    nan = np.nan
+    return Result(
+        name="crossing",
+        provenance=Provenance(
+            program="uavgram",
+            version="0.1.0",
+            created_utc="2024-05-01T12:00:00Z",
+            made_by="Ada Lovelace",
+            inputs=(
+                InputDigest(path="picks.csv", sha256="ab" * 32, size_bytes=17),
+                InputDigest(path="camera.yaml", sha256="cd" * 32, size_bytes=0),
+            ),
+            options=(("mount.lever_arm_m", (0.0, 0.1, 0.2)), ("log", None), ("name", "x")),
+            seed=None,
+            packages=(("numpy", "2.4"), ("scipy", "1.17")),
+        ),
+        world=World(
+            latitude_deg=50.1,
+            longitude_deg=-104.6,
+            height_m=577.25,
+            height_datum="msl",
+            gauge="world",
+        ),
+        camera=Calibration(
+            name="c",
+            model="fisheye",
+            width_px=4000,
+            height_px=3000,
+            parameters=[1000, 1001, 2000, 1500, 0.1, 1 / 3, 1e-17, -0.0],
+            covariance=np.cov(rng.normal(size=(8, 20))),
+        ),
+        shared=SharedResult(
+            boresight_deg=_estimate(rng, 3),
+            lever_arm_m=_estimate(rng, 3),
+            position_bias_m=None,
+            heading_bias_deg=_estimate(rng, 1),
+            clock_offset_s=_estimate(rng, 1),
+            clock_drift_ppm=_estimate(rng, 1),
+            plane_height_m=_estimate(rng, 1),
+            plane_slope_deg=_estimate(rng, 2),
+            plane_pivot_m=rng.normal(size=2),
+            intrinsics=_estimate(rng, 8),
+        ),
+        areas=tuple(
+            AreaPlane(
+                name=name,
+                height_m=_estimate(rng, 1),
+                slope_deg=_estimate(rng, 2),
+                pivot_m=rng.normal(size=2),
+            )
+            for name in ("default", "verge")
+        ),
+        frames=FrameResults(
+            frame_id=("a.jpg", "b.jpg", "c.jpg", "d.jpg"),
+            path=("/x/a.jpg", "/x/b.jpg", "/x/c.jpg", "/x/d.jpg"),
+            time_utc_s=[1714564800.123456, nan, 1714564801.0, nan],
+            status=("refined", "unmatched", "seeded", "rejected"),
+            reason=("", "no time", "no pick", "below the ground"),
+            seed=_poses(rng, [1, 3]),
+            refined=_poses(rng, [1, 2, 3]),
+        ),
+        points=_points(rng),
+        lines=LineResults(
+            name=("n", "m", "o"),
+            start=("P", "P", "P"),
+            end=("R", "Z", "Q;ü"),
+            length_m=[20.0, 3.0, 4.0],
+            sigma_m=[0.01, 0.02, 0.03],
+            adjusted_m=[20.001, nan, 4.1],
+            adjusted_sigma_m=[0.009, nan, 0.02],
+            residual_m=[0.001, nan, 0.1],
+            w=[0.2, nan, 3.0],
+            redundancy=[0.3, nan, nan],
+            mdb_m=[0.05, nan, nan],
+            status=("used", "unseen", "checked"),
+        ),
+        picks=PickResults(
+            image=("a.jpg", "b.jpg", "a.jpg"),
+            label=("P", "P", "R"),
+            pixel_px=rng.uniform(0, 1000, (3, 2)),
+            sigma_px=[1.0, 2.0, 1.5],
+            residual_px=[[0.5, -0.25], [nan, nan], [4.0, 1.0]],
+            w=[0.7, nan, 4.4],
+            redundancy=[0.5, nan, 0.25],
+            status=("used", "unused", "removed"),
+        ),
+        measurements=_measurements(rng),
+        error_budget=ErrorBudget(
+            source=("picks", "flight log"),
+            share=np.where(np.arange(6)[:, None] == 4, nan, [0.25, 0.75]),
+        ),
+        point_checks=PointChecks(
+            label=("Q;ü",), error_m=[[0.1, 0.2, 0.3]], sigma_m=[[0.3, 0.3, 0.4]], mahalanobis=[1.1]
+        ),
+        line_checks=LineChecks(name=("o",), error_m=[0.1], sigma_m=[0.05], z=[2.0]),
+        solution=SolutionSummary(
+            degrees_of_freedom=0,
+            variance_factor=nan,
+            chi2_probability=nan,
+            iterations=7,
+            converged=True,
+            alternatives=(
+                Alternative(
+                    frame_id="a.jpg", cost=1.5, height_m=40.0, tilt_deg=3.0, values=(20.1, nan)
+                ),
+            ),
+            groups=(
+                GroupFactor(
+                    name="pixels",
+                    observations=6,
+                    redundancy=2.5,
+                    variance_factor=0.9,
+                    probability=0.6,
+                ),
+            ),
+        ),
+        messages=(Message("warning", "label-unseen", "label 'Z' was never picked", labels=("Z",)),),
+    )

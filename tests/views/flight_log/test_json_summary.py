@@ -1,0 +1,48 @@
+"""``uavgram log FILE --json``: one object, numbers or null."""
+
+import json
+
+import numpy as np
+import pytest
+
+from uavgram.io.logs.flight_log import read_flight_log
+from uavgram.stages.log_summary import summarise_log
+from uavgram.views.flight_log.json_summary import log_summary_json
+
+
+def told_of(path):
+    def refuse(constant):
+        raise AssertionError(f"{constant} is no JSON")
+
+    summary = summarise_log(read_flight_log(path, positions_needed=False))
+    return json.loads(log_summary_json(summary), parse_constant=refuse)
+
+
+def test_a_flight_is_told_truly(data_dir):
+    told = told_of(data_dir / "wind_oblique" / "flight.BIN")
+    truth = json.loads((data_dir / "truth" / "wind_oblique.json").read_text())
+    (boot,) = told["boots"]
+    assert (told["kind"], told["vehicle"]) == ("dataflash", "ArduCopter")
+    assert boot["clock"]["boot_to_utc_s"] == pytest.approx(truth["boot_to_utc_s"], abs=1e-3)
+    assert boot["events"]["unconfirmed_images"] == [17, 34, 51]
+    assert boot["events"]["instant"] == "feedback"
+    assert len(boot["events"]["time_utc_s"]) == 65
+    assert boot["gimbal"] is None
+    assert {m["name"]: m["count"] for m in told["messages"]}["POS"] == 3721
+
+
+def test_what_a_log_has_not_is_null(data_dir):
+    told = told_of(data_dir / "logs" / "sample.ulg")
+    (boot,) = told["boots"]
+    assert boot["positions"] is boot["clock"] is boot["span_utc"] is told["undulation_m"] is None
+    assert {m["code"] for m in boot["messages"]} == {"clock-missing", "position-missing"}
+
+
+def test_the_path_over_ground_is_that_of_the_positions(data_dir):
+    from pyproj import Geod
+
+    path = data_dir / "calm_nadir" / "flight.BIN"
+    positions = read_flight_log(path).boots[0].positions
+    expected = Geod(ellps="WGS84").line_length(positions.longitude_deg, positions.latitude_deg)
+    assert told_of(path)["boots"][0]["path_m"] == pytest.approx(expected, rel=1e-3)
+    assert np.isfinite(expected)

@@ -1,0 +1,170 @@
+"""The recording's pages of text."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from uavgram.model.result.reliability import (
+    Effects,
+    Evidence,
+    PriorResults,
+    RemovalRecord,
+    WeakestLinks,
+)
+from uavgram.model.result.shared import AreaPlane
+from uavgram.views.recording.curves.plots import frame_curves
+from uavgram.views.recording.curves.pose_curves import pose_curves
+from uavgram.views.recording.pages.checks import checks_page
+from uavgram.views.recording.pages.frames import frame_sheet
+from uavgram.views.recording.pages.markdown import MOST_ROWS, plain, table
+from uavgram.views.recording.pages.summary import summary
+from uavgram.views.recording.pages.tables import (
+    lengths_page,
+    measured_page,
+    messages_page,
+    messages_title,
+    points_page,
+)
+from uavgram.views.recording.photo.frame_picks import project_picks
+from uavgram.views.recording.scene import measure_scene
+from uavgram.views.survey.verdict import judge
+
+
+@pytest.fixture(scope="module")
+def result(survey):
+    return survey.build()
+
+
+def effects(count):
+    return Effects(
+        on=("skid left",) * count, change=np.full(count, 0.042), sigmas=np.full(count, 2.0)
+    )
+
+
+@pytest.fixture(scope="module")
+def judged(result):
+    """With external reliability, a removal and two areas of ground."""
+    rows = result.measurements
+    evidence = Evidence(
+        lines=effects(len(result.lines.name)),
+        picks=effects(len(result.picks.label)),
+        priors=PriorResults(
+            kind=("telemetry", "mount"),
+            name=("height", "boresight"),
+            frame_id=("DSC_0003.jpg", ""),
+            unit=("m", "deg"),
+            residual=np.array([0.4, -5.1]),
+            w=np.array([0.5, -5.5]),
+            redundancy=np.array([0.4, 0.5]),
+            bias=np.array([3.2, 1.1]),
+            effects=effects(2),
+        ),
+        weakest=WeakestLinks(
+            what=("height of DSC_0003.jpg",) * len(rows.name),
+            bias=np.full(len(rows.name), 3.2),
+            unit=("m",) * len(rows.name),
+            change=np.full(len(rows.name), 0.042),
+            unchecked=(("known length 'R5 gate'",),) + ((),) * (len(rows.name) - 1),
+        ),
+    )
+    removal = RemovalRecord(
+        what="pick of 'P13' in DSC_0000.jpg", w=8.1, group=(), rivals=(),
+        variance_factor_before=2.1, variance_factor_after=1.0,
+        change=(0.01,) * len(rows.name),
+    )  # fmt: skip
+    plane = result.shared
+    area = AreaPlane(
+        name="ramp", height_m=replace(plane.plane_height_m, value=[1.25]),
+        slope_deg=plane.plane_slope_deg, pivot_m=np.zeros(2),
+    )  # fmt: skip
+    return replace(result, evidence=evidence, removals=(removal,), areas=(area,))
+
+
+def test_measurements_have_their_weakest_links_and_what_nothing_checks(judged):
+    page = measured_page(judged)
+
+    assert "| road width | **6.310 ± 0.012 m** |" in page
+    assert "| to the tree | **not computed** |" in page
+    assert "an undetected error of 3.2 m in the height of DSC\\_0003.jpg would move it" in page
+    assert "| skid left | known length 'R5 gate' |" in page
+
+
+def test_lengths_come_the_worst_fit_first_with_what_an_unseen_error_would_do(judged):
+    rows = [line for line in lengths_page(judged).splitlines() if line.startswith("| R")]
+
+    assert [row.split("|")[1].strip() for row in rows[:2]] == ["R3 hedge", "R4 wall"]
+    assert "**SUSPECT**" in rows[0]
+    assert rows[0].endswith("| +0.042 m in 'skid left' |")
+    assert "not seen" in rows[-1]
+
+
+def test_checks_tell_three_sigma_the_fit_priors_removals_ground_and_camera(judged):
+    page = checks_page(judged)
+
+    assert "| R4 wall | +0.017 ± 0.016 | +1.1 | inside |" in page
+    assert "| all |  | 41 | 1.62 | < 0.001 |" in page
+    assert "1. The pick of 'P13' in DSC\\_0000.jpg" in page
+    # the worst prior first, and loud
+    assert page.index("| boresight | **-5.5** |") < page.index("| height DSC\\_0003.jpg | +0.5 |")
+    assert "| ramp | 1.250 ± 0.050 |" in page
+    assert "| fx | 1311.31 ± 2 | 1310 ± 1 | learnt |" in page
+
+
+def test_a_check_outside_three_sigma_is_loud(result):
+    checks = replace(result.line_checks, z=np.array([3.4]))
+
+    assert "**OUTSIDE**" in checks_page(replace(result, line_checks=checks))
+
+
+def test_without_withheld_numbers_the_page_says_that_nothing_checks(survey):
+    empty = survey.build(lines=(), measures=(), point_count=0)
+
+    assert "nothing outside of the adjustment speaks for it" in checks_page(empty)
+    assert measured_page(empty).endswith("Nothing was asked for.")
+    assert lengths_page(empty).endswith("None were given.")
+    assert points_page(empty).endswith("No point was picked.")
+
+
+def test_messages_come_the_worst_first_and_their_tab_counts_them(result, survey):
+    page = messages_page(result)
+
+    assert page.index("**error**") < page.index("**warning**") < page.index("**info**")
+    assert "did you mean 'three'?" in page
+    assert messages_title(result) == "Messages: 1 error, 1 warning"
+    assert messages_title(survey.build(clean=True)) == "Messages"
+    assert messages_page(replace(result, messages=())).endswith("None.")
+
+
+def test_the_summary_is_short_however_much_was_measured(survey):
+    names = tuple((f"D{i}", "distance", ("P00", "P05"), "m") for i in range(300))
+    result = survey.build(measures=names)
+    page = summary(result, judge(result), measure_scene(result))
+
+    assert "292 more are on the page *Measured*" in page
+    assert len(page) < 4000
+
+
+def test_a_sheet_says_how_far_a_frame_was_corrected(result):
+    picks = project_picks(result)
+    poses = pose_curves(result)
+    sheet = frame_sheet(result, picks, frame_curves(result, picks), poses, 7)
+    moved = np.linalg.norm(
+        result.frames.refined.center_world_m[7] - result.frames.seed.center_world_m[7]
+    )
+
+    assert f"moved by {moved:.2f} m, tilted by {poses.tilt_deg[7]:.2f}°" in sheet
+    assert sheet.startswith("# DSC\\_0007.jpg: refined")
+
+
+def test_what_people_wrote_cannot_become_markdown():
+    assert plain("a|b *c* <b>\n[d](e)") == r"a\|b \*c\* \<b\> \[d\](e)"
+
+
+def test_a_table_says_what_it_leaves_out():
+    shown = table(("a", "b"), [("1", "2")] * (MOST_ROWS + 5))
+
+    assert shown.count("| 1 | 2 |") == MOST_ROWS
+    assert shown.endswith("5 more rows are in the report and in results.json.")

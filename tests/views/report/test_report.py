@@ -1,0 +1,267 @@
+"""report.html."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from full_report import full
+from html_page import Page
+
+from uavgram.errors import OutputError
+from uavgram.model.result.error_budget import SOURCES
+from uavgram.model.result.reliability import RemovalRecord
+from uavgram.views.report import render_report, write_report
+from uavgram.views.report.budget import COLOURS, WORDS
+from uavgram.views.report.rows import gauge
+from uavgram.views.wording import GROUP_WORDS
+
+VARIANTS = [
+    {},
+    {"clean": True},
+    {"telemetry": False},
+    {"frame_count": 1},
+    {"lines": (), "measures": ()},
+    {"lines": (), "measures": (), "point_count": 0},
+]
+
+
+@pytest.mark.parametrize("variant", VARIANTS, ids=str)
+def test_the_page_is_well_formed_and_loads_nothing(survey, variant):
+    for result in (survey.build(**variant), full(survey.build(**variant))):
+        page = Page(render_report(result))
+
+        assert not [tag for tag, _ in page.tags if tag in ("script", "link", "img", "iframe")]
+        attributes = {name for _, attrs in page.tags for name in attrs}
+        assert not [n for n in attributes if n in ("src", "href") or n.startswith("on")]
+
+
+def test_the_page_forbids_itself_scripts_and_loading(survey):
+    """So it looks the same where JavaScript is off: there is none."""
+    (policy,) = [
+        attrs["content"]
+        for tag, attrs in Page(render_report(survey.build())).tags
+        if tag == "meta" and attrs.get("http-equiv") == "Content-Security-Policy"
+    ]
+
+    assert policy == "default-src 'none'; style-src 'unsafe-inline'"
+
+
+def test_measurements_come_first_with_their_intervals(survey):
+    html = render_report(survey.build())
+    rows = Page(html).rows
+    by_name = {row[0]: row for row in rows}
+
+    assert html.index("<h2>Measurements") < html.index("<h2>Top view") < html.index("<h2>Known")
+    assert by_name["skid left"][3:] == ["39.612 ± 0.021 m", "39.571 to 39.653 m", "0.05 %"]
+    assert by_name["to the tree"][3] == "not computed"
+
+
+def test_names_that_people_wrote_are_harmless(survey):
+    nasty = "<script>alert({})</script>"
+    html = render_report(survey.build(label=nasty, lines=(), measures=()))
+
+    assert "<script" not in html
+    assert "&lt;script&gt;alert(7)" in html
+
+
+def test_checks_say_inside_or_outside(survey):
+    result = survey.build()
+    error = result.point_checks.error_m.copy()
+    error[1] = [0.0, 0.1, 0.0]  # of 0.03
+    worse = replace(result, point_checks=replace(result.point_checks, error_m=error))
+    html = render_report(worse)
+    rows = [row for row in Page(html).rows if row and row[-1] in ("inside", "OUTSIDE")]
+
+    assert [[row[0], row[-1]] for row in rows] == [
+        ["R4 wallP24 – P28", "inside"],
+        ["P21", "inside"],
+        ["P29", "OUTSIDE"],
+    ]
+    assert "2 of 3 lie inside three sigma, 1 OUTSIDE." in html
+    assert "3 of 3 lie inside three sigma." in render_report(result)
+
+
+def test_the_chain_of_custody_is_complete(survey):
+    result = survey.build()
+    html = render_report(result)
+
+    for digest in result.provenance.inputs:
+        assert digest.sha256 in html
+        assert digest.path in html
+    for key, _ in result.provenance.options:
+        assert key in html
+    assert result.provenance.version in html
+    assert result.provenance.created_utc in html
+    assert html.count("(UTC) by Ada Lovelace") == 2
+
+
+def test_every_message_frame_line_and_point_is_on_the_page(survey):
+    result = survey.build()
+    cells = {cell for row in Page(render_report(result)).rows for cell in row}
+    ends = zip(result.lines.start, result.lines.end, strict=True)
+
+    for text in (
+        *(message.text for message in result.messages),
+        *result.frames.frame_id,
+        *(f"{n}{a} – {b}" for n, (a, b) in zip(result.lines.name, ends, strict=True)),
+        *result.points.label,
+        *result.measurements.name,
+    ):
+        assert text in cells
+
+
+def test_points_have_their_ellipse_within_the_survey_and_on_the_earth(survey):
+    html = render_report(survey.build())
+    (row,) = [row for row in Page(html).rows if row and row[0] == "P00"]
+
+    # half axes of the synthetic survey: a quarter of those on the earth
+    assert [row[3], row[5]] == ["4.7 cm × 2.8 cm", "18.8 cm × 11.3 cm"]
+    assert "cancels in lengths" in html
+
+
+def test_the_facts_stand_on_top(survey):
+    html = render_report(survey.build())
+
+    assert html.index("20 frames: 17 refined") < html.index("<h2>Measurements")
+    assert html.index("P24: 4.7 cm × 2.8 cm") < html.index("<h2>Measurements")
+
+
+def test_without_telemetry_the_page_says_what_that_means(survey):
+    html = render_report(survey.build(telemetry=False))
+
+    assert "there is no map" in html
+    assert "up in photo 1" in html
+
+
+def test_the_same_result_gives_the_same_page(survey, tmp_path):
+    write_report(survey.build(), tmp_path / "a.html")
+    write_report(survey.build(), tmp_path / "b.html")
+
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+
+
+def test_a_page_that_cannot_be_written_is_an_output_error(survey, tmp_path):
+    with pytest.raises(OutputError, match="cannot be written"):
+        write_report(survey.build(frame_count=1), tmp_path / "nowhere" / "report.html")
+
+
+def test_a_bar_for_each_measurement_is_as_long_as_its_shares(survey):
+    result = full(survey.build())
+    page = Page(render_report(result))
+    share = {
+        name: dict(zip(result.error_budget.source, row, strict=True))
+        for name, row in zip(result.measurements.name, result.error_budget.share, strict=True)
+    }
+    bars = {row[0]: drawn for row, drawn in zip(page.rows, page.drawn, strict=True) if drawn}
+    bars = {name: [d for d in drawn if d["height"] == "14"] for name, drawn in bars.items()}
+    bars = {name: drawn for name, drawn in bars.items() if drawn}
+
+    assert set(bars) == set(result.measurements.name) - {"to the tree"}
+    for name, drawn in bars.items():
+        order = ["picks", "lens", "known lengths", "flight log", "friction and times"]
+        expected = [100 * share[name][source] for source in order]
+        widths = [float(part["width"]) for part in drawn]
+        np.testing.assert_allclose(widths, [e for e in expected if e >= 0.05], atol=0.006)
+        assert sum(expected) == pytest.approx(100)
+        starts = [float(part["x"]) for part in drawn]
+        np.testing.assert_allclose(starts[1:], np.cumsum(widths)[:-1], atol=0.06)
+
+
+def test_the_largest_source_of_each_measurement_is_said(survey):
+    result = full(survey.build())
+    html = render_report(result)
+    largest = [
+        result.error_budget.source[k] for k in np.argmax(result.error_budget.share[:-1], axis=1)
+    ]
+    rows = [row for row in Page(html).rows if len(row) == 3 + len(result.error_budget.source)]
+    by_name = {row[0]: row[2] for row in rows}
+
+    assert [by_name[name] for name in result.measurements.name[:-1]] == largest
+    for source in set(largest):
+        assert f"Largest in {largest.count(source)} of 9: {source} (" in html
+
+
+def test_every_source_of_the_program_has_a_colour_and_words():
+    assert set(COLOURS) == set(WORDS) == set(SOURCES.values())
+    assert len(set(COLOURS.values())) == len(COLOURS)
+
+
+def test_every_group_of_observations_has_words():
+    assert set(SOURCES) - {"other"} == set(GROUP_WORDS)
+
+
+def test_withheld_lengths_stand_among_the_checks_only(survey):
+    rows = [row for row in Page(render_report(survey.build())).rows if row]
+
+    assert len([row for row in rows if row[0].startswith("R4 wall")]) == 1
+
+
+def test_planes_of_several_areas_replace_that_of_one(survey):
+    one, several = render_report(survey.build()), render_report(full(survey.build()))
+
+    assert "height of the ground plane" in one
+    assert "height of the ground plane" not in several
+    assert "bank &lt;of the river&gt;" in several
+
+
+def test_where_first_order_is_not_enough_the_way_out_is_said(survey):
+    result = full(survey.build())
+    off = np.arange(len(result.measurements.name)) == 2
+    doubtful = replace(result, second_order=replace(result.second_order, off=off))
+
+    assert "they change a sigma by 2.1 % at most, and move a mean by 0.03" in render_report(result)
+    assert "use the sampled intervals" in render_report(doubtful)
+    alone = render_report(replace(doubtful, monte_carlo=None))
+    assert "run again with --monte-carlo and use its intervals" in alone
+    flagged = [row for row in Page(alone).rows if len(row) == 6 and "not enough" in row[1]]
+    assert [row[0] for row in flagged] == [result.measurements.name[2]]
+
+
+def test_another_solution_shows_what_it_changes_most(survey):
+    result = full(survey.build())
+    (other,) = result.solution.alternatives
+    sigmas = np.abs(np.array(other.values) - result.measurements.value) / result.measurements.sigma
+    order = [result.measurements.name[i] for i in np.argsort(-sigmas[:-1])]
+    rows = [row for row in Page(render_report(result)).rows if len(row) == 5 and row[0] in order]
+
+    assert [row[0] for row in rows] == order
+    assert [float(row[4]) for row in rows] == pytest.approx(np.sort(sigmas[:-1])[::-1], abs=0.0501)
+
+
+def test_a_removal_names_the_measurements_that_it_moved_most(survey):
+    result = survey.build()
+    change = np.where(np.arange(10) == 4, 5.0, 1e-3)  # in sigmas
+    record = RemovalRecord(
+        what="length 'north'",
+        w=-25.94,
+        group=(),
+        rivals=(),
+        variance_factor_before=9.12,
+        variance_factor_after=1.03,
+        change=tuple(change * result.measurements.sigma),
+    )
+    html = render_report(replace(result, removals=(record,))).replace("&#39;", "'")
+
+    assert "That moved 'patch' by +4.500 m², " in html
+    assert " and 4 more by fewer of their sigmas." in html
+
+
+@pytest.mark.parametrize(("name", "sigmas", "at"), [("end", 9.0, 100.0), ("middle", 0.0, 50.0)])
+def test_a_gauge_shows_sigmas_within_its_ends(name, sigmas, at):
+    mark = gauge(sigmas, 3.0)
+
+    assert (mark.at, mark.low, mark.high) == (at, 25.0, 75.0), name
+    assert mark.outside == (sigmas > 3)
+    assert gauge(np.nan, 3.0) is None
+
+
+def test_the_method_names_what_its_formulas_take(survey):
+    html = render_report(survey.build())
+
+    assert "2.4477 = √(−2 ln 0.05)" in html
+    assert "(|w| beyond 3.29)" in html
+    assert "∇ = 4.13 σ" in html
+    for name in ("Baarda", "GUM", "Zhang", "S-transformation", "JCGM 101", "√(2 μ g s)"):
+        assert name in html

@@ -1,0 +1,309 @@
+"""Every number on the page is that of results.json, at the precision that is printed."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from full_report import full
+from html_page import Page
+
+from uavgram.io.results.results_json import write_results
+from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.inputs import read_inputs
+from uavgram.views.report import render_report
+
+NUMBER = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?")
+
+
+AMOUNT = re.compile(
+    r"an undetected error of (?P<bias>\S+)( \S+)? in the (?P<what>.+) "
+    r"would move it by (?P<change>\S+) \S+$"
+)
+
+
+@dataclass(frozen=True)
+class Said:
+    """What results.json and the page say of one result."""
+
+    file: dict
+    tables: dict[tuple[str, ...], list[list[str]]]
+    """Rows of the page by the heads of their table."""
+
+    def table(self, *heads: str) -> list[list[str]]:
+        """Rows of the one table whose first heads these are; none where there is no such table."""
+        found = [rows for head, rows in self.tables.items() if head[: len(heads)] == heads]
+        assert len(found) <= 1
+        return found[0] if found else []
+
+
+def said(result, folder) -> Said:
+    write_results(result, folder / "results.json")
+    tables: dict = {}
+    head: tuple[str, ...] = ()
+    page = Page(render_report(result))
+    rows = iter(page.rows)
+    for tag, _ in page.tags:
+        if tag == "table":
+            head = ()
+        if tag == "tr":
+            row = next(rows)
+            if head:
+                tables[head].append(row)
+            else:
+                head = tuple(cell.replace("\xad", "") for cell in row)
+                tables[head] = []
+    return Said(json.loads((folder / "results.json").read_text(encoding="utf-8")), tables)
+
+
+def agree(cells, *wanted) -> None:
+    """All numbers of these cells are the wanted ones, and none is left over."""
+    found = NUMBER.findall(" ".join(cells))
+    wanted = [value for value in wanted if value is not None]
+    assert len(found) == len(wanted), (cells, wanted)
+    for shown, value in zip(found, wanted, strict=True):
+        assert abs(float(shown) - value) <= 0.5001 * 10.0 ** -len(shown.partition(".")[2])
+
+
+@pytest.fixture(scope="module", params=["full", "shape only", "a real flight"])
+def both(request, survey, tmp_path_factory) -> Said:
+    tmp_path = tmp_path_factory.mktemp("results")
+    if request.param == "full":
+        return said(full(survey.build()), tmp_path)
+    if request.param == "shape only":
+        return said(survey.build(telemetry=False), tmp_path)
+    project = request.getfixturevalue("data_dir") / "cuav" / "project.yaml"
+    return said(compute(read_inputs(project)).result, tmp_path)
+
+
+def test_measurements(both):
+    rows = {row[0]: row for row in both.table("name", "kind")}
+    sampled = both.file["monte_carlo"]
+
+    assert set(rows) == {one["name"] for one in both.file["measurements"]}
+    for i, one in enumerate(both.file["measurements"]):
+        cells = rows[one["name"]]
+        assert cells[2] == " – ".join(one["points"])
+        if one["value"] is None:
+            assert cells[3] == "not computed"
+            continue
+        agree(cells[3:5], one["value"], one["sigma"], *one["interval_95"])
+        if cells[5] != "–":
+            agree(cells[5:6], 100 * one["sigma"] / abs(one["value"]))
+        if sampled:
+            agree(cells[6:8], sampled["sigma"][i], *sampled["interval_95"][i])
+
+
+def test_error_budget(both):
+    budget = both.file.get("error_budget")
+    if budget is None:
+        assert not both.table("name", "share of the variance")
+        return
+    ((head, rows),) = [(h, r) for h, r in both.tables.items() if "share of the variance" in h]
+    sources = [name.removesuffix(" [%]") for name in head[3:]]
+    shares = {
+        one["name"]: dict(zip(budget["sources"], row, strict=True))
+        for one, row in zip(both.file["measurements"], budget["shares"], strict=True)
+        if None not in row
+    }
+
+    assert sorted(sources) == sorted(budget["sources"])
+    assert {row[0] for row in rows} == set(shares)
+    for row in rows:
+        share = shares[row[0]]
+        agree(row[3:], *(100 * share[source] for source in sources))
+        assert row[2] == max(share, key=share.get)
+
+
+def test_known_lengths(both):
+    rows = {row[0]: row for row in both.table("name and ends")}
+    lines = {
+        f"{one['name']}{one['from']} – {one['to']}": one
+        for one in both.file["lines"]
+        if one["status"] != "checked"
+    }
+
+    assert set(rows) == set(lines)
+    for name, one in lines.items():
+        keys = ("length_m", "sigma_m", "adjusted_m", "adjusted_sigma_m", "residual_m", "w")
+        keys += ("redundancy", "mdb_m")
+        agree(rows[name][1:7], *(one[key] for key in keys))
+        if one.get("external_on"):
+            agree([rows[name][7].partition(" in ")[0].rstrip("²")], one["external"])
+
+
+def test_checks(both):
+    lengths = {row[0]: row for row in both.table("withheld length")}
+    points = {row[0]: row for row in both.table("check point")}
+    lines = {one["name"]: one for one in both.file["lines"]}
+
+    assert len(lengths) + len(points) == len(both.file["checks"])
+    for one in both.file["checks"]:
+        if "label" in one:
+            axes = zip(one["error_m"], one["sigma_m"], strict=True)
+            agree(
+                points[one["label"]][1:5],
+                *(part for axis in axes for part in axis),
+                one["mahalanobis"],
+            )
+        else:
+            line = lines[one["name"]]
+            cells = lengths[f"{line['name']}{line['from']} – {line['to']}"]
+            keys = ("length_m", "sigma_m", "adjusted_m", "adjusted_sigma_m")
+            agree(cells[1:5], *(line[k] for k in keys), one["error_m"], one["sigma_m"], one["z"])
+
+
+def test_points(both):
+    rows = {row[0]: row for row in both.table("label", "east, north, up [m]")}
+    nowhere = both.file["world"]["gauge"] == "plane"
+
+    for one in both.file["points"]:
+        within, earth = one["relative"]["ellipse_95"], one["ellipse_95"]
+        cells = rows[one["label"]].copy()
+        if nowhere:
+            cells.insert(2, "–")  # no latitude and longitude
+        agree(cells[1:3], *one["position_world_m"], one["latitude_deg"], one["longitude_deg"])
+        axes = []
+        for ellipse, cell in ((within, cells[3]), (earth, cells[5])):
+            for key, text in zip(("semi_major_m", "semi_minor_m"), cell.split(" × "), strict=True):
+                axes.append((text, ellipse[key] * (100 if text.endswith("cm") else 1)))
+        for text, value in axes:
+            agree([text], value)
+        agree(cells[4:5], within["azimuth_deg"])
+        agree(cells[6:7], len(one["frames"]))
+
+
+def test_fit(both):
+    solution = both.file["solution"]
+    rows = both.table("observations", "how many")
+
+    agree(rows[0][2:4], solution["degrees_of_freedom"], solution["variance_factor"])
+    assert len(rows) == 1 + len(solution["groups"])
+    for row, group in zip(rows[1:], solution["groups"], strict=True):
+        agree(row[1:4], group["observations"], group["redundancy"], group["variance_factor"])
+
+
+def test_alternatives(both):
+    rows = both.table("name", "in this result")
+    measured = {one["name"]: i for i, one in enumerate(both.file["measurements"])}
+
+    assert bool(rows) == bool(both.file["solution"]["alternatives"])
+    for row in rows:
+        i = measured[row[0]]
+        here = both.file["measurements"][i]["value"]
+        (other,) = both.file["solution"]["alternatives"]
+        there = other["values"][i]
+        sigma = both.file["measurements"][i]["sigma"]
+        agree(row[1:5], here, there, there - here, abs(there - here) / sigma)
+
+
+def test_areas_and_camera(both):
+    areas = both.table("area", "height [m]")
+    lens = both.file["shared"]["intrinsics"]
+
+    for row, area in zip(areas, both.file["areas"] if areas else [], strict=True):
+        height, slope = area["height_m"], area["slope_deg"]
+        slopes = [x for pair in zip(slope["value"], slope["sigma"], strict=True) for x in pair]
+        agree(row[1:], height["value"], height["sigma"], *slopes, *area["pivot_m"])
+    rows = both.table("parameter")
+    keys = ("prior_value", "prior_sigma", "value", "sigma", "sigma_ratio", "shift_prior_sigmas")
+    assert [row[0] for row in rows] == lens["names"]
+    for k, row in enumerate(rows):
+        agree(row[1:5], *(lens[key][k] for key in keys))
+
+
+def test_photos(both):
+    rows = {row[0]: row for row in both.table("photo", "exposure (UTC)")}
+    counts = Counter(one["image"] for one in both.file["picks"])
+
+    assert set(rows) == {one["frame_id"] for one in both.file["frames"]}
+    for one in both.file["frames"]:
+        cells = rows[one["frame_id"]]
+        agree(cells[3:4], counts[one["frame_id"]])
+        if one["refined"] is None:
+            assert cells[4:7] == ["–"] * 3
+            continue
+        sigma = np.sqrt(np.diag(one["refined"]["covariance"]))
+        height = one["refined"]["center_world_m"][2]
+        agree(cells[4:7], height, sigma[:3].max(), np.degrees(sigma[3:].max()))
+
+
+def test_what_was_found_along(both):
+    rows = dict(
+        cells for head, rows in both.tables.items() for cells in (head, *rows) if len(cells) == 2
+    )
+    shared, clock = both.file["shared"], both.file["clock"] or {}
+    plane = shared["plane"]
+    words = {
+        "camera clock minus UTC [s]": clock.get("offset_s") is not None
+        and {"value": [clock["offset_s"]], "sigma": [clock["sigma_s"]]},
+        "position of the log minus truth: east, north, up [m]": shared["position_bias_m"],
+        "heading of the log minus truth [°]": shared["heading_bias_deg"],
+        "camera against its mount: rotation vector [°]": shared["boresight_deg"],
+        "autopilot to camera, in the vehicle's axes [m]": shared["lever_arm_m"],
+        "height of the ground plane [m]": len(both.file["areas"]) < 2 and plane["height_m"],
+        "slope of the ground to the east, to the north [°]": len(both.file["areas"]) < 2
+        and plane["slope_deg"],
+    }
+
+    for name, one in words.items():
+        assert (name in rows) == bool(one), name
+        if one:
+            values, sigmas = np.atleast_1d(one["value"]), np.atleast_1d(one["sigma"])
+            agree([rows[name]], *np.stack([values, sigmas], axis=1).ravel())
+
+
+def test_undetected_errors(both):
+    rows = {row[0]: row for row in both.table("name", "weakest link")}
+    links = {one["name"]: one["weakest"] for one in both.file["measurements"] if "weakest" in one}
+
+    assert set(rows) == set(links)
+    for name, link in links.items():
+        found = AMOUNT.match(rows[name][1])
+        assert found["what"] == link["what"]
+        assert float(found["bias"]) == pytest.approx(link["mdb"], rel=5e-3)
+        agree([found["change"]], abs(link["change"]))
+
+
+def test_priors(both):
+    priors = both.file.get("priors") or []
+    rows = both.table("what", "photo", "moved by [its sigmas]")
+    worst = sorted(priors, key=lambda one: -abs(one["w"] or 0.0))[: len(rows)]
+
+    assert len(rows) == min(len(priors), 20)
+    for row, one in zip(rows, worst, strict=True):
+        assert row[1] == (one["frame_id"] or "–")
+        agree(row[2:5], one["residual_sigmas"], one["w"], one["redundancy"])
+        if one["external_on"]:
+            assert row[6].endswith(f"in {one['external_on']!r}")
+            agree([row[6].partition(" in ")[0].rstrip("²")], one["external"])
+
+
+def test_picks_that_do_not_fit(both):
+    rows = {(row[0], row[1]): row for row in both.table("point", "photo")}
+    bad = [one for one in both.file["picks"] if one["status"] in ("suspect", "removed")]
+
+    assert set(rows) == {(one["label"], one["image"]) for one in bad}
+    for one in bad:
+        cells = rows[one["label"], one["image"]]
+        agree(cells[2:5], *one["residual_px"], one["w"], one["redundancy"])
+
+
+def test_inputs(both):
+    rows = both.table("input", "bytes")
+
+    assert {row[0]: row[1:] for row in rows} == {
+        path: [str(one["bytes"]), one["sha256"]]
+        for path, one in both.file["provenance"]["inputs"].items()
+    }
+
+
+def test_an_unlike_number_is_noticed():
+    with pytest.raises(AssertionError):
+        agree(["12.35 ± 0.02 m"], 12.356, 0.02)
+    with pytest.raises(AssertionError):
+        agree(["12.35 ± 0.02 m"], 12.35)

@@ -1,0 +1,56 @@
+"""What a reader wants to know first."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from uavgram.views.survey.key_facts import key_facts, largest_ellipse, least_certain_length
+
+
+def test_the_facts_answer_the_four_questions(survey):
+    facts = dict(key_facts(survey.build()))
+
+    assert facts["frames"].startswith("20 frames")
+    assert facts["least certain length for its size"] == "road width: 6.310 ± 0.012 m (0.19 %)"
+    assert (
+        facts["known length that fits worst"] == "R3 hedge, P17 to P23: +0.210 m off (13.5 sigma)"
+    )
+    assert facts["largest 95 % ellipse within the survey (half axes)"] == "P24: 4.7 cm × 2.8 cm"
+
+
+def test_the_largest_ellipse_is_that_within_the_survey(survey):
+    points = survey.build().points
+    within = points.relative.ellipse_95_m.copy()
+    within[7] = [0.5, 0.1]
+    changed = replace(points, relative=replace(points.relative, ellipse_95_m=within))
+    result = replace(survey.build(), points=changed)
+
+    assert largest_ellipse(result) == 7
+    assert np.argmax(points.ellipse_95_m[:, 0]) != 7
+
+
+def test_areas_angles_and_coordinates_are_no_lengths(survey):
+    result = survey.build()
+    sigma = result.measurements.sigma.copy()
+    for name in ("patch", "bend", "rest position east", "skid speed"):
+        sigma[result.measurements.name.index(name)] = 100.0
+    worse = replace(result, measurements=replace(result.measurements, sigma=sigma))
+    row = least_certain_length(worse)
+
+    assert result.measurements.name[row] == "road width"
+
+
+def test_a_survey_without_points_has_only_frames_to_tell(survey):
+    facts = key_facts(survey.build(lines=(), measures=(), point_count=0))
+
+    assert [question for question, _ in facts] == ["frames"]
+
+
+def test_a_single_point_has_no_shape(survey):
+    result = survey.build(point_count=1, lines=(), measures=())
+    nothing = replace(result.points.relative, ellipse_95_m=np.zeros((1, 2)))
+    alone = replace(result, points=replace(result.points, relative=nothing))
+
+    assert largest_ellipse(alone) is None

@@ -1,0 +1,95 @@
+"""Measurements that other solutions would change are marked wherever they stand."""
+
+from __future__ import annotations
+
+import pytest
+from html_page import Page
+from unsure import unsure
+
+from uavgram.views.recording.pages.tables import measured_table
+from uavgram.views.recording.scene import measure_scene
+from uavgram.views.recording.world.labels import measured_text, survey_labels
+from uavgram.views.report import render_report
+from uavgram.views.survey.key_facts import key_facts
+from uavgram.views.survey.top_view import top_view
+from uavgram.views.survey.verdict import judge
+from uavgram.views.terminal import measurement_table
+from uavgram.views.wording import computed_first
+
+NAME, OTHERS = "skid left", "or 31.200, 44.900 m"
+
+
+@pytest.fixture(scope="module")
+def sure(survey):
+    return survey.build()
+
+
+@pytest.fixture(scope="module")
+def marked(sure):
+    """The most certain measurement of all, which other solutions change."""
+    return unsure(sure, NAME, (31.2, 44.9))
+
+
+def test_the_terminal_shows_the_other_values_beside_the_first_and_says_what_they_are(sure, marked):
+    header, _, missing, first, *rest, note = measurement_table(marked).splitlines()
+
+    assert header.endswith("fits as well")
+    assert "not computed" in missing
+    assert first.startswith(NAME)
+    assert first.endswith(OTHERS)
+    assert not [line for line in rest if " or " in line]
+    assert note.startswith('Values with "or" are not sure')
+    assert " or " not in measurement_table(sure)
+    assert "fits as well" not in measurement_table(sure)
+
+
+def test_the_farther_the_other_values_the_earlier_the_row(marked, sure):
+    near = unsure(sure, "road width", (6.4,)).measurements.alternative_values
+    others = tuple(
+        a or b for a, b in zip(near, marked.measurements.alternative_values, strict=True)
+    )
+    rows = unsure(sure, "", ()).measurements
+    rows = type(rows)(**{**vars(rows), "alternative_values": others})
+
+    assert [rows.name[i] for i in computed_first(rows)[:2]] == [NAME, "road width"]
+
+
+def test_the_report_marks_the_row_and_says_what_that_means(sure, marked):
+    page = render_report(marked)
+    rows = [row for row in Page(page).rows if len(row) == 6 and "not unique" in row[1]]
+
+    assert [row[0] for row in rows] == [NAME]
+    assert OTHERS in rows[0][3]
+    assert "other solutions explain what was observed as well" in page
+    assert "not unique" not in render_report(sure).lower()
+
+
+def test_the_verdict_looks_there_first(sure, marked):
+    verdict = judge(marked)
+
+    assert verdict.reasons[0].startswith("1 measurement not unique")
+    assert NAME in verdict.reasons[0]
+    assert not [reason for reason in judge(sure).reasons if "not unique" in reason]
+
+
+def test_the_least_certain_length_is_that_one_with_its_other_values(marked):
+    assert dict(key_facts(marked))["least certain length for its size"].endswith(OTHERS)
+
+
+def test_the_recording_marks_it_in_its_table_and_on_its_label(sure, marked):
+    (row,) = [line for line in measured_table(marked).splitlines() if line.startswith(f"| {NAME}")]
+    at = marked.measurements.name.index(NAME)
+    labels = survey_labels(marked, measure_scene(marked))
+
+    assert OTHERS in row
+    assert 'Values with "or" are not sure' in measured_table(marked)
+    assert 'Values with "or"' not in measured_table(sure)
+    assert measured_text(marked, at).endswith(OTHERS)
+    assert [t for t in labels.text if t.startswith("NOT UNIQUE: ") and t.endswith(OTHERS)]
+
+
+def test_the_drawing_of_the_report_doubts_it(sure, marked):
+    said = {text.text for text in top_view(marked).texts}
+
+    assert [text for text in said if text.startswith(NAME) and text.endswith(" ?")]
+    assert not [text.text for text in top_view(sure).texts if text.text.endswith(" ?")]

@@ -1,0 +1,98 @@
+"""Undetected errors, priors, removals and second order, in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from uavgram.model.result.reliability import (
+    ChecksOverall,
+    Effects,
+    Evidence,
+    PriorResults,
+    RemovalRecord,
+    SecondOrder,
+    WeakestLinks,
+)
+from uavgram.views.report import render_report
+
+
+def judged(result):
+    rows = result.measurements
+    count, first = len(rows.name), rows.name[0]
+
+    def effects(n, change):
+        return Effects(
+            on=(first,) + ("",) * (n - 1),
+            change=[change] + [np.nan] * (n - 1),
+            sigmas=[1.0] + [np.nan] * (n - 1),
+        )
+
+    return replace(
+        result,
+        evidence=Evidence(
+            lines=effects(len(result.lines.name), 0.0421),
+            picks=effects(len(result.picks.image), 0.01),
+            priors=PriorResults(
+                kind=("telemetry",),
+                name=("image x axis",),
+                frame_id=("IMG_<7>.jpg",),
+                unit=("deg",),
+                residual=[5.7],
+                w=[6.2],
+                redundancy=[0.9],
+                bias=[4.31],
+                effects=effects(1, -0.0133),
+            ),
+            weakest=WeakestLinks(
+                what=("length 'south'",) * count,
+                bias=[0.0912] * count,
+                unit=("m",) * count,
+                change=[0.0421] * count,
+                unchecked=(tuple(f"pick of 'P{k}' in 'a.jpg'" for k in range(8)),) * count,
+            ),
+        ),
+        second_order=SecondOrder(
+            bias=[0.125] * count,
+            sigma=[0.377] * count,
+            curvature=[0.5] * count,
+            off=[True] + [False] * (count - 1),
+        ),
+        removals=(
+            RemovalRecord(
+                what="length 'north'",
+                w=-25.94,
+                group=("pick of 'Q' in 'b.jpg'",),
+                rivals=("length 'east'",),
+                variance_factor_before=9.12,
+                variance_factor_after=1.03,
+                change=(0.0456,) * count,
+            ),
+        ),
+        checks_overall=ChecksOverall(
+            count=7, chi2=8.25, probability=0.31, rms_error_m=0.0567, mean_error_percent=0.42
+        ),
+    )
+
+
+def test_the_report_says_what_could_be_wrong_unseen(survey):
+    page = render_report(judged(survey.build()))
+    page = page.replace("&#39;", "'")
+    assert "an undetected error of 0.0912 m in the length 'south' would move it by 0.042" in page
+    assert "'P5' in 'a.jpg' and 2 more" in page
+    assert "+0.042" in page
+    assert "IMG_&lt;7&gt;.jpg" in page
+    assert "4.31 °" in page
+    assert "sigma 0.377" not in page
+    assert "0.377 in second, mean off by +0.125" in page
+    assert "1. The length 'north' (w = -25.9); variance factor 9.12 before, 1.03 after." in page
+    assert "No test can part it from: pick of 'Q' in 'b.jpg'." in page
+    assert "It could also have been: length 'east'." in page
+    assert "7 numbers, root mean square error 0.057 m, lengths 0.42 % on average" in page
+
+
+def test_a_result_of_before_has_a_report_without_all_this(survey):
+    page = render_report(survey.build())
+    assert "What could be wrong without being seen" not in page
+    assert "Taken out as blunders" not in page

@@ -1,0 +1,107 @@
+"""The scaled drawing of the report."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from uavgram.views.survey.top_view import top_view
+
+
+def test_the_drawing_is_to_scale_and_north_is_up(survey):
+    result = survey.build()
+    view = top_view(result)
+    drawn = np.array(view.dots)
+    world = result.points.position_world_m[:, :2]
+    per_metre = view.bar / view.bar_m
+
+    np.testing.assert_allclose(np.diff(drawn[:, 0]), np.diff(world[:, 0]) * per_metre, atol=1e-6)
+    np.testing.assert_allclose(np.diff(drawn[:, 1]), -np.diff(world[:, 1]) * per_metre, atol=1e-6)
+
+
+def test_everything_lies_on_the_sheet(survey):
+    view = top_view(survey.build())
+    strokes = (*view.lines, *view.ellipses)
+    spots = np.array(
+        [p.split(",") for stroke in strokes for p in stroke.points.split()], dtype=float
+    )
+
+    assert (spots >= 0).all()
+    assert (spots <= [view.width, view.height]).all()
+
+
+def test_ellipses_as_large_as_the_scene_are_neither_filled_nor_enlarged(survey):
+    result = survey.build()
+    within = result.points.relative
+    wide = replace(result.points, relative=replace(within, ellipse_95_m=within.ellipse_95_m + 5.0))
+    view = top_view(replace(result, points=wide))
+
+    assert (view.ellipse_factor, view.fill_ellipses) == (1, False)
+    assert top_view(result).fill_ellipses
+
+
+def test_ellipses_are_those_within_the_survey(survey):
+    result = survey.build()
+    view = top_view(result)
+    outline = np.array([p.split(",") for p in view.ellipses[3].points.split()], dtype=float)
+    reach = np.linalg.norm(outline - view.dots[3], axis=1).max() * view.bar_m / view.bar
+
+    expected = view.ellipse_factor * result.points.relative.ellipse_95_m[3, 0]
+    assert reach == pytest.approx(expected, rel=0.02)
+
+
+def test_many_measured_lines_are_thin_and_few_are_named(survey):
+    labels = [f"P{i:02d}" for i in range(30)]
+    pairs = enumerate(pairwise(labels))
+    measures = tuple((f"D{i}", "distance", pair, "m") for i, pair in pairs)
+    view = top_view(survey.build(measures=measures))
+
+    assert {stroke.width for stroke in view.lines} == {0.5, 2.0}
+    assert 0 < len([text for text in view.texts if text.kind == "measured"]) <= 12
+
+
+def test_without_telemetry_north_is_not_claimed(survey):
+    assert top_view(survey.build()).north_known
+    assert not top_view(survey.build(telemetry=False)).north_known
+
+
+def test_one_point_alone_can_be_drawn_and_none_is_no_drawing(survey):
+    assert top_view(survey.build(point_count=1, lines=(), measures=())).dots
+    assert top_view(survey.build(point_count=0, lines=(), measures=())) is None
+
+
+@pytest.mark.parametrize("name", ["R3 hedge 11.21 m", "path 38.212 m"])
+def test_lines_and_measurements_are_named(survey, name):
+    assert name in [text.text for text in top_view(survey.build()).texts]
+
+
+def test_no_text_is_cut_off_or_covers_another(survey):
+    labels = [f"P{i:02d}" for i in range(30)]
+    measures = tuple(
+        (f"a distance with a very long name {i}", "distance", pair, "m")
+        for i, pair in enumerate(pairwise(labels))
+    )
+    view = top_view(survey.build(measures=measures))
+    # letters of 11 units are at most 0.7 of that wide on average, bold ones of DejaVu Sans
+    half = np.array([11 * 0.7 * len(text.text) / 2 for text in view.texts])
+    x, y = np.array([(text.x, text.y) for text in view.texts]).T
+    aside = np.abs(x[:, None] - x) < half[:, None] + half
+    level = np.abs(y[:, None] - y) < 11
+    bold = np.array([text.kind == "measured" for text in view.texts])
+
+    assert (x[bold] - half[bold] >= 0).all()
+    assert (x[bold] + half[bold] <= view.width).all()
+    assert not (np.triu(aside & level, 1) & bold & bold[:, None]).any()
+
+
+def test_many_known_lengths_are_thin_but_the_suspect_ones(survey):
+    lines = tuple(
+        (f"L{k}", f"P{k:02d}", f"P{k + 3:02d}", "suspect" if k == 7 else "used", 0.004)
+        for k in range(25)
+    )
+    view = top_view(survey.build(lines=lines, measures=()))
+
+    assert [stroke.width for stroke in view.lines] == [1.0] * 7 + [2.0] + [1.0] * 17

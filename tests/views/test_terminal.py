@@ -1,0 +1,27 @@
+"""Plain text for the terminal."""
+
+from __future__ import annotations
+
+from uavgram.views.terminal import measurement_table, message_lines
+
+
+def test_the_table_lists_every_measurement_worst_first_in_straight_columns(survey):
+    result = survey.build()
+    header, rule, *rows = measurement_table(result).splitlines()
+
+    assert len(rows) == len(result.measurements.name)
+    assert rows[0].startswith("to the tree")
+    assert "not computed" in rows[0]
+    assert rows[-1].startswith("skid left")
+    assert "39.612 ± 0.021 m" in rows[-1]
+    assert {len(row) for row in rows} == {len(rule)} == {len(header)}
+
+
+def test_without_measurements_the_table_says_so(survey):
+    assert measurement_table(survey.build(measures=())).startswith("No measurements were asked for")
+
+
+def test_errors_come_before_warnings_before_choices(survey):
+    levels = [line.split(":")[0] for line in message_lines(survey.build().messages)]
+
+    assert levels == ["error", "warning", "info"]

@@ -1,0 +1,99 @@
+"""`uavgram calibrate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter, validators
+
+from uavgram.cli.application import DONE, Decimal, app
+from uavgram.cli.terminal import progress, say
+from uavgram.errors import InputError
+
+Switch = Annotated[bool, Parameter(negative=())]
+Model = Literal["brown", "fisheye"]
+Coefficients = Literal["auto", "3", "4", "5", "8"]
+Share = Annotated[Decimal, Parameter(validator=validators.Number(gt=0, lt=1))]
+
+
+@app.command
+def calibrate(  # noqa: PLR0913  (one for each option)
+    images: Annotated[tuple[str, ...], Parameter(negative=())],
+    /,
+    *,
+    board: str,
+    output: Path | None = None,
+    name: str | None = None,
+    model: Model = "brown",
+    coefficients: Coefficients = "auto",
+    fix_aspect: Switch = False,
+    fix_principal_point: Switch = False,
+    bow: Literal["flat", "bowl", "paraboloid"] = "flat",
+    prior: Literal["none", "exif"] = "none",
+    outliers: Literal["report", "remove"] = "report",
+    significance: Share = 0.001,
+) -> int:
+    """Calibrate a camera from photos of a board: camera.yaml with its covariance, and a report.
+
+    Parameters
+    ----------
+    images
+        Photos of the board, or patterns of their names: 15 to 30, the board tilted to all sides,
+        half of them with the camera rolled by a quarter turn, in all corners of the image.
+    board
+        chessboard:9x6:25mm (inner corners; side of a square) or charuco:8x6:30mm:22mm:DICT_5X5_100
+        (squares; sides of a square and of a marker; dictionary).
+    output
+        Folder of the results; by default `calibration`.
+    name
+        Of the camera; by default the one in EXIF.
+    model
+        Lens model.
+    coefficients
+        Distortion coefficients: 3 (k1 k2 k3), 5 (and p1 p2) or 8 (rational); fisheye has 4. auto:
+        the fewest that predict photos left out.
+    fix_aspect
+        Pixels are square: fx = fy.
+    fix_principal_point
+        Hold it in the middle of the image.
+    bow
+        Estimate the shape of a board that is not flat.
+    prior
+        exif: focal length and principal point by EXIF and the table of drone cameras take part.
+    outliers
+        Report corners and photos that do not fit, or remove them one at a time.
+    significance
+        Probability of suspecting anything in photos without outliers.
+    """
+    from uavgram.model.camera.board import CalibrationOptions
+    from uavgram.pipeline.cameras.calibrate import FOLDER
+    from uavgram.pipeline.cameras.calibrate import calibrate as make
+    from uavgram.views.calibration.text import calibration_lines
+
+    options = CalibrationOptions(
+        model=model,
+        coefficients=_count(model, coefficients),
+        aspect=1.0 if fix_aspect else None,
+        fixed_principal_point=fix_principal_point,
+        bow=bow,
+        outliers=outliers,
+        significance=significance,
+    )
+    folder = Path(FOLDER) if output is None else output
+    done = make(images, board, folder, options, prior=prior, name=name, progress=progress())
+    say(*calibration_lines(done.account), "", f"written:   {done.folder}")
+    say(*(f"           {file}" for file in done.files))
+    return DONE
+
+
+def _count(model: Model, coefficients: Coefficients) -> int:
+    """Number of distortion coefficients, 0 for a choice; one that the model has."""
+    if coefficients == "auto":
+        return 0
+    count = int(coefficients)
+    allowed = (3, 5, 8) if model == "brown" else (4,)
+    if count not in allowed:
+        words = " or ".join(map(str, allowed))
+        raise InputError("--coefficients", f"a {model} lens has {words} of them, not {count}")
+    return count

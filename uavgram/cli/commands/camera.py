@@ -1,0 +1,127 @@
+"""`uavgram camera`."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from uavgram.cli.application import DONE, Decimal, app
+from uavgram.cli.terminal import say
+from uavgram.errors import InputError
+
+if TYPE_CHECKING:
+    from uavgram.pipeline.cameras.read import CameraRead
+
+_SIZE = re.compile(r"([1-9]\d*)x([1-9]\d*)")
+_PART = re.compile(r"(\d+),(\d+),([1-9]\d*)x([1-9]\d*)")
+
+
+def _is_size(_type: object, value: str | None) -> None:
+    if value is not None and not _SIZE.fullmatch(value):
+        raise ValueError("must be WIDTHxHEIGHT in pixels, such as 2000x1500")
+
+
+def _is_part(_type: object, value: str | None) -> None:
+    if value is not None and not _PART.fullmatch(value):
+        raise ValueError("must be LEFT,TOP,WIDTHxHEIGHT in pixels, such as 0,375,4000x2250")
+
+
+@app.command
+def camera(
+    file: Path,
+    /,
+    *,
+    name: Annotated[str | None, Parameter(name="--camera")] = None,
+    crop: Annotated[str | None, Parameter(validator=_is_part)] = None,
+    size: Annotated[str | None, Parameter(validator=_is_size)] = None,
+    compare: Path | None = None,
+    distance: Decimal | None = None,
+    to: Literal["uavgram", "opencv", "colmap"] | None = None,
+    output: Path | None = None,
+) -> int:
+    """Show a camera, convert it for another program or image size, or compare it with another.
+
+    Parameters
+    ----------
+    file
+        camera.yaml, a calibration of OpenCV, cameras.txt of COLMAP, cameras.json of OpenDroneMap,
+        or a photo (what its tags say of its camera).
+    name
+        Which camera, where the file holds several.
+    crop
+        LEFT,TOP,WIDTHxHEIGHT: the camera of photos that are this part of the whole ones.
+    size
+        WIDTHxHEIGHT: the camera of photos that were resized to this; after cropping.
+    compare
+        Another camera of the same image size: what it projects elsewhere.
+    distance
+        Compare at this distance, where the cameras may also stand apart; by default at infinity.
+    to
+        Convert for uavgram, opencv or colmap; without --output to the terminal.
+    output
+        File to write.
+    """
+    from uavgram.pipeline.cameras.read import camera_in, read_camera, write_camera
+
+    read = read_camera(file, name)
+    changed = _changed(read, crop, size)
+    if to is None and output is None:
+        say(*_shown(changed) if compare is None else _compared(changed, compare, distance))
+        return DONE
+    form = "uavgram" if to is None else to
+    options = {key: value for key, value in (("crop", crop), ("size", size)) if value is not None}
+    if output is None:
+        say(camera_in(changed, form, options).rstrip("\n"))
+        return DONE
+    write_camera(output, changed, form, options)
+    say(*(f"{m.level}: {m.text}" for m in changed.messages), f"written: {output}")
+    if form == "colmap":
+        say("info: COLMAP's file has no place for the covariance: keep the original too.")
+    return DONE
+
+
+def _changed(read: CameraRead, crop: str | None, size: str | None) -> CameraRead:
+    from uavgram.geometry.camera.rescale import cropped, scaled
+
+    calibration = read.calibration
+    if crop is not None:
+        left, top, width, height = map(int, re.split("[,x]", crop))
+        try:
+            calibration = cropped(calibration, left, top, width, height)
+        except ValueError as fault:
+            raise InputError(read.path, f"--crop: {fault}") from fault
+    if size is not None:
+        width, height = map(int, size.split("x"))
+        calibration = scaled(calibration, width, height)
+    return replace(read, calibration=calibration)
+
+
+def _shown(read: CameraRead) -> list[str]:
+    from uavgram.geometry.camera.facts import camera_facts
+    from uavgram.pipeline.cameras.read import focal_on_sensor_mm
+    from uavgram.views.calibration.camera_text import camera_lines
+
+    lines = camera_lines(
+        read.calibration,
+        camera_facts(read.calibration),
+        read.provenance,
+        focal_on_sensor_mm(read),
+    )
+    notes = [f"{message.level}: {message.text}" for message in read.messages]
+    return [*lines, *([""] if notes else []), *notes]
+
+
+def _compared(first: CameraRead, other: Path, distance: float | None) -> list[str]:
+    from uavgram.estimation.calibration.difference import camera_difference
+    from uavgram.pipeline.cameras.read import read_camera
+    from uavgram.views.calibration.camera_text import difference_lines
+
+    second = read_camera(other)
+    difference = camera_difference(first.calibration, second.calibration, distance=distance)
+    lines = difference_lines(first.calibration, second.calibration, difference)
+    notes = [f"{m.level}: {m.text}" for m in (*first.messages, *second.messages)]
+    return [*lines, *([""] if notes else []), *notes]

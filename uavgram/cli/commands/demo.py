@@ -1,0 +1,45 @@
+"""`uavgram demo`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from uavgram.cli.application import DONE, Seed, Verbose, app
+from uavgram.cli.terminal import log_to_stderr, progress, say
+
+
+@app.command
+def demo(
+    *,
+    output: Path = Path("uavgram-demo"),
+    scenario: Path | None = None,
+    seed: Seed | None = None,
+    verbose: Verbose = False,
+) -> int:
+    """Write the built-in survey (flight, photos, log, picks), run it, and compare with its truth.
+
+    Parameters
+    ----------
+    output
+        Folder of the survey; its results go to DIR/out.
+    scenario
+        Another survey than the built-in one, such as an edited configs/demo.yaml.
+    seed
+        Of the random errors; by default always the same survey.
+    verbose
+        Say what is being done.
+    """
+    from uavgram.config.scenario import load_scenario
+    from uavgram.model.demo.scenario import DemoScenario
+    from uavgram.pipeline.demo import demo as run_demo
+    from uavgram.views.terminal import message_lines, truth_table
+
+    log_to_stderr(verbose=verbose)
+    survey = DemoScenario() if scenario is None else load_scenario(scenario)
+    survey = survey if seed is None else survey.with_seed(seed)
+    result, truth, project = run_demo(output, survey, progress())
+    recording = project.parent / "out" / "recording.rrd"
+    say(truth_table(result, truth), "", *message_lines(result.messages, verbose=verbose))
+    say("", f"project:   {project}", f"results:   {recording.with_name('results.json')}")
+    say(f"report:    {recording.with_name('report.html')}", f"look:      uavgram view {recording}")
+    return DONE

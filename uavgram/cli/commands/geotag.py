@@ -1,0 +1,41 @@
+"""`uavgram geotag`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from uavgram.cli.application import DONE, app
+from uavgram.cli.terminal import progress, say
+
+
+@app.command
+def geotag(
+    project: Path = Path(),
+    /,
+    *,
+    output: Path | None = None,
+    poses: Literal["seed", "refined"] = "refined",
+    exif: bool = False,
+) -> int:
+    """Hand the photos' poses over: geo.txt (OpenDroneMap), pix4d.csv, and tagged copies.
+
+    Parameters
+    ----------
+    project
+        The project file, or the folder of a project.yaml; by default the present folder.
+    output
+        Folder of the files; by default `geotag` in the project's output folder.
+    poses
+        As adjusted (refined), or as the log or the photos have them (seed).
+    exif
+        Also write copies of the photos with the pose in EXIF and XMP; the originals stay as they
+        are.
+    """
+    from uavgram.pipeline.geotag import geotag as write_tags
+    from uavgram.views.terminal import geotag_lines
+
+    done = write_tags(project, output, poses, exif=exif, progress=progress())
+    say(*geotag_lines(done.tags, done.messages), "", f"written:   {done.folder}")
+    say(*(f"           {name}" for name in done.files))
+    return DONE

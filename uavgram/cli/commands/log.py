@@ -1,0 +1,45 @@
+"""`uavgram log`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from uavgram.cli.application import DONE, app
+from uavgram.cli.terminal import say
+
+
+@app.command(name="log")
+def show_log(
+    file: Path,
+    /,
+    *,
+    json: Annotated[bool, Parameter(negative=())] = False,
+    plot: Path | None = None,
+) -> int:
+    """Say what is in a flight log: span, vehicle, boots, messages, clock, camera events.
+
+    Parameters
+    ----------
+    file
+        ArduPilot DataFlash .bin/.BIN/.log, MAVLink .tlog, or PX4 .ulg.
+    json
+        Print a JSON object instead of text.
+    plot
+        Also draw track, heights, clock and camera events to this PNG.
+    """
+    from uavgram.io.logs.flight_log import read_flight_log
+    from uavgram.io.outputs import replace_bytes
+    from uavgram.stages.log_summary import summarise_log
+    from uavgram.views.flight_log.json_summary import log_summary_json
+    from uavgram.views.flight_log.text import log_summary_lines
+
+    summary = summarise_log(read_flight_log(file, positions_needed=False))
+    if plot is not None:
+        from uavgram.views.flight_log.plot import log_plot_png
+
+        replace_bytes(plot, log_plot_png(summary))
+    say(log_summary_json(summary)) if json else say(*log_summary_lines(summary))
+    return DONE

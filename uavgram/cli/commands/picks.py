@@ -1,0 +1,81 @@
+"""`uavgram picks import`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter, validators
+
+from uavgram.cli.application import DONE, Decimal, app
+from uavgram.cli.terminal import say
+from uavgram.errors import InputError
+
+Sigma = Annotated[Decimal | None, Parameter(validator=validators.Number(gt=0))]
+
+picks = App(name="picks", help="Take over picks that were made in another program.")
+app.command(picks)
+
+
+@picks.command(name="import")
+def import_(
+    files: list[Path],
+    /,
+    *,
+    output: Path,
+    control: Path | None = None,
+    control_sigma_m: Sigma = None,
+    control_sigma_up_m: Sigma = None,
+    sigma_columns: Annotated[bool, Parameter(negative=())] = False,
+    check: str = "",
+    check_file: Path | None = None,
+) -> int:
+    """Write a picks.csv from LabelMe's JSON files or OpenDroneMap's gcp_list.txt.
+
+    Parameters
+    ----------
+    files
+        LabelMe .json files (points and circles), or one gcp_list.txt.
+    output
+        The picks.csv to write; one that is there is never written over.
+    control
+        Also write the coordinates of a gcp_list.txt to this control.csv.
+    control_sigma_m
+        Standard deviation of those coordinates, which the file does not hold.
+    control_sigma_up_m
+        That of the heights, where it is another; heights of 0 are believed only with it.
+    sigma_columns
+        The cells behind each label are its sigmas in metres: horizontal, and vertical where that
+        is another.
+    check
+        Labels, joined by commas, of points that only judge the result: they go to a check.csv.
+    check_file
+        That file; by default check.csv beside the control.csv.
+    """
+    from uavgram.io.imports.gcp_list import GcpSigmas
+    from uavgram.pipeline.import_picks import ControlFiles, import_picks
+    from uavgram.views.terminal import message_lines
+
+    stated = control_sigma_m is not None or sigma_columns
+    if (control is None) == stated:
+        raise InputError(
+            files[0], "--control and --control-sigma-m (or --sigma-columns) belong together"
+        )
+    labels = tuple(label.strip() for label in check.split(",") if label.strip())
+    if control is None and (labels or check_file):
+        raise InputError(files[0], "--check needs --control: name the file of the other points")
+    sigmas = GcpSigmas(
+        sigma_m=control_sigma_m, sigma_up_m=control_sigma_up_m, in_columns=sigma_columns
+    )
+    coordinates = None
+    if control is not None:
+        check_path = check_file or control.with_name("check.csv")
+        coordinates = ControlFiles(path=control, sigmas=sigmas, check=labels, check_path=check_path)
+    done = import_picks(files, output, coordinates)
+    say(*message_lines(done.messages))
+    say(f"{done.picks} picks of {done.labels} labels in {done.images} photos: {output}")
+    if control is not None:
+        say(f"{done.control} control points: {control}")
+    if coordinates is not None and labels:
+        say(f"{done.check} check points: {coordinates.check_path}")
+    return DONE

@@ -1,0 +1,53 @@
+"""`uavgram rectify`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter, validators
+
+from uavgram.cli.application import DONE, Decimal, app
+from uavgram.cli.terminal import progress, say
+
+
+@app.command
+def rectify(
+    project: Path = Path(),
+    /,
+    *,
+    output: Path | None = None,
+    frame: str | None = None,
+    pixel_size: Annotated[Decimal | None, Parameter(validator=validators.Number(gt=0))] = None,
+) -> int:
+    """Make a metric top view of the ground: GeoTIFF, a PNG with a scale bar, a map of the sigma.
+
+    Parameters
+    ----------
+    project
+        The project file, or the folder of a project.yaml; by default the present folder.
+    output
+        Folder of the files; by default `rectified` in the project's output folder.
+    frame
+        One photo; by default the mosaic of all adjusted ones, each spot from the photo most above
+        it.
+    pixel_size
+        Edge of a pixel on the ground in metres; by default that of the photos.
+    """
+    from uavgram.pipeline.rectify import PICTURE, SHEET, SIGMA
+    from uavgram.pipeline.rectify import rectify as make
+    from uavgram.views.terminal import message_lines
+
+    done = make(project, output, frame, pixel_size, progress())
+    raster = done.raster
+    say(*message_lines(done.messages))
+    say(
+        f"{len(done.frames)} of the photos, {raster.width} x {raster.height} pixels of "
+        f"{raster.pixel_m:g} m, {done.covered:.0%} covered",
+        f"coordinates: {raster.crs or 'local metres; north is arbitrary'}",
+        f"sigma of a place in it: {done.sigma_m[0]:.3f} m (95 % below {done.sigma_m[1]:.3f} m)",
+        "",
+        f"written:   {done.folder}",
+        *(f"           {name}" for name in (PICTURE, SHEET, SIGMA)),
+    )
+    return DONE

@@ -1,0 +1,66 @@
+"""`uavgram run`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter, validators
+
+from uavgram.cli.application import DONE, Seed, Verbose, app
+from uavgram.cli.terminal import log_to_stderr, progress, say
+
+TABLE_ROWS = 40
+Rows = Annotated[int, Parameter(validator=validators.Number(gte=0))]
+Samples = Annotated[
+    int, Parameter(name="--monte-carlo", validator=validators.Number(gte=100, lte=1_000_000))
+]
+
+
+@app.command
+def run(
+    project: Path = Path(),
+    /,
+    *,
+    output: Path | None = None,
+    monte_carlo: Samples | None = None,
+    seed: Seed = 0,
+    rows: Rows = TABLE_ROWS,
+    view: Annotated[bool, Parameter(negative=())] = False,
+    verbose: Verbose = False,
+) -> int:
+    """Measure: read the project, adjust, and write all outputs.
+
+    Parameters
+    ----------
+    project
+        The project file, or the folder of a project.yaml; by default the present folder.
+    output
+        Folder of the outputs; by default the one that the project names.
+    monte_carlo
+        Repeat the adjustment N times with everything drawn anew, and compare the sigmas.
+    seed
+        Of those draws.
+    rows
+        Most measurements that the table shows, least certain first; 0: all of them.
+    view
+        Open the review in the Rerun viewer afterwards.
+    verbose
+        Say what is being done.
+    """
+    from uavgram.cli.commands.view import show
+    from uavgram.config.project import load_project
+    from uavgram.pipeline.measure.compute import Sampling
+    from uavgram.pipeline.measure.run import FROM_PROJECT
+    from uavgram.pipeline.measure.run import run as run_project
+    from uavgram.views.terminal import measurement_table, message_lines, unshown_rows
+
+    log_to_stderr(verbose=verbose)
+    sampling = None if monte_carlo is None else Sampling(monte_carlo, seed)
+    result = run_project(project, FROM_PROJECT if output is None else output, progress(), sampling)
+    folder = Path(load_project(project).output) if output is None else output
+    say(measurement_table(result, rows), *unshown_rows(result, rows, folder), "")
+    say(*message_lines(result.messages, verbose=verbose))
+    if view:
+        show(folder / "recording.rrd", web=False)
+    return DONE

@@ -1,0 +1,39 @@
+"""`uavgram view`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from uavgram.cli.application import DONE, app
+from uavgram.cli.terminal import say
+
+
+@app.command
+def view(recording: Path, /, *, web: Annotated[bool, Parameter(negative=())] = False) -> int:
+    """Open a recording in the Rerun viewer.
+
+    Parameters
+    ----------
+    recording
+        A recording.rrd from an output folder.
+    web
+        In a browser: serve it to this machine only, and say the address.
+    """
+    show(recording, web=web)
+    return DONE
+
+
+def show(recording: Path, *, web: bool) -> None:
+    """Show a recording until its viewer is closed."""
+    from uavgram.views.viewer.server import open_viewer, serve_viewer
+
+    if not web:
+        open_viewer(recording)
+        return
+    try:
+        serve_viewer(recording, lambda address: say(f"open {address}", "Ctrl-C ends it"))
+    except KeyboardInterrupt:  # the way it is meant to end
+        say("")

@@ -1,0 +1,1 @@
+"""First values of the adjustment: from lengths, from known points, from telemetry."""

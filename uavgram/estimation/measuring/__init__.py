@@ -1,0 +1,1 @@
+"""What is measured on the adjusted survey, its covariance, and what it rests on."""

@@ -1,0 +1,175 @@
+"""What can be measured: each kind's value, and how it depends on its points.
+
+A kind is one function of the world coordinates of its points; stages turn the gradients into
+sigmas, or sample the values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.errors import near_miss
+from uavgram.geometry.ground import shapes
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.frames import Frames
+from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.survey.survey import Survey
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2 (CGPM 1901); the local value differs by less than 0.3 %, a speed by less than 0.15 %."""
+
+AXES = ("east", "north")
+
+
+class Measurand(NamedTuple):
+    """One measured number and how it depends on its points and on what else has a sigma."""
+
+    name: str
+    request: MeasurementRequest
+    value: float
+    gradient: Floats | None
+    """(k, 3) by the request's points; None where there is no value."""
+    others: Mapping[str, float]
+    """Other sources of error by name (``time of IMG_1.jpg``): signed derivative times sigma.
+    Two values that share a source are correlated through it."""
+
+
+class UnmeasurableError(ValueError):
+    """Why a measurement has no value."""
+
+
+def exact(source: str) -> float:  # noqa: ARG001  (the error of every source)
+    """No error in any source."""
+    return 0.0
+
+
+def require_picked(request: MeasurementRequest, known: tuple[str, ...]) -> None:
+    """Make sure that every point of a request is among the known labels.
+
+    Raises
+    ------
+    UnmeasurableError
+        Names those that are not, with the nearest spelling.
+    """
+    words = []
+    for label in request.points:
+        if label not in known:
+            hint = f" ({near})" if (near := near_miss(label, known)) else ""
+            words.append(f"point {label!r} has no usable pick{hint}")
+    if words:
+        raise UnmeasurableError(", ".join(words))
+
+
+def measurands(
+    request: MeasurementRequest,
+    points: Floats,
+    survey: Survey,
+    frames: Frames,
+    error: Callable[[str], float] = exact,
+) -> list[Measurand]:
+    """Values of one request, with gradients.
+
+    Parameters
+    ----------
+    request
+        What to measure.
+    points
+        (k, 3) world coordinates of its points.
+    survey, frames
+        For ``speed``: which frames see the points, and their times.
+    error
+        Name of another source (friction, a time) to its error, in its sigmas; to sample them.
+
+    Raises
+    ------
+    UnmeasurableError
+        There is no value, or no derivative, for these points.
+    """
+    kind = request.kind
+    if kind == "coordinate":
+        return [
+            Measurand(f"{request.name} {axis}", request, float(points[0, i]), np.eye(3)[[i]], {})
+            for i, axis in enumerate(AXES)
+        ]
+    if kind == "skid_speed":
+        return [_skid_speed(request, points, error)]
+    if kind == "speed":
+        return [_speed(request, points, survey, frames, error)]
+    value, gradient = getattr(shapes, kind)(points)
+    measurable = np.isfinite(value) and np.isfinite(gradient).all()
+    if kind == "area" and _crosses_itself(points):
+        raise UnmeasurableError("its outline crosses itself: give the points in order around it")
+    if not measurable:
+        raise UnmeasurableError("its points coincide or lie in line")
+    if kind == "angle":
+        value, gradient = np.rad2deg(value), np.rad2deg(gradient)
+    return [Measurand(request.name, request, float(value), gradient, {})]
+
+
+def _crosses_itself(outline: Floats) -> bool:
+    """Whether an outline (k, 3) with an extent in two directions does."""
+    in_line = np.linalg.matrix_rank(np.diff(outline, axis=0)) < 2
+    return not in_line and shapes.polygon_self_intersects(outline[:, :2])
+
+
+def _skid_speed(
+    request: MeasurementRequest, points: Floats, error: Callable[[str], float]
+) -> Measurand:
+    """Speed at the start of a skid to rest: v = sqrt(2 mu g d) (work of friction = energy)."""
+    parameters = dict(request.parameters)
+    source, mu_sigma = f"friction of {request.name}", parameters["mu_sigma"]
+    mu = parameters["mu"] + mu_sigma * error(source)
+    if mu <= 0:
+        raise UnmeasurableError("its friction is not positive")
+    length, gradient = shapes.polyline(points)
+    if length <= 0 or not np.isfinite(gradient).all():
+        raise UnmeasurableError("its points coincide")
+    speed = float(np.sqrt(2.0 * mu * STANDARD_GRAVITY * length))
+    by_mu = speed / (2.0 * mu)
+    friction = {source: by_mu * mu_sigma}
+    return Measurand(request.name, request, speed, gradient * (speed / (2.0 * length)), friction)
+
+
+def _speed(
+    request: MeasurementRequest,
+    points: Floats,
+    survey: Survey,
+    frames: Frames,
+    error: Callable[[str], float],
+) -> Measurand:
+    """Mean speed between two exposures: distance over the difference of their times.
+
+    The camera's clock offset drops out; each frame's own timing error stays.
+    """
+    times, sources = [], []
+    for label in request.points:
+        seen = survey.pick_frame[survey.pick_label == survey.label.index(label)]
+        if len(seen) != 1:
+            raise UnmeasurableError(f"{label!r} is picked in {len(seen)} frames, a speed needs one")
+        row = frames.frame_id.index(survey.frame_id[seen[0]])
+        sources.append((f"time of {frames.frame_id[row]}", float(frames.sigma_time_s[row])))
+        times.append(frames.time_utc_s[row] + sources[-1][1] * error(sources[-1][0]))
+    elapsed = times[1] - times[0]
+    if not np.isfinite(elapsed) or elapsed == 0:
+        raise UnmeasurableError("its two frames have no time, or the same")
+    length, gradient = shapes.distance(points)
+    if length <= 0 or not np.isfinite(gradient).all():
+        raise UnmeasurableError("its points coincide")
+    speed = float(length / abs(elapsed))
+    by_time = (speed / elapsed, -speed / elapsed)  # of the first and of the second exposure
+    timing = {
+        source: derivative * sigma
+        for (source, sigma), derivative in zip(sources, by_time, strict=True)
+    }
+    return Measurand(request.name, request, speed, gradient / abs(elapsed), timing)
+
+
+def unmeasured(request: MeasurementRequest) -> list[Measurand]:
+    """The rows of a request that cannot be measured: NaN."""
+    names = [request.name]
+    if request.kind == "coordinate":
+        names = [f"{request.name} {axis}" for axis in AXES]
+    return [Measurand(name, request, np.nan, None, {}) for name in names]

@@ -1,0 +1,141 @@
+"""Measured values of an adjusted survey, and how they hang on its unknowns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.estimation.measuring.kinds import (
+    Measurand,
+    UnmeasurableError,
+    exact,
+    measurands,
+    require_picked,
+    unmeasured,
+)
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.frames import Frames
+from uavgram.model.survey.observations import MeasurementRequest
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredValues:
+    """M measured values of an adjustment.
+
+    Attributes
+    ----------
+    rows
+        (M,) values; a request may give several.
+    gradient
+        (size, M) by the unknowns of the adjustment; zero where there is no value.
+    solved
+        (size, M) S times the gradient, S the covariance of the unknowns.
+    covariance
+        (M, M) with what else has a sigma (friction, times); NaN where there is no value.
+    why_not
+        Names of what cannot be measured, and why.
+    """
+
+    rows: tuple[Measurand, ...]
+    gradient: Floats
+    solved: Floats
+    covariance: Floats
+    why_not: tuple[tuple[str, str], ...]
+
+    @property
+    def name(self) -> tuple[str, ...]:
+        """(M,) names of the values."""
+        return tuple(row.name for row in self.rows)
+
+    @property
+    def value(self) -> Floats:
+        """(M,) in the unit of each."""
+        return np.array([row.value for row in self.rows])
+
+    @property
+    def sigma(self) -> Floats:
+        """(M,) standard deviations."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+
+def propagate(
+    adjustment: Adjustment, requests: tuple[MeasurementRequest, ...], frames: Frames
+) -> MeasuredValues:
+    """Measure what was asked for, with the joint covariance of all values.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    requests
+        What to measure.
+    frames
+        Times of the exposures, for ``speed``.
+    """
+    place = {label: k for k, label in enumerate(adjustment.survey.label)}
+    rows: list[Measurand] = []
+    columns: list[Floats] = []
+    why_not: list[tuple[str, str]] = []
+    size = adjustment.problem.layout.size
+    for request in requests:
+        try:
+            require_picked(request, adjustment.survey.label)
+            label = np.array([place[p] for p in request.points], dtype=np.int64)
+            world, jacobian, unknowns = adjustment.points_with_jacobian(label)
+            found = measurands(request, world, adjustment.survey, frames)
+        except UnmeasurableError as why:
+            found = unmeasured(request)
+            why_not.append((request.name, str(why)))
+        for row in found:
+            column = np.zeros(size)
+            if row.gradient is not None:  # a point may occur twice in one outline
+                np.add.at(column, unknowns, np.einsum("ni,nik->nk", row.gradient, jacobian))
+            columns.append(column)
+        rows += found
+    gradient = np.stack(columns, axis=1) if columns else np.zeros((size, 0))
+    solved = adjustment.minimum.factor.solve(gradient) if columns else gradient
+    covariance = gradient.T @ solved + _of_others(rows)
+    without = [row.gradient is None for row in rows]
+    covariance[without] = covariance[:, without] = np.nan
+    return MeasuredValues(
+        tuple(rows), gradient, solved, 0.5 * (covariance + covariance.T), tuple(why_not)
+    )
+
+
+def _of_others(rows: list[Measurand]) -> Floats:
+    """(M, M) covariance by friction and times; two values that share a source are correlated."""
+    sources = sorted({source for row in rows for source in row.others})
+    if not sources:
+        return np.zeros((len(rows), len(rows)))
+    others = np.array([[row.others.get(s, 0.0) for s in sources] for row in rows])
+    return np.asarray(others @ others.T)
+
+
+def values_at(
+    adjustment: Adjustment,
+    state: State,
+    requests: tuple[MeasurementRequest, ...],
+    frames: Frames,
+    error: Callable[[str], float] = exact,
+) -> Floats:
+    """(M,) values under another state of the unknowns; NaN where there is none.
+
+    `error` gives the errors of what else has a sigma, by source, in sigmas.
+    """
+    survey = adjustment.survey
+    place = {label: k for k, label in enumerate(survey.label)}
+    values: list[float] = []
+    for request in requests:
+        try:
+            require_picked(request, survey.label)
+            label = np.array([place[p] for p in request.points], dtype=np.int64)
+            world, _, _ = adjustment.problem.world_points(state, label)
+            found = measurands(request, world, survey, frames, error)
+        except UnmeasurableError:
+            found = unmeasured(request)
+        values += [row.value for row in found]
+    return np.array(values)

@@ -1,0 +1,264 @@
+"""Which observations are wrong, which others could be it instead, and which no test can part.
+
+Data snooping after Baarda 1968, with the separability of two hypotheses judged by the
+correlation of their test statistics (Foerstner 1983, "Reliability and discernability of extended
+Gauss-Markov models"). Where one observation is suspected, the others are tested anew as if it
+were not there (in the linear model, without a new adjustment), so that nothing is blamed that it
+explains already.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY, critical_value
+from uavgram.estimation.reliability.test_statistics import Observed, cofactors
+from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.model.arrays import Bools, Floats, Ints
+
+INSEPARABLE = 0.99
+"""Correlation of two test statistics from which on no test can part their observations: of a
+blunder that the test finds with a probability of 80 %, it takes the wrong one in 4 of 10 cases
+(statistics of mean 4.13 and 0.99 * 4.13, and a difference of sigma sqrt(2 * 0.01))."""
+
+RIVAL = 2.0 * float(np.log(20.0))
+"""Difference of squared test statistics up to which the smaller has odds of more than 1 in 20 to
+be the wrong observation (likelihood ratio of one blunder here or there)."""
+
+REMAINDER = 0.1
+"""Share of what one blunder explains of another observation's residual below which the rest is not
+blamed on that: large blunders leave the linear model."""
+
+MOST_SUSPECTS = 30
+"""Suspicions that are spelled out; with more of them, the model is wrong and not observations."""
+
+READINGS = ("lengths", "pixels", "control")
+"""What people read, and misread: suspected before priors are, unless a prior's odds are better than
+20 to 1 (the nine axes of a calibration, say, mimic many an error of a single length). Of
+inseparable observations, the first of these stands for the group."""
+
+SET_ASIDE_WHOLE = ("pixels", "control", "telemetry")
+"""Groups of which a wrong observation is wrong in all of its axes; of others each axis is alone."""
+
+TAKEN_TOGETHER = ("pixels", "control")
+"""Groups whose observations err in any direction: their axes together may explain another's error.
+(All six axes of a pose, or the whole calibration, would explain almost any.)"""
+
+LOOKED_AT = 0.3
+"""Correlation of a single axis from which on all axes of an observation are taken together."""
+
+
+def suspicions(
+    adjustment: Adjustment,
+    groups: dict[str, Observed],
+    significance: float,
+    first: Member | None = None,
+) -> Iterator[Suspicion]:
+    """Observations that do not fit, largest test statistic first; at most `MOST_SUSPECTS`.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    groups
+        Its observations (see ``observed``).
+    significance
+        Of the test of each single axis of each observation (not of the whole family: of n axes
+        without blunder, n * significance are flagged by chance).
+    first
+        To be suspected before all others, where something is known against it.
+    """
+    snooping = _Snooping(adjustment, groups, critical_value(significance))
+    for _ in range(MOST_SUSPECTS):
+        suspicion = snooping.next_one(first)
+        if suspicion is None:
+            return
+        yield suspicion
+        first = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Axes:
+    """All axes of all groups in one row: group, row and axis of each, and the row's number."""
+
+    kinds: tuple[str, ...]
+    kind: Ints
+    row: Ints
+    axis: Ints
+    observation: Ints
+
+    @classmethod
+    def of(cls, groups: dict[str, Observed]) -> _Axes:
+        kind, row, axis, observation, first = [], [], [], [], 0
+        for k, group in enumerate(groups.values()):
+            n, a = group.w.shape
+            kind.append(np.full(n * a, k))
+            row.append(np.repeat(np.arange(n), a))
+            axis.append(np.tile(np.arange(a), n))
+            whole = group.kind in SET_ASIDE_WHOLE
+            observation.append(first + (row[-1] if whole else np.arange(n * a)))
+            first = int(observation[-1].max(initial=first - 1)) + 1
+        parts = (np.concatenate(p).astype(np.int64) for p in (kind, row, axis, observation))
+        return cls(tuple(groups), *parts)
+
+    def place(self, member: Member) -> int:
+        of_kind = self.kind == _place(self.kinds, member.kind)
+        return int(
+            np.flatnonzero(of_kind & (self.row == member.row) & (self.axis == member.axis))[0]
+        )
+
+    def member(self, at: int) -> Member:
+        return Member(self.kinds[self.kind[at]], int(self.row[at]), int(self.axis[at]))
+
+
+@dataclass(eq=False)
+class _Snooping:
+    """Test statistics of all axes, and how they change as suspects are set aside.
+
+    `error` are the residuals along the axes, `variance` theirs, both given the suspects so far;
+    `basis` the orthogonal directions of these suspects, as seen from every axis.
+    """
+
+    adjustment: Adjustment
+    groups: dict[str, Observed]
+    limit: float
+    basis: list[Floats] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.axes = _Axes.of(self.groups)
+        groups = self.groups.values()
+        self.whole = np.concatenate([g.redundancy.ravel() for g in groups])
+        self.variance = self.whole.copy()
+        root = np.sqrt(self.whole)
+        self.first_error = np.concatenate([g.w.ravel() for g in groups]) * root
+        self.error = self.first_error.copy()
+
+    def next_one(self, first: Member | None) -> Suspicion | None:
+        """The next suspicion, or a given one; its observation is set aside. None: all fits."""
+        w = self._statistics()
+        explained = np.abs(self.first_error - self.error)
+        blamed = (np.abs(w) > self.limit) & (np.abs(self.error) > REMAINDER * explained)
+        if not blamed.any():
+            return None
+        largest = np.abs(np.where(blamed, w, 0.0))
+        if first is not None:
+            at = self.axes.place(first)
+        else:
+            at = self._likeliest(largest)
+            group = self._inseparable(self._covariances(at), at)
+            at = self._representative(at, group, largest)
+        column = self._covariances(at)
+        group = self._inseparable(column, at)
+        odds = (w[at] ** 2 - w**2 < RIVAL) & (np.abs(w) > self.limit)
+        rivals = np.setdiff1d(self.axes.observation[odds], self.axes.observation[group])
+        suspicion = Suspicion(
+            self.axes.member(at),
+            float(w[at]),
+            self._members(group, self.axes.observation[at], w),
+            self._members(np.isin(self.axes.observation, rivals), self.axes.observation[at], w),
+        )
+        self._set_aside(int(self.axes.observation[at]), at, column)
+        return suspicion
+
+    def _likeliest(self, largest: Floats) -> int:
+        """The axis to suspect: of the readings, unless a prior is far more likely."""
+        prior = ~np.isin(self.axes.kind, [_place(self.axes.kinds, kind) for kind in READINGS])
+        return int((largest**2 - np.where(prior & (largest > 0), RIVAL, 0.0)).argmax())
+
+    def _statistics(self) -> Floats:
+        checked = self.variance > np.maximum(NO_REDUNDANCY, (1 - INSEPARABLE**2) * self.whole)
+        return np.where(checked, self.error / np.sqrt(np.where(checked, self.variance, 1)), 0.0)
+
+    def _covariances(self, at: int) -> Floats:
+        """Of the error along one axis with those along all, given the suspects so far."""
+        here = self.axes.member(at)
+        group = self.groups[here.kind]
+        weight = group.direction[here.row, :, here.axis]
+        right = np.zeros(self.adjustment.problem.layout.size)
+        np.add.at(right, group.block.columns[here.row], weight @ group.block.jacobian[here.row])
+        step = self.adjustment.minimum.factor.solve(right)
+        parts = []
+        for kind, other in self.groups.items():
+            along = -other.response(step)
+            if kind == here.kind:
+                along[here.row] += weight
+            parts.append(np.einsum("nra,nr->na", other.direction, along).ravel())
+        column = np.concatenate(parts)
+        for known in self.basis:
+            column -= known * known[at]
+        return np.asarray(column)
+
+    def _inseparable(self, column: Floats, at: int) -> Bools:
+        """Axes of the observations that could explain the whole of the error along one axis."""
+        pivot = column[at]
+        possible = self.variance > NO_REDUNDANCY
+        single = np.zeros(len(column))
+        np.divide(column**2, self.variance * pivot, out=single, where=possible)
+        count = int(self.axes.observation[-1]) + 1
+        whole = np.zeros(count)
+        np.maximum.at(whole, self.axes.observation, single)
+        for k, group in enumerate(self.groups.values()):
+            if group.kind in TAKEN_TOGETHER:
+                self._take_together(k, group, column, pivot, whole)
+        whole[self.axes.observation[at]] = 1.0
+        return np.asarray((whole > INSEPARABLE**2)[self.axes.observation] & possible)
+
+    def _take_together(
+        self, k: int, group: Observed, column: Floats, pivot: float, whole: Floats
+    ) -> None:
+        """Squared multiple correlation of the axes of each promising observation of a group."""
+        n, a = group.w.shape
+        place = np.flatnonzero(self.axes.kind == k).reshape(n, a)
+        mine = column[place]
+        strong = mine**2 > LOOKED_AT**2 * self.variance[place] * pivot
+        rows = np.flatnonzero((strong & (self.variance[place] > NO_REDUNDANCY)).any(axis=1))
+        if not len(rows):
+            return
+        block = group.block
+        part = Block(block.residual[rows], block.columns[rows], block.jacobian[rows])
+        own = cofactors(part, self.adjustment.covariance)
+        own = np.einsum("nra,nrs,nsb->nab", group.direction[rows], own, group.direction[rows])
+        for known in self.basis:
+            seen = known[place[rows]]
+            own -= seen[:, :, None] * seen[:, None, :]
+        inverse = np.linalg.pinv(own, rcond=1e-6, hermitian=True)
+        squared = np.einsum("na,nab,nb->n", mine[rows], inverse, mine[rows]) / pivot
+        observation = self.axes.observation[place[rows, 0]]
+        whole[observation] = np.maximum(whole[observation], squared)
+
+    def _representative(self, at: int, group: Bools, largest: Floats) -> int:
+        """The axis that stands for a group: that of a length before a pick before others."""
+        for kind in READINGS:
+            of_kind = group & (self.axes.kind == _place(self.axes.kinds, kind)) & (largest > 0)
+            if of_kind.any():
+                return int(np.where(of_kind, largest, -1.0).argmax())
+        return at
+
+    def _members(self, chosen: Bools, but: int, w: Floats) -> tuple[Member, ...]:
+        """Each observation once, by its axis with the largest statistic."""
+        places = np.flatnonzero(chosen & (self.axes.observation != but))
+        places = places[np.argsort(-np.abs(w[places]), kind="stable")]
+        _, once = np.unique(self.axes.observation[places], return_index=True)
+        return tuple(self.axes.member(int(p)) for p in places[np.sort(once)])
+
+    def _set_aside(self, observation: int, first: int, column: Floats) -> None:
+        """Test all others as if this observation, with all of its axes, were not there."""
+        places = np.flatnonzero(self.axes.observation == observation)
+        for at in (first, *places[places != first].tolist()):
+            if at != first:
+                if self.variance[at] <= max(NO_REDUNDANCY, 1e-3 * self.whole[at]):
+                    continue
+                column = self._covariances(at)
+            known = column / np.sqrt(column[at])
+            self.error = self.error - known * (self.error[at] / np.sqrt(column[at]))
+            self.variance = np.maximum(self.variance - known**2, 0.0)
+            self.basis.append(known)
+
+
+def _place(kinds: tuple[str, ...], kind: str) -> int:
+    return kinds.index(kind) if kind in kinds else -1

@@ -1,0 +1,151 @@
+"""External reliability: what errors that no test finds would do to the measured values.
+
+Baarda 1968, "A testing procedure for use in geodetic networks"; Foerstner & Wrobel 2016,
+"Photogrammetric computer vision", ch. 4.6.4: an observation that is wrong by its minimal
+detectable bias moves the estimates by S A^T of its whitened error.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.measuring.propagation import MeasuredValues
+from uavgram.estimation.reliability.test_statistics import Observed
+from uavgram.estimation.survey.suspicion import Member
+from uavgram.model.arrays import Floats, Ints
+
+UNCHECKED = 0.01
+"""Redundancy up to which an observation counts as unchecked: an error in it shows only from 41 of
+its sigmas on (significance 0.001, power 80 %)."""
+
+FELT = 0.01
+"""Share of a measurement's sigma that one sigma of an unchecked observation moves, from which on
+the measurement is said to hang on it."""
+
+ENTRIES_AT_ONCE = 2_000_000
+"""Bound of the arrays that are held at a time."""
+
+
+class Worst(NamedTuple):
+    """The largest effects of the minimal detectable biases of one group of observations.
+
+    Attributes
+    ----------
+    measurement
+        (n, a) which of the measurements each axis moves most, in that one's sigmas; -1: none.
+    change
+        (n, a) of that measurement, in its own unit; NaN where there is none.
+    sigmas
+        (n, a) its size in that measurement's sigmas; 0 where there is none.
+    """
+
+    measurement: Ints
+    change: Floats
+    sigmas: Floats
+
+
+class Weakest(NamedTuple):
+    """Of one measurement, what moves it most.
+
+    Attributes
+    ----------
+    member
+        The observation; None where nothing checked moves it.
+    change
+        Of the measurement, by the observation's minimal detectable bias.
+    unchecked
+        Observations that move it and that nothing checks.
+    """
+
+    member: Member | None
+    change: float
+    unchecked: tuple[Member, ...]
+
+
+def external_reliability(
+    groups: dict[str, Observed], measured: MeasuredValues, significance: float
+) -> tuple[dict[str, Worst], tuple[Weakest, ...]]:
+    """Effects of undetected errors, by observation and by measurement.
+
+    Parameters
+    ----------
+    groups
+        The observations of the adjustment.
+    measured
+        The values of interest.
+    significance
+        Of the test that should have found the error.
+    """
+    worst: dict[str, Worst] = {}
+    count = len(measured.rows)
+    best = np.full(count, -1.0)
+    weakest = [Weakest(None, np.nan, ()) for _ in range(count)]
+    sigma = np.nan_to_num(measured.sigma, nan=np.inf)  # of what has no value nothing is said
+    sigma = np.where(sigma > 0, sigma, np.inf)
+    for kind, group in groups.items():
+        parts = []
+        for rows in _portions(group, max(count, 1)):
+            change, unchecked = _changes(group, rows, measured, significance)
+            parts.append(_worst_of(change / sigma, change))
+            _weakest_of(kind, rows.start, change, unchecked / sigma, best, weakest)
+        worst[kind] = Worst(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return worst, tuple(weakest)
+
+
+def _portions(group: Observed, count: int) -> list[slice]:
+    n, _, k = group.block.jacobian.shape
+    step = max(1, ENTRIES_AT_ONCE // (count * max(k, 1)))
+    return [slice(first, min(first + step, n)) for first in range(0, max(n, 1), step)]
+
+
+def _changes(
+    group: Observed, rows: slice, measured: MeasuredValues, significance: float
+) -> tuple[Floats, Floats]:
+    """(n, a, M) changes by the biases of axes that something checks, and of those nothing checks.
+
+    The latter by one of their sigmas; each is 0 for the axes of the other.
+    """
+    block = group.block
+    response = np.einsum("nrk,nkm->nrm", block.jacobian[rows], measured.solved[block.columns[rows]])
+    by_unit = np.einsum("nra,nrm->nam", group.direction[rows], response)
+    checked = group.redundancy[rows] > UNCHECKED
+    whitened = group.bias(significance)[rows] / group.scale[rows]
+    by_bias = by_unit * np.where(checked, np.nan_to_num(whitened), 0.0)[..., None]
+    known = np.isfinite(group.scale[rows])
+    return by_bias, by_unit * (~checked & known)[..., None]
+
+
+def _worst_of(in_sigmas: Floats, change: Floats) -> Worst:
+    n, a, m = in_sigmas.shape
+    if not m:
+        return Worst(np.full((n, a), -1), np.full((n, a), np.nan), np.zeros((n, a)))
+    at = np.abs(in_sigmas).argmax(axis=2)
+    sigmas = np.abs(np.take_along_axis(in_sigmas, at[..., None], axis=2)[..., 0])
+    value = np.take_along_axis(change, at[..., None], axis=2)[..., 0]
+    felt = sigmas > 0
+    return Worst(np.where(felt, at, -1), np.where(felt, value, np.nan), sigmas)
+
+
+def _weakest_of(
+    kind: str,
+    first: int,
+    change: Floats,
+    unchecked: Floats,
+    best: Floats,
+    weakest: list[Weakest],
+) -> None:
+    n, a, m = change.shape
+    if not n:
+        return
+    at = np.abs(change).reshape(n * a, m).argmax(axis=0)
+    value = change.reshape(n * a, m)[at, np.arange(m)]
+    for i in np.flatnonzero((np.abs(value) > best) & (value != 0.0)):
+        best[i] = abs(value[i])
+        member = Member(kind, first + int(at[i]) // a, int(at[i]) % a)
+        weakest[i] = weakest[i]._replace(member=member, change=float(value[i]))
+    largest = np.abs(unchecked).max(axis=1)
+    for row, i in np.argwhere(largest > FELT):
+        member = Member(kind, first + int(row), int(np.abs(unchecked[row, :, i]).argmax()))
+        weakest[i] = weakest[i]._replace(unchecked=(*weakest[i].unchecked, member))

@@ -1,0 +1,146 @@
+"""Is it honest? Redundancy, standardised residuals, minimal detectable bias, variance factors.
+
+After Baarda 1968, "A testing procedure for use in geodetic networks". All inputs are whitened:
+residuals and Jacobian rows in units of the observation's own standard deviation.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtrc, ndtr, ndtri
+
+from uavgram.estimation.solver.normal_equations import AT_ONCE, Block, Covariance, Factor
+from uavgram.model.arrays import Floats
+
+POWER = 0.80
+"""Probability with which a bias of the minimal detectable size is found."""
+
+NO_REDUNDANCY = 1e-6
+"""Redundancy number below which an observation is not checked by any other."""
+
+
+class Reliability(NamedTuple):
+    """Per whitened observation of one group; all (n, r).
+
+    Attributes
+    ----------
+    redundancy
+        Number in [0, 1]: how much of an error in the observation shows in its residual.
+    w
+        Residual over its own standard deviation; 0 where nothing checks the observation.
+    """
+
+    redundancy: Floats
+    w: Floats
+
+
+def reliability(block: Block, covariance: Covariance) -> Reliability:
+    """Redundancy numbers and standardised residuals of one group of observations."""
+    redundancy = np.clip(1.0 - covariance.leverage(block), 0.0, 1.0)
+    checked = redundancy > NO_REDUNDANCY
+    w = np.where(checked, block.residual / np.sqrt(np.where(checked, redundancy, 1.0)), 0.0)
+    return Reliability(redundancy, w)
+
+
+def critical_value(significance: float) -> float:
+    """Two-sided critical value of a standardised residual."""
+    return float(ndtri(1.0 - significance / 2.0))
+
+
+def noncentrality(significance: float) -> float:
+    """Mean of |w| from which a bias is found with probability ``POWER``; 4.13 at 0.001."""
+    return critical_value(significance) + float(ndtri(POWER))
+
+
+def minimal_detectable_bias(redundancy: Floats, sigma: Floats, significance: float) -> Floats:
+    """Smallest error found with probability ``POWER``, in the units of `sigma`; NaN if none is.
+
+    Baarda 1968: sigma * delta0 / sqrt(r), delta0 = z(1 - alpha / 2) + z(power).
+    """
+    checked = redundancy > NO_REDUNDANCY
+    root = np.sqrt(np.where(checked, redundancy, np.nan))
+    return np.asarray(sigma * noncentrality(significance) / root)
+
+
+def power(bias: Floats, redundancy: Floats, sigma: Floats, significance: float) -> Floats:
+    """Probability with which the w-test of an observation finds an error of `bias` in it.
+
+    Baarda 1968: w is normal about bias * sqrt(r) / sigma; the test has two sides.
+    """
+    mean = np.abs(bias) * np.sqrt(redundancy) / sigma
+    limit = critical_value(significance)
+    return np.asarray(ndtr(mean - limit) + ndtr(-limit - mean))
+
+
+class GroupFit(NamedTuple):
+    """How one group of observations fits as a whole.
+
+    `redundancy` is the group's share of the degrees of freedom, `variance_factor` its sum of
+    squares over that share (NaN without redundancy), `probability` that of a factor at least as
+    large by chance.
+    """
+
+    redundancy: float
+    variance_factor: float
+    probability: float
+
+
+EXACT_GROUP = 100
+"""Observations up to which a group's cofactor matrix is computed whole."""
+
+SIGNS = 4000
+"""Random signs drawn for a larger group, at least: at worst 2 % of its degrees of freedom."""
+
+
+def group_fit(block: Block, factor: Factor, covariance: Covariance) -> GroupFit:
+    """Variance factor of a group and its chi-square test.
+
+    The residuals of one group have the cofactor matrix Q = I - A S A^T, which is no projector: a
+    sum of squares with Satterthwaite's degrees of freedom tr(Q)^2 / tr(Q^2) and scale
+    tr(Q^2) / tr(Q) (Satterthwaite 1946, eq. 9); for one observation that is its w-test.
+    """
+    squares = float(np.sum(block.residual**2))
+    if block.residual.size <= EXACT_GROUP:
+        cofactor = _cofactor(block, covariance)
+        trace, trace_of_square = float(np.trace(cofactor)), float(np.sum(cofactor**2))
+    else:
+        trace = float(reliability(block, covariance).redundancy.sum())
+        trace_of_square = _trace_of_square(block, factor)
+    if trace <= NO_REDUNDANCY:
+        return GroupFit(max(trace, 0.0), np.nan, 1.0)
+    scale = trace_of_square / trace
+    return GroupFit(trace, squares / trace, upper_tail(squares / scale, trace / scale))
+
+
+def _trace_of_square(block: Block, factor: Factor) -> float:
+    """tr(Q^2) from random signs z: the mean of |Q z|^2 (Hutchinson 1990, eq. 2.6).
+
+    Exact where Q is diagonal; else its relative variance is at most 2 / (signs drawn).
+    """
+    n, r, _ = block.jacobian.shape
+    rng = np.random.default_rng(0)  # the same survey has the same result
+    total, draws = 0.0, -(-SIGNS // (n * r))
+    for first in range(0, draws, AT_ONCE):
+        some = min(AT_ONCE, draws - first)
+        signs = np.moveaxis(rng.choice([-1.0, 1.0], (some, n, r)), 0, 2)
+        weights = np.swapaxes(block.jacobian, 1, 2) @ signs
+        place = block.columns[:, :, None] * some + np.arange(some)
+        right: Floats = np.zeros(factor.size * some)
+        right += np.bincount(place.ravel(), weights.ravel(), minlength=len(right))
+        seen = factor.solve(right.reshape(factor.size, some))[block.columns]
+        total += float(np.sum((signs - block.jacobian @ seen) ** 2))
+    return float(total / draws)
+
+
+def _cofactor(block: Block, covariance: Covariance) -> Floats:
+    """I - A S A^T of all the block's rows."""
+    n, r, k = block.jacobian.shape
+    columns = np.repeat(block.columns, r, axis=0)
+    return np.asarray(np.eye(n * r) - covariance.joint(columns, block.jacobian.reshape(n * r, k)))
+
+
+def upper_tail(squares: float, degrees: float) -> float:
+    """Probability that chi-square with `degrees` exceeds `squares` (1 without redundancy)."""
+    return float(chdtrc(degrees, squares)) if degrees > NO_REDUNDANCY else 1.0

@@ -1,0 +1,133 @@
+"""Every observed or assumed number of a survey, group by group, with its test statistic.
+
+Baarda 1968, "A testing procedure for use in geodetic networks"; with priors as observations as
+in Foerstner & Wrobel 2016, "Photogrammetric computer vision", ch. 4.6.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.estimation.reliability.redundancy import (
+    NO_REDUNDANCY,
+    minimal_detectable_bias,
+    reliability,
+)
+from uavgram.estimation.solver.normal_equations import Block, Covariance
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.arrays import Bools, Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """n observations of r correlated numbers each, which may err along a axes.
+
+    Attributes
+    ----------
+    kind
+        Name of the group in the likelihood.
+    block
+        Whitened residuals and Jacobians.
+    direction
+        (n, r, a) unit vectors in the space of the whitened residuals: where an error along each
+        axis points. Identity where the numbers are independent.
+    scale
+        (n, a) standard deviation of each axis given the others, in SI units or pixels; NaN where
+        the number is known exactly.
+    redundancy
+        (n, a) in [0, 1]: how much of an error along that axis shows in the residuals.
+    w
+        (n, a) standardised test statistic; 0 where nothing checks the axis.
+    """
+
+    kind: str
+    block: Block
+    direction: Floats
+    scale: Floats
+    redundancy: Floats
+    w: Floats
+
+    @property
+    def checked(self) -> Bools:
+        """(n, a) whether anything checks the axis."""
+        return np.asarray(self.redundancy > NO_REDUNDANCY)
+
+    def bias(self, significance: float) -> Floats:
+        """(n, a) minimal detectable bias in the units of `scale`; NaN where nothing checks it."""
+        return minimal_detectable_bias(self.redundancy, self.scale, significance)
+
+    def response(self, step: Floats) -> Floats:
+        """(n, r, ...) change of the whitened residuals by a change (size, ...) of the unknowns."""
+        moved = np.einsum("nrk,nk...->nr...", self.block.jacobian, step[self.block.columns])
+        return np.asarray(moved, dtype=np.float64)
+
+
+def observed(adjustment: Adjustment) -> dict[str, Observed]:
+    """All groups of an adjusted survey by name, but for the gauge, which is a choice."""
+    blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
+    survey, problem = adjustment.survey, adjustment.problem
+    given = {
+        "pixels": survey.pick_sigma_px[:, None],
+        "lengths": survey.length_sigma_m[problem.line_index, None],
+        "control": survey.control_sigma_m,
+    }
+    groups = {}
+    for kind, block in blocks.items():
+        if kind == "gauge":
+            continue
+        if kind == "telemetry":
+            whitening = np.asarray(problem.telemetry_whitening, dtype=np.float64)
+            groups[kind] = _correlated(kind, block, covariance, whitening)
+        elif kind == "calibration":
+            groups[kind] = _calibration(block, covariance, problem.intrinsic_basis)
+        else:  # a prior's whitened residual changes by the inverse of its sigma
+            sigma = given[kind] if kind in given else 1.0 / block.jacobian[:, :, 0]
+            groups[kind] = _independent(kind, block, covariance, sigma)
+    return groups
+
+
+def _independent(kind: str, block: Block, covariance: Covariance, sigma: Floats) -> Observed:
+    n, r = block.residual.shape
+    numbers = reliability(block, covariance)
+    direction = np.broadcast_to(np.eye(r), (n, r, r))
+    scale = np.broadcast_to(sigma, (n, r))
+    return Observed(kind, block, direction, scale, numbers.redundancy, numbers.w)
+
+
+def _calibration(block: Block, covariance: Covariance, basis: Floats) -> Observed:
+    """The independent combinations of the interior orientation as one correlated observation."""
+    n = len(block.residual)
+    whole = Block(block.residual.reshape(1, n), block.columns.reshape(1, n), np.eye(n)[None])
+    # An exactly known parameter has a row of zeros, and keeps one: it cannot err.
+    inverse = np.asarray(np.linalg.pinv(basis), dtype=np.float64)
+    return _correlated("calibration", whole, covariance, inverse[None])
+
+
+def _correlated(kind: str, block: Block, covariance: Covariance, whitening: Floats) -> Observed:
+    """Group of correlated numbers; `whitening` (n, r, a) maps errors to whitened residuals.
+
+    Notes
+    -----
+    Baarda 1968 for correlated observations: w_j = e_j^T P v / sqrt(e_j^T P Q_vv P e_j); with
+    P = W^T W and whitened residuals that is (W^T v)_j / sqrt((W^T Q W)_jj), Q = I - A S A^T.
+    """
+    length = np.linalg.norm(whitening, axis=1)
+    known = np.isfinite(length) & (length > 0)
+    size = np.where(known, length, np.inf)
+    direction = whitening / size[:, None, :]
+    cofactor = cofactors(block, covariance)
+    redundancy = np.einsum("nra,nrs,nsa->na", direction, cofactor, direction, optimize=True)
+    redundancy = np.clip(redundancy, 0.0, 1.0)
+    checked = redundancy > NO_REDUNDANCY
+    error = np.einsum("nra,nr->na", direction, block.residual)
+    w = np.where(checked, error / np.sqrt(np.where(checked, redundancy, 1.0)), 0.0)
+    return Observed(kind, block, direction, np.where(known, 1.0 / size, np.nan), redundancy, w)
+
+
+def cofactors(block: Block, covariance: Covariance) -> Floats:
+    """(n, r, r) cofactor matrices I - A S A^T of each observation's own whitened residuals."""
+    joint = covariance.blocks(block.columns)
+    leverage = np.einsum("nrk,nkl,nsl->nrs", block.jacobian, joint, block.jacobian, optimize=True)
+    return np.asarray(np.eye(block.residual.shape[1]) - leverage)

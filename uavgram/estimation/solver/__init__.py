@@ -1,0 +1,1 @@
+"""Levenberg-Marquardt and its normal equations; knows no photo."""

@@ -1,0 +1,309 @@
+"""Normal equations of a sparse least-squares problem: factorisation and covariance.
+
+Small systems are dense; larger ones stay sparse, and of their inverse only what is asked for is
+ever computed: the part on the pattern of the normal matrix (each unknown with those it shares an
+observation with), and the joint covariance of a few chosen unknowns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import scipy.linalg
+
+from uavgram.estimation.solver.sparse.block_matrix import Assembly, BlockMatrix
+from uavgram.estimation.solver.sparse.multifrontal import NotPositiveError
+from uavgram.estimation.solver.sparse.schur import SparseFactor, Symbolic
+from uavgram.estimation.solver.sparse.structure import Structure
+from uavgram.model.arrays import Floats, Ints
+
+DENSE_ENTRIES = 250_000
+"""Entries of a Jacobian up to which a dense one costs less than the upkeep of sparse matrices."""
+
+AT_ONCE = 32
+"""Right-hand sides that are solved for together."""
+
+ROWS_AT_ONCE = 2000
+"""Rows whose covariances are gathered together."""
+
+SINGULAR = 1e-13
+"""Smallest pivot of the scaled normal matrix (unit diagonal) that still carries information."""
+
+
+class SingularError(ValueError):
+    """The observations leave an unknown undetermined; `index` is the first one found."""
+
+    def __init__(self, index: int) -> None:
+        self.index = index
+        super().__init__(f"unknown {index} is not determined by the observations")
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Rows of a whitened observation group.
+
+    Attributes
+    ----------
+    residual
+        (n, r) whitened: unit variance where the model holds.
+    columns
+        (n, k) index of the unknown behind each Jacobian column.
+    jacobian
+        (n, r, k).
+    """
+
+    residual: Floats
+    columns: Ints
+    jacobian: Floats
+
+
+class NormalEquations:
+    """J^T J and J^T r of a list of blocks, over `size` unknowns.
+
+    Parameters
+    ----------
+    blocks
+        The observations.
+    size
+        Number of unknowns.
+    structure
+        What they are; of use in large systems.
+    plan
+        What serves every large system of the same columns, from one of them.
+    """
+
+    def __init__(
+        self,
+        blocks: list[Block],
+        size: int,
+        structure: Structure | None = None,
+        plan: Plan | None = None,
+    ) -> None:
+        self.size = size
+        self._blocks = blocks
+        self.cost = float(sum(np.sum(b.residual**2) for b in blocks))
+        self.gradient = gradient_of(blocks, size)
+        rows = sum(b.residual.size for b in blocks)
+        self._dense = rows * size <= DENSE_ENTRIES
+        self._structure = structure or Structure.plain(size)
+        self.plan = plan
+
+    @cached_property
+    def normal(self) -> Floats | BlockMatrix:
+        """J^T J."""
+        if self._dense:
+            jacobian = _stack_dense(self._blocks, self.size)
+            return np.asarray(jacobian.T @ jacobian)
+        columns = [b.columns for b in self._blocks]
+        if self.plan is None or not self.plan.assembly.serves(columns):
+            self.plan = Plan(columns, self._structure)
+        return self.plan.assembly.normal([b.jacobian for b in self._blocks])
+
+    def factor(self, damping: float = 0.0) -> Factor:
+        """Factor J^T J + damping * diag(J^T J).
+
+        Raises
+        ------
+        SingularError
+            An unknown is not determined.
+        """
+        diagonal = self.normal.diagonal()
+        empty = np.flatnonzero(diagonal <= 0)
+        if empty.size:
+            raise SingularError(int(empty[0]))
+        return Factor(self.normal, self.plan, diagonal, damping)
+
+
+class Plan:
+    """What serves every large system of the same columns."""
+
+    def __init__(self, columns: list[Ints], structure: Structure) -> None:
+        self.assembly = Assembly(columns, structure)
+
+    @cached_property
+    def symbolic(self) -> Symbolic:
+        """For the factorisation."""
+        return Symbolic(self.assembly.pattern)
+
+
+def gradient_of(blocks: Iterable[Block], size: int) -> Floats:
+    """J^T r of all blocks, (size,)."""
+    gradient = np.zeros(size)
+    for block in blocks:
+        product = (block.residual[:, None, :] @ block.jacobian)[:, 0]
+        gradient += np.bincount(block.columns.ravel(), product.ravel(), minlength=size)
+    return gradient
+
+
+def _stack_dense(blocks: list[Block], size: int) -> Floats:
+    """Whitened Jacobian of all blocks, (rows, size); duplicate entries are added."""
+    entry, weight, first = [], [], 0
+    for block in blocks:
+        n, r, _ = block.jacobian.shape
+        row = first + np.arange(n * r).reshape(n, r, 1)
+        entry.append((row * size + block.columns[:, None, :]).ravel())
+        weight.append(block.jacobian.ravel())
+        first += n * r
+    flat = np.bincount(np.concatenate(entry), np.concatenate(weight), minlength=first * size)
+    return np.asarray(flat, dtype=np.float64).reshape(first, size)
+
+
+class Factor:
+    """A factorised, symmetrically scaled normal matrix.
+
+    The scaling to a unit diagonal takes the units (pixels, radians, metres) out of the question
+    whether a pivot is zero.
+    """
+
+    def __init__(
+        self, normal: Floats | BlockMatrix, plan: Plan | None, diagonal: Floats, damping: float
+    ) -> None:
+        self._scale = 1.0 / np.sqrt(diagonal)
+        self._damping = damping
+        self.size = len(diagonal)
+        self._factor: Floats | SparseFactor
+        if isinstance(normal, np.ndarray):
+            scaled = normal * np.outer(self._scale, self._scale)
+            np.fill_diagonal(scaled, scaled.diagonal() + damping)
+            self._factor = _cholesky(scaled)
+            return
+        assert plan is not None  # noqa: S101  (it came with the block matrix)
+        try:
+            matrix = normal.scaled(self._scale, damping)
+            self._factor = SparseFactor(matrix, plan.symbolic, SINGULAR)
+        except NotPositiveError as error:
+            raise SingularError(error.index) from None
+
+    @property
+    def sparse(self) -> bool:
+        """Whether the system was large enough for the sparse factorisation."""
+        return isinstance(self._factor, SparseFactor)
+
+    def solve(self, right: Floats) -> Floats:
+        """Solve for one (n,) or several (n, m) right-hand sides; large systems a few at a time."""
+        scale = self._scale if right.ndim == 1 else self._scale[:, None]
+        if not isinstance(self._factor, SparseFactor):
+            scaled = right * scale
+            solved = scipy.linalg.cho_solve((self._factor, True), scaled, check_finite=False)
+            return np.asarray(solved * scale)
+        columns = right.reshape(self.size, -1)
+        found = np.empty(columns.shape)
+        for start in range(0, columns.shape[1], AT_ONCE):
+            some = slice(start, start + AT_ONCE)
+            scaled = columns[:, some] * self._scale[:, None]
+            found[:, some] = self._factor.solve(scaled) * self._scale[:, None]
+        return found.reshape(right.shape)
+
+    def predicted_fall(self, step: Floats, gradient: Floats) -> float:
+        """Fall of the sum of squares that the linearised model promises of a solved step.
+
+        -2 g s - s N s, where (N + damping D) s = -g.
+        """
+        damped = self._damping * float(np.sum((step / self._scale) ** 2))
+        return damped - float(step @ gradient)
+
+    def joint(self, indices: Ints) -> Floats:
+        """Joint covariance (m, m) of m chosen unknowns."""
+        return self.covariances(indices[:, None], np.ones((len(indices), 1)))
+
+    def covariances(self, columns: Ints, gradients: Floats) -> Floats:
+        """Joint covariance (n, n) of linear functions, as `variances` takes them."""
+        joint = np.empty((len(columns), len(columns)))
+        for some, _, solved in self._solved(columns, gradients):
+            joint[:, some] = np.einsum("nk,nkm->nm", gradients, solved[columns], optimize=True)
+        return np.asarray(0.5 * (joint + joint.T))
+
+    def variances(self, columns: Ints, gradients: Floats) -> Floats:
+        """Variances (n,) of linear functions: their gradients (n, k) by unknowns (n, k)."""
+        found = np.empty(len(columns))
+        for some, right, solved in self._solved(columns, gradients):
+            found[some] = np.sum(right * solved, axis=0)
+        return found
+
+    def _solved(self, columns: Ints, gradients: Floats) -> Iterator[tuple[slice, Floats, Floats]]:
+        """Gradients as columns (size, m) and their solutions, a few functions at a time."""
+        for start in range(0, len(columns), AT_ONCE):
+            some = slice(start, start + AT_ONCE)
+            at = (columns[some], np.arange(len(columns[some]))[:, None])
+            right = np.zeros((self.size, len(columns[some])))
+            np.add.at(right, at, gradients[some])  # a function may name an unknown twice
+            yield some, right, self.solve(right)
+
+    def covariance(self) -> Covariance:
+        """Covariance between all unknowns that share an observation."""
+        return Covariance(self)
+
+    def inverse_on_pattern(self) -> Floats | BlockMatrix:
+        """Inverse of the normal matrix: whole, or on its pattern."""
+        if isinstance(self._factor, SparseFactor):
+            return self._factor.inverse_on_pattern().scaled(self._scale)
+        inverse = self.solve(np.eye(self.size))
+        return np.asarray(0.5 * (inverse + inverse.T))
+
+
+class Covariance:
+    """Covariance of the unknowns: whole, or on the pattern of the normal matrix.
+
+    It is computed when it is first asked for, and so is what it makes of each block.
+    """
+
+    def __init__(self, factor: Factor) -> None:
+        self._factor = factor
+        self._leverage: WeakKeyDictionary[Block, Floats] = WeakKeyDictionary()
+
+    @cached_property
+    def _inverse(self) -> Floats | BlockMatrix:
+        return self._factor.inverse_on_pattern()
+
+    def blocks(self, columns: Ints) -> Floats:
+        """(n, k, k) covariances among n groups of k unknowns each, given as (n, k) indices.
+
+        Raises
+        ------
+        LookupError
+            In a large survey, unknowns of a group share no observation: see ``Factor.joint``.
+        """
+        if isinstance(self._inverse, np.ndarray):
+            return np.asarray(self._inverse[columns[:, :, None], columns[:, None, :]])
+        return self._inverse.gather(columns)
+
+    def joint(self, columns: Ints, gradients: Floats) -> Floats:
+        """Joint covariance (n, n) of linear functions, as `Factor.covariances` takes them.
+
+        Those of unknowns that all observations share need no further solution.
+        """
+        inverse = self._inverse
+        if isinstance(inverse, BlockMatrix) and not inverse.pattern.structure.shared(columns):
+            return self._factor.covariances(columns, gradients)
+        unknowns, place = np.unique(columns, return_inverse=True)
+        whole = np.zeros((len(columns), len(unknowns)))
+        np.add.at(whole, (np.arange(len(columns))[:, None], place), gradients)
+        return np.asarray(whole @ self.blocks(unknowns[None])[0] @ whole.T)
+
+    def leverage(self, block: Block) -> Floats:
+        """(n, r) share of each whitened residual of a block that the unknowns take up."""
+        if block not in self._leverage:
+            found = np.empty(block.residual.shape)
+            for start in range(0, len(found), ROWS_AT_ONCE):
+                part = slice(start, start + ROWS_AT_ONCE)
+                jacobian = block.jacobian[part]
+                joint = self.blocks(block.columns[part])
+                found[part] = np.einsum("nrk,nrk->nr", jacobian @ joint, jacobian)
+            self._leverage[block] = found
+        return self._leverage[block]
+
+
+def _cholesky(scaled: Floats) -> Floats:
+    try:
+        lower = scipy.linalg.cholesky(scaled, lower=True, check_finite=False)
+    except scipy.linalg.LinAlgError:
+        _, vectors = np.linalg.eigh(scaled)
+        raise SingularError(int(np.argmax(np.abs(vectors[:, 0])))) from None
+    pivots = np.diag(lower) ** 2
+    if pivots.min() < SINGULAR:
+        raise SingularError(int(np.argmin(pivots)))
+    return np.asarray(lower)

@@ -1,0 +1,1 @@
+"""Sparse Cholesky factorisation with a good order, and the covariances that are asked for."""

@@ -1,0 +1,317 @@
+"""Sparse symmetric matrices as dense blocks: among points, among frames, and by the border.
+
+The pattern is worked out once; every matrix that has it is assembled by batched products of small
+matrices, without an index per number.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.estimation.solver.sparse.grouped_products import GroupedProducts
+from uavgram.estimation.solver.sparse.structure import (
+    BLOCK,
+    POINT,
+    Part,
+    Segment,
+    Structure,
+    parts_of,
+)
+from uavgram.model.arrays import Floats, Ints
+
+TABLES = ((POINT, POINT), (POINT, BLOCK), (BLOCK, BLOCK))
+"""Kinds of the two nodes of each table of pairs."""
+
+
+class Pairs:
+    """Which blocks of a table are stored.
+
+    Attributes
+    ----------
+    first, second
+        (n,) nodes, sorted by the first, then by the second; within one kind first <= second.
+
+    Parameters
+    ----------
+    key
+        Distinct first * width + second, sorted.
+    width
+        Number of nodes of the second kind.
+    """
+
+    def __init__(self, key: Ints, width: int) -> None:
+        self._key = key
+        self._width = max(width, 1)
+        self.first, self.second = np.divmod(key, self._width)
+
+    def __len__(self) -> int:
+        return len(self._key)
+
+    @property
+    def key(self) -> Ints:
+        """(n,) sorted first * width + second."""
+        return self._key
+
+    def find(self, first: Ints, second: Ints) -> Ints:
+        """Positions of pairs.
+
+        Raises
+        ------
+        LookupError
+            One is not stored: its nodes share no observation.
+        """
+        key = first * self._width + second
+        place = np.searchsorted(self._key, key)
+        if len(key) and (place.max() == len(self._key) or (self._key[place] != key).any()):
+            raise LookupError("unknowns that share no observation: use Factor.joint")
+        return np.asarray(place)
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Pattern of a symmetric matrix; all nodes' own blocks belong to it, and all of the border.
+
+    Attributes
+    ----------
+    structure
+        What the unknowns are.
+    pairs
+        Stored blocks of the three tables.
+    """
+
+    structure: Structure
+    pairs: tuple[Pairs, Pairs, Pairs]
+
+    def own(self, kind: int) -> Ints:
+        """Positions of the nodes' own blocks in their table."""
+        node = np.arange(self.structure.counts[kind])
+        return self.pairs[2 * kind].find(node, node)
+
+    def zeros(self) -> BlockMatrix:
+        """A matrix to add to."""
+        structure = self.structure
+        size, count, border = structure.sizes, structure.counts, structure.border
+        tables = tuple(
+            np.zeros((len(pairs), size[one], size[other]))
+            for pairs, (one, other) in zip(self.pairs, TABLES, strict=True)
+        )
+        coupling = tuple(np.zeros((count[k], size[k], border)) for k in (POINT, BLOCK))
+        return BlockMatrix(self, tables, coupling, np.zeros((border, border)))
+
+
+@dataclass(frozen=True, eq=False)
+class BlockMatrix:
+    """A symmetric matrix on a pattern.
+
+    Attributes
+    ----------
+    pattern
+        Which blocks are stored.
+    tables
+        Of each pair, the block (n, a, b) with rows of the first and columns of the second node.
+    coupling
+        (K, s, border), (F, b, border): rows of points and of blocks, columns of the border.
+    border
+        (border, border).
+    """
+
+    pattern: Pattern
+    tables: tuple[Floats, ...]
+    coupling: tuple[Floats, ...]
+    border: Floats
+
+    def diagonal(self) -> Floats:
+        """(size,)."""
+        own = [
+            np.einsum("nii->ni", self.tables[2 * kind][self.pattern.own(kind)]).ravel()
+            for kind in (POINT, BLOCK)
+        ]
+        return np.concatenate([*own, np.diag(self.border)])
+
+    def scaled(self, scale: Floats, damping: float = 0.0) -> BlockMatrix:
+        """diag(scale) A diag(scale), with `damping` added to its diagonal."""
+        point, block, border = (s[..., 0] for s in self.pattern.structure.split(scale[:, None]))
+        node = (point, block)
+        tables = tuple(
+            table * node[one][pairs.first][:, :, None] * node[other][pairs.second][:, None, :]
+            for table, pairs, (one, other) in zip(
+                self.tables, self.pattern.pairs, TABLES, strict=True
+            )
+        )
+        coupling = tuple(
+            c * s[:, :, None] * border for c, s in zip(self.coupling, node, strict=True)
+        )
+        if damping:
+            for kind in (POINT, BLOCK):
+                size = self.pattern.structure.sizes[kind]
+                tables[2 * kind][self.pattern.own(kind)] += damping * np.eye(size)
+        corner = self.border * np.outer(border, border) + damping * np.eye(len(border))
+        return BlockMatrix(self.pattern, tables, coupling, corner)
+
+    def gather(self, columns: Ints) -> Floats:
+        """(n, k, k) dense parts, rows and columns given as (n, k) indices of unknowns.
+
+        Raises
+        ------
+        LookupError
+            Two of a group's unknowns are not on the pattern.
+        """
+        out = np.empty((*columns.shape, columns.shape[1]))
+        for part in parts_of(columns, self.pattern.structure):
+            out[part.rows] = self._gather(part, columns.shape[1])
+        return out
+
+    def _gather(self, part: Part, width: int) -> Floats:
+        out = np.empty((part.count, width, width))
+        for i, one in enumerate(part.segments):
+            for other in part.segments[i:]:
+                block = self._between(one, other)
+                out[:, one.columns, other.columns] = block
+                out[:, other.columns, one.columns] = np.swapaxes(block, 1, 2)
+            rows = self.coupling[one.kind][:, :, part.used][one.node]
+            block = _chosen(rows, one.inside, part.place)
+            out[:, one.columns, part.shared] = block
+            out[:, part.shared, one.columns] = np.swapaxes(block, 1, 2)
+        corner = self.border[part.used[:, None], part.used][None]
+        if part.place is not None:
+            corner = corner[0][part.place[:, :, None], part.place[:, None, :]]
+        out[:, part.shared[:, None], part.shared] = corner
+        return out
+
+    def _between(self, one: Segment, other: Segment) -> Floats:
+        """(n, w, v) blocks between the unknowns of two segments."""
+        if one.kind > other.kind:
+            return np.swapaxes(self._between(other, one), 1, 2)
+        number = one.kind + other.kind
+        first, second, swapped = one.node, other.node, None
+        if one.kind == other.kind:
+            swapped = first > second
+            first, second = np.minimum(first, second), np.maximum(first, second)
+        block = self.tables[number][self.pattern.pairs[number].find(first, second)]
+        if swapped is not None and swapped.any():
+            block[swapped] = np.swapaxes(block[swapped], 1, 2)
+        return _chosen(block, one.inside, other.inside)
+
+
+def _chosen(block: Floats, rows: Ints | None, columns: Ints | None) -> Floats:
+    if rows is not None:
+        block = np.take_along_axis(block, rows[:, :, None], axis=1)
+    return block if columns is None else np.take_along_axis(block, columns[:, None, :], axis=2)
+
+
+@dataclass(frozen=True, eq=False)
+class _Term:
+    """Product of two segments of one part, and where it goes."""
+
+    one: Segment
+    other: Segment
+    table: int
+    sums: GroupedProducts
+
+
+class Assembly:
+    """J^T J of groups of rows whose columns never change.
+
+    Parameters
+    ----------
+    columns
+        Of each group, (n, k) the unknown behind each Jacobian column.
+    structure
+        What the unknowns are.
+    """
+
+    def __init__(self, columns: list[Ints], structure: Structure) -> None:
+        self._columns = columns
+        self._parts = [parts_of(c, structure) for c in columns]
+        self.pattern = _pattern([p for parts in self._parts for p in parts], structure)
+        self._terms = [[_terms(part, self.pattern) for part in parts] for parts in self._parts]
+        self._coupling = [
+            [[_by_node(segment) for segment in part.segments] for part in parts]
+            for parts in self._parts
+        ]
+
+    def serves(self, columns: list[Ints]) -> bool:
+        """Whether these are the columns that it was made for."""
+        return len(columns) == len(self._columns) and all(
+            np.array_equal(mine, theirs)
+            for mine, theirs in zip(self._columns, columns, strict=True)
+        )
+
+    def normal(self, jacobians: list[Floats]) -> BlockMatrix:
+        """J^T J of the groups' Jacobians (n, r, k)."""
+        matrix = self.pattern.zeros()
+        for jacobian, parts, terms, by_node in zip(
+            jacobians, self._parts, self._terms, self._coupling, strict=True
+        ):
+            for part, products, coupled in zip(parts, terms, by_node, strict=True):
+                rows = jacobian[part.rows]
+                for term in products:
+                    one, other = term.one.whole(rows), term.other.whole(rows)
+                    term.sums.add(matrix.tables[term.table], one, other)
+                if len(part.shared):
+                    _add_border(matrix, part, rows, coupled)
+        return matrix
+
+
+def _add_border(
+    matrix: BlockMatrix, part: Part, rows: Floats, coupled: list[GroupedProducts]
+) -> None:
+    used, border = part.used, part.by_border(rows)
+    flat = border.reshape(-1, len(used))
+    matrix.border[used[:, None], used] += flat.T @ flat
+    for segment, sums in zip(part.segments, coupled, strict=True):
+        coupling = matrix.coupling[segment.kind]
+        added = np.zeros((*coupling.shape[:2], len(used)))
+        sums.add(added, segment.whole(rows), border)
+        coupling[:, :, used] += added
+
+
+def _by_node(segment: Segment) -> GroupedProducts:
+    rows = np.arange(len(segment.node))
+    return GroupedProducts(rows, rows, segment.node)
+
+
+def _pattern(parts: list[Part], structure: Structure) -> Pattern:
+    count = structure.counts
+    keys: list[list[Ints]] = [[], [], []]
+    for kind in (POINT, BLOCK):
+        node = np.arange(count[kind])
+        keys[2 * kind].append(node * max(count[kind], 1) + node)
+    for part in parts:
+        for i, one in enumerate(part.segments):
+            for other in part.segments[i + 1 :]:
+                first, second = (one, other) if one.kind <= other.kind else (other, one)
+                a, b = first.node, second.node
+                if one.kind == other.kind:
+                    a, b = np.minimum(a, b), np.maximum(a, b)
+                keys[one.kind + other.kind].append(a * max(count[second.kind], 1) + b)
+    merged = [np.unique(np.concatenate(k)) if k else np.zeros(0, dtype=np.int64) for k in keys]
+    return Pattern(
+        structure,
+        (Pairs(merged[0], count[0]), Pairs(merged[1], count[1]), Pairs(merged[2], count[1])),
+    )
+
+
+def _terms(part: Part, pattern: Pattern) -> list[_Term]:
+    terms = []
+    for i, one in enumerate(part.segments):
+        for other in part.segments[i:]:
+            if one is other:
+                rows = np.arange(len(one.node))
+                terms.append(_term(one, other, rows, pattern))
+            elif one.kind != other.kind:
+                first, second = (one, other) if one.kind < other.kind else (other, one)
+                terms.append(_term(first, second, np.arange(len(one.node)), pattern))
+            else:  # both orders where a row names one node twice: the sum is then symmetric
+                for first, second in ((one, other), (other, one)):
+                    rows = np.flatnonzero(first.node <= second.node)
+                    terms.append(_term(first, second, rows, pattern))
+    return terms
+
+
+def _term(one: Segment, other: Segment, rows: Ints, pattern: Pattern) -> _Term:
+    table = one.kind + other.kind
+    group = pattern.pairs[table].find(one.node[rows], other.node[rows])
+    return _Term(one, other, table, GroupedProducts(rows, rows, group))

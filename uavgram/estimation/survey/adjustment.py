@@ -1,0 +1,220 @@
+"""The adjusted survey: estimates, their joint covariance, and how each observation fits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
+from uavgram.estimation.solver.normal_equations import Covariance
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.survey.survey import Survey
+
+
+@dataclass(frozen=True, eq=False)
+class Adjustment:
+    """An adjusted survey.
+
+    Attributes
+    ----------
+    problem
+        The likelihood (holds the survey, the unknowns' layout and the pivot of the slopes).
+    minimum
+        State, residual blocks, factorised normal matrix.
+    covariance
+        Of all unknowns that share an observation; joint covariances of others come from the
+        factor.
+    """
+
+    problem: SurveyProblem
+    minimum: Minimum[State]
+    covariance: Covariance
+
+    @property
+    def survey(self) -> Survey:
+        """The observations."""
+        return self.problem.survey
+
+    @property
+    def state(self) -> State:
+        """The estimates."""
+        return self.minimum.state
+
+    def label_index(self, label: str) -> int:
+        """Position of a label; -1 where it is not among the adjusted points."""
+        try:
+            return self.survey.label.index(label)
+        except ValueError:
+            return -1
+
+    def frame_covariance(self) -> Floats:
+        """(F, 6, 6) of (δcentre world, δθ camera)."""
+        frames = np.arange(self.problem.layout.frames)
+        return self.covariance.blocks(self.problem.layout.frame_columns(frames))
+
+    def points(self) -> tuple[Floats, Floats]:
+        """All points: positions (K, 3), and covariances (K, 3, 3) of east, north, up."""
+        layout = self.problem.layout
+        label = np.arange(layout.points)
+        world, jacobian, columns = self.points_with_jacobian(label)
+        joint = self.covariance.blocks(columns)
+        return world, np.einsum("nij,njk,nlk->nil", jacobian, joint, jacobian, optimize=True)
+
+    def relative_points(self) -> Floats:
+        """Covariances (K, 2, 2) of east and north within the survey.
+
+        What all points have in common, a shift and a turn, is taken out: the receiver's bias and
+        the heading say nothing about the scene's shape.
+
+        Notes
+        -----
+        S-transformation to the datum of all points (Baarda 1973, "S-transformations and criterion
+        matrices"; inner constraints): with G (2K, 3) the shifts and the turn of all points, Q
+        their covariance and H = (G^T G)^-1 G^T, the blocks of (I - G H) Q (I - G H)^T.
+        """
+        layout = self.problem.layout
+        label = np.arange(layout.points)
+        planar = layout.point_columns(label)[:, :2]
+        free = np.zeros((layout.points, 2, 3))
+        from_middle = self.state.point[:, :2] - self.state.point[:, :2].mean(axis=0)
+        free[:, 0, 0] = free[:, 1, 1] = 1.0
+        free[:, 0, 2], free[:, 1, 2] = -from_middle[:, 1], from_middle[:, 0]
+        own = self.covariance.blocks(planar)
+        gram = np.einsum("nij,nik->jk", free, free)
+        if np.linalg.cond(gram) > 1e12:  # a single point has no shape
+            return np.zeros_like(own)
+        shape = np.einsum("jk,nik->nij", np.linalg.inv(gram), free)
+        right = np.zeros((layout.size, 3))
+        right[planar.ravel()] = shape.reshape(-1, 3)
+        solved = self.minimum.factor.solve(right)
+        cross = solved[planar]
+        common = right.T @ solved
+        mixed = np.einsum("nij,nkj->nik", cross, free)
+        spread = np.einsum("nij,jk,nlk->nil", free, common, free)
+        return np.asarray(own - mixed - np.swapaxes(mixed, 1, 2) + spread)
+
+    def joint_points(self, label: Ints) -> tuple[Floats, Floats]:
+        """Some points: positions (n, 3), and their joint covariance (3n, 3n)."""
+        world, jacobian, columns = self.points_with_jacobian(label)
+        unknowns, place = np.unique(columns, return_inverse=True)
+        place = place.reshape(columns.shape)
+        dense = np.zeros((len(label), 3, len(unknowns)))
+        rows = np.arange(len(label))[:, None, None]
+        np.add.at(dense, (rows, np.arange(3)[:, None], place[:, None, :]), jacobian)
+        flat = dense.reshape(3 * len(label), len(unknowns))
+        return world, flat @ self.minimum.factor.joint(unknowns) @ flat.T
+
+    def shared(self, first: int, count: int) -> Floats:
+        """(count, count) covariance of neighbouring shared unknowns."""
+        return self.minimum.factor.joint(first + np.arange(count))
+
+    def sight_covariance(self, frame: Ints) -> Floats:
+        """Joint covariance (n, 9 + P, 9 + P) of all that places a frame's pixels on the ground.
+
+        Its rows: pose (δcentre world [m], δθ camera [rad]), interior orientation (P), and the
+        first area's plane (height [m], slopes), which is known where it is the gauge.
+        """
+        layout, lens = self.problem.layout, self.problem.intrinsic_basis
+        plane = 0 if layout.free_gauge else 3
+        shared = np.concatenate(
+            [
+                layout.first_intrinsic + np.arange(layout.intrinsics),
+                layout.first_plane + np.arange(plane),
+            ]
+        )
+        to_lens = np.zeros((9 + len(lens), 6 + len(shared)))
+        to_lens[:6, :6] = np.eye(6)
+        to_lens[6 : 6 + len(lens), 6 : 6 + layout.intrinsics] = lens
+        to_lens[6 + len(lens) :, 6 + layout.intrinsics :] = np.eye(3)[:, :plane]
+        right = np.zeros((layout.size, len(shared)))
+        right[shared, np.arange(len(shared))] = 1.0
+        with_shared = self.minimum.factor.solve(right)
+        columns = layout.frame_columns(frame)
+        joint = np.empty((len(frame), to_lens.shape[1], to_lens.shape[1]))
+        joint[:, :6, :6] = self.covariance.blocks(columns)
+        joint[:, :6, 6:] = with_shared[columns]
+        joint[:, 6:, :6] = joint[:, :6, 6:].swapaxes(1, 2)
+        joint[:, 6:, 6:] = with_shared[shared]
+        return np.asarray(to_lens @ joint @ to_lens.T)
+
+    def lengths(self, start: Ints, end: Ints) -> tuple[Floats, Floats]:
+        """3-D lengths (n,) between points, and their standard deviations."""
+        length, gradient, unknowns = self.problem.lengths_between(self.state, start, end)
+        return length, np.sqrt(self.minimum.factor.variances(unknowns, gradient))
+
+    def points_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:
+        """Points (n, 3), their Jacobians (n, 3, k), and the k unknowns (n, k) of each."""
+        problem = self.problem
+        world, d_point, d_plane = problem.world_points(self.state, label)
+        columns = np.concatenate(
+            [problem.layout.point_columns(label), problem.plane_columns(label)], axis=1
+        )
+        return world, np.concatenate([d_point, d_plane], axis=2), columns
+
+
+@dataclass(frozen=True, eq=False)
+class Removal:
+    """An observation that was left out because it does not fit.
+
+    Attributes
+    ----------
+    kind, index
+        ``pick`` or ``line``, of the survey handed in.
+    suspicion
+        Its test statistic then, and what no test could part from it.
+    before
+        The survey adjusted with it; None where it would have bent everything else, so that it was
+        left out beforehand (`suspicion` has then no row).
+    """
+
+    kind: Literal["pick", "line"]
+    index: int
+    suspicion: Suspicion
+    before: Refined | None
+
+    @property
+    def w(self) -> float:
+        """Size of its test statistic before it was left out."""
+        return abs(self.suspicion.w)
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """What the refine stage returns.
+
+    Attributes
+    ----------
+    adjustment
+        The result.
+    pick_index, line_index
+        Into the picks and lines of the survey that was handed in, for those of `adjustment`.
+    pick_removed, line_removed
+        (P,), (L,) of the survey handed in: taken out as blunders.
+    pick_reason
+        Why picks (index into the survey handed in) were left out beforehand.
+    undetermined
+        Those of them that were left out because they hang on what nothing determines.
+    alternatives
+        Other minima that explain the lengths as well.
+    accused
+        The observation without which the rest fits best, where that took adjustments to find out.
+    accused_alone
+        Whether everything fits without it.
+    """
+
+    adjustment: Adjustment
+    pick_index: Ints
+    line_index: Ints
+    removals: tuple[Removal, ...]
+    pick_removed: Bools
+    line_removed: Bools
+    pick_reason: dict[int, str]
+    alternatives: tuple[Adjustment, ...]
+    undetermined: frozenset[int] = frozenset()
+    accused: Member | None = None
+    accused_alone: bool = False

@@ -1,0 +1,130 @@
+"""The ground under labelled points: a plane for each area."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.survey.survey import Ground, Survey
+
+PLANE_SIZE = 3
+"""Height at the pivot [m], slope east, slope north."""
+
+
+class SurfaceAt(NamedTuple):
+    """The ground at n places.
+
+    Attributes
+    ----------
+    height_m
+        (n,) up.
+    slope
+        (n, 2) d up / d east, d up / d north.
+    by_unknowns
+        (n, w) derivatives of the height by the ground's own unknowns, see `GroundPlanes.columns`.
+    """
+
+    height_m: Floats
+    slope: Floats
+    by_unknowns: Floats
+
+
+class PlanePrior(NamedTuple):
+    """Prior of one area's plane: mean and sigma (3,), and the first of its unknowns."""
+
+    area: str
+    mean: Floats
+    sigma: Floats
+    first: int
+
+
+class GroundPlanes:
+    """The shape of the ground, as the likelihood sees it.
+
+    Everything that it knows of the ground goes through `at` and `columns`: height, slope, and
+    derivatives by unknowns of its own, at (east, north). An elevation model would be another class
+    with these two, in which the height follows the place and its own offset is the unknown.
+
+    Parameters
+    ----------
+    survey
+        Which label lies in which area. With gauge ``plane`` the first area's plane is z = 0 and no
+        unknown; the others are, relative to it.
+    pivot_m
+        (A, 2) or (2,) where the slopes of each area turn.
+    """
+
+    def __init__(self, survey: Survey, pivot_m: Floats) -> None:
+        grounds = survey.grounds
+        self.pivot_m = np.array(np.broadcast_to(pivot_m, (len(grounds), 2)), dtype=np.float64)
+        self._grounds = grounds
+        self._area = survey.area
+        self._fixed = fixed_planes(survey)
+        self.size = PLANE_SIZE * (len(grounds) - self._fixed)
+        roughness = np.array([ground.roughness_sigma_m for ground in grounds])
+        self.roughness_sigma_m = roughness[self._area]
+
+    def at(self, planes: Floats, label: Ints, east_north_m: Floats) -> SurfaceAt:
+        """The ground of n labels at their places (n, 2), by the planes (3A,)."""
+        area = self._area[label]
+        plane = planes.reshape(-1, PLANE_SIZE)[area]
+        from_pivot = east_north_m - self.pivot_m[area]
+        height = plane[:, 0] + np.einsum("ni,ni->n", plane[:, 1:], from_pivot)
+        by_unknowns = np.ones((len(label), PLANE_SIZE))
+        by_unknowns[:, 1:] = from_pivot
+        by_unknowns[area < self._fixed] = 0.0
+        return SurfaceAt(height, plane[:, 1:], by_unknowns[:, : min(PLANE_SIZE, self.size)])
+
+    def columns(self, label: Ints) -> Ints:
+        """(n, w) the ground's unknowns behind n labels, counted from the first; w is 3, or 0.
+
+        Labels on a plane that is no unknown point at one that is, with derivatives of zero.
+        """
+        if not self.size:
+            return np.empty((len(label), 0), dtype=np.int64)
+        plane = np.maximum(self._area[label] - self._fixed, 0)
+        return plane[:, None] * PLANE_SIZE + np.arange(PLANE_SIZE)
+
+    def priors(self) -> list[PlanePrior]:
+        """Of every plane that is an unknown, level about its stated height."""
+        datum = self._grounds[0].height_m if self._fixed else 0.0
+        return [
+            PlanePrior(
+                area=ground.name,
+                mean=np.array([ground.height_m - datum, 0.0, 0.0]),
+                sigma=np.array(
+                    [ground.height_sigma_m, ground.slope_sigma_rad, ground.slope_sigma_rad]
+                ),
+                first=PLANE_SIZE * place,
+            )
+            for place, ground in enumerate(self._grounds[self._fixed :])
+        ]
+
+
+def fixed_planes(survey: Survey) -> int:
+    """How many planes, counted from the first, are the gauge and no unknowns: 1 or 0."""
+    return int(survey.gauge == "plane")
+
+
+def first_planes(grounds: tuple[Ground, ...], height_m: float) -> Floats:
+    """(3A,) level planes to start from: the first at `height_m`, the rest as far off as stated."""
+    planes = np.zeros((len(grounds), PLANE_SIZE))
+    planes[:, 0] = height_m + np.array([g.height_m - grounds[0].height_m for g in grounds])
+    return planes.ravel()
+
+
+def area_centroids(survey: Survey, point_m: Floats) -> Floats:
+    """(A, 2) medians of the points (K, 2) of each area; one near the horizon drags none away.
+
+    An area whose points were all left out has the middle of the scene.
+    """
+    middle = np.median(point_m, axis=0)
+    area = survey.area
+    return np.stack(
+        [
+            np.median(point_m[area == a], axis=0) if (area == a).any() else middle
+            for a in range(len(survey.grounds))
+        ]
+    )

@@ -1,0 +1,175 @@
+"""Observations and priors in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.model.camera.calibration import parameter_names
+
+FACTORS = {"deg": float(np.rad2deg(1.0)), "ppm": 1e6}
+"""How many of a unit there are in the unit inside; else 1."""
+
+PLANE_OF = "plane of "
+"""Opening of the group of an area's plane, where there are several areas."""
+
+POSE_AXES = ("east", "north", "up", "image x axis", "image y axis", "optical axis")
+CONTROL_AXES = ("east", "north", "up")
+PRIOR_WORDS = {
+    "boresight": ("boresight x", "boresight y", "boresight z"),
+    "lever_arm": ("lever arm forward", "lever arm right", "lever arm down"),
+    "position_bias": ("position bias east", "position bias north", "position bias up"),
+    "heading_bias": ("heading bias",),
+    "clock": ("clock offset",),
+    "clock_drift": ("clock drift",),
+    "plane": ("ground height", "ground slope east", "ground slope north"),
+}
+PRIOR_UNITS = {
+    "boresight": ("deg",) * 3,
+    "lever_arm": ("m",) * 3,
+    "position_bias": ("m",) * 3,
+    "heading_bias": ("deg",),
+    "clock": ("s",),
+    "clock_drift": ("ppm",),
+    "plane": ("m", "deg", "deg"),
+    "roughness": ("m",),
+    "control": ("m",) * 3,
+    "telemetry": ("m",) * 3 + ("deg",) * 3,
+    "lengths": ("m",),
+    "pixels": ("px",) * 2,
+}
+COUNTS = ("none", "one", "both", "all three", "all four", "all five", "all six")
+
+
+MOST_RIVALS = 4
+"""Other possible blunders that are named."""
+
+
+@dataclass(frozen=True, eq=False)
+class Names:
+    """Names of the observations of an adjusted survey.
+
+    Attributes
+    ----------
+    adjustment
+        The adjusted survey.
+    """
+
+    adjustment: Adjustment
+
+    def observation(self, member: Member) -> str:
+        """``pick of 'P' in 'img1.jpg'`` and the like, without an article."""
+        survey, row = self.adjustment.survey, member.row
+        if member.kind == "pixels":
+            frame, label = self.pick(row)
+            return f"pick of {label!r} in {frame!r}"
+        if member.kind == "lengths":
+            survey, line = self.adjustment.survey, self.adjustment.problem.line_index[row]
+            start, end = survey.label[survey.line_start[line]], survey.label[survey.line_end[line]]
+            return length_name(survey.line_name[line] if survey.line_name else "", start, end)
+        if member.kind == "telemetry":
+            return f"log's pose of {self.frame(row)!r} ({POSE_AXES[member.axis]})"
+        if member.kind == "control":
+            return f"control point {survey.label[survey.control_label[row]]!r}"
+        return self.prior(member)
+
+    def prior(self, member: Member) -> str:
+        """``boresight x``, ``fx``, and the like."""
+        survey, row = self.adjustment.survey, member.row
+        if member.kind == "calibration":
+            camera = survey.calibration
+            return parameter_names(camera.model, len(camera.parameters))[member.axis]
+        if member.kind == "control":
+            label = survey.label[survey.control_label[row]]
+            return f"control {label!r} {CONTROL_AXES[member.axis]}"
+        if member.kind == "telemetry":
+            return POSE_AXES[member.axis]
+        if member.kind == "roughness":
+            return f"departure of {survey.label[row]!r} from the plane"
+        if member.kind.startswith(PLANE_OF):
+            return f"{PRIOR_WORDS['plane'][row]} of {member.kind.removeprefix(PLANE_OF)!r}"
+        return PRIOR_WORDS[member.kind][row]
+
+    def pick(self, row: int) -> tuple[str, str]:
+        """Frame and label of a pick of the adjustment."""
+        survey = self.adjustment.survey
+        frame, label = survey.pick_frame[row], survey.pick_label[row]
+        return survey.frame_id[frame], survey.label[label]
+
+    def frame(self, row: int) -> str:
+        """Name of the frame of a row of the telemetry."""
+        telemetry = self.adjustment.survey.telemetry
+        assert telemetry is not None  # noqa: S101  (there is a row of it)
+        return str(self.adjustment.survey.frame_id[telemetry.frame_index[row]])
+
+    def unit(self, member: Member) -> tuple[str, float]:
+        """Unit in which an error is stated, and how many of it there are in the unit inside."""
+        if member.kind == "calibration":
+            name = self.prior(member)
+            return ("px" if name in ("fx", "fy", "cx", "cy") else "1"), 1.0
+        kind = "plane" if member.kind.startswith(PLANE_OF) else member.kind
+        unit = PRIOR_UNITS[kind][member.row if kind in PRIOR_WORDS else member.axis]
+        return unit, FACTORS.get(unit, 1.0)
+
+    def group(self, suspicion: Suspicion) -> str:
+        """All that could be wrong: ``length 'a' or the picks of 'P' and 'Q' in 'img1.jpg'``."""
+        members = (suspicion.accused, *suspicion.group)
+        parts = [self.observation(m) for m in members if m.kind != "pixels"]
+        by_frame: dict[str, list[str]] = {}
+        survey = self.adjustment.survey
+        for m in (m for m in members if m.kind == "pixels"):
+            frame = survey.frame_id[survey.pick_frame[m.row]]
+            by_frame.setdefault(frame, []).append(repr(survey.label[survey.pick_label[m.row]]))
+        for frame, labels in by_frame.items():
+            picks = "pick" if len(labels) == 1 else "picks"
+            parts.append(f"{picks} of {_listed(labels)} in {frame!r}")
+        return " or the ".join(parts)
+
+    def look(self, suspicion: Suspicion) -> str:
+        """``no test can part them: look at all three``; empty where there is nothing to part."""
+        count = 1 + len(suspicion.group)
+        if count == 1:
+            return ""
+        words = COUNTS[count] if count < len(COUNTS) else f"all {count}"
+        return f"no test can part them: look at {words}"
+
+    def rivals(self, suspicion: Suspicion) -> str:
+        """What else it could be, as a sentence; empty where it is located."""
+        if not suspicion.rivals:
+            return ""
+        named = [self.observation(m) for m in suspicion.rivals[:MOST_RIVALS]]
+        more = len(suspicion.rivals) - len(named)
+        others = f" or one of {more} others" if more else ""
+        return (
+            f"There is too little redundancy to be sure: it could also be the "
+            f"{' or the '.join(named)}{others}."
+        )
+
+    def subjects(self, member: Member) -> dict[str, tuple[str, ...]]:
+        """Which frames, labels and lengths an observation is of, as a message carries them."""
+        survey, row = self.adjustment.survey, member.row
+        if member.kind == "pixels":
+            frame, label = self.pick(row)
+            return {"frames": (frame,), "labels": (label,)}
+        if member.kind == "lengths":
+            line = self.adjustment.problem.line_index[row]
+            ends = survey.line_start[line], survey.line_end[line]
+            name = survey.line_name[line : line + 1]
+            return {"lengths": tuple(name), "labels": tuple(survey.label[k] for k in ends)}
+        if member.kind == "telemetry":
+            return {"frames": (self.frame(row),)}
+        if member.kind == "control":
+            return {"labels": (survey.label[survey.control_label[row]],)}
+        return {"labels": (survey.label[row],)} if member.kind == "roughness" else {}
+
+
+def length_name(name: str, start: str, end: str) -> str:
+    """``length 'L2' ('R3' to 'R4')``; by its ends alone where it has no name."""
+    return f"length {name!r} ({start!r} to {end!r})" if name else f"length {start!r} to {end!r}"
+
+
+def _listed(words: list[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

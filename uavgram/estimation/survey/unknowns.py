@@ -1,0 +1,219 @@
+"""The unknowns of a survey: where each stands in the vector, their values, and how they move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from uavgram.estimation.solver.sparse.structure import Structure
+from uavgram.estimation.survey.ground_planes import PLANE_SIZE, fixed_planes
+from uavgram.geometry.motion.rotation import exp_so3
+from uavgram.geometry.motion.telemetry_pose import SHARED_SIZE
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.survey.survey import Survey
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Order of the unknowns: points, frames, intrinsics, plane, telemetry.
+
+    Attributes
+    ----------
+    points
+        K, each with `point_size` unknowns: east, north and, where the ground is rough, the
+        point's own departure from the plane.
+    frames
+        F, each with six: δcentre in world [m], δθ in camera [rad].
+    intrinsics
+        Number of unknown combinations of the interior orientation, in sigmas.
+    plane
+        3 (height, slope east, slope north) for each area whose plane is not the gauge.
+    telemetry
+        12 (see geometry/telemetry_pose.py), or 0 without a log.
+    free_gauge
+        Whether nothing but a choice fixes position and heading.
+    """
+
+    points: int
+    point_size: int
+    frames: int
+    intrinsics: int
+    plane: int
+    telemetry: int
+    free_gauge: bool
+
+    @cached_property
+    def first_frame(self) -> int:
+        """Column of the first frame's first unknown."""
+        return self.points * self.point_size
+
+    @cached_property
+    def first_intrinsic(self) -> int:
+        """Column of the first unknown of the interior orientation."""
+        return self.first_frame + 6 * self.frames
+
+    @cached_property
+    def first_plane(self) -> int:
+        """Column of the plane's height."""
+        return self.first_intrinsic + self.intrinsics
+
+    @cached_property
+    def first_telemetry(self) -> int:
+        """Column of the first unknown shared by the telemetry."""
+        return self.first_plane + self.plane
+
+    @cached_property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.first_telemetry + self.telemetry
+
+    @cached_property
+    def structure(self) -> Structure:
+        """For the elimination order."""
+        return Structure(
+            size=self.size,
+            points=self.points,
+            point_size=self.point_size,
+            block_size=6,
+            first_shared=self.first_intrinsic,
+        )
+
+    def point_columns(self, index: Ints) -> Ints:
+        """(n, point_size) unknowns of n points."""
+        return index[:, None] * self.point_size + np.arange(self.point_size)
+
+    def frame_columns(self, index: Ints) -> Ints:
+        """(n, 6) unknowns of n frames."""
+        return self.first_frame + index[:, None] * 6 + np.arange(6)
+
+    def shared_columns(self, first: int, count: int, rows: int) -> Ints:
+        """(rows, count) the same shared unknowns in every row."""
+        return np.broadcast_to(first + np.arange(count), (rows, count))
+
+    def describe(self, index: int, survey: Survey) -> str:
+        """Which unknown stands at `index`, in words."""
+        if index < self.first_frame:
+            return f"the position of point {survey.label[index // self.point_size]!r}"
+        if index < self.first_intrinsic:
+            frame = (index - self.first_frame) // 6
+            return f"the pose of frame {survey.frame_id[frame]!r}"
+        if index < self.first_plane:
+            return "the interior orientation"
+        if index < self.first_telemetry:
+            place = (index - self.first_plane) // PLANE_SIZE
+            return f"the plane of area {survey.grounds[place + fixed_planes(survey)].name!r}"
+        return "the telemetry's biases"
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Values of the unknowns.
+
+    Attributes
+    ----------
+    point
+        (K, point_size) east, north [and departure] in metres.
+    center, rotation
+        (F, 3), (F, 3, 3) world from camera.
+    intrinsic
+        (I,) departures from the calibration, in sigmas.
+    plane
+        (3A,) height at the pivot [m] and slopes of each area's plane, the gauge's included.
+    telemetry
+        (12,) or (0,).
+    """
+
+    point: Floats
+    center: Floats
+    rotation: Floats
+    intrinsic: Floats
+    plane: Floats
+    telemetry: Floats
+
+
+def layout_of(survey: Survey, intrinsics: int) -> Layout:
+    """Which unknowns a survey has."""
+    return Layout(
+        points=len(survey.label),
+        point_size=3 if any(ground.roughness_sigma_m > 0 for ground in survey.grounds) else 2,
+        frames=len(survey.frame_id),
+        intrinsics=intrinsics,
+        plane=PLANE_SIZE * (len(survey.grounds) - fixed_planes(survey)),
+        telemetry=SHARED_SIZE if survey.telemetry is not None else 0,
+        free_gauge=survey.gauge == "plane",
+    )
+
+
+def move(layout: Layout, state: State, step: Floats) -> State:
+    """The state after an increment (size,) of the unknowns."""
+    frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)
+    plane = state.plane.copy()
+    plane[len(plane) - layout.plane :] += step[layout.first_plane : layout.first_telemetry]
+    return State(
+        point=state.point + step[: layout.first_frame].reshape(state.point.shape),
+        center=state.center + frame_step[:, :3],
+        rotation=state.rotation @ exp_so3(frame_step[:, 3:]),
+        intrinsic=state.intrinsic + step[layout.first_intrinsic : layout.first_plane],
+        plane=plane,
+        telemetry=state.telemetry + step[layout.first_telemetry :],
+    )
+
+
+def advance(layout: Layout, state: State, step: Floats) -> State:
+    """The state after an increment, as `move` to first order: what the iterations take as update.
+
+    No observation but telemetry and control notices when points and cameras turn together about the
+    vertical. `move` takes such a turn along the tangent, which tears points from their pixels by
+    half the turn squared times the scene's size; here it is a turn (a retraction along the group,
+    Absil, Mahony and Sepulchre 2008, ch. 4). With a free gauge the state also goes back to
+    the gauge's conditions (see ``SurveyProblem``), which are stiff and met to first order only.
+    """
+    point_step = step[: layout.first_frame].reshape(state.point.shape)[:, :2]
+    frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)
+    middle = state.point[:, :2].mean(axis=0)
+    arm = state.point[:, :2] - middle
+    size = float(np.vdot(arm, arm))
+    if size == 0.0:  # a single point has no heading
+        return move(layout, state, step)
+    across = arm[:, ::-1] * (-1.0, 1.0)
+    angle = float(np.vdot(across, point_step)) / size
+    rest = np.array(step)
+    rest_point = rest[: layout.first_frame].reshape(state.point.shape)
+    rest_frame = rest[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)
+    rest_point[:, :2] -= angle * across
+    rest_frame[:, 0] += angle * (state.center[:, 1] - middle[1])
+    rest_frame[:, 1] -= angle * (state.center[:, 0] - middle[0])
+    rest_frame[:, 3:] = frame_step[:, 3:] - angle * state.rotation[:, 2]
+    turned = _turned(state, middle, np.array([np.cos(angle), np.sin(angle)]))
+    moved = move(layout, turned, rest)
+    return _at_gauge(moved) if layout.free_gauge else moved
+
+
+def _at_gauge(state: State) -> State:
+    """A state on the plane z = 0 with its first frame above x = y = 0, image up towards north."""
+    image_up = -state.rotation[0, :2, 1]
+    size = np.linalg.norm(image_up)
+    if size == 0:
+        return state
+    east, north = image_up / size
+    foot = state.center[0, :2]
+    turned = _turned(state, foot, np.array([north, east]))
+    shift = np.array([*foot, 0.0])
+    point = turned.point.copy()
+    point[:, :2] -= foot
+    center = turned.center - shift
+    return State(point, center, turned.rotation, state.intrinsic, state.plane, state.telemetry)
+
+
+def _turned(state: State, about: Floats, cosine_sine: Floats) -> State:
+    """All points and cameras turned about the vertical through (2,) `about`."""
+    cosine, sine = cosine_sine
+    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    flat = turn[:2, :2].T
+    point, center = state.point.copy(), state.center.copy()
+    point[:, :2] = about + (point[:, :2] - about) @ flat
+    center[:, :2] = about + (center[:, :2] - about) @ flat
+    rotation = turn @ state.rotation
+    return State(point, center, rotation, state.intrinsic, state.plane, state.telemetry)

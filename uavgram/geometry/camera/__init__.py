@@ -1,0 +1,1 @@
+"""Direction to pixel and back: lens models with derivatives, and their inverse."""

@@ -1,0 +1,307 @@
+"""Pixel to ray: the inverse of the lens model, to 1e-9 px.
+
+The radial part is inverted between the nodes of a table, so that Newton's steps start on the
+right branch and cannot leave it; the tangential part by Newton's method on the plane z = 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.geometry.camera.lens import (
+    BLOCK,
+    Distorted,
+    Radial,
+    distort,
+    fold_argument,
+    folded,
+    largest_radius,
+    radial_coefficients,
+    write_parameter_derivative,
+)
+from uavgram.geometry.camera.undistortion import undistort
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.camera.calibration import LensModel
+
+# Tighter than the 1e-9 px that is promised: Newton's last step passes both at once.
+_TOLERANCE_PX = 1e-10
+_START_PX = 0.01  # near enough for Newton's steps in the plane
+_ROUNDING = 8 * float(np.finfo(float).eps)  # of pixels so far out that 1e-10 px is less than that
+_SMALLEST_SLOPE = 1e-30
+_TABLE_NODES = 1024
+_RADIAL_STEPS = 60  # at the fold itself a step only halves the distance
+_NEWTON_STEPS = 40
+_HALVINGS = 6
+
+
+def back_project(model: LensModel, parameters: Floats, pixel: Floats) -> Floats:
+    """Rays of pixels.
+
+    Parameters
+    ----------
+    model, parameters
+        The lens; (P,) in the order of ``PARAMETER_NAMES[model]``.
+    pixel
+        (..., 2) in the original, distorted image.
+
+    Returns
+    -------
+    (..., 3)
+        Rays in the camera frame with z = 1. Projection gives the pixel back to 1e-9 px. NaN where
+        the lens model has no inverse (outside its fold), and for a fisheye at 90 degrees from the
+        optical axis and beyond.
+    """
+    parameters = np.asarray(parameters, np.float64)
+    pixel = np.asarray(pixel, np.float64)
+    flat = pixel.reshape(-1, 2)
+    ray = np.ones((len(flat), 3))
+    for start in range(0, len(flat), BLOCK):
+        block = slice(start, start + BLOCK)
+        x, y, _ = rays_and_lens(model, parameters, flat[block])
+        ray[block, 0], ray[block, 1] = x, y
+        ray[block, 2][np.isnan(x)] = np.nan
+    return ray.reshape(*pixel.shape[:-1], 3)
+
+
+def back_project_with_jacobian(
+    model: LensModel, parameters: Floats, pixel: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Rays of pixels, and their derivatives by the implicit function theorem.
+
+    Parameters
+    ----------
+    model, parameters, pixel
+        As for `back_project`.
+
+    Returns
+    -------
+    ray : (..., 3)
+        With z = 1.
+    d_pixel : (..., 3, 2)
+        By the pixel.
+    d_parameters : (..., 3, P)
+        By the camera's parameters. All NaN where the ray is.
+    """
+    parameters = np.asarray(parameters, np.float64)
+    pixel = np.asarray(pixel, np.float64)
+    shape, p = pixel.shape[:-1], len(parameters)
+    flat = pixel.reshape(-1, 2)
+    n = len(flat)
+    ray = np.ones((n, 3))
+    d_pixel, d_parameters = np.zeros((n, 3, 2)), np.zeros((n, 3, p))
+    for start in range(0, n, BLOCK):
+        block = slice(start, start + BLOCK)
+        x, y, _ = rays_and_lens(model, parameters, flat[block])
+        ray[block, 0], ray[block, 1] = x, y
+        lens = distort(model, parameters[4:], x, y)
+        determinant = lens.a * lens.c - lens.b * lens.b
+        fx, fy = parameters[:2].tolist()
+        inverse = d_pixel[block]
+        inverse[:, 0, 0] = lens.c / (determinant * fx)
+        inverse[:, 0, 1] = -lens.b / (determinant * fy)
+        inverse[:, 1, 0] = -lens.b / (determinant * fx)
+        inverse[:, 1, 1] = lens.a / (determinant * fy)
+        forward = np.empty((len(x), 2, p))
+        write_parameter_derivative(forward, model, parameters, lens, (x, y))
+        # pixel(ray, parameters) = constant: d_ray = -(d pixel / d ray)^-1 (d pixel / d parameters)
+        np.matmul(-inverse[:, :2], forward, out=d_parameters[block, :2])
+    bad = np.isnan(ray[:, 0])
+    for array in (ray, d_pixel, d_parameters):
+        array[bad] = np.nan
+    return ray.reshape(*shape, 3), d_pixel.reshape(*shape, 3, 2), d_parameters.reshape(*shape, 3, p)
+
+
+def rays_and_lens(
+    model: LensModel, parameters: Floats, pixel: Floats
+) -> tuple[Floats, Floats, Distorted]:
+    """Undistorted x and y (...) of pixels (..., 2), NaN where there are none, and the lens there.
+
+    The lens's derivatives are good to six digits: enough for a covariance.
+    """
+    fx, fy, cx, cy = parameters[:4].tolist()
+    with np.errstate(over="ignore", invalid="ignore"):
+        target_x, target_y = (pixel[..., 0] - cx) / fx, (pixel[..., 1] - cy) / fy
+        x, y, lens, found = undistort(model, parameters, target_x, target_y)
+    if found.all():
+        return x, y, lens
+    missed = ~found
+    target = np.stack([target_x[missed], target_y[missed]], axis=-1)
+    target[~np.isfinite(target).all(axis=1)] = np.nan
+    x[missed], y[missed] = _undistort(model, parameters, target).T
+    return x, y, distort(model, parameters[4:], x, y)
+
+
+def _undistort(model: LensModel, parameters: Floats, target: Floats) -> Floats:
+    """(N, 2) undistorted points of distorted ones on the plane z = 1; NaN where there is none."""
+    coefficients = parameters[4:]
+    distorted = np.hypot(target[:, 0], target[:, 1])
+    fold = fold_argument(model, coefficients)
+    limit = fold if model == "brown" else min(fold, np.pi / 2)
+    radial_only = model == "fisheye" or not coefficients[2:4].any()
+    tolerance = (_TOLERANCE_PX if radial_only else _START_PX) / float(parameters[:2].max())
+    odd = radial_coefficients(model, coefficients)
+    argument, found = _invert_odd(odd, distorted, limit, tolerance)
+    radius = argument if model == "brown" else np.tan(argument)
+    # The limit at the principal point is one; the point itself is zero whatever the factor.
+    factor = np.divide(radius, distorted, out=np.ones_like(radius), where=distorted > 0)
+    point = target * factor[:, None]
+    if radial_only:
+        point[~found] = np.nan
+        return point
+    return _newton(parameters, target, point)
+
+
+def _invert_odd(odd: Radial, value: Floats, limit: float, tolerance: float) -> tuple[Floats, Bools]:
+    """Solve t (1 + n1 t^2 + ...) / (1 + d1 t^2 + ...) = value for t < `limit`, where it grows.
+
+    Returns
+    -------
+    argument : (N,)
+        The nearest t there is, also where there is no solution.
+    found : (N,)
+        Whether it is a solution within `tolerance`.
+    """
+    finite = np.isfinite(value)
+    value = np.where(finite, value, 0.0)
+    node = np.linspace(0.0, _table_end(odd, value.max(initial=0.0), limit), _TABLE_NODES)
+    height = _odd(odd, node)[0]
+    above = np.clip(np.searchsorted(height, value), 1, _TABLE_NODES - 1)
+    low, high = node[above - 1], node[above]
+    argument = np.interp(value, height, node)
+    found = np.zeros(len(value), bool)
+    active = np.flatnonzero(finite & (value < height[-1]))
+    for _ in range(_RADIAL_STEPS):  # pragma: no branch (a limit, not a plan)
+        t = argument[active]
+        have, slope = _odd(odd, t)
+        residual = have - value[active]
+        done = np.abs(residual) <= tolerance + _ROUNDING * value[active]
+        found[active[done]] = True
+        low[active] = np.where(residual < 0, t, low[active])
+        high[active] = np.where(residual > 0, t, high[active])
+        # Zero slope only at the fold; a step that leaves the bracket gives way to halving it.
+        improved = t - residual / np.maximum(slope, _SMALLEST_SLOPE)
+        outside = (improved < low[active]) | (improved > high[active])
+        improved[outside] = 0.5 * (low[active] + high[active])[outside]
+        argument[active] = np.where(done, t, improved)
+        active = active[~done]
+        if not len(active):
+            break
+    return argument, found
+
+
+def _table_end(odd: Radial, largest_value: float, limit: float) -> float:
+    """Smallest power of two, or else `limit`, at which the odd function reaches the value."""
+    end = min(1.0, limit)
+    while end < limit and _odd(odd, np.array([end]))[0][0] < largest_value:
+        end = min(2 * end, limit)
+    return end
+
+
+def _odd(odd: Radial, t: Floats) -> tuple[Floats, Floats]:
+    """Value and slope of t (1 + n1 t^2 + ...) / (1 + d1 t^2 + ...)."""
+    factor, slope = _factor_and_slope(odd.numerator, t)
+    if len(odd.denominator):
+        divisor, divisor_slope = _factor_and_slope(odd.denominator, t)
+        factor = factor / divisor
+        # (t N / D)' = ((t N)' - (N / D) t D') / D, and t D' = (t D)' - D
+        slope = (slope - factor * (divisor_slope - divisor)) / divisor
+    return t * factor, slope
+
+
+def _factor_and_slope(coefficients: Floats, t: Floats) -> tuple[Floats, Floats]:
+    """1 + c1 t^2 + c2 t^4 + ..., and the slope of t times that."""
+    t2 = t * t
+    factor, slope = np.zeros_like(t), np.zeros_like(t)
+    for power, coefficient in reversed(list(enumerate(coefficients.tolist(), 1))):
+        factor = (factor + coefficient) * t2
+        slope = (slope + (2 * power + 1) * coefficient) * t2
+    return 1 + factor, 1 + slope
+
+
+def _newton(parameters: Floats, target: Floats, start: Floats) -> Floats:
+    """Damped Newton for the Brown model with tangential terms; NaN where it finds nothing.
+
+    Parameters
+    ----------
+    parameters
+        (9,) or (12,).
+    target, start
+        (N, 2) distorted points, first undistorted ones; points on the plane z = 1.
+    """
+    largest = largest_radius("brown", parameters)
+    point = np.full_like(start, np.nan)
+    index = np.flatnonzero(np.isfinite(target).all(axis=1))
+    # A start on the fold has no derivative to follow.
+    now = _inside(start[index], 0.99 * largest)
+    wanted = target[index]
+    for _ in range(_NEWTON_STEPS):  # pragma: no branch (a limit, not a plan)
+        lens = distort("brown", parameters[4:], now[:, 0], now[:, 1])
+        miss = np.stack([lens.x, lens.y], axis=-1) - wanted
+        allowed = _TOLERANCE_PX + _ROUNDING * np.abs(wanted * parameters[:2])
+        done = (np.abs(miss) * parameters[:2] <= allowed).all(axis=1)
+        good = done & ~folded(lens, now[:, 0], now[:, 1], largest)
+        point[index[good]] = now[good]
+        determinant = lens.a * lens.c - lens.b * lens.b
+        going = ~done & (determinant > 0)
+        if not going.any():
+            break
+        step = np.stack(
+            [
+                lens.c * miss[:, 0] - lens.b * miss[:, 1],
+                lens.a * miss[:, 1] - lens.b * miss[:, 0],
+            ],
+            axis=-1,
+        )
+        step = step[going] / determinant[going, None]
+        index, wanted, miss, now = index[going], wanted[going], miss[going], now[going]
+        now, improved = _damped_step(parameters, wanted, now, (step, miss), largest)
+        index, wanted, now = index[improved], wanted[improved], now[improved]
+    return point
+
+
+def _damped_step(
+    parameters: Floats,
+    wanted: Floats,
+    now: Floats,
+    step_and_miss: tuple[Floats, Floats],
+    largest: float,
+) -> tuple[Floats, Bools]:
+    """Go along Newton's step, halved until the miss shrinks; and whether it ever does."""
+    step, miss = step_and_miss
+    before = np.sum(miss * miss, axis=1)
+    size = np.ones(len(now))
+    improved = np.zeros(len(now), bool)
+    trial = now.copy()
+    for _ in range(_HALVINGS):
+        left = np.flatnonzero(~improved)
+        if not len(left):
+            break
+        trial[left] = _inside(now[left] - size[left, None] * step[left], largest)
+        lens = distort("brown", parameters[4:], trial[left, 0], trial[left, 1])
+        after = (lens.x - wanted[left, 0]) ** 2 + (lens.y - wanted[left, 1]) ** 2
+        improved[left] = after < before[left]
+        size[left] *= 0.5
+    return trial, improved
+
+
+def _inside(point: Floats, largest: float) -> Floats:
+    """Points drawn back to `largest` from the axis where they lie farther out."""
+    if not np.isfinite(largest):
+        return point
+    radius = np.hypot(point[:, 0], point[:, 1])
+    return np.asarray(point * (largest / np.maximum(radius, largest))[:, None])
+
+
+def share_without_rays(
+    model: LensModel, parameters: Floats, width_px: int, height_px: int
+) -> float:
+    """Share of an image (0 to 1) whose pixels have no ray, on a grid of about 40,000 cells.
+
+    There the lens model folds back: two directions share a pixel, or none reaches it.
+    """
+    ratio = (width_px / height_px) ** 0.5
+    columns, rows = max(1, round(200 * ratio)), max(1, round(200 / ratio))
+    u = (np.arange(columns) + 0.5) * width_px / columns - 0.5
+    v = (np.arange(rows) + 0.5) * height_px / rows - 0.5
+    ray = back_project(model, parameters, np.stack(np.meshgrid(u, v), axis=-1))
+    return float(np.isnan(ray[..., 0]).mean())

@@ -1,0 +1,160 @@
+"""Camera to pixel: OpenCV's projection with analytic derivatives, and back.
+
+Pixels (u right, v down), (0, 0) = centre of the top-left pixel. Parameters as in
+``uavgram.model.camera.calibration.PARAMETER_NAMES``.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from uavgram.geometry.camera.back_projection import back_project, back_project_with_jacobian
+from uavgram.geometry.camera.lens import (
+    BLOCK,
+    Distorted,
+    distort,
+    folded,
+    largest_radius,
+    write_parameter_derivative,
+)
+from uavgram.model.arrays import Floats
+from uavgram.model.camera.calibration import LensModel
+
+__all__ = [
+    "BeyondFold",
+    "back_project",
+    "back_project_with_jacobian",
+    "largest_radius",
+    "project",
+    "project_with_jacobian",
+]
+
+BeyondFold = Literal["nan", "extend"]
+
+
+# Points at the camera or at infinity overflow on their way to NaN or infinity: no warning needed.
+@np.errstate(over="ignore", invalid="ignore")
+def project(
+    model: LensModel,
+    parameters: Floats,
+    point_camera: Floats,
+    *,
+    beyond_fold: BeyondFold = "nan",
+) -> Floats:
+    """Pixels of points in the camera frame.
+
+    Parameters
+    ----------
+    model, parameters
+        The lens; (P,) in the order of ``PARAMETER_NAMES[model]``.
+    point_camera
+        (..., 3) [m, or any unit].
+    beyond_fold
+        What to do where the lens model folds back: ``nan``, or ``extend``: the plain formula.
+
+    Returns
+    -------
+    (..., 2)
+        Pixels; NaN behind the camera (z <= 0).
+    """
+    parameters, flat, shape = _flatten(parameters, point_camera)
+    fold = _fold(model, parameters, beyond_fold)
+    pixel = np.empty((len(flat), 2))
+    for start in range(0, len(flat), BLOCK):
+        block = slice(start, start + BLOCK)
+        x, y, _ = _normalise(flat[block])
+        lens = distort(model, parameters[4:], x, y)
+        _write_pixel(pixel[block], parameters, lens)
+        if fold is not None:
+            pixel[block][folded(lens, x, y, fold)] = np.nan
+    return pixel.reshape(*shape, 2)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def project_with_jacobian(
+    model: LensModel,
+    parameters: Floats,
+    point_camera: Floats,
+    *,
+    beyond_fold: BeyondFold = "nan",
+) -> tuple[Floats, Floats, Floats]:
+    """Pixels of points in the camera frame, and their derivatives.
+
+    Parameters
+    ----------
+    model, parameters, point_camera, beyond_fold
+        As for `project`.
+
+    Returns
+    -------
+    pixel : (..., 2)
+    d_point : (..., 2, 3)
+        By the point.
+    d_parameters : (..., 2, P)
+        By the camera's parameters. All NaN where the pixel is.
+    """
+    parameters, flat, shape = _flatten(parameters, point_camera)
+    fold = _fold(model, parameters, beyond_fold)
+    n, p = len(flat), len(parameters)
+    pixel, d_point, d_parameters = np.empty((n, 2)), np.empty((n, 2, 3)), np.empty((n, 2, p))
+    for start in range(0, n, BLOCK):
+        block = slice(start, start + BLOCK)
+        x, y, inverse_depth = _normalise(flat[block])
+        lens = distort(model, parameters[4:], x, y)
+        bad = np.isnan(inverse_depth)
+        if fold is not None:
+            bad |= folded(lens, x, y, fold)
+        _write_pixel(pixel[block], parameters, lens)
+        _write_point_derivative(d_point[block], parameters, lens, (x, y, inverse_depth))
+        write_parameter_derivative(d_parameters[block], model, parameters, lens, (x, y))
+        for out in (pixel, d_point, d_parameters):
+            out[block][bad] = np.nan
+    return (
+        pixel.reshape(*shape, 2),
+        d_point.reshape(*shape, 2, 3),
+        d_parameters.reshape(*shape, 2, p),
+    )
+
+
+def _write_pixel(out: Floats, parameters: Floats, lens: Distorted) -> None:
+    fx, fy, cx, cy = parameters[:4].tolist()
+    np.add(fx * lens.x, cx, out=out[:, 0])
+    np.add(fy * lens.y, cy, out=out[:, 1])
+
+
+def _write_point_derivative(
+    out: Floats, parameters: Floats, lens: Distorted, normalised: tuple[Floats, ...]
+) -> None:
+    x, y, inverse_depth = normalised
+    for row, (focal, by_x, by_y) in enumerate(
+        ((parameters[0], lens.a, lens.b), (parameters[1], lens.b, lens.c))
+    ):
+        scale = focal * inverse_depth
+        first, second = scale * by_x, scale * by_y
+        out[:, row, 0] = first
+        out[:, row, 1] = second
+        out[:, row, 2] = -(first * x + second * y)
+
+
+def _normalise(point: Floats) -> tuple[Floats, Floats, Floats]:
+    """(x / z, y / z, 1 / z) of (N, 3) points; NaN behind the camera."""
+    z = point[:, 2]
+    # Contiguous copies: everything that follows runs over them many times.
+    inverse_depth = 1.0 / np.where(z > 0, z, np.nan)
+    return point[:, 0] * inverse_depth, point[:, 1] * inverse_depth, inverse_depth
+
+
+def _flatten(parameters: Floats, array: Floats) -> tuple[Floats, Floats, tuple[int, ...]]:
+    array = np.asarray(array, np.float64)
+    return (
+        np.asarray(parameters, np.float64),
+        array.reshape(-1, array.shape[-1]),
+        array.shape[:-1],
+    )
+
+
+def _fold(model: LensModel, parameters: Floats, beyond_fold: BeyondFold) -> float | None:
+    """Largest radius to accept; None where the plain formula is wanted everywhere."""
+    return largest_radius(model, parameters) if beyond_fold == "nan" else None

@@ -1,0 +1,181 @@
+"""A top view of the ground: where its pixels lie in the photos, and how well they are placed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavgram.geometry.camera.back_projection import back_project_with_jacobian
+from uavgram.geometry.camera.projection import project
+from uavgram.geometry.earth.geodesy import Origin, enu_from_geodetic
+from uavgram.geometry.earth.map_projection import geographic_from_projected
+from uavgram.geometry.ground.plane import intersect_ground_with_jacobian
+from uavgram.geometry.motion.rotation import hat
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.result.result import Result
+
+Numbers = NDArray[np.floating]
+
+LEAST_SINE = 0.17
+"""Of the angle between a ray and the ground (10 degrees): flatter ones smear a photo's pixel over
+many metres, so the ground there stays empty."""
+
+MOST_OFF_NADIR = float(np.sqrt(1.0 - LEAST_SINE**2) / LEAST_SINE)
+"""The same as a tangent from the vertical."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """The photos that a top view is made of, and the ground they look at.
+
+    Attributes
+    ----------
+    result
+        Lens, plane, world.
+    rows
+        (N,) of the result's frames.
+    """
+
+    result: Result
+    rows: Ints
+
+    @property
+    def frame_id(self) -> tuple[str, ...]:
+        """(N,) names."""
+        return tuple(self.result.frames.frame_id[i] for i in self.rows)
+
+    @property
+    def surface(self) -> Floats:
+        """(3,) height of the plane at its pivot [m], its slopes east and north."""
+        shared = self.result.shared
+        slope = np.tan(np.radians(shared.plane_slope_deg.value))
+        return np.concatenate([shared.plane_height_m.value, slope])
+
+    @property
+    def origin(self) -> Origin | None:
+        """Latitude, longitude and height of the local zero; None where there is no such place."""
+        world = self.result.world
+        if world.latitude_deg is None or world.longitude_deg is None or world.height_m is None:
+            return None
+        return world.latitude_deg, world.longitude_deg, world.height_m
+
+    @property
+    def least_height_m(self) -> float:
+        """Of the cameras above the plane, whichever is lowest."""
+        center = self.result.frames.refined.center_world_m[self.rows]
+        surface = self.surface
+        below = surface[0] + (center[:, :2] - self.result.shared.plane_pivot_m) @ surface[1:]
+        return float(np.abs(center[:, 2] - below).min())
+
+    def ground(self, raster: GroundRaster, columns: Floats, rows: Floats) -> Floats:
+        """(len(rows), len(columns), 3) world positions of the raster's pixels, on the plane."""
+        place = raster.centers(columns, rows)
+        pivot, surface = self.result.shared.plane_pivot_m, self.surface
+        origin = self.origin
+        if raster.crs is None or origin is None:
+            up = surface[0] + (place - pivot) @ surface[1:]
+            return np.concatenate([place, up[..., None]], axis=-1)
+        longitude, latitude = geographic_from_projected(place.reshape(-1, 2), raster.crs)
+        up = np.full(len(latitude), surface[0])
+        for _ in range(2):  # east and north depend on the height by parts in ten thousand
+            enu = enu_from_geodetic(latitude, longitude, up + origin[2], origin)
+            up = surface[0] + (enu[:, :2] - pivot) @ surface[1:]
+        return np.concatenate([enu[:, :2], up[:, None]], axis=1).reshape(*place.shape[:2], 3)
+
+    def look(self, index: int, world_m: Floats) -> tuple[Floats, Floats]:
+        """Where ground positions lie as a photo would see them if it had no border.
+
+        Parameters
+        ----------
+        index
+            Into `rows`.
+        world_m
+            (..., 3).
+
+        Returns
+        -------
+        pixel : (..., 2)
+            NaN where the lens model has no pixel.
+        off_nadir : (...)
+            Tangent of the angle from the vertical; NaN where the place is not below.
+        """
+        result, row = self.result, self.rows[index]
+        center = result.frames.refined.center_world_m[row]
+        from_center = world_m - center
+        camera = from_center @ result.frames.refined.world_from_camera[row]
+        pixel = project(result.camera.model, result.shared.intrinsics.value, camera)
+        down = -from_center[..., 2]
+        aside = np.hypot(from_center[..., 0], from_center[..., 1])
+        return pixel, aside / np.where(down > 0, down, np.nan)
+
+    def shows(self, u_px: Numbers, v_px: Numbers, off_nadir: Numbers) -> Bools:
+        """(...) whether a photo shows a place at such a pixel, and not too flat."""
+        camera = self.result.camera
+        inside = (u_px >= -0.5) & (u_px <= camera.width_px - 0.5)  # NaN compares False
+        inside &= (v_px >= -0.5) & (v_px <= camera.height_px - 0.5)
+        return np.asarray(inside & (off_nadir < MOST_OFF_NADIR))
+
+
+@dataclass(frozen=True, eq=False)
+class FrameKnowledge:
+    """Joint covariance of what places a photo's pixels on the ground.
+
+    Attributes
+    ----------
+    covariance
+        (N, 9 + P, 9 + P) for each photo of a view: its pose (δcentre world, δθ camera), the
+        interior orientation (P), and the plane (height, slopes).
+    pixel_sigma_px
+        Of a pixel that someone points at in the top view.
+    roughness_sigma_m
+        By which the ground there departs from the plane.
+    """
+
+    covariance: Floats
+    pixel_sigma_px: float
+    roughness_sigma_m: float
+
+
+def place_sigma(view: View, index: int, pixel: Floats, known: FrameKnowledge) -> Floats:
+    """Standard deviation of places on the ground that a photo shows.
+
+    Parameters
+    ----------
+    view, index
+        The photo.
+    pixel
+        (n, 2) in it.
+    known
+        Covariances.
+
+    Returns
+    -------
+    (n,)
+        Semi-major axis of the standard ellipse in east and north [m]; NaN where the pixel is, or
+        meets no ground.
+    """
+    result, row = view.result, view.rows[index]
+    lens = result.shared.intrinsics.value
+    rotation = result.frames.refined.world_from_camera[row]
+    ray, by_pixel, by_lens = back_project_with_jacobian(result.camera.model, lens, pixel)
+    _, d_center, d_ray, d_plane = intersect_ground_with_jacobian(
+        result.frames.refined.center_world_m[row],
+        ray @ rotation.T,
+        view.surface,
+        result.shared.plane_pivot_m,
+    )
+    turned = d_ray @ rotation
+    # world ray of R exp(d) is R (v + d x v), so -R [v]x d
+    jacobian = np.concatenate([d_center, -turned @ hat(ray), turned @ by_lens, d_plane], axis=2)
+    planar = jacobian[:, :2]
+    spread = planar @ known.covariance[index] @ np.swapaxes(planar, 1, 2)
+    pointed = (turned @ by_pixel)[:, :2] * known.pixel_sigma_px
+    spread += pointed @ np.swapaxes(pointed, 1, 2)
+    raised = d_plane[:, :2, :1] * known.roughness_sigma_m  # as if the plane lay higher there
+    spread += raised @ np.swapaxes(raised, 1, 2)
+    half = (spread[:, 0, 0] + spread[:, 1, 1]) / 2
+    apart = np.hypot((spread[:, 0, 0] - spread[:, 1, 1]) / 2, spread[:, 0, 1])
+    return np.asarray(np.sqrt(half + apart))

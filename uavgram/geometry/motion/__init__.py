@@ -1,0 +1,1 @@
+"""Rotations, and positions and rotations between the samples of a log."""

@@ -1,0 +1,257 @@
+"""Positions and rotations between the samples of a log, with their rates."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.geometry.motion.rotation import (
+    exp_so3,
+    log_so3,
+    matrix_from_xyzw,
+    right_jacobian,
+    right_jacobian_inverse,
+)
+from uavgram.model.arrays import Floats, Ints
+
+
+class _Pieces(NamedTuple):
+    """M pieces of a smooth path: origin, and the cubic from there in the place s from 0 to 1.
+
+    Attributes
+    ----------
+    origin
+        (M, 3) positions or (M, 3, 3) rotations at which they start.
+    linear, square, cube
+        (M, 3) coefficients of s, s^2 and s^3.
+    width
+        (M, 1) [s].
+    """
+
+    origin: Floats
+    linear: Floats
+    square: Floats
+    cube: Floats
+    width: Floats
+
+    @classmethod
+    def hermite(
+        cls, origin: Floats, change: Floats, rates: tuple[Floats, Floats], width: Floats
+    ) -> _Pieces:
+        """Pieces (M,) by their change (M, 3) from end to end, and the rates (M, 3) there."""
+        start, end = rates[0] * width, rates[1] * width
+        square, cube = 3.0 * change - 2.0 * start - end, start + end - 2.0 * change
+        return cls(origin, start, square, cube, width)
+
+    def at(self, fraction: Floats) -> tuple[Floats, Floats]:
+        """Change (M, 3) since the origin at places (M,), and its rate [1/s]."""
+        s = fraction[:, None]
+        moved = s * (self.linear + s * (self.square + s * self.cube))
+        slope = self.linear + s * (2.0 * self.square + 3.0 * s * self.cube)
+        return moved, slope / self.width
+
+
+class SmoothPositions:
+    """Positions by cubic Hermite pieces: through the samples, with steady velocity.
+
+    Parameters
+    ----------
+    time_s
+        (N,) strictly increasing, N >= 2.
+    position
+        (N, 3) [m].
+
+    Raises
+    ------
+    ValueError
+        The times do not increase.
+
+    Notes
+    -----
+    Velocities at the samples are those of the parabola through each and its neighbours
+    (Catmull and Rom 1974, for uneven spacing). Piecewise linear interpolation has kinks at the
+    samples, on which an adjustment of the clock cannot come to rest.
+    """
+
+    def __init__(self, time_s: Floats, position: Floats) -> None:
+        self._time = _checked(time_s)
+        self._position = np.asarray(position, np.float64)
+        # An adjustment asks for nearly the same instants again and again.
+        self._pieces = lru_cache(maxsize=2)(self._make)
+
+    def at(self, at_s: Floats) -> tuple[Floats, Floats]:
+        """Positions and velocities at instants within the span.
+
+        Parameters
+        ----------
+        at_s
+            (M,) on the samples' clock.
+
+        Returns
+        -------
+        position : (M, 3)
+        velocity : (M, 3)
+            [m/s], the exact derivative.
+
+        Raises
+        ------
+        ValueError
+            An instant lies outside the span.
+        """
+        index, fraction = _locate(self._time, at_s)
+        pieces = self._pieces(index.tobytes())
+        moved, velocity = pieces.at(fraction)
+        return pieces.origin + moved, velocity
+
+    def _make(self, index: bytes) -> _Pieces:
+        around, width = _around(self._time, index)
+        sample = self._position[around]
+        change = np.diff(sample, axis=1)
+        rates = _end_rates(change, width)
+        return _Pieces.hermite(sample[:, 1], change[:, 1], rates, width[:, 1:2])
+
+
+class SmoothRotations:
+    """Rotations by cubic Hermite pieces of the rotation vector from sample to sample.
+
+    Parameters
+    ----------
+    time_s
+        (N,) strictly increasing, N >= 2.
+    xyzw
+        (N, 4) quaternions world_from_body; q and -q are the same rotation.
+
+    Raises
+    ------
+    ValueError
+        The times do not increase.
+
+    Notes
+    -----
+    Within a piece R = R0 exp(phi), the rate is Jr(phi) dphi/dt (Sola et al. 2018, eq. 67); the
+    rates at the samples are those of `SmoothPositions`, so they are steady from piece to piece.
+    """
+
+    def __init__(self, time_s: Floats, xyzw: Floats) -> None:
+        self._time = _checked(time_s)
+        self._xyzw = np.asarray(xyzw, np.float64)
+        self._pieces = lru_cache(maxsize=2)(self._make)
+
+    def at(self, at_s: Floats) -> tuple[Floats, Floats]:
+        """Rotations and their rates at instants within the span.
+
+        Parameters
+        ----------
+        at_s
+            (M,) on the samples' clock.
+
+        Returns
+        -------
+        world_from_body : (M, 3, 3)
+        rate_body : (M, 3)
+            Angular velocity in body axes [rad/s], the exact derivative:
+            R(t + dt) = R(t) exp(rate dt).
+
+        Raises
+        ------
+        ValueError
+            An instant lies outside the span.
+        """
+        index, fraction = _locate(self._time, at_s)
+        pieces = self._pieces(index.tobytes())
+        phi, slope = pieces.at(fraction)
+        rate_body = (right_jacobian(phi) @ slope[..., None])[..., 0]
+        return pieces.origin @ exp_so3(phi), rate_body
+
+    def _make(self, index: bytes) -> _Pieces:
+        around, width = _around(self._time, index)
+        rotation = matrix_from_xyzw(self._xyzw[around])
+        turn = log_so3(np.swapaxes(rotation[:, :-1], -1, -2) @ rotation[:, 1:])
+        start, end = _end_rates(turn, width)
+        # dphi/dt at the far end, where phi is the whole turn.
+        end = np.einsum("nij,nj->ni", right_jacobian_inverse(turn[:, 1]), end)
+        return _Pieces.hermite(rotation[:, 1], turn[:, 1], (start, end), width[:, 1:2])
+
+
+def _around(time: Floats, index: bytes) -> tuple[Ints, Floats]:
+    """Samples before, at both ends of, and after each of M pieces, by the bytes of their indices.
+
+    Returns
+    -------
+    around : (M, 4)
+        Their indices; at the ends of the span the outer ones are repeated.
+    width : (M, 3)
+        Of the three pieces between them [s]; 0 where there is none.
+    """
+    piece = np.frombuffer(index, np.int64)
+    around = np.clip(piece[:, None] + np.arange(-1, 3), 0, len(time) - 1)
+    return around, np.diff(time[around], axis=1)
+
+
+def _end_rates(change: Floats, width: Floats) -> tuple[Floats, Floats]:
+    """Rates (M, 3) at both ends of the middle piece from the changes (M, 3, 3) over all three.
+
+    The slope of the parabola through three samples; the piece's own where a neighbour is missing.
+    """
+    before, middle, after = (width[:, i : i + 1] for i in range(3))
+    slope = change / np.where(width > 0, width, 1.0)[:, :, None]
+    start = (slope[:, 0] * middle + slope[:, 1] * before) / (before + middle)
+    end = (slope[:, 1] * after + slope[:, 2] * middle) / (middle + after)
+    return np.where(before > 0, start, slope[:, 1]), np.where(after > 0, end, slope[:, 1])
+
+
+def interpolate_rotation(time_s: Floats, xyzw: Floats, at_s: Floats) -> tuple[Floats, Floats]:
+    """Interpolate rotations along the shortest arc between neighbours (slerp).
+
+    Parameters
+    ----------
+    time_s
+        (N,) strictly increasing, N >= 2.
+    xyzw
+        (N, 4) quaternions world_from_body; q and -q are the same rotation.
+    at_s
+        (M,) instants within the span.
+
+    Returns
+    -------
+    world_from_body : (M, 3, 3)
+    rate_body : (M, 3)
+        Angular velocity in body axes [rad/s]: ``R(t + dt) = R(t) exp(rate dt)``; on a sample, that
+        of the interval which starts there (at the end: which ends).
+
+    Raises
+    ------
+    ValueError
+        An instant lies outside the span, or the times do not increase.
+    """
+    time, xyzw = _checked(time_s), np.asarray(xyzw, np.float64)
+    index, fraction = _locate(time, at_s)
+    width = time[index + 1] - time[index]
+    start, end = matrix_from_xyzw(xyzw[index]), matrix_from_xyzw(xyzw[index + 1])
+    turn = log_so3(np.swapaxes(start, -1, -2) @ end)  # at most pi: the shortest way, any signs
+    return start @ exp_so3(fraction[:, None] * turn), turn / width[:, None]
+
+
+def _checked(time_s: Floats) -> Floats:
+    """Times of samples (N,), if they are two and in order."""
+    time = np.asarray(time_s, np.float64)
+    if len(time) < 2:
+        raise ValueError(f"interpolation needs at least two samples, got {len(time)}")
+    if not (np.diff(time) > 0).all():
+        raise ValueError("interpolation needs strictly increasing times")
+    return time
+
+
+def _locate(time: Floats, at_s: Floats) -> tuple[Ints, Floats]:
+    """(M,) each: interval, and place in it (0 to 1)."""
+    at = np.asarray(at_s, np.float64)
+    outside = ~((at >= time[0]) & (at <= time[-1]))
+    if outside.any():
+        raise ValueError(
+            f"{int(outside.sum())} of {len(at)} instants lie outside the samples' span "
+            f"{time[0]:.6f} to {time[-1]:.6f} s, the first at {at[outside][0]:.6f} s"
+        )
+    index = np.minimum(time.searchsorted(at, side="right") - 1, len(time) - 2)
+    return index, (at - time[index]) / (time[index + 1] - time[index])

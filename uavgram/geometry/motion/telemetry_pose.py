@@ -1,0 +1,186 @@
+"""Where the telemetry puts a camera, as a function of what the whole flight has in common.
+
+With the vehicle at p (world), its attitude Rb (world from body), the mount's attitude Rm (world
+from gimbal, or Rb again for a camera fixed to the body) and the nominal C (mount from camera)::
+
+    center            = p(t) - position_bias + Rz Rb(t) lever_arm
+    world_from_camera = Rz Rm(t) C exp(boresight)
+
+    Rz = rotation by +heading_bias about up,   t = s - clock correction - clock drift (s - middle)
+
+with s the stated instant and the middle one of the survey's exposures, where a drift leaves the
+clock correction alone.
+
+Biases are log minus truth. Headings run clockwise, rotations about up counterclockwise: taking a
+heading bias away turns the vehicle by plus that angle about up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.geometry.motion.interpolation import SmoothPositions, SmoothRotations
+from uavgram.geometry.motion.rotation import exp_so3, hat, right_jacobian
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.photo_poses import Flight, PhotoExposures
+
+UP = np.array([0.0, 0.0, 1.0])
+
+BORESIGHT = slice(0, 3)
+LEVER_ARM = slice(3, 6)
+POSITION_BIAS = slice(6, 9)
+HEADING_BIAS = slice(9, 10)
+CLOCK = slice(10, 11)
+CLOCK_DRIFT = slice(11, 12)
+SHARED_SIZE = 12
+
+
+class Exposures(NamedTuple):
+    """N interpolated instants of a flight.
+
+    Attributes
+    ----------
+    position
+        (N, 3) vehicle in the world [m].
+    velocity
+        (N, 3) its velocity [m/s].
+    world_from_body
+        (N, 3, 3) rotations.
+    body_rate
+        (N, 3) angular velocity in body axes [rad/s].
+    world_from_mount
+        (N, 3, 3) rotations of what the camera is fixed to.
+    mount_rate
+        (N, 3) its angular velocity in its own axes [rad/s].
+    """
+
+    position: Floats
+    velocity: Floats
+    world_from_body: Floats
+    body_rate: Floats
+    world_from_mount: Floats
+    mount_rate: Floats
+
+
+class FlightPath:
+    """A flight between the samples of its log.
+
+    Parameters
+    ----------
+    position_track
+        (times [s], (n, 3) positions in the world [m]).
+    attitude_track, gimbal_track
+        (times [s], (n, 4) unit quaternions xyzw to the world); an empty gimbal track stands for a
+        camera fixed to the body.
+
+    Raises
+    ------
+    ValueError
+        The times of a track do not increase.
+    """
+
+    def __init__(
+        self,
+        position_track: tuple[Floats, Floats],
+        attitude_track: tuple[Floats, Floats],
+        gimbal_track: tuple[Floats, Floats],
+    ) -> None:
+        self._position = SmoothPositions(*position_track)
+        self._body = SmoothRotations(*attitude_track)
+        self._gimbal = SmoothRotations(*gimbal_track) if len(gimbal_track[0]) else None
+
+    def at(self, at_s: Floats) -> Exposures:
+        """Interpolate the flight at instants (N,) on its clock.
+
+        Raises
+        ------
+        ValueError
+            An instant lies outside a track.
+        """
+        position, velocity = self._position.at(at_s)
+        body, body_rate = self._body.at(at_s)
+        mount, mount_rate = self._gimbal.at(at_s) if self._gimbal else (body, body_rate)
+        return Exposures(position, velocity, body, body_rate, mount, mount_rate)
+
+
+def exposures_by_time(flight: Flight, frame_id: Sequence[str]) -> Callable[[Floats], Exposures]:
+    """Exposures of N frames as a function of their instants (N,) on the flight's clock.
+
+    They are interpolated in a track, or those that came with the photos, which stand still: no
+    time moves them. The function raises ValueError where an instant lies outside the track.
+    """
+    if not isinstance(flight, PhotoExposures):
+        path = FlightPath(
+            (flight.position_time_s, flight.position_world_m),
+            (flight.attitude_time_s, flight.world_from_body_xyzw),
+            (flight.gimbal_time_s, flight.world_from_gimbal_xyzw),
+        )
+        return path.at
+    row = {name: k for k, name in enumerate(flight.frame_id)}
+    index = [row[name] for name in frame_id]
+    still = np.zeros((len(index), 3))
+    exposures = Exposures(
+        position=flight.position_world_m[index],
+        velocity=still,
+        world_from_body=flight.world_from_body[index],
+        body_rate=still,
+        world_from_mount=flight.world_from_gimbal[index],
+        mount_rate=still,
+    )
+    return lambda _: exposures
+
+
+def corrected_time(shared: Floats, time_s: Floats, middle_s: float) -> Floats:
+    """(N,) instants on the flight's clock [s] of stated ones, after clock correction and drift."""
+    since_middle = time_s - middle_s
+    return np.asarray(time_s - shared[CLOCK] - shared[CLOCK_DRIFT] * since_middle)
+
+
+def predict_pose(
+    exposures: Exposures, mount_from_camera: Floats, shared: Floats, since_middle_s: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Camera poses from the telemetry, with their derivatives by the shared unknowns.
+
+    Parameters
+    ----------
+    exposures
+        N instants, interpolated at the `corrected_time` of the stated ones.
+    mount_from_camera
+        (3, 3) nominal rotation, without boresight.
+    shared
+        (12,) boresight [rad], lever arm [m], position bias [m], heading bias [rad], clock
+        correction [s], clock drift [s/s]; see the slices of this module. The clock acts through
+        `exposures` and is not read here.
+    since_middle_s
+        (N,) stated instants less the middle of the survey's exposures.
+
+    Returns
+    -------
+    center_world : (N, 3)
+    world_from_camera : (N, 3, 3)
+    jacobian : (N, 6, 12)
+        Of (δcentre in world, δθ in camera with R exp(δθ)) by the shared unknowns.
+    """
+    turn = exp_so3(shared[HEADING_BIAS] * UP)
+    arm = turn @ exposures.world_from_body
+    offset = arm @ shared[LEVER_ARM]
+    center = exposures.position - shared[POSITION_BIAS] + offset
+    boresight = shared[BORESIGHT]
+    camera_in_mount = mount_from_camera @ exp_so3(boresight)
+    rotation = turn @ exposures.world_from_mount @ camera_in_mount
+
+    jacobian = np.zeros((len(center), 6, SHARED_SIZE))
+    jacobian[:, :3, LEVER_ARM] = arm
+    jacobian[:, :3, POSITION_BIAS] = -np.eye(3)
+    jacobian[:, 0, 9], jacobian[:, 1, 9] = -offset[:, 1], offset[:, 0]  # up x offset
+    # d/dclock of exp(...) at t - clock: the vehicle was further back on its way and in its turn.
+    spin = (hat(exposures.body_rate) @ shared[LEVER_ARM][:, None])[..., 0]
+    jacobian[:, :3, 10] = -exposures.velocity - np.einsum("nij,nj->ni", arm, spin)
+    jacobian[:, 3:, BORESIGHT] = right_jacobian(boresight)
+    jacobian[:, 3:, 9] = rotation[:, 2]  # up, in camera axes
+    jacobian[:, 3:, 10] = -exposures.mount_rate @ camera_in_mount
+    jacobian[:, :, 11] = jacobian[:, :, 10] * since_middle_s[:, None]
+    return center, rotation, jacobian

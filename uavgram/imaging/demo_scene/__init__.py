@@ -1,0 +1,1 @@
+"""Photos of the built-in scene, rendered."""

@@ -1,0 +1,121 @@
+"""Values that are made once and kept as long as they fit."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Collection, Hashable
+from concurrent.futures import Future
+from contextlib import suppress
+from typing import Generic, TypeVar
+
+from uavgram.errors import UavgramError
+
+Key = TypeVar("Key", bound=Hashable)
+Value = TypeVar("Value")
+
+
+def _unforeseen(_: object) -> int:
+    return 0
+
+
+class LruCache(Generic[Key, Value]):
+    """Values kept as long as they fit: made once each, the longest unused go first.
+
+    Threads that ask for the same value at the same time share the making of it. What is asked for
+    is kept even where it is larger than the bound by itself.
+
+    Parameters
+    ----------
+    make
+        Makes a value.
+    size_bytes
+        Of a value.
+    most_bytes
+        That all kept values may take together.
+    expected_bytes
+        Of a value that is not made yet: as much room is made before it is, so that the new and the
+        old never take memory at the same time. 0 where it is not known.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[Key], Value],
+        size_bytes: Callable[[Value], int],
+        most_bytes: int,
+        *,
+        expected_bytes: Callable[[Key], int] = _unforeseen,
+    ) -> None:
+        self._make = make
+        self._size_bytes = size_bytes
+        self._most_bytes = most_bytes
+        self._expected_bytes = expected_bytes
+        self._lock = threading.Lock()
+        self._kept: OrderedDict[Key, Future[Value]] = OrderedDict()
+        self._held: frozenset[Key] = frozenset()
+
+    def get(self, key: Key) -> Value:
+        """The value of a key, made now if it must be; errors of its making are raised anew."""
+        future, mine = self._asked(key)
+        if mine:
+            self._fill(key, future)
+        return future.result()
+
+    def ahead(self, key: Key) -> None:
+        """Begin to make a value that will be asked for."""
+        future, mine = self._asked(key)
+        if mine:
+            threading.Thread(target=self._fill_ahead, args=(key, future), daemon=True).start()
+
+    def hold(self, keys: Collection[Key]) -> None:
+        """Let none of these go, whatever they take, until others are held.
+
+        What is needed side by side would else be made in turn, again and again.
+        """
+        held = frozenset(keys)
+        with self._lock:
+            if held != self._held:
+                self._held = held
+                self._trim()
+
+    def _asked(self, key: Key) -> tuple[Future[Value], bool]:
+        """What a key's value will be in, and whether the caller is to make it."""
+        with self._lock:
+            future = self._kept.get(key)
+            mine = future is None
+            if future is None:
+                future = self._kept[key] = Future()
+            self._kept.move_to_end(key)
+            if mine:
+                self._trim()
+        return future, mine
+
+    def _fill(self, key: Key, future: Future[Value]) -> None:
+        try:
+            value = self._make(key)
+        except BaseException as fault:
+            with self._lock:
+                del self._kept[key]
+            future.set_exception(fault)
+            raise
+        future.set_result(value)
+        with self._lock:
+            self._trim()
+
+    def _fill_ahead(self, key: Key, future: Future[Value]) -> None:
+        with suppress(UavgramError):  # it is made again when it is asked for, and told then
+            self._fill(key, future)
+
+    def _trim(self) -> None:
+        """Let go of what does not fit, but not of what was asked for last; the lock is held."""
+        sizes = {
+            key: self._size_bytes(future.result()) if future.done() else self._expected_bytes(key)
+            for key, future in self._kept.items()
+        }
+        total = sum(sizes.values())
+        for key, future in list(self._kept.items())[:-1]:  # the longest unused first
+            if total <= self._most_bytes:
+                return
+            if future.done() and key not in self._held:
+                total -= sizes[key]
+                del self._kept[key]

@@ -1,0 +1,87 @@
+"""A photo with the corners that were found in it, to look at."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import cv2
+import numpy as np
+
+from uavgram.imaging.photos.preview import JPEG_QUALITY, MAX_WIDTH_PX
+from uavgram.imaging.raster import Image
+from uavgram.model.arrays import Floats
+from uavgram.model.camera.board import Board, BoardPhoto
+
+_SHIFT = 4  # OpenCV draws to 1/16 px
+_RADIUS_PX = 5
+_LINE, _FIRST, _TEXT = (60, 200, 60), (60, 60, 240), (240, 160, 20)  # BGR
+_ARROW = (220, 60, 220)
+
+
+def draw_board(
+    image: Image,
+    board: Board,
+    photo: BoardPhoto,
+    *,
+    residual_px: Floats | None = None,
+    magnification: float = 100.0,
+    max_width_px: int = MAX_WIDTH_PX,
+) -> bytes:
+    """JPEG of a photo with its corners, their numbers and the rows of the board.
+
+    Parameters
+    ----------
+    image
+        (height, width) grey, original size.
+    board, photo
+        What was found.
+    residual_px
+        (n, 2) of the corners, drawn as arrows.
+    magnification
+        Of the arrows, in original pixels.
+    max_width_px
+        The picture is at most this wide.
+    """
+    height, width = image.shape
+    scale = min(1.0, max_width_px / width)
+    size = (round(width * scale), max(1, round(height * scale)))
+    small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    picture = np.asarray(cv2.cvtColor(small, cv2.COLOR_GRAY2BGR), np.uint8)
+    factor = np.array(size) / [width, height]
+    place = np.full((board.rows * board.columns, 2), np.nan)
+    place[photo.corner] = (photo.pixel_px + 0.5) * factor - 0.5
+    _draw_rows(picture, place.reshape(board.rows, board.columns, 2))
+    found = place[photo.corner]
+    for index, center in zip(photo.corner.tolist(), found, strict=True):
+        color = _FIRST if index == 0 else _LINE
+        cv2.circle(picture, _fixed(center), _RADIUS_PX << _SHIFT, color, 1, cv2.LINE_AA, _SHIFT)
+    _draw_numbers(picture, photo, found, board.columns)
+    if residual_px is not None:
+        ends = found + residual_px * magnification * factor
+        for start, end in zip(found, ends, strict=True):
+            cv2.line(picture, _fixed(start), _fixed(end), _ARROW, 2, cv2.LINE_AA, _SHIFT)
+    quality = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+    return bytes(cv2.imencode(".jpg", picture, quality)[1].tobytes())
+
+
+def _draw_rows(picture: Image, grid: Floats) -> None:
+    """Join the corners of each row, as far as they are known."""
+    for row in grid:
+        known = row[np.isfinite(row[:, 0])]
+        for start, end in pairwise(known):
+            cv2.line(picture, _fixed(start), _fixed(end), _LINE, 1, cv2.LINE_AA, _SHIFT)
+
+
+def _draw_numbers(picture: Image, photo: BoardPhoto, place: Floats, columns: int) -> None:
+    """Number the corners; every row's first and last where they are too close for more."""
+    step = np.ptp(place, axis=0).max() / max(columns - 1, 1) if len(place) else 0.0
+    for index, (u, v) in zip(photo.corner.tolist(), place.tolist(), strict=True):
+        if step < 30 and index % columns not in (0, columns - 1):
+            continue
+        at = (round(u) + _RADIUS_PX, round(v) - _RADIUS_PX)
+        cv2.putText(picture, str(index), at, cv2.FONT_HERSHEY_SIMPLEX, 0.4, _TEXT, 1, cv2.LINE_AA)
+
+
+def _fixed(point: Floats) -> tuple[int, int]:
+    u, v = np.round(point * (1 << _SHIFT)).astype(int).tolist()
+    return u, v

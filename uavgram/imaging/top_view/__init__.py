@@ -1,0 +1,1 @@
+"""The ground from above, put together from photos."""

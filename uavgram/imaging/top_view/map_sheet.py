@@ -1,0 +1,69 @@
+"""A top view as a picture to print: scale bar, north arrow and a line of text below it."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from uavgram.imaging.photos.preview import Pixels
+
+LEAST_WIDTH_PX = 480
+"""Narrower top views get paper beside them, so that scale bar and arrow find room."""
+
+_INK, _PAPER = (30, 30, 30), 255
+
+
+def map_sheet(rgba: Pixels, pixel_m: float, caption: str, longest_px: int) -> bytes:
+    """PNG of a north-up picture with a foot that holds scale bar, north arrow and caption.
+
+    Parameters
+    ----------
+    rgba
+        (H, W, 4).
+    pixel_m
+        Edge of a pixel.
+    caption
+        One line.
+    longest_px
+        The picture is made smaller than that.
+    """
+    share = min(1.0, longest_px / max(rgba.shape[:2]))
+    if share < 1.0:
+        size = [max(1, round(side * share)) for side in rgba.shape[1::-1]]
+        pixel_m *= rgba.shape[1] / size[0]
+        rgba = np.asarray(cv2.resize(rgba, size, interpolation=cv2.INTER_AREA), np.uint8)
+    height, width = rgba.shape[:2]
+    unit = max(max(width, LEAST_WIDTH_PX) / 100.0, 6.0)
+    sheet = np.full((height + round(8 * unit), max(width, LEAST_WIDTH_PX), 3), _PAPER, np.uint8)
+    opaque = rgba[..., 3:] > 0
+    sheet[:height, :width] = np.where(opaque, rgba[..., :3], _PAPER)
+    drawn = Image.fromarray(sheet)
+    _foot(ImageDraw.Draw(drawn), height, unit, pixel_m, caption)
+    encoded = cv2.imencode(".png", np.asarray(drawn)[..., ::-1])[1]
+    return bytes(encoded.tobytes())
+
+
+def _foot(pen: ImageDraw.ImageDraw, top: int, unit: float, pixel_m: float, caption: str) -> None:
+    thick = max(1, round(unit / 6))
+    font = ImageFont.load_default(1.6 * unit)
+    bar_m = _nice(25 * unit * pixel_m)
+    left, right = 3 * unit, 3 * unit + bar_m / pixel_m
+    y = top + 3.5 * unit
+    pen.rectangle((left, y - thick, right, y + thick), fill=_INK)
+    ticks = ((left, "0"), ((left + right) / 2, f"{bar_m / 2:g}"), (right, f"{bar_m:g} m"))
+    for x, text in ticks:
+        pen.line((x, y - unit, x, y + thick), fill=_INK, width=thick)
+        pen.text((x, y - 1.2 * unit), text, fill=_INK, font=font, anchor="ms")
+    pen.text((left, top + 6.5 * unit), caption, fill=_INK, font=font, anchor="ls")
+    x, y = 96 * unit, top + 5.0 * unit
+    pen.line((x, y, x, y - 2.5 * unit), fill=_INK, width=2 * thick)
+    tip = [(x, y - 4 * unit), (x - unit, y - 2 * unit), (x + unit, y - 2 * unit)]
+    pen.polygon(tip, fill=_INK)
+    pen.text((x, y + 2 * unit), "N", fill=_INK, font=font, anchor="ms")
+
+
+def _nice(wanted_m: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not longer."""
+    power = 10.0 ** np.floor(np.log10(wanted_m))
+    return float(max(f for f in (1, 2, 5) if f * power <= wanted_m * (1 + 1e-9)) * power)

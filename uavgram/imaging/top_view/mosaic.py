@@ -1,0 +1,200 @@
+"""The ground as the photos show it: a top view put together from previews, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from uavgram.imaging.photos.preview import Pixels
+from uavgram.imaging.top_view.mosaic_grid import (
+    Cameras,
+    Grid,
+    choose,
+    corner_weights,
+    plane_height,
+    weights_within,
+)
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.result.result import Result
+
+MAX_SIZE_PX = 1536
+# The mosaic reaches beyond the outermost points by this share of the scene's size, or of the
+# cameras' height.
+MARGIN = 0.35
+# Frames times cells when choosing the frame of each cell: about a second of projections.
+CHOICE_BUDGET = 4_000_000
+CELL_PX = 16
+# Ground whose brightest hundredth is darker than this cannot be seen on a dark page: it is
+# brightened up to the second number, but not beyond the noise of the photos.
+DARK, BRIGHT, MOST_GAIN = 110.0, 200.0, 3.0
+GAIN_STEP_PX = 4
+
+
+@dataclass(frozen=True, eq=False)
+class GroundTexture:
+    """A top view of the ground plane, north up.
+
+    Attributes
+    ----------
+    rgb
+        (H, W, 3) row 0 is the northernmost.
+    covered
+        (H, W) whether any photo shows it.
+    west_m, north_m
+        World coordinates of the outer corner of pixel [0, 0].
+    pixel_size_m
+        Edge of a pixel.
+    gain
+        How many times brighter than in the photos it is.
+    """
+
+    rgb: Pixels
+    covered: Bools
+    west_m: float
+    north_m: float
+    pixel_size_m: float
+    gain: float = 1.0
+
+
+class Mosaic:
+    """Warps photos onto the adjusted ground plane, each spot from the frame most above it.
+
+    Which frame shows which spot follows from the poses alone, so the photos may come one by one,
+    in any order, and need not stay in memory: here are sums only, whose size is that of the mosaic.
+    """
+
+    def __init__(
+        self,
+        result: Result,
+        photographed: Collection[str],
+        preview_scale: float,
+        max_size_px: int = MAX_SIZE_PX,
+    ) -> None:
+        """Choose the frame of each spot.
+
+        Parameters
+        ----------
+        result
+            Refined poses and lens, plane and points.
+        photographed
+            Names of the frames that will be added; others are left out.
+        preview_scale
+            Original pixels per pixel of the previews: a finer mosaic would show nothing more.
+        max_size_px
+            Longer side of the mosaic.
+        """
+        names, wanted = result.frames.frame_id, frozenset(photographed)
+        rows = [i for i in np.flatnonzero(result.has_refined) if names[i] in wanted]
+        poses = result.frames.refined
+        self._cameras = Cameras(poses.center_world_m[rows], poses.world_from_camera[rows])
+        self._index = {names[i]: k for k, i in enumerate(rows)}
+        self._size_px = np.array([result.camera.width_px, result.camera.height_px], dtype=float)
+        if rows:
+            self._grid = _lay_grid(result, self._cameras, preview_scale, max_size_px)
+            self._choice = choose(self._grid, self._cameras)
+            lines, columns, cell = *self._grid.shape, self._grid.cell_px
+            # weighted red, green and blue, and the weight
+            self._sums = np.zeros((lines, cell, columns, cell, 4), dtype=np.float32)
+
+    def add(self, frame_id: str, pixels: Pixels) -> None:
+        """Blend in the (height, width, 3) BGR pixels of one preview; each frame may come once."""
+        frame = self._index.get(frame_id)
+        if frame is None or not (self._choice == frame).any():
+            return
+        grid, cell = self._grid, self._grid.cell_px
+        within = np.arange(cell) + 0.5
+        corner = corner_weights(grid, self._choice == frame)
+        i, j, weight = weights_within(corner, within / cell)
+        row = np.repeat(i[:, None] * cell + within, cell, axis=1)
+        column = np.tile(j[:, None] * cell + within, cell)
+        pixel = grid.pixels_in(self._cameras, frame, grid.world(column, row))
+        picture = _sample(pixels, self._reduction(frame, pixels.shape[1]), pixel, self._size_px)
+        weight = np.where(np.isnan(pixel[..., 0]), 0.0, weight.reshape(pixel.shape[:-1]))
+        shares = np.concatenate([weight[..., None] * picture, weight[..., None]], axis=-1)
+        self._sums[i, :, j] += shares.reshape(-1, cell, cell, 4)
+
+    def _reduction(self, frame: int, width_px: int) -> int:
+        """How many pixels of a preview of this width make one of the mosaic; at least 1."""
+        finest = self._grid.finest_pixel(self._cameras, frame, self._size_px[0] / width_px)
+        return max(int(self._grid.pixel_size_m / max(finest, 1e-9)), 1)
+
+    def texture(self) -> GroundTexture | None:
+        """What the photos added so far show; None where they show nothing of the scene."""
+        if not self._index:
+            return None
+        grid = self._grid
+        total = self._sums.reshape(grid.shape[0] * grid.cell_px, grid.shape[1] * grid.cell_px, 4)
+        covered = total[..., 3] > 0
+        if not covered.any():
+            return None
+        rgb = total[..., :3] / np.maximum(total[..., 3:], np.finfo(np.float32).tiny)
+        some = np.s_[::GAIN_STEP_PX, ::GAIN_STEP_PX]
+        gain = _gain(rgb[some][covered[some]])
+        shown = np.minimum(np.round(gain * rgb), 255).astype(np.uint8)
+        return GroundTexture(shown, covered, grid.west_m, grid.north_m, grid.pixel_size_m, gain)
+
+
+def _gain(rgb: Floats) -> float:
+    """By what to multiply (n, 3) pixels, so that they are seen, to a tenth; 1 for usual photos."""
+    bright = float(np.percentile(rgb, 99.0)) if len(rgb) else BRIGHT
+    return 1.0 if bright >= DARK else round(min(BRIGHT / max(bright, 1.0), MOST_GAIN), 1)
+
+
+def _lay_grid(result: Result, cameras: Cameras, preview_scale: float, max_size_px: int) -> Grid:
+    """Cells over the scene: fine as the previews, coarse enough for the choice not to take long."""
+    low, high = _extent(result, cameras)
+    coarsest = float((high - low).max()) / max_size_px
+    grid = Grid(result, float(low[0]), float(high[1]), coarsest, CELL_PX, (0, 0))
+    finest = min(
+        grid.finest_pixel(cameras, frame, preview_scale) for frame in range(len(cameras.center_m))
+    )
+    pixel_size = max(coarsest, finest)
+    size = (high - low) / pixel_size
+    cell = CELL_PX
+    while float(size.prod()) / cell**2 * len(cameras.center_m) > CHOICE_BUDGET:
+        cell *= 2
+    columns, lines = np.maximum(np.ceil(size / cell), 1).astype(int)
+    shape = (int(lines), int(columns))
+    return replace(grid, pixel_size_m=pixel_size, cell_px=cell, shape=shape)
+
+
+def _extent(result: Result, cameras: Cameras) -> tuple[Floats, Floats]:
+    """South-west and north-east corner: points with a margin, or the cameras with their height."""
+    points = result.points.position_world_m[:, :2]
+    below = plane_height(result, cameras.center_m[:, :2])
+    height = float(np.median(cameras.center_m[:, 2] - below))
+    if len(points):
+        low, high = points.min(axis=0), points.max(axis=0)
+        margin = max(MARGIN * float((high - low).max()), MARGIN * height, 1.0)
+    else:
+        low = cameras.center_m[:, :2].min(axis=0)
+        high = cameras.center_m[:, :2].max(axis=0)
+        margin = max(height, 1.0)
+    return low - margin, high + margin
+
+
+def _sample(pixels: Pixels, reduction: int, at_px: Floats, size_px: Floats) -> Pixels:
+    """(n, m, 3) RGB at (n, m, 2) original pixels of a photo of this size; anything for NaN.
+
+    The preview is reduced first, as far as the mosaic is coarser: it would flicker otherwise.
+    """
+    height, width = pixels.shape[:2]
+    step = size_px / [width, height] * reduction
+    rows, columns = max(height // reduction, 1), max(width // reduction, 1)
+    if reduction > 1:  # of whole blocks, for which OpenCV is ten times faster
+        blocks = pixels[: rows * reduction, : columns * reduction]
+        pixels = np.asarray(
+            cv2.resize(blocks, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.uint8
+        )
+    at = (np.nan_to_num(at_px) + 0.5) / step - 0.5
+    shown = cv2.remap(
+        pixels,
+        at[..., 0].astype(np.float32),
+        at[..., 1].astype(np.float32),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return np.asarray(shown[..., ::-1], dtype=np.uint8)

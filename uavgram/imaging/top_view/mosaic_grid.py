@@ -1,0 +1,141 @@
+"""Cells of the mosaic: which frame shows each of them, and how it fades into its neighbours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from uavgram.geometry.camera.projection import project
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.result.result import Result
+
+# Rays flatter than this above the ground (20 degrees) smear one photo pixel over many metres.
+LEAST_SINE = 0.342
+# Neighbouring frames fade into each other over this many pixels to each side of a seam, but over
+# one cell at least.
+FEATHER_PX = 32
+# Sums of a box filter are not exactly zero where they should be.
+LEAST_WEIGHT = 1e-4
+# Corners of a cell: it is the frame's that shows all of them, sooner than one that shows some.
+CORNERS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Cameras:
+    """N poses: (N, 3) centres and (N, 3, 3) rotations in the world."""
+
+    center_m: Floats
+    world_from_camera: Floats
+
+
+def plane_height(result: Result, east_north_m: Floats) -> Floats:
+    """(...) heights of the adjusted plane under (..., 2) world positions."""
+    slope = np.tan(np.radians(result.shared.plane_slope_deg.value))
+    offset = (east_north_m - result.shared.plane_pivot_m) @ slope
+    return np.asarray(result.shared.plane_height_m.value[0] + offset, dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Square cells of the mosaic, `cell_px` pixels wide, and how frames see them."""
+
+    result: Result
+    west_m: float
+    north_m: float
+    pixel_size_m: float
+    cell_px: int
+    shape: tuple[int, int]
+
+    def world(self, column_px: Floats, row_px: Floats) -> Floats:
+        """(..., 3) world positions of points given in pixels from the north-west corner."""
+        spots = np.stack(
+            [
+                self.west_m + column_px * self.pixel_size_m,
+                self.north_m - row_px * self.pixel_size_m,
+            ],
+            axis=-1,
+        )
+        return np.concatenate([spots, plane_height(self.result, spots)[..., None]], axis=-1)
+
+    def pixels_in(self, cameras: Cameras, frame: int, world_m: Floats) -> Floats:
+        """(..., 2) original pixels of a frame; NaN outside the photo and where rays are flat."""
+        camera = self.result.camera
+        rays = world_m - cameras.center_m[frame]
+        pixel = project(
+            camera.model,
+            self.result.shared.intrinsics.value,
+            rays @ cameras.world_from_camera[frame],
+        )
+        size = np.array([camera.width_px, camera.height_px]) - 1
+        inside = ((pixel >= 0) & (pixel <= size)).all(axis=-1) & (_sine(rays) > LEAST_SINE)
+        return np.where(inside[..., None], pixel, np.nan)
+
+    def finest_pixel(self, cameras: Cameras, frame: int, preview_scale: float) -> float:
+        """What a pixel of a frame's preview measures on the ground below it [m]."""
+        center = cameras.center_m[frame]
+        height = abs(float(center[2] - plane_height(self.result, center[:2])))
+        return height * preview_scale / float(self.result.shared.intrinsics.value[0])
+
+
+def choose(grid: Grid, cameras: Cameras) -> Ints:
+    """(R, C) the frame that sees most corners of a cell, and it most steeply; -1 for none."""
+    edges = [np.arange(n + 1.0) * grid.cell_px for n in grid.shape]
+    row, column = np.meshgrid(*edges, indexing="ij")
+    world = grid.world(column, row)
+    middle = (world[:-1, :-1] + world[1:, 1:]) / 2
+    best = np.zeros(grid.shape)
+    choice = np.full(grid.shape, -1, dtype=np.int64)
+    for frame in range(len(cameras.center_m)):
+        corner = np.isfinite(grid.pixels_in(cameras, frame, world)[..., 0]).astype(np.int64)
+        seen = corner[:-1, :-1] + corner[1:, :-1] + corner[:-1, 1:] + corner[1:, 1:]
+        # a sine is at most 1: what shows all of a cell goes before what shows some of it
+        score = (seen > 0) * (_sine(middle - cameras.center_m[frame]) + 2.0 * (seen == CORNERS))
+        better = score > best
+        best[better], choice[better] = score[better], frame
+    return choice
+
+
+def corner_weights(grid: Grid, chosen: Bools) -> Floats:
+    """(R + 1, C + 1) share of a frame among the cells about each corner of the (R, C) cells."""
+    feather = max(FEATHER_PX // grid.cell_px, 1)
+    around = np.pad(chosen.astype(np.float32), feather)
+    width = 2 * feather
+    share = cv2.boxFilter(around, -1, (width, width), anchor=(0, 0))
+    rows, columns = chosen.shape
+    return np.asarray(share[: rows + 1, : columns + 1], dtype=np.float64)
+
+
+def weights_within(corner: Floats, share: Floats) -> tuple[Ints, Ints, Floats]:
+    """Cells with a weight at any corner, and their (n, cell, cell) weights, linear in between.
+
+    Parameters
+    ----------
+    corner
+        (R + 1, C + 1) weights at the corners of cells.
+    share
+        (cell,) places within a cell, 0 to 1.
+
+    Returns
+    -------
+    i, j
+        (n,) row and column of each cell.
+    weight
+        (n, cell, cell).
+    """
+    some = corner > LEAST_WEIGHT
+    i, j = np.nonzero(some[:-1, :-1] | some[1:, :-1] | some[:-1, 1:] | some[1:, 1:])
+    down, right = share[:, None], share[None, :]
+    inside = (
+        corner[i, j][:, None, None] * (1 - down) * (1 - right)
+        + corner[i + 1, j][:, None, None] * down * (1 - right)
+        + corner[i, j + 1][:, None, None] * (1 - down) * right
+        + corner[i + 1, j + 1][:, None, None] * down * right
+    )
+    return i, j, np.asarray(inside, dtype=np.float64)
+
+
+def _sine(rays: Floats) -> Floats:
+    """(...) sine of the angle at which (..., 3) rays from above meet level ground."""
+    return np.asarray(-rays[..., 2] / np.linalg.norm(rays, axis=-1), dtype=np.float64)

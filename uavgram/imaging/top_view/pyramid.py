@@ -1,0 +1,39 @@
+"""Pictures at half their size, for overviews."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from uavgram.imaging.photos.preview import Pixels
+
+OPAQUE = 255
+
+
+def halved(rgba: Pixels) -> Pixels:
+    """Two by two pixels averaged into one, each weighing as much as it is opaque.
+
+    Parameters
+    ----------
+    rgba
+        (H, W, 4) colour, not multiplied by opacity, and opacity.
+
+    Returns
+    -------
+    (ceil(H / 2), ceil(W / 2), 4), opacity the plain mean. The last row and column stand for
+    themselves where H or W is odd.
+    """
+    odd_rows, odd_columns = rgba.shape[0] % 2, rgba.shape[1] % 2
+    if odd_rows or odd_columns:
+        rgba = np.asarray(
+            cv2.copyMakeBorder(rgba, 0, odd_rows, 0, odd_columns, cv2.BORDER_REPLICATE), np.uint8
+        )
+    height, width = rgba.shape[0] // 2, rgba.shape[1] // 2
+    half = np.asarray(cv2.resize(rgba, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+    opacity = half[..., 3]
+    rim = np.nonzero((opacity > 0) & (opacity < OPAQUE))  # few: all but the edge is plain
+    if rim[0].size:
+        four = rgba.reshape(height, 2, width, 2, 4)[rim[0], :, rim[1]].reshape(-1, 4, 4)
+        weight = four[..., 3:].astype(np.float64)
+        half[..., :3][rim] = np.rint((four[..., :3] * weight).sum(1) / weight.sum(1))
+    return half

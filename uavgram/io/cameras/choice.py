@@ -1,0 +1,88 @@
+"""What readers of other programs' cameras share: one camera of several, and assumed errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from uavgram.errors import InputError, near_miss
+from uavgram.model.camera.assumed_errors import CALIBRATION_FILE, assumed_covariance
+from uavgram.model.camera.calibration import Calibration, LensModel
+from uavgram.model.message import Message
+
+Entry = TypeVar("Entry")
+
+
+def choose_camera(
+    path: Path, cameras: Mapping[str, Entry], wanted: str | None
+) -> tuple[str, Entry]:
+    """Take the camera that is wanted, or the only one.
+
+    Raises
+    ------
+    InputError
+        There are none, or several and none was named, or none of that name.
+    """
+    names = ", ".join(map(repr, cameras))
+    if not cameras:
+        raise InputError(path, "holds no camera")
+    if wanted is None and len(cameras) == 1:
+        return next(iter(cameras.items()))
+    if wanted is None:
+        first = next(iter(cameras))
+        raise InputError(
+            path,
+            f"holds {len(cameras)} cameras ({names}): make a file of the one you mean, with "
+            f"uavgram camera {path.name} --camera {first!r} --to uavgram --output camera.yaml",
+        )
+    if wanted not in cameras:
+        hint = near_miss(wanted, cameras)
+        raise InputError(
+            path, f"holds no camera {wanted!r}, but {names}" + (f" ({hint})" if hint else "")
+        )
+    return wanted, cameras[wanted]
+
+
+def without_errors(
+    path: Path,
+    *,
+    name: str,
+    model: LensModel,
+    size_px: tuple[int, int],
+    parameters: Sequence[float],
+) -> tuple[Calibration, tuple[Message, ...]]:
+    """Make a calibration of a file that states no errors: with wide ones, and a message of that.
+
+    Raises
+    ------
+    InputError
+        A number of the file cannot be one of a camera.
+    """
+    if not all(map(math.isfinite, parameters)):
+        raise InputError(path, f"camera {name!r}: holds a value that is not finite")
+    if min(parameters[:2]) <= 0 or min(size_px) <= 0:
+        raise InputError(path, f"camera {name!r}: focal length and size must be greater than 0")
+    calibration = Calibration(
+        name=name,
+        model=model,
+        width_px=size_px[0],
+        height_px=size_px[1],
+        parameters=np.array(parameters),
+        covariance=assumed_covariance(model, np.array(parameters), size_px[0], CALIBRATION_FILE),
+    )
+    return calibration, (assumed_errors_message(path),)
+
+
+def assumed_errors_message(path: Path) -> Message:
+    """Say that a file states no errors, and what is assumed instead."""
+    text = (
+        f"{path.name} states no errors of the calibration, so wide ones are assumed: "
+        f"{100 * CALIBRATION_FILE.focal:g} % of the focal length, "
+        f"{100 * CALIBRATION_FILE.centre:g} % of the width for the principal point. Write a "
+        "camera.yaml with 'sigma' if you know better."
+    )
+    return Message("warning", "camera-sigma-assumed", text)

@@ -1,0 +1,107 @@
+"""OpenDroneMap's and OpenSfM's cameras (cameras.json, camera_models.json) -> `Calibration`.
+
+Lengths are over max(width, height), from the centre of the image, which lies at
+((width - 1) / 2, (height - 1) / 2) when pixels are counted from the centre of the top-left one
+(OpenSfM, opensfm/features.py, normalized_image_coordinates; the models: OpenSfM documentation,
+"Camera Models").
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from uavgram.errors import InputError
+from uavgram.io.cameras.choice import choose_camera, without_errors
+from uavgram.io.json_text import parse_json
+from uavgram.model.camera.calibration import Calibration, LensModel
+from uavgram.model.message import Message
+
+_BROWN = ("k1", "k2", "p1", "p2", "k3")
+_FISHEYE = ("k1", "k2", "k3", "k4")
+# Lens model, and the coefficients that each of OpenSfM's models has.
+_MODELS: dict[str, tuple[LensModel, tuple[str, ...]]] = {
+    "perspective": ("brown", ("k1", "k2")),
+    "simple_radial": ("brown", ("k1",)),
+    "radial": ("brown", ("k1", "k2")),
+    "brown": ("brown", _BROWN),
+    "fisheye": ("fisheye", ("k1", "k2")),
+    "fisheye_opencv": ("fisheye", _FISHEYE),
+}
+
+
+def is_odm_cameras(text: str) -> bool:
+    """Tell these files from OpenCV's JSON: every camera names its projection."""
+    return text.lstrip().startswith("{") and '"projection_type"' in text
+
+
+def read_odm_camera(
+    path: str | Path, wanted: str | None = None
+) -> tuple[Calibration, tuple[Message, ...]]:
+    """Read one camera of a cameras.json.
+
+    Parameters
+    ----------
+    path
+        The file.
+    wanted
+        The camera's name there; not needed where there is only one.
+
+    Raises
+    ------
+    InputError
+        Says what is missing or unknown, or names the cameras to choose from.
+    """
+    path = Path(path)
+    try:
+        cameras = parse_json(path, path.read_text(encoding="utf-8-sig"))
+    except OSError as fault:
+        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    except json.JSONDecodeError as fault:
+        raise InputError(path, f"is no JSON: {fault.msg}", fault.lineno) from fault
+    except ValueError as fault:
+        raise InputError(path, f"is no text file: {fault}") from fault
+    if not isinstance(cameras, dict) or not all(isinstance(c, dict) for c in cameras.values()):
+        raise InputError(path, "must be an object of cameras by name")
+    name, camera = choose_camera(path, cameras, wanted)
+    return without_errors(path, name=name, **_camera(path, name, camera))
+
+
+def _camera(path: Path, name: str, camera: dict[str, Any]) -> dict[str, Any]:
+    """Lens model, size and parameters in this program's convention."""
+    kind = camera.get("projection_type")
+    if kind not in _MODELS:
+        raise InputError(
+            path,
+            f"camera {name!r} has the projection {kind!r}, which is none of {', '.join(_MODELS)}: "
+            "run OpenDroneMap with --camera-lens brown",
+        )
+    model, coefficients = _MODELS[kind]
+
+    def number(*keys: str, otherwise: float | None = None) -> float:
+        value = next((camera[key] for key in keys if key in camera), otherwise)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError(path, f"camera {name!r}: {keys[0]} must be a number (got {value!r})")
+        if not math.isfinite(value):
+            raise InputError(path, f"camera {name!r}: {keys[0]} is no finite number")
+        return float(value)
+
+    width, height = number("width"), number("height")
+    if width % 1 or height % 1:
+        raise InputError(path, f"camera {name!r}: its size must be whole pixels")
+    size = max(width, height)
+    focal = number("focal_x", "focal")
+    focal_y = number("focal_y", "focal", otherwise=focal)
+    parameters = [
+        size * focal,
+        size * focal_y,
+        (width - 1) / 2 + size * number("c_x", otherwise=0.0),
+        (height - 1) / 2 + size * number("c_y", otherwise=0.0),
+        *(
+            number(key) if key in coefficients else 0.0
+            for key in (_BROWN if model == "brown" else _FISHEYE)
+        ),
+    ]
+    return {"model": model, "size_px": (int(width), int(height)), "parameters": parameters}

@@ -1,0 +1,284 @@
+"""OpenCV's own calibration files (YAML, JSON, XML) -> `Calibration`.
+
+OpenCV fixes no names. Read here are those of its samples and tools (calibration.cpp, the camera
+calibration tutorial of 2.4 and later, interactive-calibration), of ROS camera_info, and K and D.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from uavgram.errors import InputError
+from uavgram.io.cameras.choice import assumed_errors_message
+from uavgram.model.arrays import Floats
+from uavgram.model.camera.assumed_errors import CALIBRATION_FILE, assumed_covariance
+from uavgram.model.camera.calibration import (
+    Calibration,
+    LensModel,
+    parameter_counts,
+    parameter_names,
+)
+from uavgram.model.message import Message
+
+# Keys in lower case without underscores, in order of preference.
+_MATRIX = ("cameramatrix", "intrinsicmatrix", "k", "mtx")
+_DISTORTION = ("distortioncoefficients", "distcoeffs", "d", "dist")
+_SIZES = (
+    ("imagewidth", "imageheight"),
+    ("width", "height"),
+    ("xresolution", "yresolution"),
+)
+_SIZE_PAIRS = ("cameraresolution", "imagesize", "resolution")
+_SIGMAS = ("stddeviationintrinsics", "stddeviationsintrinsics")
+_COVARIANCE = ("intrinsicscovariance",)
+_ROUNDING = 1e-6  # of symmetry and definiteness, as correlations
+_FISHEYE_NAMES = {"fisheye", "equidistant"}
+_CALIB_FIX_ASPECT_RATIO = 2  # bit of the key `flags`, opencv2/calib3d.hpp
+
+_XML_ROOT = "<opencv_storage"
+_YAML_HEADER = "%YAML:1.0\n---\n"
+
+
+def is_opencv_calibration(path: str | Path) -> bool:
+    """Tell OpenCV's files from this program's camera.yaml by how they begin and what they name."""
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig", errors="replace").lstrip()
+    except OSError:
+        return False  # whoever reads it next says why
+    if text.startswith("<"):
+        return _XML_ROOT in text
+    if text.startswith("%YAML"):
+        return True
+    names = r"camera_?matrix|intrinsic_?matrix|k|mtx"
+    return (
+        re.search(rf"^[{{,\s]*[\"']?({names})[\"']?\s*:", text, re.IGNORECASE | re.MULTILINE)
+        is not None
+    )
+
+
+def read_opencv_calibration(path: str | Path) -> tuple[Calibration, tuple[Message, ...]]:
+    """Read a calibration file that OpenCV wrote, or one with the same content.
+
+    Returns
+    -------
+    calibration
+        Its covariance is made of the file's standard deviations where it has them, else of wide
+        defaults.
+    messages
+        Where the covariance comes from.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, holds no camera matrix, distortion or image size, or a lens model
+        that this program does not know.
+    """
+    path = Path(path)
+    keys = _read_keys(path)
+    model, parameters = _parameters(path, keys)
+    width_px, height_px = _image_size(path, keys)
+    covariance, message = _errors(path, keys, model, parameters, width_px)
+    name = keys.get("cameraname") or path.stem
+    calibration = Calibration(
+        name=str(name),
+        model=model,
+        width_px=width_px,
+        height_px=height_px,
+        parameters=parameters,
+        covariance=covariance,
+    )
+    return calibration, (message,)
+
+
+def _read_keys(path: Path) -> dict[str, Any]:
+    """All top-level keys of the file, in lower case without underscores."""
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as fault:
+        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    except UnicodeDecodeError as fault:
+        raise InputError(path, "is no text file, so no camera calibration") from fault
+    if text.lstrip().startswith("<") and _XML_ROOT not in text:
+        raise InputError(
+            path,
+            "is XML of another program, no camera calibration: name a camera.yaml, or a file that "
+            "OpenCV wrote",
+        )
+    is_bare_yaml = not text.lstrip().startswith(("%YAML", "<", "{"))
+    content = _YAML_HEADER + text if is_bare_yaml else text
+    try:
+        storage = cv2.FileStorage(content, cv2.FileStorage_READ | cv2.FileStorage_MEMORY)
+    except (cv2.error, SystemError) as fault:  # the binding wraps the parser's error in the latter
+        # its text speaks of OpenCV's own source; of use is only where in the file it stopped
+        at = re.search(r"\(([0-9]+)\):", str(fault.__cause__ or fault))
+        line = int(at[1]) - (_YAML_HEADER.count("\n") if is_bare_yaml else 0) if at else None
+        raise InputError(
+            path,
+            "cannot be read as a calibration file of OpenCV (YAML, JSON or XML): it is damaged or "
+            "cut off here; export the calibration again",
+            line if line and line > 0 else None,
+        ) from fault
+    root = storage.root()
+    if not root.isMap():
+        raise InputError(path, "holds no keys, so no camera calibration")
+    return {
+        key.lower().replace("_", ""): _plain(root.getNode(key))
+        for key in root.keys()  # noqa: SIM118
+    }
+
+
+def _plain(node: cv2.FileNode) -> Any:  # noqa: ANN401
+    """Plain data of a node: numbers, text, lists, mappings (a matrix is its rows, cols, data)."""
+    if node.isMap():
+        return {key: _plain(node.getNode(key)) for key in node.keys()}  # noqa: SIM118
+    if node.isSeq():
+        return [_plain(node.at(i)) for i in range(node.size())]
+    if node.isString():
+        return node.string()
+    return node.real() if node.isReal() or node.isInt() else None
+
+
+def _numbers(path: Path, keys: Mapping[str, Any], names: tuple[str, ...]) -> Floats | None:
+    """Flat numbers of the first of these keys that the file has; None where it has none."""
+    name = next((name for name in names if name in keys), None)
+    if name is None:
+        return None
+    value = keys[name]
+    data = value.get("data") if isinstance(value, dict) else value
+    try:
+        numbers: Floats = np.array(data, dtype=np.float64).ravel()
+    except (TypeError, ValueError) as fault:
+        raise InputError(path, f"{name}: is no matrix of numbers") from fault
+    if not np.isfinite(numbers).all():
+        raise InputError(path, f"{name}: holds a value that is not finite")
+    return numbers
+
+
+def _image_size(path: Path, keys: Mapping[str, Any]) -> tuple[int, int]:
+    pair: Floats | None = _numbers(path, keys, _SIZE_PAIRS)
+    for names in _SIZES:
+        if all(name in keys for name in names):
+            pair = _numbers(path, {"size": [keys[name] for name in names]}, ("size",))
+            break
+    if pair is None or len(pair) != 2:
+        raise InputError(
+            path,
+            "states no image size, without which its pixels mean nothing: add the keys "
+            "image_width and image_height",
+        )
+    if pair.min() < 1 or (pair % 1 != 0).any():
+        raise InputError(path, f"the image size must be whole pixels (got {pair.tolist()})")
+    return int(pair[0]), int(pair[1])
+
+
+def _parameters(path: Path, keys: Mapping[str, Any]) -> tuple[LensModel, Floats]:
+    """Lens model and (P,) parameters in its order."""
+    matrix = _numbers(path, keys, _MATRIX)
+    if matrix is None:
+        stereo = " (a file of two cameras? write one for each)" if "m1" in keys else ""
+        raise InputError(path, f"holds no camera_matrix{stereo}")
+    if len(matrix) != 9:
+        raise InputError(path, f"camera_matrix: must be 3 x 3 (got {len(matrix)} numbers)")
+    fx, skew, cx, zero, fy, cy = matrix[:6]
+    if min(fx, fy) <= 0:
+        raise InputError(path, f"camera_matrix: fx and fy must be positive (got {fx:g}, {fy:g})")
+    if abs(skew) > 1e-6 * fx or zero != 0 or matrix[6:].tolist() != [0.0, 0.0, 1.0]:
+        raise InputError(path, "camera_matrix: must be [fx 0 cx; 0 fy cy; 0 0 1], without skew")
+    given = _numbers(path, keys, _DISTORTION)
+    if given is None:
+        raise InputError(path, "holds no distortion_coefficients: add them (0 where there is none)")
+    model = _lens_model(keys)
+    counts = [count - 4 for count in parameter_counts(model)]
+    used = given if any(name in keys for name in _COVARIANCE) else np.trim_zeros(given, "b")
+    fits = len(given) == 4 if model == "fisheye" else len(given) >= 4
+    if not fits or len(used) > counts[-1]:
+        names = " ".join(parameter_names(model, counts[-1] + 4)[4:])
+        raise InputError(
+            path,
+            f"distortion_coefficients: the {model} model has {' or '.join(map(str, counts))} "
+            f"({names}), the file {len(given)}: calibrate again without the thin prism and tilted "
+            "models",
+        )
+    coefficients = np.zeros(next(count for count in counts if count >= len(used)))
+    coefficients[: len(used)] = used
+    return model, np.array([fx, fy, cx, cy, *coefficients])
+
+
+def _lens_model(keys: Mapping[str, Any]) -> LensModel:
+    named = str(keys.get("distortionmodel", keys.get("model", ""))).lower()
+    flag = keys.get("fisheyemodel", keys.get("fisheye", 0))
+    is_flagged = flag not in {0, None, "", "0", "false"}
+    return "fisheye" if is_flagged or named in _FISHEYE_NAMES else "brown"
+
+
+def _stated_sigma(path: Path, keys: Mapping[str, Any], count: int) -> Floats | None:
+    """(P,) standard deviations in the order of the parameters; None where the file has none."""
+    sigma = _numbers(path, keys, _SIGMAS)
+    if sigma is None:  # interactive-calibration writes them in two pieces
+        focal = _numbers(path, keys, tuple(f"{name}stddev" for name in _MATRIX))
+        distortion = _numbers(path, keys, tuple(f"{name}stddev" for name in _DISTORTION))
+        if focal is None or distortion is None:
+            return None
+        sigma = np.concatenate([focal, distortion])
+    if len(sigma) < count or (sigma < 0).any():
+        raise InputError(
+            path, f"standard deviations: must be {count} numbers, none negative (got {len(sigma)})"
+        )
+    return sigma[:count]  # calibrateCameraExtended: fx fy cx cy k1 k2 p1 p2 k3, then k4 and on
+
+
+def _errors(
+    path: Path, keys: Mapping[str, Any], model: LensModel, parameters: Floats, width_px: int
+) -> tuple[Floats, Message]:
+    """(P, P) covariance, and where it comes from."""
+    count = len(parameters)
+    full = _numbers(path, keys, _COVARIANCE)
+    sigma = _stated_sigma(path, keys, count)
+    if full is not None:
+        covariance = _full_covariance(path, full, count)
+        text = f"The errors of the calibration are the covariance in {path.name}."
+        return covariance, Message("info", "camera-sigma-from-file", text)
+    if sigma is not None:
+        text = f"The errors of the calibration are the standard deviations in {path.name}."
+        message = Message("info", "camera-sigma-from-file", text)
+        return _covariance(sigma, parameters, keys), message
+    covariance = assumed_covariance(model, parameters, width_px, CALIBRATION_FILE)
+    return covariance, assumed_errors_message(path)
+
+
+def _full_covariance(path: Path, numbers: Floats, count: int) -> Floats:
+    """(P, P) of a file that this program wrote, and someone may have edited."""
+    if len(numbers) != count**2:
+        raise InputError(
+            path, f"{_COVARIANCE[0]}: must be {count} x {count} (got {len(numbers)} numbers)"
+        )
+    matrix = numbers.reshape(count, count)
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    scale[scale == 0] = 1.0
+    correlation = matrix / np.outer(scale, scale)
+    lopsided = np.abs(correlation - correlation.T).max()
+    if lopsided > _ROUNDING or np.linalg.eigvalsh(correlation)[0] < -_ROUNDING:
+        raise InputError(
+            path,
+            f"{_COVARIANCE[0]}: is no covariance (not symmetric and positive semidefinite): leave "
+            "it out, and give std_deviation_intrinsics",
+        )
+    return (matrix + matrix.T) / 2
+
+
+def _covariance(sigma: Floats, parameters: Floats, keys: Mapping[str, Any]) -> Floats:
+    """(P, P) covariance; with a fixed aspect ratio fx hangs on fy, and OpenCV writes 0 for it."""
+    covariance = np.diag(sigma**2)
+    flags = keys.get("flags", 0)
+    is_tied = isinstance(flags, int | float) and int(flags) & _CALIB_FIX_ASPECT_RATIO
+    if is_tied and sigma[0] == 0:
+        ratio = parameters[0] / parameters[1]
+        covariance[0, 0] = (ratio * sigma[1]) ** 2
+        covariance[0, 1] = covariance[1, 0] = ratio * sigma[1] ** 2
+    return covariance

@@ -1,0 +1,145 @@
+"""What a folder holds that a project could use: photos, logs, poses, camera files, tables.
+
+Files are told by their content where names could mislead: a ``.log`` or ``.bin`` may be anything.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from uavgram.errors import InputError
+from uavgram.io.cameras.colmap import is_colmap_cameras
+from uavgram.io.cameras.odm import is_odm_cameras
+from uavgram.io.cameras.opencv import is_opencv_calibration
+from uavgram.io.logs.flight_log import is_flight_log
+from uavgram.io.photos.files import bounded
+from uavgram.io.photos.size import image_size
+
+PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
+_CAMERA_SUFFIXES = (".yaml", ".yml", ".json", ".xml", ".txt")
+_RESULTS = "results.json"
+_CALIBRATION, _CALIBRATED = "calibration.json", "camera.yaml"
+_LARGEST_CAMERA_BYTES = 1_000_000
+
+TableRole = Literal["picks", "lines", "measure", "control", "check", "poses"]
+
+# Columns that tell a table, the most telling first.
+_TABLES: tuple[tuple[TableRole, frozenset[str]], ...] = (
+    ("picks", frozenset({"image", "label", "u_px", "v_px"})),
+    ("lines", frozenset({"name", "from", "to", "length_m"})),
+    ("measure", frozenset({"name", "kind", "points"})),
+    ("poses", frozenset({"image", "latitude_deg", "longitude_deg", "height_m"})),
+    ("control", frozenset({"label", "latitude_deg", "longitude_deg"})),
+    ("control", frozenset({"label", "east_m", "north_m"})),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhotoGroup:
+    """Photos of one folder, suffix and size."""
+
+    folder: Path
+    suffix: str
+    size_px: tuple[int, int]
+    files: tuple[Path, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Holdings:
+    """What a folder holds, each in the order of its path."""
+
+    photos: tuple[PhotoGroup, ...]
+    logs: tuple[Path, ...]
+    cameras: tuple[Path, ...]
+    poses: tuple[Path, ...]
+    tables: Mapping[TableRole, tuple[Path, ...]]
+
+
+def search_folder(folder: Path) -> Holdings:
+    """Look through a folder and those in it; hidden ones and those of results are passed over.
+
+    Of a calibration's results the camera file counts.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or is no folder.
+    """
+    files = tuple(path for path in bounded(_files(folder), folder) if path.is_file())
+    tables: dict[TableRole, tuple[Path, ...]] = {}
+    for path in files:
+        role = _table_role(path) if path.suffix.lower() == ".csv" else None
+        if role is not None:
+            tables[role] = (*tables.get(role, ()), path)
+    marks = tuple(p for p in files if p.suffix.lower() == ".mrk" or p.name.lower() == "geo.txt")
+    return Holdings(
+        photos=grouped(path for path in files if path.suffix.lower() in PHOTO_SUFFIXES),
+        logs=tuple(path for path in files if is_flight_log(path)),
+        cameras=tuple(path for path in files if _is_camera(path)),
+        poses=(*marks, *tables.get("poses", ())),
+        tables=tables,
+    )
+
+
+def grouped(photos: Iterable[Path]) -> tuple[PhotoGroup, ...]:
+    """Photos by folder, suffix and size; files that are none are left out."""
+    groups: dict[tuple[Path, str, tuple[int, int]], list[Path]] = {}
+    for path in photos:
+        try:
+            size = image_size(path)
+        except InputError:
+            continue
+        groups.setdefault((path.parent, path.suffix, size), []).append(path)
+    return tuple(
+        PhotoGroup(folder=folder, suffix=suffix, size_px=size, files=tuple(files))
+        for (folder, suffix, size), files in groups.items()
+    )
+
+
+def _files(folder: Path) -> Iterable[Path]:
+    def refuse(fault: OSError) -> None:
+        raise InputError(fault.filename or folder, f"cannot be read: {fault.strerror}") from fault
+
+    if not folder.is_dir():
+        raise InputError(folder, "is no folder: name the one that holds the photos")
+    for here, folders, files in os.walk(folder, onerror=refuse):
+        names = files
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        if _RESULTS in names and Path(here) != folder:
+            folders.clear()
+            continue
+        if _CALIBRATION in names and Path(here) != folder:  # its pictures are no photos
+            folders.clear()
+            names = [name for name in names if name == _CALIBRATED]
+        yield from (Path(here, name) for name in sorted(names) if not name.startswith("."))
+
+
+def _table_role(path: Path) -> TableRole | None:
+    try:
+        with path.open(encoding="utf-8-sig", errors="replace", newline="") as stream:
+            header = {cell.strip() for cell in next(csv.reader(stream), [])}
+    except (OSError, csv.Error):
+        return None
+    role = next((role for role, columns in _TABLES if columns <= header), None)
+    return "check" if role == "control" and "check" in path.stem.lower() else role
+
+
+def _is_camera(path: Path) -> bool:
+    if path.suffix.lower() not in _CAMERA_SUFFIXES:
+        return False
+    try:
+        if path.stat().st_size > _LARGEST_CAMERA_BYTES:
+            return False
+        text = path.read_text(encoding="utf-8-sig", errors="replace")
+    except OSError:
+        return False
+    if path.suffix.lower() == ".txt":
+        return is_colmap_cameras(text)
+    lines = text.splitlines()
+    ours = {"model", "parameters"} <= {line.partition(":")[0] for line in lines}
+    return ours or is_odm_cameras(text) or is_opencv_calibration(path)

@@ -1,0 +1,197 @@
+"""points.geojson: ground points, their 95 % ellipses and measured lines (RFC 7946)."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pyproj import Geod
+
+from uavgram.io.outputs import replace_text
+from uavgram.io.results.tables import plain
+from uavgram.model.arrays import Floats
+from uavgram.model.result.result import Result
+from uavgram.model.result.tables import MeasurementResults, PointResults
+
+VERTICES = 36  # of an ellipse: its area is short of the curve's by 0.5 %
+
+_OPEN = {"distance", "polyline", "skid_speed", "speed", "angle"}
+_NO_PLACE = (
+    "The result has no geographic position (nothing ties its world to the earth, such as a flight "
+    "log), so it cannot be drawn on a map. The local coordinates are in results.json."
+)
+
+
+def write_geojson(result: Result, path: str | Path) -> None:
+    """Write points.geojson.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    replace_text(Path(path), dump_geojson(result))
+
+
+def dump_geojson(result: Result) -> str:
+    """Write ground points, ellipses and measurements as a FeatureCollection, one feature a line.
+
+    Positions are [longitude, latitude] in degrees. They have no third number, because RFC 7946
+    wants a height above the ellipsoid there; `up_m` is a property.
+    """
+    members: dict[str, Any] = {"type": "FeatureCollection", "name": result.name}
+    features: list[dict[str, Any]] = []
+    if result.world.gauge == "plane" or result.world.latitude_deg is None:
+        members["message"] = _NO_PLACE
+    else:
+        features = _points(result.points) + _ellipses(result.points)
+        features += _measurements(result.measurements, result.points)
+    head = json.dumps(members, ensure_ascii=False, allow_nan=False)[:-1]
+    lines = (json.dumps(f, ensure_ascii=False, allow_nan=False) for f in features)
+    body = "\n" + ",\n".join(lines) + "\n" if features else ""
+    return f'{head}, "features": [{body}]}}\n'
+
+
+def _feature(geometry: dict[str, Any] | None, properties: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def _points(points: PointResults) -> list[dict[str, Any]]:
+    sigma_m = np.sqrt(np.diagonal(points.covariance_m2, axis1=1, axis2=2))
+    return [
+        _feature(
+            {"type": "Point", "coordinates": lonlat},
+            {
+                "type": "point",
+                "label": label,
+                **dict(zip(("east_m", "north_m", "up_m"), position, strict=True)),
+                "sigma_east_m": sigma[0],
+                "sigma_north_m": sigma[1],
+                "covariance_m2": covariance,
+                "semi_major_95_m": axes[0],
+                "semi_minor_95_m": axes[1],
+                "azimuth_deg": azimuth_deg,
+                "frames": list(frames),
+            },
+        )
+        for label, lonlat, position, sigma, covariance, axes, azimuth_deg, frames in zip(
+            points.label,
+            _lonlat(points).tolist(),
+            plain(points.position_world_m),
+            plain(sigma_m),
+            plain(points.covariance_m2),
+            plain(points.ellipse_95_m),
+            plain(np.rad2deg(points.ellipse_azimuth_rad)),
+            points.frames,
+            strict=True,
+        )
+    ]
+
+
+def _ellipses(points: PointResults) -> list[dict[str, Any]]:
+    rings = _ellipse_rings(points)
+    return [
+        _feature(
+            {"type": "Polygon", "coordinates": [ring]},
+            {
+                "type": "ellipse_95",
+                "label": label,
+                "semi_major_m": axes[0],
+                "semi_minor_m": axes[1],
+            },
+        )
+        for label, ring, axes in zip(
+            points.label, rings.tolist(), plain(points.ellipse_95_m), strict=True
+        )
+    ]
+
+
+def _ellipse_rings(points: PointResults) -> Floats:
+    """(K, VERTICES + 1, 2) closed rings of [longitude, latitude], counterclockwise."""
+    angle = np.linspace(0.0, 2.0 * np.pi, VERTICES + 1)
+    major = points.ellipse_95_m[:, :1] * np.cos(angle)
+    minor = points.ellipse_95_m[:, 1:] * np.sin(angle)  # to the left of the major axis
+    distance_m = np.hypot(major, minor)
+    azimuth_rad = points.ellipse_azimuth_rad[:, None] - np.arctan2(minor, major)
+    start = np.broadcast_to(_lonlat(points)[:, None, :], (*distance_m.shape, 2))
+    longitude, latitude, _ = Geod(ellps="WGS84").fwd(
+        start[..., 0].ravel(),
+        start[..., 1].ravel(),
+        np.rad2deg(azimuth_rad).ravel(),
+        distance_m.ravel(),
+    )
+    rings = np.stack([longitude, latitude], axis=-1).reshape(*distance_m.shape, 2)
+    rings[:, -1] = rings[:, 0]  # exactly closed
+    return rings
+
+
+def _measurements(measurements: MeasurementResults, points: PointResults) -> list[dict[str, Any]]:
+    place = dict(zip(points.label, _lonlat(points).tolist(), strict=True))
+    rows = zip(
+        measurements.name,
+        measurements.kind,
+        measurements.points,
+        plain(measurements.value),
+        plain(measurements.sigma),
+        measurements.unit,
+        plain(measurements.interval_95),
+        measurements.alternative_values,
+        strict=True,
+    )
+    return [
+        _feature(
+            _geometry(kind, [place.get(label) for label in labels]),
+            {
+                "type": "measurement",
+                "name": name,
+                "kind": kind,
+                "points": list(labels),
+                "value": value,
+                "sigma": sigma,
+                "unit": unit,
+                "lower_95": bounds[0],
+                "upper_95": bounds[1],
+                "alternative_values": plain(others),
+            },
+        )
+        for name, kind, labels, value, sigma, unit, bounds, others in rows
+    ]
+
+
+def _geometry(kind: str, lonlat: list[list[float] | None]) -> dict[str, Any] | None:
+    """Shape of a measurement; None where a point has no position (an "unlocated" feature)."""
+    known = [position for position in lonlat if position is not None]
+    if len(known) < len(lonlat):
+        return None
+    if kind == "coordinate":
+        return {"type": "Point", "coordinates": known[0]}
+    if kind == "area":
+        return {"type": "Polygon", "coordinates": [_counterclockwise([*known, known[0]])]}
+    if kind == "line_distance":  # from the first point to its foot on the line of the others
+        return {"type": "LineString", "coordinates": [known[0], _foot(known)]}
+    if kind in _OPEN:
+        return {"type": "LineString", "coordinates": known}
+    raise ValueError(f"no shape for a measurement of kind {kind!r}")
+
+
+def _counterclockwise(ring: list[list[float]]) -> list[list[float]]:
+    x, y = np.array(ring).T - np.array(ring[0])[:, None]
+    is_clockwise = float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])) < 0
+    return ring[::-1] if is_clockwise else ring
+
+
+def _foot(lonlat: list[list[float]]) -> list[float]:
+    """Foot of the perpendicular from the first position on the line through the next two."""
+    point, start, end = np.array(lonlat[:3])
+    # Degrees of longitude are shorter than those of latitude by the cosine of the latitude.
+    scale = np.array([np.cos(np.deg2rad(point[1])), 1.0])
+    along, to_point = (end - start) * scale, (point - start) * scale
+    fraction = float(along @ to_point / (along @ along)) if along.any() else 0.0
+    foot: list[float] = (start + fraction * (end - start)).tolist()
+    return foot
+
+
+def _lonlat(points: PointResults) -> Floats:
+    return np.stack([points.longitude_deg, points.latitude_deg], axis=1)

@@ -1,0 +1,155 @@
+"""GeoTIFF: tiled, compressed without loss, with overviews; written window by window."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+import rasterio
+from numpy.typing import NDArray
+from rasterio.enums import Resampling
+from rasterio.errors import NotGeoreferencedWarning
+from rasterio.io import DatasetWriter
+from rasterio.windows import Window as FileWindow
+
+from uavgram.imaging.photos.preview import Pixels
+from uavgram.imaging.top_view.pyramid import halved
+from uavgram.io.exports.geotiff_overviews import mark_overviews
+from uavgram.model.arrays import Floats
+from uavgram.model.maps.raster import GroundRaster
+
+WINDOW_PX = 768
+"""Side of the windows in which a picture is best written: whole tiles."""
+
+TILE_PX = 256  # stays in the processor's cache while it is compressed
+_LEAST_OVERVIEW_PX = 256
+# Level 1 of DEFLATE: a few per cent larger than level 6, several times faster.
+_PROFILE = {
+    "driver": "GTiff",
+    "tiled": True,
+    "blockxsize": TILE_PX,
+    "blockysize": TILE_PX,
+    "compress": "deflate",
+    "zlevel": 1,
+    "predictor": 2,
+    "num_threads": "all_cpus",
+    "bigtiff": "if_safer",
+    "endianness": "little",
+}
+_COLOUR = {
+    "count": 4,
+    "dtype": "uint8",
+    "photometric": "rgb",
+    "alpha": "non-premultiplied",
+    "sparse_ok": True,
+}
+
+Windowed = Iterable[tuple[tuple[int, int, int, int], NDArray[np.uint8]]]
+
+
+def write_colour_geotiff(
+    raster: GroundRaster, windows: Windowed, tags: dict[str, str], path: Path
+) -> None:
+    """Write RGB and opacity.
+
+    Overviews are averaged from the windows at hand: to read back and average what was written, as
+    GDAL does, takes longer than everything before. The first overview is kept in memory until
+    the picture is done: a byte for each of its pixels.
+
+    Parameters
+    ----------
+    raster
+        Size and place.
+    windows
+        Pairs of (first column, first row, width, height) and (height, width, 4) pixels. First
+        columns and rows are even.
+    tags
+        Remarks to store in the file.
+    path
+        The file.
+    """
+    profile = _PROFILE | _COLOUR | _place(raster)
+    half = np.zeros((-(-raster.height // 2), -(-raster.width // 2), 4), np.uint8)
+    with _on_all_cores():
+        with rasterio.open(path, "w", **profile) as file:
+            file.update_tags(**tags)
+            for (column, row, width, height), pixels in windows:
+                middle = pixels[height // 2, width // 2, 3]  # mostly the answer
+                if not (middle or pixels[..., 3].any()):  # what is never written is transparent
+                    continue
+                _write_pixels(file, pixels, column, row)
+                part = np.s_[row // 2 : -(-(row + height) // 2)]
+                half[part, column // 2 : -(-(column + width) // 2)] = halved(pixels)
+        for _ in _factors(raster):
+            _append_picture(half, path)
+            half = halved(half)
+    mark_overviews(path)
+
+
+def _append_picture(pixels: Pixels, path: Path) -> None:
+    """Add (H, W, 4) to a file as a further picture of the same kind."""
+    height, width = pixels.shape[:2]
+    profile = _PROFILE | _COLOUR | {"width": width, "height": height, "append_subdataset": True}
+    with warnings.catch_warnings():  # an overview lies where its picture lies
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        with rasterio.open(path, "w", **profile) as file:
+            for row in range(0, height, WINDOW_PX):
+                _write_pixels(file, pixels[row : row + WINDOW_PX], 0, row)
+
+
+def _write_pixels(file: DatasetWriter, pixels: Pixels, column: int, row: int) -> None:
+    height, width, count = pixels.shape
+    bands = np.empty((count, height, width), np.uint8)
+    cv2.split(pixels, list(bands))  # quicker than to let NumPy gather them
+    file.write(bands, window=FileWindow(column, row, width, height))
+
+
+def write_float_geotiff(
+    raster: GroundRaster, bands: dict[str, Floats], tags: dict[str, str], path: Path
+) -> None:
+    """Write named bands of numbers (H, W); NaN is "no data"."""
+    profile = _PROFILE | _place(raster)
+    profile |= {"count": len(bands), "dtype": "float32", "nodata": np.nan, "predictor": 3}
+    with _on_all_cores(), rasterio.open(path, "w", **profile) as file:
+        file.update_tags(**tags)
+        for number, (name, values) in enumerate(bands.items(), start=1):
+            file.write(values.astype(np.float32), number)
+            file.set_band_description(number, name)
+        file.build_overviews(_factors(raster), Resampling.average)
+
+
+def read_reduced(path: Path, shortest_px: int) -> NDArray[np.uint8]:
+    """(h, w, 4) the smallest overview whose longer side is no shorter; else the picture itself."""
+    with rasterio.open(path) as file:
+        longer = max(file.width, file.height)
+        fits = [k for k, f in enumerate(file.overviews(1)) if longer >= f * shortest_px]
+    level = {"overview_level": fits[-1]} if fits else {}
+    with _on_all_cores(), rasterio.open(path, **level) as file:
+        return np.ascontiguousarray(np.moveaxis(file.read(), 0, 2))
+
+
+def _on_all_cores() -> rasterio.Env:
+    """GDAL's own threads, for overviews too."""
+    return rasterio.Env(GDAL_NUM_THREADS="ALL_CPUS")
+
+
+def _place(raster: GroundRaster) -> dict[str, object]:
+    return {
+        "width": raster.width,
+        "height": raster.height,
+        "crs": raster.crs,
+        "transform": rasterio.Affine(
+            raster.pixel_m, 0.0, raster.west_m, 0.0, -raster.pixel_m, raster.north_m
+        ),
+    }
+
+
+def _factors(raster: GroundRaster) -> Sequence[int]:
+    """Halves until the picture fits into a tile; at least one."""
+    factors = [2]
+    while max(raster.width, raster.height) / factors[-1] > 2 * _LEAST_OVERVIEW_PX:
+        factors.append(2 * factors[-1])
+    return factors

@@ -1,0 +1,173 @@
+"""Exposures, home and GPS time in a DataFlash log."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.geometry.earth.gps_time import utc_from_gps
+from uavgram.io.logs.dataflash.formats import Columns
+from uavgram.io.logs.dataflash.samples import Tables, boot_time_s, numbers, receiver, rows_where
+from uavgram.io.logs.quality.image_numbers import (
+    first_of_instant,
+    image_numbers,
+    lost_numbers,
+    repeated_numbers,
+    shot_notes,
+)
+from uavgram.io.logs.quality.rows import is_height, is_place, plausible_rows
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.flight.log import CameraEvents, ClockSamples, HomeSamples
+
+
+def camera_events(
+    tables: Tables, clock: ClockSamples | None
+) -> tuple[CameraEvents | None, tuple[str, ...]]:
+    """CAM joined with TRIG by the image number.
+
+    With a feedback pin TRIG is the command and CAM the exposure (some 0.1 s later), and a TRIG
+    whose number has no CAM is a missed shot; without one there is CAM only, at the command
+    (ArduPilot, libraries/AP_Camera/AP_Camera_Backend.cpp).
+
+    Parameters
+    ----------
+    tables
+        Of one boot.
+    clock
+        Its GPS clock, for firmware before 3.3, whose CAM has no boot time.
+    """
+    cam_time, cam_number, notes = _shots(tables, "CAM", clock)
+    trig_time, trig_number, _ = _shots(tables, "TRIG", clock)
+    missed = ~np.isin(trig_number, cam_number) | (trig_number < 0)
+    time = np.concatenate([cam_time, trig_time[missed]])
+    number = np.concatenate([cam_number, trig_number[missed]])
+    confirmed = np.concatenate([np.ones(len(cam_time)), np.zeros(int(missed.sum()))])
+    order = np.argsort(time, kind="stable")  # spikes were taken out of each type by itself
+    rows = order[first_of_instant(time[order])]
+    if not len(rows):
+        return None, notes
+    present = [name for name, has in (("TRIG", trig_time), ("CAM", cam_time)) if len(has)]
+    events = CameraEvents(
+        time_boot_s=time[rows],
+        image_number=number[rows],
+        confirmed=confirmed[rows],
+        source="+".join(present),
+        instant="feedback" if present == ["TRIG", "CAM"] else "command",
+        repeated=repeated_numbers(cam_number),
+        lost=lost_numbers(number),
+    )
+    return events, (*notes, *shot_notes(events))
+
+
+def _shots(
+    tables: Tables, name: str, clock: ClockSamples | None
+) -> tuple[Floats, Ints, tuple[str, ...]]:
+    """Boot times and image numbers (-1: none) of CAM or TRIG, first camera only; remarks."""
+    columns = tables.columns(name)
+    if not columns:
+        return np.zeros(0), np.zeros(0, dtype=np.int64), ()
+    notes: tuple[str, ...] = ()
+    camera = numbers(columns, "I")
+    if "I" in columns and len(cameras := np.unique(camera[np.isfinite(camera)])) > 1:
+        columns = rows_where(columns, camera == cameras[0])
+        held = " and ".join(f"{c:.0f}" for c in cameras)
+        notes = (f"{name} is of cameras {held}; number {cameras[0]:.0f} was used",)
+    if any(field in columns for field in ("TimeUS", "TimeMS", "T")):
+        time = boot_time_s(columns)
+    else:
+        time = _by_gps_time(columns, clock)
+        remark = "carries no boot time (firmware before 3.3): placed by GPS time, up to 0.2 s early"
+        notes = (*notes, f"{name} {remark}")
+    rows = plausible_rows(time, np.ones(len(time), dtype=bool))
+    return time[rows], image_numbers(numbers(columns, "Img", "Image"))[rows], notes
+
+
+def _by_gps_time(columns: Columns, clock: ClockSamples | None) -> Floats:
+    """(N,) boot times of rows that state the GPS time of the last fix; NaN where unknown."""
+    if clock is None:
+        return np.full(len(next(iter(columns.values()))), np.nan)
+    week, milliseconds = numbers(columns, "GPSWeek"), numbers(columns, "GPSTime")
+    sane = _is_gps_time(week, milliseconds)
+    utc = utc_from_gps(np.where(sane, week, 0.0), np.where(sane, milliseconds, 0.0))
+    order = np.argsort(clock.utc_s, kind="stable")
+    known, since_boot = clock.utc_s[order], clock.time_boot_s[order]
+    inside = sane & (utc >= known[0] - 1) & (utc <= known[-1] + 1)
+    return np.where(inside, np.interp(utc, known, since_boot), np.nan)
+
+
+def _is_gps_time(week: Floats, milliseconds: Floats) -> Bools:
+    return np.asarray(
+        (week > 1000) & (week < 5000) & (milliseconds >= 0) & (milliseconds < 604800000)
+    )
+
+
+def home(tables: Tables) -> HomeSamples | None:
+    """ORGN rows of type 1."""
+    columns = tables.columns("ORGN")
+    if not columns:
+        return None
+    columns = rows_where(columns, numbers(columns, "Type") == 1)
+    time = boot_time_s(columns)
+    latitude, longitude = numbers(columns, "Lat"), numbers(columns, "Lng")
+    height = numbers(columns, "Alt")
+    rows = plausible_rows(time, is_place(latitude, longitude) & is_height(height))
+    if not len(rows):
+        return None
+    return HomeSamples(
+        time_boot_s=time[rows],
+        latitude_deg=latitude[rows],
+        longitude_deg=longitude[rows],
+        height_m=height[rows],
+        datum="msl",
+        source="ORGN",
+    )
+
+
+def gps_clock(tables: Tables) -> ClockSamples | None:
+    """Pairs of boot time and GPS time as UTC, one for each 3-D fix.
+
+    The boot time is that of the fix's arrival (GPA.SMS) where the log has it: TimeUS is when the
+    row was written, up to 40 ms later.
+    """
+    columns, accuracies = receiver(tables)
+    if not columns:
+        return None
+    week = numbers(columns, "GWk", "Week")
+    # before 3.3 GPS.TimeMS is the GPS time and T the boot time
+    milliseconds = numbers(columns, "GMS") if "GMS" in columns else numbers(columns, "TimeMS")
+    time = boot_time_s(columns)
+    time = np.where(np.isnan(arrival := _arrival_s(accuracies, time)), time, arrival)
+    rows = plausible_rows(time, _is_gps_time(week, milliseconds))
+    if not len(rows):
+        return None
+    return ClockSamples(
+        time_boot_s=time[rows],
+        utc_s=utc_from_gps(week[rows], milliseconds[rows]),
+        source="gps",
+    )
+
+
+def _arrival_s(columns: Columns, logged_s: Floats) -> Floats:
+    """(N,) GPA.SMS of the row logged at the same time, NaN where there is none."""
+    if "SMS" not in columns:
+        return np.full(len(logged_s), np.nan)
+    time, sample = boot_time_s(columns), numbers(columns, "SMS") * 1e-3
+    rows = plausible_rows(time, np.abs(time - sample) < 1.0)
+    if not len(rows):
+        return np.full(len(logged_s), np.nan)
+    nearest = rows[np.clip(np.searchsorted(time[rows], logged_s), 0, len(rows) - 1)]
+    return np.where(np.abs(time[nearest] - logged_s) < 1e-4, sample[nearest], np.nan)
+
+
+def undulation_m(tables: Tables) -> float:
+    """Geoid above ellipsoid: median of GPA.AEl - GPS.Alt; NaN where the log has it not."""
+    gps, gpa = receiver(tables)
+    if not gps or "AEl" not in gpa:
+        return float("nan")
+    height = numbers(gps, "Alt")
+    gpa_time, ellipsoid = boot_time_s(gpa), numbers(gpa, "AEl")
+    rows = plausible_rows(gpa_time, is_height(ellipsoid))
+    if not len(rows) or not len(height):
+        return float("nan")
+    difference = np.interp(boot_time_s(gps), gpa_time[rows], ellipsoid[rows]) - height
+    believable = difference[np.abs(difference) < 150]  # no geoid lies further from the ellipsoid
+    return float(np.median(believable)) if len(believable) else float("nan")

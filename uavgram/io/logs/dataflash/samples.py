@@ -1,0 +1,331 @@
+"""Where a DataFlash log says that the vehicle was and how it was turned, and how well.
+
+Field meanings: ArduPilot libraries/AP_AHRS/AP_AHRS_Logging.cpp, AP_NavEKF3_Logging.cpp,
+AP_Mount_Backend.cpp, AP_GPS.cpp (LogStructure.h of each).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavgram.geometry.motion.rotation import matrix_from_ypr, xyzw_from_matrix
+from uavgram.io.logs.dataflash.binary import Piece
+from uavgram.io.logs.dataflash.formats import Columns
+from uavgram.io.logs.quality.rows import (
+    are_body_angles,
+    as_numbers,
+    is_height,
+    left_out,
+    near_its_track,
+    plausible_rows,
+)
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.log import (
+    AttitudeSamples,
+    EstimatorSigmas,
+    PositionSamples,
+)
+
+
+class Tables(Protocol):
+    """What the binary and the text form have in common."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Message types that the log holds, sorted."""
+        ...
+
+    @property
+    def pieces(self) -> Mapping[str, Sequence[Piece]]:
+        """The messages of each type, by the format that the file states of them."""
+        ...
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was odd about the file."""
+        ...
+
+    def count(self, name: str) -> int:
+        """How many messages of this type there are."""
+        ...
+
+    def places(self, name: str) -> NDArray[np.int64]:
+        """(N,) where in the file the messages of one type begin, in the order of `columns`."""
+        ...
+
+    def columns(self, name: str) -> Columns:
+        """Their fields as columns."""
+        ...
+
+    def ends(self, name: str) -> Columns:
+        """The columns of the first and the last message only."""
+        ...
+
+    def between(self, start: int, end: int) -> Tables:
+        """The messages that begin in this range of the file."""
+        ...
+
+
+def boot_time_s(columns: Columns) -> Floats:
+    """(N,) seconds since boot: TimeUS, before ArduPilot 3.3 T (of GPS) or TimeMS."""
+    for name, unit_s in (("TimeUS", 1e-6), ("T", 1e-3), ("TimeMS", 1e-3)):
+        if name in columns:
+            return as_numbers(columns[name]) * unit_s
+    rows = len(next(iter(columns.values()))) if columns else 0
+    return np.full(rows, np.nan)
+
+
+def numbers(columns: Columns, *names: str) -> Floats:
+    """(N,) the first of these fields that exists, as float64; NaN where none does."""
+    for name in names:
+        if name in columns:
+            return as_numbers(columns[name])
+    return np.full(len(boot_time_s(columns)), np.nan)
+
+
+def rows_where(columns: Columns, keep: NDArray[Any]) -> Columns:
+    """The same columns, fewer rows."""
+    return {name: values[keep] for name, values in columns.items()}
+
+
+def primary_core(tables: Tables) -> int:
+    """The estimator core that flew most of the time (XKF4.PI)."""
+    for name in ("XKF4", "NKF4"):
+        columns = tables.columns(name)
+        if "PI" in columns:
+            cores = numbers(columns, "PI")
+            cores = cores[(cores >= 0) & (cores < 8)].astype(np.int64)
+            if len(cores):
+                return int(np.bincount(cores).argmax())
+    return 0
+
+
+def of_core(tables: Tables, names: tuple[str, ...], core: int) -> tuple[str, Columns]:
+    """The first of these message types that the log has, rows of one core only."""
+    for name in names:
+        columns = tables.columns(name)
+        if columns and "C" in columns:
+            columns = rows_where(columns, np.asarray(columns["C"]) == core)
+        if len(boot_time_s(columns)):
+            return name, columns
+    return "", {}
+
+
+def positions(tables: Tables, core: int) -> tuple[PositionSamples | None, tuple[str, ...]]:
+    """POS; else the estimator's offsets from its origin; else the receiver's positions."""
+    if tables.count("POS"):
+        return _positions_of(tables.columns("POS"), "POS")
+    name, columns = of_core(tables, ("XKF1", "NKF1", "EKF1"), core)
+    origins = tables.columns("ORGN")
+    if name and origins:
+        placed = _placed(columns, origins)
+        samples, notes = _positions_of(placed, f"{name}+ORGN")
+        if samples is not None:
+            return samples, notes
+    gps, _ = receiver(tables)
+    if not gps:
+        return None, ()
+    samples, notes = _positions_of(gps, "GPS")
+    return samples, (
+        *notes,
+        "positions are the receiver's own (no POS, no XKF1 with ORGN): they lag by its delay",
+    )
+
+
+def receiver(tables: Tables) -> tuple[Columns, Columns]:
+    """Rows with a 3-D fix of the receiver that was in use, and its accuracies.
+
+    Returns
+    -------
+    gps, gpa
+        Columns of GPS (before 3.6 also GPS2) and of GPA (GPA2); empty where the log has none.
+    """
+    for name, accuracies in (("GPS", "GPA"), ("GPS2", "GPA2")):
+        columns = tables.columns(name)
+        if not columns or "Lat" not in columns:
+            continue
+        columns = rows_where(columns, numbers(columns, "Status") >= 3)
+        instance = _instance_in_use(columns)
+        columns = _of_instance(columns, instance)
+        if len(boot_time_s(columns)):
+            return columns, _of_instance(tables.columns(accuracies), instance)
+    return {}, {}
+
+
+def _instance_in_use(columns: Columns) -> float:
+    """Receiver that flew most of the time (U), else the one with most fixes, else the first."""
+    instance = numbers(columns, "I")
+    instance = np.where(np.isfinite(instance), instance, 0.0)
+    used = numbers(columns, "U") > 0
+    seen, count = np.unique(instance[used] if used.any() else instance, return_counts=True)
+    return float(seen[count.argmax()]) if len(seen) else 0.0
+
+
+def _of_instance(columns: Columns, instance: float) -> Columns:
+    if "I" not in columns:
+        return columns
+    stated = numbers(columns, "I")
+    return rows_where(columns, np.where(np.isfinite(stated), stated, 0.0) == instance)
+
+
+def _positions_of(columns: Columns, source: str) -> tuple[PositionSamples | None, tuple[str, ...]]:
+    time = boot_time_s(columns)
+    latitude, longitude = numbers(columns, "Lat"), numbers(columns, "Lng")
+    height = numbers(columns, "Alt")
+    rows = plausible_rows(time, near_its_track(time, latitude, longitude, height), dense=True)
+    notes = left_out(source, time, rows)
+    if not len(rows):
+        return None, notes
+    home = numbers(columns, "RelHomeAlt", "RelAlt")[rows]
+    samples = PositionSamples(
+        time_boot_s=time[rows],
+        latitude_deg=latitude[rows],
+        longitude_deg=longitude[rows],
+        height_m=height[rows],
+        height_home_m=np.where(is_height(home), home, np.nan),
+        datum="msl",
+        source=source,
+    )
+    return samples, notes
+
+
+def _placed(columns: Columns, origins: Columns) -> Columns:
+    """Offsets from the estimator's origin as latitude, longitude and altitude.
+
+    With ArduPilot's own scale, as it made the offsets with it (libraries/AP_Common/Location.cpp,
+    LATLON_TO_M = 0.011131884502145034 m per 1e-7 degrees).
+    """
+    is_origin = numbers(origins, "Type") == 0
+    origins = rows_where(origins, is_origin)
+    since = boot_time_s(origins)
+    if not len(since):
+        return {}
+    time = boot_time_s(columns)
+    row = np.clip(np.searchsorted(since, time, side="right") - 1, 0, None)
+    latitude_0 = numbers(origins, "Lat")[row]
+    meters_per_deg = 0.011131884502145034 * 1e7
+    latitude = latitude_0 + numbers(columns, "PN") / meters_per_deg
+    scale = np.cos(np.radians((latitude_0 + latitude) / 2))
+    return {
+        "TimeUS": time * 1e6,
+        "Lat": latitude,
+        "Lng": numbers(origins, "Lng")[row] + numbers(columns, "PE") / (meters_per_deg * scale),
+        "Alt": numbers(origins, "Alt")[row] - numbers(columns, "PD"),
+    }
+
+
+def attitudes(tables: Tables, core: int) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
+    """ATT, else the estimator's quaternions."""
+    columns = tables.columns("ATT")
+    samples, notes = _by_angles(columns, "ATT") if columns else (None, ())
+    if samples is not None:
+        return samples, notes
+    samples, more = _quaternions(tables, core)
+    return samples, (*notes, *more)
+
+
+def _by_angles(columns: Columns, source: str) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
+    angles_deg = np.stack([numbers(columns, n) for n in ("Roll", "Pitch", "Yaw")], axis=1)
+    time = boot_time_s(columns)
+    rows = plausible_rows(time, are_body_angles(angles_deg), dense=True)
+    notes = left_out(source, time, rows)
+    if not len(rows):
+        return None, notes
+    roll, pitch, yaw = np.radians(angles_deg[rows]).T
+    unit = xyzw_from_matrix(matrix_from_ypr(yaw, pitch, roll))
+    return AttitudeSamples(time_boot_s=time[rows], ned_from_body_xyzw=unit, source=source), notes
+
+
+def _quaternions(tables: Tables, core: int) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
+    name, columns = of_core(tables, ("XKQ", "XKQ1", "NKQ", "NKQ1"), core)
+    if not name:
+        return None, ()
+    # ArduPilot stores w x y z
+    xyzw = np.stack([numbers(columns, n) for n in ("Q2", "Q3", "Q4", "Q1")], axis=1)
+    length = np.linalg.norm(xyzw, axis=1)
+    time = boot_time_s(columns)
+    rows = plausible_rows(time, np.abs(length - 1) < 0.01, dense=True)
+    notes = left_out(name, time, rows)
+    if not len(rows):
+        return None, notes
+    unit = xyzw[rows] / length[rows, None]
+    return AttitudeSamples(time_boot_s=time[rows], ned_from_body_xyzw=unit, source=name), notes
+
+
+def second_opinions(
+    tables: Tables, core: int
+) -> tuple[PositionSamples | None, AttitudeSamples | None]:
+    """The receiver's own positions, and the estimator's attitudes, to hold against POS and ATT."""
+    gps, _ = receiver(tables)
+    place = _positions_of(gps, "GPS")[0] if gps else None
+    name, columns = of_core(tables, ("XKF1", "NKF1"), core)
+    if not name:
+        return place, _quaternions(tables, core)[0]
+    return place, _by_angles(columns, name)[0]
+
+
+def sigmas(tables: Tables, core: int) -> EstimatorSigmas | None:
+    """The estimator's variances and the receiver's accuracies, the larger of the two.
+
+    XKV1's V07, V08, V09 are position variances [m²]; XKF4's errRP is the standard deviation of
+    tilt [rad] (its SP, SH... are test ratios and no standard deviations); GPA has the receiver's
+    own. The estimator alone is over-confident wherever the receiver's error is correlated.
+    """
+    parts: list[tuple[str, Floats, dict[str, Floats]]] = []
+    name, columns = of_core(tables, ("XKV1", "NKV1"), core)
+    if name:
+        v = [numbers(columns, f"V{i:02d}") for i in (7, 8, 9)]
+        variances = {"horizontal": (v[0] + v[1]) / 2, "vertical": v[2]}
+        parts.append(
+            (name, boot_time_s(columns), {k: np.sqrt(np.abs(x)) for k, x in variances.items()})
+        )
+    _, columns = receiver(tables)
+    if columns:
+        accuracy = {"horizontal": numbers(columns, "HAcc"), "vertical": numbers(columns, "VAcc")}
+        parts.append(("GPA", boot_time_s(columns), accuracy))
+    name, columns = of_core(tables, ("XKF4", "NKF4"), core)
+    if name:
+        parts.append((name, boot_time_s(columns), {"tilt": numbers(columns, "errRP")}))
+    return merged_sigmas(parts)
+
+
+def merged_sigmas(
+    parts: list[tuple[str, Floats, dict[str, Floats]]],
+) -> EstimatorSigmas | None:
+    """Statements of several messages, interpolated to the times of the first that says anything.
+
+    Parameters
+    ----------
+    parts
+        Message name, (N,) times, and its columns by ``horizontal``, ``vertical`` [m], ``tilt``,
+        ``yaw`` [rad]; where two messages state the same, the larger holds.
+    """
+    base: Floats | None = None
+    used: list[str] = []
+    merged: dict[str, Floats] = {}
+    for name, time, columns in parts:
+        for key, values in columns.items():
+            limit = 1000.0 if key in ("horizontal", "vertical") else 1.0
+            rows = plausible_rows(time, (values > 0) & (values < limit))
+            if not len(rows):
+                continue
+            base = time[rows] if base is None else base
+            here = np.interp(base, time[rows], values[rows])
+            merged[key] = np.fmax(merged[key], here) if key in merged else here
+            if name not in used:
+                used.append(name)
+    if base is None:
+        return None
+    silent = np.full(len(base), np.nan)
+    return EstimatorSigmas(
+        time_boot_s=base,
+        horizontal_m=merged.get("horizontal", silent),
+        vertical_m=merged.get("vertical", silent),
+        tilt_rad=merged.get("tilt", silent),
+        yaw_rad=merged.get("yaw", silent),
+        source="+".join(used),
+    )

@@ -1,0 +1,164 @@
+"""DataFlash logs in text form (.log), as Mission Planner writes them: the same columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavgram.errors import InputError
+from uavgram.io.logs.dataflash.binary import Piece, joined, pieces_between
+from uavgram.io.logs.dataflash.formats import TEXT_CHARACTERS, Columns, Format
+
+_LONGEST_TEXT = 64  # bytes of format Z; a damaged line may be longer
+
+
+@dataclass(frozen=True, eq=False)
+class TextTables:
+    """A DataFlash text file; the same interface as `DataflashTables`.
+
+    Attributes
+    ----------
+    data
+        The bytes of the file.
+    pieces
+        By message name, in the order of the file: one for each format that the file states of it.
+    notes
+        What was odd about the file.
+    """
+
+    data: bytes
+    pieces: dict[str, tuple[Piece, ...]]
+    notes: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Message types that the file holds, sorted."""
+        return tuple(sorted(self.pieces))
+
+    def count(self, name: str) -> int:
+        """How many messages of this type the file holds."""
+        return sum(len(piece.starts) for piece in self.pieces.get(name, ()))
+
+    def places(self, name: str) -> NDArray[np.int64]:
+        """(N,) where the lines of one type begin."""
+        starts = (piece.starts for piece in self.pieces.get(name, ()))
+        return np.array([at for piece in starts for at in piece], dtype=np.int64)
+
+    def columns(self, name: str) -> Columns:
+        """Every field of one message type as a column; text forms carry scaled values."""
+        return self._decoded([(p.format, p.starts) for p in self.pieces.get(name, ())])
+
+    def ends(self, name: str) -> Columns:
+        """The columns of the first and the last message of one type only."""
+        pieces = self.pieces.get(name, ())
+        if not pieces:
+            return {}
+        first, last = pieces[0], pieces[-1]
+        if first is last:
+            return self._decoded([(first.format, [first.starts[0], first.starts[-1]])])
+        return self._decoded([(first.format, first.starts[:1]), (last.format, last.starts[-1:])])
+
+    def _decoded(self, parts: list[tuple[Format, list[int]]]) -> Columns:
+        decoded = [(fmt, self._columns(fmt, starts)) for fmt, starts in parts]
+        if len(decoded) < 2:
+            return decoded[0][1] if decoded else {}
+        return joined(decoded)
+
+    def _columns(self, fmt: Format, starts: list[int]) -> Columns:
+        fields = zip(*(self._fields(at, len(fmt.fields)) for at in starts), strict=True)
+        return {
+            field: _numbers(texts) if c not in TEXT_CHARACTERS else _texts(texts)
+            for field, c, texts in zip(fmt.fields, fmt.characters, fields, strict=True)
+        }
+
+    def _fields(self, start: int, count: int) -> tuple[bytes, ...]:
+        """The fields of one line; commas beyond the last field belong to its text."""
+        end = self.data.find(b"\n", start)
+        line = self.data[start : end if end >= 0 else len(self.data)]
+        _, *fields = (part.strip() for part in line.split(b",", count))
+        # fewer where the format was defined anew
+        return (*fields, *(b"" for _ in range(count - len(fields))))
+
+    def between(self, start: int, end: int) -> TextTables:
+        """The messages that begin in this range of bytes."""
+        return replace(self, pieces=pieces_between(self.pieces, start, end))
+
+
+def _numbers(texts: Sequence[bytes]) -> NDArray[np.float64]:
+    """Texts as float64, NaN where one is no number."""
+    try:
+        return np.array([float(text) for text in texts])
+    except ValueError:
+        return np.array([_number(text) for text in texts])
+
+
+def _texts(texts: Sequence[bytes]) -> NDArray[np.bytes_]:
+    return np.array([text[:_LONGEST_TEXT] for text in texts], dtype=np.bytes_)
+
+
+def _number(text: bytes) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
+
+
+def index_text(path: str, data: bytes) -> TextTables:
+    """Split a text log into its messages.
+
+    Raises
+    ------
+    InputError
+        There is no FMT line in the file.
+    """
+    formats: dict[str, Format] = {}
+    pieces: dict[str, list[Piece]] = {}
+    notes: list[str] = []
+    skipped = at = 0
+    while at < len(data):
+        end = data.find(b"\n", at)
+        end = end if end >= 0 else len(data)
+        comma = data.find(b",", at, end)
+        key = data[at : comma if comma >= 0 else end].strip().decode("latin-1")
+        if key == "FMT":
+            notes += _add_format(formats, pieces, data[at:end], at)
+        elif key in formats and data.count(b",", at, end) >= len(formats[key].fields):
+            parts = pieces.setdefault(key, [])
+            if not parts or parts[-1].format is not formats[key]:
+                parts.append(Piece(formats[key], []))
+            parts[-1].starts.append(at)
+        elif data[at:end].strip():
+            skipped += 1
+        at = end + 1
+    if not formats:
+        raise InputError(path, "is no DataFlash log in text form: it has no FMT line")
+    if skipped:
+        notes.append(f"{skipped} lines belong to no defined message")
+    return TextTables(data, {name: tuple(parts) for name, parts in pieces.items()}, tuple(notes))
+
+
+def _add_format(
+    formats: dict[str, Format], pieces: dict[str, list[Piece]], line: bytes, at: int
+) -> list[str]:
+    """Note what a FMT line states, where it makes sense; what was odd about it."""
+    _, *fields = (part.strip() for part in line.decode("latin-1").split(","))
+    if len(fields) < 5:
+        return []
+    number, length, name, characters, *names = fields
+    distinct = len(set(names)) == len(names) == len(characters) > 0
+    if not (_is_small(number) and _is_small(length) and distinct):
+        return [f"a format message at byte {at} makes no sense and was skipped"]
+    stated = Format(int(number), int(length), name, characters, tuple(names))
+    known = formats.get(name)
+    if known == stated:
+        return []
+    formats[name] = stated
+    return [f"the format of {name} changes at byte {at}"] if name in pieces else []
+
+
+def _is_small(text: str) -> bool:
+    """Whether a text is a number of a few digits."""
+    return text.isascii() and text.isdecimal() and len(text) < 6

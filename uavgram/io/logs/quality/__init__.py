@@ -1,0 +1,1 @@
+"""Which rows of any log can be believed, whatever its format."""

@@ -1,0 +1,174 @@
+"""Which rows of a log's table can be believed: finite, plausible, in the order of time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from uavgram.model.arrays import Bools, Floats, Ints
+
+LONGEST_BOOT_S = 30 * 86400.0
+_DENSE_ROWS, _LONE_ROWS, _LONE_GAP_S = 20, 3, 1800.0
+# Faster than any aircraft that takes photos of the ground, gusts and steps of the estimator added.
+_FASTEST_M_S, _FASTEST_CLIMB_M_S, _STEP_M = 200.0, 50.0, 30.0
+_METERS_PER_DEG = 111e3
+RESTART_S = 1.0  # a clock that steps back by more has been restarted (or the byte is damaged)
+
+
+def as_numbers(column: NDArray[Any]) -> Floats:
+    """(N,) a column as float64; NaN where damaged formats made a text or an array of it."""
+    if column.ndim != 1 or column.dtype.kind not in "biuf":
+        return np.full(len(column), np.nan)
+    with np.errstate(invalid="ignore"):  # signalling NaN
+        return np.asarray(column, dtype=np.float64)
+
+
+def is_spike(time_s: Floats) -> Bools:
+    """(N,) whether a time lies off its neighbours: damaged bytes, as DataFlash has no checksum.
+
+    In an increasing sequence every value equals the median of its neighbourhood, whatever the
+    gaps; only values out of order differ. What is no finite number is a spike.
+    """
+    finite = np.isfinite(time_s)
+    spike = ~finite
+    if finite.sum() >= 3:
+        time = time_s[finite]
+        spike[finite] = np.abs(time - median_filter(time, size=7, mode="nearest")) > RESTART_S
+    return spike
+
+
+def plausible_rows(time_s: Floats, believable: Bools, *, dense: bool = False) -> Ints:
+    """Rows to keep: believable, of a possible time, no spike; sorted, each instant once.
+
+    Parameters
+    ----------
+    time_s
+        (N,) seconds since boot.
+    believable
+        (N,) whether the row's values make sense.
+    dense
+        The table has many rows a second: single ones half an hour from all others are damaged.
+
+    Returns
+    -------
+    (K,) indices, strictly increasing in `time_s`.
+    """
+    time = np.asarray(time_s, dtype=np.float64)
+    possible = np.isfinite(time) & (time >= 0) & (time < LONGEST_BOOT_S)
+    rows = np.flatnonzero(possible & believable)
+    rows = rows[~is_spike(time[rows])]
+    rows = rows[np.argsort(time[rows], kind="stable")]
+    if dense:
+        rows = _without_lone_ends(time, rows)
+    first_of_instant = np.diff(time[rows], prepend=-np.inf) > 0
+    return rows[first_of_instant].astype(np.int64)
+
+
+def left_out(source: str, time_s: Floats, rows: Ints) -> tuple[str, ...]:
+    """A remark where rows of a table are not used, though no other row has their time.
+
+    Firmware writes some rows twice, such as the gimbal's at an exposure.
+    """
+    unused = np.ones(len(time_s), dtype=bool)
+    unused[rows] = False
+    unused &= ~np.isin(time_s, time_s[rows])
+    if not unused.any():
+        return ()
+    return (f"{int(unused.sum())} of {len(time_s)} {source} rows make no sense and were dropped",)
+
+
+def _without_lone_ends(time_s: Floats, rows: Ints) -> Ints:
+    """Rows of a dense table less single ones far before its first or after its last.
+
+    `is_spike` cannot tell a damaged time at an end, which is in order.
+    """
+    if len(rows) < _DENSE_ROWS:
+        return rows
+    apart = np.diff(time_s[rows])
+    far = np.flatnonzero(apart > _LONE_GAP_S)
+    first = int(far[far < _LONE_ROWS].max(initial=-1)) + 1
+    last = int(far[far >= len(apart) - _LONE_ROWS].min(initial=len(rows) - 1)) + 1
+    return rows[first:last]
+
+
+def restarts(time_s: Floats) -> Ints:
+    """(K,) rows at which the boot clock has started again; spikes do not count."""
+    rows = np.flatnonzero(~is_spike(time_s))
+    falls = np.flatnonzero(np.diff(time_s[rows]) < -RESTART_S)
+    return rows[falls + 1].astype(np.int64)
+
+
+def is_place(latitude_deg: NDArray[np.floating], longitude_deg: NDArray[np.floating]) -> Bools:
+    """(N,) whether latitude and longitude are a place on earth; 0, 0 means that there is no fix."""
+    finite = np.isfinite(latitude_deg) & np.isfinite(longitude_deg)
+    some = (latitude_deg != 0) | (longitude_deg != 0)
+    return np.asarray(finite & some & (np.abs(latitude_deg) <= 90) & (np.abs(longitude_deg) <= 180))
+
+
+def is_height(height_m: NDArray[np.floating]) -> Bools:
+    """(N,) whether a height is one that an aircraft can have."""
+    return np.asarray(np.isfinite(height_m) & (np.abs(height_m) < 20000))
+
+
+def near_its_track(
+    time_s: Floats,
+    latitude_deg: NDArray[np.floating],
+    longitude_deg: NDArray[np.floating],
+    height_m: NDArray[np.floating],
+) -> Bools:
+    """(N,) whether a position is one, and fits its neighbours in time, or else has damaged bytes.
+
+    It fits where it lies no further from the median of seven neighbours than the fastest aircraft
+    flies meanwhile. A step that stays (a fix found, an origin set) is no damage.
+    """
+    fits = is_place(latitude_deg, longitude_deg) & is_height(height_m) & np.isfinite(time_s)
+    rows = np.flatnonzero(fits)
+    rows = rows[~is_spike(time_s[rows])]
+    if len(rows) < 3:
+        return fits
+    time, middle = time_s[rows], float(np.median(latitude_deg[rows]))
+    longitude = longitude_deg[rows]
+    # across the date line as well
+    east = (longitude - longitude[len(rows) // 2] + 180) % 360 - 180
+    reach = np.abs(time - _shifted(time, 3)) + np.abs(time - _shifted(time, -3))
+    reach = np.minimum(reach, 10.0)
+    allowed = _STEP_M + _FASTEST_M_S * reach
+    off_n = _off_its_median(latitude_deg[rows]) * _METERS_PER_DEG
+    off_e = _off_its_median(east) * _METERS_PER_DEG * np.cos(np.radians(middle))
+    off_u = _off_its_median(height_m[rows])
+    near = (off_n < allowed) & (off_e < allowed)
+    near &= off_u < _STEP_M + _FASTEST_CLIMB_M_S * reach
+    fits[rows[~near]] = False
+    return fits
+
+
+def _shifted(values: Floats, by: int) -> Floats:
+    """(N,) the value `by` rows before each; the end's own value beyond it."""
+    at = np.clip(np.arange(len(values)) - by, 0, len(values) - 1)
+    return np.asarray(values[at])
+
+
+def _off_its_median(values: NDArray[np.floating]) -> Floats:
+    """(N,) distance from the median of seven neighbours; at the ends of the seven end rows."""
+    found = median_filter(values, size=7, mode="nearest")
+    found[:3], found[-3:] = np.median(values[:7]), np.median(values[-7:])
+    return np.asarray(np.abs(values - found))
+
+
+def are_body_angles(rpy_deg: Floats) -> Bools:
+    """(N,) whether rows of roll, pitch, yaw (N, 3) [deg] are a vehicle's attitude."""
+    rounded_up = 0.1
+    limits = np.array([180.0, 90.0, 360.0]) + rounded_up
+    return np.asarray((np.abs(rpy_deg) <= limits).all(axis=1))
+
+
+def are_angles(rpy_deg: Floats) -> Bools:
+    """(N,) whether rows of roll, pitch, yaw (N, 3) [deg] are angles; NaN and wild values are none.
+
+    Firmware writes 360.0 and rounds up, and a gimbal may say 270 for -90.
+    """
+    small = np.abs(rpy_deg) <= 361  # NaN compares False
+    return np.asarray(small.all(axis=1))

@@ -1,0 +1,1 @@
+"""MAVLink telemetry logs: frames, columns, samples, events; and a writer for simulated flights."""

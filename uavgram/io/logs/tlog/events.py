@@ -1,0 +1,145 @@
+"""Exposures in a MAVLink telemetry log.
+
+Fields: https://mavlink.io/en/messages/common.html and ardupilotmega.html, message by message.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from uavgram.io.logs.quality.image_numbers import (
+    image_numbers,
+    lost_numbers,
+    repeated_numbers,
+    shot_notes,
+)
+from uavgram.io.logs.quality.rows import plausible_rows
+from uavgram.io.logs.tlog.stream import Stream
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.flight.log import CameraEvents
+
+_EPOCH_USEC = 1e15  # a greater time is microseconds since 1970 (2001 on), a smaller one since boot
+_WRAP_S = 2.0**32 * 1e-6
+_LONGEST_DELAY_S = 60.0  # from the event to its message
+
+
+def camera_events(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...]]:
+    """CAMERA_FEEDBACK (ArduPilot); else CAMERA_IMAGE_CAPTURED; else CAMERA_TRIGGER (PX4)."""
+    notes: tuple[str, ...] = ()
+    for read in (_feedback, _image_captured, _trigger):
+        events, remarks = read(stream)
+        notes = (*notes, *remarks)
+        if events is not None:
+            return events, (*notes, *shot_notes(events))
+    return None, notes
+
+
+def _feedback(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...]]:
+    """CAMERA_FEEDBACK on the boot clock.
+
+    Its time_usec changes its clock (ArduPilot, AP_Camera_Backend.cpp): UTC without a feedback pin,
+    microseconds since boot in 32 bits with one.
+    """
+    columns, rows = stream.columns("CAMERA_FEEDBACK")
+    if not columns:
+        return None, ()
+    time, is_utc, notes = _since_boot(stream, rows, columns["time_usec"], "CAMERA_FEEDBACK")
+    kept = plausible_rows(time, np.abs(time - stream.boot_s(rows)) < _LONGEST_DELAY_S)
+    if not len(kept):
+        return None, notes
+    pinned = (~is_utc[kept]).mean() > 0.5
+    number = image_numbers(columns["img_idx"].astype(np.float64))[kept]
+    return _events(
+        time[kept],
+        number,
+        np.ones(len(kept)),
+        "CAMERA_FEEDBACK",
+        "feedback" if pinned else "command",
+    ), notes
+
+
+def _image_captured(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...]]:
+    """CAMERA_IMAGE_CAPTURED; a ground station may ask for one again, with the same time."""
+    columns, rows = stream.columns("CAMERA_IMAGE_CAPTURED")
+    if not columns:
+        return None, ()
+    time = columns["time_boot_ms"] * 1e-3
+    # may come long after its event, so out of order: asked for again, or kept without a link
+    _, kept = np.unique(time, return_index=True)
+    kept = kept[(time[kept] > 0) & (time[kept] <= stream.boot_s(rows[kept]) + _LONGEST_DELAY_S)]
+    if not len(kept):
+        return None, ()
+    number = image_numbers(columns["image_index"].astype(np.float64))[kept]
+    succeeded = (columns["capture_result"][kept] == 1).astype(np.float64)
+    return _events(time[kept], number, succeeded, "CAMERA_IMAGE_CAPTURED", "command"), ()
+
+
+def _trigger(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...]]:
+    """CAMERA_TRIGGER: commands only."""
+    columns, rows = stream.columns("CAMERA_TRIGGER")
+    if not columns:
+        return None, ()
+    time, _, notes = _since_boot(stream, rows, columns["time_usec"], "CAMERA_TRIGGER")
+    kept = plausible_rows(time, np.abs(time - stream.boot_s(rows)) < _LONGEST_DELAY_S)
+    if not len(kept):
+        return None, notes
+    number = image_numbers(columns["seq"].astype(np.float64))[kept]
+    return _events(time[kept], number, np.zeros(len(kept)), "CAMERA_TRIGGER", "command"), notes
+
+
+def _events(
+    time_s: Floats,
+    number: Ints,
+    confirmed: Floats,
+    source: str,
+    instant: Literal["feedback", "command"],
+) -> CameraEvents:
+    return CameraEvents(
+        time_boot_s=time_s,
+        image_number=number,
+        confirmed=confirmed,
+        source=source,
+        instant=instant,
+        repeated=repeated_numbers(number),
+        lost=lost_numbers(number),
+    )
+
+
+def _since_boot(
+    stream: Stream, rows: Ints, time_usec: np.ndarray, name: str
+) -> tuple[Floats, Bools, tuple[str, ...]]:
+    """(K,) boot times of stamps that are UTC or since boot, by magnitude; which are UTC.
+
+    UTC is taken back to the boot clock by the vehicle's own SYSTEM_TIME, whose clock it is, right
+    or wrong; a stamp since boot of 32 bits is unwrapped to its message's own time.
+    """
+    stated = time_usec.astype(np.float64)
+    since_boot = stated * 1e-6
+    since_boot += np.round((stream.boot_s(rows) - since_boot) / _WRAP_S) * _WRAP_S
+    is_utc = stated > _EPOCH_USEC
+    if not is_utc.any():
+        return since_boot, is_utc, ()
+    offset, known = _utc_minus_boot(stream, rows)
+    since_boot = np.where(is_utc, stated * 1e-6 - offset if known else np.nan, since_boot)
+    if known:
+        return since_boot, is_utc, ()
+    text = (
+        f"{int(is_utc.sum())} {name} messages state UTC but the log has no SYSTEM_TIME to place "
+        "them; they were not used"
+    )
+    return since_boot, is_utc, (text,)
+
+
+def _utc_minus_boot(stream: Stream, rows: Ints) -> tuple[Floats, bool]:
+    """(K,) the vehicle's UTC minus its boot time at these frames; whether it states any."""
+    columns, found = stream.columns("SYSTEM_TIME")
+    if not columns:
+        return np.zeros(len(rows)), False
+    utc = columns["time_unix_usec"].astype(np.float64) * 1e-6
+    some = utc > 0
+    if not some.any():
+        return np.zeros(len(rows)), False
+    difference = utc - columns["time_boot_ms"] * 1e-3
+    return np.interp(rows, found[some], difference[some]), True

@@ -1,0 +1,257 @@
+"""MAVLink telemetry logs as columns: a checked scan of frames, decoded by numpy.
+
+A .tlog is a row of records: 8 bytes of time (big-endian microseconds since 1970 on the receiver's
+clock; some programs keep a link number in the lowest two bits) and one MAVLink frame, version 1
+(0xFE) or 2 (0xFD). Frame layout and checksum: https://mavlink.io/en/guide/serialization.html.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavgram.io.logs.mavlink_dialect import checksum_extra, message_dtype, message_number
+from uavgram.io.logs.tlog.crc import checksums
+from uavgram.model.arrays import Bools, Floats, Ints
+
+Columns = dict[str, NDArray[Any]]
+
+_V1, _V2 = 0xFE, 0xFD
+_CHUNK = 1 << 23  # bytes searched at a time
+_LATEST = 0x10  # second byte of a time: 2^52 microseconds are the year 2112
+_BARE_FRAMES = 4  # in a row: no other kind of file begins so
+_ROWS = 1 << 16  # messages decoded at a time
+
+
+@dataclass(frozen=True, eq=False)
+class FrameTable:
+    """N frames with a correct checksum, in the order of the file.
+
+    Attributes
+    ----------
+    data
+        The bytes of the file.
+    start
+        (N,) offset of the frame's first byte.
+    message_id, system, component
+        (N,).
+    payload_start, payload_length
+        (N,) where the payload lies.
+    rows_by_id
+        Message number: its rows, increasing.
+    skipped_bytes, bad_checksum
+        What of the file is no frame; how many frames failed their checksum.
+    unknown
+        Frames of messages that no dialect here defines (their checksum cannot be tested).
+    """
+
+    data: NDArray[np.uint8]
+    start: Ints
+    message_id: NDArray[np.int32]
+    system: NDArray[np.uint8]
+    component: NDArray[np.uint8]
+    payload_start: Ints
+    payload_length: NDArray[np.uint8]
+    rows_by_id: dict[int, Ints]
+    skipped_bytes: int
+    bad_checksum: int
+    unknown: int
+
+    def rows(self, name: str, mask: Bools | None = None) -> Ints:
+        """(K,) rows of one message type, of those that the mask admits."""
+        found = self.rows_by_id.get(message_number(name), np.zeros(0, dtype=np.int64))
+        return found if mask is None else found[mask[found]]
+
+    def receive_s(self, rows: Ints) -> Floats:
+        """(K,) the receiver's clock at these rows, seconds since 1970."""
+        stamps = np.lib.stride_tricks.sliding_window_view(self.data, 8)[self.start[rows] - 8]
+        return np.asarray(stamps.view(">u8")[:, 0].astype(np.float64) * 1e-6)
+
+    def columns(self, name: str, rows: Ints) -> Columns:
+        """Every field of one message type as a column; what was trimmed or absent is zero."""
+        dtype = message_dtype(name)
+        records = np.empty(len(rows), dtype=dtype)
+        bodies = records.view(np.uint8).reshape(len(rows), dtype.itemsize)
+        for low in range(0, len(rows), _ROWS):
+            part = rows[low : low + _ROWS]
+            bodies[low : low + _ROWS] = self._payloads(part, dtype.itemsize)
+        return {field: records[field] for field in dtype.names or ()}
+
+    def _payloads(self, rows: Ints, size: int) -> NDArray[np.uint8]:
+        """(K, size) payloads, filled up with zeros or cut."""
+        start, length = self.payload_start[rows], self.payload_length[rows]
+        last = len(self.data) - size
+        if last < 0 or (len(start) and start[-1] > last):
+            # the last frames of the file may be shorter than their whole message
+            where = start[:, None] + np.arange(size)
+            bodies = self.data[np.minimum(where, len(self.data) - 1)]
+        else:
+            bodies = np.lib.stride_tricks.sliding_window_view(self.data, size)[start]
+        if len(length) and length.min() < size:
+            bodies[np.arange(size) >= length[:, None]] = 0
+        return np.asarray(bodies)
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidates:
+    """Places that look like a record: a possible time, then a frame that ends inside the file."""
+
+    start: Ints
+    end: Ints
+    second: Bools
+    length: NDArray[np.uint8]
+    number: NDArray[np.int32]
+
+    def only(self, keep: NDArray[Any]) -> _Candidates:
+        return _Candidates(
+            self.start[keep],
+            self.end[keep],
+            self.second[keep],
+            self.length[keep],
+            self.number[keep],
+        )
+
+
+def scan_frames(data: bytes) -> FrameTable:
+    """Find every frame of a telemetry log and test its checksum.
+
+    A frame is what has a record's time before it and a correct checksum, wherever it lies; so
+    damaged bytes cost no more than the frames that they hit. Frames that fail, or whose message
+    nobody here defines, are counted where another record follows them.
+    """
+    array = np.frombuffer(data, dtype=np.uint8)
+    found = _candidates(array)
+    extra = checksum_extra(found.number)
+    good = _has_right_checksum(array, found, extra)
+    sound = found.only(good)
+    sound = sound.only(_apart(sound))
+    others = np.flatnonzero(~good)
+    others = others[_is_followed(array, found.end[others])]
+    others = others[~_overlaps(found.only(others), sound)]
+    others = others[_apart(found.only(others))]
+    failed = int((extra[others] >= 0).sum())
+    read = _bytes_of(sound) + _bytes_of(found.only(others))
+    sender = sound.start + np.where(sound.second, 5, 3)
+    return FrameTable(
+        data=array,
+        start=sound.start,
+        message_id=sound.number,
+        system=array[sender],
+        component=array[sender + 1],
+        payload_start=sound.start + np.where(sound.second, 10, 6),
+        payload_length=sound.length,
+        rows_by_id=_grouped(sound.number),
+        skipped_bytes=len(array) - read,
+        bad_checksum=failed,
+        unknown=len(others) - failed,
+    )
+
+
+def is_bare_stream(head: bytes) -> bool:
+    """Whether a file holds frames that follow each other without any time between them.
+
+    It may begin inside of one, where the recording was started.
+    """
+    longest = 12 + 255 + 13
+    return any(
+        head[at] in (_V1, _V2) and _frames_in_a_row(head, at)
+        for at in range(min(longest, len(head)))
+    )
+
+
+def _frames_in_a_row(head: bytes, at: int) -> bool:
+    frames = 0
+    while frames < _BARE_FRAMES and at + 3 <= len(head) and head[at] in (_V1, _V2):
+        second = head[at] == _V2
+        signed = second and head[at + 2] & 1
+        at += head[at + 1] + (12 if second else 8) + (13 if signed else 0)
+        frames += 1
+    return frames == _BARE_FRAMES
+
+
+def _candidates(data: NDArray[np.uint8]) -> _Candidates:
+    """Every place of the file that could be a frame."""
+    parts = [np.zeros(0, dtype=np.int64)]
+    for low in range(8, len(data), _CHUNK):
+        chunk = data[low : low + _CHUNK]
+        at = np.flatnonzero((chunk - np.uint8(_V2)) <= 1) + low  # 0xFD or 0xFE
+        at = at[data[at - 7] < _LATEST]
+        parts.append(at[data[at - 8] == 0])
+    start = np.concatenate(parts)
+    start = start[start + 8 <= len(data)]
+    second = data[start] == _V2
+    start = start[~second | (start + 12 <= len(data))]
+    second = data[start] == _V2
+    length = data[start + 1]
+    signed = second & (data[start + 2] & 1 > 0)
+    end = start + length + np.where(second, 12, 8) + np.where(signed, 13, 0)
+    number = np.where(second, 0, data[start + 5]).astype(np.int32)
+    wide = start[second]
+    number[second] = (
+        data[wide + 7].astype(np.int32)
+        | data[wide + 8].astype(np.int32) << 8
+        | data[wide + 9].astype(np.int32) << 16
+    )
+    return _Candidates(start, end, second, length, number).only(end <= len(data))
+
+
+def _has_right_checksum(
+    data: NDArray[np.uint8], found: _Candidates, extra: NDArray[np.int16]
+) -> Bools:
+    """(N,) whether the checksum is that of the bytes; false where the message is unknown."""
+    known = np.flatnonzero(extra >= 0)
+    start = found.start[known]
+    covered = found.length[known].astype(np.int64) + np.where(found.second[known], 9, 5)
+    stated = data[start + 1 + covered].astype(np.uint16)
+    stated |= data[start + 2 + covered].astype(np.uint16) << 8
+    good = np.zeros(len(extra), dtype=bool)
+    good[known] = checksums(data, start + 1, covered, extra[known]) == stated
+    return good
+
+
+def _apart(found: _Candidates) -> Bools:
+    """(N,) whether to keep a record: not where it begins inside of one that was kept."""
+    keep = np.ones(len(found.start), dtype=bool)
+    if np.all(found.start[1:] - 8 >= found.end[:-1]):
+        return keep
+    free_from = 0
+    for k, (start, end) in enumerate(zip(found.start.tolist(), found.end.tolist(), strict=True)):
+        if start - 8 < free_from:
+            keep[k] = False
+        else:
+            free_from = end
+    return keep
+
+
+def _overlaps(found: _Candidates, sound: _Candidates) -> Bools:
+    """(N,) whether a record lies on one of the sound ones, which are apart."""
+    if not len(sound.start):
+        return np.zeros(len(found.start), dtype=bool)
+    following = np.searchsorted(sound.start - 8, found.start - 8, side="right")
+    before = sound.end[np.maximum(following - 1, 0)]
+    inside = (following > 0) & (before > found.start - 8)
+    after = sound.start[np.minimum(following, len(sound.start) - 1)] - 8
+    return inside | ((following < len(sound.start)) & (after < found.end))
+
+
+def _is_followed(data: NDArray[np.uint8], end: Ints) -> Bools:
+    """(N,) whether another record, or the end of the file, follows."""
+    mark = data[np.minimum(end + 8, len(data) - 1)]
+    return np.asarray((end + 8 >= len(data)) | (mark == _V1) | (mark == _V2))
+
+
+def _bytes_of(found: _Candidates) -> int:
+    return int((found.end - found.start + 8).sum())
+
+
+def _grouped(number: NDArray[np.int32]) -> dict[int, Ints]:
+    """Message number: its rows, increasing; the numbers are ones that a dialect defines."""
+    # 16 bits, where they suffice: a radix sort
+    narrow = number.astype(np.uint16) if not len(number) or number.max() < 1 << 16 else number
+    order = np.argsort(narrow, kind="stable")
+    count = np.bincount(number) if len(number) else np.zeros(0, dtype=np.int64)
+    edges = np.append(0, np.cumsum(count))
+    return {int(n): order[edges[n] : edges[n + 1]] for n in np.flatnonzero(count)}

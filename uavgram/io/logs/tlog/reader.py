@@ -1,0 +1,212 @@
+"""MAVLink telemetry logs (.tlog) as a FlightLog."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.errors import InputError
+from uavgram.io.logs.mavlink_dialect import message_name, vehicle_kind
+from uavgram.io.logs.quality.agreement import disagreements
+from uavgram.io.logs.quality.boots import consistent
+from uavgram.io.logs.quality.rows import is_height, is_place, plausible_rows
+from uavgram.io.logs.tlog import samples as tlog_pose
+from uavgram.io.logs.tlog.events import camera_events
+from uavgram.io.logs.tlog.frames import FrameTable, scan_frames
+from uavgram.io.logs.tlog.stream import Stream, boots, vehicles
+from uavgram.model.flight.log import (
+    Boot,
+    ClockSamples,
+    FlightLog,
+    HomeSamples,
+    MessageCount,
+)
+
+_FIRMWARE = re.compile(r"\b(Ardu\w+|APM:\w+|PX4)\s+[Vv]?\d[\w.\-]*(\s+\(\w+\))?")
+
+
+def read_tlog(path: str | Path) -> FlightLog:
+    """Read a telemetry log.
+
+    Raises
+    ------
+    InputError
+        The file is missing, empty, no telemetry log, or holds nothing of an autopilot.
+    """
+    frames = _frames(str(path))
+    systems = vehicles(frames)
+    notes = _scan_notes(frames)
+    if len(systems) > 1:
+        notes.append(f"autopilots {systems} are in the log; number {systems[0]} was used")
+    streams = boots(frames, systems[0]) if systems else []
+    if len(streams) > 1:
+        notes.append(f"the boot clock starts again {len(streams) - 1} times: several boots")
+    found: list[Boot] = []
+    for stream in streams:
+        boot, remarks = _boot(stream)
+        notes.extend(remarks)
+        found.append(boot)
+    if not found:
+        raise InputError(path, _no_autopilot(frames))
+    vehicle, firmware = _vehicle(frames, systems[0])
+    return FlightLog(
+        path=str(path),
+        kind="tlog",
+        vehicle=vehicle,
+        firmware=firmware,
+        boots=tuple(found),
+        messages=_counts(frames, streams),
+        undulation_m=_undulation_m(streams),
+        notes=tuple(dict.fromkeys(notes)),
+    )
+
+
+def _frames(path: str) -> FrameTable:
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(path, f"cannot be read: {error.strerror}") from error
+    if not data:
+        raise InputError(path, "is empty: copy the log from the ground station once more")
+    frames = scan_frames(data)
+    if not len(frames.start):
+        raise InputError(path, "holds no intact MAVLink frame; is it a .tlog of a ground station?")
+    return frames
+
+
+def _scan_notes(frames: FrameTable) -> list[str]:
+    notes = []
+    if frames.skipped_bytes:
+        notes.append(f"{frames.skipped_bytes} of {len(frames.data)} bytes belong to no frame")
+    if frames.bad_checksum:
+        notes.append(f"{frames.bad_checksum} frames failed their checksum and were dropped")
+    if frames.unknown:
+        notes.append(f"{frames.unknown} frames are of unknown messages and were skipped")
+    return notes
+
+
+def _boot(stream: Stream) -> tuple[Boot, tuple[str, ...]]:
+    events, event_notes = camera_events(stream)
+    positions, position_notes = tlog_pose.positions(stream)
+    attitudes, attitude_notes = tlog_pose.attitudes(stream)
+    gimbal, gimbal_notes = tlog_pose.gimbal(stream, attitudes)
+    boot = Boot(
+        positions=positions,
+        attitudes=attitudes,
+        gimbal=gimbal,
+        sigmas=tlog_pose.sigmas(stream),
+        events=events,
+        home=_home(stream),
+        clocks=_clocks(stream),
+    )
+    boot, remarks = consistent(boot)
+    doubts = disagreements(boot, *tlog_pose.second_opinions(stream))
+    return boot, (*position_notes, *attitude_notes, *gimbal_notes, *event_notes, *remarks, *doubts)
+
+
+def _clocks(stream: Stream) -> tuple[ClockSamples, ...]:
+    clocks = []
+    columns, _ = stream.columns("SYSTEM_TIME")
+    if columns:
+        utc = columns["time_unix_usec"].astype(np.float64) * 1e-6
+        time = columns["time_boot_ms"] * 1e-3
+        rows = plausible_rows(time, utc > 0)
+        if len(rows):
+            clocks.append(
+                ClockSamples(time_boot_s=time[rows], utc_s=utc[rows], source="system_time")
+            )
+    receive = stream.frames.receive_s(stream.clock_row)
+    rows = plausible_rows(stream.clock_boot_s, receive > 0)
+    if len(rows):
+        clocks.append(
+            ClockSamples(
+                time_boot_s=stream.clock_boot_s[rows], utc_s=receive[rows], source="receive"
+            )
+        )
+    return tuple(clocks)
+
+
+def _home(stream: Stream) -> HomeSamples | None:
+    columns, found = stream.columns("HOME_POSITION")
+    if not columns:
+        return None
+    time = stream.boot_s(found)
+    latitude, longitude = columns["latitude"] / 1e7, columns["longitude"] / 1e7
+    height = columns["altitude"] / 1e3
+    rows = plausible_rows(time, is_place(latitude, longitude) & is_height(height))
+    if not len(rows):
+        return None
+    return HomeSamples(
+        time_boot_s=time[rows],
+        latitude_deg=latitude[rows],
+        longitude_deg=longitude[rows],
+        height_m=height[rows],
+        datum="msl",
+        source="HOME_POSITION",
+    )
+
+
+def _undulation_m(streams: list[Stream]) -> float:
+    """Geoid above ellipsoid: median of alt_ellipsoid - alt in GPS_RAW_INT; NaN without (0)."""
+    for stream in streams:
+        columns, _ = tlog_pose.receiver(stream)
+        if not columns:
+            continue
+        ellipsoid, sea_level = columns["alt_ellipsoid"] / 1e3, columns["alt"] / 1e3
+        stated = columns["alt_ellipsoid"] != 0
+        stated &= np.abs(ellipsoid - sea_level) < 150
+        if stated.any():
+            return float(np.median((ellipsoid - sea_level)[stated]))
+    return float("nan")
+
+
+def _no_autopilot(frames: FrameTable) -> str:
+    names = sorted(message_name(number) for number in frames.rows_by_id)
+    held = ", ".join(names[:15]) + (", ..." if len(names) > 15 else "")
+    return (
+        "holds no message of an autopilot that tells its time since boot; "
+        f"it holds {held}. Was it recorded with the autopilot connected?"
+    )
+
+
+def _counts(frames: FrameTable, streams: list[Stream]) -> tuple[MessageCount, ...]:
+    counts = []
+    for number, rows in frames.rows_by_id.items():
+        times = _boot_times(rows, streams)
+        counts.append(
+            MessageCount(
+                name=message_name(number),
+                count=len(rows),
+                first_s=min(times, default=float("nan")),
+                last_s=max(times, default=float("nan")),
+            )
+        )
+    return tuple(sorted(counts, key=lambda count: count.name))
+
+
+def _boot_times(rows: np.ndarray, streams: list[Stream]) -> list[float]:
+    """Boot times of the first and last of these frames in every boot."""
+    times: list[float] = []
+    for stream in streams:
+        inside = rows[(rows >= stream.first_row) & (rows < stream.end_row)]
+        if len(inside):
+            times.extend(stream.boot_s(inside[[0, -1]]).tolist())
+    return times
+
+
+def _vehicle(frames: FrameTable, system: int) -> tuple[str, str]:
+    """Kind of vehicle by its heartbeat; firmware by its greeting, else by AUTOPILOT_VERSION."""
+    mine = (frames.system == system) & (frames.component == 1)
+    beats = frames.columns("HEARTBEAT", frames.rows("HEARTBEAT", mine))["type"]
+    vehicle = vehicle_kind(int(beats[-1])) if len(beats) else ""
+    for text in frames.columns("STATUSTEXT", frames.rows("STATUSTEXT", mine)).get("text", ()):
+        found = _FIRMWARE.search(bytes(text).decode("latin-1"))
+        if found:
+            return vehicle, found.group(0)
+    versions = frames.columns("AUTOPILOT_VERSION", frames.rows("AUTOPILOT_VERSION", mine))
+    for number in versions.get("flight_sw_version", ()):
+        parts = [int(number) >> shift & 0xFF for shift in (24, 16, 8)]
+        return vehicle, ".".join(map(str, parts))
+    return vehicle, ""

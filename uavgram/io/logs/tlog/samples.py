@@ -1,0 +1,241 @@
+"""Position, attitude, gimbal and accuracies in a MAVLink telemetry log.
+
+Units and frames: https://mavlink.io/en/messages/common.html, message by message.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from uavgram.geometry.motion.interpolation import interpolate_rotation
+from uavgram.geometry.motion.rotation import matrix_from_ypr, xyzw_from_matrix, ypr_from_matrix
+from uavgram.io.logs.dataflash.samples import merged_sigmas
+from uavgram.io.logs.quality import gimbal as gimbal_forms
+from uavgram.io.logs.quality.rows import (
+    as_numbers,
+    is_height,
+    left_out,
+    near_its_track,
+    plausible_rows,
+)
+from uavgram.io.logs.tlog.frames import Columns
+from uavgram.io.logs.tlog.stream import Stream
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.flight.log import (
+    AttitudeSamples,
+    EstimatorSigmas,
+    GimbalSamples,
+    PositionSamples,
+)
+
+_LARGEST_RAD = 7.0  # of an angle: some say 2 pi for 0
+
+
+def positions(stream: Stream) -> tuple[PositionSamples | None, tuple[str, ...]]:
+    """GLOBAL_POSITION_INT; else the receiver's own."""
+    columns, _ = stream.columns("GLOBAL_POSITION_INT")
+    if columns:
+        time, above_home = columns["time_boot_ms"] * 1e-3, columns["relative_alt"] / 1e3
+        samples, notes = _position_samples(columns, time, above_home, "GLOBAL_POSITION_INT")
+        if samples is not None:
+            return samples, notes
+    columns, rows = receiver(stream)
+    if not columns:
+        return None, ()
+    time = stream.boot_s(rows)
+    samples, notes = _position_samples(columns, time, np.full(len(time), np.nan), "GPS_RAW_INT")
+    remark = "positions are the receiver's own (no GLOBAL_POSITION_INT): they lag by its delay"
+    return samples, notes if samples is None else (*notes, remark)
+
+
+def _position_samples(
+    columns: Columns, time_s: Floats, above_home_m: Floats, source: str
+) -> tuple[PositionSamples | None, tuple[str, ...]]:
+    latitude, longitude = columns["lat"] / 1e7, columns["lon"] / 1e7
+    height = columns["alt"] / 1e3
+    fixed = (columns["lat"] != 0) | (columns["lon"] != 0)
+    rows = plausible_rows(time_s, near_its_track(time_s, latitude, longitude, height), dense=True)
+    dropped = int(fixed.sum()) - len(rows)
+    notes = (f"{dropped} of {len(fixed)} {source} messages make no sense or repeat a time",)
+    if not len(rows):
+        return None, ()
+    samples = PositionSamples(
+        time_boot_s=time_s[rows],
+        latitude_deg=latitude[rows],
+        longitude_deg=longitude[rows],
+        height_m=height[rows],
+        height_home_m=np.where(is_height(above_home_m), above_home_m, np.nan)[rows],
+        datum="msl",
+        source=source,
+    )
+    return samples, notes if dropped else ()
+
+
+def receiver(stream: Stream) -> tuple[Columns, Ints]:
+    """Messages with a 3-D fix of the first receiver that has any, and their frames."""
+    for name in ("GPS_RAW_INT", "GPS2_RAW"):
+        columns, rows = stream.columns(name)
+        if columns and (fixed := columns["fix_type"] >= 3).any():
+            return {field: values[fixed] for field, values in columns.items()}, rows[fixed]
+    return {}, np.zeros(0, dtype=np.int64)
+
+
+def attitudes(stream: Stream) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
+    """ATTITUDE_QUATERNION, else ATTITUDE."""
+    columns, _ = stream.columns("ATTITUDE_QUATERNION")
+    if columns:
+        q = np.stack([as_numbers(columns[k]) for k in ("q2", "q3", "q4", "q1")], axis=1)
+        samples, notes = _attitude_samples(columns, q, "ATTITUDE_QUATERNION")
+        if samples is not None:
+            return samples, notes
+    return _by_angles(stream)
+
+
+def _by_angles(stream: Stream) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
+    columns, _ = stream.columns("ATTITUDE")
+    if not columns:
+        return None, ()
+    yaw, pitch, roll = (as_numbers(columns[k]) for k in ("yaw", "pitch", "roll"))
+    sane = np.abs(np.stack([yaw, pitch, roll])).max(axis=0) < _LARGEST_RAD  # NaN compares False
+    angles = (np.where(sane, a, 0.0) for a in (yaw, pitch, roll))
+    xyzw = np.where(sane[:, None], xyzw_from_matrix(matrix_from_ypr(*angles)), np.nan)
+    return _attitude_samples(columns, xyzw, "ATTITUDE")
+
+
+def _attitude_samples(
+    columns: Columns, xyzw: Floats, source: str
+) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
+    time = columns["time_boot_ms"] * 1e-3
+    length = np.linalg.norm(xyzw, axis=1)
+    rows = plausible_rows(time, np.abs(length - 1) < 0.01, dense=True)
+    notes = left_out(source, time, rows)
+    if not len(rows):
+        return None, notes
+    samples = AttitudeSamples(
+        time_boot_s=time[rows],
+        ned_from_body_xyzw=xyzw[rows] / length[rows, None],
+        source=source,
+    )
+    return samples, notes
+
+
+def second_opinions(
+    stream: Stream,
+) -> tuple[PositionSamples | None, AttitudeSamples | None]:
+    """The receiver's own positions, and ATTITUDE, to hold against what is used."""
+    columns, rows = receiver(stream)
+    place = None
+    if columns:
+        time = stream.boot_s(rows)
+        place, _ = _position_samples(columns, time, np.full(len(time), np.nan), "GPS_RAW_INT")
+    return place, _by_angles(stream)[0]
+
+
+def gimbal(
+    stream: Stream, attitudes: AttitudeSamples | None
+) -> tuple[GimbalSamples | None, tuple[str, ...]]:
+    """The gimbal's attitude from the first of its messages that the log has, newest first."""
+    notes: tuple[str, ...] = ()
+    for read in (_gimbal_device, _mount_orientation):
+        samples, remarks = read(stream)
+        notes = (*notes, *remarks)
+        if samples is not None:
+            return samples, notes
+    samples, remarks = _mount_status(stream, attitudes)
+    return samples, (*notes, *remarks)
+
+
+def _gimbal_device(stream: Stream) -> tuple[GimbalSamples | None, tuple[str, ...]]:
+    columns, _ = stream.columns("GIMBAL_DEVICE_ATTITUDE_STATUS")
+    if not columns:
+        return None, ()
+    return gimbal_forms.from_device_status(
+        columns["time_boot_ms"] * 1e-3,
+        as_numbers(columns["q"].reshape(-1)).reshape(-1, 4),
+        columns["flags"].astype(np.int64),
+        "GIMBAL_DEVICE_ATTITUDE_STATUS",
+    )
+
+
+def _mount_orientation(stream: Stream) -> tuple[GimbalSamples | None, tuple[str, ...]]:
+    columns, _ = stream.columns("MOUNT_ORIENTATION")
+    if not columns:
+        return None, ()
+    angles_deg = np.stack([as_numbers(columns[k]) for k in ("roll", "pitch", "yaw")], axis=1)
+    time = columns["time_boot_ms"] * 1e-3
+    return gimbal_forms.from_angles(time, angles_deg, "MOUNT_ORIENTATION")
+
+
+def _mount_status(
+    stream: Stream, attitudes: AttitudeSamples | None
+) -> tuple[GimbalSamples | None, tuple[str, ...]]:
+    """MOUNT_STATUS: of a servo mount (until 4.2) the servos' angles, so from the vehicle's frame.
+
+    ArduPilot 3.x, AP_Mount_Servo.cpp status_msg() sends _angle_bf_output_deg, the other mounts
+    send angles from the horizon; the message does not say which. Servo angles cancel the
+    vehicle's: that is how they are told apart here.
+    """
+    columns, found = stream.columns("MOUNT_STATUS")
+    if not columns:
+        return None, ()
+    # pointing_a, b, c are pitch, roll, yaw in centidegrees; the message has no time of its own
+    names = ("pointing_b", "pointing_a", "pointing_c")
+    angles_deg = np.stack([columns[k] / 100.0 for k in names], axis=1)
+    if not angles_deg.any():
+        return None, ()  # no mount is configured
+    samples, notes = gimbal_forms.from_angles(stream.boot_s(found), angles_deg, "MOUNT_STATUS")
+    if samples is None or attitudes is None or len(attitudes.time_boot_s) < 2:
+        return samples, notes
+    vehicle, _ = interpolate_rotation(
+        attitudes.time_boot_s,
+        attitudes.ned_from_body_xyzw,
+        np.clip(samples.time_boot_s, *attitudes.time_boot_s[[0, -1]]),
+    )
+    if not _cancels(samples, vehicle):
+        return samples, notes
+    note = (
+        "MOUNT_STATUS states servo angles, which cancel the vehicle's roll and pitch: they were "
+        "turned by the vehicle's attitude"
+    )
+    return _on_vehicle(samples, vehicle), (*notes, note)
+
+
+def _cancels(samples: GimbalSamples, ned_from_body: Floats) -> bool:
+    """Whether the angles undo the vehicle's: their sum varies far less than they do."""
+    _, pitch, roll = ypr_from_matrix(ned_from_body)
+    apart = np.var(samples.roll_rad) + np.var(samples.pitch_rad)
+    together = np.var(samples.roll_rad + roll) + np.var(samples.pitch_rad + pitch)
+    return bool(apart > np.radians(0.5) ** 2 and together < 0.25 * apart)
+
+
+def _on_vehicle(samples: GimbalSamples, ned_from_body: Floats) -> GimbalSamples:
+    """Angles from the vehicle's frame as angles from the horizon and north."""
+    body_from_gimbal = matrix_from_ypr(samples.yaw_rad, samples.pitch_rad, samples.roll_rad)
+    yaw, pitch, roll = ypr_from_matrix(ned_from_body @ body_from_gimbal)
+    return replace(samples, roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw, yaw_frame="earth")
+
+
+def sigmas(stream: Stream) -> EstimatorSigmas | None:
+    """The receiver's accuracies (0 where it states none), and PX4's estimator status.
+
+    EKF_STATUS_REPORT's variances are test ratios, no standard deviations.
+    """
+    parts: list[tuple[str, Floats, dict[str, Floats]]] = []
+    columns, rows = stream.columns("ESTIMATOR_STATUS")
+    if columns:
+        horizontal = as_numbers(columns["pos_horiz_accuracy"])
+        vertical = as_numbers(columns["pos_vert_accuracy"])
+        parts.append(_part("ESTIMATOR_STATUS", stream, rows, horizontal, vertical))
+    columns, rows = receiver(stream)
+    if columns:
+        horizontal, vertical = columns["h_acc"] / 1e3, columns["v_acc"] / 1e3
+        parts.append(_part("GPS_RAW_INT", stream, rows, horizontal, vertical))
+    return merged_sigmas(parts)
+
+
+def _part(
+    name: str, stream: Stream, rows: Ints, horizontal: Floats, vertical: Floats
+) -> tuple[str, Floats, dict[str, Floats]]:
+    return name, stream.boot_s(rows), {"horizontal": horizontal, "vertical": vertical}

@@ -1,0 +1,202 @@
+"""Where a PX4 log says that the vehicle was and how it was turned, and how well.
+
+Field meanings: PX4-Autopilot msg/*.msg; names of fields changed over the years, both are read.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.io.logs.dataflash.samples import merged_sigmas
+from uavgram.io.logs.quality import gimbal as gimbal_forms
+from uavgram.io.logs.quality.rows import left_out, near_its_track, plausible_rows
+from uavgram.io.logs.ulog.topics import Topic, UlogTables
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.flight.log import (
+    AttitudeSamples,
+    EstimatorSigmas,
+    GimbalSamples,
+    PositionSamples,
+)
+
+# PX4 src/lib/geo/geo.h, CONSTANTS_RADIUS_OF_EARTH
+_EARTH_RADIUS_M = 6371000.0
+
+
+def positions(tables: UlogTables) -> tuple[PositionSamples | None, tuple[str, ...]]:
+    """vehicle_global_position; else vehicle_local_position with its origin; else the receiver's."""
+    topic = tables.topic("vehicle_global_position")
+    if topic is not None:
+        place = topic.column("lat"), topic.column("lon")
+        valid = _flag(topic, "lat_lon_valid") & _flag(topic, "alt_valid")
+        samples, notes = _samples(topic, *place, topic.column("alt"), valid)
+        if samples is not None:
+            return samples, notes
+    topic = tables.topic("vehicle_local_position")
+    if topic is not None:
+        samples, notes = _samples(topic, *_from_local(topic), _is_global(topic))
+        if samples is not None:
+            return samples, notes
+    topic = receiver(tables)
+    if topic is None:
+        return None, ()
+    samples, notes = _samples(topic, *receiver_position(topic), has_fix(topic))
+    remark = "positions are the receiver's own (no estimator's): they lag by its delay"
+    return samples, notes if samples is None else (*notes, remark)
+
+
+def _flag(topic: Topic, name: str) -> Bools:
+    """(N,) a field's truth; true where the firmware has no such field."""
+    stated = topic.column(name)
+    return np.isnan(stated) | (stated > 0)
+
+
+def _samples(
+    topic: Topic, latitude: Floats, longitude: Floats, height: Floats, valid: Bools
+) -> tuple[PositionSamples | None, tuple[str, ...]]:
+    place = (np.where(valid, column, np.nan) for column in (latitude, longitude, height))
+    rows = plausible_rows(topic.time_s, near_its_track(topic.time_s, *place), dense=True)
+    dropped = int(valid.sum()) - len(rows)
+    notes = (f"{dropped} of {len(valid)} {topic.name} rows make no sense and were dropped",)
+    if not len(rows):
+        return None, ()
+    samples = PositionSamples(
+        time_boot_s=topic.time_s[rows],
+        latitude_deg=latitude[rows],
+        longitude_deg=longitude[rows],
+        height_m=height[rows],
+        height_home_m=np.full(len(rows), np.nan),
+        datum="msl",
+        source=topic.name,
+    )
+    return samples, notes if dropped else ()
+
+
+def _is_global(topic: Topic) -> Bools:
+    """(N,) whether the local frame is tied to the earth."""
+    tied = (topic.column("xy_global") > 0) & (topic.column("z_global") > 0)
+    finite = np.isfinite(topic.column("ref_lat")) & np.isfinite(topic.column("ref_lon"))
+    return np.asarray(tied & finite)
+
+
+def _from_local(topic: Topic) -> tuple[Floats, Floats, Floats]:
+    """Latitude, longitude [deg] and altitude [m], each (N,), of local north, east, down.
+
+    PX4's own projection, as it made the local frame with it: azimuthal equidistant on a sphere
+    (PX4 src/lib/geo/geo.cpp, MapProjection::reproject).
+    """
+    latitude_0, longitude_0 = (
+        np.radians(topic.column("ref_lat")),
+        np.radians(topic.column("ref_lon")),
+    )
+    north, east = topic.column("x") / _EARTH_RADIUS_M, topic.column("y") / _EARTH_RADIUS_M
+    angle = np.hypot(north, east)
+    ratio = np.sinc(angle / np.pi)  # sin(angle) / angle, 1 at the origin
+    latitude = np.arcsin(
+        np.clip(np.cos(angle) * np.sin(latitude_0) + north * ratio * np.cos(latitude_0), -1.0, 1.0)
+    )
+    longitude = longitude_0 + np.arctan2(
+        east * ratio, np.cos(latitude_0) * np.cos(angle) - north * np.sin(latitude_0) * ratio
+    )
+    height = topic.column("ref_alt") - topic.column("z")
+    return np.degrees(latitude), np.degrees(longitude), height
+
+
+def receiver(tables: UlogTables) -> Topic | None:
+    """The GPS topic that has a 3-D fix; vehicle_gps_position before sensor_gps."""
+    for name in ("vehicle_gps_position", "sensor_gps"):
+        for topic in tables.topics.get(name, ()):
+            if has_fix(topic).any():
+                return topic
+    return None
+
+
+def has_fix(topic: Topic) -> Bools:
+    """(N,) whether the receiver has a 3-D fix."""
+    return np.asarray(topic.column("fix_type") >= 3)
+
+
+def receiver_position(topic: Topic) -> tuple[Floats, Floats, Floats]:
+    """Latitude, longitude [deg], altitude above sea level [m], each (N,).
+
+    Since 2023 in degrees and metres, before as integers of 1e-7 degrees and millimetres.
+    """
+    if "latitude_deg" in topic.fields:
+        names = ("latitude_deg", "longitude_deg", "altitude_msl_m")
+        latitude, longitude, height = (topic.column(name) for name in names)
+        return latitude, longitude, height
+    return topic.column("lat") / 1e7, topic.column("lon") / 1e7, topic.column("alt") / 1e3
+
+
+def undulation_m(tables: UlogTables) -> float:
+    """Geoid above ellipsoid: median of the receiver's two altitudes; NaN without."""
+    topic = receiver(tables)
+    if topic is None:
+        return float("nan")
+    ellipsoid = topic.column("altitude_ellipsoid_m")
+    if "alt_ellipsoid" in topic.fields:
+        ellipsoid = topic.column("alt_ellipsoid") / 1e3
+    difference = (ellipsoid - receiver_position(topic)[2])[has_fix(topic) & (ellipsoid != 0)]
+    believable = difference[np.abs(difference) < 150]  # no geoid lies further from the ellipsoid
+    return float(np.median(believable)) if len(believable) else float("nan")
+
+
+def attitudes(tables: UlogTables) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
+    """vehicle_attitude: FRD to NED, w first."""
+    topic = tables.topic("vehicle_attitude")
+    if topic is None:
+        return None, ()
+    xyzw = topic.array("q", 4)[:, [1, 2, 3, 0]]
+    length = np.linalg.norm(xyzw, axis=1)
+    rows = plausible_rows(topic.time_s, np.abs(length - 1) < 0.01, dense=True)
+    notes = left_out(topic.name, topic.time_s, rows)
+    if not len(rows):
+        return None, notes
+    samples = AttitudeSamples(
+        time_boot_s=topic.time_s[rows],
+        ned_from_body_xyzw=xyzw[rows] / length[rows, None],
+        source=topic.name,
+    )
+    return samples, notes
+
+
+def gimbal(tables: UlogTables) -> tuple[GimbalSamples | None, tuple[str, ...]]:
+    """gimbal_device_attitude_status; else mount_orientation (yaw from the vehicle's nose)."""
+    notes: tuple[str, ...] = ()
+    topic = tables.topic("gimbal_device_attitude_status")
+    if topic is not None:
+        samples, notes = gimbal_forms.from_device_status(
+            topic.time_s, topic.array("q", 4), _integers(topic.column("device_flags")), topic.name
+        )
+        if samples is not None:
+            return samples, notes
+    topic = tables.topic("mount_orientation")
+    if topic is None:
+        return None, notes
+    angles_deg = np.degrees(topic.array("attitude_euler_angle", 3))
+    samples, remarks = gimbal_forms.from_angles(topic.time_s, angles_deg, topic.name)
+    return samples, (*notes, *remarks)
+
+
+def _integers(values: Floats) -> Ints:
+    return np.where(np.isfinite(values), values, 0.0).astype(np.int64)
+
+
+def sigmas(tables: UlogTables) -> EstimatorSigmas | None:
+    """Standard deviations of the estimator (eph, epv) and of the receiver, the larger of the two.
+
+    The test ratios of estimator_status are no standard deviations.
+    """
+    parts: list[tuple[str, Floats, dict[str, Floats]]] = []
+    topic = tables.topic("vehicle_global_position", "vehicle_local_position")
+    if topic is not None:
+        parts.append(_part(topic, "eph", "epv"))
+    topic = receiver(tables)
+    if topic is not None:
+        parts.append(_part(topic, "eph", "epv"))
+    return merged_sigmas(parts)
+
+
+def _part(topic: Topic, horizontal: str, vertical: str) -> tuple[str, Floats, dict[str, Floats]]:
+    stated = {"horizontal": topic.column(horizontal), "vertical": topic.column(vertical)}
+    return topic.name, topic.time_s, stated

@@ -1,0 +1,1 @@
+"""Photos as files: which there are, their sizes, times and tags; pixels of boards alone."""

@@ -1,0 +1,181 @@
+"""Photos as files: their names, sizes and capture times, never their pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.errors import InputError
+from uavgram.io.photos.exif import read_exif_tags
+from uavgram.io.photos.files import check_name, matching_files
+from uavgram.io.photos.size import image_size
+from uavgram.io.tables.spreadsheet_cells import runs
+from uavgram.model.flight.frames import Photos, TimeSource
+from uavgram.model.message import Message
+from uavgram.model.options import TimeOptions
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """A camera clock's reading: seconds since the Unix epoch, its step, and if a zone is stated."""
+
+    time_s: float = float("nan")
+    resolution_s: float = float("nan")
+    zoned: bool = False
+
+
+def read_photos(
+    patterns: tuple[str, ...], options: TimeOptions
+) -> tuple[Photos, tuple[Message, ...]]:
+    """Find the photos of a project and read their sizes and capture times.
+
+    Parameters
+    ----------
+    patterns
+        Absolute file names or patterns.
+    options
+        Where the times come from; `auto` takes EXIF where most photos have it, else none.
+
+    Raises
+    ------
+    InputError
+        A pattern matches nothing, two photos have one name, a file is no photo, or states no
+        time in the place that the project names.
+    """
+    paths = _find(patterns)
+    sizes = np.array([image_size(path) for path in paths], dtype=np.float64)
+    readings, source, messages = _times(paths, options)
+    photos = Photos(
+        frame_id=tuple(path.name for path in paths),
+        path=tuple(str(path) for path in paths),
+        width_px=sizes[:, 0],
+        height_px=sizes[:, 1],
+        file_time_s=np.array([reading.time_s for reading in readings]),
+        file_time_resolution_s=np.array([reading.resolution_s for reading in readings]),
+        time_source=source,
+    )
+    return photos, (*messages, *_like_formulas(photos.frame_id))
+
+
+def _like_formulas(names: tuple[str, ...]) -> tuple[Message, ...]:
+    """A warning on names that tables for other programs must carry as they are."""
+    found = [name for name in names if runs(name) or any(map(runs, name.split(",")))]
+    if not found:
+        return ()
+    text = (
+        f"{len(found)} of the photos' names begin as a formula does (the first is {found[0]!r}). "
+        "Tables for other programs (pix4d.csv, pose_priors.csv) must name photos as they are: do "
+        "not open those in a spreadsheet, or rename the photos."
+    )
+    return (Message("warning", "photo-name-formula", text),)
+
+
+def _find(patterns: tuple[str, ...]) -> list[Path]:
+    """Files that the patterns name, in the order of their names."""
+    found: dict[str, Path] = {}
+    for pattern in patterns:
+        files = matching_files(pattern, "correct `images` in the project")
+        for path in files:
+            check_name(path)
+            other = found.setdefault(path.name, path)
+            if other.resolve() != path.resolve():
+                raise InputError(
+                    path, f"has the name of {other}; picks name photos by it: rename one"
+                )
+    return [found[name] for name in sorted(found)]
+
+
+def _times(
+    paths: list[Path], options: TimeOptions
+) -> tuple[list[_Reading], TimeSource, tuple[Message, ...]]:
+    if options.source == "filename":
+        readings = [_filename_reading(path, options.filename_format) for path in paths]
+        return readings, "filename", ()
+    if options.source == "events":
+        return [_Reading()] * len(paths), "none", ()
+    readings = [_exif_reading(path) for path in paths]
+    timed = [np.isfinite(reading.time_s) for reading in readings]
+    if options.source == "auto" and 2 * sum(timed) <= len(paths):
+        return [_Reading()] * len(paths), "none", _ignored_times(paths, timed)
+    if not any(timed):
+        raise InputError(
+            paths[0],
+            f"states no capture time in EXIF, nor does any of the {len(paths)} photos; "
+            "set time.source to filename or events",
+        )
+    messages = []
+    if not all(timed):
+        without = paths[timed.index(False)].name
+        text = (
+            f"{timed.count(False)} of {len(paths)} photos state no capture time in EXIF and cannot "
+            f"be found in the log by it, the first is {without}: has another program saved it anew?"
+        )
+        messages.append(Message("warning", "photo-without-time", text))
+    if not any(reading.zoned for reading in readings):
+        text = (
+            "EXIF states no time zone: its times were read as UTC; "
+            "time.offset_s (camera clock minus UTC) has to take the zone off"
+        )
+        messages.append(Message("info", "photo-zone-unknown", text))
+    return readings, "exif", tuple(messages)
+
+
+def _ignored_times(paths: list[Path], timed: list[bool]) -> tuple[Message, ...]:
+    if not any(timed):
+        return ()
+    text = (
+        f"{timed.count(False)} of {len(paths)} photos state no capture time in EXIF (the first is "
+        f"{paths[timed.index(False)].name}): no file time was used; set time.source to override"
+    )
+    return (Message("warning", "photo-times-ignored", text),)
+
+
+def _filename_reading(path: Path, pattern: str) -> _Reading:
+    """A time in the file's name without its suffix; %f may have 1 to 6 digits."""
+    try:
+        # a zone is taken off where the pattern has one, see _since_epoch
+        moment = datetime.strptime(path.stem, pattern)  # noqa: DTZ007
+    except ValueError as error:
+        raise InputError(
+            path,
+            f"its name without suffix, {path.stem!r}, does not fit time.filename_format "
+            f"{pattern!r} ({error})",
+        ) from error
+    resolution = 1.0
+    if "%f" in pattern:
+        rest = moment.strftime(pattern.replace("%f", ""))
+        resolution = 10.0 ** -min(max(len(path.stem) - len(rest), 1), 6)
+    elif "%S" not in pattern and "%T" not in pattern:
+        resolution = 60.0
+    return _Reading(_since_epoch(moment), resolution, moment.tzinfo is not None)
+
+
+def _exif_reading(path: Path) -> _Reading:
+    """DateTimeOriginal with SubSecTimeOriginal and OffsetTimeOriginal (CIPA DC-008, 4.6.6)."""
+    tags = read_exif_tags(path)
+    text = str(tags.get("EXIF DateTimeOriginal", "")).strip("\0 ")
+    fraction = str(tags.get("EXIF SubSecTimeOriginal", "")).strip("\0 ")
+    zone = str(
+        tags.get("EXIF OffsetTimeOriginal", tags.get("EXIF OffsetTime", "")),
+    ).strip("\0 ")
+    try:
+        moment = datetime.strptime(text, "%Y:%m:%d %H:%M:%S")  # noqa: DTZ007 - zone follows
+    except ValueError:
+        return _Reading()  # absent, or "0000:00:00 00:00:00": the clock was never set
+    try:
+        offset = datetime.strptime(zone, "%z").utcoffset()
+    except ValueError:
+        offset = None
+    seconds = _since_epoch(moment) - (offset.total_seconds() if offset is not None else 0.0)
+    digits = len(fraction) if fraction.isdigit() else 0
+    if digits:
+        seconds += int(fraction) / 10.0**digits
+    return _Reading(seconds, 10.0**-digits, offset is not None)
+
+
+def _since_epoch(moment: datetime) -> float:
+    """Seconds since the Unix epoch; read as UTC where no zone is stated."""
+    return (moment if moment.tzinfo is not None else moment.replace(tzinfo=UTC)).timestamp()

@@ -1,0 +1,75 @@
+"""Photo poses that a person wrote: a CSV table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.io.tables.csv_tables import Columns, Table, read_table
+from uavgram.model.flight.log import HeightDatum
+from uavgram.model.flight.photo_poses import PhotoPoses
+
+_ANGLES = ("yaw_deg", "pitch_deg", "roll_deg")
+_SIGMAS = ("sigma_horizontal_m", "sigma_vertical_m", "sigma_attitude_deg")
+_PLACE = ("latitude_deg", "longitude_deg", "height_m")
+
+
+def read_pose_csv(
+    path: str | Path, heights: HeightDatum, *, may_lack_places: bool = False
+) -> PhotoPoses:
+    """Read image, latitude_deg, longitude_deg, height_m and, optional, angles and sigmas.
+
+    Angles are those of the optical axis, as of a gimbal: yaw from north, pitch -90 straight down,
+    roll 0 with the horizon level; all three, or none. Heights are above `heights`. Places may be
+    absent where another source has them (`may_lack_places`): all three numbers, or none.
+
+    Raises
+    ------
+    InputError
+        Names file and line of every mistake.
+    """
+    table = read_table(
+        path,
+        Columns(
+            text=("image",),
+            numbers=() if may_lack_places else _PLACE,
+            optional_numbers=(*(_PLACE if may_lack_places else ()), *_ANGLES, *_SIGMAS),
+        ),
+    )
+    _check(table)
+    numbers = table.numbers
+    count = len(table.line)
+    return PhotoPoses(
+        frame_id=table.text["image"],
+        latitude_deg=numbers["latitude_deg"],
+        longitude_deg=numbers["longitude_deg"],
+        height_m=numbers["height_m"],
+        height_home_m=np.full(count, np.nan),
+        datum=heights,
+        datum_guess="",
+        time_utc_s=np.full(count, np.nan),
+        ypr_rad=np.radians(np.stack([numbers[name] for name in _ANGLES], axis=1)),
+        vehicle_ypr_rad=np.full((count, 3), np.nan),
+        sigma_horizontal_m=numbers["sigma_horizontal_m"],
+        sigma_vertical_m=numbers["sigma_vertical_m"],
+        sigma_attitude_rad=np.radians(numbers["sigma_attitude_deg"]),
+        source=table.path.name,
+    )
+
+
+def _check(table: Table) -> None:
+    for name in _SIGMAS:
+        table.require_sigma(name)
+    table.require_unique("image", "photo")
+    for name, limit in (("latitude_deg", 90.0), ("longitude_deg", 360.0)):
+        for row in np.flatnonzero(np.abs(table.numbers[name]) > limit):
+            table.blame(int(row), f"{name} must lie between -{limit:g} and {limit:g}")
+    for together in (_ANGLES, _PLACE):
+        given = np.stack([np.isfinite(table.numbers[name]) for name in together], axis=1)
+        for row in np.flatnonzero(given.any(axis=1) & ~given.all(axis=1)):
+            names = f"{', '.join(together[:-1])} and {together[-1]}"
+            table.blame(int(row), f"{names}: give all three, or none")
+    if not len(table.line):
+        table.faults.append((None, "holds no photo: give a row for each, or leave `poses` out"))
+    table.raise_faults()

@@ -1,0 +1,184 @@
+"""DJI's image log (``*_Timestamp.MRK``): the place of every photo by RTK, without attitude.
+
+Columns after DJI's manuals (Matrice 4, page 92; Zenmuse P1, page 24): number of the photo, GPS
+time of week and week, compensation from antenna to sensor (north, east, down, mm), latitude and
+longitude "after compensation", ellipsoidal height, their standard deviations (north, east, up, m),
+positioning status. The compensation is in the coordinates already: adding it would apply it twice.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.errors import InputError
+from uavgram.geometry.earth.gps_time import utc_from_gps
+from uavgram.io.photos.poses.tags import RTK_FLOOR_HORIZONTAL_M, RTK_FLOOR_VERTICAL_M
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.flight.frames import Photos
+from uavgram.model.flight.photo_poses import PhotoPoses
+from uavgram.model.message import Message
+
+_NUMBER = r"\s*([-+]?[0-9]+(?:\.[0-9]*)?)\s*"
+_LINE = re.compile(
+    rf"\s*([0-9]+)\s+{_NUMBER}\[\s*([0-9]+)\s*\]{_NUMBER},\s*N{_NUMBER},\s*E{_NUMBER},\s*V"
+    rf"{_NUMBER},\s*Lat{_NUMBER},\s*Lon{_NUMBER},\s*Ellh{_NUMBER},{_NUMBER},{_NUMBER}"
+    r"\s+([0-9]+)\s*,\s*Q\s*"
+)
+# 100_0001_0002.JPG (Phantom 4 RTK), DJI_20230102030405_0002_V.JPG (later ones)
+_PHOTO_NUMBER = re.compile(r".*_([0-9]{3,5})(?:_[A-Za-z]+)?")
+_NO_POSITION, _FIXED = 0, 50
+_LARGEST_TIME_GAP_S = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Columns of the log; `line` (N,) counts from 1."""
+
+    line: Ints
+    number: Ints
+    utc_s: Floats
+    place: Floats  # (N, 3) latitude, longitude [deg], ellipsoidal height [m]
+    sigma_m: Floats  # (N, 3) north, east, up
+    quality: Ints
+
+
+def read_mrk(path: str | Path, photos: Photos) -> tuple[PhotoPoses, tuple[Message, ...]]:
+    """Read an image log and join it with the photos by the number in their names.
+
+    Raises
+    ------
+    InputError
+        A line is malformed, a number stands twice, a photo's name has no number, two photos have
+        the same one, or the capture times contradict the join.
+    """
+    path = Path(path)
+    rows = _read_rows(path)
+    at = {int(number): k for k, number in enumerate(rows.number)}
+    numbers = _photo_numbers(path, photos)
+    joined = [(i, at[n]) for i, n in enumerate(numbers) if n in at]
+    placed = [(i, k) for i, k in joined if rows.quality[k] != _NO_POSITION]
+    if not placed:
+        raise InputError(
+            path,
+            f"has a position for none of the {len(numbers)} photos: it has the numbers "
+            f"{rows.number.min()} to {rows.number.max()}, the photos {min(numbers)} to "
+            f"{max(numbers)}; is it the log of another folder?",
+        )
+    photo, row = np.array(placed).T
+    _check_times(path, photos, rows, photo, row)
+    horizontal = np.sqrt((rows.sigma_m[row, :2] ** 2).mean(axis=1))
+    count = len(row)
+    unknown = np.full(count, np.nan)
+    poses = PhotoPoses(
+        frame_id=tuple(photos.frame_id[i] for i in photo),
+        latitude_deg=rows.place[row, 0],
+        longitude_deg=rows.place[row, 1],
+        height_m=rows.place[row, 2],
+        height_home_m=unknown,
+        datum="ellipsoid",
+        datum_guess="",
+        time_utc_s=rows.utc_s[row],
+        ypr_rad=np.full((count, 3), np.nan),
+        vehicle_ypr_rad=np.full((count, 3), np.nan),
+        sigma_horizontal_m=np.maximum(horizontal, RTK_FLOOR_HORIZONTAL_M),
+        sigma_vertical_m=np.maximum(rows.sigma_m[row, 2], RTK_FLOOR_VERTICAL_M),
+        sigma_attitude_rad=unknown,
+        source="DJI MRK",
+    )
+    return poses, _quality_messages(path, rows.quality[row], len(joined) - len(placed))
+
+
+def _read_rows(path: Path) -> _Rows:
+    try:
+        lines = path.read_text(encoding="ascii", errors="replace").splitlines()
+    except OSError as fault:
+        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    matches = [(k, _LINE.fullmatch(text)) for k, text in enumerate(lines, 1) if text.strip()]
+    faults: list[tuple[int | None, str]] = [
+        (k, "is no line of a DJI image log (number, time, [week], offsets, Lat, Lon, Ellh, Q)")
+        for k, match in matches
+        if match is None
+    ]
+    if faults:
+        raise InputError.of_all(path, faults)
+    if not matches:
+        raise InputError(path, "the file is empty")
+    table = np.array([[float(x) for x in m.groups()] for _, m in matches if m is not None])
+    number = table[:, 0].astype(np.int64)
+    line = np.array([k for k, _ in matches])
+    lost = np.flatnonzero((np.abs(table[:, 6]) > 90) | (np.abs(table[:, 7]) > 180))
+    if lost.size:
+        raise InputError(path, "its position is no place on earth", int(line[lost[0]]))
+    twice = np.flatnonzero(np.diff(np.sort(number)) == 0)
+    if twice.size:
+        value = np.sort(number)[twice[0]]
+        raise InputError(
+            path,
+            f"photo {value} stands in it twice: keep one of the two lines",
+            int(line[np.flatnonzero(number == value)[1]]),
+        )
+    return _Rows(
+        line=line,
+        number=number,
+        utc_s=utc_from_gps(table[:, 2], table[:, 1] * 1e3),
+        place=table[:, 6:9],
+        sigma_m=table[:, 9:12],
+        quality=table[:, 12].astype(np.int64),
+    )
+
+
+def _photo_numbers(path: Path, photos: Photos) -> list[int]:
+    numbers: dict[int, str] = {}
+    for name in photos.frame_id:
+        match = _PHOTO_NUMBER.fullmatch(name.rpartition(".")[0])
+        if match is None:
+            raise InputError(
+                path,
+                f"names photos by number, and {name!r} has none at its end (as 100_0001_0002.JPG "
+                "has): give the poses in a CSV file instead",
+            )
+        other = numbers.setdefault(int(match[1]), name)
+        if other != name:
+            raise InputError(
+                path,
+                f"names photos by number, and {name!r} and {other!r} have the same one: an image "
+                "log covers one folder; run them apart, or give the poses in a CSV file",
+            )
+    return list(numbers)
+
+
+def _check_times(path: Path, photos: Photos, rows: _Rows, photo: Ints, row: Ints) -> None:
+    """The camera's clock may be off, but by the same for all photos."""
+    gap = photos.file_time_s[photo] - rows.utc_s[row]
+    known = np.isfinite(gap)
+    if known.sum() < 2:
+        return
+    off = np.where(known, np.abs(gap - np.median(gap[known])), 0.0)
+    worst = int(np.argmax(off))
+    if off[worst] > _LARGEST_TIME_GAP_S:
+        raise InputError(
+            path,
+            f"{photos.frame_id[photo[worst]]!r} was taken {off[worst]:.1f} s away from where its "
+            "number says, measured against the other photos: renamed photos, or the log of "
+            "another folder?",
+            int(rows.line[row[worst]]),
+        )
+
+
+def _quality_messages(path: Path, quality: Ints, without: int) -> tuple[Message, ...]:
+    messages = []
+    if without:
+        text = f"{path.name}: {without} photos have no position (status 0) and were left out"
+        messages.append(Message("warning", "mrk-no-position", text))
+    loose = int(np.sum(quality != _FIXED))
+    if loose:
+        text = (
+            f"{path.name}: {loose} of {len(quality)} positions are no fixed RTK solution; their "
+            "own sigmas were taken"
+        )
+        messages.append(Message("warning", "mrk-not-fixed", text))
+    return tuple(messages)

@@ -1,0 +1,114 @@
+"""Poses of the photos from whatever a project names in `poses`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.errors import InputError, near_miss
+from uavgram.io.photos.poses.csv_table import read_pose_csv
+from uavgram.io.photos.poses.geo_txt import read_geo_txt
+from uavgram.io.photos.poses.mrk import read_mrk
+from uavgram.io.photos.poses.tags import read_photo_tags, read_stated_tags
+from uavgram.model.flight.frames import Photos
+from uavgram.model.flight.log import HeightDatum
+from uavgram.model.flight.photo_poses import PhotoPoses
+from uavgram.model.message import Message
+
+FROM_PHOTOS = "exif"
+
+
+def read_photo_poses(
+    source: str, photos: Photos, heights: HeightDatum
+) -> tuple[PhotoPoses, tuple[Message, ...]]:
+    """Read the photos' poses.
+
+    Parameters
+    ----------
+    source
+        ``exif``: the tags of the photos; else a file: .mrk (DJI), .csv, or a geo.txt of any name.
+    photos
+        The project's photos.
+    heights
+        Datum of heights in files that name none.
+
+    Returns
+    -------
+    poses
+        Of those photos that have one, in the order of `photos`.
+    messages
+        What was odd, or assumed.
+
+    Raises
+    ------
+    InputError
+        The source is malformed, or has a pose for none of the photos.
+    """
+    if source == FROM_PHOTOS:
+        poses, messages = read_photo_tags(photos)
+    else:
+        poses, messages = _of_file(source, photos, heights)
+    messages = (*messages, *height_guess(poses))
+    chosen, more = _of_photos(source, poses, photos)
+    return chosen, (*messages, *more)
+
+
+def read_stated_poses(
+    source: str, photos: Photos, heights: HeightDatum
+) -> tuple[PhotoPoses | None, tuple[Message, ...]]:
+    """`read_photo_poses` of one source among several: it may lack places, and even everything.
+
+    Places may be NaN; None where the photos' tags state neither a place nor an attitude.
+    """
+    if source == FROM_PHOTOS:
+        return read_stated_tags(photos)
+    poses, messages = _of_file(source, photos, heights, may_lack_places=True)
+    chosen, more = _of_photos(source, poses, photos)
+    return chosen, (*messages, *more)
+
+
+def height_guess(poses: PhotoPoses) -> tuple[Message, ...]:
+    """Say so where the datum of the heights was assumed."""
+    if not poses.datum_guess:
+        return ()
+    text = (
+        f"Heights of {poses.source} were taken as "
+        f"{'above sea level' if poses.datum == 'msl' else 'ellipsoidal'}: {poses.datum_guess}."
+    )
+    return (Message("info", "height-datum-assumed", text),)
+
+
+def _of_file(
+    source: str, photos: Photos, heights: HeightDatum, *, may_lack_places: bool = False
+) -> tuple[PhotoPoses, tuple[Message, ...]]:
+    if source.lower().endswith(".mrk"):
+        return read_mrk(source, photos)
+    if source.lower().endswith(".csv"):
+        return read_pose_csv(source, heights, may_lack_places=may_lack_places), ()
+    return read_geo_txt(source, heights)
+
+
+def _of_photos(
+    source: str, poses: PhotoPoses, photos: Photos
+) -> tuple[PhotoPoses, tuple[Message, ...]]:
+    """Rows of the project's photos, in their order; what has no photo is said."""
+    row = {name: k for k, name in enumerate(poses.frame_id)}
+    index = [row[name] for name in photos.frame_id if name in row]
+    if not index:
+        name = poses.frame_id[0]
+        hint = near_miss(name, photos.frame_id)
+        raise InputError(
+            source,
+            f"names none of the project's {len(photos.frame_id)} photos; its first is {name!r}"
+            + (f": {hint}" if hint else ""),
+        )
+    extra = [name for name in poses.frame_id if name not in set(photos.frame_id)]
+    messages: tuple[Message, ...] = ()
+    if extra:
+        text = (
+            f"{Path(source).name} has {len(extra)} photos that are not among `images` (the first "
+            f"is {extra[0]}): they were not used."
+        )
+        messages = (Message("info", "pose-without-photo", text),)
+    return poses.rows(np.array(index)), messages

@@ -1,0 +1,315 @@
+"""Poses from the photos themselves: EXIF GPS, and what drone makers add in XMP.
+
+`MAKERS` is the table of tag readers: a new maker is one more function in it. Each is asked in
+turn; the first that finds its tags decides, and EXIF alone comes last.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavgram.errors import InputError
+from uavgram.geometry.motion.nadir_angles import gimbal_from_nadir
+from uavgram.io.photos.exif_gps import ExifPlace, read_exif_place
+from uavgram.io.photos.xmp import DJI, PIX4D, XMP, XmpTags, read_xmp
+from uavgram.model.flight.frames import Photos
+from uavgram.model.flight.log import HeightDatum
+from uavgram.model.flight.photo_poses import PhotoPoses
+from uavgram.model.message import Message
+
+Angles = tuple[float, float, float]
+NONE: Angles = (math.nan, math.nan, math.nan)
+
+# An RTK receiver states its own noise; base, antenna phase centre and the way from the antenna to
+# the camera are not in it.
+RTK_FLOOR_HORIZONTAL_M, RTK_FLOOR_VERTICAL_M = 0.05, 0.10
+# Programs that turn photos on a click, and leave the pose tags as they were.
+_EDITORS = re.compile(r"windows|viewer|picasa|photoshop|lightroom|gimp|irfan|photos", re.IGNORECASE)
+_UPSIDE_DOWN_DEG = 90.0
+_NEAR_NADIR_DEG = 30.0
+
+DJI_GUESS = (
+    "DJI writes no datum; without RTK its AbsoluteAltitude is roughly above sea level (barometer "
+    "and GPS), and may be tens of metres off"
+)
+RTK_GUESS = "DJI writes ellipsoidal heights where RTK is in use"
+EXIF_GUESS = "EXIF altitude references 0 and 1 name no datum; sea level was assumed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TagPose:
+    """What the tags of one photo say, in degrees and metres; NaN for what they do not."""
+
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+    height_home_m: float = math.nan
+    datum: HeightDatum = "msl"
+    datum_guess: str = ""
+    ypr_deg: Angles = NONE
+    vehicle_ypr_deg: Angles = NONE
+    sigma_horizontal_m: float = math.nan
+    sigma_vertical_m: float = math.nan
+    source: str = ""
+    editor: str = ""
+
+
+def dji_pose(xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
+    """DJI: attitude of the gimbal (NED, Z-Y-X), heights above take-off, RTK sigmas.
+
+    Names after the manuals of Zenmuse P1 (page 22) and Mavic 3M (page 89); older firmware writes
+    ``GpsLongtitude``, the oldest leaves the place to EXIF.
+    """
+    if not any(namespace == DJI for namespace, _ in xmp):
+        return None
+
+    def number(*names: str) -> float:
+        return _first_number(xmp, DJI, names)
+
+    latitude, longitude = number("GpsLatitude"), number("GpsLongitude", "GpsLongtitude")
+    if not _is_place(latitude, longitude):
+        latitude, longitude = exif.latitude_deg, exif.longitude_deg
+    altitude = number("AbsoluteAltitude")
+    flag = number("RtkFlag")
+    has_rtk = xmp.get((DJI, "AltitudeType"), "").lower().startswith("rtk") or flag >= 16
+    horizontal = float(np.hypot(number("RtkStdLat"), number("RtkStdLon")) / math.sqrt(2))
+    vertical = number("RtkStdHgt")
+    stated = has_rtk and horizontal > 0 and vertical > 0
+    return TagPose(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        height_m=exif.altitude_m if math.isnan(altitude) else altitude,
+        height_home_m=number("RelativeAltitude"),
+        datum="ellipsoid" if has_rtk else "msl",
+        datum_guess=RTK_GUESS if has_rtk else DJI_GUESS,
+        ypr_deg=_angles(xmp, DJI, "Gimbal{}Degree"),
+        vehicle_ypr_deg=_angles(xmp, DJI, "Flight{}Degree"),
+        sigma_horizontal_m=max(horizontal, RTK_FLOOR_HORIZONTAL_M) if stated else math.nan,
+        sigma_vertical_m=max(vertical, RTK_FLOOR_VERTICAL_M) if stated else math.nan,
+        source="DJI XMP",
+    )
+
+
+def pix4d_pose(xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
+    """Pix4D's Camera tags (nadir angles), which this program's `geotag --exif` writes too."""
+    if (PIX4D, "Yaw") not in xmp and (PIX4D, "GPSXYAccuracy") not in xmp:
+        return None
+    nadir = np.radians([_angles(xmp, PIX4D, "{}")])
+    yaw, pitch, roll = np.degrees(gimbal_from_nadir(nadir)[0]).tolist()
+    system = xmp.get((PIX4D, "VertCS"), "").lower()
+    datum: HeightDatum = "ellipsoid" if system == "ellipsoidal" else "msl"
+    return TagPose(
+        latitude_deg=exif.latitude_deg,
+        longitude_deg=exif.longitude_deg,
+        height_m=exif.altitude_m,
+        datum=datum,
+        datum_guess="" if system or exif.above_sea else EXIF_GUESS,
+        ypr_deg=(yaw, pitch, roll),
+        sigma_horizontal_m=_first_number(xmp, PIX4D, ("GPSXYAccuracy",)),
+        sigma_vertical_m=_first_number(xmp, PIX4D, ("GPSZAccuracy",)),
+        source="Pix4D XMP",
+    )
+
+
+def exif_pose(_xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
+    """EXIF alone: a place without attitude."""
+    return TagPose(
+        latitude_deg=exif.latitude_deg,
+        longitude_deg=exif.longitude_deg,
+        height_m=exif.altitude_m,
+        datum_guess="" if exif.above_sea else EXIF_GUESS,
+        source="EXIF GPS",
+    )
+
+
+MAKERS: tuple[Callable[[XmpTags, ExifPlace], TagPose | None], ...] = (
+    pix4d_pose,  # first: a copy that `geotag` wrote keeps its maker's tags beside the better ones
+    dji_pose,
+    exif_pose,
+)
+
+
+def read_photo_tags(photos: Photos) -> tuple[PhotoPoses, tuple[Message, ...]]:
+    """Read the poses that the photos carry; photos without place or height are left out.
+
+    Raises
+    ------
+    InputError
+        No photo has a place, tags cannot be read, or the photos' heights have several datums.
+    """
+    with ThreadPoolExecutor() as pool:
+        readings = list(pool.map(_read_pose, photos.path))
+    rows = [k for k, pose in enumerate(readings) if _is_complete(pose)]
+    if not rows:
+        raise InputError(
+            photos.path[0],
+            f"has no place and height in EXIF or XMP, nor has any of the {len(photos.path)} "
+            "photos: name a file in `poses`, or a `log`",
+        )
+    chosen = [readings[k] for k in rows]
+    return _of_tags(photos, rows, chosen, _one_datum(photos, rows, chosen))
+
+
+def read_stated_tags(photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, ...]]:
+    """`read_photo_tags` where another source has places: photos with an attitude alone count too.
+
+    None, with a message, where no photo states either.
+    """
+    with ThreadPoolExecutor() as pool:
+        readings = [_without_half_a_place(pose) for pose in pool.map(_read_pose, photos.path)]
+    rows = [k for k, pose in enumerate(readings) if _is_complete(pose) or _has_attitude(pose)]
+    if not rows:
+        text = (
+            f"None of the {len(readings)} photos states a place or an attitude in EXIF or XMP: "
+            "`exif` in `poses` adds nothing."
+        )
+        return None, (Message("warning", "no-pose-tags", text),)
+    placed = [k for k in rows if _is_complete(readings[k])]
+    datum: HeightDatum = "msl"
+    if placed:
+        datum = _one_datum(photos, placed, [readings[k] for k in placed])
+    return _of_tags(photos, rows, [readings[k] for k in rows], datum)
+
+
+def _without_half_a_place(pose: TagPose) -> TagPose:
+    if _is_complete(pose):
+        return pose
+    return replace(pose, latitude_deg=math.nan, longitude_deg=math.nan, height_m=math.nan)
+
+
+def _of_tags(
+    photos: Photos, rows: list[int], chosen: list[TagPose], datum: HeightDatum
+) -> tuple[PhotoPoses, tuple[Message, ...]]:
+    """The tags of some photos as columns."""
+    frame_id = tuple(photos.frame_id[k] for k in rows)
+    guesses = dict.fromkeys(pose.datum_guess for pose in chosen if pose.datum_guess)
+    poses = PhotoPoses(
+        frame_id=frame_id,
+        latitude_deg=_column(p.latitude_deg for p in chosen),
+        longitude_deg=_column(p.longitude_deg for p in chosen),
+        height_m=_column(p.height_m for p in chosen),
+        height_home_m=_column(p.height_home_m for p in chosen),
+        datum=datum,
+        datum_guess="; ".join(guesses),
+        time_utc_s=np.full(len(rows), np.nan),
+        ypr_rad=np.radians([p.ypr_deg for p in chosen]),
+        vehicle_ypr_rad=np.radians([p.vehicle_ypr_deg for p in chosen]),
+        sigma_horizontal_m=_column(p.sigma_horizontal_m for p in chosen),
+        sigma_vertical_m=_column(p.sigma_vertical_m for p in chosen),
+        sigma_attitude_rad=np.full(len(rows), np.nan),
+        source=", ".join(dict.fromkeys(p.source for p in chosen)),
+    )
+    return poses, (*_oddities(frame_id, chosen), *_edited(frame_id, chosen))
+
+
+def first_maker(photos: Photos) -> str:
+    """Say whose pose tags the first photo carries beside EXIF; empty where none, or unreadable."""
+    try:
+        pose = _read_pose(photos.path[0])
+    except InputError:
+        return ""
+    return pose.source if _is_complete(pose) and _has_attitude(pose) else ""
+
+
+def _read_pose(path: str) -> TagPose:
+    xmp, exif = read_xmp(path), read_exif_place(path)
+    poses = (read(xmp, exif) for read in MAKERS)
+    pose = next(pose for pose in poses if pose is not None)
+    tool = xmp.get((XMP, "CreatorTool"), "")
+    return replace(pose, editor=tool if _EDITORS.search(tool) else "")
+
+
+def _one_datum(photos: Photos, rows: list[int], poses: list[TagPose]) -> HeightDatum:
+    first = poses[0].datum
+    other = [k for k, pose in zip(rows, poses, strict=True) if pose.datum != first]
+    if other:
+        raise InputError(
+            photos.path[other[0]],
+            f"states a height above {poses[rows.index(other[0])].datum}, but "
+            f"{photos.frame_id[rows[0]]} one above {first} ({len(other)} of {len(rows)} photos "
+            "differ from the first; was RTK lost?): leave one kind out, or give the poses in a "
+            "CSV file with heights of one datum",
+        )
+    return first
+
+
+def _oddities(frame_id: tuple[str, ...], poses: list[TagPose]) -> tuple[Message, ...]:
+    """Messages on cameras that hang upside down, at nadir (a way of writing) or elsewhere."""
+    over = [
+        (name, pose.ypr_deg)
+        for name, pose in zip(frame_id, poses, strict=True)
+        if abs(pose.ypr_deg[2]) > _UPSIDE_DOWN_DEG
+    ]
+    nadir = [name for name, ypr in over if abs(ypr[1] + 90.0) <= _NEAR_NADIR_DEG]
+    messages = []
+    if nadir:
+        text = (
+            f"{len(nadir)} photos (the first is {nadir[0]}) state a gimbal roll near 180 degrees "
+            "while looking down: taken as a half turn about the optical axis, the same as roll 0 "
+            "with the yaw turned by 180 degrees"
+        )
+        messages.append(Message("info", "gimbal-roll-180", text))
+    if len(over) > len(nadir):
+        name = next(name for name, _ in over if name not in nadir)
+        text = (
+            f"{len(over) - len(nadir)} photos (the first is {name}) state a camera upside down; "
+            "it was taken as said: look at the seeds"
+        )
+        messages.append(Message("warning", "gimbal-upside-down", text))
+    return tuple(messages)
+
+
+def _edited(frame_id: tuple[str, ...], poses: list[TagPose]) -> tuple[Message, ...]:
+    edited = [(name, p.editor) for name, p in zip(frame_id, poses, strict=True) if p.editor]
+    if not edited:
+        return ()
+    name, editor = edited[0]
+    text = (
+        f"{len(edited)} photos (the first is {name}) were saved by {editor}: if it turned or "
+        "cropped them, their pose tags and the camera file no longer fit; use the camera's own "
+        "files"
+    )
+    return (Message("warning", "photo-edited", text),)
+
+
+def _angles(xmp: XmpTags, namespace: str, pattern: str) -> Angles:
+    """Yaw, pitch, roll [deg]; all NaN where one is absent."""
+    values = [_first_number(xmp, namespace, (pattern.format(a),)) for a in ("Yaw", "Pitch", "Roll")]
+    return NONE if any(math.isnan(v) for v in values) else (values[0], values[1], values[2])
+
+
+def _first_number(xmp: XmpTags, namespace: str, names: Iterable[str]) -> float:
+    """The first of the tags that is there and finite; a fraction (1/50) is one number."""
+    for name in names:
+        over, _, under = xmp.get((namespace, name), "").partition("/")
+        try:
+            value = float(over) / (float(under) if under else 1.0)
+        except (ValueError, ZeroDivisionError):
+            continue
+        if math.isfinite(value):
+            return value
+    return math.nan
+
+
+def _is_place(latitude_deg: float, longitude_deg: float) -> bool:
+    """Whether this is a place on earth; (0, 0) stands for "no fix"."""
+    inside = abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180
+    return inside and not (latitude_deg == 0 and longitude_deg == 0)
+
+
+def _is_complete(pose: TagPose) -> bool:
+    return _is_place(pose.latitude_deg, pose.longitude_deg) and math.isfinite(pose.height_m)
+
+
+def _has_attitude(pose: TagPose) -> bool:
+    return not any(math.isnan(angle) for angle in pose.ypr_deg)
+
+
+def _column(values: Iterable[float]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    return np.fromiter(values, np.float64)

@@ -1,0 +1,1 @@
+"""Copies of photos with other tags; their pixels are copied byte by byte."""

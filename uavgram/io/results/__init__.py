@@ -1,0 +1,1 @@
+"""results.json and calibration.json: every number of a result, both directions."""

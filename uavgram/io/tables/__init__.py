@@ -1,0 +1,1 @@
+"""Tables that people type: picks, known lengths, measurements, known points."""

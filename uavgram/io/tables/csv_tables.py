@@ -1,0 +1,324 @@
+"""CSV tables that people write: strict, with the line of every cell and all mistakes at once."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.errors import InputError, near_miss
+from uavgram.io.tables.csv_rows import may_hold_commas, read_blocks, read_header
+from uavgram.io.tables.spreadsheet_cells import readable
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.limits import (
+    LARGEST_NUMBER,
+    LARGEST_SIGMA,
+    SMALLEST_SIGMA,
+    UNSHOWABLE,
+    length_fault,
+    name_fault,
+    sigma_fault,
+    unshowable,
+)
+from uavgram.model.typed_numbers import comma_question, has_decimal_comma, with_point
+
+_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+_NOT_DECIMAL = re.compile(r"[^0-9eE+.\-]")
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What a table may hold.
+
+    Attributes
+    ----------
+    text, numbers
+        Columns that every file must have, with no empty cell.
+    optional_text, optional_numbers
+        Columns that may be absent, or have empty cells.
+    others
+        Whether a person may keep columns of their own in the table, which are not read. A name
+        close to that of a column which is not there is a mistake all the same.
+    """
+
+    text: tuple[str, ...]
+    numbers: tuple[str, ...] = ()
+    optional_text: tuple[str, ...] = ()
+    optional_numbers: tuple[str, ...] = ()
+    others: bool = False
+
+    @property
+    def required(self) -> tuple[str, ...]:
+        """Names of the columns that every file must have."""
+        return (*self.text, *self.numbers)
+
+    @property
+    def numeric(self) -> tuple[str, ...]:
+        """Names of the columns that hold numbers."""
+        return (*self.numbers, *self.optional_numbers)
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Names of all columns."""
+        return (*self.required, *self.optional_text, *self.optional_numbers)
+
+
+@dataclass
+class Table:
+    """A table as columns, while a reader still looks for mistakes in it.
+
+    Attributes
+    ----------
+    path
+        The file.
+    line
+        (N,) line number of each row.
+    header
+        Names of the columns that the file has.
+    text, numbers
+        Columns by name, each (N,); an empty cell is "" or NaN. Optional columns are there even
+        where the file has none.
+    faults
+        Mistakes found so far: pairs of line and message.
+    """
+
+    path: Path
+    line: Ints
+    header: tuple[str, ...]
+    text: dict[str, tuple[str, ...]]
+    numbers: dict[str, Floats]
+    faults: list[tuple[int | None, str]] = field(default_factory=list)
+
+    def blame(self, row: int, message: str) -> None:
+        """Note a mistake in a row."""
+        self.faults.append((int(self.line[row]), message))
+
+    def raise_faults(self) -> None:
+        """Raise one error that names every mistake noted so far, if there is any."""
+        if self.faults:
+            raise InputError.of_all(self.path, self.faults)
+
+    def require_length(self, name: str) -> None:
+        """Note every number of a column that can be no length (empty cells pass)."""
+        for row in np.flatnonzero(np.isfinite(self.numbers[name])):
+            value = self.numbers[name][row]
+            if fault := length_fault(float(value)):
+                self.blame(int(row), f"{name} {fault} (got {value:g})")
+
+    def require_short(self, *names: str) -> None:
+        """Note every name that is too long."""
+        for name in names:
+            for row, text in enumerate(self.text[name]):
+                if fault := name_fault(text):
+                    self.blame(row, f"{name} {fault} (it begins with {text[:32]!r})")
+
+    def require_sigma(self, name: str) -> None:
+        """Note every number of a column that can be no standard deviation (empty cells pass)."""
+        values = self.numbers[name]
+        for row in np.flatnonzero((values < SMALLEST_SIGMA) | (values > LARGEST_SIGMA)):
+            fault = sigma_fault(float(values[row]))
+            self.blame(int(row), f"{name} {fault} (got {values[row]:g})")
+
+    def require_unique(self, name: str, what: str) -> None:
+        """Note every text of a column that stands in an earlier row too."""
+        first: dict[str, int] = {}
+        for row, word in enumerate(self.text[name]):
+            if word and word in first:
+                earlier = self.line[first[word]]
+                self.blame(
+                    row, f"{what} {word!r} stands in line {earlier} already: rename or remove one"
+                )
+            first.setdefault(word, row)
+
+
+def read_table(path: str | Path, columns: Columns) -> Table:
+    """Read a CSV file with a header: UTF-8 with or without byte order mark, blank lines.
+
+    Cells are separated by commas, or all by semicolons, as spreadsheets do that write a decimal
+    comma. A comma in a number is read where it can only be a decimal one.
+
+    Returns
+    -------
+    Table
+        Its `faults` name wrong cells; the caller adds its own and calls `raise_faults`.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or its header or the number of cells of a row is wrong: then
+        nothing can be said about the cells.
+    """
+    path = Path(path)
+    found = read_header(path)
+    if found is None:
+        wanted = ",".join(columns.required)
+        raise InputError(path, f"the file is empty: its first line must be {wanted}", 1)
+    header_line, header = found
+    if len(header) == 1 and "\t" in header[0]:
+        raise InputError(
+            path,
+            "the cells are separated by tabs: save the table as CSV with commas or semicolons",
+            header_line,
+        )
+    torn: list[tuple[int | None, str]] = [
+        (header_line, text) for text in _header_faults(header, columns)
+    ]
+    is_comma = _writes_commas(path, header, columns)
+    reading = {
+        name: _Column(name, columns, is_comma=is_comma) for name in columns.known if name in header
+    }
+    lines: list[int] = []
+    faults: list[tuple[int | None, str]] = []
+    for block in read_blocks(path):
+        torn += [
+            (line, f"{count} cells, but the header has {len(header)}") for line, count in block.torn
+        ]
+        if torn:
+            continue
+        lines += block.line
+        by_name = dict(zip(header, block.columns, strict=True))
+        for name, column in reading.items():
+            faults += [(block.line[row], text) for row, text in column.read(by_name[name])]
+    if torn:
+        raise InputError.of_all(path, torn)
+    table = Table(path, np.array(lines, np.int64), tuple(header), {}, {}, faults)
+    for name in columns.known:
+        read = reading.get(name)
+        if name in columns.text or name in columns.optional_text:
+            table.text[name] = tuple(read.texts) if read else ("",) * len(lines)
+        else:
+            parts = read.parts if read else [np.full(len(lines), np.nan)]
+            table.numbers[name] = np.concatenate([np.empty(0), *parts])
+    return table
+
+
+def _writes_commas(path: Path, header: Sequence[str], columns: Columns) -> bool:
+    """Whether a table has decimal commas, so that ``12,001`` is no question in it."""
+    if not may_hold_commas(path):
+        return False
+    numeric = [k for k, name in enumerate(header) if name in columns.numeric]
+    return any(
+        "," in cell and has_decimal_comma(cell.strip())
+        for block in read_blocks(path)
+        if not block.torn
+        for k in numeric
+        for cell in block.columns[k]
+    )
+
+
+class _Column:
+    """A column as it is read, block by block.
+
+    What is good is told from what is not for a whole block at a time; its cells are looked at one
+    by one only where something is wrong.
+    """
+
+    def __init__(self, name: str, columns: Columns, *, is_comma: bool) -> None:
+        self.name = name
+        self.texts: list[str] = []
+        self.parts: list[Floats] = []
+        self._known: dict[str, str] = {}  # each text once in memory
+        self._is_comma = is_comma
+        self._is_required = name in columns.required
+        self._is_text = name in columns.text or name in columns.optional_text
+
+    def read(self, raw: Sequence[str]) -> list[tuple[int, str]]:
+        """Take a block of cells; pairs of row in it and mistake come back."""
+        cells = list(map(str.strip, raw))
+        faults: list[tuple[int, str]] = []
+        if self._is_required and "" in cells:
+            faults += [(i, f"{self.name} is empty") for i, cell in enumerate(cells) if not cell]
+        if not self._is_text:
+            numbers, wrong = _numbers(self.name, cells, is_comma=self._is_comma)
+            self.parts.append(numbers)
+            return [*faults, *wrong]
+        together = "".join(cells)
+        if "'" in together:
+            cells = list(map(readable, cells))
+        if UNSHOWABLE.search(together):
+            faults += [
+                (row, f"{self.name} holds {unshowable(cell)}: type it again")
+                for row, cell in enumerate(cells)
+                if UNSHOWABLE.search(cell)
+            ]
+        self.texts += [self._known.setdefault(cell, cell) for cell in cells]
+        return faults
+
+
+def _header_faults(header: Sequence[str], columns: Columns) -> list[str]:
+    faults = [
+        f"column {name!r} is there twice: remove one"
+        for name in dict.fromkeys(header)
+        if header.count(name) > 1
+    ]
+    missing = [name for name in columns.required if name not in header]
+    faults += [f"column {name!r} is missing: the header must have it" for name in missing]
+    absent = [name for name in columns.known if name not in header]
+    for name in dict.fromkeys(header):
+        if name in columns.known:
+            continue
+        hint = near_miss(name, absent if columns.others else columns.known)
+        if hint or not (columns.others and name):
+            known = f"known are {', '.join(columns.known)}"
+            faults.append(f"unknown column {name!r}: {hint or known}")
+    return faults
+
+
+def own_columns(path: str | Path, columns: Columns) -> tuple[str, ...]:
+    """Names of the columns that a person keeps in a table and that are not read."""
+    _, header = read_header(Path(path)) or (1, [])
+    return tuple(name for name in header if name not in columns.known)
+
+
+def _numbers(
+    name: str, cells: Sequence[str], *, is_comma: bool
+) -> tuple[Floats, list[tuple[int, str]]]:
+    """(N,) numbers of a column; NaN, and a fault, for what is none.
+
+    `is_comma`: the table writes decimal commas, so that ``12,001`` is no question.
+    """
+    if not any(cells):
+        return np.full(len(cells), np.nan), []
+    if not _NOT_DECIMAL.search("".join(cells)):  # else float() knows 1_000, nan and ٣
+        with suppress(ValueError):
+            values = np.array([float(cell) if cell else np.nan for cell in cells])
+            if not (np.abs(values) > LARGEST_NUMBER).any():
+                return values, []
+    values = np.full(len(cells), np.nan)
+    faults = []
+    for row, cell in enumerate(cells):
+        if not cell:
+            continue
+        number = parse_number(cell.replace(",", ".") if is_comma and cell.count(",") == 1 else cell)
+        if number is None:
+            faults.append((row, f"{name} must be a number (got {cell!r}){number_hint(cell)}"))
+        else:
+            values[row] = number
+    return values, faults
+
+
+def parse_number(text: str) -> float | None:
+    """Read a decimal number of at most LARGEST_NUMBER; None for anything else (nan, inf, 1_000).
+
+    A decimal comma is read where it can mean nothing else: ``1,5``, not ``12,001``.
+    """
+    text = with_point(text)
+    value = float(text) if _NUMBER.fullmatch(text) else np.inf
+    return value if abs(value) <= LARGEST_NUMBER else None
+
+
+def number_hint(text: str) -> str:
+    """Say why some text that looks like a number is none."""
+    if _NUMBER.fullmatch(text):
+        return ": it is far too large"
+    if question := comma_question(text):
+        return question
+    if re.fullmatch(r"[-+]?[0-9.,]*,[0-9.]+", text):
+        return ": write it with one decimal point, and no comma"
+    if re.fullmatch(r"[-+]?[0-9.]+\s*[a-zA-Z°]+", text):
+        return ": write the number alone, the column's name says the unit"
+    return ""

@@ -1,0 +1,124 @@
+"""measure.csv -> what to measure."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import get_args
+
+from uavgram.errors import near_miss
+from uavgram.io.tables.csv_tables import Columns, Table, number_hint, parse_number, read_table
+from uavgram.model.limits import name_fault
+from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
+
+MEASURE_COLUMNS = Columns(
+    text=("name", "kind", "points"), optional_text=("parameters", "note"), others=True
+)
+
+# Least and greatest number of points; None: any number.
+POINT_COUNTS: dict[MeasurementKind, tuple[int, int | None]] = {
+    "distance": (2, 2),
+    "polyline": (2, None),
+    "area": (3, None),
+    "angle": (3, 3),
+    "line_distance": (3, 3),
+    "coordinate": (1, 1),
+    "skid_speed": (2, None),
+    "speed": (2, 2),
+}
+PARAMETERS: dict[MeasurementKind, tuple[str, ...]] = {"skid_speed": ("mu", "mu_sigma")}
+
+
+def read_measure(path: str | Path) -> tuple[MeasurementRequest, ...]:
+    """Read what to measure.
+
+    Raises
+    ------
+    InputError
+        Names file and line of every mistake: those of any table, an unknown kind, a wrong number
+        of points, a point twice where that means nothing, missing, unknown or impossible
+        parameters, a name used twice.
+    """
+    table = read_table(path, MEASURE_COLUMNS)
+    table.require_unique("name", "measurement")
+    table.require_short("name")
+    requests = []
+    for row, kind in enumerate(table.text["kind"]):
+        if kind not in POINT_COUNTS:
+            if kind:
+                known = get_args(MeasurementKind)
+                hint = near_miss(kind, known) or f"known are {', '.join(known)}"
+                table.blame(row, f"unknown kind {kind!r}: {hint}")
+            continue
+        requests.append(
+            MeasurementRequest(
+                name=table.text["name"][row],
+                kind=kind,
+                points=_points(table, row, kind),
+                parameters=_parameters(table, row, kind),
+            )
+        )
+    table.raise_faults()
+    return tuple(requests)
+
+
+def parameter_fault(name: str, value: float) -> str:
+    """Say why a number can be no such parameter; empty where it can, or where it is none (NaN)."""
+    if name == "mu" and value <= 0:
+        return "must be greater than 0"
+    if name == "mu_sigma" and value < 0:
+        return "must not be negative"
+    return ""
+
+
+def _points(table: Table, row: int, kind: MeasurementKind) -> tuple[str, ...]:
+    written = table.text["points"][row]
+    points = tuple(label.strip() for label in written.split(";"))
+    if not written:
+        return ()
+    for label in filter(name_fault, points):
+        table.blame(row, f"points: a label {name_fault(label)} (it begins with {label[:32]!r})")
+    if not all(points):
+        table.blame(row, f"points holds an empty label (got {written!r})")
+    least, most = POINT_COUNTS[kind]
+    if len(points) < least or (most is not None and len(points) > most):
+        wanted = str(least) if least == most else f"at least {least}"
+        table.blame(
+            row,
+            f"kind {kind} needs {wanted} labels joined by ';' (got {len(points)}: {written!r})",
+        )
+    # A polyline may come back to a point, but nothing may go from a point to itself.
+    for label in dict.fromkeys(a for a, b in itertools.pairwise(points) if a == b):
+        table.blame(row, f"points names {label!r} twice in a row")
+    if kind not in {"polyline", "skid_speed"} and len(set(points)) < len(points):
+        table.blame(row, f"kind {kind} needs different points (got {written!r})")
+    return points
+
+
+def _parameters(table: Table, row: int, kind: MeasurementKind) -> tuple[tuple[str, float], ...]:
+    wanted = PARAMETERS.get(kind, ())
+    found: dict[str, float] = {}
+    for part in filter(None, (p.strip() for p in table.text["parameters"][row].split(";"))):
+        name, equals, text = (piece.strip() for piece in part.partition("="))
+        number = parse_number(text)
+        if not equals:
+            table.blame(row, f"parameters must be name=number joined by ';' (got {part!r})")
+        elif name not in wanted:
+            hint = near_miss(name, wanted) or f"it has {', '.join(wanted) or 'none'}"
+            table.blame(row, f"unknown parameter {name!r} of kind {kind}: {hint}")
+        elif name in found:
+            table.blame(row, f"parameter {name!r} is there twice: remove one")
+        elif number is None:
+            table.blame(row, f"parameter {name} must be a number (got {text!r}){number_hint(text)}")
+        if equals:
+            found.setdefault(name, float("nan") if number is None else number)
+    if missing := [name for name in wanted if name not in found]:
+        table.blame(
+            row,
+            f"kind {kind} needs the parameter {' and '.join(missing)}, "
+            "such as mu=0.7;mu_sigma=0.05",
+        )
+    for name, value in found.items():
+        if fault := parameter_fault(name, value):
+            table.blame(row, f"parameter {name} {fault} (got {value:g})")
+    return tuple((name, found[name]) for name in wanted if name in found)

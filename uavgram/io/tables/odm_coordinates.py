@@ -1,0 +1,111 @@
+"""What OpenDroneMap's text files have in common: a coordinate system first, then lines of it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from pyproj import CRS, Transformer
+from pyproj.exceptions import CRSError
+
+from uavgram.errors import InputError, no_file
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.log import HeightDatum
+
+_UTM = re.compile(r"WGS84\s+UTM\s+([0-9]{1,2})\s*([NS])", re.IGNORECASE)
+_EPSG = re.compile(r"EPSG\s*:?\s*([0-9]+)", re.IGNORECASE)
+# Names that people write in first lines and PROJ does not know: Poland's systems of 1992 and 2000
+# (its zones 5 to 8), Sweden's, Switzerland's old and new, Britain's grid.
+_NAMED = {
+    "PUWG1992": 2180,
+    "PL1992": 2180,
+    "PUWG2000Z5": 2176,
+    "PUWG2000Z6": 2177,
+    "PUWG2000Z7": 2178,
+    "PUWG2000Z8": 2179,
+    "WGS84": 4326,
+    "SWEREF99TM": 3006,
+    "CH1903": 21781,
+    "CH1903+": 2056,
+    "OSGB36": 27700,
+}
+
+
+def content_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
+    """Number and text of the lines that hold something; comments begin with #.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is no text, or has no line but the first.
+    """
+    if what := no_file(path):
+        raise InputError(path, f"is {what}: name a file")
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as fault:
+        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    except UnicodeDecodeError as fault:
+        raise InputError(path, f"is not UTF-8 text: is it a {path.name}?") from fault
+    lines = [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1)]
+    lines = [(k, line) for k, line in lines if line and not line.startswith("#")]
+    if len(lines) < 2:
+        raise InputError(path, f"needs a coordinate system (EPSG:4326), then {wanted}")
+    return lines
+
+
+def crs_of_header(path: Path, line: int, header: str) -> CRS:
+    """Coordinate system of the first line."""
+    utm = _UTM.fullmatch(header)
+    if utm is not None:
+        zone, south = int(utm[1]), utm[2].upper() == "S"
+        header = f"EPSG:{(32700 if south else 32600) + zone}"
+    elif epsg := _EPSG.fullmatch(header):
+        header = f"EPSG:{epsg[1]}"
+    else:
+        code = _NAMED.get(re.sub(r"[\s/_-]", "", header).upper())
+        header = header if code is None else f"EPSG:{code}"
+    try:
+        return CRS.from_user_input(header)
+    except CRSError as fault:
+        raise InputError(
+            path,
+            f"{header!r} is no coordinate system: the first line must be such as EPSG:4326, a "
+            "PROJ text (+proj=utm +zone=16), or WGS84 UTM 16N; epsg.io knows the number of others",
+            line,
+        ) from fault
+
+
+def height_datum(crs: CRS, heights: HeightDatum) -> tuple[HeightDatum, str]:
+    """Heights of a compound system hang on a geoid, those of a 3-D one on the ellipsoid."""
+    if crs.is_compound:
+        return "msl", ""
+    if len(crs.axis_info) == 3:
+        return "ellipsoid", ""
+    return heights, f"{crs.name} has no heights; world.heights was taken"
+
+
+def geodetic(path: Path, crs: CRS, xyz: Floats, line: Sequence[int]) -> tuple[Floats, Floats]:
+    """Latitude and longitude (N,) [deg] of coordinates (N, 2 or more), x first.
+
+    Raises
+    ------
+    InputError
+        Names the line of a place that is none.
+    """
+    flat = crs.to_2d() if not crs.is_compound else crs.sub_crs_list[0]
+    to_wgs84 = Transformer.from_crs(flat, "EPSG:4326", always_xy=True)
+    longitude, latitude = (np.asarray(v) for v in to_wgs84.transform(xyz[:, 0], xyz[:, 1]))
+    # inf where a projection has no inverse there; compares False
+    inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360)
+    if not inside.all():
+        k = int(np.flatnonzero(~inside)[0])
+        raise InputError(
+            path,
+            f"({xyz[k, 0]:g}, {xyz[k, 1]:g}) is no place in {crs.name}: x (longitude, east) comes "
+            "first",
+            line[k],
+        )
+    return latitude, longitude

@@ -1,0 +1,1 @@
+"""The built-in survey: scenario, scene, and what is simulated of it."""

@@ -1,0 +1,1 @@
+"""What a flight left behind: log, photos, poses."""

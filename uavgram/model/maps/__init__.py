@@ -1,0 +1,1 @@
+"""What a survey looks like on the ground: layers and rasters."""

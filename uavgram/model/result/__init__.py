@@ -1,0 +1,1 @@
+"""Everything that a run computed, as frozen, batched data."""

@@ -1,0 +1,117 @@
+"""Everything that a run computed: the content of results.json as frozen, batched data.
+
+NaN stands for "there is none" (null in the file).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.model.arrays import Bools
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.message import Message
+from uavgram.model.provenance import Provenance
+from uavgram.model.result.error_budget import ErrorBudget
+from uavgram.model.result.reliability import ChecksOverall, Evidence, RemovalRecord, SecondOrder
+from uavgram.model.result.shared import AreaPlane, SharedResult
+from uavgram.model.result.tables import (
+    FrameResults,
+    LineChecks,
+    LineResults,
+    MeasurementResults,
+    MonteCarloResults,
+    PickResults,
+    PointChecks,
+    PointResults,
+)
+from uavgram.model.survey.world import World
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroupFactor:
+    """Variance factor of one group of observations (``pixels``, ``lengths``, ``telemetry``...).
+
+    `redundancy` is the group's share of the degrees of freedom; `probability` that of a variance
+    factor at least as large by chance (upper tail).
+    """
+
+    name: str
+    observations: int
+    redundancy: float
+    variance_factor: float
+    probability: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Alternative:
+    """Another pose that explains the lengths (nearly) as well: they alone do not decide.
+
+    `cost` is its weighted sum of squared residuals; `values` are the measured values under it,
+    in the order of the measurements.
+    """
+
+    frame_id: str
+    cost: float
+    height_m: float
+    tilt_deg: float
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolutionSummary:
+    """How the adjustment went."""
+
+    degrees_of_freedom: int
+    variance_factor: float
+    chi2_probability: float
+    iterations: int
+    converged: bool
+    alternatives: tuple[Alternative, ...]
+    groups: tuple[GroupFactor, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Result:
+    """The content of results.json (schema 1)."""
+
+    name: str
+    provenance: Provenance
+    world: World
+    camera: Calibration
+    """As given, before the adjustment."""
+    shared: SharedResult
+    areas: tuple[AreaPlane, ...] = ()
+    """Planes of the ground; the first is that of `shared`."""
+    frames: FrameResults
+    points: PointResults
+    lines: LineResults
+    picks: PickResults
+    measurements: MeasurementResults
+    monte_carlo: MonteCarloResults | None = None
+    """Where sampling was asked for."""
+    second_order: SecondOrder | None = None
+    """What first-order propagation leaves out of the measurements."""
+    evidence: Evidence | None = None
+    """External reliability: what errors that no test finds would do."""
+    removals: tuple[RemovalRecord, ...] = ()
+    """What was taken out as blunders, in order."""
+    error_budget: ErrorBudget | None = None
+    """Where the variance of each measurement comes from."""
+    checks_overall: ChecksOverall | None = None
+    """All checks together; None where nothing was withheld."""
+    point_checks: PointChecks
+    line_checks: LineChecks
+    solution: SolutionSummary
+    messages: tuple[Message, ...]
+
+    @property
+    def has_seed(self) -> Bools:
+        """(F,) whether a frame has a pose from the telemetry."""
+        return np.isfinite(self.frames.seed.center_world_m[:, 0])
+
+    @property
+    def has_refined(self) -> Bools:
+        """(F,) whether a frame has an adjusted pose."""
+        return np.isfinite(self.frames.refined.center_world_m[:, 0])

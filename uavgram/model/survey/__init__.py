@@ -1,0 +1,1 @@
+"""What people observed, and everything that enters the adjustment."""

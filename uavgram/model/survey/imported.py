@@ -1,0 +1,36 @@
+"""Picks, and known coordinates beside them, as another program's file holds them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from uavgram.model.arrays import Floats, freeze
+from uavgram.model.message import Message
+from uavgram.model.survey.observations import KnownPoints
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImportedPicks:
+    """P picks in this program's convention.
+
+    Attributes
+    ----------
+    image, label
+        (P,) file name of the photo, and name of the point.
+    pixel_px
+        (P, 2) u right, v down of the original, unrotated file; (0, 0) is the centre of the
+        top-left pixel.
+    known
+        Coordinates that the file holds of its points, with the sigma that was stated for them.
+    messages
+        What was left out, or had to be assumed.
+    """
+
+    image: tuple[str, ...]
+    label: tuple[str, ...]
+    pixel_px: Floats
+    known: KnownPoints | None
+    messages: tuple[Message, ...]
+
+    def __post_init__(self) -> None:
+        freeze(self, pixel_px=(len(self.image), 2))

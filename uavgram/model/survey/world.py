@@ -1,0 +1,35 @@
+"""The local world: where its origin lies on the earth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from uavgram.model.flight.log import HeightDatum
+
+
+@dataclass(frozen=True, kw_only=True)
+class World:
+    """Origin of the local east-north-up world.
+
+    Attributes
+    ----------
+    latitude_deg, longitude_deg, height_m
+        WGS 84, height above `height_datum`; None where nothing ties the world to the earth.
+    height_datum
+        ``msl`` or ``ellipsoid``.
+    gauge
+        ``world``: positions and headings mean something; ``plane``: only shape does (no
+        telemetry, no control): z = 0 is the plane, the first frame stands above x = y = 0 and its
+        image up is north.
+    crs
+        Projected coordinate system of maps and drawings, such as ``EPSG:32756``; None where
+        nothing ties the world to the earth.
+    """
+
+    latitude_deg: float | None
+    longitude_deg: float | None
+    height_m: float | None
+    height_datum: HeightDatum
+    gauge: Literal["world", "plane"]
+    crs: str | None = None

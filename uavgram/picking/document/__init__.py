@@ -1,0 +1,1 @@
+"""What has been picked, how it came about, and what each command makes of it. Pure."""

@@ -1,0 +1,198 @@
+"""What the page may ask for: one frozen class for each command, question and errand.
+
+Commands change what is picked, questions change nothing, errands are about the project as a whole.
+
+Numbers are finite and in range, texts are short and clean, photos exist: `messages` saw to that.
+Whether a command fits the state (a label that is there, a name that is free) is for `session`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from uavgram.model.camera.calibration import LensModel
+from uavgram.model.survey.observations import MeasurementKind
+
+Target = Literal["corner", "circle"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Pick a label in a photo, or move the pick that is there; a sigma of None keeps its own."""
+
+    image: str
+    label: str
+    u_px: float
+    v_px: float
+    sigma_px: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unpick:
+    """Remove the pick of a label in a photo."""
+
+    image: str
+    label: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Forget:
+    """Remove a label everywhere: picks, lengths, measurements."""
+
+    label: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rename:
+    """Call a label otherwise, wherever it stands."""
+
+    label: str
+    new: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SetSigma:
+    """State the standard deviation of one pick; None: the project's own."""
+
+    image: str
+    label: str
+    sigma_px: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SetHeight:
+    """State a label's height above the ground plane; None: on it."""
+
+    label: str
+    height_m: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SetLine:
+    """Add a known length, or change the one called `was`."""
+
+    was: str
+    name: str
+    start: str
+    end: str
+    length_m: float
+    sigma_m: float
+    adjust: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class RemoveLine:
+    """Remove a known length."""
+
+    name: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SetMeasurement:
+    """Add a measurement, or change the one called `was`."""
+
+    was: str
+    name: str
+    kind: MeasurementKind
+    points: tuple[str, ...]
+    parameters: tuple[tuple[str, float], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class RemoveMeasurement:
+    """Remove a measurement."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Undo:
+    """Take the last step back."""
+
+
+@dataclass(frozen=True)
+class Redo:
+    """Do again what was taken back last."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Snap:
+    """Find the exact place of the corner or the round target near a pixel."""
+
+    image: str
+    u_px: float
+    v_px: float
+    target: Target
+
+
+@dataclass(frozen=True, kw_only=True)
+class SameGround:
+    """Find the pixels of other photos that show the ground that this pixel shows."""
+
+    image: str
+    u_px: float
+    v_px: float
+
+
+@dataclass(frozen=True)
+class Export:
+    """Save, run the project as `uavgram run` does, and write all its outputs."""
+
+
+@dataclass(frozen=True)
+class Reload:
+    """Read the project again from its files, as they are now; the steps begin anew."""
+
+
+@dataclass(frozen=True)
+class TakeAside:
+    """Take over what an earlier session could not save."""
+
+
+@dataclass(frozen=True)
+class DiscardAside:
+    """Offer it no more."""
+
+
+@dataclass(frozen=True)
+class Folders:
+    """List the folders near the project that hold photos."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibrate:
+    """Calibrate a camera from the photos of a listed folder; `board` as on the command line."""
+
+    folder: int
+    board: str
+    model: LensModel
+
+
+@dataclass(frozen=True)
+class StopCalibration:
+    """End the calibration that is running."""
+
+
+@dataclass(frozen=True)
+class UseCamera:
+    """Name the camera file that was made last in the project, and read the project again."""
+
+
+Change = (
+    Place
+    | Unpick
+    | Forget
+    | Rename
+    | SetSigma
+    | SetHeight
+    | SetLine
+    | RemoveLine
+    | SetMeasurement
+    | RemoveMeasurement
+)
+Command = Change | Undo | Redo
+Errand = (
+    Export | Reload | TakeAside | DiscardAside | Folders | Calibrate | StopCalibration | UseCamera
+)
+Question = Snap | SameGround

@@ -1,0 +1,256 @@
+"""A session: the state, how it came about, and what each command makes of it. Pure.
+
+Every step remembers the states before and after it. They share all that did not change, so
+keeping them costs little, and going back cannot be anything but exact.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+from uavgram.io.tables.measure import POINT_COUNTS
+from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.picking.document import commands as c
+from uavgram.picking.document.state import Line, Pick, State, with_label
+from uavgram.picking.protocol.parse import RefusedError
+
+MOST_STEPS = 10_000
+"""Steps that can be taken back; older ones are forgotten."""
+
+MOST_ITEMS = 20_000
+"""Picks, lengths or measurements of a project: far above any survey, and still quick to handle."""
+
+Named = TypeVar("Named", Line, MeasurementRequest)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Session:
+    """What was picked, and the steps on either side of it.
+
+    Attributes
+    ----------
+    state
+        As it is now.
+    past, future
+        States to go back to, the latest last; states to go forward to, the next last.
+    step
+        Number of the step that may still grow (a drag); 0: none.
+    """
+
+    state: State
+    past: tuple[State, ...] = ()
+    future: tuple[State, ...] = ()
+    step: int = 0
+
+
+def apply(session: Session, command: c.Command, step: int = 0) -> Session:
+    """The session after a command.
+
+    Parameters
+    ----------
+    session
+        Before it.
+    command
+        What to do. A change that changes nothing leaves the session as it is.
+    step
+        Changes in a row with the same number (not 0) are one step.
+
+    Raises
+    ------
+    RefusedError
+        The command does not fit the state; says why.
+    """
+    match command:
+        case c.Undo():
+            return _undone(session)
+        case c.Redo():
+            return _redone(session)
+    after = changed(session.state, command)
+    if after == session.state:
+        return session
+    if step and step == session.step:
+        return replace(session, state=after, future=())
+    past = (*session.past, session.state)[-MOST_STEPS:]
+    return Session(state=after, past=past, step=step)
+
+
+def _undone(session: Session) -> Session:
+    if not session.past:
+        raise RefusedError("there is nothing to undo")
+    return Session(
+        state=session.past[-1],
+        past=session.past[:-1],
+        future=(*session.future, session.state),
+    )
+
+
+def _redone(session: Session) -> Session:
+    if not session.future:
+        raise RefusedError("there is nothing to do again")
+    return Session(
+        state=session.future[-1],
+        past=(*session.past, session.state),
+        future=session.future[:-1],
+    )
+
+
+def changed(state: State, change: c.Change) -> State:
+    """The state after a change; raises `RefusedError` where it does not fit."""
+    after = _CHANGES[type(change)](state, change)
+    counts = {
+        "picks": len(after.picks),
+        "lengths": len(after.lines),
+        "measurements": len(after.requests),
+    }
+    for what, count in counts.items():
+        if count > MOST_ITEMS:
+            raise RefusedError(f"a project may have {MOST_ITEMS} {what}")
+    return after
+
+
+def _place(state: State, do: c.Place) -> State:
+    there = state.pick(do.image, do.label)
+    if there is not None:
+        sigma = there.sigma_px if do.sigma_px is None else do.sigma_px
+        moved = replace(there, u_px=do.u_px, v_px=do.v_px, sigma_px=sigma)
+        return _with_pick(state, there, moved)
+    same = next((pick for pick in state.picks if pick.label == do.label), None)
+    new = Pick(
+        image=do.image,
+        label=do.label,
+        u_px=do.u_px,
+        v_px=do.v_px,
+        sigma_px=do.sigma_px,
+        height_m=None if same is None else same.height_m,
+        area="" if same is None else same.area,
+    )
+    return replace(state, picks=(*state.picks, new))
+
+
+def _unpick(state: State, do: c.Unpick) -> State:
+    there = _required(state, do.image, do.label)
+    return replace(state, picks=tuple(pick for pick in state.picks if pick is not there))
+
+
+def _forget(state: State, do: c.Forget) -> State:
+    return State(
+        picks=tuple(pick for pick in state.picks if pick.label != do.label),
+        lines=tuple(line for line in state.lines if do.label not in {line.start, line.end}),
+        requests=tuple(one for one in state.requests if do.label not in one.points),
+    )
+
+
+def _rename(state: State, do: c.Rename) -> State:
+    if do.new != do.label and do.new in _all_labels(state):
+        raise RefusedError(f"there is a label {do.new!r} already")
+    if do.label not in _all_labels(state):
+        raise RefusedError(f"there is no label {do.label!r}")
+    return with_label(state, do.label, do.new)
+
+
+def _set_sigma(state: State, do: c.SetSigma) -> State:
+    there = _required(state, do.image, do.label)
+    return _with_pick(state, there, replace(there, sigma_px=do.sigma_px))
+
+
+def _set_height(state: State, do: c.SetHeight) -> State:
+    if do.label not in state.labels:
+        raise RefusedError(f"{do.label!r} is not picked")
+    picks = tuple(
+        replace(pick, height_m=do.height_m) if pick.label == do.label else pick
+        for pick in state.picks
+    )
+    return replace(state, picks=picks)
+
+
+def _set_line(state: State, do: c.SetLine) -> State:
+    if do.start == do.end:
+        raise RefusedError("a length needs two different labels")
+    line = Line(
+        name=do.name,
+        start=do.start,
+        end=do.end,
+        length_m=do.length_m,
+        sigma_m=do.sigma_m,
+        adjust=do.adjust,
+    )
+    return replace(state, lines=_with_named(state.lines, do.was, line, "length"))
+
+
+def _remove_line(state: State, do: c.RemoveLine) -> State:
+    return replace(state, lines=_without_named(state.lines, do.name, "length"))
+
+
+def _set_measurement(state: State, do: c.SetMeasurement) -> State:
+    least, most = POINT_COUNTS[do.kind]
+    if len(do.points) < least or (most is not None and len(do.points) > most):
+        wanted = str(least) if least == most else f"at least {least}"
+        raise RefusedError(f"a measurement of kind {do.kind} needs {wanted} labels")
+    twice = any(a == b for a, b in itertools.pairwise(do.points))
+    if twice or (
+        do.kind not in {"polyline", "skid_speed"} and len(set(do.points)) < len(do.points)
+    ):
+        raise RefusedError(f"a measurement of kind {do.kind} needs different labels")
+    request = MeasurementRequest(
+        name=do.name, kind=do.kind, points=do.points, parameters=do.parameters
+    )
+    return replace(state, requests=_with_named(state.requests, do.was, request, "measurement"))
+
+
+def _remove_measurement(state: State, do: c.RemoveMeasurement) -> State:
+    return replace(state, requests=_without_named(state.requests, do.name, "measurement"))
+
+
+_CHANGES: dict[type, Callable[..., State]] = {
+    c.Place: _place,
+    c.Unpick: _unpick,
+    c.Forget: _forget,
+    c.Rename: _rename,
+    c.SetSigma: _set_sigma,
+    c.SetHeight: _set_height,
+    c.SetLine: _set_line,
+    c.RemoveLine: _remove_line,
+    c.SetMeasurement: _set_measurement,
+    c.RemoveMeasurement: _remove_measurement,
+}
+
+
+def _required(state: State, image: str, label: str) -> Pick:
+    there = state.pick(image, label)
+    if there is None:
+        raise RefusedError(f"{label!r} is not picked in {image!r}")
+    return there
+
+
+def _with_pick(state: State, old: Pick, new: Pick) -> State:
+    return replace(state, picks=tuple(new if pick is old else pick for pick in state.picks))
+
+
+def _all_labels(state: State) -> set[str]:
+    """Labels of picks, lengths and measurements: one name is one physical point."""
+    labels = set(state.labels)
+    labels.update(*((line.start, line.end) for line in state.lines))
+    labels.update(*(request.points for request in state.requests))
+    return labels
+
+
+def _with_named(items: tuple[Named, ...], was: str, new: Named, what: str) -> tuple[Named, ...]:
+    """The items with `new` in place of the one called `was`, or at the end."""
+    names = [item.name for item in items]
+    if was and was not in names:
+        raise RefusedError(f"there is no {what} {was!r}")
+    if new.name != was and new.name in names:
+        raise RefusedError(f"there is a {what} {new.name!r} already")
+    kept: list[Named] = [new if was and item.name == was else item for item in items]
+    if not was:
+        kept.append(new)
+    return tuple(kept)
+
+
+def _without_named(items: tuple[Named, ...], name: str, what: str) -> tuple[Named, ...]:
+    if name not in [item.name for item in items]:
+        raise RefusedError(f"there is no {what} {name!r}")
+    return tuple(item for item in items if item.name != name)

@@ -1,0 +1,140 @@
+"""What has been picked so far: the content of picks.csv, lines.csv and measure.csv, frozen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavgram.model.survey.observations import KnownLines, MeasurementRequest, Picks
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pick:
+    """One picked pixel of the original, unrotated photo `image` (a file name).
+
+    `sigma_px` and `height_m` are None, and `area` is empty, where the file gives none.
+    """
+
+    image: str
+    label: str
+    u_px: float
+    v_px: float
+    sigma_px: float | None = None
+    height_m: float | None = None
+    area: str = ""
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """What names a pick: photo and label."""
+        return self.image, self.label
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """One known length; `adjust` is False where it is withheld and only judged."""
+
+    name: str
+    start: str
+    end: str
+    length_m: float
+    sigma_m: float
+    adjust: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class State:
+    """Picks, known lengths and measurements in the order of their files."""
+
+    picks: tuple[Pick, ...] = ()
+    lines: tuple[Line, ...] = ()
+    requests: tuple[MeasurementRequest, ...] = ()
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Picked labels, in the order in which they first occur."""
+        return tuple(dict.fromkeys(pick.label for pick in self.picks))
+
+    def pick(self, image: str, label: str) -> Pick | None:
+        """The pick of a label in a photo; None where there is none."""
+        return next((pick for pick in self.picks if pick.key == (image, label)), None)
+
+
+def state_of(picks: Picks, lines: KnownLines, requests: Iterable[MeasurementRequest]) -> State:
+    """The state that files hold."""
+    areas = picks.area or ("",) * len(picks.image)
+    return State(
+        picks=tuple(
+            Pick(
+                image=picks.image[i],
+                label=picks.label[i],
+                u_px=float(picks.pixel_px[i, 0]),
+                v_px=float(picks.pixel_px[i, 1]),
+                sigma_px=_or_none(picks.sigma_px[i]),
+                height_m=_or_none(picks.height_m[i]),
+                area=areas[i],
+            )
+            for i in range(len(picks.image))
+        ),
+        lines=tuple(
+            Line(
+                name=lines.name[i],
+                start=lines.start[i],
+                end=lines.end[i],
+                length_m=float(lines.length_m[i]),
+                sigma_m=float(lines.sigma_m[i]),
+                adjust=bool(lines.adjust[i]),
+            )
+            for i in range(len(lines.name))
+        ),
+        requests=tuple(requests),
+    )
+
+
+def observations_of(state: State) -> tuple[Picks, KnownLines]:
+    """Picks and lengths as the adjustment takes them."""
+    picks, lines = state.picks, state.lines
+    return (
+        Picks(
+            image=tuple(pick.image for pick in picks),
+            label=tuple(pick.label for pick in picks),
+            pixel_px=np.array([(pick.u_px, pick.v_px) for pick in picks]).reshape(-1, 2),
+            sigma_px=np.array([_or_nan(pick.sigma_px) for pick in picks]),
+            height_m=np.array([_or_nan(pick.height_m) for pick in picks]),
+            area=tuple(pick.area for pick in picks),
+        ),
+        KnownLines(
+            name=tuple(line.name for line in lines),
+            start=tuple(line.start for line in lines),
+            end=tuple(line.end for line in lines),
+            length_m=np.array([line.length_m for line in lines]),
+            sigma_m=np.array([line.sigma_m for line in lines]),
+            adjust=np.array([line.adjust for line in lines], dtype=np.bool_),
+        ),
+    )
+
+
+def with_label(state: State, old: str, new: str) -> State:
+    """The state with one label called otherwise, wherever it stands."""
+
+    def named(label: str) -> str:
+        return new if label == old else label
+
+    return State(
+        picks=tuple(replace(pick, label=named(pick.label)) for pick in state.picks),
+        lines=tuple(
+            replace(line, start=named(line.start), end=named(line.end)) for line in state.lines
+        ),
+        requests=tuple(
+            replace(request, points=tuple(map(named, request.points))) for request in state.requests
+        ),
+    )
+
+
+def _or_none(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _or_nan(value: float | None) -> float:
+    return float("nan") if value is None else value

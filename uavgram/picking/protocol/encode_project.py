@@ -1,0 +1,183 @@
+"""What the page is told of the project itself: photos, camera, clock, known points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.errors import UavgramError
+from uavgram.geometry.camera.facts import camera_facts
+from uavgram.imaging.photos.tiles import level_count
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.provenance import CameraProvenance
+from uavgram.model.message import Message
+from uavgram.picking.protocol.encode_survey import Json, messages_json, number, numbers
+from uavgram.picking.protocol.parse import PhotoSize
+from uavgram.pipeline.cameras.read import read_camera
+from uavgram.pipeline.measure.inputs import Inputs
+from uavgram.pipeline.measure.pose import Posed
+from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.stages.camera.assume import UNKNOWN_CAMERA
+from uavgram.views.calibration.camera_text import fact_lines, parameter_cells, provenance_lines
+from uavgram.views.calibration.verdict import GOOD_FOCAL, focal_share, percent
+
+CAMERA_CODES = ("lens-", "camera-")
+"""Beginnings of the codes of messages that are about the camera."""
+
+CENTRE_SIGMA_SHARE = 0.01
+"""Of the image's width: a principal point known worse than that tilts every single photo."""
+
+
+def photos_json(survey: LiveSurvey, sizes: tuple[PhotoSize, ...]) -> list[Json]:
+    """The photos in the order of their numbers, and how each was matched and seeded."""
+    posed = survey.posed
+    frames = None if posed is None else posed.frames
+    seeds = _seeds(posed)
+    pairs = _pairs(posed)
+    digests = survey.inputs.digests[-len(sizes) :]  # photos come last
+    return [
+        {
+            "name": photo.name,
+            "digest": digests[k].sha256[:16],
+            "width_px": photo.width_px,
+            "height_px": photo.height_px,
+            "levels": level_count(photo.width_px, photo.height_px),
+            "matched": bool(frames is not None and frames.matched[k]),
+            "reason": "" if frames is None else frames.reason[k],
+            "time_utc_s": None if frames is None else number(frames.time_utc_s[k]),
+            "seed": seeds.get(photo.name),
+            "event": pairs.get(photo.name),
+        }
+        for k, photo in enumerate(sizes)
+    ]
+
+
+def _seeds(posed: Posed | None) -> dict[str, Json]:
+    """Sigmas of the seed poses: centre (e n u) [m], and directions together [deg]."""
+    if posed is None or posed.telemetry is None:
+        return {}
+    poses = posed.telemetry.poses
+    sigma = np.sqrt(np.einsum("nii->ni", poses.covariance))
+    return {
+        name: {
+            "up_m": number(poses.center_world_m[k, 2], 2),
+            "sigma_m": numbers(sigma[k, :3], 3),
+            "turn_sigma_deg": number(np.degrees(np.linalg.norm(sigma[k, 3:])), 2),
+        }
+        for k, name in enumerate(poses.frame_id)
+    }
+
+
+def _pairs(posed: Posed | None) -> dict[str, Json]:
+    """How each photo fits the camera event it was paired with."""
+    if posed is None or posed.pairing is None:
+        return {}
+    pairing = posed.pairing
+    return {
+        name: {
+            "status": pairing.status[k],
+            "residual_s": number(pairing.residual_s[k], 4),
+            "why": pairing.reason[k],
+        }
+        for k, name in enumerate(pairing.frame_id)
+    }
+
+
+def clock_json(survey: LiveSurvey) -> Json | None:
+    """The camera's clock against UTC as assumed before the adjustment; None without a log."""
+    posed = survey.posed
+    if posed is None or posed.telemetry is None or survey.inputs.log is None:
+        return None
+    unused = () if posed.pairing is None else posed.pairing.unused_reason
+    return {
+        "offset_s": number(posed.frames.clock_offset_s),
+        "sigma_s": number(posed.frames.clock_offset_sigma_s),
+        "log": Path(survey.inputs.log.path).name,
+        "events": 0 if posed.pairing is None else len(posed.pairing.event_index) + len(unused),
+        "unused": list(unused),
+    }
+
+
+def camera_json(survey: LiveSurvey) -> Json:
+    """What is known of the camera: parameters, sigmas, where they come from, what is odd."""
+    inputs = survey.inputs
+    calibration = inputs.calibration
+    _, *cells = parameter_cells(calibration)
+    facts = camera_facts(calibration)
+    return {
+        "name": calibration.name,
+        "model": calibration.model,
+        "width_px": calibration.width_px,
+        "height_px": calibration.height_px,
+        "parameters": [list(row) for row in cells],
+        "facts": fact_lines(facts, None),
+        "source": _source(inputs),
+        "file": _file(inputs),
+        "messages": messages_json(_about_camera(inputs)),
+    }
+
+
+def _file(inputs: Inputs) -> str:
+    camera = inputs.project.camera_file
+    return "" if camera is None else Path(camera).name
+
+
+def _source(inputs: Inputs) -> list[str]:
+    """Where the parameters come from."""
+    file = inputs.project.camera_file
+    if file is None:
+        how = f"(`camera: {inputs.project.camera}`)"
+        if _is_unknown(inputs):
+            return [f"Nobody knows it, so an ordinary drone camera is assumed {how}."]
+        return [f"Assumed from what the photos say of their camera {how}."]
+    provenance: CameraProvenance | None = None
+    try:
+        provenance = read_camera(file).provenance
+    except UavgramError:  # it is gone or was changed since it was read: nothing more is known
+        return ["The file cannot be read any more."]
+    if provenance is None:
+        return ["The file does not say how it was made."]
+    return provenance_lines(provenance)
+
+
+def _about_camera(inputs: Inputs) -> list[Message]:
+    said = [message for message in inputs.messages if message.code.startswith(CAMERA_CODES)]
+    return said if _is_unknown(inputs) else [*said, *_judged(inputs.calibration)]
+
+
+def _is_unknown(inputs: Inputs) -> bool:
+    """Whether its message says already how little its sigmas are worth."""
+    return any(message.code == UNKNOWN_CAMERA for message in inputs.messages)
+
+
+def _judged(calibration: Calibration) -> list[Message]:
+    """What a person should know of these sigmas before trusting a length."""
+    sigma = np.sqrt(calibration.covariance.diagonal())
+    if not sigma.any():
+        text = (
+            "The file states no errors, so the camera counts as known exactly: the sigmas of all "
+            "measurements are too small by what it really lacks. Calibrate it."
+        )
+        return [Message("warning", "camera-exact", text)]
+    said = []
+    share = focal_share(calibration)
+    if share > GOOD_FOCAL:
+        text = (
+            f"The focal length is known to {percent(share)} only: without lengths on the ground "
+            "every distance is as uncertain. Calibrate the camera, or tape lengths."
+        )
+        said.append(Message("warning", "camera-focal", text))
+    if sigma[2:4].max() > CENTRE_SIGMA_SHARE * calibration.width_px:
+        text = (
+            f"The principal point is known to {sigma[2:4].max():.0f} px only, which is as much as "
+            f"a tilt of {np.degrees(sigma[2:4].max() / calibration.parameters[0]):.1f} degrees of "
+            "the camera. Calibrate the camera."
+        )
+        said.append(Message("warning", "camera-centre", text))
+    return said
+
+
+def known_points_json(inputs: Inputs) -> Json:
+    """Labels with known coordinates, by use."""
+    return {"control": list(inputs.control.label), "check": list(inputs.check.label)}

@@ -1,0 +1,277 @@
+"""What the page is told: plain JSON of states, changes and adjustments; NaN becomes null."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.message import Message
+from uavgram.model.result.result import Result
+from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.picking.document.state import Line, Pick, State
+from uavgram.picking.protocol.geodetic import places_on_earth
+from uavgram.pipeline.pick.known_places import KnownPlaces
+from uavgram.pipeline.pick.live import Adjusted, Linearised
+from uavgram.stages.tell import told
+
+Json = dict[str, Any]
+
+_PIXEL_DIGITS = 4
+_DIGITS = 7
+
+
+def number(value: float, digits: int = _DIGITS) -> float | None:
+    """A number as JSON can hold it; None where it is none."""
+    return round(float(value), digits) if math.isfinite(value) else None
+
+
+def numbers(values: Iterable[float], digits: int = _DIGITS) -> list[float | None]:
+    """Numbers as JSON can hold them."""
+    return [number(value, digits) for value in values]
+
+
+def state_json(state: State, index: Mapping[str, int]) -> Json:
+    """All of a state; `index` numbers the photos."""
+    return {
+        "picks": [_pick(pick, index) for pick in state.picks],
+        "lines": [_line(line) for line in state.lines],
+        "measurements": [_request(request) for request in state.requests],
+    }
+
+
+def difference_json(before: State, after: State, index: Mapping[str, int]) -> Json:
+    """What the page must change to show `after` where it shows `before`."""
+    said: Json = {}
+    old = {pick.key: pick for pick in before.picks}
+    new = {pick.key: pick for pick in after.picks}
+    put = [_pick(pick, index) for key, pick in new.items() if old.get(key) != pick]
+    gone = [[index[image], label] for image, label in old if (image, label) not in new]
+    if put or gone:
+        said["picks"] = {"put": put, "gone": gone}
+    if before.lines != after.lines:
+        said["lines"] = [_line(line) for line in after.lines]
+    if before.requests != after.requests:
+        said["measurements"] = [_request(request) for request in after.requests]
+    return said
+
+
+def _pick(pick: Pick, index: Mapping[str, int]) -> Json:
+    return {
+        "image": index[pick.image],
+        "label": pick.label,
+        "u_px": pick.u_px,
+        "v_px": pick.v_px,
+        "sigma_px": pick.sigma_px,
+        "height_m": pick.height_m,
+        "area": pick.area,
+    }
+
+
+def _line(line: Line) -> Json:
+    return {
+        "name": line.name,
+        "start": line.start,
+        "end": line.end,
+        "length_m": line.length_m,
+        "sigma_m": line.sigma_m,
+        "adjust": line.adjust,
+    }
+
+
+def _request(request: MeasurementRequest) -> Json:
+    return {
+        "name": request.name,
+        "kind": request.kind,
+        "points": list(request.points),
+        "parameters": dict(request.parameters),
+    }
+
+
+def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
+    """A full adjustment."""
+    result = adjusted.result
+    return {
+        "mode": "adjusted",
+        "seconds": number(adjusted.seconds, 3),
+        "points": _points(adjusted),
+        "earth_deg": places_on_earth(adjusted, result.points.label, result.points.position_world_m),
+        "picks": _picks(adjusted, index),
+        "predicted": _predicted(adjusted, index),
+        "lines": _lines(adjusted),
+        "measurements": _measurements(adjusted),
+        "checks": _checks(adjusted),
+        "frames": _frames(result, index),
+        "clock": _clock(result),
+        "advice": _advice(adjusted),
+        "messages": messages_json(result.messages),
+    }
+
+
+def messages_json(messages: Iterable[Message]) -> list[Json]:
+    """Remarks, each once, warnings and errors first, those of one kind as one."""
+    return [{"level": m.level, "code": m.code, "text": m.text} for m in told(*messages)]
+
+
+def linearised_json(quick: Linearised, index: Mapping[str, int]) -> Json:
+    """A first-order answer: new values alone; everything else stays as it was."""
+    base = quick.base.result
+    survey = quick.base.adjustment.survey
+    picks = zip(survey.pick_frame, survey.pick_label, quick.residual_px, strict=True)
+    return {
+        "mode": "linearised",
+        "residuals_px": [
+            [index[survey.frame_id[f]], survey.label[k], *numbers(residual, _PIXEL_DIGITS)]
+            for f, k, residual in picks
+        ],
+        "lengths_m": dict(zip(base.lines.name, numbers(quick.length_m), strict=True)),
+        "values": dict(zip(base.measurements.name, numbers(quick.value), strict=True)),
+        "earth_deg": places_on_earth(quick.base, survey.label, quick.world_m),
+    }
+
+
+def unadjusted_json(why: str, messages: Iterable[Message]) -> Json:
+    """Nothing can be adjusted yet, and why."""
+    return {"mode": "none", "why": why, "messages": messages_json(messages)}
+
+
+def _points(adjusted: Adjusted) -> Json:
+    points = adjusted.result.points
+    sigma = np.sqrt(np.einsum("kii->ki", points.relative.covariance_m2))
+    return {label: {"sigma_m": numbers(sigma[k])} for k, label in enumerate(points.label)}
+
+
+def _picks(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
+    picks, survey = adjusted.result.picks, adjusted.adjustment.survey
+    spread = {
+        (survey.frame_id[f], survey.label[k]): _ellipse(covariance)
+        for f, k, covariance in zip(
+            survey.pick_frame, survey.pick_label, adjusted.picked_covariance_px2, strict=True
+        )
+    }
+    return [
+        {
+            "image": index[image],
+            "label": label,
+            "residual_px": numbers(picks.residual_px[i], _PIXEL_DIGITS),
+            "w": number(picks.w[i], 3),
+            "status": picks.status[i],
+            "spread": spread.get((image, label)),
+        }
+        for i, (image, label) in enumerate(zip(picks.image, picks.label, strict=True))
+    ]
+
+
+def _predicted(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
+    predicted, label = adjusted.predicted, adjusted.adjustment.survey.label
+    return [
+        {
+            "image": index[frame],
+            "label": label[predicted.label[i]],
+            "pixel_px": numbers(predicted.pixel_px[i], 3),
+            "spread": _ellipse(predicted.covariance_px2[i]),
+        }
+        for i, frame in enumerate(predicted.frame_id)
+    ]
+
+
+def _frames(result: Result, index: Mapping[str, int]) -> Json:
+    """Status by photo; of those adjusted the sigmas of the centre (e n u) and how far it moved."""
+    frames = result.frames
+    sigma = np.sqrt(np.einsum("fii->fi", frames.refined.covariance))
+    moved = np.linalg.norm(frames.refined.center_world_m - frames.seed.center_world_m, axis=1)
+    return {
+        str(index[name]): {
+            "status": frames.status[k],
+            "sigma_m": numbers(sigma[k, :3], 3),
+            "moved_m": number(moved[k], 3),
+        }
+        for k, name in enumerate(frames.frame_id)
+    }
+
+
+def _clock(result: Result) -> Json | None:
+    """Camera clock minus UTC after the adjustment; None without a log."""
+    offset = result.shared.clock_offset_s
+    if offset is None:
+        return None
+    return {"offset_s": number(offset.value[0]), "sigma_s": number(offset.sigma[0])}
+
+
+def expected_json(places: KnownPlaces, index: Mapping[str, int]) -> list[Json]:
+    """Where points with known coordinates should appear."""
+    return [
+        {
+            "image": index[frame],
+            "label": places.label[i],
+            "pixel_px": numbers(places.pixel_px[i], 3),
+            "spread": _ellipse(places.covariance_px2[i]),
+        }
+        for i, frame in enumerate(places.frame_id)
+    ]
+
+
+def _ellipse(covariance_px2: Floats) -> Json:
+    """One-sigma half-axes [px], and the direction of the major one from u towards v [deg]."""
+    value, vector = np.linalg.eigh(covariance_px2)
+    minor, major = np.sqrt(np.maximum(value, 0.0))
+    turn_deg = math.degrees(math.atan2(vector[1, 1], vector[0, 1]))
+    return {
+        "major_px": number(major, 3),
+        "minor_px": number(minor, 3),
+        "turn_deg": number(turn_deg, 3),
+    }
+
+
+def _lines(adjusted: Adjusted) -> Json:
+    lines = adjusted.result.lines
+    return {
+        name: {
+            "adjusted_m": number(lines.adjusted_m[i]),
+            "sigma_m": number(lines.adjusted_sigma_m[i]),
+            "w": number(lines.w[i], 3),
+            "status": lines.status[i],
+        }
+        for i, name in enumerate(lines.name)
+    }
+
+
+def _measurements(adjusted: Adjusted) -> Json:
+    found = adjusted.result.measurements
+    return {
+        name: {
+            "value": number(found.value[i]),
+            "sigma": number(found.sigma[i]),
+            "unit": found.unit[i],
+            "alternatives": numbers(found.alternative_values[i]),
+        }
+        for i, name in enumerate(found.name)
+    }
+
+
+def _checks(adjusted: Adjusted) -> list[Json]:
+    points = adjusted.result.point_checks
+    return [
+        {
+            "label": label,
+            "error_m": numbers(points.error_m[i]),
+            "sigma_m": numbers(points.sigma_m[i]),
+        }
+        for i, label in enumerate(points.label)
+    ]
+
+
+def _advice(adjusted: Adjusted) -> Json | None:
+    advice, label = adjusted.advice, adjusted.adjustment.survey.label
+    if advice is None or not advice.relative_sigma_after < advice.relative_sigma:
+        return None
+    return {
+        "start": label[advice.start],
+        "end": label[advice.end],
+        "length_m": number(advice.length_m, 2),
+        "relative_sigma": number(advice.relative_sigma),
+        "relative_sigma_after": number(advice.relative_sigma_after),
+    }

@@ -1,0 +1,45 @@
+"""Latitude and longitude of the points whose coordinates are measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.model.arrays import Floats
+from uavgram.pipeline.pick.live import Adjusted
+
+DEGREE_DIGITS = 9
+"""A tenth of a millimetre."""
+
+
+def places_on_earth(
+    adjusted: Adjusted, label: Sequence[str], position_world_m: Floats
+) -> dict[str, list[float]]:
+    """Latitude and longitude [deg] by label.
+
+    Parameters
+    ----------
+    adjusted
+        Says which points are asked for, and where the local world lies.
+    label, position_world_m
+        (K,), (K, 3) points, as adjusted or moved since.
+
+    Returns
+    -------
+    places
+        Empty where nothing ties the survey to the earth.
+    """
+    world, requests = adjusted.result.world, adjusted.observed.requests
+    asked = {request.points[0] for request in requests if request.kind == "coordinate"}
+    rows = [k for k, name in enumerate(label) if name in asked]
+    if world.latitude_deg is None or world.longitude_deg is None or world.height_m is None:
+        return {}
+    origin = (world.latitude_deg, world.longitude_deg, world.height_m)
+    latitude, longitude, _ = geodetic_from_enu(position_world_m[rows], origin)
+    return {
+        label[k]: [round(degrees, DEGREE_DIGITS) for degrees in place]
+        for k, *place in zip(rows, latitude.tolist(), longitude.tolist(), strict=True)
+        if np.isfinite(place).all()
+    }

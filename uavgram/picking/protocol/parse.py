@@ -1,0 +1,319 @@
+"""Messages of the page -> commands and questions: everything that comes in is checked here.
+
+A message is a JSON object ``{"seq": n, "t": kind, ...}``, with ``"step"`` where several changes
+are one step for the user (a drag, a run of nudges). Photos are numbers, never names or paths.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NoReturn, TypeVar
+
+from uavgram.errors import UavgramError
+from uavgram.io.tables.measure import PARAMETERS, POINT_COUNTS, parameter_fault
+from uavgram.model.camera.calibration import LensModel
+from uavgram.model.limits import (
+    LONGEST_NAME,
+    length_fault,
+    name_fault,
+    number_fault,
+    sigma_fault,
+    unshowable,
+)
+from uavgram.model.survey.observations import MeasurementKind
+from uavgram.picking.document import commands as c
+
+LONGEST_MESSAGE = 1_000_000
+MOST_POINTS = 256
+LARGEST_INTEGER = 2**53
+
+_UNIT = re.compile(r"_(px|m)$")  # of a field; people know the field without it
+
+_TARGETS: tuple[c.Target, ...] = ("corner", "circle")
+
+Choice = TypeVar("Choice", bound=str)
+
+
+class RefusedError(UavgramError):
+    """A message that says or asks for something impossible; the page shows why.
+
+    Attributes
+    ----------
+    seq
+        The message's own number, as far as it could be read.
+    """
+
+    seq: int | None = None
+
+
+@dataclass(frozen=True)
+class PhotoSize:
+    """A photo that messages may name by its number: file name and stored size [px]."""
+
+    name: str
+    width_px: int
+    height_px: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Message:
+    """A checked message.
+
+    Attributes
+    ----------
+    seq
+        The page's own number; the answer carries it.
+    step
+        Changes with the same step (not 0) are undone together.
+    final
+        Whether the step ends here: while it goes on, an approximate answer will do.
+    body
+        The command or question.
+    """
+
+    seq: int
+    step: int
+    final: bool
+    body: c.Command | c.Question | c.Errand
+
+
+def parse_message(text: str | bytes, photos: Sequence[PhotoSize]) -> Message:
+    """Check a message and make a command or question of it.
+
+    Raises
+    ------
+    RefusedError
+        Says what is wrong with it.
+    """
+    if len(text) > LONGEST_MESSAGE:
+        _refuse(f"a message may have {LONGEST_MESSAGE} bytes")
+    try:
+        data = json.loads(text, parse_constant=_no_number)
+    except (ValueError, RecursionError):
+        _refuse("the message is not JSON")
+    if not isinstance(data, dict):
+        _refuse("the message is not an object")
+    fields = _Fields(data, photos)
+    seq = fields.integer("seq")
+    try:
+        return _parsed(fields, seq)
+    except RefusedError as why:
+        why.seq = seq  # the page waits for the answer to this number
+        raise
+
+
+def _parsed(fields: _Fields, seq: int) -> Message:
+    kind = fields.text("t")
+    if kind not in _PARSERS:
+        _refuse(f"there is no command {kind!r}")
+    step = fields.integer("step", default=0)
+    final = fields.flag("final", default=True)
+    body = _PARSERS[kind](fields)
+    fields.nothing_else()
+    return Message(seq=seq, step=step, final=final, body=body)
+
+
+def _refuse(why: str) -> NoReturn:
+    raise RefusedError(why)
+
+
+def _no_number(text: str) -> NoReturn:
+    _refuse(f"{text} is no number")
+
+
+class _Fields:
+    """The fields of a message, taken out one by one."""
+
+    def __init__(self, data: dict[str, Any], photos: Sequence[PhotoSize]) -> None:
+        self._data = dict(data)
+        self._photos = photos
+
+    def _take(self, name: str) -> Any:  # noqa: ANN401  (JSON: anything)
+        if name not in self._data:
+            _refuse(f"{_UNIT.sub('', name)} is missing")
+        return self._data.pop(name)
+
+    def nothing_else(self) -> None:
+        if self._data:
+            _refuse(f"unknown field {next(iter(self._data))[:LONGEST_NAME]!r}")
+
+    def text(self, name: str, *, empty: bool = False) -> str:
+        value = self._take(name)
+        if not isinstance(value, str):
+            _refuse(f"{name} must be text")
+        value = value.strip()
+        if not value and not empty:
+            _refuse(f"{name} is empty")
+        if fault := name_fault(value):
+            _refuse(f"{name} {fault}")
+        if fault := unshowable(value):
+            _refuse(f"{name} holds {fault}: type it again")
+        return value
+
+    def label(self, name: str = "label") -> str:
+        value = self.text(name)
+        if ";" in value:
+            _refuse("a label cannot hold a semicolon, which separates labels in measure.csv")
+        return value
+
+    def choice(self, name: str, known: Sequence[Choice]) -> Choice:
+        value = self.text(name)
+        for one in known:
+            if one == value:
+                return one
+        _refuse(f"{name} must be one of {', '.join(known)}")
+
+    def flag(self, name: str, *, default: bool | None = None) -> bool:
+        value = default if default is not None and name not in self._data else self._take(name)
+        if not isinstance(value, bool):
+            _refuse(f"{name} must be true or false")
+        return value
+
+    def integer(self, name: str, *, default: int | None = None) -> int:
+        value = default if default is not None and name not in self._data else self._take(name)
+        if not isinstance(value, int) or isinstance(value, bool):
+            _refuse(f"{name} must be a whole number")
+        if not 0 <= value < LARGEST_INTEGER:
+            _refuse(f"{name} is out of range")
+        return value
+
+    def number(self, name: str, fault_of: Callable[[float], str] = number_fault) -> float:
+        """A number that a table may hold: the readers of the tables know what is wrong with one."""
+        value = self._take(name)
+        if not isinstance(value, int | float) or isinstance(value, bool):
+            _refuse(f"{_UNIT.sub('', name)} must be a number")
+        if fault := number_fault(value) or fault_of(value):  # a whole number may have any size
+            _refuse(f"{_UNIT.sub('', name)} {fault}")
+        return float(value)
+
+    def between(self, name: str, least: float, most: float) -> float:
+        value = self.number(name)
+        if not least <= value <= most:
+            _refuse(f"{_UNIT.sub('', name)} must lie between {least:g} and {most:g}")
+        return value
+
+    def optional(self, name: str, read: Callable[[], float]) -> float | None:
+        if self._data.get(name) is None:
+            self._data.pop(name, None)
+            return None
+        return read()
+
+    def photo(self) -> PhotoSize:
+        index = self.integer("image")
+        if index >= len(self._photos):
+            _refuse(f"there is no photo {index}")
+        return self._photos[index]
+
+    def pixel(self, photo: PhotoSize) -> tuple[float, float]:
+        u = self.between("u_px", -0.5, photo.width_px - 0.5)
+        return u, self.between("v_px", -0.5, photo.height_px - 0.5)
+
+    def labels(self, name: str) -> tuple[str, ...]:
+        values = self._take(name)
+        if not isinstance(values, list) or len(values) > MOST_POINTS:
+            _refuse(f"{name} must be a list of at most {MOST_POINTS} labels")
+        return tuple(_Fields({name: value}, ()).label(name) for value in values)
+
+    def parameters(self, kind: MeasurementKind) -> tuple[tuple[str, float], ...]:
+        wanted = PARAMETERS.get(kind, ())
+        values = self._data.pop("parameters", {})
+        if not isinstance(values, dict):
+            _refuse("parameters must be an object")
+        inner = _Fields(values, ())
+        found = tuple((name, inner.number(name, partial(parameter_fault, name))) for name in wanted)
+        inner.nothing_else()
+        return found
+
+
+def _place(fields: _Fields) -> c.Place:
+    photo = fields.photo()
+    u, v = fields.pixel(photo)
+    sigma = fields.optional("sigma_px", lambda: fields.number("sigma_px", sigma_fault))
+    return c.Place(image=photo.name, label=fields.label(), u_px=u, v_px=v, sigma_px=sigma)
+
+
+def _set_sigma(fields: _Fields) -> c.SetSigma:
+    sigma = fields.optional("sigma_px", lambda: fields.number("sigma_px", sigma_fault))
+    return c.SetSigma(image=fields.photo().name, label=fields.label(), sigma_px=sigma)
+
+
+def _set_height(fields: _Fields) -> c.SetHeight:
+    height = fields.optional("height_m", lambda: fields.number("height_m"))
+    return c.SetHeight(label=fields.label(), height_m=height)
+
+
+def _set_line(fields: _Fields) -> c.SetLine:
+    return c.SetLine(
+        was=fields.text("was", empty=True),
+        name=fields.text("name"),
+        start=fields.label("start"),
+        end=fields.label("end"),
+        length_m=fields.number("length_m", length_fault),
+        sigma_m=fields.number("sigma_m", sigma_fault),
+        adjust=fields.flag("adjust", default=True),
+    )
+
+
+def _set_measurement(fields: _Fields) -> c.SetMeasurement:
+    kind = fields.choice("kind", tuple(POINT_COUNTS))
+    return c.SetMeasurement(
+        was=fields.text("was", empty=True),
+        name=fields.text("name"),
+        kind=kind,
+        points=fields.labels("points"),
+        parameters=fields.parameters(kind),
+    )
+
+
+def _snap(fields: _Fields) -> c.Snap:
+    photo = fields.photo()
+    u, v = fields.pixel(photo)
+    target = fields.choice("target", _TARGETS)
+    return c.Snap(image=photo.name, u_px=u, v_px=v, target=target)
+
+
+def _same_ground(fields: _Fields) -> c.SameGround:
+    photo = fields.photo()
+    u, v = fields.pixel(photo)
+    return c.SameGround(image=photo.name, u_px=u, v_px=v)
+
+
+_MODELS: tuple[LensModel, ...] = ("brown", "fisheye")
+
+
+def _calibrate(fields: _Fields) -> c.Calibrate:
+    return c.Calibrate(
+        folder=fields.integer("folder"),
+        board=fields.text("board"),
+        model=fields.choice("model", _MODELS),
+    )
+
+
+_PARSERS: dict[str, Callable[[_Fields], c.Command | c.Question | c.Errand]] = {
+    "place": _place,
+    "unpick": lambda f: c.Unpick(image=f.photo().name, label=f.label()),
+    "forget": lambda f: c.Forget(label=f.label()),
+    "rename": lambda f: c.Rename(label=f.label(), new=f.label("new")),
+    "sigma": _set_sigma,
+    "height": _set_height,
+    "line": _set_line,
+    "remove-line": lambda f: c.RemoveLine(name=f.text("name")),
+    "measure": _set_measurement,
+    "remove-measurement": lambda f: c.RemoveMeasurement(name=f.text("name")),
+    "undo": lambda _: c.Undo(),
+    "redo": lambda _: c.Redo(),
+    "export": lambda _: c.Export(),
+    "reload": lambda _: c.Reload(),
+    "take-aside": lambda _: c.TakeAside(),
+    "discard-aside": lambda _: c.DiscardAside(),
+    "folders": lambda _: c.Folders(),
+    "calibrate": _calibrate,
+    "stop-calibration": lambda _: c.StopCalibration(),
+    "use-camera": lambda _: c.UseCamera(),
+    "snap": _snap,
+    "ground": _same_ground,
+}

@@ -1,0 +1,164 @@
+"""The bench beside the desk: a calibration from photos of a board, while picking goes on.
+
+The page names a folder by the number under which it was listed, never by its path. One runs at a
+time, in a thread of its own (OpenCV works outside Python's lock), into a new folder.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TypeVar
+
+from uavgram.config.board_text import parse_board
+from uavgram.errors import UavgramError
+from uavgram.io.discovery.photo_folders import PhotoFolder
+from uavgram.model.camera.board import CalibrationOptions
+from uavgram.picking.document.commands import Calibrate
+from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.protocol.parse import RefusedError
+from uavgram.pipeline.cameras.calibrate import CAMERA, REPORT, Calibrated
+from uavgram.pipeline.cameras.nearby import board_folders, calibrate_folder
+from uavgram.views.calibration.verdict import calibration_facts, judge_calibration
+
+log = logging.getLogger(__name__)
+
+Item = TypeVar("Item")
+
+BROKEN_OFF = "it broke off (a fault of the program: its log says where)"
+
+
+class CalibrationJob:
+    """Where a camera is calibrated.
+
+    Parameters
+    ----------
+    project
+        The project file.
+    broadcast
+        Called with what every page should know, from any thread.
+
+    Attributes
+    ----------
+    last_message
+        What was told last; empty before the first calibration.
+    made
+        The camera file that the last calibration wrote; None where there is none.
+    """
+
+    def __init__(self, project: Path, broadcast: Callable[[Json], None]) -> None:
+        self._project = project
+        self._broadcast = broadcast
+        self._listed: dict[Path, int] = {}
+        self._folders: dict[int, PhotoFolder] = {}
+        self._thread: threading.Thread | None = None
+        self._stopped = threading.Event()
+        self.last_message: Json = {}
+        self.made: Path | None = None
+
+    @property
+    def report(self) -> Path | None:
+        """The report of the last calibration."""
+        return None if self.made is None else self.made.with_name(REPORT)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a calibration is running; not any more once its end is told."""
+        return self.last_message.get("state") == "running"
+
+    def folders(self) -> list[Json]:
+        """Folders near the project that hold photos; each keeps its number."""
+        found = board_folders(self._project)
+        beside = self._project.absolute().parent
+        for folder in found:
+            self._folders[self._listed.setdefault(folder.path, len(self._listed))] = folder
+        return [
+            {
+                "id": self._listed[folder.path],
+                "name": _short(folder.path, beside),
+                "photos": len(folder.files),
+                "width_px": folder.size_px[0],
+                "height_px": folder.size_px[1],
+            }
+            for folder in found
+        ]
+
+    def start(self, asked: Calibrate) -> None:
+        """Begin a calibration; what comes of it is told.
+
+        Raises
+        ------
+        UavgramError
+            One is running already, or folder or board are none.
+        """
+        if self.is_busy:
+            raise RefusedError("a calibration is running already")
+        folder = self._folders.get(asked.folder)
+        if folder is None:
+            raise RefusedError(f"there is no folder {asked.folder}")
+        parse_board(asked.board)
+        self._stopped.clear()
+        self._say(state="running", what="reading the photos", done=0, total=len(folder.files))
+        self._thread = threading.Thread(
+            target=self._work, args=(folder, asked), name="calibration", daemon=True
+        )
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End a calibration that is running; nothing of it is kept."""
+        self._stopped.set()
+
+    def close(self) -> None:
+        """End, and wait for that."""
+        self.stop()
+        if self._thread is not None:
+            self._thread.join()
+
+    def _work(self, folder: PhotoFolder, asked: Calibrate) -> None:
+        options = CalibrationOptions(model=asked.model)
+        end: Json = {"state": "failed", "why": BROKEN_OFF}  # unless it ends in another way
+        try:
+            done = calibrate_folder(self._project, folder, asked.board, options, self._progress)
+            end = {"state": "done", **_result(done, self._project.absolute().parent)}
+            self.made = done.folder / CAMERA
+        except UavgramError as why:
+            end = {"state": "failed", "why": str(why)}
+        finally:
+            self._say(**end)  # the last that is done here: the next one may begin
+
+    def _progress(self, items: Iterable[Item], what: str, total: int, /) -> Iterable[Item]:
+        for k, item in enumerate(items):
+            if self._stopped.is_set():
+                raise RefusedError("stopped; nothing was written")
+            self._say(state="running", what=what, done=k + 1, total=total)
+            yield item
+
+    def _say(self, **what: object) -> None:
+        self.last_message = {"t": "calibration", **what}
+        self._broadcast(self.last_message)
+
+
+def _result(done: Calibrated, beside: Path) -> Json:
+    """What a calibration found, in words."""
+    camera = done.account.result.calibration
+    verdict = judge_calibration(done.account)
+    return {
+        "verdict": verdict.sentence,
+        "reasons": list(verdict.reasons),
+        "counts": verdict.counts,
+        "facts": [list(fact) for fact in calibration_facts(done.account)],
+        "file": _short(done.folder / CAMERA, beside),
+        "width_px": camera.width_px,
+        "height_px": camera.height_px,
+    }
+
+
+def _short(path: Path, beside: Path) -> str:
+    """A path as seen from the project's folder."""
+    if path == beside:
+        return "the project's own folder"
+    if path.is_relative_to(beside):
+        return path.relative_to(beside).as_posix()
+    return f"../{path.relative_to(beside.parent).as_posix()}"

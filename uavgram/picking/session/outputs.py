@@ -1,0 +1,112 @@
+"""What a run wrote, for the page: report, tables and drawings by name, and the recording."""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+from contextlib import suppress
+from pathlib import Path
+
+from uavgram.errors import InputError
+from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.storage.outside import Stamp, stamp_of
+from uavgram.views.viewer.server import RecordingServer
+
+log = logging.getLogger(__name__)
+
+REPORT = "report.html"
+RESULTS = "results.json"
+RECORDING = "recording.rrd"
+FILES = {
+    REPORT: "Report",
+    "measurements.csv": "Measurements (CSV)",
+    "survey_local.dxf": "Drawing, local metres (DXF)",
+    "survey_map.dxf": "Drawing, map coordinates (DXF)",
+    "survey.gpkg": "Layers for GIS (GeoPackage)",
+    "points.geojson": "Points (GeoJSON)",
+    "survey.kml": "For Google Earth (KML)",
+    RESULTS: "All results (JSON)",
+}
+"""Files that the page hands out, and what they are; nothing else is."""
+
+
+class Outputs:
+    """The files of a project's output folder.
+
+    Parameters
+    ----------
+    folder
+        It.
+
+    Attributes
+    ----------
+    made_of
+        Digests of the inputs that the results were made of, as `look` last found them; None where
+        there are no results.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._viewer: RecordingServer | None = None
+        self._opening = threading.Lock()
+        self._stamp: Stamp = None
+        self.made_of: frozenset[str] | None = None
+        self.look()
+
+    def look(self) -> None:
+        """Find out what the results were made of, whoever wrote them; slow where they are new."""
+        stamp = stamp_of(self.folder / RESULTS)
+        if stamp == self._stamp:
+            return
+        self._stamp, self.made_of = stamp, None
+        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            results = json.loads((self.folder / RESULTS).read_bytes())
+            self.made_of = frozenset(
+                str(one["sha256"]) for one in results["provenance"]["inputs"].values()
+            )
+
+    def listed(self) -> list[Json]:
+        """Files that are there, and what they are."""
+        there = {name: words for name, words in FILES.items() if (self.folder / name).is_file()}
+        return [{"name": name, "words": words} for name, words in there.items()]
+
+    @property
+    def has_recording(self) -> bool:
+        """Whether there is a recording."""
+        return (self.folder / RECORDING).is_file()
+
+    def read(self, name: str) -> bytes | None:
+        """Content of one of `FILES`; None where it is not there, or none of them."""
+        if name not in FILES:
+            return None
+        try:
+            return (self.folder / name).read_bytes()
+        except OSError:
+            return None
+
+    def viewer(self) -> str:
+        """Address of the Rerun viewer with the recording, on this machine only.
+
+        Raises
+        ------
+        UavgramError
+            There is no recording, or the viewer could not run.
+        """
+        with self._opening:
+            if not self.has_recording:
+                raise InputError(self.folder / RECORDING, "is not there yet: write it on the page")
+            if self._viewer is None or not self._viewer.is_up:
+                self._stop()
+                self._viewer = RecordingServer(self.folder / RECORDING)
+            return self._viewer.address
+
+    def close(self) -> None:
+        """End the viewer."""
+        with self._opening:
+            self._stop()
+
+    def _stop(self) -> None:
+        if self._viewer is not None:
+            self._viewer.stop()
+            self._viewer = None

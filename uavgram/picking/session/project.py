@@ -1,0 +1,220 @@
+"""The project that is open on the page: its desk, its outputs, its bench, and errands about it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from anyio import to_thread
+
+from uavgram.errors import UavgramError
+from uavgram.picking.document import commands as c
+from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.protocol.parse import RefusedError
+from uavgram.picking.session.calibration_job import CalibrationJob
+from uavgram.picking.session.outputs import Outputs
+from uavgram.picking.session.session import PickSession
+from uavgram.picking.storage.journal import Saver
+from uavgram.picking.storage.outside import Outside
+from uavgram.picking.storage.set_aside import Changes, SetAside, changes_of, oldest_set_aside
+from uavgram.pipeline.cameras.nearby import use_camera
+from uavgram.pipeline.measure.inputs import Inputs
+from uavgram.pipeline.pick.live import LiveSurvey
+
+log = logging.getLogger(__name__)
+
+Run = Callable[[], object]
+Keep = Callable[[Inputs], Saver]
+
+
+class OpenProject:
+    """A project, open for picking.
+
+    Parameters
+    ----------
+    survey, saver
+        The project, and who keeps its tables.
+    run
+        Runs the project from its files and writes its outputs.
+    broadcast
+        Called with what every page should know, from any thread.
+    keep
+        Makes another saver, where the project is read again.
+    """
+
+    def __init__(
+        self,
+        survey: LiveSurvey,
+        saver: Saver,
+        run: Run,
+        broadcast: Callable[[Json], None],
+        keep: Keep,
+    ) -> None:
+        self.desk = PickSession(survey, saver, broadcast)
+        self._path = Path(survey.inputs.project_path)
+        self._run, self._broadcast, self._keep = run, broadcast, keep
+        self._busy = asyncio.Lock()
+        self._outside = Outside(survey.inputs)
+        self.outputs = Outputs(Path(self.desk.output))
+        self.bench = CalibrationJob(self._path, broadcast)
+        self._written_then = self._written()
+        self._aside = oldest_set_aside(self.outputs.folder)
+        self.refuses = ""
+
+    def open(self) -> None:
+        """Begin."""
+        self.desk.open()
+
+    def stop(self) -> None:
+        """End what runs in threads and processes of its own; waits for it."""
+        self.bench.close()
+        self.outputs.close()
+        self.desk.stop()  # it waits for an adjustment under way
+
+    def close(self) -> None:
+        """Save everything, let go of the project."""
+        self.desk.close()
+
+    def initial_state(self) -> Json:
+        """Everything a page needs to begin."""
+        return {
+            **self.desk.initial_state(),
+            "outputs": self._written(),
+            "outside": self._outside.changed(self.desk.changed_outside()),
+            "calibration": self.bench.last_message or None,
+            "aside": None if self._aside is None else len(self._changes(self._aside)),
+        }
+
+    def look_outside(self) -> None:
+        """Tell the pages where another program changed a file of the project."""
+        if self.refuses:
+            return
+        before = self._outside.last_changed
+        if (now := self._outside.changed(self.desk.changed_outside())) != before:
+            self._broadcast({"t": "outside", "files": now})
+        if (written := self._written()) != self._written_then:
+            self._written_then = written
+            self._broadcast({"t": "outputs", "outputs": written})
+
+    async def do(self, errand: c.Errand) -> Json:
+        """Do an errand; the answer is for who asked.
+
+        Raises
+        ------
+        UavgramError
+            It cannot be done; says why.
+        """
+        match errand:
+            case c.Export():
+                return {"t": "exported", **await self._exported()}
+            case c.Folders():
+                return {"t": "folders", "folders": await to_thread.run_sync(self.bench.folders)}
+            case c.Calibrate():
+                self.bench.start(errand)
+            case c.StopCalibration():
+                self.bench.stop()
+            case c.UseCamera():
+                await self._use_camera()
+            case c.Reload():
+                await self._reload()
+            case c.TakeAside():
+                return {"t": "done", "refused": await self._deal_with_aside(take=True)}
+            case c.DiscardAside():
+                await self._deal_with_aside(take=False)
+        return {"t": "done"}
+
+    async def _exported(self) -> Json:
+        """Save, run the project, and say which outputs there are; or why there are none."""
+        async with self._busy:  # one at a time, whatever many pages ask for
+            self.desk.save()
+            if self.desk.fault:
+                return {"why": self.desk.fault}
+            version = self.desk.version
+            await to_thread.run_sync(self._run)
+        await to_thread.run_sync(self.outputs.look)
+        self._written_then = self._written()
+        written = {**self._written_then, "version": version}
+        self._broadcast({"t": "outputs", "outputs": written})
+        return {"outputs": written}
+
+    async def _deal_with_aside(self, *, take: bool) -> int:
+        """Take over what an earlier session could not save, or let it be; how much does not fit."""
+        async with self._busy:
+            if self._aside is None:
+                raise RefusedError("nothing is set aside any more")
+            aside, refused = self._aside, 0
+            if take:
+                refused = self.desk.take(self._changes(aside), step=time.time_ns() // 1_000_000)
+                self.desk.save()
+            aside.rename("taken" if take else "discarded")
+            self._aside = oldest_set_aside(self.outputs.folder)
+        self._broadcast(self.initial_state())
+        return refused
+
+    def _changes(self, aside: SetAside) -> Changes:
+        return changes_of(aside, self.desk.state, self.desk.index)
+
+    def _written(self) -> Json:
+        """The outputs; with the number of the state that they show, where it is the present one."""
+        made_of = self.outputs.made_of
+        is_current = made_of is not None and made_of == self.desk.inputs_now()
+        return {
+            "folder": str(self.outputs.folder),
+            "files": self.outputs.listed(),
+            "recording": self.outputs.has_recording,
+            "version": self.desk.version if is_current else None,
+        }
+
+    async def _use_camera(self) -> None:
+        made = self.bench.made
+        if made is None:
+            raise RefusedError("no camera file was made yet")
+        made_for, photo = self.bench.last_message, self.desk.photos[0]
+        if (made_for["width_px"], made_for["height_px"]) != (photo.width_px, photo.height_px):
+            raise RefusedError(
+                f"the camera file is for {made_for['width_px']} x {made_for['height_px']} px, the "
+                f"photos of the project have {photo.width_px} x {photo.height_px}: calibrate with "
+                "photos of their size"
+            )
+        await to_thread.run_sync(use_camera, self._path, made)
+        await self._reload()
+
+    async def _reload(self) -> None:
+        """Take the files as they are now. What only the page has is kept beside them, or replayed.
+
+        Raises
+        ------
+        UavgramError
+            The project cannot be read as it is now: the page goes on with what it had.
+        """
+        async with self._busy:
+            self.refuses = "the project is being read again: wait a moment"
+            try:
+                self.desk.save()
+                survey = await to_thread.run_sync(LiveSurvey.open, self._path)
+                await to_thread.run_sync(self.desk.stop)
+                self.desk.let_go()
+                self._begin(survey)
+            except UavgramError:
+                self.refuses = ""
+                raise
+            self.refuses = ""
+        self._broadcast(self.initial_state())
+
+    def _begin(self, survey: LiveSurvey) -> None:
+        try:
+            saver = self._keep(survey.inputs)
+        except UavgramError as why:  # changed once more in this very moment
+            self.refuses = f"{why}. Start `uavgram pick` again"
+            log.warning("the project was let go: %s", why)
+            return
+        self.desk = PickSession(survey, saver, self._broadcast)
+        self._outside = Outside(survey.inputs)
+        if self.outputs.folder != Path(self.desk.output):
+            self.outputs.close()
+            self.outputs = Outputs(Path(self.desk.output))
+        self._aside = oldest_set_aside(self.outputs.folder)
+        self.desk.open()

@@ -1,0 +1,255 @@
+"""One project on the desk: its photos, its session, its adjustment, and how they hang together.
+
+No web here: `server` hands in checked messages and takes JSON to send. All that changes the
+session runs in one thread (the server's loop), so there is no lock.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable, Sequence
+
+from uavgram.errors import OutputError
+from uavgram.imaging.photos.cache import LruCache
+from uavgram.imaging.photos.preview import read_preview
+from uavgram.imaging.photos.tiled_photos import PhotoFile, TiledPhotos
+from uavgram.imaging.photos.tiles import TILE_PX
+from uavgram.picking.document import commands as c
+from uavgram.picking.document.history import Session, apply
+from uavgram.picking.document.state import State, state_of
+from uavgram.picking.protocol.encode_ground import same_ground_json
+from uavgram.picking.protocol.encode_project import (
+    camera_json,
+    clock_json,
+    known_points_json,
+    photos_json,
+)
+from uavgram.picking.protocol.encode_snap import snap_json
+from uavgram.picking.protocol.encode_survey import (
+    Json,
+    difference_json,
+    expected_json,
+    messages_json,
+    state_json,
+)
+from uavgram.picking.protocol.parse import Message, PhotoSize, RefusedError, parse_message
+from uavgram.picking.session.workers import Live, Task
+from uavgram.picking.storage.journal import Saver
+from uavgram.pipeline.pick.known_places import known_places
+from uavgram.pipeline.pick.live import LiveSurvey
+
+log = logging.getLogger(__name__)
+
+THUMBNAIL_PX = 256
+
+
+class PickSession:
+    """The state of a picking session.
+
+    Parameters
+    ----------
+    survey
+        The project.
+    saver
+        Keeps what is confirmed.
+    broadcast
+        Called with what every page should know, from any thread.
+    """
+
+    def __init__(self, survey: LiveSurvey, saver: Saver, broadcast: Callable[[Json], None]) -> None:
+        self.survey = survey
+        self._saver = saver
+        self._broadcast = broadcast
+        inputs = survey.inputs
+        photos = inputs.photos
+        self.photos = tuple(
+            PhotoSize(name, round(float(width)), round(float(height)))
+            for name, width, height in zip(
+                photos.frame_id, photos.width_px, photos.height_px, strict=True
+            )
+        )
+        self.index = {photo.name: k for k, photo in enumerate(self.photos)}
+        files = state_of(inputs.picks, inputs.lines, inputs.requests)
+        self.recovered = saver.recovered()
+        self.session = Session(state=files)
+        if self.recovered is not None and self.recovered != files:
+            self.session = Session(state=self.recovered, past=(files,))
+        self.version = 0
+        self.fault = ""
+        self._last_message: Json = {}
+        self._tiled = TiledPhotos(
+            [
+                PhotoFile(path, photo.width_px, photo.height_px)
+                for path, photo in zip(photos.path, self.photos, strict=True)
+            ]
+        )
+        self._thumbnails: LruCache[int, bytes] = LruCache(
+            lambda k: read_preview(photos.path[k], THUMBNAIL_PX)[0].jpeg, len, 64_000_000
+        )
+        self._live = Live(survey, self.index, self._adjusted)
+
+    @property
+    def output(self) -> str:
+        """The folder of the project's outputs."""
+        return self.survey.inputs.project.output
+
+    @property
+    def state(self) -> State:
+        """What is picked now."""
+        return self.session.state
+
+    def open(self) -> None:
+        """Begin: adjust what is there, and decode the photo that a page shows first."""
+        self._tiled.read_ahead(0)
+        self._live.start()
+        self._live.submit(Task(self.version, self.state, final=True))
+
+    def stop(self) -> None:
+        """Adjust no more; waits for an adjustment under way."""
+        self._live.stop()
+
+    def close(self) -> None:
+        """End: save everything, let go of the project."""
+        self.save()
+        self.let_go()
+
+    def let_go(self) -> None:
+        """Let go of the project as it is saved."""
+        self._saver.close()
+
+    def changed_outside(self) -> tuple[str, ...]:
+        """Names of tables that another program changed meanwhile."""
+        return self._saver.changed_outside()
+
+    def initial_state(self) -> Json:
+        """Everything a page needs to begin."""
+        inputs, posed = self.survey.inputs, self.survey.posed
+        return {
+            "t": "initial-state",
+            "project": inputs.project.name,
+            "tile_px": TILE_PX,
+            "pick_sigma_px": inputs.project.picks_sigma_px,
+            "photos": photos_json(self.survey, self.photos),
+            "camera": camera_json(self.survey),
+            "clock": clock_json(self.survey),
+            **known_points_json(inputs),
+            "expected": self._expected(),
+            "recovered": self.recovered is not None,
+            "messages": messages_json(
+                (*self._saver.messages, *inputs.messages, *(posed.messages if posed else ()))
+            ),
+            "state": state_json(self.state, self.index),
+            **self._standing(),
+            "live": self._last_message or None,
+        }
+
+    def answer(self, message: Message) -> Json:
+        """Answer a question; from any thread, as nothing changes.
+
+        Raises
+        ------
+        UavgramError
+            The photo cannot be read.
+        """
+        if isinstance(message.body, c.Snap):
+            photo = self._tiled.pixels(self.index[message.body.image])
+            return {"t": "snapped", "seq": message.seq, **snap_json(photo, message.body)}
+        if isinstance(message.body, c.SameGround):
+            found = same_ground_json(self.survey, self._live.last, message.body, self.index)
+            return {"t": "ground", "seq": message.seq, **found}
+        raise TypeError(f"{type(message.body).__name__} is no question")
+
+    def change(self, message: Message) -> Json:
+        """Do what a command says, and keep it; the answer is for all pages.
+
+        Raises
+        ------
+        RefusedError
+            It does not fit the state; says why.
+        OutputError
+            It cannot be kept, so it counts as not done.
+        """
+        if isinstance(message.body, c.Question | c.Errand):
+            raise TypeError(f"{type(message.body).__name__} is no command")
+        before = self.session
+        after = apply(before, message.body, message.step)
+        if after is before:
+            return {"t": "changed", "seq": message.seq, "diff": {}, **self._standing()}
+        self._try(after.state, final=message.final)  # while the disk works
+        try:
+            self._saver.record(message.body, message.step)
+        except OutputError:
+            self._try(before.state, final=True)
+            raise
+        self.session = after
+        return {
+            "t": "changed",
+            "seq": message.seq,
+            "diff": difference_json(before.state, after.state, self.index),
+            **self._standing(),
+        }
+
+    def take(self, changes: Sequence[Json], step: int) -> int:
+        """Make changes in one step, each as if a page had sent it; how many do not fit any more.
+
+        Raises
+        ------
+        OutputError
+            They cannot be kept.
+        """
+        refused = 0
+        for said in changes:
+            text = json.dumps({"seq": 0, "step": step, **said})
+            try:
+                self.change(parse_message(text, self.photos))
+            except RefusedError as why:
+                log.info("does not fit any more: %s", why)
+                refused += 1
+        return refused
+
+    def inputs_now(self) -> frozenset[str] | None:
+        """Digests of the project's files as they are now; None while changes wait to be saved."""
+        return self._saver.inputs_now(digest.sha256 for digest in self.survey.inputs.digests)
+
+    def _try(self, state: State, *, final: bool) -> None:
+        """Adjust a state under a number of its own."""
+        self.version += 1
+        self._live.submit(Task(self.version, state, final))
+
+    def save(self) -> None:
+        """Write the tables, and tell where that was not possible."""
+        fault = self._saver.save(self.state)
+        if fault:
+            log.warning("not saved: %s", fault)
+        self.fault = fault
+        self._broadcast({"t": "saved", "version": self.version, "fault": fault})
+
+    def tile(self, photo: int, level: int, column: int, row: int) -> bytes | None:
+        """JPEG of a tile; None where there is none."""
+        return self._tiled.tile(photo, level, column, row)
+
+    def show(self, page: str, photos: tuple[int, ...]) -> None:
+        """Know which photos a page shows side by side."""
+        self._tiled.show(page, photos)
+
+    def thumbnail(self, photo: int) -> bytes | None:
+        """JPEG of a small picture of a photo; None where there is none."""
+        return self._thumbnails.get(photo) if 0 <= photo < len(self.photos) else None
+
+    def _standing(self) -> Json:
+        return {
+            "version": self.version,
+            "undo": len(self.session.past),
+            "redo": len(self.session.future),
+        }
+
+    def _expected(self) -> list[Json]:
+        return expected_json(known_places(self.survey, self._live.last), self.index)
+
+    def _adjusted(self, version: int, said: Json) -> None:
+        answer = {"t": "live", "for": version, **said}
+        if said["mode"] != "linearised":
+            answer["expected"] = self._expected()
+            self._last_message = answer
+        self._broadcast(answer)

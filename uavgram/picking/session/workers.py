@@ -1,0 +1,186 @@
+"""The newest state is adjusted, older ones are passed over.
+
+Two workers. One answers at once, to first order from the last full adjustment, wherever the full
+one is slower than people notice or is busy with an older state; the other adjusts in full, and
+waits with it while a step goes on (a drag). So numbers move with the pointer however long an
+adjustment takes.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from dataclasses import dataclass
+from typing import Protocol
+
+from uavgram.errors import UavgramError
+from uavgram.picking.document.state import State, observations_of
+from uavgram.picking.protocol.encode_survey import (
+    Json,
+    adjusted_json,
+    linearised_json,
+    unadjusted_json,
+)
+from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
+
+log = logging.getLogger(__name__)
+
+AT_ONCE_S = 0.1
+"""Up to this long people take an answer for immediate (Miller 1968; Nielsen 1993, ch. 5)."""
+
+ON_THE_WAY_S = 0.05
+"""Of that, what the way from the pointer to the server and back onto the screen may take."""
+
+FAULT = (
+    "uavgram has failed at this state (a fault of the program: its log says where). Nothing that "
+    "was done is lost; take the last change back, or go on."
+)
+
+REST_S = 0.3
+"""A step that has rested this long is adjusted in full, though it may go on."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A state to adjust: its number, and whether the step that made it has ended."""
+
+    version: int
+    state: State
+    final: bool
+
+
+class Answer(Protocol):
+    """Takes what is known of a state, from a worker's thread."""
+
+    def __call__(self, version: int, said: Json) -> None:
+        """Tell the page."""
+        ...
+
+
+class Live:
+    """Workers that adjust the newest state.
+
+    Parameters
+    ----------
+    survey
+        What is picked.
+    index
+        Numbers of the photos by name.
+    answer
+        Called with each answer, by one worker at a time.
+    """
+
+    def __init__(self, survey: LiveSurvey, index: dict[str, int], answer: Answer) -> None:
+        self._survey, self._index, self._answer = survey, index, answer
+        self._changed = threading.Condition()
+        self._newest: Task | None = None
+        self._hastened: Task | None = None  # the newest that was answered at once, or cannot be
+        self._waiting: Task | None = None  # to be adjusted in full
+        self._due_s = 0.0  # when that may begin, of the monotonic clock
+        self._busy = False
+        self._stopped = False
+        self._last: Adjusted | None = None
+        self._telling = threading.Lock()
+        self._ahead: Task | None = None  # the newest that was answered to first order
+        self._threads = [
+            threading.Thread(target=work, name=name, daemon=True)
+            for name, work in (("first order", self._hasten), ("adjustment", self._adjust))
+        ]
+
+    @property
+    def last(self) -> Adjusted | None:
+        """The last full adjustment."""
+        return self._last
+
+    def start(self) -> None:
+        """Begin to work."""
+        for thread in self._threads:
+            thread.start()
+
+    def submit(self, task: Task) -> None:
+        """Adjust this state next; those that wait are passed over."""
+        with self._changed:
+            self._newest = task
+            self._changed.notify_all()
+
+    def stop(self) -> None:
+        """End after the adjustment under way."""
+        with self._changed:
+            self._stopped = True
+            self._changed.notify_all()
+        for thread in self._threads:
+            if thread.is_alive():
+                thread.join()
+
+    def _hasten(self) -> None:
+        """Answer tasks at once where that helps, and hand all on."""
+        while (task := self._next()) is not None:
+            rests = self._at_once(task) and not task.final
+            with self._changed:
+                self._hastened = self._waiting = task
+                self._due_s = time.monotonic() + (REST_S if rests else 0.0)
+                self._changed.notify_all()
+
+    def _next(self) -> Task | None:
+        with self._changed:
+            self._changed.wait_for(lambda: self._newest is not self._hastened or self._stopped)
+            return None if self._stopped else self._newest
+
+    def _at_once(self, task: Task) -> bool:
+        """Answer to first order; False where the full adjustment is the thing."""
+        with self._telling:
+            last = self._last
+            slow = self._busy or (last is not None and last.seconds > AT_ONCE_S - ON_THE_WAY_S)
+            if not (slow and self._first_order(task)):
+                return False
+            self._ahead = task
+        return True
+
+    def _first_order(self, task: Task) -> bool:
+        base = self._last
+        quick = None if base is None else self._survey.linearised(base, observed_in(task.state))
+        if quick is None:
+            return False
+        self._answer(task.version, linearised_json(quick, self._index))
+        return True
+
+    def _adjust(self) -> None:
+        """Adjust what is due."""
+        while (task := self._due()) is not None:
+            adjusted, said = self._full(task)
+            with self._telling:
+                self._last = adjusted
+                self._answer(task.version, said)
+                if self._ahead is not None and self._ahead.version > task.version:
+                    self._first_order(self._ahead)  # the same as before, from nearer by
+                self._busy = False
+
+    def _due(self) -> Task | None:
+        with self._changed:
+            while not self._stopped:
+                left_s = self._due_s - time.monotonic()
+                if self._waiting is None or self._waiting is not self._newest:
+                    self._changed.wait()
+                elif left_s > 0:
+                    self._changed.wait(left_s)
+                else:
+                    task, self._waiting, self._busy = self._waiting, None, True
+                    return task
+        return None
+
+    def _full(self, task: Task) -> tuple[Adjusted | None, Json]:
+        try:
+            adjusted = self._survey.adjust(observed_in(task.state))
+            return adjusted, adjusted_json(adjusted, self._index)
+        except UavgramError as why:
+            return None, unadjusted_json(str(why), self._survey.inputs.messages)
+        except Exception:  # a fault of ours must not end the worker: the page lives on
+            log.exception("the adjustment failed")
+            return None, unadjusted_json(FAULT, self._survey.inputs.messages)
+
+
+def observed_in(state: State) -> Observed:
+    """A state as the adjustment takes it."""
+    picks, lines = observations_of(state)
+    return Observed(picks=picks, lines=lines, requests=state.requests)

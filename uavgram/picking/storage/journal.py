@@ -1,0 +1,276 @@
+"""The journal: every change is on disk before it is confirmed, and is found again after a crash.
+
+One JSON object a line. ``open`` states what the tables held when a session began, with their
+digests; a command stands as the page sent it, after it was checked and applied; ``saving`` and
+``saved`` stand around each writing of the tables. Who starts again plays the commands on what
+``open`` states, not on the tables, which a kill may have left half written: so each command counts
+exactly once.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from uavgram.errors import OutputError, UavgramError
+from uavgram.io.json_text import parse_json
+from uavgram.io.own_files import open_own
+from uavgram.model.message import Message
+from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.picking.document import commands as c
+from uavgram.picking.document.history import Session, apply
+from uavgram.picking.document.state import Line, Pick, State
+
+JOURNAL = "pick-journal.jsonl"
+
+Digests = Mapping[str, str | None]
+"""SHA-256 of each table by its role; None where there is no file."""
+
+
+class Journal:
+    """An append-only file of changes, on disk before anything is confirmed.
+
+    Parameters
+    ----------
+    path
+        The file; made with its folder where it is not there.
+    fresh
+        Begin anew; else a line that a kill left unfinished is cut off, and the rest goes on.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+
+    def __init__(self, path: Path, *, fresh: bool) -> None:
+        self.path = path
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            content = b"" if fresh or not path.is_file() else path.read_bytes()
+            self._handle = open_own(path, os.O_WRONLY | os.O_CREAT)
+            self._size = content.rfind(b"\n") + 1
+            os.ftruncate(self._handle, self._size)
+        except OSError as fault:
+            raise self._cannot(fault) from fault
+
+    def open(self, state: State, digests: Digests, *, resumed: bool) -> None:
+        """Begin a session on tables that hold `state`; `resumed`: with what a crash had left."""
+        entry = {"state": asdict(state), "files": dict(digests), "resumed": resumed}
+        self._append({"do": "open", "pid": os.getpid(), **entry})
+
+    def record(self, command: c.Command, step: int) -> None:
+        """Append one command and wait until it is on disk.
+
+        Raises
+        ------
+        OutputError
+            It cannot be kept, so it must not be confirmed.
+        """
+        self._append({"do": type(command).__name__, "step": step, **asdict(command)})
+
+    def saving(self, digests: Digests) -> None:
+        """Say what the tables are about to be."""
+        self._append({"do": "saving", "files": dict(digests)})
+
+    def saved(self) -> None:
+        """Say that the tables hold everything up to here."""
+        self._append({"do": "saved"})
+
+    def close(self) -> None:
+        """Close the file."""
+        os.close(self._handle)
+
+    def _append(self, entry: dict[str, Any]) -> None:
+        line = (json.dumps(entry, ensure_ascii=False, allow_nan=False) + "\n").encode()
+        try:
+            written = 0
+            while written < len(line):
+                written += os.pwrite(self._handle, line[written:], self._size + written)
+            os.fdatasync(self._handle)
+        except OSError as fault:
+            with suppress(OSError):  # half a line is worth nothing
+                os.ftruncate(self._handle, self._size)
+            raise self._cannot(fault) from fault
+        self._size += len(line)
+
+    def _cannot(self, fault: OSError) -> OutputError:
+        return OutputError(
+            f"{self.path}: cannot be written ({fault.strerror}), so nothing more is taken: make "
+            "room or give the right to write, then go on"
+        )
+
+
+_NO_JOURNAL = "is no journal of this program: move it away to go on without what it holds"
+_ON_DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError)
+
+
+@dataclass
+class Left:
+    """What earlier sessions left in a journal, while it is read.
+
+    Attributes
+    ----------
+    session
+        As the last command left it; None before any ``open``.
+    saved
+        What the tables held when they were last known to be whole.
+    settled, begun
+        Digests of the tables as last known to be whole, and as a writing that was begun would
+        have made them.
+    unsaved
+        Whether commands stand after the last ``saved``, or a writing was not ended.
+    """
+
+    session: Session | None = None
+    saved: State | None = None
+    settled: dict[str, str | None] = field(default_factory=dict)
+    begun: dict[str, str | None] = field(default_factory=dict)
+    unsaved: bool = False
+
+    def fits(self, digests: Digests) -> bool:
+        """Whether the tables are as this program left them, killed at whatever moment."""
+        return all(
+            digest in {self.settled.get(role), self.begun.get(role, self.settled.get(role))}
+            for role, digest in digests.items()
+        )
+
+
+def left_in(path: Path) -> Left:
+    """Read a journal; nothing where there is none.
+
+    Raises
+    ------
+    UavgramError
+        A command does not fit what went before: the file was changed.
+    """
+    left = Left()
+    for entry in _entries(path):
+        try:
+            _play(left, entry)
+        except _ON_DAMAGE as fault:
+            raise UavgramError(f"{path}: {_NO_JOURNAL} ({fault!r:.200})") from fault
+    return left
+
+
+def _play(left: Left, entry: dict[str, Any]) -> None:
+    what = entry.pop("do")
+    if what == "open":
+        files = _state(entry["state"])
+        if entry["resumed"] and left.session is not None:
+            left.session = Session(state=left.session.state, past=(files,))
+        else:
+            left.session = Session(state=files)
+            left.unsaved = False
+        left.saved = files
+        left.settled, left.begun = entry["files"], {}
+    elif what == "saving":
+        left.begun, left.unsaved = entry["files"], True
+    elif what == "saved":
+        left.saved = None if left.session is None else left.session.state
+        left.settled, left.begun, left.unsaved = {**left.settled, **left.begun}, {}, False
+    elif left.session is not None:
+        step = int(entry.pop("step"))
+        left.session = apply(left.session, _command(what, entry), step)
+        left.unsaved = True
+
+
+def _entries(path: Path) -> Iterator[dict[str, Any]]:
+    """Lines of a journal; the one that a kill left unfinished was never confirmed."""
+    if not path.is_file():
+        return
+    *lines, _ = path.read_bytes().split(b"\n")
+    for line in lines:
+        try:
+            entry = parse_json(path, line)
+        except ValueError as fault:
+            raise UavgramError(f"{path}: {_NO_JOURNAL} ({fault})") from fault
+        if not isinstance(entry, dict):
+            raise UavgramError(f"{path}: {_NO_JOURNAL}")
+        yield entry
+
+
+def _command(kind: str, fields: dict[str, Any]) -> c.Command:
+    command: c.Command = _COMMANDS[kind](**_tuples(fields))
+    return command
+
+
+def _state(fields: dict[str, Any]) -> State:
+    return State(
+        picks=tuple(Pick(**pick) for pick in fields["picks"]),
+        lines=tuple(Line(**line) for line in fields["lines"]),
+        requests=tuple(MeasurementRequest(**_tuples(one)) for one in fields["requests"]),
+    )
+
+
+def _tuples(fields: dict[str, Any]) -> dict[str, Any]:
+    """JSON has lists where commands and measurements have tuples, two deep."""
+    return {
+        name: tuple(tuple(one) if isinstance(one, list) else one for one in value)
+        if isinstance(value, list)
+        else value
+        for name, value in fields.items()
+    }
+
+
+_COMMANDS: dict[str, type[Any]] = {
+    kind.__name__: kind
+    for kind in (
+        c.Place,
+        c.Unpick,
+        c.Forget,
+        c.Rename,
+        c.SetSigma,
+        c.SetHeight,
+        c.SetLine,
+        c.RemoveLine,
+        c.SetMeasurement,
+        c.RemoveMeasurement,
+        c.Undo,
+        c.Redo,
+    )
+}
+
+
+class Saver(Protocol):
+    """What the server asks of whoever keeps the project's tables."""
+
+    @property
+    def messages(self) -> tuple[Message, ...]:
+        """What is to be said of earlier sessions."""
+        ...
+
+    def recovered(self) -> State | None:
+        """The state that an earlier session confirmed and did not save; None: nothing is lost."""
+        ...
+
+    def record(self, command: c.Command, step: int) -> None:
+        """Keep a command that was applied, before it is confirmed."""
+        ...
+
+    def save(self, state: State) -> str:
+        """Write the tables; returns what kept it from doing so, in words, or nothing.
+
+        A table that somebody else changed meanwhile is never written over.
+        """
+        ...
+
+    def changed_outside(self) -> tuple[str, ...]:
+        """Names of tables that another program changed since they were read or written here."""
+        ...
+
+    def inputs_now(self, read: Iterable[str]) -> frozenset[str] | None:
+        """Digests of the project's files as they are now, where `read` are those that were read.
+
+        None while changes wait to be saved.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let go of lock and journal."""
+        ...

@@ -1,0 +1,284 @@
+"""The project's tables on disk: picks.csv, lines.csv and measure.csv of one session.
+
+What is written is always the files as the session found them, with what differs now changed in
+them. So undoing everything gives back the very bytes.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import logging
+import os
+import shutil
+from collections.abc import Iterable
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+
+from uavgram.errors import InputError, OutputError, UavgramError
+from uavgram.io.outputs import replace_bytes
+from uavgram.io.own_files import check_inside, check_own
+from uavgram.io.tables.picked import lines_content, measure_content, picks_content
+from uavgram.model.message import Message
+from uavgram.picking.document import commands as c
+from uavgram.picking.document.state import State, observations_of, state_of
+from uavgram.picking.storage.journal import JOURNAL, Journal, left_in
+from uavgram.picking.storage.lock import ProjectLock
+from uavgram.pipeline.measure.inputs import Inputs
+
+log = logging.getLogger(__name__)
+
+ROLES = ("picks", "lines", "measure")
+
+Contents = dict[str, bytes | None]
+"""Bytes of each table by its role; None: no such file."""
+
+
+class Tables:
+    """Keeps what the page confirms: a journal at once, the tables when asked to.
+
+    Parameters
+    ----------
+    inputs
+        The project as read.
+
+    Raises
+    ------
+    UavgramError
+        Another process picks in the project, a table was changed since it was read, the output
+        folder cannot be written to, or it or a table lies outside the project's folder.
+    """
+
+    def __init__(self, inputs: Inputs) -> None:
+        project = inputs.project
+        output = Path(project.output)
+        self._paths = _paths(inputs)
+        _check_places(inputs)
+        self._lock = ProjectLock(output, inputs.project_path)
+        try:
+            self._named = {role: getattr(project, role) is not None for role in ROLES}
+            self._files = state_of(inputs.picks, inputs.lines, inputs.requests)
+            self._original = self._as_read(inputs)
+            self._on_disk = dict(self._original)
+            self._digest = _digests(self._on_disk)
+            self._backed_up: set[str] = set()
+            self._messages: tuple[Message, ...] = ()
+            check_own(output / JOURNAL)
+            self._recovered = self._lost(output / JOURNAL, frozenset(inputs.photos.frame_id))
+            resumed = self._recovered is not None
+            self._journal = Journal(output / JOURNAL, fresh=not resumed)
+            self._journal.open(self._files, _digests(self._original), resumed=resumed)
+            self._pending = resumed
+        except BaseException:
+            self._lock.release()
+            raise
+
+    @property
+    def messages(self) -> tuple[Message, ...]:
+        """What is to be said of earlier sessions."""
+        return self._messages
+
+    def recovered(self) -> State | None:
+        """The state that an earlier session confirmed and did not save; None: nothing is lost."""
+        return self._recovered
+
+    def record(self, command: c.Command, step: int) -> None:
+        """Keep a command that was applied, before it is confirmed."""
+        self._journal.record(command, step)
+        self._pending = True
+
+    def save(self, state: State) -> str:
+        """Write the tables that changed; returns what kept it from doing so, or nothing.
+
+        A table that another program changed since it was read or written here is not written
+        over; what the page has is saved beside it then.
+        """
+        if not self._pending:
+            return ""
+        wanted = self._contents(state)
+        todo = [role for role in ROLES if wanted[role] != self._on_disk[role]]
+        try:
+            foreign = [role for role in todo if _read(self._paths[role]) != self._on_disk[role]]
+            if foreign:
+                return self._beside(foreign, wanted)
+            if todo:
+                self._journal.saving(_digests(wanted))
+            for role in todo:
+                self._write(role, wanted[role])
+            self._journal.saved()
+        except OutputError as fault:
+            return str(fault)
+        self._pending = False
+        return self._unnamed(wanted)
+
+    def changed_outside(self) -> tuple[str, ...]:
+        """Names of tables that another program changed since they were read or written here."""
+        try:
+            return tuple(
+                path.name
+                for role, path in self._paths.items()
+                if (self._named[role] or self._on_disk[role] is not None)
+                and _read(path) != self._on_disk[role]
+            )
+        except OutputError:  # what cannot be read now is told when it is to be written
+            return ()
+
+    def inputs_now(self, read: Iterable[str]) -> frozenset[str] | None:
+        """Digests of the project's files as they are now; None while changes are not saved."""
+        if self._pending:
+            return None
+        tables = {self._digest[role] for role in ROLES if self._named[role]}
+        others = set(read) - set(_digests(self._original).values())
+        return frozenset(digest for digest in others | tables if digest is not None)
+
+    def close(self) -> None:
+        """Let go of the journal and of the project."""
+        self._journal.close()
+        self._lock.release()
+
+    def _as_read(self, inputs: Inputs) -> Contents:
+        """The tables' bytes, which must be those that were read."""
+        known = {digest.sha256 for digest in inputs.digests}
+        contents: Contents = {}
+        for role, path in self._paths.items():
+            contents[role] = content = _read(path) if self._named[role] else None
+            if content is not None and hashlib.sha256(content).hexdigest() not in known:
+                raise InputError(path, "was changed while the project was read: start again")
+        return contents
+
+    def _contents(self, state: State) -> Contents:
+        (picks, lines), (now_picks, now_lines) = (
+            observations_of(self._files),
+            observations_of(state),
+        )
+        requests = self._files.requests, state.requests
+        return {
+            "picks": picks_content(self._original["picks"], picks, now_picks),
+            "lines": lines_content(self._original["lines"], lines, now_lines),
+            "measure": measure_content(self._original["measure"], *requests),
+        }
+
+    def _write(self, role: str, content: bytes | None) -> None:
+        path, before = self._paths[role], self._on_disk[role]
+        try:
+            if before is not None and not os.access(path, os.W_OK):  # replacing would not ask
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+            if role not in self._backed_up and before is not None:
+                replace_bytes(path.with_name(f"{path.name}.bak"), before)
+            self._backed_up.add(role)
+            if content is None:
+                path.unlink()
+            else:
+                mode = path.stat().st_mode if before is not None else None
+                replace_bytes(path, content)
+                if mode is not None:
+                    with suppress(OSError):
+                        path.chmod(mode)
+        except (OSError, OutputError) as fault:
+            cause = fault.__cause__ if isinstance(fault, OutputError) else fault
+            why = cause.strerror if isinstance(cause, OSError) else str(fault)
+            raise OutputError(
+                f"{path} cannot be written ({why}). Nothing is lost: the journal has it, and the "
+                "next change tries again"
+            ) from fault
+        self._on_disk[role] = content
+        self._digest |= _digests({role: content})
+
+    def _beside(self, foreign: list[str], wanted: Contents) -> str:
+        """Save all tables under other names, and say why."""
+        for role in ROLES:
+            content = wanted[role]
+            if content is not None:
+                replace_bytes(_beside(self._paths[role]), content)
+        names = " and ".join(self._paths[role].name for role in foreign)
+        others = _beside(self._paths[foreign[0]]).name
+        return (
+            f"Another program changed {names} meanwhile, so nothing is written over. What you have "
+            f"here is saved beside it ({others})"
+        )
+
+    def _unnamed(self, wanted: Contents) -> str:
+        """Say so where the project does not name a table that was made."""
+        made = [r for r in ROLES if not self._named[r] and wanted[r] is not None]
+        if not made:
+            return ""
+        keys = " and ".join(f"`{role}: {self._paths[role].name}`" for role in made)
+        return f"The project file does not name what is saved here: add {keys} to it"
+
+    def _lost(self, journal: Path, photos: frozenset[str]) -> State | None:
+        """What an earlier session confirmed and did not save.
+
+        A journal that cannot be played on these tables is put aside, and said.
+        """
+        try:
+            left = left_in(journal)
+        except UavgramError as why:
+            self._put_aside(journal, str(why))
+            return None
+        if left.session is None or not left.unsaved:
+            return None
+        state = left.session.state
+        if state == self._files:
+            return None
+        if not left.fits(_digests(self._original)):
+            self._put_aside(journal, "the tables were changed since by another program")
+            return None
+        if any(pick.image not in photos for pick in state.picks):
+            self._put_aside(journal, "the project has other photos now")
+            return None
+        text = (
+            "An earlier session ended without saving; what it had confirmed was taken from its "
+            "journal. Undo goes back to what the tables hold."
+        )
+        self._messages = (Message("warning", "pick-recovered", text),)
+        return state
+
+    def _put_aside(self, journal: Path, why: str) -> None:
+        moment = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%f")
+        aside = journal.with_name(f"{journal.stem}-{moment}{journal.suffix}")
+        shutil.move(journal, aside)
+        text = (
+            "An earlier session ended without saving, and its changes cannot be taken over: "
+            f"{why}. They are kept in {aside}."
+        )
+        log.warning("%s", text)
+        self._messages = (Message("warning", "pick-not-recovered", text),)
+
+
+def _paths(inputs: Inputs) -> dict[str, Path]:
+    """Where each table is or will be; through links, so that a link stays one."""
+    beside = Path(inputs.project_path).absolute().parent
+    project = inputs.project
+    return {
+        role: Path(getattr(project, role) or beside / f"{role}.csv").resolve() for role in ROLES
+    }
+
+
+def _check_places(inputs: Inputs) -> None:
+    """Who opens somebody's unpacked folder is to have nothing written outside it."""
+    home, project = Path(inputs.project_path).absolute().parent, inputs.project
+    check_inside(Path(project.output), home, f"The output folder {project.output}")
+    for role in ROLES:
+        if name := getattr(project, role):
+            check_inside(Path(name), home, f"The table {name} (`{role}` in the project file)")
+
+
+def _beside(path: Path) -> Path:
+    return path.with_name(f"{path.stem}-from-page{path.suffix}")
+
+
+def _read(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        return None
+    except OSError as fault:
+        raise OutputError(f"{path} cannot be read again ({fault.strerror})") from fault
+
+
+def _digests(contents: Contents) -> dict[str, str | None]:
+    return {
+        role: None if content is None else hashlib.sha256(content).hexdigest()
+        for role, content in contents.items()
+    }

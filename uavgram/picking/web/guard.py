@@ -1,0 +1,197 @@
+"""Who may come in: this machine, this browser, this page.
+
+The server listens on 127.0.0.1 alone. That keeps other machines out, but not other pages of the
+same browser, so: the printed address holds a random token, which is exchanged for a cookie that
+only this site sends along (SameSite=Strict) and scripts cannot read; the Host must be ours, or a
+foreign name that resolves to 127.0.0.1 (DNS rebinding) would do; and the socket's Origin must be
+ours, because browsers let any page open a socket anywhere. SameSite does not tell ports apart, so
+what another local server's page embeds is told by Sec-Fetch-Site.
+
+Who is in can still do harm by talking too much: requests and messages have a greatest length, and
+`Pace` slows a socket down.
+"""
+
+from __future__ import annotations
+
+import hmac
+import logging
+import secrets
+import time
+from collections.abc import Callable
+
+from starlette.datastructures import URL, Headers, MutableHeaders
+from starlette.requests import HTTPConnection
+from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from uavgram.picking.web.redirect import leading_to
+
+log = logging.getLogger(__name__)
+
+HEADERS = {
+    "content-security-policy": (
+        "default-src 'self'; img-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'; "
+        "form-action 'none'; object-src 'none'; require-trusted-types-for 'script'"
+    ),
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-resource-policy": "same-origin",
+    "cross-origin-opener-policy": "same-origin",
+    "x-frame-options": "DENY",
+}
+POLICY_VIOLATION = 1008
+LONGEST_PATH = 1000
+MESSAGES_A_SECOND = 300
+"""A mouse reports up to some 125 moves a second, and the page waits for each answer."""
+MESSAGES_AT_ONCE = 600
+
+
+class Pace:
+    """How fast one page may talk: so many messages at once, then so many a second.
+
+    A page that is faster is slowed down, and nothing is lost: what it sends stays with it, as its
+    socket is not read meanwhile.
+
+    Parameters
+    ----------
+    per_second, at_once
+        The two limits.
+    clock
+        Seconds.
+
+    Attributes
+    ----------
+    told
+        Whether it was said that the page is too fast.
+    """
+
+    def __init__(
+        self,
+        per_second: float = MESSAGES_A_SECOND,
+        at_once: float = MESSAGES_AT_ONCE,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._per_second, self._at_once, self._clock = per_second, at_once, clock
+        self._left, self._then = at_once, clock()
+        self.told = False
+
+    def wait_s(self) -> float:
+        """How long to wait [s] before the message that came is looked at."""
+        now = self._clock()
+        gained = (now - self._then) * self._per_second
+        self._left = min(self._left + gained, self._at_once) - 1
+        self._then = now
+        return max(-self._left / self._per_second, 0.0)
+
+
+class Guard:
+    """Let requests of the page through, refuse all others, and add strict headers to answers.
+
+    Parameters
+    ----------
+    app
+        What is guarded.
+    port
+        On which the server listens.
+    entered
+        Called when the token has been used.
+    """
+
+    def __init__(self, app: ASGIApp, port: int, entered: Callable[[], None] = lambda: None) -> None:
+        self._app, self._entered = app, entered
+        self._hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
+        self._cookie = f"uavgram-pick-{port}"  # cookies do not tell ports apart
+        self._key = secrets.token_urlsafe(32)
+        self._token: str | None = secrets.token_urlsafe(32)
+        self._port = port
+
+    def address(self) -> str:
+        """The address to open, with a token that serves once."""
+        if self._token is None:
+            self._token = secrets.token_urlsafe(32)
+        return f"http://127.0.0.1:{self._port}/?token={self._token}"
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        if scope["type"] not in {"http", "websocket"}:
+            await self._app(scope, receive, send)
+            return
+        connection = HTTPConnection(scope)
+        refusal = self._refusal(connection)
+        if refusal:
+            log.warning("refused %r: %s", scope["path"][:80], refusal)
+            await self._refuse(scope, receive, send, refusal)
+            return
+        given = connection.query_params.get("token")
+        if scope["type"] == "http" and given is not None:
+            await self._exchanged(connection, given)(scope, receive, _strict(send))
+            return
+        if not self._known(connection):
+            log.warning("refused %r: it does not come from the page", scope["path"][:80])
+            await self._refuse(scope, receive, send, "open the address that `uavgram pick` printed")
+            return
+        await self._app(scope, receive, _strict(send))
+
+    def _refusal(self, connection: HTTPConnection) -> str:
+        """Why a request is none of this page; empty where it may be one."""
+        headers: Headers = connection.headers
+        host = headers.get("host", "")
+        if host not in self._hosts:
+            return f"foreign host {host[:80]!r}"
+        origin = headers.get("origin")
+        ours = f"http://{host}"
+        if connection.scope["type"] == "websocket" and origin != ours:
+            return f"foreign origin {str(origin)[:80]!r}"
+        if origin is not None and origin != ours:
+            return f"foreign origin {origin[:80]!r}"
+        # https://www.w3.org/TR/fetch-metadata/: what another page embeds; links may be followed.
+        site, mode = headers.get("sec-fetch-site", "none"), headers.get("sec-fetch-mode")
+        if site not in {"same-origin", "none"} and mode != "navigate":
+            return f"asked for by another page ({site[:20]!r})"
+        if len(connection.scope["path"]) > LONGEST_PATH:
+            return "an address of this page is never that long"
+        return ""
+
+    def _known(self, connection: HTTPConnection) -> bool:
+        return _same(connection.cookies.get(self._cookie, ""), self._key)
+
+    def _exchanged(self, connection: HTTPConnection, given: str) -> Response:
+        """The token's answer: a cookie, once, and the address without it."""
+        if not self._known(connection):
+            if self._token is None or not _same(given, self._token):
+                return PlainTextResponse(
+                    "This address has been used. Start `uavgram pick` again.", 403
+                )
+            self._token = None
+            self._entered()
+        bare = URL(scope=connection.scope).remove_query_params("token")
+        answer: Response = RedirectResponse(bare.path, 303)
+        if connection.headers.get("sec-fetch-site", "none") != "none":
+            # Led here by a file: a strict cookie goes along only where a page of ours leads on.
+            answer = HTMLResponse(leading_to(bare.path))
+        answer.set_cookie(self._cookie, self._key, httponly=True, samesite="strict", path="/")
+        return answer
+
+    @staticmethod
+    async def _refuse(scope: Scope, receive: Receive, send: Send, why: str) -> None:
+        if scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": POLICY_VIOLATION, "reason": why[:100]})
+            return
+        await PlainTextResponse(f"Refused: {why}", 403)(scope, receive, _strict(send))
+
+
+def _same(given: str, wanted: str) -> bool:
+    return hmac.compare_digest(given.encode(), wanted.encode())
+
+
+def _strict(send: Send) -> Send:
+    """The same sender, with strict headers on every answer."""
+
+    async def with_headers(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            headers = MutableHeaders(scope=message)
+            for name, value in HEADERS.items():
+                headers.setdefault(name, value)  # a report has its own, stricter policy
+        await send(message)
+
+    return with_headers

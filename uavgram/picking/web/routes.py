@@ -1,0 +1,136 @@
+"""What the page fetches: its own files, photos by number, outputs by name; all only to read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+from anyio import to_thread
+from starlette.requests import Request
+from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.routing import Route
+
+from uavgram.errors import UavgramError
+from uavgram.picking.session.project import OpenProject
+
+DOCUMENT_HEADERS = {
+    # A document of its own: it may look as it likes, and do nothing.
+    "content-security-policy": (
+        "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; "
+        "sandbox"
+    )
+}
+_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+
+# A page's own name, and the photos in its panes.
+_SHOWN = re.compile(r"([0-9a-z]{1,16}) ([0-9]{1,6}(?:,[0-9]{1,6}){0,3})")
+
+
+def file_routes(project: OpenProject) -> list[Route]:
+    """Routes to all that is fetched."""
+    files = Files(project)
+    return [
+        Route("/", files.index),
+        Route("/page/{name:path}", files.page),
+        Route("/photo/{photo:int}/{level:int}/{column:int}/{row:int}.jpg", files.tile),
+        Route("/photo/{photo:int}/thumbnail.jpg", files.thumbnail),
+        Route("/output/{name}", files.output),
+        Route("/recording", files.recording),
+        Route("/calibration", files.calibration),
+    ]
+
+
+class Files:
+    """Answers to requests for files.
+
+    Parameters
+    ----------
+    project
+        The project that is open.
+    """
+
+    def __init__(self, project: OpenProject) -> None:
+        self._project = project
+        self._page = dict(_page_files(resources.files("uavgram.picking") / "page"))
+
+    async def index(self, _: Request) -> Response:
+        """The page itself."""
+        return Response(self._page["index.html"], media_type=_TYPES[".html"])
+
+    async def page(self, request: Request) -> Response:
+        """A file of the page."""
+        name = request.path_params["name"]
+        if name not in self._page:
+            return Response(status_code=404)
+        kind = _TYPES[Path(name).suffix]
+        return Response(self._page[name], media_type=kind, headers={"cache-control": "no-cache"})
+
+    async def tile(self, request: Request) -> Response:
+        """A tile of a photo."""
+        shown = _SHOWN.fullmatch(request.headers.get("x-shown", ""))
+        if shown:  # what the page shows beside it stays at hand
+            page, photos = shown.groups()
+            self._project.desk.show(page, tuple(map(int, photos.split(","))))
+        place = (request.path_params[key] for key in ("photo", "level", "column", "row"))
+        return await self._picture(self._project.desk.tile, *place)
+
+    async def thumbnail(self, request: Request) -> Response:
+        """A small picture of a photo."""
+        return await self._picture(self._project.desk.thumbnail, request.path_params["photo"])
+
+    @staticmethod
+    async def _picture(make: Callable[..., bytes | None], *place: int) -> Response:
+        try:
+            jpeg = await to_thread.run_sync(make, *place)
+        except UavgramError as why:
+            return JSONResponse({"why": str(why)}, 404)
+        if jpeg is None:
+            return Response(status_code=404)
+        return Response(
+            jpeg, media_type="image/jpeg", headers={"cache-control": "private, max-age=86400"}
+        )
+
+    async def output(self, request: Request) -> Response:
+        """A file that a run wrote: documents are shown, all others are saved."""
+        name = request.path_params["name"]
+        content = await to_thread.run_sync(self._project.outputs.read, name)
+        if content is None:
+            return PlainTextResponse("There is no such output yet: write them on the page.", 404)
+        if name.endswith(".html"):
+            return Response(content, media_type=_TYPES[".html"], headers=DOCUMENT_HEADERS)
+        headers = {"content-disposition": f'attachment; filename="{name}"'}
+        return Response(content, media_type="application/octet-stream", headers=headers)
+
+    async def recording(self, _: Request) -> Response:
+        """The way to the Rerun viewer, which is started where it does not run yet."""
+        try:
+            address = await to_thread.run_sync(self._project.outputs.viewer)
+        except UavgramError as why:
+            return PlainTextResponse(str(why), 404)
+        return RedirectResponse(address, 303)
+
+    async def calibration(self, _: Request) -> Response:
+        """The report of the last calibration."""
+        report = self._project.bench.report
+        if report is None or not report.is_file():
+            return PlainTextResponse("There is no calibration yet.", 404)
+        content = await to_thread.run_sync(report.read_bytes)
+        return Response(content, media_type=_TYPES[".html"], headers=DOCUMENT_HEADERS)
+
+
+def _page_files(folder: Traversable, above: str = "") -> Iterator[tuple[str, bytes]]:
+    """Files that the page consists of, by their paths in its folder; no others are served."""
+    for one in folder.iterdir():
+        name = f"{above}{one.name}"
+        if one.is_dir():
+            yield from _page_files(one, f"{name}/")
+        elif Path(name).suffix in _TYPES:
+            yield name, one.read_bytes()

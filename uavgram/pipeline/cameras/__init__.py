@@ -1,0 +1,1 @@
+"""Cameras from files, from photos, and from photos of a board."""

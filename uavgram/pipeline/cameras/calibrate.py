@@ -1,0 +1,330 @@
+"""Calibrate a camera: read photos of a board, find the board, estimate, write every output."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from uavgram.config.board_text import parse_board
+from uavgram.config.camera_text import camera_text
+from uavgram.errors import InputError, OutputError
+from uavgram.estimation.calibration.problem import focal_and_center_prior
+from uavgram.imaging.photos.preview import Preview, preview_of
+from uavgram.imaging.raster import Image
+from uavgram.imaging.targets.detect import detect_in_photos
+from uavgram.imaging.targets.found_preview import found_picture
+from uavgram.imaging.targets.observations import collect_observations
+from uavgram.imaging.targets.sighting import Sighting
+from uavgram.io.cameras.drone_table import drone_cameras
+from uavgram.io.cameras.opencv_writer import opencv_text
+from uavgram.io.outputs import staged_output
+from uavgram.io.photos.board_photos import CalibrationFiles, find_calibration_photos, read_grey
+from uavgram.io.photos.camera_tags import read_camera_tags
+from uavgram.io.results.calibration_json import write_calibration
+from uavgram.model.camera.board import Board, BoardPhoto, CalibrationOptions, LensSetting
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.calibration_result import CalibrationResult
+from uavgram.model.camera.provenance import CameraProvenance, OptionValue
+from uavgram.model.camera.tags import CameraTags
+from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.versions import package_versions
+from uavgram.stages.calibrate.account import (
+    CalibrationAccount,
+    PhotoFate,
+    common_error_message,
+    lens_effects,
+    unexplained_error,
+    with_common_error,
+)
+from uavgram.stages.calibrate.calibrate import calibrate as estimate
+from uavgram.stages.camera.assume import assume_camera
+from uavgram.stages.tell import told
+from uavgram.views.calibration.drawing import residual_factor, rows_by_photo
+from uavgram.views.calibration.report import write_calibration_report
+
+FOLDER = "calibration"
+FOUND = "found"
+CAMERA, OPENCV, NUMBERS = "camera.yaml", "opencv.yml", "calibration.json"
+REPORT, RECORDING = "calibration.html", "calibration.rrd"
+PACKAGES = ("numpy", "scipy", "opencv-python-headless")
+
+PriorChoice = Literal["none", "exif"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibrated:
+    """What was found, and the files it was written to."""
+
+    account: CalibrationAccount
+    folder: Path
+    files: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """The photos, by unique names, and what was seen in them."""
+
+    files: CalibrationFiles
+    names: tuple[str, ...]
+    sightings: tuple[Sighting, ...]
+    previews: Mapping[str, Preview]
+
+
+@with_one_blas_thread
+def calibrate(
+    images: Sequence[str],
+    board: str,
+    output: str | os.PathLike[str] = FOLDER,
+    options: CalibrationOptions | None = None,
+    *,
+    prior: PriorChoice = "none",
+    name: str | None = None,
+    progress: Progress = silent,
+) -> Calibrated:
+    """Calibrate a camera from photos of a board.
+
+    Parameters
+    ----------
+    images
+        Photos, or patterns of their names.
+    board
+        As ``chessboard:9x6:25mm``; see `uavgram.config.board_text`.
+    output
+        Folder for the results.
+    options
+        What to estimate, and how; its `prior` is set by the next parameter.
+    prior
+        ``exif``: what EXIF and the table of drone cameras say of focal length and principal point
+        takes part in the estimate.
+    name
+        Of the camera; by default the one in EXIF.
+    progress
+        Shows long loops.
+
+    Raises
+    ------
+    UavgramError
+        A problem that the user can solve. Earlier results are untouched.
+    """
+    target = parse_board(board)
+    files = find_calibration_photos(images)
+    folder = Path(output).absolute()
+    _keep_originals(files, folder / FOUND)
+    tags = read_camera_tags(files.path[0])
+    assumed = _assumed(tags, is_needed=prior == "exif")
+    files = _with_focal_length(files, assumed)
+    options = CalibrationOptions() if options is None else options
+    if prior == "exif" and assumed is not None:
+        source = "EXIF and the table of drone cameras"
+        known = focal_and_center_prior(assumed, options.model, source)
+        options = replace(options, prior=known)
+    seen = _look(files, target, progress)
+    account = _account(seen, target, board, options, tags, name)
+    with staged_output(folder, photos=files.path) as staging:
+        written = _write(account, seen, staging, progress)
+    return Calibrated(account=account, folder=folder, files=written)
+
+
+def _keep_originals(files: CalibrationFiles, pictures: Path) -> None:
+    """Refuse to write pictures over the photos themselves."""
+    if any(Path(path).resolve().parent == pictures.resolve() for path in files.path):
+        raise OutputError(
+            f"{pictures}: holds the photos themselves, which are never written to; choose another "
+            "folder with --output"
+        )
+
+
+def _assumed(tags: CameraTags, *, is_needed: bool) -> Calibration | None:
+    """What tags and table say of the camera; None where that is nothing.
+
+    Raises
+    ------
+    InputError
+        Nothing is known, and it is needed.
+    """
+    try:
+        return assume_camera(tags, drone_cameras())[0]
+    except InputError as fault:
+        if is_needed:
+            raise InputError("--prior exif", str(fault)) from fault
+        return None
+
+
+def _with_focal_length(files: CalibrationFiles, assumed: Calibration | None) -> CalibrationFiles:
+    if assumed is None:
+        return files
+    focal_px = float(assumed.parameters[0])
+    settings: list[LensSetting] = [replace(one, focal_length_px=focal_px) for one in files.setting]
+    return replace(files, setting=tuple(settings))
+
+
+def _look(files: CalibrationFiles, board: Board, progress: Progress) -> _Seen:
+    """Look for the board in all photos, side by side; each is decoded once."""
+    names = _unique_names(files.path)
+    previews: dict[str, Preview] = {}
+
+    def load(path: str) -> Image:
+        grey = read_grey(path)
+        previews[path] = preview_of(grey)
+        return grey
+
+    found = detect_in_photos(files.path, board, load, os.cpu_count())
+    sightings = tuple(progress(found, "looking for the board", len(names)))
+    by_name = {name: previews[path] for name, path in zip(names, files.path, strict=True)}
+    return _Seen(files, names, sightings, by_name)
+
+
+def _unique_names(paths: Sequence[str]) -> tuple[str, ...]:
+    """Names of the files, with so much of their folders as tells them apart."""
+    names = tuple(Path(path).name for path in paths)
+    if len(set(names)) == len(names):
+        return names
+    common = os.path.commonpath([Path(path).absolute().parent for path in paths])
+    return tuple(Path(path).absolute().relative_to(common).as_posix() for path in paths)
+
+
+def _account(
+    seen: _Seen,
+    board: Board,
+    board_text: str,
+    options: CalibrationOptions,
+    tags: CameraTags,
+    name: str | None,
+) -> CalibrationAccount:
+    files = seen.files
+    observations, messages = collect_observations(
+        board, seen.names, (files.width_px, files.height_px), files.setting, seen.sightings
+    )
+    name = name or tags.camera_name or "camera"
+    result = estimate(observations, options, name)
+    error_px = unexplained_error(result)
+    if error_px:
+        result = estimate(with_common_error(observations, error_px), options, name)
+    return CalibrationAccount(
+        result=result,
+        provenance=_provenance(result, files, board_text, tags),
+        packages=package_versions(PACKAGES),
+        without_board=_without_board(seen),
+        common_error_px=error_px,
+        effects=lens_effects(result),
+        messages=told(*messages, *common_error_message(error_px), *result.messages),
+    )
+
+
+def _without_board(seen: _Seen) -> tuple[PhotoFate, ...]:
+    fates: list[PhotoFate] = []
+    for name, sighting in zip(seen.names, seen.sightings, strict=True):
+        if sighting.is_other_board:
+            fates.append((name, "shows another board"))
+        elif not len(sighting.corner):
+            fates.append((name, "no board was found"))
+    return tuple(fates)
+
+
+def _provenance(
+    result: CalibrationResult, files: CalibrationFiles, board: str, tags: CameraTags
+) -> CameraProvenance:
+    used = sum(status != "removed" for status in result.photos.status)
+    quality = result.quality
+    return CameraProvenance(
+        program="uavgram",
+        version=importlib.metadata.version("uavgram"),
+        created_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+        source=f"calibrated from {used} photos of a board",
+        inputs=files.digest,
+        board=board,
+        options=_option_values(result.options),
+        variance_factor=quality.variance_factor,
+        make=tags.make,
+        camera_model=tags.model,
+        focal_mm=None if np.isnan(tags.focal_mm) else tags.focal_mm,
+        focus_m=None if np.isnan(tags.focus_m) else tags.focus_m,
+    )
+
+
+def _option_values(options: CalibrationOptions) -> dict[str, OptionValue]:
+    return {
+        "model": options.model,
+        "coefficients": options.coefficients,
+        "aspect": "estimated" if options.aspect is None else options.aspect,
+        "fixed_principal_point": options.fixed_principal_point,
+        "bow": options.bow,
+        "corner_sigma": options.corner_sigma,
+        "outliers": options.outliers,
+        "significance": options.significance,
+        "prior": "none" if options.prior is None else options.prior.source,
+    }
+
+
+def _write(
+    account: CalibrationAccount, seen: _Seen, folder: Path, progress: Progress
+) -> tuple[str, ...]:
+    """Write all files; their names, the camera first."""
+    result, provenance = account.result, account.provenance
+    camera = result.calibration
+    pictures = _pictures(result, seen)
+    writers: dict[str, Callable[[Path], object]] = {
+        CAMERA: lambda path: path.write_text(camera_text(camera, provenance), encoding="utf-8"),
+        OPENCV: lambda path: path.write_text(
+            opencv_text(camera, provenance.created_utc), encoding="utf-8"
+        ),
+        NUMBERS: lambda path: write_calibration(account, path),
+        REPORT: lambda path: write_calibration_report(account, pictures, path),
+        RECORDING: lambda path: _write_recording(account, seen.previews, path),
+    }
+    for name, write in progress(writers.items(), "writing", len(writers)):
+        write(folder / name)
+    (folder / FOUND).mkdir()
+    for name, jpeg in pictures.items():
+        (folder / FOUND / _picture_name(name)).write_bytes(jpeg)
+    return (*writers, f"{FOUND}/ ({len(pictures)} pictures)")
+
+
+def _write_recording(
+    account: CalibrationAccount, previews: Mapping[str, Preview], path: Path
+) -> None:
+    # The viewer's library takes half a second and 30 MB, also of those who only may calibrate.
+    from uavgram.views.calibration.recording.write import (  # noqa: PLC0415
+        write_calibration_recording,
+    )
+
+    write_calibration_recording(account, previews, path)
+
+
+def _pictures(result: CalibrationResult, seen: _Seen) -> dict[str, bytes]:
+    """Every photo with what was found in it; residuals of those that took part."""
+    rows = rows_by_photo(result)
+    factor = residual_factor(result)
+    pictures = {}
+    for name, sighting in zip(seen.names, seen.sightings, strict=True):
+        used = rows.get(name)
+        if used is None:
+            corner, pixel, residual = sighting.corner, sighting.pixel_px, None
+        else:
+            corners = result.corners
+            corner, pixel = corners.corner[used], corners.pixel_px[used]
+            residual = corners.residual_px[used]
+        photo = BoardPhoto(
+            file=name,
+            width_px=seen.files.width_px,
+            height_px=seen.files.height_px,
+            corner=corner,
+            pixel_px=pixel,
+            sigma_px=np.ones(len(corner)),
+        )
+        preview = seen.previews[name]
+        pictures[name] = found_picture(preview, result.board, photo, residual, factor)
+    return pictures
+
+
+def _picture_name(photo: str) -> str:
+    flat = photo.replace("/", "_")
+    return flat if flat.lower().endswith((".jpg", ".jpeg")) else f"{flat}.jpg"

@@ -1,0 +1,255 @@
+"""Cameras from files of any program, from photos, and back into files."""
+
+from __future__ import annotations
+
+import importlib.metadata
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from uavgram.config.camera import load_camera_file
+from uavgram.config.camera_text import camera_text
+from uavgram.errors import InputError, no_file
+from uavgram.io.cameras.colmap import colmap_text, is_colmap_cameras, read_colmap_camera
+from uavgram.io.cameras.drone_table import drone_cameras
+from uavgram.io.cameras.odm import is_odm_cameras, read_odm_camera
+from uavgram.io.cameras.opencv import is_opencv_calibration, read_opencv_calibration
+from uavgram.io.cameras.opencv_writer import opencv_text
+from uavgram.io.digest import digest_file
+from uavgram.io.outputs import replace_text
+from uavgram.io.photos.camera_tags import read_all_camera_tags, read_camera_tags
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.provenance import CameraProvenance, OptionValue
+from uavgram.model.camera.tags import CameraTags
+from uavgram.model.flight.frames import Photos
+from uavgram.model.message import Message
+from uavgram.stages.camera.assume import WAY_OUT, assume_camera, find_camera
+
+CameraFormat = Literal["uavgram", "opencv", "colmap"]
+
+NO_OPTIONS: Mapping[str, OptionValue] = {}
+_PHOTOS = {".jpg", ".jpeg", ".dng", ".tif", ".tiff", ".png"}
+# Focal lengths of one zoom setting, as EXIF rounds them.
+_SAME_FOCAL = 0.005
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CameraRead:
+    """A camera as read.
+
+    Attributes
+    ----------
+    path
+        The file, or the photo.
+    calibration, messages
+        The camera, and what has to be said of it.
+    provenance
+        What the file says of where it comes from; None where it does not.
+    tags
+        What the photo says of its camera; None where the camera comes from a file.
+    """
+
+    path: Path
+    calibration: Calibration
+    messages: tuple[Message, ...] = ()
+    provenance: CameraProvenance | None = None
+    tags: CameraTags | None = None
+
+
+def read_camera(path: str | Path, wanted: str | None = None) -> CameraRead:
+    """Read a camera: camera.yaml, OpenCV's, COLMAP's or OpenDroneMap's file, or a photo's tags.
+
+    Parameters
+    ----------
+    path
+        The file.
+    wanted
+        Which camera, where COLMAP's or OpenDroneMap's file holds several.
+
+    Raises
+    ------
+    InputError
+        Says what is wrong with the file, or which cameras there are to choose from.
+    """
+    path = Path(path)
+    if path.suffix.lower() in _PHOTOS:
+        _refuse(wanted, path)
+        tags = read_camera_tags(path)
+        calibration, messages = assume_camera(tags, drone_cameras())
+        return CameraRead(path=path, calibration=calibration, messages=messages, tags=tags)
+    text = _beginning(path)
+    if is_odm_cameras(text):
+        calibration, messages = read_odm_camera(path, wanted)
+    elif is_colmap_cameras(text):
+        calibration, messages = read_colmap_camera(path, wanted)
+    elif is_opencv_calibration(path) or text.lstrip().startswith("<"):
+        _refuse(wanted, path)
+        calibration, messages = read_opencv_calibration(path)
+    else:
+        _refuse(wanted, path)
+        calibration, provenance = load_camera_file(path)
+        return CameraRead(path=path, calibration=calibration, provenance=provenance)
+    return CameraRead(path=path, calibration=calibration, messages=messages)
+
+
+def _beginning(path: Path) -> str:
+    if what := no_file(path):
+        raise InputError(path, f"is {what}: name a file")
+    try:
+        return path.read_text(encoding="utf-8-sig", errors="replace")
+    except OSError as fault:
+        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+
+
+def _refuse(wanted: str | None, path: Path) -> None:
+    if wanted is not None:
+        raise InputError(path, f"holds one camera: leave out --camera {wanted!r}")
+
+
+def camera_of_photos(
+    photos: Photos, *, may_be_unknown: bool = False
+) -> tuple[Calibration, tuple[Message, ...]]:
+    """Assume the camera of a project's photos from what they say of it.
+
+    Parameters
+    ----------
+    photos
+        Of one camera.
+    may_be_unknown
+        Whether an ordinary drone camera is assumed where they do not say enough.
+
+    Raises
+    ------
+    InputError
+        The photos come from several cameras or zoom settings, or nothing can be assumed of theirs.
+    """
+    tags = read_all_camera_tags(photos.path)
+    first = tags[0]
+    for other in tags[1:]:
+        difference = _difference(first, other)
+        if difference:
+            raise InputError(
+                other.path,
+                f"{difference} {Path(first.path).name}, so one assumed camera cannot serve both: "
+                f"leave the others out, or {WAY_OUT}",
+            )
+    return assume_camera(first, drone_cameras(), may_be_unknown=may_be_unknown)
+
+
+def _difference(first: CameraTags, other: CameraTags) -> str:
+    """What keeps two photos from sharing a camera, as a sentence up to the first one's name.
+
+    Empty where nothing does.
+    """
+    if (other.width_px, other.height_px) != (first.width_px, first.height_px):
+        sizes = f"{first.width_px} x {first.height_px} px of"
+        return f"is {other.width_px} x {other.height_px} px, not the {sizes}"
+    if (other.camera_name, other.serial) != (first.camera_name, first.serial):
+        return f"comes from another camera ({other.camera_name or 'unnamed'}) than"
+    if other.dewarped != first.dewarped:
+        return "differs by its DewarpFlag (distortion taken out or not) from"
+    for name in ("focal_mm", "focal_35mm_mm", "digital_zoom"):
+        have, want = getattr(other, name), getattr(first, name)
+        if not np.isclose(have, want, rtol=_SAME_FOCAL, atol=0, equal_nan=True):
+            return f"was taken at another focal length or zoom ({have:g}, not {want:g}) than"
+    return ""
+
+
+def camera_in(
+    camera: CameraRead, form: CameraFormat, options: Mapping[str, OptionValue] = NO_OPTIONS
+) -> str:
+    """Text of a camera file for one program.
+
+    Parameters
+    ----------
+    camera
+        Its `path` is the file that it was made of.
+    form
+        Whose format.
+    options
+        What was done to it since, for its provenance.
+    """
+    if form == "colmap":
+        return colmap_text(camera.calibration)
+    provenance = _converted(camera, options)
+    if form == "opencv":
+        return opencv_text(camera.calibration, provenance.created_utc)
+    return camera_text(camera.calibration, provenance)
+
+
+def write_camera(
+    path: Path,
+    camera: CameraRead,
+    form: CameraFormat,
+    options: Mapping[str, OptionValue] = NO_OPTIONS,
+) -> None:
+    """Write a camera in one step; see `camera_in`.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written; an earlier one is untouched.
+    """
+    replace_text(path, camera_in(camera, form, options))
+
+
+def focal_on_sensor_mm(camera: CameraRead) -> float | None:
+    """Focal length on the sensor, where the table of drone cameras knows it; else None.
+
+    For photos of the sensor's whole width.
+    """
+    calibration, tags = camera.calibration, camera.tags
+    if tags is None and camera.provenance is not None:
+        tags = CameraTags(
+            path=str(camera.path),
+            width_px=calibration.width_px,
+            height_px=calibration.height_px,
+            make=camera.provenance.make,
+            model=camera.provenance.camera_model,
+        )
+    known = None if tags is None else find_camera(tags, drone_cameras())
+    if known is None:
+        return None
+    sensor_width_mm = known.pitch_mm[0] * known.width_px
+    return float(calibration.parameters[0] / calibration.width_px * sensor_width_mm)
+
+
+def _converted(camera: CameraRead, options: Mapping[str, OptionValue]) -> CameraProvenance:
+    """Provenance of a camera that this program converts: what its source says stays."""
+    base = CameraProvenance(
+        program="uavgram",
+        version=importlib.metadata.version("uavgram"),
+        created_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+        source="converted",
+        inputs=(digest_file(camera.path),),
+        options=options,
+    )
+    earlier, tags = camera.provenance, camera.tags
+    if earlier is not None:
+        return replace(
+            earlier,
+            program=base.program,
+            version=base.version,
+            created_utc=base.created_utc,
+            source=f"{base.source}; before that, {earlier.source}",
+            inputs=base.inputs,
+            options={**earlier.options, **options},
+        )
+    if tags is None:
+        return base
+    return replace(
+        base,
+        source="assumed from the tags of a photo",
+        make=tags.make,
+        camera_model=tags.model,
+        focal_mm=_or_none(tags.focal_mm),
+        focus_m=_or_none(tags.focus_m),
+    )
+
+
+def _or_none(value: float) -> float | None:
+    return None if np.isnan(value) else value

@@ -1,0 +1,52 @@
+"""Hand the survey over: files for GIS, CAD and other photogrammetry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from uavgram.io.exports.colmap import write_colmap_model
+from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
+from uavgram.io.exports.geojson import write_geojson
+from uavgram.io.exports.geopackage import write_geopackage
+from uavgram.io.exports.geotags import write_geo_txt
+from uavgram.io.exports.kml import write_kml
+from uavgram.io.exports.measurements_csv import write_measurements_csv
+from uavgram.io.exports.opendronemap import write_gcp_list
+from uavgram.model.flight.geotag import PoseChoice
+from uavgram.model.result.result import Result
+from uavgram.stages.products.geotags import geotag
+from uavgram.stages.products.map_layers import features_of, shown_poses
+
+Writers = dict[str, Callable[[Path], None]]
+
+
+def exports(result: Result) -> Writers:
+    """Name of each file in the output folder, and what writes it.
+
+    What needs a place on earth is left out where nothing gives one; points.geojson and survey.kml
+    then say why they are empty.
+    """
+    features = features_of(result, result.world.crs)
+    writers: Writers = {
+        "points.geojson": lambda path: write_geojson(result, path),
+        "measurements.csv": lambda path: write_measurements_csv(result, path),
+        "survey.gpkg": lambda path: write_geopackage(features, path),
+        "survey.kml": lambda path: write_kml(features, path),
+        "survey_local.dxf": lambda path: write_local_dxf(features, path),
+        "colmap": lambda path: write_colmap_model(result, path),
+    }
+    if features.crs is not None:
+        writers["survey_map.dxf"] = lambda path: write_map_dxf(features, path)
+        writers["opendronemap/gcp_list.txt"] = lambda path: write_gcp_list(result, features, path)
+        writers["opendronemap/geo.txt"] = lambda path: _write_geo_txt(result, path)
+    return writers
+
+
+def _write_geo_txt(result: Result, path: Path) -> None:
+    rows, poses = shown_poses(result)
+    paths = tuple(result.frames.path[k] for k in rows)
+    kinds: tuple[PoseChoice, ...] = tuple(
+        "refined" if result.has_refined[k] else "seed" for k in rows
+    )
+    write_geo_txt(geotag(poses, paths, kinds, result.world), path)

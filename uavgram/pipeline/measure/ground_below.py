@@ -1,0 +1,50 @@
+"""Where the ground is below photos that only say where they were taken themselves."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from uavgram.config.project_text import AssumedOrigin
+from uavgram.errors import InputError
+from uavgram.io.photos.exif_gps import read_exif_place
+from uavgram.io.photos.poses.read import read_photo_poses
+from uavgram.model.flight.frames import Photos
+from uavgram.model.flight.log import HeightDatum
+
+ABOVE_GROUND_M, ABOVE_GROUND_SIGMA_M = 60.0, 40.0
+"""Of a survey by drone: the law ends it at 120 m in most countries, and few fly below 20 m."""
+
+
+def ground_below(source: str, photos: Photos) -> AssumedOrigin | None:
+    """Assume the ground an ordinary height below the photos; None where no pose can be read.
+
+    Parameters
+    ----------
+    source
+        As `poses` in a project names it.
+    photos
+        The project's photos.
+    """
+    heights: HeightDatum = "msl"
+    try:
+        poses, _ = read_photo_poses(source, photos, heights)
+    except InputError:
+        return None
+    return AssumedOrigin(
+        latitude_deg=float(poses.latitude_deg[0]),
+        longitude_deg=float(poses.longitude_deg[0]),
+        height_m=float(np.median(poses.height_m)) - ABOVE_GROUND_M,
+        height_sigma_m=ABOVE_GROUND_SIGMA_M,
+        datum=poses.datum,
+    )
+
+
+def has_place(photos: Photos) -> bool:
+    """Whether any of the photos states a place in EXIF, be it without a height."""
+    try:
+        places = [read_exif_place(path) for path in photos.path]
+    except InputError:
+        return False
+    return any(math.isfinite(place.latitude_deg) for place in places)

@@ -1,0 +1,271 @@
+"""Every input of a project, read and checked against the others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from unicodedata import normalize
+
+import numpy as np
+
+from uavgram.config.project import load_project, project_file
+from uavgram.errors import InputError, near_miss
+from uavgram.geometry.camera.back_projection import share_without_rays
+from uavgram.io.digest import digest_inputs
+from uavgram.io.logs.flight_log import read_flight_log
+from uavgram.io.photos.catalogue import read_photos
+from uavgram.io.photos.poses.read import FROM_PHOTOS
+from uavgram.io.photos.poses.sources import read_pose_sources
+from uavgram.io.photos.poses.tags import first_maker
+from uavgram.io.tables.csv_tables import own_columns
+from uavgram.io.tables.known_points import read_known_points
+from uavgram.io.tables.lines import LINES_COLUMNS, read_lines
+from uavgram.io.tables.measure import MEASURE_COLUMNS, read_measure
+from uavgram.io.tables.picks import PICKS_COLUMNS, read_picks
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.flight.frames import Photos
+from uavgram.model.flight.log import FlightLog
+from uavgram.model.flight.photo_poses import PhotoPoses
+from uavgram.model.message import Message
+from uavgram.model.options import CAMERA_UNKNOWN, Project
+from uavgram.model.provenance import InputDigest
+from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
+from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
+from uavgram.stages.duplicates import Duplicates, find_duplicates
+
+NO_PICKS = Picks(
+    image=(),
+    label=(),
+    pixel_px=np.empty((0, 2)),
+    sigma_px=np.empty(0),
+    height_m=np.empty(0),
+)
+NO_LINES = KnownLines(
+    name=(),
+    start=(),
+    end=(),
+    length_m=np.empty(0),
+    sigma_m=np.empty(0),
+    adjust=np.empty(0, dtype=np.bool_),
+)
+NO_POINTS = KnownPoints(
+    label=(), kind="local", coordinates=np.empty((0, 3)), sigma_m=np.empty((0, 3))
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Inputs:
+    """Everything that a project names, as read.
+
+    `digests` is the chain of custody: every file that was read, the project file first.
+    """
+
+    project_path: str
+    project: Project
+    calibration: Calibration
+    photos: Photos
+    picks: Picks
+    lines: KnownLines
+    requests: tuple[MeasurementRequest, ...]
+    control: KnownPoints
+    check: KnownPoints
+    log: FlightLog | None
+    poses: PhotoPoses | None
+    digests: tuple[InputDigest, ...]
+    messages: tuple[Message, ...]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file that was read; no output may replace one."""
+        folder = Path(self.project_path).absolute().parent
+        return tuple(folder / digest.path for digest in self.digests)
+
+
+def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False) -> Inputs:
+    """Read and validate every input of a project; run nothing.
+
+    Parameters
+    ----------
+    path
+        The project file, or its folder.
+    unfinished
+        Whether it may still lack picks, lengths and measurements: files that are not there then
+        count as empty.
+    unpicked
+        Whether the table of picks may be empty.
+
+    Raises
+    ------
+    InputError
+        The first problem found, with file, line, frame or label.
+    """
+    path = project_file(path)
+    project = load_project(path, unfinished=unfinished)
+
+    picks_file, lines_file, measure_file = (
+        None if name and unfinished and not Path(name).is_file() else name
+        for name in (project.picks, project.lines, project.measure)
+    )
+    picks = read_picks(picks_file, may_be_empty=unfinished or unpicked) if picks_file else NO_PICKS
+    lines = read_lines(lines_file) if lines_file else NO_LINES
+    requests = read_measure(measure_file) if measure_file else ()
+    columns = _column_messages(picks_file, lines_file, measure_file)
+    control = read_known_points(project.control) if project.control else NO_POINTS
+    check = read_known_points(project.check) if project.check else NO_POINTS
+    photos, photo_messages = read_photos(project.images, project.time)
+    calibration, messages = _camera(project, photos)
+    _check_sizes(project, calibration, photos)
+    _check_picks(project, picks, photos)
+    log = read_flight_log(project.log) if project.log else None
+    poses, pose_messages = _poses(project, photos)
+    notes = () if log is None else log_messages(log)
+    pose_files = [source for source in project.pose_sources if source != FROM_PHOTOS]
+    named = (project.camera_file, picks_file, project.log, *pose_files, lines_file, measure_file)
+    files = [str(path), *(f for f in (*named, project.control, project.check) if f), *photos.path]
+    return Inputs(
+        project_path=str(path),
+        project=project,
+        calibration=calibration,
+        photos=photos,
+        picks=picks,
+        lines=lines,
+        requests=requests,
+        control=control,
+        check=check,
+        log=log,
+        poses=poses,
+        digests=digest_inputs(files, path.absolute().parent),
+        messages=(
+            *columns,
+            *messages,
+            *_lens_messages(calibration),
+            *photo_messages,
+            *pose_messages,
+            *notes,
+        ),
+    )
+
+
+def duplicates_of(inputs: Inputs) -> Duplicates:
+    """What a project holds twice."""
+    digests = dict(zip(inputs.files, (one.sha256 for one in inputs.digests), strict=True))
+    pairs = zip(inputs.photos.frame_id, map(Path, inputs.photos.path), strict=True)
+    sha256 = {name: digests[path] for name, path in pairs if path in digests}
+    return find_duplicates(inputs.photos, sha256, inputs.picks, inputs.lines)
+
+
+def _column_messages(*files: str | None) -> tuple[Message, ...]:
+    """Name the columns of picks, lengths and measurements that are not read."""
+    tables = zip(files, (PICKS_COLUMNS, LINES_COLUMNS, MEASURE_COLUMNS), strict=True)
+    said = []
+    for file, columns in tables:
+        if file and (own := own_columns(file, columns)):
+            names = ", ".join(map(repr, own))
+            what = "column" if len(own) == 1 else "columns"
+            text = f"{Path(file).name}: nothing reads the {what} {names}; what is there stays."
+            said.append(Message("info", "own-columns", text))
+    return tuple(said)
+
+
+def log_messages(log: FlightLog) -> tuple[Message, ...]:
+    """What was odd about a log's file, as warnings."""
+    name = Path(log.path).name
+    return tuple(Message("warning", "log-note", f"{name}: {note}") for note in log.notes)
+
+
+def _lens_messages(calibration: Calibration) -> tuple[Message, ...]:
+    """Say so where part of the image has no rays: picks there cannot be used."""
+    share = share_without_rays(
+        calibration.model, calibration.parameters, calibration.width_px, calibration.height_px
+    )
+    if share == 0:
+        return ()
+    text = (
+        f"The lens model of camera {calibration.name!r} cannot be inverted over {share:.1%} of the "
+        "image, at its rim: picks there are left out."
+    )
+    return (Message("info", "lens-rim", text),)
+
+
+def _camera(project: Project, photos: Photos) -> tuple[Calibration, tuple[Message, ...]]:
+    if project.camera_file is None:
+        return camera_of_photos(photos, may_be_unknown=project.camera == CAMERA_UNKNOWN)
+    read = read_camera(project.camera_file)
+    return read.calibration, read.messages
+
+
+def _poses(project: Project, photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, ...]]:
+    """Poses that the project names; where it names none, nor a log, a hint at those it could."""
+    if project.poses is not None:
+        return read_pose_sources(project.pose_sources, photos, project.world.heights)
+    maker = "" if project.log else first_maker(photos)
+    if not maker:
+        return None, ()
+    text = (
+        f"The photos carry poses ({maker}) that were not used: `poses: {FROM_PHOTOS}` in the "
+        "project would use them."
+    )
+    return None, (Message("info", "poses-available", text),)
+
+
+def _check_sizes(project: Project, calibration: Calibration, photos: Photos) -> None:
+    width, height = calibration.width_px, calibration.height_px
+    wrong = np.flatnonzero((photos.width_px != width) | (photos.height_px != height))
+    if wrong.size:
+        i = int(wrong[0])
+        size = int(photos.width_px[i]), int(photos.height_px[i])
+        raise InputError(
+            photos.path[i],
+            f"is {size[0]} x {size[1]} px, but {project.camera} describes {width} x {height} px "
+            f"({wrong.size} of {len(photos.path)} photos differ): "
+            + _way_to_size(project.camera, (width, height), size),
+        )
+
+
+def _way_to_size(camera: str, have: tuple[int, int], want: tuple[int, int]) -> str:
+    """What to do about photos of another size than the camera file's."""
+    # One factor for both sides, up to the rounding of both to whole pixels.
+    if abs(have[0] * want[1] - have[1] * want[0]) > max(have):
+        return "give the camera file of this camera and resolution, or leave these photos out"
+    size = f"{want[0]}x{want[1]}"
+    name = Path(camera).stem
+    return (
+        "if they are the same images made larger or smaller, make a camera file of their size: "
+        f"uavgram camera {camera} --size {size} --output {name}_{size}.yaml; else give the camera "
+        "file of this camera and resolution, or leave these photos out"
+    )
+
+
+def _check_picks(project: Project, picks: Picks, photos: Photos) -> None:
+    """Refuse the first pick in a photo that is not there, or outside its photo."""
+    at = {name: k for k, name in enumerate(photos.frame_id)}
+    photo = np.array([at.get(image, -1) for image in picks.image], dtype=np.int64)
+    size = np.stack([photos.width_px, photos.height_px], axis=1)[photo]
+    inside = ((picks.pixel_px >= -0.5) & (picks.pixel_px <= size - 0.5)).all(axis=1)
+    for i in np.flatnonzero((photo < 0) | ~inside)[:1].tolist():
+        image, label = picks.image[i], picks.label[i]
+        if photo[i] < 0:
+            raise InputError(
+                project.picks,
+                f"the pick of {label!r} names the photo {image!r}, which is not among the "
+                f"project's images{_photo_hint(image, photos)}",
+                picks.line_of(i),
+            )
+        u, v = picks.pixel_px[i]
+        width, height = size[i]
+        raise InputError(
+            project.picks,
+            f"the pick of {label!r} at ({u:g}, {v:g}) lies outside {image!r} "
+            f"({width:.0f} x {height:.0f} px, original and unrotated)",
+            picks.line_of(i),
+        )
+
+
+def _photo_hint(image: str, photos: Photos) -> str:
+    """Which photo may be meant."""
+    if normalize("NFC", image) in (normalize("NFC", name) for name in photos.frame_id):
+        return (
+            "; a photo's name looks the same, but its accents are stored in another way (as macOS "
+            "does): rename the photo without accents, and here too"
+        )
+    return f" ({near})" if (near := near_miss(image, photos.frame_id)) else ""

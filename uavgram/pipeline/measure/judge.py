@@ -1,0 +1,111 @@
+"""All judgements on an adjusted survey: every observation, prior, check and removal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from uavgram.estimation.measuring.propagation import MeasuredValues
+from uavgram.estimation.survey.adjustment import Refined
+from uavgram.model.flight.frames import Frames
+from uavgram.model.message import Message
+from uavgram.model.result.reliability import ChecksOverall, Evidence, RemovalRecord
+from uavgram.model.result.result import GroupFactor
+from uavgram.model.result.tables import LineChecks, LineResults, PickResults, PointChecks
+from uavgram.model.survey.observations import KnownWorldPoints
+from uavgram.pipeline.measure.inputs import Inputs
+from uavgram.stages.assemble import Assembled
+from uavgram.stages.judge import (
+    PickTable,
+    judge_groups,
+    judge_lines,
+    judge_overall,
+    judge_picks,
+    judge_points,
+    judge_priors,
+    judge_removals,
+    judge_suspects,
+    judge_weakest,
+    run_tests,
+    swapped_labels,
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Judgement:
+    """The parts of a result that say how well everything fits."""
+
+    picks: PickResults
+    lines: LineResults
+    line_checks: LineChecks
+    point_checks: PointChecks
+    groups: tuple[GroupFactor, ...]
+    evidence: Evidence
+    checks_overall: ChecksOverall | None
+    removals: tuple[RemovalRecord, ...]
+    messages: tuple[Message, ...]
+
+
+def judge_survey(
+    inputs: Inputs,
+    assembled: Assembled,
+    refined: Refined,
+    measured: MeasuredValues,
+    frames: Frames,
+    check: KnownWorldPoints,
+) -> Judgement:
+    """Judge an adjusted survey by everything that is known of it.
+
+    Parameters
+    ----------
+    inputs, assembled
+        The project, and where its picks and lengths stand in the survey.
+    refined, measured
+        The adjusted survey and what was measured in it.
+    frames
+        Times of the exposures.
+    check
+        Points that were withheld.
+    """
+    significance = inputs.project.solve.significance
+    lines, index = inputs.lines, assembled.line_index
+    examined = run_tests(refined, measured, significance)
+    picks, pick_effects = judge_picks(examined, _pick_table(inputs, assembled))
+    line_results, line_checks, line_effects, line_messages = judge_lines(examined, lines, index)
+    point_checks, unseen_messages = judge_points(refined.adjustment, check, significance)
+    overall, overall_messages = judge_overall(refined.adjustment, lines, check, significance)
+    groups, group_messages = judge_groups(
+        refined.adjustment, significance, explained=refined.accused_alone
+    )
+    return Judgement(
+        picks=picks,
+        lines=line_results,
+        line_checks=line_checks,
+        point_checks=point_checks,
+        groups=groups,
+        evidence=Evidence(
+            lines=line_effects,
+            picks=pick_effects,
+            priors=judge_priors(examined),
+            weakest=judge_weakest(examined),
+        ),
+        checks_overall=overall,
+        removals=judge_removals(refined, lines, index, inputs.requests, frames),
+        messages=(
+            *judge_suspects(examined, swapped_labels(examined, picks)),
+            *line_messages,
+            *unseen_messages,
+            *overall_messages,
+            *group_messages,
+        ),
+    )
+
+
+def _pick_table(inputs: Inputs, assembled: Assembled) -> PickTable:
+    picks = inputs.picks
+    return PickTable(
+        image=picks.image,
+        label=picks.label,
+        pixel_px=picks.pixel_px,
+        sigma_px=assembled.pick_sigma_px,
+        survey_index=assembled.pick_index,
+    )

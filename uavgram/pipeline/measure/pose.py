@@ -1,0 +1,269 @@
+"""Where each photo was taken, before any adjustment: by the log, by the photos, or unknown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavgram.errors import GeometryError, InputError, UavgramError
+from uavgram.geometry.earth.geodesy import curvature_drop
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.frames import Frames
+from uavgram.model.flight.log import FlightLog, HeightDatum
+from uavgram.model.flight.photo_poses import Flight, PhotoExposures, PhotoPoses
+from uavgram.model.message import Message
+from uavgram.model.options import GeodeticOrigin, MountOptions
+from uavgram.model.survey.world import World
+from uavgram.pipeline.measure.inputs import Inputs
+from uavgram.stages.assemble import Telemetry
+from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
+from uavgram.stages.seed.seed import seed
+from uavgram.stages.seed.track import build_track, find_home, track_gaps
+from uavgram.stages.synchronise import Synchronised, synchronise
+from uavgram.stages.synchronise.pairing import Pairing
+
+Place = tuple[float, float, float]
+
+FARTHEST_ORIGIN_M = 20_000.0
+"""Of a stated origin: over this distance the ground falls 31 m below its horizontal plane."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Posed:
+    """The frames on the log's clock, with seed poses in the local world.
+
+    Without a log or photo poses `telemetry` is None; `pairing` tells which photo is which camera
+    event of the log, where events were used.
+    """
+
+    world: World
+    frames: Frames
+    telemetry: Telemetry | None
+    messages: tuple[Message, ...]
+    pairing: Pairing | None = None
+
+
+def pose_frames(inputs: Inputs) -> Posed:
+    """Seed the poses from the log or from the photos; without either, only name the world."""
+    if inputs.log is not None:
+        return _by_log(inputs, inputs.log)
+    if inputs.poses is not None:
+        return _by_photos(inputs, inputs.poses)
+    return _unposed(inputs)
+
+
+def _by_log(inputs: Inputs, log: FlightLog) -> Posed:
+    """Match the photos to the log and interpolate it."""
+    project = inputs.project
+    matched = _synchronise(inputs, log)
+    frames = matched.frames
+    _require_matched(frames, log.path)
+    first = float(np.nanmin(np.where(frames.matched, frames.time_utc_s, np.nan)))
+    home, datum, home_messages = find_home(matched.boot, matched.clock, first)
+    place = _stated_origin(inputs, datum) or home
+    track, track_messages = build_track(
+        matched.boot, matched.clock, place, project.mount, project.telemetry
+    )
+    gaps = track_gaps(track, frames)
+    messages = (*matched.messages, *home_messages, *track_messages, *gaps)
+    posed = _seeded(inputs, frames, track, (place, datum), messages)
+    return replace(posed, pairing=matched.pairing)
+
+
+def _by_photos(inputs: Inputs, poses: PhotoPoses) -> Posed:
+    """Take the photos' own poses."""
+    project = inputs.project
+    stated = _stated_origin(inputs, poses.datum)
+    source = ", ".join(project.pose_sources)
+    messages: tuple[Message, ...] = ()
+    try:
+        place, messages = (stated, ()) if stated is not None else find_photo_home(poses)
+        file_time = dict(zip(inputs.photos.frame_id, inputs.photos.file_time_s, strict=True))
+        exposures, more = place_photos(
+            poses,
+            place,
+            project.mount,
+            project.telemetry,
+            np.array([file_time[name] for name in poses.frame_id]),
+        )
+    except UavgramError as fault:  # the stage knows poses; which file they are of is known here
+        raise InputError(source, str(fault)) from fault
+    frames = _photo_frames(inputs, poses, exposures.frame_id)
+    _require_matched(frames, source)
+    return _seeded(inputs, frames, exposures, (place, poses.datum), (*messages, *more))
+
+
+def _at_the_camera(mount: MountOptions) -> tuple[MountOptions, tuple[Message, ...]]:
+    """The mount without its lever arm: what photos state is the place of the camera itself."""
+    if not any(mount.lever_arm_m):
+        return mount, ()
+    text = (
+        "mount.lever_arm_m was not applied: the places that `poses` gives are those of the camera."
+    )
+    message = Message("info", "lever-arm-unused", text)
+    return replace(mount, lever_arm_m=(0.0, 0.0, 0.0)), (message,)
+
+
+def _seeded(
+    inputs: Inputs,
+    frames: Frames,
+    flight: Flight,
+    origin: tuple[Place, HeightDatum],
+    messages: tuple[Message, ...],
+) -> Posed:
+    mount = inputs.project.mount
+    more: tuple[Message, ...] = ()
+    if isinstance(flight, PhotoExposures):
+        mount, more = _at_the_camera(mount)
+    seeds = seed(frames, flight, mount, inputs.project.telemetry)
+    far = _far_origin(inputs, seeds.poses.center_world_m)
+    (latitude, longitude, height), datum = origin
+    world = World(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        height_m=height,
+        height_datum=datum,
+        gauge="world",
+    )
+    telemetry = Telemetry(
+        poses=seeds.poses,
+        prior=seeds.prior,
+        track=flight,
+        correlation_s=inputs.project.telemetry.correlation_s,
+    )
+    return Posed(world=world, frames=frames, telemetry=telemetry, messages=(*messages, *more, *far))
+
+
+def _far_origin(inputs: Inputs, center_world_m: Floats) -> tuple[Message, ...]:
+    """Refuse an origin that is no place of this flight; say what the earth's curvature does."""
+    if not isinstance(inputs.project.world.origin, GeodeticOrigin):
+        return ()
+    apart_m = float(np.linalg.norm(np.median(center_world_m, axis=0)[:2]))
+    below_m = curvature_drop(apart_m)
+    if apart_m > FARTHEST_ORIGIN_M:
+        raise InputError(
+            inputs.project_path,
+            f"world.origin lies {apart_m / 1000:.0f} km from the flight: give a place near it "
+            "(are latitude and longitude exchanged?), or leave it out",
+        )
+    if below_m < 0.5 * inputs.project.ground.height_sigma_m:
+        return ()
+    text = (
+        f"world.origin lies {apart_m / 1000:.1f} km from the flight, where the ground is "
+        f"{below_m:.2f} m below the origin's horizontal plane by the earth's curvature alone: "
+        "choose a nearer one, or take that off ground.height_m."
+    )
+    return (Message("warning", "origin-far", text),)
+
+
+def _stated_origin(inputs: Inputs, datum: HeightDatum) -> Place | None:
+    """The project's own origin, its height brought into the poses' datum; None: home."""
+    origin = inputs.project.world.origin
+    if not isinstance(origin, GeodeticOrigin):
+        return None
+    height = origin.height_m + height_shift(inputs, datum)
+    return origin.latitude_deg, origin.longitude_deg, height
+
+
+def _require_matched(frames: Frames, source: str) -> None:
+    if frames.matched.any():
+        return
+    reasons = "; ".join(
+        f"{name}: {why}" for name, why in zip(frames.frame_id, frames.reason, strict=True)
+    )
+    raise GeometryError(f"no usable frame remains, {source} covers no photo: {reasons}")
+
+
+def _synchronise(inputs: Inputs, log: FlightLog) -> Synchronised:
+    try:
+        return synchronise(inputs.photos, log, inputs.project.time)
+    except UavgramError as fault:  # the stage knows instants; which file they are of is known here
+        raise InputError(log.path, str(fault).removeprefix(f"{log.path}: ")) from fault
+
+
+def _file_time_frames(inputs: Inputs, reason: str) -> Frames:
+    """Frames at the times of their files, none of them matched."""
+    photos, options = inputs.photos, inputs.project.time
+    known = 0.0 if options.offset_s == "auto" else options.offset_s
+    resolution = np.nan_to_num(photos.file_time_resolution_s, nan=0.0)
+    return Frames(
+        frame_id=photos.frame_id,
+        time_utc_s=photos.file_time_s - known,
+        sigma_time_s=np.where(np.isfinite(photos.file_time_s), resolution / np.sqrt(12), np.nan),
+        matched=np.zeros(len(photos.frame_id), dtype=np.bool_),
+        reason=(reason,) * len(photos.frame_id),
+        clock_offset_s=known,
+        clock_offset_sigma_s=options.offset_sigma_s,
+    )
+
+
+def _photo_frames(inputs: Inputs, poses: PhotoPoses, placed: tuple[str, ...]) -> Frames:
+    """Frames that have a pose; their times are the source's own, or else those of the files."""
+    base = _file_time_frames(inputs, "")
+    stated = dict(zip(poses.frame_id, poses.time_utc_s, strict=True))
+    own = np.array([stated.get(name, np.nan) for name in base.frame_id])
+    matched = np.isin(base.frame_id, placed)
+    return Frames(
+        frame_id=base.frame_id,
+        time_utc_s=np.where(np.isfinite(own), own, base.time_utc_s),
+        sigma_time_s=np.where(np.isfinite(own), 0.0, base.sigma_time_s),
+        matched=matched,
+        reason=tuple("" if good else f"no pose in {poses.source}" for good in matched),
+        clock_offset_s=base.clock_offset_s,
+        clock_offset_sigma_s=base.clock_offset_sigma_s,
+    )
+
+
+def _unposed(inputs: Inputs) -> Posed:
+    """Names and file times of the frames, and a world that only control points can place."""
+    project = inputs.project
+    frames = _file_time_frames(inputs, "no flight log")
+    place: tuple[float | None, float | None, float | None] = (None, None, None)
+    messages: tuple[Message, ...] = ()
+    origin = project.world.origin
+    if isinstance(origin, GeodeticOrigin):
+        place = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
+    elif inputs.control.kind == "geodetic" and len(inputs.control.label):
+        first = inputs.control.coordinates[0]
+        place = (float(first[0]), float(first[1]), float(first[2]))
+        text = (
+            f"Without a log there is no home: the world's origin is the control point "
+            f"{inputs.control.label[0]!r}."
+        )
+        messages = (Message("info", "origin-control", text),)
+    latitude, longitude, height = place
+    world = World(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        height_m=height,
+        height_datum=project.world.heights,
+        gauge="world",
+    )
+    return Posed(world=world, frames=frames, telemetry=None, messages=messages)
+
+
+def height_shift(inputs: Inputs, datum: HeightDatum) -> float:
+    """What to add to a height of the input files to have it in the poses' datum [m].
+
+    Raises
+    ------
+    UavgramError
+        The datums differ and the log does not say by how much.
+    """
+    heights = inputs.project.world.heights
+    if heights == datum:
+        return 0.0
+    if inputs.log is not None:
+        source, undulation = inputs.log.path, inputs.log.undulation_m
+    elif inputs.poses is not None:
+        source, undulation = inputs.poses.source, float("nan")
+    else:
+        return 0.0
+    if not np.isfinite(undulation):
+        raise UavgramError(
+            f"heights in the input files are {heights}, those of {source} are {datum}, and it "
+            f"does not say how far apart the two are: give all heights as {datum} and set "
+            f"world.heights: {datum}"
+        )
+    return undulation if datum == "ellipsoid" else -undulation

@@ -1,0 +1,120 @@
+"""Run a project: read, compute, and write every output, complete or not at all."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from enum import Enum
+from pathlib import Path
+from typing import Literal
+
+from uavgram.imaging.photos.preview import Preview, jpeg_preview_scale, read_preview
+from uavgram.imaging.top_view.mosaic import Mosaic
+from uavgram.io.outputs import staged_output
+from uavgram.io.own_files import check_folder_of_project
+from uavgram.io.results.results_json import write_results
+from uavgram.model.result.result import Result
+from uavgram.pipeline.measure.compute import Sampling, compute
+from uavgram.pipeline.measure.exports import exports
+from uavgram.pipeline.measure.inputs import read_inputs
+from uavgram.pipeline.measure.journal import Journal
+from uavgram.pipeline.parallel import prefetch
+from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.views.recording.write import write_recording
+from uavgram.views.report import write_report
+
+
+class _Output(Enum):
+    FROM_PROJECT = "as the project says"
+
+
+FROM_PROJECT = _Output.FROM_PROJECT
+"""Write to the folder that the project names."""
+
+OutputChoice = str | os.PathLike[str] | None | Literal[_Output.FROM_PROJECT]
+
+
+@with_one_blas_thread
+def run(
+    project: str | os.PathLike[str],
+    output: OutputChoice = FROM_PROJECT,
+    progress: Progress = silent,
+    sampling: Sampling | None = None,
+) -> Result:
+    """Run a project from its inputs to its outputs.
+
+    Parameters
+    ----------
+    project
+        The project file.
+    output
+        Folder of the outputs; by default the one that the project names, None: write nothing.
+    progress
+        Shows long loops.
+    sampling
+        A Monte Carlo check of the measurements.
+
+    Returns
+    -------
+    Result
+        The content of results.json.
+
+    Raises
+    ------
+    UavgramError
+        A problem that the user can solve. Earlier results are untouched.
+    """
+    journal = Journal()
+    with journal.step("read the inputs"):
+        inputs = read_inputs(Path(project))
+    folder = inputs.project.output if output is FROM_PROJECT else output
+    if output is FROM_PROJECT:
+        check_folder_of_project(Path(inputs.project.output), Path(project).absolute().parent)
+    with journal.step("adjust and measure"):
+        result = compute(inputs, sampling).result
+    journal.result(result)
+    if folder is not None:
+        with staged_output(Path(folder), inputs.files, inputs.photos.path) as staging:
+            _write_outputs(result, staging, journal, progress)
+    return result
+
+
+def _write_outputs(result: Result, folder: Path, journal: Journal, progress: Progress) -> None:
+    with journal.step("write recording.rrd"):
+        write_review(result, folder / "recording.rrd", progress)
+    writers: dict[str, Callable[[Path], None]] = {
+        **exports(result),
+        "report.html": lambda path: write_report(result, path),
+        "results.json": lambda path: write_results(result, path),
+    }
+    for name, write in progress(writers.items(), "writing", len(writers)):
+        with journal.step(f"write {name}"):
+            (folder / name).parent.mkdir(exist_ok=True)
+            write(folder / name)
+    journal.write(folder / "run.jsonl")
+
+
+def write_review(result: Result, path: Path, progress: Progress = silent) -> None:
+    """Write the recording of a result, with its photos and the ground that they show.
+
+    Photos pass through one by one: what is in memory does not grow with their number.
+
+    Raises
+    ------
+    InputError
+        A photo cannot be read.
+    OutputError
+        The file cannot be written.
+    """
+    names = result.frames.frame_id
+    mosaic = Mosaic(result, names, jpeg_preview_scale(result.camera.width_px))
+
+    def photos() -> Iterator[tuple[str, Preview]]:
+        reduced = prefetch(read_preview, result.frames.path)
+        shown = progress(zip(names, reduced, strict=True), "photos", len(names))
+        for name, (_, (preview, pixels)) in shown:
+            mosaic.add(name, pixels)
+            yield name, preview
+
+    write_recording(result, photos(), mosaic.texture, path)

@@ -1,0 +1,1 @@
+"""A project file for a folder of photos."""

@@ -1,0 +1,214 @@
+"""Which of the files in a folder a new project takes: the only one that fits, or the chosen one."""
+
+from __future__ import annotations
+
+import glob
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from uavgram.errors import InputError
+from uavgram.io.discovery.project import Holdings, PhotoGroup, TableRole, grouped
+from uavgram.io.photos.files import matching_files
+from uavgram.io.tables.picked import LINES_HEADER, MEASURE_HEADER, PICKS_HEADER
+from uavgram.model.flight.frames import Photos
+from uavgram.model.message import Message
+from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN
+from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
+
+PROJECT = "project.yaml"
+PICKED = {"picks": PICKS_HEADER, "lines": LINES_HEADER, "measure": MEASURE_HEADER}
+"""Tables that the picking page makes, and their columns."""
+
+_TABLES: tuple[TableRole, ...] = ("picks", "lines", "measure", "control", "check")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choices:
+    """What a person chose where a folder holds several; paths are relative to the folder."""
+
+    images: tuple[str, ...] = ()
+    log: Path | None = None
+    camera: Path | None = None
+    poses: Path | None = None
+
+
+@dataclass
+class Notes:
+    """What there is to say, while a folder is looked through."""
+
+    found: list[str] = field(default_factory=list)
+    messages: list[Message] = field(default_factory=list)
+
+    def warn(self, code: str, text: str) -> None:
+        """Add a warning."""
+        self.messages.append(Message("warning", code, text))
+
+
+def choose_photos(folder: Path, holdings: Holdings, choices: Choices) -> tuple[PhotoGroup, ...]:
+    """Groups of photos to take, all of one size."""
+    groups = holdings.photos
+    if choices.images:
+        named = {
+            path
+            for pattern in choices.images
+            for path in matching_files(absolute(folder, pattern), "correct --images")
+        }
+        groups = grouped(sorted(named))
+        if not groups:
+            wanted = ", ".join(choices.images)
+            raise InputError(folder, f"no photo is named {wanted}: correct --images")
+    if not groups:
+        raise InputError(
+            folder,
+            "holds no photo (.jpg, .png, .tif), nor do the folders in it: name the folder of the "
+            "flight, or copy the photos there",
+        )
+    if len({group.size_px for group in groups}) > 1:
+        raise InputError(folder, _sizes(folder, groups))
+    return groups
+
+
+def _sizes(folder: Path, groups: Sequence[PhotoGroup]) -> str:
+    """The kinds of photos that there are, and how to choose one."""
+    patterns = [_own_pattern(folder, group, groups) for group in groups]
+    rows = "\n".join(
+        f"  {pattern}: {len(group.files)} of {group.size_px[0]} x {group.size_px[1]} px, such as "
+        f"{group.files[0].name}"
+        for pattern, group in zip(patterns, groups, strict=True)
+    )
+    most = max(range(len(groups)), key=lambda k: len(groups[k].files))
+    way = f"--images '{patterns[most]}'"
+    if patterns.count(patterns[most]) > 1:
+        way = f"--images with the names of one size, or '{groups[most].files[0].name}' alone"
+    return (
+        "holds photos of several sizes, and a project has one camera of one size:\n"
+        f"{rows}\nchoose, such as with {way}"
+    )
+
+
+def _own_pattern(folder: Path, group: PhotoGroup, groups: Sequence[PhotoGroup]) -> str:
+    """A group's pattern; with how its names begin, where that alone tells it from others."""
+    beside = [
+        other
+        for other in groups
+        if other is not group and (other.folder, other.suffix) == (group.folder, group.suffix)
+    ]
+    start = os.path.commonprefix([path.stem for path in group.files])  # noqa: RUF071  (of names)
+    others = [path.name for other in beside for path in other.files]
+    if not beside or not start or any(name.startswith(start) for name in others):
+        return pattern_of(folder, group)
+    plain = pattern_of(folder, group)
+    return f"{plain.removesuffix(f'*{group.suffix}')}{glob.escape(start)}*{group.suffix}"
+
+
+def pattern_of(folder: Path, group: PhotoGroup) -> str:
+    """The pattern of a group, relative to the folder."""
+    inside = group.folder.relative_to(folder).as_posix()
+    start = "" if inside == "." else f"{glob.escape(inside)}/"
+    return f"{start}*{group.suffix}"
+
+
+def absolute(folder: Path, pattern: str) -> str:
+    """A pattern that is relative to the folder, as `read_photos` wants it."""
+    return pattern if Path(pattern).is_absolute() else f"{glob.escape(str(folder))}/{pattern}"
+
+
+def only_one(
+    folder: Path, what: str, option: str, candidates: Sequence[Path], chosen: Path | None
+) -> str | None:
+    """The only candidate, or the chosen one, relative to the folder."""
+    if chosen is not None:
+        path = chosen if chosen.is_absolute() else folder / chosen
+        if not path.is_file():
+            raise InputError(path, f"is no file: correct --{option} (relative to {folder})")
+        return _relative(folder, path)
+    names = [_relative(folder, path) for path in candidates]
+    if len(names) > 1:
+        raise InputError(
+            folder,
+            f"holds {len(names)} files that could be the {what}: {', '.join(names)}; choose with "
+            f"--{option}, such as --{option} '{names[0]}'",
+        )
+    return names[0] if names else None
+
+
+def _relative(folder: Path, path: Path) -> str:
+    return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
+
+
+def choose_camera(
+    folder: Path,
+    candidates: Sequence[Path],
+    chosen: Path | None,
+    photos: Photos,
+    notes: Notes,
+) -> str:
+    """The camera file that fits the photos, ``auto``, or ``unknown``."""
+    size = round(float(photos.width_px[0])), round(float(photos.height_px[0]))
+    fitting: list[Path] = []
+    for path in candidates if chosen is None else ():
+        candidate = _relative(folder, path)
+        try:
+            camera = read_camera(path).calibration
+        except InputError as why:
+            notes.warn("camera-passed-over", f"{candidate} was passed over: {why.message}.")
+            continue
+        own = camera.width_px, camera.height_px
+        if own == size:
+            fitting.append(path)
+            continue
+        text = (
+            f"{candidate} was passed over: it is for {own[0]} x {own[1]} px, the photos have "
+            f"{size[0]} x {size[1]}."
+        )
+        notes.warn("camera-passed-over", text)
+    name = only_one(folder, "camera", "camera", fitting, chosen)
+    if name is not None:
+        notes.found.append(f"camera: {name}")
+        return name
+    try:
+        camera_of_photos(photos)
+    except InputError:
+        return _unknown_camera(photos, notes)
+    notes.found.append("camera: auto, as the photos say which it was (with wide errors)")
+    return CAMERA_OF_PHOTOS
+
+
+def _unknown_camera(photos: Photos, notes: Notes) -> str:
+    """Where neither a file nor the photos say which camera it was.
+
+    Raises
+    ------
+    InputError
+        No ordinary camera can stand for it, or for all of the photos.
+    """
+    try:
+        camera_of_photos(photos, may_be_unknown=True)
+    except InputError as why:
+        way = "Put a camera file beside the photos, or choose photos with --images; then try again"
+        raise InputError(why.path, f"{why.message}. {way}") from why
+    notes.found.append("camera: unknown, so an ordinary drone camera, with very wide errors")
+    return CAMERA_UNKNOWN
+
+
+def choose_tables(folder: Path, holdings: Holdings, notes: Notes) -> dict[str, str]:
+    """Tables by role; those that the picking page makes have a name though they are not there."""
+    names: dict[str, str] = {role: f"{role}.csv" for role in PICKED}
+    for role in _TABLES:
+        candidates = holdings.tables.get(role, ())
+        usual = folder / f"{role}.csv"
+        if usual in candidates:
+            candidates = (usual,)
+        if len(candidates) > 1:
+            listed = ", ".join(_relative(folder, path) for path in candidates)
+            raise InputError(
+                folder,
+                f"holds {len(candidates)} tables of {role}: {listed}; call the one to use "
+                f"{usual.name}, in the folder itself",
+            )
+        if candidates:
+            names[role] = _relative(folder, candidates[0])
+            notes.found.append(f"{role}: {names[role]}")
+    return names

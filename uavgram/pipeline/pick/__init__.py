@@ -1,0 +1,1 @@
+"""The adjustment while picks change, and where to look next."""

@@ -1,0 +1,263 @@
+"""The adjustment again and again, while picks and lengths change: nothing is read twice.
+
+What hangs on photos and log alone (times, matching, seed poses) is computed once. `adjust` then
+runs every stage in memory; `linearised` says within milliseconds where the last adjustment would
+move to when picks move or readings change, to first order, with its sigmas as they were.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.errors import UavgramError
+from uavgram.estimation.measuring.next_length import LineAdvice, next_line
+from uavgram.estimation.measuring.predicted_pixels import (
+    PredictedPixels,
+    pixels_at,
+    predict_unpicked,
+)
+from uavgram.estimation.measuring.propagation import values_at
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.unknowns import advance
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.photo_poses import Flight
+from uavgram.model.flight.pose import TelemetryPrior
+from uavgram.model.result.result import Result
+from uavgram.model.survey.observations import KnownLines, MeasurementRequest, Picks
+from uavgram.pipeline.measure.compute import Computed, compute
+from uavgram.pipeline.measure.inputs import Inputs, read_inputs
+from uavgram.pipeline.measure.pose import Posed, pose_frames
+from uavgram.pipeline.threads import with_one_blas_thread
+
+NOTHING_PICKED = (
+    "Nothing is picked yet. Click a point on the ground in a photo; a second one makes a distance, "
+    "and lengths that were taped make it exact."
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Observed:
+    """What the adjustment is to take this time."""
+
+    picks: Picks
+    lines: KnownLines
+    requests: tuple[MeasurementRequest, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Adjusted:
+    """A full adjustment and what it says beside the result.
+
+    Attributes
+    ----------
+    observed
+        What it took.
+    computed
+        Result and adjustment.
+    predicted
+        Labels in photos in which they are not picked.
+    picked_px, picked_covariance_px2
+        (n, 2), (n, 2, 2): adjusted points in the photos in which they are picked.
+    advice
+        The length to tape next.
+    seconds
+        That it took.
+    """
+
+    observed: Observed
+    computed: Computed
+    predicted: PredictedPixels
+    picked_px: Floats
+    picked_covariance_px2: Floats
+    advice: LineAdvice | None
+    seconds: float
+
+    @property
+    def result(self) -> Result:
+        """Everything that `uavgram run` would write."""
+        return self.computed.result
+
+    @property
+    def adjustment(self) -> Adjustment:
+        """The adjusted survey."""
+        return self.computed.refined.adjustment
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Linearised:
+    """First-order answer to observations that moved a little; sigmas are those of `base`.
+
+    Attributes
+    ----------
+    base
+        The adjustment it starts from.
+    value
+        (M,) measurements, in the order of the result's.
+    length_m
+        (L,) known lengths as adjusted; NaN where an end is not picked.
+    residual_px
+        (n, 2) of the adjustment's picks: projection minus pick.
+    world_m
+        (K, 3) the adjustment's points.
+    """
+
+    base: Adjusted
+    value: Floats
+    length_m: Floats
+    residual_px: Floats
+    world_m: Floats
+
+
+class LiveSurvey:
+    """A project that is being picked.
+
+    Parameters
+    ----------
+    inputs
+        As read; its picks, lengths and measurements are where the session starts.
+    """
+
+    @with_one_blas_thread
+    def __init__(self, inputs: Inputs) -> None:
+        self.inputs = inputs
+        self.posed: Posed | None = None
+        self.unposed_because = ""
+        try:
+            self.posed = pose_frames(inputs)
+        except UavgramError as why:  # the page opens all the same, and says so
+            self.unposed_because = str(why)
+
+    @classmethod
+    def open(cls, project: Path) -> LiveSurvey:
+        """Read a project that may lack picks, lengths and measurements.
+
+        Raises
+        ------
+        UavgramError
+            Something else is wrong with it.
+        """
+        return cls(read_inputs(project, unfinished=True))
+
+    @with_one_blas_thread
+    def adjust(self, observed: Observed) -> Adjusted:
+        """Adjust and measure in full.
+
+        Raises
+        ------
+        UavgramError
+            Nothing can be adjusted yet; says in words what is missing.
+        """
+        if self.posed is None:
+            raise UavgramError(self.unposed_because)
+        if not observed.picks.image:
+            raise UavgramError(NOTHING_PICKED)
+        started = time.perf_counter()
+        inputs = replace(
+            self.inputs, picks=observed.picks, lines=observed.lines, requests=observed.requests
+        )
+        computed = compute(inputs, posed=self.posed, curved=False)
+        adjustment = computed.refined.adjustment
+        picked, covariance = pixels_at(
+            adjustment, adjustment.survey.pick_frame, adjustment.survey.pick_label
+        )
+        return Adjusted(
+            observed=observed,
+            computed=computed,
+            predicted=predict_unpicked(adjustment, self._flight()),
+            picked_px=picked,
+            picked_covariance_px2=covariance,
+            advice=next_line(adjustment),
+            seconds=time.perf_counter() - started,
+        )
+
+    @with_one_blas_thread
+    def linearised(self, base: Adjusted, observed: Observed) -> Linearised | None:
+        """First-order change of the last adjustment; None where more than numbers changed."""
+        if self.posed is None or not _alike(base.observed, observed):
+            return None
+        adjustment = base.adjustment
+        survey, blocks = adjustment.survey, adjustment.minimum.blocks
+        layout, problem = adjustment.problem.layout, adjustment.problem
+        names = [survey.frame_id[f] for f in survey.pick_frame]
+        labels = [survey.label[k] for k in survey.pick_label]
+        place = {
+            key: i
+            for i, key in enumerate(zip(observed.picks.image, observed.picks.label, strict=True))
+        }
+        picked = observed.picks.pixel_px[[place[k] for k in zip(names, labels, strict=True)]]
+        errors = {"pixels": (picked - survey.pixel_px) / survey.pick_sigma_px[:, None]}
+        if len(problem.line_index):
+            taped = observed.lines.length_m[_project_lines(base)]
+            used = problem.line_index
+            change = (taped - survey.length_m[used]) / survey.length_sigma_m[used]
+            errors["lengths"] = change[:, None]
+        right = np.zeros(layout.size)
+        for name, error in errors.items():
+            block = blocks[name]
+            moved = np.einsum("nr,nrk->nk", error, block.jacobian)
+            right += np.bincount(block.columns.ravel(), moved.ravel(), layout.size)
+        step = adjustment.minimum.factor.solve(right)
+        state = advance(layout, adjustment.state, step)
+        pixels = blocks["pixels"]
+        follow = np.einsum("nrk,nk->nr", pixels.jacobian, step[pixels.columns])
+        residual = pixels.residual + follow - errors["pixels"]
+        world, _, _ = problem.world_points(state, np.arange(layout.points))
+        return Linearised(
+            base=base,
+            value=values_at(adjustment, state, observed.requests, self.posed.frames),
+            length_m=_lengths(observed.lines, survey.label, world),
+            residual_px=residual * survey.pick_sigma_px[:, None],
+            world_m=world,
+        )
+
+    def _flight(self) -> tuple[TelemetryPrior, Flight, tuple[str, ...]] | None:
+        telemetry = None if self.posed is None else self.posed.telemetry
+        if telemetry is None:
+            return None
+        return telemetry.prior, telemetry.track, telemetry.poses.frame_id
+
+
+def _alike(before: Observed, now: Observed) -> bool:
+    """Whether nothing but pixels and readings differ."""
+    a, b, la, lb = before.picks, now.picks, before.lines, now.lines
+    return (
+        (a.image, a.label, a.area) == (b.image, b.label, b.area)
+        and np.array_equal(a.sigma_px, b.sigma_px, equal_nan=True)
+        and np.array_equal(a.height_m, b.height_m, equal_nan=True)
+        and (la.name, la.start, la.end) == (lb.name, lb.start, lb.end)
+        and np.array_equal(la.sigma_m, lb.sigma_m)
+        and np.array_equal(la.adjust, lb.adjust)
+        and before.requests == now.requests
+    )
+
+
+def _project_lines(base: Adjusted) -> list[int]:
+    """Which of the project's lengths each length of the adjustment is."""
+    survey, lines = base.adjustment.survey, base.observed.lines
+    free: dict[tuple[str, str, float, float], list[int]] = {}
+    for i in np.flatnonzero(lines.adjust)[::-1].tolist():
+        key = (lines.start[i], lines.end[i], lines.length_m[i], lines.sigma_m[i])
+        free.setdefault(key, []).append(i)
+    return [
+        free[
+            survey.label[survey.line_start[k]],
+            survey.label[survey.line_end[k]],
+            survey.length_m[k],
+            survey.length_sigma_m[k],
+        ].pop()
+        for k in base.adjustment.problem.line_index
+    ]
+
+
+def _lengths(lines: KnownLines, label: Sequence[str], world_m: Floats) -> Floats:
+    """(L,) distances between adjusted points; NaN where one is not adjusted."""
+    place = {name: k for k, name in enumerate(label)}
+    padded = np.vstack([world_m, np.full(3, np.nan)])
+    start = [place.get(name, -1) for name in lines.start]
+    end = [place.get(name, -1) for name in lines.end]
+    return np.asarray(np.linalg.norm(padded[end] - padded[start], axis=1))

@@ -1,0 +1,109 @@
+"""An adjusted calibration with the figures that tables, maps and remarks are made from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.estimation.calibration.adjustment import Fit
+from uavgram.estimation.calibration.outliers import Snooped, without
+from uavgram.estimation.calibration.problem import Corners
+from uavgram.estimation.calibration.reliability import PhotoEffect, photo_effect, photo_tests
+from uavgram.estimation.calibration.validation import HeldOut, held_out
+from uavgram.model.arrays import Bools
+from uavgram.model.camera.board import BoardObservations, BoardPhoto, CalibrationOptions
+from uavgram.model.camera.calibration import Calibration
+
+PHOTO_FACTOR_SIGNIFICANCE = 0.01
+"""Of the test whether photos disagree more than their corners' noise explains."""
+
+LeftOut = tuple[tuple[BoardPhoto, str], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class AssessedCalibration:
+    """An adjusted calibration.
+
+    Attributes
+    ----------
+    observations
+        The M usable photos.
+    options
+        The number of coefficients decided.
+    first
+        (M, n) corners with the sigmas they came with.
+    snooped
+        Adjustment and outliers, of all usable photos.
+    fit
+        The same without removed photos.
+    held
+        Prediction of the photos of `fit`.
+    effect
+        How photos disagree.
+    """
+
+    observations: BoardObservations
+    options: CalibrationOptions
+    first: Corners
+    snooped: Snooped
+    fit: Fit
+    held: HeldOut
+    effect: PhotoEffect
+
+    @property
+    def removed(self) -> Bools:
+        """(M,) photos that were taken out."""
+        return self.snooped.bad_photo & (self.options.outliers == "remove")
+
+    @property
+    def removed_corner(self) -> Bools:
+        """(M, n) corners that were taken out of photos that stay."""
+        return self.snooped.bad_corner & (self.options.outliers == "remove")
+
+    @property
+    def factor(self) -> float:
+        """Of the corners' variances: 1, or how much more the photos disagree."""
+        if self.effect.probability > PHOTO_FACTOR_SIGNIFICANCE:
+            return 1.0
+        return self.effect.factor
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height of the image."""
+        photo = self.observations.photos[0]
+        return photo.width_px, photo.height_px
+
+    @property
+    def sigma_px(self) -> float:
+        """Standard deviation of a corner's coordinate as scaled: root of the mean square."""
+        weight = self.fit.corners.weight
+        return float(np.sqrt(np.mean(weight[weight > 0] ** -2.0)))
+
+    def camera(self, name: str) -> Calibration:
+        """Return the camera that was estimated, with its covariance."""
+        width, height = self.size_px
+        p = len(self.fit.state.parameters)
+        return Calibration(
+            name=name,
+            model=self.options.model,
+            width_px=width,
+            height_px=height,
+            parameters=self.fit.state.parameters,
+            covariance=self.fit.parameter_covariance(self.factor)[:p, :p],
+        )
+
+
+def judge(
+    observations: BoardObservations,
+    options: CalibrationOptions,
+    first: Corners,
+    snooped: Snooped,
+) -> AssessedCalibration:
+    """Test photos, and predict each from the others."""
+    empty = snooped.fit.corners.count == 0
+    fit = without(snooped.fit, empty)
+    # The weights are scaled: the variance factor is 1 unless the sigmas were given.
+    variance = fit.corner_cost / max(fit.corner_redundancy, 1.0)
+    effect = photo_effect(fit, photo_tests(fit, options.corner_sigma), variance)
+    return AssessedCalibration(observations, options, first, snooped, fit, held_out(fit), effect)

@@ -1,0 +1,1 @@
+"""A camera from what photos say of it, and what a survey teaches of its camera."""

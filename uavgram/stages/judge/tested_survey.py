@@ -1,0 +1,141 @@
+"""What all judgements rest on: test statistics, suspicions and effects, computed once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from uavgram.estimation.measuring.propagation import MeasuredValues
+from uavgram.estimation.reliability.data_snooping import MOST_SUSPECTS, suspicions
+from uavgram.estimation.reliability.external import Weakest, Worst, external_reliability
+from uavgram.estimation.reliability.redundancy import critical_value
+from uavgram.estimation.reliability.test_statistics import Observed, observed
+from uavgram.estimation.survey.adjustment import Adjustment, Refined
+from uavgram.estimation.survey.names import Names
+from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.result.reliability import Effects
+
+
+@dataclass(frozen=True, eq=False)
+class TestedSurvey:
+    """The observations of an adjusted survey under test.
+
+    Attributes
+    ----------
+    refined
+        The adjusted survey.
+    groups
+        Its observations and priors by group.
+    suspicions
+        Those that do not fit, and what no test can part from them; none where the adjustment did
+        not come to rest: its residuals say nothing of where the fault lies.
+    worst, weakest
+        External reliability, by observation and by measurement.
+    names
+        Of the observations.
+    measured
+        The values that undetected errors would move.
+    significance
+        Of the test of each single axis of each observation.
+    """
+
+    refined: Refined
+    groups: dict[str, Observed]
+    suspicions: tuple[Suspicion, ...]
+    worst: dict[str, Worst]
+    weakest: tuple[Weakest, ...]
+    names: Names
+    measured: MeasuredValues
+    significance: float
+
+    @property
+    def adjustment(self) -> Adjustment:
+        """The adjusted survey."""
+        return self.refined.adjustment
+
+    def suspect(self, kind: str) -> Bools:
+        """(n,) which observations of a group are suspected, alone or with others."""
+        group = self.groups[kind]
+        if len(self.suspicions) >= MOST_SUSPECTS:  # the rest was not told apart
+            return np.asarray((np.abs(group.w) > critical_value(self.significance)).any(axis=1))
+        rows = [
+            member.row
+            for suspicion in self.suspicions
+            for member in (suspicion.accused, *suspicion.group)
+            if member.kind == kind
+        ]
+        suspect = np.zeros(len(group.w), dtype=bool)
+        suspect[np.array(rows, dtype=np.int64)] = True
+        return suspect
+
+    def significant(self, w: float) -> bool:
+        """Whether a test statistic means that something does not fit."""
+        large = abs(w) > critical_value(self.significance)
+        return bool(large and self.adjustment.minimum.converged)
+
+    def effects(self, kind: str, rows: Ints) -> Effects:
+        """Effects of undetected errors in some observations of a group; none for rows < 0."""
+        measured = self.measured
+        change, on = np.full(len(rows), np.nan), np.full(len(rows), -1)
+        there = rows >= 0
+        if there.any():
+            worst, at = self.worst[kind], rows[there]
+            axis = worst.sigmas[at].argmax(axis=1)
+            change[there], on[there] = worst.change[at, axis], worst.measurement[at, axis]
+        return effects_on(measured, on, change)
+
+    def bias(self, member: Member) -> tuple[float, str]:
+        """Minimal detectable bias of one axis of an observation, and its unit."""
+        bias = self.groups[member.kind].bias(self.significance)[member.row, member.axis]
+        unit, factor = self.names.unit(member)
+        return float(bias) * factor, unit
+
+
+def effects_on(measured: MeasuredValues, on: Ints, change: Floats) -> Effects:
+    """Changes (n,) of the measurements `on` (n,), -1 where there is none."""
+    sigma = np.append(measured.sigma, np.nan)  # the last one for -1
+    name = (*measured.name, "")
+    return Effects(
+        on=tuple(name[i] for i in on),
+        change=change,
+        sigmas=np.abs(change) / np.where(sigma > 0, sigma, np.nan)[on],
+    )
+
+
+def run_tests(refined: Refined, measured: MeasuredValues, significance: float) -> TestedSurvey:
+    """Test every observation and prior, and propagate what would stay undetected.
+
+    Parameters
+    ----------
+    refined
+        The adjusted survey.
+    measured
+        The measured values.
+    significance
+        Of the test for blunders.
+    """
+    adjustment = refined.adjustment
+    groups = observed(adjustment)
+    worst, weakest = external_reliability(groups, measured, significance)
+    return TestedSurvey(
+        refined=refined,
+        groups=groups,
+        suspicions=_suspicions(refined, groups, significance),
+        worst=worst,
+        weakest=weakest,
+        names=Names(refined.adjustment),
+        measured=measured,
+        significance=significance,
+    )
+
+
+def _suspicions(
+    refined: Refined, groups: dict[str, Observed], significance: float
+) -> tuple[Suspicion, ...]:
+    if not refined.adjustment.minimum.converged:
+        return ()
+    found = suspicions(refined.adjustment, groups, significance, refined.accused)
+    return tuple(islice(found, 1) if refined.accused_alone else found)

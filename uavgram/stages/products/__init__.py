@@ -1,0 +1,1 @@
+"""What is handed on: layers for maps and drawings, geotags, top views."""

@@ -1,0 +1,64 @@
+"""Poses in the local world as geographic tags for other programs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.errors import GeometryError
+from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.geometry.motion.nadir_angles import nadir_from_gimbal
+from uavgram.geometry.motion.rotation import ENU_FROM_NED, GIMBAL_FROM_CAMERA, ypr_from_matrix
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.geotag import GeoTags, PoseChoice
+from uavgram.model.flight.pose import Poses
+from uavgram.model.survey.world import World
+
+
+def geotag(
+    poses: Poses, path: tuple[str, ...], pose: tuple[PoseChoice, ...], world: World
+) -> GeoTags:
+    """Turn poses into tags.
+
+    Angles are from the north of the world's origin; true north at a photo differs by the meridian
+    convergence, 0.01 degrees per kilometre of easting at 48 degrees of latitude.
+
+    Parameters
+    ----------
+    poses, path, pose
+        (N,) poses, where their photos are, and of which kind they are.
+    world
+        Where the local world lies.
+
+    Raises
+    ------
+    GeometryError
+        Nothing ties the world to the earth.
+    """
+    if world.latitude_deg is None or world.longitude_deg is None or world.height_m is None:
+        raise GeometryError(
+            "nothing ties this survey to the earth (no flight log, no photo poses, no geodetic "
+            "control points): there are no coordinates to write"
+        )
+    origin = (world.latitude_deg, world.longitude_deg, world.height_m)
+    latitude, longitude, height = geodetic_from_enu(poses.center_world_m, origin)
+    ned_from_gimbal = ENU_FROM_NED @ poses.world_from_camera @ GIMBAL_FROM_CAMERA.T
+    gimbal = np.stack(ypr_from_matrix(ned_from_gimbal), axis=1)
+    horizontal = np.linalg.eigvalsh(poses.covariance[:, :2, :2])[:, -1]
+    return GeoTags(
+        frame_id=poses.frame_id,
+        path=path,
+        pose=pose,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        height_m=height,
+        datum=world.height_datum,
+        gimbal_ypr_rad=_full_turn(gimbal),
+        nadir_ypr_rad=_full_turn(nadir_from_gimbal(gimbal)),
+        sigma_horizontal_m=np.sqrt(horizontal),
+        sigma_vertical_m=np.sqrt(poses.covariance[:, 2, 2]),
+    )
+
+
+def _full_turn(ypr_rad: Floats) -> Floats:
+    """Yaw brought into [0, 2 pi)."""
+    return np.column_stack([np.mod(ypr_rad[:, 0], 2 * np.pi), ypr_rad[:, 1:]])

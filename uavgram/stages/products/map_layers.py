@@ -1,0 +1,319 @@
+"""Draw: what a result looks like on the ground, as layers for maps, drawings and the review."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.ground.plane import intersect_ground
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.flight.pose import Poses
+from uavgram.model.maps.layers import Features, Layer
+from uavgram.model.result.result import Result
+from uavgram.model.result.tables import PlanarUncertainty, PointResults
+
+ELLIPSE_VERTICES = 36
+"""Of an ellipse drawn as a polygon: its area is short of the curve's by 0.5 %."""
+
+BORDER_SAMPLES = 8
+"""On each side of a photo: its border on the ground is curved by the lens."""
+
+
+def features_of(result: Result, crs: str | None) -> Features:
+    """All layers of a result.
+
+    Parameters
+    ----------
+    result
+        What a run computed.
+    crs
+        Projected coordinate system for maps; None where nothing ties the survey to the earth.
+    """
+    world = result.world
+    origin = None
+    if None not in (world.latitude_deg, world.longitude_deg, world.height_m):
+        origin = (world.latitude_deg, world.longitude_deg, world.height_m)
+    return Features(
+        name=result.name,
+        layers=(
+            _footprints(result),
+            _cameras(result),
+            _ellipses("ellipses_95", result.points, result.points),
+            _ellipses("ellipses_95_within_survey", result.points, result.points.relative),
+            _known_lengths(result),
+            _measured("measured_areas", "polygon", result),
+            _measured("measured_lines", "line", result),
+            _points(result.points),
+        ),
+        origin=origin,  # type: ignore[arg-type]  # no None is left in it
+        height_datum=world.height_datum,
+        crs=crs if origin is not None else None,
+    )
+
+
+def point_index(result: Result) -> dict[str, int]:
+    """Row of each label."""
+    return {label: k for k, label in enumerate(result.points.label)}
+
+
+def reference_strips(result: Result) -> dict[int, Floats]:
+    """(2, 3) ends in the world of each known length that has both, by its row."""
+    rows, lines = point_index(result), result.lines
+    position = result.points.position_world_m
+    return {
+        i: position[[rows[start], rows[end]]]
+        for i, (start, end) in enumerate(zip(lines.start, lines.end, strict=True))
+        if start in rows and end in rows
+    }
+
+
+def measured_strips(result: Result) -> dict[int, list[Floats]]:
+    """(n, 3) polylines that show each computed measurement, by its row; coordinates have none."""
+    rows, strips = point_index(result), {}
+    measured = result.measurements
+    for i, (kind, labels) in enumerate(zip(measured.kind, measured.points, strict=True)):
+        if np.isfinite(measured.value[i]) and all(label in rows for label in labels):
+            corners = result.points.position_world_m[[rows[label] for label in labels]]
+            strips[i] = _shape(kind, corners)
+    return strips
+
+
+def ellipse_outlines(
+    center: Floats, semi_axes: Floats, azimuth_rad: Floats, factor: float, samples: int = 33
+) -> Floats:
+    """(K, samples, 2) closed outlines, east and north.
+
+    Parameters
+    ----------
+    center
+        (K, 2) east, north.
+    semi_axes
+        (K, 2) semi-major, semi-minor [m].
+    azimuth_rad
+        (K,) of the major axis, clockwise from north.
+    factor
+        Exaggeration.
+    samples
+        Of the outline, first and last the same; clockwise.
+    """
+    turn = np.linspace(0.0, 2 * np.pi, samples)
+    along = np.stack([np.sin(azimuth_rad), np.cos(azimuth_rad)], axis=-1)
+    across = np.stack([along[:, 1], -along[:, 0]], axis=-1)
+    major = (factor * semi_axes[:, 0])[:, None, None] * along[:, None, :]
+    minor = (factor * semi_axes[:, 1])[:, None, None] * across[:, None, :]
+    outline = center[:, None, :] + np.cos(turn)[:, None] * major + np.sin(turn)[:, None] * minor
+    return np.asarray(outline, dtype=np.float64)
+
+
+def footprints(result: Result) -> dict[int, Floats]:
+    """(v, 3) border on the ground of each frame that has a pose, by its row; counterclockwise.
+
+    The part of a photo that looks above the horizon, or that the lens model does not reach, has
+    no ground: its border runs straight between what has.
+    """
+    camera = result.camera
+    along = np.arange(BORDER_SAMPLES) / BORDER_SAMPLES
+    side = np.concatenate(
+        [
+            np.stack([along, np.zeros_like(along)], axis=1),
+            np.stack([np.ones_like(along), along], axis=1),
+            np.stack([1.0 - along, np.ones_like(along)], axis=1),
+            np.stack([np.zeros_like(along), 1.0 - along], axis=1),
+        ]
+    )
+    border = side * [camera.width_px, camera.height_px] - 0.5
+    ray = back_project(camera.model, result.shared.intrinsics.value, border)
+    seen, poses = shown_poses(result)
+    plane = result.shared
+    surface = np.concatenate(
+        [plane.plane_height_m.value, np.tan(np.deg2rad(plane.plane_slope_deg.value))]
+    )
+    world = intersect_ground(
+        poses.center_world_m[:, None],
+        np.einsum("fij,bj->fbi", poses.world_from_camera, ray),
+        surface,
+        plane.plane_pivot_m,
+    )
+    rings = {int(f): ring[np.isfinite(ring[:, 0])] for f, ring in zip(seen, world, strict=True)}
+    return {f: _counterclockwise(ring) for f, ring in rings.items() if len(ring) >= 3}
+
+
+def shown_poses(result: Result) -> tuple[Ints, Poses]:
+    """Rows of the frames that have a pose, and of each the adjusted one, else the telemetry's."""
+    adjusted = result.has_refined
+    rows = np.flatnonzero(adjusted | result.has_seed)
+    adjusted = adjusted[rows]
+    refined, seed = result.frames.refined, result.frames.seed
+    wide = adjusted[:, None, None]
+    poses = Poses(
+        frame_id=tuple(result.frames.frame_id[i] for i in rows),
+        center_world_m=np.where(
+            adjusted[:, None], refined.center_world_m[rows], seed.center_world_m[rows]
+        ),
+        world_from_camera=np.where(
+            wide, refined.world_from_camera[rows], seed.world_from_camera[rows]
+        ),
+        covariance=np.where(wide, refined.covariance[rows], seed.covariance[rows]),
+    )
+    return rows, poses
+
+
+def _shape(kind: str, corners: Floats) -> list[Floats]:
+    if kind == "coordinate" or len(corners) < 2:
+        return []
+    if kind == "area":
+        return [np.concatenate([corners, corners[:1]])]
+    if kind == "line_distance" and len(corners) > 2:
+        start, end = corners[1], corners[-1]
+        along = end - start
+        squared = float(along @ along)
+        share = float((corners[0] - start) @ along) / squared if squared > 0 else 0.0
+        return [np.stack([corners[0], start + share * along])]
+    return [corners]
+
+
+def _counterclockwise(ring: Floats) -> Floats:
+    """The ring (v, 3), seen from above against the clock (shoelace formula)."""
+    east, north = (ring[:, :2] - ring[0, :2]).T
+    doubled = float(np.sum(east * np.roll(north, -1) - np.roll(east, -1) * north))
+    return ring[::-1].copy() if doubled < 0 else ring
+
+
+def _column(values: Floats) -> tuple[float, ...]:
+    return tuple(values.tolist())
+
+
+def _points(points: PointResults) -> Layer:
+    sigma = np.sqrt(np.diagonal(points.covariance_m2, axis1=1, axis2=2))
+    within = points.relative
+    return Layer(
+        name="points",
+        kind="point",
+        vertices_m=tuple(points.position_world_m[k : k + 1].copy() for k in range(len(sigma))),
+        attributes={
+            "label": points.label,
+            "east_m": _column(points.position_world_m[:, 0]),
+            "north_m": _column(points.position_world_m[:, 1]),
+            "up_m": _column(points.position_world_m[:, 2]),
+            "sigma_east_m": _column(sigma[:, 0]),
+            "sigma_north_m": _column(sigma[:, 1]),
+            "covariance_east_north_m2": _column(points.covariance_m2[:, 0, 1]),
+            "semi_major_95_m": _column(points.ellipse_95_m[:, 0]),
+            "semi_minor_95_m": _column(points.ellipse_95_m[:, 1]),
+            "azimuth_deg": _column(np.rad2deg(points.ellipse_azimuth_rad)),
+            "semi_major_95_within_survey_m": _column(within.ellipse_95_m[:, 0]),
+            "frames": tuple("; ".join(names) for names in points.frames),
+        },
+    )
+
+
+def _ellipses(
+    name: str, points: PointResults, uncertainty: PointResults | PlanarUncertainty
+) -> Layer:
+    outline = ellipse_outlines(
+        points.position_world_m[:, :2],
+        uncertainty.ellipse_95_m,
+        uncertainty.ellipse_azimuth_rad,
+        1.0,
+        ELLIPSE_VERTICES + 1,
+    )[:, -1:0:-1]  # open, and against the clock
+    up = np.broadcast_to(points.position_world_m[:, None, 2:], (*outline.shape[:2], 1))
+    return Layer(
+        name=name,
+        kind="polygon",
+        vertices_m=tuple(np.concatenate([outline, up], axis=2)),
+        attributes={
+            "label": points.label,
+            "semi_major_m": _column(uncertainty.ellipse_95_m[:, 0]),
+            "semi_minor_m": _column(uncertainty.ellipse_95_m[:, 1]),
+            "azimuth_deg": _column(np.rad2deg(uncertainty.ellipse_azimuth_rad)),
+        },
+    )
+
+
+def _known_lengths(result: Result) -> Layer:
+    lines, strips = result.lines, reference_strips(result)
+    nowhere = np.empty((0, 3))
+    return Layer(
+        name="known_lengths",
+        kind="line",
+        vertices_m=tuple(strips.get(i, nowhere) for i in range(len(lines.name))),
+        attributes={
+            "name": lines.name,
+            "from": lines.start,
+            "to": lines.end,
+            "status": lines.status,
+            "length_m": _column(lines.length_m),
+            "sigma_m": _column(lines.sigma_m),
+            "adjusted_m": _column(lines.adjusted_m),
+            "adjusted_sigma_m": _column(lines.adjusted_sigma_m),
+            "residual_m": _column(lines.residual_m),
+            "w": _column(lines.w),
+        },
+    )
+
+
+def _measured(name: str, kind: str, result: Result) -> Layer:
+    """Measurements that are areas (``polygon``), or lines; coordinates are the points' own."""
+    measured, strips = result.measurements, measured_strips(result)
+    is_area = np.array([k == "area" for k in measured.kind], dtype=bool)
+    is_line = ~is_area & np.array([k != "coordinate" for k in measured.kind], dtype=bool)
+    rows = np.flatnonzero(is_area if kind == "polygon" else is_line)
+    vertices = []
+    for i in rows:
+        strip = strips[int(i)][0] if strips.get(int(i)) else np.empty((0, 3))
+        vertices.append(_counterclockwise(strip[:-1]) if is_area[i] and len(strip) else strip)
+    return Layer(
+        name=name,
+        kind="polygon" if kind == "polygon" else "line",
+        vertices_m=tuple(vertices),
+        attributes={
+            "name": tuple(measured.name[i] for i in rows),
+            "kind": tuple(measured.kind[i] for i in rows),
+            "points": tuple(";".join(measured.points[i]) for i in rows),
+            "value": _column(measured.value[rows]),
+            "sigma": _column(measured.sigma[rows]),
+            "unit": tuple(measured.unit[i] for i in rows),
+            "lower_95": _column(measured.interval_95[rows, 0]),
+            "upper_95": _column(measured.interval_95[rows, 1]),
+            "alternatives": tuple(
+                ";".join(f"{value:.4f}" for value in measured.alternative_values[i]) for i in rows
+            ),
+        },
+    )
+
+
+def _footprints(result: Result) -> Layer:
+    rings, frames = footprints(result), result.frames
+    rows = list(rings)
+    return Layer(
+        name="footprints",
+        kind="polygon",
+        vertices_m=tuple(rings.values()),
+        attributes={
+            "frame": tuple(frames.frame_id[i] for i in rows),
+            "status": tuple(frames.status[i] for i in rows),
+        },
+    )
+
+
+def _cameras(result: Result) -> Layer:
+    rows, poses = shown_poses(result)
+    frames = result.frames
+    variance = np.einsum("nii->ni", poses.covariance)
+    optical = poses.world_from_camera[:, :, 2]
+    return Layer(
+        name="camera_poses",
+        kind="point",
+        vertices_m=tuple(poses.center_world_m[:, None].copy()),
+        attributes={
+            "frame": poses.frame_id,
+            "status": tuple(frames.status[i] for i in rows),
+            "time_utc_s": _column(frames.time_utc_s[rows]),
+            "tilt_deg": _column(np.rad2deg(np.arccos(np.clip(-optical[:, 2], -1.0, 1.0)))),
+            "azimuth_deg": _column(np.rad2deg(np.arctan2(optical[:, 0], optical[:, 1])) % 360.0),
+            "sigma_east_m": _column(np.sqrt(variance[:, 0])),
+            "sigma_north_m": _column(np.sqrt(variance[:, 1])),
+            "sigma_up_m": _column(np.sqrt(variance[:, 2])),
+        },
+    )

@@ -1,0 +1,1 @@
+"""The search for what is wrong: frames, lengths, control points, single observations."""

@@ -1,0 +1,125 @@
+"""Which picks of a frame contradict all its others: a few wrong labels do not condemn a frame.
+
+Where a frame spoils an adjustment, the others tell where its points are. The pose that most of its
+picks agree on is found by consensus of the smallest sets that determine one (Fischler & Bolles
+1981), here all of them or a fixed sample.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from math import comb
+
+import numpy as np
+
+from uavgram.estimation.first_poses.homography import resect_from_plane
+from uavgram.estimation.survey.adjustment import Adjustment, Refined
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.survey.survey import Survey
+
+SMALLEST = 4
+"""Picks that determine a pose above known points of a plane."""
+
+MOST_SETS = 500
+"""Sets of picks that are tried."""
+
+AGREES = 12.0
+"""Distance from the predicted place, in sigmas of a pick, up to which a pick agrees: what four
+picks with errors of a sigma each predict is itself uncertain by several."""
+
+MAJORITY = 0.6
+"""Share of a frame's picks that must agree, and at least one more than determine the pose."""
+
+
+def contradicting(survey: Survey, picks: Ints, rest: Refined) -> dict[int, str]:
+    """Picks of a frame that contradict the majority of its others, each with what is wrong.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    picks
+        (n,) indices of the frame's picks.
+    rest
+        The survey adjusted without the frame; tells where its points are.
+
+    Returns
+    -------
+    dict
+        Empty where all agree or no majority does: then the frame as a whole is the matter.
+    """
+    world, known = _places(survey, picks, rest.adjustment)
+    picks = picks[known]
+    if len(picks) <= SMALLEST:
+        return {}
+    parameters = survey.calibration.parameters
+    ray = back_project(survey.calibration.model, parameters, survey.pixel_px[picks])
+    sigma = survey.pick_sigma_px[picks] / parameters[0]
+    agree = _consensus(world, ray, sigma)
+    if agree is None or agree.all() or agree.sum() < max(SMALLEST + 1, MAJORITY * len(picks)):
+        return {}
+    pose = resect_from_plane(world[agree], ray[agree])
+    assert pose is not None  # noqa: S101  (a part of these determined one)
+    seen = _seen_at(world, pose)
+    wrong = np.flatnonzero(~agree)
+    return {int(picks[k]): _why(survey, picks, k, wrong, seen, ray, sigma) for k in wrong.tolist()}
+
+
+def _places(survey: Survey, picks: Ints, adjustment: Adjustment) -> tuple[Floats, Ints]:
+    """Places (n, 2) in the plane of the picks whose points are known, and which these are."""
+    place = {label: k for k, label in enumerate(adjustment.survey.label)}
+    label = [survey.label[k] for k in survey.pick_label[picks]]
+    on_plane = survey.height_above_m[survey.pick_label[picks]] == 0.0
+    known = np.array([i for i, name in enumerate(label) if name in place and on_plane[i]], int)
+    at = np.array([place[label[i]] for i in known], dtype=np.int64)
+    return adjustment.state.point[at, :2], known
+
+
+def _consensus(world: Floats, ray: Floats, sigma: Floats) -> Bools | None:
+    """(n,) which picks agree on the pose that most agree on."""
+    best = None
+    for chosen in _sets(len(ray)):
+        agree = _agreeing(world, ray, sigma, np.array(chosen))
+        if agree is not None and (best is None or agree.sum() > best.sum()):
+            best = agree
+    if best is None or best.sum() < SMALLEST:
+        return best
+    return _agreeing(world, ray, sigma, np.flatnonzero(best))
+
+
+def _sets(n: int) -> list[tuple[int, ...]]:
+    """Smallest sets of n picks: all, or as many as are tried, always the same ones."""
+    if comb(n, SMALLEST) <= MOST_SETS:
+        return list(combinations(range(n), SMALLEST))
+    rng = np.random.default_rng(0)
+    return [tuple(rng.choice(n, SMALLEST, replace=False)) for _ in range(MOST_SETS)]
+
+
+def _agreeing(world: Floats, ray: Floats, sigma: Floats, chosen: Ints) -> Bools | None:
+    pose = resect_from_plane(world[chosen], ray[chosen])
+    if pose is None:
+        return None
+    distance = np.linalg.norm(_seen_at(world, pose) - ray[:, :2], axis=1)
+    return np.asarray(distance < AGREES * sigma)
+
+
+def _seen_at(world: Floats, pose: tuple[Floats, Floats]) -> Floats:
+    """(n, 2) normalised image coordinates of points of the plane; NaN behind the camera."""
+    center, plane_from_camera = pose
+    camera = (np.column_stack([world, np.zeros(len(world))]) - center) @ plane_from_camera
+    depth = np.where(camera[:, 2:] > 0, camera[:, 2:], np.nan)
+    return np.asarray(camera[:, :2] / depth)
+
+
+def _why(
+    survey: Survey, picks: Ints, k: int, wrong: Ints, seen: Floats, ray: Floats, sigma: Floats
+) -> str:
+    """What is wrong with a pick: where it lies, another of the wrong ones belongs, or nothing."""
+    text = "all other picks of its frame contradict it"
+    distance = np.linalg.norm(seen[wrong] - ray[k, :2], axis=1)
+    near = int(np.nanargmin(np.where(np.isnan(distance), np.inf, distance)))
+    if wrong[near] != k and distance[near] < AGREES * sigma[k]:
+        belongs = survey.label[survey.pick_label[picks[wrong[near]]]]
+        return f"{text}; it lies where {belongs!r} belongs: the labels look swapped"
+    return f"{text}: look at its place and its label"

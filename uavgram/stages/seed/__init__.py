@@ -1,0 +1,1 @@
+"""Stage: where each camera was, before any adjustment, with its covariance."""

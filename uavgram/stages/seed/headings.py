@@ -1,0 +1,147 @@
+"""Stage: headings that the photos' poses do not state, from what the photos share.
+
+From half a turn off, no iteration finds back: so the seeds are turned before the adjustment to
+where the common points, the positions and known points agree. How uncertain they are stays as it
+was: what is found here are first values, and the adjustment decides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from uavgram.estimation.first_poses.heading_search import Plan, search_turns
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.ground.plane import intersect_ground
+from uavgram.geometry.motion.rotation import matrix_from_ypr
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.flight.photo_poses import PhotoExposures
+from uavgram.model.message import Message
+from uavgram.model.survey.survey import Survey
+
+UNKNOWN_RAD = 1.0
+"""Sigma of a heading from which on it is no prior, but says that it is unknown."""
+
+CONTRADICTED = 4.0
+"""Sigmas by which the points must put a course aside before it counts as unknown."""
+
+LOWEST = np.sin(np.radians(5.0))
+"""Sine of the angle below the horizon at which a ray's place on the ground means nothing."""
+
+
+def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
+    """The survey with its seeds turned to the headings that its picks tell.
+
+    Of photos without a stated attitude, and of those whose stated heading is as good as unknown.
+    A log's, and surveys whose photos all state theirs, are left as they are.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+
+    Returns
+    -------
+    survey
+        Seeds, and the photos' own poses, turned about the vertical.
+    messages
+        Photos whose course the picks contradict: their heading counts as unknown.
+    """
+    track = survey.track
+    if survey.seeds is None or not isinstance(track, PhotoExposures):
+        return survey, ()
+    row = np.array([track.frame_id.index(name) for name in survey.frame_id], dtype=np.int64)
+    sigma = track.sigma_attitude_rad[row, 1]
+    free = track.by_course[row] | (sigma > UNKNOWN_RAD)
+    if not free.any():
+        return survey, ()
+    turn = search_turns(_plan(survey, track.sigma_attitude_rad[row, 0], sigma), free)
+    doubted = free & (sigma <= UNKNOWN_RAD) & (np.abs(turn) > CONTRADICTED * sigma)
+    return _turned(survey, track, turn, doubted), _said(survey, turn, doubted)
+
+
+def _plan(survey: Survey, tilt_sigma: Floats, turn_sigma: Floats) -> Plan:
+    """What the photos see of the ground at their seeds."""
+    seeds = survey.seeds
+    assert seeds is not None  # noqa: S101  (the caller asked)
+    ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
+    frame, label = survey.pick_frame, survey.pick_label
+    direction = np.einsum("pij,pj->pi", seeds.world_from_camera[frame], ray)
+    height = survey.ground.height_m
+    ground = intersect_ground(
+        seeds.center_world_m[frame],
+        direction,
+        np.array([height, 0.0, 0.0]),
+        np.zeros(2),
+        survey.height_above_m[label],
+    )
+    offset = ground[:, :2] - seeds.center_world_m[frame, :2]
+    down = -direction[:, 2] / np.linalg.norm(direction, axis=1)
+    usable = np.isfinite(offset).all(axis=1) & (down > LOWEST)
+    above = np.maximum(seeds.center_world_m[:, 2] - height, 1.0)
+    variance = np.einsum("fii->fi", seeds.covariance)
+    rise = np.sqrt(variance[:, 2] + survey.ground.height_sigma_m**2) / above
+    # A tilt moves what lies below the camera by h, alike; what lies far out by h / sin^2.
+    frame, label, offset, down = frame[usable], label[usable], offset[usable], down[usable]
+    beyond = above[frame] * (1.0 / down**2 - 1.0) * tilt_sigma[frame]
+    rough = survey.ground.roughness_sigma_m / down
+    stretched = rise[frame] * np.linalg.norm(offset, axis=1)
+    anchor = np.full((len(survey.label), 2), np.nan)
+    anchor[survey.control_label] = survey.control_world_m[:, :2]
+    return Plan(
+        frame=frame,
+        label=label,
+        offset_m=offset,
+        sigma_m=np.sqrt(beyond**2 + stretched**2 + rough**2 + (0.01 * above[frame]) ** 2),
+        center_m=seeds.center_world_m[:, :2],
+        center_sigma_m=np.sqrt(variance[:, 0] + (above * tilt_sigma) ** 2),
+        turn_sigma_rad=np.where(turn_sigma > UNKNOWN_RAD, np.inf, turn_sigma),
+        anchor_m=anchor,
+    )
+
+
+def _turned(survey: Survey, track: PhotoExposures, turn: Floats, doubted: Bools) -> Survey:
+    """Seeds and exposures turned about up; a contradicted course has the sigma of none.
+
+    The sigmas of a photo's attitude are those of its tilt and its yaw, and its position's those of
+    all horizontal axes alike: a turn about up changes no covariance in the camera's axes.
+    """
+    seeds, prior = survey.seeds, survey.telemetry
+    assert seeds is not None  # noqa: S101  (the caller asked)
+    assert prior is not None  # noqa: S101  (it comes with the seeds)
+    zero = np.zeros_like(turn)
+    about_up = matrix_from_ypr(turn, zero, zero)
+    rotation = about_up @ seeds.world_from_camera
+    of_frame = {name: k for k, name in enumerate(survey.frame_id)}
+    place = np.array([of_frame.get(name, -1) for name in track.frame_id], dtype=np.int64)
+    all_turns = np.where((place >= 0)[:, None, None], about_up[place], np.eye(3))
+    up = rotation[:, 2, :]  # the world's up in the camera's axes
+    more = np.where(doubted, np.pi**2, 0.0)[:, None, None] * up[:, :, None] * up[:, None, :]
+    marginal, own = seeds.covariance.copy(), prior.covariance.copy()
+    marginal[:, 3:, 3:] += more
+    own[:, 3:, 3:] += more[prior.frame_index]
+    return replace(
+        survey,
+        seeds=replace(seeds, world_from_camera=rotation, covariance=marginal),
+        telemetry=replace(prior, covariance=own),
+        track=replace(
+            track,
+            world_from_body=all_turns @ track.world_from_body,
+            world_from_gimbal=all_turns @ track.world_from_gimbal,
+        ),
+    )
+
+
+def _said(survey: Survey, turn: Floats, doubted: Bools) -> tuple[Message, ...]:
+    names = [
+        f"{survey.frame_id[k]} ({abs(np.degrees(turn[k])):.0f} degrees)"
+        for k in np.flatnonzero(doubted)
+    ]
+    if not names:
+        return ()
+    text = (
+        f"The picks contradict the heading that the course gives {len(names)} photos: "
+        f"{', '.join(names)}. Their heading was taken as unknown and found from the picks."
+    )
+    return (Message("info", "course-contradicted", text),)

@@ -1,0 +1,97 @@
+"""Is the camera mounted as the project says? A turn of all photos alike shows before adjusting.
+
+A camera that stands the wrong way round in its mount (image up at the tail, pitch 0 for -90) turns
+every photo against the log by the same angle, far more than its sigmas allow. The adjustment then
+comes to rest nowhere and accuses lengths and labels. But points that several photos see fall apart
+on the ground under the wrong mount, and together under the right one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.ground.plane import intersect_ground
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.pose import Poses
+from uavgram.model.message import Message
+from uavgram.model.survey.survey import Survey
+
+BETTER = 0.2
+"""Share of the scatter that another mount must leave to be told. Errors of the log scatter the
+points alike under every mount."""
+
+SEEN = 0.9
+"""Share of the picks whose rays must meet the ground under the other mount."""
+
+_TURNS = [
+    (tilt, turn) for tilt in (0, 90, -90) for turn in (0, 90, 180, -90) if (tilt, turn) != (0, 0)
+]
+"""Degrees about the camera's x axis, then about its optical axis: the slips of a mount."""
+
+
+def turned_mount(survey: Survey) -> Message | None:
+    """Say so where another mount brings the points of several photos together far better.
+
+    Parameters
+    ----------
+    survey
+        With telemetry; one without says nothing of its mount.
+
+    Returns
+    -------
+    Message or None
+        None where the mount is in order, or nothing tells.
+    """
+    seeds = survey.seeds
+    if seeds is None:
+        return None
+    ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
+    stated = _scatter_m(survey, seeds, ray, np.eye(3))
+    turned = {turn: _scatter_m(survey, seeds, ray, _rotation(*turn)) for turn in _TURNS}
+    best = min(turned, key=turned.__getitem__)
+    if not turned[best] < BETTER * stated:
+        return None
+    tilt, turn = best
+    how = [f"{turn:+d} degrees about the optical axis (mount.yaw_deg)"] if turn else []
+    how += [f"{tilt:+d} degrees up or down (mount.pitch_deg)"] if tilt else []
+    apart = f"{stated:.1f} m apart" if np.isfinite(stated) else "partly in the sky"
+    text = (
+        "The camera seems to be mounted another way than the project says: where several photos "
+        f"show one point, their rays meet the ground {apart} as it stands, and "
+        f"{turned[best]:.1f} m apart with all photos turned by {' and '.join(how)}. Correct "
+        "`mount`, or its gimbal."
+    )
+    return Message("warning", "mount-turned", text)
+
+
+def _rotation(tilt_deg: float, turn_deg: float) -> Floats:
+    """(3, 3) of the camera as it would be mounted, in the camera as it is."""
+    return np.asarray(Rotation.from_euler("xz", [tilt_deg, turn_deg], degrees=True).as_matrix())
+
+
+def _scatter_m(
+    survey: Survey, seeds: Poses, ray_camera: Floats, camera_from_mounted: Floats
+) -> float:
+    """Root mean square by which the photos disagree on where a point lies; infinite in the sky."""
+    frame, label = survey.pick_frame, survey.pick_label
+    rotation = seeds.world_from_camera[frame] @ camera_from_mounted
+    ground = intersect_ground(
+        seeds.center_world_m[frame],
+        np.einsum("pij,pj->pi", rotation, ray_camera),
+        np.array([survey.ground.height_m, 0.0, 0.0]),
+        np.zeros(2),
+        survey.height_above_m[label],
+    )[:, :2]
+    meets = np.isfinite(ground).all(axis=1)
+    if meets.mean() < SEEN:
+        return np.inf
+    place, owner = ground[meets], label[meets]
+    count = np.bincount(owner)
+    shared = count[owner] > 1
+    if not shared.any():
+        return np.inf
+    mean = np.stack([np.bincount(owner, axis) for axis in place.T], axis=1)[owner]
+    apart = place - mean / count[owner][:, None]
+    return float(np.sqrt(np.mean(np.sum(apart[shared] ** 2, axis=1))))

@@ -1,0 +1,163 @@
+"""Seed: the pose of each frame at its exposure, from the telemetry alone, with its covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.geometry.motion.rotation import GIMBAL_FROM_CAMERA, hat, matrix_from_ypr
+from uavgram.geometry.motion.telemetry_pose import (
+    BORESIGHT,
+    CLOCK,
+    CLOCK_DRIFT,
+    HEADING_BIAS,
+    LEVER_ARM,
+    POSITION_BIAS,
+    SHARED_SIZE,
+    exposures_by_time,
+    predict_pose,
+)
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.frames import Frames
+from uavgram.model.flight.photo_poses import Flight, PhotoExposures
+from uavgram.model.flight.pose import Poses, TelemetryPrior
+from uavgram.model.options import MountOptions, TelemetryOptions
+
+STEADY_CLOCK = 1e-9
+"""Drift sigma of instants that are the flight's own: an unknown needs one, no quartz is better."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Seeds:
+    """Seed poses of the matched frames.
+
+    Attributes
+    ----------
+    poses
+        With the marginal covariance: everything that may be wrong, shared causes included.
+    prior
+        The same telemetry as the adjustment needs it; `frame_index` runs over `poses`.
+    """
+
+    poses: Poses
+    prior: TelemetryPrior
+
+
+def seed(frames: Frames, flight: Flight, mount: MountOptions, telemetry: TelemetryOptions) -> Seeds:
+    """Look every matched frame up in the flight and turn its exposure into a camera pose.
+
+    Parameters
+    ----------
+    frames
+        A matched one has an instant within the track, or a row in the photo exposures.
+    flight
+        A log's track, or the poses of the photos themselves.
+    mount, telemetry
+        How the camera sits, and how far to trust what is known of the flight.
+
+    The covariance is made of the flight's sigmas, the frame's timing sigma times speed and turn
+    rate, and, in the marginal, of what all frames share: clock, boresight, lever arm, biases.
+    An error of the attitude turns the camera and swings it about the autopilot.
+    """
+    matched = np.flatnonzero(frames.matched)
+    names = tuple(frames.frame_id[i] for i in matched)
+    # Photo poses may come without any time, and need none: what stands still has no speed.
+    time_s = np.nan_to_num(frames.time_utc_s[matched], nan=0.0)
+    sigma_time_s = np.nan_to_num(frames.sigma_time_s[matched], nan=0.0)
+    exposures = exposures_by_time(flight, names)(time_s)
+    gimbal = isinstance(flight, PhotoExposures) or len(flight.gimbal_time_s) > 0
+    mount_from_camera = nominal_mount(mount, gimbal=gimbal)
+    shared, shared_sigma = _shared(frames, mount, telemetry)
+    middle_s = float(time_s.min() + time_s.max()) / 2.0 if len(time_s) else 0.0
+    center, rotation, jacobian = predict_pose(
+        exposures, mount_from_camera, shared, time_s - middle_s
+    )
+    arm_world_m = exposures.world_from_body @ shared[LEVER_ARM]
+    own = _own_covariance(
+        _sigmas(flight, names, time_s), rotation, arm_world_m, jacobian, sigma_time_s
+    )
+    marginal = own + np.einsum("nik,k,njk->nij", jacobian, shared_sigma**2, jacobian)
+    prior = TelemetryPrior(
+        frame_index=np.arange(len(matched)),
+        time_s=time_s,
+        middle_s=middle_s,
+        gimbal_from_camera=mount_from_camera,
+        covariance=own,
+        clock_sigma_s=float(shared_sigma[CLOCK][0]),
+        clock_drift_sigma=float(shared_sigma[CLOCK_DRIFT][0]),
+        boresight_sigma_rad=float(shared_sigma[BORESIGHT][0]),
+        heading_bias_sigma_rad=float(shared_sigma[HEADING_BIAS][0]),
+        lever_arm_m=np.array(mount.lever_arm_m),
+        lever_arm_sigma_m=mount.lever_arm_sigma_m,
+        position_bias_sigma_m=shared_sigma[POSITION_BIAS],
+    )
+    poses = Poses(
+        frame_id=names,
+        center_world_m=center,
+        world_from_camera=rotation,
+        covariance=marginal,
+    )
+    return Seeds(poses=poses, prior=prior)
+
+
+def nominal_mount(mount: MountOptions, *, gimbal: bool) -> Floats:
+    """(3, 3) camera axes in the frame of what carries it: the gimbal, or the body."""
+    if gimbal:
+        return np.array(GIMBAL_FROM_CAMERA)
+    yaw, pitch, roll = np.deg2rad([mount.yaw_deg, mount.pitch_deg, mount.roll_deg])
+    return np.asarray(matrix_from_ypr(yaw, pitch, roll) @ GIMBAL_FROM_CAMERA)
+
+
+def _shared(
+    frames: Frames, mount: MountOptions, telemetry: TelemetryOptions
+) -> tuple[Floats, Floats]:
+    """Values and prior sigmas (12,) of what all frames share."""
+    shared, sigma = np.zeros(SHARED_SIZE), np.zeros(SHARED_SIZE)
+    shared[LEVER_ARM] = mount.lever_arm_m
+    horizontal, vertical = telemetry.position_bias_sigma_m
+    sigma[BORESIGHT] = np.deg2rad(mount.boresight_sigma_deg)
+    sigma[LEVER_ARM] = mount.lever_arm_sigma_m
+    sigma[POSITION_BIAS] = [horizontal, horizontal, vertical]
+    sigma[HEADING_BIAS] = np.deg2rad(telemetry.heading_bias_sigma_deg)
+    sigma[CLOCK] = frames.clock_offset_sigma_s
+    sigma[CLOCK_DRIFT] = max(frames.clock_drift_sigma, STEADY_CLOCK)
+    return shared, sigma
+
+
+def _sigmas(flight: Flight, names: tuple[str, ...], time_s: Floats) -> tuple[Floats, Floats]:
+    """Position (N, 2) and attitude (N, 2) sigmas of the frames."""
+    if isinstance(flight, PhotoExposures):
+        index = [flight.frame_id.index(name) for name in names]
+        return flight.sigma_position_m[index], flight.sigma_attitude_rad[index]
+    position = _at(flight.sigma_time_s, flight.sigma_position_m, time_s)
+    return position, _at(flight.sigma_time_s, flight.sigma_attitude_rad, time_s)
+
+
+def _own_covariance(
+    sigmas: tuple[Floats, Floats],
+    world_from_camera: Floats,
+    arm_world_m: Floats,
+    jacobian: Floats,
+    sigma_time_s: Floats,
+) -> Floats:
+    """(N, 6, 6) what is independent from frame to frame.
+
+    Vehicle and gimbal take their attitude from one estimator: its error a about the world's axes
+    turns both, the camera by R^T a (in its own axes) and its place by a x arm.
+    """
+    position, attitude = sigmas
+    covariance = np.zeros((len(position), 6, 6))
+    covariance[:, [0, 1, 2], [0, 1, 2]] = position[:, [0, 0, 1]] ** 2
+    # Roll and pitch tilt about horizontal axes, yaw turns about up: diagonal in the world.
+    world = attitude[:, [0, 0, 1]] ** 2
+    by_attitude = np.concatenate([-hat(arm_world_m), np.swapaxes(world_from_camera, 1, 2)], axis=1)
+    covariance += np.einsum("nik,nk,njk->nij", by_attitude, world, by_attitude)
+    # A frame's own timing error moves it along its way and its turn, both at once.
+    along = jacobian[:, :, CLOCK] * sigma_time_s[:, None, None]
+    return np.asarray(covariance + along @ np.swapaxes(along, 1, 2))
+
+
+def _at(time_s: Floats, value: Floats, at_s: Floats) -> Floats:
+    """Piecewise linear sigmas (N, 2), constant beyond the ends."""
+    return np.column_stack([np.interp(at_s, time_s, column) for column in value.T])

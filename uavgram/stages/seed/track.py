@@ -1,0 +1,276 @@
+"""From one boot's tables to a track in the local world on the UTC clock, and where home was."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.errors import UavgramError
+from uavgram.estimation.clocks.boot_clock import to_boot, to_utc
+from uavgram.geometry.earth.geodesy import enu_from_geodetic
+from uavgram.geometry.motion.interpolation import interpolate_rotation
+from uavgram.geometry.motion.rotation import (
+    ENU_FROM_NED,
+    matrix_from_xyzw,
+    matrix_from_ypr,
+    xyzw_from_matrix,
+    ypr_from_matrix,
+)
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.frames import Frames
+from uavgram.model.flight.log import (
+    AttitudeSamples,
+    Boot,
+    BootClock,
+    EstimatorSigmas,
+    GimbalSamples,
+    HeightDatum,
+    HomeSamples,
+    Track,
+)
+from uavgram.model.message import Message
+from uavgram.model.options import MountOptions, TelemetryOptions
+
+# What a log says of itself is not believed below these. Against the truth of simulated flights the
+# estimator claimed 0.17 to 0.20 m (square roots of XKV1's variances) and was off by 0.2 m rms in
+# calm air, by 0.9 (copter) and 2.7 m (plane) in wind; its yaw by 0.5 to 0.75 degrees in calm air,
+# 1.5 to 2.9 in wind. The floors stand for what changes from frame to frame; what stays wrong all
+# through a flight is `position_bias_sigma_m` and `heading_bias_sigma_deg`, shared unknowns.
+POSITION_FLOOR_M = 0.5
+TILT_FLOOR_DEG, YAW_FLOOR_DEG = 1.0, 2.0
+_LONG_HOLD_S = 1.0
+_LONG_GAP_S, _UNUSUAL_GAP = 1.0, 3.0  # between two rows; and times the usual step
+
+Home = tuple[float, float, float]
+
+
+def find_home(
+    boot: Boot, clock: BootClock, first_exposure_utc_s: float
+) -> tuple[Home, HeightDatum, tuple[Message, ...]]:
+    """Home as it was in force at the first matched exposure.
+
+    Parameters
+    ----------
+    boot, clock
+        The boot that contains the photos, and its line to UTC.
+    first_exposure_utc_s
+        Instant of the first matched frame.
+
+    Returns
+    -------
+    home : (latitude_deg, longitude_deg, height_m)
+    datum
+        What its height is above.
+    messages
+        Where the log states none: that the first position was taken, at its altitude minus its
+        height above home.
+
+    Raises
+    ------
+    UavgramError
+        The log has neither home nor positions.
+    """
+    first_boot_s = float(to_boot(clock, first_exposure_utc_s))
+    if boot.home is not None:
+        return _stated_home(boot.home, first_boot_s)
+    positions = boot.positions
+    if positions is None:
+        raise UavgramError("the log has no positions: there is no home to put the origin at")
+    above = positions.height_home_m[0]
+    height = positions.height_m[0] - (above if np.isfinite(above) else 0.0)
+    how = (
+        "at its altitude minus its height above home"
+        if np.isfinite(above)
+        else "at its altitude, as the log has no height above home"
+    )
+    text = (
+        f"the log states no home: the first position of {positions.source} was taken, {how} "
+        f"({height:.2f} m); set world.origin for another"
+    )
+    home = (float(positions.latitude_deg[0]), float(positions.longitude_deg[0]), float(height))
+    return home, positions.datum, (Message("warning", "home-missing", text),)
+
+
+def _stated_home(
+    home: HomeSamples, first_boot_s: float
+) -> tuple[Home, HeightDatum, tuple[Message, ...]]:
+    """The last statement before the exposure; the first of all where there is none before it."""
+    k = max(int(np.searchsorted(home.time_boot_s, first_boot_s, side="right")) - 1, 0)
+    place = (
+        float(home.latitude_deg[k]),
+        float(home.longitude_deg[k]),
+        float(home.height_m[k]),
+    )
+    messages: tuple[Message, ...] = ()
+    if home.time_boot_s[k] > first_boot_s:
+        late = home.time_boot_s[k] - first_boot_s
+        text = f"the log states home only {late:.1f} s after the first exposure: it was used"
+        messages = (Message("info", "home-late", text),)
+    return place, home.datum, messages
+
+
+def build_track(
+    boot: Boot,
+    clock: BootClock,
+    origin: Home,
+    mount: MountOptions,
+    telemetry: TelemetryOptions,
+) -> tuple[Track, tuple[Message, ...]]:
+    """Turn a boot's tables into a track.
+
+    Parameters
+    ----------
+    boot, clock
+        The boot, and its line to UTC.
+    origin
+        Latitude, longitude [deg] and height [m] of the world's origin, in the positions' datum.
+    mount
+        ``gimbal: auto`` takes the log's gimbal where it has one.
+    telemetry
+        Sigmas, or ``auto``.
+
+    Raises
+    ------
+    UavgramError
+        The log has fewer than two positions or attitudes.
+    """
+    positions, attitudes = boot.positions, boot.attitudes
+    if positions is None or len(positions.time_boot_s) < 2:
+        raise UavgramError("the log has fewer than two positions: a pose cannot be interpolated")
+    if attitudes is None or len(attitudes.time_boot_s) < 2:
+        raise UavgramError(
+            "the log has no attitude of the vehicle (ATT, ATTITUDE): a pose cannot be seeded; "
+            "leave `log` out to measure by known lengths alone"
+        )
+    center_m = enu_from_geodetic(
+        positions.latitude_deg, positions.longitude_deg, positions.height_m, origin
+    )
+    ned_from_body = matrix_from_xyzw(attitudes.ned_from_body_xyzw)
+    used = boot.gimbal if mount.gimbal == "auto" else None
+    gimbal_boot_s, world_from_gimbal, messages = _gimbal_track(used, attitudes)
+    sigma_boot_s, sigma_position, sigma_attitude = _sigmas(boot.sigmas, telemetry)
+    source = "+".join(
+        part.source for part in (positions, attitudes, used, boot.sigmas) if part is not None
+    )
+    track = Track(
+        position_time_s=to_utc(clock, positions.time_boot_s),
+        position_world_m=center_m,
+        attitude_time_s=to_utc(clock, attitudes.time_boot_s),
+        world_from_body_xyzw=xyzw_from_matrix(ENU_FROM_NED @ ned_from_body),
+        gimbal_time_s=to_utc(clock, gimbal_boot_s),
+        world_from_gimbal_xyzw=world_from_gimbal,
+        sigma_time_s=to_utc(clock, sigma_boot_s),
+        sigma_position_m=sigma_position,
+        sigma_attitude_rad=sigma_attitude,
+        source=source,
+    )
+    return track, (_sources(boot, used, telemetry), *messages)
+
+
+def _sources(boot: Boot, gimbal: GimbalSamples | None, options: TelemetryOptions) -> Message:
+    """Which messages the seeds are made of, and where the sigmas come from."""
+    position = "none" if boot.positions is None else boot.positions.source
+    attitude = "none" if boot.attitudes is None else boot.attitudes.source
+    camera = "the mount's angles" if gimbal is None else gimbal.source
+    if options.position_sigma_m != "auto" and options.attitude_sigma_deg != "auto":
+        sigmas = "the project"
+    elif boot.sigmas is None:
+        sigmas = "the defaults, as the log states none"
+    else:
+        sigmas = f"{boot.sigmas.source}, with floors"
+    text = (
+        f"positions are from {position}, attitudes from {attitude}, the camera's direction from "
+        f"{camera}, sigmas from {sigmas}"
+    )
+    return Message("info", "pose-source", text)
+
+
+def _gimbal_track(
+    gimbal: GimbalSamples | None, attitudes: AttitudeSamples
+) -> tuple[Floats, Floats, tuple[Message, ...]]:
+    """Gimbal attitudes (L, 4) in the world at their boot times (L,), over the attitudes' span."""
+    if gimbal is None:
+        return np.zeros(0), np.zeros((0, 4)), ()
+    vehicle_time = attitudes.time_boot_s
+    inside = (gimbal.time_boot_s >= vehicle_time[0]) & (gimbal.time_boot_s <= vehicle_time[-1])
+    if inside.sum() < 2:
+        text = f"{gimbal.source} never overlaps {attitudes.source}: the mount's angles were used"
+        return np.zeros(0), np.zeros((0, 4)), (Message("warning", "gimbal-unused", text),)
+    time = gimbal.time_boot_s[inside]
+    yaw = gimbal.yaw_rad[inside]
+    if gimbal.yaw_frame == "vehicle":
+        ned_from_body, _ = interpolate_rotation(vehicle_time, attitudes.ned_from_body_xyzw, time)
+        yaw = yaw + ypr_from_matrix(ned_from_body)[0]
+    ned_from_gimbal = matrix_from_ypr(yaw, gimbal.pitch_rad[inside], gimbal.roll_rad[inside])
+    xyzw = xyzw_from_matrix(ENU_FROM_NED @ ned_from_gimbal)
+    return _held_to(time, xyzw, (float(vehicle_time[0]), float(vehicle_time[-1])), gimbal.source)
+
+
+def track_gaps(track: Track, frames: Frames) -> tuple[Message, ...]:
+    """A warning where photos were taken while the log is silent about a direction for long.
+
+    What lies between two rows is taken for a steady turn, which in a second it need not be.
+    """
+    matched = np.flatnonzero(frames.matched)
+    messages = []
+    for what, time in (
+        ("the vehicle's attitude", track.attitude_time_s),
+        ("the gimbal's attitude", track.gimbal_time_s),
+    ):
+        if len(time) < 3:
+            continue
+        after = np.clip(np.searchsorted(time, frames.time_utc_s[matched]), 1, len(time) - 1)
+        step = np.diff(time)
+        gap = step[after - 1]
+        far = np.flatnonzero(gap > max(_LONG_GAP_S, _UNUSUAL_GAP * float(np.median(step))))
+        if not len(far):
+            continue
+        named = ", ".join(frames.frame_id[matched[k]] for k in far[:5])
+        more = f" and {len(far) - 5} more" if len(far) > 5 else ""
+        text = (
+            f"the log does not state {what} for up to {gap[far].max():.1f} s while {named}{more} "
+            "were taken: a steady turn was assumed, so their directions may be wrong; pick known "
+            "lengths in them, or leave them out"
+        )
+        messages.append(Message("warning", "attitude-gap", text))
+    return tuple(messages)
+
+
+def _held_to(
+    time: Floats, xyzw: Floats, span: tuple[float, float], source: str
+) -> tuple[Floats, Floats, tuple[Message, ...]]:
+    """Hold the first and last gimbal attitude to the ends of the flight."""
+    before, after = time[0] - span[0], span[1] - time[-1]
+    messages: tuple[Message, ...] = ()
+    if max(before, after) > _LONG_HOLD_S:
+        text = (
+            f"{source} begins {before:.1f} s after and ends {after:.1f} s before the vehicle's "
+            "attitude: its first and last values were held there"
+        )
+        messages = (Message("warning", "gimbal-held", text),)
+    if before > 0:
+        time, xyzw = np.r_[span[0], time], np.vstack([xyzw[:1], xyzw])
+    if after > 0:
+        time, xyzw = np.r_[time, span[1]], np.vstack([xyzw, xyzw[-1:]])
+    return time, xyzw, messages
+
+
+def _sigmas(
+    sigmas: EstimatorSigmas | None, options: TelemetryOptions
+) -> tuple[Floats, Floats, Floats]:
+    """Boot times (S,), position sigmas (S, 2) [m] and attitude sigmas (S, 2) [rad]."""
+    time = np.zeros(1) if sigmas is None else sigmas.time_boot_s
+    count = len(time)
+    silent = np.full(count, np.nan)
+    if options.position_sigma_m == "auto":
+        stated = (silent, silent) if sigmas is None else (sigmas.horizontal_m, sigmas.vertical_m)
+        # fmax takes the floor where the log is silent (NaN)
+        position = np.fmax(np.stack(stated, axis=1), POSITION_FLOOR_M)
+    else:
+        position = np.tile(np.array(options.position_sigma_m), (count, 1))
+    if options.attitude_sigma_deg == "auto":
+        stated = (silent, silent) if sigmas is None else (sigmas.tilt_rad, sigmas.yaw_rad)
+        floors = np.radians([TILT_FLOOR_DEG, YAW_FLOOR_DEG])
+        attitude = np.fmax(np.stack(stated, axis=1), floors)
+    else:
+        attitude = np.tile(np.radians(options.attitude_sigma_deg), (count, 1))
+    return time, position, attitude

@@ -1,0 +1,1 @@
+"""A calibration to look at: report, text, drawings, recording."""

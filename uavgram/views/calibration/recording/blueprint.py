@@ -1,0 +1,148 @@
+"""How the recording of a calibration is laid out when it opens."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun.blueprint as rrb
+
+from uavgram.model.arrays import Floats
+from uavgram.model.camera.calibration_result import CalibrationResult
+from uavgram.stages.calibrate.account import CalibrationAccount
+from uavgram.views.calibration.drawing import SQRT2, mean_residual_factor, residual_factor
+from uavgram.views.calibration.recording.documents import CAMERA_PAGE, SHEET, SUMMARY
+from uavgram.views.calibration.recording.image_maps import COVERAGE, RESIDUALS, UNCERTAINTY
+from uavgram.views.calibration.recording.photos import OVERLAYS, PHOTO
+from uavgram.views.calibration.recording.plots import RESIDUAL, STATUS, TILT
+from uavgram.views.calibration.recording.space import AROUND, BEFORE, Room
+from uavgram.views.recording.blueprint import BACKGROUND
+from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH
+from uavgram.views.recording.stream import FRAME_TIMELINE
+
+MARGIN = 0.02
+# The photo's own drawings lie on the photo, not in space.
+_NOT_IN_SPACE = [f"- /{PHOTO}/{name}/**" for name in OVERLAYS]
+
+
+def calibration_blueprint(account: CalibrationAccount, room: Room) -> rrb.Blueprint:
+    """Cameras and photo above, maps and pages below."""
+    result = account.result
+    left = rrb.Vertical(
+        rrb.Tabs(_around(room), _before(room), active_tab=0),
+        rrb.Horizontal(
+            _map(result, COVERAGE, "Coverage: corners; red: none"),
+            _map(result, UNCERTAINTY, "Sigma of a direction [px]"),
+            _map(
+                result, RESIDUALS, f"Residuals ×{mean_residual_factor(result)}, mean blue, odd red"
+            ),
+        ),
+        row_shares=[2.1, 1.0],
+    )
+    right = rrb.Vertical(
+        _photo(result),
+        rrb.StateTimelineView(origin=STATUS, name=_states(account)),
+        rrb.Horizontal(*_plots(result)),
+        rrb.Tabs(
+            rrb.TextDocumentView(origin=SUMMARY, name="Summary"),
+            rrb.TextDocumentView(origin=SHEET, name="Photo"),
+            rrb.TextDocumentView(origin=CAMERA_PAGE, name="Correlations, models"),
+            active_tab=0,
+        ),
+        row_shares=[4.6, 0.95, 1.9, 4.4],
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(left, right, column_shares=[1.35, 1]),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=FRAME_TIMELINE, fps=2, play_state="paused"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _states(account: CalibrationAccount) -> str:
+    status = account.result.photos.status
+    words = [f"{status.count(one)} {one}" for one in ("used", "suspect", "removed")]
+    total = len(status) + len(account.left_out)
+    return f"{total} photos: {', '.join(words)}, {len(account.left_out)} without use"
+
+
+def _around(room: Room) -> rrb.Spatial3DView:
+    up = np.array([0.0, 0.0, -1.0])
+    return rrb.Spatial3DView(
+        origin=f"/{AROUND}",
+        contents=[f"+ /{AROUND}/**", *_NOT_IN_SPACE],
+        name="Cameras around the board (blue: used; white: this photo)",
+        background=BACKGROUND,
+        line_grid=False,
+        eye_controls=_eye(room.around_m, np.array([0.35, 0.95, -0.75]), up),
+    )
+
+
+def _before(room: Room) -> rrb.Spatial3DView:
+    return rrb.Spatial3DView(
+        origin=f"/{BEFORE}",
+        name="Boards before the camera",
+        background=BACKGROUND,
+        line_grid=False,
+        eye_controls=_eye(room.before_m, np.array([0.8, -0.4, -0.6]), np.array([0.0, -1.0, 0.0])),
+    )
+
+
+def _eye(points_m: Floats, way: Floats, up: Floats) -> rrb.EyeControls3D:
+    """From this side, as near as all (N, 3) points allow."""
+    back = way / np.linalg.norm(way)
+    right = np.cross(up, back)
+    right /= np.linalg.norm(right)
+    target = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
+    offset = points_m - target
+    sideways, upward = np.abs(offset @ right), np.abs(offset @ np.cross(back, right))
+    distance = (offset @ back + np.maximum(sideways / HALF_WIDTH, upward / HALF_HEIGHT)).max()
+    return rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=target + distance * back,
+        look_target=target,
+        eye_up=up,
+    )
+
+
+def _whole(result: CalibrationResult) -> rrb.VisualBounds2D:
+    """With a margin, so that the image's edges are seen."""
+    width, height = result.calibration.width_px, result.calibration.height_px
+    edge = MARGIN * width
+    return rrb.VisualBounds2D(x_range=[-edge, width + edge], y_range=[-edge, height + edge])
+
+
+def _map(result: CalibrationResult, origin: str, name: str) -> rrb.Spatial2DView:
+    return rrb.Spatial2DView(
+        origin=f"/{origin}", name=name, background=BACKGROUND, visual_bounds=_whole(result)
+    )
+
+
+def _photo(result: CalibrationResult) -> rrb.Spatial2DView:
+    return rrb.Spatial2DView(
+        origin=f"/{PHOTO}",
+        name=f"Photo: corners green, residuals ×{residual_factor(result)} orange, odd ones red",
+        background=BACKGROUND,
+        visual_bounds=_whole(result),
+    )
+
+
+def _plots(result: CalibrationResult) -> list[rrb.TimeSeriesView]:
+    photos = result.photos
+    residuals = np.concatenate([photos.rms_px / SQRT2, photos.held_out_px])
+    return [
+        _plot(RESIDUAL, "Residual blue, left out orange, σ white [px]", residuals),
+        _plot(TILT, "Tilt [°]", photos.tilt_deg),
+    ]
+
+
+def _plot(origin: str, name: str, values: Floats) -> rrb.TimeSeriesView:
+    """From zero, so that what looks small is small."""
+    known = values[np.isfinite(values)]
+    top = 1.15 * float(known.max()) if len(known) else 1.0
+    return rrb.TimeSeriesView(
+        origin=f"/{origin}",
+        name=name,
+        axis_y=rrb.ScalarAxis(range=(0.0, max(top, 1e-3))),
+        plot_legend=rrb.PlotLegend(visible=False),
+    )

@@ -1,0 +1,90 @@
+"""One photo at a time: the moving camera with its photo, corners and exaggerated residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import rerun as rr
+
+from uavgram.imaging.photos.preview import Preview
+from uavgram.model.arrays import Bools
+from uavgram.model.camera.calibration_result import CalibrationResult
+from uavgram.views.calibration.drawing import residual_factor, rows_by_photo
+from uavgram.views.calibration.recording.space import CAMERA, DEPTH_OF_CURRENT, Room
+from uavgram.views.recording.photo_marks import CENTRE_PX, log_dots, log_polylines
+from uavgram.views.recording.stream import Recorder
+from uavgram.views.style import BAD, MEASURED, OBSERVED, SEED
+
+PHOTO = f"{CAMERA}/photo"
+OVERLAYS = ("residual_exaggerated", "residual_exaggerated_odd", "corners", "corners_odd", "first")
+
+
+def log_board_photos(
+    recorder: Recorder, result: CalibrationResult, room: Room, previews: Mapping[str, Preview]
+) -> None:
+    """Log the moving camera, its photo and all that is drawn on it."""
+    poses, camera = result.photos.poses, result.calibration
+    everyone = np.arange(len(poses.frame_id))
+    recorder.rows(
+        CAMERA,
+        everyone,
+        lambda some: [
+            rr.Transform3D.columns(
+                translation=poses.center_world_m[some],
+                # Rerun stores matrices by columns
+                mat3x3=np.swapaxes(poses.world_from_camera[some], 1, 2).reshape(-1, 9),
+            )
+        ],
+    )
+    fx, fy, cx, cy = camera.parameters[:4]
+    recorder.static(
+        PHOTO,
+        rr.Pinhole(
+            image_from_camera=[[fx, 0, cx + CENTRE_PX], [0, fy, cy + CENTRE_PX], [0, 0, 1]],
+            resolution=[camera.width_px, camera.height_px],
+            camera_xyz=rr.ViewCoordinates.RDF,
+            image_plane_distance=DEPTH_OF_CURRENT * room.frustum_m,
+            color=OBSERVED,
+        ),
+    )
+    _pictures(recorder, result, previews)
+    _overlay(recorder, result)
+
+
+def _pictures(
+    recorder: Recorder, result: CalibrationResult, previews: Mapping[str, Preview]
+) -> None:
+    """JPEGs as they are; the scale puts them back into original pixels."""
+    path, names = f"{PHOTO}/picture", result.photos.file
+    everyone = np.arange(len(names))
+    recorder.static(path, rr.EncodedImage.from_fields(media_type="image/jpeg", draw_order=-10.0))
+    scales = np.array([[*previews[name].scale, 1.0] for name in names])
+    recorder.rows(path, everyone, lambda some: [rr.Transform3D.columns(scale=scales[some])])
+    recorder.rows(
+        path,
+        everyone,
+        lambda some: [rr.EncodedImage.columns(blob=[previews[names[i]].jpeg for i in some])],
+    )
+
+
+def _overlay(recorder: Recorder, result: CalibrationResult) -> None:
+    corners = result.corners
+    rows = list(rows_by_photo(result).values())
+    odd: Bools = np.array([status != "used" for status in corners.status], dtype=np.bool_)
+    tip = corners.pixel_px + residual_factor(result) * corners.residual_px
+    arrows = np.stack([corners.pixel_px, tip], axis=1)
+    for name, mask, colour in (
+        ("residual_exaggerated", ~odd, SEED),
+        ("residual_exaggerated_odd", odd, BAD),
+    ):
+        strips = [list(arrows[r[mask[r]]]) for r in rows]
+        log_polylines(recorder, f"{PHOTO}/{name}", strips, colour, 2.0)
+    first = corners.corner == 0
+    for name, mask, colour, size in (
+        ("corners", ~odd, MEASURED, 3.0),
+        ("corners_odd", odd, BAD, 5.0),
+        ("first", first, OBSERVED, 5.0),
+    ):
+        places = [corners.pixel_px[r[mask[r]]] for r in rows]
+        log_dots(recorder, f"{PHOTO}/{name}", places, colour, size)

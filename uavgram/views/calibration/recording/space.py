@@ -1,0 +1,163 @@
+"""Boards and cameras in space: the cameras around the board, and the boards before the camera.
+
+The board's frame is OpenCV's: x along a row, y down the columns, z into the board. What lies above
+the board has a negative z, so the eye's up is -z.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+
+from uavgram.geometry.camera.projection import back_project
+from uavgram.model.arrays import Floats
+from uavgram.model.camera.calibration_result import CalibrationResult
+from uavgram.views.recording.stream import Recorder
+from uavgram.views.style import BAD, OBSERVED, QUIET, REFINED, Rgb
+
+AROUND = "around_the_board"
+CAMERA = f"{AROUND}/current_camera"
+BEFORE = "before_the_camera"
+
+FRUSTUM_SHARE = 0.14
+DEPTH_OF_CURRENT = 2.0
+"""Of the current camera, in those of the others."""
+
+ELLIPSOID_ALPHA = 110
+NEAR_BLACK: Rgb = (34, 38, 44)
+SOFT_WHITE: Rgb = (228, 230, 233)
+STATUS_COLOURS: dict[str, Rgb] = {"used": REFINED, "suspect": BAD, "removed": QUIET}
+
+
+@dataclass(frozen=True, eq=False)
+class Room:
+    """What the pictures are scaled by.
+
+    Attributes
+    ----------
+    frustum_m
+        Depth at which cameras are cut off.
+    around_m, before_m
+        (N, 3) what has to be seen: of cameras and board, in the board's frame; of camera and
+        boards, in the camera's.
+    frusta_m, boards_m
+        (M, 10, 3) polylines of the cameras, (M, 5, 3) outlines of the boards, likewise.
+    """
+
+    frustum_m: float
+    around_m: Floats
+    before_m: Floats
+    frusta_m: Floats
+    boards_m: Floats
+
+
+def measure_room(result: CalibrationResult) -> Room:
+    """Place cameras and boards."""
+    poses, rim = result.photos.poses, _rim(result)
+    center, turn = poses.center_world_m, poses.world_from_camera
+    away = np.linalg.norm(center - result.board.corner_board_m.mean(axis=0), axis=1)
+    depth = FRUSTUM_SHARE * float(np.median(away))
+    outline = depth * _frustum(result)
+    boards = np.einsum("mji,mkj->mki", turn, rim[None] - center[:, None])
+    frusta = center[:, None] + np.einsum("mij,kj->mki", turn, outline)
+    # the current camera is drawn larger
+    large = frusta + (DEPTH_OF_CURRENT - 1) * (frusta - center[:, None])
+    return Room(
+        frustum_m=depth,
+        around_m=np.concatenate([rim, large.reshape(-1, 3)]),
+        before_m=np.concatenate([outline, boards.reshape(-1, 3)]),
+        frusta_m=frusta,
+        boards_m=boards,
+    )
+
+
+def log_space(recorder: Recorder, result: CalibrationResult, room: Room) -> None:
+    """Log board, cameras, and the boards as the camera saw them."""
+    _board(recorder, result)
+    poses = result.photos.poses
+    colours = [STATUS_COLOURS[status] for status in result.photos.status]
+    recorder.static(
+        f"{AROUND}/cameras",
+        rr.LineStrips3D(list(room.frusta_m), colors=colours, radii=rr.Radius.ui_points(0.9)),
+    )
+    variance = np.diagonal(poses.covariance, axis1=1, axis2=2)[:, :3]
+    recorder.static(
+        f"{AROUND}/camera_3_sigma",
+        rr.Ellipsoids3D(
+            centers=poses.center_world_m,
+            half_sizes=3 * np.sqrt(np.maximum(variance, 0.0)),
+            colors=[(*colour, ELLIPSOID_ALPHA) for colour in colours],
+            fill_mode="solid",
+        ),
+    )
+    recorder.static(
+        f"{BEFORE}/boards",
+        rr.LineStrips3D(list(room.boards_m), colors=colours, radii=rr.Radius.ui_points(1.1)),
+    )
+    recorder.static(
+        f"{BEFORE}/camera",
+        rr.LineStrips3D(
+            [room.frustum_m * _frustum(result)], colors=OBSERVED, radii=rr.Radius.ui_points(1.5)
+        ),
+    )
+    everyone = np.arange(len(poses.frame_id))
+    recorder.static(
+        f"{BEFORE}/this_board",
+        rr.LineStrips3D.from_fields(colors=OBSERVED, radii=rr.Radius.ui_points(2.5)),
+    )
+    recorder.rows(
+        f"{BEFORE}/this_board",
+        everyone,
+        lambda some: [rr.LineStrips3D.columns(strips=list(room.boards_m[some]))],
+    )
+
+
+def _board(recorder: Recorder, result: CalibrationResult) -> None:
+    """Squares and corners, in the board's frame."""
+    board = result.board
+    columns, rows = board.columns + 1, board.rows + 1
+    row, column = np.divmod(np.arange(columns * rows), columns)
+    black = (row + column) % 2 == 0
+    low = np.stack([column - 1.0, row - 1.0], axis=1) * board.square_m
+    offset = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * board.square_m
+    place = (low[:, None] + offset).reshape(-1, 2)
+    vertex = np.column_stack([place, np.zeros(len(place))])
+    first = 4 * np.arange(columns * rows)[:, None, None]
+    triangles = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    colours = np.where(black[:, None], NEAR_BLACK, SOFT_WHITE).astype(np.uint8)
+    recorder.static(
+        f"{AROUND}/board",
+        rr.Mesh3D(
+            vertex_positions=vertex,
+            triangle_indices=triangles,
+            vertex_colors=np.repeat(colours, 4, axis=0),
+        ),
+    )
+    recorder.static(
+        f"{AROUND}/board_rim",
+        rr.LineStrips3D([_rim(result)], colors=QUIET, radii=rr.Radius.ui_points(1.0)),
+    )
+
+
+def _rim(result: CalibrationResult) -> Floats:
+    """(5, 3) closed outline of the print, in the board's frame."""
+    board = result.board
+    x = np.array([-1.0, board.columns, board.columns, -1.0, -1.0]) * board.square_m
+    y = np.array([-1.0, -1.0, board.rows, board.rows, -1.0]) * board.square_m
+    return np.stack([x, y, np.zeros(5)], axis=1)
+
+
+def _frustum(result: CalibrationResult) -> Floats:
+    """(10, 3) open polyline of the photo's frame and four edges, one deep, distortion included."""
+    camera = result.calibration
+    corner = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * [camera.width_px, camera.height_px] - 0.5
+    ray = back_project(camera.model, camera.parameters, corner)
+    fx, fy, cx, cy = camera.parameters[:4]
+    plain = np.column_stack([(corner - [cx, cy]) / [fx, fy], np.ones(4)])
+    ray = np.where(np.isfinite(ray), ray, plain)
+    depth = np.maximum(ray[:, 2:], 0.2 * np.linalg.norm(ray, axis=1, keepdims=True))
+    a, b, c, d = ray / depth
+    o = np.zeros(3)
+    return np.stack([a, b, c, d, a, o, b, c, o, d])

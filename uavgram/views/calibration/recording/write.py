@@ -1,0 +1,65 @@
+"""Write the review of a calibration: one call, one complete file."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.errors import OutputError
+from uavgram.imaging.photos.preview import Preview
+from uavgram.stages.calibrate.account import CalibrationAccount
+from uavgram.views.calibration.recording.blueprint import calibration_blueprint
+from uavgram.views.calibration.recording.documents import log_calibration_documents
+from uavgram.views.calibration.recording.image_maps import log_image_maps
+from uavgram.views.calibration.recording.photos import log_board_photos
+from uavgram.views.calibration.recording.plots import log_photo_plots
+from uavgram.views.calibration.recording.space import log_space, measure_room
+from uavgram.views.recording.stream import open_recording
+
+
+def write_calibration_recording(
+    account: CalibrationAccount, previews: Mapping[str, Preview], path: Path
+) -> None:
+    """Write a Rerun recording with its blueprint inside.
+
+    Parameters
+    ----------
+    account
+        What to show.
+    previews
+        Reduced photos by name.
+    path
+        The .rrd file.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    result = account.result
+    room = measure_room(result)
+    times = np.full(len(result.photos.file), np.nan)  # photos of a board count, not their times
+    try:
+        path.touch()  # Rerun's own complaint about a missing folder is no OSError
+        with open_recording(path, _identity(account), result.calibration.name, times) as recorder:
+            log_space(recorder, result, room)
+            log_board_photos(recorder, result, room, previews)
+            log_image_maps(recorder, result)
+            log_photo_plots(recorder, result)
+            log_calibration_documents(recorder, account)
+            recorder.stream.send_blueprint(calibration_blueprint(account, room))
+    except OSError as error:
+        raise OutputError(f"{path}: the recording cannot be written: {error}") from error
+
+
+def _identity(account: CalibrationAccount) -> str:
+    """The same for the same program, photos and options: a repetition replaces the review."""
+    provenance = account.provenance
+    said = (
+        *(provenance.program, provenance.version, provenance.inputs, provenance.board),
+        sorted(provenance.options.items()),
+    )
+    return hashlib.sha256(repr(said).encode()).hexdigest()[:32]

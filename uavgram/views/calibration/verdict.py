@@ -1,0 +1,129 @@
+"""Is a calibration good, in words that need no background."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.calibration_result import CalibrationResult
+from uavgram.stages.calibrate.account import CalibrationAccount, LensEffect
+from uavgram.views.calibration.drawing import pixels_text
+from uavgram.views.survey.verdict import Verdict
+
+RANK = {"error": 0, "warning": 1, "info": 2}
+GOOD_FOCAL = 0.005
+"""What a length may lose to the lens, or its focal length may be unsure by, before it is seen."""
+WORST_SHARE = 0.05
+"""Of a length: a lens that costs more is no better than one guessed from EXIF (3 to 8 %)."""
+
+_UNDETERMINED = (
+    "The photos do not determine this lens: estimate fewer coefficients (--coefficients auto "
+    "chooses), and take more photos with the board tilted to all sides and in the corners of the "
+    "image."
+)
+
+Fact = tuple[str, str]
+
+
+def judge_calibration(account: CalibrationAccount) -> Verdict:
+    """Sum up a calibration for someone who has ten seconds."""
+    result = account.result
+    ordered = sorted(account.messages, key=lambda message: RANK[message.level])
+    reasons = tuple(message.text for message in ordered if message.level != "info")
+    share = focal_share(result.calibration)
+    known = f"the focal length is known to {100 * share:.2g} %"
+    counts = _counts(account)
+    if not result.quality.converged:
+        return Verdict("look", "Not usable: the adjustment did not converge.", reasons, counts)
+    cost = length_share(account.effects)
+    if not cost <= WORST_SHARE:
+        reasons = (_UNDETERMINED, *reasons)
+        return Verdict("look", f"Not usable: {_cost(cost)}.", reasons, counts)
+    if cost > GOOD_FOCAL and cost > share:
+        return Verdict("look", f"Use with care: {_cost(cost)}.", reasons, counts)
+    if share > GOOD_FOCAL:
+        return Verdict("look", f"Use with care: {known} only.", reasons, counts)
+    if reasons:
+        sentence = f"Usable where the board was seen: {known}. Look at this:"
+        return Verdict("look", sentence, reasons, counts)
+    return Verdict("good", f"Good: {known}, and nothing speaks against it.", (), counts)
+
+
+def length_share(effects: tuple[LensEffect, ...]) -> float:
+    """What the lens alone costs a usual length straight down; NaN where it sees no ground.
+
+    The larger of both: with the pose from known lengths, and from the flight log.
+    """
+    lengths = effects[0].lengths
+    return float("nan") if lengths is None else max(lengths.medians)
+
+
+def _cost(share: float) -> str:
+    if np.isnan(share):
+        return "hardly a pixel of the lens has a direction"
+    return f"the lens alone costs a length {percent(share)}"
+
+
+def focal_share(camera: Calibration) -> float:
+    """Standard deviation of the worse of fx and fy, as a share of it."""
+    sigma = np.sqrt(np.diag(camera.covariance))
+    return float((sigma[:2] / camera.parameters[:2]).max())
+
+
+def _counts(account: CalibrationAccount) -> str:
+    photos, corners = account.result.photos, account.result.corners
+    used = sum(status != "removed" for status in photos.status)
+    total = len(photos.file) + len(account.left_out)
+    kept = sum(status != "removed" for status in corners.status)
+    return f"{used} of {total} photos and {kept} of {len(corners.status)} corners were used."
+
+
+def calibration_facts(account: CalibrationAccount) -> tuple[Fact, ...]:
+    """What a reader wants to know first, as pairs of question and answer."""
+    result = account.result
+    camera, quality = result.calibration, result.quality
+    sigma = np.sqrt(np.diag(camera.covariance))
+    fx, fy, cx, cy = camera.parameters[:4]
+    held = pixels_text(np.nan if quality.held_out_px is None else quality.held_out_px)
+    return (
+        ("focal length", f"{fx:.1f} ± {sigma[0]:.1f} and {fy:.1f} ± {sigma[1]:.1f} px"),
+        ("principal point", f"{cx:.1f} ± {sigma[2]:.1f}, {cy:.1f} ± {sigma[3]:.1f} px"),
+        ("what the lens model misses in a photo left out", f"{held} px per coordinate"),
+        ("a corner is measured to", f"{pixels_text(quality.sigma_px)} px per coordinate"),
+        ("a direction is known to", _direction(result)),
+        *_length_facts(account.effects),
+    )
+
+
+def _direction(result: CalibrationResult) -> str:
+    values = result.maps.uncertainty_px
+    rows, columns = values.shape
+    middle = values[rows // 4 : rows - rows // 4, columns // 4 : columns - columns // 4]
+    return (
+        f"{pixels_text(largest(middle))} px in the middle half of the image, "
+        f"{pixels_text(largest(values))} px at worst"
+    )
+
+
+def largest(values: Floats) -> float:
+    """Largest finite value; NaN where there is none."""
+    known = values[np.isfinite(values)]
+    return float(known.max()) if len(known) else float("nan")
+
+
+def _length_facts(effects: tuple[LensEffect, ...]) -> tuple[Fact, ...]:
+    """The first pose, looking straight down."""
+    lengths = effects[0].lengths
+    if lengths is None:
+        return ()
+    fitted, known = lengths.medians
+    text = (
+        f"{percent(fitted)} (pose from known lengths), {percent(known)} (pose from the flight log)"
+    )
+    return (("the lens alone costs a length, straight down (median)", text),)
+
+
+def percent(share: float) -> str:
+    """``0.032 %``: two significant digits."""
+    return f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:.0f} %"

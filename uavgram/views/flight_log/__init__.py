@@ -1,0 +1,1 @@
+"""A flight log to look at: text, JSON, plot."""

@@ -1,0 +1,124 @@
+"""Curves over the frames: residuals, tests, heights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+
+from uavgram.estimation.reliability.redundancy import critical_value
+from uavgram.imaging.top_view.mosaic_grid import plane_height
+from uavgram.model.arrays import Floats
+from uavgram.model.result.result import Result
+from uavgram.model.result.tables import PoseTable
+from uavgram.views.recording.curves.plot_lines import log_curve
+from uavgram.views.recording.photo.frame_picks import FramePicks
+from uavgram.views.recording.stream import Recorder
+from uavgram.views.style import BAD, OBSERVED, REFINED, SEED, Rgb
+
+RESIDUAL_REFINED = "plots/residual"
+WORST_W = "plots/worst_w"
+RESIDUAL_SEED = "plots/residual_of_flight_log/flight_log"
+HEIGHT = "plots/height"
+
+# The project's default, where a result does not state its own.
+RARE = 0.001
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """Curves over the F frames.
+
+    Attributes
+    ----------
+    seed_rms_px, refined_rms_px
+        (F,) root mean square of the picks' residuals in one coordinate [px]; NaN without picks.
+    sigma_px
+        (F,) the same of the picks' own sigmas; where a frame has none, that of all picks.
+    worst_w
+        (F,) largest |w| of the picks; NaN without picks.
+    limit_w
+        Beyond it a pick is suspect.
+    seed_height_m, refined_height_m
+        (F,) of the cameras above the ground below them; NaN without a pose.
+    """
+
+    seed_rms_px: Floats
+    refined_rms_px: Floats
+    sigma_px: Floats
+    worst_w: Floats
+    limit_w: float
+    seed_height_m: Floats
+    refined_height_m: Floats
+
+
+def frame_curves(result: Result, picks: FramePicks) -> Curves:
+    """Sum up the picks frame by frame."""
+    seed, own = picks.seed_px - result.picks.pixel_px, result.picks.sigma_px[:, None]
+    sigma = np.array([_rms(own[rows]) for rows in picks.rows])
+    w = np.abs(result.picks.w)
+    return Curves(
+        seed_rms_px=np.array([_rms(seed[rows]) for rows in picks.rows]),
+        refined_rms_px=np.array([_rms(result.picks.residual_px[rows]) for rows in picks.rows]),
+        sigma_px=np.where(np.isfinite(sigma), sigma, _rms(own)),
+        worst_w=np.array([_largest(w[rows]) for rows in picks.rows]),
+        limit_w=suspicion_limit(result),
+        seed_height_m=_height(result, result.frames.seed),
+        refined_height_m=_height(result, result.frames.refined),
+    )
+
+
+def suspicion_limit(result: Result) -> float:
+    """Critical |w| of the run's own significance (3.29 for one in a thousand)."""
+    significance = dict(result.provenance.options).get("solve.significance", RARE)
+    return critical_value(significance if isinstance(significance, float) else RARE)
+
+
+def _rms(residual: Floats) -> float:
+    good = residual[np.isfinite(residual[:, 0])]
+    return float(np.sqrt(np.mean(good**2))) if len(good) else np.nan
+
+
+def _largest(values: Floats) -> float:
+    good = values[np.isfinite(values)]
+    return float(good.max()) if len(good) else np.nan
+
+
+def _height(result: Result, poses: PoseTable) -> Floats:
+    center = poses.center_world_m
+    return np.asarray(center[:, 2] - plane_height(result, center[:, :2]), dtype=np.float64)
+
+
+def log_plots(recorder: Recorder, result: Result, curves: Curves) -> None:
+    """Log every curve."""
+    limit = np.full(len(curves.worst_w), curves.limit_w)
+    for path, values, name, colour in (
+        (f"{RESIDUAL_REFINED}/refined", curves.refined_rms_px, "refined [px]", REFINED),
+        (f"{RESIDUAL_REFINED}/sigma_of_picks", curves.sigma_px, "σ of the picks [px]", OBSERVED),
+        (f"{WORST_W}/worst", curves.worst_w, "largest |w|", REFINED),
+        (f"{WORST_W}/limit", limit, f"suspect beyond {curves.limit_w:.2f}", BAD),
+        (RESIDUAL_SEED, curves.seed_rms_px, "flight log [px]", SEED),
+    ):
+        log_curve(recorder, path, values, name, colour)
+    frames = result.frames
+    for path, height, poses, name, colour in (
+        (f"{HEIGHT}/flight_log", curves.seed_height_m, frames.seed, "flight log [m]", SEED),
+        (f"{HEIGHT}/refined", curves.refined_height_m, frames.refined, "refined [m]", REFINED),
+    ):
+        _heights(recorder, path, height, poses.covariance[:, 2, 2], name, colour)
+
+
+def _heights(
+    recorder: Recorder, path: str, height_m: Floats, variance_m2: Floats, name: str, colour: Rgb
+) -> None:
+    known = np.flatnonzero(np.isfinite(height_m) & np.isfinite(variance_m2))
+    if len(known):
+        recorder.static(path, rr.Measurements.from_fields(colors=colour, names=name, widths=2.0))
+        recorder.rows(
+            path,
+            known,
+            lambda some: [
+                rr.Measurements.columns(values=height_m[some], variances=variance_m2[some])
+            ],
+        )

@@ -1,0 +1,77 @@
+"""Curves of the poses over the frames: how far they were corrected, and how certain they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.result.result import Result
+from uavgram.model.result.tables import PoseTable
+from uavgram.views.recording.curves.plot_lines import log_curve
+from uavgram.views.recording.stream import Recorder
+from uavgram.views.style import MEASURED, OBSERVED, REFINED, SEED
+
+CORRECTION = "plots/attitude_correction"
+ATTITUDE_SIGMA = "plots/attitude_sigma"
+POSITION_SIGMA = "plots/position_sigma"
+
+
+@dataclass(frozen=True, eq=False)
+class PoseCurves:
+    """Curves over the F frames; NaN where a frame has no such pose.
+
+    Attributes
+    ----------
+    tilt_deg
+        (F,) angle between the optical axis after the adjustment and by the flight log.
+    turn_deg
+        (F,) turn of the photo about that axis, not signed.
+    seed_attitude_deg, refined_attitude_deg
+        (F,) standard deviation about the least certain of the camera's axes.
+    seed_position_m, refined_position_m
+        (F,) standard deviation along the least certain of east, north and up.
+    """
+
+    tilt_deg: Floats
+    turn_deg: Floats
+    seed_attitude_deg: Floats
+    refined_attitude_deg: Floats
+    seed_position_m: Floats
+    refined_position_m: Floats
+
+
+def pose_curves(result: Result) -> PoseCurves:
+    """Compare the adjusted poses with those of the flight log."""
+    seed, refined = result.frames.seed, result.frames.refined
+    # adjusted axes in the camera of the flight log
+    change = np.einsum("nji,njk->nik", seed.world_from_camera, refined.world_from_camera)
+    turn = np.arctan2(change[:, 1, 0] - change[:, 0, 1], change[:, 0, 0] + change[:, 1, 1])
+    return PoseCurves(
+        tilt_deg=np.degrees(np.arccos(np.clip(change[:, 2, 2], -1.0, 1.0))),
+        turn_deg=np.degrees(np.abs(turn)),
+        seed_attitude_deg=np.degrees(_largest_sigma(seed, slice(3, 6))),
+        refined_attitude_deg=np.degrees(_largest_sigma(refined, slice(3, 6))),
+        seed_position_m=_largest_sigma(seed, slice(0, 3)),
+        refined_position_m=_largest_sigma(refined, slice(0, 3)),
+    )
+
+
+def _largest_sigma(poses: PoseTable, part: slice) -> Floats:
+    variance = np.diagonal(poses.covariance, axis1=1, axis2=2)[:, part]
+    return np.asarray(np.sqrt(variance.max(axis=1)), dtype=np.float64)
+
+
+def log_pose_plots(recorder: Recorder, curves: PoseCurves) -> None:
+    """Log every curve."""
+    for path, values, name, colour in (
+        (f"{CORRECTION}/tilt", curves.tilt_deg, "optical axis tilted [°]", REFINED),
+        (f"{CORRECTION}/turn", curves.turn_deg, "photo turned [°]", MEASURED),
+        (f"{CORRECTION}/log_sigma", curves.seed_attitude_deg, "σ of the flight log [°]", OBSERVED),
+        (f"{ATTITUDE_SIGMA}/flight_log", curves.seed_attitude_deg, "flight log [°]", SEED),
+        (f"{ATTITUDE_SIGMA}/refined", curves.refined_attitude_deg, "refined [°]", REFINED),
+        (f"{POSITION_SIGMA}/flight_log", curves.seed_position_m, "flight log [m]", SEED),
+        (f"{POSITION_SIGMA}/refined", curves.refined_position_m, "refined [m]", REFINED),
+    ):
+        log_curve(recorder, path, values, name, colour)

@@ -1,0 +1,59 @@
+"""Pages of text in the recording: summary, tables, and a sheet for every frame."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+
+from uavgram.model.result.result import Result
+from uavgram.views.recording.curves.plots import Curves
+from uavgram.views.recording.curves.pose_curves import PoseCurves
+from uavgram.views.recording.pages.checks import checks_page
+from uavgram.views.recording.pages.frames import frame_sheet
+from uavgram.views.recording.pages.summary import summary
+from uavgram.views.recording.pages.tables import (
+    lengths_page,
+    measured_page,
+    messages_page,
+    points_page,
+)
+from uavgram.views.recording.photo.frame_picks import FramePicks
+from uavgram.views.recording.scene import Scene
+from uavgram.views.recording.stream import Recorder
+from uavgram.views.survey.verdict import judge
+
+SUMMARY = "documents/summary"
+FRAME_SHEET = "documents/frame"
+MEASURED = "documents/measurements"
+LENGTHS = "documents/known_lengths"
+CHECKS = "documents/checks"
+POINTS = "documents/points"
+MESSAGES = "documents/messages"
+
+
+def log_documents(
+    recorder: Recorder,
+    result: Result,
+    scene: Scene,
+    picks: FramePicks,
+    curves: Curves,
+    poses: PoseCurves,
+) -> None:
+    """Log all pages."""
+    for path, text in (
+        (SUMMARY, summary(result, judge(result), scene)),
+        (MEASURED, measured_page(result)),
+        (LENGTHS, lengths_page(result)),
+        (CHECKS, checks_page(result)),
+        (POINTS, points_page(result)),
+        (MESSAGES, messages_page(result)),
+    ):
+        recorder.static(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+    frames = range(len(result.frames.frame_id))
+    sheets = [frame_sheet(result, picks, curves, poses, i) for i in frames]
+    recorder.static(FRAME_SHEET, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN))
+    recorder.rows(
+        FRAME_SHEET,
+        np.arange(len(sheets)),
+        lambda some: [rr.TextDocument.columns(text=[sheets[i] for i in some])],
+    )

@@ -1,0 +1,186 @@
+"""What is drawn on the photo: residuals, projections, and lines bent as the lens bends them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.result.result import Result
+from uavgram.stages.products.map_layers import measured_strips, reference_strips
+from uavgram.views.recording.photo.frame_picks import FramePicks
+from uavgram.views.recording.photo_marks import log_dots, log_polylines, log_texts
+from uavgram.views.recording.scene import Scene
+from uavgram.views.recording.stream import Recorder
+from uavgram.views.recording.world.footprint_marks import NEIGHBOURS
+from uavgram.views.recording.world.labels import (
+    HALF_LETTER,
+    LINE_HEIGHT,
+    line_width,
+    measured_text,
+    reference_text,
+)
+from uavgram.views.style import BAD, LINE_COLOURS, MEASURED, OBSERVED, REFINED, SEED, Rgb
+from uavgram.views.survey.drawing import in_photo, project_from, sampled, uncovered, visible_runs
+from uavgram.views.survey.frame_states import frame_states
+from uavgram.views.wording import FRAME_STATE_WORDS, worst_first
+
+# Pixel and text of a label.
+Word = tuple[Floats, str]
+
+# More labels than this hide the photo: of lines, and of lines and points.
+MOST_LINE_WORDS = 10
+MOST_WORDS = 22
+
+# What is drawn on the photo, by the name of its entity.
+OVERLAYS = (
+    "residual_exaggerated",
+    "residual_exaggerated_suspect",
+    "from_flight_log",
+    "from_refined",
+    "picked",
+    "picked_suspect",
+    "labels",
+    "known_lengths",
+    "measured",
+    "name",
+    NEIGHBOURS,
+)
+# The name of the photo stands above it, in shares of its height.
+NAME_ABOVE = 0.075
+
+
+def log_overlay(
+    recorder: Recorder, result: Result, scene: Scene, picks: FramePicks, photo: str
+) -> None:
+    """Log all that is drawn on the photo, below the entity `photo`."""
+    words = _lines(recorder, result, picks, photo)
+    _residuals(recorder, result, scene, picks, photo)
+    _names(recorder, result, picks, words, photo)
+    _title(recorder, result, photo)
+
+
+def _title(recorder: Recorder, result: Result, photo: str) -> None:
+    """Name and state of each photo above it."""
+    spot = np.array([[0.5 * result.camera.width_px, -NAME_ABOVE * result.camera.height_px]])
+    texts = [
+        [f"{name}: {FRAME_STATE_WORDS[state]}"]
+        for name, state in zip(result.frames.frame_id, frame_states(result), strict=True)
+    ]
+    log_texts(recorder, f"{photo}/name", [spot] * len(texts), texts)
+
+
+def _residuals(
+    recorder: Recorder, result: Result, scene: Scene, picks: FramePicks, photo: str
+) -> None:
+    pixel = result.picks.pixel_px
+    status = np.array(result.picks.status, dtype=str)
+    bad = np.isin(status, ("suspect", "removed"))
+    fitted = np.isfinite(result.picks.residual_px[:, 0])
+    tip = pixel + scene.residual_factor * np.nan_to_num(result.picks.residual_px)
+    arrows = np.stack([pixel, tip], axis=1)
+
+    def where(mask: Bools) -> list[Ints]:
+        return [rows[mask[rows]] for rows in picks.rows]
+
+    everything = np.ones(len(pixel), dtype=np.bool_)
+    for name, rows, colour in (
+        ("residual_exaggerated", where(fitted & ~bad), REFINED),
+        ("residual_exaggerated_suspect", where(fitted & bad), BAD),
+    ):
+        log_polylines(recorder, f"{photo}/{name}", [list(arrows[r]) for r in rows], colour, 2.5)
+    for name, at, rows, colour, size in (
+        ("from_flight_log", picks.seed_px, where(in_photo(result, picks.seed_px)), SEED, 3.0),
+        ("from_refined", picks.refined_px, where(in_photo(result, picks.refined_px)), REFINED, 2.5),
+        ("picked", pixel, where(everything & ~bad), OBSERVED, 3.5),
+        ("picked_suspect", pixel, where(bad), BAD, 6.0),
+    ):
+        log_dots(recorder, f"{photo}/{name}", [at[r] for r in rows], colour, size)
+
+
+@dataclass(frozen=True, eq=False)
+class _Shape:
+    """A thing to draw in every frame that sees it: samples of one polyline in the world.
+
+    `ends` are the labels that must all be picked in a frame; known lengths are always drawn.
+    """
+
+    entity: str
+    colour: Rgb
+    text: str
+    samples_m: Floats
+    ends: frozenset[str] = frozenset()
+
+
+def _shapes(result: Result) -> list[_Shape]:
+    """Known lengths, the suspect ones first, then measurements, the least certain first."""
+    known, measured = reference_strips(result), measured_strips(result)
+    shapes = []
+    for row in sorted(known, key=lambda i: result.lines.status[i] not in ("suspect", "removed")):
+        status = result.lines.status[row]
+        text = reference_text(result, row)
+        entity = f"known_lengths/{status}"
+        shapes.append(_Shape(entity, LINE_COLOURS[status], text, sampled(known[row])))
+    for row in map(int, worst_first(result.measurements)):
+        text, ends = measured_text(result, row), frozenset(result.measurements.points[row])
+        shapes += [
+            _Shape("measured", MEASURED, text, sampled(strip), ends)
+            for strip in measured.get(row, [])
+        ]
+    return shapes
+
+
+def _lines(recorder: Recorder, result: Result, picks: FramePicks, photo: str) -> list[list[Word]]:
+    """Known lengths where they are seen; measurements where all of their points were picked.
+
+    Returns
+    -------
+    Per frame the texts that belong to them.
+    """
+    frames, shapes = range(len(result.frames.frame_id)), _shapes(result)
+    words: list[list[Word]] = [[] for _ in frames]
+    runs: dict[str, list[list[Floats]]] = {s.entity: [[] for _ in frames] for s in shapes}
+    poses = result.frames.refined
+    for frame in np.flatnonzero(result.has_refined):
+        picked = {result.picks.label[row] for row in picks.rows[frame]}
+        shown = [shape for shape in shapes if shape.ends <= picked]
+        if not shown:
+            continue
+        samples = np.concatenate([shape.samples_m for shape in shown])
+        cuts = np.cumsum([len(shape.samples_m) for shape in shown])[:-1]
+        pixel = project_from(
+            result, poses.center_world_m[frame], poses.world_from_camera[frame], samples
+        )
+        for shape, seen in zip(shown, np.split(pixel, cuts), strict=True):
+            pieces = visible_runs(seen)
+            if pieces:
+                runs[shape.entity][frame] += pieces
+                longest = max(pieces, key=len)
+                words[frame].append((longest[len(longest) // 2], shape.text))
+    for shape in {shape.entity: shape for shape in shapes}.values():
+        per_frame = runs[shape.entity]
+        width = line_width(max(map(len, per_frame))) if shape.ends else line_width(0)
+        log_polylines(recorder, f"{photo}/{shape.entity}", per_frame, shape.colour, width)
+    return words
+
+
+def _names(
+    recorder: Recorder, result: Result, picks: FramePicks, words: list[list[Word]], photo: str
+) -> None:
+    """Texts of the lines, then names of the points, as far as they do not cover each other."""
+    anchors, texts = [], []
+    for rows, lines in zip(picks.rows, words, strict=True):
+        kept = _fitting(result, lines, MOST_LINE_WORDS)
+        names = [(result.picks.pixel_px[p], result.picks.label[p]) for p in rows]
+        every = _fitting(result, kept + names, MOST_WORDS)
+        anchors.append(np.reshape([anchor for anchor, _ in every], (-1, 2)))
+        texts.append([text for _, text in every])
+    log_texts(recorder, f"{photo}/labels", anchors, texts)
+
+
+def _fitting(result: Result, words: list[Word], most: int) -> list[Word]:
+    at = np.reshape([anchor for anchor, _ in words], (-1, 2))
+    half_widths = HALF_LETTER * result.camera.width_px * np.array([len(t) for _, t in words])
+    kept = uncovered(at, half_widths, LINE_HEIGHT * result.camera.height_px, most)
+    return [words[k] for k in kept]

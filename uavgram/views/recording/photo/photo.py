@@ -1,0 +1,103 @@
+"""One frame at a time: the moving camera and its photo in original pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import islice
+
+import numpy as np
+import rerun as rr
+
+from uavgram.imaging.photos.preview import Preview
+from uavgram.model.result.result import Result
+from uavgram.views.recording.photo_marks import CENTRE_PX
+from uavgram.views.recording.scene import CURRENT_FRUSTUM, Scene
+from uavgram.views.recording.stream import Recorder
+from uavgram.views.style import OBSERVED
+
+CAMERA = "survey/current_camera"
+PHOTO = f"{CAMERA}/photo"
+PICTURE = f"{PHOTO}/picture"
+
+# Depth of the frustum of a frame without a pose: too small to be seen.
+HIDDEN_M = 1e-6
+
+# Photos are sent a few at a time, so that a long flight does not lie in memory twice.
+PHOTOS_PER_CHUNK = 8
+
+
+def log_camera(recorder: Recorder, result: Result, scene: Scene) -> None:
+    """A pinhole that moves with time; where a frame has no pose, too small to be seen."""
+    frames, count = result.frames, len(result.frames.frame_id)
+    posed = np.where(
+        result.has_refined[:, None], frames.refined.center_world_m, frames.seed.center_world_m
+    )
+    turned = np.where(
+        result.has_refined[:, None, None],
+        frames.refined.world_from_camera,
+        frames.seed.world_from_camera,
+    )
+    visible = np.isfinite(posed[:, 0])
+    center = np.where(visible[:, None], posed, scene.middle_m)
+    rotation = np.where(visible[:, None, None], turned, np.eye(3))
+    recorder.rows(
+        CAMERA,
+        np.arange(count),
+        lambda some: [
+            rr.Transform3D.columns(
+                translation=center[some],
+                # Rerun stores matrices by columns
+                mat3x3=np.swapaxes(rotation[some], 1, 2).reshape(-1, 9),
+            )
+        ],
+    )
+    depth = np.where(visible, CURRENT_FRUSTUM * scene.frustum_m, HIDDEN_M)
+    recorder.rows(
+        PHOTO,
+        np.arange(count),
+        lambda some: [rr.Pinhole.columns(image_plane_distance=depth[some])],
+    )
+    fx, fy, cx, cy = result.shared.intrinsics.value[:4]
+    recorder.static(
+        PHOTO,
+        rr.Pinhole.from_fields(
+            image_from_camera=[[fx, 0, cx + CENTRE_PX], [0, fy, cy + CENTRE_PX], [0, 0, 1]],
+            resolution=[result.camera.width_px, result.camera.height_px],
+            camera_xyz=rr.ViewCoordinates.RDF,
+            color=OBSERVED,
+        ),
+    )
+
+
+def log_photos(recorder: Recorder, result: Result, photos: Iterable[tuple[str, Preview]]) -> None:
+    """Log JPEGs as they come, a few at a time; their scale puts them back into original pixels."""
+    row = {name: i for i, name in enumerate(result.frames.frame_id)}
+    shown = np.zeros(len(row), dtype=np.float32)
+    coming = iter(photos)
+    while some := {row[name]: photo for name, photo in islice(coming, PHOTOS_PER_CHUNK)}:
+        shown[list(some)] = 1.0
+        _log_some(recorder, some)
+    if shown.any():
+        recorder.static(
+            PICTURE, rr.EncodedImage.from_fields(media_type="image/jpeg", draw_order=-10.0)
+        )
+        # a frame without a photo must not show that of the frame before
+        recorder.rows(
+            PICTURE,
+            np.arange(len(row)),
+            lambda rows: [rr.EncodedImage.columns(opacity=shown[rows])],
+        )
+
+
+def _log_some(recorder: Recorder, photos: dict[int, Preview]) -> None:
+    """Log photos by their frames' rows, and leave none in memory."""
+    frames = np.array(sorted(photos), dtype=np.int64)
+    recorder.rows(
+        PICTURE,
+        frames,
+        lambda rows: [
+            rr.EncodedImage.columns(blob=[photos[i].jpeg for i in rows.tolist()]),
+            rr.Transform3D.columns(scale=[[*photos[i].scale, 1.0] for i in rows.tolist()]),
+        ],
+    )
+    recorder.stream.flush()

@@ -1,0 +1,70 @@
+"""Where the photos lie: their borders on the ground, and in each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+
+from uavgram.model.arrays import Floats
+from uavgram.model.result.result import Result
+from uavgram.stages.products.map_layers import footprints
+from uavgram.views.recording.photo_marks import log_polylines
+from uavgram.views.recording.stream import Recorder
+from uavgram.views.style import OBSERVED, QUIET
+from uavgram.views.survey.drawing import flight_order, project_from, sampled, visible_runs
+
+ALL = "survey/footprints"
+CURRENT = "survey/footprint_of_this_photo"
+NEIGHBOURS = "footprints_before_and_after"
+# Each piece of a border is short: its bend in another photo needs few samples.
+SAMPLES = 7
+
+
+def log_footprints(recorder: Recorder, result: Result, photo: str) -> None:
+    """Log all borders on the ground, that of each frame, and those of its neighbours in it."""
+    rings = {frame: closed(ring) for frame, ring in footprints(result).items()}
+    if not rings:
+        return
+    width = rr.Radius.ui_points(0.4)
+    recorder.static(ALL, rr.LineStrips3D(list(rings.values()), colors=QUIET, radii=width))
+    recorder.static(
+        CURRENT, rr.LineStrips3D.from_fields(colors=OBSERVED, radii=rr.Radius.ui_points(0.8))
+    )
+    frames = range(len(result.frames.frame_id))
+    strips = [[rings[frame]] if frame in rings else [] for frame in frames]
+    counts = np.array([len(some) for some in strips])
+    recorder.rows(
+        CURRENT,
+        np.arange(len(strips)),
+        lambda rows: [
+            rr.LineStrips3D.columns(strips=[s for i in rows for s in strips[i]]).partition(
+                counts[rows]
+            )
+        ],
+    )
+    log_polylines(recorder, f"{photo}/{NEIGHBOURS}", _in_photos(result, rings), QUIET, 1.0)
+
+
+def closed(ring: Floats) -> Floats:
+    """(v + 1, 3) the border with its first corner once more."""
+    return np.concatenate([ring, ring[:1]])
+
+
+def _in_photos(result: Result, rings: dict[int, Floats]) -> list[list[Floats]]:
+    """Per frame the borders of the photos before and after it, in its pixels."""
+    flown = [int(frame) for frame in flight_order(result) if int(frame) in rings]
+    lines: list[list[Floats]] = [[] for _ in result.frames.frame_id]
+    borders = {frame: sampled(ring, SAMPLES) for frame, ring in rings.items()}
+    poses = result.frames.refined
+    for k, frame in enumerate(flown):
+        if not result.has_refined[frame]:
+            continue
+        for other in (*flown[max(k - 1, 0) : k], *flown[k + 1 : k + 2]):
+            pixel = project_from(
+                result,
+                poses.center_world_m[frame],
+                poses.world_from_camera[frame],
+                borders[other],
+            )
+            lines[frame] += visible_runs(pixel)
+    return lines

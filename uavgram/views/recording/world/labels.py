@@ -1,0 +1,170 @@
+"""What the labels in the pictures say, and where they fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.result.result import Result
+from uavgram.stages.products.map_layers import measured_strips, point_index, reference_strips
+from uavgram.views.recording.scene import Scene, on_screen
+from uavgram.views.survey.drawing import longest_middle, uncovered
+from uavgram.views.survey.key_facts import least_certain_length
+from uavgram.views.wording import (
+    UNIT_WORDS,
+    alternatives_text,
+    axes_text,
+    decimals_for,
+    relative,
+    worst_first,
+)
+
+# Rerun does not keep labels from covering each other: beyond a dozen, tables are read instead.
+MOST_LABELS = 14
+MOST_MEASURED = 8
+MOST_OF_A_KIND = 3
+# Size of a letter on a usual screen: half the width of one, and the height of a line. In the survey
+# as tangents of angles of view, in the photo as shares of its width and height.
+HALF_LETTER_ON_SCREEN, LINE_ON_SCREEN = 0.0052, 0.034
+HALF_LETTER, LINE_HEIGHT = 0.0062, 0.062
+# So many lines that they hide the ground: thin ones, and labels farther apart.
+MANY_LINES = 20
+SPREAD = 1.5
+# Between an ellipse and a label beside it, in sizes of the scene.
+LABEL_GAP = 0.03
+
+# Place in the world, text, and row of the measurement (-1: none).
+Candidate = tuple[Floats, str, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """(N, 3) places in the world and (N,) texts; `measured` are the rows that are labelled."""
+
+    anchor_m: Floats
+    text: tuple[str, ...]
+    measured: frozenset[int]
+
+
+def line_width(count: int) -> float:
+    """Points on the screen: many lines are drawn thinner."""
+    return 3.5 if count <= MANY_LINES else 0.8
+
+
+def reference_text(result: Result, row: int) -> str:
+    """``R1 lane: 34.00 m (known)``."""
+    lines = result.lines
+    taped = f"{lines.name[row]}: {lines.length_m[row]:.2f} m"
+    if lines.status[row] in ("suspect", "removed"):
+        return f"{lines.status[row].upper()} {taped} taped, {lines.adjusted_m[row]:.2f} m found"
+    return f"{taped} (withheld)" if lines.status[row] == "checked" else f"{taped} (known)"
+
+
+def measured_text(result: Result, row: int) -> str:
+    """``road width 6.31 m ± 0.02``; behind it ``or 7.25 m`` where that fits as well."""
+    rows = result.measurements
+    unit, sigma = rows.unit[row], float(rows.sigma[row])
+    places = decimals_for(sigma, unit)
+    value = f"{rows.value[row]:.{places}f} {UNIT_WORDS.get(unit, unit)} ± {sigma:.{places}f}"
+    return f"{rows.name[row]} {value} {alternatives_text(rows, row)}".rstrip()
+
+
+def survey_labels(result: Result, scene: Scene) -> Labels:
+    """What deserves to be seen first; a label that would cover one before it is left out.
+
+    Suspect lines, the least certain length, the largest ellipse, rejected frames and suspect
+    picks, other measurements (at most MOST_MEASURED, spread out), then the other known lengths: the
+    tables have them all.
+    """
+    known = reference_strips(result)
+    suspect = [i for i in known if result.lines.status[i] in ("suspect", "removed")]
+    measured = _measured(result)
+    first = [*_known(result, suspect), *measured[:1]]
+    spread = SPREAD if len(measured) > MANY_LINES else 1.0
+    worst = _worst_point(result, scene, first, spread)
+    trouble = _trouble(result)
+    first += [*worst, *trouble, *measured[1:]]
+    most = len(suspect) + len(worst) + len(trouble) + MOST_MEASURED
+    chosen = _take(first, scene, most, spread)
+    rest = _known(result, [i for i in known if i not in suspect])
+    kept = _take([*chosen, *rest], scene, MOST_LABELS, 1.0)
+    return Labels(
+        np.reshape([anchor for anchor, _, _ in kept], (-1, 3)),
+        tuple(text for _, text, _ in kept),
+        frozenset(row for _, _, row in kept if row >= 0),
+    )
+
+
+def _known(result: Result, rows: list[int]) -> list[Candidate]:
+    known = reference_strips(result)
+    return [(longest_middle([known[i]]), reference_text(result, i), -1) for i in rows]
+
+
+def _worst_point(
+    result: Result, scene: Scene, before: list[Candidate], spread: float
+) -> list[Candidate]:
+    """The largest ellipse: beside it to the north or south where other labels cover the point."""
+    row, points = scene.worst_point, result.points
+    if row is None:
+        return []
+    axes, spot = points.relative.ellipse_95_m[row], points.position_world_m[row]
+    text = f"{points.label[row]}: largest 95 % ellipse, {axes_text(axes)}"
+    aside = np.array([0.0, scene.ellipse_factor * axes[0] + LABEL_GAP * scene.size_m, 0.0])
+    for side in (0, 1, -1):
+        place: Candidate = (spot + side * aside, text, -1)
+        if _take([*before, place], scene, MOST_LABELS, spread)[-1] is place:
+            return [place]
+    return []
+
+
+def _trouble(result: Result) -> list[Candidate]:
+    """Rejected frames where the flight log has them, and suspect picks; at most MOST_OF_A_KIND."""
+    frames, picks, at = result.frames, result.picks, point_index(result)
+    rejected = [
+        (frames.seed.center_world_m[i], f"REJECTED {frames.frame_id[i]}", -1)
+        for i, status in enumerate(frames.status)
+        if status == "rejected" and result.has_seed[i]
+    ]
+    suspect = [
+        (
+            result.points.position_world_m[at[picks.label[p]]],
+            f"SUSPECT PICK {picks.label[p]} in {picks.image[p]}",
+            -1,
+        )
+        for p, status in enumerate(picks.status)
+        if status == "suspect" and picks.label[p] in at
+    ]
+    return [*rejected[:MOST_OF_A_KIND], *suspect[:MOST_OF_A_KIND]]
+
+
+def _measured(result: Result) -> list[Candidate]:
+    """The worst length first, by name as such, then the others, the least certain first."""
+    strips, worst = measured_strips(result), least_certain_length(result)
+    rows = [int(i) for i in worst_first(result.measurements) if strips.get(int(i))]
+    rows.sort(key=lambda i: i != worst)
+    return [
+        (
+            longest_middle(strips[i]),
+            (_least_certain(result, i) if i == worst else "") + measured_text(result, i),
+            i,
+        )
+        for i in rows
+    ]
+
+
+def _least_certain(result: Result, row: int) -> str:
+    """Why this one: it is not the only value, or its sigma is the largest share of it."""
+    rows = result.measurements
+    if rows.is_ambiguous[row]:
+        return "NOT UNIQUE: "
+    share = relative(float(rows.value[row]), float(rows.sigma[row]), rows.unit[row])
+    return f"LEAST CERTAIN LENGTH (by {share}): "
+
+
+def _take(candidates: list[Candidate], scene: Scene, most: int, spread: float) -> list[Candidate]:
+    anchors = np.reshape([anchor for anchor, _, _ in candidates], (-1, 3))
+    half_widths = HALF_LETTER_ON_SCREEN * np.array([len(text) for _, text, _ in candidates])
+    rows = uncovered(on_screen(scene, anchors), spread * half_widths, spread * LINE_ON_SCREEN, most)
+    return [candidates[i] for i in rows]

@@ -1,0 +1,117 @@
+"""The legend as a picture: Rerun has neither a legend in 3-D nor a colour bar."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+from PIL import Image, ImageDraw, ImageFont
+
+from uavgram.model.result.result import Result
+from uavgram.views.recording.scene import Scene
+from uavgram.views.recording.stream import Recorder
+from uavgram.views.recording.world.survey import has_outlines, sigma_shares
+from uavgram.views.style import (
+    BAD,
+    FRAME_COLOURS,
+    MEASURED,
+    REFERENCE,
+    REFINED,
+    SEED,
+    WITHHELD,
+    Rgb,
+    scale_colours,
+)
+from uavgram.views.survey.frame_states import frame_states
+from uavgram.views.wording import size_text
+
+LEGEND = "legend"
+# Twice the size it is shown at, for sharp letters.
+WIDTH_PX, HEIGHT_PX = 2400, 108
+BACKGROUND: Rgb = (13, 16, 17)
+TEXT: Rgb = (225, 228, 232)
+FONT_PX = 30
+ROWS_PX = (10, 60)
+GAP_PX = 40
+
+
+def log_legend(recorder: Recorder, result: Result, scene: Scene, ground_gain: float) -> None:
+    """Log the picture."""
+    image = np.asarray(draw_legend(result, scene, ground_gain))
+    recorder.static(LEGEND, rr.Image(image, color_model="RGB").compress(jpeg_quality=92))
+
+
+def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image.Image:
+    """Swatches of the lines that occur, the colour scale of the ellipses, and remarks."""
+    image = Image.new("RGB", (WIDTH_PX, HEIGHT_PX), BACKGROUND)
+    pen = ImageDraw.Draw(image)
+    font = ImageFont.load_default(FONT_PX)
+    rows = [20.0, 20.0]
+    for row, text, colour in _entries(result):
+        y = ROWS_PX[row] + FONT_PX / 2 + 3
+        x = rows[row]
+        pen.line([(x, y), (x + 56, y)], fill=colour, width=9)
+        pen.text((x + 70, ROWS_PX[row]), text, fill=TEXT, font=font)
+        rows[row] = x + 70 + pen.textlength(text, font=font) + FONT_PX
+    right = int(max(rows)) + 10
+    if scene.worst_point is not None:
+        right = _scale(pen, font, result, scene, right)
+    remarks = ["± is one sigma"]
+    if ground_gain != 1.0:
+        remarks.append(f"ground {ground_gain:g} x brighter")
+    for y, text in zip(ROWS_PX, remarks, strict=False):
+        pen.text((right, y), text, fill=TEXT, font=font)
+    return image
+
+
+def _entries(result: Result) -> list[tuple[int, str, Rgb]]:
+    """Row, text and colour of each swatch; only of what can be seen."""
+    status = set(result.lines.status)
+    entries: list[tuple[int, str, Rgb]] = []
+    if result.has_seed.any():
+        entries.append((0, "camera, flight log", SEED))
+    if result.has_refined.any():
+        entries.append((1, "camera, refined", REFINED))
+    states = frame_states(result)
+    for row, state, text in ((0, "rejected", "rejected"), (1, "check", "to check")):
+        if state in states:
+            entries.append((row, f"camera, {text}", FRAME_COLOURS[state]))
+    if "used" in status:
+        entries.append((0, "known length", REFERENCE))
+    if status & {"suspect", "removed"}:
+        entries.append((0, "known length, suspect", BAD))
+    if "checked" in status:
+        entries.append((1, "known length, withheld", WITHHELD))
+    if np.isfinite(result.measurements.value).any():
+        entries.append((1, "measured", MEASURED))
+    return entries
+
+
+def enlarged(factor: int) -> str:
+    """How large ellipses are drawn, in words that the legend's font has."""
+    return "at true size" if factor == 1 else f"{factor} times too large"
+
+
+def _scale(
+    pen: ImageDraw.ImageDraw,
+    font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
+    result: Result,
+    scene: Scene,
+    left: int,
+) -> int:
+    """Draw the colour scale from `left` on; where it ends."""
+    _, low, high = sigma_shares(result)
+    colours = scale_colours(np.linspace(0, 1, 300))
+    words = "points by the half axis of their 95 % ellipses:"
+    if has_outlines(result):
+        words = f"95 % ellipses, drawn {enlarged(scene.ellipse_factor)}; half axis:"
+    pen.text((left, ROWS_PX[0]), words, fill=TEXT, font=font)
+    end = left + int(pen.textlength(words, font=font))
+    y = ROWS_PX[1] + 6
+    first = size_text(low)
+    pen.text((left, ROWS_PX[1]), first, fill=TEXT, font=font)
+    x = left + int(pen.textlength(first, font=font)) + 16
+    for k, colour in enumerate(colours):
+        pen.line([(x + k, y), (x + k, y + 26)], fill=tuple(int(c) for c in colour))
+    last = size_text(high)
+    pen.text((x + 316, ROWS_PX[1]), last, fill=TEXT, font=font)
+    return max(end, x + 316 + int(pen.textlength(last, font=font))) + GAP_PX

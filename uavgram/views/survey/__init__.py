@@ -1,0 +1,1 @@
+"""A result in words and shapes, the same in recording, report and terminal."""

@@ -1,0 +1,128 @@
+"""Shapes to draw a result with: outlines, frusta, lines; nothing here estimates anything."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.geometry.camera.projection import project
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.result.result import Result
+from uavgram.model.result.tables import PoseTable
+
+NICE_FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+
+# A straight line bends in a distorted photo: this many samples keep the chord error below a pixel.
+LINE_SAMPLES = 49
+
+
+def nice_factor(size: float, wanted: float) -> int:
+    """The largest factor of the 1-2-5 series with which `size` stays within `wanted`."""
+    if not (size > 0 and np.isfinite(size)):
+        return 1
+    return max((f for f in NICE_FACTORS if f * size <= wanted), default=1)
+
+
+def frustum_corners(result: Result) -> Floats:
+    """(4, 3) corners of the photo as rays z = 1 of the undistorted camera, clockwise."""
+    fx, fy, cx, cy = result.shared.intrinsics.value[:4]
+    u = np.array([0, 1, 1, 0]) * result.camera.width_px - 0.5
+    v = np.array([0, 0, 1, 1]) * result.camera.height_px - 0.5
+    return np.stack([(u - cx) / fx, (v - cy) / fy, np.ones(4)], axis=-1)
+
+
+def frusta(result: Result, poses: PoseTable, depth_m: float) -> Floats:
+    """(N, 10, 3) one open polyline per frame that has a pose: the photo's frame and four edges."""
+    posed = np.isfinite(poses.center_world_m[:, 0])
+    center = poses.center_world_m[posed]
+    world = np.einsum("nij,kj->nki", poses.world_from_camera[posed], frustum_corners(result))
+    corners = center[:, None, :] + depth_m * world
+    apex = center[:, None, :]
+    top_left, top_right, bottom_right, bottom_left = (corners[:, k : k + 1] for k in range(4))
+    return np.concatenate(
+        [
+            *(top_left, top_right, bottom_right, bottom_left, top_left),
+            *(apex, top_right, bottom_right, apex, bottom_left),
+        ],
+        axis=1,
+    )
+
+
+def flight_order(result: Result) -> Ints:
+    """(F,) frames by time; by name where no time is known."""
+    time = result.frames.time_utc_s
+    key = time if np.isfinite(time).any() else np.arange(len(time), dtype=np.float64)
+    return np.argsort(key, kind="stable").astype(np.int64)
+
+
+def track(result: Result, poses: PoseTable) -> Floats:
+    """(N, 3) centres of the frames that have a pose, in the order of flight."""
+    centers = poses.center_world_m[flight_order(result)]
+    return np.asarray(centers[np.isfinite(centers[:, 0])], dtype=np.float64)
+
+
+def longest_middle(strips: list[Floats]) -> Floats:
+    """(D,) middle of the longest segment of (n, D) polylines: where a label goes."""
+    starts = np.concatenate([strip[:-1] for strip in strips])
+    ends = np.concatenate([strip[1:] for strip in strips])
+    longest = int(np.argmax(np.linalg.norm(ends - starts, axis=1)))
+    return np.asarray((starts[longest] + ends[longest]) / 2, dtype=np.float64)
+
+
+def in_photo(result: Result, pixel: Floats) -> Bools:
+    """(...) whether (..., 2) pixels lie in the photo; NaN does not."""
+    size = np.array([result.camera.width_px, result.camera.height_px])
+    return np.asarray(((pixel >= -0.5) & (pixel <= size - 0.5)).all(axis=-1), dtype=np.bool_)
+
+
+def project_from(
+    result: Result,
+    center_world_m: Floats,
+    world_from_camera: Floats,
+    points_m: Floats,
+    *,
+    adjusted_lens: bool = True,
+) -> Floats:
+    """(..., 2) original pixels of (..., 3) world points in one camera; NaN outside the photo."""
+    lens = result.shared.intrinsics.value if adjusted_lens else result.camera.parameters
+    pixel = project(result.camera.model, lens, (points_m - center_world_m) @ world_from_camera)
+    return np.where(in_photo(result, pixel)[..., None], pixel, np.nan)
+
+
+def sampled(strip: Floats, samples: int = LINE_SAMPLES) -> Floats:
+    """(m, 3) the polyline with so many points on each segment."""
+    share = np.linspace(0.0, 1.0, samples)[:, None]
+    start, step = strip[:-1, None], np.diff(strip, axis=0)[:, None]
+    return np.asarray((start + share * step).reshape(-1, strip.shape[1]), dtype=np.float64)
+
+
+def visible_runs(pixel: Floats) -> list[Floats]:
+    """Pieces of a (m, 2) polyline without NaN, each of two points or more."""
+    good = np.isfinite(pixel[:, 0])
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
+    runs = [pixel[a:b] for a, b in edges.reshape(-1, 2)]
+    return [run for run in runs if len(run) >= 2]
+
+
+def uncovered(anchors: Floats, half_widths: Floats, height: float, most: int) -> Ints:
+    """Rows of texts, taken in order, that cover none taken before.
+
+    Parameters
+    ----------
+    anchors
+        (N, 2) middles of the texts.
+    half_widths
+        (N,) half the length of each text, in the same unit.
+    height
+        Of a text.
+    most
+        How many are taken at most.
+    """
+    taken: list[int] = []
+    for i, anchor in enumerate(anchors):
+        gap = np.abs(anchors[taken] - anchor)
+        free = (gap[:, 0] >= half_widths[taken] + half_widths[i]) | (gap[:, 1] >= height)
+        if free.all():
+            taken.append(i)
+        if len(taken) == most:
+            break
+    return np.array(taken, dtype=np.int64)

@@ -1,0 +1,44 @@
+"""What became of each frame, in one word."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Literal
+
+from uavgram.model.result.result import Result
+from uavgram.views.wording import FRAME_STATE_WORDS
+
+FrameState = Literal["refined", "check", "seeded", "unmatched", "rejected"]
+
+
+def frame_states(result: Result) -> tuple[FrameState, ...]:
+    """(F,) status of each frame; ``check`` where a refined frame deserves a second look.
+
+    That is where one of its picks is suspect or was removed, or where the log has it elsewhere.
+    """
+    odd = {
+        image
+        for image, status in zip(result.picks.image, result.picks.status, strict=True)
+        if status in ("suspect", "removed")
+    }
+    odd |= {name for m in result.messages if m.code == "telemetry-strained" for name in m.frames}
+    return tuple(
+        "check" if status == "refined" and name in odd else status
+        for name, status in zip(result.frames.frame_id, result.frames.status, strict=True)
+    )
+
+
+def frame_counts(result: Result) -> str:
+    """``20 frames: 17 refined (1 to check), 1 rejected``; says so where none was rejected."""
+    status, states = Counter(result.frames.status), Counter(frame_states(result))
+    check = f" ({states['check']} {FRAME_STATE_WORDS['check']})" if states["check"] else ""
+    parts = [f"{status['refined']} refined{check}"]
+    parts += [
+        f"{status[one]} {FRAME_STATE_WORDS[one]}"
+        for one in ("seeded", "unmatched", "rejected")
+        if status[one]
+    ]
+    if not status["rejected"]:
+        parts.append("none rejected")
+    total = len(result.frames.frame_id)
+    return f"{total} frame{'' if total == 1 else 's'}: " + ", ".join(parts)

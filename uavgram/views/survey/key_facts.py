@@ -1,0 +1,74 @@
+"""What a reader wants to know first, as pairs of question and answer."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.model.result.result import Result
+from uavgram.views.survey.frame_states import frame_counts
+from uavgram.views.wording import (
+    alternatives_text,
+    axes_text,
+    number,
+    relative,
+    with_sigma,
+    worst_first,
+)
+
+Fact = tuple[str, str]
+
+
+def key_facts(result: Result) -> tuple[Fact, ...]:
+    """Frames, the least certain length, the known length that fits worst, the largest ellipse."""
+    facts = [
+        ("frames", frame_counts(result)),
+        ("least certain length for its size", _least_certain(result)),
+        ("known length that fits worst", _worst_fit(result)),
+        ("largest 95 % ellipse within the survey (half axes)", _largest_ellipse(result)),
+    ]
+    return tuple((question, answer) for question, answer in facts if answer)
+
+
+def least_certain_length(result: Result) -> int | None:
+    """Row of the measured length with the largest sigma relative to its value."""
+    rows = result.measurements
+    for i in worst_first(rows):
+        is_length = rows.unit[i] == "m" and rows.kind[i] != "coordinate"
+        if is_length and np.isfinite(rows.value[i]):
+            return int(i)
+    return None
+
+
+def largest_ellipse(result: Result) -> int | None:
+    """Row of the point that is least certain within the survey; None where there is no shape."""
+    major = result.points.relative.ellipse_95_m[:, 0]
+    return int(np.argmax(major)) if major.any() else None
+
+
+def _least_certain(result: Result) -> str:
+    row, rows = least_certain_length(result), result.measurements
+    if row is None:
+        return ""
+    value, sigma, unit = float(rows.value[row]), float(rows.sigma[row]), rows.unit[row]
+    why = alternatives_text(rows, row) or f"({relative(value, sigma, unit)})"
+    return f"{rows.name[row]}: {with_sigma(value, sigma, unit)} {why}"
+
+
+def _worst_fit(result: Result) -> str:
+    lines = result.lines
+    w = np.nan_to_num(np.abs(lines.w), nan=-1.0)
+    if not len(w) or w.max() < 0:
+        return ""
+    row = int(np.argmax(w))
+    off, sigmas = float(lines.residual_m[row]), abs(float(lines.w[row]))
+    return (
+        f"{lines.name[row]}, {lines.start[row]} to {lines.end[row]}: "
+        f"{number(off, signed=True)} m off ({number(sigmas, 1)} sigma)"
+    )
+
+
+def _largest_ellipse(result: Result) -> str:
+    row = largest_ellipse(result)
+    if row is None:
+        return ""
+    return f"{result.points.label[row]}: {axes_text(result.points.relative.ellipse_95_m[row])}"

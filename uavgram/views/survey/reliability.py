@@ -1,0 +1,149 @@
+"""How far to trust the result, in words: undetected errors, priors, removals, second order."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.model.result.reliability import Effects, PriorResults, RemovalRecord
+from uavgram.model.result.result import Result
+from uavgram.views.wording import UNIT_WORDS, chance, number
+
+MOST_PRIORS = 20
+"""Priors that are shown: those with the largest test statistics."""
+
+MOST_UNCHECKED = 6
+"""Unchecked observations that are named for a measurement."""
+
+MOST_MOVED = 5
+"""Measurements that are named as moved by a removal."""
+
+LARGE = 1000.0
+"""From here on numbers are shown whole."""
+
+SUSPECT_W = 3.29
+"""Test statistic that chance exceeds once in a thousand."""
+
+
+def weakest_links(result: Result) -> list[dict[str, str]]:
+    """For each measurement, the undetected error that moves it most, and what nothing checks."""
+    if result.evidence is None:
+        return []
+    rows, links = result.measurements, result.evidence.weakest
+    table = []
+    for i, name in enumerate(rows.name):
+        if not np.isfinite(rows.value[i]):
+            continue
+        unit = UNIT_WORDS.get(rows.unit[i], rows.unit[i])
+        weakest = "nothing that is checked moves it"
+        if links.what[i]:
+            weakest = (
+                f"an undetected error of {_amount(links.bias[i], links.unit[i])} in the "
+                f"{links.what[i]} would move it by {number(abs(links.change[i]))} {unit}"
+            )
+        unchecked = links.unchecked[i][:MOST_UNCHECKED]
+        more = len(links.unchecked[i]) - len(unchecked)
+        others = f" and {more} more" if more else ""
+        table.append({"name": name, "weakest": weakest, "unchecked": ", ".join(unchecked) + others})
+    return table
+
+
+def effect_words(result: Result, effects: Effects, i: int) -> str:
+    """``+0.042 m in 'whole'``: what an undetected error of one observation would do."""
+    name = effects.on[i]
+    if not name:
+        return "–"
+    unit = result.measurements.unit[result.measurements.name.index(name)]
+    return f"{number(effects.change[i], signed=True)} {UNIT_WORDS.get(unit, unit)} in {name!r}"
+
+
+def prior_rows(result: Result) -> list[dict[str, str | bool]]:
+    """The priors that fit worst."""
+    if result.evidence is None:
+        return []
+    priors: PriorResults = result.evidence.priors
+    order = np.argsort(-np.abs(priors.w), kind="stable")[:MOST_PRIORS]
+    return [
+        {
+            "name": priors.name[i],
+            "frame": priors.frame_id[i],
+            "residual": number(priors.residual[i], 1, signed=True),
+            "w": number(priors.w[i], 1, signed=True),
+            "redundancy": number(priors.redundancy[i], 2),
+            "bias": _amount(priors.bias[i], priors.unit[i]),
+            "effect": effect_words(result, priors.effects, int(i)),
+            "bad": bool(abs(priors.w[i]) > SUSPECT_W),
+        }
+        for i in order
+    ]
+
+
+def removal_rows(result: Result) -> list[str]:
+    """What was taken out, a sentence each."""
+    sentences = []
+    for step, one in enumerate(result.removals, start=1):
+        text = (
+            f"{step}. The {one.what} (w = {number(one.w, 1, signed=True)}); variance factor "
+            f"{number(one.variance_factor_before, 2)} before, "
+            f"{number(one.variance_factor_after, 2)} after."
+        )
+        if one.group:
+            text += f" No test can part it from: {', '.join(one.group)}."
+        if one.rivals:
+            text += f" It could also have been: {', '.join(one.rivals)}."
+        moved = _moved(result, one)
+        sentences.append(f"{text} That moved {moved}." if moved else text)
+    return sentences
+
+
+def _moved(result: Result, one: RemovalRecord) -> str:
+    """The measurements that a removal moved by most of their sigmas, and how many others."""
+    rows, change = result.measurements, np.array(one.change, dtype=np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sigmas = np.abs(change) / rows.sigma
+    order = np.argsort(-np.nan_to_num(sigmas, nan=-1.0), kind="stable")
+    order = order[np.isfinite(change[order])]
+    named = [
+        f"{rows.name[i]!r} by {number(change[i], signed=True)} "
+        f"{UNIT_WORDS.get(rows.unit[i], rows.unit[i])}"
+        for i in order[:MOST_MOVED]
+    ]
+    more = len(order) - len(named)
+    return ", ".join(named) + (f" and {more} more by fewer of their sigmas" if more else "")
+
+
+def second_order_rows(result: Result) -> list[str]:
+    """Measurements for which first order is not good enough, a sentence each."""
+    second, rows = result.second_order, result.measurements
+    if second is None:
+        return []
+    return [
+        f"{rows.name[i]}: sigma {number(rows.sigma[i])} in first order, "
+        f"{number(second.sigma[i])} in second, mean off by {number(second.bias[i], signed=True)} "
+        f"{UNIT_WORDS.get(rows.unit[i], rows.unit[i])}."
+        for i in np.flatnonzero(second.off)
+    ]
+
+
+def overall_words(result: Result) -> str:
+    """All checks together, in a sentence; empty where nothing was withheld."""
+    checks = result.checks_overall
+    if checks is None:
+        return ""
+    share = (
+        f", lengths {number(checks.mean_error_percent, 2)} % on average"
+        if np.isfinite(checks.mean_error_percent)
+        else ""
+    )
+    return (
+        f"Together: {checks.count} numbers, root mean square error {number(checks.rms_error_m)} m"
+        f"{share}; chi-square {number(checks.chi2, 1)} with their joint covariance, chance of one "
+        f"as large {chance(checks.probability)}."
+    )
+
+
+def _amount(value: float, unit: str) -> str:
+    if not np.isfinite(value):
+        return "–"
+    # three digits, but all of a large number: 4920, not 4.92e+03
+    text = f"{value:.3g}" if abs(value) < LARGE else f"{value:.0f}"
+    return text if unit == "1" else f"{text} {UNIT_WORDS.get(unit, unit)}"

@@ -1,0 +1,215 @@
+"""The scaled top view of the report: world metres to coordinates of a drawing, nothing more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.result.result import Result
+from uavgram.stages.products.map_layers import ellipse_outlines, measured_strips, reference_strips
+from uavgram.views.survey.drawing import longest_middle, nice_factor, uncovered
+from uavgram.views.wording import UNIT_WORDS, decimals_for, worst_first
+
+# Width of the drawing in its own units; letters are 11 of them high.
+WIDTH = 900.0
+MARGIN = 60.0
+LEAST_HEIGHT, MOST_HEIGHT = 260.0, 1000.0
+LINE_HEIGHT = 14.0
+# Half the width of a letter, by CSS class, in the widest of the usual fonts; and around a text.
+HALF_LETTER = {"measured": 3.9, "known": 3.5, "name": 3.5}
+ASIDE = 2.0
+ELLIPSE_SHARE, FILL_SHARE = 0.03, 0.05
+MOST_ROOM = 0.3
+MOST_NAMES = 60
+# Many lines are drawn thin, and only so many of the measured ones named.
+MANY_LINES, MOST_MEASURED = 20, 12
+BOLD, FINE, THIN = 2.0, 1.0, 0.5
+# On white paper the screen's light colours are too faint.
+INK = {
+    "used": "#b0127a",
+    "suspect": "#c62828",
+    "removed": "#c62828",
+    "checked": "#6a3fb5",
+    "unseen": "#777777",
+    "measured": "#00796b",
+    "point": "#222222",
+    "ellipse": "#e07b00",
+}
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """A polyline: SVG points, colour, whether it is dashed, and its width."""
+
+    points: str
+    colour: str
+    dashed: bool
+    width: float = BOLD
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text with its middle at (x, y); `kind` is a CSS class."""
+
+    x: float
+    y: float
+    text: str
+    kind: str
+
+
+@dataclass(frozen=True)
+class TopView:
+    """Everything the template draws.
+
+    Attributes
+    ----------
+    width, height
+        Of the drawing.
+    lines, ellipses
+        Strokes in drawing order.
+    dots
+        (x, y) of the points.
+    texts
+        Names and lengths that do not cover each other.
+    ellipse_factor, fill_ellipses
+        Exaggeration of the ellipses within the survey; whether they are small enough to be filled.
+    bar_m, bar
+        Length of the scale bar in the world and in the drawing.
+    north_known
+        False with gauge ``plane``, where north is a free choice.
+    """
+
+    width: float
+    height: float
+    lines: tuple[Stroke, ...]
+    ellipses: tuple[Stroke, ...]
+    dots: tuple[tuple[float, float], ...]
+    texts: tuple[Text, ...]
+    ellipse_factor: int
+    fill_ellipses: bool
+    bar_m: float
+    bar: float
+    north_known: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Sheet:
+    """North up: x = MARGIN + (east - west) * scale, y = top - north."""
+
+    west_m: float
+    north_m: float
+    scale: float
+
+    def __call__(self, world_m: Floats) -> Floats:
+        """(..., 2) drawing coordinates of (..., 2 or 3) world positions."""
+        east, north = world_m[..., 0], world_m[..., 1]
+        x = MARGIN + (east - self.west_m) * self.scale
+        return np.stack([x, MARGIN + (self.north_m - north) * self.scale], axis=-1)
+
+
+def top_view(result: Result) -> TopView | None:
+    """Lay out the drawing; None where there is no point to draw."""
+    position = result.points.position_world_m
+    if not len(position):
+        return None
+    low, high = position[:, :2].min(axis=0), position[:, :2].max(axis=0)
+    extent_m = max(float((high - low).max()), 1.0)
+    major = result.points.relative.ellipse_95_m[:, 0]
+    factor = nice_factor(float(np.median(major)), ELLIPSE_SHARE * extent_m)
+    # room for the ellipses too, unless they would leave none for the points
+    room = min(factor * float(major.max()), MOST_ROOM * extent_m)
+    low, high = low - room, high + room
+    size = np.maximum(high - low, 1.0)
+    scale = min((WIDTH - 2 * MARGIN) / size[0], (MOST_HEIGHT - 2 * MARGIN) / size[1])
+    sheet = _Sheet(
+        west_m=float(low[0] - ((WIDTH - 2 * MARGIN) / scale - size[0]) / 2),
+        north_m=float(high[1]),
+        scale=float(scale),
+    )
+    bar_m = _nice_length(extent_m / 5)
+    return TopView(
+        width=WIDTH,
+        height=float(max(size[1] * scale + 2 * MARGIN, LEAST_HEIGHT)),
+        lines=tuple(_lines(result, sheet)),
+        ellipses=tuple(_ellipses(result, sheet, factor)),
+        dots=tuple((float(x), float(y)) for x, y in sheet(position)),
+        texts=tuple(_texts(result, sheet)),
+        ellipse_factor=factor,
+        fill_ellipses=factor * float(np.median(major)) <= FILL_SHARE * extent_m,
+        bar_m=bar_m,
+        bar=bar_m * sheet.scale,
+        north_known=result.world.gauge == "world",
+    )
+
+
+def _nice_length(wanted_m: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not longer."""
+    power = 10.0 ** np.floor(np.log10(wanted_m))
+    return float(max(f for f in (1, 2, 5) if f * power <= wanted_m * (1 + 1e-9)) * power)
+
+
+def _points(drawn: Floats) -> str:
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in drawn)
+
+
+def _lines(result: Result, sheet: _Sheet) -> list[Stroke]:
+    strips = [strip for some in measured_strips(result).values() for strip in some]
+    width = BOLD if len(strips) <= MANY_LINES else THIN
+    measured = [
+        Stroke(_points(sheet(strip)), INK["measured"], dashed=False, width=width)
+        for strip in strips
+    ]
+    reference = reference_strips(result)
+    width = BOLD if len(reference) <= MANY_LINES else FINE
+    known = [
+        Stroke(
+            _points(sheet(strip)),
+            INK[result.lines.status[i]],
+            dashed=result.lines.status[i] != "used",
+            width=BOLD if result.lines.status[i] in ("suspect", "removed") else width,
+        )
+        for i, strip in reference.items()
+    ]
+    return measured + known
+
+
+def _ellipses(result: Result, sheet: _Sheet, factor: int) -> list[Stroke]:
+    within = result.points.relative
+    center = result.points.position_world_m[:, :2]
+    outlines = ellipse_outlines(center, within.ellipse_95_m, within.ellipse_azimuth_rad, factor)
+    return [Stroke(_points(sheet(outline)), INK["ellipse"], dashed=False) for outline in outlines]
+
+
+def _texts(result: Result, sheet: _Sheet) -> list[Text]:
+    """Measured values (the least certain) first, then known lengths, then names of points."""
+    rows, words = result.measurements, []
+    for i, strips in measured_strips(result).items():
+        if strips:
+            places = decimals_for(float(rows.sigma[i]), rows.unit[i])
+            unit = UNIT_WORDS.get(rows.unit[i], rows.unit[i])
+            doubt = " ?" if rows.is_ambiguous[i] else ""
+            text = f"{rows.name[i]} {rows.value[i]:.{places}f} {unit}{doubt}"
+            words.append((int(i), Text(*_at(sheet(longest_middle(strips))), text, "measured")))
+    rank = {int(i): r for r, i in enumerate(worst_first(rows))}
+    texts = [text for _, text in sorted(words, key=lambda word: rank[word[0]])]
+    if len(texts) > MANY_LINES:
+        texts = texts[:MOST_MEASURED]
+    for i, strip in reference_strips(result).items():
+        text = f"{result.lines.name[i]} {result.lines.length_m[i]:.2f} m"
+        texts.append(Text(*_at(sheet(longest_middle([strip]))), text, "known"))
+    for label, spot in zip(result.points.label, sheet(result.points.position_world_m), strict=True):
+        texts.append(Text(float(spot[0]), float(spot[1]) - 8.0, label, "name"))
+    half = np.array([HALF_LETTER[text.kind] * len(text.text) + ASIDE for text in texts])
+    anchors = np.reshape([(text.x, text.y) for text in texts], (-1, 2))
+    # no text is cut off at the sheet's sides
+    anchors[:, 0] = np.clip(anchors[:, 0], half, np.maximum(WIDTH - half, half))
+    return [
+        replace(texts[i], x=float(anchors[i, 0]))
+        for i in uncovered(anchors, half, LINE_HEIGHT, MOST_NAMES)
+    ]
+
+
+def _at(drawn: Floats) -> tuple[float, float]:
+    return float(drawn[0]), float(drawn[1]) - 4.0

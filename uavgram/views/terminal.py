@@ -1,0 +1,158 @@
+"""Plain text for a terminal: the measurements, worst first, and the messages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from uavgram.model.flight.frames import Frames, Photos
+from uavgram.model.flight.geotag import GeoTags
+from uavgram.model.message import Message
+from uavgram.model.result.result import Result
+from uavgram.stages.synchronise.pairing import Pairing
+from uavgram.views.wording import (
+    KIND_WORDS,
+    NOT_UNIQUE,
+    alternatives_text,
+    decimals_for,
+    interval,
+    number,
+    relative,
+    utc,
+    with_sigma,
+    worst_first,
+)
+
+HEADER = ("measurement", "kind", "points", "value ± 1 sigma", "95 % interval", "sigma/value")
+RIGHT_ALIGNED = (3, 4, 5)
+DETAILS = {("info", "camera-learnt"), ("info", "camera-not-learnt")}
+"""Messages of every run that few need: results.json and the report have them."""
+
+OTHERS = "fits as well"
+
+
+def measurement_table(result: Result, most: int = 0) -> str:
+    """Measurements as aligned columns, the least certain first.
+
+    Parameters
+    ----------
+    result
+        Of a run.
+    most
+        Rows to show; 0: all.
+
+    Returns
+    -------
+    Lines without a trailing newline; a sentence where nothing was asked for.
+    """
+    rows = result.measurements
+    if not rows.name:
+        return "No measurements were asked for (measure: in the project file)."
+    unsure = bool(rows.is_ambiguous.any())
+    cells: list[tuple[str, ...]] = [(*HEADER, *((OTHERS,) if unsure else ()))]
+    for i in worst_first(rows)[: most or None]:
+        value, sigma, unit = float(rows.value[i]), float(rows.sigma[i]), rows.unit[i]
+        low, high = (float(bound) for bound in rows.interval_95[i])
+        cells.append(
+            (
+                rows.name[i],
+                KIND_WORDS.get(rows.kind[i], rows.kind[i]),
+                " ".join(rows.points[i]),
+                with_sigma(value, sigma, unit),
+                interval(low, high, sigma, unit),
+                "–" if rows.kind[i] == "coordinate" else relative(value, sigma, unit),
+                *((alternatives_text(rows, int(i)),) if unsure else ()),
+            )
+        )
+    return aligned(cells) + (f"\n{NOT_UNIQUE}" if unsure else "")
+
+
+def unshown_rows(result: Result, most: int, folder: Path) -> list[str]:
+    """What a table cut after `most` rows does not show, and where to see it."""
+    more = len(result.measurements.name) - most
+    if not most or more <= 0:
+        return []
+    return [
+        f"... and {more} more, which are known better: --rows 0 shows all, and all are in "
+        f"{folder / 'measurements.csv'}"
+    ]
+
+
+def message_lines(messages: Sequence[Message], *, verbose: bool = True) -> list[str]:
+    """One line per message: errors first, then warnings, then the choices that were made.
+
+    Without `verbose`, nothing of what only says how the program came to its numbers.
+    """
+    rank = {"error": 0, "warning": 1, "info": 2}
+    told = [m for m in messages if verbose or (m.level, m.code) not in DETAILS]
+    ordered = sorted(told, key=lambda message: rank[message.level])
+    return [f"{message.level}: {message.text}" for message in ordered]
+
+
+def aligned(cells: Sequence[tuple[str, ...]], right: tuple[int, ...] = RIGHT_ALIGNED) -> str:
+    """Rows of text as columns two blanks apart, a rule below the first row."""
+    widths = [max(len(row[c]) for row in cells) for c in range(len(cells[0]))]
+    lines = [
+        "  ".join(
+            text.rjust(width) if c in right else text.ljust(width)
+            for c, (text, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in cells
+    ]
+    return "\n".join([lines[0], "-" * max(len(line) for line in lines), *lines[1:]])
+
+
+def truth_table(result: Result, truth: Mapping[str, float]) -> str:
+    """Measurements beside their true values, where those are known, in the project's order."""
+    rows = result.measurements
+    cells = [("measurement", "points", "value ± 1 sigma", "truth", "error", "error/sigma")]
+    for i, name in enumerate(rows.name):
+        value, sigma, unit = float(rows.value[i]), float(rows.sigma[i]), rows.unit[i]
+        known = truth.get(name, float("nan"))
+        decimals = decimals_for(sigma, unit)
+        cells.append(
+            (
+                name,
+                " ".join(rows.points[i]),
+                with_sigma(value, sigma, unit),
+                number(known, decimals),
+                number(value - known, decimals, signed=True),
+                number((value - known) / sigma, 1, signed=True),
+            )
+        )
+    return aligned(cells, right=(2, 3, 4, 5))
+
+
+def check_lines(
+    photos: Photos, frames: Frames, pairing: Pairing | None, messages: Sequence[Message]
+) -> list[str]:
+    """What `uavgram check` has to say: one line per photo, then the messages."""
+    cells = [("photo", "size", "exposure (UTC)", "matched", "camera event", "photo - event")]
+    for i, name in enumerate(frames.frame_id):
+        matched = "yes" if frames.matched[i] else frames.reason[i]
+        size = f"{photos.width_px[i]:.0f} x {photos.height_px[i]:.0f}"
+        instant = utc(float(frames.time_utc_s[i]))
+        cells.append((name, size, instant, matched, *_event_cells(pairing, i)))
+    said = message_lines(messages)
+    return [*aligned(cells, right=(5,)).splitlines(), "", *said, "every input can be read"]
+
+
+def _event_cells(pairing: Pairing | None, row: int) -> tuple[str, str]:
+    """Which camera event a photo is, and its residual; why it is none."""
+    if pairing is None:
+        return "–", "–"
+    event = int(pairing.event_index[row])
+    which = "none" if event < 0 else f"{event + 1} ({pairing.status[row]})"
+    return which, f"{number(float(pairing.residual_s[row]), 3, signed=True)} s"
+
+
+def geotag_lines(tags: GeoTags, messages: Sequence[Message]) -> list[str]:
+    """What `uavgram geotag` has to say: one line per photo, the datum, then the messages."""
+    datum = "above mean sea level" if tags.datum == "msl" else "above the WGS 84 ellipsoid"
+    cells = [("photo", "pose", "latitude", "longitude", "height", "sigma (horizontal, height)")]
+    for k, name in enumerate(tags.frame_id):
+        sigmas = f"{tags.sigma_horizontal_m[k]:.2f} m, {tags.sigma_vertical_m[k]:.2f} m"
+        place = (f"{tags.latitude_deg[k]:.7f}", f"{tags.longitude_deg[k]:.7f}")
+        cells.append((name, tags.pose[k], *place, f"{tags.height_m[k]:.2f} m", sigmas))
+    said = message_lines(messages)
+    return [*aligned(cells, right=(2, 3, 4, 5)).splitlines(), "", f"heights are {datum}", *said]

@@ -1,0 +1,205 @@
+"""The Rerun viewer as a program of its own, on a screen or in a browser of this machine."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from urllib.parse import quote
+
+from uavgram.errors import InputError, UavgramError
+from uavgram.views.viewer import process as viewer_process
+from uavgram.views.viewer.proxy import LOOPBACK, ViewerGate
+
+MAGIC = (b"RRF2", b"RRIO", b"RRF0", b"RRF1")
+START_S = 30.0
+"""Longest wait for the viewer's server."""
+
+END_S = 5.0
+"""Longest wait for its end, before it is killed."""
+
+_POLL_S = 0.05
+
+_NO_ANALYTICS = {"CI": "1"}
+"""By which Rerun sends nothing about its use, and keeps no file of it: as in automatic tests. The
+other way, `rerun analytics disable`, would change what the user's own viewers do."""
+
+_FORCED = {"FORCE_RERUN_ANALYTICS"}
+
+
+def open_viewer(recording: Path) -> None:
+    """Open a recording in the viewer that came with rerun-sdk; return when it is closed.
+
+    The viewer listens on this machine only.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or it is no recording.
+    UavgramError
+        The viewer could not run, for example without a screen.
+    """
+    _check(recording)
+    viewer = _start(["--bind", LOOPBACK, "--", str(recording)])
+    try:
+        status = viewer.wait()
+    finally:
+        _end(viewer)
+    if status:
+        raise UavgramError(
+            f"the Rerun viewer ended with status {status}; it needs a screen and a graphics driver "
+            f"(try in a browser: uavgram view {recording} --web)"
+        )
+
+
+class RecordingServer:
+    """The viewer's server of one recording, in a process of its own, for this machine alone.
+
+    Parameters
+    ----------
+    recording
+        The file.
+
+    Attributes
+    ----------
+    address
+        To open in a browser.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or it is no recording.
+    UavgramError
+        The server could not run.
+    """
+
+    def __init__(self, recording: Path) -> None:
+        _check(recording)
+        page, data = _free_ports(2)
+        self._gate: ViewerGate | None = None
+        where = ("--web-viewer-port", str(page), "--port", str(data))
+        self._process = _start(["--serve-web", "--bind", LOOPBACK, *where], RUST_LOG="error")
+        try:
+            self._await(page, data)
+        except BaseException:
+            self.stop()
+            raise
+        self._gate = ViewerGate(page, recording)
+        home = f"http://{LOOPBACK}:{self._gate.server_port}"
+        self.address = f"{home}?url={quote(home + self._gate.way, safe='')}&theme=dark"
+
+    @property
+    def is_up(self) -> bool:
+        """Whether it still runs."""
+        return self._process.poll() is None
+
+    def _await(self, *ports: int) -> None:
+        if not all(_is_up(self._process, port) for port in ports):
+            raise UavgramError(
+                "the Rerun viewer's server did not start: see what it said above, and check "
+                "that rerun-sdk is installed whole"
+            )
+
+    def wait(self) -> int:
+        """Wait until it ends; its exit status."""
+        return self._process.wait()
+
+    def stop(self) -> None:
+        """End it, and all that it started."""
+        if self._gate is not None:
+            self._gate.close()
+            self._gate = None
+        _end(self._process)
+
+
+def serve_viewer(recording: Path, started: Callable[[str], None]) -> None:
+    """Serve a recording to browsers of this machine, until Ctrl-C or until the server ends.
+
+    Parameters
+    ----------
+    recording
+        The file.
+    started
+        Called with the address once it can be opened.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or it is no recording.
+    UavgramError
+        The server could not run.
+    """
+    server = RecordingServer(recording)
+    try:
+        started(server.address)
+        status = server.wait()
+    finally:
+        server.stop()
+    if status:
+        raise UavgramError(f"the Rerun viewer's server ended with status {status}")
+
+
+def _start(arguments: list[str], **environment: str) -> subprocess.Popen[bytes]:
+    """Start the viewer's program; it ends with this process, however that ends."""
+    # -P: no file of the folder that somebody stands in is taken for a module of the program.
+    command = [sys.executable, "-P", viewer_process.__file__, *arguments]
+    given = {name: value for name, value in os.environ.items() if name not in _FORCED}
+    # In a session of its own: what it starts ends with it, and Ctrl-C comes to us alone.
+    return subprocess.Popen(  # noqa: S603  (our own interpreter)
+        command,
+        stdin=subprocess.PIPE,
+        env=given | _NO_ANALYTICS | environment,
+        start_new_session=True,
+    )
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End the viewer's program, and all that it started."""
+    with suppress(ProcessLookupError):  # all of it has ended
+        os.killpg(process.pid, signal.SIGTERM)
+        process.wait()
+        end = time.monotonic() + END_S
+        while time.monotonic() < end:
+            os.killpg(process.pid, 0)  # what it started may need longer
+            time.sleep(_POLL_S)
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    if process.stdin is not None:
+        process.stdin.close()
+
+
+def _check(recording: Path) -> None:
+    try:
+        with recording.open("rb") as stream:
+            head = stream.read(4)
+    except OSError as fault:
+        raise InputError(recording, f"cannot be read: {fault.strerror}") from fault
+    if head not in MAGIC:
+        raise InputError(recording, "is not a Rerun recording (.rrd)")
+
+
+def _free_ports(count: int) -> list[int]:
+    """Ports of this machine that nobody listens on, all different."""
+    held = [socket.create_server((LOOPBACK, 0)) for _ in range(count)]
+    ports = [one.getsockname()[1] for one in held]
+    for one in held:
+        one.close()
+    return ports
+
+
+def _is_up(server: subprocess.Popen[bytes], port: int) -> bool:
+    """Wait until the port answers; False if the server ends, or does not answer in time."""
+    end = time.monotonic() + START_S
+    while server.poll() is None and time.monotonic() < end:
+        try:
+            with socket.create_connection((LOOPBACK, port), timeout=1.0):
+                return True
+        except OSError:
+            time.sleep(_POLL_S)
+    return False
