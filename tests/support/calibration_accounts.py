@@ -7,11 +7,12 @@ import numpy as np
 
 from uavgram.imaging.photos.preview import preview_of
 from uavgram.model.camera.board import CalibrationOptions
+from uavgram.model.camera.calibration_account import CalibrationAccount
 from uavgram.model.camera.provenance import CameraProvenance
 from uavgram.model.message import Message
 from uavgram.model.provenance import InputDigest
 from uavgram.stages.calibrate import calibrate
-from uavgram.stages.calibrate.account import CalibrationAccount, lens_effects
+from uavgram.stages.calibrate.account import lens_effects
 
 
 def make_account(seed=0, *, options=None, name="a camera", spoil=0, model="brown", **scene):

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.boot_clock import as_text, fit_boot_clock, to_utc
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
-from uavgram.model.arrays import Floats, freeze
+from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import (
     Boot,
     BootClock,
@@ -18,69 +16,12 @@ from uavgram.model.flight.log import (
     HomeSamples,
     PositionSamples,
 )
+from uavgram.model.flight.log_summary import BootSummary, LogSummary
 from uavgram.model.message import Message
 
 _LONG_PAUSE_S = 1.0
 _HOME_MOVED_M = 0.5
 _HEIGHT_JUMP_M = 50.0
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class BootSummary:
-    """One boot, judged.
-
-    Attributes
-    ----------
-    boot
-        Its tables.
-    clock
-        Its line to UTC; None where the log has none.
-    span_utc
-        First and last position, for people; empty without a clock.
-    track_m
-        (N, 2) positions, metres east and north of the first.
-    path_m
-        Length of the way over ground.
-    clock_time_s, clock_residual_s
-        (C,) boot times of the readings that the clock was made of, and by how much each is ahead
-        of its line.
-    event_track_m
-        (E, 2) where the camera events lie on the track; NaN outside of it.
-    home_moves_m
-        The furthest that home moves from where it first was.
-    messages
-        What is odd about the clock, the track, the events.
-    """
-
-    boot: Boot
-    clock: BootClock | None
-    span_utc: tuple[str, str]
-    track_m: Floats
-    path_m: float
-    clock_time_s: Floats
-    clock_residual_s: Floats
-    event_track_m: Floats
-    home_moves_m: float
-    messages: tuple[Message, ...]
-
-    def __post_init__(self) -> None:
-        n, c, e = len(self.track_m), len(self.clock_time_s), len(self.event_track_m)
-        freeze(
-            self,
-            may_be_nan=("event_track_m",),
-            track_m=(n, 2),
-            clock_time_s=(c,),
-            clock_residual_s=(c,),
-            event_track_m=(e, 2),
-        )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LogSummary:
-    """A flight log and its judged boots."""
-
-    log: FlightLog
-    boots: tuple[BootSummary, ...]
 
 
 def summarise_log(log: FlightLog) -> LogSummary:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from uavgram.model.flight.frames import Frames, Photos
 from uavgram.model.flight.geotag import GeoTags
+from uavgram.model.flight.pairing import Pairing
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
-from uavgram.stages.synchronise.pairing import Pairing
 from uavgram.views.wording import (
     KIND_WORDS,
     NOT_UNIQUE,

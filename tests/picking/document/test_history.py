@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply
+from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.document.state import State
-from uavgram.picking.protocol.parse import RefusedError
 
 LABELS = st.sampled_from(["A", "B", "C", "D"])
 IMAGES = st.sampled_from(["1.jpg", "2.jpg"])

@@ -11,7 +11,8 @@ from uavgram.io.tables.lines import read_lines
 from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picks import read_picks
 from uavgram.model.limits import LONGEST_NAME
-from uavgram.picking.protocol.parse import PhotoSize, RefusedError, parse_message
+from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.protocol.parse import PhotoSize, parse_message
 
 PHOTOS = (PhotoSize("P1.jpg", 640, 480),)
 NUMBERS = (

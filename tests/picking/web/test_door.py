@@ -354,8 +354,8 @@ def test_more_pages_than_people_open_are_refused(server, cookie):
 
 def test_a_project_has_a_greatest_size():
     from uavgram.picking.document import commands as c
+    from uavgram.picking.document.refused import RefusedError
     from uavgram.picking.document.state import Pick, State
-    from uavgram.picking.protocol.parse import RefusedError
 
     picks = tuple(Pick(image="a", label=str(k), u_px=1, v_px=1) for k in range(MOST_ITEMS))
     with pytest.raises(RefusedError, match="20000 picks"):

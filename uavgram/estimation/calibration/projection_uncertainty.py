@@ -15,8 +15,9 @@ from uavgram.estimation.calibration.difference import camera_difference, image_g
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane import intersect_ground_with_jacobian
 from uavgram.geometry.motion.rotation import hat
-from uavgram.model.arrays import Floats, freeze
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.calibration_account import LengthUncertainty
 
 _REWEIGHTINGS = 5
 
@@ -51,38 +52,6 @@ def projection_covariance(
 def worst_sigma(covariance: Floats) -> Floats:
     """(N,) standard deviation of (N, 2, 2) covariances in their worst direction."""
     return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0)))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LengthUncertainty:
-    """What a calibration's errors do to lengths on level ground, seen from a given pose.
-
-    Attributes
-    ----------
-    pixel_px
-        (L, 2, 2) ends of the lengths in the image.
-    length
-        (L,) in heights of the camera above the ground.
-    pose_known
-        (L,) relative standard deviation where the pose comes from elsewhere (the flight log).
-    pose_fitted
-        (L,) where the pose follows the picture: lengths relative to each other, as where known
-        lengths fix pose and scale.
-    """
-
-    pixel_px: Floats
-    length: Floats
-    pose_known: Floats
-    pose_fitted: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.length)
-        freeze(self, pixel_px=(n, 2, 2), length=(n,), pose_known=(n,), pose_fitted=(n,))
-
-    @property
-    def medians(self) -> tuple[float, float]:
-        """What the lens alone costs a usual length, as a share: `pose_fitted`, `pose_known`."""
-        return float(np.median(self.pose_fitted)), float(np.median(self.pose_known))
 
 
 def length_uncertainty(

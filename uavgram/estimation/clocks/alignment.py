@@ -9,7 +9,6 @@ events fit at several offsets: that is seen, not guessed away.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from scipy.ndimage import minimum_filter1d
@@ -18,8 +17,8 @@ from scipy.optimize import linear_sum_assignment
 from uavgram.estimation.clocks.camera_clock import CameraClock, fit_camera_clock, is_within
 from uavgram.estimation.clocks.offset_search import Search, search_offsets
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.flight.pairing import PairStatus
 
-PairStatus = Literal["certain", "hidden", "crowded", "none"]
 _STATUS: tuple[PairStatus, ...] = ("certain", "hidden", "crowded", "none")
 _CERTAIN = 0
 _LEAST_PAIRS = 3

@@ -15,8 +15,8 @@ import numpy as np
 from uavgram.io.outputs import replace_text
 from uavgram.io.results.results_json import one_record_a_line
 from uavgram.io.results.tables import plain
+from uavgram.model.camera.calibration_account import CalibrationAccount, LensEffect
 from uavgram.model.camera.calibration_result import CalibrationResult
-from uavgram.stages.calibrate.account import CalibrationAccount, LensEffect
 
 SCHEMA = 1
 

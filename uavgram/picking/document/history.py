@@ -14,8 +14,8 @@ from typing import TypeVar
 from uavgram.io.tables.measure import POINT_COUNTS
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document import commands as c
+from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.document.state import Line, Pick, State, with_label
-from uavgram.picking.protocol.parse import RefusedError
 
 MOST_STEPS = 10_000
 """Steps that can be taken back; older ones are forgotten."""

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, NoReturn, TypeVar
 
-from uavgram.errors import UavgramError
 from uavgram.io.tables.measure import PARAMETERS, POINT_COUNTS, parameter_fault
 from uavgram.model.camera.calibration import LensModel
 from uavgram.model.limits import (
@@ -26,6 +25,7 @@ from uavgram.model.limits import (
 )
 from uavgram.model.survey.observations import MeasurementKind
 from uavgram.picking.document import commands as c
+from uavgram.picking.document.refused import RefusedError
 
 LONGEST_MESSAGE = 1_000_000
 MOST_POINTS = 256
@@ -36,18 +36,6 @@ _UNIT = re.compile(r"_(px|m)$")  # of a field; people know the field without it
 _TARGETS: tuple[c.Target, ...] = ("corner", "circle")
 
 Choice = TypeVar("Choice", bound=str)
-
-
-class RefusedError(UavgramError):
-    """A message that says or asks for something impossible; the page shows why.
-
-    Attributes
-    ----------
-    seq
-        The message's own number, as far as it could be read.
-    """
-
-    seq: int | None = None
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from uavgram.errors import UavgramError
 from uavgram.io.discovery.photo_folders import PhotoFolder
 from uavgram.model.camera.board import CalibrationOptions
 from uavgram.picking.document.commands import Calibrate
+from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
-from uavgram.picking.protocol.parse import RefusedError
 from uavgram.pipeline.cameras.calibrate import CAMERA, REPORT, Calibrated
 from uavgram.pipeline.cameras.nearby import board_folders, calibrate_folder
 from uavgram.views.calibration.verdict import calibration_facts, judge_calibration

@@ -12,8 +12,8 @@ from anyio import to_thread
 
 from uavgram.errors import UavgramError
 from uavgram.picking.document import commands as c
+from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
-from uavgram.picking.protocol.parse import RefusedError
 from uavgram.picking.session.calibration_job import CalibrationJob
 from uavgram.picking.session.outputs import Outputs
 from uavgram.picking.session.session import PickSession

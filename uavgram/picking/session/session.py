@@ -17,6 +17,7 @@ from uavgram.imaging.photos.tiled_photos import PhotoFile, TiledPhotos
 from uavgram.imaging.photos.tiles import TILE_PX
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply
+from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.document.state import State, state_of
 from uavgram.picking.protocol.encode_ground import same_ground_json
 from uavgram.picking.protocol.encode_project import (
@@ -33,7 +34,7 @@ from uavgram.picking.protocol.encode_survey import (
     messages_json,
     state_json,
 )
-from uavgram.picking.protocol.parse import Message, PhotoSize, RefusedError, parse_message
+from uavgram.picking.protocol.parse import Message, PhotoSize, parse_message
 from uavgram.picking.session.workers import Live, Task
 from uavgram.picking.storage.journal import Saver
 from uavgram.pipeline.pick.known_places import known_places

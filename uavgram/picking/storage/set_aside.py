@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from uavgram.errors import UavgramError
 from uavgram.io.own_files import check_own
 from uavgram.picking.document.state import State
-from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.storage.journal import JOURNAL, left_in
 
+Json = dict[str, Any]
 Changes = tuple[Json, ...]
 
 

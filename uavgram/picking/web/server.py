@@ -18,8 +18,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from uavgram.errors import UavgramError
 from uavgram.picking.document import commands as c
+from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
-from uavgram.picking.protocol.parse import LONGEST_MESSAGE, RefusedError, parse_message
+from uavgram.picking.protocol.parse import LONGEST_MESSAGE, parse_message
 from uavgram.picking.session.project import Keep, OpenProject, Run
 from uavgram.picking.session.session import PickSession
 from uavgram.picking.storage.journal import Saver

@@ -30,6 +30,7 @@ from uavgram.io.photos.camera_tags import read_camera_tags
 from uavgram.io.results.calibration_json import write_calibration
 from uavgram.model.camera.board import Board, BoardPhoto, CalibrationOptions, LensSetting
 from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.calibration_account import CalibrationAccount, PhotoFate
 from uavgram.model.camera.calibration_result import CalibrationResult
 from uavgram.model.camera.provenance import CameraProvenance, OptionValue
 from uavgram.model.camera.tags import CameraTags
@@ -37,8 +38,6 @@ from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.pipeline.versions import package_versions
 from uavgram.stages.calibrate.account import (
-    CalibrationAccount,
-    PhotoFate,
     common_error_message,
     lens_effects,
     unexplained_error,

@@ -11,6 +11,7 @@ from uavgram.geometry.earth.geodesy import curvature_drop
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import FlightLog, HeightDatum
+from uavgram.model.flight.pairing import Pairing
 from uavgram.model.flight.photo_poses import Flight, PhotoExposures, PhotoPoses
 from uavgram.model.message import Message
 from uavgram.model.options import GeodeticOrigin, MountOptions
@@ -21,7 +22,6 @@ from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
 from uavgram.stages.seed.seed import seed
 from uavgram.stages.seed.track import build_track, find_home, track_gaps
 from uavgram.stages.synchronise import Synchronised, synchronise
-from uavgram.stages.synchronise.pairing import Pairing
 
 Place = tuple[float, float, float]
 

@@ -2,77 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.common_error import common_error
-from uavgram.estimation.calibration.projection_uncertainty import (
-    LengthUncertainty,
-    length_uncertainty,
-)
+from uavgram.estimation.calibration.projection_uncertainty import length_uncertainty
 from uavgram.model.camera.board import BoardObservations
+from uavgram.model.camera.calibration_account import LengthUncertainty, LensEffect
 from uavgram.model.camera.calibration_result import CalibrationResult
-from uavgram.model.camera.provenance import CameraProvenance
 from uavgram.model.message import Message
 
 POSES_DEG = (0.0, 45.0)
 """Of the optical axis from straight down: a map, and an overview from the side."""
-
-PhotoFate = tuple[str, str]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LensEffect:
-    """What the camera's errors do to lengths on level ground, at one pose.
-
-    Attributes
-    ----------
-    tilt_deg
-        Of the optical axis from straight down.
-    lengths
-        Over the image; None where the camera sees too little ground at this tilt.
-    """
-
-    tilt_deg: float
-    lengths: LengthUncertainty | None
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CalibrationAccount:
-    """All that files and pictures of a calibration are made from.
-
-    Attributes
-    ----------
-    result
-        The camera and its judgement.
-    provenance
-        Chain of custody.
-    packages
-        Pairs of package name and version.
-    without_board
-        Photos in which the board was not found, with the reason.
-    common_error_px
-        Added to the corners' own sigmas in quadrature: what residuals show beside their noise.
-    effects
-        One for each of `POSES_DEG`.
-    messages
-        On the photos, then on the calibration.
-    """
-
-    result: CalibrationResult
-    provenance: CameraProvenance
-    packages: tuple[tuple[str, str], ...]
-    without_board: tuple[PhotoFate, ...]
-    common_error_px: float
-    effects: tuple[LensEffect, ...]
-    messages: tuple[Message, ...]
-
-    @property
-    def left_out(self) -> tuple[PhotoFate, ...]:
-        """Photos that are not in ``result.photos``, with the reason."""
-        return (*self.without_board, *self.result.photos.unusable)
 
 
 def unexplained_error(result: CalibrationResult) -> float:

@@ -23,10 +23,11 @@ from uavgram.estimation.clocks.alignment import Alignment
 from uavgram.estimation.clocks.camera_clock import COARSE_S
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Photos
+from uavgram.model.flight.pairing import Pairing
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise.boots import ClockedBoot
-from uavgram.stages.synchronise.pairing import Pairing, pairing_messages, pairing_of
+from uavgram.stages.synchronise.pairing import pairing_messages, pairing_of
 
 EVENT_JITTER_S = 0.01  # of a shutter after its event: one step of ArduPilot's 50 Hz loop is 0.02
 _LEAST_JITTER_S = 0.002  # no shutter was seen to be steadier

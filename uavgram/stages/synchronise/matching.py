@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 from uavgram.model.flight.frames import Frames, Photos
 from uavgram.model.flight.log import Boot, BootClock, FlightLog
+from uavgram.model.flight.pairing import Pairing
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise.alignment import by_alignment
 from uavgram.stages.synchronise.boots import usable_boots
-from uavgram.stages.synchronise.pairing import Pairing
 from uavgram.stages.synchronise.placement import placed_frames, unmatched_messages
 from uavgram.stages.synchronise.timing import by_offset, by_order
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from uavgram.model.camera.calibration_account import CalibrationAccount
 from uavgram.model.camera.calibration_result import CalibrationResult
-from uavgram.stages.calibrate.account import CalibrationAccount
 from uavgram.views.calibration.camera_text import parameter_cells
 from uavgram.views.calibration.drawing import SQRT2, pixels_text
 from uavgram.views.calibration.verdict import calibration_facts, judge_calibration

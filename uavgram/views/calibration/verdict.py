@@ -6,8 +6,8 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.calibration_account import CalibrationAccount, LensEffect
 from uavgram.model.camera.calibration_result import CalibrationResult
-from uavgram.stages.calibrate.account import CalibrationAccount, LensEffect
 from uavgram.views.calibration.drawing import pixels_text
 from uavgram.views.survey.verdict import Verdict
 

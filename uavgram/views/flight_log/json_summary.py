@@ -17,7 +17,7 @@ from uavgram.model.flight.log import (
     HomeSamples,
     PositionSamples,
 )
-from uavgram.stages.log_summary import BootSummary, LogSummary
+from uavgram.model.flight.log_summary import BootSummary, LogSummary
 
 
 def log_summary_json(summary: LogSummary) -> str:

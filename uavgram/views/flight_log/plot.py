@@ -15,7 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, SubFigure
 
 from uavgram.model.flight.log import CameraEvents
-from uavgram.stages.log_summary import BootSummary, LogSummary
+from uavgram.model.flight.log_summary import BootSummary, LogSummary
 from uavgram.views.flight_log.text import KINDS
 
 _BLUE, _ORANGE, _RED, _GREY, _GREEN = "#2f6fb5", "#d9730d", "#c92a2a", "#8a8f98", "#2b8a3e"

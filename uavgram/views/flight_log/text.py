@@ -16,7 +16,7 @@ from uavgram.model.flight.log import (
     MessageCount,
     PositionSamples,
 )
-from uavgram.stages.log_summary import BootSummary, LogSummary
+from uavgram.model.flight.log_summary import BootSummary, LogSummary
 
 KINDS = {
     "dataflash": "ArduPilot DataFlash log",

@@ -11,7 +11,6 @@ import numpy as np
 
 from uavgram.geometry.motion.interpolation import interpolate_rotation
 from uavgram.geometry.motion.rotation import matrix_from_ypr, xyzw_from_matrix, ypr_from_matrix
-from uavgram.io.logs.dataflash.samples import merged_sigmas
 from uavgram.io.logs.quality import gimbal as gimbal_forms
 from uavgram.io.logs.quality.rows import (
     as_numbers,
@@ -20,6 +19,7 @@ from uavgram.io.logs.quality.rows import (
     near_its_track,
     plausible_rows,
 )
+from uavgram.io.logs.quality.sigmas import merged_sigmas
 from uavgram.io.logs.tlog.frames import Columns
 from uavgram.io.logs.tlog.stream import Stream
 from uavgram.model.arrays import Floats, Ints

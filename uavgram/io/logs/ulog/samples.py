@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.io.logs.dataflash.samples import merged_sigmas
 from uavgram.io.logs.quality import gimbal as gimbal_forms
 from uavgram.io.logs.quality.rows import left_out, near_its_track, plausible_rows
+from uavgram.io.logs.quality.sigmas import merged_sigmas
 from uavgram.io.logs.ulog.topics import Topic, UlogTables
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import (

@@ -1,0 +1,47 @@
+"""Accuracies that an estimator states in several messages, as one table."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.io.logs.quality.rows import plausible_rows
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.log import EstimatorSigmas
+
+
+def merged_sigmas(
+    parts: list[tuple[str, Floats, dict[str, Floats]]],
+) -> EstimatorSigmas | None:
+    """Statements of several messages, interpolated to the times of the first that says anything.
+
+    Parameters
+    ----------
+    parts
+        Message name, (N,) times, and its columns by ``horizontal``, ``vertical`` [m], ``tilt``,
+        ``yaw`` [rad]; where two messages state the same, the larger holds.
+    """
+    base: Floats | None = None
+    used: list[str] = []
+    merged: dict[str, Floats] = {}
+    for name, time, columns in parts:
+        for key, values in columns.items():
+            limit = 1000.0 if key in ("horizontal", "vertical") else 1.0
+            rows = plausible_rows(time, (values > 0) & (values < limit))
+            if not len(rows):
+                continue
+            base = time[rows] if base is None else base
+            here = np.interp(base, time[rows], values[rows])
+            merged[key] = np.fmax(merged[key], here) if key in merged else here
+            if name not in used:
+                used.append(name)
+    if base is None:
+        return None
+    silent = np.full(len(base), np.nan)
+    return EstimatorSigmas(
+        time_boot_s=base,
+        horizontal_m=merged.get("horizontal", silent),
+        vertical_m=merged.get("vertical", silent),
+        tilt_rad=merged.get("tilt", silent),
+        yaw_rad=merged.get("yaw", silent),
+        source="+".join(used),
+    )
