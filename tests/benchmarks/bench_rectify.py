@@ -63,7 +63,7 @@ def job_for(view: View, raster: GroundRaster) -> dict[str, object]:
     placed = projected_from_enu(steps, view.origin, raster.crs)
     u, _, vt = np.linalg.svd((placed[1:] - placed[0]).T)
     ground = projected_from_enu(
-        np.append(result.shared.plane_pivot_m, result.shared.plane_height_m.value)[None],
+        np.append(result.plane.pivot_m, result.plane.height_m.value)[None],
         view.origin,
         raster.crs,
     )

@@ -40,7 +40,7 @@ def test_points_of_an_area_get_a_plane_of_their_own(project, truth, tmp_path):
     result = uavgram.run(path, output=None)
 
     assert [area.name for area in result.areas] == ["default", "verge"]
-    assert result.areas[0].height_m.value == result.shared.plane_height_m.value
+    assert result.areas[0].height_m.value == result.plane.height_m.value
     assert [m.text for m in result.messages if m.code == "area-unpicked"] == [
         "The ground's area 'lawn' is not used: no usable pick names it in the column `area` of "
         "picks.csv."

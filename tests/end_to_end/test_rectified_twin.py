@@ -50,11 +50,15 @@ def with_true_cameras(result, truth, shift):
     )
     shared = replace(
         result.shared,
-        plane_height_m=Estimate(value=-shift[2:], sigma=np.zeros(1)),
-        plane_slope_deg=Estimate(value=np.zeros(2), sigma=np.zeros(2)),
         intrinsics=Estimate(value=np.array(truth["intrinsics"]), sigma=np.zeros(9)),
     )
-    return replace(result, frames=replace(result.frames, refined=table), shared=shared)
+    plane = replace(
+        result.plane,
+        height_m=Estimate(value=-shift[2:], sigma=np.zeros(1)),
+        slope_deg=Estimate(value=np.zeros(2), sigma=np.zeros(2)),
+    )
+    frames = replace(result.frames, refined=table)
+    return replace(result, frames=frames, shared=shared, areas=(plane,))
 
 
 @pytest.fixture(scope="module")

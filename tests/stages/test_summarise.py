@@ -49,10 +49,11 @@ def test_shared_unknowns_stand_in_degrees_with_their_own_sigmas(refined):
         estimate = getattr(shared, name)
         np.testing.assert_allclose(estimate.value, state.telemetry[part] * unit + shift)
         np.testing.assert_allclose(estimate.sigma, sigma[first:][part] * unit)
-    np.testing.assert_allclose(shared.plane_height_m.value, state.plane[:1])
-    np.testing.assert_allclose(shared.plane_slope_deg.value, np.degrees(state.plane[1:]), rtol=1e-3)
+    (ground,) = summarise_areas(adjustment)
+    np.testing.assert_allclose(ground.height_m.value, state.plane[:1])
+    np.testing.assert_allclose(ground.slope_deg.value, np.degrees(state.plane[1:]), rtol=1e-3)
     plane = sigma[layout.first_plane :][:3]
-    np.testing.assert_allclose(shared.plane_slope_deg.sigma, np.degrees(plane[1:]), rtol=1e-3)
+    np.testing.assert_allclose(ground.slope_deg.sigma, np.degrees(plane[1:]), rtol=1e-3)
     basis = adjustment.problem.intrinsic_basis
     part = slice(layout.first_intrinsic, layout.first_plane)
     covariance = basis @ joint[part, part] @ basis.T
@@ -78,10 +79,7 @@ def test_every_area_has_its_own_plane_the_gauges_without_error(scene_factory, ga
     )
     adjustment = refine(scene.survey, SolveOptions())[0].adjustment
     road, verge = summarise_areas(adjustment)
-    shared = summarise_shared(adjustment, 0.0)
     assert (road.name, verge.name) == ("default", "verge")
-    np.testing.assert_array_equal(shared.plane_height_m.value, road.height_m.value)
-    np.testing.assert_array_equal(shared.plane_pivot_m, road.pivot_m)
     np.testing.assert_allclose(road.height_m.value, [0.0], atol=1e-6)
     np.testing.assert_allclose(verge.height_m.value, [0.4], atol=1e-6)
     np.testing.assert_allclose(verge.slope_deg.value, [0.0, 0.0], atol=1e-5)
@@ -95,12 +93,13 @@ def test_every_area_has_its_own_plane_the_gauges_without_error(scene_factory, ga
 
 def test_without_log_there_are_no_biases_and_the_plane_is_exact(scene_factory):
     scene = scene_factory(2, telemetry=False, gauge="plane")
-    shared = summarise_shared(refine(scene.survey, SolveOptions())[0].adjustment, 0.0)
+    adjustment = refine(scene.survey, SolveOptions())[0].adjustment
+    shared, (ground,) = summarise_shared(adjustment, 0.0), summarise_areas(adjustment)
     assert shared.boresight_deg is None
     assert shared.clock_offset_s is None
     assert shared.clock_drift_ppm is None
-    assert shared.plane_height_m.value == [0.0]
-    assert (shared.plane_slope_deg.sigma == 0).all()
+    assert ground.height_m.value == [0.0]
+    assert (ground.slope_deg.sigma == 0).all()
 
 
 def test_every_frame_has_a_state_and_a_reason(scene, refined):

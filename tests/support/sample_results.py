@@ -112,9 +112,6 @@ def sample_result() -> Result:
             heading_bias_deg=_estimate(rng, 1),
             clock_offset_s=_estimate(rng, 1),
             clock_drift_ppm=_estimate(rng, 1),
-            plane_height_m=_estimate(rng, 1),
-            plane_slope_deg=_estimate(rng, 2),
-            plane_pivot_m=rng.normal(size=2),
             intrinsics=_estimate(rng, 8),
         ),
         areas=tuple(

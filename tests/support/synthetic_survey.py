@@ -14,7 +14,7 @@ from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import Message
 from uavgram.model.provenance import InputDigest, Provenance
 from uavgram.model.result.result import Alternative, GroupFactor, Result, SolutionSummary
-from uavgram.model.result.shared import Estimate, SharedResult
+from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
 from uavgram.model.result.tables import (
     FrameResults,
     LineChecks,
@@ -335,10 +335,15 @@ def build(
             position_bias_m=_estimate([1.2, -0.8, 1.5], [0.3, 0.3, 0.4]) if telemetry else None,
             heading_bias_deg=_estimate([0.7], [0.2]) if telemetry else None,
             clock_offset_s=_estimate([0.31], [0.04]) if telemetry else None,
-            plane_height_m=_estimate([0.0], [0.05]),
-            plane_slope_deg=_estimate([0.0, 0.0], [0.1, 0.1]),
-            plane_pivot_m=np.zeros(2),
             intrinsics=_estimate(LENS, 0.5 * LENS_SIGMA),
+        ),
+        areas=(
+            AreaPlane(
+                name="default",
+                height_m=_estimate([0.0], [0.05]),
+                slope_deg=_estimate([0.0, 0.0], [0.1, 0.1]),
+                pivot_m=np.zeros(2),
+            ),
         ),
         frames=FrameResults(
             frame_id=tuple(frames["id"]),

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from uavgram.geometry.ground.top_view import View
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.maps.raster import GroundRaster
-from uavgram.model.result.shared import Estimate
+from uavgram.model.result.shared import AreaPlane, Estimate
 from uavgram.model.result.tables import PoseTable
 
 SIZE_PX = (800, 600)
@@ -53,11 +53,6 @@ def make_view(
     parameters = LENSES[lens]
     shared = replace(
         result.shared,
-        plane_height_m=Estimate(value=np.array(plane[:1]), sigma=np.zeros(1)),
-        plane_slope_deg=Estimate(
-            value=np.rad2deg(np.arctan(np.array(plane[1:]))), sigma=np.zeros(2)
-        ),
-        plane_pivot_m=np.array(pivot, float),
         intrinsics=Estimate(value=parameters, sigma=np.zeros(len(parameters))),
     )
     table = PoseTable(
@@ -86,7 +81,15 @@ def make_view(
         parameters=parameters,
         covariance=np.eye(len(parameters)) * 1e-6,
     )
-    made = replace(result, world=world, camera=camera, shared=shared, frames=frames)
+    ground = AreaPlane(
+        name="default",
+        height_m=Estimate(value=np.array(plane[:1]), sigma=np.zeros(1)),
+        slope_deg=Estimate(value=np.rad2deg(np.arctan(np.array(plane[1:]))), sigma=np.zeros(2)),
+        pivot_m=np.array(pivot, float),
+    )
+    made = replace(
+        result, world=world, camera=camera, shared=shared, areas=(ground,), frames=frames
+    )
     return View(made, np.arange(count))
 
 
@@ -124,7 +127,7 @@ def world_of(view: View, raster: GroundRaster, column: np.ndarray, row: np.ndarr
     east = raster.west_m + (column + 0.5) * raster.pixel_m
     north = raster.north_m - (row + 0.5) * raster.pixel_m
     height, *slope = view.surface
-    pivot = view.result.shared.plane_pivot_m
+    pivot = view.result.plane.pivot_m
     if raster.crs is None:
         up = height + (np.stack([east, north], 1) - pivot) @ slope
         return np.stack([east, north, up], 1)

@@ -34,7 +34,6 @@ def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedRes
     basis = adjustment.problem.intrinsic_basis
     intrinsic = adjustment.shared(layout.first_intrinsic, layout.intrinsics)
     intrinsic_sigma = np.sqrt(np.einsum("ij,jk,ik->i", basis, intrinsic, basis))
-    ground = summarise_areas(adjustment)[0]
     part = _telemetry_parts(adjustment)
     if isinstance(adjustment.survey.track, PhotoExposures):
         for name in ("clock", "clock_drift"):  # no clock moves them: its prior came back as it was
@@ -46,9 +45,6 @@ def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedRes
         heading_bias_deg=_in_degrees(part.get("heading_bias")),
         clock_offset_s=_shifted(part.get("clock"), clock_offset_s),
         clock_drift_ppm=_scaled(part.get("clock_drift"), 1e6),
-        plane_height_m=ground.height_m,
-        plane_slope_deg=ground.slope_deg,
-        plane_pivot_m=ground.pivot_m,
         intrinsics=Estimate(value=adjustment.problem.intrinsics(state), sigma=intrinsic_sigma),
     )
 

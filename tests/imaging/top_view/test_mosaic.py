@@ -10,7 +10,7 @@ import pytest
 from uavgram.imaging.photos.preview import Preview, decode_preview
 from uavgram.imaging.top_view import mosaic
 from uavgram.imaging.top_view.mosaic import Mosaic
-from uavgram.imaging.top_view.mosaic_grid import Cameras, Grid, choose, plane_height
+from uavgram.imaging.top_view.mosaic_grid import Cameras, Grid, choose
 
 SCALE = 4
 
@@ -96,13 +96,13 @@ def test_frames_fade_into_each_other_at_seams(survey):
 
 def test_a_sloping_plane_is_met_at_its_slope(survey):
     result = survey.build()
-    shared = replace(
-        result.shared,
-        plane_height_m=replace(result.shared.plane_height_m, value=[2.0]),
-        plane_slope_deg=replace(result.shared.plane_slope_deg, value=[45.0, 0.0]),
-        plane_pivot_m=[10.0, 0.0],
+    plane = replace(
+        result.plane,
+        height_m=replace(result.plane.height_m, value=[2.0]),
+        slope_deg=replace(result.plane.slope_deg, value=[45.0, 0.0]),
+        pivot_m=[10.0, 0.0],
     )
-    height = plane_height(replace(result, shared=shared), np.array([[10.0, 5.0], [13.0, -7.0]]))
+    height = plane.height_at(np.array([[10.0, 5.0], [13.0, -7.0]]))
 
     np.testing.assert_allclose(height, [2.0, 5.0])
 

@@ -245,9 +245,9 @@ def test_the_limit_is_that_of_the_run_s_own_significance(result):
 
 def test_heights_are_above_the_ground_below_the_camera(survey, tmp_path):
     result = survey.build(frame_count=3)
-    shared = replace(result.shared, plane_height_m=replace(result.shared.plane_height_m, value=[2]))
+    plane = replace(result.plane, height_m=replace(result.plane.height_m, value=[2]))
     path = tmp_path / "recording.rrd"
-    write_recording(replace(result, shared=shared), (), no_ground, path)
+    write_recording(replace(result, areas=(plane,)), (), no_ground, path)
     shown = Contents(path).by_frame["/plots/height/refined"]["Measurements:values"]
 
     expected = result.frames.refined.center_world_m[:, 2] - 2

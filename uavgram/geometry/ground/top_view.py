@@ -50,9 +50,7 @@ class View:
     @property
     def surface(self) -> Floats:
         """(3,) height of the plane at its pivot [m], its slopes east and north."""
-        shared = self.result.shared
-        slope = np.tan(np.radians(shared.plane_slope_deg.value))
-        return np.concatenate([shared.plane_height_m.value, slope])
+        return self.result.plane.surface
 
     @property
     def origin(self) -> Origin | None:
@@ -67,13 +65,13 @@ class View:
         """Of the cameras above the plane, whichever is lowest."""
         center = self.result.frames.refined.center_world_m[self.rows]
         surface = self.surface
-        below = surface[0] + (center[:, :2] - self.result.shared.plane_pivot_m) @ surface[1:]
+        below = surface[0] + (center[:, :2] - self.result.plane.pivot_m) @ surface[1:]
         return float(np.abs(center[:, 2] - below).min())
 
     def ground(self, raster: GroundRaster, columns: Floats, rows: Floats) -> Floats:
         """(len(rows), len(columns), 3) world positions of the raster's pixels, on the plane."""
         place = raster.centers(columns, rows)
-        pivot, surface = self.result.shared.plane_pivot_m, self.surface
+        pivot, surface = self.result.plane.pivot_m, self.surface
         origin = self.origin
         if raster.crs is None or origin is None:
             up = surface[0] + (place - pivot) @ surface[1:]
@@ -165,7 +163,7 @@ def place_sigma(view: View, index: int, pixel: Floats, known: FrameKnowledge) ->
         result.frames.refined.center_world_m[row],
         ray @ rotation.T,
         view.surface,
-        result.shared.plane_pivot_m,
+        result.plane.pivot_m,
     )
     turned = d_ray @ rotation
     # world ray of R exp(d) is R (v + d x v), so -R [v]x d

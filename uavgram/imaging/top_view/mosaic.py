@@ -14,7 +14,6 @@ from uavgram.imaging.top_view.mosaic_grid import (
     Grid,
     choose,
     corner_weights,
-    plane_height,
     weights_within,
 )
 from uavgram.model.arrays import Bools, Floats
@@ -164,7 +163,7 @@ def _lay_grid(result: Result, cameras: Cameras, preview_scale: float, max_size_p
 def _extent(result: Result, cameras: Cameras) -> tuple[Floats, Floats]:
     """South-west and north-east corner: points with a margin, or the cameras with their height."""
     points = result.points.position_world_m[:, :2]
-    below = plane_height(result, cameras.center_m[:, :2])
+    below = result.plane.height_at(cameras.center_m[:, :2])
     height = float(np.median(cameras.center_m[:, 2] - below))
     if len(points):
         low, high = points.min(axis=0), points.max(axis=0)

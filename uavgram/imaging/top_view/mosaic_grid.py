@@ -30,13 +30,6 @@ class Cameras:
     world_from_camera: Floats
 
 
-def plane_height(result: Result, east_north_m: Floats) -> Floats:
-    """(...) heights of the adjusted plane under (..., 2) world positions."""
-    slope = np.tan(np.radians(result.shared.plane_slope_deg.value))
-    offset = (east_north_m - result.shared.plane_pivot_m) @ slope
-    return np.asarray(result.shared.plane_height_m.value[0] + offset, dtype=np.float64)
-
-
 @dataclass(frozen=True, eq=False)
 class Grid:
     """Square cells of the mosaic, `cell_px` pixels wide, and how frames see them."""
@@ -57,7 +50,7 @@ class Grid:
             ],
             axis=-1,
         )
-        return np.concatenate([spots, plane_height(self.result, spots)[..., None]], axis=-1)
+        return np.concatenate([spots, self.result.plane.height_at(spots)[..., None]], axis=-1)
 
     def pixels_in(self, cameras: Cameras, frame: int, world_m: Floats) -> Floats:
         """(..., 2) original pixels of a frame; NaN outside the photo and where rays are flat."""
@@ -75,7 +68,7 @@ class Grid:
     def finest_pixel(self, cameras: Cameras, frame: int, preview_scale: float) -> float:
         """What a pixel of a frame's preview measures on the ground below it [m]."""
         center = cameras.center_m[frame]
-        height = abs(float(center[2] - plane_height(self.result, center[:2])))
+        height = abs(float(center[2] - self.result.plane.height_at(center[:2])))
         return height * preview_scale / float(self.result.shared.intrinsics.value[0])
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from pyproj import Geod
 
 from uavgram.io.outputs import replace_text
-from uavgram.io.results.tables import plain
+from uavgram.io.results.codec import plain
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults, PointResults

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from uavgram.io.outputs import replace_text
+from uavgram.io.results.codec import plain
 from uavgram.io.results.results_json import one_record_a_line
-from uavgram.io.results.tables import plain
 from uavgram.model.camera.calibration_account import CalibrationAccount, LensEffect
 from uavgram.model.camera.calibration_result import CalibrationResult
 

@@ -1,22 +1,32 @@
 """`Result` <-> results.json (schema 1): every number exactly, NaN as null, one record a line.
 
 The reader gives back the object that was written. Which key holds what stands once for both
-directions, in results_tables.py; here are the parts that are no tables.
+directions: the types of the fields say it (codec.py), the tables declare their keys (tables.py),
+and what differs from that is here.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from uavgram.errors import InputError
 from uavgram.io.json_text import parse_json
 from uavgram.io.outputs import replace_text
-from uavgram.io.results import records as parts
-from uavgram.io.results import reliability as evidence
 from uavgram.io.results import tables
-from uavgram.model.result.result import Result
+from uavgram.io.results.codec import Json, Record, decode, encode, from_record, numbers
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.message import SUBJECTS, Message
+from uavgram.model.provenance import InputDigest, Provenance
+from uavgram.model.result.error_budget import ErrorBudget
+from uavgram.model.result.learnt_camera import learnt_camera
+from uavgram.model.result.reliability import ChecksOverall, RemovalRecord
+from uavgram.model.result.result import Result, SolutionSummary
+from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
+from uavgram.model.result.tables import MonteCarloResults
+from uavgram.model.survey.world import World
 
 SCHEMA = 1
 
@@ -32,40 +42,39 @@ def dump_results(result: Result) -> str:
     ValueError
         A number is infinite: a bug, results have none.
     """
-    point_checks = tables.dump_point_checks(result.point_checks)
-    lines, picks, measurements = evidence.with_evidence(
-        result,
-        tables.dump_lines(result.lines),
-        tables.dump_picks(result.picks),
-        tables.dump_measurements(result.measurements),
-    )
     content = {
         "schema": SCHEMA,
         "name": result.name,
-        "provenance": parts.dump_provenance(result.provenance),
-        "world": parts.dump_world(result.world),
-        "camera": parts.dump_camera(result.camera),
-        "clock": parts.dump_clock(result.shared),
-        "shared": parts.dump_shared(result.shared, result.camera),
-        "areas": parts.dump_areas(result.areas),
+        "provenance": encode(result.provenance)
+        | {
+            "inputs": _dump_inputs(result.provenance.inputs),
+            "options": dict(result.provenance.options),
+            "packages": dict(result.provenance.packages),
+        },
+        "world": encode(result.world),
+        "camera": encode(result.camera),
+        "clock": _dump_clock(result.shared),
+        "shared": _dump_shared(result),
+        "areas": [{"name": area.name} | _dump_plane(area) for area in result.areas],
         "frames": tables.dump_frames(result.frames),
         "points": tables.dump_points(result.points),
-        "lines": lines,
-        "picks": picks,
-        "measurements": measurements,
-        "measurement_correlation": tables.plain(result.measurements.correlation),
-        "monte_carlo": parts.dump_monte_carlo(result.monte_carlo),
-        "removals": evidence.dump_removals(result.removals),
-        "checks_overall": evidence.dump_checks_overall(result.checks_overall),
-        "checks": point_checks + tables.dump_line_checks(result.line_checks),
-        "solution": parts.dump_solution(result.solution),
+        "lines": tables.LINES.dump(result.lines),
+        "picks": tables.PICKS.dump(result.picks),
+        "measurements": tables.MEASUREMENTS.dump(result.measurements),
+        "measurement_correlation": encode(result.measurements.correlation),
+        "monte_carlo": encode(result.monte_carlo),
+        "removals": [
+            {"step": step} | encode(one) for step, one in enumerate(result.removals, start=1)
+        ],
+        "checks_overall": encode(result.checks_overall),
+        "checks": tables.POINT_CHECKS.dump(result.point_checks)
+        + tables.LINE_CHECKS.dump(result.line_checks),
+        "solution": encode(result.solution),
         "messages": [message.record() for message in result.messages],
     }
-    if result.evidence is not None:
-        content["priors"] = evidence.dump_priors(result.evidence.priors)
-    if result.error_budget is not None:
-        content["error_budget"] = parts.dump_error_budget(result.error_budget)
-    return one_record_a_line(content)
+    if (budget := result.error_budget) is not None:
+        content["error_budget"] = {"sources": list(budget.source), "shares": encode(budget.share)}
+    return one_record_a_line(tables.with_evidence(result, content))
 
 
 def write_results(result: Result, path: str | Path) -> None:
@@ -99,32 +108,30 @@ def load_results(path: str | Path) -> Result:
         ) from fault
 
 
-def _result(content: dict[str, Any]) -> Result:
-    checks = content["checks"]
+def _result(content: Record) -> Result:
+    checks, rows = content["checks"], content["measurements"]
     return Result(
-        name=tables.text(content["name"]),
-        provenance=parts.load_provenance(content["provenance"]),
-        world=parts.load_world(content["world"]),
-        camera=parts.load_camera(content["camera"]),
-        shared=parts.load_shared(content["shared"], content["clock"]),
-        areas=parts.load_areas(content.get("areas", [])),  # files of before have none
+        name=decode(str, content["name"]),
+        provenance=_load_provenance(content["provenance"]),
+        world=from_record(World, {"crs": None} | content["world"]),
+        camera=from_record(Calibration, content["camera"]),
+        shared=_load_shared(content["shared"], {"drift_ppm": None} | content["clock"]),
+        areas=tuple(_load_plane(area) for area in content["areas"]),
         frames=tables.load_frames(content["frames"]),
         points=tables.load_points(content["points"]),
-        lines=tables.load_lines(content["lines"]),
-        picks=tables.load_picks(content["picks"]),
-        measurements=tables.load_measurements(
-            content["measurements"], content["measurement_correlation"]
-        ),
-        monte_carlo=parts.load_monte_carlo(content["monte_carlo"]),
-        second_order=evidence.load_second_order(content["measurements"]),
-        evidence=evidence.load_evidence(content),
-        removals=evidence.load_removals(content.get("removals", [])),
-        error_budget=parts.load_error_budget(content.get("error_budget")),
-        checks_overall=evidence.load_checks_overall(content.get("checks_overall")),
-        point_checks=tables.load_point_checks([c for c in checks if "label" in c]),
-        line_checks=tables.load_line_checks([c for c in checks if "label" not in c]),
-        solution=parts.load_solution(content["solution"]),
-        messages=tuple(parts.load_message(message) for message in content["messages"]),
+        lines=tables.LINES.load(content["lines"]),
+        picks=tables.PICKS.load(content["picks"]),
+        measurements=tables.load_measurements(rows, content["measurement_correlation"]),
+        monte_carlo=decode(MonteCarloResults | None, content["monte_carlo"]),
+        second_order=tables.load_second_order(rows),
+        evidence=tables.load_evidence(content),
+        removals=decode(tuple[RemovalRecord, ...], content.get("removals", [])),
+        error_budget=_load_error_budget(content.get("error_budget")),
+        checks_overall=decode(ChecksOverall | None, content.get("checks_overall")),
+        point_checks=tables.POINT_CHECKS.load([c for c in checks if "label" in c]),
+        line_checks=tables.LINE_CHECKS.load([c for c in checks if "label" not in c]),
+        solution=from_record(SolutionSummary, content["solution"]),
+        messages=tuple(_load_message(record) for record in content["messages"]),
     )
 
 
@@ -172,3 +179,128 @@ def _parse(path: Path) -> dict[str, Any]:
 
 def _refuse_constant(name: str) -> float:
     raise ValueError(f"holds {name}, which is no JSON")
+
+
+def _load_message(record: Record) -> Message:
+    """Of earlier versions, without subjects."""
+    return from_record(Message, dict.fromkeys(SUBJECTS, ()) | record, several=None)
+
+
+def _dump_inputs(inputs: Iterable[InputDigest]) -> Record:
+    return {one.path: {"sha256": one.sha256, "bytes": one.size_bytes} for one in inputs}
+
+
+def _load_provenance(record: Record) -> Provenance:
+    """What made the result; lists in the options become tuples."""
+    return from_record(
+        Provenance,
+        {"made_by": ""} | record,
+        inputs=tuple(
+            InputDigest(
+                path=path,
+                sha256=decode(str, one["sha256"]),
+                size_bytes=decode(int, one["bytes"]),
+            )
+            for path, one in record["inputs"].items()
+        ),
+        options=tuple((key, _frozen(value)) for key, value in record["options"].items()),
+        packages=tuple((name, decode(str, text)) for name, text in record["packages"].items()),
+    )
+
+
+def _frozen(value: Json) -> Any:  # noqa: ANN401
+    return tuple(_frozen(item) for item in value) if isinstance(value, list) else value
+
+
+_TELEMETRY = ("boresight_deg", "lever_arm_m", "position_bias_m", "heading_bias_deg")
+
+
+def _dump_estimate(estimate: Estimate | None) -> Record | None:
+    """Value and sigma: numbers where the unknown is one number, else lists."""
+    if estimate is None:
+        return None
+    pair = encode(estimate)
+    return {key: one[0] for key, one in pair.items()} if len(estimate.value) == 1 else pair
+
+
+def _load_estimate(record: Record) -> Estimate:
+    pair = {key: record[key] for key in ("value", "sigma")}
+    return from_record(
+        Estimate, {key: one if isinstance(one, list) else [one] for key, one in pair.items()}
+    )
+
+
+def _dump_clock(shared: SharedResult) -> Record:
+    """Camera clock minus UTC; null without a log."""
+    none = {"value": None, "sigma": None}
+    offset = _dump_estimate(shared.clock_offset_s) or none
+    drift = _dump_estimate(shared.clock_drift_ppm) or none
+    return {
+        "offset_s": offset["value"],
+        "sigma_s": offset["sigma"],
+        "drift_ppm": drift["value"],
+        "drift_sigma_ppm": drift["sigma"],
+    }
+
+
+def _load_clock(value: Json, sigma: Json) -> Estimate | None:
+    return None if value is None else _load_estimate({"value": value, "sigma": sigma})
+
+
+def _dump_shared(result: Result) -> Record:
+    """Shared unknowns, each with value and sigma; null where there is none.
+
+    The camera's also with the calibration they began with, and what the survey taught of it.
+    """
+    shared = result.shared
+    learnt = learnt_camera(result.camera, shared.intrinsics)
+    return {
+        **{key: _dump_estimate(getattr(shared, key)) for key in _TELEMETRY},
+        "plane": _dump_plane(result.plane),
+        "intrinsics": {
+            "names": list(learnt.names),
+            "value": encode(learnt.value),
+            "sigma": encode(learnt.sigma),
+            "prior_value": encode(learnt.prior_value),
+            "prior_sigma": encode(learnt.prior_sigma),
+            "sigma_ratio": encode(learnt.ratio),
+            "shift_prior_sigmas": encode(learnt.shift),
+            "learnt": encode(learnt.learnt),
+        },
+    }
+
+
+def _load_shared(record: Record, clock: Record) -> SharedResult:
+    """Inverse of `_dump_shared` and `_dump_clock`; the plane stands with the areas."""
+    return SharedResult(
+        **{key: None if record[key] is None else _load_estimate(record[key]) for key in _TELEMETRY},
+        clock_offset_s=_load_clock(clock["offset_s"], clock["sigma_s"]),
+        clock_drift_ppm=_load_clock(clock["drift_ppm"], clock.get("drift_sigma_ppm")),
+        intrinsics=_load_estimate(record["intrinsics"]),
+    )
+
+
+def _dump_plane(plane: AreaPlane) -> Record:
+    return {
+        "height_m": _dump_estimate(plane.height_m),
+        "slope_deg": _dump_estimate(plane.slope_deg),
+        "pivot_m": encode(plane.pivot_m),
+    }
+
+
+def _load_plane(record: Record) -> AreaPlane:
+    return AreaPlane(
+        name=decode(str, record["name"]),
+        height_m=_load_estimate(record["height_m"]),
+        slope_deg=_load_estimate(record["slope_deg"]),
+        pivot_m=numbers(record["pivot_m"], 2),
+    )
+
+
+def _load_error_budget(record: Record | None) -> ErrorBudget | None:
+    """Shares of the variance of each measurement, by source."""
+    if record is None:
+        return None
+    sources = decode(tuple[str, ...], record["sources"])
+    shares = numbers(record["shares"], len(record["shares"]), len(sources))
+    return ErrorBudget(source=sources, share=shares)

@@ -82,8 +82,8 @@ class Result:
     camera: Calibration
     """As given, before the adjustment."""
     shared: SharedResult
-    areas: tuple[AreaPlane, ...] = ()
-    """Planes of the ground; the first is that of `shared`."""
+    areas: tuple[AreaPlane, ...]
+    """Planes of the ground, one for each area; the default area's, where it has points, first."""
     frames: FrameResults
     points: PointResults
     lines: LineResults
@@ -105,6 +105,11 @@ class Result:
     line_checks: LineChecks
     solution: SolutionSummary
     messages: tuple[Message, ...]
+
+    @property
+    def plane(self) -> AreaPlane:
+        """Of the first area: all of the ground where no pick names another."""
+        return self.areas[0]
 
     @property
     def has_seed(self) -> Bools:

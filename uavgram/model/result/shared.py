@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from uavgram.model.arrays import Floats, freeze
 
 
@@ -31,10 +33,6 @@ class SharedResult:
     clock_drift_ppm
         Of the camera's clock against the flight's, about the middle of the exposures; None
         without a log.
-    plane_height_m, plane_slope_deg
-        Of the ground (of its first area) at the pivot; [d up / d east, d up / d north] as angles.
-    plane_pivot_m
-        (2,) east and north of the point about which the slopes turn.
     intrinsics
         In the order of the lens model's parameters.
     """
@@ -45,13 +43,7 @@ class SharedResult:
     heading_bias_deg: Estimate | None
     clock_offset_s: Estimate | None
     clock_drift_ppm: Estimate | None = None
-    plane_height_m: Estimate
-    plane_slope_deg: Estimate
-    plane_pivot_m: Floats
     intrinsics: Estimate
-
-    def __post_init__(self) -> None:
-        freeze(self, plane_pivot_m=(2,))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,3 +67,13 @@ class AreaPlane:
 
     def __post_init__(self) -> None:
         freeze(self, pivot_m=(2,))
+
+    @property
+    def surface(self) -> Floats:
+        """(3,) height at the pivot [m] and slopes to the east and to the north [m/m]."""
+        return np.concatenate([self.height_m.value, np.tan(np.deg2rad(self.slope_deg.value))])
+
+    def height_at(self, east_north_m: Floats) -> Floats:
+        """(...) heights [m] of the plane under (..., 2) world positions [m]."""
+        surface = self.surface
+        return np.asarray(surface[0] + (east_north_m - self.pivot_m) @ surface[1:])

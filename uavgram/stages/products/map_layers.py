@@ -124,15 +124,11 @@ def footprints(result: Result) -> dict[int, Floats]:
     border = side * [camera.width_px, camera.height_px] - 0.5
     ray = back_project(camera.model, result.shared.intrinsics.value, border)
     seen, poses = shown_poses(result)
-    plane = result.shared
-    surface = np.concatenate(
-        [plane.plane_height_m.value, np.tan(np.deg2rad(plane.plane_slope_deg.value))]
-    )
     world = intersect_ground(
         poses.center_world_m[:, None],
         np.einsum("fij,bj->fbi", poses.world_from_camera, ray),
-        surface,
-        plane.plane_pivot_m,
+        result.plane.surface,
+        result.plane.pivot_m,
     )
     rings = {int(f): ring[np.isfinite(ring[:, 0])] for f, ring in zip(seen, world, strict=True)}
     return {f: _counterclockwise(ring) for f, ring in rings.items() if len(ring) >= 3}

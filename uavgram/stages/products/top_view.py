@@ -150,7 +150,7 @@ def _ground_behind(view: View, index: int, pixel: Floats) -> Floats:
     ray = back_project(result.camera.model, result.shared.intrinsics.value, pixel)
     ray = ray @ result.frames.refined.world_from_camera[row].T
     center = result.frames.refined.center_world_m[row]
-    place = intersect_ground(center, ray, view.surface, result.shared.plane_pivot_m)
+    place = intersect_ground(center, ray, view.surface, result.plane.pivot_m)
     steep = -ray[..., 2] > LEAST_SINE * np.linalg.norm(ray, axis=-1)
     return np.where(steep[..., None], place, np.nan)
 
@@ -166,7 +166,7 @@ def photo_pixels_m(view: View) -> Floats:
         poses.center_world_m[view.rows, None],
         np.einsum("nij,kj->nki", poses.world_from_camera[view.rows], ray),
         view.surface,
-        result.shared.plane_pivot_m,
+        result.plane.pivot_m,
     )
     aside, along = place[:, 1] - place[:, 0], place[:, 2] - place[:, 0]
     return np.asarray(np.sqrt(np.abs(aside[:, 0] * along[:, 1] - aside[:, 1] * along[:, 0])))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.imaging.top_view.mosaic import GroundTexture
-from uavgram.imaging.top_view.mosaic_grid import plane_height
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.views.survey.drawing import frusta, nice_factor, track
@@ -92,7 +91,7 @@ def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene
     low, high = scene.min(axis=0), scene.max(axis=0)
     size = max(float((high - low)[:2].max()), 1.0)
     middle = (low + high) / 2
-    middle[2] = plane_height(result, middle[:2])
+    middle[2] = result.plane.height_at(middle[:2])
     height = float(np.median(cameras[:, 2] - middle[2])) if len(cameras) else size
     frustum = _frustum_depth(result, max(height, 0.1))
     major = result.points.relative.ellipse_95_m[:, 0]
@@ -107,7 +106,7 @@ def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene
         *(_around_ellipses(result, factor), _ground(result, texture)),
     ]
     least = GROUND_DROP_SHARE * size
-    below = float(np.max(plane_height(result, points[:, :2]) - points[:, 2], initial=0.0))
+    below = float(np.max(result.plane.height_at(points[:, :2]) - points[:, 2], initial=0.0))
     target, distance = _fit(np.concatenate(shown))
     return Scene(
         middle_m=middle,
@@ -152,7 +151,7 @@ def _ground(result: Result, texture: GroundTexture | None) -> Floats:
     )
     east = texture.west_m + column * texture.pixel_size_m
     spots = np.stack([east, texture.north_m - row * texture.pixel_size_m], axis=-1)
-    return np.column_stack([spots, plane_height(result, spots)])
+    return np.column_stack([spots, result.plane.height_at(spots)])
 
 
 def _frustum_depth(result: Result, height_m: float) -> float:

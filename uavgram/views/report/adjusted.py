@@ -66,8 +66,8 @@ def shared_rows(result: Result) -> list[tuple[str, str]]:
     ]
     if not area_rows(result):
         entries += [
-            ("height of the ground plane [m]", shared.plane_height_m),
-            ("slope of the ground to the east, to the north [°]", shared.plane_slope_deg),
+            ("height of the ground plane [m]", result.plane.height_m),
+            ("slope of the ground to the east, to the north [°]", result.plane.slope_deg),
         ]
     return [(name, _estimate(estimate)) for name, estimate in entries if estimate is not None]
 

@@ -75,10 +75,10 @@ def judged(result):
         variance_factor_before=2.1, variance_factor_after=1.0,
         change=(0.01,) * len(rows.name),
     )  # fmt: skip
-    plane = result.shared
+    plane = result.plane
     area = AreaPlane(
-        name="ramp", height_m=replace(plane.plane_height_m, value=[1.25]),
-        slope_deg=plane.plane_slope_deg, pivot_m=np.zeros(2),
+        name="ramp", height_m=replace(plane.height_m, value=[1.25]),
+        slope_deg=plane.slope_deg, pivot_m=np.zeros(2),
     )  # fmt: skip
     return replace(result, evidence=evidence, removals=(removal,), areas=(area,))
 

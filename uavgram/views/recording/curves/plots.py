@@ -8,7 +8,6 @@ import numpy as np
 import rerun as rr
 
 from uavgram.estimation.reliability.redundancy import critical_value
-from uavgram.imaging.top_view.mosaic_grid import plane_height
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PoseTable
@@ -87,7 +86,7 @@ def _largest(values: Floats) -> float:
 
 def _height(result: Result, poses: PoseTable) -> Floats:
     center = poses.center_world_m
-    return np.asarray(center[:, 2] - plane_height(result, center[:, :2]), dtype=np.float64)
+    return np.asarray(center[:, 2] - result.plane.height_at(center[:, :2]), dtype=np.float64)
 
 
 def log_plots(recorder: Recorder, result: Result, curves: Curves) -> None:

@@ -9,7 +9,6 @@ import rerun as rr
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.top_view.mosaic import GroundTexture
-from uavgram.imaging.top_view.mosaic_grid import plane_height
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PoseTable
@@ -216,7 +215,7 @@ def _ground(result: Result, texture: GroundTexture, scene: Scene) -> rr.Mesh3D:
     east = texture.west_m + column * MESH_CELL_PX * texture.pixel_size_m
     north = texture.north_m - row * MESH_CELL_PX * texture.pixel_size_m
     spots = np.stack([east, north], axis=-1)
-    up = plane_height(result, spots) - scene.ground_drop_m
+    up = result.plane.height_at(spots) - scene.ground_drop_m
     i, j = np.nonzero(blocks.all(axis=(1, 3)))
     first = i * (columns + 1) + j
     below = first + columns + 1

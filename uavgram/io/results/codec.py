@@ -1,0 +1,168 @@
+"""Frozen data <-> plain data of JSON, as the types of the fields say: a key for each field.
+
+Both directions of a class stand in its own declaration and nowhere else. Reading is strict: text is
+no number, a truth value is no number, and only null is NaN.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
+from functools import cache
+from types import UnionType
+from typing import Any, Generic, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from uavgram.model.arrays import Bools, Floats
+
+Json = Any
+Record = dict[str, Json]
+Owner = TypeVar("Owner")
+
+
+def plain(value: ArrayLike) -> Json:
+    """Plain lists and floats of an array or a number; NaN becomes None."""
+    return encode(np.asarray(value, dtype=np.float64))
+
+
+def encode(value: object) -> Json:
+    """Plain data of numbers, texts, arrays, tuples and data classes; NaN becomes None."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, float):
+        return None if math.isnan(value) else value
+    if isinstance(value, list | tuple):
+        return [encode(item) for item in value]
+    if is_dataclass(value):
+        return {one.name: encode(getattr(value, one.name)) for one in fields(value)}
+    return value
+
+
+def decode(hint: Any, value: Json) -> Any:  # noqa: ANN401
+    """Inverse of `encode` for a type; None becomes NaN where a number is expected.
+
+    Raises
+    ------
+    TypeError, ValueError
+        The value is of another type, or none of a Literal's words.
+    """
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return None if value is None else decode(inner[0], value)
+    if origin is tuple:
+        return tuple(decode(inner[0], item) for item in value)
+    if hint == Floats:
+        return numbers(value, *np.shape(value))
+    if is_dataclass(hint):
+        return from_record(cast("type[Any]", hint), value)
+    return _scalar(hint, value)
+
+
+def _scalar(hint: Any, value: Json) -> Any:  # noqa: ANN401
+    if hint is float:
+        return float(numbers(value))
+    words = get_args(hint)
+    if words and value not in words:
+        raise ValueError(f"expected one of {', '.join(map(str, words))}, got {value!r}")
+    if not words and (not isinstance(value, hint) or (hint is int and isinstance(value, bool))):
+        raise TypeError(f"expected {_TYPE_NAMES[hint]}, got {value!r}")
+    return value
+
+
+_TYPE_NAMES = {str: "text", int: "a whole number", bool: "true or false"}
+
+
+def from_record(owner: type[Owner], record: Record, **given: object) -> Owner:
+    """Inverse of `encode` for a data class; `given` are fields that stand elsewhere."""
+    read = {
+        name: decode(hint, record[name])
+        for name, hint in _hints(cast("Hashable", owner)).items()
+        if name not in given
+    }
+    return owner(**read, **given)
+
+
+@cache
+def _hints(owner: Hashable) -> dict[str, Any]:
+    return get_type_hints(cast("type", owner))
+
+
+def numbers(value: Json, *shape: int) -> Floats:
+    """Array of nested lists; None becomes NaN. Raises ValueError where its shape is another."""
+    # Strings would be converted by numpy without a word.
+    _refuse_text(value)
+    array = np.array(value, dtype=np.float64).reshape(shape if 0 in shape else np.shape(value))
+    if array.shape != shape:
+        raise ValueError(f"expected numbers of shape {shape}, got {array.shape}")
+    return array
+
+
+def _refuse_text(value: Json) -> None:
+    if isinstance(value, list):
+        for item in value:
+            _refuse_text(item)
+    elif isinstance(value, str | bool | dict):
+        raise TypeError(f"expected a number, got {value!r}")
+
+
+@dataclass(frozen=True)
+class Table(Generic[Owner]):
+    """A class of columns as a list of records.
+
+    Attributes
+    ----------
+    owner
+        The class; its fields are columns of N values: arrays (N, ...) or tuples.
+    keys
+        Key of a field in the records, where it is another than its name; several keys for the
+        columns of an (N, k) array.
+    shape
+        Of one row, for arrays of more than one number a row.
+    elsewhere
+        Fields that do not stand in these records.
+    """
+
+    owner: type[Owner]
+    keys: Mapping[str, str | tuple[str, ...]] = field(default_factory=dict)
+    shape: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    elsewhere: tuple[str, ...] = ()
+
+    def dump(self, table: Owner) -> list[Record]:
+        """Records, one for each row."""
+        columns: dict[str, list[Json]] = {}
+        for name in self._names():
+            key, values = self.keys.get(name, name), encode(getattr(table, name))
+            if isinstance(key, tuple):
+                columns |= {part: [row[k] for row in values] for k, part in enumerate(key)}
+            else:
+                columns[key] = values
+        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+    def load(self, records: Sequence[Record], **given: object) -> Owner:
+        """Inverse of `dump`; `given` are the fields `elsewhere`."""
+        hints, n = _hints(cast("Hashable", self.owner)), len(records)
+        read: dict[str, object] = {}
+        for name in self._names():
+            key, hint = self.keys.get(name, name), hints[name]
+            if isinstance(key, tuple):
+                read[name] = numbers([[row[part] for part in key] for row in records], n, len(key))
+            elif hint == Floats:
+                read[name] = numbers([row[key] for row in records], n, *self.shape.get(name, ()))
+            elif hint == Bools:
+                read[name] = np.array([decode(bool, row[key]) for row in records], dtype=bool)
+            else:
+                read[name] = decode(hint, [row[key] for row in records])
+        return self.owner(**read, **given)
+
+    def _names(self) -> list[str]:
+        return [name for name in _hints(cast("Hashable", self.owner)) if name not in self.elsewhere]
+
+
+def joined(*tables: Sequence[Record]) -> list[Record]:
+    """Records whose keys stand in several lists, row by row."""
+    return [
+        {k: v for part in parts for k, v in part.items()} for parts in zip(*tables, strict=True)
+    ]
