@@ -72,7 +72,7 @@ def large(frames: int, points: int) -> Result:
         status=("used",) * count,
         sigma_px=none,
     )
-    crs = utm_crs(base.world.latitude_deg, base.world.longitude_deg)
+    crs = utm_crs(base.world.origin.latitude_deg, base.world.origin.longitude_deg)
     return replace(base, frames=made, picks=picks, world=replace(base.world, crs=crs))
 
 

@@ -91,12 +91,12 @@ def into_true_world():
         height = world["height_amsl_m"]
         place = (world["latitude_deg"], world["longitude_deg"], height)
         offset = enu_from_geodetic(
-            np.array([result.world.latitude_deg]),
-            np.array([result.world.longitude_deg]),
+            np.array([result.world.origin.latitude_deg]),
+            np.array([result.world.origin.longitude_deg]),
             np.array([height]),
             place,
         )[0]
         # Horizontally by latitude and longitude; heights are above each origin's own height.
-        return np.array([offset[0], offset[1], result.world.height_m - height])
+        return np.array([offset[0], offset[1], result.world.origin.height_m - height])
 
     return shift

@@ -53,7 +53,7 @@ def assert_points_are_true(result, known):
     """In the truth's own coordinates, within the joint covariance of east and north."""
     points = result.points
     true = np.array([known["points"][label] for label in points.label])
-    if result.world.latitude_deg is not None:
+    if result.world.origin is not None:
         place = geodetic(true, known["world"])
         metre_deg = 1 / 111_132.0
         shrink = np.cos(np.deg2rad(known["world"]["latitude_deg"]))
@@ -93,7 +93,7 @@ def test_geodetic_control_places_the_survey_on_the_earth(twin):
 def test_local_control_counts_from_the_origin_of_the_world(twin):
     run, known = twin
     result = run("local", world=origin_of(known))
-    assert result.world.latitude_deg == pytest.approx(known["world"]["latitude_deg"])
+    assert result.world.origin.latitude_deg == pytest.approx(known["world"]["latitude_deg"])
     assert_points_are_true(result, known)
     local = dict(zip(result.points.label, result.points.position_world_m, strict=True))
     for label in CONTROL:
@@ -105,7 +105,7 @@ def test_control_replaces_the_log(twin, kind):
     run, known = twin
     result = run(kind, log=None, time=None)
     assert result.world.gauge == "world"
-    assert (result.world.latitude_deg is None) == (kind == "local")
+    assert (result.world.origin is None) == (kind == "local")
     assert result.shared.position_bias_m is None
     true = np.array([known["measurements"][name] for name in result.measurements.name])
     error = result.measurements.value - true

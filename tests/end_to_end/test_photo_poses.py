@@ -263,7 +263,7 @@ def test_heights_of_another_datum_are_refused_not_shifted(project, capsys):
 def test_without_an_origin_take_off_is_home(project):
     result = uavgram.run(project("still", world=None), output=None)
 
-    assert result.world.height_m == pytest.approx(98.03 - 100.40)
+    assert result.world.origin.height_m == pytest.approx(98.03 - 100.40)
     assert [m for m in result.messages if m.code == "origin-first-photo"]
 
 
@@ -330,8 +330,7 @@ def twin(data_dir, tmp_path_factory):
         content = yaml.safe_load((folder / "project.yaml").read_text())
         content = {k: str(folder / v) if k in FILES else v for k, v in content.items()}
         world = by_log.world
-        origin = {"latitude_deg": world.latitude_deg, "longitude_deg": world.longitude_deg}
-        content["world"] = {"origin": origin | {"height_m": world.height_m}}
+        content["world"] = {"origin": world.origin._asdict()}
         del content["log"]
         path = handed / f"{name}.yaml"
         path.write_text(yaml.safe_dump(content | {"poses": str(poses)}))

@@ -7,16 +7,12 @@ import pyproj
 import pytest
 
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.world import World
+from uavgram.model.survey.world import Geodetic, World
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
 
-WORLD = World(
-    latitude_deg=50.4452, longitude_deg=-104.6189, height_m=577.0, height_datum="msl", gauge="world"
-)
-NOWHERE = World(
-    latitude_deg=None, longitude_deg=None, height_m=None, height_datum="msl", gauge="plane"
-)
+WORLD = World(origin=Geodetic(50.4452, -104.6189, 577.0), height_datum="msl", gauge="world")
+NOWHERE = World(origin=None, height_datum="msl", gauge="plane")
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from uavgram.model.result.tables import (
     PointResults,
     PoseTable,
 )
-from uavgram.model.survey.world import World
+from uavgram.model.survey.world import Geodetic, World
 
 
 def _poses(rng: np.random.Generator, absent: list[int]) -> PoseTable:
@@ -91,9 +91,7 @@ def sample_result() -> Result:
             packages=(("numpy", "2.4"), ("scipy", "1.17")),
         ),
         world=World(
-            latitude_deg=50.1,
-            longitude_deg=-104.6,
-            height_m=577.25,
+            origin=Geodetic(50.1, -104.6, 577.25),
             height_datum="msl",
             gauge="world",
         ),

@@ -26,7 +26,7 @@ from uavgram.model.result.tables import (
     PointResults,
     PoseTable,
 )
-from uavgram.model.survey.world import World
+from uavgram.model.survey.world import Geodetic, World
 
 WIDTH_PX, HEIGHT_PX = 1640, 1232
 LENS = np.array([1310.0, 1312.0, 818.0, 617.0, -0.11, 0.05, 4e-4, -3e-4, -0.01])
@@ -315,9 +315,7 @@ def build(
             packages=(("numpy", "2.3.1"), ("rerun-sdk", "0.41.0")),
         ),
         world=World(
-            latitude_deg=48.1372 if telemetry else None,
-            longitude_deg=11.5755 if telemetry else None,
-            height_m=519.2 if telemetry else None,
+            origin=Geodetic(48.1372, 11.5755, 519.2) if telemetry else None,
             height_datum="msl",
             gauge="world" if telemetry else "plane",
         ),

@@ -72,7 +72,7 @@ def make_view(
     )
     world = replace(result.world, crs=crs)
     if crs is None:
-        world = replace(world, latitude_deg=None, longitude_deg=None, height_m=None, gauge="plane")
+        world = replace(world, origin=None, gauge="plane")
     camera = Calibration(
         name="test",
         model=name,

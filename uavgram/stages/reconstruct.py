@@ -56,9 +56,8 @@ def _in_plane(covariance_m2: Floats) -> PlanarUncertainty:
 
 
 def _geographic(position: Floats, world: World) -> tuple[Floats, Floats]:
-    if world.latitude_deg is None or world.longitude_deg is None or world.height_m is None:
+    if world.origin is None:
         nowhere = np.full(len(position), np.nan)
         return nowhere, nowhere
-    origin = (world.latitude_deg, world.longitude_deg, world.height_m)
-    latitude, longitude, _ = geodetic_from_enu(position, origin)
+    latitude, longitude, _ = geodetic_from_enu(position, world.origin)
     return latitude, longitude

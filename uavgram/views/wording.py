@@ -151,15 +151,16 @@ def utc(time_utc_s: float) -> str:
 def place(result: Result) -> str:
     """Where the origin of the world lies, in one sentence."""
     world = result.world
-    if world.gauge == "plane" or world.latitude_deg is None or world.longitude_deg is None:
+    if world.gauge == "plane" or world.origin is None:
         return (
             "No telemetry ties this survey to the earth: shapes, lengths and angles hold; "
             "position and north are a free choice, so there is no map."
         )
     datum = {"msl": "mean sea level", "ellipsoid": "the WGS 84 ellipsoid"}[world.height_datum]
-    height = "" if world.height_m is None else f", {world.height_m:.2f} m above {datum}"
+    latitude, longitude, height = world.origin
     return (
-        f"Origin: latitude {world.latitude_deg:.7f}°, longitude {world.longitude_deg:.7f}°{height}."
+        f"Origin: latitude {latitude:.7f}°, longitude {longitude:.7f}°, "
+        f"{height:.2f} m above {datum}."
     )
 
 

@@ -14,7 +14,7 @@ from uavgram.stages.products.map_layers import features_of
 @pytest.fixture(scope="session")
 def result():
     made = synthetic_survey.build()
-    crs = utm_crs(made.world.latitude_deg, made.world.longitude_deg)
+    crs = utm_crs(made.world.origin.latitude_deg, made.world.origin.longitude_deg)
     return replace(made, world=replace(made.world, crs=crs))
 
 

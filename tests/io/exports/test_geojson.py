@@ -93,9 +93,7 @@ def test_values_that_cannot_be_computed_are_null(features):
 
 @pytest.mark.parametrize("gauge", ["plane", "world"])
 def test_without_a_place_on_earth_it_is_empty_and_says_why(sample_result, tmp_path, gauge):
-    world = replace(
-        sample_result.world, latitude_deg=None, longitude_deg=None, height_m=None, gauge=gauge
-    )
+    world = replace(sample_result.world, origin=None, gauge=gauge)
     path = tmp_path / "points.geojson"
     write_geojson(replace(sample_result, world=world), path)
 

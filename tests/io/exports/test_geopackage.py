@@ -52,10 +52,10 @@ def test_distances_over_the_maps_scale_are_those_between_the_points(path, result
     geometry, _ = columns(path, "points")
     on_map, true = points_of(geometry), result.points.position_world_m
     factors = Proj(result.world.crs).get_factors(
-        result.world.longitude_deg, result.world.latitude_deg
+        result.world.origin.longitude_deg, result.world.origin.latitude_deg
     )
     # the ground lies half a kilometre above the ellipsoid, which stretches it
-    scale = factors.meridional_scale / (1.0 + result.world.height_m / 6.38e6)
+    scale = factors.meridional_scale / (1.0 + result.world.origin.height_m / 6.38e6)
 
     planar = np.linalg.norm(on_map[1:, :2] - on_map[0, :2], axis=1) / scale
     expected = np.linalg.norm(true[1:, :2] - true[0, :2], axis=1)

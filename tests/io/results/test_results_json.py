@@ -51,9 +51,7 @@ def without_records(result: Result) -> Result:
     no_rows = {f.name: getattr(rows, f.name)[:0] for f in fields(rows)}
     no_rows["correlation"] = np.empty((0, 0))
     names = ("boresight_deg", "lever_arm_m", "heading_bias_deg", "clock_offset_s")
-    world = replace(
-        result.world, latitude_deg=None, longitude_deg=None, height_m=None, gauge="plane"
-    )
+    world = replace(result.world, origin=None, gauge="plane")
     return replace(
         result,
         **empty,

@@ -56,9 +56,7 @@ def test_the_place_follows_a_pick_that_moves(surveyed):
 
 
 def test_a_survey_that_nothing_ties_to_the_earth_has_no_places():
-    nowhere = World(
-        latitude_deg=None, longitude_deg=None, height_m=None, height_datum="msl", gauge="plane"
-    )
+    nowhere = World(origin=None, height_datum="msl", gauge="plane")
     asked = MeasurementRequest(name="C1", kind="coordinate", points=("A",))
     adjusted = SimpleNamespace(
         result=SimpleNamespace(world=nowhere), observed=SimpleNamespace(requests=(asked,))

@@ -7,12 +7,10 @@ from scipy.spatial.transform import Rotation
 from uavgram.errors import GeometryError
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.model.flight.pose import Poses
-from uavgram.model.survey.world import World
+from uavgram.model.survey.world import Geodetic, World
 from uavgram.stages.products.geotags import geotag
 
-WORLD = World(
-    latitude_deg=-33.7, longitude_deg=151.3, height_m=2.0, height_datum="msl", gauge="world"
-)
+WORLD = World(origin=Geodetic(-33.7, 151.3, 2.0), height_datum="msl", gauge="world")
 
 
 def looking(forward, up):
@@ -83,9 +81,7 @@ def test_the_place_is_that_of_the_projection_centre_in_the_worlds_datum():
 
 
 def test_a_survey_without_place_has_nothing_to_hand_over():
-    nowhere = World(
-        latitude_deg=None, longitude_deg=None, height_m=None, height_datum="msl", gauge="plane"
-    )
+    nowhere = World(origin=None, height_datum="msl", gauge="plane")
     poses = Poses(
         frame_id=("a",),
         center_world_m=np.zeros((1, 3)),

@@ -55,10 +55,7 @@ class View:
     @property
     def origin(self) -> Origin | None:
         """Latitude, longitude and height of the local zero; None where there is no such place."""
-        world = self.result.world
-        if world.latitude_deg is None or world.longitude_deg is None or world.height_m is None:
-            return None
-        return world.latitude_deg, world.longitude_deg, world.height_m
+        return self.result.world.origin
 
     @property
     def least_height_m(self) -> float:

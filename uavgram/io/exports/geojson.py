@@ -43,7 +43,7 @@ def dump_geojson(result: Result) -> str:
     """
     members: dict[str, Any] = {"type": "FeatureCollection", "name": result.name}
     features: list[dict[str, Any]] = []
-    if result.world.gauge == "plane" or result.world.latitude_deg is None:
+    if result.world.gauge == "plane" or result.world.origin is None:
         members["message"] = _NO_PLACE
     else:
         features = _points(result.points) + _ellipses(result.points)

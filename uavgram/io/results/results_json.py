@@ -12,6 +12,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from uavgram.errors import InputError
 from uavgram.io.json_text import parse_json
 from uavgram.io.outputs import replace_text
@@ -26,7 +28,7 @@ from uavgram.model.result.reliability import ChecksOverall, RemovalRecord
 from uavgram.model.result.result import Result, SolutionSummary
 from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
 from uavgram.model.result.tables import MonteCarloResults
-from uavgram.model.survey.world import World
+from uavgram.model.survey.world import Geodetic, World
 
 SCHEMA = 1
 
@@ -51,7 +53,7 @@ def dump_results(result: Result) -> str:
             "options": dict(result.provenance.options),
             "packages": dict(result.provenance.packages),
         },
-        "world": encode(result.world),
+        "world": _dump_world(result.world),
         "camera": encode(result.camera),
         "clock": _dump_clock(result.shared),
         "shared": _dump_shared(result),
@@ -113,7 +115,7 @@ def _result(content: Record) -> Result:
     return Result(
         name=decode(str, content["name"]),
         provenance=_load_provenance(content["provenance"]),
-        world=from_record(World, {"crs": None} | content["world"]),
+        world=_load_world(content["world"]),
         camera=from_record(Calibration, content["camera"]),
         shared=_load_shared(content["shared"], {"drift_ppm": None} | content["clock"]),
         areas=tuple(_load_plane(area) for area in content["areas"]),
@@ -184,6 +186,17 @@ def _refuse_constant(name: str) -> float:
 def _load_message(record: Record) -> Message:
     """Of earlier versions, without subjects."""
     return from_record(Message, dict.fromkeys(SUBJECTS, ()) | record, several=None)
+
+
+def _dump_world(world: World) -> Record:
+    place = dict.fromkeys(Geodetic._fields) if world.origin is None else world.origin._asdict()
+    return {**place, "height_datum": world.height_datum, "gauge": world.gauge, "crs": world.crs}
+
+
+def _load_world(record: Record) -> World:
+    place = decode(tuple[float, ...], [record[key] for key in Geodetic._fields])
+    known = np.isfinite(place).all()
+    return from_record(World, {"crs": None} | record, origin=Geodetic(*place) if known else None)
 
 
 def _dump_inputs(inputs: Iterable[InputDigest]) -> Record:

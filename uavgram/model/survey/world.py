@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from uavgram.model.flight.log import HeightDatum
+
+
+class Geodetic(NamedTuple):
+    """A place on the earth: WGS 84, and its height above the datum that is said beside it."""
+
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -14,8 +22,8 @@ class World:
 
     Attributes
     ----------
-    latitude_deg, longitude_deg, height_m
-        WGS 84, height above `height_datum`; None where nothing ties the world to the earth.
+    origin
+        Its place; None where nothing ties the world to the earth.
     height_datum
         ``msl`` or ``ellipsoid``.
     gauge
@@ -27,9 +35,7 @@ class World:
         nothing ties the world to the earth.
     """
 
-    latitude_deg: float | None
-    longitude_deg: float | None
-    height_m: float | None
+    origin: Geodetic | None
     height_datum: HeightDatum
     gauge: Literal["world", "plane"]
     crs: str | None = None

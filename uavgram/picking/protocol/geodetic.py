@@ -34,10 +34,9 @@ def places_on_earth(
     world, requests = adjusted.result.world, adjusted.observed.requests
     asked = {request.points[0] for request in requests if request.kind == "coordinate"}
     rows = [k for k, name in enumerate(label) if name in asked]
-    if world.latitude_deg is None or world.longitude_deg is None or world.height_m is None:
+    if world.origin is None:
         return {}
-    origin = (world.latitude_deg, world.longitude_deg, world.height_m)
-    latitude, longitude, _ = geodetic_from_enu(position_world_m[rows], origin)
+    latitude, longitude, _ = geodetic_from_enu(position_world_m[rows], world.origin)
     return {
         label[k]: [round(degrees, DEGREE_DIGITS) for degrees in place]
         for k, *place in zip(rows, latitude.tolist(), longitude.tolist(), strict=True)

@@ -123,7 +123,7 @@ def compute(
     )
     world = replace(posed.world, gauge=assembled.survey.gauge)
     if world.gauge == "plane":
-        world = replace(world, latitude_deg=None, longitude_deg=None, height_m=None)
+        world = replace(world, origin=None)
     world = replace(world, crs=_map_crs(project, world))
     survey, heading_messages = find_headings(assembled.survey)
     mount = turned_mount(survey)
@@ -225,10 +225,10 @@ def _with_candidates(survey: Survey) -> Survey:
 
 def _map_crs(project: Project, world: World) -> str | None:
     """Coordinate system of maps: the one the project names, else the UTM zone of the origin."""
-    if world.latitude_deg is None or world.longitude_deg is None:
+    if world.origin is None:
         return None
     if project.crs == "auto":
-        return utm_crs(world.latitude_deg, world.longitude_deg)
+        return utm_crs(*world.origin[:2])
     return checked_crs(project.crs)
 
 
@@ -238,7 +238,7 @@ def known_in_world(
     """Known points in the local world; none, with a message, where nothing places them."""
     coordinates: Floats = points.coordinates
     if points.kind == "geodetic" and len(points.label):
-        if world.latitude_deg is None or world.longitude_deg is None or world.height_m is None:
+        if world.origin is None:
             text = (
                 "Points with latitude and longitude cannot be used: nothing ties this world to "
                 "the earth. Give the log, world.origin, or geodetic control points."
@@ -246,12 +246,7 @@ def known_in_world(
             return _no_points(), (Message("warning", "points-unplaced", text),)
         shift = height_shift(inputs, world.height_datum)
         latitude, longitude, height = points.coordinates.T
-        coordinates = enu_from_geodetic(
-            latitude,
-            longitude,
-            height + shift,
-            (world.latitude_deg, world.longitude_deg, world.height_m),
-        )
+        coordinates = enu_from_geodetic(latitude, longitude, height + shift, world.origin)
     return KnownWorldPoints(label=points.label, world_m=coordinates, sigma_m=points.sigma_m), ()
 
 

@@ -15,7 +15,7 @@ from uavgram.model.flight.pairing import Pairing
 from uavgram.model.flight.photo_poses import Flight, PhotoExposures, PhotoPoses
 from uavgram.model.message import Message
 from uavgram.model.options import GeodeticOrigin, MountOptions
-from uavgram.model.survey.world import World
+from uavgram.model.survey.world import Geodetic, World
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.stages.assemble import Telemetry
 from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
@@ -118,14 +118,8 @@ def _seeded(
         mount, more = _at_the_camera(mount)
     seeds = seed(frames, flight, mount, inputs.project.telemetry)
     far = _far_origin(inputs, seeds.poses.center_world_m)
-    (latitude, longitude, height), datum = origin
-    world = World(
-        latitude_deg=latitude,
-        longitude_deg=longitude,
-        height_m=height,
-        height_datum=datum,
-        gauge="world",
-    )
+    place, datum = origin
+    world = World(origin=Geodetic(*place), height_datum=datum, gauge="world")
     telemetry = Telemetry(
         poses=seeds.poses,
         prior=seeds.prior,
@@ -219,27 +213,19 @@ def _unposed(inputs: Inputs) -> Posed:
     """Names and file times of the frames, and a world that only control points can place."""
     project = inputs.project
     frames = _file_time_frames(inputs, "no flight log")
-    place: tuple[float | None, float | None, float | None] = (None, None, None)
+    place: Geodetic | None = None
     messages: tuple[Message, ...] = ()
     origin = project.world.origin
     if isinstance(origin, GeodeticOrigin):
-        place = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
+        place = Geodetic(origin.latitude_deg, origin.longitude_deg, origin.height_m)
     elif inputs.control.kind == "geodetic" and len(inputs.control.label):
-        first = inputs.control.coordinates[0]
-        place = (float(first[0]), float(first[1]), float(first[2]))
+        place = Geodetic(*inputs.control.coordinates[0].tolist())
         text = (
             f"Without a log there is no home: the world's origin is the control point "
             f"{inputs.control.label[0]!r}."
         )
         messages = (Message("info", "origin-control", text),)
-    latitude, longitude, height = place
-    world = World(
-        latitude_deg=latitude,
-        longitude_deg=longitude,
-        height_m=height,
-        height_datum=project.world.heights,
-        gauge="world",
-    )
+    world = World(origin=place, height_datum=project.world.heights, gauge="world")
     return Posed(world=world, frames=frames, telemetry=None, messages=messages)
 
 

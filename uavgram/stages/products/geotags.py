@@ -34,13 +34,12 @@ def geotag(
     GeometryError
         Nothing ties the world to the earth.
     """
-    if world.latitude_deg is None or world.longitude_deg is None or world.height_m is None:
+    if world.origin is None:
         raise GeometryError(
             "nothing ties this survey to the earth (no flight log, no photo poses, no geodetic "
             "control points): there are no coordinates to write"
         )
-    origin = (world.latitude_deg, world.longitude_deg, world.height_m)
-    latitude, longitude, height = geodetic_from_enu(poses.center_world_m, origin)
+    latitude, longitude, height = geodetic_from_enu(poses.center_world_m, world.origin)
     ned_from_gimbal = ENU_FROM_NED @ poses.world_from_camera @ GIMBAL_FROM_CAMERA.T
     gimbal = np.stack(ypr_from_matrix(ned_from_gimbal), axis=1)
     horizontal = np.linalg.eigvalsh(poses.covariance[:, :2, :2])[:, -1]

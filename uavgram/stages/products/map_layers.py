@@ -30,9 +30,6 @@ def features_of(result: Result, crs: str | None) -> Features:
         Projected coordinate system for maps; None where nothing ties the survey to the earth.
     """
     world = result.world
-    origin = None
-    if None not in (world.latitude_deg, world.longitude_deg, world.height_m):
-        origin = (world.latitude_deg, world.longitude_deg, world.height_m)
     return Features(
         name=result.name,
         layers=(
@@ -45,9 +42,9 @@ def features_of(result: Result, crs: str | None) -> Features:
             _measured("measured_lines", "line", result),
             _points(result.points),
         ),
-        origin=origin,  # type: ignore[arg-type]  # no None is left in it
+        origin=world.origin,
         height_datum=world.height_datum,
-        crs=crs if origin is not None else None,
+        crs=crs if world.origin is not None else None,
     )
 
 

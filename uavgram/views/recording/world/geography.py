@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import rerun as rr
 
@@ -23,12 +21,12 @@ MAP = "map"
 def log_map(recorder: Recorder, result: Result) -> None:
     """Log flight, footprints, points and lines in latitude and longitude (double precision)."""
     world, points = result.world, result.points
-    if not has_map(result):
+    origin = world.origin
+    if origin is None or not has_map(result):
         return
-    origin = (world.latitude_deg, world.longitude_deg, world.height_m)
 
     def on_earth(strip: Floats) -> Floats:
-        latitude, longitude, _ = geodetic_from_enu(strip, origin)  # type: ignore[arg-type]
+        latitude, longitude, _ = geodetic_from_enu(strip, origin)
         return np.column_stack([latitude, longitude])
 
     def log_lines(name: str, strips: list[Floats], colours: list[Rgb], width: float) -> None:
@@ -68,12 +66,6 @@ def has_map(result: Result) -> bool:
 def log_origin(recorder: Recorder, result: Result) -> None:
     """State the origin of the local world among the recording's properties."""
     world = result.world
-    known: dict[str, Any] = {
-        "gauge": world.gauge,
-        "height_datum": world.height_datum,
-        "latitude_deg": world.latitude_deg,
-        "longitude_deg": world.longitude_deg,
-        "height_m": world.height_m,
-    }
-    values = {name: value for name, value in known.items() if value is not None}
-    recorder.stream.send_property("survey", rr.AnyValues(**values))
+    place = {} if world.origin is None else world.origin._asdict()
+    values = rr.AnyValues(gauge=world.gauge, height_datum=world.height_datum, **place)
+    recorder.stream.send_property("survey", values)
