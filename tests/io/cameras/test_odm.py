@@ -110,7 +110,7 @@ def test_one_of_several_cameras_has_to_be_chosen(write):
         ({"c": entry("brown", k2=None)}, "k2 must be a number"),
         ({"c": entry("brown", width=4000.5)}, "whole pixels"),
         ({"c": entry("brown", focal_x=-1)}, "greater than 0"),
-        ({"c": entry("brown", k1=float("nan"))}, "not finite"),
+        ({"c": entry("brown", k1=float("nan"))}, "k1 is no finite number"),
         ({}, "holds no camera"),
         ([1], "an object of cameras"),
         ('{"c": {\n "projection_type" 1}}', ":2: is no JSON"),
