@@ -1,0 +1,164 @@
+"""The pages in docs/ are true of the code: paths, names, rooms and contracts exist."""
+
+import ast
+import importlib
+import re
+import tomllib
+from functools import cache
+
+import pytest
+
+PAGES = ("architecture.md", "CONTRIBUTING.md", "CHANGELOG.md")
+SUFFIXES = "py|js|md|toml|yaml|html|css|jpg|typed"
+PATH = re.compile(rf"^\.?[\w\-]+(/[\w\-.]+)*(/|\.({SUFFIXES}))$")
+"""`io/tables/` or `io/tables/picks.py`: with a slash, or with the suffix of a source file."""
+AT_WORK = {"results.json", "calibration.json", "run.jsonl", "report.html", "project.yaml"}
+"""Files that a run reads or writes, not those of the repository."""
+
+
+def quoted(text):
+    """What stands between backticks, outside code blocks."""
+    return re.findall(r"`([^`\n]+)`", re.sub(r"```.*?```", "", text, flags=re.DOTALL))
+
+
+def named_in(text):
+    """(path, name in it) of everything quoted that is a path; the name may be empty."""
+    for word in quoted(text):
+        path, _, name = word.partition(":")
+        if PATH.match(path) and path not in AT_WORK:
+            yield path, name
+
+
+def found(root, path):
+    """The file or folder that a page calls `path`: in the package or in the repository."""
+    return next((p for p in (root / "uavgram" / path, root / path) if p.exists()), None)
+
+
+@cache
+def python_names(file):
+    """Functions, classes, methods and constants of a module, ``Class.method`` for what is inside."""
+    names = set()
+
+    def collect(body, before):
+        for node in body:
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+                names.add(before + node.name)
+            if isinstance(node, ast.ClassDef):
+                collect(node.body, f"{before}{node.name}.")
+            targets = node.targets if isinstance(node, ast.Assign) else []
+            targets = [node.target] if isinstance(node, ast.AnnAssign) else targets
+            for target in targets:
+                parts = target.elts if isinstance(target, ast.Tuple) else [target]
+                names.update(before + part.id for part in parts if isinstance(part, ast.Name))
+
+    collect(ast.parse(file.read_text(encoding="utf-8")).body, "")
+    return names
+
+
+def has_name(file, name):
+    if file.suffix == ".py":
+        return name in python_names(file)
+    return re.search(rf"\b{re.escape(name)}\b *[(=]", file.read_text(encoding="utf-8")) is not None
+
+
+def wrong_paths(text, root):
+    """What a page names and the tree does not have."""
+    wrong = []
+    for path, name in named_in(text):
+        file = found(root, path)
+        if file is None or (name and not (file.is_file() and has_name(file, name))):
+            wrong.append(f"{path}:{name}" if name else path)
+    return wrong
+
+
+def wrong_modules(text):
+    """Dotted names that cannot be imported."""
+    wrong = []
+    for dotted in set(re.findall(r"\buavgram(?:\.\w+)+", text)):
+        owner, _, name = dotted.rpartition(".")
+        try:
+            importlib.import_module(dotted)
+        except ImportError:
+            try:
+                getattr(importlib.import_module(owner), name)
+            except (ImportError, AttributeError):
+                wrong.append(dotted)
+    return wrong
+
+
+@pytest.fixture(params=PAGES)
+def page(request, repository):
+    return (repository / "docs" / request.param).read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def architecture(repository):
+    return (repository / "docs" / "architecture.md").read_text(encoding="utf-8")
+
+
+def test_every_path_and_name_on_a_page_exists(page, repository):
+    assert wrong_paths(page, repository) == []
+
+
+def test_every_module_that_a_page_names_can_be_imported(page):
+    assert wrong_modules(page) == []
+
+
+def test_what_does_not_exist_is_noticed(repository):
+    text = "`io/tables/picks.py:read_pics` `io/desk/` `picking/page/store.js:recieve` `nowhere.py`"
+    good = "`io/tables/picks.py:read_picks` `picking/storage/journal.py:Journal.record` `io/`"
+
+    assert wrong_paths(f"{text} {good}", repository) == [
+        "io/tables/picks.py:read_pics",
+        "io/desk/",
+        "picking/page/store.js:recieve",
+        "nowhere.py",
+    ]
+    assert wrong_modules("uavgram.stages.rectify, uavgram.run") == ["uavgram.stages.rectify"]
+
+
+def test_links_between_the_pages_lead_somewhere(page, repository):
+    for target in re.findall(r"\]\(([^)#]+)", page):
+        if "://" not in target:
+            assert (repository / "docs" / target).exists(), target
+
+
+def test_every_room_stands_on_the_page(architecture, repository):
+    rooms = {
+        f"{init.parent.relative_to(repository / 'uavgram')}/"
+        for init in (repository / "uavgram").rglob("__init__.py")
+    } - {"./"}
+
+    assert rooms - set(quoted(architecture)) == set()
+
+
+def contracts_of(repository):
+    project = tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))
+    return [one["name"] for one in project["tool"]["importlinter"]["contracts"]]
+
+
+def test_the_page_has_every_import_contract_and_no_other(architecture, repository):
+    section = architecture.split("## Import contracts")[1].split("\n## ")[0]
+    rows = [line.split("|")[1].strip() for line in section.splitlines() if line.startswith("| ")]
+    contracts = contracts_of(repository)
+
+    assert rows[2:] == contracts
+    assert len(set(contracts)) == len(contracts)
+
+
+def test_pre_commit_runs_the_checks_that_ci_runs(repository):
+    script = (repository / ".ci" / "run").read_text(encoding="utf-8")
+    hooks = (repository / ".pre-commit-config.yaml").read_text(encoding="utf-8")
+    checks = re.findall(r"^\.venv/bin/((?!python|pytest).+)$", script, flags=re.MULTILINE)
+
+    assert len(checks) >= 4
+    for check in checks:
+        assert f"entry: .venv/bin/{check}\n" in hooks
+
+
+def test_the_package_says_that_it_is_typed(repository):
+    assert (repository / "uavgram" / "py.typed").is_file()
+
+
+def test_no_page_names_a_place_on_one_machine(page):
+    assert re.findall(r"(?<![\w.])/(?:work|home|tmp|root)\b", page) == []
