@@ -47,3 +47,13 @@ def test_the_files_and_the_picture_that_the_readme_names_are_there(readme, repos
     for name in re.findall(r"!\[[^]]*\]\(([^)]+)\)", readme):
         assert (repository / name).is_file(), name
     assert Path(repository, "configs", "project.yaml").is_file()
+
+
+def test_the_pages_and_sources_that_the_readme_names_are_there(readme, repository):
+    links = [link for link in re.findall(r"\]\(([^)#]+)\)", readme) if "://" not in link]
+    sources = re.findall(r"`(uavgram/[\w/.]+)`", readme)
+
+    assert "docs/architecture.md" in links
+    assert "uavgram/pipeline/measure/compute.py" in sources
+    for name in (*links, *sources):
+        assert (repository / name).exists(), name

@@ -36,7 +36,7 @@ def found(root, path):
 
 @cache
 def python_names(file):
-    """Functions, classes, methods and constants of a module, ``Class.method`` for what is inside."""
+    """Functions, classes and constants of a module; ``Class.method`` for what is inside a class."""
     names = set()
 
     def collect(body, before):

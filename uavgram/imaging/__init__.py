@@ -1,1 +1,1 @@
-"""Pixels: previews and rendering."""
+"""Whatever looks at the pixels of photos: calibration boards, previews, top views, rendering."""

@@ -1,1 +1,1 @@
-"""One file per command."""
+"""The commands of `uavgram`, one file each: arguments -> one call of the pipeline."""

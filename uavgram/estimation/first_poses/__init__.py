@@ -1,1 +1,1 @@
-"""First values of the adjustment: from lengths, from known points, from telemetry."""
+"""First camera poses, where the adjustment starts: by lengths, known points or the log."""

@@ -1,1 +1,1 @@
-"""What is measured on the adjusted survey, its covariance, and what it rests on."""
+"""Values measured on the adjusted survey, their covariance, and which errors make it."""

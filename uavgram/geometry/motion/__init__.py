@@ -1,1 +1,1 @@
-"""Rotations, and positions and rotations between the samples of a log."""
+"""Rotations, and where a vehicle was and how it was turned between samples of its log."""

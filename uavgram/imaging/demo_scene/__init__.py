@@ -1,1 +1,1 @@
-"""Photos of the built-in scene, rendered."""
+"""The photos of the built-in survey, rendered: road, marks, vehicles."""

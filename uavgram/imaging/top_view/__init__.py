@@ -1,1 +1,1 @@
-"""The ground from above, put together from photos."""
+"""The ground seen from straight above, put together from photos."""

@@ -1,1 +1,1 @@
-"""What a folder holds that a project could use."""
+"""What a folder holds that a project could use: photos, logs, poses, cameras, tables."""

@@ -1,1 +1,1 @@
-"""Picks that were made in other programs."""
+"""Picks that were made in other programs (LabelMe, OpenDroneMap), read as ours."""

@@ -1,1 +1,1 @@
-"""Photos as files: which there are, their sizes, times and tags; pixels of boards alone."""
+"""Photos as files: names, sizes, times and tags; only calibration photos are decoded."""

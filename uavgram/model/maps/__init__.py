@@ -1,1 +1,1 @@
-"""What a survey looks like on the ground: layers and rasters."""
+"""What maps and drawings show of a survey: layers of shapes, and rasters."""

@@ -1,1 +1,1 @@
-"""What has been picked, how it came about, and what each command makes of it. Pure."""
+"""What has been picked, undo and redo, and what each command changes; no disk, no socket."""

@@ -1,1 +1,1 @@
-"""Messages of the page: what comes in is checked, what goes out is plain JSON."""
+"""Messages of the page to commands, every field checked; answers to plain JSON."""

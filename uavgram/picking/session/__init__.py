@@ -1,1 +1,1 @@
-"""One open project: its adjustment, its calibration, its outputs."""
+"""One open project: adjusted in the background, calibrated, run, and saved."""

@@ -1,1 +1,1 @@
-"""The project's tables and the journal on disk: nothing confirmed is lost."""
+"""The journal of changes and the tables on disk: nothing that was confirmed is lost."""

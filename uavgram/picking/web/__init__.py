@@ -1,1 +1,1 @@
-"""The page's server: who may come in, what is served."""
+"""The server of the picking page: its routes, its socket, and who may come in."""

@@ -1,1 +1,1 @@
-"""Cameras from files, from photos, and from photos of a board."""
+"""A camera from a file, from what photos say of it, or from photos of a calibration board."""

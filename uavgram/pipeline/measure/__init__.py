@@ -1,1 +1,1 @@
-"""The main job: from a project to its results."""
+"""The main job: from a project file to its results and output files."""

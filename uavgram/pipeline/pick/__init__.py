@@ -1,1 +1,1 @@
-"""The adjustment while picks change, and where to look next."""
+"""The adjustment repeated while somebody picks, and where other photos show a point."""

@@ -1,1 +1,1 @@
-"""What is handed on: layers for maps and drawings, geotags, top views."""
+"""What is handed on, computed: layers of maps and drawings, geotags, grids of top views."""

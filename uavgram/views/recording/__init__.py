@@ -1,4 +1,4 @@
-"""The review as a Rerun recording; the only package that knows Rerun."""
+"""The review of a survey as a Rerun recording."""
 
 from uavgram.views.recording.write import write_recording
 

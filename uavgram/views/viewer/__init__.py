@@ -1,1 +1,1 @@
-"""The Rerun viewer as a program of its own."""
+"""Starts the Rerun viewer with a recording, on the desktop or in a browser."""

@@ -1,1 +1,1 @@
-"""Sparse Cholesky factorisation with a good order, and the covariances that are asked for."""
+"""Sparse Cholesky factors in a good order of elimination, and covariances from them."""

@@ -1,1 +1,1 @@
-"""Curves over the frames."""
+"""The recording's curves over the photos: residuals, tests, poses, states."""

@@ -1,1 +1,1 @@
-"""Pages of text in the recording."""
+"""The recording's pages of text: summary, checks, tables, a sheet for each photo."""

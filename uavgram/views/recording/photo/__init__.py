@@ -1,1 +1,1 @@
-"""One photo at a time, and what is drawn on it."""
+"""The recording's view of one photo, and what is drawn on it."""

@@ -1,1 +1,1 @@
-"""The survey in three dimensions and on the earth."""
+"""The recording's view of the scene in three dimensions, and on the earth."""
