@@ -117,6 +117,20 @@ def test_what_does_not_exist_is_noticed(repository):
     assert wrong_modules("uavgram.stages.rectify, uavgram.run") == ["uavgram.stages.rectify"]
 
 
+def test_every_path_that_a_docstring_names_exists(repository):
+    package = repository / "uavgram"
+    floors = "|".join(sorted(init.parent.name for init in package.glob("*/__init__.py")))
+    named = re.compile(rf"(?<![\w/.])(?:{floors})/[\w/]+\.py\b")
+    wrong = [
+        f"{file.relative_to(package)}: {path}"
+        for file in package.rglob("*.py")
+        for path in named.findall(file.read_text(encoding="utf-8"))
+        if not (package / path).is_file()
+    ]
+
+    assert wrong == []
+
+
 def test_links_between_the_pages_lead_somewhere(page, repository):
     for target in re.findall(r"\]\(([^)#]+)", page):
         if "://" not in target:

@@ -233,7 +233,7 @@ def test_a_fisheye_is_never_taken_for_a_perspective_lens(may_be_unknown, more):
 
 
 def test_assumed_sigmas_hold_for_calibrations_that_were_really_made(data_dir):
-    """The evidence that model/assumed_errors.py names, from the files themselves."""
+    """The evidence that model/camera/assumed_errors.py names, from the files themselves."""
     shares, offsets = [], []
     for folder, photo in (
         ("phantom3_lenscalib", "DJI_0002.jpg"),

@@ -1,7 +1,7 @@
 """The conditions that known lengths put on single frames, many frames at once.
 
 Per line: its length on the plane m, seen through picked pixels and the interior orientation,
-equals the one taped. Linearised here at the adjusted observations, solved in `length_resection`.
+equals the one taped. Linearised here at the adjusted observations, solved in `resection`.
 """
 
 from __future__ import annotations

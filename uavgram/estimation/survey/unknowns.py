@@ -31,7 +31,7 @@ class Layout:
     plane
         3 (height, slope east, slope north) for each area whose plane is not the gauge.
     telemetry
-        12 (see geometry/telemetry_pose.py), or 0 without a log.
+        12 (see geometry/motion/telemetry_pose.py), or 0 without a log.
     free_gauge
         Whether nothing but a choice fixes position and heading.
     """

@@ -1,4 +1,4 @@
-"""The bench beside the desk: a calibration from photos of a board, while picking goes on.
+"""A calibration from photos of a board, while picking goes on.
 
 The page names a folder by the number under which it was listed, never by its path. One runs at a
 time, in a thread of its own (OpenCV works outside Python's lock), into a new folder.

@@ -1,4 +1,4 @@
-"""The project that is open on the page: its desk, its outputs, its bench, and errands about it."""
+"""The project that is open on the page: its picks, its outputs, its calibration, and errands."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""One project on the desk: its photos, its session, its adjustment, and how they hang together.
+"""One open project: its photos, its steps, its adjustment, and how they hang together.
 
-No web here: `server` hands in checked messages and takes JSON to send. All that changes the
+No web here: `web.server` hands in checked messages and takes JSON to send. All that changes the
 session runs in one thread (the server's loop), so there is no lock.
 """
 

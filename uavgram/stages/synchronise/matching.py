@@ -1,8 +1,8 @@
 """Which instant of the flight belongs to which photo.
 
-The log's boot clock is tied to UTC (estimation/boot_clock.py); the photos' clock is tied to it by
-a stated offset, or by aligning photos with the log's camera events. Photos are never paired with
-events by their order alone, unless both are equally many and the project asks for it.
+The log's boot clock is tied to UTC (estimation/clocks/boot_clock.py); the photos' clock is tied to
+it by a stated offset, or by aligning photos with the log's camera events. Photos are never paired
+with events by their order alone, unless both are equally many and the project asks for it.
 """
 
 from __future__ import annotations
