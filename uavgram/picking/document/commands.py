@@ -3,7 +3,7 @@
 Commands change what is picked, questions change nothing, errands are about the project as a whole.
 
 Numbers are finite and in range, texts are short and clean, photos exist: `protocol.parse` saw to
-that. Whether a command fits the state (a label that is there, a name that is free) is for `history`.
+that. Whether a command fits the state (a label that is there, a free name) is for `history`.
 """
 
 from __future__ import annotations
