@@ -80,7 +80,7 @@ def test_an_example_is_checked_and_run_and_agrees_with_the_truth(examples, name,
 def test_the_examples_coordinates_are_true_where_the_log_or_the_photos_give_them(examples):
     for name, within_sigmas in (("project", 3.5), ("photo_poses", 3.0)):
         result = uavgram.run(examples / f"{name}.yaml", output=None)
-        home = (result.world.latitude_deg, result.world.longitude_deg, 0.0)
+        home = (*result.world.origin[:2], 0.0)
         shift = enu_from_geodetic(*(np.array([v]) for v in (*TAKE_OFF_DEG, 0.0)), home)[0, :2]
         k = result.points.label.index("P15")
         error = result.points.position_world_m[k, :2] - shift - POINTS_M["P15"]
