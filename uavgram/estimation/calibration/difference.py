@@ -13,6 +13,7 @@ implied transformation is fitted before two models are compared, weighted by the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from uavgram.errors import GeometryError
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.motion.rotation import exp_so3, hat, log_so3
-from uavgram.model.arrays import Floats, freeze
+from uavgram.model.arrays import Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
 
 GRID_COLUMNS = 40
@@ -31,7 +32,7 @@ _FEWEST_PIXELS = 8  # for six unknowns, with something left to compare
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CameraDifference:
+class CameraDifference(FrozenArrays):
     """What a second calibration projects elsewhere, over the image of the first.
 
     Attributes
@@ -53,23 +54,12 @@ class CameraDifference:
         Of the pixels of the grid, those that both cameras see.
     """
 
-    pixel_px: Floats
-    difference_px: Floats
-    covariance_px2: Floats
-    rotation_rad: Floats
-    center_shift: Floats
+    pixel_px: Annotated[Floats, "n", 2]
+    difference_px: Annotated[Floats, "n", 2]
+    covariance_px2: Annotated[Floats, "n", 2, 2]
+    rotation_rad: Annotated[Floats, 3]
+    center_shift: Annotated[Floats, 3]
     share_seen: float
-
-    def __post_init__(self) -> None:
-        n = len(self.pixel_px)
-        freeze(
-            self,
-            pixel_px=(n, 2),
-            difference_px=(n, 2),
-            covariance_px2=(n, 2, 2),
-            rotation_rad=(3,),
-            center_shift=(3,),
-        )
 
     @property
     def size_px(self) -> Floats:

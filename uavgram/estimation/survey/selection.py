@@ -48,7 +48,7 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
         telemetry=_some_telemetry(survey, new_frame),
         label=tuple(survey.label[i] for i in labels),
         height_above_m=survey.height_above_m[labels],
-        label_area=survey.area[labels],
+        area=survey.area[labels],
         pick_frame=pick_frame,
         pick_label=pick_label,
         pixel_px=survey.pixel_px[picks],

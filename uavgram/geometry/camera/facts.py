@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from uavgram.geometry.camera.back_projection import back_project, share_without_rays
 from uavgram.geometry.camera.lens import largest_radius
-from uavgram.model.arrays import Floats, freeze
+from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
 
 FRAME_35MM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CameraFacts:
+class CameraFacts(FrozenArrays):
     """Figures that follow from a calibration.
 
     Attributes
@@ -39,26 +40,14 @@ class CameraFacts:
         (P, P); zero where a parameter has no error.
     """
 
-    field_of_view_rad: Floats
+    field_of_view_rad: Annotated[Floats, 3, NAN_IS_NONE]
     equivalent_mm: float
-    centre_offset_px: Floats
-    centre_sigma_px: Floats
-    corner_distortion_px: Floats
+    centre_offset_px: Annotated[Floats, 2]
+    centre_sigma_px: Annotated[Floats, 2]
+    corner_distortion_px: Annotated[Floats, 4, NAN_IS_NONE]
     fold_rad: float
     share_without_rays: float
-    correlation: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.correlation)
-        freeze(
-            self,
-            may_be_nan=("field_of_view_rad", "corner_distortion_px"),
-            field_of_view_rad=(3,),
-            centre_offset_px=(2,),
-            centre_sigma_px=(2,),
-            corner_distortion_px=(4,),
-            correlation=(n, n),
-        )
+    correlation: Annotated[Floats, "n", "n"]
 
 
 def camera_facts(calibration: Calibration) -> CameraFacts:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 from uavgram.model.arrays import Floats, freeze
 
@@ -65,12 +65,11 @@ class Calibration:
     model: LensModel
     width_px: int
     height_px: int
-    parameters: Floats
-    covariance: Floats
+    parameters: Annotated[Floats, "n"]
+    covariance: Annotated[Floats, "n", "n"]
 
     def __post_init__(self) -> None:
-        n = len(self.parameter_names)
-        freeze(self, parameters=(n,), covariance=(n, n))
+        freeze(self, n=len(self.parameter_names))
         if self.width_px <= 0 or self.height_px <= 0:
             raise ValueError(
                 f"width_px and height_px must be positive, got {self.width_px} x {self.height_px}"
