@@ -64,8 +64,7 @@ class CameraDifference(FrozenArrays):
     @property
     def size_px(self) -> Floats:
         """(N,) length of the difference."""
-        size: Floats = np.hypot(self.difference_px[:, 0], self.difference_px[:, 1])
-        return size
+        return np.asarray(np.hypot(self.difference_px[:, 0], self.difference_px[:, 1]))
 
     @property
     def rms_px(self) -> float:
@@ -80,8 +79,7 @@ class CameraDifference(FrozenArrays):
     @property
     def sigma_px(self) -> Floats:
         """(N,) length of the difference to expect: the root of its covariance's trace."""
-        sigma: Floats = np.sqrt(np.trace(self.covariance_px2, axis1=1, axis2=2))
-        return sigma
+        return np.asarray(np.sqrt(np.trace(self.covariance_px2, axis1=1, axis2=2)))
 
     @property
     def expected_rms_px(self) -> float:
@@ -102,8 +100,7 @@ class CameraDifference(FrozenArrays):
             squared = np.where(
                 np.abs(along) < _ROUNDING_PX, 0.0, along**2 / np.maximum(sigma2, floor)
             )
-        z: Floats = np.sqrt(squared.sum(axis=1))
-        return z
+        return np.asarray(np.sqrt(squared.sum(axis=1)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,5 +277,4 @@ def _weights(covariance: Floats) -> Floats:
     mean = float(variance.mean())
     if mean == 0:
         return np.ones(len(variance))
-    weight: Floats = mean / np.maximum(variance, 1e-6 * mean)
-    return weight
+    return np.asarray(mean / np.maximum(variance, 1e-6 * mean))

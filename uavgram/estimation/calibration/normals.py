@@ -7,6 +7,7 @@ Fitzgibbon 2000, "Bundle adjustment - a modern synthesis", sec. 6.1).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,8 +24,7 @@ class UndeterminedError(GeometryError):
     """The photos do not determine the camera."""
 
 
-@dataclass(frozen=True, eq=False)
-class Normals:
+class Normals(NamedTuple):
     """Normal equations, the photos eliminated.
 
     Attributes

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.estimation.calibration.adjustment import Fit, adjust
-from uavgram.estimation.calibration.problem import Corners, Lens, State
+from uavgram.estimation.calibration.normals import Normals
+from uavgram.estimation.calibration.problem import Corners, Lens, Linear, State
 from uavgram.estimation.calibration.reliability import corner_tests, photo_tests
 from uavgram.estimation.calibration.start import FEWEST_CORNERS
 from uavgram.model.arrays import Bools, Floats
@@ -149,16 +150,6 @@ def without(fit: Fit, photos: Bools) -> Fit:
         fit,
         corners=fit.corners.take(~photos),
         state=fit.state.take(~photos),
-        linear=replace(
-            fit.linear,
-            residual=fit.linear.residual[~photos],
-            pose=fit.linear.pose[~photos],
-            border=fit.linear.border[~photos],
-        ),
-        normals=replace(
-            fit.normals,
-            pose_inverse=fit.normals.pose_inverse[~photos],
-            gain=fit.normals.gain[~photos],
-            photo_border=fit.normals.photo_border[~photos],
-        ),
+        linear=Linear(*(rows[~photos] for rows in fit.linear)),
+        normals=Normals._make([*(rows[~photos] for rows in fit.normals[:3]), fit.normals.border]),
     )

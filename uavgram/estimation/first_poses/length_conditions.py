@@ -40,14 +40,7 @@ class LengthFrames(NamedTuple):
 
     def take(self, rows: Ints | slice) -> LengthFrames:
         """Some of the frames, by index or slice."""
-        return LengthFrames(
-            self.pixel_px[rows],
-            self.pixel_sigma_px[rows],
-            self.start[rows],
-            self.end[rows],
-            self.length_m[rows],
-            self.length_sigma_m[rows],
-        )
+        return LengthFrames._make(column[rows] for column in self)
 
 
 class View(NamedTuple):

@@ -55,7 +55,6 @@ def camera_facts(calibration: Calibration) -> CameraFacts:
     size = np.array([calibration.width_px, calibration.height_px], dtype=np.float64)
     parameters = calibration.parameters
     sigma = np.sqrt(calibration.covariance.diagonal())
-    scale = np.where(sigma > 0, sigma, 1.0)
     radius = largest_radius(calibration.model, parameters)
     return CameraFacts(
         field_of_view_rad=_field_of_view(calibration, size),
@@ -69,7 +68,7 @@ def camera_facts(calibration: Calibration) -> CameraFacts:
         share_without_rays=share_without_rays(
             calibration.model, parameters, calibration.width_px, calibration.height_px
         ),
-        correlation=calibration.covariance / np.outer(scale, scale),
+        correlation=calibration.correlation,
     )
 
 
@@ -83,8 +82,7 @@ def _field_of_view(calibration: Calibration, size: Floats) -> Floats:
     ]
     # atan2 keeps its digits at small angles, arccos does not.
     across = np.linalg.norm(np.cross(rays[0], rays[1]), axis=1)
-    angle: Floats = np.arctan2(across, np.sum(rays[0] * rays[1], axis=1))
-    return angle
+    return np.asarray(np.arctan2(across, np.sum(rays[0] * rays[1], axis=1)))
 
 
 def _corner_distortion(calibration: Calibration, size: Floats) -> Floats:
@@ -93,5 +91,4 @@ def _corner_distortion(calibration: Calibration, size: Floats) -> Floats:
     focal, centre = calibration.parameters[:2], calibration.parameters[2:4]
     ray = back_project(calibration.model, calibration.parameters, corner)
     pinhole = np.linalg.norm(focal * ray[:, :2], axis=1)
-    outward: Floats = np.linalg.norm(corner - centre, axis=1) - pinhole
-    return outward
+    return np.asarray(np.linalg.norm(corner - centre, axis=1) - pinhole)

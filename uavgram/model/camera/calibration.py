@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+import numpy as np
+
 from uavgram.model.arrays import Floats, freeze
 
 LensModel = Literal["brown", "fisheye"]
@@ -76,6 +78,13 @@ class Calibration:
             )
         if min(self.parameters[:2]) <= 0:
             raise ValueError(f"fx and fy must be positive, got {self.parameters[:2].tolist()}")
+
+    @property
+    def correlation(self) -> Floats:
+        """(P, P) of the parameters; 0 where one is known exactly."""
+        sigma = np.sqrt(self.covariance.diagonal())
+        scale = np.where(sigma > 0, sigma, 1.0)
+        return np.asarray(self.covariance / np.outer(scale, scale))
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-import numpy as np
-
 from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays, Ints, freeze
 from uavgram.model.camera.board import Board, CalibrationOptions
 from uavgram.model.camera.calibration import Calibration
@@ -219,10 +217,3 @@ class CalibrationResult:
 
     def __post_init__(self) -> None:
         freeze(self, p=len(self.calibration.parameters))
-
-    @property
-    def correlation(self) -> Floats:
-        """(P, P) of the camera's parameters; 0 where one is held fixed."""
-        sigma = np.sqrt(np.diag(self.calibration.covariance))
-        scale = np.where(sigma > 0, sigma, 1.0)
-        return np.asarray(self.calibration.covariance / np.outer(scale, scale))
