@@ -65,6 +65,27 @@ def freeze(owner: Any, **sizes: int) -> None:
         object.__setattr__(owner, name, value)
 
 
+def rows_of(owner: Any, index: Ints, size: str = "n") -> dict[str, Any]:
+    """Some rows of all fields of one length, by name: for ``dataclasses.replace``.
+
+    Parameters
+    ----------
+    owner
+        A dataclass whose annotations say the shapes of its arrays.
+    index
+        (m,) which rows, in their new order.
+    size
+        Letter of the first axis of those fields.
+    """
+    return {
+        name: getattr(owner, name)[index]
+        if dtype
+        else tuple(getattr(owner, name)[i] for i in index)
+        for name, dtype, dimensions, _ in _array_fields(cast("Hashable", type(owner)))
+        if dimensions[0] == size
+    }
+
+
 class _ArrayField(NamedTuple):
     """A field with a shape; its type is None where it is no array but a tuple."""
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import Annotated, Any
+from dataclasses import dataclass, replace
+from typing import Annotated
 
-import numpy as np
-
-from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints
+from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints, rows_of
 from uavgram.model.flight.log import HeightDatum, Track
 
 
@@ -60,12 +58,7 @@ class PhotoPoses(FrozenArrays):
 
     def rows(self, index: Ints) -> PhotoPoses:
         """Pick the photos at `index` (M,), in that order."""
-        columns: dict[str, Any] = {
-            part.name: getattr(self, part.name)[index]
-            for part in fields(self)
-            if isinstance(getattr(self, part.name), np.ndarray)
-        }
-        return replace(self, frame_id=tuple(self.frame_id[k] for k in index), **columns)
+        return replace(self, **rows_of(self, index))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
-from uavgram.model.arrays import Floats, FrozenArrays, Ints
+from uavgram.model.arrays import Floats, FrozenArrays, Ints, rows_of
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,12 +31,7 @@ class Poses(FrozenArrays):
 
     def take(self, index: Ints) -> Poses:
         """Some of the poses, in the order of `index`."""
-        return Poses(
-            frame_id=tuple(self.frame_id[i] for i in index),
-            center_world_m=self.center_world_m[index],
-            world_from_camera=self.world_from_camera[index],
-            covariance=self.covariance[index],
-        )
+        return replace(self, **rows_of(self, index))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -152,7 +152,7 @@ def _over_control(
     label = survey.control_label
     height = float(np.mean(survey.control_world_m[:, 2] - survey.height_above_m[label]))
     network = PlaneNetwork(survey, ray)
-    network.place_points(label, survey.control_world_m[:, :2])
+    network.point[label] = survey.control_world_m[:, :2]
     for frame, (center, rotation) in poses.items():
         network.place(frame, center - [0.0, 0.0, height], rotation)
     network.grow(planes)
