@@ -193,8 +193,8 @@ class TelemetryOptions(_Options):
     Errors of one frame go together with those of the next over some time between the two of
     `correlation_s`, which the adjustment takes as independent. The per-frame variances of a survey
     are therefore multiplied by the least factor that keeps its slowest change honest (see
-    estimation/correlated_errors.py): 1 for a few frames, about their number / 2 pi for more. What
-    the whole flight has in common is in the biases.
+    estimation/survey/correlated_errors.py): 1 for a few frames, about their number / 2 pi for
+    more. What the whole flight has in common is in the biases.
     """
 
     position_sigma_m: tuple[float, float] | Auto = "auto"

@@ -89,6 +89,13 @@ class Fit:
 def adjust(lens: Lens, corners: Corners, start: State) -> Fit:
     """Minimise the weighted sum of squares from first values.
 
+    Parameters
+    ----------
+    lens, corners
+        What is sought, and the observations.
+    start
+        First values.
+
     Raises
     ------
     UndeterminedError
@@ -136,6 +143,13 @@ def adjust(lens: Lens, corners: Corners, start: State) -> Fit:
 
 def fit_poses(lens: Lens, corners: Corners, start: State) -> tuple[State, Floats]:
     """Poses of every photo on its own, the camera and the board held fixed.
+
+    Parameters
+    ----------
+    lens, corners
+        The lens (its free parameters are held), and the observations of M photos.
+    start
+        Camera, board, and first poses.
 
     Returns
     -------

@@ -175,7 +175,15 @@ def camera_difference(
 
 
 def image_grid(width_px: int, height_px: int, columns: int = GRID_COLUMNS) -> Floats:
-    """(N, 2) pixels of a grid of nearly square cells over the whole image, its edges included."""
+    """(N, 2) pixels of a grid of nearly square cells over the whole image, its edges included.
+
+    Parameters
+    ----------
+    width_px, height_px
+        Size of the image.
+    columns
+        Of the grid; the rows follow from the image's shape.
+    """
     rows = max(2, round(columns * height_px / width_px))
     u = np.linspace(-0.5, width_px - 0.5, columns)
     v = np.linspace(-0.5, height_px - 0.5, rows)

@@ -63,6 +63,15 @@ def snoop(lens: Lens, corners: Corners, start: State, options: CalibrationOption
     In each round the worst corner of each photo goes at most: corners of different photos hardly
     share a redundancy, those of one photo do. Where outliers are only to be reported, all take
     part in the last adjustment again.
+
+    Parameters
+    ----------
+    lens, corners
+        What is sought, and the observations of M photos.
+    start
+        First values.
+    options
+        Level of significance, and whether outliers go or are only reported.
     """
     fit, scale = adjust_scaled(lens, corners, start, options)
     bad_corner = np.zeros(corners.weight.shape, bool)
@@ -95,6 +104,15 @@ def adjust_scaled(
 
     Where there are priors the scale decides what they weigh, so both are found together
     (variance components after Foerstner 1979).
+
+    Parameters
+    ----------
+    lens, corners
+        What is sought, and the observations.
+    start
+        First values.
+    options
+        Whether the corners' sigmas are given, or follow from the residuals.
 
     Returns
     -------

@@ -100,7 +100,17 @@ class State:
     middle_camera_m: Floats
 
     def moved(self, lens: Lens, border: Floats, pose: Floats) -> State:
-        """State after increments of the border (q,) and of the poses (M, 6)."""
+        """State after increments of the border (q,) and of the poses (M, 6).
+
+        Parameters
+        ----------
+        lens
+            What the increments of the border mean.
+        border
+            (q,) of the camera's free parameters, then of the bow [m].
+        pose
+            (M, 6) of the board's middle [m] and its turn [rad], in the camera's frame.
+        """
         free = lens.basis.shape[1]
         bow = border[free:]
         return State(
@@ -276,7 +286,15 @@ class Linear(NamedTuple):
 
 
 def linearise(lens: Lens, corners: Corners, state: State) -> Linear | None:
-    """Residuals and Jacobians; None where an observed corner lies behind the camera."""
+    """Residuals and Jacobians; None where an observed corner lies behind the camera.
+
+    Parameters
+    ----------
+    lens, corners
+        What is sought, and the observations of M photos.
+    state
+        Where to linearise.
+    """
     photos, n = corners.weight.shape
     # d corner / d bow is the board's normal in the camera's frame times the shape function.
     bent = corners.board_m.copy()

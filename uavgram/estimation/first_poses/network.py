@@ -231,7 +231,15 @@ class PlaneNetwork:
         return turn @ center + shift, turn @ rotation
 
     def place(self, frame: int, center: Floats, rotation: Floats) -> None:
-        """Give a frame a pose (3,), (3, 3) over the plane, and its points their places below it."""
+        """Give a frame a pose (3,), (3, 3) over the plane, and its points their places below it.
+
+        Parameters
+        ----------
+        frame
+            Its index.
+        center, rotation
+            (3,) [m], (3, 3) world from camera.
+        """
         self.center[frame], self.rotation[frame] = center, rotation
         picks = self._picks(frame)
         label = self._survey.pick_label[picks]

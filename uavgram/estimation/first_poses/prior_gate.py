@@ -88,7 +88,17 @@ def allowed(squared_distance: Floats) -> Bools:
 def seed_on_plane(
     center_world_m: Floats, world_from_camera: Floats, ground: Ground, plane: Floats
 ) -> tuple[Floats, Floats]:
-    """The seed with the height and the level of a candidate plane (3,); the rest as it was."""
+    """The seed with the height and the level of a candidate plane (3,); the rest as it was.
+
+    Parameters
+    ----------
+    center_world_m, world_from_camera
+        (3,), (3, 3) of the seed.
+    ground
+        The plane beforehand, for its height.
+    plane
+        (3,) m = normal / height in the camera frame [1/m].
+    """
     size = np.linalg.norm(plane)
     center = center_world_m.copy()
     center[2] = ground.height_m + 1.0 / size

@@ -80,6 +80,13 @@ def pixels_at(adjustment: Adjustment, frame: Ints, label: Ints) -> tuple[Floats,
     """Pixels (n, 2) of labels in frames of the adjustment, and their covariances (n, 2, 2).
 
     Those of the adjusted point alone, without the error of a pick.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    frame, label
+        (n,) each, by index.
     """
     survey, problem = adjustment.survey, adjustment.problem
     n = len(frame)

@@ -67,7 +67,17 @@ def flat_board(
     marker_m: float = 0.0,
     dictionary: str = "",
 ) -> Board:
-    """Board of `columns` x `rows` inner corners, `square_m` apart, in the plane z = 0."""
+    """Board of `columns` x `rows` inner corners, `square_m` apart, in the plane z = 0.
+
+    Parameters
+    ----------
+    columns, rows
+        Inner corners along x and along y.
+    square_m
+        Side of a square.
+    kind, marker_m, dictionary
+        What is printed on it, see `Board`.
+    """
     row, column = np.divmod(np.arange(columns * rows), columns)
     corner = np.stack([column, row, np.zeros(columns * rows)], axis=1) * square_m
     return Board(

@@ -1,7 +1,7 @@
 """The scenario of a simulated survey: every number that defines it, with the demo's as defaults.
 
 These classes are the schema of configs/demo.yaml, and keep its units (degrees). Sigmas are of
-normal distributions; what is drawn from them is in `SurveyTruth` (model/simulation.py).
+normal distributions; what is drawn from them is in `SurveyTruth` (model/demo/simulated.py).
 """
 
 from __future__ import annotations

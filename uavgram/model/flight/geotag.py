@@ -26,7 +26,8 @@ class GeoTags(FrozenArrays):
     datum
         What the heights are above.
     gimbal_ypr_rad, nadir_ypr_rad
-        (N, 3) yaw, pitch, roll in both conventions of geometry/nadir_angles.py, yaw in [0, 2 pi).
+        (N, 3) yaw, pitch, roll in both conventions of geometry/motion/nadir_angles.py, yaw in
+        [0, 2 pi).
     sigma_horizontal_m, sigma_vertical_m
         (N,) the larger axis of the horizontal standard ellipse, and of the height.
     """

@@ -39,7 +39,8 @@ class TelemetryPrior(FrozenArrays):
     """What the flight log says of N poses, without what is a shared unknown of the adjustment.
 
     A camera stands at ``p(t) - bias + Rb l`` and looks along ``Rz Rm(t) C exp(boresight)`` with
-    t = `time_s` - clock correction - drift (`time_s` - `middle_s`); see geometry/telemetry_pose.py.
+    t = `time_s` - clock correction - drift (`time_s` - `middle_s`); see
+    geometry/motion/telemetry_pose.py.
 
     Attributes
     ----------
