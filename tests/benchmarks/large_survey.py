@@ -70,9 +70,10 @@ def large_survey(frames: int, per_frame: int = 20, seed: int = 0) -> Survey:
         control_label=np.empty(0),
         control_world_m=np.empty((0, 3)),
         control_sigma_m=np.empty((0, 3)),
-        ground=Ground(
+        grounds=(Ground(
             height_m=0.0, height_sigma_m=0.3, slope_sigma_rad=0.01, roughness_sigma_m=0.0
-        ),
+        ),),
+        area=np.zeros(len(tied)),
         gauge="world",
     )  # fmt: skip
 

@@ -90,9 +90,10 @@ def truth(scenes):
         length_sigma_m=np.full(6, TAPE_M),
         control_label=np.zeros(0, dtype=int), control_world_m=np.zeros((0, 3)),
         control_sigma_m=np.zeros((0, 3)),
-        ground=Ground(
+        grounds=(Ground(
             height_m=0.0, height_sigma_m=0.3, slope_sigma_rad=0.01, roughness_sigma_m=0.0
-        ),
+        ),),
+        area=np.zeros(n),
         gauge="plane",
     )  # fmt: skip
     return survey, FirstValues(POINTS, center[None], rotation[None], 0.0)

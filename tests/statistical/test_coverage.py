@@ -380,7 +380,7 @@ def test_a_verge_taken_for_the_road_breaks_the_bounds():
     kind = replace(ROWS["two areas"], **ALONE)
 
     def on_the_road(scene):
-        return replace(scene, survey=replace(scene.survey, label_area=0 * scene.survey.area))
+        return replace(scene, survey=replace(scene.survey, area=0 * scene.survey.area))
 
     assert violations(study(kind, 60)) == []
     assert violations(study(kind, 60, on_the_road))

@@ -151,9 +151,11 @@ def random_scene(seed: int | tuple[int, ...], kind: Kind) -> Scene:
         control_label=known,
         control_world_m=world[known] + control_sigma * rng.normal(size=(kind.control, 3)),
         control_sigma_m=np.tile(control_sigma, (kind.control, 1)),
-        ground=_ground(source, kind, "road", 0.0),
-        other_grounds=(_ground(source, kind, "verge", scenes.VERGE_M),) * kind.verge,
-        label_area=area if kind.verge else None,
+        grounds=(
+            _ground(source, kind, "road", 0.0),
+            *(_ground(source, kind, "verge", scenes.VERGE_M),) * kind.verge,
+        ),
+        area=area,
         gauge="world" if world_gauge else "plane",
     )
     truth = State(

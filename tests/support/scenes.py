@@ -227,9 +227,11 @@ def make_scene(
         control_label=known,
         control_world_m=world[known] + control_error,
         control_sigma_m=np.tile(CONTROL_SIGMA * source.sigma("control"), (control, 1)),
-        ground=_ground(source, "default", 0.0, roughness),
-        other_grounds=(_ground(source, "verge", VERGE_M, roughness),) if verge else (),
-        label_area=area if verge else None,
+        grounds=(
+            _ground(source, "default", 0.0, roughness),
+            *((_ground(source, "verge", VERGE_M, roughness),) if verge else ()),
+        ),
+        area=area,
         gauge=gauge,
     )
     truth = State(

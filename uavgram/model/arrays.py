@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Hashable
+from functools import cache
+from typing import Annotated, Any, NamedTuple, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,30 +13,49 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
+NAN_IS_NONE = "nan"
+"""Mark of a field in which NaN stands for "there is none"; infinities are refused all the same."""
 
-def freeze(
-    owner: Any, *, may_be_nan: tuple[str, ...] = (), **shapes: tuple[int | None, ...]
-) -> None:
-    """Copy the named float fields of a frozen dataclass to read-only float64 arrays.
+_DTYPES: list[tuple[Any, type]] = [(Floats, np.float64), (Ints, np.int64), (Bools, np.bool_)]
+
+
+class FrozenArrays:
+    """Base of frozen data classes that hold arrays: a field's annotation says its shape.
+
+    ``Annotated[Floats, "n", 3]`` is an array of n rows of three numbers. A letter stands for any
+    size, but for the same one wherever it stands in the class. ``Annotated[tuple[str, ...], "n"]``
+    are n texts. `NAN_IS_NONE` behind the shape lets NaN pass.
+    """
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+
+def freeze(owner: Any, **sizes: int) -> None:
+    """Copy all arrays of a frozen dataclass to read-only ones, of the shapes in its annotations.
 
     Parameters
     ----------
     owner
         The dataclass instance, from its ``__post_init__``.
-    may_be_nan
-        Fields in which NaN stands for "there is none"; infinities are refused all the same.
-    **shapes
-        Field name and shape; None in a shape stands for any length.
+    **sizes
+        Letters of the annotations, and the sizes that they must have; of any other letter the
+        first field that has it decides.
 
     Raises
     ------
     ValueError
-        The field has another shape, or is not finite; the message names class and field.
+        A field has another shape, or is not finite; the message names class and field.
     """
-    for name, shape in shapes.items():
-        value = np.array(getattr(owner, name), dtype=np.float64)  # copies: nothing stays aliased
-        _check_shape(owner, name, value, shape)
-        bad = np.isinf(value) if name in may_be_nan else ~np.isfinite(value)
+    for name, dtype, dimensions, may_be_nan in _array_fields(cast("Hashable", type(owner))):
+        if dtype is None:  # a tuple: frozen as it is
+            _check_shape(owner, name, (len(getattr(owner, name)),), dimensions, sizes)
+            continue
+        value: NDArray[Any] = np.array(
+            getattr(owner, name), dtype=dtype
+        )  # copies: nothing stays aliased
+        _check_shape(owner, name, value.shape, dimensions, sizes)
+        bad = np.isinf(value) if may_be_nan else ~np.isfinite(value)
         if bad.any():
             raise ValueError(
                 f"{type(owner).__name__}.{name}: not finite at index "
@@ -44,25 +65,61 @@ def freeze(
         object.__setattr__(owner, name, value)
 
 
-def freeze_as(owner: Any, dtype: type, **shapes: tuple[int | None, ...]) -> None:
-    """Copy the named integer or boolean fields to read-only arrays of `dtype`."""
-    for name, shape in shapes.items():
-        value: NDArray[Any] = np.array(getattr(owner, name), dtype=dtype)
-        _check_shape(owner, name, value, shape)
-        value.flags.writeable = False
-        object.__setattr__(owner, name, value)
+def rows_of(owner: Any, index: Ints, size: str = "n") -> dict[str, Any]:
+    """Some rows of all fields of one length, by name: for ``dataclasses.replace``.
+
+    Parameters
+    ----------
+    owner
+        A dataclass whose annotations say the shapes of its arrays.
+    index
+        (m,) which rows, in their new order.
+    size
+        Letter of the first axis of those fields.
+    """
+    return {
+        name: getattr(owner, name)[index]
+        if dtype
+        else tuple(getattr(owner, name)[i] for i in index)
+        for name, dtype, dimensions, _ in _array_fields(cast("Hashable", type(owner)))
+        if dimensions[0] == size
+    }
+
+
+class _ArrayField(NamedTuple):
+    """A field with a shape; its type is None where it is no array but a tuple."""
+
+    name: str
+    dtype: type | None
+    dimensions: tuple[int | str, ...]
+    may_be_nan: bool
+
+
+@cache
+def _array_fields(owner: Hashable) -> tuple[_ArrayField, ...]:
+    return tuple(
+        _ArrayField(
+            name,
+            next((dtype for kind, dtype in _DTYPES if kind == get_args(hint)[0]), None),
+            tuple(mark for mark in get_args(hint)[1:] if mark != NAN_IS_NONE),
+            NAN_IS_NONE in get_args(hint),
+        )
+        for name, hint in get_type_hints(cast("type", owner), include_extras=True).items()
+        if get_origin(hint) is Annotated
+    )
 
 
 def _check_shape(
     owner: Any,
     name: str,
-    value: NDArray[Any],
-    shape: tuple[int | None, ...],
+    have: tuple[int, ...],
+    dimensions: tuple[int | str, ...],
+    sizes: dict[str, int],
 ) -> None:
-    fits = value.ndim == len(shape) and all(
-        want is None or want == have for want, have in zip(shape, value.shape, strict=True)
-    )
-    if not fits:
-        raise ValueError(
-            f"{type(owner).__name__}.{name}: expected shape {shape}, got {value.shape}"
-        )
+    """Compare a shape with the annotation's; letters that have no size yet get theirs from it."""
+    for letter, size in zip(dimensions, have, strict=False):
+        if isinstance(letter, str):
+            sizes.setdefault(letter, size)
+    want = tuple(d if isinstance(d, int) else sizes.get(d) for d in dimensions)
+    if have != want:
+        raise ValueError(f"{type(owner).__name__}.{name}: expected shape {want}, got {have}")

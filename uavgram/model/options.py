@@ -34,18 +34,24 @@ class OptionsError(ValueError):
         super().__init__(f"{type(owner).__name__}: " + "; ".join(texts))
 
 
-def _require(owner: object, **rules: tuple[bool, str]) -> None:
-    """Check rules of fields (name=(holds, "must ...")), and that every number can be used."""
-    faults = {
-        field_.name: fault
-        for field_ in fields(owner)  # type: ignore[arg-type]  # every caller is a dataclass
-        if (fault := _number_fault(getattr(owner, field_.name)))
-    }
-    for name, (holds, text) in rules.items():
-        if not holds:
-            faults.setdefault(name, text)
-    if faults:
-        raise OptionsError(owner, tuple(faults.items()))
+@dataclass(frozen=True, kw_only=True)
+class _Options:
+    """Options that are checked at birth: numbers, standard deviations (by their names), rules."""
+
+    def __post_init__(self) -> None:
+        rules = {f.name: _sigma(getattr(self, f.name)) for f in fields(self) if "sigma" in f.name}
+        faults = {
+            f.name: fault for f in fields(self) if (fault := _number_fault(getattr(self, f.name)))
+        }
+        for name, (holds, text) in (rules | self._rules()).items():
+            if not holds:
+                faults.setdefault(name, text)
+        if faults:
+            raise OptionsError(self, tuple(faults.items()))
+
+    def _rules(self) -> dict[str, tuple[bool, str]]:
+        """Whether fields hold what they may, and else what they must do."""
+        return {}
 
 
 def _number_fault(value: object) -> str:
@@ -67,19 +73,18 @@ def _sigma(value: float | tuple[float, ...] | Auto | None) -> tuple[bool, str]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class GeodeticOrigin:
+class GeodeticOrigin(_Options):
     """A stated origin of the world: WGS 84, height above the datum that `heights` names."""
 
     latitude_deg: float
     longitude_deg: float
     height_m: float
 
-    def __post_init__(self) -> None:
-        _require(
-            self,
-            latitude_deg=(abs(self.latitude_deg) <= 90, "must lie between -90 and 90"),
-            longitude_deg=(abs(self.longitude_deg) <= 360, "must lie between -360 and 360"),
-        )
+    def _rules(self) -> dict[str, tuple[bool, str]]:
+        return {
+            "latitude_deg": (abs(self.latitude_deg) <= 90, "must lie between -90 and 90"),
+            "longitude_deg": (abs(self.longitude_deg) <= 360, "must lie between -360 and 360"),
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +96,7 @@ class WorldOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AreaOptions:
+class AreaOptions(_Options):
     """What one named area of the ground has other than the rest; None: as `GroundOptions`."""
 
     height_m: float | None = None
@@ -99,35 +104,25 @@ class AreaOptions:
     slope_sigma_deg: float | None = None
     roughness_sigma_m: float | None = None
 
-    def __post_init__(self) -> None:
-        _require(self, **_ground_rules(self))
+    def _rules(self) -> dict[str, tuple[bool, str]]:
+        return _ground_rules(self)
 
 
 _AREA_KEYS = tuple(field_.name for field_ in fields(AreaOptions))
 
 
 def _ground_rules(options: AreaOptions | GroundOptions) -> dict[str, tuple[bool, str]]:
-    height, slope = options.height_sigma_m, options.slope_sigma_deg
-    roughness = options.roughness_sigma_m
-    return {
-        "height_sigma_m": _sigma(height),
-        "slope_sigma_deg": (
-            _sigma(slope)
-            if slope is None or 0 < slope < 45
-            else (False, "must lie between 0 and 45")
-        ),
-        "roughness_sigma_m": _roughness_rule(roughness),
-    }
-
-
-def _roughness_rule(roughness: float | None) -> tuple[bool, str]:
+    slope, roughness = options.slope_sigma_deg, options.roughness_sigma_m
+    rules = {"roughness_sigma_m": _sigma(roughness or None)}
     if roughness is not None and roughness < 0:
-        return False, "must not be negative"
-    return _sigma(roughness or None)
+        rules["roughness_sigma_m"] = False, "must not be negative"
+    if slope is not None and not 0 < slope < 45:
+        rules["slope_sigma_deg"] = False, "must lie between 0 and 45"
+    return rules
 
 
 @dataclass(frozen=True, kw_only=True)
-class GroundOptions:
+class GroundOptions(_Options):
     """The ground plane and how well it is known beforehand.
 
     `areas` are further planes, by the names that the column `area` of picks.csv gives to points;
@@ -142,14 +137,12 @@ class GroundOptions:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "areas", MappingProxyType(dict(self.areas)))
-        _require(
-            self,
-            **_ground_rules(self),
-            areas=(
-                not {"", DEFAULT_AREA} & set(self.areas),
-                f"must not name the area {DEFAULT_AREA!r}: its values stand beside `areas`",
-            ),
-        )
+        super().__post_init__()
+
+    def _rules(self) -> dict[str, tuple[bool, str]]:
+        fault = f"must not name the area {DEFAULT_AREA!r}: its values stand beside `areas`"
+        named = {"", DEFAULT_AREA} & set(self.areas)
+        return _ground_rules(self) | {"areas": (not named, fault)}
 
     def of(self, area: str) -> GroundOptions:
         """The options of one area: its own where it states them, else those for all."""
@@ -159,7 +152,7 @@ class GroundOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MountOptions:
+class MountOptions(_Options):
     """How the camera sits on the vehicle."""
 
     gimbal: Literal["auto", "none"] = "auto"
@@ -170,16 +163,9 @@ class MountOptions:
     lever_arm_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     lever_arm_sigma_m: float = 0.1
 
-    def __post_init__(self) -> None:
-        _require(
-            self,
-            boresight_sigma_deg=_sigma(self.boresight_sigma_deg),
-            lever_arm_sigma_m=_sigma(self.lever_arm_sigma_m),
-        )
-
 
 @dataclass(frozen=True, kw_only=True)
-class TimeOptions:
+class TimeOptions(_Options):
     """Where the instants of the exposures come from.
 
     `drift_sigma_ppm` is that of the camera's clock against the flight's, where photos carry the
@@ -195,27 +181,20 @@ class TimeOptions:
     offset_sigma_s: float = 1.0
     drift_sigma_ppm: float = 50.0
 
-    def __post_init__(self) -> None:
-        _require(
-            self,
-            offset_sigma_s=_sigma(self.offset_sigma_s),
-            drift_sigma_ppm=_sigma(self.drift_sigma_ppm),
-            filename_format=(
-                "%" in self.filename_format,
-                'must be a strptime pattern, such as "%Y%m%d_%H%M%S"',
-            ),
-        )
+    def _rules(self) -> dict[str, tuple[bool, str]]:
+        fault = 'must be a strptime pattern, such as "%Y%m%d_%H%M%S"'
+        return {"filename_format": ("%" in self.filename_format, fault)}
 
 
 @dataclass(frozen=True, kw_only=True)
-class TelemetryOptions:
+class TelemetryOptions(_Options):
     """How far the log is to be trusted.
 
     Errors of one frame go together with those of the next over some time between the two of
     `correlation_s`, which the adjustment takes as independent. The per-frame variances of a survey
     are therefore multiplied by the least factor that keeps its slowest change honest (see
-    estimation/survey/correlated_errors.py): 1 for a few frames, about their number / 2 pi
-    for more. What the whole flight has in common is in the biases.
+    estimation/survey/correlated_errors.py): 1 for a few frames, about their number / 2 pi for
+    more. What the whole flight has in common is in the biases.
     """
 
     position_sigma_m: tuple[float, float] | Auto = "auto"
@@ -224,38 +203,27 @@ class TelemetryOptions:
     heading_bias_sigma_deg: float = 2.0
     correlation_s: tuple[float, float] = (5.0, 60.0)
 
-    def __post_init__(self) -> None:
-        _require(
-            self,
-            position_sigma_m=_sigma(self.position_sigma_m),
-            attitude_sigma_deg=_sigma(self.attitude_sigma_deg),
-            position_bias_sigma_m=_sigma(self.position_bias_sigma_m),
-            heading_bias_sigma_deg=_sigma(self.heading_bias_sigma_deg),
-            correlation_s=(
-                0 < self.correlation_s[0] <= self.correlation_s[1],
-                "must be two times greater than 0, the shorter one first",
-            ),
-        )
+    def _rules(self) -> dict[str, tuple[bool, str]]:
+        shorter, longer = self.correlation_s
+        fault = "must be two times greater than 0, the shorter one first"
+        return {"correlation_s": (0 < shorter <= longer, fault)}
 
 
 LEAST_SIGNIFICANCE = 1e-12  # seven sigmas; far below, quantiles of the normal law overflow
 
 
 @dataclass(frozen=True, kw_only=True)
-class SolveOptions:
+class SolveOptions(_Options):
     """What to do about blunders."""
 
     outliers: Literal["report", "remove"] = "report"
     significance: float = 0.001
 
-    def __post_init__(self) -> None:
+    def _rules(self) -> dict[str, tuple[bool, str]]:
         least = LEAST_SIGNIFICANCE
         is_tiny = 0 < self.significance < least
         rule = f"must be at least {least:g}" if is_tiny else "must lie between 0 and 0.5"
-        _require(
-            self,
-            significance=(least <= self.significance < 0.5, rule),
-        )
+        return {"significance": (least <= self.significance < 0.5, rule)}
 
 
 CAMERA_OF_PHOTOS = "auto"
@@ -270,7 +238,7 @@ ACCOUNT = "auto"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Project:
+class Project(_Options):
     """A project file: which inputs, and every option.
 
     Paths are those of the file, made absolute; `images` are patterns. `camera` is ``auto``,
@@ -300,21 +268,26 @@ class Project:
     picks_sigma_px: float = 1.0
     solve: SolveOptions = field(default_factory=SolveOptions)
 
-    def __post_init__(self) -> None:
-        given = {"log": self.log, "lines": self.lines, "measure": self.measure}
-        given |= {"control": self.control, "check": self.check}
-        given |= {"name": self.name, "camera": self.camera, "picks": self.picks}
-        given |= {"output": self.output, "crs": self.crs, "operator": self.operator}
-        _require(
-            self,
-            **{key: (text != "", "must not be empty") for key, text in given.items()}
-            | self._pose_rules(),
-            images=(
-                bool(self.images) and all(self.images),
-                "must name at least one file or pattern",
-            ),
-            picks_sigma_px=_sigma(self.picks_sigma_px),
-        )
+    def _rules(self) -> dict[str, tuple[bool, str]]:
+        texts = [
+            "log",
+            "lines",
+            "measure",
+            "control",
+            "check",
+            "name",
+            "camera",
+            "picks",
+            "output",
+            "crs",
+            "operator",
+        ]
+        named = bool(self.images) and all(self.images)
+        return {
+            **{key: (getattr(self, key) != "", "must not be empty") for key in texts},
+            **self._pose_rules(),
+            "images": (named, "must name at least one file or pattern"),
+        }
 
     @property
     def camera_file(self) -> str | None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from uavgram.errors import GeometryError, near_miss
 from uavgram.estimation.survey.correlated_errors import trend_inflation
-from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
+from uavgram.model.arrays import Floats, FrozenArrays, Ints
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.photo_poses import Flight
 from uavgram.model.flight.pose import Poses, TelemetryPrior
@@ -37,7 +37,7 @@ class Telemetry:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Assembled:
+class Assembled(FrozenArrays):
     """A survey, and where the project's picks and lines went.
 
     Attributes
@@ -53,14 +53,9 @@ class Assembled:
     """
 
     survey: Survey
-    pick_index: Ints
-    line_index: Ints
-    pick_sigma_px: Floats
-
-    def __post_init__(self) -> None:
-        freeze_as(self, np.int64, pick_index=(len(self.pick_index),))
-        freeze_as(self, np.int64, line_index=(len(self.line_index),))
-        freeze(self, pick_sigma_px=(len(self.pick_index),))
+    pick_index: Annotated[Ints, "p"]
+    line_index: Annotated[Ints, "l"]
+    pick_sigma_px: Annotated[Floats, "p"]
 
 
 def assemble(
@@ -113,7 +108,6 @@ def assemble(
     # The default area comes first where any label lies in it: with a free gauge it is z = 0.
     ranked = sorted(dict.fromkeys(areas), key=lambda name: name != DEFAULT_AREA)
     area_at = {name: k for k, name in enumerate(ranked)}
-    grounds = tuple(_ground(ground, name) for name in area_at)
     gauge: Literal["world", "plane"] = (
         "world" if telemetry is not None or len(known) >= 2 else "plane"
     )
@@ -140,9 +134,8 @@ def assemble(
         control_label=np.array([label_at[control.label[i]] for i in known], dtype=np.int64),
         control_world_m=control.world_m[known],
         control_sigma_m=control.sigma_m[known],
-        ground=grounds[0],
-        other_grounds=grounds[1:],
-        label_area=np.array([area_at[name] for name in areas]),
+        grounds=tuple(_ground(ground, name) for name in area_at),
+        area=np.array([area_at[name] for name in areas]),
         gauge=gauge,
     )
     pick_index = np.full(len(picks.image), -1)

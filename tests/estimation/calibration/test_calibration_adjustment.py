@@ -13,7 +13,6 @@ from uavgram.estimation.calibration import normals
 from uavgram.estimation.calibration.adjustment import (
     adjust,
     fit_poses,
-    joint_covariance,
 )
 from uavgram.estimation.calibration.normals import UndeterminedError
 from uavgram.estimation.calibration.problem import lens_of, pad
@@ -150,6 +149,19 @@ def dense(fit):
     return scale[:, None] * np.linalg.inv(normal * np.outer(scale, scale)) * scale
 
 
+def joint_covariance(fit):
+    """(q + 6 M, q + 6 M) covariance of all unknowns: the border, then the photos in their order."""
+    gain = fit.normals.gain
+    q, photos = fit.lens.size, len(gain)
+    # pose = own error - gain @ (error of the border)
+    spread = np.concatenate([np.eye(q), -gain.reshape(-1, q)])
+    joint = spread @ fit.border_covariance @ spread.T
+    for i in range(photos):
+        block = slice(q + 6 * i, q + 6 * (i + 1))
+        joint[block, block] += fit.normals.pose_inverse[i]
+    return joint
+
+
 @pytest.mark.parametrize("bow", ["flat", "paraboloid"])
 def test_the_joint_covariance_is_that_of_the_whole_normal_matrix(bow):
     scene = scenes.make_scene(10, photos=5, whole=False)
@@ -168,7 +180,7 @@ def test_without_the_poses_errors_the_covariance_would_be_wrong(monkeypatch):
         good = schur(self, damping)
         if damping:
             return good
-        return replace(good, border=self.photo.sum(axis=0) + self.prior)
+        return good._replace(border=self.photo.sum(axis=0) + self.prior)
 
     schur = normals.Products.normals
     monkeypatch.setattr(normals.Products, "normals", no_schur)

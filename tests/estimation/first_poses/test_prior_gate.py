@@ -8,9 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.first_poses.prior_gate import (
     allowed,
-    distance_from_prior,
+    compare_with_seed,
     seed_on_plane,
-    shift_of_seed,
 )
 from uavgram.estimation.first_poses.resection import LengthPoses
 from uavgram.model.survey.survey import Ground
@@ -57,18 +56,24 @@ def test_true_poses_lie_in_the_gate_as_often_as_it_states(own):
         root = rng.normal(size=(3, 3)) * 4e-4
         joint = np.tile(root @ root.T, (4000, 1, 1))
         plane = plane + rng.normal(size=(4000, 3)) @ root.T
-    squared = distance_from_prior(CENTER, SEED, prior(), ground(0.4, 0.01), poses(plane, joint))
+    squared = compare_with_seed(
+        CENTER, SEED, prior(), ground(0.4, 0.01), poses(plane, joint)
+    ).squared_distance
     assert squared.mean() == pytest.approx(3, abs=3.3 * np.sqrt(6 / 4000))
     assert np.mean(~allowed(squared)) < 0.004
     if own:  # without the candidates' own covariances they would lie too far out
-        bare = distance_from_prior(CENTER, SEED, prior(), ground(0.4, 0.01), poses(plane))
+        bare = compare_with_seed(
+            CENTER, SEED, prior(), ground(0.4, 0.01), poses(plane)
+        ).squared_distance
         assert bare.mean() > 3.3
 
 
 def test_a_pose_far_from_the_log_is_not_allowed():
     turned = SEED @ Rotation.from_rotvec([0.5, 0, 0]).as_matrix()
     plane = -turned[2] / 48.5
-    squared = distance_from_prior(CENTER, SEED, prior(), ground(), poses(plane[None]))
+    squared = compare_with_seed(
+        CENTER, SEED, prior(), ground(), poses(plane[None])
+    ).squared_distance
     assert not allowed(squared).any()
 
 
@@ -89,15 +94,15 @@ def test_a_pose_pulls_the_seed_as_far_as_its_weight_says():
     plane = -turned[2][None] / 50.5
     sharp = poses(plane, 1e-16 * np.eye(3)[None])
     vague = poses(plane, 1e-2 * np.eye(3)[None])
-    (whole,) = shift_of_seed(CENTER, SEED, prior(), ground(), sharp)
+    (whole,) = compare_with_seed(CENTER, SEED, prior(), ground(), sharp).shift
     assert whole[0] == pytest.approx(50.5 - 48.5, abs=1e-6)
     tilt = np.arccos(turned[2] @ SEED[2])
     assert np.hypot(*whole[1:]) == pytest.approx(tilt, rel=1e-6)
-    (none,) = shift_of_seed(CENTER, SEED, prior(), ground(), vague)
+    (none,) = compare_with_seed(CENTER, SEED, prior(), ground(), vague).shift
     assert np.abs(none).max() < 0.02
     # Between the two: the mean of two estimates by their weights, here in height alone.
     known = np.diag([1e-12, 1e-12, 0.25, 1e-12, 1e-12, 1e-12])
     own = 0.75 / 50.5**4 * np.eye(3)[None]
     level = poses(-SEED[2][None] / 50.5, own)
-    (shift,) = shift_of_seed(CENTER, SEED, known, ground(), level)
+    (shift,) = compare_with_seed(CENTER, SEED, known, ground(), level).shift
     np.testing.assert_allclose(shift, [2.0 * 0.25, 0, 0], atol=1e-6)

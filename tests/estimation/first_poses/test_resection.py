@@ -183,7 +183,7 @@ def test_lines_between_heights_or_areas_start_no_plane(scene_factory):
     assert 0 not in seen_lines(survey).line
     area = np.zeros(12, dtype=int)
     area[7] = 1
-    survey = replace(survey, other_grounds=(survey.ground,), label_area=area)
+    survey = replace(survey, grounds=survey.grounds * 2, area=area)
     assert set(seen_lines(survey).line.tolist()) == {2, 3, 4, 5}
 
 

@@ -47,7 +47,7 @@ def test_first_planes_lie_as_far_apart_as_stated(survey):
 
 
 def test_an_area_that_lost_its_points_has_the_middle_of_the_scene(survey):
-    alone = replace(survey, label_area=np.zeros(5))
+    alone = replace(survey, area=np.zeros(5))
     point = np.arange(10.0).reshape(5, 2)
     np.testing.assert_array_equal(area_centroids(alone, point), [[4.0, 5.0]] * 2)
     np.testing.assert_array_equal(area_centroids(survey, point), [[4.0, 5.0], [4.0, 5.0]])
@@ -77,8 +77,8 @@ def test_rough_ground_lengthens_an_ellipse_along_the_ray(scene_factory):
 
 def test_only_the_area_that_is_rough_has_longer_ellipses(scene_factory):
     scene = scene_factory(6, frames=1, labels=6, lines=0, noise=0.0, tilt=0.8, verge=VERGE)
-    verge = replace(scene.survey.other_grounds[0], roughness_sigma_m=0.2)
-    rough = replace(scene.survey, other_grounds=(verge,))
+    verge = replace(scene.survey.grounds[1], roughness_sigma_m=0.2)
+    rough = replace(scene.survey, grounds=(scene.survey.ground, verge))
     plain, uneven = (
         refine(survey, SolveOptions())[0].adjustment for survey in (scene.survey, rough)
     )

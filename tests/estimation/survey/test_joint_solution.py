@@ -45,7 +45,7 @@ class Oracle:
         self.k, self.f = len(survey.label), len(survey.frame_id)
         self.rough = survey.ground.roughness_sigma_m > 0
         self.world = survey.gauge == "world"
-        self.grounds = (survey.ground, *survey.other_grounds)
+        self.grounds = survey.grounds
         self.free = self.grounds if self.world else self.grounds[1:]  # planes that are unknowns
         sizes = [self.k * (3 if self.rough else 2), 6 * self.f, 9]
         sizes += [3 * len(self.free), 0 if survey.telemetry is None else 12]

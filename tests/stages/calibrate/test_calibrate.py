@@ -11,15 +11,14 @@ import pytest
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.normals import UndeterminedError
-from uavgram.estimation.calibration.problem import prior_from
 from uavgram.estimation.calibration.projection_uncertainty import length_uncertainty
 from uavgram.model.camera.board import (
     BoardObservations,
     CalibrationOptions,
+    IntrinsicsPrior,
     LensSetting,
     flat_board,
 )
-from uavgram.model.camera.calibration import Calibration
 from uavgram.stages.calibrate import calibrate, choice, compare
 
 REMOVE = CalibrationOptions(outliers="remove")
@@ -232,15 +231,12 @@ def test_a_bent_board_is_advised_and_then_estimated():
 
 def test_a_prior_says_what_was_learnt(data_dir):
     observations, _ = scenes.phantom3(data_dir)
-    table = Calibration(
-        name="table",
-        model="brown",
-        width_px=4000,
-        height_px=2250,
+    table = IntrinsicsPrior(
+        source="a table of drone cameras",
         parameters=np.array([2300.0, 2300, 1999.5, 1124.5, 0, 0, 0, 0, 0]),
-        covariance=np.diag([46.0, 46, 40, 40, 0.03, 0.1, 2e-3, 2e-3, 0.2]) ** 2,
+        information=np.diag([46.0, 46, 40, 40, 0.03, 0.1, 2e-3, 2e-3, 0.2]) ** -2.0,
     )
-    options = CalibrationOptions(prior=prior_from(table, "a table of drone cameras"))
+    options = CalibrationOptions(prior=table)
     result = calibrate(observations, options)
     with_prior = result.calibration
     without = calibrate(observations, CalibrationOptions()).calibration

@@ -47,7 +47,7 @@ def test_every_parameter_stands_with_its_sigma_and_correlations(html, account):
     for value, error in zip(camera.parameters[:4], sigma[:4], strict=True):
         assert f"{value:.3f} px" in html
         assert f"{error:.3f} px" in html
-    assert f"{account.result.correlation[0, 1]:+.2f}" in html
+    assert f"{account.result.calibration.correlation[0, 1]:+.2f}" in html
 
 
 def test_every_photo_message_and_sum_is_there(html, account):

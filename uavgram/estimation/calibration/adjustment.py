@@ -86,21 +86,15 @@ class Fit:
         return np.asarray(basis @ invert_border(normal, self.lens) @ basis.T)
 
 
-def joint_covariance(fit: Fit) -> Floats:
-    """(q + 6 M, q + 6 M) covariance of all unknowns: the border, then the photos in their order."""
-    gain = fit.normals.gain
-    q, photos = fit.lens.size, len(gain)
-    # pose = own error - gain @ (error of the border)
-    spread = np.concatenate([np.eye(q), -gain.reshape(-1, q)])
-    joint = spread @ fit.border_covariance @ spread.T
-    for i in range(photos):
-        block = slice(q + POSE * i, q + POSE * (i + 1))
-        joint[block, block] += fit.normals.pose_inverse[i]
-    return np.asarray(joint)
-
-
 def adjust(lens: Lens, corners: Corners, start: State) -> Fit:
     """Minimise the weighted sum of squares from first values.
+
+    Parameters
+    ----------
+    lens, corners
+        What is sought, and the observations.
+    start
+        First values.
 
     Raises
     ------
@@ -149,6 +143,13 @@ def adjust(lens: Lens, corners: Corners, start: State) -> Fit:
 
 def fit_poses(lens: Lens, corners: Corners, start: State) -> tuple[State, Floats]:
     """Poses of every photo on its own, the camera and the board held fixed.
+
+    Parameters
+    ----------
+    lens, corners
+        The lens (its free parameters are held), and the observations of M photos.
+    start
+        Camera, board, and first poses.
 
     Returns
     -------

@@ -13,6 +13,7 @@ implied transformation is fitted before two models are compared, weighted by the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from uavgram.errors import GeometryError
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.motion.rotation import exp_so3, hat, log_so3
-from uavgram.model.arrays import Floats, freeze
+from uavgram.model.arrays import Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
 
 GRID_COLUMNS = 40
@@ -31,7 +32,7 @@ _FEWEST_PIXELS = 8  # for six unknowns, with something left to compare
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CameraDifference:
+class CameraDifference(FrozenArrays):
     """What a second calibration projects elsewhere, over the image of the first.
 
     Attributes
@@ -53,29 +54,17 @@ class CameraDifference:
         Of the pixels of the grid, those that both cameras see.
     """
 
-    pixel_px: Floats
-    difference_px: Floats
-    covariance_px2: Floats
-    rotation_rad: Floats
-    center_shift: Floats
+    pixel_px: Annotated[Floats, "n", 2]
+    difference_px: Annotated[Floats, "n", 2]
+    covariance_px2: Annotated[Floats, "n", 2, 2]
+    rotation_rad: Annotated[Floats, 3]
+    center_shift: Annotated[Floats, 3]
     share_seen: float
-
-    def __post_init__(self) -> None:
-        n = len(self.pixel_px)
-        freeze(
-            self,
-            pixel_px=(n, 2),
-            difference_px=(n, 2),
-            covariance_px2=(n, 2, 2),
-            rotation_rad=(3,),
-            center_shift=(3,),
-        )
 
     @property
     def size_px(self) -> Floats:
         """(N,) length of the difference."""
-        size: Floats = np.hypot(self.difference_px[:, 0], self.difference_px[:, 1])
-        return size
+        return np.asarray(np.hypot(self.difference_px[:, 0], self.difference_px[:, 1]))
 
     @property
     def rms_px(self) -> float:
@@ -90,8 +79,7 @@ class CameraDifference:
     @property
     def sigma_px(self) -> Floats:
         """(N,) length of the difference to expect: the root of its covariance's trace."""
-        sigma: Floats = np.sqrt(np.trace(self.covariance_px2, axis1=1, axis2=2))
-        return sigma
+        return np.asarray(np.sqrt(np.trace(self.covariance_px2, axis1=1, axis2=2)))
 
     @property
     def expected_rms_px(self) -> float:
@@ -112,8 +100,7 @@ class CameraDifference:
             squared = np.where(
                 np.abs(along) < _ROUNDING_PX, 0.0, along**2 / np.maximum(sigma2, floor)
             )
-        z: Floats = np.sqrt(squared.sum(axis=1))
-        return z
+        return np.asarray(np.sqrt(squared.sum(axis=1)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +175,15 @@ def camera_difference(
 
 
 def image_grid(width_px: int, height_px: int, columns: int = GRID_COLUMNS) -> Floats:
-    """(N, 2) pixels of a grid of nearly square cells over the whole image, its edges included."""
+    """(N, 2) pixels of a grid of nearly square cells over the whole image, its edges included.
+
+    Parameters
+    ----------
+    width_px, height_px
+        Size of the image.
+    columns
+        Of the grid; the rows follow from the image's shape.
+    """
     rows = max(2, round(columns * height_px / width_px))
     u = np.linspace(-0.5, width_px - 0.5, columns)
     v = np.linspace(-0.5, height_px - 0.5, rows)
@@ -290,5 +285,4 @@ def _weights(covariance: Floats) -> Floats:
     mean = float(variance.mean())
     if mean == 0:
         return np.ones(len(variance))
-    weight: Floats = mean / np.maximum(variance, 1e-6 * mean)
-    return weight
+    return np.asarray(mean / np.maximum(variance, 1e-6 * mean))

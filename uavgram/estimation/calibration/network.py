@@ -81,7 +81,17 @@ class Coverage(NamedTuple):
 def coverage(
     pixel_px: Floats, size_px: tuple[int, int], cells: tuple[int, int] = CELLS
 ) -> Coverage:
-    """Count corners (N, 2) by cell of the image."""
+    """Count corners (N, 2) by cell of the image.
+
+    Parameters
+    ----------
+    pixel_px
+        (N, 2) corners of all photos.
+    size_px
+        Width and height of the image.
+    cells
+        Columns and rows of cells.
+    """
     columns, rows = cells
     size = np.array(size_px, np.float64)
     u, v = ((pixel_px + 0.5) / size).T

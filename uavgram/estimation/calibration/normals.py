@@ -7,6 +7,7 @@ Fitzgibbon 2000, "Bundle adjustment - a modern synthesis", sec. 6.1).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,8 +24,7 @@ class UndeterminedError(GeometryError):
     """The photos do not determine the camera."""
 
 
-@dataclass(frozen=True, eq=False)
-class Normals:
+class Normals(NamedTuple):
     """Normal equations, the photos eliminated.
 
     Attributes
@@ -58,7 +58,17 @@ class Products:
 
     @classmethod
     def of(cls, lens: Lens, linear: Linear, state: State) -> Products:
-        """Multiply the Jacobians of all photos at once."""
+        """Multiply the Jacobians of all photos at once.
+
+        Parameters
+        ----------
+        lens
+            What is estimated, and its priors.
+        linear
+            Whitened residuals and Jacobians of M photos.
+        state
+            Where they were taken; the priors pull from there.
+        """
         q = lens.size
         rows = np.concatenate([linear.pose, linear.border, linear.residual[:, :, None]], axis=2)
         product = np.swapaxes(rows, 1, 2) @ rows
@@ -144,7 +154,13 @@ def _unknown_name(lens: Lens, unknown: int) -> str:
 
 
 def normals_at(lens: Lens, linear: Linear, state: State) -> Normals:
-    """Eliminate the photos from the normal equations of a state."""
+    """Eliminate the photos from the normal equations of a state.
+
+    Parameters
+    ----------
+    lens, linear, state
+        As for `Products.of`.
+    """
     return Products.of(lens, linear, state).normals()
 
 

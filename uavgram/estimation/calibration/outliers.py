@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.estimation.calibration.adjustment import Fit, adjust
-from uavgram.estimation.calibration.problem import Corners, Lens, State
+from uavgram.estimation.calibration.normals import Normals
+from uavgram.estimation.calibration.problem import Corners, Lens, Linear, State
 from uavgram.estimation.calibration.reliability import corner_tests, photo_tests
 from uavgram.estimation.calibration.start import FEWEST_CORNERS
 from uavgram.model.arrays import Bools, Floats
@@ -62,6 +63,15 @@ def snoop(lens: Lens, corners: Corners, start: State, options: CalibrationOption
     In each round the worst corner of each photo goes at most: corners of different photos hardly
     share a redundancy, those of one photo do. Where outliers are only to be reported, all take
     part in the last adjustment again.
+
+    Parameters
+    ----------
+    lens, corners
+        What is sought, and the observations of M photos.
+    start
+        First values.
+    options
+        Level of significance, and whether outliers go or are only reported.
     """
     fit, scale = adjust_scaled(lens, corners, start, options)
     bad_corner = np.zeros(corners.weight.shape, bool)
@@ -94,6 +104,15 @@ def adjust_scaled(
 
     Where there are priors the scale decides what they weigh, so both are found together
     (variance components after Foerstner 1979).
+
+    Parameters
+    ----------
+    lens, corners
+        What is sought, and the observations.
+    start
+        First values.
+    options
+        Whether the corners' sigmas are given, or follow from the residuals.
 
     Returns
     -------
@@ -149,16 +168,6 @@ def without(fit: Fit, photos: Bools) -> Fit:
         fit,
         corners=fit.corners.take(~photos),
         state=fit.state.take(~photos),
-        linear=replace(
-            fit.linear,
-            residual=fit.linear.residual[~photos],
-            pose=fit.linear.pose[~photos],
-            border=fit.linear.border[~photos],
-        ),
-        normals=replace(
-            fit.normals,
-            pose_inverse=fit.normals.pose_inverse[~photos],
-            gain=fit.normals.gain[~photos],
-            photo_border=fit.normals.photo_border[~photos],
-        ),
+        linear=Linear(*(rows[~photos] for rows in fit.linear)),
+        normals=Normals._make([*(rows[~photos] for rows in fit.normals[:3]), fit.normals.border]),
     )

@@ -8,6 +8,7 @@ its middle, in the camera's frame [rad]). About the middle the two hardly depend
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,9 +29,6 @@ from uavgram.model.camera.calibration import (
     LensModel,
     parameter_names,
 )
-
-HELD = 1e-6
-"""Relative sigma (and share of a variance) of what a prior states without any error."""
 
 POSE = 6
 """Unknowns of a photo."""
@@ -102,7 +100,17 @@ class State:
     middle_camera_m: Floats
 
     def moved(self, lens: Lens, border: Floats, pose: Floats) -> State:
-        """State after increments of the border (q,) and of the poses (M, 6)."""
+        """State after increments of the border (q,) and of the poses (M, 6).
+
+        Parameters
+        ----------
+        lens
+            What the increments of the border mean.
+        border
+            (q,) of the camera's free parameters, then of the bow [m].
+        pose
+            (M, 6) of the board's middle [m] and its turn [rad], in the camera's frame.
+        """
         free = lens.basis.shape[1]
         bow = border[free:]
         return State(
@@ -192,28 +200,6 @@ def lens_of(options: CalibrationOptions) -> Lens:
     return Lens(options.model, basis, mean, information)
 
 
-def prior_from(camera: Calibration, source: str) -> IntrinsicsPrior:
-    """What another calibration, or EXIF and a table of cameras, says of the intrinsics.
-
-    Parameters
-    ----------
-    camera
-        With its covariance; a variance of 0 holds a parameter.
-    source
-        Where it comes from, in words.
-    """
-    count = len(camera.parameters)
-    size = np.array([*camera.parameters[:2], camera.width_px, camera.height_px])
-    held = HELD * np.concatenate([size, np.ones(count - 4)])
-    scale = np.maximum(np.sqrt(np.diag(camera.covariance)), held)
-    correlation = camera.covariance / np.outer(scale, scale)
-    correlation[np.diag_indices(count)] = 1.0
-    values, vectors = np.linalg.eigh(correlation)
-    # fx = fy and the like: a direction without any error is known very well, not infinitely well
-    root = vectors / np.sqrt(np.maximum(values, HELD)) / scale[:, None]
-    return IntrinsicsPrior(source=source, parameters=camera.parameters, information=root @ root.T)
-
-
 def focal_and_center_prior(camera: Calibration, model: LensModel, source: str) -> IntrinsicsPrior:
     """What a brown camera says of focal length and principal point, for any lens model.
 
@@ -281,8 +267,7 @@ def pad(observations: BoardObservations, bow: Bow) -> Corners:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Linear:
+class Linear(NamedTuple):
     """Whitened residuals (predicted minus observed) and Jacobians of all photos.
 
     Attributes
@@ -301,7 +286,15 @@ class Linear:
 
 
 def linearise(lens: Lens, corners: Corners, state: State) -> Linear | None:
-    """Residuals and Jacobians; None where an observed corner lies behind the camera."""
+    """Residuals and Jacobians; None where an observed corner lies behind the camera.
+
+    Parameters
+    ----------
+    lens, corners
+        What is sought, and the observations of M photos.
+    state
+        Where to linearise.
+    """
     photos, n = corners.weight.shape
     # d corner / d bow is the board's normal in the camera's frame times the shape function.
     bent = corners.board_m.copy()

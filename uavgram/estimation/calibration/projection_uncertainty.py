@@ -6,7 +6,8 @@ estimated with the same camera; see `uavgram.estimation.calibration.difference`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -113,8 +114,7 @@ def length_uncertainty(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Ground:
+class _Ground(NamedTuple):
     """Ground points of pixels, a camera's height above them being 1, and what moves them."""
 
     point: Floats  # (N, 3)
@@ -123,9 +123,7 @@ class _Ground:
     to_pixel: Floats  # (N, 2, 3) pixel that a ground point moves to, per shift along the ground
 
     def take(self, index: Floats) -> _Ground:
-        return _Ground(
-            self.point[index], self.by_parameters[index], self.by_pose[index], self.to_pixel[index]
-        )
+        return _Ground._make(rows[index] for rows in self)
 
 
 def _pose_that_follows(seen: _Ground, covariance: Floats) -> Floats:

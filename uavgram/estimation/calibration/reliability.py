@@ -148,6 +148,13 @@ def photo_effect(fit: Fit, tests: PhotoTests, variance_factor: float) -> PhotoEf
     expectation tr(S_i S^-1) under independence (the unbiased "HC2" of MacKinnon and White 1985
     for groups); the sum over photos over that of the expectations is the factor, tested with
     Satterthwaite's degrees of freedom.
+
+    Parameters
+    ----------
+    fit, tests
+        The adjustment, and the tests of its photos.
+    variance_factor
+        Of the corners, by which their scatter is measured.
     """
     share = fit.normals.photo_border @ fit.border_covariance
     expected = float(np.einsum("mii->", share))

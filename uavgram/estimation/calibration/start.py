@@ -211,6 +211,13 @@ def poses_from_rays(
 ) -> tuple[Floats, Floats] | None:
     """Poses of the boards for given camera parameters; None where a photo has too few rays.
 
+    Parameters
+    ----------
+    model, parameters
+        The lens; (P,).
+    corners
+        Observations of M photos.
+
     Returns
     -------
     camera_from_board : (M, 3, 3)
@@ -231,7 +238,15 @@ def poses_from_rays(
 
 
 def better_of_two(lens: Lens, corners: Corners, state: State) -> State:
-    """State in which no photo would fit better with the other pose of its board."""
+    """State in which no photo would fit better with the other pose of its board.
+
+    Parameters
+    ----------
+    lens, corners
+        The lens (held), and the observations.
+    state
+        With a pose of the board in each photo.
+    """
     fixed = lens.without_border()
     linear = linearise(fixed, corners, state)
     other, cost = fit_poses(lens, corners, mirrored(state))

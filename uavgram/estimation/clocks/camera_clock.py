@@ -84,6 +84,13 @@ def fit_camera_clock(event_s: Floats, reading_s: Floats, resolution_s: float) ->
     (exposures at whole seconds) leave the whole step open, however many they are.
 
     The drift has a prior of zero with `DRIFT_SIGMA`: a short flight leaves it there.
+
+    Parameters
+    ----------
+    event_s, reading_s
+        (N,) times of the events on their own clock, and the camera's readings; N >= 1.
+    resolution_s
+        Step of the readings.
     """
     if len(event_s) < 2:
         return CameraClock(

@@ -107,6 +107,13 @@ def fit_lower_envelope(time_s: Floats, other_s: Floats, bin_s: float = 5.0) -> C
 
     The least delayed reading of every `bin_s` seconds stands for the clock; the line goes through
     those.
+
+    Parameters
+    ----------
+    time_s, other_s
+        (N,) readings of the two clocks at the same instants; `other_s` may be late.
+    bin_s
+        Length of time of which one reading is taken.
     """
     late = other_s - time_s
     # one of the readings itself: the mean of two far apart would be near to none

@@ -40,14 +40,7 @@ class LengthFrames(NamedTuple):
 
     def take(self, rows: Ints | slice) -> LengthFrames:
         """Some of the frames, by index or slice."""
-        return LengthFrames(
-            self.pixel_px[rows],
-            self.pixel_sigma_px[rows],
-            self.start[rows],
-            self.end[rows],
-            self.length_m[rows],
-            self.length_sigma_m[rows],
-        )
+        return LengthFrames._make(column[rows] for column in self)
 
 
 class View(NamedTuple):
@@ -151,7 +144,19 @@ class Block:
         return View(off, inverse, d_interior)
 
     def conditions(self, plane: Floats, whitened: Floats, ray: Floats, view: View) -> Conditions:
-        """Linearise at planes (B, 3), interior in sigmas (B, r), rays (3, 2, B, n) of the ends."""
+        """Linearise at planes (B, 3), interior in sigmas (B, r), rays (3, 2, B, n) of the ends.
+
+        Parameters
+        ----------
+        plane
+            (B, 3) m = normal / height in the camera frame [1/m].
+        whitened
+            (B, r) departures of the interior orientation, in sigmas.
+        ray
+            (3, 2, B, n) rays of the lines' ends, in the camera frame.
+        view
+            The lens at these rays.
+        """
         lengths = lengths_on_plane(plane.T[:, :, None], ray)
         reach = reach_of(lengths)
         by_m = by_plane(lengths, reach)

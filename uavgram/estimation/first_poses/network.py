@@ -191,10 +191,6 @@ class PlaneNetwork:
         self.center = np.full((frames, 3), np.nan)
         self.rotation = np.full((frames, 3, 3), np.nan)
 
-    def place_points(self, label: Ints, point_m: Floats) -> None:
-        """Give points (n, 2) coordinates, such as those of control points."""
-        self.point[label] = point_m
-
     def start(self, frame: int, plane: Floats) -> None:
         """Place one frame over the origin by its own plane (3,), and its points below it."""
         center, rotation = pose_above_plane(plane)
@@ -235,7 +231,15 @@ class PlaneNetwork:
         return turn @ center + shift, turn @ rotation
 
     def place(self, frame: int, center: Floats, rotation: Floats) -> None:
-        """Give a frame a pose (3,), (3, 3) over the plane, and its points their places below it."""
+        """Give a frame a pose (3,), (3, 3) over the plane, and its points their places below it.
+
+        Parameters
+        ----------
+        frame
+            Its index.
+        center, rotation
+            (3,) [m], (3, 3) world from camera.
+        """
         self.center[frame], self.rotation[frame] = center, rotation
         picks = self._picks(frame)
         label = self._survey.pick_label[picks]

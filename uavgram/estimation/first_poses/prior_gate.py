@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.special import chdtri
 
@@ -16,14 +18,30 @@ OUTSIDE = 0.001
 HEIGHT, TILT = 0, slice(1, 3)
 
 
-def distance_from_prior(
+class SeedComparison(NamedTuple):
+    """C candidate planes of one frame against its seed.
+
+    Attributes
+    ----------
+    squared_distance
+        (C,) squared Mahalanobis distances.
+    shift
+        (C, 3) how far each candidate pulls the seed to where both together put the pose, each with
+        its weight: in height [m], and in two tilts [rad].
+    """
+
+    squared_distance: Floats
+    shift: Floats
+
+
+def compare_with_seed(
     center_world_m: Floats,
     world_from_camera: Floats,
     covariance: Floats,
     ground: Ground,
     poses: LengthPoses,
-) -> Floats:
-    """Squared Mahalanobis distances (C,) of candidate planes from one frame's seed.
+) -> SeedComparison:
+    """Compare poses that lengths allow with the one that the telemetry gives.
 
     Three numbers are compared: the height above the ground, and the two by which the direction of
     down in the camera differs; along the ground and in heading lengths say nothing.
@@ -37,36 +55,6 @@ def distance_from_prior(
     poses
         Of that frame, C candidates that came to rest, with their own covariances.
     """
-    difference, prior, own = _compared(center_world_m, world_from_camera, covariance, ground, poses)
-    weighted = np.linalg.solve(prior + own, difference[..., None])[..., 0]
-    return np.asarray(np.sum(difference * weighted, axis=1))
-
-
-def shift_of_seed(
-    center_world_m: Floats,
-    world_from_camera: Floats,
-    covariance: Floats,
-    ground: Ground,
-    poses: LengthPoses,
-) -> Floats:
-    """How far (C, 3) each candidate pulls the seed: in height [m], and in two tilts [rad].
-
-    Where seed and candidate together put the pose, each with its weight; parameters as for
-    `distance_from_prior`.
-    """
-    difference, prior, own = _compared(center_world_m, world_from_camera, covariance, ground, poses)
-    weighted = np.linalg.solve(prior + own, difference[..., None])
-    return np.asarray((prior @ weighted)[..., 0])
-
-
-def _compared(
-    center_world_m: Floats,
-    world_from_camera: Floats,
-    covariance: Floats,
-    ground: Ground,
-    poses: LengthPoses,
-) -> tuple[Floats, Floats, Floats]:
-    """Candidates less the seed (C, 3), covariance of the seed (3, 3) and of each (C, 3, 3)."""
     down = -world_from_camera[2]
     size = np.linalg.norm(poses.plane, axis=1)
     normal = poses.plane / size[:, None]
@@ -88,19 +76,29 @@ def _compared(
     across = np.cross(normal[:, None], np.eye(3)[None]) / size[:, None, None]
     by_plane[:, TILT] = np.einsum("ti,cji->ctj", sideways, across)
     own = by_plane @ poses.covariance[:, :3, :3] @ by_plane.swapaxes(1, 2)
-    return difference, prior, own
+    weighted = np.linalg.solve(prior + own, difference[..., None])
+    return SeedComparison(np.sum(difference * weighted[..., 0], axis=1), (prior @ weighted)[..., 0])
 
 
 def allowed(squared_distance: Floats) -> Bools:
     """(C,) whether candidates lie inside the gate (chi-square of three)."""
-    inside: Bools = squared_distance <= float(chdtri(3, OUTSIDE))
-    return inside
+    return np.asarray(squared_distance <= float(chdtri(3, OUTSIDE)))
 
 
 def seed_on_plane(
     center_world_m: Floats, world_from_camera: Floats, ground: Ground, plane: Floats
 ) -> tuple[Floats, Floats]:
-    """The seed with the height and the level of a candidate plane (3,); the rest as it was."""
+    """The seed with the height and the level of a candidate plane (3,); the rest as it was.
+
+    Parameters
+    ----------
+    center_world_m, world_from_camera
+        (3,), (3, 3) of the seed.
+    ground
+        The plane beforehand, for its height.
+    plane
+        (3,) m = normal / height in the camera frame [1/m].
+    """
     size = np.linalg.norm(plane)
     center = center_world_m.copy()
     center[2] = ground.height_m + 1.0 / size

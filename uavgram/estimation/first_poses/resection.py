@@ -78,13 +78,7 @@ class LengthPoses(NamedTuple):
 
     def take(self, rows: Ints) -> LengthPoses:
         """Some of the poses, by index."""
-        return LengthPoses(
-            self.plane[rows],
-            self.interior[rows],
-            self.covariance[rows],
-            self.cost[rows],
-            self.converged[rows],
-        )
+        return LengthPoses._make(column[rows] for column in self)
 
 
 def resect_from_lengths(

@@ -72,11 +72,7 @@ def _in_adjusted(adjustment: Adjustment) -> PredictedPixels:
     world, _, _ = adjustment.problem.world_points(state, label)
     shown = _shown(adjustment, world, state.center[frame], state.rotation[frame])
     frame, label = frame[shown], label[shown]
-    pixel = np.empty((len(frame), 2))
-    covariance = np.empty((len(frame), 2, 2))
-    for first in range(0, len(frame), PAIRS_AT_ONCE):
-        rows = slice(first, first + PAIRS_AT_ONCE)
-        pixel[rows], covariance[rows] = pixels_at(adjustment, frame[rows], label[rows])
+    pixel, covariance = pixels_at(adjustment, frame, label)
     return PredictedPixels(tuple(survey.frame_id[f] for f in frame), label, pixel, covariance)
 
 
@@ -84,6 +80,13 @@ def pixels_at(adjustment: Adjustment, frame: Ints, label: Ints) -> tuple[Floats,
     """Pixels (n, 2) of labels in frames of the adjustment, and their covariances (n, 2, 2).
 
     Those of the adjusted point alone, without the error of a pick.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    frame, label
+        (n,) each, by index.
     """
     survey, problem = adjustment.survey, adjustment.problem
     n = len(frame)
@@ -104,17 +107,16 @@ def pixels_at(adjustment: Adjustment, frame: Ints, label: Ints) -> tuple[Floats,
 
 def _propagated(adjustment: Adjustment, columns: Ints, jacobian: Floats) -> Floats:
     """(n, 2, 2) covariances of n pairs of values from their Jacobians (n, 2, k)."""
-    n, two, _ = jacobian.shape
+    covariance = np.empty((len(columns), 2, 2))
     size = adjustment.problem.layout.size
-    gradient = np.zeros((size, n, two))
-    np.add.at(
-        gradient,
-        (columns[:, :, None], np.arange(n)[:, None, None], np.arange(two)),
-        np.swapaxes(jacobian, 1, 2),
-    )
-    solved = adjustment.minimum.factor.solve(gradient.reshape(size, n * two))
-    covariance = np.einsum("sni,snj->nij", gradient, solved.reshape(size, n, two), optimize=True)
-    return np.asarray(covariance)
+    for first in range(0, len(columns), PAIRS_AT_ONCE):
+        some = slice(first, first + PAIRS_AT_ONCE)
+        at = columns[some, :, None], np.arange(len(columns[some]))[:, None, None], np.arange(2)
+        gradient = np.zeros((size, len(columns[some]), 2))
+        np.add.at(gradient, at, np.swapaxes(jacobian[some], 1, 2))
+        solved = adjustment.minimum.factor.solve(gradient.reshape(size, -1)).reshape(gradient.shape)
+        covariance[some] = np.einsum("sni,snj->nij", gradient, solved, optimize=True)
+    return covariance
 
 
 def _in_others(
@@ -168,10 +170,7 @@ def _in_others(
         axis=1,
     )
     own = d_pose @ prior.covariance[rows][frame] @ np.swapaxes(d_pose, 1, 2)
-    covariance = np.empty((n, 2, 2))
-    for first in range(0, n, PAIRS_AT_ONCE):
-        part = slice(first, first + PAIRS_AT_ONCE)
-        covariance[part] = own[part] + _propagated(adjustment, columns[part], jacobian[part])
+    covariance = own + _propagated(adjustment, columns, jacobian)
     return PredictedPixels(tuple(chosen[f] for f in frame), label, pixel, covariance)
 
 

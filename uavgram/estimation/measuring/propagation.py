@@ -125,6 +125,17 @@ def values_at(
     """(M,) values under another state of the unknowns; NaN where there is none.
 
     `error` gives the errors of what else has a sigma, by source, in sigmas.
+
+    Parameters
+    ----------
+    adjustment
+        Says what the unknowns are.
+    state
+        Their values.
+    requests, frames
+        What to measure; times of the exposures, for ``speed``.
+    error
+        Name of another source of error (friction, a time) to its error, in its sigmas.
     """
     survey = adjustment.survey
     place = {label: k for k, label in enumerate(survey.label)}

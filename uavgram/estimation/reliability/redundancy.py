@@ -58,6 +58,13 @@ def minimal_detectable_bias(redundancy: Floats, sigma: Floats, significance: flo
     """Smallest error found with probability ``POWER``, in the units of `sigma`; NaN if none is.
 
     Baarda 1968: sigma * delta0 / sqrt(r), delta0 = z(1 - alpha / 2) + z(power).
+
+    Parameters
+    ----------
+    redundancy, sigma
+        (...) redundancy numbers and standard deviations of the observations.
+    significance
+        Of the test.
     """
     checked = redundancy > NO_REDUNDANCY
     root = np.sqrt(np.where(checked, redundancy, np.nan))
@@ -68,6 +75,13 @@ def power(bias: Floats, redundancy: Floats, sigma: Floats, significance: float) 
     """Probability with which the w-test of an observation finds an error of `bias` in it.
 
     Baarda 1968: w is normal about bias * sqrt(r) / sigma; the test has two sides.
+
+    Parameters
+    ----------
+    bias, redundancy, sigma
+        (...) size of the error, redundancy number and standard deviation of the observation.
+    significance
+        Of the test.
     """
     mean = np.abs(bias) * np.sqrt(redundancy) / sigma
     limit = critical_value(significance)
@@ -100,6 +114,13 @@ def group_fit(block: Block, factor: Factor, covariance: Covariance) -> GroupFit:
     The residuals of one group have the cofactor matrix Q = I - A S A^T, which is no projector: a
     sum of squares with Satterthwaite's degrees of freedom tr(Q)^2 / tr(Q^2) and scale
     tr(Q^2) / tr(Q) (Satterthwaite 1946, eq. 9); for one observation that is its w-test.
+
+    Parameters
+    ----------
+    block
+        Whitened residuals and Jacobians of the group.
+    factor, covariance
+        Of the adjustment.
     """
     squares = float(np.sum(block.residual**2))
     if block.residual.size <= EXACT_GROUP:

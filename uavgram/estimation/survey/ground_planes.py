@@ -67,7 +67,17 @@ class GroundPlanes:
         self.roughness_sigma_m = roughness[self._area]
 
     def at(self, planes: Floats, label: Ints, east_north_m: Floats) -> SurfaceAt:
-        """The ground of n labels at their places (n, 2), by the planes (3A,)."""
+        """The ground of n labels at their places (n, 2), by the planes (3A,).
+
+        Parameters
+        ----------
+        planes
+            (3A,) height at the pivot [m] and slopes of each area's plane.
+        label
+            (n,) by index: they say in which area the places lie.
+        east_north_m
+            (n, 2) places.
+        """
         area = self._area[label]
         plane = planes.reshape(-1, PLANE_SIZE)[area]
         from_pivot = east_north_m - self.pivot_m[area]

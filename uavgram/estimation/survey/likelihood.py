@@ -188,7 +188,15 @@ class SurveyProblem:
         return Block(residual[:, None], columns, jacobian[:, None, :] / sigma[:, None, None])
 
     def lengths_between(self, state: State, start: Ints, end: Ints) -> tuple[Floats, Floats, Ints]:
-        """3-D lengths (n,) between labels, their gradients (n, k) and the unknowns' columns."""
+        """3-D lengths (n,) between labels, their gradients (n, k) and the unknowns' columns.
+
+        Parameters
+        ----------
+        state
+            Values of the unknowns.
+        start, end
+            (n,) labels by index.
+        """
         n = len(start)
         world, d_point, d_plane = self.world_points(state, np.concatenate([start, end]))
         along = world[n:] - world[:n]

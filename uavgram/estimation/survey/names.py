@@ -167,7 +167,15 @@ class Names:
 
 
 def length_name(name: str, start: str, end: str) -> str:
-    """``length 'L2' ('R3' to 'R4')``; by its ends alone where it has no name."""
+    """``length 'L2' ('R3' to 'R4')``; by its ends alone where it has no name.
+
+    Parameters
+    ----------
+    name
+        What the project calls it; may be empty.
+    start, end
+        Labels of its ends.
+    """
     return f"length {name!r} ({start!r} to {end!r})" if name else f"length {start!r} to {end!r}"
 
 

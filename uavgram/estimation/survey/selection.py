@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from uavgram.model.arrays import Bools, Ints
+from uavgram.model.arrays import Bools, Ints, rows_of
 from uavgram.model.flight.pose import TelemetryPrior
 from uavgram.model.survey.survey import Survey
 
@@ -46,39 +47,23 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
         frame_id=tuple(survey.frame_id[i] for i in frames),
         seeds=None if survey.seeds is None else survey.seeds.take(frames),
         telemetry=_some_telemetry(survey, new_frame),
-        label=tuple(survey.label[i] for i in labels),
-        height_above_m=survey.height_above_m[labels],
-        label_area=survey.area[labels],
-        pick_frame=pick_frame,
-        pick_label=pick_label,
-        pixel_px=survey.pixel_px[picks],
-        pick_sigma_px=survey.pick_sigma_px[picks],
-        line_start=start[lines],
-        line_end=end[lines],
-        length_m=survey.length_m[lines],
-        length_sigma_m=survey.length_sigma_m[lines],
-        line_name=_some_names(survey, lines),
-        control_label=new_label[survey.control_label[control]],
-        control_world_m=survey.control_world_m[control],
-        control_sigma_m=survey.control_sigma_m[control],
+        **rows_of(survey, labels, "k"),
+        **rows_of(survey, picks, "p") | {"pick_frame": pick_frame, "pick_label": pick_label},
+        **_some_lines(survey, lines) | {"line_start": start[lines], "line_end": end[lines]},
+        **rows_of(survey, control, "c")
+        | {"control_label": new_label[survey.control_label[control]]},
     )
     return Selection(reduced, picks, lines)
 
 
 def select_lines(survey: Survey, keep: Bools) -> Survey:
     """Keep the known lengths in `keep` (L,), and everything else."""
-    return replace(
-        survey,
-        line_start=survey.line_start[keep],
-        line_end=survey.line_end[keep],
-        length_m=survey.length_m[keep],
-        length_sigma_m=survey.length_sigma_m[keep],
-        line_name=_some_names(survey, np.flatnonzero(keep)),
-    )
+    return replace(survey, **_some_lines(survey, np.flatnonzero(keep)))
 
 
-def _some_names(survey: Survey, lines: Ints) -> tuple[str, ...]:
-    return tuple(survey.line_name[i] for i in lines) if survey.line_name else ()
+def _some_lines(survey: Survey, lines: Ints) -> dict[str, Any]:
+    names = tuple(survey.line_name[i] for i in lines) if survey.line_name else ()
+    return rows_of(survey, lines, "l") | {"line_name": names}
 
 
 def _some_telemetry(survey: Survey, new_frame: Ints) -> TelemetryPrior | None:
@@ -86,9 +71,5 @@ def _some_telemetry(survey: Survey, new_frame: Ints) -> TelemetryPrior | None:
     if telemetry is None:
         return None
     kept = np.flatnonzero(new_frame[telemetry.frame_index] >= 0)
-    return replace(
-        telemetry,
-        frame_index=new_frame[telemetry.frame_index[kept]],
-        time_s=telemetry.time_s[kept],
-        covariance=telemetry.covariance[kept],
-    )
+    some = rows_of(telemetry, kept)
+    return replace(telemetry, **some | {"frame_index": new_frame[some["frame_index"]]})

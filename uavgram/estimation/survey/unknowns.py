@@ -89,7 +89,15 @@ class Layout:
         return self.first_frame + index[:, None] * 6 + np.arange(6)
 
     def shared_columns(self, first: int, count: int, rows: int) -> Ints:
-        """(rows, count) the same shared unknowns in every row."""
+        """(rows, count) the same shared unknowns in every row.
+
+        Parameters
+        ----------
+        first, count
+            Index of the first of these unknowns, and how many there are.
+        rows
+            Number of rows.
+        """
         return np.broadcast_to(first + np.arange(count), (rows, count))
 
     def describe(self, index: int, survey: Survey) -> str:
@@ -147,7 +155,17 @@ def layout_of(survey: Survey, intrinsics: int) -> Layout:
 
 
 def move(layout: Layout, state: State, step: Floats) -> State:
-    """The state after an increment (size,) of the unknowns."""
+    """The state after an increment (size,) of the unknowns.
+
+    Parameters
+    ----------
+    layout
+        Where each unknown stands in the vector.
+    state
+        From where.
+    step
+        (size,) increment.
+    """
     frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)
     plane = state.plane.copy()
     plane[len(plane) - layout.plane :] += step[layout.first_plane : layout.first_telemetry]
@@ -169,6 +187,11 @@ def advance(layout: Layout, state: State, step: Floats) -> State:
     half the turn squared times the scene's size; here it is a turn (a retraction along the group,
     Absil, Mahony and Sepulchre 2008, ch. 4). With a free gauge the state also goes back to
     the gauge's conditions (see ``SurveyProblem``), which are stiff and met to first order only.
+
+    Parameters
+    ----------
+    layout, state, step
+        As for `move`.
     """
     point_step = step[: layout.first_frame].reshape(state.point.shape)[:, :2]
     frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)

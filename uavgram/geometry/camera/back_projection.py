@@ -117,6 +117,13 @@ def rays_and_lens(
     """Undistorted x and y (...) of pixels (..., 2), NaN where there are none, and the lens there.
 
     The lens's derivatives are good to six digits: enough for a covariance.
+
+    Parameters
+    ----------
+    model, parameters
+        The lens; (P,).
+    pixel
+        (..., 2) in the original, distorted image.
     """
     fx, fy, cx, cy = parameters[:4].tolist()
     with np.errstate(over="ignore", invalid="ignore"):
@@ -298,6 +305,13 @@ def share_without_rays(
     """Share of an image (0 to 1) whose pixels have no ray, on a grid of about 40,000 cells.
 
     There the lens model folds back: two directions share a pixel, or none reaches it.
+
+    Parameters
+    ----------
+    model, parameters
+        The lens; (P,).
+    width_px, height_px
+        Size of the image.
     """
     ratio = (width_px / height_px) ** 0.5
     columns, rows = max(1, round(200 * ratio)), max(1, round(200 / ratio))

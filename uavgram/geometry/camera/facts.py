@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from uavgram.geometry.camera.back_projection import back_project, share_without_rays
 from uavgram.geometry.camera.lens import largest_radius
-from uavgram.model.arrays import Floats, freeze
+from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
 
 FRAME_35MM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CameraFacts:
+class CameraFacts(FrozenArrays):
     """Figures that follow from a calibration.
 
     Attributes
@@ -39,26 +40,14 @@ class CameraFacts:
         (P, P); zero where a parameter has no error.
     """
 
-    field_of_view_rad: Floats
+    field_of_view_rad: Annotated[Floats, 3, NAN_IS_NONE]
     equivalent_mm: float
-    centre_offset_px: Floats
-    centre_sigma_px: Floats
-    corner_distortion_px: Floats
+    centre_offset_px: Annotated[Floats, 2]
+    centre_sigma_px: Annotated[Floats, 2]
+    corner_distortion_px: Annotated[Floats, 4, NAN_IS_NONE]
     fold_rad: float
     share_without_rays: float
-    correlation: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.correlation)
-        freeze(
-            self,
-            may_be_nan=("field_of_view_rad", "corner_distortion_px"),
-            field_of_view_rad=(3,),
-            centre_offset_px=(2,),
-            centre_sigma_px=(2,),
-            corner_distortion_px=(4,),
-            correlation=(n, n),
-        )
+    correlation: Annotated[Floats, "n", "n"]
 
 
 def camera_facts(calibration: Calibration) -> CameraFacts:
@@ -66,7 +55,6 @@ def camera_facts(calibration: Calibration) -> CameraFacts:
     size = np.array([calibration.width_px, calibration.height_px], dtype=np.float64)
     parameters = calibration.parameters
     sigma = np.sqrt(calibration.covariance.diagonal())
-    scale = np.where(sigma > 0, sigma, 1.0)
     radius = largest_radius(calibration.model, parameters)
     return CameraFacts(
         field_of_view_rad=_field_of_view(calibration, size),
@@ -80,7 +68,7 @@ def camera_facts(calibration: Calibration) -> CameraFacts:
         share_without_rays=share_without_rays(
             calibration.model, parameters, calibration.width_px, calibration.height_px
         ),
-        correlation=calibration.covariance / np.outer(scale, scale),
+        correlation=calibration.correlation,
     )
 
 
@@ -94,8 +82,7 @@ def _field_of_view(calibration: Calibration, size: Floats) -> Floats:
     ]
     # atan2 keeps its digits at small angles, arccos does not.
     across = np.linalg.norm(np.cross(rays[0], rays[1]), axis=1)
-    angle: Floats = np.arctan2(across, np.sum(rays[0] * rays[1], axis=1))
-    return angle
+    return np.asarray(np.arctan2(across, np.sum(rays[0] * rays[1], axis=1)))
 
 
 def _corner_distortion(calibration: Calibration, size: Floats) -> Floats:
@@ -104,5 +91,4 @@ def _corner_distortion(calibration: Calibration, size: Floats) -> Floats:
     focal, centre = calibration.parameters[:2], calibration.parameters[2:4]
     ray = back_project(calibration.model, calibration.parameters, corner)
     pinhole = np.linalg.norm(focal * ray[:, :2], axis=1)
-    outward: Floats = np.linalg.norm(corner - centre, axis=1) - pinhole
-    return outward
+    return np.asarray(np.linalg.norm(corner - centre, axis=1) - pinhole)

@@ -209,6 +209,15 @@ def folded(lens: Distorted, x: Floats, y: Floats, largest: float) -> Bools:
     """(N,) whether the lens model folds back at undistorted points (x, y).
 
     Beyond the largest radius, and where the tangential terms turn it over a little before that.
+
+    Parameters
+    ----------
+    lens
+        What `distort` makes of the points.
+    x, y
+        (N,) undistorted, on the plane z = 1.
+    largest
+        Radius at which the radial part folds back.
     """
     result: Bools = ~(lens.a * lens.c > lens.b * lens.b)
     if math.isfinite(largest):

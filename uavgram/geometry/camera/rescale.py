@@ -19,6 +19,13 @@ def scaled(calibration: Calibration, width_px: int, height_px: int) -> Calibrati
 
     Width and height may be scaled by (slightly) different factors, as rounding to whole pixels
     does.
+
+    Parameters
+    ----------
+    calibration
+        Of the image as it was calibrated.
+    width_px, height_px
+        Size of the image at the other resolution.
     """
     factor = np.array([width_px / calibration.width_px, height_px / calibration.height_px])
     slope = np.ones(len(calibration.parameters))

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -47,12 +47,12 @@ class View:
     """
 
     model: LensModel
-    parameters: Floats
-    center_world_m: Floats
-    world_from_camera: Floats
-    plane: Floats
-    pivot_m: Floats
-    covariance: Floats
+    parameters: Annotated[Floats, "p"]
+    center_world_m: Annotated[Floats, 3]
+    world_from_camera: Annotated[Floats, 3, 3]
+    plane: Annotated[Floats, 3]
+    pivot_m: Annotated[Floats, 2]
+    covariance: Annotated[Floats, "c", "c"]
 
     def __post_init__(self) -> None:
         plain = POSE_SIZE + len(self.parameters)
@@ -62,8 +62,7 @@ class View:
                 f"covariance: expected {plain} x {plain}, or {plain + PLANE_SIZE} with the plane, "
                 f"got {self.covariance.shape}"
             )
-        freeze(self, center_world_m=(3,), world_from_camera=(3, 3), plane=(3,), pivot_m=(2,))
-        freeze(self, parameters=(None,), covariance=(None, None))
+        freeze(self)
 
 
 class GroundPoints(NamedTuple):

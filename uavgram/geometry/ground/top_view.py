@@ -66,7 +66,15 @@ class View:
         return float(np.abs(center[:, 2] - below).min())
 
     def ground(self, raster: GroundRaster, columns: Floats, rows: Floats) -> Floats:
-        """(len(rows), len(columns), 3) world positions of the raster's pixels, on the plane."""
+        """(len(rows), len(columns), 3) world positions of the raster's pixels, on the plane.
+
+        Parameters
+        ----------
+        raster
+            Where pixels lie.
+        columns, rows
+            Pixels; fractions are allowed.
+        """
         place = raster.centers(columns, rows)
         pivot, surface = self.result.plane.pivot_m, self.surface
         origin = self.origin
@@ -107,7 +115,15 @@ class View:
         return pixel, aside / np.where(down > 0, down, np.nan)
 
     def shows(self, u_px: Numbers, v_px: Numbers, off_nadir: Numbers) -> Bools:
-        """(...) whether a photo shows a place at such a pixel, and not too flat."""
+        """(...) whether a photo shows a place at such a pixel, and not too flat.
+
+        Parameters
+        ----------
+        u_px, v_px
+            (...) pixels of the photo.
+        off_nadir
+            (...) tangent of the angle from straight down at which the place is seen.
+        """
         camera = self.result.camera
         inside = (u_px >= -0.5) & (u_px <= camera.width_px - 0.5)  # NaN compares False
         inside &= (v_px >= -0.5) & (v_px <= camera.height_px - 0.5)

@@ -53,7 +53,27 @@ class _Pieces(NamedTuple):
         return moved, slope / self.width
 
 
-class SmoothPositions:
+class _SmoothPath:
+    """Samples and the pieces between them, which a kind of path makes of their numbers."""
+
+    def __init__(self, time_s: Floats, sample: Floats) -> None:
+        self._time = _checked(time_s)
+        self._sample = np.asarray(sample, np.float64)
+        # An adjustment asks for nearly the same instants again and again.
+        self._pieces = lru_cache(maxsize=2)(self._make)
+
+    def _make(self, index: bytes) -> _Pieces:
+        """Make the pieces (M,) of some indices."""
+        raise NotImplementedError
+
+    def _since_origin(self, at_s: Floats) -> tuple[Floats, Floats, Floats]:
+        """Origins of the pieces (M,) in which instants lie, the change since, and its rate."""
+        index, fraction = _locate(self._time, at_s)
+        pieces = self._pieces(index.tobytes())
+        return pieces.origin, *pieces.at(fraction)
+
+
+class SmoothPositions(_SmoothPath):
     """Positions by cubic Hermite pieces: through the samples, with steady velocity.
 
     Parameters
@@ -75,12 +95,6 @@ class SmoothPositions:
     samples, on which an adjustment of the clock cannot come to rest.
     """
 
-    def __init__(self, time_s: Floats, position: Floats) -> None:
-        self._time = _checked(time_s)
-        self._position = np.asarray(position, np.float64)
-        # An adjustment asks for nearly the same instants again and again.
-        self._pieces = lru_cache(maxsize=2)(self._make)
-
     def at(self, at_s: Floats) -> tuple[Floats, Floats]:
         """Positions and velocities at instants within the span.
 
@@ -100,20 +114,18 @@ class SmoothPositions:
         ValueError
             An instant lies outside the span.
         """
-        index, fraction = _locate(self._time, at_s)
-        pieces = self._pieces(index.tobytes())
-        moved, velocity = pieces.at(fraction)
-        return pieces.origin + moved, velocity
+        origin, moved, velocity = self._since_origin(at_s)
+        return origin + moved, velocity
 
     def _make(self, index: bytes) -> _Pieces:
         around, width = _around(self._time, index)
-        sample = self._position[around]
+        sample = self._sample[around]
         change = np.diff(sample, axis=1)
         rates = _end_rates(change, width)
         return _Pieces.hermite(sample[:, 1], change[:, 1], rates, width[:, 1:2])
 
 
-class SmoothRotations:
+class SmoothRotations(_SmoothPath):
     """Rotations by cubic Hermite pieces of the rotation vector from sample to sample.
 
     Parameters
@@ -133,11 +145,6 @@ class SmoothRotations:
     Within a piece R = R0 exp(phi), the rate is Jr(phi) dphi/dt (Sola et al. 2018, eq. 67); the
     rates at the samples are those of `SmoothPositions`, so they are steady from piece to piece.
     """
-
-    def __init__(self, time_s: Floats, xyzw: Floats) -> None:
-        self._time = _checked(time_s)
-        self._xyzw = np.asarray(xyzw, np.float64)
-        self._pieces = lru_cache(maxsize=2)(self._make)
 
     def at(self, at_s: Floats) -> tuple[Floats, Floats]:
         """Rotations and their rates at instants within the span.
@@ -159,15 +166,13 @@ class SmoothRotations:
         ValueError
             An instant lies outside the span.
         """
-        index, fraction = _locate(self._time, at_s)
-        pieces = self._pieces(index.tobytes())
-        phi, slope = pieces.at(fraction)
+        origin, phi, slope = self._since_origin(at_s)
         rate_body = (right_jacobian(phi) @ slope[..., None])[..., 0]
-        return pieces.origin @ exp_so3(phi), rate_body
+        return origin @ exp_so3(phi), rate_body
 
     def _make(self, index: bytes) -> _Pieces:
         around, width = _around(self._time, index)
-        rotation = matrix_from_xyzw(self._xyzw[around])
+        rotation = matrix_from_xyzw(self._sample[around])
         turn = log_so3(np.swapaxes(rotation[:, :-1], -1, -2) @ rotation[:, 1:])
         start, end = _end_rates(turn, width)
         # dphi/dt at the far end, where phi is the whole turn.

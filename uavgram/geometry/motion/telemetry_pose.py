@@ -134,7 +134,17 @@ def exposures_by_time(flight: Flight, frame_id: Sequence[str]) -> Callable[[Floa
 
 
 def corrected_time(shared: Floats, time_s: Floats, middle_s: float) -> Floats:
-    """(N,) instants on the flight's clock [s] of stated ones, after clock correction and drift."""
+    """(N,) instants on the flight's clock [s] of stated ones, after clock correction and drift.
+
+    Parameters
+    ----------
+    shared
+        (12,) unknowns of the telemetry, see `predict_pose`.
+    time_s
+        (N,) stated instants.
+    middle_s
+        Of the survey's exposures, where a drift leaves the correction alone.
+    """
     since_middle = time_s - middle_s
     return np.asarray(time_s - shared[CLOCK] - shared[CLOCK_DRIFT] * since_middle)
 

@@ -86,7 +86,7 @@ def _camera(result: CalibrationResult) -> Record:
         "parameters": plain(camera.parameters),
         "sigma": plain(sigma),
         "covariance": plain(camera.covariance),
-        "correlation": plain(result.correlation),
+        "correlation": plain(result.calibration.correlation),
         "covariance_corners": plain(result.covariance_corners),
         "covariance_given_sigma": plain(result.covariance_given_sigma),
     }

@@ -113,7 +113,17 @@ ordinary drone camera is, and how far they differ, follows from these."""
 def assumed_covariance(
     model: LensModel, parameters: Floats, width_px: int, errors: AssumedErrors
 ) -> Floats:
-    """(P, P) covariance of a camera by its assumed errors; fx and fy go together."""
+    """(P, P) covariance of a camera by its assumed errors; fx and fy go together.
+
+    Parameters
+    ----------
+    model, parameters
+        The lens; (P,).
+    width_px
+        Of the image.
+    errors
+        Standard deviations to assume.
+    """
     fx, fy = parameters[:2].tolist()
     centre_px = errors.centre * width_px
     radial, tangential = errors.radial, errors.tangential

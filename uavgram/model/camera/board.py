@@ -7,11 +7,11 @@ z into the board, away from the camera.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
-from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
+from uavgram.model.arrays import Floats, FrozenArrays, Ints, freeze
 from uavgram.model.camera.calibration import PARAMETER_NAMES, LensModel
 
 BoardKind = Literal["chessboard", "charuco"]
@@ -44,7 +44,7 @@ class Board:
     columns: int
     rows: int
     square_m: float
-    corner_board_m: Floats
+    corner_board_m: Annotated[Floats, "b", 3]
     marker_m: float = 0.0
     dictionary: str = ""
 
@@ -55,7 +55,7 @@ class Board:
             )
         if not self.square_m > 0:
             raise ValueError(f"square_m must be greater than 0, got {self.square_m}")
-        freeze(self, corner_board_m=(self.columns * self.rows, 3))
+        freeze(self, b=self.columns * self.rows)
 
 
 def flat_board(
@@ -67,7 +67,17 @@ def flat_board(
     marker_m: float = 0.0,
     dictionary: str = "",
 ) -> Board:
-    """Board of `columns` x `rows` inner corners, `square_m` apart, in the plane z = 0."""
+    """Board of `columns` x `rows` inner corners, `square_m` apart, in the plane z = 0.
+
+    Parameters
+    ----------
+    columns, rows
+        Inner corners along x and along y.
+    square_m
+        Side of a square.
+    kind, marker_m, dictionary
+        What is printed on it, see `Board`.
+    """
     row, column = np.divmod(np.arange(columns * rows), columns)
     corner = np.stack([column, row, np.zeros(columns * rows)], axis=1) * square_m
     return Board(
@@ -129,18 +139,16 @@ class BoardPhoto:
     file: str
     width_px: int
     height_px: int
-    corner: Ints
-    pixel_px: Floats
-    sigma_px: Floats
+    corner: Annotated[Ints, "n"]
+    pixel_px: Annotated[Floats, "n", 2]
+    sigma_px: Annotated[Floats, "n"]
     setting: LensSetting = LensSetting()
 
     def __post_init__(self) -> None:
-        n = len(self.corner)
-        freeze_as(self, np.int64, corner=(n,))
-        freeze(self, pixel_px=(n, 2), sigma_px=(n,))
-        if len(np.unique(self.corner)) != n:
+        freeze(self)
+        if len(np.unique(self.corner)) != len(self.corner):
             raise ValueError(f"{self.file}: a corner was found twice")
-        if n and not self.sigma_px.min() > 0:
+        if not (self.sigma_px > 0).all():
             raise ValueError(f"{self.file}: sigma_px must be greater than 0")
 
 
@@ -170,7 +178,7 @@ class BoardObservations:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class IntrinsicsPrior:
+class IntrinsicsPrior(FrozenArrays):
     """Independent knowledge of the interior orientation: from EXIF, a table of cameras, a file.
 
     Attributes
@@ -184,12 +192,8 @@ class IntrinsicsPrior:
     """
 
     source: str
-    parameters: Floats
-    information: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.parameters)
-        freeze(self, parameters=(n,), information=(n, n))
+    parameters: Annotated[Floats, "n"]
+    information: Annotated[Floats, "n", "n"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+import numpy as np
 
 from uavgram.model.arrays import Floats, freeze
 
@@ -65,18 +67,24 @@ class Calibration:
     model: LensModel
     width_px: int
     height_px: int
-    parameters: Floats
-    covariance: Floats
+    parameters: Annotated[Floats, "n"]
+    covariance: Annotated[Floats, "n", "n"]
 
     def __post_init__(self) -> None:
-        n = len(self.parameter_names)
-        freeze(self, parameters=(n,), covariance=(n, n))
+        freeze(self, n=len(self.parameter_names))
         if self.width_px <= 0 or self.height_px <= 0:
             raise ValueError(
                 f"width_px and height_px must be positive, got {self.width_px} x {self.height_px}"
             )
         if min(self.parameters[:2]) <= 0:
             raise ValueError(f"fx and fy must be positive, got {self.parameters[:2].tolist()}")
+
+    @property
+    def correlation(self) -> Floats:
+        """(P, P) of the parameters; 0 where one is known exactly."""
+        sigma = np.sqrt(self.covariance.diagonal())
+        scale = np.where(sigma > 0, sigma, 1.0)
+        return np.asarray(self.covariance / np.outer(scale, scale))
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from uavgram.model.arrays import Floats, freeze
+from uavgram.model.arrays import Floats, FrozenArrays
 from uavgram.model.camera.calibration_result import CalibrationResult
 from uavgram.model.camera.provenance import CameraProvenance
 from uavgram.model.message import Message
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LengthUncertainty:
+class LengthUncertainty(FrozenArrays):
     """What a calibration's errors do to lengths on level ground, seen from a given pose.
 
     Attributes
@@ -29,14 +30,10 @@ class LengthUncertainty:
         lengths fix pose and scale.
     """
 
-    pixel_px: Floats
-    length: Floats
-    pose_known: Floats
-    pose_fitted: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.length)
-        freeze(self, pixel_px=(n, 2, 2), length=(n,), pose_known=(n,), pose_fitted=(n,))
+    pixel_px: Annotated[Floats, "n", 2, 2]
+    length: Annotated[Floats, "n"]
+    pose_known: Annotated[Floats, "n"]
+    pose_fitted: Annotated[Floats, "n"]
 
     @property
     def medians(self) -> tuple[float, float]:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
-import numpy as np
-
-from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
+from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays, Ints, freeze
 from uavgram.model.camera.board import Board, CalibrationOptions
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.pose import Poses
@@ -17,7 +15,7 @@ Status = Literal["used", "suspect", "removed"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CornerResults:
+class CornerResults(FrozenArrays):
     """All N corners that were found, of removed photos too.
 
     Attributes
@@ -38,24 +36,18 @@ class CornerResults:
         (N,) ``suspect``: fails its test, but stays.
     """
 
-    photo: Ints
-    corner: Ints
-    pixel_px: Floats
-    residual_px: Floats
-    sigma_px: Floats
-    w: Floats
-    redundancy: Floats
-    status: tuple[Status, ...]
-
-    def __post_init__(self) -> None:
-        n = len(self.status)
-        freeze_as(self, np.int64, photo=(n,), corner=(n,))
-        freeze(self, pixel_px=(n, 2), residual_px=(n, 2))
-        freeze(self, sigma_px=(n,), w=(n,), redundancy=(n,))
+    photo: Annotated[Ints, "n"]
+    corner: Annotated[Ints, "n"]
+    pixel_px: Annotated[Floats, "n", 2]
+    residual_px: Annotated[Floats, "n", 2]
+    sigma_px: Annotated[Floats, "n"]
+    w: Annotated[Floats, "n"]
+    redundancy: Annotated[Floats, "n"]
+    status: Annotated[tuple[Status, ...], "n"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PhotoResults:
+class PhotoResults(FrozenArrays):
     """The M photos that could be used, and the others by name.
 
     Attributes
@@ -77,24 +69,14 @@ class PhotoResults:
         Names and reasons of photos that say nothing of the camera.
     """
 
-    file: tuple[str, ...]
+    file: Annotated[tuple[str, ...], "m"]
     poses: Poses
-    rms_px: Floats
-    held_out_px: Floats
-    tilt_deg: Floats
+    rms_px: Annotated[Floats, "m"]
+    held_out_px: Annotated[Floats, "m", NAN_IS_NONE]
+    tilt_deg: Annotated[Floats, "m"]
     status: tuple[Status, ...]
     reason: tuple[str, ...]
     unusable: tuple[tuple[str, str], ...] = ()
-
-    def __post_init__(self) -> None:
-        m = len(self.file)
-        freeze(
-            self,
-            may_be_nan=("held_out_px",),
-            rms_px=(m,),
-            held_out_px=(m,),
-            tilt_deg=(m,),
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,7 +107,7 @@ class ModelScore:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ImageMaps:
+class ImageMaps(FrozenArrays):
     """What is known over the image; R rows of C cells.
 
     Attributes
@@ -143,23 +125,11 @@ class ImageMaps:
         camera that hides it best is taken away; NaN where the lens has no inverse.
     """
 
-    cell_px: Floats
-    corners: Ints
-    residual_px: Floats
-    residual_probability: Floats
-    uncertainty_px: Floats
-
-    def __post_init__(self) -> None:
-        rows, columns = np.shape(self.corners)
-        freeze_as(self, np.int64, corners=(rows, columns))
-        freeze(
-            self,
-            may_be_nan=("residual_px", "uncertainty_px"),
-            cell_px=(rows, columns, 2),
-            residual_px=(rows, columns, 2),
-            residual_probability=(rows, columns),
-            uncertainty_px=(rows, columns),
-        )
+    cell_px: Annotated[Floats, "r", "c", 2]
+    corners: Annotated[Ints, "r", "c"]
+    residual_px: Annotated[Floats, "r", "c", 2, NAN_IS_NONE]
+    residual_probability: Annotated[Floats, "r", "c"]
+    uncertainty_px: Annotated[Floats, "r", "c", NAN_IS_NONE]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,12 +202,12 @@ class CalibrationResult:
     """
 
     calibration: Calibration
-    covariance_given_sigma: Floats
-    covariance_corners: Floats
+    covariance_given_sigma: Annotated[Floats, "p", "p"]
+    covariance_corners: Annotated[Floats, "p", "p"]
     options: CalibrationOptions
     board: Board
-    bow_m: Floats
-    bow_covariance_m2: Floats
+    bow_m: Annotated[Floats, "k"]
+    bow_covariance_m2: Annotated[Floats, "k", "k"]
     corners: CornerResults
     photos: PhotoResults
     quality: CalibrationQuality
@@ -246,18 +216,4 @@ class CalibrationResult:
     messages: tuple[Message, ...]
 
     def __post_init__(self) -> None:
-        p, k = len(self.calibration.parameters), len(self.bow_m)
-        freeze(
-            self,
-            covariance_given_sigma=(p, p),
-            covariance_corners=(p, p),
-            bow_m=(k,),
-            bow_covariance_m2=(k, k),
-        )
-
-    @property
-    def correlation(self) -> Floats:
-        """(P, P) of the camera's parameters; 0 where one is held fixed."""
-        sigma = np.sqrt(np.diag(self.calibration.covariance))
-        scale = np.where(sigma > 0, sigma, 1.0)
-        return np.asarray(self.calibration.covariance / np.outer(scale, scale))
+        freeze(self, p=len(self.calibration.parameters))

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
-from uavgram.model.arrays import Floats, freeze
+from uavgram.model.arrays import Floats, FrozenArrays
 
 
 def named_camera(make: str, model: str) -> str:
@@ -70,7 +71,7 @@ class CameraTags:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DroneCamera:
+class DroneCamera(FrozenArrays):
     """One camera of the table of drone cameras.
 
     Attributes
@@ -101,7 +102,4 @@ class DroneCamera:
     pitch_mm: tuple[float, float]
     focal_mm: float
     is_perspective: bool
-    distortion: Floats
-
-    def __post_init__(self) -> None:
-        freeze(self, distortion=(5,))
+    distortion: Annotated[Floats, 5]

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-import numpy as np
-
-from uavgram.model.arrays import Bools, Floats, freeze, freeze_as
+from uavgram.model.arrays import Bools, Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.demo.scenario import DemoScenario
 from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SimulatedLog:
+class SimulatedLog(FrozenArrays):
     """What the autopilot recorded, with its errors.
 
     Attributes
@@ -37,46 +36,25 @@ class SimulatedLog:
     """
 
     boot_utc_s: float
-    home_geodetic: Floats
+    home_geodetic: Annotated[Floats, 3]
     undulation_m: float
-    position_time_s: Floats
-    position_geodetic: Floats
-    velocity_ned_m_s: Floats
-    attitude_time_s: Floats
-    attitude_rpy_rad: Floats
-    gimbal_time_s: Floats
-    gimbal_rpy_rad: Floats
-    gps_time_s: Floats
-    gps_geodetic: Floats
-    gps_accuracy_m: Floats
-    event_time_s: Floats
-    event_geodetic: Floats
-    event_rpy_rad: Floats
-
-    def __post_init__(self) -> None:
-        n, m = len(self.position_time_s), len(self.attitude_time_s)
-        k, g, e = len(self.gimbal_time_s), len(self.gps_time_s), len(self.event_time_s)
-        freeze(
-            self,
-            home_geodetic=(3,),
-            position_time_s=(n,),
-            position_geodetic=(n, 3),
-            velocity_ned_m_s=(n, 3),
-            attitude_time_s=(m,),
-            attitude_rpy_rad=(m, 3),
-            gimbal_time_s=(k,),
-            gimbal_rpy_rad=(k, 3),
-            gps_time_s=(g,),
-            gps_geodetic=(g, 3),
-            gps_accuracy_m=(g, 2),
-            event_time_s=(e,),
-            event_geodetic=(e, 3),
-            event_rpy_rad=(e, 3),
-        )
+    position_time_s: Annotated[Floats, "n"]
+    position_geodetic: Annotated[Floats, "n", 3]
+    velocity_ned_m_s: Annotated[Floats, "n", 3]
+    attitude_time_s: Annotated[Floats, "m"]
+    attitude_rpy_rad: Annotated[Floats, "m", 3]
+    gimbal_time_s: Annotated[Floats, "k"]
+    gimbal_rpy_rad: Annotated[Floats, "k", 3]
+    gps_time_s: Annotated[Floats, "g"]
+    gps_geodetic: Annotated[Floats, "g", 3]
+    gps_accuracy_m: Annotated[Floats, "g", 2]
+    event_time_s: Annotated[Floats, "e"]
+    event_geodetic: Annotated[Floats, "e", 3]
+    event_rpy_rad: Annotated[Floats, "e", 3]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SurveyTruth:
+class SurveyTruth(FrozenArrays):
     """What really was, in the world whose origin is the log's home.
 
     Attributes
@@ -99,47 +77,29 @@ class SurveyTruth:
         (M,) in SI units and degrees; a coordinate has two rows, ``NAME east`` and ``NAME north``.
     """
 
-    frame_id: tuple[str, ...]
-    time_utc_s: Floats
-    center_world_m: Floats
-    world_from_camera: Floats
-    intrinsics: Floats
-    boresight_rad: Floats
-    lever_arm_m: Floats
-    position_bias_m: Floats
+    frame_id: Annotated[tuple[str, ...], "f"]
+    time_utc_s: Annotated[Floats, "f"]
+    center_world_m: Annotated[Floats, "f", 3]
+    world_from_camera: Annotated[Floats, "f", 3, 3]
+    intrinsics: Annotated[Floats, 9]
+    boresight_rad: Annotated[Floats, 3]
+    lever_arm_m: Annotated[Floats, 3]
+    position_bias_m: Annotated[Floats, 3]
     heading_bias_rad: float
     clock_offset_s: float
     plane_height_m: float
-    plane_slope: Floats
-    plane_pivot_m: Floats
-    label: tuple[str, ...]
-    point_world_m: Floats
-    line_length_m: Floats
-    measurement_name: tuple[str, ...]
-    measurement_value: Floats
+    plane_slope: Annotated[Floats, 2]
+    plane_pivot_m: Annotated[Floats, 2]
+    label: Annotated[tuple[str, ...], "k"]
+    point_world_m: Annotated[Floats, "k", 3]
+    line_length_m: Annotated[Floats, "l"]
+    measurement_name: Annotated[tuple[str, ...], "m"]
+    measurement_value: Annotated[Floats, "m"]
     measurement_unit: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        f, k, m = len(self.frame_id), len(self.label), len(self.measurement_name)
-        freeze(
-            self,
-            time_utc_s=(f,),
-            center_world_m=(f, 3),
-            world_from_camera=(f, 3, 3),
-            intrinsics=(9,),
-            boresight_rad=(3,),
-            lever_arm_m=(3,),
-            position_bias_m=(3,),
-            plane_slope=(2,),
-            plane_pivot_m=(2,),
-            point_world_m=(k, 3),
-            line_length_m=(None,),
-            measurement_value=(m,),
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SimulatedSurvey:
+class SimulatedSurvey(FrozenArrays):
     """Everything that the survey's files will say, and the truth.
 
     Attributes
@@ -160,16 +120,12 @@ class SimulatedSurvey:
 
     scenario: DemoScenario
     calibration: Calibration
-    frame_id: tuple[str, ...]
-    file_time_utc_s: Floats
-    event_has_photo: Bools
+    frame_id: Annotated[tuple[str, ...], "n"]
+    file_time_utc_s: Annotated[Floats, "n"]
+    event_has_photo: Annotated[Bools, "e"]
     log: SimulatedLog
     picks: Picks
     lines: KnownLines
     checks: KnownPoints
     measurements: tuple[MeasurementRequest, ...]
     truth: SurveyTruth
-
-    def __post_init__(self) -> None:
-        freeze(self, file_time_utc_s=(len(self.frame_id),))
-        freeze_as(self, np.bool_, event_has_photo=(None,))

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
-import numpy as np
-
-from uavgram.model.arrays import Bools, Floats, freeze, freeze_as
+from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays
 
 TimeSource = Literal["exif", "filename", "none"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Photos:
+class Photos(FrozenArrays):
     """F photos as they lie on disk, in the order of their names.
 
     Attributes
@@ -33,28 +31,17 @@ class Photos:
         Where the readings come from, one for all photos.
     """
 
-    frame_id: tuple[str, ...]
+    frame_id: Annotated[tuple[str, ...], "n"]
     path: tuple[str, ...]
-    width_px: Floats
-    height_px: Floats
-    file_time_s: Floats
-    file_time_resolution_s: Floats
+    width_px: Annotated[Floats, "n"]
+    height_px: Annotated[Floats, "n"]
+    file_time_s: Annotated[Floats, "n", NAN_IS_NONE]
+    file_time_resolution_s: Annotated[Floats, "n", NAN_IS_NONE]
     time_source: TimeSource
-
-    def __post_init__(self) -> None:
-        n = len(self.frame_id)
-        freeze(
-            self,
-            may_be_nan=("file_time_s", "file_time_resolution_s"),
-            width_px=(n,),
-            height_px=(n,),
-            file_time_s=(n,),
-            file_time_resolution_s=(n,),
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Frames:
+class Frames(FrozenArrays):
     """F frames and the instants of their exposures.
 
     Attributes
@@ -79,16 +66,11 @@ class Frames:
         1e-6 is 1 ppm); 0 where the instants are those of the flight's own clock.
     """
 
-    frame_id: tuple[str, ...]
-    time_utc_s: Floats
-    sigma_time_s: Floats
-    matched: Bools
+    frame_id: Annotated[tuple[str, ...], "n"]
+    time_utc_s: Annotated[Floats, "n", NAN_IS_NONE]
+    sigma_time_s: Annotated[Floats, "n", NAN_IS_NONE]
+    matched: Annotated[Bools, "n"]
     reason: tuple[str, ...]
     clock_offset_s: float
     clock_offset_sigma_s: float
     clock_drift_sigma: float = 0.0
-
-    def __post_init__(self) -> None:
-        n = len(self.frame_id)
-        freeze(self, may_be_nan=("time_utc_s", "sigma_time_s"), time_utc_s=(n,), sigma_time_s=(n,))
-        freeze_as(self, np.bool_, matched=(n,))

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
-from uavgram.model.arrays import Floats, freeze
+from uavgram.model.arrays import Floats, FrozenArrays
 from uavgram.model.flight.log import HeightDatum
 
 PoseChoice = Literal["seed", "refined"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class GeoTags:
+class GeoTags(FrozenArrays):
     """N photos as other programs want to know them.
 
     Attributes
@@ -32,20 +32,14 @@ class GeoTags:
         (N,) the larger axis of the horizontal standard ellipse, and of the height.
     """
 
-    frame_id: tuple[str, ...]
+    frame_id: Annotated[tuple[str, ...], "n"]
     path: tuple[str, ...]
     pose: tuple[PoseChoice, ...]
-    latitude_deg: Floats
-    longitude_deg: Floats
-    height_m: Floats
+    latitude_deg: Annotated[Floats, "n"]
+    longitude_deg: Annotated[Floats, "n"]
+    height_m: Annotated[Floats, "n"]
     datum: HeightDatum
-    gimbal_ypr_rad: Floats
-    nadir_ypr_rad: Floats
-    sigma_horizontal_m: Floats
-    sigma_vertical_m: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.frame_id)
-        freeze(self, latitude_deg=(n,), longitude_deg=(n,), height_m=(n,))
-        freeze(self, gimbal_ypr_rad=(n, 3), nadir_ypr_rad=(n, 3))
-        freeze(self, sigma_horizontal_m=(n,), sigma_vertical_m=(n,))
+    gimbal_ypr_rad: Annotated[Floats, "n", 3]
+    nadir_ypr_rad: Annotated[Floats, "n", 3]
+    sigma_horizontal_m: Annotated[Floats, "n"]
+    sigma_vertical_m: Annotated[Floats, "n"]

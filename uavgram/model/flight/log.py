@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
-import numpy as np
-
-from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
+from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays, Ints
 
 HeightDatum = Literal["msl", "ellipsoid"]
 LogKind = Literal["dataflash", "tlog", "ulog"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PositionSamples:
+class PositionSamples(FrozenArrays):
     """N positions of the vehicle.
 
     Attributes
@@ -33,29 +31,17 @@ class PositionSamples:
         The message they come from, such as ``POS`` or ``GLOBAL_POSITION_INT``.
     """
 
-    time_boot_s: Floats
-    latitude_deg: Floats
-    longitude_deg: Floats
-    height_m: Floats
-    height_home_m: Floats
+    time_boot_s: Annotated[Floats, "n"]
+    latitude_deg: Annotated[Floats, "n"]
+    longitude_deg: Annotated[Floats, "n"]
+    height_m: Annotated[Floats, "n"]
+    height_home_m: Annotated[Floats, "n", NAN_IS_NONE]
     datum: HeightDatum
     source: str
 
-    def __post_init__(self) -> None:
-        n = len(self.time_boot_s)
-        freeze(
-            self,
-            may_be_nan=("height_home_m",),
-            time_boot_s=(n,),
-            latitude_deg=(n,),
-            longitude_deg=(n,),
-            height_m=(n,),
-            height_home_m=(n,),
-        )
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class AttitudeSamples:
+class AttitudeSamples(FrozenArrays):
     """N attitudes of the vehicle.
 
     Attributes
@@ -68,17 +54,13 @@ class AttitudeSamples:
         The message they come from.
     """
 
-    time_boot_s: Floats
-    ned_from_body_xyzw: Floats
+    time_boot_s: Annotated[Floats, "n"]
+    ned_from_body_xyzw: Annotated[Floats, "n", 4]
     source: str
-
-    def __post_init__(self) -> None:
-        n = len(self.time_boot_s)
-        freeze(self, time_boot_s=(n,), ned_from_body_xyzw=(n, 4))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class GimbalSamples:
+class GimbalSamples(FrozenArrays):
     """N attitudes of the gimbal: roll and pitch earth-referenced, yaw as `yaw_frame` says.
 
     Attributes
@@ -94,20 +76,16 @@ class GimbalSamples:
         The message they come from.
     """
 
-    time_boot_s: Floats
-    roll_rad: Floats
-    pitch_rad: Floats
-    yaw_rad: Floats
+    time_boot_s: Annotated[Floats, "n"]
+    roll_rad: Annotated[Floats, "n"]
+    pitch_rad: Annotated[Floats, "n"]
+    yaw_rad: Annotated[Floats, "n"]
     yaw_frame: Literal["earth", "vehicle"]
     source: str
 
-    def __post_init__(self) -> None:
-        n = len(self.time_boot_s)
-        freeze(self, time_boot_s=(n,), roll_rad=(n,), pitch_rad=(n,), yaw_rad=(n,))
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class EstimatorSigmas:
+class EstimatorSigmas(FrozenArrays):
     """N statements of the estimator about its own standard deviations; NaN where it is silent.
 
     Attributes
@@ -122,21 +100,16 @@ class EstimatorSigmas:
         The messages they come from.
     """
 
-    time_boot_s: Floats
-    horizontal_m: Floats
-    vertical_m: Floats
-    tilt_rad: Floats
-    yaw_rad: Floats
+    time_boot_s: Annotated[Floats, "n"]
+    horizontal_m: Annotated[Floats, "n", NAN_IS_NONE]
+    vertical_m: Annotated[Floats, "n", NAN_IS_NONE]
+    tilt_rad: Annotated[Floats, "n", NAN_IS_NONE]
+    yaw_rad: Annotated[Floats, "n", NAN_IS_NONE]
     source: str
-
-    def __post_init__(self) -> None:
-        n = len(self.time_boot_s)
-        columns = ("horizontal_m", "vertical_m", "tilt_rad", "yaw_rad")
-        freeze(self, may_be_nan=columns, time_boot_s=(n,), **dict.fromkeys(columns, (n,)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CameraEvents:
+class CameraEvents(FrozenArrays):
     """N exposures that the log knows of.
 
     Attributes
@@ -159,22 +132,17 @@ class CameraEvents:
         autopilot counted and this log does not hold.
     """
 
-    time_boot_s: Floats
-    image_number: Ints
-    confirmed: Floats
+    time_boot_s: Annotated[Floats, "n"]
+    image_number: Annotated[Ints, "n"]
+    confirmed: Annotated[Floats, "n"]
     source: str
     instant: Literal["feedback", "command"] = "command"
     repeated: tuple[int, ...] = ()
     lost: tuple[int, ...] = ()
 
-    def __post_init__(self) -> None:
-        n = len(self.time_boot_s)
-        freeze(self, time_boot_s=(n,), confirmed=(n,))
-        freeze_as(self, np.int64, image_number=(n,))
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ClockSamples:
+class ClockSamples(FrozenArrays):
     """N pairs of boot time and UTC.
 
     Attributes
@@ -186,17 +154,13 @@ class ClockSamples:
         station's clock: late by an unknown, varying delay).
     """
 
-    time_boot_s: Floats
-    utc_s: Floats
+    time_boot_s: Annotated[Floats, "n"]
+    utc_s: Annotated[Floats, "n"]
     source: Literal["gps", "system_time", "receive"]
-
-    def __post_init__(self) -> None:
-        n = len(self.time_boot_s)
-        freeze(self, time_boot_s=(n,), utc_s=(n,))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class HomeSamples:
+class HomeSamples(FrozenArrays):
     """N statements of home, each in force from its time on.
 
     Attributes
@@ -209,16 +173,12 @@ class HomeSamples:
         The message they come from.
     """
 
-    time_boot_s: Floats
-    latitude_deg: Floats
-    longitude_deg: Floats
-    height_m: Floats
+    time_boot_s: Annotated[Floats, "n"]
+    latitude_deg: Annotated[Floats, "n"]
+    longitude_deg: Annotated[Floats, "n"]
+    height_m: Annotated[Floats, "n"]
     datum: HeightDatum
     source: str
-
-    def __post_init__(self) -> None:
-        n = len(self.time_boot_s)
-        freeze(self, time_boot_s=(n,), latitude_deg=(n,), longitude_deg=(n,), height_m=(n,))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -304,7 +264,7 @@ class BootClock:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Track:
+class Track(FrozenArrays):
     """A flight in the local ENU world on the UTC clock, ready to be interpolated.
 
     Attributes
@@ -331,29 +291,13 @@ class Track:
         Which messages it is made of.
     """
 
-    position_time_s: Floats
-    position_world_m: Floats
-    attitude_time_s: Floats
-    world_from_body_xyzw: Floats
-    gimbal_time_s: Floats
-    world_from_gimbal_xyzw: Floats
-    sigma_time_s: Floats
-    sigma_position_m: Floats
-    sigma_attitude_rad: Floats
+    position_time_s: Annotated[Floats, "n"]
+    position_world_m: Annotated[Floats, "n", 3]
+    attitude_time_s: Annotated[Floats, "m"]
+    world_from_body_xyzw: Annotated[Floats, "m", 4]
+    gimbal_time_s: Annotated[Floats, "k"]
+    world_from_gimbal_xyzw: Annotated[Floats, "k", 4]
+    sigma_time_s: Annotated[Floats, "s"]
+    sigma_position_m: Annotated[Floats, "s", 2]
+    sigma_attitude_rad: Annotated[Floats, "s", 2]
     source: str
-
-    def __post_init__(self) -> None:
-        n, m = len(self.position_time_s), len(self.attitude_time_s)
-        k, s = len(self.gimbal_time_s), len(self.sigma_time_s)
-        freeze(
-            self,
-            position_time_s=(n,),
-            position_world_m=(n, 3),
-            attitude_time_s=(m,),
-            world_from_body_xyzw=(m, 4),
-            gimbal_time_s=(k,),
-            world_from_gimbal_xyzw=(k, 4),
-            sigma_time_s=(s,),
-            sigma_position_m=(s, 2),
-            sigma_attitude_rad=(s, 2),
-        )

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from uavgram.model.arrays import Floats, freeze
+from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
 from uavgram.model.flight.log import Boot, BootClock, FlightLog
 from uavgram.model.message import Message
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class BootSummary:
+class BootSummary(FrozenArrays):
     """One boot, judged.
 
     Attributes
@@ -39,24 +40,13 @@ class BootSummary:
     boot: Boot
     clock: BootClock | None
     span_utc: tuple[str, str]
-    track_m: Floats
+    track_m: Annotated[Floats, "n", 2]
     path_m: float
-    clock_time_s: Floats
-    clock_residual_s: Floats
-    event_track_m: Floats
+    clock_time_s: Annotated[Floats, "c"]
+    clock_residual_s: Annotated[Floats, "c"]
+    event_track_m: Annotated[Floats, "e", 2, NAN_IS_NONE]
     home_moves_m: float
     messages: tuple[Message, ...]
-
-    def __post_init__(self) -> None:
-        n, c, e = len(self.track_m), len(self.clock_time_s), len(self.event_track_m)
-        freeze(
-            self,
-            may_be_nan=("event_track_m",),
-            track_m=(n, 2),
-            clock_time_s=(c,),
-            clock_residual_s=(c,),
-            event_track_m=(e, 2),
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

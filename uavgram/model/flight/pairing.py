@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
-import numpy as np
-
-from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
+from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays, Ints
 
 PairStatus = Literal["certain", "hidden", "crowded", "none"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Pairing:
+class Pairing(FrozenArrays):
     """F photos and E camera events of one boot.
 
     Attributes
@@ -36,17 +34,12 @@ class Pairing:
         Of the camera's clock against the autopilot's.
     """
 
-    frame_id: tuple[str, ...]
-    event_index: Ints
-    residual_s: Floats
+    frame_id: Annotated[tuple[str, ...], "n"]
+    event_index: Annotated[Ints, "n"]
+    residual_s: Annotated[Floats, "n", NAN_IS_NONE]
     status: tuple[PairStatus, ...]
     reason: tuple[str, ...]
-    unused_event: Ints
-    unused_reason: tuple[str, ...]
+    unused_event: Annotated[Ints, "u"]
+    unused_reason: Annotated[tuple[str, ...], "u"]
     drift: float
     drift_sigma: float
-
-    def __post_init__(self) -> None:
-        n = len(self.frame_id)
-        freeze(self, may_be_nan=("residual_s",), residual_s=(n,))
-        freeze_as(self, np.int64, event_index=(n,), unused_event=(len(self.unused_reason),))

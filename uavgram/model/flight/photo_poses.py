@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Annotated
 
-import numpy as np
-
-from uavgram.model.arrays import Bools, Floats, Ints, freeze, freeze_as
+from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints, rows_of
 from uavgram.model.flight.log import HeightDatum, Track
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PhotoPoses:
+class PhotoPoses(FrozenArrays):
     """N photos with a place each, and perhaps an attitude, as their source states them.
 
     Attributes
@@ -43,45 +41,28 @@ class PhotoPoses:
         What they were read from, in words.
     """
 
-    frame_id: tuple[str, ...]
-    latitude_deg: Floats
-    longitude_deg: Floats
-    height_m: Floats
-    height_home_m: Floats
+    frame_id: Annotated[tuple[str, ...], "n"]
+    latitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
+    longitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
+    height_m: Annotated[Floats, "n", NAN_IS_NONE]
+    height_home_m: Annotated[Floats, "n", NAN_IS_NONE]
     datum: HeightDatum
     datum_guess: str
-    time_utc_s: Floats
-    ypr_rad: Floats
-    vehicle_ypr_rad: Floats
-    sigma_horizontal_m: Floats
-    sigma_vertical_m: Floats
-    sigma_attitude_rad: Floats
+    time_utc_s: Annotated[Floats, "n", NAN_IS_NONE]
+    ypr_rad: Annotated[Floats, "n", 3, NAN_IS_NONE]
+    vehicle_ypr_rad: Annotated[Floats, "n", 3, NAN_IS_NONE]
+    sigma_horizontal_m: Annotated[Floats, "n", NAN_IS_NONE]
+    sigma_vertical_m: Annotated[Floats, "n", NAN_IS_NONE]
+    sigma_attitude_rad: Annotated[Floats, "n", NAN_IS_NONE]
     source: str
-
-    def __post_init__(self) -> None:
-        n = len(self.frame_id)
-        optional = ("latitude_deg", "longitude_deg", "height_m", "height_home_m", "time_utc_s")
-        sigmas = ("sigma_horizontal_m", "sigma_vertical_m", "sigma_attitude_rad")
-        turns = ("ypr_rad", "vehicle_ypr_rad")
-        freeze(
-            self,
-            may_be_nan=(*optional, *sigmas, *turns),
-            **dict.fromkeys((*optional, *sigmas), (n,)),
-            **dict.fromkeys(turns, (n, 3)),
-        )
 
     def rows(self, index: Ints) -> PhotoPoses:
         """Pick the photos at `index` (M,), in that order."""
-        columns: dict[str, Any] = {
-            part.name: getattr(self, part.name)[index]
-            for part in fields(self)
-            if isinstance(getattr(self, part.name), np.ndarray)
-        }
-        return replace(self, frame_id=tuple(self.frame_id[k] for k in index), **columns)
+        return replace(self, **rows_of(self, index))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PhotoExposures:
+class PhotoExposures(FrozenArrays):
     """Photo poses in the local world: exposures that no clock can move.
 
     Attributes
@@ -104,26 +85,14 @@ class PhotoExposures:
         Where they come from.
     """
 
-    frame_id: tuple[str, ...]
-    position_world_m: Floats
-    world_from_body: Floats
-    world_from_gimbal: Floats
-    sigma_position_m: Floats
-    sigma_attitude_rad: Floats
-    by_course: Bools
+    frame_id: Annotated[tuple[str, ...], "n"]
+    position_world_m: Annotated[Floats, "n", 3]
+    world_from_body: Annotated[Floats, "n", 3, 3]
+    world_from_gimbal: Annotated[Floats, "n", 3, 3]
+    sigma_position_m: Annotated[Floats, "n", 2]
+    sigma_attitude_rad: Annotated[Floats, "n", 2]
+    by_course: Annotated[Bools, "n"]
     source: str
-
-    def __post_init__(self) -> None:
-        n = len(self.frame_id)
-        freeze(
-            self,
-            position_world_m=(n, 3),
-            world_from_body=(n, 3, 3),
-            world_from_gimbal=(n, 3, 3),
-            sigma_position_m=(n, 2),
-            sigma_attitude_rad=(n, 2),
-        )
-        freeze_as(self, np.bool_, by_course=(n,))
 
 
 Flight = Track | PhotoExposures

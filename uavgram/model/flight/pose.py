@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Annotated
 
-import numpy as np
-
-from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
+from uavgram.model.arrays import Floats, FrozenArrays, Ints, rows_of
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Poses:
+class Poses(FrozenArrays):
     """N camera poses.
 
     Attributes
@@ -25,27 +24,18 @@ class Poses:
         (N, 6, 6) of (δcentre in world [m], δθ in camera [rad]), true R = R @ exp(δθ).
     """
 
-    frame_id: tuple[str, ...]
-    center_world_m: Floats
-    world_from_camera: Floats
-    covariance: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.frame_id)
-        freeze(self, center_world_m=(n, 3), world_from_camera=(n, 3, 3), covariance=(n, 6, 6))
+    frame_id: Annotated[tuple[str, ...], "n"]
+    center_world_m: Annotated[Floats, "n", 3]
+    world_from_camera: Annotated[Floats, "n", 3, 3]
+    covariance: Annotated[Floats, "n", 6, 6]
 
     def take(self, index: Ints) -> Poses:
         """Some of the poses, in the order of `index`."""
-        return Poses(
-            frame_id=tuple(self.frame_id[i] for i in index),
-            center_world_m=self.center_world_m[index],
-            world_from_camera=self.world_from_camera[index],
-            covariance=self.covariance[index],
-        )
+        return replace(self, **rows_of(self, index))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TelemetryPrior:
+class TelemetryPrior(FrozenArrays):
     """What the flight log says of N poses, without what is a shared unknown of the adjustment.
 
     A camera stands at ``p(t) - bias + Rb l`` and looks along ``Rz Rm(t) C exp(boresight)`` with
@@ -75,34 +65,22 @@ class TelemetryPrior:
         (3,) east, north, up.
     """
 
-    frame_index: Ints
-    time_s: Floats
+    frame_index: Annotated[Ints, "n"]
+    time_s: Annotated[Floats, "n"]
     middle_s: float
-    gimbal_from_camera: Floats
-    covariance: Floats
+    gimbal_from_camera: Annotated[Floats, 3, 3]
+    covariance: Annotated[Floats, "n", 6, 6]
     clock_sigma_s: float
     clock_drift_sigma: float
     boresight_sigma_rad: float
     heading_bias_sigma_rad: float
-    lever_arm_m: Floats
+    lever_arm_m: Annotated[Floats, 3]
     lever_arm_sigma_m: float
-    position_bias_sigma_m: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.frame_index)
-        freeze_as(self, np.int64, frame_index=(n,))
-        freeze(
-            self,
-            time_s=(n,),
-            gimbal_from_camera=(3, 3),
-            covariance=(n, 6, 6),
-            lever_arm_m=(3,),
-            position_bias_sigma_m=(3,),
-        )
+    position_bias_sigma_m: Annotated[Floats, 3]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CandidatePoses:
+class CandidatePoses(FrozenArrays):
     """Poses that one frame may have, best first: where an adjustment may start.
 
     Attributes
@@ -116,10 +94,6 @@ class CandidatePoses:
     """
 
     frame_id: str
-    center_world_m: Floats
-    world_from_camera: Floats
-    misfit: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.misfit)
-        freeze(self, center_world_m=(n, 3), world_from_camera=(n, 3, 3), misfit=(n,))
+    center_world_m: Annotated[Floats, "n", 3]
+    world_from_camera: Annotated[Floats, "n", 3, 3]
+    misfit: Annotated[Floats, "n"]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from uavgram.model.arrays import Floats, freeze
+from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
 
 SOURCES: dict[str, str] = {
     "pixels": "picks",
@@ -28,7 +29,7 @@ the ground are called ``plane of NAME``."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ErrorBudget:
+class ErrorBudget(FrozenArrays):
     """Shares of the variance of M measurements.
 
     Attributes
@@ -39,8 +40,5 @@ class ErrorBudget:
         (M, S) of the variance, rows add up to 1; NaN where there is no value.
     """
 
-    source: tuple[str, ...]
-    share: Floats
-
-    def __post_init__(self) -> None:
-        freeze(self, may_be_nan=("share",), share=(len(self.share), len(self.source)))
+    source: Annotated[tuple[str, ...], "s"]
+    share: Annotated[Floats, "m", "s", NAN_IS_NONE]

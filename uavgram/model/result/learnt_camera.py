@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from uavgram.model.arrays import Bools, Floats, freeze, freeze_as
+from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.result.shared import Estimate
 
@@ -15,7 +16,7 @@ LEARNT_BELOW = 0.9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LearntCamera:
+class LearntCamera(FrozenArrays):
     """The camera before and after the survey, parameter by parameter.
 
     Attributes
@@ -35,28 +36,14 @@ class LearntCamera:
         (P,) whether the survey determines the parameter: its ratio is below `LEARNT_BELOW`.
     """
 
-    names: tuple[str, ...]
-    prior_value: Floats
-    prior_sigma: Floats
-    value: Floats
-    sigma: Floats
-    ratio: Floats
-    shift: Floats
-    learnt: Bools
-
-    def __post_init__(self) -> None:
-        n = len(self.names)
-        freeze(
-            self,
-            may_be_nan=("ratio", "shift"),
-            prior_value=(n,),
-            prior_sigma=(n,),
-            value=(n,),
-            sigma=(n,),
-            ratio=(n,),
-            shift=(n,),
-        )
-        freeze_as(self, np.bool_, learnt=(n,))
+    names: Annotated[tuple[str, ...], "n"]
+    prior_value: Annotated[Floats, "n"]
+    prior_sigma: Annotated[Floats, "n"]
+    value: Annotated[Floats, "n"]
+    sigma: Annotated[Floats, "n"]
+    ratio: Annotated[Floats, "n", NAN_IS_NONE]
+    shift: Annotated[Floats, "n", NAN_IS_NONE]
+    learnt: Annotated[Bools, "n"]
 
 
 def learnt_camera(prior: Calibration, refined: Estimate) -> LearntCamera:

@@ -6,12 +6,13 @@ NaN (or an empty name) stands for "there is none".
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from uavgram.model.arrays import Bools, Floats, freeze, freeze_as
+from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Effects:
+class Effects(FrozenArrays):
     """External reliability of n observations: what an error that no test finds would do.
 
     The error is as large as the minimal detectable bias; of all measurements, the one that it
@@ -27,17 +28,13 @@ class Effects:
         (n,) the same in the measurement's sigmas, not signed.
     """
 
-    on: tuple[str, ...]
-    change: Floats
-    sigmas: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.on)
-        freeze(self, may_be_nan=("change", "sigmas"), change=(n,), sigmas=(n,))
+    on: Annotated[tuple[str, ...], "n"]
+    change: Annotated[Floats, "n", NAN_IS_NONE]
+    sigmas: Annotated[Floats, "n", NAN_IS_NONE]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class WeakestLinks:
+class WeakestLinks(FrozenArrays):
     """For each of M measurements, the undetected error that would move it most.
 
     Attributes
@@ -53,19 +50,15 @@ class WeakestLinks:
         test would say anything, however large it is.
     """
 
-    what: tuple[str, ...]
-    bias: Floats
+    what: Annotated[tuple[str, ...], "n"]
+    bias: Annotated[Floats, "n", NAN_IS_NONE]
     unit: tuple[str, ...]
-    change: Floats
+    change: Annotated[Floats, "n", NAN_IS_NONE]
     unchecked: tuple[tuple[str, ...], ...]
-
-    def __post_init__(self) -> None:
-        n = len(self.what)
-        freeze(self, may_be_nan=("bias", "change"), bias=(n,), change=(n,))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PriorResults:
+class PriorResults(FrozenArrays):
     """n numbers known beforehand (log, mount, clock, ground, calibration, control), and their fit.
 
     Attributes
@@ -85,19 +78,14 @@ class PriorResults:
     """
 
     kind: tuple[str, ...]
-    name: tuple[str, ...]
+    name: Annotated[tuple[str, ...], "n"]
     frame_id: tuple[str, ...]
     unit: tuple[str, ...]
-    residual: Floats
-    w: Floats
-    redundancy: Floats
-    bias: Floats
+    residual: Annotated[Floats, "n"]
+    w: Annotated[Floats, "n"]
+    redundancy: Annotated[Floats, "n"]
+    bias: Annotated[Floats, "n", NAN_IS_NONE]
     effects: Effects
-
-    def __post_init__(self) -> None:
-        n = len(self.name)
-        columns = ("residual", "w", "redundancy", "bias")
-        freeze(self, may_be_nan=("bias",), **dict.fromkeys(columns, (n,)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,7 +99,7 @@ class Evidence:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SecondOrder:
+class SecondOrder(FrozenArrays):
     """What first-order propagation leaves out, for M measurements.
 
     Attributes
@@ -127,16 +115,10 @@ class SecondOrder:
         (M,) whether first order is not good enough.
     """
 
-    bias: Floats
-    sigma: Floats
-    curvature: Floats
-    off: Bools
-
-    def __post_init__(self) -> None:
-        n = len(self.bias)
-        names = ("bias", "sigma", "curvature")
-        freeze(self, may_be_nan=names, **dict.fromkeys(names, (n,)))
-        freeze_as(self, bool, off=(n,))
+    bias: Annotated[Floats, "n", NAN_IS_NONE]
+    sigma: Annotated[Floats, "n", NAN_IS_NONE]
+    curvature: Annotated[Floats, "n", NAN_IS_NONE]
+    off: Annotated[Bools, "n"]
 
 
 @dataclass(frozen=True, kw_only=True)

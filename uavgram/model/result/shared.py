@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from uavgram.model.arrays import Floats, freeze
+from uavgram.model.arrays import Floats, FrozenArrays
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Estimate:
+class Estimate(FrozenArrays):
     """A shared unknown: value and standard deviation, both (n,)."""
 
-    value: Floats
-    sigma: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.value)
-        freeze(self, value=(n,), sigma=(n,))
+    value: Annotated[Floats, "n"]
+    sigma: Annotated[Floats, "n"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,7 +44,7 @@ class SharedResult:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class AreaPlane:
+class AreaPlane(FrozenArrays):
     """The plane of one area of the ground, after the adjustment.
 
     Attributes
@@ -63,10 +60,7 @@ class AreaPlane:
     name: str
     height_m: Estimate
     slope_deg: Estimate
-    pivot_m: Floats
-
-    def __post_init__(self) -> None:
-        freeze(self, pivot_m=(2,))
+    pivot_m: Annotated[Floats, 2]
 
     @property
     def surface(self) -> Floats:

@@ -6,11 +6,11 @@ NaN stands for "there is none" (null in the file).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
-from uavgram.model.arrays import Bools, Floats, freeze
+from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, freeze
 
 FrameStatus = Literal["refined", "seeded", "unmatched", "rejected"]
 LineStatus = Literal["used", "suspect", "removed", "checked", "unseen"]
@@ -18,27 +18,16 @@ PickStatus = Literal["used", "suspect", "removed", "unused"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PoseTable:
+class PoseTable(FrozenArrays):
     """F poses, NaN in all of a row where a frame has none; conventions as in `Poses`."""
 
-    center_world_m: Floats
-    world_from_camera: Floats
-    covariance: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.center_world_m)
-        names = ("center_world_m", "world_from_camera", "covariance")
-        freeze(
-            self,
-            may_be_nan=names,
-            center_world_m=(n, 3),
-            world_from_camera=(n, 3, 3),
-            covariance=(n, 6, 6),
-        )
+    center_world_m: Annotated[Floats, "n", 3, NAN_IS_NONE]
+    world_from_camera: Annotated[Floats, "n", 3, 3, NAN_IS_NONE]
+    covariance: Annotated[Floats, "n", 6, 6, NAN_IS_NONE]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FrameResults:
+class FrameResults(FrozenArrays):
     """F frames, as many as there are photos.
 
     Attributes
@@ -54,20 +43,17 @@ class FrameResults:
         Poses from the telemetry, and after the adjustment.
     """
 
-    frame_id: tuple[str, ...]
+    frame_id: Annotated[tuple[str, ...], "n"]
     path: tuple[str, ...]
-    time_utc_s: Floats
+    time_utc_s: Annotated[Floats, "n", NAN_IS_NONE]
     status: tuple[FrameStatus, ...]
     reason: tuple[str, ...]
     seed: PoseTable
     refined: PoseTable
 
-    def __post_init__(self) -> None:
-        freeze(self, may_be_nan=("time_utc_s",), time_utc_s=(len(self.frame_id),))
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PlanarUncertainty:
+class PlanarUncertainty(FrozenArrays):
     """Uncertainty of K points in the plane.
 
     Attributes
@@ -80,17 +66,13 @@ class PlanarUncertainty:
         (K,) of the major axis, clockwise from north, in [0, pi).
     """
 
-    covariance_m2: Floats
-    ellipse_95_m: Floats
-    ellipse_azimuth_rad: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.covariance_m2)
-        freeze(self, covariance_m2=(n, 2, 2), ellipse_95_m=(n, 2), ellipse_azimuth_rad=(n,))
+    covariance_m2: Annotated[Floats, "n", 2, 2]
+    ellipse_95_m: Annotated[Floats, "n", 2]
+    ellipse_azimuth_rad: Annotated[Floats, "n"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PointResults:
+class PointResults(FrozenArrays):
     """K ground points.
 
     Attributes
@@ -114,32 +96,19 @@ class PointResults:
         (K,) the names of the frames in which it was picked and used.
     """
 
-    label: tuple[str, ...]
-    position_world_m: Floats
-    covariance_m2: Floats
-    ellipse_95_m: Floats
-    ellipse_azimuth_rad: Floats
+    label: Annotated[tuple[str, ...], "n"]
+    position_world_m: Annotated[Floats, "n", 3]
+    covariance_m2: Annotated[Floats, "n", 2, 2]
+    ellipse_95_m: Annotated[Floats, "n", 2]
+    ellipse_azimuth_rad: Annotated[Floats, "n"]
     relative: PlanarUncertainty
-    latitude_deg: Floats
-    longitude_deg: Floats
+    latitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
+    longitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     frames: tuple[tuple[str, ...], ...]
-
-    def __post_init__(self) -> None:
-        n = len(self.label)
-        freeze(
-            self,
-            may_be_nan=("latitude_deg", "longitude_deg"),
-            position_world_m=(n, 3),
-            covariance_m2=(n, 2, 2),
-            ellipse_95_m=(n, 2),
-            ellipse_azimuth_rad=(n,),
-            latitude_deg=(n,),
-            longitude_deg=(n,),
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LineResults:
+class LineResults(FrozenArrays):
     """L known lengths, as given and as adjusted.
 
     Attributes
@@ -157,28 +126,22 @@ class LineResults:
         (L,) ``used``, ``suspect``, ``removed``, ``checked`` (withheld), ``unseen``.
     """
 
-    name: tuple[str, ...]
+    name: Annotated[tuple[str, ...], "n"]
     start: tuple[str, ...]
     end: tuple[str, ...]
-    length_m: Floats
-    sigma_m: Floats
-    adjusted_m: Floats
-    adjusted_sigma_m: Floats
-    residual_m: Floats
-    w: Floats
-    redundancy: Floats
-    mdb_m: Floats
+    length_m: Annotated[Floats, "n"]
+    sigma_m: Annotated[Floats, "n"]
+    adjusted_m: Annotated[Floats, "n", NAN_IS_NONE]
+    adjusted_sigma_m: Annotated[Floats, "n", NAN_IS_NONE]
+    residual_m: Annotated[Floats, "n", NAN_IS_NONE]
+    w: Annotated[Floats, "n", NAN_IS_NONE]
+    redundancy: Annotated[Floats, "n", NAN_IS_NONE]
+    mdb_m: Annotated[Floats, "n", NAN_IS_NONE]
     status: tuple[LineStatus, ...]
-
-    def __post_init__(self) -> None:
-        n = len(self.name)
-        computed = ("adjusted_m", "adjusted_sigma_m", "residual_m", "w", "redundancy", "mdb_m")
-        freeze(self, length_m=(n,), sigma_m=(n,))
-        freeze(self, may_be_nan=computed, **dict.fromkeys(computed, (n,)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PickResults:
+class PickResults(FrozenArrays):
     """P picks, as given and how well they fit.
 
     Attributes
@@ -195,25 +158,14 @@ class PickResults:
         (P,) ``used``, ``suspect``, ``removed``, ``unused`` (its frame is not in the adjustment).
     """
 
-    image: tuple[str, ...]
+    image: Annotated[tuple[str, ...], "n"]
     label: tuple[str, ...]
-    pixel_px: Floats
-    sigma_px: Floats
-    residual_px: Floats
-    w: Floats
-    redundancy: Floats
+    pixel_px: Annotated[Floats, "n", 2]
+    sigma_px: Annotated[Floats, "n"]
+    residual_px: Annotated[Floats, "n", 2, NAN_IS_NONE]
+    w: Annotated[Floats, "n", NAN_IS_NONE]
+    redundancy: Annotated[Floats, "n", NAN_IS_NONE]
     status: tuple[PickStatus, ...]
-
-    def __post_init__(self) -> None:
-        n = len(self.image)
-        freeze(self, pixel_px=(n, 2), sigma_px=(n,))
-        freeze(
-            self,
-            may_be_nan=("residual_px", "w", "redundancy"),
-            residual_px=(n, 2),
-            w=(n,),
-            redundancy=(n,),
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -238,31 +190,20 @@ class MeasurementResults:
         outside `interval_95`: empty where they all agree. Left out, there are none.
     """
 
-    name: tuple[str, ...]
+    name: Annotated[tuple[str, ...], "n"]
     kind: tuple[str, ...]
     points: tuple[tuple[str, ...], ...]
-    value: Floats
-    sigma: Floats
+    value: Annotated[Floats, "n", NAN_IS_NONE]
+    sigma: Annotated[Floats, "n", NAN_IS_NONE]
     unit: tuple[str, ...]
-    interval_95: Floats
-    correlation: Floats
-    alternative_values: tuple[tuple[float, ...], ...] = ()
+    interval_95: Annotated[Floats, "n", 2, NAN_IS_NONE]
+    correlation: Annotated[Floats, "n", "n", NAN_IS_NONE]
+    alternative_values: Annotated[tuple[tuple[float, ...], ...], "n"] = ()
 
     def __post_init__(self) -> None:
-        n = len(self.name)
         if not self.alternative_values:
-            object.__setattr__(self, "alternative_values", ((),) * n)
-        if len(self.alternative_values) != n:
-            raise ValueError(f"{len(self.alternative_values)} alternative_values for {n} values")
-        names = ("value", "sigma", "interval_95", "correlation")
-        freeze(
-            self,
-            may_be_nan=names,
-            value=(n,),
-            sigma=(n,),
-            interval_95=(n, 2),
-            correlation=(n, n),
-        )
+            object.__setattr__(self, "alternative_values", ((),) * len(self.name))
+        freeze(self)
 
     @property
     def is_ambiguous(self) -> Bools:
@@ -271,7 +212,7 @@ class MeasurementResults:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MonteCarloResults:
+class MonteCarloResults(FrozenArrays):
     """Sampled distribution of the M measured values, beside their first-order sigmas.
 
     Attributes
@@ -286,21 +227,16 @@ class MonteCarloResults:
         Of the draws.
     """
 
-    mean: Floats
-    sigma: Floats
-    interval_95: Floats
+    mean: Annotated[Floats, "n", NAN_IS_NONE]
+    sigma: Annotated[Floats, "n", NAN_IS_NONE]
+    interval_95: Annotated[Floats, "n", 2, NAN_IS_NONE]
     samples: int
     failed: int
     seed: int
 
-    def __post_init__(self) -> None:
-        n = len(self.mean)
-        names = ("mean", "sigma", "interval_95")
-        freeze(self, may_be_nan=names, mean=(n,), sigma=(n,), interval_95=(n, 2))
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PointChecks:
+class PointChecks(FrozenArrays):
     """C check points: result minus known coordinates.
 
     Attributes
@@ -311,25 +247,17 @@ class PointChecks:
         (C,) square root of the error's squared Mahalanobis distance.
     """
 
-    label: tuple[str, ...]
-    error_m: Floats
-    sigma_m: Floats
-    mahalanobis: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.label)
-        freeze(self, error_m=(n, 3), sigma_m=(n, 3), mahalanobis=(n,))
+    label: Annotated[tuple[str, ...], "n"]
+    error_m: Annotated[Floats, "n", 3]
+    sigma_m: Annotated[Floats, "n", 3]
+    mahalanobis: Annotated[Floats, "n"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LineChecks:
+class LineChecks(FrozenArrays):
     """C withheld lengths: adjusted minus taped, its sigma, and their ratio."""
 
-    name: tuple[str, ...]
-    error_m: Floats
-    sigma_m: Floats
-    z: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.name)
-        freeze(self, error_m=(n,), sigma_m=(n,), z=(n,))
+    name: Annotated[tuple[str, ...], "n"]
+    error_m: Annotated[Floats, "n"]
+    sigma_m: Annotated[Floats, "n"]
+    z: Annotated[Floats, "n"]

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from uavgram.model.arrays import Floats, freeze
+from uavgram.model.arrays import Floats, FrozenArrays
 from uavgram.model.message import Message
 from uavgram.model.survey.observations import KnownPoints
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ImportedPicks:
+class ImportedPicks(FrozenArrays):
     """P picks in this program's convention.
 
     Attributes
@@ -26,11 +27,8 @@ class ImportedPicks:
         What was left out, or had to be assumed.
     """
 
-    image: tuple[str, ...]
+    image: Annotated[tuple[str, ...], "n"]
     label: tuple[str, ...]
-    pixel_px: Floats
+    pixel_px: Annotated[Floats, "n", 2]
     known: KnownPoints | None
     messages: tuple[Message, ...]
-
-    def __post_init__(self) -> None:
-        freeze(self, pixel_px=(len(self.image), 2))

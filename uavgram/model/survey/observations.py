@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
-import numpy as np
-
-from uavgram.model.arrays import Bools, Floats, freeze, freeze_as
+from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, freeze
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,23 +31,17 @@ class Picks:
         (P,) line of the file; nothing where they come from no file.
     """
 
-    image: tuple[str, ...]
+    image: Annotated[tuple[str, ...], "n"]
     label: tuple[str, ...]
-    pixel_px: Floats
-    sigma_px: Floats
-    height_m: Floats
+    pixel_px: Annotated[Floats, "n", 2]
+    sigma_px: Annotated[Floats, "n", NAN_IS_NONE]
+    height_m: Annotated[Floats, "n", NAN_IS_NONE]
     area: tuple[str, ...] = ()
     line: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
+        freeze(self)
         n = len(self.image)
-        freeze(
-            self,
-            may_be_nan=("sigma_px", "height_m"),
-            pixel_px=(n, 2),
-            sigma_px=(n,),
-            height_m=(n,),
-        )
         for name in ("area", "line"):
             if len(getattr(self, name)) not in {0, n}:
                 raise ValueError(f"{name}: {len(getattr(self, name))} entries, expected {n}")
@@ -60,7 +52,7 @@ class Picks:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class KnownLines:
+class KnownLines(FrozenArrays):
     """L taped lengths between two labels.
 
     Attributes
@@ -73,21 +65,16 @@ class KnownLines:
         (L,) True: an observation; False: withheld, only judged.
     """
 
-    name: tuple[str, ...]
+    name: Annotated[tuple[str, ...], "n"]
     start: tuple[str, ...]
     end: tuple[str, ...]
-    length_m: Floats
-    sigma_m: Floats
-    adjust: Bools
-
-    def __post_init__(self) -> None:
-        n = len(self.name)
-        freeze(self, length_m=(n,), sigma_m=(n,))
-        freeze_as(self, np.bool_, adjust=(n,))
+    length_m: Annotated[Floats, "n"]
+    sigma_m: Annotated[Floats, "n"]
+    adjust: Annotated[Bools, "n"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class KnownPoints:
+class KnownPoints(FrozenArrays):
     """C points with known coordinates, geodetic or local, as the file has them.
 
     Attributes
@@ -103,27 +90,19 @@ class KnownPoints:
         (C, 3) east, north, up.
     """
 
-    label: tuple[str, ...]
+    label: Annotated[tuple[str, ...], "n"]
     kind: Literal["geodetic", "local"]
-    coordinates: Floats
-    sigma_m: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.label)
-        freeze(self, coordinates=(n, 3), sigma_m=(n, 3))
+    coordinates: Annotated[Floats, "n", 3]
+    sigma_m: Annotated[Floats, "n", 3]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class KnownWorldPoints:
+class KnownWorldPoints(FrozenArrays):
     """Points with known coordinates in the local world: (C,) labels, (C, 3) metres and sigmas."""
 
-    label: tuple[str, ...]
-    world_m: Floats
-    sigma_m: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.label)
-        freeze(self, world_m=(n, 3), sigma_m=(n, 3))
+    label: Annotated[tuple[str, ...], "n"]
+    world_m: Annotated[Floats, "n", 3]
+    sigma_m: Annotated[Floats, "n", 3]
 
 
 MeasurementKind = Literal[

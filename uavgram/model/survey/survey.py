@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
-import numpy as np
-
-from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
+from uavgram.model.arrays import Floats, Ints, freeze
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.photo_poses import Flight
 from uavgram.model.flight.pose import CandidatePoses, Poses, TelemetryPrior
@@ -65,10 +63,10 @@ class Survey:
         (L,) what the project calls each known length; empty where they have no names.
     control_label, control_world_m, control_sigma_m
         (C,), (C, 3), (C, 3): points with known coordinates.
-    ground, other_grounds
-        The planes beforehand: of the first area, and of the others.
-    label_area
-        (K,) each label's area, 0 the first; None: all lie in the first.
+    grounds
+        (A,) the planes beforehand, one for each area; at least one.
+    area
+        (K,) index of each label's area.
     candidate_poses
         Of frames that something else than lengths and telemetry could place: first values only.
     gauge
@@ -81,46 +79,31 @@ class Survey:
     telemetry: TelemetryPrior | None
     track: Flight | None
     calibration: Calibration
-    label: tuple[str, ...]
-    height_above_m: Floats
-    pick_frame: Ints
-    pick_label: Ints
-    pixel_px: Floats
-    pick_sigma_px: Floats
-    line_start: Ints
-    line_end: Ints
-    length_m: Floats
-    length_sigma_m: Floats
+    label: Annotated[tuple[str, ...], "k"]
+    height_above_m: Annotated[Floats, "k"]
+    pick_frame: Annotated[Ints, "p"]
+    pick_label: Annotated[Ints, "p"]
+    pixel_px: Annotated[Floats, "p", 2]
+    pick_sigma_px: Annotated[Floats, "p"]
+    line_start: Annotated[Ints, "l"]
+    line_end: Annotated[Ints, "l"]
+    length_m: Annotated[Floats, "l"]
+    length_sigma_m: Annotated[Floats, "l"]
     line_name: tuple[str, ...] = ()
-    control_label: Ints
-    control_world_m: Floats
-    control_sigma_m: Floats
-    ground: Ground
-    other_grounds: tuple[Ground, ...] = ()
-    label_area: Ints | None = None
+    control_label: Annotated[Ints, "c"]
+    control_world_m: Annotated[Floats, "c", 3]
+    control_sigma_m: Annotated[Floats, "c", 3]
+    grounds: tuple[Ground, ...]
+    area: Annotated[Ints, "k"]
     candidate_poses: tuple[CandidatePoses, ...] = ()
     gauge: Literal["world", "plane"]
 
     def __post_init__(self) -> None:
-        p, n, c = len(self.pick_frame), len(self.line_start), len(self.control_label)
-        freeze_as(self, np.int64, pick_frame=(p,), pick_label=(p,), control_label=(c,))
-        freeze_as(self, np.int64, line_start=(n,), line_end=(n,))
-        if len(self.line_name) not in (0, n):
-            raise ValueError(f"{len(self.line_name)} names of {n} known lengths")
-        freeze(self, height_above_m=(len(self.label),), pixel_px=(p, 2), pick_sigma_px=(p,))
-        freeze(self, length_m=(n,), length_sigma_m=(n,))
-        freeze(self, control_world_m=(c, 3), control_sigma_m=(c, 3))
-        if self.label_area is not None:
-            freeze_as(self, np.int64, label_area=(len(self.label),))
+        freeze(self)
+        if len(self.line_name) not in (0, len(self.line_start)):
+            raise ValueError(f"{len(self.line_name)} names of {len(self.line_start)} known lengths")
 
     @property
-    def grounds(self) -> tuple[Ground, ...]:
-        """(A,) planes beforehand, one for each area."""
-        return (self.ground, *self.other_grounds)
-
-    @property
-    def area(self) -> Ints:
-        """(K,) each label's area."""
-        if self.label_area is None:
-            return np.zeros(len(self.label), dtype=np.int64)
-        return self.label_area
+    def ground(self) -> Ground:
+        """The first area's plane: with a free gauge it is z = 0."""
+        return self.grounds[0]

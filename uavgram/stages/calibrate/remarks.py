@@ -118,7 +118,7 @@ def _on_the_parameters(result: CalibrationResult) -> Iterator[Message]:
     camera = result.calibration
     names = camera.parameter_names
     sigma = np.sqrt(np.diag(camera.covariance))
-    correlation = result.correlation
+    correlation = result.calibration.correlation
     strong = [
         f"{names[i]} and {names[j]} {correlation[i, j]:.2f}"
         for i in range(len(names))

@@ -19,9 +19,8 @@ from uavgram.estimation.first_poses.network import (
 from uavgram.estimation.first_poses.prior_gate import (
     OUTSIDE,
     allowed,
-    distance_from_prior,
+    compare_with_seed,
     seed_on_plane,
-    shift_of_seed,
 )
 from uavgram.estimation.first_poses.resection import LengthPoses
 from uavgram.geometry.camera.back_projection import back_project
@@ -90,10 +89,10 @@ def _with_seeds(survey: Survey) -> list[Survey]:
         center = seeds.center_world_m[frame]
         seed = (center, seeds.world_from_camera[frame], seeds.covariance[frame], ground)
         known = poses.take(np.flatnonzero(poses.converged))
-        distance = distance_from_prior(*seed, known)
-        order = np.argsort(known.cost + distance, kind="stable")
-        inside = known.take(order[allowed(distance[order])])
-        shift = shift_of_seed(*seed, inside)
+        compared = compare_with_seed(*seed, known)
+        order = np.argsort(known.cost + compared.squared_distance, kind="stable")
+        order = order[allowed(compared.squared_distance[order])]
+        inside, shift = known.take(order), compared.shift[order]
         # From the seed, and from the likeliest of several.
         height, *tilt = np.concatenate([shift, shift - shift[:1]]).T
         above = center[2] - ground.height_m
@@ -153,7 +152,7 @@ def _over_control(
     label = survey.control_label
     height = float(np.mean(survey.control_world_m[:, 2] - survey.height_above_m[label]))
     network = PlaneNetwork(survey, ray)
-    network.place_points(label, survey.control_world_m[:, :2])
+    network.point[label] = survey.control_world_m[:, :2]
     for frame, (center, rotation) in poses.items():
         network.place(frame, center - [0.0, 0.0, height], rotation)
     network.grow(planes)

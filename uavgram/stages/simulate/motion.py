@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import accumulate
+from typing import Annotated
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from uavgram.model.arrays import Floats, freeze
+from uavgram.model.arrays import Floats, FrozenArrays
 from uavgram.model.demo.scenario import FlightPlan, Site
 
 STEP_S = 0.01
@@ -22,7 +23,7 @@ DRAG_PER_S = 0.25  # a multicopter leans about 6 degrees into 4.5 m/s
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Motion:
+class Motion(FrozenArrays):
     """N instants of the true flight, `STEP_S` apart.
 
     Attributes
@@ -39,24 +40,12 @@ class Motion:
         (E,) increasing.
     """
 
-    time_s: Floats
-    position_world_m: Floats
-    velocity_world_m_s: Floats
-    body_rpy_rad: Floats
-    gimbal_rpy_rad: Floats
-    exposure_time_s: Floats
-
-    def __post_init__(self) -> None:
-        n = len(self.time_s)
-        freeze(
-            self,
-            time_s=(n,),
-            position_world_m=(n, 3),
-            velocity_world_m_s=(n, 3),
-            body_rpy_rad=(n, 3),
-            gimbal_rpy_rad=(n, 3),
-            exposure_time_s=(None,),
-        )
+    time_s: Annotated[Floats, "n"]
+    position_world_m: Annotated[Floats, "n", 3]
+    velocity_world_m_s: Annotated[Floats, "n", 3]
+    body_rpy_rad: Annotated[Floats, "n", 3]
+    gimbal_rpy_rad: Annotated[Floats, "n", 3]
+    exposure_time_s: Annotated[Floats, "e"]
 
 
 def gauss_markov(

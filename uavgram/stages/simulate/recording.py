@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Annotated
 
 import numpy as np
 
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
-from uavgram.model.arrays import Floats, freeze
+from uavgram.model.arrays import Floats, FrozenArrays
 from uavgram.model.demo.scenario import DemoScenario, ErrorSpec, Site
 from uavgram.model.demo.simulated import SimulatedLog
 from uavgram.stages.simulate.motion import STEP_S, Motion, at, gauss_markov
@@ -22,16 +23,13 @@ GPS_NOISE_M = (0.25, 0.4)  # of each fix, beside what the estimator shares with 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FlightBiases:
+class FlightBiases(FrozenArrays):
     """What is wrong all through the flight, log minus truth: (3,) m, rad; and the true mount."""
 
-    position_m: Floats
+    position_m: Annotated[Floats, 3]
     heading_rad: float
-    boresight_rad: Floats
-    lever_arm_m: Floats
-
-    def __post_init__(self) -> None:
-        freeze(self, position_m=(3,), boresight_rad=(3,), lever_arm_m=(3,))
+    boresight_rad: Annotated[Floats, 3]
+    lever_arm_m: Annotated[Floats, 3]
 
 
 def draw_biases(errors: ErrorSpec, rng: np.random.Generator) -> FlightBiases:

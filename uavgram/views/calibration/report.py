@@ -99,7 +99,7 @@ def board_words(board: Board) -> str:
 
 def _correlations(result: CalibrationResult) -> list[tuple[str, list[tuple[str, str]]]]:
     """Name, then text and background of each cell of the full matrix."""
-    names, matrix = result.calibration.parameter_names, result.correlation
+    names, matrix = result.calibration.parameter_names, result.calibration.correlation
     return [
         (name, [(number(value, 2, signed=True), _tint(value)) for value in row])
         for name, row in zip(names, matrix.tolist(), strict=True)

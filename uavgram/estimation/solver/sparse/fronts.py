@@ -66,7 +66,8 @@ class Ordering:
     stored
         How many values a matrix of that pattern stores.
     stacks
-        Most numbers that wait at a time for the parents of their fronts, of even and odd levels.
+        (2,) largest size of the two stacks on which updates wait for the front of their parent:
+        that of the even levels of the tree, and that of the odd ones.
     """
 
     def __init__(self, pattern: Pattern) -> None:

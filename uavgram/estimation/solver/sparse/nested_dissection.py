@@ -3,6 +3,12 @@
 George 1973, "Nested dissection of a regular finite element mesh". Only the graph is needed: its
 distances from a few far nodes stand for a geometry, and a smallest vertex cover of the edges
 between two halves is the separator.
+
+A block-tridiagonal factorisation in the order of the flight would be a tenth of the code. It is as
+fast at 100 frames, 2 to 3 times slower at 500 and at 2,000, and its band widens where a flight
+crosses its own path: this is kept while surveys of thousands of frames are a goal. On a graph of n
+blocks with separators of O(sqrt(n)) the factor has O(n log n) blocks and costs O(n^1.5) (George
+1973; Lipton, Rose and Tarjan 1979, "Generalized nested dissection").
 """
 
 from __future__ import annotations

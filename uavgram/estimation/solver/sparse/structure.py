@@ -147,7 +147,17 @@ class Part:
 
 
 def spread(given: Floats, place: Ints, size: int) -> Floats:
-    """(n, r, size) with the columns of `given` (n, r, w) added at `place` (n, w)."""
+    """(n, r, size) with the columns of `given` (n, r, w) added at `place` (n, w).
+
+    Parameters
+    ----------
+    given
+        (n, r, w).
+    place
+        (n, w) column of the result to which each belongs; one may occur twice in a row.
+    size
+        Columns of the result.
+    """
     whole = np.zeros((*given.shape[:2], size))
     rows = np.arange(len(given))
     for column in range(place.shape[1]):  # one at a time: a row may name an unknown twice

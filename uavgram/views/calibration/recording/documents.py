@@ -67,7 +67,7 @@ def _parameters(result: CalibrationResult) -> str:
 
 def camera_page(result: CalibrationResult) -> str:
     """Correlations and lens models."""
-    names, matrix = result.calibration.parameter_names, result.correlation
+    names, matrix = result.calibration.parameter_names, result.calibration.correlation
     rows = [
         (f"**{name}**", *(_correlation(value) for value in values))
         for name, values in zip(names, matrix.tolist(), strict=True)
