@@ -60,6 +60,20 @@ def track(result: Result, poses: PoseTable) -> Floats:
     return np.asarray(centers[np.isfinite(centers[:, 0])], dtype=np.float64)
 
 
+def largest_sigmas(poses: PoseTable) -> tuple[Floats, Floats]:
+    """(F,) standard deviations in the least certain direction; NaN without a pose.
+
+    Returns
+    -------
+    position_m
+        Along the least certain of east, north and up.
+    attitude_deg
+        About the least certain of the camera's axes.
+    """
+    sigma = np.sqrt(np.diagonal(poses.covariance, axis1=1, axis2=2))
+    return sigma[:, :3].max(axis=1), np.degrees(sigma[:, 3:].max(axis=1))
+
+
 def longest_middle(strips: list[Floats]) -> Floats:
     """(D,) middle of the longest segment of (n, D) polylines: where a label goes."""
     starts = np.concatenate([strip[:-1] for strip in strips])

@@ -19,7 +19,7 @@ from uavgram.views.recording.curves.plots import frame_curves
 from uavgram.views.recording.curves.pose_curves import pose_curves
 from uavgram.views.recording.pages.checks import checks_page
 from uavgram.views.recording.pages.frames import frame_sheet
-from uavgram.views.recording.pages.markdown import MOST_ROWS, plain, table
+from uavgram.views.markdown import MOST_ROWS, plain, table
 from uavgram.views.recording.pages.summary import summary
 from uavgram.views.recording.pages.tables import (
     lengths_page,

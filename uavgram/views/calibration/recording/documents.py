@@ -10,7 +10,7 @@ from uavgram.model.camera.calibration_result import CalibrationResult
 from uavgram.views.calibration.camera_text import parameter_cells
 from uavgram.views.calibration.drawing import SQRT2, pixels_text, rows_by_photo
 from uavgram.views.calibration.verdict import RANK, calibration_facts, judge_calibration
-from uavgram.views.recording.pages.markdown import plain, table
+from uavgram.views.markdown import plain, table
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.wording import number
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from uavgram.model.result.learnt_camera import learnt_camera
 from uavgram.model.result.result import Result
-from uavgram.views.recording.pages.markdown import plain, table
+from uavgram.views.markdown import plain, table
 from uavgram.views.survey.reliability import overall_words, prior_rows, removal_rows
 from uavgram.views.wording import chance, number
 

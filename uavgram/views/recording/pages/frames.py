@@ -7,7 +7,7 @@ import numpy as np
 from uavgram.model.result.result import Result
 from uavgram.views.recording.curves.plots import Curves
 from uavgram.views.recording.curves.pose_curves import PoseCurves
-from uavgram.views.recording.pages.markdown import plain
+from uavgram.views.markdown import plain
 from uavgram.views.recording.photo.frame_picks import FramePicks
 from uavgram.views.wording import FRAME_STATUS_WORDS, utc
 

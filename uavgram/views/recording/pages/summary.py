@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uavgram.model.result.result import Result
-from uavgram.views.recording.pages.markdown import plain, table
+from uavgram.views.markdown import plain, table
 from uavgram.views.recording.pages.tables import measured_table
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.world.survey import has_outlines

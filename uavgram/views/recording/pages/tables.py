@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
-from uavgram.views.recording.pages.markdown import MOST_ROWS, plain, table
+from uavgram.views.markdown import MOST_ROWS, plain, table
 from uavgram.views.survey.reliability import effect_words, second_order_rows, weakest_links
 from uavgram.views.wording import (
     KIND_WORDS,
