@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
 from uavgram.views import wording
 from uavgram.views.markdown import MOST_ROWS, plain
@@ -27,7 +27,7 @@ def page_environment() -> Environment:
     """
     environment = Environment(
         loader=PackageLoader("uavgram.views"),
-        autoescape=lambda name: name is None or not name.endswith(".md"),
+        autoescape=select_autoescape(disabled_extensions=("md",), default=True),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -11,13 +11,11 @@ from uavgram.model.flight.pairing import Pairing
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
 from uavgram.views.wording import (
-    KIND_WORDS,
+    LEVEL_RANK,
     NOT_UNIQUE,
-    alternatives_text,
     decimals_for,
-    interval,
+    measurement_text,
     number,
-    relative,
     utc,
     with_sigma,
     worst_first,
@@ -51,19 +49,9 @@ def measurement_table(result: Result, most: int = 0) -> str:
     unsure = bool(rows.is_ambiguous.any())
     cells: list[tuple[str, ...]] = [(*HEADER, *((OTHERS,) if unsure else ()))]
     for i in worst_first(rows)[: most or None]:
-        value, sigma, unit = float(rows.value[i]), float(rows.sigma[i]), rows.unit[i]
-        low, high = (float(bound) for bound in rows.interval_95[i])
-        cells.append(
-            (
-                rows.name[i],
-                KIND_WORDS.get(rows.kind[i], rows.kind[i]),
-                " ".join(rows.points[i]),
-                with_sigma(value, sigma, unit),
-                interval(low, high, sigma, unit),
-                "–" if rows.kind[i] == "coordinate" else relative(value, sigma, unit),
-                *((alternatives_text(rows, int(i)),) if unsure else ()),
-            )
-        )
+        row = measurement_text(rows, int(i))
+        shown = (row.name, row.kind, " ".join(row.points), row.value, row.interval, row.relative)
+        cells.append((*shown, *((row.others,) if unsure else ())))
     return aligned(cells) + (f"\n{NOT_UNIQUE}" if unsure else "")
 
 
@@ -83,9 +71,8 @@ def message_lines(messages: Sequence[Message], *, verbose: bool = True) -> list[
 
     Without `verbose`, nothing of what only says how the program came to its numbers.
     """
-    rank = {"error": 0, "warning": 1, "info": 2}
     told = [m for m in messages if verbose or (m.level, m.code) not in DETAILS]
-    ordered = sorted(told, key=lambda message: rank[message.level])
+    ordered = sorted(told, key=lambda message: LEVEL_RANK[message.level])
     return [f"{message.level}: {message.text}" for message in ordered]
 
 

@@ -19,6 +19,9 @@ NOT_UNIQUE = (
     "the others. Sigma and interval hold only if the first one is right."
 )
 
+LEVEL_RANK = {"error": 0, "warning": 1, "info": 2}
+"""Order in which messages are shown."""
+
 UNIT_WORDS = {"m": "m", "m2": "m²", "deg": "°", "m/s": "m/s"}
 
 KIND_WORDS = {

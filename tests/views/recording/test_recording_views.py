@@ -19,7 +19,7 @@ from uavgram.views.recording import write_recording
 from uavgram.views.recording.blueprint import blueprint
 from uavgram.views.recording.curves.plots import frame_curves
 from uavgram.views.recording.curves.pose_curves import pose_curves
-from uavgram.views.recording.pages.summary import summary
+from uavgram.views.recording.pages.tables import summary
 from uavgram.views.recording.photo.frame_picks import project_picks
 from uavgram.views.recording.photo.photo import PHOTOS_PER_CHUNK
 from uavgram.views.recording.scene import measure_scene

@@ -23,13 +23,12 @@ from uavgram.views.calibration.maps import (
     uncertainty_map,
 )
 from uavgram.views.calibration.verdict import (
-    RANK,
     calibration_facts,
     judge_calibration,
     percent,
 )
 from uavgram.views.pages import page_environment
-from uavgram.views.wording import chance, number
+from uavgram.views.wording import LEVEL_RANK, chance, number
 
 PICTURE_WIDTH_PX = 300
 
@@ -72,7 +71,7 @@ def render_calibration_report(account: CalibrationAccount, pictures: Mapping[str
         correlations=_correlations(result),
         bow=_bow(result),
         models=_models(result),
-        messages=sorted(account.messages, key=lambda message: RANK[message.level]),
+        messages=sorted(account.messages, key=lambda message: LEVEL_RANK[message.level]),
         coverage=coverage_map(result),
         residuals=residual_map(result),
         uncertainty=uncertainty_map(result),

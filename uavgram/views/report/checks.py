@@ -40,7 +40,7 @@ def checks_summary(result: Result) -> ChecksSummary | None:
     z = points.error_m / points.sigma_m
     outside = [
         *(np.abs(result.line_checks.z) > THREE_SIGMA),
-        *(np.abs(z) > THREE_SIGMA).any(axis=1),
+        *np.asarray((np.abs(z) > THREE_SIGMA).any(axis=1)),
     ]
     if not outside:
         return None

@@ -13,7 +13,7 @@ from uavgram.model.result.learnt_camera import learnt_camera
 from uavgram.model.result.result import Result
 from uavgram.views.pages import page_environment
 from uavgram.views.report.budget import budget_table
-from uavgram.views.report.checks import THREE_SIGMA, checks_summary
+from uavgram.views.report.checks import checks_summary
 from uavgram.views.report.gauge import gauge
 from uavgram.views.report.measured import (
     alternative_tables,
@@ -31,7 +31,7 @@ from uavgram.views.survey.reliability import (
     weakest_links,
 )
 from uavgram.views.survey.top_view import INK, top_view
-from uavgram.views.survey.verdict import judge
+from uavgram.views.survey.verdict import THREE_SIGMA, judge
 from uavgram.views.wording import (
     FRAME_STATUS_WORDS,
     GROUP_WORDS,

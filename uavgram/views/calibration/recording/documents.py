@@ -9,10 +9,10 @@ from uavgram.model.camera.calibration_account import CalibrationAccount
 from uavgram.model.camera.calibration_result import CalibrationResult
 from uavgram.views.calibration.camera_text import parameter_cells
 from uavgram.views.calibration.drawing import SQRT2, pixels_text, rows_by_photo
-from uavgram.views.calibration.verdict import RANK, calibration_facts, judge_calibration
+from uavgram.views.calibration.verdict import calibration_facts, judge_calibration
 from uavgram.views.markdown import plain, table
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.wording import number
+from uavgram.views.wording import LEVEL_RANK, number
 
 SUMMARY, CAMERA_PAGE, SHEET = "documents/summary", "documents/camera", "documents/photo"
 MOST_ODD = 20
@@ -40,7 +40,7 @@ def summary_page(account: CalibrationAccount) -> str:
     verdict = judge_calibration(account)
     mark = "✔" if verdict.level == "good" else "⚠"
     facts = [(plain(key), f"**{plain(value)}**") for key, value in calibration_facts(account)]
-    messages = sorted(account.messages, key=lambda message: RANK[message.level])
+    messages = sorted(account.messages, key=lambda message: LEVEL_RANK[message.level])
     parts = [
         f"# {mark} {plain(verdict.sentence)}",
         plain(verdict.counts),

@@ -8,14 +8,14 @@ import rerun as rr
 from uavgram.model.result.result import Result
 from uavgram.views.recording.curves.plots import Curves
 from uavgram.views.recording.curves.pose_curves import PoseCurves
-from uavgram.views.recording.pages.checks import checks_page
-from uavgram.views.recording.pages.frames import frame_sheet
-from uavgram.views.recording.pages.summary import summary
+from uavgram.views.recording.pages.frames import frame_sheets
 from uavgram.views.recording.pages.tables import (
+    checks_page,
     lengths_page,
     measured_page,
     messages_page,
     points_page,
+    summary,
 )
 from uavgram.views.recording.photo.frame_picks import FramePicks
 from uavgram.views.recording.scene import Scene
@@ -49,8 +49,7 @@ def log_documents(
         (MESSAGES, messages_page(result)),
     ):
         recorder.static(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
-    frames = range(len(result.frames.frame_id))
-    sheets = [frame_sheet(result, picks, curves, poses, i) for i in frames]
+    sheets = list(frame_sheets(result, picks, curves, poses))
     recorder.static(FRAME_SHEET, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN))
     recorder.rows(
         FRAME_SHEET,
