@@ -23,8 +23,8 @@ from uavgram.views.recording.pages.tables import summary
 from uavgram.views.recording.photo.frame_picks import project_picks
 from uavgram.views.recording.photo.photo import PHOTOS_PER_CHUNK
 from uavgram.views.recording.scene import measure_scene
-from uavgram.views.recording.world.close_up import round_length
 from uavgram.views.recording.world.legend import BACKGROUND, HEIGHT_PX, WIDTH_PX, draw_legend
+from uavgram.views.survey.drawing import round_length
 from uavgram.views.survey.verdict import judge
 
 PHOTO = "/survey/current_camera/photo"

@@ -27,12 +27,7 @@ def log_calibration_documents(recorder: Recorder, account: CalibrationAccount) -
     ):
         recorder.static(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
     sheets = [photo_sheet(result, k) for k in range(len(result.photos.file))]
-    recorder.static(SHEET, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN))
-    recorder.rows(
-        SHEET,
-        np.arange(len(sheets)),
-        lambda some: [rr.TextDocument.columns(text=[sheets[i] for i in some])],
-    )
+    recorder.sheets(SHEET, sheets)
 
 
 def summary_page(account: CalibrationAccount) -> str:

@@ -8,7 +8,6 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
-from uavgram.views.recording.curves.plot_lines import log_curve
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import MEASURED, OBSERVED, REFINED, SEED
 from uavgram.views.survey.drawing import largest_sigmas
@@ -71,4 +70,4 @@ def log_pose_plots(recorder: Recorder, curves: PoseCurves) -> None:
         (f"{POSITION_SIGMA}/flight_log", curves.seed_position_m, "flight log [m]", SEED),
         (f"{POSITION_SIGMA}/refined", curves.refined_position_m, "refined [m]", REFINED),
     ):
-        log_curve(recorder, path, values, name, colour)
+        recorder.curve(path, values, name, colour)

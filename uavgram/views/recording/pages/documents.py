@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import rerun as rr
 
 from uavgram.model.result.result import Result
@@ -49,10 +48,4 @@ def log_documents(
         (MESSAGES, messages_page(result)),
     ):
         recorder.static(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
-    sheets = list(frame_sheets(result, picks, curves, poses))
-    recorder.static(FRAME_SHEET, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN))
-    recorder.rows(
-        FRAME_SHEET,
-        np.arange(len(sheets)),
-        lambda some: [rr.TextDocument.columns(text=[sheets[i] for i in some])],
-    )
+    recorder.sheets(FRAME_SHEET, list(frame_sheets(result, picks, curves, poses)))
