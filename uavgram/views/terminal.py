@@ -56,7 +56,17 @@ def measurement_table(result: Result, most: int = 0) -> str:
 
 
 def unshown_rows(result: Result, most: int, folder: Path) -> list[str]:
-    """What a table cut after `most` rows does not show, and where to see it."""
+    """What a table cut after `most` rows does not show, and where to see it.
+
+    Parameters
+    ----------
+    result
+        Of the run.
+    most
+        Rows that are shown; 0: all.
+    folder
+        Where the run has written its files.
+    """
     more = len(result.measurements.name) - most
     if not most or more <= 0:
         return []
@@ -113,7 +123,17 @@ def truth_table(result: Result, truth: Mapping[str, float]) -> str:
 def check_lines(
     photos: Photos, frames: Frames, pairing: Pairing | None, messages: Sequence[Message]
 ) -> list[str]:
-    """What `uavgram check` has to say: one line per photo, then the messages."""
+    """What `uavgram check` has to say: one line per photo, then the messages.
+
+    Parameters
+    ----------
+    photos, frames
+        (F,) sizes, and times with the reasons why some have none.
+    pairing
+        With the log's camera events; None without any.
+    messages
+        Of the check.
+    """
     cells = [("photo", "size", "exposure (UTC)", "matched", "camera event", "photo - event")]
     for i, name in enumerate(frames.frame_id):
         matched = "yes" if frames.matched[i] else frames.reason[i]

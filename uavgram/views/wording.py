@@ -89,7 +89,17 @@ def decimals_for(sigma: float, unit: str = "m") -> int:
 
 
 def number(value: float, decimals: int = 3, *, signed: bool = False) -> str:
-    """Fixed decimals, an en dash for NaN, and no negative zero."""
+    """Fixed decimals, an en dash for NaN, and no negative zero.
+
+    Parameters
+    ----------
+    value
+        Any number.
+    decimals
+        How many are shown.
+    signed
+        Whether a positive value shows its plus.
+    """
     if not math.isfinite(value):
         return "–"
     text = f"{value:+.{decimals}f}" if signed else f"{value:.{decimals}f}"
@@ -154,7 +164,15 @@ def parameter_text(value: float, sigma: float) -> str:
 
 
 def with_sigma(value: float, sigma: float, unit: str) -> str:
-    """``12.345 ± 0.021 m``."""
+    """``12.345 ± 0.021 m``.
+
+    Parameters
+    ----------
+    value, sigma
+        NaN where it could not be computed.
+    unit
+        Of both, as in results.json.
+    """
     if not math.isfinite(value):
         return NOT_COMPUTED
     places = decimals_for(sigma, unit)
@@ -162,7 +180,17 @@ def with_sigma(value: float, sigma: float, unit: str) -> str:
 
 
 def interval(low: float, high: float, sigma: float, unit: str) -> str:
-    """``12.304 to 12.386 m``, or an en dash."""
+    """``12.304 to 12.386 m``, or an en dash.
+
+    Parameters
+    ----------
+    low, high
+        Its ends; NaN where there is none.
+    sigma
+        Of the value: it says how many decimals are shown.
+    unit
+        Of all three, as in results.json.
+    """
     if not (math.isfinite(low) and math.isfinite(high)):
         return "–"
     places = decimals_for(sigma, unit)
@@ -222,7 +250,15 @@ def measurement_text(rows: MeasurementResults, row: int) -> MeasurementText:
 
 
 def relative(value: float, sigma: float, unit: str) -> str:
-    """Sigma in percent of the value, where that means something (not for angles)."""
+    """Sigma in percent of the value, where that means something (not for angles).
+
+    Parameters
+    ----------
+    value, sigma
+        In one unit.
+    unit
+        As in results.json.
+    """
     if unit == "deg" or not math.isfinite(value) or value == 0:
         return "–"
     return f"{100 * sigma / abs(value):.2f} %"

@@ -57,7 +57,17 @@ _NOT_IN_SPACE = [f"- {PHOTO}/{name}/**" for name in OVERLAYS]
 
 
 def blueprint(result: Result, scene: Scene, curves: Curves, poses: PoseCurves) -> rrb.Blueprint:
-    """The layout for this result: only views that have something to show."""
+    """The layout for this result: only views that have something to show.
+
+    Parameters
+    ----------
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    curves, poses
+        Curves over the frames, for the ranges of the plots.
+    """
     # a curve through one frame shows nothing
     several = len(result.frames.frame_id) > 1
     plots = [_plots(result, curves, poses)] if several else []

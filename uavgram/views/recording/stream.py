@@ -71,7 +71,17 @@ class Recorder:
         self.stream.log(path, *archetypes, static=True)
 
     def rows(self, path: str, frames: Ints, columns: Columns) -> None:
-        """Log one row for each of these frames; `columns` makes the columns of some of them."""
+        """Log one row for each of these frames; `columns` makes the columns of some of them.
+
+        Parameters
+        ----------
+        path
+            Of the entity.
+        frames
+            (n,) rows of the frames.
+        columns
+            Makes the columns of some of these frames.
+        """
         timed = np.isfinite(self.time_utc_s[frames])
         for some in (frames[timed], frames[~timed]):
             if not len(some):

@@ -37,7 +37,17 @@ def frustum_corners(result: Result) -> Floats:
 
 
 def frusta(result: Result, poses: PoseTable, depth_m: float) -> Floats:
-    """(N, 10, 3) one open polyline per frame that has a pose: the photo's frame and four edges."""
+    """(N, 10, 3) one open polyline per frame that has a pose: the photo's frame and four edges.
+
+    Parameters
+    ----------
+    result
+        Of the run.
+    poses
+        (F,) of its frames.
+    depth_m
+        At which a frustum is cut off.
+    """
     posed = np.isfinite(poses.center_world_m[:, 0])
     center = poses.center_world_m[posed]
     world = np.einsum("nij,kj->nki", poses.world_from_camera[posed], frustum_corners(result))
@@ -102,7 +112,19 @@ def project_from(
     *,
     adjusted_lens: bool = True,
 ) -> Floats:
-    """(..., 2) original pixels of (..., 3) world points in one camera; NaN outside the photo."""
+    """(..., 2) original pixels of (..., 3) world points in one camera; NaN outside the photo.
+
+    Parameters
+    ----------
+    result
+        Whose camera it is.
+    center_world_m, world_from_camera
+        (3,) and (3, 3) pose.
+    points_m
+        (..., 3) in the world.
+    adjusted_lens
+        Whether through the lens as adjusted, not as calibrated.
+    """
     lens = result.shared.intrinsics.value if adjusted_lens else result.camera.parameters
     pixel = project(result.camera.model, lens, (points_m - center_world_m) @ world_from_camera)
     return np.where(in_photo(result, pixel)[..., None], pixel, np.nan)

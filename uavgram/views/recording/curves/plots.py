@@ -92,7 +92,17 @@ def _height(result: Result, poses: PoseTable) -> Floats:
 
 
 def log_plots(recorder: Recorder, result: Result, curves: Curves) -> None:
-    """Log every curve."""
+    """Log every curve.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    curves
+        Of this result.
+    """
     limit = np.full(len(curves.worst_w), curves.limit_w)
     for path, values, name, colour in (
         (f"{RESIDUAL_REFINED}/refined", curves.refined_rms_px, "refined [px]", REFINED),

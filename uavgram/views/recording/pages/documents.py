@@ -38,7 +38,21 @@ def log_documents(
     curves: Curves,
     poses: PoseCurves,
 ) -> None:
-    """Log all pages."""
+    """Log all pages.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    picks
+        By frame.
+    curves, poses
+        Residuals and corrections of every frame.
+    """
     for path, text in (
         (SUMMARY, summary(result, judge(result), scene)),
         (MEASURED, measured_page(result)),

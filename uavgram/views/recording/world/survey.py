@@ -53,7 +53,19 @@ BAR_BELOW = 1.6
 def log_survey(
     recorder: Recorder, result: Result, scene: Scene, texture: GroundTexture | None
 ) -> None:
-    """Log everything that stands still."""
+    """Log everything that stands still.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    texture
+        Top view of the ground; None where no photo shows it.
+    """
     recorder.static("survey", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     if texture is not None:
         recorder.static("survey/ground", _ground(result, texture, scene))
@@ -71,7 +83,17 @@ def log_survey(
 
 
 def log_scale_bar(recorder: Recorder, result: Result, scene: Scene) -> None:
-    """Log a bar of a round length beside the ellipse of the least certain point."""
+    """Log a bar of a round length beside the ellipse of the least certain point.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    """
     if scene.worst_point is None:
         return
     major = float(result.points.relative.ellipse_95_m[scene.worst_point, 0])
