@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
 from uavgram.views import wording
@@ -20,6 +22,7 @@ WORDS = (
 """What templates call by name, as filters: numbers and texts as everywhere else."""
 
 
+@cache
 def page_environment() -> Environment:
     """Jinja over this package's templates; an unknown name in one is an error.
 

@@ -70,40 +70,49 @@ def write_report(result: Result, path: str | os.PathLike[str]) -> None:
 
 def render_report(result: Result) -> str:
     """The page as text. Names that people wrote are escaped; nothing is loaded from elsewhere."""
-    environment = page_environment()
-    for words in (decimals_for, effect_words, gauge, interval, measurement_text, option_text):
-        environment.globals[words.__name__] = words
-    environment.globals |= {"unit_words": UNIT_WORDS, "group_words": GROUP_WORDS}
-    environment.globals |= {"line_words": LINE_STATUS_WORDS, "frame_words": FRAME_STATUS_WORDS}
     position_m, attitude_deg = largest_sigmas(result.frames.refined)
-    return environment.get_template("report.html").render(
-        result=result,
-        verdict=judge(result),
-        facts=key_facts(result),
-        measured=computed_first(result.measurements),
-        not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
-        sampled=sampled_words(result),
-        second_order=second_order_note(result),
-        alternatives=alternative_tables(result),
-        view=top_view(result),
-        ink=INK,
-        place=place(result),
-        why_two_ellipses=WHY_TWO_ELLIPSES,
-        budget=budget_table(result),
-        lengths=worst_fit_first(result.lines.w),
-        removals=removal_rows(result),
-        checks=checks_summary(result),
-        three_sigma=THREE_SIGMA,
-        suspect_w=SUSPECT_W,
-        weakest=weakest_links(result),
-        picks=worst_fit_first(result.picks.w),
-        camera=learnt_camera(result.camera, result.shared.intrinsics),
-        priors=prior_rows(result),
-        pick_count=Counter(result.picks.image),
-        position_sigma_m=position_m,
-        attitude_sigma_deg=attitude_deg,
-        azimuth_deg=np.degrees(result.points.relative.ellipse_azimuth_rad),
-        method=method_facts(result),
+    return (
+        page_environment()
+        .get_template("report.html")
+        .render(
+            result=result,
+            decimals_for=decimals_for,
+            effect_words=effect_words,
+            gauge=gauge,
+            interval=interval,
+            measurement_text=measurement_text,
+            option_text=option_text,
+            unit_words=UNIT_WORDS,
+            group_words=GROUP_WORDS,
+            line_words=LINE_STATUS_WORDS,
+            frame_words=FRAME_STATUS_WORDS,
+            verdict=judge(result),
+            facts=key_facts(result),
+            measured=computed_first(result.measurements),
+            not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
+            sampled=sampled_words(result),
+            second_order=second_order_note(result),
+            alternatives=alternative_tables(result),
+            view=top_view(result),
+            ink=INK,
+            place=place(result),
+            why_two_ellipses=WHY_TWO_ELLIPSES,
+            budget=budget_table(result),
+            lengths=worst_fit_first(result.lines.w),
+            removals=removal_rows(result),
+            checks=checks_summary(result),
+            three_sigma=THREE_SIGMA,
+            suspect_w=SUSPECT_W,
+            weakest=weakest_links(result),
+            picks=worst_fit_first(result.picks.w),
+            camera=learnt_camera(result.camera, result.shared.intrinsics),
+            priors=prior_rows(result),
+            pick_count=Counter(result.picks.image),
+            position_sigma_m=position_m,
+            attitude_sigma_deg=attitude_deg,
+            azimuth_deg=np.degrees(result.points.relative.ellipse_azimuth_rad),
+            method=method_facts(result),
+        )
     )
 
 
