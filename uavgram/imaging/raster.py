@@ -81,13 +81,37 @@ class Painter:
     def stripes(
         self, *paths_m: Floats, width_m: float, mask: Image | None = None, value: int = 255
     ) -> Image:
-        """Fill paths (K, 2) of the given width."""
+        """Fill paths (K, 2) of the given width.
+
+        Parameters
+        ----------
+        paths_m
+            (K, 2) each, in the scene.
+        width_m
+            Of all stripes.
+        mask
+            Drawn into; None: a new one.
+        value
+            0 to 255.
+        """
         return self.polygons(
             *(stripe_outline(path, width_m) for path in paths_m), mask=mask, value=value
         )
 
     def discs(self, centers_m: Floats, radius_m: float, mask: Image, value: int = 255) -> Image:
-        """Fill circles about (K, 2)."""
+        """Fill circles about (K, 2).
+
+        Parameters
+        ----------
+        centers_m
+            (K, 2) in the scene.
+        radius_m
+            Of all discs.
+        mask
+            (H, W) drawn into.
+        value
+            0 to 255.
+        """
         radius = round(radius_m / self._resolution_m * 2**_SHIFT)
         for center in self._fixed(centers_m).tolist():
             cv2.circle(mask, center, radius, [value], -1, cv2.LINE_AA, _SHIFT)
@@ -109,18 +133,42 @@ def stripe_outline(path_m: Floats, width_m: float) -> Floats:
 
 
 def arc(center_m: tuple[float, float], radius_m: float, start_deg: float, end_deg: float) -> Floats:
-    """Points (25, 2) of an arc, angles from x towards y."""
+    """Points (25, 2) of an arc, angles from x towards y.
+
+    Parameters
+    ----------
+    center_m
+        In the scene.
+    radius_m
+        Of the circle.
+    start_deg, end_deg
+        Angles of its ends.
+    """
     angle = np.deg2rad(np.linspace(start_deg, end_deg, 25))
     return np.asarray(center_m) + radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def box(x0: float, x1: float, y0: float, y1: float) -> Floats:
-    """Corners (4, 2) of a rectangle along the axes."""
+    """Corners (4, 2) of a rectangle along the axes.
+
+    Parameters
+    ----------
+    x0, x1, y0, y1
+        Its sides, in any unit.
+    """
     return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
 
 
 def blend(image: Image, layer: Image, weight: Weights) -> Image:
-    """Mix two BGR images: `layer` where the weight (H, W) is 1, `image` where it is 0."""
+    """Mix two BGR images: `layer` where the weight (H, W) is 1, `image` where it is 0.
+
+    Parameters
+    ----------
+    image, layer
+        (H, W, 3).
+    weight
+        (H, W) from 0 to 1.
+    """
     result: Image = cv2.blendLinear(layer, image, weight, 1.0 - weight)  # type: ignore[assignment]
     return result
 
@@ -168,7 +216,17 @@ def soften(mask: Image, sigma_px: float) -> Image:
 def octaves(
     rng: np.random.Generator, shape: tuple[int, int], weights: dict[float, float]
 ) -> Weights:
-    """Random texture (H, W): sums of smooth noise, keyed by the grain's size in pixels."""
+    """Random texture (H, W): sums of smooth noise, keyed by the grain's size in pixels.
+
+    Parameters
+    ----------
+    rng
+        Draws the noise.
+    shape
+        Height and width [px].
+    weights
+        Standard deviation of each noise, by its grain [px].
+    """
     total = np.zeros(shape, np.float32)
     for grain, weight in weights.items():
         size = tuple(int(np.ceil(n / grain)) + 2 for n in shape)

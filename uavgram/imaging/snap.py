@@ -77,8 +77,15 @@ def snap_corner(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
 def snap_circle(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
     """The centre of gravity of the round target that a pixel lies on, or why there is none.
 
-    The parameters are those of `snap_corner`. In an oblique view the centre of the image of a
+    In an oblique view the centre of the image of a
     circle is not the image of its centre; for small targets the difference is far below a pixel.
+
+    Parameters
+    ----------
+    photo
+        (height, width, 3) BGR.
+    u_px, v_px
+        Of the click.
     """
     cut = _cut(photo, u_px, v_px, CIRCLE_HALF_PX)
     if cut is None:

@@ -13,7 +13,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground.top_view import FrameKnowledge, View, place_sigma
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.top_view.map_sheet import map_sheet
-from uavgram.imaging.top_view.photo_cache import PhotoCache
+from uavgram.imaging.top_view.photo_cache import photo_cache
 from uavgram.imaging.top_view.warp import warp_window
 from uavgram.imaging.top_view.warp_maps import Window
 from uavgram.io.exports.geotiff import (
@@ -163,7 +163,7 @@ def _caption(view: View, raster: GroundRaster) -> str:
 def warped_windows(view: View, raster: GroundRaster) -> Iterator[tuple[Window, Pixels]]:
     """Every window of the raster in the order of the file; a few are under way at a time."""
     reach = boxes(view, raster)
-    photos = PhotoCache(
+    photos = photo_cache(
         [view.result.frames.path[i] for i in view.rows], reductions(view, raster).tolist()
     )
 

@@ -11,13 +11,11 @@ from uavgram.model.flight.pairing import Pairing
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
 from uavgram.views.wording import (
-    KIND_WORDS,
+    LEVEL_RANK,
     NOT_UNIQUE,
-    alternatives_text,
     decimals_for,
-    interval,
+    measurement_text,
     number,
-    relative,
     utc,
     with_sigma,
     worst_first,
@@ -51,24 +49,24 @@ def measurement_table(result: Result, most: int = 0) -> str:
     unsure = bool(rows.is_ambiguous.any())
     cells: list[tuple[str, ...]] = [(*HEADER, *((OTHERS,) if unsure else ()))]
     for i in worst_first(rows)[: most or None]:
-        value, sigma, unit = float(rows.value[i]), float(rows.sigma[i]), rows.unit[i]
-        low, high = (float(bound) for bound in rows.interval_95[i])
-        cells.append(
-            (
-                rows.name[i],
-                KIND_WORDS.get(rows.kind[i], rows.kind[i]),
-                " ".join(rows.points[i]),
-                with_sigma(value, sigma, unit),
-                interval(low, high, sigma, unit),
-                "–" if rows.kind[i] == "coordinate" else relative(value, sigma, unit),
-                *((alternatives_text(rows, int(i)),) if unsure else ()),
-            )
-        )
+        row = measurement_text(rows, int(i))
+        shown = (row.name, row.kind, " ".join(row.points), row.value, row.interval, row.relative)
+        cells.append((*shown, *((row.others,) if unsure else ())))
     return aligned(cells) + (f"\n{NOT_UNIQUE}" if unsure else "")
 
 
 def unshown_rows(result: Result, most: int, folder: Path) -> list[str]:
-    """What a table cut after `most` rows does not show, and where to see it."""
+    """What a table cut after `most` rows does not show, and where to see it.
+
+    Parameters
+    ----------
+    result
+        Of the run.
+    most
+        Rows that are shown; 0: all.
+    folder
+        Where the run has written its files.
+    """
     more = len(result.measurements.name) - most
     if not most or more <= 0:
         return []
@@ -83,9 +81,8 @@ def message_lines(messages: Sequence[Message], *, verbose: bool = True) -> list[
 
     Without `verbose`, nothing of what only says how the program came to its numbers.
     """
-    rank = {"error": 0, "warning": 1, "info": 2}
     told = [m for m in messages if verbose or (m.level, m.code) not in DETAILS]
-    ordered = sorted(told, key=lambda message: rank[message.level])
+    ordered = sorted(told, key=lambda message: LEVEL_RANK[message.level])
     return [f"{message.level}: {message.text}" for message in ordered]
 
 
@@ -126,7 +123,17 @@ def truth_table(result: Result, truth: Mapping[str, float]) -> str:
 def check_lines(
     photos: Photos, frames: Frames, pairing: Pairing | None, messages: Sequence[Message]
 ) -> list[str]:
-    """What `uavgram check` has to say: one line per photo, then the messages."""
+    """What `uavgram check` has to say: one line per photo, then the messages.
+
+    Parameters
+    ----------
+    photos, frames
+        (F,) sizes, and times with the reasons why some have none.
+    pairing
+        With the log's camera events; None without any.
+    messages
+        Of the check.
+    """
     cells = [("photo", "size", "exposure (UTC)", "matched", "camera event", "photo - event")]
     for i, name in enumerate(frames.frame_id):
         matched = "yes" if frames.matched[i] else frames.reason[i]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from datetime import UTC, datetime
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,9 @@ NOT_UNIQUE = (
     'Values with "or" are not sure: other solutions explain what was observed as well, and give '
     "the others. Sigma and interval hold only if the first one is right."
 )
+
+LEVEL_RANK = {"error": 0, "warning": 1, "info": 2}
+"""Order in which messages are shown."""
 
 UNIT_WORDS = {"m": "m", "m2": "m²", "deg": "°", "m/s": "m/s"}
 
@@ -85,7 +89,17 @@ def decimals_for(sigma: float, unit: str = "m") -> int:
 
 
 def number(value: float, decimals: int = 3, *, signed: bool = False) -> str:
-    """Fixed decimals, an en dash for NaN, and no negative zero."""
+    """Fixed decimals, an en dash for NaN, and no negative zero.
+
+    Parameters
+    ----------
+    value
+        Any number.
+    decimals
+        How many are shown.
+    signed
+        Whether a positive value shows its plus.
+    """
     if not math.isfinite(value):
         return "–"
     text = f"{value:+.{decimals}f}" if signed else f"{value:.{decimals}f}"
@@ -109,8 +123,56 @@ def chance(probability: float) -> str:
     return "< 0.001" if probability < 0.001 else number(probability, 3)
 
 
+def plus_minus(value: float, sigma: float, decimals: int = 3, *, signed: bool = False) -> str:
+    """``12.345 ± 0.021``: value and standard deviation to the same decimals.
+
+    Parameters
+    ----------
+    value, sigma
+        In one unit; NaN: an en dash.
+    decimals
+        Of both.
+    signed
+        Whether a positive value shows its plus.
+    """
+    return f"{number(value, decimals, signed=signed)} ± {number(sigma, decimals)}"
+
+
+def each_plus_minus(
+    values: Floats, sigmas: Floats, decimals: int = 3, *, signed: bool = False, between: str = ", "
+) -> str:
+    """``0.12 ± 0.02, 1.50 ± 0.03``: several values, each with its standard deviation.
+
+    Parameters
+    ----------
+    values, sigmas
+        (n,) in one unit.
+    decimals, signed
+        See `plus_minus`.
+    between
+        Stands between two values.
+    """
+    pairs = zip(values, sigmas, strict=True)
+    return between.join(plus_minus(*pair, decimals, signed=signed) for pair in pairs)
+
+
+def parameter_text(value: float, sigma: float) -> str:
+    """Pixels and coefficients alike: two digits of the sigma, and the value to as many places."""
+    if not sigma > 0:
+        return f"{value:.6g}, held"
+    return plus_minus(value, sigma, max(0, 1 - math.floor(math.log10(sigma))))
+
+
 def with_sigma(value: float, sigma: float, unit: str) -> str:
-    """``12.345 ± 0.021 m``."""
+    """``12.345 ± 0.021 m``.
+
+    Parameters
+    ----------
+    value, sigma
+        NaN where it could not be computed.
+    unit
+        Of both, as in results.json.
+    """
     if not math.isfinite(value):
         return NOT_COMPUTED
     places = decimals_for(sigma, unit)
@@ -118,7 +180,17 @@ def with_sigma(value: float, sigma: float, unit: str) -> str:
 
 
 def interval(low: float, high: float, sigma: float, unit: str) -> str:
-    """``12.304 to 12.386 m``, or an en dash."""
+    """``12.304 to 12.386 m``, or an en dash.
+
+    Parameters
+    ----------
+    low, high
+        Its ends; NaN where there is none.
+    sigma
+        Of the value: it says how many decimals are shown.
+    unit
+        Of all three, as in results.json.
+    """
     if not (math.isfinite(low) and math.isfinite(high)):
         return "–"
     places = decimals_for(sigma, unit)
@@ -134,8 +206,59 @@ def alternatives_text(measurements: MeasurementResults, row: int) -> str:
     return f"or {', '.join(number(v, places) for v in values)} {UNIT_WORDS.get(unit, unit)}"
 
 
+class MeasurementText(NamedTuple):
+    """A measurement in words, the same in every table that shows it.
+
+    Attributes
+    ----------
+    name, kind
+        What was measured.
+    points
+        Labels.
+    value
+        With its standard deviation and unit.
+    interval
+        Of 95 %.
+    relative
+        Standard deviation in percent of the value.
+    others
+        What other solutions that fit as well give; empty where none does.
+    """
+
+    name: str
+    kind: str
+    points: tuple[str, ...]
+    value: str
+    interval: str
+    relative: str
+    others: str
+
+
+def measurement_text(rows: MeasurementResults, row: int) -> MeasurementText:
+    """One measurement in words."""
+    value, sigma, unit = float(rows.value[row]), float(rows.sigma[row]), rows.unit[row]
+    low, high = map(float, rows.interval_95[row])
+    return MeasurementText(
+        name=rows.name[row],
+        kind=KIND_WORDS.get(rows.kind[row], rows.kind[row]),
+        points=rows.points[row],
+        value=with_sigma(value, sigma, unit),
+        interval=interval(low, high, sigma, unit),
+        relative="–" if rows.kind[row] == "coordinate" else relative(value, sigma, unit),
+        others=alternatives_text(rows, row),
+    )
+
+
 def relative(value: float, sigma: float, unit: str) -> str:
-    """Sigma in percent of the value, where that means something (not for angles)."""
+    """Sigma in percent of the value, where that means something (not for angles).
+
+    Parameters
+    ----------
+    value, sigma
+        In one unit.
+    unit
+        As in results.json.
+    """
     if unit == "deg" or not math.isfinite(value) or value == 0:
         return "–"
     return f"{100 * sigma / abs(value):.2f} %"
@@ -189,6 +312,11 @@ def worst_first(measurements: MeasurementResults) -> Ints:
     badness = np.where(unit == "deg", np.radians(spread), spread / scale)
     badness = np.where(is_known, badness, np.inf)
     return np.lexsort((-badness, is_known & ~unsure, is_known)).astype(np.int64)
+
+
+def worst_fit_first(w: Floats) -> Ints:
+    """(N,) rows by the size of their test statistics, the largest first; those without one last."""
+    return np.argsort(-np.nan_to_num(np.abs(w), nan=-1.0), kind="stable").astype(np.int64)
 
 
 def computed_first(measurements: MeasurementResults) -> Ints:

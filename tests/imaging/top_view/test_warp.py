@@ -20,7 +20,7 @@ from top_views import (
 
 from uavgram.errors import InputError
 from uavgram.geometry.ground.top_view import MOST_OFF_NADIR
-from uavgram.imaging.top_view.photo_cache import MARGIN_PX, PhotoCache, read_photo
+from uavgram.imaging.top_view.photo_cache import MARGIN_PX, photo_cache, read_photo
 from uavgram.imaging.top_view.warp import REACH, warp_window
 from uavgram.imaging.top_view.warp_maps import lay_lattice, look_from
 from uavgram.model.maps.raster import GroundRaster
@@ -44,7 +44,7 @@ def scene(tmp_path, rotation, lens, crs=None, rgb=None):
 
 def cache(view, reduction=1):
     paths = view.result.frames.path
-    return PhotoCache(paths, [reduction] * len(paths))
+    return photo_cache(paths, [reduction] * len(paths))
 
 
 def whole(view, raster, photos=None):
@@ -317,23 +317,33 @@ def test_a_photo_that_is_gone_or_none_is_told_by_name_each_time(tmp_path):
     (tmp_path / "text.jpg").write_text("no photo")
     (tmp_path / "empty.jpg").write_bytes(b"")
     names = [str(tmp_path / name) for name in ("gone.jpg", "text.jpg", "empty.jpg")]
-    photos = PhotoCache(names, [1, 1, 4])
+    photos = photo_cache(names, [1, 1, 4])
     for index, said in ((0, r"gone\.jpg: cannot be read"), (1, r"text\.jpg: is no photo")):
         for _ in range(2):
             with pytest.raises(InputError, match=said):
-                photos(index)
+                photos.get(index)
     with pytest.raises(InputError, match=r"empty\.jpg"):
-        photos(2)
+        photos.get(2)
+
+
+def test_a_photo_that_could_not_be_read_is_read_once_it_can_be(tmp_path):
+    path = tmp_path / "late.png"
+    photos = photo_cache([str(path)], [1])
+    with pytest.raises(InputError, match=r"late\.png: cannot be read"):
+        photos.get(0)
+    write_photo(path, pattern())
+
+    assert photos.get(0).rgba.shape[2] == 4
 
 
 def test_the_cache_keeps_what_was_used_last(tmp_path):
     paths = [write_photo(tmp_path / f"{k}.png", pattern(k)) for k in range(3)]
     one = read_photo(paths[0]).rgba.nbytes
-    photos = PhotoCache(paths, [1] * 3, most_bytes=2 * one)
-    first, _, third = photos(0), photos(1), photos(2)
+    photos = photo_cache(paths, [1] * 3, most_bytes=2 * one)
+    first, _, third = photos.get(0), photos.get(1), photos.get(2)
 
-    assert photos(2).rgba is third.rgba
-    assert photos(0).rgba is not first.rgba
+    assert photos.get(2).rgba is third.rgba
+    assert photos.get(0).rgba is not first.rgba
 
 
 def test_nothing_is_decoded_for_a_window_without_a_photo(tmp_path):

@@ -19,12 +19,12 @@ from uavgram.views.recording import write_recording
 from uavgram.views.recording.blueprint import blueprint
 from uavgram.views.recording.curves.plots import frame_curves
 from uavgram.views.recording.curves.pose_curves import pose_curves
-from uavgram.views.recording.pages.summary import summary
+from uavgram.views.recording.pages.tables import summary
 from uavgram.views.recording.photo.frame_picks import project_picks
 from uavgram.views.recording.photo.photo import PHOTOS_PER_CHUNK
 from uavgram.views.recording.scene import measure_scene
-from uavgram.views.recording.world.close_up import round_length
 from uavgram.views.recording.world.legend import BACKGROUND, HEIGHT_PX, WIDTH_PX, draw_legend
+from uavgram.views.survey.drawing import round_length
 from uavgram.views.survey.verdict import judge
 
 PHOTO = "/survey/current_camera/photo"

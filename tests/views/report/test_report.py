@@ -14,7 +14,7 @@ from uavgram.model.result.error_budget import SOURCES
 from uavgram.model.result.reliability import RemovalRecord
 from uavgram.views.report import render_report, write_report
 from uavgram.views.report.budget import COLOURS, WORDS
-from uavgram.views.report.rows import gauge
+from uavgram.views.report.gauge import gauge
 from uavgram.views.wording import GROUP_WORDS
 
 VARIANTS = [

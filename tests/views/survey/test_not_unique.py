@@ -6,7 +6,7 @@ import pytest
 from html_page import Page
 from unsure import unsure
 
-from uavgram.views.recording.pages.tables import measured_table
+from uavgram.views.recording.pages.tables import measured_page
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.world.labels import measured_text, survey_labels
 from uavgram.views.report import render_report
@@ -77,13 +77,13 @@ def test_the_least_certain_length_is_that_one_with_its_other_values(marked):
 
 
 def test_the_recording_marks_it_in_its_table_and_on_its_label(sure, marked):
-    (row,) = [line for line in measured_table(marked).splitlines() if line.startswith(f"| {NAME}")]
+    (row,) = [line for line in measured_page(marked).splitlines() if line.startswith(f"| {NAME}")]
     at = marked.measurements.name.index(NAME)
     labels = survey_labels(marked, measure_scene(marked))
 
     assert OTHERS in row
-    assert 'Values with "or" are not sure' in measured_table(marked)
-    assert 'Values with "or"' not in measured_table(sure)
+    assert 'Values with "or" are not sure' in measured_page(marked)
+    assert 'Values with "or"' not in measured_page(sure)
     assert measured_text(marked, at).endswith(OTHERS)
     assert [t for t in labels.text if t.startswith("NOT UNIQUE: ") and t.endswith(OTHERS)]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -72,20 +73,43 @@ def read_preview(
     InputError
         The file cannot be read, or is no photo.
     """
-    try:
-        encoded = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(path, f"cannot be read: {error.strerror}") from error
-    size = jpeg_size(encoded)
-    reduction = _reduction(size[0], max_width_px) if size else 1
-    pixels = _decode(encoded, _REDUCED[reduction] | cv2.IMREAD_IGNORE_ORIENTATION)
-    if pixels is None:
-        raise InputError(path, "is no photo that can be decoded; replace it or leave it out")
+    pixels, reduction = read_reduced(path, lambda width: _reduction(width, max_width_px))
     height, width = pixels.shape[:2]
     # libjpeg's last column stands for a partial block: its pixels are `reduction` wide all the same
     covered = np.array([width, height], dtype=np.float64) * reduction
     pixels = _no_wider(pixels, max_width_px)
     return _encoded(pixels, (float(covered[0]), float(covered[1]))), pixels
+
+
+def read_reduced(path: str | os.PathLike[str], choose: Callable[[int], int]) -> tuple[Pixels, int]:
+    """Decode a photo, a JPEG at a fraction of its size, which costs a fraction.
+
+    Parameters
+    ----------
+    path
+        Any format that OpenCV reads. EXIF rotation is not applied.
+    choose
+        Original pixels per pixel (1, 2, 4 or 8) of a JPEG of a width; others are not reduced.
+
+    Returns
+    -------
+    (height, width, 3) BGR, and original pixels per pixel.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is no photo.
+    """
+    try:
+        encoded = Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(path, f"cannot be read: {error.strerror}") from error
+    size = jpeg_size(encoded)
+    reduction = choose(size[0]) if size else 1
+    pixels = _decode(encoded, _REDUCED[reduction] | cv2.IMREAD_IGNORE_ORIENTATION)
+    if pixels is None:
+        raise InputError(path, "is no photo that can be decoded; replace it or leave it out")
+    return pixels, reduction
 
 
 def preview_of(pixels: Pixels, max_width_px: int = MAX_WIDTH_PX) -> Preview:
@@ -122,18 +146,19 @@ def jpeg_preview_scale(width_px: int, max_width_px: int = MAX_WIDTH_PX) -> float
 
 def decode_preview(preview: Preview) -> Pixels:
     """(height, width, 3) RGB of a preview."""
-    pixels = _decode(preview.jpeg, cv2.IMREAD_COLOR)
-    if pixels is None:  # previews are encoded by this module
-        raise ValueError("a preview holds no JPEG")
-    return np.ascontiguousarray(pixels[:, :, ::-1])
+    return np.ascontiguousarray(_decode_own(preview.jpeg)[:, :, ::-1])
 
 
 def jpeg_of_width(jpeg: bytes, width_px: int) -> bytes:
     """A smaller copy of a JPEG of ours, at most this wide."""
+    return preview_of(_decode_own(jpeg), width_px).jpeg
+
+
+def _decode_own(jpeg: bytes) -> Pixels:
     pixels = _decode(jpeg, cv2.IMREAD_COLOR)
-    if pixels is None:
-        raise ValueError("is no JPEG of this program")
-    return preview_of(pixels, width_px).jpeg
+    if pixels is None:  # previews are encoded by this module
+        raise ValueError("a preview holds no JPEG")
+    return pixels
 
 
 def jpeg_size(encoded: bytes) -> tuple[int, int] | None:

@@ -95,6 +95,15 @@ class TiledPhotos:
     def tile(self, photo: int, level: int, column: int, row: int) -> bytes | None:
         """JPEG of one tile; None where there is none.
 
+        Parameters
+        ----------
+        photo
+            Row of the photo.
+        level
+            0: full size; each further one half of it.
+        column, row
+            Of the tile at that level.
+
         Raises
         ------
         InputError

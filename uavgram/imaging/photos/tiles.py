@@ -57,7 +57,15 @@ class Overview:
         return sum(level.nbytes for level in self.levels)
 
     def tile(self, level: int, column: int, row: int) -> bytes | None:
-        """JPEG of one tile; None where the overview has none. Edge tiles are smaller."""
+        """JPEG of one tile; None where the overview has none. Edge tiles are smaller.
+
+        Parameters
+        ----------
+        level
+            `FIRST_COARSE` or more.
+        column, row
+            Of the tile at that level.
+        """
         if not 0 <= level - FIRST_COARSE < len(self.levels):
             return None
         pixels = self.levels[level - FIRST_COARSE]

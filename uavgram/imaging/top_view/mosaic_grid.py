@@ -53,7 +53,17 @@ class Grid:
         return np.concatenate([spots, self.result.plane.height_at(spots)[..., None]], axis=-1)
 
     def pixels_in(self, cameras: Cameras, frame: int, world_m: Floats) -> Floats:
-        """(..., 2) original pixels of a frame; NaN outside the photo and where rays are flat."""
+        """(..., 2) original pixels of a frame; NaN outside the photo and where rays are flat.
+
+        Parameters
+        ----------
+        cameras
+            All poses.
+        frame
+            Row of one of them.
+        world_m
+            (..., 3) points.
+        """
         camera = self.result.camera
         rays = world_m - cameras.center_m[frame]
         pixel = project(
@@ -66,7 +76,17 @@ class Grid:
         return np.where(inside[..., None], pixel, np.nan)
 
     def finest_pixel(self, cameras: Cameras, frame: int, preview_scale: float) -> float:
-        """What a pixel of a frame's preview measures on the ground below it [m]."""
+        """What a pixel of a frame's preview measures on the ground below it [m].
+
+        Parameters
+        ----------
+        cameras
+            All poses.
+        frame
+            Row of one of them.
+        preview_scale
+            Original pixels per pixel of its preview.
+        """
         center = cameras.center_m[frame]
         height = abs(float(center[2] - self.result.plane.height_at(center[:2])))
         return height * preview_scale / float(self.result.shared.intrinsics.value[0])

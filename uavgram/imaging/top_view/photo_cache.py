@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Sequence
-from concurrent.futures import Future
-from pathlib import Path
-from threading import Lock
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uavgram.errors import InputError
-from uavgram.imaging.photos.preview import Pixels, jpeg_size
+from uavgram.imaging.photos.cache import LruCache
+from uavgram.imaging.photos.preview import Pixels, read_reduced
 
 CACHE_BYTES = 1_000_000_000
 
@@ -22,13 +18,8 @@ MARGIN_PX = 1
 
 Map = NDArray[np.float32]
 
-# Decoding at 1/2, 1/4 or 1/8 of the size costs a fraction of decoding all of a JPEG.
-_REDUCED = {
-    1: cv2.IMREAD_COLOR_RGB,
-    2: cv2.IMREAD_REDUCED_COLOR_2,
-    4: cv2.IMREAD_REDUCED_COLOR_4,
-    8: cv2.IMREAD_REDUCED_COLOR_8,
-}
+QUICKEST = 8
+"""Decoding at 1/2, 1/4 or 1/8 of the size costs a fraction of decoding all of a JPEG."""
 
 
 class Photo(NamedTuple):
@@ -58,8 +49,14 @@ class Photo(NamedTuple):
         return np.asarray(cv2.remap(self.rgba, u, v, cv2.INTER_LINEAR), np.uint8)
 
 
-class PhotoCache:
-    """Photos by index, decoded once while they stay; for several threads.
+PhotoCache = LruCache[int, Photo]
+"""Photos by index, decoded once while they stay; for several threads."""
+
+
+def photo_cache(
+    paths: Sequence[str], reductions: Sequence[int], most_bytes: int = CACHE_BYTES
+) -> PhotoCache:
+    """Photos that are decoded when they are asked for.
 
     Parameters
     ----------
@@ -70,47 +67,9 @@ class PhotoCache:
     most_bytes
         Of photos kept; one at least stays.
     """
-
-    def __init__(
-        self, paths: Sequence[str], reductions: Sequence[int], most_bytes: int = CACHE_BYTES
-    ) -> None:
-        self._paths, self._reductions, self._most_bytes = paths, reductions, most_bytes
-        self._photos: OrderedDict[int, Future[Photo]] = OrderedDict()
-        self._lock = Lock()
-
-    def __call__(self, index: int) -> Photo:
-        """Return the photo; who asks for one that is being decoded waits for that.
-
-        Raises
-        ------
-        InputError
-            The file cannot be read, or is no photo.
-        """
-        with self._lock:
-            waiting = self._photos.get(index)
-            if waiting is None:
-                mine = self._photos[index] = Future()
-            self._photos.move_to_end(index)
-        if waiting is not None:
-            return waiting.result()
-        try:
-            mine.set_result(read_photo(self._paths[index], self._reductions[index]))
-        except BaseException as fault:
-            mine.set_exception(fault)
-            raise
-        with self._lock:
-            self._forget()
-        return mine.result()
-
-    def _forget(self) -> None:
-        """Let go of the photos that were not used for longest."""
-        there = {k: f.result() for k, f in self._photos.items() if f.done() and not f.exception()}
-        size = sum(photo.rgba.nbytes for photo in there.values())
-        for index in list(there)[:-1]:
-            if size <= self._most_bytes:
-                break
-            size -= there[index].rgba.nbytes
-            del self._photos[index]
+    return LruCache(
+        lambda k: read_photo(paths[k], reductions[k]), lambda photo: photo.rgba.nbytes, most_bytes
+    )
 
 
 def read_photo(path: str, reduction: int = 1) -> Photo:
@@ -121,15 +80,7 @@ def read_photo(path: str, reduction: int = 1) -> Photo:
     InputError
         The file cannot be read, or is no photo.
     """
-    try:
-        encoded = Path(path).read_bytes()
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    size = jpeg_size(encoded)
-    quick = min(reduction, max(_REDUCED)) if size else 1
-    pixels = _decode(encoded, quick)
-    if pixels is None:
-        raise InputError(path, "is no photo that can be decoded; replace it or leave it out")
+    pixels, quick = read_reduced(path, lambda _: min(reduction, QUICKEST))
     height, width = pixels.shape[:2]
     # libjpeg's last column stands for a partial block: its pixels are as wide all the same
     scale = float(quick), float(quick)
@@ -140,25 +91,11 @@ def read_photo(path: str, reduction: int = 1) -> Photo:
     return Photo(_with_margin(pixels), scale)
 
 
-def _with_margin(rgb: Pixels) -> Pixels:
-    """(H + 2, W + 2, 4) opaque, the outermost pixels repeated."""
-    height, width = rgb.shape[:2]
+def _with_margin(bgr: Pixels) -> Pixels:
+    """(H + 2, W + 2, 4) RGB and opacity, the outermost pixels repeated."""
+    height, width = bgr.shape[:2]
     out = np.empty((height + 2 * MARGIN_PX, width + 2 * MARGIN_PX, 4), np.uint8)
-    cv2.cvtColor(rgb, cv2.COLOR_RGB2RGBA, dst=out[1:-1, 1:-1])
+    cv2.cvtColor(bgr, cv2.COLOR_BGR2RGBA, dst=out[1:-1, 1:-1])
     out[0, 1:-1], out[-1, 1:-1] = out[1, 1:-1], out[-2, 1:-1]
     out[:, 0], out[:, -1] = out[:, 1], out[:, -2]
     return out
-
-
-def _decode(encoded: bytes, reduction: int) -> Pixels | None:
-    """(H, W, 3) RGB."""
-    flags = _REDUCED[reduction] | cv2.IMREAD_IGNORE_ORIENTATION
-    try:
-        pixels = cv2.imdecode(np.frombuffer(encoded, np.uint8), flags)
-    except cv2.error:  # an empty buffer, or a header with absurd sizes
-        return None
-    if pixels is None:
-        return None
-    if reduction > 1:  # these flags give BGR
-        cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB, dst=pixels)
-    return np.asarray(pixels, dtype=np.uint8)

@@ -50,13 +50,13 @@ def warp_window(
     width, height = window[2:]
     sights = _nearest(look_from(view, raster, window, candidates), _rim_px(view))
     if len(sights) == 1 and sights[0].within(EDGE_PX):
-        return photos(sights[0].index).sample(*sights[0].pixel_maps())
+        return photos.get(sights[0].index).sample(*sights[0].pixel_maps())
     shots = [maps for maps in (sight.maps() for sight in sights) if maps.shown.any()]
     if not shots:
         return np.zeros((height, width, 4), np.uint8)
     if len(shots) > 1:
         return _blend(shots, view, photos)
-    out = photos(shots[0].index).sample(shots[0].u, shots[0].v)
+    out = photos.get(shots[0].index).sample(shots[0].u, shots[0].v)
     out.view(np.uint32)[..., 0] *= shots[0].shown  # four bytes at once
     return out
 
@@ -88,7 +88,7 @@ def _blend(shots: list[Maps], view: View, photos: PhotoCache) -> Pixels:
     picture = np.zeros((*shape, 4), np.float32)
     for maps, share in zip(shots, _shares(shots, view), strict=True):
         if share.any():
-            picture += photos(maps.index).sample(maps.u, maps.v) * share[..., None]
+            picture += photos.get(maps.index).sample(maps.u, maps.v) * share[..., None]
     picture += np.float32(0.5)  # to round, not to cut
     return picture.astype(np.uint8)
 

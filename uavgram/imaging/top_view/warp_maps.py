@@ -179,20 +179,52 @@ class Maps:
 
 
 def lay_lattice(view: View, raster: GroundRaster, window: Window) -> Lattice:
-    """Nodes close enough for the lowest of the photos."""
+    """Nodes close enough for the lowest of the photos.
+
+    Parameters
+    ----------
+    view
+        The photos and the ground.
+    raster
+        The top view.
+    window
+        The part of it that is asked for.
+    """
     above = view.least_height_m * NODE_STEP_SHARE / raster.pixel_m
     step = 1 if above < 2 else min(NODE_STEP_PX, int(above))
     return Lattice(view, raster, window, step)
 
 
 def look(lattice: Lattice, index: int, world: Floats | None = None) -> Sight:
-    """One photo's sight of a lattice (whose world positions may be known already)."""
+    """One photo's sight of a lattice (whose world positions may be known already).
+
+    Parameters
+    ----------
+    lattice
+        Nodes over a window.
+    index
+        Of the photo in its view.
+    world
+        (rows, columns, 3) of the nodes; None: computed here.
+    """
     ground = lattice.world() if world is None else world
     return Sight(index, lattice, *lattice.view.look(index, ground))
 
 
 def look_from(view: View, raster: GroundRaster, window: Window, candidates: Ints) -> list[Sight]:
-    """Every photo's sight of a window, without those that certainly show none of it."""
+    """Every photo's sight of a window, without those that certainly show none of it.
+
+    Parameters
+    ----------
+    view
+        The photos and the ground.
+    raster
+        The top view.
+    window
+        The part of it that is asked for.
+    candidates
+        (n,) photos of the view that may show it.
+    """
     if not len(candidates):
         return []
     lattice = lay_lattice(view, raster, window)

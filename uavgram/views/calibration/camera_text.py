@@ -123,7 +123,15 @@ def fact_lines(facts: CameraFacts, focal_mm: float | None) -> list[str]:
 def difference_lines(
     first: Calibration, second: Calibration, difference: CameraDifference
 ) -> list[str]:
-    """What the second camera projects elsewhere than the first, and whether that is much."""
+    """What the second camera projects elsewhere than the first, and whether that is much.
+
+    Parameters
+    ----------
+    first, second
+        The cameras.
+    difference
+        The second minus the first.
+    """
     turn = ", ".join(number(math.degrees(angle), 4) for angle in difference.rotation_rad)
     worst = int(np.argmax(difference.size_px))
     u, v = difference.pixel_px[worst].tolist()

@@ -23,13 +23,12 @@ from uavgram.views.calibration.maps import (
     uncertainty_map,
 )
 from uavgram.views.calibration.verdict import (
-    RANK,
     calibration_facts,
     judge_calibration,
     percent,
 )
 from uavgram.views.pages import page_environment
-from uavgram.views.wording import chance, number
+from uavgram.views.wording import LEVEL_RANK, number
 
 PICTURE_WIDTH_PX = 300
 
@@ -58,31 +57,36 @@ def write_calibration_report(
 def render_calibration_report(account: CalibrationAccount, pictures: Mapping[str, bytes]) -> str:
     """The page as text. Names that people wrote are escaped; nothing is loaded from elsewhere."""
     result = account.result
-    environment = page_environment()
-    environment.filters.update(number=number, chance=chance)
-    return environment.get_template("calibration.html").render(
-        account=account,
-        result=result,
-        camera=result.calibration,
-        quality=result.quality,
-        board=board_words(result.board),
-        verdict=judge_calibration(account),
-        facts=calibration_facts(account),
-        parameters=parameter_cells(result.calibration)[1:],
-        correlations=_correlations(result),
-        bow=_bow(result),
-        models=_models(result),
-        messages=sorted(account.messages, key=lambda message: RANK[message.level]),
-        coverage=coverage_map(result),
-        residuals=residual_map(result),
-        uncertainty=uncertainty_map(result),
-        dial=tilt_dial(result),
-        lengths=[
-            (effect, length_map(result, effect), _length_row(effect)) for effect in account.effects
-        ],
-        photos=_photos(result, pictures),
-        left_out=[(file, reason, _picture(pictures, file)) for file, reason in account.left_out],
-        outliers=_outliers(result),
+    return (
+        page_environment()
+        .get_template("calibration.html")
+        .render(
+            account=account,
+            result=result,
+            camera=result.calibration,
+            quality=result.quality,
+            board=board_words(result.board),
+            verdict=judge_calibration(account),
+            facts=calibration_facts(account),
+            parameters=parameter_cells(result.calibration)[1:],
+            correlations=_correlations(result),
+            bow=_bow(result),
+            models=_models(result),
+            messages=sorted(account.messages, key=lambda message: LEVEL_RANK[message.level]),
+            coverage=coverage_map(result),
+            residuals=residual_map(result),
+            uncertainty=uncertainty_map(result),
+            dial=tilt_dial(result),
+            lengths=[
+                (effect, length_map(result, effect), _length_row(effect))
+                for effect in account.effects
+            ],
+            photos=_photos(result, pictures),
+            left_out=[
+                (file, reason, _picture(pictures, file)) for file, reason in account.left_out
+            ],
+            outliers=_outliers(result),
+        )
     )
 
 

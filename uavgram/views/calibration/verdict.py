@@ -10,8 +10,8 @@ from uavgram.model.camera.calibration_account import CalibrationAccount, LensEff
 from uavgram.model.camera.calibration_result import CalibrationResult
 from uavgram.views.calibration.drawing import pixels_text
 from uavgram.views.survey.verdict import Verdict
+from uavgram.views.wording import LEVEL_RANK
 
-RANK = {"error": 0, "warning": 1, "info": 2}
 GOOD_FOCAL = 0.005
 """What a length may lose to the lens, or its focal length may be unsure by, before it is seen."""
 WORST_SHARE = 0.05
@@ -29,7 +29,7 @@ Fact = tuple[str, str]
 def judge_calibration(account: CalibrationAccount) -> Verdict:
     """Sum up a calibration for someone who has ten seconds."""
     result = account.result
-    ordered = sorted(account.messages, key=lambda message: RANK[message.level])
+    ordered = sorted(account.messages, key=lambda message: LEVEL_RANK[message.level])
     reasons = tuple(message.text for message in ordered if message.level != "info")
     share = focal_share(result.calibration)
     known = f"the focal length is known to {100 * share:.2g} %"

@@ -23,7 +23,7 @@ from uavgram.model.flight.log_summary import BootSummary, LogSummary
 def log_summary_json(summary: LogSummary) -> str:
     """Write down what is in a log; numbers that the log has not are null."""
     log = summary.log
-    told = {
+    content = {
         "schema": 1,
         "path": log.path,
         "kind": log.kind,
@@ -37,7 +37,7 @@ def log_summary_json(summary: LogSummary) -> str:
         ],
         "notes": list(log.notes),
     }
-    return json.dumps(_without_nan(told), indent=2, allow_nan=False, ensure_ascii=False)
+    return json.dumps(_without_nan(content), indent=2, allow_nan=False, ensure_ascii=False)
 
 
 def _boot(summary: BootSummary) -> dict[str, Any]:
@@ -152,12 +152,12 @@ def _home(home: HomeSamples | None, moves_m: float) -> dict[str, Any] | None:
     }
 
 
-def _without_nan(told: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold
+def _without_nan(value: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold
     """The same with null for every number that is none."""
-    if isinstance(told, dict):
-        return {key: _without_nan(value) for key, value in told.items()}
-    if isinstance(told, list):
-        return [_without_nan(value) for value in told]
-    if isinstance(told, float) and not math.isfinite(told):
+    if isinstance(value, dict):
+        return {key: _without_nan(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(each) for each in value]
+    if isinstance(value, float) and not math.isfinite(value):
         return None
-    return told
+    return value

@@ -11,6 +11,7 @@ from uavgram.views.recording.curves.plots import (
     HEIGHT,
     RESIDUAL_REFINED,
     RESIDUAL_SEED,
+    STATUS,
     WORST_W,
     Curves,
 )
@@ -20,7 +21,6 @@ from uavgram.views.recording.curves.pose_curves import (
     POSITION_SIGMA,
     PoseCurves,
 )
-from uavgram.views.recording.curves.status import STATUS
 from uavgram.views.recording.pages.documents import (
     CHECKS,
     FRAME_SHEET,
@@ -35,10 +35,10 @@ from uavgram.views.recording.photo.overlay import NAME_ABOVE, OVERLAYS
 from uavgram.views.recording.photo.photo import PHOTO
 from uavgram.views.recording.scene import TO_THE_EYE, Scene
 from uavgram.views.recording.stream import FRAME_TIMELINE
-from uavgram.views.recording.world.close_up import BAR
 from uavgram.views.recording.world.footprint_marks import ALL, CURRENT
 from uavgram.views.recording.world.geography import MAP, has_map
 from uavgram.views.recording.world.legend import LEGEND
+from uavgram.views.recording.world.survey import BAR
 from uavgram.views.style import Rgb
 from uavgram.views.survey.frame_states import frame_counts
 from uavgram.views.wording import axes_text
@@ -57,7 +57,17 @@ _NOT_IN_SPACE = [f"- {PHOTO}/{name}/**" for name in OVERLAYS]
 
 
 def blueprint(result: Result, scene: Scene, curves: Curves, poses: PoseCurves) -> rrb.Blueprint:
-    """The layout for this result: only views that have something to show."""
+    """The layout for this result: only views that have something to show.
+
+    Parameters
+    ----------
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    curves, poses
+        Curves over the frames, for the ranges of the plots.
+    """
     # a curve through one frame shows nothing
     several = len(result.frames.frame_id) > 1
     plots = [_plots(result, curves, poses)] if several else []
@@ -79,8 +89,13 @@ def blueprint(result: Result, scene: Scene, curves: Curves, poses: PoseCurves) -
         _pages(result),
         row_shares=[5.9, 1.15, 4.7],
     )
+    return layout(rrb.Horizontal(left, right, column_shares=[1.3, 1]))
+
+
+def layout(views: rrb.Horizontal) -> rrb.Blueprint:
+    """These views, with Rerun's own panels folded away and one row of time for each photo."""
     return rrb.Blueprint(
-        rrb.Horizontal(left, right, column_shares=[1.3, 1]),
+        views,
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=FRAME_TIMELINE, fps=2, play_state="paused"),
@@ -142,19 +157,19 @@ def _eye(
 def _plots(result: Result, curves: Curves, poses: PoseCurves) -> rrb.Tabs:
     """Two rows of plots: how well the picks fit, and how the poses changed."""
     fit = [
-        _plot(
+        plot(
             RESIDUAL_REFINED,
             "Pick misfit, σ white [px]",
             np.concatenate([curves.refined_rms_px, curves.sigma_px]),
         ),
-        _plot(
+        plot(
             WORST_W,
             f"Worst pick in sigmas, limit {curves.limit_w:.2f}",
             np.append(curves.worst_w, curves.limit_w),
         ),
     ]
     if np.isfinite(curves.seed_rms_px).any():
-        fit.append(_plot(RESIDUAL_SEED, "Flight log alone [px]", curves.seed_rms_px))
+        fit.append(plot(RESIDUAL_SEED, "Flight log alone [px]", curves.seed_rms_px))
     moved = _pose_plots(result, curves, poses)
     rows = [rrb.Horizontal(*fit, name="How the picks fit")]
     if moved:
@@ -171,17 +186,27 @@ def _pose_plots(result: Result, curves: Curves, poses: PoseCurves) -> list[rrb.T
     corrections = np.concatenate([poses.tilt_deg, poses.turn_deg, poses.seed_attitude_deg])
     if np.isfinite(heights).any():
         upper = heights + np.sqrt(np.concatenate(variance))
-        plots.append(_plot(HEIGHT, "Height, ±1 σ [m]", upper))
+        plots.append(plot(HEIGHT, "Height, ±1 σ [m]", upper))
     if np.isfinite(poses.tilt_deg).any():
-        plots.append(_plot(CORRECTION, "Tilted, turned, σ of log [°]", corrections))
+        plots.append(plot(CORRECTION, "Tilted, turned, σ of log [°]", corrections))
     if np.isfinite(attitude).any():
-        plots.append(_plot(ATTITUDE_SIGMA, "σ of attitude [°]", attitude))
-        plots.append(_plot(POSITION_SIGMA, "σ of position [m]", position))
+        plots.append(plot(ATTITUDE_SIGMA, "σ of attitude [°]", attitude))
+        plots.append(plot(POSITION_SIGMA, "σ of position [m]", position))
     return plots
 
 
-def _plot(origin: str, name: str, values: Floats) -> rrb.TimeSeriesView:
-    """From zero, so that what looks small is small."""
+def plot(origin: str, name: str, values: Floats) -> rrb.TimeSeriesView:
+    """A plot that begins at zero, so that what looks small is small.
+
+    Parameters
+    ----------
+    origin
+        Entity of the curves.
+    name
+        Shown above them, with the unit.
+    values
+        (n,) of all curves, for the range; NaN where not known.
+    """
     known = values[np.isfinite(values)]
     top = 1.15 * float(known.max()) if len(known) else 1.0
     return rrb.TimeSeriesView(

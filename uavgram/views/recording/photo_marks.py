@@ -18,7 +18,21 @@ CENTRE_PX = 0.5
 def log_polylines(
     recorder: Recorder, path: str, per_frame: list[list[Floats]], colour: Rgb, width: float
 ) -> None:
-    """Per frame a list of (n, 2) polylines; `width` in points of the screen."""
+    """Log polylines that are drawn on the photo, other ones in each frame.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    path
+        Of the entity.
+    per_frame
+        (F,) lists of (n, 2) polylines in original pixels.
+    colour
+        Of all lines.
+    width
+        In points of the screen.
+    """
     radius = rr.Radius.ui_points(width / 2)
     recorder.static(path, rr.LineStrips2D.from_fields(colors=colour, radii=radius))
     _batches(
@@ -45,7 +59,21 @@ def _packed(strips: list[Floats]) -> rr.components.LineStrip2DArrayLike:
 def log_dots(
     recorder: Recorder, path: str, per_frame: list[Floats], colour: Rgb, size: float
 ) -> None:
-    """Per frame (n, 2) points; `size` is their radius in points of the screen."""
+    """Log dots that are drawn on the photo, other ones in each frame.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    path
+        Of the entity.
+    per_frame
+        (F,) arrays (n, 2) of original pixels.
+    colour
+        Of all dots.
+    size
+        Radius in points of the screen.
+    """
     radius = rr.Radius.ui_points(size)
     recorder.static(path, rr.Points2D.from_fields(colors=colour, radii=radius))
     _batches(
@@ -64,7 +92,19 @@ def log_texts(
     anchors: list[Floats],
     texts: list[list[str]],
 ) -> None:
-    """White texts without a dot."""
+    """Log white texts that are drawn on the photo, other ones in each frame.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    path
+        Of the entity.
+    anchors
+        (F,) arrays (n, 2) of original pixels.
+    texts
+        (F,) lists of n texts.
+    """
     recorder.static(
         path,
         rr.Points2D.from_fields(colors=OBSERVED, radii=rr.Radius.ui_points(0.0), show_labels=True),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +19,7 @@ import rerun as rr
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.views.recording.sink import FileSink
+from uavgram.views.style import Rgb
 
 APPLICATION_ID = "uavgram"
 FRAME_TIMELINE = "frame"
@@ -70,7 +71,17 @@ class Recorder:
         self.stream.log(path, *archetypes, static=True)
 
     def rows(self, path: str, frames: Ints, columns: Columns) -> None:
-        """Log one row for each of these frames; `columns` makes the columns of some of them."""
+        """Log one row for each of these frames; `columns` makes the columns of some of them.
+
+        Parameters
+        ----------
+        path
+            Of the entity.
+        frames
+            (n,) rows of the frames.
+        columns
+            Makes the columns of some of these frames.
+        """
         timed = np.isfinite(self.time_utc_s[frames])
         for some in (frames[timed], frames[~timed]):
             if not len(some):
@@ -81,6 +92,60 @@ class Recorder:
                 indexes.append(rr.TimeColumn(TIME_TIMELINE, timestamp=nanoseconds))
             for column in columns(some):
                 self.stream.send_columns(path, indexes=indexes, columns=column)
+
+    def curve(self, path: str, values: Floats, name: str, colour: Rgb) -> None:
+        """Log one curve over the frames.
+
+        Parameters
+        ----------
+        path
+            Of the entity.
+        values
+            (F,) NaN where they are not known: there is no point then.
+        name
+            That a person understands, with its unit.
+        colour
+            Of the line.
+        """
+        known = np.flatnonzero(np.isfinite(values))
+        if len(known):
+            self.static(path, rr.SeriesLines(colors=colour, names=name, widths=2.0))
+            self.rows(path, known, lambda some: [rr.Scalars.columns(scalars=values[some])])
+
+    def states(
+        self, path: str, states: Sequence[str], colours: Mapping[str, Rgb], words: Mapping[str, str]
+    ) -> None:
+        """Log a strip of states over the frames.
+
+        Parameters
+        ----------
+        path
+            Of the entity.
+        states
+            (F,) of the frames.
+        colours, words
+            Of each state that there can be.
+        """
+        labels = [words[state] for state in colours]
+        self.static(
+            path,
+            rr.StateConfiguration(
+                values=list(colours), labels=labels, colors=list(colours.values())
+            ),
+        )
+        each = np.array(states, dtype=str)
+        self.rows(
+            path, np.arange(len(each)), lambda some: [rr.StateChange.columns(state=each[some])]
+        )
+
+    def sheets(self, path: str, texts: Sequence[str]) -> None:
+        """Log one page of Markdown for each frame, (F,) texts."""
+        self.static(path, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN))
+        self.rows(
+            path,
+            np.arange(len(texts)),
+            lambda some: [rr.TextDocument.columns(text=[texts[i] for i in some])],
+        )
 
     def after_the_last(self, path: str, column: rr.ComponentColumnList) -> None:
         """Log one row where the next frame would be."""

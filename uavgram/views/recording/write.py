@@ -13,20 +13,18 @@ from uavgram.imaging.photos.preview import Preview
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.result.result import Result
 from uavgram.views.recording.blueprint import blueprint
-from uavgram.views.recording.curves.plots import frame_curves, log_plots
+from uavgram.views.recording.curves.plots import frame_curves, log_plots, log_status
 from uavgram.views.recording.curves.pose_curves import log_pose_plots, pose_curves
-from uavgram.views.recording.curves.status import log_status
 from uavgram.views.recording.pages.documents import log_documents
 from uavgram.views.recording.photo.frame_picks import project_picks
 from uavgram.views.recording.photo.overlay import log_overlay
 from uavgram.views.recording.photo.photo import PHOTO, log_camera, log_photos
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.stream import Recorder, open_recorder
-from uavgram.views.recording.world.close_up import log_scale_bar
 from uavgram.views.recording.world.footprint_marks import log_footprints
 from uavgram.views.recording.world.geography import log_map, log_origin
 from uavgram.views.recording.world.legend import log_legend
-from uavgram.views.recording.world.survey import log_survey
+from uavgram.views.recording.world.survey import log_scale_bar, log_survey
 
 log = logging.getLogger(__name__)
 

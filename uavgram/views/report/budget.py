@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.result.error_budget import ErrorBudget
 from uavgram.model.result.result import Result
-from uavgram.views.report.rows import Row
 from uavgram.views.wording import computed_first, number
 
 # Okabe and Ito (2008): told apart by colour-blind readers; in the order of the bars.
@@ -64,8 +63,7 @@ FELT = 0.0005
 """Share that rounds to 0.1 %: what is less is not drawn."""
 
 
-@dataclass(frozen=True)
-class Segment:
+class Segment(NamedTuple):
     """Of a bar: where it starts and how long it is, in percent, and its colour."""
 
     start: float
@@ -73,8 +71,16 @@ class Segment:
     colour: str
 
 
-@dataclass(frozen=True)
-class BudgetTable:
+class BudgetRow(NamedTuple):
+    """Of one measurement: its name, bar, largest source, and the shares in percent."""
+
+    name: str
+    bar: list[Segment]
+    largest: str
+    shares: list[str]
+
+
+class BudgetTable(NamedTuple):
     """Error budgets of all measurements that have a value.
 
     Attributes
@@ -82,13 +88,13 @@ class BudgetTable:
     sources
         Name and colour of each, in the order of the bars and of the columns.
     rows
-        Name, bar, largest source, and the shares in percent.
+        The least certain measurement first.
     summary
         For each source that is the largest of some measurement, a sentence.
     """
 
     sources: tuple[tuple[str, str], ...]
-    rows: tuple[Row, ...]
+    rows: tuple[BudgetRow, ...]
     summary: tuple[str, ...]
 
 
@@ -105,7 +111,7 @@ def budget_table(result: Result) -> BudgetTable | None:
     return BudgetTable(
         sources=tuple((source, COLOURS[source]) for source in sources),
         rows=tuple(
-            Row(
+            BudgetRow(
                 name=result.measurements.name[i],
                 bar=_bar(sources, share[i]),
                 largest=sources[int(np.argmax(share[i]))],

@@ -2,58 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.model.result.result import Alternative, Result
 from uavgram.stages.second_order import BIAS_OFF, SIGMA_OFF
-from uavgram.views.report.rows import Row
 from uavgram.views.survey.reliability import second_order_rows
-from uavgram.views.wording import (
-    KIND_WORDS,
-    UNIT_WORDS,
-    alternatives_text,
-    computed_first,
-    decimals_for,
-    interval,
-    number,
-    relative,
-    with_sigma,
-)
+from uavgram.views.wording import number
 
 MOST_DIFFERENT = 10
 """Measurements that are shown under another solution: those that it changes most."""
-
-
-def measurement_rows(result: Result) -> list[Row]:
-    """Least certain first; what was sampled stands beside what was computed."""
-    rows, sampled, second, table = (
-        result.measurements,
-        result.monte_carlo,
-        result.second_order,
-        list[Row](),
-    )
-    for i in computed_first(rows):
-        value, sigma, unit = float(rows.value[i]), float(rows.sigma[i]), rows.unit[i]
-        low, high = map(float, rows.interval_95[i])
-        row = Row(
-            name=rows.name[i],
-            kind=KIND_WORDS.get(rows.kind[i], rows.kind[i]),
-            points=" – ".join(rows.points[i]),
-            value=with_sigma(value, sigma, unit),
-            interval=interval(low, high, sigma, unit),
-            relative="–" if rows.kind[i] == "coordinate" else relative(value, sigma, unit),
-            others=alternatives_text(rows, int(i)),
-            doubtful=second is not None and bool(second.off[i]),
-            bad=not np.isfinite(value),
-        )
-        if sampled is not None:
-            low, high = map(float, sampled.interval_95[i])
-            row["sampled_sigma"] = number(float(sampled.sigma[i]), decimals_for(sigma, unit))
-            row["sampled_interval"] = interval(low, high, sigma, unit)
-        table.append(row)
-    return table
 
 
 def sampled_words(result: Result) -> str:
@@ -70,8 +29,7 @@ def sampled_words(result: Result) -> str:
     )
 
 
-@dataclass(frozen=True)
-class SecondOrderNote:
+class SecondOrderNote(NamedTuple):
     """Whether first-order propagation is good enough.
 
     Attributes
@@ -112,12 +70,21 @@ def second_order_note(result: Result) -> SecondOrderNote | None:
     return SecondOrderNote(sentence, tuple(second_order_rows(result)), advice)
 
 
-@dataclass(frozen=True)
-class AlternativeTable:
-    """Another solution: what it is, the measurements that it changes most, and the others."""
+class AlternativeTable(NamedTuple):
+    """Another solution and what it would do to the measurements.
 
-    title: str
-    rows: tuple[Row, ...]
+    Attributes
+    ----------
+    solution
+        The other one.
+    rows
+        Row, value there and difference in sigmas of the measurements that it changes most.
+    others
+        A sentence on those that it changes less; empty where there are none.
+    """
+
+    solution: Alternative
+    rows: list[tuple[int, float, float]]
     others: str
 
 
@@ -136,25 +103,5 @@ def _alternative(result: Result, other: Alternative) -> AlternativeTable:
     order = order[np.isfinite(sigmas[order])]
     shown, rest = order[:MOST_DIFFERENT], order[MOST_DIFFERENT:]
     most = number(float(sigmas[rest].max(initial=0.0)), 1)
-    return AlternativeTable(
-        title=(
-            f"Camera of {other.frame_id} at a height of {number(other.height_m, 2)} m, tilted by "
-            f"{number(other.tilt_deg, 1)}° (weighted misfit {number(other.cost, 2)})"
-        ),
-        rows=tuple(_changed(result, int(i), values[i], sigmas[i]) for i in shown),
-        others=f"All others ({len(rest)}) differ by at most {most} sigmas." if len(rest) else "",
-    )
-
-
-def _changed(result: Result, i: int, there: float, sigmas: float) -> Row:
-    rows = result.measurements
-    here, unit = float(rows.value[i]), rows.unit[i]
-    places = decimals_for(float(rows.sigma[i]), unit)
-    word = UNIT_WORDS.get(unit, unit)
-    return Row(
-        name=rows.name[i],
-        here=f"{number(here, places)} {word}",
-        there=f"{number(there, places)} {word}",
-        difference=f"{number(there - here, places, signed=True)} {word}",
-        sigmas=number(sigmas, 1),
-    )
+    others = f"All others ({len(rest)}) differ by at most {most} sigmas." if len(rest) else ""
+    return AlternativeTable(other, [(int(i), values[i], sigmas[i]) for i in shown], others)

@@ -1,41 +1,51 @@
-"""The page as a whole: which section shows what."""
+"""The page as a whole: what its templates show, beside the result itself."""
 
 from __future__ import annotations
 
 import os
+from collections import Counter
 from pathlib import Path
 
+import numpy as np
+
 from uavgram.errors import OutputError
+from uavgram.model.result.learnt_camera import learnt_camera
 from uavgram.model.result.result import Result
 from uavgram.views.pages import page_environment
-from uavgram.views.report.adjusted import (
-    area_rows,
-    camera_rows,
-    group_rows,
-    misfit_picks,
-    shared_rows,
-)
 from uavgram.views.report.budget import budget_table
-from uavgram.views.report.checks import (
-    checks_summary,
-    line_check_rows,
-    point_check_rows,
-)
-from uavgram.views.report.custody import option_rows
-from uavgram.views.report.known_lengths import length_rows
+from uavgram.views.report.checks import checks_summary
+from uavgram.views.report.gauge import gauge
 from uavgram.views.report.measured import (
     alternative_tables,
-    measurement_rows,
     sampled_words,
     second_order_note,
 )
 from uavgram.views.report.method import method_facts
-from uavgram.views.report.places import frame_rows, point_rows
+from uavgram.views.survey.drawing import largest_sigmas
 from uavgram.views.survey.key_facts import key_facts
-from uavgram.views.survey.reliability import prior_rows, removal_rows, weakest_links
+from uavgram.views.survey.reliability import (
+    SUSPECT_W,
+    effect_words,
+    prior_rows,
+    removal_rows,
+    weakest_links,
+)
 from uavgram.views.survey.top_view import INK, top_view
-from uavgram.views.survey.verdict import judge
-from uavgram.views.wording import NOT_UNIQUE, WHY_TWO_ELLIPSES, place
+from uavgram.views.survey.verdict import THREE_SIGMA, judge
+from uavgram.views.wording import (
+    FRAME_STATUS_WORDS,
+    GROUP_WORDS,
+    LINE_STATUS_WORDS,
+    NOT_UNIQUE,
+    UNIT_WORDS,
+    WHY_TWO_ELLIPSES,
+    computed_first,
+    decimals_for,
+    interval,
+    measurement_text,
+    place,
+    worst_fit_first,
+)
 
 
 def write_report(result: Result, path: str | os.PathLike[str]) -> None:
@@ -60,14 +70,25 @@ def write_report(result: Result, path: str | os.PathLike[str]) -> None:
 
 def render_report(result: Result) -> str:
     """The page as text. Names that people wrote are escaped; nothing is loaded from elsewhere."""
+    position_m, attitude_deg = largest_sigmas(result.frames.refined)
     return (
         page_environment()
         .get_template("report.html")
         .render(
             result=result,
+            decimals_for=decimals_for,
+            effect_words=effect_words,
+            gauge=gauge,
+            interval=interval,
+            measurement_text=measurement_text,
+            option_text=option_text,
+            unit_words=UNIT_WORDS,
+            group_words=GROUP_WORDS,
+            line_words=LINE_STATUS_WORDS,
+            frame_words=FRAME_STATUS_WORDS,
             verdict=judge(result),
             facts=key_facts(result),
-            measurements=measurement_rows(result),
+            measured=computed_first(result.measurements),
             not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
             sampled=sampled_words(result),
             second_order=second_order_note(result),
@@ -77,21 +98,28 @@ def render_report(result: Result) -> str:
             place=place(result),
             why_two_ellipses=WHY_TWO_ELLIPSES,
             budget=budget_table(result),
-            lines=length_rows(result),
+            lengths=worst_fit_first(result.lines.w),
             removals=removal_rows(result),
-            line_checks=line_check_rows(result),
-            point_checks=point_check_rows(result),
             checks=checks_summary(result),
+            three_sigma=THREE_SIGMA,
+            suspect_w=SUSPECT_W,
             weakest=weakest_links(result),
-            groups=group_rows(result),
-            misfits=misfit_picks(result),
-            shared=shared_rows(result),
-            areas=area_rows(result),
-            camera=camera_rows(result),
+            picks=worst_fit_first(result.picks.w),
+            camera=learnt_camera(result.camera, result.shared.intrinsics),
             priors=prior_rows(result),
-            frames=frame_rows(result),
-            points=point_rows(result),
+            pick_count=Counter(result.picks.image),
+            position_sigma_m=position_m,
+            attitude_sigma_deg=attitude_deg,
+            azimuth_deg=np.degrees(result.points.relative.ellipse_azimuth_rad),
             method=method_facts(result),
-            options=option_rows(result),
         )
     )
+
+
+def option_text(value: object) -> str:
+    """An option as it was understood."""
+    if value is None:
+        return "–"
+    if isinstance(value, tuple | list):
+        return ", ".join(map(option_text, value))
+    return str(value)

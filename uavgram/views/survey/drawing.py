@@ -22,6 +22,12 @@ def nice_factor(size: float, wanted: float) -> int:
     return max((f for f in NICE_FACTORS if f * size <= wanted), default=1)
 
 
+def round_length(most_m: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not larger."""
+    power = 10.0 ** np.floor(np.log10(most_m))
+    return float(power * max(f for f in (1, 2, 5) if f * power <= most_m * (1 + 1e-9)))
+
+
 def frustum_corners(result: Result) -> Floats:
     """(4, 3) corners of the photo as rays z = 1 of the undistorted camera, clockwise."""
     fx, fy, cx, cy = result.shared.intrinsics.value[:4]
@@ -31,7 +37,17 @@ def frustum_corners(result: Result) -> Floats:
 
 
 def frusta(result: Result, poses: PoseTable, depth_m: float) -> Floats:
-    """(N, 10, 3) one open polyline per frame that has a pose: the photo's frame and four edges."""
+    """(N, 10, 3) one open polyline per frame that has a pose: the photo's frame and four edges.
+
+    Parameters
+    ----------
+    result
+        Of the run.
+    poses
+        (F,) of its frames.
+    depth_m
+        At which a frustum is cut off.
+    """
     posed = np.isfinite(poses.center_world_m[:, 0])
     center = poses.center_world_m[posed]
     world = np.einsum("nij,kj->nki", poses.world_from_camera[posed], frustum_corners(result))
@@ -60,6 +76,20 @@ def track(result: Result, poses: PoseTable) -> Floats:
     return np.asarray(centers[np.isfinite(centers[:, 0])], dtype=np.float64)
 
 
+def largest_sigmas(poses: PoseTable) -> tuple[Floats, Floats]:
+    """(F,) standard deviations in the least certain direction; NaN without a pose.
+
+    Returns
+    -------
+    position_m
+        Along the least certain of east, north and up.
+    attitude_deg
+        About the least certain of the camera's axes.
+    """
+    sigma = np.sqrt(np.diagonal(poses.covariance, axis1=1, axis2=2))
+    return sigma[:, :3].max(axis=1), np.degrees(sigma[:, 3:].max(axis=1))
+
+
 def longest_middle(strips: list[Floats]) -> Floats:
     """(D,) middle of the longest segment of (n, D) polylines: where a label goes."""
     starts = np.concatenate([strip[:-1] for strip in strips])
@@ -82,7 +112,19 @@ def project_from(
     *,
     adjusted_lens: bool = True,
 ) -> Floats:
-    """(..., 2) original pixels of (..., 3) world points in one camera; NaN outside the photo."""
+    """(..., 2) original pixels of (..., 3) world points in one camera; NaN outside the photo.
+
+    Parameters
+    ----------
+    result
+        Whose camera it is.
+    center_world_m, world_from_camera
+        (3,) and (3, 3) pose.
+    points_m
+        (..., 3) in the world.
+    adjusted_lens
+        Whether through the lens as adjusted, not as calibrated.
+    """
     lens = result.shared.intrinsics.value if adjusted_lens else result.camera.parameters
     pixel = project(result.camera.model, lens, (points_m - center_world_m) @ world_from_camera)
     return np.where(in_photo(result, pixel)[..., None], pixel, np.nan)

@@ -48,7 +48,17 @@ def weakest_links(result: Result) -> list[dict[str, str]]:
 
 
 def effect_words(result: Result, effects: Effects, i: int) -> str:
-    """``+0.042 m in 'whole'``: what an undetected error of one observation would do."""
+    """``+0.042 m in 'whole'``: what an undetected error of one observation would do.
+
+    Parameters
+    ----------
+    result
+        Of the run.
+    effects
+        Of one kind of observation.
+    i
+        Row of the observation.
+    """
     name = effects.on[i]
     if not name:
         return "–"

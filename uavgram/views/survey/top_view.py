@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import ellipse_outlines, measured_strips, reference_strips
-from uavgram.views.survey.drawing import longest_middle, nice_factor, uncovered
+from uavgram.views.survey.drawing import longest_middle, nice_factor, round_length, uncovered
 from uavgram.views.wording import UNIT_WORDS, decimals_for, worst_first
 
 # Width of the drawing in its own units; letters are 11 of them high.
@@ -128,7 +128,7 @@ def top_view(result: Result) -> TopView | None:
         north_m=float(high[1]),
         scale=float(scale),
     )
-    bar_m = _nice_length(extent_m / 5)
+    bar_m = round_length(extent_m / 5)
     return TopView(
         width=WIDTH,
         height=float(max(size[1] * scale + 2 * MARGIN, LEAST_HEIGHT)),
@@ -142,12 +142,6 @@ def top_view(result: Result) -> TopView | None:
         bar=bar_m * sheet.scale,
         north_known=result.world.gauge == "world",
     )
-
-
-def _nice_length(wanted_m: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not longer."""
-    power = 10.0 ** np.floor(np.log10(wanted_m))
-    return float(max(f for f in (1, 2, 5) if f * power <= wanted_m * (1 + 1e-9)) * power)
 
 
 def _points(drawn: Floats) -> str:

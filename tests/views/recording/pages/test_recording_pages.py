@@ -15,18 +15,18 @@ from uavgram.model.result.reliability import (
     WeakestLinks,
 )
 from uavgram.model.result.shared import AreaPlane
+from uavgram.views.markdown import MOST_ROWS, plain, table
 from uavgram.views.recording.curves.plots import frame_curves
 from uavgram.views.recording.curves.pose_curves import pose_curves
-from uavgram.views.recording.pages.checks import checks_page
-from uavgram.views.recording.pages.frames import frame_sheet
-from uavgram.views.recording.pages.markdown import MOST_ROWS, plain, table
-from uavgram.views.recording.pages.summary import summary
+from uavgram.views.recording.pages.frames import frame_sheets
 from uavgram.views.recording.pages.tables import (
+    checks_page,
     lengths_page,
     measured_page,
     messages_page,
     messages_title,
     points_page,
+    summary,
 )
 from uavgram.views.recording.photo.frame_picks import project_picks
 from uavgram.views.recording.scene import measure_scene
@@ -150,7 +150,7 @@ def test_the_summary_is_short_however_much_was_measured(survey):
 def test_a_sheet_says_how_far_a_frame_was_corrected(result):
     picks = project_picks(result)
     poses = pose_curves(result)
-    sheet = frame_sheet(result, picks, frame_curves(result, picks), poses, 7)
+    sheet = list(frame_sheets(result, picks, frame_curves(result, picks), poses))[7]
     moved = np.linalg.norm(
         result.frames.refined.center_world_m[7] - result.frames.seed.center_world_m[7]
     )

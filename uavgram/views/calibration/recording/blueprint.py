@@ -14,9 +14,8 @@ from uavgram.views.calibration.recording.image_maps import COVERAGE, RESIDUALS, 
 from uavgram.views.calibration.recording.photos import OVERLAYS, PHOTO
 from uavgram.views.calibration.recording.plots import RESIDUAL, STATUS, TILT
 from uavgram.views.calibration.recording.space import AROUND, BEFORE, Room
-from uavgram.views.recording.blueprint import BACKGROUND
+from uavgram.views.recording.blueprint import BACKGROUND, layout, plot
 from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH
-from uavgram.views.recording.stream import FRAME_TIMELINE
 
 MARGIN = 0.02
 # The photo's own drawings lie on the photo, not in space.
@@ -49,14 +48,7 @@ def calibration_blueprint(account: CalibrationAccount, room: Room) -> rrb.Bluepr
         ),
         row_shares=[4.6, 0.95, 1.9, 4.4],
     )
-    return rrb.Blueprint(
-        rrb.Horizontal(left, right, column_shares=[1.35, 1]),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=FRAME_TIMELINE, fps=2, play_state="paused"),
-        auto_views=False,
-        auto_layout=False,
-    )
+    return layout(rrb.Horizontal(left, right, column_shares=[1.35, 1]))
 
 
 def _states(account: CalibrationAccount) -> str:
@@ -131,18 +123,6 @@ def _plots(result: CalibrationResult) -> list[rrb.TimeSeriesView]:
     photos = result.photos
     residuals = np.concatenate([photos.rms_px / SQRT2, photos.held_out_px])
     return [
-        _plot(RESIDUAL, "Residual blue, left out orange, σ white [px]", residuals),
-        _plot(TILT, "Tilt [°]", photos.tilt_deg),
+        plot(f"/{RESIDUAL}", "Residual blue, left out orange, σ white [px]", residuals),
+        plot(f"/{TILT}", "Tilt [°]", photos.tilt_deg),
     ]
-
-
-def _plot(origin: str, name: str, values: Floats) -> rrb.TimeSeriesView:
-    """From zero, so that what looks small is small."""
-    known = values[np.isfinite(values)]
-    top = 1.15 * float(known.max()) if len(known) else 1.0
-    return rrb.TimeSeriesView(
-        origin=f"/{origin}",
-        name=name,
-        axis_y=rrb.ScalarAxis(range=(0.0, max(top, 1e-3))),
-        plot_legend=rrb.PlotLegend(visible=False),
-    )

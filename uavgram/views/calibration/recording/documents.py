@@ -9,10 +9,10 @@ from uavgram.model.camera.calibration_account import CalibrationAccount
 from uavgram.model.camera.calibration_result import CalibrationResult
 from uavgram.views.calibration.camera_text import parameter_cells
 from uavgram.views.calibration.drawing import SQRT2, pixels_text, rows_by_photo
-from uavgram.views.calibration.verdict import RANK, calibration_facts, judge_calibration
-from uavgram.views.recording.pages.markdown import plain, table
+from uavgram.views.calibration.verdict import calibration_facts, judge_calibration
+from uavgram.views.markdown import plain, table
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.wording import number
+from uavgram.views.wording import LEVEL_RANK, number
 
 SUMMARY, CAMERA_PAGE, SHEET = "documents/summary", "documents/camera", "documents/photo"
 MOST_ODD = 20
@@ -27,12 +27,7 @@ def log_calibration_documents(recorder: Recorder, account: CalibrationAccount) -
     ):
         recorder.static(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
     sheets = [photo_sheet(result, k) for k in range(len(result.photos.file))]
-    recorder.static(SHEET, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN))
-    recorder.rows(
-        SHEET,
-        np.arange(len(sheets)),
-        lambda some: [rr.TextDocument.columns(text=[sheets[i] for i in some])],
-    )
+    recorder.sheets(SHEET, sheets)
 
 
 def summary_page(account: CalibrationAccount) -> str:
@@ -40,7 +35,7 @@ def summary_page(account: CalibrationAccount) -> str:
     verdict = judge_calibration(account)
     mark = "✔" if verdict.level == "good" else "⚠"
     facts = [(plain(key), f"**{plain(value)}**") for key, value in calibration_facts(account)]
-    messages = sorted(account.messages, key=lambda message: RANK[message.level])
+    messages = sorted(account.messages, key=lambda message: LEVEL_RANK[message.level])
     parts = [
         f"# {mark} {plain(verdict.sentence)}",
         plain(verdict.counts),

@@ -23,7 +23,19 @@ OVERLAYS = ("residual_exaggerated", "residual_exaggerated_odd", "corners", "corn
 def log_board_photos(
     recorder: Recorder, result: CalibrationResult, room: Room, previews: Mapping[str, Preview]
 ) -> None:
-    """Log the moving camera, its photo and all that is drawn on it."""
+    """Log the moving camera, its photo and all that is drawn on it.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        The calibration.
+    room
+        Sizes of the scene.
+    previews
+        Reduced photos by name.
+    """
     poses, camera = result.photos.poses, result.calibration
     everyone = np.arange(len(poses.frame_id))
     recorder.rows(

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import rerun as rr
 
-from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration_result import CalibrationResult
 from uavgram.views.calibration.drawing import SQRT2
 from uavgram.views.recording.stream import Recorder
@@ -25,21 +23,5 @@ def log_photo_plots(recorder: Recorder, result: CalibrationResult) -> None:
         (f"{RESIDUAL}/sigma_of_corners", noise, "σ of a corner [px]", OBSERVED),
         (f"{TILT}/tilt", photos.tilt_deg, "tilt [°]", REFINED),
     ):
-        _curve(recorder, path, values, name, colour)
-    recorder.static(
-        STATUS,
-        rr.StateConfiguration(
-            values=list(_STATES), labels=list(_STATES), colors=list(_STATES.values())
-        ),
-    )
-    states = np.array(photos.status, dtype=str)
-    recorder.rows(
-        STATUS, np.arange(len(states)), lambda some: [rr.StateChange.columns(state=states[some])]
-    )
-
-
-def _curve(recorder: Recorder, path: str, values: Floats, name: str, colour: Rgb) -> None:
-    known = np.flatnonzero(np.isfinite(values))
-    if len(known):
-        recorder.static(path, rr.SeriesLines(colors=colour, names=name, widths=2.0))
-        recorder.rows(path, known, lambda some: [rr.Scalars.columns(scalars=values[some])])
+        recorder.curve(path, values, name, colour)
+    recorder.states(STATUS, photos.status, _STATES, {state: state for state in _STATES})

@@ -74,7 +74,17 @@ def measure_room(result: CalibrationResult) -> Room:
 
 
 def log_space(recorder: Recorder, result: CalibrationResult, room: Room) -> None:
-    """Log board, cameras, and the boards as the camera saw them."""
+    """Log board, cameras, and the boards as the camera saw them.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        The calibration.
+    room
+        Places of cameras and boards.
+    """
     _board(recorder, result)
     poses = result.photos.poses
     colours = [STATUS_COLOURS[status] for status in result.photos.status]

@@ -11,15 +11,17 @@ from uavgram.estimation.reliability.redundancy import critical_value
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PoseTable
-from uavgram.views.recording.curves.plot_lines import log_curve
 from uavgram.views.recording.photo.frame_picks import FramePicks
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.style import BAD, OBSERVED, REFINED, SEED, Rgb
+from uavgram.views.style import BAD, FRAME_COLOURS, OBSERVED, REFINED, SEED, Rgb
+from uavgram.views.survey.frame_states import frame_states
+from uavgram.views.wording import FRAME_STATE_WORDS
 
 RESIDUAL_REFINED = "plots/residual"
 WORST_W = "plots/worst_w"
 RESIDUAL_SEED = "plots/residual_of_flight_log/flight_log"
 HEIGHT = "plots/height"
+STATUS = "frame_status"
 
 # The project's default, where a result does not state its own.
 RARE = 0.001
@@ -90,7 +92,17 @@ def _height(result: Result, poses: PoseTable) -> Floats:
 
 
 def log_plots(recorder: Recorder, result: Result, curves: Curves) -> None:
-    """Log every curve."""
+    """Log every curve.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    curves
+        Of this result.
+    """
     limit = np.full(len(curves.worst_w), curves.limit_w)
     for path, values, name, colour in (
         (f"{RESIDUAL_REFINED}/refined", curves.refined_rms_px, "refined [px]", REFINED),
@@ -99,7 +111,7 @@ def log_plots(recorder: Recorder, result: Result, curves: Curves) -> None:
         (f"{WORST_W}/limit", limit, f"suspect beyond {curves.limit_w:.2f}", BAD),
         (RESIDUAL_SEED, curves.seed_rms_px, "flight log [px]", SEED),
     ):
-        log_curve(recorder, path, values, name, colour)
+        recorder.curve(path, values, name, colour)
     frames = result.frames
     for path, height, poses, name, colour in (
         (f"{HEIGHT}/flight_log", curves.seed_height_m, frames.seed, "flight log [m]", SEED),
@@ -121,3 +133,9 @@ def _heights(
                 rr.Measurements.columns(values=height_m[some], variances=variance_m2[some])
             ],
         )
+
+
+def log_status(recorder: Recorder, result: Result) -> None:
+    """Log the state of each frame, and an end: else the last would have no width."""
+    recorder.states(STATUS, frame_states(result), FRAME_COLOURS, FRAME_STATE_WORDS)
+    recorder.after_the_last(STATUS, rr.StateChange.columns(state=[""]))  # "" ends a state

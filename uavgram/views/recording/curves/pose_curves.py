@@ -8,10 +8,9 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
-from uavgram.model.result.tables import PoseTable
-from uavgram.views.recording.curves.plot_lines import log_curve
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import MEASURED, OBSERVED, REFINED, SEED
+from uavgram.views.survey.drawing import largest_sigmas
 
 CORRECTION = "plots/attitude_correction"
 ATTITUDE_SIGMA = "plots/attitude_sigma"
@@ -48,19 +47,16 @@ def pose_curves(result: Result) -> PoseCurves:
     # adjusted axes in the camera of the flight log
     change = np.einsum("nji,njk->nik", seed.world_from_camera, refined.world_from_camera)
     turn = np.arctan2(change[:, 1, 0] - change[:, 0, 1], change[:, 0, 0] + change[:, 1, 1])
+    seed_position, seed_attitude = largest_sigmas(seed)
+    refined_position, refined_attitude = largest_sigmas(refined)
     return PoseCurves(
         tilt_deg=np.degrees(np.arccos(np.clip(change[:, 2, 2], -1.0, 1.0))),
         turn_deg=np.degrees(np.abs(turn)),
-        seed_attitude_deg=np.degrees(_largest_sigma(seed, slice(3, 6))),
-        refined_attitude_deg=np.degrees(_largest_sigma(refined, slice(3, 6))),
-        seed_position_m=_largest_sigma(seed, slice(0, 3)),
-        refined_position_m=_largest_sigma(refined, slice(0, 3)),
+        seed_attitude_deg=seed_attitude,
+        refined_attitude_deg=refined_attitude,
+        seed_position_m=seed_position,
+        refined_position_m=refined_position,
     )
-
-
-def _largest_sigma(poses: PoseTable, part: slice) -> Floats:
-    variance = np.diagonal(poses.covariance, axis1=1, axis2=2)[:, part]
-    return np.asarray(np.sqrt(variance.max(axis=1)), dtype=np.float64)
 
 
 def log_pose_plots(recorder: Recorder, curves: PoseCurves) -> None:
@@ -74,4 +70,4 @@ def log_pose_plots(recorder: Recorder, curves: PoseCurves) -> None:
         (f"{POSITION_SIGMA}/flight_log", curves.seed_position_m, "flight log [m]", SEED),
         (f"{POSITION_SIGMA}/refined", curves.refined_position_m, "refined [m]", REFINED),
     ):
-        log_curve(recorder, path, values, name, colour)
+        recorder.curve(path, values, name, colour)

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import numpy as np
 import rerun as rr
 
 from uavgram.model.result.result import Result
 from uavgram.views.recording.curves.plots import Curves
 from uavgram.views.recording.curves.pose_curves import PoseCurves
-from uavgram.views.recording.pages.checks import checks_page
-from uavgram.views.recording.pages.frames import frame_sheet
-from uavgram.views.recording.pages.summary import summary
+from uavgram.views.recording.pages.frames import frame_sheets
 from uavgram.views.recording.pages.tables import (
+    checks_page,
     lengths_page,
     measured_page,
     messages_page,
     points_page,
+    summary,
 )
 from uavgram.views.recording.photo.frame_picks import FramePicks
 from uavgram.views.recording.scene import Scene
@@ -39,7 +38,21 @@ def log_documents(
     curves: Curves,
     poses: PoseCurves,
 ) -> None:
-    """Log all pages."""
+    """Log all pages.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    picks
+        By frame.
+    curves, poses
+        Residuals and corrections of every frame.
+    """
     for path, text in (
         (SUMMARY, summary(result, judge(result), scene)),
         (MEASURED, measured_page(result)),
@@ -49,11 +62,4 @@ def log_documents(
         (MESSAGES, messages_page(result)),
     ):
         recorder.static(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
-    frames = range(len(result.frames.frame_id))
-    sheets = [frame_sheet(result, picks, curves, poses, i) for i in frames]
-    recorder.static(FRAME_SHEET, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN))
-    recorder.rows(
-        FRAME_SHEET,
-        np.arange(len(sheets)),
-        lambda some: [rr.TextDocument.columns(text=[sheets[i] for i in some])],
-    )
+    recorder.sheets(FRAME_SHEET, list(frame_sheets(result, picks, curves, poses)))

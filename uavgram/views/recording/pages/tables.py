@@ -1,148 +1,116 @@
-"""Tables of measurements, known lengths, points and messages."""
+"""The pages of text of the recording, each from its template."""
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from typing import Literal
 
 import numpy as np
 
+from uavgram.model.result.learnt_camera import learnt_camera
 from uavgram.model.result.result import Result
-from uavgram.model.result.tables import MeasurementResults
-from uavgram.views.recording.pages.markdown import MOST_ROWS, plain, table
-from uavgram.views.survey.reliability import effect_words, second_order_rows, weakest_links
+from uavgram.views.pages import page_environment
+from uavgram.views.recording.scene import Scene
+from uavgram.views.recording.world.survey import has_outlines
+from uavgram.views.survey.key_facts import key_facts
+from uavgram.views.survey.reliability import (
+    effect_words,
+    overall_words,
+    prior_rows,
+    removal_rows,
+    second_order_rows,
+    weakest_links,
+)
+from uavgram.views.survey.verdict import THREE_SIGMA, Verdict
 from uavgram.views.wording import (
-    KIND_WORDS,
+    LEVEL_RANK,
     LINE_STATUS_WORDS,
     NOT_UNIQUE,
     WHY_TWO_ELLIPSES,
-    alternatives_text,
-    axes_text,
     computed_first,
-    interval,
-    number,
-    with_sigma,
+    measurement_text,
+    place,
+    worst_fit_first,
 )
 
-LEVELS: tuple[Literal["error", "warning", "info"], ...] = ("error", "warning", "info")
+
+def _page(name: str, result: Result, **shown: object) -> str:
+    """One page from its template, with what several of them call."""
+    template = page_environment().get_template(f"recording/{name}.md")
+    text = template.render(
+        result=result,
+        effect_words=effect_words,
+        measurement_text=measurement_text,
+        line_words=LINE_STATUS_WORDS,
+        not_unique=NOT_UNIQUE,
+        why_two_ellipses=WHY_TWO_ELLIPSES,
+        measured=computed_first(result.measurements),
+        **shown,
+    )
+    return re.sub(r"\n{3,}", "\n\n", text).strip("\n")
 
 
-def measured_table(result: Result, most: int = MOST_ROWS) -> str:
-    """Measurements, the least certain first; at most so many."""
-    rows = result.measurements
-    if not rows.name:
-        return "Nothing was asked for."
-    cells = [
-        (
-            plain(rows.name[i]),
-            f"**{with_sigma(float(rows.value[i]), float(rows.sigma[i]), rows.unit[i])}** "
-            f"{alternatives_text(rows, int(i))}".rstrip(),
-            _interval(rows, int(i)),
-            KIND_WORDS.get(rows.kind[i], rows.kind[i]),
-        )
-        for i in computed_first(rows)
-    ]
-    shown = table(("name", "value ± 1 σ", "95 % interval", "kind"), cells[:most])
-    if rows.is_ambiguous.any():
-        shown = f"{shown}\n\n{NOT_UNIQUE}"
-    more = len(cells) - most
-    return f"{shown}\n\n{more} more are on the page *Measured*." if more > 0 else shown
+def summary(result: Result, verdict: Verdict, scene: Scene) -> str:
+    """Is it good, what is wrong, and what was measured: the page that is read first.
 
-
-def _interval(rows: MeasurementResults, row: int) -> str:
-    low, high = map(float, rows.interval_95[row])
-    return interval(low, high, float(rows.sigma[row]), rows.unit[row])
+    Parameters
+    ----------
+    result
+        Of a run.
+    verdict
+        On it.
+    scene
+        How the pictures are scaled.
+    """
+    return _page(
+        "summary",
+        result,
+        verdict=verdict,
+        scene=scene,
+        facts=key_facts(result),
+        has_outlines=has_outlines(result),
+        place=place(result),
+        quoted=repr,
+    )
 
 
 def measured_page(result: Result) -> str:
     """Everything measured, and how far an error that nobody notices could move it."""
-    parts = ["# Measured", measured_table(result)]
-    links = [(plain(one["name"]), plain(one["weakest"])) for one in weakest_links(result)]
-    if links:
-        header = ("name", "largest effect of an error that no test would find")
-        parts += ["## Weakest links", table(header, links)]
-        alone = [
-            (plain(one["name"]), plain(one["unchecked"]))
-            for one in weakest_links(result)
-            if one["unchecked"]
-        ]
-        if alone:
-            parts += ["## What nothing checks", table(("name", "rests on"), alone)]
-    second = second_order_rows(result)
-    if second:
-        parts += ["## First order is not good enough", "\n".join(f"- {plain(s)}" for s in second)]
-    return "\n\n".join(parts)
+    links = weakest_links(result)
+    return _page("measured", result, weakest=links, second_order=second_order_rows(result))
 
 
 def lengths_page(result: Result) -> str:
     """Known lengths, the worst fit first, with what the tests can see."""
-    lines = result.lines
-    if not lines.name:
-        return "# Known lengths\n\nNone were given."
-    order = np.argsort(-np.nan_to_num(np.abs(lines.w), nan=-1.0), kind="stable")
-    header = [
-        *("name", "ends", "taped [m]", "found [m]", "difference [m]", "w", "status"),
-        *("redundancy", "smallest error that would show [m]"),
-    ]
-    rows = [
-        [
-            plain(lines.name[i]),
-            f"{plain(lines.start[i])} – {plain(lines.end[i])}",
-            f"{number(lines.length_m[i])} ± {number(lines.sigma_m[i])}",
-            f"{number(lines.adjusted_m[i])} ± {number(lines.adjusted_sigma_m[i])}",
-            number(lines.residual_m[i], signed=True),
-            number(lines.w[i], 1, signed=True),
-            _loud(lines.status[i]),
-            number(lines.redundancy[i], 2),
-            number(lines.mdb_m[i]),
-        ]
-        for i in order
-    ]
-    if result.evidence is not None:
-        header.append("it would move")
-        for cells, i in zip(rows, order, strict=True):
-            cells.append(plain(effect_words(result, result.evidence.lines, int(i))))
-    return "# Known lengths\n\n" + table(header, rows)
+    return _page("lengths", result, lengths=worst_fit_first(result.lines.w))
 
 
-def _loud(status: str) -> str:
-    words = LINE_STATUS_WORDS.get(status, status)
-    return f"**{words}**" if status in ("suspect", "removed") else words
+def checks_page(result: Result) -> str:
+    """Everything that speaks for the result, or against it."""
+    return _page(
+        "checks",
+        result,
+        three_sigma=THREE_SIGMA,
+        overall=overall_words(result),
+        removals=removal_rows(result),
+        priors=prior_rows(result),
+        camera=learnt_camera(result.camera, result.shared.intrinsics),
+    )
 
 
 def points_page(result: Result) -> str:
     """Ground points, the least certain within the survey first."""
-    points = result.points
-    rows = [
-        (
-            plain(points.label[k]),
-            *(number(x) for x in points.position_world_m[k]),
-            f"**{axes_text(points.relative.ellipse_95_m[k])}**",
-            f"{np.degrees(points.relative.ellipse_azimuth_rad[k]):.0f}°",
-            axes_text(points.ellipse_95_m[k]),
-            str(len(points.frames[k])),
-        )
-        for k in np.argsort(-points.relative.ellipse_95_m[:, 0], kind="stable")[: MOST_ROWS + 1]
-    ]
-    header = (
-        "label",
-        "east [m]",
-        "north [m]",
-        "up [m]",
-        "95 % half axes within the survey",
-        "azimuth",
-        "on the earth",
-        "frames",
+    within = result.points.relative
+    order = np.argsort(-within.ellipse_95_m[:, 0], kind="stable")
+    return _page(
+        "points", result, points_order=order, azimuth_deg=np.degrees(within.ellipse_azimuth_rad)
     )
-    shown = f"{WHY_TWO_ELLIPSES}\n\n{table(header, rows)}" if rows else "No point was picked."
-    return f"# Points\n\n{shown}"
 
 
 def messages_page(result: Result) -> str:
     """What the run had to say, the worst first."""
-    said = sorted(result.messages, key=lambda message: LEVELS.index(message.level))
-    lines = [f"- **{message.level}** {plain(message.text)}" for message in said]
-    return "# Messages\n\n" + ("\n".join(lines) if lines else "None.")
+    said = sorted(result.messages, key=lambda message: LEVEL_RANK[message.level])
+    return _page("messages", result, messages=said)
 
 
 def messages_title(result: Result) -> str:
@@ -150,7 +118,7 @@ def messages_title(result: Result) -> str:
     counts = Counter(message.level for message in result.messages)
     loud = [
         f"{counts[level]} {level}{'' if counts[level] == 1 else 's'}"
-        for level in LEVELS[:2]
+        for level in ("error", "warning")
         if counts[level]
     ]
     return "Messages" + (f": {', '.join(loud)}" if loud else "")

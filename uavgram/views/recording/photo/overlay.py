@@ -54,7 +54,21 @@ NAME_ABOVE = 0.075
 def log_overlay(
     recorder: Recorder, result: Result, scene: Scene, picks: FramePicks, photo: str
 ) -> None:
-    """Log all that is drawn on the photo, below the entity `photo`."""
+    """Log all that is drawn on the photo, below the entity `photo`.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    picks
+        By frame, with their projections [px].
+    photo
+        Path of the photo's entity.
+    """
     words = _lines(recorder, result, picks, photo)
     _residuals(recorder, result, scene, picks, photo)
     _names(recorder, result, picks, words, photo)

@@ -27,7 +27,17 @@ PHOTOS_PER_CHUNK = 8
 
 
 def log_camera(recorder: Recorder, result: Result, scene: Scene) -> None:
-    """A pinhole that moves with time; where a frame has no pose, too small to be seen."""
+    """Log a pinhole camera that moves with time; where a frame has no pose, too small to be seen.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    """
     frames, count = result.frames, len(result.frames.frame_id)
     posed = np.where(
         result.has_refined[:, None], frames.refined.center_world_m, frames.seed.center_world_m
@@ -70,7 +80,17 @@ def log_camera(recorder: Recorder, result: Result, scene: Scene) -> None:
 
 
 def log_photos(recorder: Recorder, result: Result, photos: Iterable[tuple[str, Preview]]) -> None:
-    """Log JPEGs as they come, a few at a time; their scale puts them back into original pixels."""
+    """Log JPEGs as they come, a few at a time; their scale puts them back into original pixels.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    photos
+        Frame names and reduced photos, in any order.
+    """
     row = {name: i for i, name in enumerate(result.frames.frame_id)}
     shown = np.zeros(len(row), dtype=np.float32)
     coming = iter(photos)

@@ -21,7 +21,17 @@ SAMPLES = 7
 
 
 def log_footprints(recorder: Recorder, result: Result, photo: str) -> None:
-    """Log all borders on the ground, that of each frame, and those of its neighbours in it."""
+    """Log all borders on the ground, that of each frame, and those of its neighbours in it.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    photo
+        Path of the photo's entity.
+    """
     rings = {frame: closed(ring) for frame, ring in footprints(result).items()}
     if not rings:
         return

@@ -35,13 +35,35 @@ GAP_PX = 40
 
 
 def log_legend(recorder: Recorder, result: Result, scene: Scene, ground_gain: float) -> None:
-    """Log the picture."""
+    """Log the picture.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    ground_gain
+        How many times brighter than in the photos the ground is.
+    """
     image = np.asarray(draw_legend(result, scene, ground_gain))
     recorder.static(LEGEND, rr.Image(image, color_model="RGB").compress(jpeg_quality=92))
 
 
 def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image.Image:
-    """Swatches of the lines that occur, the colour scale of the ellipses, and remarks."""
+    """Swatches of the lines that occur, the colour scale of the ellipses, and remarks.
+
+    Parameters
+    ----------
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    ground_gain
+        How many times brighter than in the photos the ground is.
+    """
     image = Image.new("RGB", (WIDTH_PX, HEIGHT_PX), BACKGROUND)
     pen = ImageDraw.Draw(image)
     font = ImageFont.load_default(FONT_PX)

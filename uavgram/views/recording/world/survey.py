@@ -27,8 +27,9 @@ from uavgram.views.style import (
     Rgb,
     scale_colours,
 )
-from uavgram.views.survey.drawing import frusta, track
+from uavgram.views.survey.drawing import frusta, round_length, track
 from uavgram.views.survey.frame_states import frame_states
+from uavgram.views.wording import size_text
 
 # Rerun draws at most 60 000 ellipsoids of one entity, and outlines are heavy on the viewer.
 MOST_ELLIPSOIDS = 50_000
@@ -43,12 +44,28 @@ LABEL_LIFT = 0.05
 ODD_FRAMES = {"check": "to_check", "rejected": "rejected"}
 # Flat ellipsoids: half a millimetre of height keeps them from flickering with the ground.
 FLAT_M = 1e-3
+# The bar to compare the least certain point's ellipse with, at true scale: south of the point, in
+# half axes of the ellipse.
+BAR = "close_up/scale_bar"
+BAR_BELOW = 1.6
 
 
 def log_survey(
     recorder: Recorder, result: Result, scene: Scene, texture: GroundTexture | None
 ) -> None:
-    """Log everything that stands still."""
+    """Log everything that stands still.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    texture
+        Top view of the ground; None where no photo shows it.
+    """
     recorder.static("survey", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     if texture is not None:
         recorder.static("survey/ground", _ground(result, texture, scene))
@@ -63,6 +80,36 @@ def log_survey(
         recorder.static("survey/labels", _texts(labels.anchor_m + lift, labels.text))
     if result.points.label:
         _points(recorder, result, scene)
+
+
+def log_scale_bar(recorder: Recorder, result: Result, scene: Scene) -> None:
+    """Log a bar of a round length beside the ellipse of the least certain point.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    """
+    if scene.worst_point is None:
+        return
+    major = float(result.points.relative.ellipse_95_m[scene.worst_point, 0])
+    length = round_length(2 * major)
+    middle = result.points.position_world_m[scene.worst_point] - [0.0, BAR_BELOW * major, 0.0]
+    ends = middle + np.array([[-0.5, 0, 0], [0.5, 0, 0]]) * length
+    recorder.static(
+        BAR,
+        rr.LineStrips3D(
+            [ends],
+            colors=OBSERVED,
+            radii=rr.Radius.ui_points(2.0),
+            labels=[size_text(length)],
+            show_labels=True,
+        ),
+    )
 
 
 def has_outlines(result: Result) -> bool:

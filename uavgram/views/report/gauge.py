@@ -1,20 +1,16 @@
-"""What the tables of the report are made of."""
+"""A number of sigmas as a mark on a scale."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-
-Row = dict[str, object]
-"""Cells of a table by column, ready to print."""
 
 REACH = 6.0
 """Sigmas from the middle of a gauge to its ends; what lies beyond is drawn there."""
 
 
-@dataclass(frozen=True)
-class Gauge:
+class Gauge(NamedTuple):
     """A number of sigmas as a mark on a scale from minus to plus `REACH`.
 
     Attributes
