@@ -49,7 +49,7 @@ def dump_results(result: Result) -> str:
         "name": result.name,
         "provenance": encode(result.provenance)
         | {
-            "inputs": _dump_inputs(result.provenance.inputs),
+            "inputs": dump_inputs(result.provenance.inputs),
             "options": dict(result.provenance.options),
             "packages": dict(result.provenance.packages),
         },
@@ -199,7 +199,8 @@ def _load_world(record: Record) -> World:
     return from_record(World, {"crs": None} | record, origin=Geodetic(*place) if known else None)
 
 
-def _dump_inputs(inputs: Iterable[InputDigest]) -> Record:
+def dump_inputs(inputs: Iterable[InputDigest]) -> Record:
+    """Size and digest of each file, by its path."""
     return {one.path: {"sha256": one.sha256, "bytes": one.size_bytes} for one in inputs}
 
 

@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-import struct
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone
 
-ASCII, LONG, UNDEFINED = 2, 4, 7
-# Tags, CIPA DC-008 section 4.6
-MAKE, MODEL, DATE_TIME, EXIF_IFD = 0x010F, 0x0110, 0x0132, 0x8769
-EXIF_VERSION, DATE_TIME_ORIGINAL, OFFSET_TIME_ORIGINAL = 0x9000, 0x9003, 0x9011
-SUB_SEC_TIME_ORIGINAL = 0x9291
+from PIL import ExifTags, Image
 
-SOI, APP1 = b"\xff\xd8", b"\xff\xe1"
-TIFF_HEADER = b"MM\x00\x2a\x00\x00\x00\x08"  # big-endian, first directory at byte 8
-
-Entry = tuple[int, int, bytes]  # tag, type, value
+from uavgram.io.photos.jpeg_segments import APP1, START, Segment, build_jpeg
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,49 +46,21 @@ def with_exif(jpeg: bytes, tags: CaptureTags) -> bytes:
     ValueError
         `jpeg` is none.
     """
-    if not jpeg.startswith(SOI):
+    if not jpeg.startswith(START):
         raise ValueError("not a JPEG: it does not start with FF D8")
-    payload = b"Exif\x00\x00" + _tiff(tags)
-    return SOI + APP1 + struct.pack(">H", len(payload) + 2) + payload + jpeg[len(SOI) :]
-
-
-def _tiff(tags: CaptureTags) -> bytes:
     time = datetime.fromtimestamp(0, UTC) + timedelta(milliseconds=round(tags.time_utc_s * 1e3))
     time = time.astimezone(timezone(timedelta(hours=tags.zone_h)))
-    stamp = _ascii(f"{time:%Y:%m:%d %H:%M:%S}")
-    zone = f"{time:%z}"
-    exif: list[Entry] = [
-        (EXIF_VERSION, UNDEFINED, b"0232"),
-        (DATE_TIME_ORIGINAL, ASCII, stamp),
-        (OFFSET_TIME_ORIGINAL, ASCII, _ascii(f"{zone[:3]}:{zone[3:5]}")),
-        (SUB_SEC_TIME_ORIGINAL, ASCII, _ascii(f"{time.microsecond // 1000:03d}")),
-    ]
-    main: list[Entry] = [
-        (MAKE, ASCII, _ascii(tags.make)),
-        (MODEL, ASCII, _ascii(tags.model)),
-        (DATE_TIME, ASCII, stamp),
-        (EXIF_IFD, LONG, struct.pack(">I", 0)),
-    ]
-    # The size of a directory does not depend on the pointer's value: measure, then point.
-    exif_at = len(TIFF_HEADER) + len(_directory(main, len(TIFF_HEADER)))
-    main[-1] = (EXIF_IFD, LONG, struct.pack(">I", exif_at))
-    return TIFF_HEADER + _directory(main, len(TIFF_HEADER)) + _directory(exif, exif_at)
-
-
-def _directory(entries: list[Entry], start: int) -> bytes:
-    """One image file directory at byte `start`, with the values that do not fit behind it."""
-    values_at = start + 2 + 12 * len(entries) + 4
-    table, values = struct.pack(">H", len(entries)), b""
-    for tag, kind, value in entries:  # ascending tags, as TIFF 6.0 demands
-        count = len(value) // (4 if kind == LONG else 1)
-        if len(value) <= 4:
-            field = value.ljust(4, b"\x00")
-        else:
-            field = struct.pack(">I", values_at + len(values))
-            values += value + b"\x00" * (len(value) % 2)  # offsets are even
-        table += struct.pack(">HHI", tag, kind, count) + field
-    return table + struct.pack(">I", 0) + values
-
-
-def _ascii(text: str) -> bytes:
-    return text.encode("ascii") + b"\x00"
+    stamp = f"{time:%Y:%m:%d %H:%M:%S}"
+    exif = Image.Exif()
+    exif[ExifTags.Base.Make] = tags.make
+    exif[ExifTags.Base.Model] = tags.model
+    exif[ExifTags.Base.DateTime] = stamp
+    exif.get_ifd(ExifTags.IFD.Exif).update(
+        {
+            ExifTags.Base.ExifVersion: b"0232",
+            ExifTags.Base.DateTimeOriginal: stamp,
+            ExifTags.Base.OffsetTimeOriginal: time.isoformat()[-6:],
+            ExifTags.Base.SubsecTimeOriginal: f"{time.microsecond // 1000:03d}",
+        }
+    )
+    return build_jpeg([Segment(APP1, exif.tobytes())], jpeg[len(START) :])
