@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -15,11 +14,17 @@ from uavgram.errors import OutputError
 from uavgram.io.logs.tlog.writer import write_tlog
 from uavgram.io.own_files import remove_link
 from uavgram.io.photos.tagging.exif_capture import CaptureTags, with_exif
+from uavgram.io.results.codec import Record, encode, records
+from uavgram.io.tables.csv_rows import csv_text
 from uavgram.model.arrays import Floats
-from uavgram.model.demo.simulated import SimulatedSurvey, SurveyTruth
+from uavgram.model.demo.simulated import SimulatedSurvey
 
 JPEG_QUALITY = 92
 MAKE = "uavgram"
+_SHARED = (
+    *("intrinsics", "boresight_rad", "lever_arm_m", "position_bias_m", "heading_bias_rad"),
+    "clock_offset_s",
+)
 
 
 def write_demo(folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[np.uint8]]) -> Path:
@@ -59,67 +64,40 @@ def write_demo(folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[n
     return project
 
 
-def truth_as_json(survey: SimulatedSurvey) -> dict[str, object]:
+def truth_as_json(survey: SimulatedSurvey) -> Record:
     """What really was, in metres, radians, seconds and pixels; world origin = the log's home."""
     truth, site = survey.truth, survey.scenario.site
     lost = np.flatnonzero(~survey.event_has_photo)
+    lines = survey.lines
+    frames = records(
+        time_utc_s=truth.time_utc_s,
+        center_world_m=truth.center_world_m,
+        world_from_camera=truth.world_from_camera,
+    )
     return {
         "seed": survey.scenario.seed,
         "world": {
-            "latitude_deg": site.latitude_deg,
-            "longitude_deg": site.longitude_deg,
-            "height_msl_m": site.height_msl_m,
+            key: getattr(site, key) for key in ("latitude_deg", "longitude_deg", "height_msl_m")
         },
         "ground": {
             "height_m": truth.plane_height_m,
-            "slope": truth.plane_slope.tolist(),
-            "pivot_m": truth.plane_pivot_m.tolist(),
+            "slope": encode(truth.plane_slope),
+            "pivot_m": encode(truth.plane_pivot_m),
         },
-        "intrinsics": truth.intrinsics.tolist(),
-        "boresight_rad": truth.boresight_rad.tolist(),
-        "lever_arm_m": truth.lever_arm_m.tolist(),
-        "position_bias_m": truth.position_bias_m.tolist(),
-        "heading_bias_rad": truth.heading_bias_rad,
-        "clock_offset_s": truth.clock_offset_s,
+        **{key: encode(getattr(truth, key)) for key in _SHARED},
         "boot_to_utc_s": survey.log.boot_utc_s,
-        "lost_exposures_utc_s": (survey.log.boot_utc_s + survey.log.event_time_s[lost]).tolist(),
-        "frames": _frames_as_json(truth),
-        "points": dict(zip(truth.label, truth.point_world_m.tolist(), strict=True)),
-        "lines": _lengths_as_json(survey),
-        "measurements": [
-            {"name": name, "value": value, "unit": unit}
-            for name, value, unit in zip(
-                truth.measurement_name,
-                truth.measurement_value.tolist(),
-                truth.measurement_unit,
-                strict=True,
-            )
-        ],
+        "lost_exposures_utc_s": encode(survey.log.boot_utc_s + survey.log.event_time_s[lost]),
+        "frames": dict(zip(truth.frame_id, frames, strict=True)),
+        "points": dict(zip(truth.label, encode(truth.point_world_m), strict=True)),
+        "lines": records(
+            name=lines.name, **{"from": lines.start}, to=lines.end, length_m=truth.line_length_m
+        ),
+        "measurements": records(
+            name=truth.measurement_name,
+            value=truth.measurement_value,
+            unit=truth.measurement_unit,
+        ),
     }
-
-
-def _frames_as_json(truth: SurveyTruth) -> dict[str, object]:
-    rows = zip(
-        truth.frame_id,
-        truth.time_utc_s.tolist(),
-        truth.center_world_m.tolist(),
-        truth.world_from_camera.tolist(),
-        strict=True,
-    )
-    return {
-        name: {"time_utc_s": time, "center_world_m": center, "world_from_camera": rotation}
-        for name, time, center, rotation in rows
-    }
-
-
-def _lengths_as_json(survey: SimulatedSurvey) -> list[dict[str, object]]:
-    lines, lengths = survey.lines, survey.truth.line_length_m.tolist()
-    return [
-        {"name": name, "from": start, "to": end, "length_m": length}
-        for name, start, end, length in zip(
-            lines.name, lines.start, lines.end, lengths, strict=True
-        )
-    ]
 
 
 def _make_photo_folder(folder: Path, frame_id: Sequence[str]) -> None:
@@ -201,10 +179,7 @@ def _write_requests(folder: Path, survey: SimulatedSurvey) -> None:
 
 
 def _write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    with remove_link(path).open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(rows)
+    remove_link(path).write_text(csv_text(header, rows), encoding="utf-8", newline="")
 
 
 def _texts(columns: Floats, digits: int) -> list[list[str]]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from uavgram.errors import InputError
 from uavgram.io.cameras.choice import assumed_errors_message
+from uavgram.io.inputs import read_text
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.assumed_errors import CALIBRATION_FILE, assumed_covariance
 from uavgram.model.camera.calibration import (
@@ -98,12 +99,7 @@ def read_opencv_calibration(path: str | Path) -> tuple[Calibration, tuple[Messag
 
 def _read_keys(path: Path) -> dict[str, Any]:
     """All top-level keys of the file, in lower case without underscores."""
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    except UnicodeDecodeError as fault:
-        raise InputError(path, "is no text file, so no camera calibration") from fault
+    text = read_text(path, "so it is no camera calibration")
     if text.lstrip().startswith("<") and _XML_ROOT not in text:
         raise InputError(
             path,

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from uavgram.errors import InputError
+from uavgram.io.inputs import read_text
 from uavgram.io.json_text import parse_json
 from uavgram.io.outputs import replace_text
 from uavgram.io.results import tables
@@ -154,12 +155,9 @@ def _compact(value: object) -> str:
 
 
 def _parse(path: Path) -> dict[str, Any]:
+    text = read_text(path, "so it is no results file")
     try:
-        content = parse_json(path, path.read_bytes().decode("utf-8"), constant=_refuse_constant)
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    except UnicodeDecodeError as fault:
-        raise InputError(path, "is not UTF-8 text, so no results file") from fault
+        content = parse_json(path, text, constant=_refuse_constant)
     except json.JSONDecodeError as fault:
         raise InputError(
             path,

@@ -102,6 +102,13 @@ class Table:
         if self.faults:
             raise InputError.of_all(self.path, self.faults)
 
+    def require_range(self, name: str, limit: float) -> None:
+        """Note every number of a column whose magnitude is larger."""
+        values = self.numbers[name]
+        for row in np.flatnonzero(np.abs(values) > limit):
+            text = f"{name} must lie between -{limit:g} and {limit:g} (got {values[row]:g})"
+            self.blame(int(row), text)
+
     def require_length(self, name: str) -> None:
         """Note every number of a column that can be no length (empty cells pass)."""
         for row in np.flatnonzero(np.isfinite(self.numbers[name])):

@@ -41,8 +41,8 @@ def read_known_points(path: str | Path) -> KnownPoints:
         table.require_sigma(name)
     table.require_unique("label", "label")
     if kind == "geodetic":
-        _check_range(table, "latitude_deg", 90.0)
-        _check_range(table, "longitude_deg", 360.0)
+        table.require_range("latitude_deg", 90.0)
+        table.require_range("longitude_deg", 360.0)
     table.raise_faults()
     sigma_m = np.stack([table.numbers[name] for name in sigmas], axis=1)
     return KnownPoints(
@@ -75,9 +75,3 @@ def _check_cells(table: Table, names: tuple[str, ...]) -> None:
         for row in np.flatnonzero(np.isnan(table.numbers[name])):
             if int(table.line[row]) not in blamed:
                 table.blame(int(row), f"{name} is empty")
-
-
-def _check_range(table: Table, name: str, limit: float) -> None:
-    for row in np.flatnonzero(np.abs(table.numbers[name]) > limit):
-        value = table.numbers[name][row]
-        table.blame(int(row), f"{name} must lie between -{limit:g} and {limit:g} (got {value:g})")

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
 
 from uavgram.errors import InputError
 from uavgram.io.outputs import replace_text
+from uavgram.io.tables.csv_rows import csv_text
 from uavgram.io.tables.spreadsheet_cells import guarded
 from uavgram.model.survey.imported import ImportedPicks
 from uavgram.model.survey.observations import KnownPoints
@@ -44,8 +43,4 @@ def write_new_control(known: KnownPoints, path: Path) -> None:
 def _write_new(path: Path, header: list[str], rows: list[list[str]]) -> None:
     if path.exists():
         raise InputError(path, "is there already: name another file, or move this one away")
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
-    replace_text(path, text.getvalue())
+    replace_text(path, csv_text(header, rows))

@@ -10,7 +10,8 @@ import numpy as np
 from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError
 
-from uavgram.errors import InputError, no_file
+from uavgram.errors import InputError
+from uavgram.io.inputs import read_text
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import HeightDatum
 
@@ -41,14 +42,7 @@ def content_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
     InputError
         The file cannot be read, is no text, or has no line but the first.
     """
-    if what := no_file(path):
-        raise InputError(path, f"is {what}: name a file")
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    except UnicodeDecodeError as fault:
-        raise InputError(path, f"is not UTF-8 text: is it a {path.name}?") from fault
+    text = read_text(path, f"is it a {path.name}?")
     lines = [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1)]
     lines = [(k, line) for k, line in lines if line and not line.startswith("#")]
     if len(lines) < 2:

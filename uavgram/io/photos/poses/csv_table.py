@@ -62,9 +62,8 @@ def _check(table: Table) -> None:
     for name in _SIGMAS:
         table.require_sigma(name)
     table.require_unique("image", "photo")
-    for name, limit in (("latitude_deg", 90.0), ("longitude_deg", 360.0)):
-        for row in np.flatnonzero(np.abs(table.numbers[name]) > limit):
-            table.blame(int(row), f"{name} must lie between -{limit:g} and {limit:g}")
+    table.require_range("latitude_deg", 90.0)
+    table.require_range("longitude_deg", 360.0)
     for together in (_ANGLES, _PLACE):
         given = np.stack([np.isfinite(table.numbers[name]) for name in together], axis=1)
         for row in np.flatnonzero(given.any(axis=1) & ~given.all(axis=1)):

@@ -16,6 +16,7 @@ import numpy as np
 
 from uavgram.errors import InputError
 from uavgram.geometry.earth.gps_time import utc_from_gps
+from uavgram.io.inputs import read_bytes
 from uavgram.io.photos.poses.tags import RTK_FLOOR_HORIZONTAL_M, RTK_FLOOR_VERTICAL_M
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Photos
@@ -93,10 +94,7 @@ def read_mrk(path: str | Path, photos: Photos) -> tuple[PhotoPoses, tuple[Messag
 
 
 def _read_rows(path: Path) -> _Rows:
-    try:
-        lines = path.read_text(encoding="ascii", errors="replace").splitlines()
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    lines = read_bytes(path).decode("ascii", errors="replace").splitlines()
     matches = [(k, _LINE.fullmatch(text)) for k, text in enumerate(lines, 1) if text.strip()]
     faults: list[tuple[int | None, str]] = [
         (k, "is no line of a DJI image log (number, time, [week], offsets, Lat, Lon, Ellh, Q)")
