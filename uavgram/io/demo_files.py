@@ -16,6 +16,7 @@ from uavgram.io.own_files import remove_link
 from uavgram.io.photos.tagging.exif_capture import CaptureTags, with_exif
 from uavgram.io.results.codec import Record, encode, records
 from uavgram.io.tables.csv_rows import csv_text
+from uavgram.io.tables.picked import measure_content
 from uavgram.model.arrays import Floats
 from uavgram.model.demo.simulated import SimulatedSurvey
 
@@ -163,19 +164,8 @@ def _write_requests(folder: Path, survey: SimulatedSurvey) -> None:
             strict=True,
         ),
     )
-    _write_csv(
-        folder / "measure.csv",
-        ("name", "kind", "points", "parameters"),
-        (
-            (
-                request.name,
-                request.kind,
-                ";".join(request.points),
-                ";".join(f"{name}={value}" for name, value in request.parameters),
-            )
-            for request in survey.measurements
-        ),
-    )
+    requests = measure_content(None, (), survey.measurements)
+    remove_link(folder / "measure.csv").write_bytes(requests or b"")
 
 
 def _write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:

@@ -224,6 +224,7 @@ def _frozen(value: Json) -> Any:  # noqa: ANN401
     return tuple(_frozen(item) for item in value) if isinstance(value, list) else value
 
 
+_LEARNT_KEYS = {"ratio": "sigma_ratio", "shift": "shift_prior_sigmas"}
 _TELEMETRY = ("boresight_deg", "lever_arm_m", "position_bias_m", "heading_bias_deg")
 
 
@@ -269,16 +270,7 @@ def _dump_shared(result: Result) -> Record:
     return {
         **{key: _dump_estimate(getattr(shared, key)) for key in _TELEMETRY},
         "plane": _dump_plane(result.plane),
-        "intrinsics": {
-            "names": list(learnt.names),
-            "value": encode(learnt.value),
-            "sigma": encode(learnt.sigma),
-            "prior_value": encode(learnt.prior_value),
-            "prior_sigma": encode(learnt.prior_sigma),
-            "sigma_ratio": encode(learnt.ratio),
-            "shift_prior_sigmas": encode(learnt.shift),
-            "learnt": encode(learnt.learnt),
-        },
+        "intrinsics": {_LEARNT_KEYS.get(key, key): value for key, value in encode(learnt).items()},
     }
 
 

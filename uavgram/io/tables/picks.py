@@ -41,7 +41,7 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
     table.require_short("label")
     _check_names(table)
     _check_doubles(table)
-    heights = ["" if math.isnan(h) else f"{h:g}" for h in table.numbers["height_m"].tolist()]
+    heights = ["" if math.isnan(h) else repr(h) for h in table.numbers["height_m"].tolist()]
     _check_same(table, "height_m", heights, "has one height")
     areas = [area and repr(area) for area in table.text["area"]]
     _check_same(table, "area", areas, "lies in one area")

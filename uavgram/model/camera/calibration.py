@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from uavgram.model.arrays import Floats, freeze
 
 LensModel = Literal["brown", "fisheye"]
@@ -82,3 +84,13 @@ class Calibration:
     def parameter_names(self) -> tuple[str, ...]:
         """(P,) names of the parameters."""
         return parameter_names(self.model, len(self.parameters))
+
+
+def correlation_of(covariance: Floats) -> Floats:
+    """(P, P) correlations of a covariance, whose elements are comparable.
+
+    A variance of 0, which holds a parameter fixed, stays 0.
+    """
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scale = np.where(sigma > 0, sigma, 1.0)
+    return np.asarray(covariance / np.outer(scale, scale))

@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
 from uavgram.model.camera.board import Board, CalibrationOptions
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.calibration import Calibration, correlation_of
 from uavgram.model.flight.pose import Poses
 from uavgram.model.message import Message
 
@@ -258,6 +258,4 @@ class CalibrationResult:
     @property
     def correlation(self) -> Floats:
         """(P, P) of the camera's parameters; 0 where one is held fixed."""
-        sigma = np.sqrt(np.diag(self.calibration.covariance))
-        scale = np.where(sigma > 0, sigma, 1.0)
-        return np.asarray(self.calibration.covariance / np.outer(scale, scale))
+        return correlation_of(self.calibration.covariance)

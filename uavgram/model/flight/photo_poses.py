@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 
 from uavgram.model.arrays import Bools, Floats, Ints, freeze, freeze_as
 from uavgram.model.flight.log import HeightDatum, Track
+
+_UNSTATED: Floats = np.empty(0)
+
+
+def unstated() -> Floats:
+    """Stand for a column of NaN: the source of the poses does not state it."""
+    return _UNSTATED
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,28 +54,29 @@ class PhotoPoses:
     latitude_deg: Floats
     longitude_deg: Floats
     height_m: Floats
-    height_home_m: Floats
+    height_home_m: Floats = field(default_factory=unstated)
     datum: HeightDatum
-    datum_guess: str
-    time_utc_s: Floats
-    ypr_rad: Floats
-    vehicle_ypr_rad: Floats
-    sigma_horizontal_m: Floats
-    sigma_vertical_m: Floats
-    sigma_attitude_rad: Floats
+    datum_guess: str = ""
+    time_utc_s: Floats = field(default_factory=unstated)
+    ypr_rad: Floats = field(default_factory=unstated)
+    vehicle_ypr_rad: Floats = field(default_factory=unstated)
+    sigma_horizontal_m: Floats = field(default_factory=unstated)
+    sigma_vertical_m: Floats = field(default_factory=unstated)
+    sigma_attitude_rad: Floats = field(default_factory=unstated)
     source: str
 
     def __post_init__(self) -> None:
         n = len(self.frame_id)
         optional = ("latitude_deg", "longitude_deg", "height_m", "height_home_m", "time_utc_s")
         sigmas = ("sigma_horizontal_m", "sigma_vertical_m", "sigma_attitude_rad")
-        turns = ("ypr_rad", "vehicle_ypr_rad")
-        freeze(
-            self,
-            may_be_nan=(*optional, *sigmas, *turns),
+        shapes = {
             **dict.fromkeys((*optional, *sigmas), (n,)),
-            **dict.fromkeys(turns, (n, 3)),
-        )
+            **dict.fromkeys(("ypr_rad", "vehicle_ypr_rad"), (n, 3)),
+        }
+        for name, shape in shapes.items():
+            if getattr(self, name) is _UNSTATED:
+                object.__setattr__(self, name, np.full(shape, np.nan))
+        freeze(self, may_be_nan=tuple(shapes), **shapes)
 
     def rows(self, index: Ints) -> PhotoPoses:
         """Pick the photos at `index` (M,), in that order."""

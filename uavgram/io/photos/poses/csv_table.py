@@ -39,20 +39,15 @@ def read_pose_csv(
     )
     _check(table)
     numbers = table.numbers
-    count = len(table.line)
     return PhotoPoses(
         frame_id=table.text["image"],
         latitude_deg=numbers["latitude_deg"],
         longitude_deg=numbers["longitude_deg"],
         height_m=numbers["height_m"],
-        height_home_m=np.full(count, np.nan),
-        datum=heights,
-        datum_guess="",
-        time_utc_s=np.full(count, np.nan),
-        ypr_rad=np.radians(np.stack([numbers[name] for name in _ANGLES], axis=1)),
-        vehicle_ypr_rad=np.full((count, 3), np.nan),
         sigma_horizontal_m=numbers["sigma_horizontal_m"],
         sigma_vertical_m=numbers["sigma_vertical_m"],
+        datum=heights,
+        ypr_rad=np.radians(np.stack([numbers[name] for name in _ANGLES], axis=1)),
         sigma_attitude_rad=np.radians(numbers["sigma_attitude_deg"]),
         source=table.path.name,
     )

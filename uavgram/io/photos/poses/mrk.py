@@ -72,22 +72,15 @@ def read_mrk(path: str | Path, photos: Photos) -> tuple[PhotoPoses, tuple[Messag
     photo, row = np.array(placed).T
     _check_times(path, photos, rows, photo, row)
     horizontal = np.sqrt((rows.sigma_m[row, :2] ** 2).mean(axis=1))
-    count = len(row)
-    unknown = np.full(count, np.nan)
     poses = PhotoPoses(
         frame_id=tuple(photos.frame_id[i] for i in photo),
         latitude_deg=rows.place[row, 0],
         longitude_deg=rows.place[row, 1],
         height_m=rows.place[row, 2],
-        height_home_m=unknown,
         datum="ellipsoid",
-        datum_guess="",
         time_utc_s=rows.utc_s[row],
-        ypr_rad=np.full((count, 3), np.nan),
-        vehicle_ypr_rad=np.full((count, 3), np.nan),
         sigma_horizontal_m=np.maximum(horizontal, RTK_FLOOR_HORIZONTAL_M),
         sigma_vertical_m=np.maximum(rows.sigma_m[row, 2], RTK_FLOOR_VERTICAL_M),
-        sigma_attitude_rad=unknown,
         source="DJI MRK",
     )
     return poses, _quality_messages(path, rows.quality[row], len(joined) - len(placed))
