@@ -36,7 +36,17 @@ class _Found:
 
 
 def faults_of(errors: Sequence[ErrorDetails], schema: type, data: Plain) -> list[Fault]:
-    """Translate pydantic's errors about ``{"root": data}``; one fault for each place."""
+    """Translate pydantic's errors; one fault for each place.
+
+    Parameters
+    ----------
+    errors
+        What it found in ``{"root": data}``.
+    schema
+        The data class that `data` should fit.
+    data
+        The file's content.
+    """
     found = [_locate(details, data) for details in errors]
     faults: dict[KeyPath, Fault] = {}
     for one in found:

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from uavgram.errors import OutputError
 from uavgram.io.logs.tlog.writer import write_tlog
 from uavgram.io.own_files import remove_link
-from uavgram.io.photos.tagging.exif_capture import CaptureTags, with_exif
+from uavgram.io.photos.tagging.exif_capture import with_exif
 from uavgram.io.results.codec import Record, encode, records
 from uavgram.io.tables.csv_rows import csv_text
 from uavgram.io.tables.picked import measure_content
 from uavgram.model.arrays import Floats
 from uavgram.model.demo.simulated import SimulatedSurvey
+from uavgram.model.typed_numbers import number_text
 
 JPEG_QUALITY = 92
 MAKE = "uavgram"
@@ -115,13 +116,13 @@ def _write_photos(
     folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[np.uint8]]
 ) -> None:
     times = survey.file_time_utc_s.tolist()
-    zone_h = survey.scenario.errors.camera_zone_h
+    zone_h, camera = survey.scenario.errors.camera_zone_h, survey.calibration.name
     for name, time, photo in zip(survey.frame_id, times, photos, strict=True):
         done, jpeg = cv2.imencode(".jpg", photo, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         if not done:
             raise ValueError(f"{name}: an image of shape {photo.shape} cannot be encoded")
-        tags = CaptureTags(time_utc_s=time, zone_h=zone_h, make=MAKE, model=survey.calibration.name)
-        remove_link(folder / name).write_bytes(with_exif(jpeg.tobytes(), tags))
+        tagged = with_exif(jpeg.tobytes(), time_utc_s=time, zone_h=zone_h, make=MAKE, model=camera)
+        remove_link(folder / name).write_bytes(tagged)
 
 
 def _write_observations(folder: Path, survey: SimulatedSurvey) -> None:
@@ -177,15 +178,9 @@ def _texts(columns: Floats, digits: int) -> list[list[str]]:
     return [[f"{value:.{digits}f}" for value in column] for column in columns.T.tolist()]
 
 
-def _number(value: float) -> str:
-    """Write a number that every YAML reader takes for one: 1e-05 is text to YAML 1.1."""
-    text = repr(float(value))
-    return text if "." in text or "e" not in text else text.replace("e", ".0e")
-
-
 def _camera_yaml(survey: SimulatedSurvey) -> str:
     camera = survey.calibration
-    rows = [", ".join(_number(v) for v in row) for row in camera.covariance.tolist()]
+    rows = [", ".join(number_text(v) for v in row) for row in camera.covariance.tolist()]
     return "\n".join(
         [
             f"name: {camera.name}",
@@ -193,7 +188,7 @@ def _camera_yaml(survey: SimulatedSurvey) -> str:
             f"width_px: {camera.width_px}",
             f"height_px: {camera.height_px}",
             "# fx fy cx cy k1 k2 p1 p2 k3; the true camera is drawn from this covariance",
-            f"parameters: [{', '.join(_number(v) for v in camera.parameters.tolist())}]",
+            f"parameters: [{', '.join(number_text(v) for v in camera.parameters.tolist())}]",
             "covariance:",
             *(f"  - [{row}]" for row in rows),
             "",
@@ -203,7 +198,7 @@ def _camera_yaml(survey: SimulatedSurvey) -> str:
 
 def _project_yaml(survey: SimulatedSurvey) -> str:
     errors = survey.scenario.errors
-    arm = ", ".join(_number(v) for v in errors.lever_arm_m)
+    arm = ", ".join(number_text(v) for v in errors.lever_arm_m)
     return f"""\
 # A simulated survey of a road accident; truth.json says what really was.
 name: {survey.scenario.name}
@@ -225,5 +220,5 @@ mount:
 time:
   offset_s: auto           # the camera's clock is wrong; the log's camera events tell by how much
   offset_sigma_s: 0.05
-picks_sigma_px: {_number(errors.pick_px)}
+picks_sigma_px: {number_text(errors.pick_px)}
 """

@@ -57,7 +57,7 @@ def staged_output(
     folder = Path(folder).absolute()
     photo_folders = {Path(path).resolve().parent for path in photos}
     _keep_apart(photo_folders, folder)
-    with _told_as_output_errors(folder):
+    with _as_output_errors(folder):
         existed = folder.is_dir()
         folder.mkdir(parents=True, exist_ok=True)
         _remove_stale(folder)
@@ -92,7 +92,7 @@ def replace_bytes(path: Path, content: bytes) -> None:
     """
     path = path.absolute()
     unfinished = path.with_name(f".{path.name}.unfinished")
-    with _told_as_output_errors(path.parent):
+    with _as_output_errors(path.parent):
         try:
             unfinished.unlink(missing_ok=True)
             with unfinished.open("xb") as stream:  # never through a link
@@ -105,7 +105,7 @@ def replace_bytes(path: Path, content: bytes) -> None:
 
 
 @contextmanager
-def _told_as_output_errors(folder: Path) -> Iterator[None]:
+def _as_output_errors(folder: Path) -> Iterator[None]:
     """Turn failures to write below `folder` into errors that say what to do."""
     try:
         yield

@@ -51,3 +51,10 @@ def number_hint(text: str, whose: str) -> str:
     if digits[:1].isdigit() and (digits[-1].isalpha() or digits[-1] == "°"):
         return f": write the number alone, {whose}'s name says the unit"
     return ""
+
+
+def number_text(value: float) -> str:
+    """Shortest text that gives a float back, with a point in it: no parser takes it for text."""
+    text = repr(value)
+    mantissa, mark, exponent = text.partition("e")
+    return text if "." in mantissa or not mark else f"{mantissa}.0e{exponent}"

@@ -51,7 +51,20 @@ def content_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
 
 
 def crs_of_header(path: Path, line: int, header: str) -> CRS:
-    """Coordinate system of the first line."""
+    """Coordinate system that the first line of a file names.
+
+    Parameters
+    ----------
+    path, line
+        The file, and the number of that line, for messages.
+    header
+        Its text: ``EPSG:4326``, ``WGS84 UTM 16N``, a PROJ text, or a name that PROJ knows.
+
+    Raises
+    ------
+    InputError
+        It names none.
+    """
     utm = _UTM.fullmatch(header)
     if utm is not None:
         zone, south = int(utm[1]), utm[2].upper() == "S"
@@ -82,7 +95,18 @@ def height_datum(crs: CRS, heights: HeightDatum) -> tuple[HeightDatum, str]:
 
 
 def geodetic(path: Path, crs: CRS, xyz: Floats, line: Sequence[int]) -> tuple[Floats, Floats]:
-    """Latitude and longitude (N,) [deg] of coordinates (N, 2 or more), x first.
+    """Latitude and longitude (N,) [deg] of coordinates.
+
+    Parameters
+    ----------
+    path
+        The file, for messages.
+    crs
+        Coordinate system of the coordinates.
+    xyz
+        (N, 2 or more) in its units, x (longitude, east) first.
+    line
+        (N,) line of each in the file.
 
     Raises
     ------

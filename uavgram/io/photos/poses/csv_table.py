@@ -21,8 +21,16 @@ def read_pose_csv(
     """Read image, latitude_deg, longitude_deg, height_m and, optional, angles and sigmas.
 
     Angles are those of the optical axis, as of a gimbal: yaw from north, pitch -90 straight down,
-    roll 0 with the horizon level; all three, or none. Heights are above `heights`. Places may be
-    absent where another source has them (`may_lack_places`): all three numbers, or none.
+    roll 0 with the horizon level; all three, or none.
+
+    Parameters
+    ----------
+    path
+        The table.
+    heights
+        Datum of its heights.
+    may_lack_places
+        Whether another source has places, so that a row may have none: all three numbers, or none.
 
     Raises
     ------

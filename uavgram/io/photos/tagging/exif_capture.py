@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone
 
 from PIL import ExifTags, Image
@@ -10,12 +9,13 @@ from PIL import ExifTags, Image
 from uavgram.io.photos.jpeg_segments import APP1, START, Segment, build_jpeg
 
 
-@dataclass(frozen=True, kw_only=True)
-class CaptureTags:
-    """What a camera says of an exposure.
+def with_exif(jpeg: bytes, *, time_utc_s: float, zone_h: float, make: str, model: str) -> bytes:
+    """Insert an EXIF segment behind the JPEG's start marker.
 
-    Attributes
+    Parameters
     ----------
+    jpeg
+        A JPEG file without EXIF.
     time_utc_s
         The camera clock's reading with its zone taken off, seconds since the Unix epoch; written
         to the millisecond.
@@ -23,23 +23,6 @@ class CaptureTags:
         The zone it is set to, hours east of Greenwich.
     make, model
         ASCII names of the camera.
-    """
-
-    time_utc_s: float
-    zone_h: float
-    make: str
-    model: str
-
-
-def with_exif(jpeg: bytes, tags: CaptureTags) -> bytes:
-    """Insert an EXIF segment behind the JPEG's start marker.
-
-    Parameters
-    ----------
-    jpeg
-        A JPEG file without EXIF.
-    tags
-        What to say in it.
 
     Raises
     ------
@@ -48,12 +31,12 @@ def with_exif(jpeg: bytes, tags: CaptureTags) -> bytes:
     """
     if not jpeg.startswith(START):
         raise ValueError("not a JPEG: it does not start with FF D8")
-    time = datetime.fromtimestamp(0, UTC) + timedelta(milliseconds=round(tags.time_utc_s * 1e3))
-    time = time.astimezone(timezone(timedelta(hours=tags.zone_h)))
+    time = datetime.fromtimestamp(0, UTC) + timedelta(milliseconds=round(time_utc_s * 1e3))
+    time = time.astimezone(timezone(timedelta(hours=zone_h)))
     stamp = f"{time:%Y:%m:%d %H:%M:%S}"
     exif = Image.Exif()
-    exif[ExifTags.Base.Make] = tags.make
-    exif[ExifTags.Base.Model] = tags.model
+    exif[ExifTags.Base.Make] = make
+    exif[ExifTags.Base.Model] = model
     exif[ExifTags.Base.DateTime] = stamp
     exif.get_ifd(ExifTags.IFD.Exif).update(
         {
