@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from uavgram.config.project import load_project
+from uavgram.config.project import load_project, relative_paths
 from uavgram.errors import InputError
 from uavgram.model.options import GeodeticOrigin, OptionsError, Project, SolveOptions, option_pairs
 
@@ -271,6 +271,7 @@ def test_poses_may_be_a_list_of_sources(load, tmp_path):
     both = load("poses: [a.mrk, exif]\n")
     assert both.pose_sources == both.poses == (str(folder / "a.mrk"), "exif")
     assert dict(option_pairs(both))["poses"] == both.poses
+    assert relative_paths(both, folder).poses == ("a.mrk", "exif")
 
 
 @pytest.mark.parametrize(

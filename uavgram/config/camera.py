@@ -15,6 +15,7 @@ from uavgram.model.camera.calibration import (
     PARAMETER_NAMES,
     Calibration,
     LensModel,
+    correlation_of,
     parameter_counts,
     parameter_names,
 )
@@ -155,10 +156,7 @@ def _covariance(camera: _CameraFile, document: Document) -> Floats:
             f"covariance: the variance of {names[i]} is negative ({variance[i]})",
             document.line_of(("covariance", int(i))),
         )
-    # As a correlation matrix all elements are comparable; a variance of 0 holds a parameter fixed.
-    sigma = np.sqrt(variance)
-    scale = np.where(sigma > 0, sigma, 1.0)
-    correlation = matrix / np.outer(scale, scale)
+    correlation = correlation_of(matrix)
     _check_symmetric(correlation, matrix, names, document)
     lowest = float(np.linalg.eigvalsh((correlation + correlation.T) / 2)[0])
     if lowest < -RELATIVE_TOLERANCE:

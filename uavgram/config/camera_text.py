@@ -10,6 +10,7 @@ import yaml
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.camera.provenance import CameraProvenance
+from uavgram.model.typed_numbers import number_text
 
 _SIGMA_DIGITS = 3
 
@@ -38,13 +39,6 @@ def camera_text(calibration: Calibration, provenance: CameraProvenance) -> str:
         *(f"  {line}" for line in _provenance_lines(provenance)),
     ]
     return "\n".join(lines) + "\n"
-
-
-def number_text(value: float) -> str:
-    """Shortest text that gives a float back, with a point in it: no parser takes it for text."""
-    text = repr(value)
-    mantissa, mark, exponent = text.partition("e")
-    return text if "." in mantissa or not mark else f"{mantissa}.0e{exponent}"
 
 
 def _row(values: Floats) -> str:

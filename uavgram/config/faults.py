@@ -12,7 +12,7 @@ from pydantic_core import ErrorDetails
 from uavgram.config.strict_yaml import KeyPath, Plain
 from uavgram.errors import near_miss
 from uavgram.model.options import OptionsError
-from uavgram.model.typed_numbers import comma_question
+from uavgram.model.typed_numbers import number_hint
 
 LONGEST_VALUE_SHOWN = 60
 
@@ -36,7 +36,17 @@ class _Found:
 
 
 def faults_of(errors: Sequence[ErrorDetails], schema: type, data: Plain) -> list[Fault]:
-    """Translate pydantic's errors about ``{"root": data}``; one fault for each place."""
+    """Translate pydantic's errors; one fault for each place.
+
+    Parameters
+    ----------
+    errors
+        What it found in ``{"root": data}``.
+    schema
+        The data class that `data` should fit.
+    data
+        The file's content.
+    """
     found = [_locate(details, data) for details in errors]
     faults: dict[KeyPath, Fault] = {}
     for one in found:
@@ -165,19 +175,7 @@ def _wrong_length(at: KeyPath, schema: type, data: Plain) -> Fault:
 
 
 def _number_hint(value: Plain) -> str:
-    """Say why some text that looks like a number is none."""
-    if not isinstance(value, str):
-        return ""
-    if question := comma_question(value.strip()):
-        return question
-    digits = value.strip().lstrip("+-")
-    if digits.replace(",", "", 1).replace(".", "", 1).isdigit() and "," in digits:
-        return ": write it with one decimal point, and no comma"
-    if digits[:1] == "0" and digits.isdigit():
-        return ": write it without the leading zero"
-    if digits[:1].isdigit() and digits[-1:].isalpha():
-        return ": write the number alone, the key's name says the unit"
-    return ""
+    return number_hint(value.strip(), "the key") if isinstance(value, str) else ""
 
 
 def value_at(data: Plain, at: KeyPath) -> Plain:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import glob
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -99,13 +99,11 @@ def relative_paths(project: Project, folder: Path) -> Project:
     """
     folder = folder.absolute()
     root = glob.escape(str(folder))
-    changed: dict[str, str] = {
-        key: _from_folder(name, str(folder))
-        for key in (*_INPUT_FILES, "output")
-        if (name := getattr(project, key)) is not None and not _is_no_path(key, name)
-    }
-    images = tuple(_from_folder(pattern, root) for pattern in project.images)
-    return replace(project, images=images, **changed)  # type: ignore[arg-type]
+    return _with_paths(
+        project,
+        of_pattern=lambda pattern: _from_folder(pattern, root),
+        of_file=lambda name: _from_folder(name, str(folder)),
+    )
 
 
 def _from_folder(path: str, folder: str) -> str:
@@ -156,19 +154,25 @@ def _why_missing(path: Path, name: str) -> str:
 
 def _with_absolute_paths(project: Project, folder: Path) -> Project:
     root = glob.escape(str(folder))
-    changed: dict[str, str | tuple[str, ...]] = {}
+    return _with_paths(
+        project,
+        of_pattern=lambda pattern: pattern if Path(pattern).is_absolute() else f"{root}/{pattern}",
+        of_file=lambda name: str(folder / name),
+    )
+
+
+def _with_paths(
+    project: Project, of_pattern: Callable[[str], str], of_file: Callable[[str], str]
+) -> Project:
+    """The project with other patterns of photos, and other names of files."""
+    changed: dict[str, str | tuple[str, ...]] = {"images": tuple(map(of_pattern, project.images))}
     for key in (*_INPUT_FILES, "output"):
         named = getattr(project, key)
-        if isinstance(named, tuple):
-            changed[key] = tuple(_absolute(key, name, folder) for name in named)
-        elif named is not None:
-            changed[key] = _absolute(key, named, folder)
-    images = tuple(
-        pattern if Path(pattern).is_absolute() else f"{root}/{pattern}"
-        for pattern in project.images
-    )
-    return replace(project, images=images, **changed)  # type: ignore[arg-type]
-
-
-def _absolute(key: str, name: str, folder: Path) -> str:
-    return name if _is_no_path(key, name) else str(folder / name)
+        names = [
+            name if _is_no_path(key, name) else of_file(name)
+            for name in (named if isinstance(named, tuple) else (named,))
+            if name is not None
+        ]
+        if names:
+            changed[key] = tuple(names) if isinstance(named, tuple) else names[0]
+    return replace(project, **changed)  # type: ignore[arg-type]

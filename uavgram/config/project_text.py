@@ -75,20 +75,30 @@ _COMMENTS = {
 _EXAMPLES = {"log": "flight.BIN", "control": "control.csv", "check": "check.csv"}
 _WIDTH = 34
 
-_OPTIONS = """
+_OPTIONS_HEAD = """
 # What follows are the defaults that matter most; take the # off where yours differ.
+"""
+_OPTIONS = {
+    "world": """\
 # world:
 #   heights: msl                   # datum of heights in files: msl (mean sea level) or ellipsoid
+""",
+    "ground": """\
 # ground:
 #   height_m: 0.0                  # of the ground above the place of take-off
 #   height_sigma_m: 0.3            # how well that is known
 #   slope_sigma_deg: 0.5           # the ground is level up to this
+""",
+    "mount": """\
 # mount:
 #   gimbal: auto                   # auto: the log's gimbal angles where it has some; none: fixed
 #   pitch_deg: -90.0               # of a fixed camera: -90 looks straight down, 0 forward
+""",
+    "time": """\
 # time:
 #   offset_s: auto                 # camera clock minus UTC; auto: from the log's camera events
-"""
+""",
+}
 
 
 def project_text(project: ProjectText) -> str:
@@ -112,29 +122,25 @@ def project_text(project: ProjectText) -> str:
         text = f"# {key}: {_EXAMPLES.get(key, 'exif')}" if value is None else f"{key}: {value}"
         lines.append(f"{text.ljust(_WIDTH)} # {comment}" if comment else text)
     text = "\n".join(lines) + "\n"
-    options = _OPTIONS
+    options = dict(_OPTIONS)
     if project.origin is not None:
-        first, _, rest = options.partition("# world:\n")
-        options = first + _origin_lines(project.origin) + rest.partition("# mount:\n")[2]
-        options = options.replace("#   gimbal", "# mount:\n#   gimbal")
-    times = _time_lines(project)
-    if not times:
-        return text + options
-    start, _, _ = options.partition("# time:")
-    return text + start + "\n".join(("time:", *times)) + "\n"
+        options |= _origin_options(project.origin)
+    if times := _time_lines(project):
+        options["time"] = "\n".join(("time:", *times)) + "\n"
+    return text + _OPTIONS_HEAD + "".join(options.values())
 
 
-def _origin_lines(origin: AssumedOrigin) -> str:
+def _origin_options(origin: AssumedOrigin) -> dict[str, str]:
     place = f"{{latitude_deg: {origin.latitude_deg:.7f}, longitude_deg: {origin.longitude_deg:.7f}"
-    return (
-        f"world:\n  origin: {place}, height_m: {origin.height_m:.1f}}}\n"
+    return {
+        "world": f"world:\n  origin: {place}, height_m: {origin.height_m:.1f}}}\n"
         f"  heights: {origin.datum:<23} # datum of heights in files: msl (mean sea level) or "
-        "ellipsoid\n"
-        "ground:\n"
+        "ellipsoid\n",
+        "ground": "ground:\n"
         "  height_m: 0.0                    # of the ground above that origin\n"
         f"  height_sigma_m: {origin.height_sigma_m:<16.1f} # how well that is known\n"
-        "#   slope_sigma_deg: 0.5           # the ground is level up to this\n"
-    )
+        "#   slope_sigma_deg: 0.5           # the ground is level up to this\n",
+    }
 
 
 def _time_lines(project: ProjectText) -> list[str]:

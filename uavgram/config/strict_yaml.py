@@ -141,9 +141,9 @@ _EXPLANATIONS = {
 
 def _explain(fault: yaml.MarkedYAMLError) -> str:
     """Say in plain words what the parser stumbled over."""
-    said = f"{fault.problem or ''} ({fault.context or 'here'})"
-    plain = (text for part, text in _EXPLANATIONS.items() if part in said)
-    return next(plain, f"is not valid YAML: {said}")
+    problem = f"{fault.problem or ''} ({fault.context or 'here'})"
+    plain = (text for part, text in _EXPLANATIONS.items() if part in problem)
+    return next(plain, f"is not valid YAML: {problem}")
 
 
 class _Builder:

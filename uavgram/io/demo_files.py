@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -14,12 +13,20 @@ from numpy.typing import NDArray
 from uavgram.errors import OutputError
 from uavgram.io.logs.tlog.writer import write_tlog
 from uavgram.io.own_files import remove_link
-from uavgram.io.photos.tagging.exif_capture import CaptureTags, with_exif
+from uavgram.io.photos.tagging.exif_capture import with_exif
+from uavgram.io.results.codec import Record, encode, records
+from uavgram.io.tables.csv_rows import csv_text
+from uavgram.io.tables.picked import measure_content
 from uavgram.model.arrays import Floats
-from uavgram.model.demo.simulated import SimulatedSurvey, SurveyTruth
+from uavgram.model.demo.simulated import SimulatedSurvey
+from uavgram.model.typed_numbers import number_text
 
 JPEG_QUALITY = 92
 MAKE = "uavgram"
+_SHARED = (
+    *("intrinsics", "boresight_rad", "lever_arm_m", "position_bias_m", "heading_bias_rad"),
+    "clock_offset_s",
+)
 
 
 def write_demo(folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[np.uint8]]) -> Path:
@@ -59,67 +66,40 @@ def write_demo(folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[n
     return project
 
 
-def truth_as_json(survey: SimulatedSurvey) -> dict[str, object]:
+def truth_as_json(survey: SimulatedSurvey) -> Record:
     """What really was, in metres, radians, seconds and pixels; world origin = the log's home."""
     truth, site = survey.truth, survey.scenario.site
     lost = np.flatnonzero(~survey.event_has_photo)
+    lines = survey.lines
+    frames = records(
+        time_utc_s=truth.time_utc_s,
+        center_world_m=truth.center_world_m,
+        world_from_camera=truth.world_from_camera,
+    )
     return {
         "seed": survey.scenario.seed,
         "world": {
-            "latitude_deg": site.latitude_deg,
-            "longitude_deg": site.longitude_deg,
-            "height_msl_m": site.height_msl_m,
+            key: getattr(site, key) for key in ("latitude_deg", "longitude_deg", "height_msl_m")
         },
         "ground": {
             "height_m": truth.plane_height_m,
-            "slope": truth.plane_slope.tolist(),
-            "pivot_m": truth.plane_pivot_m.tolist(),
+            "slope": encode(truth.plane_slope),
+            "pivot_m": encode(truth.plane_pivot_m),
         },
-        "intrinsics": truth.intrinsics.tolist(),
-        "boresight_rad": truth.boresight_rad.tolist(),
-        "lever_arm_m": truth.lever_arm_m.tolist(),
-        "position_bias_m": truth.position_bias_m.tolist(),
-        "heading_bias_rad": truth.heading_bias_rad,
-        "clock_offset_s": truth.clock_offset_s,
+        **{key: encode(getattr(truth, key)) for key in _SHARED},
         "boot_to_utc_s": survey.log.boot_utc_s,
-        "lost_exposures_utc_s": (survey.log.boot_utc_s + survey.log.event_time_s[lost]).tolist(),
-        "frames": _frames_as_json(truth),
-        "points": dict(zip(truth.label, truth.point_world_m.tolist(), strict=True)),
-        "lines": _lengths_as_json(survey),
-        "measurements": [
-            {"name": name, "value": value, "unit": unit}
-            for name, value, unit in zip(
-                truth.measurement_name,
-                truth.measurement_value.tolist(),
-                truth.measurement_unit,
-                strict=True,
-            )
-        ],
+        "lost_exposures_utc_s": encode(survey.log.boot_utc_s + survey.log.event_time_s[lost]),
+        "frames": dict(zip(truth.frame_id, frames, strict=True)),
+        "points": dict(zip(truth.label, encode(truth.point_world_m), strict=True)),
+        "lines": records(
+            name=lines.name, **{"from": lines.start}, to=lines.end, length_m=truth.line_length_m
+        ),
+        "measurements": records(
+            name=truth.measurement_name,
+            value=truth.measurement_value,
+            unit=truth.measurement_unit,
+        ),
     }
-
-
-def _frames_as_json(truth: SurveyTruth) -> dict[str, object]:
-    rows = zip(
-        truth.frame_id,
-        truth.time_utc_s.tolist(),
-        truth.center_world_m.tolist(),
-        truth.world_from_camera.tolist(),
-        strict=True,
-    )
-    return {
-        name: {"time_utc_s": time, "center_world_m": center, "world_from_camera": rotation}
-        for name, time, center, rotation in rows
-    }
-
-
-def _lengths_as_json(survey: SimulatedSurvey) -> list[dict[str, object]]:
-    lines, lengths = survey.lines, survey.truth.line_length_m.tolist()
-    return [
-        {"name": name, "from": start, "to": end, "length_m": length}
-        for name, start, end, length in zip(
-            lines.name, lines.start, lines.end, lengths, strict=True
-        )
-    ]
 
 
 def _make_photo_folder(folder: Path, frame_id: Sequence[str]) -> None:
@@ -136,13 +116,13 @@ def _write_photos(
     folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[np.uint8]]
 ) -> None:
     times = survey.file_time_utc_s.tolist()
-    zone_h = survey.scenario.errors.camera_zone_h
+    zone_h, camera = survey.scenario.errors.camera_zone_h, survey.calibration.name
     for name, time, photo in zip(survey.frame_id, times, photos, strict=True):
         done, jpeg = cv2.imencode(".jpg", photo, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         if not done:
             raise ValueError(f"{name}: an image of shape {photo.shape} cannot be encoded")
-        tags = CaptureTags(time_utc_s=time, zone_h=zone_h, make=MAKE, model=survey.calibration.name)
-        remove_link(folder / name).write_bytes(with_exif(jpeg.tobytes(), tags))
+        tagged = with_exif(jpeg.tobytes(), time_utc_s=time, zone_h=zone_h, make=MAKE, model=camera)
+        remove_link(folder / name).write_bytes(tagged)
 
 
 def _write_observations(folder: Path, survey: SimulatedSurvey) -> None:
@@ -185,26 +165,12 @@ def _write_requests(folder: Path, survey: SimulatedSurvey) -> None:
             strict=True,
         ),
     )
-    _write_csv(
-        folder / "measure.csv",
-        ("name", "kind", "points", "parameters"),
-        (
-            (
-                request.name,
-                request.kind,
-                ";".join(request.points),
-                ";".join(f"{name}={value}" for name, value in request.parameters),
-            )
-            for request in survey.measurements
-        ),
-    )
+    requests = measure_content(None, (), survey.measurements)
+    remove_link(folder / "measure.csv").write_bytes(requests or b"")
 
 
 def _write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    with remove_link(path).open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(rows)
+    remove_link(path).write_text(csv_text(header, rows), encoding="utf-8", newline="")
 
 
 def _texts(columns: Floats, digits: int) -> list[list[str]]:
@@ -212,15 +178,9 @@ def _texts(columns: Floats, digits: int) -> list[list[str]]:
     return [[f"{value:.{digits}f}" for value in column] for column in columns.T.tolist()]
 
 
-def _number(value: float) -> str:
-    """Write a number that every YAML reader takes for one: 1e-05 is text to YAML 1.1."""
-    text = repr(float(value))
-    return text if "." in text or "e" not in text else text.replace("e", ".0e")
-
-
 def _camera_yaml(survey: SimulatedSurvey) -> str:
     camera = survey.calibration
-    rows = [", ".join(_number(v) for v in row) for row in camera.covariance.tolist()]
+    rows = [", ".join(number_text(v) for v in row) for row in camera.covariance.tolist()]
     return "\n".join(
         [
             f"name: {camera.name}",
@@ -228,7 +188,7 @@ def _camera_yaml(survey: SimulatedSurvey) -> str:
             f"width_px: {camera.width_px}",
             f"height_px: {camera.height_px}",
             "# fx fy cx cy k1 k2 p1 p2 k3; the true camera is drawn from this covariance",
-            f"parameters: [{', '.join(_number(v) for v in camera.parameters.tolist())}]",
+            f"parameters: [{', '.join(number_text(v) for v in camera.parameters.tolist())}]",
             "covariance:",
             *(f"  - [{row}]" for row in rows),
             "",
@@ -238,7 +198,7 @@ def _camera_yaml(survey: SimulatedSurvey) -> str:
 
 def _project_yaml(survey: SimulatedSurvey) -> str:
     errors = survey.scenario.errors
-    arm = ", ".join(_number(v) for v in errors.lever_arm_m)
+    arm = ", ".join(number_text(v) for v in errors.lever_arm_m)
     return f"""\
 # A simulated survey of a road accident; truth.json says what really was.
 name: {survey.scenario.name}
@@ -260,5 +220,5 @@ mount:
 time:
   offset_s: auto           # the camera's clock is wrong; the log's camera events tell by how much
   offset_sigma_s: 0.05
-picks_sigma_px: {_number(errors.pick_px)}
+picks_sigma_px: {number_text(errors.pick_px)}
 """

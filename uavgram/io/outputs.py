@@ -57,7 +57,7 @@ def staged_output(
     folder = Path(folder).absolute()
     photo_folders = {Path(path).resolve().parent for path in photos}
     _keep_apart(photo_folders, folder)
-    with _told_as_output_errors(folder):
+    with _as_output_errors(folder):
         existed = folder.is_dir()
         folder.mkdir(parents=True, exist_ok=True)
         _remove_stale(folder)
@@ -66,8 +66,7 @@ def staged_output(
         try:
             (staging / NEW).mkdir()
             yield staging / NEW
-            _spare(inputs, staging / NEW, folder)
-            _stay_inside(photo_folders, staging / NEW, folder)
+            _check_targets(staging / NEW, folder, inputs, photo_folders)
             _commit(staging, folder)
         finally:
             shutil.rmtree(staging, ignore_errors=True)
@@ -93,7 +92,7 @@ def replace_bytes(path: Path, content: bytes) -> None:
     """
     path = path.absolute()
     unfinished = path.with_name(f".{path.name}.unfinished")
-    with _told_as_output_errors(path.parent):
+    with _as_output_errors(path.parent):
         try:
             unfinished.unlink(missing_ok=True)
             with unfinished.open("xb") as stream:  # never through a link
@@ -106,7 +105,7 @@ def replace_bytes(path: Path, content: bytes) -> None:
 
 
 @contextmanager
-def _told_as_output_errors(folder: Path) -> Iterator[None]:
+def _as_output_errors(folder: Path) -> Iterator[None]:
     """Turn failures to write below `folder` into errors that say what to do."""
     try:
         yield
@@ -159,31 +158,27 @@ def _keep_apart(photo_folders: Set[Path], folder: Path) -> None:
         )
 
 
-def _spare(inputs: Iterable[str | Path], source: Path, folder: Path) -> None:
-    """Refuse to write over what the outputs were made of."""
+def _check_targets(
+    source: Path, folder: Path, inputs: Iterable[str | Path], photo_folders: Set[Path]
+) -> None:
+    """Refuse to write over what the outputs were made of, or through links that lead elsewhere."""
     kept = {Path(path).resolve() for path in inputs}
     for path in sorted(source.rglob("*")):
-        target = (folder / path.relative_to(source)).resolve()
-        if path.is_file() and target in kept:
+        target = folder / path.relative_to(source)
+        real = target.resolve()
+        if path.is_file() and real in kept:
             raise OutputError(
-                f"{target}: is an input, and a result has the same name; nothing was written: "
+                f"{real}: is an input, and a result has the same name; nothing was written: "
                 "choose another folder with --output (or `output` in the project), or rename the "
                 "input"
             )
-
-
-def _stay_inside(photo_folders: Set[Path], source: Path, folder: Path) -> None:
-    """Refuse to write through links in the output folder that lead out of it, or to the photos."""
-    for path in sorted(source.rglob("*")):
-        if not path.is_dir():
-            continue
-        target = folder / path.relative_to(source)
-        _keep_apart(photo_folders, target)
-        if not target.resolve().is_relative_to(folder.resolve()):
-            raise OutputError(
-                f"{target}: is a link that leads out of the output folder, to {target.resolve()}; "
-                "nothing was written: remove the link"
-            )
+        if path.is_dir():
+            _keep_apart(photo_folders, target)
+            if not real.is_relative_to(folder.resolve()):
+                raise OutputError(
+                    f"{target}: is a link that leads out of the output folder, to {real}; "
+                    "nothing was written: remove the link"
+                )
 
 
 def _commit(staging: Path, folder: Path) -> None:

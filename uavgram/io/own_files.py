@@ -84,9 +84,9 @@ def check_inside(path: Path, home: Path, what: str) -> None:
     Parameters
     ----------
     path, home
-        What is to lie where.
+        The file or folder, and the folder that it must lie in.
     what
-        It, in words.
+        How messages name the path.
 
     Raises
     ------

@@ -29,3 +29,32 @@ def comma_question(text: str) -> str:
     if _COMMA.fullmatch(text) is None or has_decimal_comma(text):
         return ""
     return f": is it {text.replace(',', '.')} or {text.replace(',', '')}? Write it without a comma"
+
+
+def number_hint(text: str, whose: str) -> str:
+    """Say why some text that looks like a number is none, as the end of a sentence.
+
+    Parameters
+    ----------
+    text
+        As a person typed it.
+    whose
+        Whose name states the unit, such as ``the column``.
+    """
+    if question := comma_question(text):
+        return question
+    digits = text.lstrip("+-")
+    if "," in digits and digits.replace(",", "").replace(".", "").isdigit():
+        return ": write it with one decimal point, and no comma"
+    if digits.startswith("0") and digits.isdigit():
+        return ": write it without the leading zero"
+    if digits[:1].isdigit() and (digits[-1].isalpha() or digits[-1] == "°"):
+        return f": write the number alone, {whose}'s name says the unit"
+    return ""
+
+
+def number_text(value: float) -> str:
+    """Shortest text that gives a float back, with a point in it: no parser takes it for text."""
+    text = repr(value)
+    mantissa, mark, exponent = text.partition("e")
+    return text if "." in mantissa or not mark else f"{mantissa}.0e{exponent}"

@@ -22,6 +22,15 @@ def choose_camera(
 ) -> tuple[str, Entry]:
     """Take the camera that is wanted, or the only one.
 
+    Parameters
+    ----------
+    path
+        The file that holds them, for messages.
+    cameras
+        What it says of each, by name.
+    wanted
+        Name of the one to take; None where there is only one.
+
     Raises
     ------
     InputError
@@ -56,6 +65,19 @@ def without_errors(
     parameters: Sequence[float],
 ) -> tuple[Calibration, tuple[Message, ...]]:
     """Make a calibration of a file that states no errors: with wide ones, and a message of that.
+
+    Parameters
+    ----------
+    path
+        The file, for messages.
+    name
+        Of the camera.
+    model
+        Lens model, which says what the parameters are.
+    size_px
+        Width and height of the photos.
+    parameters
+        (P,) fx, fy, cx, cy [px], then the distortion's coefficients.
 
     Raises
     ------

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from uavgram.errors import InputError
 from uavgram.io.cameras.choice import choose_camera, without_errors
+from uavgram.io.inputs import read_text
 from uavgram.model.camera.calibration import Calibration, LensModel
 from uavgram.model.message import Message
 
@@ -62,10 +63,7 @@ def read_colmap_camera(
         Names the line of a mistake, or the cameras to choose from.
     """
     path = Path(path)
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as fault:
-        raise InputError(path, f"cannot be read: {fault}") from fault
+    lines = read_text(path, "name a cameras.txt of COLMAP").splitlines()
     cameras = {
         fields[0]: (number, fields)
         for number, line in enumerate(lines, 1)

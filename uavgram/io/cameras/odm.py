@@ -15,6 +15,7 @@ from typing import Any
 
 from uavgram.errors import InputError
 from uavgram.io.cameras.choice import choose_camera, without_errors
+from uavgram.io.inputs import read_text
 from uavgram.io.json_text import parse_json
 from uavgram.model.camera.calibration import Calibration, LensModel
 from uavgram.model.message import Message
@@ -56,13 +57,9 @@ def read_odm_camera(
     """
     path = Path(path)
     try:
-        cameras = parse_json(path, path.read_text(encoding="utf-8-sig"))
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+        cameras = parse_json(path, read_text(path, "name a cameras.json of OpenDroneMap"))
     except json.JSONDecodeError as fault:
         raise InputError(path, f"is no JSON: {fault.msg}", fault.lineno) from fault
-    except ValueError as fault:
-        raise InputError(path, f"is no text file: {fault}") from fault
     if not isinstance(cameras, dict) or not all(isinstance(c, dict) for c in cameras.values()):
         raise InputError(path, "must be an object of cameras by name")
     name, camera = choose_camera(path, cameras, wanted)
@@ -84,11 +81,12 @@ def _camera(path: Path, name: str, camera: dict[str, Any]) -> dict[str, Any]:
         value = next((camera[key] for key in keys if key in camera), otherwise)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InputError(path, f"camera {name!r}: {keys[0]} must be a number (got {value!r})")
-        if not math.isfinite(value):
-            raise InputError(path, f"camera {name!r}: {keys[0]} is no finite number")
         return float(value)
 
     width, height = number("width"), number("height")
+    for key, value in (("width", width), ("height", height)):
+        if not math.isfinite(value):
+            raise InputError(path, f"camera {name!r}: {key} is no finite number")
     if width % 1 or height % 1:
         raise InputError(path, f"camera {name!r}: its size must be whole pixels")
     size = max(width, height)

@@ -16,11 +16,13 @@ import numpy as np
 
 from uavgram.errors import InputError
 from uavgram.io.cameras.choice import assumed_errors_message
+from uavgram.io.inputs import read_text
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.assumed_errors import CALIBRATION_FILE, assumed_covariance
 from uavgram.model.camera.calibration import (
     Calibration,
     LensModel,
+    correlation_of,
     parameter_counts,
     parameter_names,
 )
@@ -29,11 +31,7 @@ from uavgram.model.message import Message
 # Keys in lower case without underscores, in order of preference.
 _MATRIX = ("cameramatrix", "intrinsicmatrix", "k", "mtx")
 _DISTORTION = ("distortioncoefficients", "distcoeffs", "d", "dist")
-_SIZES = (
-    ("imagewidth", "imageheight"),
-    ("width", "height"),
-    ("xresolution", "yresolution"),
-)
+_SIZES = (("imagewidth", "imageheight"), ("width", "height"), ("xresolution", "yresolution"))
 _SIZE_PAIRS = ("cameraresolution", "imagesize", "resolution")
 _SIGMAS = ("stddeviationintrinsics", "stddeviationsintrinsics")
 _COVARIANCE = ("intrinsicscovariance",)
@@ -84,9 +82,8 @@ def read_opencv_calibration(path: str | Path) -> tuple[Calibration, tuple[Messag
     model, parameters = _parameters(path, keys)
     width_px, height_px = _image_size(path, keys)
     covariance, message = _errors(path, keys, model, parameters, width_px)
-    name = keys.get("cameraname") or path.stem
     calibration = Calibration(
-        name=str(name),
+        name=str(keys.get("cameraname") or path.stem),
         model=model,
         width_px=width_px,
         height_px=height_px,
@@ -98,12 +95,7 @@ def read_opencv_calibration(path: str | Path) -> tuple[Calibration, tuple[Messag
 
 def _read_keys(path: Path) -> dict[str, Any]:
     """All top-level keys of the file, in lower case without underscores."""
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    except UnicodeDecodeError as fault:
-        raise InputError(path, "is no text file, so no camera calibration") from fault
+    text = read_text(path, "so it is no camera calibration")
     if text.lstrip().startswith("<") and _XML_ROOT not in text:
         raise InputError(
             path,
@@ -161,11 +153,8 @@ def _numbers(path: Path, keys: Mapping[str, Any], names: tuple[str, ...]) -> Flo
 
 
 def _image_size(path: Path, keys: Mapping[str, Any]) -> tuple[int, int]:
-    pair: Floats | None = _numbers(path, keys, _SIZE_PAIRS)
-    for names in _SIZES:
-        if all(name in keys for name in names):
-            pair = _numbers(path, {"size": [keys[name] for name in names]}, ("size",))
-            break
+    sizes = [[keys.get(name) for name in names] for names in _SIZES if keys.keys() >= set(names)]
+    pair = _numbers(path, {"size": sizes[0]} if sizes else keys, ("size", *_SIZE_PAIRS))
     if pair is None or len(pair) != 2:
         raise InputError(
             path,
@@ -241,15 +230,14 @@ def _errors(
     full = _numbers(path, keys, _COVARIANCE)
     sigma = _stated_sigma(path, keys, count)
     if full is not None:
-        covariance = _full_covariance(path, full, count)
-        text = f"The errors of the calibration are the covariance in {path.name}."
-        return covariance, Message("info", "camera-sigma-from-file", text)
-    if sigma is not None:
-        text = f"The errors of the calibration are the standard deviations in {path.name}."
-        message = Message("info", "camera-sigma-from-file", text)
-        return _covariance(sigma, parameters, keys), message
-    covariance = assumed_covariance(model, parameters, width_px, CALIBRATION_FILE)
-    return covariance, assumed_errors_message(path)
+        covariance, what = _full_covariance(path, full, count), "covariance"
+    elif sigma is not None:
+        covariance, what = _covariance(sigma, parameters, keys), "standard deviations"
+    else:
+        covariance = assumed_covariance(model, parameters, width_px, CALIBRATION_FILE)
+        return covariance, assumed_errors_message(path)
+    text = f"The errors of the calibration are the {what} in {path.name}."
+    return covariance, Message("info", "camera-sigma-from-file", text)
 
 
 def _full_covariance(path: Path, numbers: Floats, count: int) -> Floats:
@@ -259,9 +247,7 @@ def _full_covariance(path: Path, numbers: Floats, count: int) -> Floats:
             path, f"{_COVARIANCE[0]}: must be {count} x {count} (got {len(numbers)} numbers)"
         )
     matrix = numbers.reshape(count, count)
-    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    scale[scale == 0] = 1.0
-    correlation = matrix / np.outer(scale, scale)
+    correlation = correlation_of(matrix)
     lopsided = np.abs(correlation - correlation.T).max()
     if lopsided > _ROUNDING or np.linalg.eigvalsh(correlation)[0] < -_ROUNDING:
         raise InputError(

@@ -6,8 +6,6 @@ After colmap.github.io/format.html and /cameras.html: poses are camera-from-worl
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from uavgram.io.cameras.colmap import colmap_text
+from uavgram.io.tables.csv_rows import csv_text
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
 
@@ -90,18 +89,15 @@ def _points(result: Result, frames: Ints, seen: dict[str, list[tuple[int, Floats
 
 
 def _priors(result: Result, frames: Ints) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(_PRIOR_HEADER)
+    """Photos by their names as they are, for other programs: a formula in one is not guarded."""
     upper = np.triu_indices(3)
-    for k in frames:
-        covariance = result.frames.refined.covariance[k, :3, :3][upper]
-        center = result.frames.refined.center_world_m[k]
-        writer.writerow(
-            [
-                result.frames.frame_id[k],
-                *(f"{v:.6f}" for v in center),
-                *(f"{v:.9g}" for v in covariance),
-            ]
-        )
-    return text.getvalue()
+    poses = result.frames.refined
+    rows = [
+        [
+            result.frames.frame_id[k],
+            *(f"{value:.6f}" for value in poses.center_world_m[k]),
+            *(f"{value:.9g}" for value in poses.covariance[k, :3, :3][upper]),
+        ]
+        for k in frames
+    ]
+    return csv_text(_PRIOR_HEADER, rows)

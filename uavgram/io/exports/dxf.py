@@ -15,7 +15,7 @@ from ezdxf.layouts.layout import Modelspace
 
 from uavgram.geometry.earth.map_projection import map_scale, projected_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.layers import Features, Layer
+from uavgram.model.maps.layers import HIDDEN, Features, Layer
 
 Place = Callable[[Floats], Floats]
 
@@ -75,15 +75,10 @@ def write_map_dxf(features: Features, path: Path) -> None:
 
 def _write(features: Features, path: Path, place: Place, note: str) -> None:
     document = new("R2010", setup=["linetypes", "styles"], units=units.M)
-    for name, colour in _LAYERS.values():
+    for name, colour in (*_LAYERS.values(), (_LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
         document.layers.add(name, color=colour)
-    for hidden in (
-        "footprints",
-        "ellipses_95",
-    ):  # the latter are metres wide by the receiver's bias
+    for hidden in HIDDEN:
         document.layers.get(_LAYERS[hidden][0]).freeze()  # some programs do not know "off"
-    for name, colour in ((_LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
-        document.layers.add(name, color=colour)
     text_m = _text_height(features)
     sheet = _Sheet(document, document.modelspace(), place, text_m)
     _point_block(document, text_m)
@@ -219,26 +214,23 @@ def _ellipses(sheet: _Sheet, layer: Layer, name: str) -> None:
 
 def _values(sheet: _Sheet, layer: Layer) -> None:
     """Dimensions on two-point distances, a text on everything else that has a value."""
-    if layer.name == "known_lengths":
-        for row, ends in enumerate(layer.vertices_m):
-            if len(ends):
-                length, sigma = layer.attributes["length_m"][row], layer.attributes["sigma_m"][row]
-                _dimension(sheet, ends, _LAYERS[layer.name][0], _said(length, sigma, "m"))
-    elif layer.name.startswith("measured"):
-        for row, strip in enumerate(layer.vertices_m):
-            if not len(strip):
-                continue
-            value, sigma = layer.attributes["value"][row], layer.attributes["sigma"][row]
-            text = _said(value, sigma, str(layer.attributes["unit"][row]))
-            text += _DOUBT if layer.attributes["alternatives"][row] else ""
-            if len(strip) == 2 and layer.attributes["unit"][row] == "m":
-                _dimension(sheet, strip, _DIMENSIONS, text)
-            else:
-                named = f"{layer.attributes['name'][row]}: {text}"
-                _text(sheet, sheet.place(strip.mean(axis=0, keepdims=True))[0], named, _DIMENSIONS)
+    is_known = layer.name == "known_lengths"
+    if not is_known and not layer.name.startswith("measured"):
+        return
+    value, sigma = ("length_m", "sigma_m") if is_known else ("value", "sigma")
+    for row, strip in enumerate(layer.vertices_m):
+        one = {key: values[row] for key, values in layer.attributes.items()}
+        unit = str(one.get("unit", "m"))
+        text = _value_text(one[value], one[sigma], unit)
+        text += _DOUBT if one.get("alternatives") else ""
+        if len(strip) == 2 and unit == "m":
+            _dimension(sheet, strip, _LAYERS[layer.name][0] if is_known else _DIMENSIONS, text)
+        elif len(strip):
+            middle = sheet.place(strip.mean(axis=0, keepdims=True))[0]
+            _text(sheet, middle, f"{one['name']}: {text}", _DIMENSIONS)
 
 
-def _said(value: object, sigma: object, unit: str) -> str:
+def _value_text(value: object, sigma: object, unit: str) -> str:
     return f"{float(str(value)):.3f} ±{float(str(sigma)):.3f} {_UNITS.get(unit, unit)}"
 
 

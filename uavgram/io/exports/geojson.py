@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pyproj import Geod
 
 from uavgram.io.outputs import replace_text
-from uavgram.io.results.codec import plain
+from uavgram.io.results.codec import Record, records
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults, PointResults
+
+Geometry = Record | None
 
 VERTICES = 36  # of an ellipse: its area is short of the curve's by 0.5 %
 
@@ -41,8 +43,8 @@ def dump_geojson(result: Result) -> str:
     Positions are [longitude, latitude] in degrees. They have no third number, because RFC 7946
     wants a height above the ellipsoid there; `up_m` is a property.
     """
-    members: dict[str, Any] = {"type": "FeatureCollection", "name": result.name}
-    features: list[dict[str, Any]] = []
+    members: Record = {"type": "FeatureCollection", "name": result.name}
+    features: list[Record] = []
     if result.world.gauge == "plane" or result.world.origin is None:
         members["message"] = _NO_PLACE
     else:
@@ -54,58 +56,42 @@ def dump_geojson(result: Result) -> str:
     return f'{head}, "features": [{body}]}}\n'
 
 
-def _feature(geometry: dict[str, Any] | None, properties: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "Feature", "geometry": geometry, "properties": properties}
-
-
-def _points(points: PointResults) -> list[dict[str, Any]]:
-    sigma_m = np.sqrt(np.diagonal(points.covariance_m2, axis1=1, axis2=2))
+def _features(what: str, geometries: Iterable[Geometry], /, **columns: object) -> list[Record]:
+    """Shapes with their properties: columns of N values by name."""
     return [
-        _feature(
-            {"type": "Point", "coordinates": lonlat},
-            {
-                "type": "point",
-                "label": label,
-                **dict(zip(("east_m", "north_m", "up_m"), position, strict=True)),
-                "sigma_east_m": sigma[0],
-                "sigma_north_m": sigma[1],
-                "covariance_m2": covariance,
-                "semi_major_95_m": axes[0],
-                "semi_minor_95_m": axes[1],
-                "azimuth_deg": azimuth_deg,
-                "frames": list(frames),
-            },
-        )
-        for label, lonlat, position, sigma, covariance, axes, azimuth_deg, frames in zip(
-            points.label,
-            _lonlat(points).tolist(),
-            plain(points.position_world_m),
-            plain(sigma_m),
-            plain(points.covariance_m2),
-            plain(points.ellipse_95_m),
-            plain(np.rad2deg(points.ellipse_azimuth_rad)),
-            points.frames,
-            strict=True,
-        )
+        {"type": "Feature", "geometry": geometry, "properties": {"type": what, **row}}
+        for geometry, row in zip(geometries, records(**columns), strict=True)
     ]
 
 
-def _ellipses(points: PointResults) -> list[dict[str, Any]]:
-    rings = _ellipse_rings(points)
-    return [
-        _feature(
-            {"type": "Polygon", "coordinates": [ring]},
-            {
-                "type": "ellipse_95",
-                "label": label,
-                "semi_major_m": axes[0],
-                "semi_minor_m": axes[1],
-            },
-        )
-        for label, ring, axes in zip(
-            points.label, rings.tolist(), plain(points.ellipse_95_m), strict=True
-        )
-    ]
+def _points(points: PointResults) -> list[Record]:
+    east_m, north_m, up_m = points.position_world_m.T
+    sigma_east_m, sigma_north_m = np.sqrt(np.diagonal(points.covariance_m2, axis1=1, axis2=2)).T
+    return _features(
+        "point",
+        ({"type": "Point", "coordinates": place} for place in _lonlat(points).tolist()),
+        label=points.label,
+        east_m=east_m,
+        north_m=north_m,
+        up_m=up_m,
+        sigma_east_m=sigma_east_m,
+        sigma_north_m=sigma_north_m,
+        covariance_m2=points.covariance_m2,
+        semi_major_95_m=points.ellipse_95_m[:, 0],
+        semi_minor_95_m=points.ellipse_95_m[:, 1],
+        azimuth_deg=np.rad2deg(points.ellipse_azimuth_rad),
+        frames=points.frames,
+    )
+
+
+def _ellipses(points: PointResults) -> list[Record]:
+    return _features(
+        "ellipse_95",
+        ({"type": "Polygon", "coordinates": [ring]} for ring in _ellipse_rings(points).tolist()),
+        label=points.label,
+        semi_major_m=points.ellipse_95_m[:, 0],
+        semi_minor_m=points.ellipse_95_m[:, 1],
+    )
 
 
 def _ellipse_rings(points: PointResults) -> Floats:
@@ -127,40 +113,25 @@ def _ellipse_rings(points: PointResults) -> Floats:
     return rings
 
 
-def _measurements(measurements: MeasurementResults, points: PointResults) -> list[dict[str, Any]]:
+def _measurements(measurements: MeasurementResults, points: PointResults) -> list[Record]:
     place = dict(zip(points.label, _lonlat(points).tolist(), strict=True))
-    rows = zip(
-        measurements.name,
-        measurements.kind,
-        measurements.points,
-        plain(measurements.value),
-        plain(measurements.sigma),
-        measurements.unit,
-        plain(measurements.interval_95),
-        measurements.alternative_values,
-        strict=True,
+    shapes = zip(measurements.kind, measurements.points, strict=True)
+    return _features(
+        "measurement",
+        (_geometry(kind, [place.get(label) for label in labels]) for kind, labels in shapes),
+        name=measurements.name,
+        kind=measurements.kind,
+        points=measurements.points,
+        value=measurements.value,
+        sigma=measurements.sigma,
+        unit=measurements.unit,
+        lower_95=measurements.interval_95[:, 0],
+        upper_95=measurements.interval_95[:, 1],
+        alternative_values=measurements.alternative_values,
     )
-    return [
-        _feature(
-            _geometry(kind, [place.get(label) for label in labels]),
-            {
-                "type": "measurement",
-                "name": name,
-                "kind": kind,
-                "points": list(labels),
-                "value": value,
-                "sigma": sigma,
-                "unit": unit,
-                "lower_95": bounds[0],
-                "upper_95": bounds[1],
-                "alternative_values": plain(others),
-            },
-        )
-        for name, kind, labels, value, sigma, unit, bounds, others in rows
-    ]
 
 
-def _geometry(kind: str, lonlat: list[list[float] | None]) -> dict[str, Any] | None:
+def _geometry(kind: str, lonlat: list[list[float] | None]) -> Geometry:
     """Shape of a measurement; None where a point has no position (an "unlocated" feature)."""
     known = [position for position in lonlat if position is not None]
     if len(known) < len(lonlat):

@@ -8,15 +8,14 @@ from pathlib import Path
 import numpy as np
 from pyogrio.raw import write
 
-from uavgram.geometry.earth.geodesy import Origin
 from uavgram.geometry.earth.map_projection import projected_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.layers import Attribute, Features, Layer
+from uavgram.model.maps.layers import Attribute, Features, Layer, placed
 
 _TYPES = {"point": "Point Z", "line": "LineString Z", "polygon": "Polygon Z"}
 _LOCAL = 'LOCAL_CS["local metres: x east, y north",UNIT["metre",1]]'
 # ISO WKB codes of geometries with height (OGC 06-103r4, table 7).
-_POINT_Z, _LINE_Z, _POLYGON_Z = 1001, 1002, 1003
+_WKB_TYPES = {"point": 1001, "line": 1002, "polygon": 1003}
 
 
 def write_geopackage(features: Features, path: Path) -> None:
@@ -28,7 +27,7 @@ def write_geopackage(features: Features, path: Path) -> None:
         columns = list(layer.attributes)
         write(
             path,
-            geometry=np.array([_wkb(layer, v) for v in _placed(features, layer)], dtype=object),
+            geometry=np.array([_wkb(layer, v) for v in _on_map(features, layer)], dtype=object),
             field_data=[_field(layer.attributes[key]) for key in columns],
             fields=columns,
             layer=layer.name,
@@ -39,19 +38,12 @@ def write_geopackage(features: Features, path: Path) -> None:
         )
 
 
-def _placed(features: Features, layer: Layer) -> list[Floats]:
+def _on_map(features: Features, layer: Layer) -> tuple[Floats, ...]:
     """Vertices of each shape on the map."""
-    if features.origin is None or features.crs is None:
-        return list(layer.vertices_m)
-    return _on_map(layer.vertices_m, features.origin, features.crs)
-
-
-def _on_map(vertices_m: tuple[Floats, ...], origin: Origin, crs: str) -> list[Floats]:
-    counts = [len(v) for v in vertices_m]
-    if not sum(counts):
-        return list(vertices_m)
-    together = projected_from_enu(np.concatenate(vertices_m), origin, crs)
-    return np.split(together, np.cumsum(counts)[:-1])
+    origin, crs = features.origin, features.crs
+    if origin is None or crs is None:
+        return layer.vertices_m
+    return placed(layer.vertices_m, lambda enu: projected_from_enu(enu, origin, crs))
 
 
 def _field(values: Attribute) -> np.ndarray[tuple[int], np.dtype[np.object_ | np.float64]]:
@@ -64,11 +56,8 @@ def _wkb(layer: Layer, vertices: Floats) -> bytes | None:
     """Well-known binary of one shape, little-endian; None where it has no place."""
     if not len(vertices):
         return None
-    if layer.kind == "point":
-        return struct.pack("<BI", 1, _POINT_Z) + vertices.astype("<f8").tobytes()
-    if layer.kind == "line":
-        head = struct.pack("<BII", 1, _LINE_Z, len(vertices))
-        return head + vertices.astype("<f8").tobytes()
-    ring = np.concatenate([vertices, vertices[:1]])
-    head = struct.pack("<BIII", 1, _POLYGON_Z, 1, len(ring))
-    return head + ring.astype("<f8").tobytes()
+    if layer.kind == "polygon":
+        vertices = np.concatenate([vertices, vertices[:1]])
+    counts = {"point": (), "line": (len(vertices),), "polygon": (1, len(vertices))}[layer.kind]
+    head = struct.pack(f"<B{1 + len(counts)}I", 1, _WKB_TYPES[layer.kind], *counts)
+    return head + vertices.astype("<f8").tobytes()

@@ -30,11 +30,7 @@ def write_geo_txt(tags: GeoTags, path: Path) -> None:
     """
     lines = ["EPSG:4326", f"# heights {DATUM_WORDS[tags.datum]}; pitch 0 looks straight down"]
     lines.append(f"# {_GEO_COLUMNS}")
-    for k, name in enumerate(tags.frame_id):
-        place = f"{tags.longitude_deg[k]:.9f} {tags.latitude_deg[k]:.9f} {tags.height_m[k]:.3f}"
-        angles = " ".join(f"{angle:.4f}" for angle in _nadir_deg(tags, k))
-        lines.append(f"{name} {place} {angles} {_sigmas(tags, k, ' ')}")
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    _write(path, lines, " ", tags, (tags.longitude_deg, tags.latitude_deg))
 
 
 def write_pix4d_csv(tags: GeoTags, path: Path) -> None:
@@ -44,16 +40,20 @@ def write_pix4d_csv(tags: GeoTags, path: Path) -> None:
     pitch before roll, the order of coordinates that of EPSG:4326.
     """
     lines = [_PIX4D_COLUMNS, f"#altitude {DATUM_WORDS[tags.datum]}"]
-    for k, name in enumerate(tags.frame_id):
-        place = f"{tags.latitude_deg[k]:.9f},{tags.longitude_deg[k]:.9f},{tags.height_m[k]:.3f}"
-        angles = ",".join(f"{angle:.4f}" for angle in _nadir_deg(tags, k))
-        lines.append(f"{name},{place},{angles},{_sigmas(tags, k, ',')}")
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    _write(path, lines, ",", tags, (tags.latitude_deg, tags.longitude_deg))
 
 
-def _nadir_deg(tags: GeoTags, k: int) -> Floats:
-    return np.asarray(np.degrees(tags.nadir_ypr_rad[k]))
-
-
-def _sigmas(tags: GeoTags, k: int, separator: str) -> str:
-    return f"{tags.sigma_horizontal_m[k]:.3f}{separator}{tags.sigma_vertical_m[k]:.3f}"
+def _write(
+    path: Path, head: list[str], separator: str, tags: GeoTags, place: tuple[Floats, Floats]
+) -> None:
+    """Write a table: its head, and a row for each photo; `place` in the format's order."""
+    columns = [
+        *((column, ".9f") for column in place),
+        (tags.height_m, ".3f"),
+        *((column, ".4f") for column in np.degrees(tags.nadir_ypr_rad).T),
+        (tags.sigma_horizontal_m, ".3f"),
+        (tags.sigma_vertical_m, ".3f"),
+    ]
+    cells = [[format(value, digits) for value in column] for column, digits in columns]
+    rows = [separator.join(row) for row in zip(tags.frame_id, *cells, strict=True)]
+    path.write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")

@@ -110,7 +110,19 @@ def _write_pixels(file: DatasetWriter, pixels: Pixels, column: int, row: int) ->
 def write_float_geotiff(
     raster: GroundRaster, bands: dict[str, Floats], tags: dict[str, str], path: Path
 ) -> None:
-    """Write named bands of numbers (H, W); NaN is "no data"."""
+    """Write named bands of numbers.
+
+    Parameters
+    ----------
+    raster
+        Size and place: H rows of W pixels.
+    bands
+        (H, W) numbers by the name of their band; NaN is "no data".
+    tags
+        Remarks to store in the file.
+    path
+        The file.
+    """
     profile = _PROFILE | _place(raster)
     profile |= {"count": len(bands), "dtype": "float32", "nodata": np.nan, "predictor": 3}
     with _on_all_cores(), rasterio.open(path, "w", **profile) as file:

@@ -10,31 +10,20 @@ import numpy as np
 
 from uavgram.geometry.earth.geodesy import Origin, geodetic_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.layers import Features, Layer
+from uavgram.model.maps.layers import HIDDEN, Features, Layer, placed
 
 _NAMESPACE = "http://www.opengis.net/kml/2.2"
-_TITLES = {
-    "footprints": "Photo footprints",
-    "camera_poses": "Cameras",
-    "ellipses_95": "95 % ellipses",
-    "ellipses_95_within_survey": "95 % ellipses within the survey",
-    "known_lengths": "Known lengths",
-    "measured_areas": "Measured areas",
-    "measured_lines": "Measured lines",
-    "points": "Points",
+# Title, and colour as aabbggrr, the order of KML; polygons are filled with a tenth of it.
+_LAYERS = {
+    "footprints": ("Photo footprints", "99ffffff"),
+    "camera_poses": ("Cameras", "ffffaa55"),
+    "ellipses_95": ("95 % ellipses", "ff007be0"),
+    "ellipses_95_within_survey": ("95 % ellipses within the survey", "ff00c8ff"),
+    "known_lengths": ("Known lengths", "ff7a12b0"),
+    "measured_areas": ("Measured areas", "ff6b7900"),
+    "measured_lines": ("Measured lines", "ff6b7900"),
+    "points": ("Points", "ff00ffff"),
 }
-# aabbggrr, the order of KML; polygons are filled with a tenth of it.
-_COLOURS = {
-    "footprints": "99ffffff",
-    "camera_poses": "ffffaa55",
-    "ellipses_95": "ff007be0",
-    "ellipses_95_within_survey": "ff00c8ff",
-    "known_lengths": "ff7a12b0",
-    "measured_areas": "ff6b7900",
-    "measured_lines": "ff6b7900",
-    "points": "ff00ffff",
-}
-_HIDDEN = {"footprints", "ellipses_95"}  # the latter are metres wide by the receiver's bias
 _NO_PLACE = "Nothing ties this survey to the earth, so nothing of it can be drawn on a globe."
 
 
@@ -55,7 +44,7 @@ def write_kml(features: Features, path: Path) -> None:
 
 def _style(document: Element, layer: Layer) -> None:
     style = SubElement(document, "Style", id=layer.name)
-    colour = _COLOURS[layer.name]
+    colour = _LAYERS[layer.name][1]
     if layer.kind == "point":
         SubElement(SubElement(style, "IconStyle"), "color").text = colour
         return
@@ -67,8 +56,9 @@ def _style(document: Element, layer: Layer) -> None:
 
 def _folder(document: Element, layer: Layer, origin: Origin) -> None:
     folder = SubElement(document, "Folder")
-    SubElement(folder, "name").text = _TITLES[layer.name]
-    SubElement(folder, "visibility").text = "0" if layer.name in _HIDDEN else "1"
+    SubElement(folder, "name").text = _LAYERS[layer.name][0]
+    visibility = "0" if layer.name in HIDDEN else "1"
+    SubElement(folder, "visibility").text = visibility
     folder.tail = "\n"
     names = next(iter(layer.attributes.values()))  # label, name or frame comes first
     for row, places in enumerate(_places(layer, origin)):
@@ -77,7 +67,7 @@ def _folder(document: Element, layer: Layer, origin: Origin) -> None:
         mark = SubElement(folder, "Placemark")
         mark.tail = "\n"
         SubElement(mark, "name").text = str(names[row])
-        SubElement(mark, "visibility").text = "0" if layer.name in _HIDDEN else "1"
+        SubElement(mark, "visibility").text = visibility
         SubElement(mark, "styleUrl").text = f"#{layer.name}"
         data = SubElement(mark, "ExtendedData")
         for key, values in layer.attributes.items():
@@ -88,18 +78,18 @@ def _folder(document: Element, layer: Layer, origin: Origin) -> None:
         _geometry(mark, layer, places)
 
 
-def _places(layer: Layer, origin: Origin) -> list[Floats]:
+def _places(layer: Layer, origin: Origin) -> tuple[Floats, ...]:
     """(v, 3) longitude, latitude, height above ground of each shape's vertices, rings closed."""
+
+    def on_globe(enu: Floats) -> Floats:
+        latitude, longitude, _ = geodetic_from_enu(enu, origin)
+        above = enu[:, 2] if layer.name == "camera_poses" else np.zeros(len(enu))
+        return np.stack([longitude, latitude, above], axis=1)
+
     shapes = layer.vertices_m
     if layer.kind == "polygon":
         shapes = tuple(np.concatenate([ring, ring[:1]]) for ring in shapes)
-    counts = [len(vertices) for vertices in shapes]
-    if not sum(counts):
-        return list(shapes)
-    together = np.concatenate(shapes)
-    latitude, longitude, _ = geodetic_from_enu(together, origin)
-    above = together[:, 2] if layer.name == "camera_poses" else np.zeros(len(together))
-    return np.split(np.stack([longitude, latitude, above], axis=1), np.cumsum(counts)[:-1])
+    return placed(shapes, on_globe)
 
 
 def _geometry(mark: Element, layer: Layer, places: Floats) -> None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from pathlib import Path
 
 from uavgram.io.outputs import replace_text
+from uavgram.io.tables.csv_rows import csv_text
 from uavgram.io.tables.spreadsheet_cells import guarded
 from uavgram.model.result.result import Result
 
@@ -49,9 +48,7 @@ def dump_measurements_csv(result: Result) -> str:
     interval, their values stand under ``alternatives``: then neither value nor interval is sure.
     """
     rows = result.measurements
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(HEADER)
+    cells = []
     for i, sigma in enumerate(rows.sigma):
         value, own, low, high, *others = (
             rounded(number, float(sigma))
@@ -59,8 +56,8 @@ def dump_measurements_csv(result: Result) -> str:
         )
         name, points = guarded(rows.name[i]), guarded(";".join(rows.points[i]))
         alternatives, unit = ";".join(others), rows.unit[i]
-        writer.writerow((name, rows.kind[i], points, value, own, unit, low, high, alternatives))
-    return text.getvalue()
+        cells.append((name, rows.kind[i], points, value, own, unit, low, high, alternatives))
+    return csv_text(HEADER, cells)
 
 
 def rounded(number: float, sigma: float) -> str:

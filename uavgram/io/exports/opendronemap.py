@@ -17,6 +17,15 @@ def write_gcp_list(result: Result, features: Features, path: Path) -> None:
     origin. The first line names the coordinate system (docs.opendronemap.org, "Ground Control
     Points").
 
+    Parameters
+    ----------
+    result
+        Adjusted points [m, local ENU], and picks with their status.
+    features
+        Where the survey lies: origin and projected coordinate system.
+    path
+        The file.
+
     Raises
     ------
     ValueError

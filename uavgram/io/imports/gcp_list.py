@@ -25,6 +25,7 @@ from uavgram.model.survey.observations import KnownPoints
 
 _NAMES = ("x", "y", "z", "column", "row")
 _NUMBERS, _Z = 5, 2
+_NO_HEIGHT = "has no height (NaN), which a control point needs: add it, or leave the control out"
 UNKNOWN_HEIGHT_SIGMA_M = 10_000.0
 """Of a height that says nothing: so wide that it has no weight."""
 
@@ -89,7 +90,6 @@ def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> Imported
     known = None
     if sigmas is not None:
         first = list({row.label: row for row in reversed(rows)}.values())[::-1]
-        _check_heights(path, first)
         xyz = np.array([row.xyz for row in first], dtype=np.float64)
         latitude, longitude = geodetic(path, crs, xyz, [row.line for row in first])
         known = KnownPoints(
@@ -149,7 +149,9 @@ def _sigmas(path: Path, rows: list[_Row], sigmas: GcpSigmas) -> Floats:
         cells = row.rest[:2] if sigmas.in_columns else ()
         own = [parse_number(cell) for cell in cells]
         fault = next((text for text in map(_sigma_fault, own) if text), "")
-        if fault:
+        if row.xyz[_Z] is None:
+            faults.append((row.line, _NO_HEIGHT))
+        elif fault:
             faults.append((row.line, f"sigma behind the label {row.label!r} {fault}"))
         elif not own and sigmas.sigma_m is None:
             text = f"label {row.label!r} has no sigma behind it: add it, or state --control-sigma-m"
@@ -184,13 +186,6 @@ def _zero_heights(path: Path, rows: list[_Row], sigmas: GcpSigmas) -> list[Messa
         "into the table."
     )
     return [Message("warning", "gcp-zero-heights", text)]
-
-
-def _check_heights(path: Path, rows: list[_Row]) -> None:
-    text = "has no height (NaN), which a control point needs: add it, or leave the control out"
-    faults = [(row.line, text) for row in rows if row.xyz[_Z] is None]
-    if faults:
-        raise InputError.of_all(path, faults)
 
 
 def _check(path: Path, rows: list[_Row]) -> None:

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from uavgram.errors import InputError, no_file
+from uavgram.errors import InputError
+from uavgram.io.inputs import read_text
 from uavgram.io.json_text import parse_json
 from uavgram.io.photos.exif import exif_numbers, read_exif_tags
 from uavgram.io.photos.size import image_size
@@ -100,18 +101,13 @@ def _place(
 
 
 def _content(path: Path) -> dict[str, Any]:
-    if what := no_file(path):
-        raise InputError(path, f"is {what}: name a file")
+    text = read_text(path, "is it a LabelMe file? Export it again")
     try:
-        content = parse_json(path, path.read_text(encoding="utf-8-sig"))
-        checked = _checked(content)
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+        return _checked(parse_json(path, text))
     except (ValueError, KeyError, TypeError, IndexError, OverflowError) as fault:
         raise InputError(
             path, f"is no LabelMe file ({type(fault).__name__}: {fault}): export it again"
         ) from fault
-    return checked
 
 
 def _checked(content: object) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from uavgram.errors import InputError
 from uavgram.io.digest import digest_inputs
+from uavgram.io.inputs import read_bytes
 from uavgram.io.photos.camera_tags import read_all_camera_tags
 from uavgram.io.photos.files import matching_files
 from uavgram.model.camera.board import LensSetting
@@ -90,10 +91,7 @@ def read_grey(path: str | Path) -> NDArray[np.uint8]:
     InputError
         The file cannot be read, or is no photo.
     """
-    try:
-        encoded = np.frombuffer(Path(path).read_bytes(), np.uint8)
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    encoded = np.frombuffer(read_bytes(path), np.uint8)
     try:
         grey = cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
     except cv2.error:  # an empty file, or a header with absurd sizes

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from uavgram.errors import InputError
-from uavgram.io.photos.exif import exif_numbers, read_exif_tags
+from uavgram.io.photos.exif import exif_numbers, exif_text, read_exif_tags
 from uavgram.io.photos.size import image_size
 from uavgram.io.photos.xmp import DJI, XmpTags, read_xmp
 from uavgram.model.camera.tags import CameraTags
@@ -37,9 +37,9 @@ def read_camera_tags(path: str | Path) -> CameraTags:
         path=str(path),
         width_px=width,
         height_px=height,
-        make=_text(exif, "Image Make"),
-        model=_text(exif, "Image Model"),
-        serial=_text(exif, "EXIF BodySerialNumber") or xmp.get((DJI, "CameraSerialNumber"), ""),
+        make=exif_text(exif, "Image Make"),
+        model=exif_text(exif, "Image Model"),
+        serial=exif_text(exif, "EXIF BodySerialNumber") or xmp.get((DJI, "CameraSerialNumber"), ""),
         focal_mm=focal,
         focal_step_mm=step,
         focal_35mm_mm=_positive(exif, "EXIF FocalLengthIn35mmFilm"),
@@ -59,10 +59,6 @@ def read_all_camera_tags(paths: Iterable[str]) -> tuple[CameraTags, ...]:
     """Read the tags of many photos side by side: most of it is waiting for the disk."""
     with ThreadPoolExecutor() as pool:
         return tuple(pool.map(read_camera_tags, paths))
-
-
-def _text(exif: Mapping[str, Any], key: str) -> str:
-    return str(exif.get(key, "")).strip("\0 ")
 
 
 def _positive(exif: Mapping[str, Any], key: str, otherwise: float = math.nan) -> float:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.io.photos.exif import read_exif_tags
+from uavgram.io.photos.exif import exif_text, read_exif_tags
 from uavgram.io.photos.files import check_name, matching_files
 from uavgram.io.photos.size import image_size
 from uavgram.io.tables.spreadsheet_cells import runs
@@ -156,11 +156,10 @@ def _filename_reading(path: Path, pattern: str) -> _Reading:
 def _exif_reading(path: Path) -> _Reading:
     """DateTimeOriginal with SubSecTimeOriginal and OffsetTimeOriginal (CIPA DC-008, 4.6.6)."""
     tags = read_exif_tags(path)
-    text = str(tags.get("EXIF DateTimeOriginal", "")).strip("\0 ")
-    fraction = str(tags.get("EXIF SubSecTimeOriginal", "")).strip("\0 ")
-    zone = str(
-        tags.get("EXIF OffsetTimeOriginal", tags.get("EXIF OffsetTime", "")),
-    ).strip("\0 ")
+    text, fraction = (
+        exif_text(tags, f"EXIF {name}Original") for name in ("DateTime", "SubSecTime")
+    )
+    zone = exif_text(tags, "EXIF OffsetTimeOriginal", "EXIF OffsetTime")
     try:
         moment = datetime.strptime(text, "%Y:%m:%d %H:%M:%S")  # noqa: DTZ007 - zone follows
     except ValueError:

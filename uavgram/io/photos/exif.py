@@ -6,6 +6,7 @@ import logging
 import math
 import struct
 import threading
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
@@ -73,6 +74,11 @@ def _is_not_ours(_: logging.LogRecord) -> bool:
 
 # It reports what a photo lacks, once a photo; who uses the library beside us keeps its messages.
 logging.getLogger("exifread").addFilter(_is_not_ours)
+
+
+def exif_text(tags: Mapping[str, Any], *names: str) -> str:
+    """Text of the first of these tags that is there; empty where none is."""
+    return str(next((tags[name] for name in names if name in tags), "")).strip("\0 ")
 
 
 def exif_numbers(tag: Any) -> list[float]:  # noqa: ANN401 - exifread has no types

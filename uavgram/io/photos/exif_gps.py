@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from uavgram.io.photos.exif import exif_numbers, read_exif_tags
+from uavgram.io.photos.exif import exif_numbers, exif_text, read_exif_tags
 
 _ALTITUDE_SIGN = {0: 1.0, 1: -1.0, 2: 1.0, 3: -1.0}
 
@@ -54,7 +54,7 @@ def read_exif_place(path: str | Path) -> ExifPlace:
 def _degrees(tags: dict[str, Any], name: str, negative: str) -> float:
     """Signed degrees of degrees, minutes, seconds; NaN where a part or the reference is absent."""
     parts = exif_numbers(tags.get(f"GPS GPS{name}"))
-    reference = str(tags.get(f"GPS GPS{name}Ref", "")).strip("\0 ").upper()
+    reference = exif_text(tags, f"GPS GPS{name}Ref").upper()
     if len(parts) != 3 or not reference:
         return float("nan")
     size = float(np.dot(parts, [1.0, 1 / 60, 1 / 3600]))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from mmap import mmap
 
-SOI, APP0, APP1, SOS, EOI = 0xD8, 0xE0, 0xE1, 0xDA, 0xD9
+APP0, APP1, SOS, EOI = 0xE0, 0xE1, 0xDA, 0xD9
+START = b"\xff\xd8"
 EXIF_HEAD = b"Exif\x00\x00"
 XMP_HEAD = b"http://ns.adobe.com/xap/1.0/\x00"
 LARGEST_SEGMENT = 65533
@@ -36,30 +38,36 @@ class Jpeg:
         return None
 
 
-def parse_jpeg(data: bytes) -> Jpeg | None:
-    """Split a JPEG file; None where it is none, or its segments are cut short."""
-    if not data.startswith(b"\xff\xd8"):
-        return None
-    at = 2
-    segments: list[Segment] = []
-    while at + 4 <= len(data):
-        if data[at] != 0xFF:
-            return None
+def read_segments(data: bytes | mmap) -> Iterator[tuple[Segment, int]]:
+    """Segments of a JPEG file, each with the byte at which it ends; none where it is no JPEG.
+
+    The last one, without payload, is the marker of the first scan (or of the end): where none
+    comes, the file is cut short.
+    """
+    at = 2 if data[:2] == START else len(data)
+    while at + 4 <= len(data) and data[at] == 0xFF:
         marker = data[at + 1]
         if marker == 0xFF:  # fill byte
             at += 1
-            continue
-        if marker in (SOS, EOI):
-            return Jpeg(tuple(segments), data[at:])
-        if marker in _ALONE:
+        elif marker in _ALONE:
             at += 2
-            continue
-        (length,) = struct.unpack_from(">H", data, at + 2)
-        if length < 2 or at + 2 + length > len(data):
-            return None
-        segments.append(Segment(marker, data[at + 4 : at + 2 + length]))
-        at += 2 + length
-    return None
+        elif marker in (SOS, EOI):
+            yield Segment(marker, b""), at
+            return
+        else:
+            (length,) = struct.unpack_from(">H", data, at + 2)
+            if length < 2 or at + 2 + length > len(data):
+                return
+            yield Segment(marker, data[at + 4 : at + 2 + length]), at + 2 + length
+            at += 2 + length
+
+
+def parse_jpeg(data: bytes) -> Jpeg | None:
+    """Split a JPEG file; None where it is none, or its segments are cut short."""
+    found = list(read_segments(data))
+    if not found or found[-1][0].marker not in (SOS, EOI):
+        return None
+    return Jpeg(tuple(segment for segment, _ in found[:-1]), data[found[-1][1] :])
 
 
 def build_jpeg(segments: Iterable[Segment], scan: bytes) -> bytes:
@@ -70,7 +78,7 @@ def build_jpeg(segments: Iterable[Segment], scan: bytes) -> bytes:
     ValueError
         A segment is longer than the format allows.
     """
-    parts = [b"\xff\xd8"]
+    parts = [START]
     for segment in segments:
         if len(segment.payload) > LARGEST_SEGMENT:
             raise ValueError(f"segment of {len(segment.payload)} bytes: at most {LARGEST_SEGMENT}")

@@ -5,19 +5,18 @@ from __future__ import annotations
 import mmap
 import struct
 from pathlib import Path
-from typing import BinaryIO
 
 import cv2
 
 from uavgram.errors import InputError, no_file
 from uavgram.io.photos.exif import read_exif_tags
+from uavgram.io.photos.jpeg_segments import START, read_segments
 
 _TIFF = (b"II*\0", b"MM\0*")
 _PNG = b"\x89PNG\r\n\x1a\n"
 _TIFF_SIDES = ("ImageWidth", "ImageLength")
 # Start-of-frame markers of JPEG (ITU-T T.81, table B.1); 0xC4, 0xC8 and 0xCC are none.
 _JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-_JPEG_ALONE = frozenset({0x01, *range(0xD0, 0xD8)})  # markers without a segment
 
 
 def image_size(path: str | Path) -> tuple[int, int]:
@@ -37,10 +36,9 @@ def image_size(path: str | Path) -> tuple[int, int]:
     try:
         with Path(path).open("rb") as file:
             head = file.read(26)
-            if head[:2] == b"\xff\xd8":
-                file.seek(2)
-                size = _jpeg_size(file)
-                is_whole = _has_end(file)
+            if head.startswith(START):
+                with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+                    size, is_whole = _jpeg_size(content)
             elif head[:8] == _PNG and len(head) >= 24:
                 size = struct.unpack(">II", head[16:24])
             elif head[:4] in _TIFF:
@@ -60,37 +58,13 @@ def image_size(path: str | Path) -> tuple[int, int]:
     return int(size[0]), int(size[1])
 
 
-def _jpeg_size(file: BinaryIO) -> tuple[int, int] | None:
-    while True:
-        byte = file.read(1)
-        if not byte:
-            return None
-        if byte != b"\xff":
-            return None
-        marker = file.read(1)
-        while marker == b"\xff":  # fill bytes
-            marker = file.read(1)
-        if not marker or marker[0] in (0xD9, 0xDA):
-            return None
-        if marker[0] in _JPEG_ALONE:
-            continue
-        segment = file.read(2)
-        if len(segment) < 2:
-            return None
-        length = int.from_bytes(segment, "big")
-        if marker[0] in _JPEG_FRAMES:
-            frame = file.read(5)
-            if len(frame) < 5:
-                return None
-            height, width = struct.unpack(">HH", frame[1:5])
-            return int(width), int(height)
-        file.seek(length - 2, 1)
-
-
-def _has_end(file: BinaryIO) -> bool:
-    """Whether a JPEG's end marker stands somewhere behind its frame header, where `file` is."""
-    with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        return content.rfind(b"\xff\xd9", file.tell()) >= 0
+def _jpeg_size(content: mmap.mmap) -> tuple[tuple[int, int] | None, bool]:
+    """Size, and whether the end marker stands somewhere behind the frame header."""
+    for segment, end in read_segments(content):
+        if segment.marker in _JPEG_FRAMES and len(segment.payload) >= 5:
+            height, width = struct.unpack_from(">HH", segment.payload, 1)
+            return (width, height), content.rfind(b"\xff\xd9", end) >= 0
+    return None, True
 
 
 def _tiff_size(path: str | Path) -> tuple[int, int] | None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from xml.parsers import expat
 
 from uavgram.errors import InputError
+from uavgram.io.inputs import read_bytes
 from uavgram.io.photos.jpeg_segments import XMP_HEAD, parse_jpeg
 
 XmpTags = Mapping[tuple[str, str], str]
@@ -50,10 +51,7 @@ def read_xmp(path: str | Path) -> XmpTags:
 
 def xmp_packet(path: Path) -> bytes | None:
     """XML of a photo's XMP packet; of anything but a JPEG, the first that lies in the file."""
-    try:
-        data = path.read_bytes()
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    data = read_bytes(path)
     jpeg = parse_jpeg(data)
     place = data if jpeg is None else jpeg.app1(XMP_HEAD)
     if place is None:

@@ -14,18 +14,12 @@ from types import UnionType
 from typing import Any, Generic, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from uavgram.model.arrays import Bools, Floats
 
 Json = Any
 Record = dict[str, Json]
 Owner = TypeVar("Owner")
-
-
-def plain(value: ArrayLike) -> Json:
-    """Plain lists and floats of an array or a number; NaN becomes None."""
-    return encode(np.asarray(value, dtype=np.float64))
 
 
 def encode(value: object) -> Json:
@@ -139,7 +133,7 @@ class Table(Generic[Owner]):
                 columns |= {part: [row[k] for row in values] for k, part in enumerate(key)}
             else:
                 columns[key] = values
-        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+        return records(**columns)
 
     def load(self, records: Sequence[Record], **given: object) -> Owner:
         """Inverse of `dump`; `given` are the fields `elsewhere`."""
@@ -159,6 +153,12 @@ class Table(Generic[Owner]):
 
     def _names(self) -> list[str]:
         return [name for name in _hints(cast("Hashable", self.owner)) if name not in self.elsewhere]
+
+
+def records(**columns: object) -> list[Record]:
+    """Records of columns of N values by name."""
+    rows = zip(*(encode(column) for column in columns.values()), strict=True)
+    return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
 def joined(*tables: Sequence[Record]) -> list[Record]:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from uavgram.errors import InputError
+from uavgram.io.inputs import read_text
 from uavgram.io.json_text import parse_json
 from uavgram.io.outputs import replace_text
 from uavgram.io.results import tables
@@ -49,7 +50,7 @@ def dump_results(result: Result) -> str:
         "name": result.name,
         "provenance": encode(result.provenance)
         | {
-            "inputs": _dump_inputs(result.provenance.inputs),
+            "inputs": dump_inputs(result.provenance.inputs),
             "options": dict(result.provenance.options),
             "packages": dict(result.provenance.packages),
         },
@@ -154,12 +155,9 @@ def _compact(value: object) -> str:
 
 
 def _parse(path: Path) -> dict[str, Any]:
+    text = read_text(path, "so it is no results file")
     try:
-        content = parse_json(path, path.read_bytes().decode("utf-8"), constant=_refuse_constant)
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    except UnicodeDecodeError as fault:
-        raise InputError(path, "is not UTF-8 text, so no results file") from fault
+        content = parse_json(path, text, constant=_refuse_constant)
     except json.JSONDecodeError as fault:
         raise InputError(
             path,
@@ -199,7 +197,8 @@ def _load_world(record: Record) -> World:
     return from_record(World, {"crs": None} | record, origin=Geodetic(*place) if known else None)
 
 
-def _dump_inputs(inputs: Iterable[InputDigest]) -> Record:
+def dump_inputs(inputs: Iterable[InputDigest]) -> Record:
+    """Size and digest of each file, by its path."""
     return {one.path: {"sha256": one.sha256, "bytes": one.size_bytes} for one in inputs}
 
 
@@ -225,6 +224,7 @@ def _frozen(value: Json) -> Any:  # noqa: ANN401
     return tuple(_frozen(item) for item in value) if isinstance(value, list) else value
 
 
+_LEARNT_KEYS = {"ratio": "sigma_ratio", "shift": "shift_prior_sigmas"}
 _TELEMETRY = ("boresight_deg", "lever_arm_m", "position_bias_m", "heading_bias_deg")
 
 
@@ -270,16 +270,7 @@ def _dump_shared(result: Result) -> Record:
     return {
         **{key: _dump_estimate(getattr(shared, key)) for key in _TELEMETRY},
         "plane": _dump_plane(result.plane),
-        "intrinsics": {
-            "names": list(learnt.names),
-            "value": encode(learnt.value),
-            "sigma": encode(learnt.sigma),
-            "prior_value": encode(learnt.prior_value),
-            "prior_sigma": encode(learnt.prior_sigma),
-            "sigma_ratio": encode(learnt.ratio),
-            "shift_prior_sigmas": encode(learnt.shift),
-            "learnt": encode(learnt.learnt),
-        },
+        "intrinsics": {_LEARNT_KEYS.get(key, key): value for key, value in encode(learnt).items()},
     }
 
 

@@ -6,11 +6,12 @@ import csv
 import io
 import itertools
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from uavgram.errors import InputError, no_file
+from uavgram.errors import InputError
+from uavgram.io import inputs
 
 _LINE = re.compile(r"[^\r\n]+")
 _BLOCK = 10_000  # rows at a time
@@ -86,6 +87,15 @@ def _block(rows: Sequence[tuple[int, list[str]]], width: int) -> Block:
     return Block(lines, list(zip(*cells, strict=True)), ())
 
 
+def csv_text(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Text of a new table with commas, quotes where cells need them."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return text.getvalue()
+
+
 def separator_of(text: str) -> str:
     """What separates the cells of a table: a semicolon where its header knows no comma."""
     lines = (match[0] for match in _LINE.finditer(text))
@@ -121,22 +131,12 @@ def _stripped(cells: Sequence[str]) -> list[str]:
 
 def read_text(path: Path) -> str:
     """Text of a file in UTF-8, without byte order mark."""
-    if what := no_file(path):
-        raise InputError(path, f"is {what}: name a file")
-    try:
-        data = path.read_bytes()
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    if data.startswith(_BYTE_ORDER_MARKS_16) or _looks_like_utf_16(data):
+    if _looks_like_utf_16(inputs.read_bytes(path)[:64]):
         raise InputError(path, "is UTF-16 text: save it as CSV UTF-8", 1)
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as fault:
-        line = data.count(b"\n", 0, fault.start) + 1
-        raise InputError(path, "is not UTF-8 text: save it as CSV UTF-8", line) from fault
+    return inputs.read_text(path, "save it as CSV UTF-8")
 
 
-def _looks_like_utf_16(data: bytes) -> bool:
-    """Whether every other byte is 0, as in Latin text of two bytes a character."""
-    start = data[:64]
-    return b"\0" in start and not (any(start[::2]) and any(start[1::2]))
+def _looks_like_utf_16(start: bytes) -> bool:
+    """Whether a mark says so, or every other byte is 0, as in Latin text of two bytes each."""
+    is_half_empty = b"\0" in start and not (any(start[::2]) and any(start[1::2]))
+    return start.startswith(_BYTE_ORDER_MARKS_16) or is_half_empty

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +13,8 @@ import numpy as np
 from uavgram.errors import InputError, near_miss
 from uavgram.io.tables.csv_rows import may_hold_commas, read_blocks, read_header
 from uavgram.io.tables.spreadsheet_cells import readable
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model import typed_numbers
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.limits import (
     LARGEST_NUMBER,
     LARGEST_SIGMA,
@@ -24,7 +25,7 @@ from uavgram.model.limits import (
     sigma_fault,
     unshowable,
 )
-from uavgram.model.typed_numbers import comma_question, has_decimal_comma, with_point
+from uavgram.model.typed_numbers import has_decimal_comma, with_point
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _NOT_DECIMAL = re.compile(r"[^0-9eE+.\-]")
@@ -102,12 +103,26 @@ class Table:
         if self.faults:
             raise InputError.of_all(self.path, self.faults)
 
+    def require_range(self, name: str, limit: float) -> None:
+        """Note every number of a column whose magnitude is larger."""
+        odd = np.abs(self.numbers[name]) > limit
+        self._blame_numbers(name, odd, lambda _: f"must lie between -{limit:g} and {limit:g}")
+
     def require_length(self, name: str) -> None:
         """Note every number of a column that can be no length (empty cells pass)."""
-        for row in np.flatnonzero(np.isfinite(self.numbers[name])):
-            value = self.numbers[name][row]
-            if fault := length_fault(float(value)):
-                self.blame(int(row), f"{name} {fault} (got {value:g})")
+        self._blame_numbers(name, np.isfinite(self.numbers[name]), length_fault)
+
+    def require_sigma(self, name: str) -> None:
+        """Note every number of a column that can be no standard deviation (empty cells pass)."""
+        values = self.numbers[name]
+        odd = (values < SMALLEST_SIGMA) | (values > LARGEST_SIGMA)
+        self._blame_numbers(name, odd, sigma_fault)
+
+    def _blame_numbers(self, name: str, rows: Bools, fault_of: Callable[[float], str]) -> None:
+        for row in np.flatnonzero(rows).tolist():
+            value = float(self.numbers[name][row])
+            if fault := fault_of(value):
+                self.blame(row, f"{name} {fault} (got {value:g})")
 
     def require_short(self, *names: str) -> None:
         """Note every name that is too long."""
@@ -115,13 +130,6 @@ class Table:
             for row, text in enumerate(self.text[name]):
                 if fault := name_fault(text):
                     self.blame(row, f"{name} {fault} (it begins with {text[:32]!r})")
-
-    def require_sigma(self, name: str) -> None:
-        """Note every number of a column that can be no standard deviation (empty cells pass)."""
-        values = self.numbers[name]
-        for row in np.flatnonzero((values < SMALLEST_SIGMA) | (values > LARGEST_SIGMA)):
-            fault = sigma_fault(float(values[row]))
-            self.blame(int(row), f"{name} {fault} (got {values[row]:g})")
 
     def require_unique(self, name: str, what: str) -> None:
         """Note every text of a column that stands in an earlier row too."""
@@ -315,10 +323,4 @@ def number_hint(text: str) -> str:
     """Say why some text that looks like a number is none."""
     if _NUMBER.fullmatch(text):
         return ": it is far too large"
-    if question := comma_question(text):
-        return question
-    if re.fullmatch(r"[-+]?[0-9.,]*,[0-9.]+", text):
-        return ": write it with one decimal point, and no comma"
-    if re.fullmatch(r"[-+]?[0-9.]+\s*[a-zA-Z°]+", text):
-        return ": write the number alone, the column's name says the unit"
-    return ""
+    return typed_numbers.number_hint(text, "the column")

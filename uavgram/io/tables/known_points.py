@@ -11,13 +11,14 @@ from uavgram.errors import InputError
 from uavgram.io.tables.csv_tables import Columns, Table, read_table
 from uavgram.model.survey.observations import KnownPoints
 
+GEODETIC = ("latitude_deg", "longitude_deg", "height_m")
 _COORDINATES: dict[Literal["geodetic", "local"], tuple[str, str, str]] = {
-    "geodetic": ("latitude_deg", "longitude_deg", "height_m"),
+    "geodetic": GEODETIC,
     "local": ("east_m", "north_m", "up_m"),
 }
 _ONE_SIGMA = ("sigma_m",)
-_THREE_SIGMAS = ("sigma_east_m", "sigma_north_m", "sigma_up_m")
-_ALL = (*_COORDINATES["geodetic"], *_COORDINATES["local"], *_ONE_SIGMA, *_THREE_SIGMAS)
+THREE_SIGMAS = ("sigma_east_m", "sigma_north_m", "sigma_up_m")
+_ALL = (*_COORDINATES["geodetic"], *_COORDINATES["local"], *_ONE_SIGMA, *THREE_SIGMAS)
 
 
 def read_known_points(path: str | Path) -> KnownPoints:
@@ -34,15 +35,15 @@ def read_known_points(path: str | Path) -> KnownPoints:
     kind: Literal["geodetic", "local"] = (
         "geodetic" if _chosen(table, *_COORDINATES.values()) == 0 else "local"
     )
-    sigmas = (_ONE_SIGMA, _THREE_SIGMAS)[_chosen(table, _ONE_SIGMA, _THREE_SIGMAS)]
+    sigmas = (_ONE_SIGMA, THREE_SIGMAS)[_chosen(table, _ONE_SIGMA, THREE_SIGMAS)]
     names = _COORDINATES[kind]
     _check_cells(table, (*names, *sigmas))
     for name in sigmas:
         table.require_sigma(name)
     table.require_unique("label", "label")
     if kind == "geodetic":
-        _check_range(table, "latitude_deg", 90.0)
-        _check_range(table, "longitude_deg", 360.0)
+        table.require_range("latitude_deg", 90.0)
+        table.require_range("longitude_deg", 360.0)
     table.raise_faults()
     sigma_m = np.stack([table.numbers[name] for name in sigmas], axis=1)
     return KnownPoints(
@@ -75,9 +76,3 @@ def _check_cells(table: Table, names: tuple[str, ...]) -> None:
         for row in np.flatnonzero(np.isnan(table.numbers[name])):
             if int(table.line[row]) not in blamed:
                 table.blame(int(row), f"{name} is empty")
-
-
-def _check_range(table: Table, name: str, limit: float) -> None:
-    for row in np.flatnonzero(np.abs(table.numbers[name]) > limit):
-        value = table.numbers[name][row]
-        table.blame(int(row), f"{name} must lie between -{limit:g} and {limit:g} (got {value:g})")

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-import csv
-import io
+from collections.abc import Sequence
 from pathlib import Path
 
 from uavgram.errors import InputError
 from uavgram.io.outputs import replace_text
+from uavgram.io.tables.csv_rows import csv_text
+from uavgram.io.tables.known_points import GEODETIC, THREE_SIGMAS
+from uavgram.io.tables.picked import PICKS_HEADER
 from uavgram.io.tables.spreadsheet_cells import guarded
 from uavgram.model.survey.imported import ImportedPicks
 from uavgram.model.survey.observations import KnownPoints
+
+CONTROL_HEADER = ("label", *GEODETIC, *THREE_SIGMAS)
 
 
 def write_new_picks(picks: ImportedPicks, path: Path) -> None:
@@ -23,29 +27,17 @@ def write_new_picks(picks: ImportedPicks, path: Path) -> None:
     OutputError
         It cannot be written.
     """
-    rows = [
-        [guarded(image), guarded(label), repr(float(u)), repr(float(v))]
-        for image, label, (u, v) in zip(picks.image, picks.label, picks.pixel_px, strict=True)
-    ]
-    _write_new(path, ["image", "label", "u_px", "v_px"], rows)
+    _write_new(path, PICKS_HEADER[:4], picks.image, picks.label, *picks.pixel_px.T.tolist())
 
 
 def write_new_control(known: KnownPoints, path: Path) -> None:
     """Write control.csv with geodetic coordinates; errors as for `write_new_picks`."""
-    header = ["label", "latitude_deg", "longitude_deg", "height_m"]
-    header += ["sigma_east_m", "sigma_north_m", "sigma_up_m"]
-    rows = [
-        [guarded(label), *(repr(float(value)) for value in (*place, *sigma))]
-        for label, place, sigma in zip(known.label, known.coordinates, known.sigma_m, strict=True)
-    ]
-    _write_new(path, header, rows)
+    numbers = (*known.coordinates.T.tolist(), *known.sigma_m.T.tolist())
+    _write_new(path, CONTROL_HEADER, known.label, *numbers)
 
 
-def _write_new(path: Path, header: list[str], rows: list[list[str]]) -> None:
+def _write_new(path: Path, header: Sequence[str], *columns: Sequence[str | float]) -> None:
     if path.exists():
         raise InputError(path, "is there already: name another file, or move this one away")
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
-    replace_text(path, text.getvalue())
+    texts = [[guarded(c) if isinstance(c, str) else repr(c) for c in cells] for cells in columns]
+    replace_text(path, csv_text(header, zip(*texts, strict=True)))

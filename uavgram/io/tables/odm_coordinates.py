@@ -10,7 +10,8 @@ import numpy as np
 from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError
 
-from uavgram.errors import InputError, no_file
+from uavgram.errors import InputError
+from uavgram.io.inputs import read_text
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import HeightDatum
 
@@ -41,14 +42,7 @@ def content_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
     InputError
         The file cannot be read, is no text, or has no line but the first.
     """
-    if what := no_file(path):
-        raise InputError(path, f"is {what}: name a file")
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    except UnicodeDecodeError as fault:
-        raise InputError(path, f"is not UTF-8 text: is it a {path.name}?") from fault
+    text = read_text(path, f"is it a {path.name}?")
     lines = [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1)]
     lines = [(k, line) for k, line in lines if line and not line.startswith("#")]
     if len(lines) < 2:
@@ -57,7 +51,20 @@ def content_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
 
 
 def crs_of_header(path: Path, line: int, header: str) -> CRS:
-    """Coordinate system of the first line."""
+    """Coordinate system that the first line of a file names.
+
+    Parameters
+    ----------
+    path, line
+        The file, and the number of that line, for messages.
+    header
+        Its text: ``EPSG:4326``, ``WGS84 UTM 16N``, a PROJ text, or a name that PROJ knows.
+
+    Raises
+    ------
+    InputError
+        It names none.
+    """
     utm = _UTM.fullmatch(header)
     if utm is not None:
         zone, south = int(utm[1]), utm[2].upper() == "S"
@@ -88,7 +95,18 @@ def height_datum(crs: CRS, heights: HeightDatum) -> tuple[HeightDatum, str]:
 
 
 def geodetic(path: Path, crs: CRS, xyz: Floats, line: Sequence[int]) -> tuple[Floats, Floats]:
-    """Latitude and longitude (N,) [deg] of coordinates (N, 2 or more), x first.
+    """Latitude and longitude (N,) [deg] of coordinates.
+
+    Parameters
+    ----------
+    path
+        The file, for messages.
+    crs
+        Coordinate system of the coordinates.
+    xyz
+        (N, 2 or more) in its units, x (longitude, east) first.
+    line
+        (N,) line of each in the file.
 
     Raises
     ------

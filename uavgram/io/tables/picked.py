@@ -35,7 +35,13 @@ def picks_content(content: bytes | None, before: Picks, after: Picks) -> bytes |
 
 
 def lines_content(content: bytes | None, before: KnownLines, after: KnownLines) -> bytes | None:
-    """lines.csv with other lengths; see `picks_content`."""
+    """lines.csv with other lengths.
+
+    Parameters
+    ----------
+    content, before, after
+        As for `picks_content`.
+    """
     return _content(content, _line_cells(before), _line_cells(after), LINES_HEADER, ("name",))
 
 
@@ -44,7 +50,13 @@ def measure_content(
     before: Sequence[MeasurementRequest],
     after: Sequence[MeasurementRequest],
 ) -> bytes | None:
-    """measure.csv with other measurements; see `picks_content`."""
+    """measure.csv with other measurements.
+
+    Parameters
+    ----------
+    content, before, after
+        As for `picks_content`.
+    """
     cells = _request_cells(before), _request_cells(after)
     return _content(content, *cells, MEASURE_HEADER, ("name",))
 

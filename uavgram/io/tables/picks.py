@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,7 @@ PICKS_COLUMNS = Columns(
     optional_numbers=("sigma_px", "height_m"),
     others=True,
 )
+_FOLDER, _SEMICOLON = re.compile(r"[/\\]"), re.compile(";")
 
 
 def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
@@ -38,8 +41,10 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
     table.require_short("label")
     _check_names(table)
     _check_doubles(table)
-    _check_heights(table)
-    _check_areas(table)
+    heights = ["" if math.isnan(h) else repr(h) for h in table.numbers["height_m"].tolist()]
+    _check_same(table, "height_m", heights, "has one height")
+    areas = [area and repr(area) for area in table.text["area"]]
+    _check_same(table, "area", areas, "lies in one area")
     table.raise_faults()
     return Picks(
         image=table.text["image"],
@@ -53,27 +58,26 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
 
 
 def _check_names(table: Table) -> None:
-    if not any(map(re.compile(r"[/\\]").search, set(table.text["image"]))) and not any(
-        ";" in label for label in set(table.text["label"])
-    ):
-        return
-    for row, (image, label) in enumerate(
-        zip(table.text["image"], table.text["label"], strict=True)
-    ):
-        if re.search(r"[/\\]", image):
-            name = re.split(r"[/\\]", image)[-1]
-            table.blame(row, f"image must be the file's name alone: {name!r} (got {image!r})")
-        if ";" in label:
-            table.blame(
-                row, f"label {label!r} holds a semicolon, which separates labels in measure.csv"
-            )
+    for row, image in _rows_with(table, "image", _FOLDER):
+        name = _FOLDER.split(image)[-1]
+        table.blame(row, f"image must be the file's name alone: {name!r} (got {image!r})")
+    for row, label in _rows_with(table, "label", _SEMICOLON):
+        text = f"label {label!r} holds a semicolon, which separates labels in measure.csv"
+        table.blame(row, text)
+
+
+def _rows_with(table: Table, name: str, pattern: re.Pattern[str]) -> Iterator[tuple[int, str]]:
+    """Rows whose text holds something, and the text: mostly none, so each text is tried once."""
+    odd = {text for text in set(table.text[name]) if pattern.search(text)}
+    return ((row, text) for row, text in enumerate(table.text[name]) if odd and text in odd)
 
 
 def _check_doubles(table: Table) -> None:
-    if len(set(zip(table.text["image"], table.text["label"], strict=True))) == len(table.line):
+    picks = list(zip(table.text["image"], table.text["label"], strict=True))
+    if len(set(picks)) == len(picks):
         return
     first: dict[tuple[str, str], int] = {}
-    for row, pick in enumerate(zip(table.text["image"], table.text["label"], strict=True)):
+    for row, pick in enumerate(picks):
         if all(pick) and pick in first:
             image, label = pick
             table.blame(
@@ -85,32 +89,16 @@ def _check_doubles(table: Table) -> None:
         first.setdefault(pick, row)
 
 
-def _check_heights(table: Table) -> None:
-    first: dict[str, int] = {}
-    heights = table.numbers["height_m"].tolist()
-    for row in np.flatnonzero(np.isfinite(table.numbers["height_m"])).tolist():
-        label = table.text["label"][row]
-        earlier = first.setdefault(label, row)
-        if heights[earlier] != heights[row]:
-            table.blame(
-                row,
-                f"height_m of label {label!r} is {heights[row]:g} here, but {heights[earlier]:g} "
-                f"in line {table.line[earlier]}: one physical point has one height",
-            )
-
-
-def _check_areas(table: Table) -> None:
-    first: dict[str, int] = {}
-    areas = table.text["area"]
-    if not any(areas):
+def _check_same(table: Table, name: str, values: Sequence[str], remedy: str) -> None:
+    """Note every row whose value (if it has one) is not that of its label's first row."""
+    if not any(values):
         return
-    for row, (label, area) in enumerate(zip(table.text["label"], areas, strict=True)):
-        if not area:
-            continue
-        earlier = first.setdefault(label, row)
-        if areas[earlier] != area:
+    first: dict[str, int] = {}
+    for row, (label, value) in enumerate(zip(table.text["label"], values, strict=True)):
+        earlier = first.setdefault(label, row) if value else row
+        if values[earlier] != value:
             table.blame(
                 row,
-                f"area of label {label!r} is {area!r} here, but {areas[earlier]!r} in line "
-                f"{table.line[earlier]}: one physical point lies in one area",
+                f"{name} of label {label!r} is {value} here, but {values[earlier]} in line "
+                f"{table.line[earlier]}: one physical point {remedy}",
             )

@@ -82,11 +82,19 @@ class Calibration:
     @property
     def correlation(self) -> Floats:
         """(P, P) of the parameters; 0 where one is known exactly."""
-        sigma = np.sqrt(self.covariance.diagonal())
-        scale = np.where(sigma > 0, sigma, 1.0)
-        return np.asarray(self.covariance / np.outer(scale, scale))
+        return correlation_of(self.covariance)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """(P,) names of the parameters."""
         return parameter_names(self.model, len(self.parameters))
+
+
+def correlation_of(covariance: Floats) -> Floats:
+    """(P, P) correlations of a covariance, whose elements are comparable.
+
+    A variance of 0, which holds a parameter fixed, stays 0.
+    """
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scale = np.where(sigma > 0, sigma, 1.0)
+    return np.asarray(covariance / np.outer(scale, scale))

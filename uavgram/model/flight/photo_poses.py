@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated
+
+import numpy as np
 
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints, rows_of
 from uavgram.model.flight.log import HeightDatum, Track
+
+_UNSTATED: Floats = np.empty(0)
+
+
+def unstated() -> Floats:
+    """Stand for a column of NaN: the source of the poses does not state it."""
+    return _UNSTATED
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,16 +54,24 @@ class PhotoPoses(FrozenArrays):
     latitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     longitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     height_m: Annotated[Floats, "n", NAN_IS_NONE]
-    height_home_m: Annotated[Floats, "n", NAN_IS_NONE]
+    height_home_m: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=unstated)
     datum: HeightDatum
-    datum_guess: str
-    time_utc_s: Annotated[Floats, "n", NAN_IS_NONE]
-    ypr_rad: Annotated[Floats, "n", 3, NAN_IS_NONE]
-    vehicle_ypr_rad: Annotated[Floats, "n", 3, NAN_IS_NONE]
-    sigma_horizontal_m: Annotated[Floats, "n", NAN_IS_NONE]
-    sigma_vertical_m: Annotated[Floats, "n", NAN_IS_NONE]
-    sigma_attitude_rad: Annotated[Floats, "n", NAN_IS_NONE]
+    datum_guess: str = ""
+    time_utc_s: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=unstated)
+    ypr_rad: Annotated[Floats, "n", 3, NAN_IS_NONE] = field(default_factory=unstated)
+    vehicle_ypr_rad: Annotated[Floats, "n", 3, NAN_IS_NONE] = field(default_factory=unstated)
+    sigma_horizontal_m: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=unstated)
+    sigma_vertical_m: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=unstated)
+    sigma_attitude_rad: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=unstated)
     source: str
+
+    def __post_init__(self) -> None:
+        n = len(self.frame_id)
+        for name, value in vars(self).copy().items():
+            if value is _UNSTATED:
+                shape = (n, 3) if name.endswith("ypr_rad") else (n,)
+                object.__setattr__(self, name, np.full(shape, np.nan))
+        super().__post_init__()
 
     def rows(self, index: Ints) -> PhotoPoses:
         """Pick the photos at `index` (M,), in that order."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,6 +13,10 @@ from uavgram.model.flight.log import HeightDatum
 
 ShapeKind = Literal["point", "line", "polygon"]
 Attribute = tuple[str, ...] | tuple[float, ...]
+
+
+HIDDEN = ("footprints", "ellipses_95")
+"""Layers that files hide at first; the ellipses are metres wide by the receiver's bias."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,6 +54,14 @@ class Layer:
     def __len__(self) -> int:
         """Return the number of shapes."""
         return len(self.vertices_m)
+
+
+def placed(shapes: tuple[Floats, ...], place: Callable[[Floats], Floats]) -> tuple[Floats, ...]:
+    """Vertices (v, 3) of shapes in other coordinates: all are placed in one call."""
+    counts = [len(vertices) for vertices in shapes]
+    if not sum(counts):
+        return shapes
+    return tuple(np.split(place(np.concatenate(shapes)), np.cumsum(counts)[:-1]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,9 +9,9 @@ import exifread
 import numpy as np
 import pytest
 
-from uavgram.io.photos.tagging.exif_capture import CaptureTags, with_exif
+from uavgram.io.photos.tagging.exif_capture import with_exif
 
-TAGS = CaptureTags(time_utc_s=1778331905.0374, zone_h=-6.0, make="uavgram", model="demo camera")
+TAGS = {"time_utc_s": 1778331905.0374, "zone_h": -6.0, "make": "uavgram", "model": "demo camera"}
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,7 @@ def read(data):
 
 
 def test_time_zone_and_camera_are_read_back(jpeg):
-    found = read(with_exif(jpeg, TAGS))
+    found = read(with_exif(jpeg, **TAGS))
     # 1778331905 = 2026-05-09 13:05:05 UTC
     assert found["EXIF DateTimeOriginal"] == "2026:05:09 07:05:05"
     assert found["EXIF SubSecTimeOriginal"] == "037"
@@ -36,13 +36,13 @@ def test_time_zone_and_camera_are_read_back(jpeg):
 
 @pytest.mark.parametrize(("zone_h", "text"), [(0.0, "+00:00"), (5.5, "+05:30"), (-3.5, "-03:30")])
 def test_zones_of_half_hours_keep_their_sign(jpeg, zone_h, text):
-    tags = CaptureTags(time_utc_s=1.7783e9, zone_h=zone_h, make="m", model="odd")
-    assert read(with_exif(jpeg, tags))["EXIF OffsetTimeOriginal"] == text
+    tags = {"time_utc_s": 1.7783e9, "zone_h": zone_h, "make": "m", "model": "odd"}
+    assert read(with_exif(jpeg, **tags))["EXIF OffsetTimeOriginal"] == text
 
 
 def test_milliseconds_round_into_the_next_second(jpeg):
-    tags = CaptureTags(time_utc_s=1778331905.9996, zone_h=0.0, make="m", model="n")
-    found = read(with_exif(jpeg, tags))
+    tags = {"time_utc_s": 1778331905.9996, "zone_h": 0.0, "make": "m", "model": "n"}
+    found = read(with_exif(jpeg, **tags))
     assert found["EXIF DateTimeOriginal"] == "2026:05:09 13:05:06"
     assert found["EXIF SubSecTimeOriginal"] == "000"
 
@@ -50,11 +50,11 @@ def test_milliseconds_round_into_the_next_second(jpeg):
 def test_the_picture_is_untouched(jpeg):
     before, after = (
         cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-        for data in (jpeg, with_exif(jpeg, TAGS))
+        for data in (jpeg, with_exif(jpeg, **TAGS))
     )
     assert np.array_equal(before, after)
 
 
 def test_what_is_no_jpeg_is_refused():
     with pytest.raises(ValueError, match="not a JPEG"):
-        with_exif(b"\x89PNG", TAGS)
+        with_exif(b"\x89PNG", **TAGS)

@@ -21,8 +21,16 @@ def read_pose_csv(
     """Read image, latitude_deg, longitude_deg, height_m and, optional, angles and sigmas.
 
     Angles are those of the optical axis, as of a gimbal: yaw from north, pitch -90 straight down,
-    roll 0 with the horizon level; all three, or none. Heights are above `heights`. Places may be
-    absent where another source has them (`may_lack_places`): all three numbers, or none.
+    roll 0 with the horizon level; all three, or none.
+
+    Parameters
+    ----------
+    path
+        The table.
+    heights
+        Datum of its heights.
+    may_lack_places
+        Whether another source has places, so that a row may have none: all three numbers, or none.
 
     Raises
     ------
@@ -39,20 +47,15 @@ def read_pose_csv(
     )
     _check(table)
     numbers = table.numbers
-    count = len(table.line)
     return PhotoPoses(
         frame_id=table.text["image"],
         latitude_deg=numbers["latitude_deg"],
         longitude_deg=numbers["longitude_deg"],
         height_m=numbers["height_m"],
-        height_home_m=np.full(count, np.nan),
-        datum=heights,
-        datum_guess="",
-        time_utc_s=np.full(count, np.nan),
-        ypr_rad=np.radians(np.stack([numbers[name] for name in _ANGLES], axis=1)),
-        vehicle_ypr_rad=np.full((count, 3), np.nan),
         sigma_horizontal_m=numbers["sigma_horizontal_m"],
         sigma_vertical_m=numbers["sigma_vertical_m"],
+        datum=heights,
+        ypr_rad=np.radians(np.stack([numbers[name] for name in _ANGLES], axis=1)),
         sigma_attitude_rad=np.radians(numbers["sigma_attitude_deg"]),
         source=table.path.name,
     )
@@ -62,9 +65,8 @@ def _check(table: Table) -> None:
     for name in _SIGMAS:
         table.require_sigma(name)
     table.require_unique("image", "photo")
-    for name, limit in (("latitude_deg", 90.0), ("longitude_deg", 360.0)):
-        for row in np.flatnonzero(np.abs(table.numbers[name]) > limit):
-            table.blame(int(row), f"{name} must lie between -{limit:g} and {limit:g}")
+    table.require_range("latitude_deg", 90.0)
+    table.require_range("longitude_deg", 360.0)
     for together in (_ANGLES, _PLACE):
         given = np.stack([np.isfinite(table.numbers[name]) for name in together], axis=1)
         for row in np.flatnonzero(given.any(axis=1) & ~given.all(axis=1)):

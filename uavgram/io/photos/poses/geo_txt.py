@@ -62,21 +62,16 @@ def read_geo_txt(path: str | Path, heights: HeightDatum) -> tuple[PhotoPoses, tu
         messages = (Message("info", "geo-without-angles", text),)
     sigmas = np.array([row.sigmas for row in rows])
     sigmas = np.where(sigmas > 0, sigmas, np.nan)
-    unknown = np.full(len(rows), np.nan)
     poses = PhotoPoses(
         frame_id=tuple(row.name for row in rows),
         latitude_deg=latitude,
         longitude_deg=longitude,
         height_m=xyz[:, 2],
-        height_home_m=unknown,
         datum=datum,
         datum_guess=guess,
-        time_utc_s=unknown,
         ypr_rad=gimbal_from_nadir(nadir),
-        vehicle_ypr_rad=np.full((len(rows), 3), np.nan),
         sigma_horizontal_m=sigmas[:, 0],
         sigma_vertical_m=sigmas[:, 1],
-        sigma_attitude_rad=unknown,
         source="geo.txt",
     )
     return poses, messages

@@ -16,6 +16,7 @@ import numpy as np
 
 from uavgram.errors import InputError
 from uavgram.geometry.earth.gps_time import utc_from_gps
+from uavgram.io.inputs import read_bytes
 from uavgram.io.photos.poses.tags import RTK_FLOOR_HORIZONTAL_M, RTK_FLOOR_VERTICAL_M
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Photos
@@ -71,32 +72,22 @@ def read_mrk(path: str | Path, photos: Photos) -> tuple[PhotoPoses, tuple[Messag
     photo, row = np.array(placed).T
     _check_times(path, photos, rows, photo, row)
     horizontal = np.sqrt((rows.sigma_m[row, :2] ** 2).mean(axis=1))
-    count = len(row)
-    unknown = np.full(count, np.nan)
     poses = PhotoPoses(
         frame_id=tuple(photos.frame_id[i] for i in photo),
         latitude_deg=rows.place[row, 0],
         longitude_deg=rows.place[row, 1],
         height_m=rows.place[row, 2],
-        height_home_m=unknown,
         datum="ellipsoid",
-        datum_guess="",
         time_utc_s=rows.utc_s[row],
-        ypr_rad=np.full((count, 3), np.nan),
-        vehicle_ypr_rad=np.full((count, 3), np.nan),
         sigma_horizontal_m=np.maximum(horizontal, RTK_FLOOR_HORIZONTAL_M),
         sigma_vertical_m=np.maximum(rows.sigma_m[row, 2], RTK_FLOOR_VERTICAL_M),
-        sigma_attitude_rad=unknown,
         source="DJI MRK",
     )
     return poses, _quality_messages(path, rows.quality[row], len(joined) - len(placed))
 
 
 def _read_rows(path: Path) -> _Rows:
-    try:
-        lines = path.read_text(encoding="ascii", errors="replace").splitlines()
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    lines = read_bytes(path).decode("ascii", errors="replace").splitlines()
     matches = [(k, _LINE.fullmatch(text)) for k, text in enumerate(lines, 1) if text.strip()]
     faults: list[tuple[int | None, str]] = [
         (k, "is no line of a DJI image log (number, time, [week], offsets, Lat, Lon, Ellh, Q)")

@@ -57,9 +57,19 @@ def read_photo_poses(
 def read_stated_poses(
     source: str, photos: Photos, heights: HeightDatum
 ) -> tuple[PhotoPoses | None, tuple[Message, ...]]:
-    """`read_photo_poses` of one source among several: it may lack places, and even everything.
+    """Read the photos' poses from one source among several, which may lack places.
 
-    Places may be NaN; None where the photos' tags state neither a place nor an attitude.
+    Parameters
+    ----------
+    source, photos, heights
+        As for `read_photo_poses`.
+
+    Returns
+    -------
+    poses
+        Places may be NaN; None where the photos' tags state neither a place nor an attitude.
+    messages
+        What was odd, or assumed.
     """
     if source == FROM_PHOTOS:
         return read_stated_tags(photos)
@@ -92,7 +102,7 @@ def _of_file(
 def _of_photos(
     source: str, poses: PhotoPoses, photos: Photos
 ) -> tuple[PhotoPoses, tuple[Message, ...]]:
-    """Rows of the project's photos, in their order; what has no photo is said."""
+    """Rows of the project's photos, in their order; and a message on those that have no photo."""
     row = {name: k for k, name in enumerate(poses.frame_id)}
     index = [row[name] for name in photos.frame_id if name in row]
     if not index:

@@ -82,15 +82,15 @@ def read_pose_sources(
     readings: list[_Reading] = []
     messages: list[Message] = []
     for source in sources:
-        poses, said = read_stated_poses(source, photos, heights)
-        messages += said
+        poses, more = read_stated_poses(source, photos, heights)
+        messages += more
         if poses is None:
             continue
         at = {name: k for k, name in enumerate(poses.frame_id)}
         row = np.array([at.get(name, -1) for name in photos.frame_id], dtype=np.int64)
         readings.append(_Reading(_name(source, poses), poses, row))
-    merged, account = _merged(sources, photos, readings)
-    return merged, (*messages, *account)
+    merged, summary = _merged(sources, photos, readings)
+    return merged, (*messages, *summary)
 
 
 def _name(source: str, poses: PhotoPoses) -> str:
@@ -130,9 +130,9 @@ def _merged(
         source=", ".join(dict.fromkeys(each.poses.source for each in kept)),
         **columns,  # type: ignore[arg-type]  # columns of numbers, by their names
     )
-    said = [message for each in used for message in height_guess(each.poses)]
-    said += _another_datum(photos, readings, np.where(place < 0, before, -1), datum)
-    return poses, [*said, _account(readings, place, attitude)]
+    messages = [message for each in used for message in height_guess(each.poses)]
+    messages += _another_datum(photos, readings, np.where(place < 0, before, -1), datum)
+    return poses, [*messages, _summary(readings, place, attitude)]
 
 
 def _place_rank(reading: _Reading) -> Floats:
@@ -189,7 +189,7 @@ def _another_datum(
     return [Message("warning", "pose-datum-differs", text)]
 
 
-def _account(readings: list[_Reading], place: Ints, attitude: Ints) -> Message:
+def _summary(readings: list[_Reading], place: Ints, attitude: Ints) -> Message:
     """Which source gave what."""
     of_place, of_attitude = _shares(readings, place), _shares(readings, attitude)
     there = place >= 0

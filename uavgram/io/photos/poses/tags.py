@@ -42,6 +42,12 @@ RTK_GUESS = "DJI writes ellipsoidal heights where RTK is in use"
 EXIF_GUESS = "EXIF altitude references 0 and 1 name no datum; sea level was assumed"
 
 
+_COLUMNS = (
+    *("latitude_deg", "longitude_deg", "height_m", "height_home_m"),
+    *("sigma_horizontal_m", "sigma_vertical_m"),
+)
+
+
 @dataclass(frozen=True, kw_only=True)
 class TagPose:
     """What the tags of one photo say, in degrees and metres; NaN for what they do not."""
@@ -143,8 +149,7 @@ def read_photo_tags(photos: Photos) -> tuple[PhotoPoses, tuple[Message, ...]]:
     InputError
         No photo has a place, tags cannot be read, or the photos' heights have several datums.
     """
-    with ThreadPoolExecutor() as pool:
-        readings = list(pool.map(_read_pose, photos.path))
+    readings = _read_poses(photos)
     rows = [k for k, pose in enumerate(readings) if _is_complete(pose)]
     if not rows:
         raise InputError(
@@ -152,8 +157,7 @@ def read_photo_tags(photos: Photos) -> tuple[PhotoPoses, tuple[Message, ...]]:
             f"has no place and height in EXIF or XMP, nor has any of the {len(photos.path)} "
             "photos: name a file in `poses`, or a `log`",
         )
-    chosen = [readings[k] for k in rows]
-    return _of_tags(photos, rows, chosen, _one_datum(photos, rows, chosen))
+    return _of_tags(photos, rows, readings)
 
 
 def read_stated_tags(photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, ...]]:
@@ -161,8 +165,7 @@ def read_stated_tags(photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, 
 
     None, with a message, where no photo states either.
     """
-    with ThreadPoolExecutor() as pool:
-        readings = [_without_half_a_place(pose) for pose in pool.map(_read_pose, photos.path)]
+    readings = [_without_half_a_place(pose) for pose in _read_poses(photos)]
     rows = [k for k, pose in enumerate(readings) if _is_complete(pose) or _has_attitude(pose)]
     if not rows:
         text = (
@@ -170,11 +173,7 @@ def read_stated_tags(photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, 
             "`exif` in `poses` adds nothing."
         )
         return None, (Message("warning", "no-pose-tags", text),)
-    placed = [k for k in rows if _is_complete(readings[k])]
-    datum: HeightDatum = "msl"
-    if placed:
-        datum = _one_datum(photos, placed, [readings[k] for k in placed])
-    return _of_tags(photos, rows, [readings[k] for k in rows], datum)
+    return _of_tags(photos, rows, readings)
 
 
 def _without_half_a_place(pose: TagPose) -> TagPose:
@@ -184,26 +183,20 @@ def _without_half_a_place(pose: TagPose) -> TagPose:
 
 
 def _of_tags(
-    photos: Photos, rows: list[int], chosen: list[TagPose], datum: HeightDatum
+    photos: Photos, rows: list[int], readings: list[TagPose]
 ) -> tuple[PhotoPoses, tuple[Message, ...]]:
     """The tags of some photos as columns."""
+    chosen = [readings[k] for k in rows]
     frame_id = tuple(photos.frame_id[k] for k in rows)
     guesses = dict.fromkeys(pose.datum_guess for pose in chosen if pose.datum_guess)
     poses = PhotoPoses(
         frame_id=frame_id,
-        latitude_deg=_column(p.latitude_deg for p in chosen),
-        longitude_deg=_column(p.longitude_deg for p in chosen),
-        height_m=_column(p.height_m for p in chosen),
-        height_home_m=_column(p.height_home_m for p in chosen),
-        datum=datum,
+        datum=_one_datum(photos, [k for k in rows if _is_complete(readings[k])], readings),
         datum_guess="; ".join(guesses),
-        time_utc_s=np.full(len(rows), np.nan),
         ypr_rad=np.radians([p.ypr_deg for p in chosen]),
         vehicle_ypr_rad=np.radians([p.vehicle_ypr_deg for p in chosen]),
-        sigma_horizontal_m=_column(p.sigma_horizontal_m for p in chosen),
-        sigma_vertical_m=_column(p.sigma_vertical_m for p in chosen),
-        sigma_attitude_rad=np.full(len(rows), np.nan),
         source=", ".join(dict.fromkeys(p.source for p in chosen)),
+        **{name: np.array([getattr(pose, name) for pose in chosen]) for name in _COLUMNS},
     )
     return poses, (*_oddities(frame_id, chosen), *_edited(frame_id, chosen))
 
@@ -225,14 +218,22 @@ def _read_pose(path: str) -> TagPose:
     return replace(pose, editor=tool if _EDITORS.search(tool) else "")
 
 
-def _one_datum(photos: Photos, rows: list[int], poses: list[TagPose]) -> HeightDatum:
-    first = poses[0].datum
-    other = [k for k, pose in zip(rows, poses, strict=True) if pose.datum != first]
+def _read_poses(photos: Photos) -> list[TagPose]:
+    with ThreadPoolExecutor() as pool:
+        return list(pool.map(_read_pose, photos.path))
+
+
+def _one_datum(photos: Photos, placed: list[int], readings: list[TagPose]) -> HeightDatum:
+    """Datum of the heights of the photos that have a place; sea level where none has."""
+    if not placed:
+        return "msl"
+    first = readings[placed[0]].datum
+    other = [k for k in placed if readings[k].datum != first]
     if other:
         raise InputError(
             photos.path[other[0]],
-            f"states a height above {poses[rows.index(other[0])].datum}, but "
-            f"{photos.frame_id[rows[0]]} one above {first} ({len(other)} of {len(rows)} photos "
+            f"states a height above {readings[other[0]].datum}, but "
+            f"{photos.frame_id[placed[0]]} one above {first} ({len(other)} of {len(placed)} photos "
             "differ from the first; was RTK lost?): leave one kind out, or give the poses in a "
             "CSV file with heights of one datum",
         )
@@ -309,7 +310,3 @@ def _is_complete(pose: TagPose) -> bool:
 
 def _has_attitude(pose: TagPose) -> bool:
     return not any(math.isnan(angle) for angle in pose.ypr_deg)
-
-
-def _column(values: Iterable[float]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    return np.fromiter(values, np.float64)

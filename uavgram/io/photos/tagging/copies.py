@@ -30,6 +30,15 @@ Tags = dict[tuple[str, str], str]
 def write_tagged_photo(tags: GeoTags, k: int, target: Path) -> None:
     """Write a copy of photo `k` with its pose: EXIF GPS, Pix4D's Camera tags, DJI's if it has any.
 
+    Parameters
+    ----------
+    tags
+        Places, attitudes and accuracies of N photos.
+    k
+        Row of the photo in them.
+    target
+        The copy; a file of that name is overwritten.
+
     Raises
     ------
     InputError
