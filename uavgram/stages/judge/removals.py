@@ -6,7 +6,7 @@ import numpy as np
 
 from uavgram.estimation.measuring.propagation import values_at
 from uavgram.estimation.survey.adjustment import Refined
-from uavgram.estimation.survey.names import Names, length_name
+from uavgram.estimation.survey.names import Names, named_ends
 from uavgram.model.arrays import Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.result.reliability import RemovalRecord
@@ -47,7 +47,7 @@ def judge_removals(
         rivals: tuple[str, ...] = ()
         if removal.before is None:
             i = at[removal.index]
-            what = length_name(lines.name[i], lines.start[i], lines.end[i])
+            what = f"length {named_ends(lines.name[i], lines.start[i], lines.end[i])}"
         else:
             names = Names(removal.before.adjustment)
             what = names.observation(suspicion.accused)

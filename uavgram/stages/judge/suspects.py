@@ -105,13 +105,13 @@ def _length(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
     line = examined.adjustment.problem.line_index[row]
     taped, sigma = survey.length_m[line], survey.length_sigma_m[line]
     adjusted = taped + examined.groups["lengths"].block.residual[row, 0] * sigma
-    what = examined.names.observation(suspicion.accused)
+    what = examined.names.length(row)
     how = f"taped {taped:.3f} m, adjusted {adjusted:.3f} m (w = {suspicion.w:.1f})"
     alone = " Without it, everything else fits." if examined.refined.accused_alone else ""
     return (
-        f"The {what} does not fit: {how}. Look at the reading, at its ends and at their picks."
-        f"{alone}",
-        f"{what.removeprefix('length ')} {how}",
+        f"The length {what} does not fit: {how}. Look at the reading, at its ends and at their "
+        f"picks.{alone}",
+        f"{what} {how}",
     )
 
 

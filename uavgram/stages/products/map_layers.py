@@ -110,14 +110,9 @@ def footprints(result: Result) -> dict[int, Floats]:
     """
     camera = result.camera
     along = np.arange(BORDER_SAMPLES) / BORDER_SAMPLES
-    side = np.concatenate(
-        [
-            np.stack([along, np.zeros_like(along)], axis=1),
-            np.stack([np.ones_like(along), along], axis=1),
-            np.stack([1.0 - along, np.ones_like(along)], axis=1),
-            np.stack([np.zeros_like(along), 1.0 - along], axis=1),
-        ]
-    )
+    zero, one = np.zeros_like(along), np.ones_like(along)
+    east = np.concatenate([along, one, one - along, zero])
+    side = np.column_stack([east, np.roll(east, BORDER_SAMPLES)])
     border = side * [camera.width_px, camera.height_px] - 0.5
     ray = back_project(camera.model, result.shared.intrinsics.value, border)
     seen, poses = shown_poses(result)
@@ -133,22 +128,17 @@ def footprints(result: Result) -> dict[int, Floats]:
 
 def shown_poses(result: Result) -> tuple[Ints, Poses]:
     """Rows of the frames that have a pose, and of each the adjusted one, else the telemetry's."""
-    adjusted = result.has_refined
+    frames, adjusted = result.frames, result.has_refined
     rows = np.flatnonzero(adjusted | result.has_seed)
-    adjusted = adjusted[rows]
-    refined, seed = result.frames.refined, result.frames.seed
-    wide = adjusted[:, None, None]
-    poses = Poses(
-        frame_id=tuple(result.frames.frame_id[i] for i in rows),
-        center_world_m=np.where(
-            adjusted[:, None], refined.center_world_m[rows], seed.center_world_m[rows]
-        ),
-        world_from_camera=np.where(
-            wide, refined.world_from_camera[rows], seed.world_from_camera[rows]
-        ),
-        covariance=np.where(wide, refined.covariance[rows], seed.covariance[rows]),
-    )
-    return rows, poses
+    tables = {
+        name: np.where(
+            adjusted[rows].reshape(-1, *[1] * (after.ndim - 1)),
+            after[rows],
+            getattr(frames.seed, name)[rows],
+        )
+        for name, after in vars(frames.refined).items()
+    }
+    return rows, Poses(frame_id=tuple(frames.frame_id[i] for i in rows), **tables)
 
 
 def _shape(kind: str, corners: Floats) -> list[Floats]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
@@ -30,7 +32,7 @@ WEAK = 0.01
 
 def remarks(survey: Survey, refined: Refined) -> tuple[Message, ...]:
     """Everything that the result itself shows: picks left out, removals, ambiguity, no rest."""
-    messages = _left_out(survey, refined)
+    messages = list(_left_out(survey, refined))
     messages += [
         _removal(removal, removal.before)
         for removal in refined.removals
@@ -111,51 +113,38 @@ def _odd_height(adjustment: Adjustment) -> list[Message]:
     return [Message("warning", "odd-height", text)]
 
 
-def _left_out(survey: Survey, refined: Refined) -> list[Message]:
-    """Frames of which nothing is left, each once; and picks of frames that stayed."""
-    frames: dict[int, dict[str, int]] = {}
-    messages = []
+def _left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
+    """Picks of frames that stayed; and frames of which nothing is left, each once."""
+    frames: dict[str, Counter[str]] = {}
     stayed = set(refined.adjustment.survey.frame_id)
-    for index, why in sorted(refined.pick_reason.items()):
+    for index, reason in sorted(refined.pick_reason.items()):
         label = survey.label[survey.pick_label[index]]
-        frame = int(survey.pick_frame[index])
-        name = survey.frame_id[frame]
-        if name in stayed:
-            messages.append(
-                Message(
-                    "warning",
-                    "pick-left-out",
-                    f"The pick of {label!r} in {name!r} was left out: {why}.",
-                    frames=(name,),
-                    labels=(label,),
-                    several=Several("{count} picks were left out", f"{label!r} in {name!r}", why),
-                )
-            )
-        else:
-            number = frames.setdefault(frame, {})
-            number[why] = number.get(why, 0) + 1
-    for frame, reasons in frames.items():
+        name, why = survey.frame_id[survey.pick_frame[index]], reason.text
+        if name not in stayed:
+            frames.setdefault(name, Counter())[why] += 1
+            continue
+        yield Message(
+            "warning",
+            "pick-left-out",
+            f"The pick of {label!r} in {name!r} was left out: {why}.",
+            frames=(name,),
+            labels=(label,),
+            several=Several("{count} picks were left out", f"{label!r} in {name!r}", why),
+        )
+    for name, reasons in frames.items():
         why = "; ".join(
-            text if len(reasons) == 1 else f"{text} ({_picks(number)})"
+            text if len(reasons) == 1 else f"{text} ({number} pick{'s' if number > 1 else ''})"
             for text, number in reasons.items()
         )
-        name = survey.frame_id[frame]
-        messages.append(
-            Message(
-                "warning",
-                "frame-left-out",
-                f"The frame {name!r} was left out, with all of its picks: {why}.",
-                frames=(name,),
-                several=Several(
-                    "{count} frames were left out, with all of their picks", repr(name), why
-                ),
-            )
+        yield Message(
+            "warning",
+            "frame-left-out",
+            f"The frame {name!r} was left out, with all of its picks: {why}.",
+            frames=(name,),
+            several=Several(
+                "{count} frames were left out, with all of their picks", repr(name), why
+            ),
         )
-    return messages
-
-
-def _picks(number: int) -> str:
-    return "1 pick" if number == 1 else f"{number} picks"
 
 
 def _removal(removal: Removal, before: Refined) -> Message:

@@ -13,7 +13,7 @@ from math import comb
 import numpy as np
 
 from uavgram.estimation.first_poses.homography import resect_from_plane
-from uavgram.estimation.survey.adjustment import Adjustment, Refined
+from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
@@ -32,7 +32,7 @@ MAJORITY = 0.6
 """Share of a frame's picks that must agree, and at least one more than determine the pose."""
 
 
-def contradicting(survey: Survey, picks: Ints, rest: Refined) -> dict[int, str]:
+def contradicting(survey: Survey, picks: Ints, rest: Refined) -> dict[int, LeftOut]:
     """Picks of a frame that contradict the majority of its others, each with what is wrong.
 
     Parameters
@@ -114,12 +114,13 @@ def _seen_at(world: Floats, pose: tuple[Floats, Floats]) -> Floats:
 
 def _why(
     survey: Survey, picks: Ints, k: int, wrong: Ints, seen: Floats, ray: Floats, sigma: Floats
-) -> str:
+) -> LeftOut:
     """What is wrong with a pick: where it lies, another of the wrong ones belongs, or nothing."""
     text = "all other picks of its frame contradict it"
     distance = np.linalg.norm(seen[wrong] - ray[k, :2], axis=1)
     near = int(np.nanargmin(np.where(np.isnan(distance), np.inf, distance)))
     if wrong[near] != k and distance[near] < AGREES * sigma[k]:
         belongs = survey.label[survey.pick_label[picks[wrong[near]]]]
-        return f"{text}; it lies where {belongs!r} belongs: the labels look swapped"
-    return f"{text}: look at its place and its label"
+        text += f"; it lies where {belongs!r} belongs: the labels look swapped"
+        return LeftOut(LeftOutCause.SWAPPED, text)
+    return LeftOut(LeftOutCause.CONTRADICTED, f"{text}: look at its place and its label")

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 
+from uavgram.errors import GeometryError
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.arrays import Bools, Ints
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.blunders.misfit import GROSS, suspects
-from uavgram.stages.refine.minima import best_minima
+from uavgram.stages.refine.minima import Participants, best_minima
 
 TRIAL = 20
 """Iterations of an adjustment that only has to show whether what was left out was the trouble:
 where it was, few are needed."""
 
 
-def trial_adjustment(
-    survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, str]
-) -> Refined:
-    """`best_minima` cut short: to see what leaving something out does.
+def trial_adjustment(taking: Participants) -> Refined | None:
+    """`best_minima` cut short: to see what leaving something out does; None where nothing is left.
 
-    In order (see `is_settled`), it is the result of `adjust`.
+    In order (see `is_settled`), it is the result of `adjust_survey`.
     """
-    return best_minima(survey, keep, line_removed, reason, TRIAL)
+    try:
+        return best_minima(taking, TRIAL)
+    except GeometryError:
+        return None
 
 
 def is_settled(refined: Refined) -> bool:
@@ -35,6 +37,12 @@ def ends_among(survey: Survey, labels: Ints) -> Bools:
     return np.asarray(np.isin(survey.line_start, labels) & np.isin(survey.line_end, labels))
 
 
-def misfit(refined: Refined, picks: int) -> float:
-    """Cost of an adjustment; a pick that it had to leave out counts as one that fits badly."""
+def misfit(refined: Refined | None, taking: Participants) -> float:
+    """Cost of an adjustment; a pick that it had to leave out counts as one that fits badly.
+
+    Infinite where nothing could be adjusted.
+    """
+    if refined is None:
+        return np.inf
+    picks = int(taking.keep.sum())
     return refined.adjustment.minimum.cost + GROSS**2 * (picks - len(refined.pick_index))
