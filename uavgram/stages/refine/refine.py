@@ -25,8 +25,8 @@ from uavgram.stages.refine.blunders.gross_lengths import (
     with_gross_lengths,
     wrong_beyond_doubt,
 )
+from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
 from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
-from uavgram.stages.refine.blunders.trial_adjustment import TRIAL, is_settled
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.remarks import (
     contradiction,

@@ -10,12 +10,16 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.stages.refine.blunders.consensus import contradicting
 from uavgram.stages.refine.blunders.gross_picks import without_gross_picks
-from uavgram.stages.refine.blunders.misfit import GAIN, MOST_TRIED, culprit, gross, suspects
-from uavgram.stages.refine.blunders.trial_adjustment import (
+from uavgram.stages.refine.blunders.misfit import (
+    GAIN,
+    MOST_TRIED,
     TRIAL,
+    culprit,
     ends_among,
+    gross,
     is_settled,
     misfit,
+    suspects,
     trial_adjustment,
 )
 from uavgram.stages.refine.blunders.wrong_lengths import without_wrong_lengths

@@ -17,8 +17,7 @@ from uavgram.estimation.reliability.test_statistics import cofactors
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.blunders.misfit import suspects
-from uavgram.stages.refine.blunders.trial_adjustment import TRIAL, trial_adjustment
+from uavgram.stages.refine.blunders.misfit import TRIAL, suspects, trial_adjustment
 from uavgram.stages.refine.minima import Participants, best_minima
 
 DEPARTURE = 5.0

@@ -8,8 +8,13 @@ import numpy as np
 
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.stages.refine.blunders.gross_lengths import fits, wrong_beyond_doubt
-from uavgram.stages.refine.blunders.misfit import culprit, gross
-from uavgram.stages.refine.blunders.trial_adjustment import ends_among, misfit, trial_adjustment
+from uavgram.stages.refine.blunders.misfit import (
+    culprit,
+    ends_among,
+    gross,
+    misfit,
+    trial_adjustment,
+)
 from uavgram.stages.refine.minima import Participants
 
 MOST_TRIED = 36
