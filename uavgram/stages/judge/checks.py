@@ -33,21 +33,13 @@ def judge_overall(
     significance
         Probability below which the checks as a whole are said not to fit.
     """
-    place = {label: k for k, label in enumerate(adjustment.survey.label)}
-    withheld = [
-        i
-        for i in range(len(lines.name))
-        if not lines.adjust[i] and lines.start[i] in place and lines.end[i] in place
-    ]
-    start = np.array([place[lines.start[i]] for i in withheld], dtype=np.int64)
-    end = np.array([place[lines.end[i]] for i in withheld], dtype=np.int64)
-    chosen = [i for i, label in enumerate(known.label) if label in place]
-    if adjustment.survey.gauge == "plane":
-        chosen = []
-    label = np.array([place[known.label[i]] for i in chosen], dtype=np.int64)
+    start, end = adjustment.label_rows(lines.start), adjustment.label_rows(lines.end)
+    withheld = np.flatnonzero(~lines.adjust & (start >= 0) & (end >= 0)).tolist()
+    label = _judged_rows(adjustment, known)
+    chosen = np.flatnonzero(label >= 0).tolist()
     if not withheld and not chosen:
         return None, ()
-    value, unknown, gradient = _values(adjustment, start, end, label)
+    value, unknown, gradient = _values(adjustment, start[withheld], end[withheld], label[chosen])
     stated = np.concatenate([lines.length_m[withheld], known.world_m[chosen].ravel()])
     sigma = np.concatenate([lines.sigma_m[withheld], known.sigma_m[chosen].ravel()])
     error = value - stated
@@ -67,6 +59,12 @@ def judge_overall(
     of = np.concatenate([np.arange(len(withheld)), len(withheld) + np.arange(3 * len(chosen)) // 3])
     off = _off_alone(error, joint, of, significance)
     return overall, (_message(overall, [names[k] for k in off], len(names)),)
+
+
+def _judged_rows(adjustment: Adjustment, known: KnownWorldPoints) -> Ints:
+    """(C,) rows of check points among the adjusted ones; none where coordinates mean nothing."""
+    is_free = adjustment.survey.gauge == "plane"
+    return adjustment.label_rows(() if is_free else known.label)
 
 
 def _values(
@@ -136,9 +134,7 @@ def judge_points(
 
     Nothing is judged with gauge ``plane``: coordinates mean nothing there.
     """
-    index = np.array([adjustment.label_index(p) for p in known.label], dtype=np.int64)
-    if adjustment.survey.gauge == "plane":
-        index = index[:0]
+    index = _judged_rows(adjustment, known)
     seen = np.flatnonzero(index >= 0)
     position, covariance = adjustment.points()
     error = position[index[seen]] - known.world_m[seen]

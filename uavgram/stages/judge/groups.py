@@ -8,12 +8,14 @@ from uavgram.model.message import Message
 from uavgram.model.result.result import GroupFactor
 
 GROUP_WORDS = {
-    "pixels": "picks (their sigmas, or a wrong label)",
-    "lengths": "known lengths (their sigmas, or a wrong reading)",
-    "control": "control points (their sigmas, or a wrong label)",
-    "telemetry": "telemetry (its sigmas, the gimbal or the times)",
-    "calibration": "calibration of the camera (its sigmas, or another focus or resolution)",
+    "pixels": ("picks", "their sigmas, or a wrong label"),
+    "lengths": ("known lengths", "their sigmas, or a wrong reading"),
+    "control": ("control points", "their sigmas, or a wrong label"),
+    "telemetry": ("telemetry", "its sigmas, the gimbal or the times"),
+    "calibration": ("calibration of the camera", "its sigmas, or another focus or resolution"),
 }
+"""What each group is called, and where the fault may lie."""
+
 
 WIDE = 0.4
 """Variance factor below which stated sigmas are far too wide; those of priors are meant to be
@@ -38,8 +40,9 @@ def judge_groups(
         fit = group_fit(block, adjustment.minimum.factor, adjustment.covariance)
         groups.append(GroupFactor(name=name, observations=block.residual.size, **fit._asdict()))
         if fit.probability < significance and name in GROUP_WORDS and not silent:
+            what, cause = GROUP_WORDS[name]
             text = (
-                f"The {GROUP_WORDS[name]} fit worse than stated: variance factor "
+                f"The {what} ({cause}) fit worse than stated: variance factor "
                 f"{fit.variance_factor:.1f}, probability {fit.probability:.1g}. The uncertainties "
                 "of the results are too small until this is cleared up."
             )
@@ -54,8 +57,7 @@ def _too_wide(
 ) -> list[Message]:
     """Say so where everything fits far better than the stated sigmas promise."""
     cost = adjustment.minimum.cost
-    observations = sum(block.residual.size for block in adjustment.minimum.blocks.values())
-    degrees = observations - adjustment.problem.layout.size
+    degrees = adjustment.degrees_of_freedom
     if degrees <= 0 or cost > WIDE * degrees:
         return []
     probability = upper_tail(cost, degrees)
@@ -64,8 +66,7 @@ def _too_wide(
     wide = [g for g in groups if g.variance_factor < WIDE and g.probability > 1.0 - significance]
     named = sorted(wide, key=lambda g: -g.redundancy)
     which = ", ".join(
-        f"{GROUP_WORDS.get(g.name, g.name.replace('_', ' ')).split(' (')[0]} "
-        f"({g.variance_factor:.2g})"
+        f"{GROUP_WORDS.get(g.name, (g.name.replace('_', ' '),))[0]} ({g.variance_factor:.2g})"
         for g in named
     )
     text = (

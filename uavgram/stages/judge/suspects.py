@@ -14,7 +14,6 @@ import numpy as np
 from uavgram.estimation.reliability.data_snooping import MOST_SUSPECTS
 from uavgram.estimation.survey.names import POSE_AXES
 from uavgram.estimation.survey.suspicion import Suspicion
-from uavgram.geometry.camera.projection import project
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message, Several
 from uavgram.model.result.tables import PickResults
@@ -213,18 +212,10 @@ def swapped_labels(examined: TestedSurvey, picks: PickResults) -> tuple[Swap, ..
     for image, rows in odd.items():
         if len(rows) > 1:
             label = np.array([known_label[picks.label[row]] for row in rows])
-            places = _places(examined, known_frame[image], label)
+            frame = np.full(len(label), known_frame[image])
+            places = examined.adjustment.pixels(frame, label)
             found += _pairs(image, [picks.label[r] for r in rows], picks.pixel_px[rows], places)
     return tuple(found)
-
-
-def _places(examined: TestedSurvey, frame: int, label: np.ndarray) -> Floats:
-    """(n, 2) pixels at which labels should appear in a frame."""
-    adjustment, state = examined.adjustment, examined.adjustment.state
-    world, _, _ = adjustment.problem.world_points(state, label)
-    camera = (world - state.center[frame]) @ state.rotation[frame]
-    model = adjustment.survey.calibration.model
-    return project(model, adjustment.problem.intrinsics(state), camera)
 
 
 def _pairs(image: str, label: list[str], pixel: Floats, place: Floats) -> Iterator[Swap]:

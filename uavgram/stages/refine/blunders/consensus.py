@@ -68,12 +68,10 @@ def contradicting(survey: Survey, picks: Ints, rest: Refined) -> dict[int, LeftO
 
 def _places(survey: Survey, picks: Ints, adjustment: Adjustment) -> tuple[Floats, Ints]:
     """Places (n, 2) in the plane of the picks whose points are known, and which these are."""
-    place = {label: k for k, label in enumerate(adjustment.survey.label)}
-    label = [survey.label[k] for k in survey.pick_label[picks]]
-    on_plane = survey.height_above_m[survey.pick_label[picks]] == 0.0
-    known = np.array([i for i, name in enumerate(label) if name in place and on_plane[i]], int)
-    at = np.array([place[label[i]] for i in known], dtype=np.int64)
-    return adjustment.state.point[at, :2], known
+    label = survey.pick_label[picks]
+    at = adjustment.label_rows(survey.label[k] for k in label)
+    known = np.flatnonzero((at >= 0) & (survey.height_above_m[label] == 0.0))
+    return adjustment.state.point[at[known], :2], known
 
 
 def _consensus(world: Floats, ray: Floats, sigma: Floats) -> Bools | None:

@@ -93,7 +93,7 @@ def _off(survey: Survey, refined: Refined, control: Ints) -> tuple[Floats, Float
     NaN where an adjustment does not have the point.
     """
     label = [survey.label[k] for k in survey.control_label[control]]
-    place = np.array([refined.adjustment.label_index(name) for name in label], dtype=np.int64)
+    place = refined.adjustment.label_rows(label)
     found, covariance = refined.adjustment.points()
     there = (place >= 0)[:, None]
     off = np.where(there, survey.control_world_m[control] - found[place], np.nan)

@@ -119,9 +119,7 @@ def fits(refined: Refined) -> bool:
 
     Without redundancy, nothing says that it is.
     """
-    minimum = refined.adjustment.minimum
-    observations = sum(block.residual.size for block in minimum.blocks.values())
-    degrees = observations - refined.adjustment.problem.layout.size
+    minimum, degrees = refined.adjustment.minimum, refined.adjustment.degrees_of_freedom
     squares = np.sum(minimum.blocks["pixels"].residual ** 2, axis=1)
     cost = minimum.cost - float(np.maximum(squares - TRIMMED**2, 0.0).sum())
     return bool(
@@ -131,8 +129,7 @@ def fits(refined: Refined) -> bool:
 
 def seen_lengths(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, Floats]:
     """Lengths (n,) of some lines in an adjustment, and their sigmas; NaN where an end is not."""
-    place = {name: k for k, name in enumerate(refined.adjustment.survey.label)}
-    at = np.array([place.get(name, -1) for name in survey.label], dtype=np.int64)
+    at = refined.adjustment.label_rows(survey.label)
     start, end = at[survey.line_start[line]], at[survey.line_end[line]]
     there = (start >= 0) & (end >= 0)
     found = np.full((2, len(line)), np.nan)
