@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from uavgram.errors import GeometryError, OutputError
+from uavgram.errors import GeometryError
 from uavgram.io.exports.geotags import write_geo_txt, write_pix4d_csv
 from uavgram.io.outputs import staged_output
-from uavgram.io.own_files import check_folder_of_project
+from uavgram.io.own_files import check_folder_of_project, check_no_originals
 from uavgram.io.photos.tagging.copies import write_tagged_photo
 from uavgram.model.flight.geotag import GeoTags, PoseChoice
 from uavgram.model.message import Message
@@ -71,7 +71,8 @@ def geotag(
     folder = Path(inputs.project.output) / FOLDER if output is None else Path(output).absolute()
     if output is None:
         check_folder_of_project(folder, Path(project).absolute().parent)
-    _keep_originals(inputs, folder / TAGGED, exif=exif)
+    if exif:
+        check_no_originals(folder / TAGGED, inputs.photos.path)
     tags, messages = _tags(inputs, poses)
     files = ["geo.txt", "pix4d.csv"]
     with staged_output(folder, inputs.files, inputs.photos.path) as staging:
@@ -83,15 +84,6 @@ def geotag(
                 write_tagged_photo(tags, k, staging / TAGGED / name)
             files.append(f"{TAGGED}/ ({len(tags.frame_id)} photos)")
     return Geotagged(folder=folder, files=tuple(files), tags=tags, messages=messages)
-
-
-def _keep_originals(inputs: Inputs, tagged: Path, *, exif: bool) -> None:
-    """Refuse to write copies over the photos themselves."""
-    if exif and any(Path(path).resolve().parent == tagged.resolve() for path in inputs.photos.path):
-        raise OutputError(
-            f"{tagged}: holds the project's own photos, which are never written to; choose "
-            "another folder with --output"
-        )
 
 
 def _tags(inputs: Inputs, choice: PoseChoice) -> tuple[GeoTags, tuple[Message, ...]]:

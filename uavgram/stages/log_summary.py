@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from uavgram.errors import UavgramError
@@ -97,35 +99,33 @@ def _home_moves_m(home: HomeSamples | None) -> float:
     return float(np.linalg.norm(moved, axis=1).max())
 
 
-def _unusual(boot: Boot) -> list[Message]:
-    found = []
+def _unusual(boot: Boot) -> Iterator[Message]:
     positions, events = boot.positions, boot.events
     if boot.attitudes is None:
-        found.append(_warning("attitude-missing", "the vehicle's attitude is never stated"))
+        yield _warning("attitude-missing", "the vehicle's attitude is never stated")
     if positions is None:
-        found.append(_warning("position-missing", "it is never stated where the vehicle is"))
-        return found
+        yield _warning("position-missing", "it is never stated where the vehicle is")
+        return
     pauses = np.diff(positions.time_boot_s)
     if (pauses > _LONG_PAUSE_S).any():
         text = (
             f"{positions.source} pauses {int((pauses > _LONG_PAUSE_S).sum())} times for more than "
             f"{_LONG_PAUSE_S:.0f} s, {pauses.max():.1f} s at the longest"
         )
-        found.append(_warning("position-gap", text))
+        yield _warning("position-gap", text)
     jump = float(np.abs(np.diff(positions.height_m)).max(initial=0.0))
     if jump > _HEIGHT_JUMP_M:
         text = f"the height jumps by {jump:.0f} m from one position to the next"
-        found.append(_warning("height-jump", text))
+        yield _warning("height-jump", text)
     if events is not None:
         first, last = positions.time_boot_s[[0, -1]]
         outside = int(((events.time_boot_s < first) | (events.time_boot_s > last)).sum())
         if outside:
             text = f"{outside} camera events lie before the first or after the last position"
-            found.append(_warning("event-outside", text))
+            yield _warning("event-outside", text)
     moved = _home_moves_m(boot.home)
     if moved > _HOME_MOVED_M:
-        found.append(Message("info", "home-moves", f"home moves by up to {moved:.1f} m"))
-    return found
+        yield Message("info", "home-moves", f"home moves by up to {moved:.1f} m")
 
 
 def _warning(code: str, text: str) -> Message:

@@ -10,9 +10,7 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -40,7 +38,7 @@ from uavgram.model.survey.world import World
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of
 from uavgram.pipeline.measure.judge import judge_survey
 from uavgram.pipeline.measure.pose import Posed, known_in_world, pose_frames
-from uavgram.pipeline.versions import account_name, package_versions
+from uavgram.pipeline.versions import account_name, package_versions, stamp
 from uavgram.stages.assemble import Assembled, Observations, assemble
 from uavgram.stages.camera.assume import ASSUMED_CAMERA, UNKNOWN_CAMERA
 from uavgram.stages.camera.learn import what_was_learnt
@@ -282,9 +280,7 @@ def _frames(
 def _provenance(inputs: Inputs, sampling: Sampling | None) -> Provenance:
     operator = inputs.project.operator
     return Provenance(
-        program="uavgram",
-        version=importlib.metadata.version("uavgram"),
-        created_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+        **stamp(),
         made_by=account_name() if operator == ACCOUNT else operator,
         inputs=inputs.digests,
         options=option_pairs(

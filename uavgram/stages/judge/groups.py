@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from uavgram.estimation.reliability.redundancy import group_fit, upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.message import Message
@@ -54,15 +56,15 @@ def judge_groups(
 
 def _too_wide(
     adjustment: Adjustment, groups: list[GroupFactor], significance: float
-) -> list[Message]:
+) -> Iterator[Message]:
     """Say so where everything fits far better than the stated sigmas promise."""
     cost = adjustment.minimum.cost
     degrees = adjustment.degrees_of_freedom
     if degrees <= 0 or cost > WIDE * degrees:
-        return []
+        return
     probability = upper_tail(cost, degrees)
     if probability < 1.0 - significance:
-        return []
+        return
     wide = [g for g in groups if g.variance_factor < WIDE and g.probability > 1.0 - significance]
     named = sorted(wide, key=lambda g: -g.redundancy)
     which = ", ".join(
@@ -76,4 +78,4 @@ def _too_wide(
         + (f"; by group: {which}" if which else "")
         + ". State them as they are: picks_sigma_px, sigma_m of the lengths, ground, telemetry."
     )
-    return [Message("info", "sigmas-too-wide", text)]
+    yield Message("info", "sigmas-too-wide", text)

@@ -84,7 +84,7 @@ def _without_gross_control(
         control = np.flatnonzero(out)
         wrong = control_beyond_doubt(survey, refined, control)
         if wrong.all():
-            return rest, refined, control_left_out(survey, refined, control)
+            return rest, refined, list(control_left_out(survey, refined, control))
         out = out.copy()
         out[control[~wrong]] = False
 

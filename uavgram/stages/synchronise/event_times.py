@@ -15,6 +15,7 @@ Where each number comes from:
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -162,9 +163,8 @@ def _unused_reasons(event_utc_s: Floats, photo_utc_s: Floats) -> tuple[str, ...]
     )  # fmt: skip
 
 
-def pairing_messages(pairing: Pairing) -> tuple[Message, ...]:
+def pairing_messages(pairing: Pairing) -> Iterator[Message]:
     """What stays alone on either side, and which pairs are in doubt."""
-    messages = []
     alone = [k for k, s in enumerate(pairing.status) if s == "none"]
     doubtful = [k for k, s in enumerate(pairing.status) if s in ("crowded", "hidden")]
     if alone:
@@ -172,21 +172,20 @@ def pairing_messages(pairing: Pairing) -> tuple[Message, ...]:
             f"{len(alone)} photos have no camera event of their own, their file times were used "
             f"where they have any: {_named(pairing, alone)}"
         )
-        messages.append(Message("warning", "photo-without-event", text))
+        yield Message("warning", "photo-without-event", text)
     if doubtful:
         text = (
             f"{len(doubtful)} photos may belong to another camera event than the one they fell "
             f"on, their file times were used: {_named(pairing, doubtful)}"
         )
-        messages.append(Message("warning", "photo-event-uncertain", text))
+        yield Message("warning", "photo-event-uncertain", text)
     if len(pairing.unused_event):
         where = [
             f"{pairing.unused_reason.count(place)} {place}"
             for place in dict.fromkeys(pairing.unused_reason)
         ]
         text = f"{len(pairing.unused_event)} camera events have no photo: {', '.join(where)}"
-        messages.append(Message("info", "event-without-photo", text))
-    return tuple(messages)
+        yield Message("info", "event-without-photo", text)
 
 
 def _named(pairing: Pairing, rows: list[int]) -> str:

@@ -5,6 +5,7 @@ As with lengths (see `gross_lengths`), one that bends the whole adjustment does 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -62,12 +63,11 @@ def control_beyond_doubt(survey: Survey, refined: Refined, control: Ints) -> Boo
     return _far(survey, off, covariance, control, BEYOND)
 
 
-def control_left_out(survey: Survey, refined: Refined, control: Ints) -> list[Message]:
+def control_left_out(survey: Survey, refined: Refined, control: Ints) -> Iterator[Message]:
     """A message on each control point that was left out."""
     if not len(control):
-        return []
+        return
     off, covariance = _off(survey, refined, control)
-    messages = []
     for k, i in enumerate(control.tolist()):
         sigma = np.sqrt(np.diag(covariance[k]) + survey.control_sigma_m[i] ** 2)
         label = survey.label[survey.control_label[i]]
@@ -81,10 +81,7 @@ def control_left_out(survey: Survey, refined: Refined, control: Ints) -> list[Me
             f"{label!r} is {where}{likely}",
             ending="Look at their coordinates, their labels and their picks.",
         )
-        messages.append(
-            Message("warning", "control-left-out", text, labels=(label,), several=several)
-        )
-    return messages
+        yield Message("warning", "control-left-out", text, labels=(label,), several=several)
 
 
 def _off(survey: Survey, refined: Refined, control: Ints) -> tuple[Floats, Floats]:
