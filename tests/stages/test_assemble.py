@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from uavgram.errors import GeometryError
+from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.options import AreaOptions, GroundOptions
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
-from uavgram.stages.assemble import Observations, Telemetry, assemble
+from uavgram.stages.assemble import Observations, assemble
 
 NAN = np.nan
 

@@ -15,10 +15,11 @@ from scipy.spatial.transform import Rotation
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.photo_poses import PhotoPoses
+from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.options import GroundOptions, MountOptions, TelemetryOptions
 from uavgram.model.survey.observations import KnownLines, Picks
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.assemble import Observations, Telemetry, assemble
+from uavgram.stages.assemble import Observations, assemble
 from uavgram.stages.seed.photo_exposures import place_photos
 from uavgram.stages.seed.seed import seed
 

@@ -12,28 +12,14 @@ from uavgram.errors import GeometryError, near_miss
 from uavgram.estimation.survey.correlated_errors import trend_inflation
 from uavgram.model.arrays import Floats, Ints, freeze, freeze_as
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.photo_poses import Flight
 from uavgram.model.flight.pose import Poses, TelemetryPrior
+from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.message import Message, Several
 from uavgram.model.options import GroundOptions
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.model.survey.survey import DEFAULT_AREA, Ground, Survey
 
 NO_CONTROL = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empty((0, 3)))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Telemetry:
-    """Seed poses, their prior for the adjustment, and the flight (or the photos' own poses).
-
-    `correlation_s` is the range of the time over which errors of frames go together; None: each is
-    on its own.
-    """
-
-    poses: Poses
-    prior: TelemetryPrior
-    track: Flight
-    correlation_s: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -20,6 +20,7 @@ from uavgram.model.flight.log import (
 )
 from uavgram.model.flight.log_summary import BootSummary, LogSummary
 from uavgram.model.message import Message
+from uavgram.model.survey.world import Geodetic
 
 _LONG_PAUSE_S = 1.0
 _HOME_MOVED_M = 0.5
@@ -34,7 +35,9 @@ def summarise_log(log: FlightLog) -> LogSummary:
 def _boot_summary(boot: Boot) -> BootSummary:
     clock, messages = _clock(boot)
     time, residual = _residuals(boot, clock)
-    track = _track_m(boot.positions)
+    track = np.zeros((0, 2))
+    if boot.positions is not None:
+        track = _from_first_m(boot.positions)[:, :2]
     return BootSummary(
         boot=boot,
         clock=clock,
@@ -72,13 +75,11 @@ def _residuals(boot: Boot, clock: BootClock | None) -> tuple[Floats, Floats]:
     return np.zeros(0), np.zeros(0)
 
 
-def _track_m(positions: PositionSamples | None) -> Floats:
-    if positions is None:
-        return np.zeros((0, 2))
-    p = positions
-    origin = (float(p.latitude_deg[0]), float(p.longitude_deg[0]), float(p.height_m[0]))
-    enu = enu_from_geodetic(p.latitude_deg, p.longitude_deg, p.height_m, origin)
-    return np.asarray(enu[:, :2])
+def _from_first_m(places: PositionSamples | HomeSamples) -> Floats:
+    """(N, 3) east, north, up of the first place."""
+    geodetic = places.latitude_deg, places.longitude_deg, places.height_m
+    first = Geodetic(*(float(column[0]) for column in geodetic))
+    return enu_from_geodetic(*geodetic, first)
 
 
 def _on_track(
@@ -94,9 +95,7 @@ def _on_track(
 def _home_moves_m(home: HomeSamples | None) -> float:
     if home is None:
         return 0.0
-    origin = (float(home.latitude_deg[0]), float(home.longitude_deg[0]), float(home.height_m[0]))
-    moved = enu_from_geodetic(home.latitude_deg, home.longitude_deg, home.height_m, origin)
-    return float(np.linalg.norm(moved, axis=1).max())
+    return float(np.linalg.norm(_from_first_m(home), axis=1).max())
 
 
 def _unusual(boot: Boot) -> Iterator[Message]:

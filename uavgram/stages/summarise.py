@@ -129,14 +129,12 @@ def summarise_frames(
         world_from_camera=adjustment.state.rotation,
         covariance=adjustment.frame_covariance(),
     )
-    status: list[FrameStatus] = []
-    reason: list[str] = []
     refined_names = frozenset(adjusted.frame_id)
     seeded = None if seeds is None else frozenset(seeds.frame_id)
-    for i, name in enumerate(frames.frame_id):
-        state, why = _status(name, refined_names, picked, seeded, frames.reason[i])
-        status.append(state)
-        reason.append(why)
+    verdicts = [
+        _status(name, refined_names, picked, seeded, why)
+        for name, why in zip(frames.frame_id, frames.reason, strict=True)
+    ]
     time_s = frames.time_utc_s
     if adjustment.survey.telemetry is not None:
         middle_s = adjustment.survey.telemetry.middle_s
@@ -145,8 +143,8 @@ def summarise_frames(
         frame_id=frames.frame_id,
         path=path,
         time_utc_s=time_s,
-        status=tuple(status),
-        reason=tuple(reason),
+        status=tuple(status for status, _ in verdicts),
+        reason=tuple(why for _, why in verdicts),
         seed=_table(frames.frame_id, seeds),
         refined=_table(frames.frame_id, adjusted),
     )

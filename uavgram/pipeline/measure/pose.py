@@ -13,12 +13,13 @@ from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import FlightLog, HeightDatum
 from uavgram.model.flight.pairing import Pairing
 from uavgram.model.flight.photo_poses import Flight, PhotoExposures, PhotoPoses
+from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.message import Message
 from uavgram.model.options import GeodeticOrigin, MountOptions
 from uavgram.model.survey.observations import KnownPoints, KnownWorldPoints
 from uavgram.model.survey.world import Geodetic, World
 from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.stages.assemble import NO_CONTROL, Telemetry
+from uavgram.stages.assemble import NO_CONTROL
 from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
 from uavgram.stages.seed.seed import seed
 from uavgram.stages.seed.track import build_track, find_home, track_gaps
@@ -117,16 +118,10 @@ def _seeded(
     more: tuple[Message, ...] = ()
     if isinstance(flight, PhotoExposures):
         mount, more = _at_the_camera(mount)
-    seeds = seed(frames, flight, mount, inputs.project.telemetry)
-    far = _far_origin(inputs, seeds.poses.center_world_m)
+    telemetry = seed(frames, flight, mount, inputs.project.telemetry)
+    far = _far_origin(inputs, telemetry.poses.center_world_m)
     place, datum = origin
     world = World(origin=Geodetic(*place), height_datum=datum, gauge="world")
-    telemetry = Telemetry(
-        poses=seeds.poses,
-        prior=seeds.prior,
-        track=flight,
-        correlation_s=inputs.project.telemetry.correlation_s,
-    )
     return Posed(world=world, frames=frames, telemetry=telemetry, messages=(*messages, *more, *far))
 
 

@@ -12,16 +12,16 @@ from scipy.special import chdtri
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.estimation.measuring.next_length import line_faults
-from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.ground_planes import area_centroids, first_planes
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.selection import select_lines, select_picks
-from uavgram.estimation.survey.unknowns import Layout, State, advance
+from uavgram.estimation.survey.unknowns import Layout, State
 from uavgram.model.arrays import Bools
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.poor_camera import SLACK, iterations_for, settled
+from uavgram.stages.refine.poor_camera import SLACK, iterate, iterations_for, settled
 from uavgram.stages.refine.starts import first_values, unusable
 
 AS_GOOD = 0.001
@@ -184,15 +184,7 @@ def _minimise(
         telemetry=problem.telemetry_mean if layout.telemetry else np.zeros(0),
     )
     try:
-        minimum = minimise(
-            settled(survey, state, pivot, line_used),
-            problem.evaluate,
-            lambda now, step: advance(layout, now, step),
-            layout.size,
-            layout.structure,
-            most,
-            slack=slack,
-        )
+        minimum = iterate(problem, settled(survey, state, pivot, line_used), most, slack)
     except SingularError as error:
         raise UndeterminedError(
             f"the observations do not determine {layout.describe(error.index, survey)}: add known "
