@@ -188,6 +188,17 @@ def write_camera(
 ) -> None:
     """Write a camera in one step; see `camera_in`.
 
+    Parameters
+    ----------
+    path
+        The file to write.
+    camera
+        The camera.
+    form
+        Whose format.
+    options
+        What was done to it since.
+
     Raises
     ------
     OutputError

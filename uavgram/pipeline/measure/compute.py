@@ -2,7 +2,7 @@
 
 ::
 
-    synchronise -> trajectory -> seed          where the log has each frame (pipeline/pose.py), or
+    synchronise -> trajectory -> seed          where the log has each frame (measure/pose.py), or
     photo_exposures -> seed                    where the photos themselves say they were taken
     assemble -> refine                         one likelihood
     reconstruct, measure, judge, summarise     what comes out, and how well it fits

@@ -38,6 +38,15 @@ def start_staged(options: CalibrationOptions, corners: Corners, size_px: tuple[i
     """First values for all that the options ask for: a plain lens and a flat board first.
 
     Rational lenses and bent boards have minima of their own far from the truth.
+
+    Parameters
+    ----------
+    options
+        What was asked for.
+    corners
+        (M, n) corners of all photos.
+    size_px
+        Width and height of the image [px].
     """
     usual = USUAL[options.model]
     wanted = replace(options, coefficients=options.coefficients or usual)
@@ -53,7 +62,17 @@ def start_staged(options: CalibrationOptions, corners: Corners, size_px: tuple[i
 
 
 def extended(state: State, options: CalibrationOptions, corners: Corners) -> State:
-    """A state with the parameters and the bow that the options ask for: new ones are zero."""
+    """A state with the parameters and the bow that the options ask for: new ones are zero.
+
+    Parameters
+    ----------
+    state
+        With any number of coefficients.
+    options
+        What was asked for.
+    corners
+        (M, n) corners of all photos.
+    """
     parameters = np.zeros(parameter_count(options.model, options.coefficients))
     shared = min(len(parameters), len(state.parameters))
     parameters[:shared] = state.parameters[:shared]
@@ -139,6 +158,15 @@ def choose_and_estimate(
     observations: BoardObservations, options: CalibrationOptions, corners: Corners
 ) -> tuple[AssessedCalibration, tuple[ModelScore, ...]]:
     """Estimate with the best number of coefficients that the photos determine.
+
+    Parameters
+    ----------
+    observations
+        Corners found in M photos.
+    options
+        What was asked for.
+    corners
+        The same, padded to one size (M, n).
 
     Raises
     ------

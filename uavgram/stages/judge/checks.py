@@ -133,6 +133,15 @@ def judge_points(
     """Result minus known coordinates of check points; those far off, or never picked, are named.
 
     Nothing is judged with gauge ``plane``: coordinates mean nothing there.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    known
+        Check points in the world [m].
+    significance
+        Probability of suspecting anything where all is in order.
     """
     index = _judged_rows(adjustment, known)
     seen = np.flatnonzero(index >= 0)

@@ -33,6 +33,15 @@ def judge_groups(
 
     No message where one observation explains them all (`explained`), which is named as such, nor
     where the adjustment did not come to rest.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    significance
+        Probability of suspecting anything where all is in order.
+    explained
+        Whether one observation explains every misfit.
     """
     silent = explained or not adjustment.minimum.converged
     groups, messages = [], []

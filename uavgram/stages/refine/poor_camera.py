@@ -49,6 +49,17 @@ def settled(survey: Survey, state: State, pivot: Floats, line_used: Bools) -> St
     Where telemetry says where the photos lie, they need no such help. What nothing determines is
     no fault here: the adjustment that follows says so.
 
+    Parameters
+    ----------
+    survey
+        All observations.
+    state
+        First values.
+    pivot
+        (A, 2) of the slopes of each area [m].
+    line_used
+        (L,) known lengths that take part.
+
     Raises
     ------
     SingularError

@@ -179,7 +179,17 @@ def not_located(refined: Refined, suspicion: Suspicion) -> Message:
 
 
 def indispensable(refined: Refined, removal: Removal, why: GeometryError) -> Message:
-    """What looks like a blunder is needed: without it the survey is not determined."""
+    """What looks like a blunder is needed: without it the survey is not determined.
+
+    Parameters
+    ----------
+    refined
+        The adjusted survey.
+    removal
+        What looks like a blunder.
+    why
+        What cannot be determined without it.
+    """
     what = Names(refined.adjustment).observation(removal.suspicion.accused)
     text = f"The {what} looks like a blunder (w = {removal.w:.1f}), but was kept: without it, {why}"
     return Message("warning", "blunder-kept", text)

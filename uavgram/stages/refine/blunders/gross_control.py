@@ -56,7 +56,17 @@ def without_control(survey: Survey, out: Bools) -> Survey:
 
 
 def control_beyond_doubt(survey: Survey, refined: Refined, control: Ints) -> Bools:
-    """(n,) which of some control points an adjustment without them rules out."""
+    """(n,) which of some control points an adjustment without them rules out.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    refined
+        Adjusted without these control points.
+    control
+        (n,) rows of control points.
+    """
     if not len(control):
         return np.zeros(0, dtype=bool)
     off, covariance = _off(survey, refined, control)
@@ -64,7 +74,17 @@ def control_beyond_doubt(survey: Survey, refined: Refined, control: Ints) -> Boo
 
 
 def control_left_out(survey: Survey, refined: Refined, control: Ints) -> Iterator[Message]:
-    """A message on each control point that was left out."""
+    """A message on each control point that was left out.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    refined
+        Adjusted without these control points.
+    control
+        (n,) rows of control points.
+    """
     if not len(control):
         return
     off, covariance = _off(survey, refined, control)

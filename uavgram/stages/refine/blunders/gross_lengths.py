@@ -104,7 +104,17 @@ def odd_in_view(ratio: Floats) -> Bools:
 
 
 def wrong_beyond_doubt(survey: Survey, refined: Refined, line: Ints) -> Bools:
-    """(n,) which of some lengths an adjustment without them rules out."""
+    """(n,) which of some lengths an adjustment without them rules out.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    refined
+        Adjusted without these lengths.
+    line
+        (n,) rows of known lengths.
+    """
     seen, sigma = seen_lengths(survey, refined, line)
     taped, own = survey.length_m[line], survey.length_sigma_m[line]
     # What the adjustment says may err by a factor, a tape by metres: given all that its sigma
@@ -128,7 +138,17 @@ def fits(refined: Refined) -> bool:
 
 
 def seen_lengths(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, Floats]:
-    """Lengths (n,) of some lines in an adjustment, and their sigmas; NaN where an end is not."""
+    """Lengths (n,) of some lines in an adjustment, and their sigmas; NaN where an end is not.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    refined
+        The adjusted survey.
+    line
+        (n,) rows of known lengths.
+    """
     at = refined.adjustment.label_rows(survey.label)
     start, end = at[survey.line_start[line]], at[survey.line_end[line]]
     there = (start >= 0) & (end >= 0)

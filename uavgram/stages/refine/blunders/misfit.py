@@ -63,7 +63,17 @@ def culprit(cost: float, without: Floats) -> int | None:
 
 
 def group_medians(value: Floats, group: Ints, groups: int) -> Floats:
-    """Lower median of the values of each group; 0 where it has none."""
+    """Lower median of the values of each group; 0 where it has none.
+
+    Parameters
+    ----------
+    value
+        (n,) values, in any unit.
+    group
+        (n,) group of each.
+    groups
+        Number of groups.
+    """
     if not len(value):
         return np.zeros(groups)
     order = np.lexsort((value, group))
