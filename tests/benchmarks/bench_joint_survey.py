@@ -31,6 +31,7 @@ def side_by_side(frames: int, threads: int) -> None:
 
     from uavgram.model.options import SolveOptions
     from uavgram.stages.refine import refine
+    from uavgram.stages.refine.minima import Participants
     from uavgram.stages.refine.robust_adjustment import adjust_survey
 
     survey = large_survey(frames)
@@ -41,7 +42,7 @@ def side_by_side(frames: int, threads: int) -> None:
         spent, without = [], []
         for _ in range(3):
             started = time.perf_counter()
-            adjust_survey(survey, picks, lines, {})
+            adjust_survey(Participants(survey, picks, lines, {}))
             without.append(time.perf_counter() - started)
             started = time.perf_counter()
             adjustment = refine(survey, SolveOptions())[0].adjustment

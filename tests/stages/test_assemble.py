@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from uavgram.errors import GeometryError
+from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.options import AreaOptions, GroundOptions
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
-from uavgram.stages.assemble import Telemetry, assemble, unpicked_areas
+from uavgram.stages.assemble import Observations, assemble
 
 NAN = np.nan
 
@@ -60,8 +61,17 @@ def calibration(scene_factory):
     return scene_factory(0).survey.calibration
 
 
-def put_together(calibration, telemetry, known=control(), rows=ROWS):  # noqa: B008
-    return assemble(calibration, picks(rows), LINES, known, telemetry, GroundOptions(), 1.5)
+def put_together(calibration, telemetry, known=control(), rows=ROWS, **others):  # noqa: B008
+    stated = {"picks": picks(rows), "ground": GroundOptions(), **others}
+    observed = Observations(
+        calibration=calibration,
+        lines=LINES,
+        control=known,
+        telemetry=telemetry,
+        picks_sigma_px=1.5,
+        **stated,
+    )
+    return assemble(observed)
 
 
 def test_picks_of_a_frame_without_an_instant_are_left_out_and_say_where_the_rest_went(
@@ -129,7 +139,7 @@ def test_slope_sigma_is_turned_to_radians(calibration, flight):
 
 
 def put_in_areas(calibration, flight, area, ground):
-    return assemble(calibration, picks(ROWS, area), LINES, control(), flight, ground, 1.5).survey
+    return put_together(calibration, flight, picks=picks(ROWS, area), ground=ground)
 
 
 def test_an_area_stated_at_one_pick_holds_for_the_label_and_has_a_plane_of_its_own(
@@ -137,7 +147,7 @@ def test_an_area_stated_at_one_pick_holds_for_the_label_and_has_a_plane_of_its_o
 ):
     verge = AreaOptions(height_m=0.4, slope_sigma_deg=2.0)
     ground = GroundOptions(height_sigma_m=0.2, roughness_sigma_m=0.01, areas={"verge": verge})
-    survey = put_in_areas(calibration, flight, ("", "", "", "verge", "", ""), ground)
+    survey = put_in_areas(calibration, flight, ("", "", "", "verge", "", ""), ground).survey
     assert survey.area.tolist() == [1, 0]  # A, B
     road, verge = survey.grounds
     assert (road.name, road.height_m, road.height_sigma_m) == ("default", 0.0, 0.2)
@@ -149,14 +159,13 @@ def test_an_area_stated_at_one_pick_holds_for_the_label_and_has_a_plane_of_its_o
 
 def test_where_every_label_names_its_area_the_first_one_picked_comes_first(calibration, flight):
     area = ("verge", "road", "verge", "", "", "")
-    survey = put_in_areas(calibration, flight, area, GroundOptions())
+    survey = put_in_areas(calibration, flight, area, GroundOptions()).survey
     assert [ground.name for ground in survey.grounds] == ["verge", "road"]
 
 
 def test_an_area_that_nobody_picked_is_told(calibration, flight):
     ground = GroundOptions(areas={"vergue": AreaOptions(), "verge": AreaOptions()})
-    survey = put_in_areas(calibration, flight, ("verge", *[""] * 5), ground)
-    (message,) = unpicked_areas(ground, survey)
+    (message,) = put_in_areas(calibration, flight, ("verge", *[""] * 5), ground).messages
     assert message.code == "area-unpicked"
     assert "'vergue'" in message.text
     assert "did you mean 'verge'" in message.text

@@ -30,6 +30,7 @@ from uavgram.model.camera.calibration import Calibration
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Ground, Survey
 from uavgram.stages.refine import minima, refine
+from uavgram.stages.refine.minima import Participants
 from uavgram.stages.refine.robust_adjustment import adjust_survey
 
 pytestmark = pytest.mark.statistical
@@ -149,7 +150,7 @@ def statistics(survey, repetitions, seed, wrong=None, by=0.0):
     found = []
     for _ in range(repetitions):
         given = noisy(survey, rng, wrong, by)
-        adjustment = adjust_survey(given, EVERY_PICK, NO_LINE, {}).adjustment
+        adjustment = adjust_survey(Participants(given, EVERY_PICK, NO_LINE, {})).adjustment
         found.append(observed(adjustment)["lengths"].w[:, 0])
     return np.array(found)
 
@@ -195,7 +196,7 @@ def test_a_wrong_length_is_flagged_and_its_group_named(truth, record_property):
     flagged, expected, named = [], [], []
     for _ in range(REPETITIONS):
         given, wrong, by = blundered(survey, rng)
-        adjustment = adjust_survey(given, EVERY_PICK, NO_LINE, {}).adjustment
+        adjustment = adjust_survey(Participants(given, EVERY_PICK, NO_LINE, {})).adjustment
         first = next(suspicions(adjustment, observed(adjustment), ALPHA), None)
         flagged.append(first is not None)
         expected.append(chance_of(wrong, by) >= 0.95)
@@ -221,7 +222,7 @@ def test_a_wrong_length_is_taken_out_without_harm(truth, record_property):
         right += removed[:1] == [("line", wrong)]
         after.append(check_errors(refined))
         if removed != [("line", wrong)]:
-            refined = adjust_survey(given, EVERY_PICK, np.arange(6) == wrong, {})
+            refined = adjust_survey(Participants(given, EVERY_PICK, np.arange(6) == wrong, {}))
         without.append(check_errors(refined))
     record_property("taken out first", float(right / TAKEN_OUT))
     record_property("RMSE over that without the line", float(rms(after) / rms(without)))

@@ -15,10 +15,11 @@ from scipy.spatial.transform import Rotation
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.photo_poses import PhotoPoses
+from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.options import GroundOptions, MountOptions, TelemetryOptions
 from uavgram.model.survey.observations import KnownLines, Picks
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.assemble import Telemetry, assemble
+from uavgram.stages.assemble import Observations, assemble
 from uavgram.stages.seed.photo_exposures import place_photos
 from uavgram.stages.seed.seed import seed
 
@@ -103,15 +104,15 @@ def place_only(
     exposures, _ = place_photos(poses, PLACE, mount, telemetry, np.arange(frames) * 60.0)
     seeds = seed(_frames(exposures.frame_id), exposures, mount, telemetry)
     picked = [name for name in exposures.frame_id if name in image]
-    assembled = assemble(
-        lens,
-        picks,
-        _lines(rng, world),
-        None,
-        Telemetry(poses=seeds.poses, prior=seeds.prior, track=exposures),
-        ground,
-        1.0,
+    observed = Observations(
+        calibration=lens,
+        picks=picks,
+        lines=_lines(rng, world),
+        telemetry=Telemetry(poses=seeds.poses, prior=seeds.prior, track=exposures),
+        ground=ground,
+        picks_sigma_px=1.0,
     )
+    assembled = assemble(observed)
     at = [int(name[1:-4]) for name in picked]
     return PlaceOnly(assembled.survey, center[at], rotation[at], world)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Iterable
 from pathlib import Path
 
 from uavgram.errors import OutputError
@@ -110,3 +111,18 @@ def check_inside(path: Path, home: Path, what: str) -> None:
 def _lies_in(path: Path, home: Path) -> bool:
     """Whether a path lies in a folder as it is written, links not followed."""
     return Path(os.path.abspath(path)).is_relative_to(os.path.abspath(home))  # noqa: PTH100
+
+
+def check_no_originals(folder: Path, photos: Iterable[str]) -> None:
+    """Refuse to write pictures into a folder in which the photos themselves lie.
+
+    Raises
+    ------
+    OutputError
+        One of them does.
+    """
+    if any(Path(path).resolve().parent == folder.resolve() for path in photos):
+        raise OutputError(
+            f"{folder}: holds the photos themselves, which are never written to; choose another "
+            "folder with --output"
+        )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,19 +44,18 @@ def check(project: str | os.PathLike[str]) -> Checked:
     return Checked(inputs=inputs, posed=posed, messages=messages)
 
 
-def missing(inputs: Inputs) -> tuple[Message, ...]:
+def missing(inputs: Inputs) -> Iterator[Message]:
     """What a project lacks to give measurements, or good ones, each in a sentence."""
     project = inputs.project
-    messages = []
     if not inputs.picks.image:
         text = (
             f"No point is picked yet, so there is nothing to compute: pick some with `uavgram pick "
             f"{Path(inputs.project_path).name}`."
         )
-        messages.append(Message("warning", "nothing-picked", text))
+        yield Message("warning", "nothing-picked", text)
     if not inputs.requests:
         text = "Nothing is asked for yet: say what to measure on the picking page, or in `measure`."
-        messages.append(Message("info", "nothing-to-measure", text))
+        yield Message("info", "nothing-to-measure", text)
     known = len(inputs.lines.name) or len(inputs.control.label)
     if not known and project.log is None and project.poses is None:
         poses = (
@@ -67,14 +67,13 @@ def missing(inputs: Inputs) -> tuple[Message, ...]:
             f"The project names neither a flight log, nor {poses}, nor a known length: without one "
             "of them nothing says how large anything is. Tape at least four lengths on the ground."
         )
-        messages.append(Message("warning", "no-scale", text))
+        yield Message("warning", "no-scale", text)
     elif not known:
         text = (
             "No length on the ground is known: the telemetry alone decides the scale. A few taped "
             "lengths make the measurements far better."
         )
-        messages.append(Message("info", "no-known-length", text))
-    return tuple(messages)
+        yield Message("info", "no-known-length", text)
 
 
 def _unseen(inputs: Inputs) -> list[Message]:

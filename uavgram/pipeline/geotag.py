@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from uavgram.errors import GeometryError, OutputError
+from uavgram.errors import GeometryError
 from uavgram.io.exports.geotags import write_geo_txt, write_pix4d_csv
 from uavgram.io.outputs import staged_output
-from uavgram.io.own_files import check_folder_of_project
+from uavgram.io.own_files import check_folder_of_project, check_no_originals
 from uavgram.io.photos.tagging.copies import write_tagged_photo
 from uavgram.model.flight.geotag import GeoTags, PoseChoice
-from uavgram.model.flight.pose import Poses
 from uavgram.model.message import Message
-from uavgram.model.survey.world import World
 from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.exports import geotags_of
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.progress import Progress, silent
@@ -73,7 +71,8 @@ def geotag(
     folder = Path(inputs.project.output) / FOLDER if output is None else Path(output).absolute()
     if output is None:
         check_folder_of_project(folder, Path(project).absolute().parent)
-    _keep_originals(inputs, folder / TAGGED, exif=exif)
+    if exif:
+        check_no_originals(folder / TAGGED, inputs.photos.path)
     tags, messages = _tags(inputs, poses)
     files = ["geo.txt", "pix4d.csv"]
     with staged_output(folder, inputs.files, inputs.photos.path) as staging:
@@ -87,26 +86,16 @@ def geotag(
     return Geotagged(folder=folder, files=tuple(files), tags=tags, messages=messages)
 
 
-def _keep_originals(inputs: Inputs, tagged: Path, *, exif: bool) -> None:
-    """Refuse to write copies over the photos themselves."""
-    if exif and any(Path(path).resolve().parent == tagged.resolve() for path in inputs.photos.path):
-        raise OutputError(
-            f"{tagged}: holds the project's own photos, which are never written to; choose "
-            "another folder with --output"
-        )
-
-
 def _tags(inputs: Inputs, choice: PoseChoice) -> tuple[GeoTags, tuple[Message, ...]]:
-    path = dict(zip(inputs.photos.frame_id, inputs.photos.path, strict=True))
-    poses, kinds, world, messages = _seeds(inputs) if choice == "seed" else _refined(inputs)
-    tags = make_tags(poses, tuple(path[name] for name in poses.frame_id), kinds, world)
+    if choice == "refined":
+        result = compute(inputs).result
+        tags, messages = geotags_of(result), result.messages
+    else:
+        tags, messages = _seeds(inputs)
     return tags, (*messages, *_left_out(inputs, tags, choice))
 
 
-_Chosen = tuple[Poses, tuple[PoseChoice, ...], World, tuple[Message, ...]]
-
-
-def _seeds(inputs: Inputs) -> _Chosen:
+def _seeds(inputs: Inputs) -> tuple[GeoTags, tuple[Message, ...]]:
     posed = pose_frames(inputs)
     if posed.telemetry is None:
         raise GeometryError(
@@ -114,45 +103,22 @@ def _seeds(inputs: Inputs) -> _Chosen:
             "refined ones (--poses refined)"
         )
     poses = posed.telemetry.poses
-    messages = told(*inputs.messages, *posed.messages)
-    kind: PoseChoice = "seed"
-    return poses, (kind,) * len(poses.frame_id), posed.world, messages
+    path = dict(zip(inputs.photos.frame_id, inputs.photos.path, strict=True))
+    paths = tuple(path[name] for name in poses.frame_id)
+    seed: PoseChoice = "seed"
+    tags = make_tags(poses, paths, (seed,) * len(paths), posed.world)
+    return tags, told(*inputs.messages, *posed.messages)
 
 
-def _refined(inputs: Inputs) -> _Chosen:
-    """Adjusted poses, and the seeds of photos that took no part."""
-    result = compute(inputs).result
-    frames = result.frames
-    adjusted = np.asarray(np.isfinite(frames.refined.center_world_m).all(axis=1))
-    seeded = np.asarray(np.isfinite(frames.seed.center_world_m).all(axis=1))
-    rows = np.flatnonzero(adjusted | seeded)
-    use = adjusted[rows]
-    better, other = frames.refined, frames.seed
-    poses = Poses(
-        frame_id=tuple(frames.frame_id[k] for k in rows),
-        center_world_m=np.where(
-            use[:, None], better.center_world_m[rows], other.center_world_m[rows]
-        ),
-        world_from_camera=np.where(
-            use[:, None, None], better.world_from_camera[rows], other.world_from_camera[rows]
-        ),
-        covariance=np.where(use[:, None, None], better.covariance[rows], other.covariance[rows]),
-    )
-    kinds: list[PoseChoice] = ["refined" if good else "seed" for good in use]
-    return poses, tuple(kinds), result.world, result.messages
-
-
-def _left_out(inputs: Inputs, tags: GeoTags, choice: PoseChoice) -> list[Message]:
-    messages = []
+def _left_out(inputs: Inputs, tags: GeoTags, choice: PoseChoice) -> Iterator[Message]:
     without = [name for name in inputs.photos.frame_id if name not in set(tags.frame_id)]
     if without:
         text = f"{len(without)} photos have no pose and were left out (the first is {without[0]})."
-        messages.append(Message("warning", "geotag-without-pose", text))
+        yield Message("warning", "geotag-without-pose", text)
     seeds = tags.pose.count("seed")
     if choice == "refined" and seeds:
         text = (
             f"{seeds} photos have no picks, so they were not adjusted: their seed poses were "
             "written, with the seeds' accuracies."
         )
-        messages.append(Message("warning", "geotag-seeds", text))
-    return messages
+        yield Message("warning", "geotag-seeds", text)

@@ -16,5 +16,15 @@ class Progress(Protocol):
 
 
 def silent(items: Iterable[Item], what: str, total: int, /) -> Iterable[Item]:  # noqa: ARG001
-    """Hand on the items and show nothing."""
+    """Hand on the items and show nothing.
+
+    Parameters
+    ----------
+    items
+        Anything.
+    what
+        What is being done.
+    total
+        Number of items.
+    """
     return items

@@ -6,7 +6,9 @@ import getpass
 import importlib.metadata
 import sys
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from functools import cache
+from typing import TypedDict
 
 NO_ACCOUNT = "an account without a name"
 
@@ -24,3 +26,17 @@ def package_versions(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
     """Versions of Python and of these packages, as pairs of name and version."""
     python = ".".join(str(part) for part in sys.version_info[:3])
     return ("python", python), *((name, importlib.metadata.version(name)) for name in names)
+
+
+class Stamp(TypedDict):
+    """Which program made something, and when (ISO 8601), as every provenance says it."""
+
+    program: str
+    version: str
+    created_utc: str
+
+
+def stamp() -> Stamp:
+    """The stamp of this program, now."""
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    return Stamp(program="uavgram", version=importlib.metadata.version("uavgram"), created_utc=now)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
@@ -12,28 +12,14 @@ from uavgram.errors import GeometryError, near_miss
 from uavgram.estimation.survey.correlated_errors import trend_inflation
 from uavgram.model.arrays import Floats, FrozenArrays, Ints
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.photo_poses import Flight
 from uavgram.model.flight.pose import Poses, TelemetryPrior
-from uavgram.model.message import Message
+from uavgram.model.flight.telemetry import Telemetry
+from uavgram.model.message import Message, Several
 from uavgram.model.options import GroundOptions
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.model.survey.survey import DEFAULT_AREA, Ground, Survey
 
 NO_CONTROL = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empty((0, 3)))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Telemetry:
-    """Seed poses, their prior for the adjustment, and the flight (or the photos' own poses).
-
-    `correlation_s` is the range of the time over which errors of frames go together; None: each is
-    on its own.
-    """
-
-    poses: Poses
-    prior: TelemetryPrior
-    track: Flight
-    correlation_s: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,77 +36,90 @@ class Assembled(FrozenArrays):
         (L,) into the survey's lines; -1 for withheld lines and those with an end never picked.
     pick_sigma_px
         (P,) of every pick, the default filled in.
+    messages
+        On the gauge, and on control points and areas that nobody picked.
     """
 
     survey: Survey
     pick_index: Annotated[Ints, "p"]
     line_index: Annotated[Ints, "l"]
     pick_sigma_px: Annotated[Floats, "p"]
+    messages: tuple[Message, ...] = ()
 
 
-def assemble(
-    calibration: Calibration,
-    picks: Picks,
-    lines: KnownLines,
-    control: KnownWorldPoints | None,
-    telemetry: Telemetry | None,
-    ground: GroundOptions,
-    picks_sigma_px: float,
-    photos: Sequence[str] = (),
-    *,
-    copies: Collection[str] = (),
-) -> Assembled:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Observations:
+    """Everything that was observed, and what is known beforehand, by name.
+
+    Attributes
+    ----------
+    calibration
+        Of the camera.
+    picks, lines
+        Picked pixels, and known lengths; those that are withheld stay out.
+    control
+        Points with known coordinates in the world [m].
+    telemetry
+        Where each frame was, by the log or the photos; None without either.
+    ground
+        What is known of the ground's planes.
+    picks_sigma_px
+        Standard deviation of picks that state none [px].
+    photos
+        Names of all photos in order: that of the frames where there is no telemetry.
+    copies
+        Photos that stay out, as others stand for them.
+    """
+
+    calibration: Calibration
+    picks: Picks
+    lines: KnownLines
+    control: KnownWorldPoints = NO_CONTROL
+    telemetry: Telemetry | None = None
+    ground: GroundOptions
+    picks_sigma_px: float
+    photos: Sequence[str] = ()
+    copies: Collection[str] = ()
+
+
+def assemble(observed: Observations) -> Assembled:
     """Make one survey of what was observed.
 
     Frames take part where they have a pick and, with a log, an instant in it. The gauge is
-    ``world`` where telemetry or two picked control points fix position and heading. Without
-    telemetry frames come in the order of `photos`, so that of the picks means nothing. Photos of
-    `copies` stay out: others stand for them.
+    ``world`` where telemetry or two picked control points fix position and heading.
 
     Raises
     ------
     GeometryError
         No frame takes part.
     """
-    control = control or NO_CONTROL
-    posed = set(picks.image) if telemetry is None else set(telemetry.poses.frame_id)
-    posed -= set(copies)
-    used = np.array([image in posed for image in picks.image], dtype=bool)
-    if not used.any():
-        raise GeometryError(
-            "no usable frame remains: not one pick lies in a photo that the flight log covers; "
-            "the reasons stand with the frames (uavgram check)"
-        )
-    order = (*photos, *picks.image) if telemetry is None else telemetry.poses.frame_id
-    picked = {picks.image[i] for i in np.flatnonzero(used)}
-    frame_id = tuple(f for f in dict.fromkeys(order) if f in picked)
-    label = tuple(dict.fromkeys(picks.label[i] for i in np.flatnonzero(used)))
-    label_at = {name: k for k, name in enumerate(label)}
-    frame_at = {name: k for k, name in enumerate(frame_id)}
-    chosen = np.flatnonzero(used)
+    picks, lines, control = observed.picks, observed.lines, observed.control
+    telemetry = observed.telemetry
+    chosen = _usable_picks(observed)
+    picked = {picks.image[i] for i in chosen}
+    order = (*observed.photos, *picks.image) if telemetry is None else telemetry.poses.frame_id
+    frame_at = _rows(name for name in order if name in picked)
+    label_at = _rows(picks.label[i] for i in chosen)
     seen = [
         i
         for i in range(len(lines.name))
         if lines.adjust[i] and lines.start[i] in label_at and lines.end[i] in label_at
     ]
     known = [i for i, name in enumerate(control.label) if name in label_at]
-    areas = _areas(picks, label_at)
-    # The default area comes first where any label lies in it: with a free gauge it is z = 0.
-    ranked = sorted(dict.fromkeys(areas), key=lambda name: name != DEFAULT_AREA)
-    area_at = {name: k for k, name in enumerate(ranked)}
-    gauge: Literal["world", "plane"] = (
-        "world" if telemetry is not None or len(known) >= 2 else "plane"
-    )
+    gauge: Literal["world", "plane"] = "plane" if telemetry is None and len(known) < 2 else "world"
     if gauge == "plane":
         known = []
-    sigma = np.where(np.isnan(picks.sigma_px), picks_sigma_px, picks.sigma_px)
+    areas = _areas(picks, label_at)
+    # The default area comes first where any label lies in it: with a free gauge it is z = 0.
+    area_at = _rows(sorted(areas, key=lambda name: name != DEFAULT_AREA))
+    sigma = np.where(np.isnan(picks.sigma_px), observed.picks_sigma_px, picks.sigma_px)
     survey = Survey(
-        frame_id=frame_id,
-        seeds=None if telemetry is None else _ordered(telemetry.poses, frame_id),
+        frame_id=tuple(frame_at),
+        seeds=None if telemetry is None else _ordered(telemetry.poses, frame_at),
         telemetry=None if telemetry is None else _prior(telemetry, frame_at),
         track=None if telemetry is None else telemetry.track,
-        calibration=calibration,
-        label=label,
+        calibration=observed.calibration,
+        label=tuple(label_at),
         height_above_m=_heights(picks, label_at),
         pick_frame=np.array([frame_at[picks.image[i]] for i in chosen]),
         pick_label=np.array([label_at[picks.label[i]] for i in chosen]),
@@ -134,17 +133,47 @@ def assemble(
         control_label=np.array([label_at[control.label[i]] for i in known], dtype=np.int64),
         control_world_m=control.world_m[known],
         control_sigma_m=control.sigma_m[known],
-        grounds=tuple(_ground(ground, name) for name in area_at),
+        grounds=tuple(_ground(observed.ground, name) for name in area_at),
         area=np.array([area_at[name] for name in areas]),
         gauge=gauge,
     )
-    pick_index = np.full(len(picks.image), -1)
-    pick_index[chosen] = np.arange(len(chosen))
-    line_index = np.full(len(lines.name), -1)
-    line_index[seen] = np.arange(len(seen))
     return Assembled(
-        survey=survey, pick_index=pick_index, line_index=line_index, pick_sigma_px=sigma
+        survey=survey,
+        pick_index=_index(chosen, len(picks.image)),
+        line_index=_index(seen, len(lines.name)),
+        pick_sigma_px=sigma,
+        messages=(
+            *_gauge(survey),
+            *_unseen_control(control, survey),
+            *_unpicked_areas(observed.ground, survey),
+        ),
     )
+
+
+def _usable_picks(observed: Observations) -> Ints:
+    """Indices of the picks in photos that take part."""
+    picks, telemetry = observed.picks, observed.telemetry
+    posed = set(picks.image) if telemetry is None else set(telemetry.poses.frame_id)
+    posed -= set(observed.copies)
+    used = np.flatnonzero([image in posed for image in picks.image])
+    if not used.size:
+        raise GeometryError(
+            "no usable frame remains: not one pick lies in a photo that the flight log covers; "
+            "the reasons stand with the frames (uavgram check)"
+        )
+    return used
+
+
+def _rows(names: Iterable[str]) -> dict[str, int]:
+    """Each name once, in order, with its position."""
+    return {name: k for k, name in enumerate(dict.fromkeys(names))}
+
+
+def _index(chosen: Ints | list[int], count: int) -> Ints:
+    """(count,) position among the chosen ones; -1 for the others."""
+    index = np.full(count, -1)
+    index[chosen] = np.arange(len(chosen))
+    return index
 
 
 def _heights(picks: Picks, label_at: dict[str, int]) -> Floats:
@@ -177,24 +206,49 @@ def _ground(options: GroundOptions, area: str) -> Ground:
     )
 
 
-def unpicked_areas(ground: GroundOptions, survey: Survey) -> tuple[Message, ...]:
-    """A message on every area of the options in which no usable pick lies."""
+def _gauge(survey: Survey) -> Iterator[Message]:
+    if survey.gauge == "plane":
+        yield Message(
+            "info",
+            "gauge-plane",
+            "Nothing fixes position and heading (no flight log, fewer than two control points): "
+            "lengths, areas and angles are right, coordinates are relative to the first frame, "
+            f"{survey.frame_id[0]}: it stands above 0, 0, and up in it is north.",
+        )
+
+
+def _unseen_control(control: KnownWorldPoints, survey: Survey) -> Iterator[Message]:
+    for label in control.label:
+        if label not in survey.label:
+            hint = f" ({near})" if (near := near_miss(label, survey.label)) else ""
+            yield Message(
+                "warning",
+                "control-unseen",
+                f"The control point {label!r} is not used: it has no usable pick{hint}.",
+                labels=(label,),
+                several=Several(
+                    "{count} control points are not used, having no usable pick", f"{label!r}{hint}"
+                ),
+            )
+
+
+def _unpicked_areas(ground: GroundOptions, survey: Survey) -> Iterator[Message]:
+    """Areas of the options in which no usable pick lies."""
     picked = tuple(one.name for one in survey.grounds)
-    messages = []
     for name in ground.areas:
         if name not in picked:
-            near = near_miss(name, picked)
-            text = (
+            hint = f" ({near})" if (near := near_miss(name, picked)) else ""
+            yield Message(
+                "warning",
+                "area-unpicked",
                 f"The ground's area {name!r} is not used: no usable pick names it in the column "
-                f"`area` of picks.csv{f' ({near})' if near else ''}."
+                f"`area` of picks.csv{hint}.",
             )
-            messages.append(Message("warning", "area-unpicked", text))
-    return tuple(messages)
 
 
-def _ordered(poses: Poses, frame_id: tuple[str, ...]) -> Poses:
-    row = {name: k for k, name in enumerate(poses.frame_id)}
-    return poses.take(np.array([row[name] for name in frame_id], dtype=np.int64))
+def _ordered(poses: Poses, names: Iterable[str]) -> Poses:
+    row = _rows(poses.frame_id)
+    return poses.take(np.array([row[name] for name in names], dtype=np.int64))
 
 
 def _prior(telemetry: Telemetry, frame_at: dict[str, int]) -> TelemetryPrior:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from uavgram.errors import UavgramError
@@ -18,6 +20,7 @@ from uavgram.model.flight.log import (
 )
 from uavgram.model.flight.log_summary import BootSummary, LogSummary
 from uavgram.model.message import Message
+from uavgram.model.survey.world import Geodetic
 
 _LONG_PAUSE_S = 1.0
 _HOME_MOVED_M = 0.5
@@ -32,7 +35,9 @@ def summarise_log(log: FlightLog) -> LogSummary:
 def _boot_summary(boot: Boot) -> BootSummary:
     clock, messages = _clock(boot)
     time, residual = _residuals(boot, clock)
-    track = _track_m(boot.positions)
+    track = np.zeros((0, 2))
+    if boot.positions is not None:
+        track = _from_first_m(boot.positions)[:, :2]
     return BootSummary(
         boot=boot,
         clock=clock,
@@ -70,13 +75,11 @@ def _residuals(boot: Boot, clock: BootClock | None) -> tuple[Floats, Floats]:
     return np.zeros(0), np.zeros(0)
 
 
-def _track_m(positions: PositionSamples | None) -> Floats:
-    if positions is None:
-        return np.zeros((0, 2))
-    p = positions
-    origin = (float(p.latitude_deg[0]), float(p.longitude_deg[0]), float(p.height_m[0]))
-    enu = enu_from_geodetic(p.latitude_deg, p.longitude_deg, p.height_m, origin)
-    return np.asarray(enu[:, :2])
+def _from_first_m(places: PositionSamples | HomeSamples) -> Floats:
+    """(N, 3) east, north, up of the first place."""
+    geodetic = places.latitude_deg, places.longitude_deg, places.height_m
+    first = Geodetic(*(float(column[0]) for column in geodetic))
+    return enu_from_geodetic(*geodetic, first)
 
 
 def _on_track(
@@ -92,40 +95,36 @@ def _on_track(
 def _home_moves_m(home: HomeSamples | None) -> float:
     if home is None:
         return 0.0
-    origin = (float(home.latitude_deg[0]), float(home.longitude_deg[0]), float(home.height_m[0]))
-    moved = enu_from_geodetic(home.latitude_deg, home.longitude_deg, home.height_m, origin)
-    return float(np.linalg.norm(moved, axis=1).max())
+    return float(np.linalg.norm(_from_first_m(home), axis=1).max())
 
 
-def _unusual(boot: Boot) -> list[Message]:
-    found = []
+def _unusual(boot: Boot) -> Iterator[Message]:
     positions, events = boot.positions, boot.events
     if boot.attitudes is None:
-        found.append(_warning("attitude-missing", "the vehicle's attitude is never stated"))
+        yield _warning("attitude-missing", "the vehicle's attitude is never stated")
     if positions is None:
-        found.append(_warning("position-missing", "it is never stated where the vehicle is"))
-        return found
+        yield _warning("position-missing", "it is never stated where the vehicle is")
+        return
     pauses = np.diff(positions.time_boot_s)
     if (pauses > _LONG_PAUSE_S).any():
         text = (
             f"{positions.source} pauses {int((pauses > _LONG_PAUSE_S).sum())} times for more than "
             f"{_LONG_PAUSE_S:.0f} s, {pauses.max():.1f} s at the longest"
         )
-        found.append(_warning("position-gap", text))
+        yield _warning("position-gap", text)
     jump = float(np.abs(np.diff(positions.height_m)).max(initial=0.0))
     if jump > _HEIGHT_JUMP_M:
         text = f"the height jumps by {jump:.0f} m from one position to the next"
-        found.append(_warning("height-jump", text))
+        yield _warning("height-jump", text)
     if events is not None:
         first, last = positions.time_boot_s[[0, -1]]
         outside = int(((events.time_boot_s < first) | (events.time_boot_s > last)).sum())
         if outside:
             text = f"{outside} camera events lie before the first or after the last position"
-            found.append(_warning("event-outside", text))
+            yield _warning("event-outside", text)
     moved = _home_moves_m(boot.home)
     if moved > _HOME_MOVED_M:
-        found.append(Message("info", "home-moves", f"home moves by up to {moved:.1f} m"))
-    return found
+        yield Message("info", "home-moves", f"home moves by up to {moved:.1f} m")
 
 
 def _warning(code: str, text: str) -> Message:

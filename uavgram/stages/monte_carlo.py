@@ -7,6 +7,7 @@ values show it, and their intervals are skewed where the truth is.
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterator
 
 import numpy as np
 from scipy.special import ndtri
@@ -97,7 +98,7 @@ def sample(
         failed=failed,
         seed=seed,
     )
-    return results, _left_out(adjustment, requests, frames, known, failed)
+    return results, tuple(_left_out(adjustment, requests, frames, known, failed))
 
 
 def _left_out(
@@ -106,12 +107,11 @@ def _left_out(
     frames: Frames,
     known: Bools,
     failed: int,
-) -> tuple[Message, ...]:
+) -> Iterator[Message]:
     """Messages on repetitions without a solution, and without a value that the survey has."""
-    messages = []
     if failed:
         text = f"{failed} Monte Carlo repetitions did not come to rest and were left out."
-        messages.append(Message("warning", "monte-carlo-failed", text))
+        yield Message("warning", "monte-carlo-failed", text)
     rows = propagate(adjustment, requests, frames).rows
     for row, missing in zip(rows, (~known).sum(axis=0), strict=True):
         if missing and row.gradient is not None:
@@ -124,24 +124,20 @@ def _left_out(
                 "their sampled intervals leave out",
                 f"{row.name!r} in {missing} of {len(known)}",
             )
-            messages.append(
-                Message(
-                    "warning",
-                    "monte-carlo-null",
-                    text,
-                    measurements=(row.name,),
-                    several=several,
-                )
+            yield Message(
+                "warning",
+                "monte-carlo-null",
+                text,
+                measurements=(row.name,),
+                several=several,
             )
-    return tuple(messages)
 
 
-def compare(first: MeasurementResults, sampled: MonteCarloResults) -> tuple[Message, ...]:
+def compare(first: MeasurementResults, sampled: MonteCarloResults) -> Iterator[Message]:
     """Say where first order is not good enough: by more than 5 % and what chance may do.
 
     Compared are the sigmas, and both ends of the 95 % intervals (JCGM 101:2008, clause 8).
     """
-    messages = []
     chance = 3.0 / np.sqrt(sampled.samples)
     for i, name in enumerate(first.name):
         sigma_off = abs(sampled.sigma[i] / first.sigma[i] - 1.0) - chance / np.sqrt(2.0)
@@ -156,13 +152,10 @@ def compare(first: MeasurementResults, sampled: MonteCarloResults) -> tuple[Mess
                 "{count} measurements: the first-order interval is off, use the sampled 95 % one",
                 f"{name!r} {ends_text} ({sigmas})",
             )
-            messages.append(
-                Message(
-                    "warning",
-                    "first-order-off",
-                    f"{name!r}: first-order {sigmas}: use the sampled 95 % interval, {ends_text}.",
-                    measurements=(name,),
-                    several=several,
-                )
+            yield Message(
+                "warning",
+                "first-order-off",
+                f"{name!r}: first-order {sigmas}: use the sampled 95 % interval, {ends_text}.",
+                measurements=(name,),
+                several=several,
             )
-    return tuple(messages)

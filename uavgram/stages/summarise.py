@@ -19,6 +19,8 @@ from uavgram.model.result.result import Alternative, GroupFactor, SolutionSummar
 from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
 from uavgram.model.result.tables import FrameResults, FrameStatus, PoseTable
 
+DEGREES = 180.0 / np.pi
+
 
 def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedResult:
     """Shared unknowns with their standard deviations, angles in degrees.
@@ -39,12 +41,12 @@ def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedRes
         for name in ("clock", "clock_drift"):  # no clock moves them: its prior came back as it was
             part.pop(name)
     return SharedResult(
-        boresight_deg=_in_degrees(part.get("boresight")),
+        boresight_deg=_changed(part.get("boresight"), DEGREES),
         lever_arm_m=part.get("lever_arm"),
         position_bias_m=part.get("position_bias"),
-        heading_bias_deg=_in_degrees(part.get("heading_bias")),
-        clock_offset_s=_shifted(part.get("clock"), clock_offset_s),
-        clock_drift_ppm=_scaled(part.get("clock_drift"), 1e6),
+        heading_bias_deg=_changed(part.get("heading_bias"), DEGREES),
+        clock_offset_s=_changed(part.get("clock"), shift=clock_offset_s),
+        clock_drift_ppm=_changed(part.get("clock_drift"), 1e6),
         intrinsics=Estimate(value=adjustment.problem.intrinsics(state), sigma=intrinsic_sigma),
     )
 
@@ -90,20 +92,11 @@ def _sigmas(adjustment: Adjustment, first: int, count: int) -> Floats:
     return np.sqrt(np.diag(adjustment.shared(first, count)))
 
 
-def _in_degrees(estimate: Estimate | None) -> Estimate | None:
-    return _scaled(estimate, 180.0 / np.pi)
-
-
-def _scaled(estimate: Estimate | None, by: float) -> Estimate | None:
+def _changed(estimate: Estimate | None, factor: float = 1.0, shift: float = 0.0) -> Estimate | None:
+    """An estimate in another unit, or from another zero."""
     if estimate is None:
         return None
-    return Estimate(value=by * estimate.value, sigma=by * estimate.sigma)
-
-
-def _shifted(estimate: Estimate | None, by: float) -> Estimate | None:
-    if estimate is None:
-        return None
-    return Estimate(value=estimate.value + by, sigma=estimate.sigma)
+    return Estimate(value=factor * estimate.value + shift, sigma=factor * estimate.sigma)
 
 
 def summarise_frames(
@@ -136,14 +129,12 @@ def summarise_frames(
         world_from_camera=adjustment.state.rotation,
         covariance=adjustment.frame_covariance(),
     )
-    status: list[FrameStatus] = []
-    reason: list[str] = []
     refined_names = frozenset(adjusted.frame_id)
     seeded = None if seeds is None else frozenset(seeds.frame_id)
-    for i, name in enumerate(frames.frame_id):
-        state, why = _status(name, refined_names, picked, seeded, frames.reason[i])
-        status.append(state)
-        reason.append(why)
+    verdicts = [
+        _status(name, refined_names, picked, seeded, why)
+        for name, why in zip(frames.frame_id, frames.reason, strict=True)
+    ]
     time_s = frames.time_utc_s
     if adjustment.survey.telemetry is not None:
         middle_s = adjustment.survey.telemetry.middle_s
@@ -152,8 +143,8 @@ def summarise_frames(
         frame_id=frames.frame_id,
         path=path,
         time_utc_s=time_s,
-        status=tuple(status),
-        reason=tuple(reason),
+        status=tuple(status for status, _ in verdicts),
+        reason=tuple(why for _, why in verdicts),
         seed=_table(frames.frame_id, seeds),
         refined=_table(frames.frame_id, adjusted),
     )
@@ -207,12 +198,10 @@ def summarise_solution(
         The measured values under each alternative.
     """
     minimum = refined.adjustment.minimum
-    observations = sum(block.residual.size for block in minimum.blocks.values())
-    degrees = observations - refined.adjustment.problem.layout.size
-    factor = minimum.cost / degrees if degrees > 0 else np.nan
+    degrees = refined.adjustment.degrees_of_freedom
     return SolutionSummary(
         degrees_of_freedom=degrees,
-        variance_factor=factor,
+        variance_factor=refined.adjustment.variance_factor,
         chi2_probability=upper_tail(minimum.cost, degrees),
         iterations=minimum.iterations,
         converged=minimum.converged,

@@ -11,7 +11,7 @@ from uavgram.errors import UavgramError
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.pick.live import LiveSurvey, Observed
-from uavgram.pipeline.pick.same_ground import same_ground
+from uavgram.pipeline.pick.other_photos import same_ground
 
 
 @pytest.fixture(scope="module")

@@ -10,9 +10,13 @@ from scipy.stats import chi2
 
 from uavgram.estimation.measuring.propagation import propagate
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, MeasurementRequest
+from uavgram.model.survey.observations import (
+    KnownLines,
+    KnownWorldPoints,
+    MeasurementRequest,
+    Picks,
+)
 from uavgram.stages.judge import (
-    PickTable,
     judge_groups,
     judge_lines,
     judge_overall,
@@ -38,13 +42,15 @@ def changed(survey, name, index, by):
 
 def table(survey, index=None):
     index = np.arange(len(survey.pick_frame)) if index is None else index
-    return PickTable(
+    sigma = survey.pick_sigma_px
+    picks = Picks(
         image=tuple(survey.frame_id[f] for f in survey.pick_frame),
         label=tuple(survey.label[k] for k in survey.pick_label),
         pixel_px=survey.pixel_px,
-        sigma_px=survey.pick_sigma_px,
-        survey_index=index,
+        sigma_px=sigma,
+        height_m=np.full(len(sigma), np.nan),
     )
+    return picks, sigma, index
 
 
 def lines_of(survey, adjust=None):
@@ -81,7 +87,7 @@ def test_a_clean_survey_has_nothing_to_say(scene_factory):
     survey = scene_factory(9, frames=6).survey
     refined = solve(survey)
     given = examined(refined)
-    picks, _ = judge_picks(given, table(survey))
+    picks, _ = judge_picks(given, *table(survey))
     lines, checks, _, line_messages = judge_lines(given, lines_of(survey), np.arange(6))
     groups, group_messages = judge_groups(refined.adjustment, ALPHA)
     assert set(picks.status) == {"used"}
@@ -100,7 +106,7 @@ def test_a_wrong_pick_and_a_wrong_length_are_named(scene_factory, outliers, stat
     survey = changed(changed(survey, "pixel_px", (17, 0), 15.0), "length_m", 2, 0.5)
     refined = solve(survey, outliers)
     given = examined(refined)
-    picks, _ = judge_picks(given, table(survey))
+    picks, _ = judge_picks(given, *table(survey))
     lines, _, _, _ = judge_lines(given, lines_of(survey), np.arange(8))
     messages = judge_suspects(given)
     assert picks.status[17] == status
@@ -123,17 +129,17 @@ def test_residuals_and_redundancies_stand_with_their_own_picks(scene_factory):
     count = len(survey.pick_frame)
     shuffled = np.random.default_rng(0).permutation(count)
     index = np.append(shuffled, -1)
-    whole = table(survey)
-    given = PickTable(
+    whole, sigma, every = table(survey)
+    given = Picks(
         image=(*(whole.image[k] for k in shuffled), "lost"),
         label=(*(whole.label[k] for k in shuffled), "A"),
         pixel_px=np.vstack([whole.pixel_px[shuffled], [0, 0]]),
-        sigma_px=np.append(whole.sigma_px[shuffled], 1.0),
-        survey_index=index,
+        sigma_px=np.append(sigma[shuffled], 1.0),
+        height_m=np.full(count + 1, np.nan),
     )
     under_test = examined(refined)
-    plain, plain_effects = judge_picks(under_test, whole)
-    found, effects = judge_picks(under_test, given)
+    plain, plain_effects = judge_picks(under_test, whole, sigma, every)
+    found, effects = judge_picks(under_test, given, given.sigma_px, index)
     np.testing.assert_array_equal(effects.change[:-1], plain_effects.change[shuffled])
     assert effects.on[-1] == ""
     np.testing.assert_array_equal(found.residual_px[:-1], plain.residual_px[shuffled])
@@ -282,7 +288,7 @@ def test_a_suspect_in_one_frame_names_its_group_and_blames_nobody_else(scene_fac
     group = f"The {named(lines_of(survey), 1)} or {picks_of_ends}: no test can part them"
     assert f"{group}: look at all three." in message.text
     lines, _, _, _ = judge_lines(given, lines_of(survey), np.arange(6))
-    picks, _ = judge_picks(given, table(survey))
+    picks, _ = judge_picks(given, *table(survey))
     assert [i for i, s in enumerate(lines.status) if s == "suspect"] == [1]
     assert [i for i, s in enumerate(picks.status) if s == "suspect"] == [1, 7]
 
@@ -465,7 +471,7 @@ def test_swapped_labels_are_told_as_such_and_their_picks_are_not_blamed(scene_fa
     label[[one, other]] = label[[other, one]]
     swapped = replace(survey, pick_label=label)
     given = examined(solve(swapped, outliers))
-    picks, _ = judge_picks(given, table(swapped))
+    picks, _ = judge_picks(given, *table(swapped))
     (swap,) = swapped_labels(given, picks)
     assert swap.frame == "f2"
     assert set(swap.labels) == {survey.label[label[one]], survey.label[label[other]]}
@@ -480,6 +486,6 @@ def test_two_wrong_picks_of_one_photo_are_no_swapped_labels(scene_factory):
     one, other = np.flatnonzero(survey.pick_frame == 2)[[1, 4]]
     wrong = changed(changed(survey, "pixel_px", (one, 0), 60.0), "pixel_px", (other, 1), 60.0)
     given = examined(solve(wrong))
-    picks, _ = judge_picks(given, table(wrong))
+    picks, _ = judge_picks(given, *table(wrong))
     assert {picks.status[one], picks.status[other]} == {"suspect"}
     assert swapped_labels(given, picks) == ()

@@ -11,10 +11,10 @@ from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS
 from uavgram.io.cameras.drone_table import drone_cameras
 from uavgram.model.camera.tags import CameraTags
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.stages.assemble import assemble
+from uavgram.stages.assemble import Observations, assemble
 from uavgram.stages.camera.assume import assume_camera
 from uavgram.stages.refine import minima, poor_camera
-from uavgram.stages.refine.minima import best_minima
+from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.poor_camera import iterations_for, settled
 
 TOO_WIDE = 22.0 / 25.9
@@ -34,14 +34,21 @@ def strip(data_dir):
         covariance[:2, :2] *= share**2
         wrong = replace(camera, parameters=parameters, covariance=covariance)
         ground = inputs.project.ground
-        return assemble(wrong, inputs.picks, inputs.lines, None, None, ground, 0.8).survey
+        observed = Observations(
+            calibration=wrong,
+            picks=inputs.picks,
+            lines=inputs.lines,
+            ground=ground,
+            picks_sigma_px=0.8,
+        )
+        return assemble(observed).survey
 
     return make
 
 
 def adjusted(survey):
     every, no_line = np.ones(len(survey.pick_frame), bool), np.zeros(len(survey.line_start), bool)
-    return best_minima(survey, every, no_line, {}).adjustment.minimum
+    return best_minima(Participants(survey, every, no_line, {})).adjustment.minimum
 
 
 @pytest.mark.parametrize("share", [TOO_WIDE, 24.0 / 25.9, 1.2])

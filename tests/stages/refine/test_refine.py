@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.survey.adjustment import LeftOutCause
 from uavgram.geometry.ground import shapes
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
@@ -234,7 +235,8 @@ def test_a_pick_that_the_lens_cannot_invert_is_left_out(scene_factory):
     refined, messages = refine(survey, REPORT)
 
     assert 3 not in refined.pick_index
-    assert "lens model" in refined.pick_reason[3]
+    assert refined.pick_reason[3].cause is LeftOutCause.BEYOND_LENS
+    assert "lens model" in refined.pick_reason[3].text
     assert codes(messages)[0] == "pick-left-out"
 
 
@@ -258,7 +260,7 @@ def test_a_pick_above_the_horizon_is_left_out_and_the_rest_solved(scene_factory,
 
     last = len(survey.pick_frame) - 1
     assert list(refined.pick_reason) == [last]
-    assert "does not meet the ground" in refined.pick_reason[last]
+    assert "does not meet the ground" in refined.pick_reason[last].text
     assert "sky" not in refined.adjustment.survey.label
     assert codes(messages) == ["pick-left-out"]
 
@@ -279,10 +281,10 @@ def test_a_sky_pick_and_a_lost_frame_each_get_their_own_reason(scene_factory):
     )
     refined, _ = refine(survey, REPORT)
     sky = len(survey.pick_frame) - 1
-    assert "does not meet the ground" in refined.pick_reason[sky]
+    assert "does not meet the ground" in refined.pick_reason[sky].text
     lost = [k for k in refined.pick_reason if k != sky]
     assert len(lost) == 3
-    assert all("neither telemetry" in refined.pick_reason[k] for k in lost)
+    assert all("neither telemetry" in refined.pick_reason[k].text for k in lost)
 
 
 @pytest.mark.parametrize("options", [{}, NO_LOG], ids=["log", "no log"])

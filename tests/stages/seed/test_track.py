@@ -269,7 +269,7 @@ def test_photos_taken_while_the_log_is_silent_about_the_gimbal_are_named(pause, 
         clock_offset_s=0.0,
         clock_offset_sigma_s=0.1,
     )
-    messages = track_gaps(track, frames)
+    messages = tuple(track_gaps(track, frames))
     assert [m.code for m in messages] == ["attitude-gap"] * told
     if told:
         assert "gimbal's attitude for up to 2.5 s while B.jpg were taken" in messages[0].text

@@ -11,7 +11,7 @@ from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.motion.rotation import hat
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.result.tables import PoseTable
+from uavgram.model.flight.pose import Poses
 
 
 class KnownPixels(NamedTuple):
@@ -27,7 +27,7 @@ class KnownPixels(NamedTuple):
 
 
 def pixels_of_known_points(
-    calibration: Calibration, poses: PoseTable, world_m: Floats, sigma_m: Floats
+    calibration: Calibration, poses: Poses, world_m: Floats, sigma_m: Floats
 ) -> KnownPixels:
     """Every known point in every photo that should show it.
 

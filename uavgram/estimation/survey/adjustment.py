@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from enum import Enum
 from typing import Literal
 
 import numpy as np
@@ -12,6 +14,7 @@ from uavgram.estimation.solver.normal_equations import Covariance
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.estimation.survey.unknowns import State
+from uavgram.geometry.camera.projection import project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 
@@ -45,12 +48,33 @@ class Adjustment:
         """The estimates."""
         return self.minimum.state
 
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of observations and priors less that of the unknowns."""
+        observations = sum(block.residual.size for block in self.minimum.blocks.values())
+        return observations - self.problem.layout.size
+
+    @property
+    def variance_factor(self) -> float:
+        """Weighted sum of squares over the degrees of freedom; NaN without redundancy."""
+        degrees = self.degrees_of_freedom
+        return self.minimum.cost / degrees if degrees > 0 else float("nan")
+
     def label_index(self, label: str) -> int:
         """Position of a label; -1 where it is not among the adjusted points."""
-        try:
-            return self.survey.label.index(label)
-        except ValueError:
-            return -1
+        return int(self.label_rows([label])[0])
+
+    def label_rows(self, labels: Iterable[str]) -> Ints:
+        """(n,) positions of labels; -1 where one is not among the adjusted points."""
+        place = {label: k for k, label in enumerate(self.survey.label)}
+        return np.array([place.get(label, -1) for label in labels], dtype=np.int64)
+
+    def pixels(self, frame: Ints, label: Ints) -> Floats:
+        """(n, 2) pixels at which labels appear in frames [px]; NaN behind the camera."""
+        state = self.state
+        world, _, _ = self.problem.world_points(state, label)
+        camera = np.einsum("nji,nj->ni", state.rotation[frame], world - state.center[frame])
+        return project(self.survey.calibration.model, self.problem.intrinsics(state), camera)
 
     def frame_covariance(self) -> Floats:
         """(F, 6, 6) of (δcentre world, δθ camera)."""
@@ -157,6 +181,27 @@ class Adjustment:
         return world, np.concatenate([d_point, d_plane], axis=2), columns
 
 
+class LeftOutCause(Enum):
+    """Why a pick takes no part in an adjustment."""
+
+    BEYOND_LENS = "beyond-lens"
+    NO_GROUND = "no-ground"
+    NOT_JOINED = "not-joined"
+    UNDETERMINED = "undetermined"
+    MISPLACED_FRAME = "misplaced-frame"
+    CONTRADICTED = "contradicted"
+    SWAPPED = "swapped"
+    GROSS = "gross"
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Why a pick takes no part in an adjustment: as data, and in words as part of a sentence."""
+
+    cause: LeftOutCause
+    text: str
+
+
 @dataclass(frozen=True, eq=False)
 class Removal:
     """An observation that was left out because it does not fit.
@@ -213,7 +258,7 @@ class Refined:
     removals: tuple[Removal, ...]
     pick_removed: Bools
     line_removed: Bools
-    pick_reason: dict[int, str]
+    pick_reason: Mapping[int, LeftOut]
     alternatives: tuple[Adjustment, ...]
     undetermined: frozenset[int] = frozenset()
     accused: Member | None = None

@@ -67,14 +67,18 @@ class Names:
             frame, label = self.pick(row)
             return f"pick of {label!r} in {frame!r}"
         if member.kind == "lengths":
-            survey, line = self.adjustment.survey, self.adjustment.problem.line_index[row]
-            start, end = survey.label[survey.line_start[line]], survey.label[survey.line_end[line]]
-            return length_name(survey.line_name[line] if survey.line_name else "", start, end)
+            return f"length {self.length(row)}"
         if member.kind == "telemetry":
             return f"log's pose of {self.frame(row)!r} ({POSE_AXES[member.axis]})"
         if member.kind == "control":
             return f"control point {survey.label[survey.control_label[row]]!r}"
         return self.prior(member)
+
+    def length(self, row: int) -> str:
+        """``'L2' ('R3' to 'R4')``: a known length of the adjustment."""
+        survey, line = self.adjustment.survey, self.adjustment.problem.line_index[row]
+        start, end = survey.label[survey.line_start[line]], survey.label[survey.line_end[line]]
+        return named_ends(survey.line_name[line] if survey.line_name else "", start, end)
 
     def prior(self, member: Member) -> str:
         """``boresight x``, ``fx``, and the like."""
@@ -166,17 +170,9 @@ class Names:
         return {"labels": (survey.label[row],)} if member.kind == "roughness" else {}
 
 
-def length_name(name: str, start: str, end: str) -> str:
-    """``length 'L2' ('R3' to 'R4')``; by its ends alone where it has no name.
-
-    Parameters
-    ----------
-    name
-        What the project calls it; may be empty.
-    start, end
-        Labels of its ends.
-    """
-    return f"length {name!r} ({start!r} to {end!r})" if name else f"length {start!r} to {end!r}"
+def named_ends(name: str, start: str, end: str) -> str:
+    """``'L2' ('R3' to 'R4')``: a length; by its ends alone where it has no name."""
+    return f"{name!r} ({start!r} to {end!r})" if name else f"{start!r} to {end!r}"
 
 
 def _listed(words: list[str]) -> str:

@@ -81,12 +81,11 @@ def _camera(path: Path, name: str, camera: dict[str, Any]) -> dict[str, Any]:
         value = next((camera[key] for key in keys if key in camera), otherwise)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InputError(path, f"camera {name!r}: {keys[0]} must be a number (got {value!r})")
+        if not math.isfinite(value):
+            raise InputError(path, f"camera {name!r}: {keys[0]} is no finite number")
         return float(value)
 
     width, height = number("width"), number("height")
-    for key, value in (("width", width), ("height", height)):
-        if not math.isfinite(value):
-            raise InputError(path, f"camera {name!r}: {key} is no finite number")
     if width % 1 or height % 1:
         raise InputError(path, f"camera {name!r}: its size must be whole pixels")
     size = max(width, height)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from uavgram.picking.document.commands import SameGround
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
-from uavgram.pipeline.pick.same_ground import same_ground
+from uavgram.pipeline.pick.other_photos import same_ground
 
 
 def same_ground_json(

@@ -14,8 +14,8 @@ from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document.state import Line, Pick, State
 from uavgram.picking.protocol.geodetic import places_on_earth
-from uavgram.pipeline.pick.known_places import KnownPlaces
 from uavgram.pipeline.pick.live import Adjusted, Linearised
+from uavgram.pipeline.pick.other_photos import KnownPlaces
 from uavgram.stages.tell import told
 
 Json = dict[str, Any]

@@ -37,8 +37,8 @@ from uavgram.picking.protocol.encode_survey import (
 from uavgram.picking.protocol.parse import Message, PhotoSize, parse_message
 from uavgram.picking.session.workers import Live, Task
 from uavgram.picking.storage.journal import Saver
-from uavgram.pipeline.pick.known_places import known_places
 from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.pick.other_photos import known_places
 
 log = logging.getLogger(__name__)
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
 
@@ -14,7 +12,7 @@ import numpy as np
 
 from uavgram.config.board_text import parse_board
 from uavgram.config.camera_text import camera_text
-from uavgram.errors import InputError, OutputError
+from uavgram.errors import InputError
 from uavgram.estimation.calibration.problem import focal_and_center_prior
 from uavgram.imaging.photos.preview import Preview, preview_of
 from uavgram.imaging.raster import Image
@@ -25,6 +23,7 @@ from uavgram.imaging.targets.sighting import Sighting
 from uavgram.io.cameras.drone_table import drone_cameras
 from uavgram.io.cameras.opencv_writer import opencv_text
 from uavgram.io.outputs import staged_output
+from uavgram.io.own_files import check_no_originals
 from uavgram.io.photos.board_photos import CalibrationFiles, find_calibration_photos, read_grey
 from uavgram.io.photos.camera_tags import read_camera_tags
 from uavgram.io.results.calibration_json import write_calibration
@@ -36,7 +35,7 @@ from uavgram.model.camera.provenance import CameraProvenance, OptionValue
 from uavgram.model.camera.tags import CameraTags
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.pipeline.versions import package_versions
+from uavgram.pipeline.versions import package_versions, stamp
 from uavgram.stages.calibrate.account import (
     common_error_message,
     lens_effects,
@@ -116,7 +115,7 @@ def calibrate(
     target = parse_board(board)
     files = find_calibration_photos(images)
     folder = Path(output).absolute()
-    _keep_originals(files, folder / FOUND)
+    check_no_originals(folder / FOUND, files.path)
     tags = read_camera_tags(files.path[0])
     assumed = _assumed(tags, is_needed=prior == "exif")
     files = _with_focal_length(files, assumed)
@@ -130,15 +129,6 @@ def calibrate(
     with staged_output(folder, photos=files.path) as staging:
         written = _write(account, seen, staging, progress)
     return Calibrated(account=account, folder=folder, files=written)
-
-
-def _keep_originals(files: CalibrationFiles, pictures: Path) -> None:
-    """Refuse to write pictures over the photos themselves."""
-    if any(Path(path).resolve().parent == pictures.resolve() for path in files.path):
-        raise OutputError(
-            f"{pictures}: holds the photos themselves, which are never written to; choose another "
-            "folder with --output"
-        )
 
 
 def _assumed(tags: CameraTags, *, is_needed: bool) -> Calibration | None:
@@ -234,9 +224,7 @@ def _provenance(
     used = sum(status != "removed" for status in result.photos.status)
     quality = result.quality
     return CameraProvenance(
-        program="uavgram",
-        version=importlib.metadata.version("uavgram"),
-        created_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+        **stamp(),
         source=f"calibrated from {used} photos of a board",
         inputs=files.digest,
         board=board,

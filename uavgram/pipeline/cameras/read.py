@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
 
@@ -27,6 +25,7 @@ from uavgram.model.camera.provenance import CameraProvenance, OptionValue
 from uavgram.model.camera.tags import CameraTags
 from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
+from uavgram.pipeline.versions import stamp
 from uavgram.stages.camera.assume import WAY_OUT, assume_camera, find_camera
 
 CameraFormat = Literal["uavgram", "opencv", "colmap"]
@@ -189,6 +188,17 @@ def write_camera(
 ) -> None:
     """Write a camera in one step; see `camera_in`.
 
+    Parameters
+    ----------
+    path
+        The file to write.
+    camera
+        The camera.
+    form
+        Whose format.
+    options
+        What was done to it since.
+
     Raises
     ------
     OutputError
@@ -220,23 +230,15 @@ def focal_on_sensor_mm(camera: CameraRead) -> float | None:
 
 def _converted(camera: CameraRead, options: Mapping[str, OptionValue]) -> CameraProvenance:
     """Provenance of a camera that this program converts: what its source says stays."""
-    base = CameraProvenance(
-        program="uavgram",
-        version=importlib.metadata.version("uavgram"),
-        created_utc=datetime.now(UTC).isoformat(timespec="seconds"),
-        source="converted",
-        inputs=(digest_file(camera.path),),
-        options=options,
-    )
+    made, inputs = stamp(), (digest_file(camera.path),)
+    base = CameraProvenance(**made, source="converted", inputs=inputs, options=options)
     earlier, tags = camera.provenance, camera.tags
     if earlier is not None:
         return replace(
             earlier,
-            program=base.program,
-            version=base.version,
-            created_utc=base.created_utc,
-            source=f"{base.source}; before that, {earlier.source}",
-            inputs=base.inputs,
+            **made,
+            source=f"converted; before that, {earlier.source}",
+            inputs=inputs,
             options={**earlier.options, **options},
         )
     if tags is None:

@@ -13,7 +13,7 @@ from uavgram.io.exports.geotags import write_geo_txt
 from uavgram.io.exports.kml import write_kml
 from uavgram.io.exports.measurements_csv import write_measurements_csv
 from uavgram.io.exports.opendronemap import write_gcp_list
-from uavgram.model.flight.geotag import PoseChoice
+from uavgram.model.flight.geotag import GeoTags, PoseChoice
 from uavgram.model.result.result import Result
 from uavgram.stages.products.geotags import geotag
 from uavgram.stages.products.map_layers import features_of, shown_poses
@@ -39,14 +39,13 @@ def exports(result: Result) -> Writers:
     if features.crs is not None:
         writers["survey_map.dxf"] = lambda path: write_map_dxf(features, path)
         writers["opendronemap/gcp_list.txt"] = lambda path: write_gcp_list(result, features, path)
-        writers["opendronemap/geo.txt"] = lambda path: _write_geo_txt(result, path)
+        writers["opendronemap/geo.txt"] = lambda path: write_geo_txt(geotags_of(result), path)
     return writers
 
 
-def _write_geo_txt(result: Result, path: Path) -> None:
+def geotags_of(result: Result) -> GeoTags:
+    """Tags of every photo that has a pose: the adjusted one, else the telemetry's."""
     rows, poses = shown_poses(result)
+    kinds: list[PoseChoice] = ["refined" if result.has_refined[k] else "seed" for k in rows]
     paths = tuple(result.frames.path[k] for k in rows)
-    kinds: tuple[PoseChoice, ...] = tuple(
-        "refined" if result.has_refined[k] else "seed" for k in rows
-    )
-    write_geo_txt(geotag(poses, paths, kinds, result.world), path)
+    return geotag(poses, paths, tuple(kinds), result.world)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from unicodedata import normalize
@@ -154,17 +155,15 @@ def duplicates_of(inputs: Inputs) -> Duplicates:
     return find_duplicates(inputs.photos, sha256, inputs.picks, inputs.lines)
 
 
-def _column_messages(*files: str | None) -> tuple[Message, ...]:
+def _column_messages(*files: str | None) -> Iterator[Message]:
     """Name the columns of picks, lengths and measurements that are not read."""
     tables = zip(files, (PICKS_COLUMNS, LINES_COLUMNS, MEASURE_COLUMNS), strict=True)
-    said = []
     for file, columns in tables:
         if file and (own := own_columns(file, columns)):
             names = ", ".join(map(repr, own))
             what = "column" if len(own) == 1 else "columns"
             text = f"{Path(file).name}: nothing reads the {what} {names}; what is there stays."
-            said.append(Message("info", "own-columns", text))
-    return tuple(said)
+            yield Message("info", "own-columns", text)
 
 
 def log_messages(log: FlightLog) -> tuple[Message, ...]:

@@ -15,7 +15,6 @@ from uavgram.model.survey.observations import KnownWorldPoints
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.stages.assemble import Assembled
 from uavgram.stages.judge import (
-    PickTable,
     judge_groups,
     judge_lines,
     judge_overall,
@@ -69,7 +68,9 @@ def judge_survey(
     significance = inputs.project.solve.significance
     lines, index = inputs.lines, assembled.line_index
     examined = run_tests(refined, measured, significance)
-    picks, pick_effects = judge_picks(examined, _pick_table(inputs, assembled))
+    picks, pick_effects = judge_picks(
+        examined, inputs.picks, assembled.pick_sigma_px, assembled.pick_index
+    )
     line_results, line_checks, line_effects, line_messages = judge_lines(examined, lines, index)
     point_checks, unseen_messages = judge_points(refined.adjustment, check, significance)
     overall, overall_messages = judge_overall(refined.adjustment, lines, check, significance)
@@ -97,15 +98,4 @@ def judge_survey(
             *overall_messages,
             *group_messages,
         ),
-    )
-
-
-def _pick_table(inputs: Inputs, assembled: Assembled) -> PickTable:
-    picks = inputs.picks
-    return PickTable(
-        image=picks.image,
-        label=picks.label,
-        pixel_px=picks.pixel_px,
-        sigma_px=assembled.pick_sigma_px,
-        survey_index=assembled.pick_index,
     )

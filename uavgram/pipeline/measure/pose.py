@@ -7,17 +7,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.errors import GeometryError, InputError, UavgramError
-from uavgram.geometry.earth.geodesy import curvature_drop
+from uavgram.geometry.earth.geodesy import curvature_drop, enu_from_geodetic
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import FlightLog, HeightDatum
 from uavgram.model.flight.pairing import Pairing
 from uavgram.model.flight.photo_poses import Flight, PhotoExposures, PhotoPoses
+from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.message import Message
 from uavgram.model.options import GeodeticOrigin, MountOptions
+from uavgram.model.survey.observations import KnownPoints, KnownWorldPoints
 from uavgram.model.survey.world import Geodetic, World
 from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.stages.assemble import Telemetry
+from uavgram.stages.assemble import NO_CONTROL
 from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
 from uavgram.stages.seed.seed import seed
 from uavgram.stages.seed.track import build_track, find_home, track_gaps
@@ -116,16 +118,10 @@ def _seeded(
     more: tuple[Message, ...] = ()
     if isinstance(flight, PhotoExposures):
         mount, more = _at_the_camera(mount)
-    seeds = seed(frames, flight, mount, inputs.project.telemetry)
-    far = _far_origin(inputs, seeds.poses.center_world_m)
+    telemetry = seed(frames, flight, mount, inputs.project.telemetry)
+    far = _far_origin(inputs, telemetry.poses.center_world_m)
     place, datum = origin
     world = World(origin=Geodetic(*place), height_datum=datum, gauge="world")
-    telemetry = Telemetry(
-        poses=seeds.poses,
-        prior=seeds.prior,
-        track=flight,
-        correlation_s=inputs.project.telemetry.correlation_s,
-    )
     return Posed(world=world, frames=frames, telemetry=telemetry, messages=(*messages, *more, *far))
 
 
@@ -173,7 +169,7 @@ def _synchronise(inputs: Inputs, log: FlightLog) -> Synchronised:
     try:
         return synchronise(inputs.photos, log, inputs.project.time)
     except UavgramError as fault:  # the stage knows instants; which file they are of is known here
-        raise InputError(log.path, str(fault).removeprefix(f"{log.path}: ")) from fault
+        raise InputError(log.path, str(fault)) from fault
 
 
 def _file_time_frames(inputs: Inputs, reason: str) -> Frames:
@@ -198,14 +194,12 @@ def _photo_frames(inputs: Inputs, poses: PhotoPoses, placed: tuple[str, ...]) ->
     stated = dict(zip(poses.frame_id, poses.time_utc_s, strict=True))
     own = np.array([stated.get(name, np.nan) for name in base.frame_id])
     matched = np.isin(base.frame_id, placed)
-    return Frames(
-        frame_id=base.frame_id,
+    return replace(
+        base,
         time_utc_s=np.where(np.isfinite(own), own, base.time_utc_s),
         sigma_time_s=np.where(np.isfinite(own), 0.0, base.sigma_time_s),
         matched=matched,
         reason=tuple("" if good else f"no pose in {poses.source}" for good in matched),
-        clock_offset_s=base.clock_offset_s,
-        clock_offset_sigma_s=base.clock_offset_sigma_s,
     )
 
 
@@ -253,3 +247,31 @@ def height_shift(inputs: Inputs, datum: HeightDatum) -> float:
             f"world.heights: {datum}"
         )
     return undulation if datum == "ellipsoid" else -undulation
+
+
+def known_in_world(
+    inputs: Inputs, points: KnownPoints, world: World
+) -> tuple[KnownWorldPoints, tuple[Message, ...]]:
+    """Known points in the local world; none, with a message, where nothing places them.
+
+    Parameters
+    ----------
+    inputs
+        The project, which says what its heights are above.
+    points
+        With local or geodetic coordinates.
+    world
+        Where the local world lies.
+    """
+    coordinates: Floats = points.coordinates
+    if points.kind == "geodetic" and len(points.label):
+        if world.origin is None:
+            text = (
+                "Points with latitude and longitude cannot be used: nothing ties this world to "
+                "the earth. Give the log, world.origin, or geodetic control points."
+            )
+            return NO_CONTROL, (Message("warning", "points-unplaced", text),)
+        shift = height_shift(inputs, world.height_datum)
+        latitude, longitude, height = points.coordinates.T
+        coordinates = enu_from_geodetic(latitude, longitude, height + shift, world.origin)
+    return KnownWorldPoints(label=points.label, world_m=coordinates, sigma_m=points.sigma_m), ()

@@ -100,6 +100,15 @@ def write_review(result: Result, path: Path, progress: Progress = silent) -> Non
 
     Photos pass through one by one: what is in memory does not grow with their number.
 
+    Parameters
+    ----------
+    result
+        What a run computed.
+    path
+        The recording to write.
+    progress
+        Shows long loops.
+
     Raises
     ------
     InputError

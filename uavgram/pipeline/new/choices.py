@@ -47,7 +47,17 @@ class Notes:
 
 
 def choose_photos(folder: Path, holdings: Holdings, choices: Choices) -> tuple[PhotoGroup, ...]:
-    """Groups of photos to take, all of one size."""
+    """Groups of photos to take, all of one size.
+
+    Parameters
+    ----------
+    folder
+        The project folder.
+    holdings
+        What it holds.
+    choices
+        Patterns that a person chose.
+    """
     groups = holdings.photos
     if choices.images:
         named = {
@@ -118,7 +128,21 @@ def absolute(folder: Path, pattern: str) -> str:
 def only_one(
     folder: Path, what: str, option: str, candidates: Sequence[Path], chosen: Path | None
 ) -> str | None:
-    """The only candidate, or the chosen one, relative to the folder."""
+    """The only candidate, or the chosen one, relative to the folder.
+
+    Parameters
+    ----------
+    folder
+        The project folder.
+    what
+        What the file is, in words.
+    option
+        The option of the command that chooses one.
+    candidates
+        Files that could be it.
+    chosen
+        The one that a person chose; None: nobody did.
+    """
     if chosen is not None:
         path = chosen if chosen.is_absolute() else folder / chosen
         if not path.is_file():
@@ -145,7 +169,21 @@ def choose_camera(
     photos: Photos,
     notes: Notes,
 ) -> str:
-    """The camera file that fits the photos, ``auto``, or ``unknown``."""
+    """The camera file that fits the photos, ``auto``, or ``unknown``.
+
+    Parameters
+    ----------
+    folder
+        The project folder.
+    candidates
+        Camera files that are there.
+    chosen
+        The one that a person chose; None: nobody did.
+    photos
+        Photos to take.
+    notes
+        What there is to say; the choice is added.
+    """
     size = round(float(photos.width_px[0])), round(float(photos.height_px[0]))
     fitting: list[Path] = []
     for path in candidates if chosen is None else ():
@@ -194,7 +232,17 @@ def _unknown_camera(photos: Photos, notes: Notes) -> str:
 
 
 def choose_tables(folder: Path, holdings: Holdings, notes: Notes) -> dict[str, str]:
-    """Tables by role; those that the picking page makes have a name though they are not there."""
+    """Tables by role; those that the picking page makes have a name though they are not there.
+
+    Parameters
+    ----------
+    folder
+        The project folder.
+    holdings
+        What it holds.
+    notes
+        What there is to say; the choice is added.
+    """
     names: dict[str, str] = {role: f"{role}.csv" for role in PICKED}
     for role in _TABLES:
         candidates = holdings.tables.get(role, ())

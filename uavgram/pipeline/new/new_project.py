@@ -171,7 +171,9 @@ def _try(project: Path, text: ProjectText, photos: Photos, notes: Notes) -> None
             inputs = read_inputs(project, unpicked=True)
             posed = pose_frames(inputs)
         except UavgramError as fault:
-            last = str(fault).removeprefix(f"{attempt.poses}: ")
+            last = str(fault)
+            if isinstance(fault, InputError) and fault.path == attempt.poses:
+                last = fault.message
             why = why or str(fault)
             continue
         if note is not None:

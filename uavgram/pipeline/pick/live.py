@@ -8,7 +8,6 @@ move to when picks move or readings change, to first order, with its sigmas as t
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,7 +22,6 @@ from uavgram.estimation.measuring.predicted_pixels import (
 )
 from uavgram.estimation.measuring.propagation import values_at
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.unknowns import advance
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.photo_poses import Flight
 from uavgram.model.flight.pose import TelemetryPrior
@@ -33,6 +31,7 @@ from uavgram.pipeline.measure.compute import Computed, compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.pose import Posed, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.stages.linear_update import linear_update
 
 NOTHING_PICKED = (
     "Nothing is picked yet. Click a point on the ground in a photo; a second one makes a distance, "
@@ -66,7 +65,7 @@ class Adjusted:
     advice
         The length to tape next.
     seconds
-        That it took.
+        How long the adjustment took.
     """
 
     observed: Observed
@@ -180,39 +179,19 @@ class LiveSurvey:
         """First-order change of the last adjustment; None where more than numbers changed."""
         if self.posed is None or not _alike(base.observed, observed):
             return None
-        adjustment = base.adjustment
-        survey, blocks = adjustment.survey, adjustment.minimum.blocks
-        layout, problem = adjustment.problem.layout, adjustment.problem
-        names = [survey.frame_id[f] for f in survey.pick_frame]
-        labels = [survey.label[k] for k in survey.pick_label]
-        place = {
-            key: i
-            for i, key in enumerate(zip(observed.picks.image, observed.picks.label, strict=True))
-        }
-        picked = observed.picks.pixel_px[[place[k] for k in zip(names, labels, strict=True)]]
-        errors = {"pixels": (picked - survey.pixel_px) / survey.pick_sigma_px[:, None]}
-        if len(problem.line_index):
-            taped = observed.lines.length_m[_project_lines(base)]
-            used = problem.line_index
-            change = (taped - survey.length_m[used]) / survey.length_sigma_m[used]
-            errors["lengths"] = change[:, None]
-        right = np.zeros(layout.size)
-        for name, error in errors.items():
-            block = blocks[name]
-            moved = np.einsum("nr,nrk->nk", error, block.jacobian)
-            right += np.bincount(block.columns.ravel(), moved.ravel(), layout.size)
-        step = adjustment.minimum.factor.solve(right)
-        state = advance(layout, adjustment.state, step)
-        pixels = blocks["pixels"]
-        follow = np.einsum("nrk,nk->nr", pixels.jacobian, step[pixels.columns])
-        residual = pixels.residual + follow - errors["pixels"]
-        world, _, _ = problem.world_points(state, np.arange(layout.points))
+        survey, picks = base.adjustment.survey, observed.picks
+        place = {key: i for i, key in enumerate(zip(picks.image, picks.label, strict=True))}
+        pairs = zip(survey.pick_frame, survey.pick_label, strict=True)
+        rows = [place[survey.frame_id[f], survey.label[k]] for f, k in pairs]
+        update = linear_update(
+            base.adjustment, picks.pixel_px[rows], observed.lines.length_m[_project_lines(base)]
+        )
         return Linearised(
             base=base,
-            value=values_at(adjustment, state, observed.requests, self.posed.frames),
-            length_m=_lengths(observed.lines, survey.label, world),
-            residual_px=residual * survey.pick_sigma_px[:, None],
-            world_m=world,
+            value=values_at(base.adjustment, update.state, observed.requests, self.posed.frames),
+            length_m=_lengths(base.adjustment, observed.lines, update.world_m),
+            residual_px=update.residual_px,
+            world_m=update.world_m,
         )
 
     def _flight(self) -> tuple[TelemetryPrior, Flight, tuple[str, ...]] | None:
@@ -254,10 +233,8 @@ def _project_lines(base: Adjusted) -> list[int]:
     ]
 
 
-def _lengths(lines: KnownLines, label: Sequence[str], world_m: Floats) -> Floats:
+def _lengths(adjustment: Adjustment, lines: KnownLines, world_m: Floats) -> Floats:
     """(L,) distances between adjusted points; NaN where one is not adjusted."""
-    place = {name: k for k, name in enumerate(label)}
-    padded = np.vstack([world_m, np.full(3, np.nan)])
-    start = [place.get(name, -1) for name in lines.start]
-    end = [place.get(name, -1) for name in lines.end]
+    padded = np.vstack([world_m, np.full(3, np.nan)])  # the last one for -1
+    start, end = adjustment.label_rows(lines.start), adjustment.label_rows(lines.end)
     return np.asarray(np.linalg.norm(padded[end] - padded[start], axis=1))

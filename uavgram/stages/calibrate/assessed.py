@@ -100,7 +100,19 @@ def judge(
     first: Corners,
     snooped: Snooped,
 ) -> AssessedCalibration:
-    """Test photos, and predict each from the others."""
+    """Test photos, and predict each from the others.
+
+    Parameters
+    ----------
+    observations
+        Corners found in M photos.
+    options
+        What was asked for.
+    first
+        (M, n) corners with the sigmas they came with.
+    snooped
+        Adjustment and outliers.
+    """
     empty = snooped.fit.corners.count == 0
     fit = without(snooped.fit, empty)
     # The weights are scaled: the variance factor is 1 unless the sigmas were given.

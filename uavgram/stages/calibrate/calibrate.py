@@ -16,11 +16,9 @@ from uavgram.model.camera.calibration_result import (
     ModelScore,
 )
 from uavgram.stages.calibrate.assessed import AssessedCalibration, judge
-from uavgram.stages.calibrate.choice import choose_and_estimate
-from uavgram.stages.calibrate.compare import Candidate, start_staged
-from uavgram.stages.calibrate.maps import image_maps
+from uavgram.stages.calibrate.choice import Candidate, choose_and_estimate, start_staged
 from uavgram.stages.calibrate.remarks import remarks
-from uavgram.stages.calibrate.tables import corner_results, photo_results
+from uavgram.stages.calibrate.tables import corner_results, image_maps, photo_results
 from uavgram.stages.calibrate.two_cameras import refuse_two_cameras
 from uavgram.stages.calibrate.usable import usable_photos
 

@@ -1,28 +1,153 @@
-"""The number of distortion coefficients: the best that the photos determine."""
+"""The number of distortion coefficients: the best that the photos determine.
+
+By photos left out, and by information criteria.
+"""
 
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.calibration.adjustment import Fit, adjust
 from uavgram.estimation.calibration.normals import UndeterminedError
 from uavgram.estimation.calibration.outliers import Snooped, snoop
-from uavgram.estimation.calibration.problem import Corners, lens_of
+from uavgram.estimation.calibration.problem import Corners, State, lens_of
 from uavgram.estimation.calibration.projection_uncertainty import length_uncertainty
-from uavgram.model.camera.board import BoardObservations, CalibrationOptions
+from uavgram.estimation.calibration.start import better_of_two, first_values
+from uavgram.estimation.calibration.validation import (
+    HeldOut,
+    held_out,
+    information_criteria,
+    simplest_good,
+)
+from uavgram.model.camera.board import BoardObservations, CalibrationOptions, parameter_count
+from uavgram.model.camera.calibration import LensModel
 from uavgram.model.camera.calibration_result import ModelScore
 from uavgram.stages.calibrate.assessed import AssessedCalibration, judge
-from uavgram.stages.calibrate.compare import (
-    MODELS,
-    USUAL,
-    candidates,
-    choose,
-    extended,
-    start_staged,
-)
+
+MODELS: dict[LensModel, tuple[int, ...]] = {"brown": (3, 5, 8), "fisheye": (4,)}
+"""Numbers of coefficients, the simplest first."""
+
+USUAL: dict[LensModel, int] = {"brown": 5, "fisheye": 4}
+
+
+def start_staged(options: CalibrationOptions, corners: Corners, size_px: tuple[int, int]) -> State:
+    """First values for all that the options ask for: a plain lens and a flat board first.
+
+    Rational lenses and bent boards have minima of their own far from the truth.
+
+    Parameters
+    ----------
+    options
+        What was asked for.
+    corners
+        (M, n) corners of all photos.
+    size_px
+        Width and height of the image [px].
+    """
+    usual = USUAL[options.model]
+    wanted = replace(options, coefficients=options.coefficients or usual)
+    plain = replace(wanted, coefficients=min(wanted.coefficients, usual), bow="flat")
+    lens = lens_of(plain)
+    flat = replace(corners, bow=corners.bow[..., :0])
+    known = None
+    if plain.prior is not None and (np.diag(plain.prior.information)[:4] > 0).all():
+        known = lens.prior_mean
+    start = adjust(lens, flat, first_values(lens, flat, size_px, known)).state
+    start = better_of_two(lens, flat, start)
+    return extended(start, wanted, corners)
+
+
+def extended(state: State, options: CalibrationOptions, corners: Corners) -> State:
+    """A state with the parameters and the bow that the options ask for: new ones are zero.
+
+    Parameters
+    ----------
+    state
+        With any number of coefficients.
+    options
+        What was asked for.
+    corners
+        (M, n) corners of all photos.
+    """
+    parameters = np.zeros(parameter_count(options.model, options.coefficients))
+    shared = min(len(parameters), len(state.parameters))
+    parameters[:shared] = state.parameters[:shared]
+    held = np.abs(lens_of(options).basis).sum(axis=1) == 0
+    held[:4] = False  # a principal point that is held stays where it is
+    parameters[held] = 0.0
+    count = corners.bow.shape[2]
+    bow = state.bow_m if len(state.bow_m) == count else np.zeros(count)
+    return replace(state, parameters=parameters, bow_m=bow)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One number of coefficients.
+
+    Attributes
+    ----------
+    coefficients
+        Of distortion.
+    fit, held
+        Its adjustment, and how it predicts photos left out; None where the photos leave some of
+        it undetermined.
+    dropped
+        Why it cannot be chosen; empty where it can.
+    """
+
+    coefficients: int
+    fit: Fit | None
+    held: HeldOut | None
+    dropped: str = ""
+
+    def score(self, sigma_px: float, *, is_chosen: bool) -> ModelScore:
+        """Figures of this model; `sigma_px` is what a whitened residual of 1 means in pixels."""
+        aic, bic = (None, None) if self.fit is None else information_criteria(self.fit)
+        known = self.held is not None and np.isfinite(self.held.factor)
+        return ModelScore(
+            coefficients=self.coefficients,
+            aic=aic,
+            bic=bic,
+            held_out_px=float(np.sqrt(self.held.factor)) * sigma_px
+            if known and self.held
+            else None,
+            is_chosen=is_chosen,
+            dropped=self.dropped,
+        )
+
+
+def candidates(options: CalibrationOptions, corners: Corners, state: State) -> list[Candidate]:
+    """Adjust every number of coefficients, the simplest first, and predict photos left out.
+
+    Parameters
+    ----------
+    options
+        All but the number of coefficients.
+    corners
+        Without outliers.
+    state
+        With any number of coefficients.
+    """
+    found = []
+    for coefficients in MODELS[options.model]:
+        own = replace(options, coefficients=coefficients)
+        try:
+            fit = adjust(lens_of(own), corners, extended(state, own, corners))
+            found.append(Candidate(coefficients, fit, held_out(fit)))
+        except UndeterminedError as fault:
+            found.append(Candidate(coefficients, None, None, str(fault)))
+    return found
+
+
+def choose(found: list[Candidate]) -> Candidate | None:
+    """The fewest coefficients that predict photos left out as well as any; None: none is left."""
+    left = [(one, one.held) for one in found if one.held is not None and not one.dropped]
+    return left[simplest_good([held for _, held in left])][0] if left else None
+
 
 LARGEST_COST = 0.01
 """Share of a usual length that the lens alone may cost: ordinary calibrations are at 0.0002 to
@@ -33,6 +158,15 @@ def choose_and_estimate(
     observations: BoardObservations, options: CalibrationOptions, corners: Corners
 ) -> tuple[AssessedCalibration, tuple[ModelScore, ...]]:
     """Estimate with the best number of coefficients that the photos determine.
+
+    Parameters
+    ----------
+    observations
+        Corners found in M photos.
+    options
+        What was asked for.
+    corners
+        The same, padded to one size (M, n).
 
     Raises
     ------

@@ -16,7 +16,7 @@ from uavgram.estimation.calibration.two_cameras import Split, best_split
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message
 from uavgram.stages.calibrate.assessed import PHOTO_FACTOR_SIGNIFICANCE, AssessedCalibration
-from uavgram.stages.calibrate.compare import extended
+from uavgram.stages.calibrate.choice import extended
 from uavgram.stages.calibrate.remarks_on_photos import shows_rolling_shutter
 
 

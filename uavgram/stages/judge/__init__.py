@@ -1,15 +1,14 @@
 """Stage: how every length, pick, prior and check fits, and what errors unseen would do."""
 
 from uavgram.stages.judge.checks import judge_overall as judge_overall
+from uavgram.stages.judge.checks import judge_points as judge_points
 from uavgram.stages.judge.groups import judge_groups as judge_groups
 from uavgram.stages.judge.lines import judge_lines as judge_lines
-from uavgram.stages.judge.picks import PickTable as PickTable
 from uavgram.stages.judge.picks import judge_picks as judge_picks
-from uavgram.stages.judge.points import judge_points as judge_points
 from uavgram.stages.judge.priors import judge_priors as judge_priors
+from uavgram.stages.judge.priors import judge_weakest as judge_weakest
 from uavgram.stages.judge.removals import judge_removals as judge_removals
 from uavgram.stages.judge.suspects import judge_suspects as judge_suspects
-from uavgram.stages.judge.swapped import swapped_labels as swapped_labels
+from uavgram.stages.judge.suspects import swapped_labels as swapped_labels
 from uavgram.stages.judge.tested_survey import TestedSurvey as TestedSurvey
 from uavgram.stages.judge.tested_survey import run_tests as run_tests
-from uavgram.stages.judge.weakest import judge_weakest as judge_weakest

@@ -1,14 +1,19 @@
-"""All withheld lengths and check points together: they share poses, so their errors go together."""
+"""Withheld lengths and check points: each by itself, and all together.
+
+They share poses, so their errors go together.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
+from uavgram.estimation.reliability.coordinate_faults import displaced, likely_fault
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Several
 from uavgram.model.result.reliability import ChecksOverall
+from uavgram.model.result.tables import PointChecks
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints
 
 
@@ -28,21 +33,13 @@ def judge_overall(
     significance
         Probability below which the checks as a whole are said not to fit.
     """
-    place = {label: k for k, label in enumerate(adjustment.survey.label)}
-    withheld = [
-        i
-        for i in range(len(lines.name))
-        if not lines.adjust[i] and lines.start[i] in place and lines.end[i] in place
-    ]
-    start = np.array([place[lines.start[i]] for i in withheld], dtype=np.int64)
-    end = np.array([place[lines.end[i]] for i in withheld], dtype=np.int64)
-    chosen = [i for i, label in enumerate(known.label) if label in place]
-    if adjustment.survey.gauge == "plane":
-        chosen = []
-    label = np.array([place[known.label[i]] for i in chosen], dtype=np.int64)
+    start, end = adjustment.label_rows(lines.start), adjustment.label_rows(lines.end)
+    withheld = np.flatnonzero(~lines.adjust & (start >= 0) & (end >= 0)).tolist()
+    label = _judged_rows(adjustment, known)
+    chosen = np.flatnonzero(label >= 0).tolist()
     if not withheld and not chosen:
         return None, ()
-    value, unknown, gradient = _values(adjustment, start, end, label)
+    value, unknown, gradient = _values(adjustment, start[withheld], end[withheld], label[chosen])
     stated = np.concatenate([lines.length_m[withheld], known.world_m[chosen].ravel()])
     sigma = np.concatenate([lines.sigma_m[withheld], known.sigma_m[chosen].ravel()])
     error = value - stated
@@ -62,6 +59,12 @@ def judge_overall(
     of = np.concatenate([np.arange(len(withheld)), len(withheld) + np.arange(3 * len(chosen)) // 3])
     off = _off_alone(error, joint, of, significance)
     return overall, (_message(overall, [names[k] for k in off], len(names)),)
+
+
+def _judged_rows(adjustment: Adjustment, known: KnownWorldPoints) -> Ints:
+    """(C,) rows of check points among the adjusted ones; none where coordinates mean nothing."""
+    is_free = adjustment.survey.gauge == "plane"
+    return adjustment.label_rows(() if is_free else known.label)
 
 
 def _values(
@@ -118,3 +121,80 @@ def _message(overall: ChecksOverall, off: list[str], checks: int) -> Message:
         f"(chi-square {overall.chi2:.1f}, probability {overall.probability:.1g}): {cause}"
     )
     return Message("warning", "checks-misfit", text)
+
+
+FEW = 3
+"""Check points from which on most of them being off is one fault and not several."""
+
+
+def judge_points(
+    adjustment: Adjustment, known: KnownWorldPoints, significance: float
+) -> tuple[PointChecks, tuple[Message, ...]]:
+    """Result minus known coordinates of check points; those far off, or never picked, are named.
+
+    Nothing is judged with gauge ``plane``: coordinates mean nothing there.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    known
+        Check points in the world [m].
+    significance
+        Probability of suspecting anything where all is in order.
+    """
+    index = _judged_rows(adjustment, known)
+    seen = np.flatnonzero(index >= 0)
+    position, covariance = adjustment.points()
+    error = position[index[seen]] - known.world_m[seen]
+    joint = covariance[index[seen]] + known.sigma_m[seen][:, :, None] ** 2 * np.eye(3)
+    squared = np.einsum("ni,ni->n", error, np.linalg.solve(joint, error[..., None])[..., 0])
+    checks = PointChecks(
+        label=tuple(known.label[i] for i in seen),
+        error_m=error,
+        sigma_m=np.sqrt(np.einsum("nii->ni", joint)),
+        mahalanobis=np.sqrt(squared),
+    )
+    messages = [
+        Message(
+            "warning",
+            "check-unseen",
+            f"The check point {known.label[i]!r} has no usable pick.",
+            labels=(known.label[i],),
+            several=Several("{count} check points have no usable pick", repr(known.label[i])),
+        )
+        for i in np.flatnonzero(index < 0)
+    ]
+    if adjustment.minimum.converged:
+        off = [upper_tail(float(each), 3) < significance for each in squared]
+        messages += _suspects(checks, np.flatnonzero(off))
+    return checks, tuple(messages)
+
+
+def _suspects(checks: PointChecks, off: Ints) -> list[Message]:
+    """A message on each check point that is off; one on all, where most of several are."""
+    if len(off) < FEW or 2 * len(off) <= len(checks.label):
+        return [_off(checks, int(i)) for i in off]
+    middle, sigma = (np.median(each[off], axis=0) for each in (-checks.error_m, checks.sigma_m))
+    text = (
+        f"{len(off)} of {len(checks.label)} check points are off, the median "
+        f"{displaced(middle, sigma)}: look at what they have in common, the datum of their "
+        f"heights, their coordinate system{likely_fault(middle)} and the origin."
+    )
+    labels = tuple(checks.label[i] for i in off)
+    return [Message("warning", "check-suspect", text, labels=labels)]
+
+
+def _off(checks: PointChecks, i: int) -> Message:
+    off = -checks.error_m[i]
+    label, where = checks.label[i], displaced(off, checks.sigma_m[i])
+    several = Several(
+        "{count} check points are off",
+        f"{label!r} is {where}{likely_fault(off)}",
+        ending="Look at their coordinates and their picks.",
+    )
+    text = (
+        f"The check point {label!r} is {where}: look at its coordinates{likely_fault(off)} and its "
+        "picks."
+    )
+    return Message("warning", "check-suspect", text, labels=(label,), several=several)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from uavgram.estimation.reliability.redundancy import group_fit, upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.message import Message
 from uavgram.model.result.result import GroupFactor
 
 GROUP_WORDS = {
-    "pixels": "picks (their sigmas, or a wrong label)",
-    "lengths": "known lengths (their sigmas, or a wrong reading)",
-    "control": "control points (their sigmas, or a wrong label)",
-    "telemetry": "telemetry (its sigmas, the gimbal or the times)",
-    "calibration": "calibration of the camera (its sigmas, or another focus or resolution)",
+    "pixels": ("picks", "their sigmas, or a wrong label"),
+    "lengths": ("known lengths", "their sigmas, or a wrong reading"),
+    "control": ("control points", "their sigmas, or a wrong label"),
+    "telemetry": ("telemetry", "its sigmas, the gimbal or the times"),
+    "calibration": ("calibration of the camera", "its sigmas, or another focus or resolution"),
 }
+"""What each group is called, and where the fault may lie."""
+
 
 WIDE = 0.4
 """Variance factor below which stated sigmas are far too wide; those of priors are meant to be
@@ -29,6 +33,15 @@ def judge_groups(
 
     No message where one observation explains them all (`explained`), which is named as such, nor
     where the adjustment did not come to rest.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    significance
+        Probability of suspecting anything where all is in order.
+    explained
+        Whether one observation explains every misfit.
     """
     silent = explained or not adjustment.minimum.converged
     groups, messages = [], []
@@ -38,8 +51,9 @@ def judge_groups(
         fit = group_fit(block, adjustment.minimum.factor, adjustment.covariance)
         groups.append(GroupFactor(name=name, observations=block.residual.size, **fit._asdict()))
         if fit.probability < significance and name in GROUP_WORDS and not silent:
+            what, cause = GROUP_WORDS[name]
             text = (
-                f"The {GROUP_WORDS[name]} fit worse than stated: variance factor "
+                f"The {what} ({cause}) fit worse than stated: variance factor "
                 f"{fit.variance_factor:.1f}, probability {fit.probability:.1g}. The uncertainties "
                 "of the results are too small until this is cleared up."
             )
@@ -51,21 +65,19 @@ def judge_groups(
 
 def _too_wide(
     adjustment: Adjustment, groups: list[GroupFactor], significance: float
-) -> list[Message]:
+) -> Iterator[Message]:
     """Say so where everything fits far better than the stated sigmas promise."""
     cost = adjustment.minimum.cost
-    observations = sum(block.residual.size for block in adjustment.minimum.blocks.values())
-    degrees = observations - adjustment.problem.layout.size
+    degrees = adjustment.degrees_of_freedom
     if degrees <= 0 or cost > WIDE * degrees:
-        return []
+        return
     probability = upper_tail(cost, degrees)
     if probability < 1.0 - significance:
-        return []
+        return
     wide = [g for g in groups if g.variance_factor < WIDE and g.probability > 1.0 - significance]
     named = sorted(wide, key=lambda g: -g.redundancy)
     which = ", ".join(
-        f"{GROUP_WORDS.get(g.name, g.name.replace('_', ' ')).split(' (')[0]} "
-        f"({g.variance_factor:.2g})"
+        f"{GROUP_WORDS.get(g.name, (g.name.replace('_', ' '),))[0]} ({g.variance_factor:.2g})"
         for g in named
     )
     text = (
@@ -75,4 +87,4 @@ def _too_wide(
         + (f"; by group: {which}" if which else "")
         + ". State them as they are: picks_sigma_px, sigma_m of the lengths, ground, telemetry."
     )
-    return [Message("info", "sigmas-too-wide", text)]
+    yield Message("info", "sigmas-too-wide", text)

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.errors import near_miss
-from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.names import length_name
+from uavgram.estimation.reliability.wrong_units import likely_mistake
+from uavgram.estimation.survey.adjustment import Adjustment, Refined
+from uavgram.estimation.survey.names import named_ends
 from uavgram.model.arrays import Floats, Ints
+from uavgram.model.flight.photo_poses import PhotoExposures
 from uavgram.model.message import Message, Several
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
 from uavgram.model.survey.observations import KnownLines
-from uavgram.stages.judge.gross import judge_gross, mistake
 from uavgram.stages.judge.picks import rows_of
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
@@ -52,7 +53,7 @@ def judge_lines(
     sigma = np.hypot(columns["adjusted_sigma_m"], lines.sigma_m)
     columns["w"][withheld] = (columns["residual_m"] / sigma)[withheld]
     adjusted = columns["adjusted_m"], columns["adjusted_sigma_m"]
-    messages = list(judge_gross(refined, lines, survey_index, *adjusted))
+    messages = list(_left_out(refined, lines, survey_index, *adjusted))
     status: list[LineStatus] = []
     suspect = examined.suspect("lengths") if "lengths" in examined.groups else np.zeros(0, bool)
     known = adjustment.survey.label
@@ -84,9 +85,7 @@ def judge_lines(
 def _adjusted_lengths(
     adjustment: Adjustment, lines: KnownLines, columns: dict[str, Floats]
 ) -> None:
-    place = {label: k for k, label in enumerate(adjustment.survey.label)}
-    start = np.array([place.get(p, -1) for p in lines.start], dtype=np.int64)
-    end = np.array([place.get(p, -1) for p in lines.end], dtype=np.int64)
+    start, end = adjustment.label_rows(lines.start), adjustment.label_rows(lines.end)
     seen = np.flatnonzero((start >= 0) & (end >= 0))
     length, sigma = adjustment.lengths(start[seen], end[seen])
     columns["adjusted_m"][seen], columns["adjusted_sigma_m"][seen] = length, sigma
@@ -108,34 +107,34 @@ def _unseen(lines: KnownLines, i: int, missing: list[str], known: tuple[str, ...
     for label in missing:
         hint = f" ({near})" if (near := near_miss(label, known)) else ""
         words.append(f"{label!r}{hint}")
-    what = length_name(lines.name[i], lines.start[i], lines.end[i])
+    what = named_ends(lines.name[i], lines.start[i], lines.end[i])
     which = f"no usable pick of {' and '.join(words)}"
     return Message(
         "warning",
         "line-unseen",
-        f"The {what} is not used: {which}.",
+        f"The length {what} is not used: {which}.",
         lengths=(lines.name[i],),
         labels=tuple(missing),
-        several=Several("{count} lengths are not used", what.removeprefix("length "), which),
+        several=Several("{count} lengths are not used", what, which),
     )
 
 
 def _does_not_fit(lines: KnownLines, i: int, columns: dict[str, Floats]) -> Message:
     found = float(columns["adjusted_m"][i])
-    what = mistake(lines, i, found, float(columns["adjusted_sigma_m"][i]))
+    what = _mistake(lines, i, found, float(columns["adjusted_sigma_m"][i]))
     ask = f"{what[0].upper()}{what[1:]}? " if what else ""
-    name = length_name(lines.name[i], lines.start[i], lines.end[i])
+    name = named_ends(lines.name[i], lines.start[i], lines.end[i])
     how = f"taped {lines.length_m[i]:.3f} m, found {found:.3f} m (w = {columns['w'][i]:.1f})"
     return Message(
         "warning",
         "line-suspect",
-        f"The withheld {name} does not fit: {how}. {ask}Look at the reading, at its ends and at "
-        "their picks.",
+        f"The withheld length {name} does not fit: {how}. {ask}Look at the reading, at its ends "
+        "and at their picks.",
         lengths=(lines.name[i],),
         labels=(lines.start[i], lines.end[i]),
         several=Several(
             "{count} withheld lengths do not fit",
-            f"{name.removeprefix('length ')} {how}{f': {what}?' if what else ''}",
+            f"{name} {how}{f': {what}?' if what else ''}",
             ending="Look at the readings, at their ends and at their picks.",
         ),
     )
@@ -150,3 +149,76 @@ def _line_checks(lines: LineResults) -> LineChecks:
         sigma_m=sigma,
         z=lines.residual_m[chosen] / sigma,
     )
+
+
+def _left_out(
+    refined: Refined, lines: KnownLines, survey_index: Ints, seen_m: Floats, sigma_m: Floats
+) -> tuple[Message, ...]:
+    """One message on each length that was left out; on those with the same mistake, one in all."""
+    gross = {r.index for r in refined.removals if r.kind == "line" and r.before is None}
+    out = [i for i, index in enumerate(survey_index) if int(index) in gross]
+    what = {i: _mistake(lines, i, seen_m[i], sigma_m[i]) for i in out}
+    alike = {i: what[i] or i for i in out}  # unknown mistakes: each alone
+    groups = [[i for i in out if alike[i] == key] for key in dict.fromkeys(alike.values())]
+    return tuple(
+        Message(
+            "warning",
+            "line-left-out",
+            _text(refined, lines, group, what[group[0]], (seen_m, sigma_m)),
+            lengths=tuple(lines.name[i] for i in group),
+        )
+        for group in groups
+    )
+
+
+def _mistake(lines: KnownLines, i: int, seen_m: float, sigma_m: float) -> str:
+    """What was probably mistaken in a length that should be `seen_m`; empty where nothing fits."""
+    if not seen_m > 0:
+        return ""
+    ratio = lines.length_m[i] / seen_m
+    return likely_mistake(ratio, float(np.hypot(sigma_m, lines.sigma_m[i] / ratio)) / seen_m)
+
+
+def _text(
+    refined: Refined,
+    lines: KnownLines,
+    found: list[int],
+    what: str,
+    adjusted: tuple[Floats, Floats],
+) -> str:
+    ask = f": {what}?" if what else ""
+    taped = [f"{lines.length_m[i]:.10g} m taped" for i in found]
+    seen = [f"{adjusted[0][i]:.4g} m (sigma {adjusted[1][i]:.2g} m)" for i in found]
+    if len(found) == 1:
+        name, start, end = (each[found[0]] for each in (lines.name, lines.start, lines.end))
+        opening = (
+            f"The length {named_ends(name, start, end)} was left out: {taped[0]}, but "
+            f"{_against(refined)} say {seen[0]}{ask or '.'}"
+        )
+    else:
+        names = [lines.name[i] for i in found]
+        each = zip(names, taped, seen, strict=True)
+        listed = "; ".join(f"{name!r} {given}, {is_} seen" for name, given, is_ in each)
+        opening = (
+            f"{len(found)} lengths were left out, wrong in one way by what {_against(refined)} "
+            f"say{ask} {listed}."
+        )
+    return (
+        f"{opening} With so gross an error, nothing else would fit. Look at reading and unit, and "
+        "at the labels of the ends."
+    )
+
+
+def _against(refined: Refined) -> str:
+    """What speaks against a length."""
+    survey = refined.adjustment.survey
+    witnesses = ["the photos"]
+    if survey.telemetry is not None and not isinstance(survey.track, PhotoExposures):
+        witnesses.append("the log")
+    if len(survey.control_label):
+        witnesses.append("the control points")
+    if len(refined.adjustment.problem.line_index):
+        witnesses.append("the other lengths")
+    if len(witnesses) == 1:
+        return "the photos and their own poses"
+    return f"{', '.join(witnesses[:-1])} and {witnesses[-1]}"

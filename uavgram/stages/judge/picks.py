@@ -2,62 +2,53 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import PickResults, PickStatus
+from uavgram.model.survey.observations import Picks
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PickTable:
-    """All P picks of the project, defaults filled in, and where each stands in the survey.
-
-    Attributes
-    ----------
-    image, label, pixel_px, sigma_px
-        As given.
-    survey_index
-        (P,) into the picks of the survey handed to refine; -1 for those of unmatched frames.
-    """
-
-    image: tuple[str, ...]
-    label: tuple[str, ...]
-    pixel_px: Floats
-    sigma_px: Floats
-    survey_index: Ints
-
-
-def judge_picks(examined: TestedSurvey, table: PickTable) -> tuple[PickResults, Effects]:
+def judge_picks(
+    examined: TestedSurvey, picks: Picks, sigma_px: Floats, survey_index: Ints
+) -> tuple[PickResults, Effects]:
     """Residual, w, redundancy and status of every pick, and what an unseen error would do.
 
     w is that of the coordinate where it is larger, the redundancy the mean of the two.
+
+    Parameters
+    ----------
+    examined
+        The adjusted survey under test.
+    picks, sigma_px
+        All P picks of the project, and their sigmas (P,) with defaults filled in [px].
+    survey_index
+        (P,) into the picks of the survey handed to refine; -1 for those of unmatched frames.
     """
     refined, group = examined.refined, examined.groups["pixels"]
-    count = len(table.image)
+    count = len(picks.image)
     residual, w = np.full((count, 2), np.nan), np.full(count, np.nan)
     redundancy = np.full(count, np.nan)
-    row = rows_of(table.survey_index, refined.pick_index, len(refined.pick_removed))
+    row = rows_of(survey_index, refined.pick_index, len(refined.pick_removed))
     used = np.flatnonzero(row >= 0)
     at = row[used]
-    residual[used] = group.block.residual[at] * table.sigma_px[used, None]
+    residual[used] = group.block.residual[at] * sigma_px[used, None]
     w[used] = group.w[at, np.abs(group.w[at]).argmax(axis=1)]
     redundancy[used] = group.redundancy[at].mean(axis=1)
     status: list[PickStatus] = ["unused"] * count
     suspect = examined.suspect("pixels")
     for i in used:
         status[i] = "suspect" if suspect[row[i]] else "used"
-    given = np.flatnonzero(table.survey_index >= 0)
-    for i in given[refined.pick_removed[table.survey_index[given]]]:
+    given = np.flatnonzero(survey_index >= 0)
+    for i in given[refined.pick_removed[survey_index[given]]]:
         status[i] = "removed"
     results = PickResults(
-        image=table.image,
-        label=table.label,
-        pixel_px=table.pixel_px,
-        sigma_px=table.sigma_px,
+        image=picks.image,
+        label=picks.label,
+        pixel_px=picks.pixel_px,
+        sigma_px=sigma_px,
         residual_px=residual,
         w=w,
         redundancy=redundancy,

@@ -1,4 +1,7 @@
-"""Every number that was known beforehand: how it fits, and what an unseen error would do."""
+"""Every number that was known beforehand: how it fits, and what an unseen error would do.
+
+And for each measurement, the undetected error that would move it most.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ import numpy as np
 from uavgram.estimation.reliability.test_statistics import Observed
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.model.arrays import Floats
-from uavgram.model.result.reliability import PriorResults
+from uavgram.model.result.reliability import PriorResults, WeakestLinks
 from uavgram.stages.judge.tested_survey import TestedSurvey, effects_on
 
 OBSERVED = ("pixels", "lengths")
@@ -69,3 +72,26 @@ def stated_residuals(group: Observed) -> Floats:
     sigma = np.linalg.norm(root, axis=2)
     residual = np.einsum("nar,nr->na", root, group.block.residual)
     return np.asarray(np.where(sigma > 0, residual / np.where(sigma > 0, sigma, 1.0), 0.0))
+
+
+def judge_weakest(examined: TestedSurvey) -> WeakestLinks:
+    """Weakest link of each of M measurements, and what of it nothing checks."""
+    names, what, units = examined.names, [], []
+    bias = np.full(len(examined.weakest), np.nan)
+    for i, weakest in enumerate(examined.weakest):
+        if weakest.member is None:
+            what.append("")
+            units.append("")
+        else:
+            what.append(names.observation(weakest.member))
+            bias[i], unit = examined.bias(weakest.member)
+            units.append(unit)
+    return WeakestLinks(
+        what=tuple(what),
+        bias=bias,
+        unit=tuple(units),
+        change=np.array([weakest.change for weakest in examined.weakest]),
+        unchecked=tuple(
+            tuple(names.observation(m) for m in weakest.unchecked) for weakest in examined.weakest
+        ),
+    )

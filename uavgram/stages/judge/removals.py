@@ -6,7 +6,7 @@ import numpy as np
 
 from uavgram.estimation.measuring.propagation import values_at
 from uavgram.estimation.survey.adjustment import Refined
-from uavgram.estimation.survey.names import Names, length_name
+from uavgram.estimation.survey.names import Names, named_ends
 from uavgram.model.arrays import Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.result.reliability import RemovalRecord
@@ -47,7 +47,7 @@ def judge_removals(
         rivals: tuple[str, ...] = ()
         if removal.before is None:
             i = at[removal.index]
-            what = length_name(lines.name[i], lines.start[i], lines.end[i])
+            what = f"length {named_ends(lines.name[i], lines.start[i], lines.end[i])}"
         else:
             names = Names(removal.before.adjustment)
             what = names.observation(suspicion.accused)
@@ -59,19 +59,14 @@ def judge_removals(
                 w=suspicion.w,
                 group=group,
                 rivals=rivals,
-                variance_factor_before=_variance_factor(steps[k]),
-                variance_factor_after=_variance_factor(steps[later]),
+                variance_factor_before=_factor(steps[k]),
+                variance_factor_after=_factor(steps[later]),
                 change=tuple((after - (np.nan if before is None else before)).tolist()),
             )
         )
     return tuple(records)
 
 
-def _variance_factor(refined: Refined | None) -> float:
-    """Of an adjustment; NaN where there is none, or no redundancy."""
-    if refined is None:
-        return float(np.nan)
-    minimum = refined.adjustment.minimum
-    observations = sum(block.residual.size for block in minimum.blocks.values())
-    degrees = observations - refined.adjustment.problem.layout.size
-    return minimum.cost / degrees if degrees > 0 else float(np.nan)
+def _factor(refined: Refined | None) -> float:
+    """Variance factor of an adjustment; NaN where there is none."""
+    return np.nan if refined is None else refined.adjustment.variance_factor

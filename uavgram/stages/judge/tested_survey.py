@@ -95,7 +95,17 @@ class TestedSurvey:
 
 
 def effects_on(measured: MeasuredValues, on: Ints, change: Floats) -> Effects:
-    """Changes (n,) of the measurements `on` (n,), -1 where there is none."""
+    """Changes (n,) of the measurements `on` (n,), -1 where there is none.
+
+    Parameters
+    ----------
+    measured
+        All M measurements.
+    on
+        (n,) rows of measurements; -1 for none.
+    change
+        (n,) change of each, in its unit.
+    """
     sigma = np.append(measured.sigma, np.nan)  # the last one for -1
     name = (*measured.name, "")
     return Effects(

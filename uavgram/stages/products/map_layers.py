@@ -18,6 +18,9 @@ ELLIPSE_VERTICES = 36
 BORDER_SAMPLES = 8
 """On each side of a photo: its border on the ground is curved by the lens."""
 
+LENGTH_COLUMNS = ("length_m", "sigma_m", "adjusted_m", "adjusted_sigma_m", "residual_m", "w")
+"""Numbers of a known length that maps and drawings carry."""
+
 
 def features_of(result: Result, crs: str | None) -> Features:
     """All layers of a result.
@@ -110,14 +113,9 @@ def footprints(result: Result) -> dict[int, Floats]:
     """
     camera = result.camera
     along = np.arange(BORDER_SAMPLES) / BORDER_SAMPLES
-    side = np.concatenate(
-        [
-            np.stack([along, np.zeros_like(along)], axis=1),
-            np.stack([np.ones_like(along), along], axis=1),
-            np.stack([1.0 - along, np.ones_like(along)], axis=1),
-            np.stack([np.zeros_like(along), 1.0 - along], axis=1),
-        ]
-    )
+    zero, one = np.zeros_like(along), np.ones_like(along)
+    east = np.concatenate([along, one, one - along, zero])
+    side = np.column_stack([east, np.roll(east, BORDER_SAMPLES)])
     border = side * [camera.width_px, camera.height_px] - 0.5
     ray = back_project(camera.model, result.shared.intrinsics.value, border)
     seen, poses = shown_poses(result)
@@ -133,22 +131,17 @@ def footprints(result: Result) -> dict[int, Floats]:
 
 def shown_poses(result: Result) -> tuple[Ints, Poses]:
     """Rows of the frames that have a pose, and of each the adjusted one, else the telemetry's."""
-    adjusted = result.has_refined
+    frames, adjusted = result.frames, result.has_refined
     rows = np.flatnonzero(adjusted | result.has_seed)
-    adjusted = adjusted[rows]
-    refined, seed = result.frames.refined, result.frames.seed
-    wide = adjusted[:, None, None]
-    poses = Poses(
-        frame_id=tuple(result.frames.frame_id[i] for i in rows),
-        center_world_m=np.where(
-            adjusted[:, None], refined.center_world_m[rows], seed.center_world_m[rows]
-        ),
-        world_from_camera=np.where(
-            wide, refined.world_from_camera[rows], seed.world_from_camera[rows]
-        ),
-        covariance=np.where(wide, refined.covariance[rows], seed.covariance[rows]),
-    )
-    return rows, poses
+    tables = {
+        name: np.where(
+            adjusted[rows].reshape(-1, *[1] * (after.ndim - 1)),
+            after[rows],
+            getattr(frames.seed, name)[rows],
+        )
+        for name, after in vars(frames.refined).items()
+    }
+    return rows, Poses(frame_id=tuple(frames.frame_id[i] for i in rows), **tables)
 
 
 def _shape(kind: str, corners: Floats) -> list[Floats]:
@@ -176,6 +169,11 @@ def _column(values: Floats) -> tuple[float, ...]:
     return tuple(values.tolist())
 
 
+def _columns(values: Floats, *names: str) -> dict[str, tuple[float, ...]]:
+    """The columns of (n, k) values by their names."""
+    return {name: _column(column) for name, column in zip(names, values.T, strict=True)}
+
+
 def _points(points: PointResults) -> Layer:
     sigma = np.sqrt(np.diagonal(points.covariance_m2, axis1=1, axis2=2))
     within = points.relative
@@ -185,14 +183,10 @@ def _points(points: PointResults) -> Layer:
         vertices_m=tuple(points.position_world_m[k : k + 1].copy() for k in range(len(sigma))),
         attributes={
             "label": points.label,
-            "east_m": _column(points.position_world_m[:, 0]),
-            "north_m": _column(points.position_world_m[:, 1]),
-            "up_m": _column(points.position_world_m[:, 2]),
-            "sigma_east_m": _column(sigma[:, 0]),
-            "sigma_north_m": _column(sigma[:, 1]),
+            **_columns(points.position_world_m, "east_m", "north_m", "up_m"),
+            **_columns(sigma, "sigma_east_m", "sigma_north_m"),
             "covariance_east_north_m2": _column(points.covariance_m2[:, 0, 1]),
-            "semi_major_95_m": _column(points.ellipse_95_m[:, 0]),
-            "semi_minor_95_m": _column(points.ellipse_95_m[:, 1]),
+            **_columns(points.ellipse_95_m, "semi_major_95_m", "semi_minor_95_m"),
             "azimuth_deg": _column(np.rad2deg(points.ellipse_azimuth_rad)),
             "semi_major_95_within_survey_m": _column(within.ellipse_95_m[:, 0]),
             "frames": tuple("; ".join(names) for names in points.frames),
@@ -217,8 +211,7 @@ def _ellipses(
         vertices_m=tuple(np.concatenate([outline, up], axis=2)),
         attributes={
             "label": points.label,
-            "semi_major_m": _column(uncertainty.ellipse_95_m[:, 0]),
-            "semi_minor_m": _column(uncertainty.ellipse_95_m[:, 1]),
+            **_columns(uncertainty.ellipse_95_m, "semi_major_m", "semi_minor_m"),
             "azimuth_deg": _column(np.rad2deg(uncertainty.ellipse_azimuth_rad)),
         },
     )
@@ -236,12 +229,7 @@ def _known_lengths(result: Result) -> Layer:
             "from": lines.start,
             "to": lines.end,
             "status": lines.status,
-            "length_m": _column(lines.length_m),
-            "sigma_m": _column(lines.sigma_m),
-            "adjusted_m": _column(lines.adjusted_m),
-            "adjusted_sigma_m": _column(lines.adjusted_sigma_m),
-            "residual_m": _column(lines.residual_m),
-            "w": _column(lines.w),
+            **{name: _column(getattr(lines, name)) for name in LENGTH_COLUMNS},
         },
     )
 
@@ -267,8 +255,7 @@ def _measured(name: str, kind: str, result: Result) -> Layer:
             "value": _column(measured.value[rows]),
             "sigma": _column(measured.sigma[rows]),
             "unit": tuple(measured.unit[i] for i in rows),
-            "lower_95": _column(measured.interval_95[rows, 0]),
-            "upper_95": _column(measured.interval_95[rows, 1]),
+            **_columns(measured.interval_95[rows], "lower_95", "upper_95"),
             "alternatives": tuple(
                 ";".join(f"{value:.4f}" for value in measured.alternative_values[i]) for i in rows
             ),
@@ -305,8 +292,6 @@ def _cameras(result: Result) -> Layer:
             "time_utc_s": _column(frames.time_utc_s[rows]),
             "tilt_deg": _column(np.rad2deg(np.arccos(np.clip(-optical[:, 2], -1.0, 1.0)))),
             "azimuth_deg": _column(np.rad2deg(np.arctan2(optical[:, 0], optical[:, 1])) % 360.0),
-            "sigma_east_m": _column(np.sqrt(variance[:, 0])),
-            "sigma_north_m": _column(np.sqrt(variance[:, 1])),
-            "sigma_up_m": _column(np.sqrt(variance[:, 2])),
+            **_columns(np.sqrt(variance[:, :3]), "sigma_east_m", "sigma_north_m", "sigma_up_m"),
         },
     )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtri
@@ -10,16 +12,16 @@ from scipy.special import chdtri
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.estimation.measuring.next_length import line_faults
-from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import SingularError
-from uavgram.estimation.survey.adjustment import Adjustment, Refined
+from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.ground_planes import area_centroids, first_planes
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.selection import select_lines, select_picks
-from uavgram.estimation.survey.unknowns import Layout, State, advance
+from uavgram.estimation.survey.unknowns import Layout, State
 from uavgram.model.arrays import Bools
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.poor_camera import SLACK, iterations_for, settled
+from uavgram.stages.refine.poor_camera import SLACK, iterate, iterations_for, settled
 from uavgram.stages.refine.starts import first_values, unusable
 
 AS_GOOD = 0.001
@@ -34,29 +36,62 @@ class UndeterminedError(GeometryError):
         super().__init__(message)
 
 
-def best_minima(
-    survey: Survey,
-    keep: Bools,
-    line_removed: Bools,
-    reason: dict[int, str],
-    most: int | None = None,
-) -> Refined:
-    """One adjustment of all picks in `keep` that can be placed, all minima, in `most` iterations.
+@dataclass(frozen=True, eq=False)
+class Participants:
+    """What of a survey takes part in an adjustment.
+
+    Attributes
+    ----------
+    survey
+        All observations.
+    keep
+        (P,) picks that take part.
+    line_removed
+        (L,) lengths that do not.
+    reason
+        Why picks do not: by their index.
+    """
+
+    survey: Survey
+    keep: Bools
+    line_removed: Bools
+    reason: Mapping[int, LeftOut]
+
+    def without_picks(self, reason: Mapping[int, LeftOut]) -> Participants:
+        """The same without some picks."""
+        keep = self.keep.copy()
+        keep[list(reason)] = False
+        return replace(self, keep=keep, reason={**self.reason, **reason})
+
+    def without_frame(self, frame: int, why: LeftOut) -> Participants:
+        """The same without the picks of a frame."""
+        picks = np.flatnonzero(self.keep & (self.survey.pick_frame == frame))
+        return self.without_picks(dict.fromkeys(picks.tolist(), why))
+
+    def without_lines(self, lines: Sequence[int]) -> Participants:
+        """The same without some known lengths."""
+        removed = self.line_removed.copy()
+        removed[list(lines)] = True
+        return replace(self, line_removed=removed)
+
+
+def best_minima(taking: Participants, most: int | None = None) -> Refined:
+    """One adjustment of all picks that can be placed, all minima, in `most` iterations.
 
     None: as many as such a survey may need.
 
     Picks without first values are left out, and so are frames and points that nothing determines:
     `pick_reason` of the result says why. The rest goes on.
     """
-    reason, keep, undetermined = dict(reason), keep.copy(), frozenset[int]()
+    survey, undetermined = taking.survey, frozenset[int]()
     while True:
-        if not keep.any():
+        if not taking.keep.any():
             raise GeometryError(
                 "no usable pick is left; the picks were left out because: "
-                + "; ".join(sorted(set(reason.values())))
+                + "; ".join(sorted({why.text for why in taking.reason.values()}))
             )
-        selection = select_picks(survey, keep)
-        line_used = ~line_removed[selection.line_index]
+        selection = select_picks(survey, taking.keep)
+        line_used = ~taking.line_removed[selection.line_index]
         starts = first_values(select_lines(selection.survey, line_used))
         skipped = [unusable(selection.survey, values) for values in starts]
         # Of several poses that explain the lengths, one that sees sky where points were picked
@@ -73,30 +108,31 @@ def best_minima(
                     raise
                 if not why.picks.all():
                     undetermined |= frozenset(selection.pick_index[why.picks].tolist())
-        left = selection.pick_index[list(out)]
-        reason |= dict(zip(left.tolist(), out.values(), strict=True))
-        keep[left] = False
+        left = selection.pick_index[list(out)].tolist()
+        taking = taking.without_picks(dict(zip(left, out.values(), strict=True)))
     return Refined(
         adjustment=adjustment,
         pick_index=selection.pick_index,
         line_index=selection.line_index,
         removals=(),
         pick_removed=np.zeros(0, dtype=bool),
-        line_removed=line_removed,
-        pick_reason=reason,
+        line_removed=taking.line_removed,
+        pick_reason=taking.reason,
         alternatives=tuple(alternatives),
         undetermined=undetermined,
     )
 
 
-def _to_go_on_without(why: UndeterminedError, skipped: list[dict[int, str]]) -> dict[int, str]:
+def _to_go_on_without(
+    why: UndeterminedError, skipped: list[dict[int, LeftOut]]
+) -> dict[int, LeftOut]:
     """Picks that hang on what nothing determines; where all do, those in the sky of another pose.
 
     Nothing where there is no other pose either.
     """
     hanging = np.flatnonzero(why.picks)
     if 0 < len(hanging) < len(why.picks):
-        return {int(i): str(why) for i in hanging}
+        return dict.fromkeys(hanging.tolist(), LeftOut(LeftOutCause.UNDETERMINED, str(why)))
     return min((out for out in skipped if out), key=len, default={})
 
 
@@ -148,15 +184,7 @@ def _minimise(
         telemetry=problem.telemetry_mean if layout.telemetry else np.zeros(0),
     )
     try:
-        minimum = minimise(
-            settled(survey, state, pivot, line_used),
-            problem.evaluate,
-            lambda now, step: advance(layout, now, step),
-            layout.size,
-            layout.structure,
-            most,
-            slack=slack,
-        )
+        minimum = iterate(problem, settled(survey, state, pivot, line_used), most, slack)
     except SingularError as error:
         raise UndeterminedError(
             f"the observations do not determine {layout.describe(error.index, survey)}: add known "

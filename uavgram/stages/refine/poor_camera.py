@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS, minimise
+from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS, Minimum, minimise
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State, advance
 from uavgram.model.arrays import Bools, Floats
@@ -49,6 +49,17 @@ def settled(survey: Survey, state: State, pivot: Floats, line_used: Bools) -> St
     Where telemetry says where the photos lie, they need no such help. What nothing determines is
     no fault here: the adjustment that follows says so.
 
+    Parameters
+    ----------
+    survey
+        All observations.
+    state
+        First values.
+    pivot
+        (A, 2) of the slopes of each area [m].
+    line_used
+        (L,) known lengths that take part.
+
     Raises
     ------
     SingularError
@@ -62,15 +73,36 @@ def settled(survey: Survey, state: State, pivot: Floats, line_used: Bools) -> St
             pick_sigma_px=softer * survey.pick_sigma_px,
             length_sigma_m=softer * survey.length_sigma_m,
         )
-        problem = SurveyProblem(soft, pivot, line_used)
-        layout = problem.layout
-        state = minimise(
-            state,
-            problem.evaluate,
-            lambda now, step, layout=layout: advance(layout, now, step),  # type: ignore[misc]
-            layout.size,
-            layout.structure,
-            EACH,
-            slack=SLACK,
-        ).state
+        state = iterate(SurveyProblem(soft, pivot, line_used), state, EACH, SLACK).state
     return state
+
+
+def iterate(problem: SurveyProblem, state: State, most: int, slack: float = 0.0) -> Minimum[State]:
+    """The minimum that iterations from a state lead to.
+
+    Parameters
+    ----------
+    problem
+        The likelihood.
+    state
+        First values.
+    most
+        Iterations.
+    slack
+        Damping of what nothing determines, as a share of the normal matrix's diagonal.
+
+    Raises
+    ------
+    SingularError
+        The observations leave an unknown free.
+    """
+    layout = problem.layout
+    return minimise(
+        state,
+        problem.evaluate,
+        lambda now, step: advance(layout, now, step),
+        layout.size,
+        layout.structure,
+        most,
+        slack=slack,
+    )

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.survey.adjustment import Refined, Removal
+from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined, Removal
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
@@ -25,8 +25,9 @@ from uavgram.stages.refine.blunders.gross_lengths import (
     with_gross_lengths,
     wrong_beyond_doubt,
 )
+from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
 from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
-from uavgram.stages.refine.blunders.trial_adjustment import is_settled, trial_adjustment
+from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.remarks import (
     contradiction,
     indispensable,
@@ -36,7 +37,7 @@ from uavgram.stages.refine.remarks import (
 )
 from uavgram.stages.refine.robust_adjustment import adjust_survey
 
-BEYOND_LENS = "the lens model cannot be inverted at that pixel"
+BEYOND_LENS = LeftOut(LeftOutCause.BEYOND_LENS, "the lens model cannot be inverted at that pixel")
 
 
 def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Message, ...]]:
@@ -69,7 +70,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
 
 
 def _without_gross_control(
-    survey: Survey, keep: Bools, reason: dict[int, str]
+    survey: Survey, keep: Bools, reason: dict[int, LeftOut]
 ) -> tuple[Survey, Refined, list[Message]]:
     """Adjusted without control points and lengths that are wrong beyond doubt.
 
@@ -83,12 +84,12 @@ def _without_gross_control(
         control = np.flatnonzero(out)
         wrong = control_beyond_doubt(survey, refined, control)
         if wrong.all():
-            return rest, refined, control_left_out(survey, refined, control)
+            return rest, refined, list(control_left_out(survey, refined, control))
         out = out.copy()
         out[control[~wrong]] = False
 
 
-def _without_gross_lengths(survey: Survey, keep: Bools, reason: dict[int, str]) -> Refined:
+def _without_gross_lengths(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> Refined:
     """Adjusted without the lengths that are wrong beyond doubt.
 
     It starts without all that are in doubt; those that the result does not rule out come back, and
@@ -97,7 +98,7 @@ def _without_gross_lengths(survey: Survey, keep: Bools, reason: dict[int, str]) 
     out = doubtful(survey, keep)
     while True:
         try:
-            refined = adjust_survey(survey, keep, out, reason)
+            refined = adjust_survey(Participants(survey, keep, out, reason))
         except GeometryError as why:
             if survey.telemetry is not None:
                 raise
@@ -129,9 +130,7 @@ def _without_blunders(
             return refined, [indispensable(refined, choices[0], tried)]
         removal, after = best_of(tried)
         if not is_settled(after):
-            settled = adjust_survey(
-                survey, _used(survey, after), after.line_removed, after.pick_reason
-            )
+            settled = adjust_survey(_participants(survey, after))
             after = replace(settled, pick_removed=after.pick_removed)
         refined = replace(after, removals=(*refined.removals, removal))
 
@@ -165,13 +164,13 @@ def _tried(
 
     What was left out before stays out: a frame of nonsense would drown what a length does.
     """
-    keep, reason = _used(survey, refined), refined.pick_reason
+    taking = _participants(survey, refined)
     tried = []
     for choice in choices:
         pick, line = refined.pick_removed.copy(), refined.line_removed.copy()
         (pick if choice.kind == "pick" else line)[choice.index] = True
         try:
-            after = trial_adjustment(survey, keep & ~pick, line, reason)
+            after = best_minima(replace(taking, keep=taking.keep & ~pick, line_removed=line), TRIAL)
         except GeometryError as why:
             if choice is choices[0]:
                 return why
@@ -180,14 +179,14 @@ def _tried(
     return tried
 
 
-def _used(survey: Survey, refined: Refined) -> Bools:
-    """(P,) picks that are in an adjustment."""
+def _participants(survey: Survey, refined: Refined) -> Participants:
+    """What takes part in an adjustment."""
     used = np.zeros(len(survey.pick_frame), dtype=bool)
     used[refined.pick_index] = True
-    return used
+    return Participants(survey, used, refined.line_removed, refined.pick_reason)
 
 
-def _in_lens(survey: Survey) -> tuple[Bools, dict[int, str]]:
+def _in_lens(survey: Survey) -> tuple[Bools, dict[int, LeftOut]]:
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
     keep: Bools = np.isfinite(ray.sum(axis=1))
-    return keep, {int(i): BEYOND_LENS for i in np.flatnonzero(~keep)}
+    return keep, dict.fromkeys(np.flatnonzero(~keep).tolist(), BEYOND_LENS)

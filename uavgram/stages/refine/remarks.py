@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
@@ -30,7 +32,7 @@ WEAK = 0.01
 
 def remarks(survey: Survey, refined: Refined) -> tuple[Message, ...]:
     """Everything that the result itself shows: picks left out, removals, ambiguity, no rest."""
-    messages = _left_out(survey, refined)
+    messages = list(_left_out(survey, refined))
     messages += [
         _removal(removal, removal.before)
         for removal in refined.removals
@@ -58,18 +60,18 @@ def _pulling_hardest(refined: Refined) -> str:
     return f"The {what} pulls hardest (residual of {sizes[kind][row]:.3g} of its sigmas)."
 
 
-def _contradictory(survey: Survey, refined: Refined) -> list[Message]:
+def _contradictory(survey: Survey, refined: Refined) -> Iterator[Message]:
     """Lengths that contradict each other, where none could be singled out as wrong."""
     if survey.telemetry is not None:
-        return []
+        return
     keep = np.zeros(len(survey.pick_frame), dtype=bool)
     keep[refined.pick_index] = True
     ratio = ratios_in_view(survey, keep)
     ratio[refined.line_removed] = np.nan
-    if refined.adjustment.minimum.converged and not odd_in_view(ratio).any():
-        return []
-    text = f"The lengths may contradict each other. {_listed(survey, ratio)}"
-    return [Message("warning", "lengths-contradict", text)] if np.isfinite(ratio).any() else []
+    settled = refined.adjustment.minimum.converged and not odd_in_view(ratio).any()
+    if np.isfinite(ratio).any() and not settled:
+        text = f"The lengths may contradict each other. {_listed(survey, ratio)}"
+        yield Message("warning", "lengths-contradict", text)
 
 
 def contradiction(survey: Survey, keep: Bools) -> str:
@@ -95,12 +97,12 @@ def _listed(survey: Survey, ratio: Floats) -> str:
     )
 
 
-def _odd_height(adjustment: Adjustment) -> list[Message]:
+def _odd_height(adjustment: Adjustment) -> Iterator[Message]:
     """Cameras at a height from which no drone takes photos of the ground."""
     above = adjustment.state.center[:, 2] - adjustment.state.plane[0]
     height = float(np.median(above))
     if LOWEST_M <= height <= HIGHEST_M:
-        return []
+        return
     unit, otherwise = likely_unit_of_height(height)
     size = f"{height / 1000:.3g} km" if height > HIGHEST_M else f"{height:.2g} m"
     text = f"The cameras stand {size} above the ground (median): "
@@ -108,54 +110,41 @@ def _odd_height(adjustment: Adjustment) -> list[Message]:
         text += f"are the lengths in {unit}? It would be {otherwise:.3g} m then."
     else:
         text += "look at the heights of log, ground and control points, and at the lengths."
-    return [Message("warning", "odd-height", text)]
+    yield Message("warning", "odd-height", text)
 
 
-def _left_out(survey: Survey, refined: Refined) -> list[Message]:
-    """Frames of which nothing is left, each once; and picks of frames that stayed."""
-    frames: dict[int, dict[str, int]] = {}
-    messages = []
+def _left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
+    """Picks of frames that stayed; and frames of which nothing is left, each once."""
+    frames: dict[str, Counter[str]] = {}
     stayed = set(refined.adjustment.survey.frame_id)
-    for index, why in sorted(refined.pick_reason.items()):
+    for index, reason in sorted(refined.pick_reason.items()):
         label = survey.label[survey.pick_label[index]]
-        frame = int(survey.pick_frame[index])
-        name = survey.frame_id[frame]
-        if name in stayed:
-            messages.append(
-                Message(
-                    "warning",
-                    "pick-left-out",
-                    f"The pick of {label!r} in {name!r} was left out: {why}.",
-                    frames=(name,),
-                    labels=(label,),
-                    several=Several("{count} picks were left out", f"{label!r} in {name!r}", why),
-                )
-            )
-        else:
-            number = frames.setdefault(frame, {})
-            number[why] = number.get(why, 0) + 1
-    for frame, reasons in frames.items():
+        name, why = survey.frame_id[survey.pick_frame[index]], reason.text
+        if name not in stayed:
+            frames.setdefault(name, Counter())[why] += 1
+            continue
+        yield Message(
+            "warning",
+            "pick-left-out",
+            f"The pick of {label!r} in {name!r} was left out: {why}.",
+            frames=(name,),
+            labels=(label,),
+            several=Several("{count} picks were left out", f"{label!r} in {name!r}", why),
+        )
+    for name, reasons in frames.items():
         why = "; ".join(
-            text if len(reasons) == 1 else f"{text} ({_picks(number)})"
+            text if len(reasons) == 1 else f"{text} ({number} pick{'s' if number > 1 else ''})"
             for text, number in reasons.items()
         )
-        name = survey.frame_id[frame]
-        messages.append(
-            Message(
-                "warning",
-                "frame-left-out",
-                f"The frame {name!r} was left out, with all of its picks: {why}.",
-                frames=(name,),
-                several=Several(
-                    "{count} frames were left out, with all of their picks", repr(name), why
-                ),
-            )
+        yield Message(
+            "warning",
+            "frame-left-out",
+            f"The frame {name!r} was left out, with all of its picks: {why}.",
+            frames=(name,),
+            several=Several(
+                "{count} frames were left out, with all of their picks", repr(name), why
+            ),
         )
-    return messages
-
-
-def _picks(number: int) -> str:
-    return "1 pick" if number == 1 else f"{number} picks"
 
 
 def _removal(removal: Removal, before: Refined) -> Message:
@@ -190,17 +179,27 @@ def not_located(refined: Refined, suspicion: Suspicion) -> Message:
 
 
 def indispensable(refined: Refined, removal: Removal, why: GeometryError) -> Message:
-    """What looks like a blunder is needed: without it the survey is not determined."""
+    """What looks like a blunder is needed: without it the survey is not determined.
+
+    Parameters
+    ----------
+    refined
+        The adjusted survey.
+    removal
+        What looks like a blunder.
+    why
+        What cannot be determined without it.
+    """
     what = Names(refined.adjustment).observation(removal.suspicion.accused)
     text = f"The {what} looks like a blunder (w = {removal.w:.1f}), but was kept: without it, {why}"
     return Message("warning", "blunder-kept", text)
 
 
-def _ambiguity(refined: Refined) -> list[Message]:
+def _ambiguity(refined: Refined) -> Iterator[Message]:
     survey = refined.adjustment.survey
     if survey.telemetry is None and survey.gauge == "world":
-        return _ambiguous_control(refined)
-    messages = []
+        yield from _ambiguous_control(refined)
+        return
     if refined.alternatives:
         within = "" if survey.telemetry is None else " within what the telemetry allows"
         how_else = "" if survey.telemetry is not None else ", or give the flight log"
@@ -209,14 +208,13 @@ def _ambiguity(refined: Refined) -> list[Message]:
             f"{within}: {_differences(refined)}. The measured values of the others stand under "
             f"alternatives. Tape another line that does not close a triangle{how_else}."
         )
-        messages.append(Message("warning", "ambiguous-pose", text))
+        yield Message("warning", "ambiguous-pose", text)
     if survey.telemetry is None and len(refined.adjustment.problem.line_index) == 3:
         text = (
             "Three lengths alone: nothing checks them, and they may have several solutions. Tape "
             f"a fourth line that does not close a triangle{_suggestion(refined)}."
         )
-        messages.append(Message("warning", "three-lengths", text))
-    return messages
+        yield Message("warning", "three-lengths", text)
 
 
 def _differences(refined: Refined) -> str:
@@ -229,24 +227,24 @@ def _differences(refined: Refined) -> str:
     return f"distances between the points change by {one_each}"
 
 
-def _weak_lengths(refined: Refined) -> list[Message]:
+def _weak_lengths(refined: Refined) -> Iterator[Message]:
     """Lengths that leave the scene's distances poorly known, and what to tape next."""
     adjustment = refined.adjustment
     survey, used = adjustment.survey, adjustment.problem.line_index
     if survey.telemetry is not None or survey.gauge == "world":
-        return []
+        return
     point = adjustment.state.point[:, :2]
     faults = line_faults(point[survey.line_start[used]], point[survey.line_end[used]], point)
     advice = next_line(adjustment)
     if advice is None or (advice.relative_sigma < WEAK and not faults):
-        return []
+        return
     what = "; ".join(faults) or "the lengths say little of the scene's shape"
     text = (
         f"The known lengths are weak as a set: {what}. Distances between the points are known to "
         f"{100 * advice.relative_sigma:.2g} %{_suggestion(refined)}."
     )
     level: Literal["info", "warning"] = "warning" if advice.relative_sigma >= WEAK else "info"
-    return [Message(level, "weak-lengths", text)]
+    yield Message(level, "weak-lengths", text)
 
 
 def _suggestion(refined: Refined) -> str:
@@ -262,15 +260,15 @@ def _suggestion(refined: Refined) -> str:
     )
 
 
-def _ambiguous_control(refined: Refined) -> list[Message]:
+def _ambiguous_control(refined: Refined) -> Iterator[Message]:
     if not refined.alternatives:
-        return []
+        return
     text = (
         f"The control points fit {len(refined.alternatives) + 1} different poses equally well; the "
         "measured values of the others stand under alternatives. Pick more control points, wider "
         "apart or of other heights, or give the flight log."
     )
-    return [Message("warning", "ambiguous-pose", text)]
+    yield Message("warning", "ambiguous-pose", text)
 
 
 def too_many(removed: int) -> Message:

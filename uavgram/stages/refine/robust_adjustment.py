@@ -2,37 +2,41 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.survey.adjustment import Refined
-from uavgram.model.arrays import Bools
-from uavgram.model.survey.survey import Survey
+from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.stages.refine.blunders.consensus import contradicting
 from uavgram.stages.refine.blunders.gross_picks import without_gross_picks
-from uavgram.stages.refine.blunders.misfit import GAIN, MOST_TRIED, culprit, gross, suspects
-from uavgram.stages.refine.blunders.trial_adjustment import (
+from uavgram.stages.refine.blunders.misfit import (
+    GAIN,
+    MOST_TRIED,
+    TRIAL,
+    culprit,
     ends_among,
+    gross,
     is_settled,
     misfit,
+    suspects,
     trial_adjustment,
 )
 from uavgram.stages.refine.blunders.wrong_lengths import without_wrong_lengths
-from uavgram.stages.refine.minima import best_minima
+from uavgram.stages.refine.minima import Participants, best_minima
 
 MOST_MISPLACED = 3
 """One frame in so many may be left out because it shows something else than the others."""
 
-MISPLACED = (
+MISPLACED = LeftOut(
+    LeftOutCause.MISPLACED_FRAME,
     "its picks contradict all that the other frames, the lengths and the log say, and without them "
-    "the rest agrees: look for labels in disorder, or a photo of another place"
+    "the rest agrees: look for labels in disorder, or a photo of another place",
 )
 
 
-def adjust_survey(
-    survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, str]
-) -> Refined:
-    """`best_minima` of the picks in `keep`, without frames that contradict the others.
+def adjust_survey(taking: Participants) -> Refined:
+    """`best_minima` of what takes part, without frames that contradict the others.
 
     `pick_reason` of the result says which, and why. Of a frame of which most picks agree with the
     others, only the rest is left out. Of lengths without a log, those that all else rules out are
@@ -40,80 +44,68 @@ def adjust_survey(
     """
     refined = failed = None
     try:
-        refined = _begun(survey, keep, line_removed, reason)
-        refined, keep, reason = without_gross_picks(survey, keep, line_removed, reason, refined)
+        refined = _begun(taking)
+        refined, taking = without_gross_picks(taking, refined)
     except GeometryError as why:
         failed = why
-    single = without_wrong_lengths(survey, keep, line_removed, reason, refined, 1)
+    single = without_wrong_lengths(taking, refined, 1)
     if single is not None:
-        refined, line_removed = single, single.line_removed
-    refined, kept, out = _without_misplaced(survey, keep, line_removed, reason, refined)
-    pair = without_wrong_lengths(survey, keep, line_removed, reason, refined, 2)
+        refined, taking = single, replace(taking, line_removed=single.line_removed)
+    refined, left = _without_misplaced(taking, refined)
+    pair = without_wrong_lengths(taking, refined, 2)
     if pair is not None:
         return pair
     if refined is None:
         assert failed is not None  # noqa: S101  (one of the two is always there)
         raise failed
-    if refined.adjustment.minimum.converged:
-        return refined
-    return best_minima(survey, kept, line_removed, out)
+    return refined if refined.adjustment.minimum.converged else best_minima(left)
 
 
 def _without_misplaced(
-    survey: Survey,
-    keep: Bools,
-    line_removed: Bools,
-    reason: dict[int, str],
-    refined: Refined | None,
-) -> tuple[Refined | None, Bools, dict[int, str]]:
-    """The result without frames that show something else, the picks left, and why others are not.
-
-    Parameters as for `_without_culprits`.
-    """
-    out = dict(reason)
-    left = len(np.unique(survey.pick_frame[keep])) // MOST_MISPLACED
+    taking: Participants, refined: Refined | None
+) -> tuple[Refined | None, Participants]:
+    """The result without frames that show something else, and what then takes part."""
+    survey = taking.survey
+    left = len(np.unique(survey.pick_frame[taking.keep])) // MOST_MISPLACED
     while True:
-        better = _without_culprits(survey, keep, line_removed, out, refined, left)
+        better = _without_culprits(taking, refined, left)
         if better is None:
-            return refined, keep, out
+            return refined, taking
         frames, rest = better
         left -= len(frames)
+        out: dict[int, LeftOut] = {}
         entire = True
         for frame in frames:
-            picks = np.flatnonzero((survey.pick_frame == frame) & keep)
+            picks = np.flatnonzero((survey.pick_frame == frame) & taking.keep)
             # A few wrong labels do not condemn a frame of which the others agree.
             wrong = contradicting(survey, picks, rest)
             out |= wrong or dict.fromkeys(picks.tolist(), MISPLACED)
             entire &= not wrong
-        keep = keep.copy()
-        keep[list(out)] = False
-        refined = rest if entire else _begun(survey, keep, line_removed, out)
+        taking = taking.without_picks(out)
+        refined = rest if entire else _begun(taking)
 
 
-def _begun(survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, str]) -> Refined:
+def _begun(taking: Participants) -> Refined:
     """`best_minima`, cut short where a frame fits so badly that it would lead nowhere."""
-    refined = trial_adjustment(survey, keep, line_removed, reason)
+    refined = best_minima(taking, TRIAL)
     if refined.adjustment.minimum.converged or gross(refined.adjustment):
         return refined
-    return best_minima(survey, keep, line_removed, reason)
+    return best_minima(taking)
 
 
 def _without_culprits(
-    survey: Survey,
-    keep: Bools,
-    line_removed: Bools,
-    reason: dict[int, str],
-    refined: Refined | None,
-    most: int,
+    taking: Participants, refined: Refined | None, most: int
 ) -> tuple[list[int], Refined] | None:
     """The frames, at most `most`, that spoil the adjustment, and the result without them.
 
     Parameters
     ----------
-    survey, keep, line_removed, reason
-        As for `adjust_survey`.
+    taking
+        What takes part.
     refined
         With all frames; None where nothing could be adjusted.
+    most
+        Frames that may be left out.
 
     Returns
     -------
@@ -122,58 +114,46 @@ def _without_culprits(
     """
     if most < 1:
         return None
-    tried: list[tuple[int, Refined]] = []
+    tried: list[tuple[int, Participants, Refined]] = []
     costs: list[float] = []
-    failures = 0
-    for frame in _suspected(survey, keep, refined):
-        without = keep & (survey.pick_frame != frame)
-        why = reason | dict.fromkeys(np.flatnonzero(keep & ~without).tolist(), MISPLACED)
-        try:
-            rest = trial_adjustment(survey, without, line_removed, why)
-        except GeometryError:  # without this frame nothing is left to hold on to
-            failures += 1
-            continue
-        tried.append((frame, rest))
-        costs.append(misfit(rest, int(without.sum())))
-    if not tried or len(tried) + failures < 2:
+    suspected = _suspected(taking, refined)
+    for frame in suspected:
+        without = taking.without_frame(frame, MISPLACED)
+        rest = trial_adjustment(without)
+        if rest is not None:
+            tried.append((frame, without, rest))
+            costs.append(misfit(rest, without))
+    if not tried or len(suspected) < 2:
         return None
-    before = np.inf if refined is None else misfit(refined, int(keep.sum()))
-    found = culprit(before, np.array(costs + failures * [np.inf]))
+    failures = len(suspected) - len(tried)
+    found = culprit(misfit(refined, taking), np.array(costs + failures * [np.inf]))
     if found is not None:
-        frame, rest = tried[found]
-        spares = _one_length(survey, keep, line_removed, frame, costs[found])
-        return None if spares else ([frame], rest)
-    frame, rest = tried[int(np.argmin(costs))]
-    without = keep & (survey.pick_frame != frame)
-    why = reason | dict.fromkeys(np.flatnonzero(keep & ~without).tolist(), MISPLACED)
-    more = _without_culprits(survey, without, line_removed, why, rest, most - 1)
+        frame, _, rest = tried[found]
+        return None if _one_length(taking, frame, costs[found]) else ([frame], rest)
+    frame, without, rest = tried[int(np.argmin(costs))]
+    more = _without_culprits(without, rest, most - 1)
     if more is None or not is_settled(more[1]):
         return None
     return [frame, *more[0]], more[1]
 
 
-def _one_length(
-    survey: Survey, keep: Bools, line_removed: Bools, frame: int, without: float
-) -> bool:
+def _one_length(taking: Participants, frame: int, without: float) -> bool:
     """Whether a length less, of those that no other frame shows, serves as well as a frame less."""
-    mine, others = survey.pick_frame == frame, survey.pick_frame != frame
-    shown, elsewhere = (ends_among(survey, survey.pick_label[p & keep]) for p in (mine, others))
-    for line in np.flatnonzero(shown & ~elsewhere & ~line_removed)[:MOST_TRIED]:
-        removed = line_removed.copy()
-        removed[line] = True
-        try:
-            rest = trial_adjustment(survey, keep, removed, {})
-        except GeometryError:
-            continue
-        if misfit(rest, int(keep.sum())) < GAIN * without:
-            return True
-    return False
+    survey = taking.survey
+    mine = survey.pick_frame == frame
+    shown, elsewhere = (
+        ends_among(survey, survey.pick_label[picks & taking.keep]) for picks in (mine, ~mine)
+    )
+    lines = np.flatnonzero(shown & ~elsewhere & ~taking.line_removed)[:MOST_TRIED].tolist()
+    trials = (trial_adjustment(taking.without_lines([line])) for line in lines)
+    return any(misfit(rest, taking) < GAIN * without for rest in trials)
 
 
-def _suspected(survey: Survey, keep: Bools, refined: Refined | None) -> list[int]:
+def _suspected(taking: Participants, refined: Refined | None) -> list[int]:
     """Frames of the survey to leave out in turn."""
+    survey = taking.survey
     if refined is None:
-        picks = np.bincount(survey.pick_frame[keep], minlength=len(survey.frame_id))
+        picks = np.bincount(survey.pick_frame[taking.keep], minlength=len(survey.frame_id))
         present = np.flatnonzero(picks)
         return present[:MOST_TRIED].tolist() if len(present) > 2 else []
     names = refined.adjustment.survey.frame_id

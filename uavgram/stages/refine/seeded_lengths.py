@@ -89,6 +89,15 @@ def seeded_points(survey: Survey, keep: Bools, label: Ints) -> tuple[Floats, Flo
     """Points (n, 3) of labels as the first seed that shows them has them, and covariances.
 
     NaN where none does; parameters as for `seeded_lengths`.
+
+    Parameters
+    ----------
+    survey
+        With telemetry.
+    keep
+        (P,) picks that may be used.
+    label
+        (n,) rows of labels.
     """
     pick = _first_picks(survey, keep)[label]
     point, covariance = np.full((len(label), 3), np.nan), np.full((len(label), 3, 3), np.nan)

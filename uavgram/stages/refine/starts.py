@@ -23,6 +23,7 @@ from uavgram.estimation.first_poses.prior_gate import (
     seed_on_plane,
 )
 from uavgram.estimation.first_poses.resection import LengthPoses
+from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey
@@ -30,10 +31,13 @@ from uavgram.model.survey.survey import Survey
 FAR_RAD, FAR_HEIGHT = 0.1, 0.15
 """Tilt, and share of the height, up to which the iterations reach a pose from the seed anyway."""
 
-NO_GROUND = "its ray does not meet the ground in front of the camera"
-NOT_JOINED = (
+NO_GROUND = LeftOut(
+    LeftOutCause.NO_GROUND, "its ray does not meet the ground in front of the camera"
+)
+NOT_JOINED = LeftOut(
+    LeftOutCause.NOT_JOINED,
     "its frame has neither telemetry, nor three known lengths, nor four points in common with "
-    "the frames that do, picked where one camera could see them"
+    "the frames that do, picked where one camera could see them",
 )
 
 
@@ -183,7 +187,7 @@ def _at_gauge(network: PlaneNetwork) -> FirstValues:
     )
 
 
-def unusable(survey: Survey, values: FirstValues) -> dict[int, str]:
+def unusable(survey: Survey, values: FirstValues) -> dict[int, LeftOut]:
     """Picks without first values in front of their camera, and why."""
     frame, label = survey.pick_frame, survey.pick_label
     up = np.full(len(label), values.height_m) + survey.height_above_m[label]

@@ -7,6 +7,7 @@ was: what is found here are first values, and the adjustment decides.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -58,7 +59,7 @@ def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
         return survey, ()
     turn = search_turns(_plan(survey, track.sigma_attitude_rad[row, 0], sigma), free)
     doubted = free & (sigma <= UNKNOWN_RAD) & (np.abs(turn) > CONTRADICTED * sigma)
-    return _turned(survey, track, turn, doubted), _said(survey, turn, doubted)
+    return _turned(survey, track, turn, doubted), tuple(_said(survey, turn, doubted))
 
 
 def _plan(survey: Survey, tilt_sigma: Floats, turn_sigma: Floats) -> Plan:
@@ -133,15 +134,15 @@ def _turned(survey: Survey, track: PhotoExposures, turn: Floats, doubted: Bools)
     )
 
 
-def _said(survey: Survey, turn: Floats, doubted: Bools) -> tuple[Message, ...]:
+def _said(survey: Survey, turn: Floats, doubted: Bools) -> Iterator[Message]:
     names = [
         f"{survey.frame_id[k]} ({abs(np.degrees(turn[k])):.0f} degrees)"
         for k in np.flatnonzero(doubted)
     ]
     if not names:
-        return ()
+        return
     text = (
         f"The picks contradict the heading that the course gives {len(names)} photos: "
         f"{', '.join(names)}. Their heading was taken as unknown and found from the picks."
     )
-    return (Message("info", "course-contradicted", text),)
+    yield Message("info", "course-contradicted", text)

@@ -7,6 +7,8 @@ its compass 2.3 (Narrabeen, resection of the targets).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from uavgram.errors import UavgramError
@@ -106,19 +108,19 @@ def place_photos(
     return exposures, (*messages, *_bias_hint(sigma_position, telemetry))
 
 
-def _bias_hint(sigma_position: Floats, telemetry: TelemetryOptions) -> tuple[Message, ...]:
+def _bias_hint(sigma_position: Floats, telemetry: TelemetryOptions) -> Iterator[Message]:
     """Say so where a common bias as of a consumer receiver drowns what RTK knows."""
     horizontal, vertical = np.median(sigma_position, axis=0)
     bias = telemetry.position_bias_sigma_m
     if bias[0] < _DROWNED * horizontal:
-        return ()
+        return
     text = (
         f"The photos' positions state {horizontal:.2f} m horizontal and {vertical:.2f} m vertical, "
         f"but telemetry.position_bias_sigma_m lets all of them be off together by {bias[0]:g} and "
         f"{bias[1]:g} m: with a base station of known place, set it to [{horizontal:.2f}, "
         f"{vertical:.2f}]"
     )
-    return (Message("info", "position-bias-wide", text),)
+    yield Message("info", "position-bias-wide", text)
 
 
 def _vehicle(poses: PhotoPoses, heading: Floats, has_attitude: Bools) -> Floats:
@@ -153,12 +155,11 @@ def _courses_in_time(
     return course, turning
 
 
-def _said(poses: PhotoPoses, has_attitude: Bools, course: Floats) -> tuple[Message, ...]:
+def _said(poses: PhotoPoses, has_attitude: Bools, course: Floats) -> Iterator[Message]:
     """What was assumed of photos without attitude."""
     guessed = ~has_attitude & np.isfinite(course)
     unknown = np.flatnonzero(~has_attitude & np.isnan(course))
     way_out = "give yaw_deg, pitch_deg and roll_deg in a CSV file (`poses`)"
-    messages = []
     if guessed.any():
         text = (
             f"{poses.source} has no attitude for {int(guessed.sum())} photos: they look as "
@@ -166,7 +167,7 @@ def _said(poses: PhotoPoses, has_attitude: Bools, course: Floats) -> tuple[Messa
             f"(sigma {COURSE_TILT_SIGMA_DEG:g} degrees of tilt, {COURSE_YAW_SIGMA_DEG:g} of yaw, "
             f"{TURN_YAW_SIGMA_DEG:g} where the course turns)"
         )
-        messages.append(Message("warning", "attitude-from-course", text))
+        yield Message("warning", "attitude-from-course", text)
     if unknown.size:
         text = (
             f"{poses.source} has no attitude for {unknown.size} photos (the first is "
@@ -176,8 +177,7 @@ def _said(poses: PhotoPoses, has_attitude: Bools, course: Floats) -> tuple[Messa
             f"points that several photos share, or known points, tell it: pick such points, or "
             f"{way_out}"
         )
-        messages.append(Message("warning", "attitude-unknown", text))
-    return tuple(messages)
+        yield Message("warning", "attitude-unknown", text)
 
 
 def _courses(position_m: Floats, sigma_m: Floats, close: Bools) -> tuple[Floats, Bools]:

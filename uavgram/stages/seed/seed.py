@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from uavgram.geometry.motion.rotation import GIMBAL_FROM_CAMERA, hat, matrix_from_ypr
@@ -22,29 +20,16 @@ from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.photo_poses import Flight, PhotoExposures
 from uavgram.model.flight.pose import Poses, TelemetryPrior
+from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.options import MountOptions, TelemetryOptions
 
 STEADY_CLOCK = 1e-9
 """Drift sigma of instants that are the flight's own: an unknown needs one, no quartz is better."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Seeds:
-    """Seed poses of the matched frames.
-
-    Attributes
-    ----------
-    poses
-        With the marginal covariance: everything that may be wrong, shared causes included.
-    prior
-        The same telemetry as the adjustment needs it; `frame_index` runs over `poses`.
-    """
-
-    poses: Poses
-    prior: TelemetryPrior
-
-
-def seed(frames: Frames, flight: Flight, mount: MountOptions, telemetry: TelemetryOptions) -> Seeds:
+def seed(
+    frames: Frames, flight: Flight, mount: MountOptions, telemetry: TelemetryOptions
+) -> Telemetry:
     """Look every matched frame up in the flight and turn its exposure into a camera pose.
 
     Parameters
@@ -98,7 +83,7 @@ def seed(frames: Frames, flight: Flight, mount: MountOptions, telemetry: Telemet
         world_from_camera=rotation,
         covariance=marginal,
     )
-    return Seeds(poses=poses, prior=prior)
+    return Telemetry(poses=poses, prior=prior, track=flight, correlation_s=telemetry.correlation_s)
 
 
 def nominal_mount(mount: MountOptions, *, gimbal: bool) -> Floats:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from uavgram.errors import UavgramError
@@ -205,13 +207,12 @@ def _gimbal_track(
     return _held_to(time, xyzw, (float(vehicle_time[0]), float(vehicle_time[-1])), gimbal.source)
 
 
-def track_gaps(track: Track, frames: Frames) -> tuple[Message, ...]:
+def track_gaps(track: Track, frames: Frames) -> Iterator[Message]:
     """A warning where photos were taken while the log is silent about a direction for long.
 
     What lies between two rows is taken for a steady turn, which in a second it need not be.
     """
     matched = np.flatnonzero(frames.matched)
-    messages = []
     for what, time in (
         ("the vehicle's attitude", track.attitude_time_s),
         ("the gimbal's attitude", track.gimbal_time_s),
@@ -231,8 +232,7 @@ def track_gaps(track: Track, frames: Frames) -> tuple[Message, ...]:
             "were taken: a steady turn was assumed, so their directions may be wrong; pick known "
             "lengths in them, or leave them out"
         )
-        messages.append(Message("warning", "attitude-gap", text))
-    return tuple(messages)
+        yield Message("warning", "attitude-gap", text)
 
 
 def _held_to(

@@ -54,6 +54,19 @@ def gauss_markov(
     """Draw (count, K) stationary first-order Gauss-Markov noise with sigmas (K,).
 
     x[i+1] = a x[i] + w, a = exp(-step / tau), var w = sigma^2 (1 - a^2) (Gelb 1974, section 3.8).
+
+    Parameters
+    ----------
+    rng
+        Draws the errors.
+    count
+        Number of instants.
+    step_s
+        Between two of them [s].
+    tau_s
+        Correlation time [s].
+    sigma
+        (K,) standard deviations, in the unit of the noise.
     """
     decay = float(np.exp(-step_s / tau_s))
     white = rng.standard_normal((count, len(sigma)))
@@ -106,7 +119,17 @@ def fly(plan: FlightPlan, site: Site, rng: np.random.Generator) -> Motion:
 
 
 def at(motion: Motion, column: Floats, instants_s: Floats) -> Floats:
-    """Interpolate an (N, 3) column of the motion at (E,) instants, linearly: (E, 3)."""
+    """Interpolate an (N, 3) column of the motion at (E,) instants, linearly: (E, 3).
+
+    Parameters
+    ----------
+    motion
+        The true flight.
+    column
+        (N, 3) one of its quantities.
+    instants_s
+        (E,) from the start of the recording [s].
+    """
     return np.stack([np.interp(instants_s, motion.time_s, part) for part in column.T], axis=1)
 
 

@@ -14,14 +14,8 @@ from scipy.constants import g as GRAVITY_M_S2  # noqa: N812
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.observations import MeasurementRequest
 
-UNITS = {
-    "distance": "m",
-    "polyline": "m",
-    "line_distance": "m",
-    "area": "m2",
-    "angle": "deg",
-    "skid_speed": "m/s",
-}
+UNITS = {"area": "m2", "angle": "deg", "skid_speed": "m/s"}
+"""Of kinds that are no lengths [m]."""
 
 
 def measured_values(
@@ -50,7 +44,7 @@ def measured_values(
         elif request.kind != "speed":
             names.append(request.name)
             values.append(_value(request, at))
-            units.append(UNITS[request.kind])
+            units.append(UNITS.get(request.kind, "m"))
     return tuple(names), np.array(values), tuple(units)
 
 

@@ -51,7 +51,19 @@ def start_utc_s(scenario: DemoScenario) -> float:
 def record(
     scenario: DemoScenario, motion: Motion, biases: FlightBiases, rng: np.random.Generator
 ) -> SimulatedLog:
-    """Write down a flight as an autopilot does, with the scenario's errors."""
+    """Write down a flight as an autopilot does, with the scenario's errors.
+
+    Parameters
+    ----------
+    scenario
+        Its errors and its site.
+    motion
+        The true flight.
+    biases
+        What is wrong all through the flight.
+    rng
+        Draws the errors.
+    """
     errors, site, boot_s = scenario.errors, scenario.site, scenario.flight.boot_s
     position, gps = _estimated_positions(errors, motion, biases, rng)
     body, gimbal = _estimated_angles(errors, motion, biases, rng)

@@ -68,7 +68,7 @@ def usable_boots(log: FlightLog) -> list[ClockedBoot]:
             continue
         found.append(ClockedBoot(boot, clock, messages))
     if not found:
-        raise UavgramError(f"{log.path}: {refusal or 'no boot of the log has positions'}")
+        raise UavgramError(refusal or "no boot of the log has positions")
     return found
 
 

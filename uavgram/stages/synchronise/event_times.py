@@ -15,6 +15,7 @@ Where each number comes from:
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,11 +24,10 @@ from uavgram.estimation.clocks.alignment import Alignment
 from uavgram.estimation.clocks.camera_clock import COARSE_S
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Photos
-from uavgram.model.flight.pairing import Pairing
+from uavgram.model.flight.pairing import Pairing, PairStatus
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise.boots import ClockedBoot
-from uavgram.stages.synchronise.pairing import pairing_messages, pairing_of
 
 EVENT_JITTER_S = 0.01  # of a shutter after its event: one step of ArduPilot's 50 Hz loop is 0.02
 _LEAST_JITTER_S = 0.002  # no shutter was seen to be steadier
@@ -107,3 +107,97 @@ def _jitter_s(photos: Photos, alignment: Alignment) -> float:
 def file_sigma_s(photos: Photos) -> Floats:
     """(F,) of a file time: its step (uniform: step / sqrt(12)) and the camera's jitter."""
     return np.asarray(np.maximum(photos.file_time_resolution_s / np.sqrt(12), _LEAST_JITTER_S))
+
+
+_NAMED = 5  # frames that a message names
+
+
+def pairing_of(photos: Photos, chosen: ClockedBoot, alignment: Alignment) -> Pairing:
+    """Spread the alignment of the photos with a file time over all photos and events.
+
+    Parameters
+    ----------
+    photos
+        Of the project, with their file times.
+    chosen
+        The boot that the photos lie in.
+    alignment
+        Of the photos that have a file time, with the camera events of that boot.
+    """
+    count = len(photos.frame_id)
+    timed = np.flatnonzero(np.isfinite(photos.file_time_s))
+    rows, event_utc = chosen.event_rows(), chosen.event_utc_s()
+    paired = alignment.event_index >= 0
+    event, residual = np.full(count, -1, dtype=np.int64), np.full(count, np.nan)
+    event[timed[paired]] = rows[alignment.event_index[paired]]
+    residual[timed] = alignment.residual_s
+    status: list[PairStatus] = ["none"] * count
+    reason = ["no capture time in the file"] * count
+    for k, code, instant in zip(timed, alignment.status, alignment.photo_event_s, strict=True):
+        status[k] = code
+        reason[k] = _photo_reason(code, float(instant), event_utc)
+    unused = np.setdiff1d(np.arange(len(rows)), alignment.event_index[paired])
+    return Pairing(
+        frame_id=photos.frame_id,
+        event_index=event,
+        residual_s=residual,
+        status=tuple(status),
+        reason=tuple(reason),
+        unused_event=rows[unused],
+        unused_reason=_unused_reasons(event_utc[unused], alignment.photo_event_s),
+        drift=alignment.clock.drift,
+        drift_sigma=alignment.clock.drift_sigma,
+    )
+
+
+def _photo_reason(status: PairStatus, instant: float, event_utc_s: Floats) -> str:
+    if status == "certain":
+        return ""
+    if status == "crowded":
+        return "another event, or another photo of the same event, comes into question"
+    if status == "hidden":
+        return "its own event may be missing from the log beside the one it fell on"
+    if instant < event_utc_s[0]:
+        return f"{event_utc_s[0] - instant:.1f} s before the first camera event"
+    if instant > event_utc_s[-1]:
+        return f"{instant - event_utc_s[-1]:.1f} s after the last camera event"
+    return f"the nearest camera event is {np.abs(event_utc_s - instant).min():.2f} s away"
+
+
+def _unused_reasons(event_utc_s: Floats, photo_utc_s: Floats) -> tuple[str, ...]:
+    first, last = float(photo_utc_s.min()), float(photo_utc_s.max())
+    return tuple(
+        "before the first photo" if t < first else "after the last photo" if t > last
+        else "between photos"
+        for t in event_utc_s
+    )  # fmt: skip
+
+
+def pairing_messages(pairing: Pairing) -> Iterator[Message]:
+    """What stays alone on either side, and which pairs are in doubt."""
+    alone = [k for k, s in enumerate(pairing.status) if s == "none"]
+    doubtful = [k for k, s in enumerate(pairing.status) if s in ("crowded", "hidden")]
+    if alone:
+        text = (
+            f"{len(alone)} photos have no camera event of their own, their file times were used "
+            f"where they have any: {_named(pairing, alone)}"
+        )
+        yield Message("warning", "photo-without-event", text)
+    if doubtful:
+        text = (
+            f"{len(doubtful)} photos may belong to another camera event than the one they fell "
+            f"on, their file times were used: {_named(pairing, doubtful)}"
+        )
+        yield Message("warning", "photo-event-uncertain", text)
+    if len(pairing.unused_event):
+        where = [
+            f"{pairing.unused_reason.count(place)} {place}"
+            for place in dict.fromkeys(pairing.unused_reason)
+        ]
+        text = f"{len(pairing.unused_event)} camera events have no photo: {', '.join(where)}"
+        yield Message("info", "event-without-photo", text)
+
+
+def _named(pairing: Pairing, rows: list[int]) -> str:
+    shown = "; ".join(f"{pairing.frame_id[k]} ({pairing.reason[k]})" for k in rows[:_NAMED])
+    return shown + (f"; and {len(rows) - _NAMED} more" if len(rows) > _NAMED else "")

@@ -14,10 +14,9 @@ from uavgram.model.flight.log import Boot, BootClock, FlightLog
 from uavgram.model.flight.pairing import Pairing
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
-from uavgram.stages.synchronise.alignment import by_alignment
 from uavgram.stages.synchronise.boots import usable_boots
 from uavgram.stages.synchronise.placement import placed_frames, unmatched_messages
-from uavgram.stages.synchronise.timing import by_offset, by_order
+from uavgram.stages.synchronise.timing import by_alignment, by_offset, by_order
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,7 +13,7 @@ from math import comb
 import numpy as np
 
 from uavgram.estimation.first_poses.homography import resect_from_plane
-from uavgram.estimation.survey.adjustment import Adjustment, Refined
+from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
@@ -32,7 +32,7 @@ MAJORITY = 0.6
 """Share of a frame's picks that must agree, and at least one more than determine the pose."""
 
 
-def contradicting(survey: Survey, picks: Ints, rest: Refined) -> dict[int, str]:
+def contradicting(survey: Survey, picks: Ints, rest: Refined) -> dict[int, LeftOut]:
     """Picks of a frame that contradict the majority of its others, each with what is wrong.
 
     Parameters
@@ -68,12 +68,10 @@ def contradicting(survey: Survey, picks: Ints, rest: Refined) -> dict[int, str]:
 
 def _places(survey: Survey, picks: Ints, adjustment: Adjustment) -> tuple[Floats, Ints]:
     """Places (n, 2) in the plane of the picks whose points are known, and which these are."""
-    place = {label: k for k, label in enumerate(adjustment.survey.label)}
-    label = [survey.label[k] for k in survey.pick_label[picks]]
-    on_plane = survey.height_above_m[survey.pick_label[picks]] == 0.0
-    known = np.array([i for i, name in enumerate(label) if name in place and on_plane[i]], int)
-    at = np.array([place[label[i]] for i in known], dtype=np.int64)
-    return adjustment.state.point[at, :2], known
+    label = survey.pick_label[picks]
+    at = adjustment.label_rows(survey.label[k] for k in label)
+    known = np.flatnonzero((at >= 0) & (survey.height_above_m[label] == 0.0))
+    return adjustment.state.point[at[known], :2], known
 
 
 def _consensus(world: Floats, ray: Floats, sigma: Floats) -> Bools | None:
@@ -114,12 +112,13 @@ def _seen_at(world: Floats, pose: tuple[Floats, Floats]) -> Floats:
 
 def _why(
     survey: Survey, picks: Ints, k: int, wrong: Ints, seen: Floats, ray: Floats, sigma: Floats
-) -> str:
+) -> LeftOut:
     """What is wrong with a pick: where it lies, another of the wrong ones belongs, or nothing."""
     text = "all other picks of its frame contradict it"
     distance = np.linalg.norm(seen[wrong] - ray[k, :2], axis=1)
     near = int(np.nanargmin(np.where(np.isnan(distance), np.inf, distance)))
     if wrong[near] != k and distance[near] < AGREES * sigma[k]:
         belongs = survey.label[survey.pick_label[picks[wrong[near]]]]
-        return f"{text}; it lies where {belongs!r} belongs: the labels look swapped"
-    return f"{text}: look at its place and its label"
+        text += f"; it lies where {belongs!r} belongs: the labels look swapped"
+        return LeftOut(LeftOutCause.SWAPPED, text)
+    return LeftOut(LeftOutCause.CONTRADICTED, f"{text}: look at its place and its label")

@@ -5,6 +5,7 @@ As with lengths (see `gross_lengths`), one that bends the whole adjustment does 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -55,19 +56,38 @@ def without_control(survey: Survey, out: Bools) -> Survey:
 
 
 def control_beyond_doubt(survey: Survey, refined: Refined, control: Ints) -> Bools:
-    """(n,) which of some control points an adjustment without them rules out."""
+    """(n,) which of some control points an adjustment without them rules out.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    refined
+        Adjusted without these control points.
+    control
+        (n,) rows of control points.
+    """
     if not len(control):
         return np.zeros(0, dtype=bool)
     off, covariance = _off(survey, refined, control)
     return _far(survey, off, covariance, control, BEYOND)
 
 
-def control_left_out(survey: Survey, refined: Refined, control: Ints) -> list[Message]:
-    """A message on each control point that was left out."""
+def control_left_out(survey: Survey, refined: Refined, control: Ints) -> Iterator[Message]:
+    """A message on each control point that was left out.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    refined
+        Adjusted without these control points.
+    control
+        (n,) rows of control points.
+    """
     if not len(control):
-        return []
+        return
     off, covariance = _off(survey, refined, control)
-    messages = []
     for k, i in enumerate(control.tolist()):
         sigma = np.sqrt(np.diag(covariance[k]) + survey.control_sigma_m[i] ** 2)
         label = survey.label[survey.control_label[i]]
@@ -81,10 +101,7 @@ def control_left_out(survey: Survey, refined: Refined, control: Ints) -> list[Me
             f"{label!r} is {where}{likely}",
             ending="Look at their coordinates, their labels and their picks.",
         )
-        messages.append(
-            Message("warning", "control-left-out", text, labels=(label,), several=several)
-        )
-    return messages
+        yield Message("warning", "control-left-out", text, labels=(label,), several=several)
 
 
 def _off(survey: Survey, refined: Refined, control: Ints) -> tuple[Floats, Floats]:
@@ -93,7 +110,7 @@ def _off(survey: Survey, refined: Refined, control: Ints) -> tuple[Floats, Float
     NaN where an adjustment does not have the point.
     """
     label = [survey.label[k] for k in survey.control_label[control]]
-    place = np.array([refined.adjustment.label_index(name) for name in label], dtype=np.int64)
+    place = refined.adjustment.label_rows(label)
     found, covariance = refined.adjustment.points()
     there = (place >= 0)[:, None]
     off = np.where(there, survey.control_world_m[control] - found[place], np.nan)

@@ -104,7 +104,17 @@ def odd_in_view(ratio: Floats) -> Bools:
 
 
 def wrong_beyond_doubt(survey: Survey, refined: Refined, line: Ints) -> Bools:
-    """(n,) which of some lengths an adjustment without them rules out."""
+    """(n,) which of some lengths an adjustment without them rules out.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    refined
+        Adjusted without these lengths.
+    line
+        (n,) rows of known lengths.
+    """
     seen, sigma = seen_lengths(survey, refined, line)
     taped, own = survey.length_m[line], survey.length_sigma_m[line]
     # What the adjustment says may err by a factor, a tape by metres: given all that its sigma
@@ -119,9 +129,7 @@ def fits(refined: Refined) -> bool:
 
     Without redundancy, nothing says that it is.
     """
-    minimum = refined.adjustment.minimum
-    observations = sum(block.residual.size for block in minimum.blocks.values())
-    degrees = observations - refined.adjustment.problem.layout.size
+    minimum, degrees = refined.adjustment.minimum, refined.adjustment.degrees_of_freedom
     squares = np.sum(minimum.blocks["pixels"].residual ** 2, axis=1)
     cost = minimum.cost - float(np.maximum(squares - TRIMMED**2, 0.0).sum())
     return bool(
@@ -130,9 +138,18 @@ def fits(refined: Refined) -> bool:
 
 
 def seen_lengths(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, Floats]:
-    """Lengths (n,) of some lines in an adjustment, and their sigmas; NaN where an end is not."""
-    place = {name: k for k, name in enumerate(refined.adjustment.survey.label)}
-    at = np.array([place.get(name, -1) for name in survey.label], dtype=np.int64)
+    """Lengths (n,) of some lines in an adjustment, and their sigmas; NaN where an end is not.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    refined
+        The adjusted survey.
+    line
+        (n,) rows of known lengths.
+    """
+    at = refined.adjustment.label_rows(survey.label)
     start, end = at[survey.line_start[line]], at[survey.line_end[line]]
     there = (start >= 0) & (end >= 0)
     found = np.full((2, len(line)), np.nan)

@@ -8,18 +8,17 @@ cause is left out in turn, and the one without which all else fits stays out.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.errors import GeometryError
 from uavgram.estimation.reliability.test_statistics import cofactors
-from uavgram.estimation.survey.adjustment import Adjustment, Refined
-from uavgram.geometry.camera.projection import project
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.blunders.misfit import suspects
-from uavgram.stages.refine.blunders.trial_adjustment import trial_adjustment
+from uavgram.stages.refine.blunders.misfit import TRIAL, suspects, trial_adjustment
+from uavgram.stages.refine.minima import Participants, best_minima
 
 DEPARTURE = 5.0
 """Sigmas, of what was stated, beyond which a point does not depart from its plane."""
@@ -37,6 +36,8 @@ MOST_TRIED = 6
 MOST_LEFT_OUT = 0.1
 """Share of the picks that may be left out: with more, the model is wrong and not picks."""
 
+_WRONG = LeftOut(LeftOutCause.GROSS, "it is far off")
+
 
 class _Without(NamedTuple):
     """A pick (of the survey), and the result without it."""
@@ -49,31 +50,26 @@ class _Without(NamedTuple):
         return self.rest.adjustment.minimum.cost
 
 
-def without_gross_picks(
-    survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, str], refined: Refined
-) -> tuple[Refined, Bools, dict[int, str]]:
-    """The result without picks that are wrong beyond doubt, the picks left, and why others are not.
+def without_gross_picks(taking: Participants, refined: Refined) -> tuple[Refined, Participants]:
+    """The result without picks that are wrong beyond doubt, and what then takes part.
 
     Parameters
     ----------
-    survey, keep, line_removed, reason
-        As for `adjust`.
+    taking
+        What takes part.
     refined
-        With all of them.
+        With all of it.
     """
-    most = max(1, int(MOST_LEFT_OUT * keep.sum()))
-    for _ in range(most if _rough(survey) else 0):
+    most = max(1, int(MOST_LEFT_OUT * taking.keep.sum()))
+    for _ in range(most if _rough(taking.survey) else 0):
         if not _out_of_order(refined.adjustment):
             break
-        tried = _tried(survey, keep, line_removed, reason, refined)
-        wrong = _wrong(survey, line_removed, refined, tried)
+        wrong = _wrong(taking, refined, _tried(taking, refined))
         if not wrong:
             break
-        keep = keep.copy()
-        keep[list(wrong)] = False
-        reason = reason | wrong
-        refined = trial_adjustment(survey, keep, line_removed, reason)
-    return refined, keep, reason
+        taking = taking.without_picks(wrong)
+        refined = best_minima(taking, TRIAL)
+    return refined, taking
 
 
 def _rough(survey: Survey) -> bool:
@@ -95,19 +91,11 @@ def _falls(adjustment: Adjustment) -> Floats:
     return np.asarray(np.einsum("pi,pij,pj->p", block.residual, inverse, block.residual))
 
 
-def _tried(
-    survey: Survey, keep: Bools, line_removed: Bools, reason: dict[int, str], refined: Refined
-) -> list[_Without]:
+def _tried(taking: Participants, refined: Refined) -> list[_Without]:
     """Results without each promising pick, best first."""
-    tried = []
-    for pick in refined.pick_index[_promising(refined.adjustment)].tolist():
-        without = keep.copy()
-        without[pick] = False
-        try:
-            rest = trial_adjustment(survey, without, line_removed, reason | {pick: ""})
-        except GeometryError:  # without it nothing is left to hold on to
-            continue
-        tried.append(_Without(pick, rest))
+    promising = refined.pick_index[_promising(refined.adjustment)].tolist()
+    trials = ((k, trial_adjustment(taking.without_picks({k: _WRONG}))) for k in promising)
+    tried = [_Without(pick, rest) for pick, rest in trials if rest is not None]
     return sorted(tried, key=lambda each: each.cost)
 
 
@@ -126,19 +114,18 @@ def _promising(adjustment: Adjustment) -> Ints:
     return np.unique(np.concatenate([first, second]))
 
 
-def _wrong(
-    survey: Survey, line_removed: Bools, refined: Refined, tried: list[_Without]
-) -> dict[int, str]:
+def _wrong(taking: Participants, refined: Refined, tried: list[_Without]) -> dict[int, LeftOut]:
     """The pick that is wrong, with the reason; or all of its point's, where nothing tells which."""
+    survey = taking.survey
     cost = refined.adjustment.minimum.cost
     if not tried or cost - tried[0].cost < GAIN:
         return {}
     best = tried[0]
     rivals = [each for each in tried[1:] if each.cost - best.cost < GAIN]
-    rivals = [each for each in rivals if not _wrong_too(survey, line_removed, best, each)]
+    rivals = [each for each in rivals if not _wrong_too(taking, best, each)]
     label = survey.pick_label
     if not rivals:
-        return {best.pick: _why(survey, best)}
+        return {best.pick: replace(_WRONG, text=_why(survey, best))}
     if any(label[each.pick] != label[best.pick] for each in rivals):
         return {}
     name = survey.label[label[best.pick]]
@@ -148,19 +135,16 @@ def _wrong(
         f"one of the picks of {name!r} in {images} is far off, and nothing tells which: the point "
         "would leave the ground by many times ground.roughness_sigma_m. Look at all of them"
     )
-    return dict.fromkeys(picks, text)
+    return dict.fromkeys(picks, replace(_WRONG, text=text))
 
 
-def _wrong_too(survey: Survey, line_removed: Bools, best: _Without, other: _Without) -> bool:
+def _wrong_too(taking: Participants, best: _Without, other: _Without) -> bool:
     """Whether a pick stays wrong where the best is left out: two blunders, not one of two."""
-    without = np.zeros(len(survey.pick_frame), dtype=np.bool_)
+    without = np.zeros(len(taking.keep), dtype=np.bool_)
     without[best.rest.pick_index] = True
     without[other.pick] = False
-    try:
-        both = trial_adjustment(survey, without, line_removed, best.rest.pick_reason)
-    except GeometryError:
-        return False
-    return best.cost - both.adjustment.minimum.cost > GAIN
+    both = trial_adjustment(replace(taking, keep=without, reason=best.rest.pick_reason))
+    return both is not None and best.cost - both.adjustment.minimum.cost > GAIN
 
 
 def _why(survey: Survey, best: _Without) -> str:
@@ -177,9 +161,6 @@ def _off_px(survey: Survey, best: _Without) -> float:
     if at < 0 or frame_id not in adjustment.survey.frame_id:
         return 0.0
     frame = adjustment.survey.frame_id.index(frame_id)
-    problem, state = adjustment.problem, adjustment.state
-    world, _, _ = problem.world_points(state, np.array([at]))
-    camera = (world - state.center[frame]) @ state.rotation[frame]
-    pixel = project(survey.calibration.model, problem.intrinsics(state), camera)
-    off = float(np.linalg.norm(pixel[0] - survey.pixel_px[best.pick]))
+    pixel = adjustment.pixels(np.array([frame]), np.array([at]))[0]
+    off = float(np.linalg.norm(pixel - survey.pixel_px[best.pick]))
     return off if np.isfinite(off) else 0.0

@@ -6,13 +6,16 @@ from itertools import combinations
 
 import numpy as np
 
-from uavgram.errors import GeometryError
 from uavgram.estimation.survey.adjustment import Refined
-from uavgram.model.arrays import Bools
-from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.blunders.gross_lengths import fits, wrong_beyond_doubt
-from uavgram.stages.refine.blunders.misfit import culprit, gross
-from uavgram.stages.refine.blunders.trial_adjustment import ends_among, misfit, trial_adjustment
+from uavgram.stages.refine.blunders.misfit import (
+    culprit,
+    ends_among,
+    gross,
+    misfit,
+    trial_adjustment,
+)
+from uavgram.stages.refine.minima import Participants
 
 MOST_TRIED = 36
 """Sets of lengths that are left out in turn, of one size: pairs of up to nine lengths."""
@@ -22,19 +25,14 @@ REST = 3
 
 
 def without_wrong_lengths(
-    survey: Survey,
-    keep: Bools,
-    line_removed: Bools,
-    reason: dict[int, str],
-    refined: Refined | None,
-    number: int,
+    taking: Participants, refined: Refined | None, number: int
 ) -> Refined | None:
     """The result without the lengths that all else rules out; None where there are none.
 
     Parameters
     ----------
-    survey, keep, line_removed, reason
-        As for `adjust`.
+    taking
+        What takes part.
     refined
         With all lengths; None where nothing could be adjusted.
     number
@@ -44,23 +42,17 @@ def without_wrong_lengths(
     -----
     Only where nothing but lengths gives the scale: what a log says of them is known beforehand.
     """
+    survey = taking.survey
     if survey.telemetry is not None or (refined is not None and not _led_astray(refined)):
         return None
-    lines = np.flatnonzero(~line_removed & ends_among(survey, survey.pick_label[keep]))
+    both_picked = ends_among(survey, survey.pick_label[taking.keep])
+    lines = np.flatnonzero(~taking.line_removed & both_picked)
     sets = list(combinations(lines.tolist(), number))
     if len(lines) - number < REST or len(sets) > MOST_TRIED:
         return None
-    picks = int(keep.sum())
-    tried: list[Refined | None] = []
-    for left_out in sets:
-        removed = line_removed.copy()
-        removed[list(left_out)] = True
-        try:
-            tried.append(trial_adjustment(survey, keep, removed, reason))
-        except GeometryError:  # without these lengths nothing is left to hold on to
-            tried.append(None)
-    costs = np.array([np.inf if each is None else misfit(each, picks) for each in tried])
-    found = culprit(np.inf if refined is None else misfit(refined, picks), costs)
+    tried = [trial_adjustment(taking.without_lines(left_out)) for left_out in sets]
+    costs = np.array([misfit(each, taking) for each in tried])
+    found = culprit(misfit(refined, taking), costs)
     rest = None if found is None else tried[found]
     if found is None or rest is None or _led_astray(rest) or not fits(rest):
         return None

@@ -10,8 +10,8 @@ import pytest
 from scipy.stats import chi2
 
 from uavgram.model.survey.observations import KnownPoints
-from uavgram.pipeline.pick.known_places import known_places
 from uavgram.pipeline.pick.live import LiveSurvey, Observed
+from uavgram.pipeline.pick.other_photos import known_places
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,102 @@
+"""Where places should appear in photos, by the best poses that are known: before anybody picks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.estimation.measuring.known_pixels import pixels_of_known_points
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.pose import Poses
+from uavgram.pipeline.measure.pose import known_in_world
+from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
+from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.stages.products.map_layers import shown_poses
+from uavgram.stages.same_ground import same_ground as ground_in_photos
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPlaces:
+    """N pairs of photo and label with the pixel (N, 2) and its covariance (N, 2, 2) [px^2]."""
+
+    frame_id: tuple[str, ...]
+    label: tuple[str, ...]
+    pixel_px: Floats
+    covariance_px2: Floats
+
+
+NOWHERE = KnownPlaces((), (), np.empty((0, 2)), np.empty((0, 2, 2)))
+
+
+@with_one_blas_thread
+def known_places(survey: LiveSurvey, last: Adjusted | None) -> KnownPlaces:
+    """Pixels of control and check points in the photos that should show them.
+
+    Parameters
+    ----------
+    survey, last
+        The project, and its last adjustment: its poses, where a photo has one, are better than
+        the telemetry's.
+    """
+    posed, poses = survey.posed, _best_poses(survey, last)
+    if posed is None or posed.telemetry is None or poses is None:
+        return NOWHERE
+    tables = [
+        known_in_world(survey.inputs, points, posed.world)[0]
+        for points in (survey.inputs.control, survey.inputs.check)
+    ]
+    label = tuple(name for table in tables for name in table.label)
+    if not label:
+        return NOWHERE
+    world = np.concatenate([table.world_m for table in tables])
+    sigma = np.concatenate([table.sigma_m for table in tables])
+    found = pixels_of_known_points(survey.inputs.calibration, poses, world, sigma)
+    return KnownPlaces(
+        tuple(poses.frame_id[k] for k in found.pose),
+        tuple(label[k] for k in found.point),
+        found.pixel_px,
+        found.covariance_px2,
+    )
+
+
+def same_ground(
+    survey: LiveSurvey, last: Adjusted | None, image: str, pixel_px: tuple[float, float]
+) -> dict[str, tuple[float, float, float]]:
+    """Where the ground under a pixel lies in the other photos.
+
+    Parameters
+    ----------
+    survey, last
+        As for `known_places`.
+    image, pixel_px
+        The photo and the pixel.
+
+    Returns
+    -------
+    dict
+        By photo name: u, v [px] (perhaps outside the photo), and how many pixels of that photo
+        are one of `image` there. Nothing where no pose is known.
+    """
+    poses = _best_poses(survey, last)
+    if poses is None or image not in poses.frame_id:
+        return {}
+    if last is None:
+        plane = np.array([survey.inputs.project.ground.height_m, 0.0, 0.0]), np.zeros(2)
+    else:
+        plane = last.adjustment.state.plane[:3], last.adjustment.problem.pivot_m[0]
+    photo = poses.frame_id.index(image)
+    pixel, scale = ground_in_photos(survey.inputs.calibration, poses, plane, photo, pixel_px)
+    return {
+        name: (float(u), float(v), float(ratio))
+        for name, (u, v), ratio in zip(poses.frame_id, pixel, scale, strict=True)
+        if name != image and np.isfinite([u, v]).all() and ratio > 0
+    }
+
+
+def _best_poses(survey: LiveSurvey, last: Adjusted | None) -> Poses | None:
+    """Of each photo the adjusted pose, else the telemetry's; None where there is neither."""
+    if last is not None:
+        return shown_poses(last.result)[1]
+    telemetry = None if survey.posed is None else survey.posed.telemetry
+    return None if telemetry is None else telemetry.poses
