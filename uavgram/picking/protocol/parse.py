@@ -66,7 +66,7 @@ class Message:
     seq: int
     step: int
     final: bool
-    body: c.Command | c.Question | c.Errand
+    body: c.Command | c.Question | c.ProjectAction
 
 
 def parse_message(text: str | bytes, photos: Sequence[PhotoSize]) -> Message:
@@ -281,7 +281,7 @@ def _calibrate(fields: _Fields) -> c.Calibrate:
     )
 
 
-_PARSERS: dict[str, Callable[[_Fields], c.Command | c.Question | c.Errand]] = {
+_PARSERS: dict[str, Callable[[_Fields], c.Command | c.Question | c.ProjectAction]] = {
     "place": _place,
     "unpick": lambda f: c.Unpick(image=f.photo().name, label=f.label()),
     "forget": lambda f: c.Forget(label=f.label()),
