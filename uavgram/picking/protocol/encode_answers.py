@@ -24,6 +24,16 @@ def snap_json(photo: Pixels, asked: Snap) -> Json:
 def same_ground_json(
     survey: LiveSurvey, last: Adjusted | None, asked: SameGround, index: Mapping[str, int]
 ) -> Json:
-    """Pixel and scale by photo number."""
+    """Where other photos show the same ground: u, v [px] and scale by photo number.
+
+    Parameters
+    ----------
+    survey, last
+        The project, and its last full adjustment, where there is one.
+    asked
+        Photo and pixel.
+    index
+        Numbers of the photos by name.
+    """
     found = same_ground(survey, last, asked.image, (asked.u_px, asked.v_px))
     return {"places": {str(index[name]): list(place) for name, place in found.items()}}

@@ -45,7 +45,15 @@ def state_json(state: State, index: Mapping[str, int]) -> Json:
 
 
 def difference_json(before: State, after: State, index: Mapping[str, int]) -> Json:
-    """What the page must change to show `after` where it shows `before`."""
+    """What the page must change to show another state.
+
+    Parameters
+    ----------
+    before, after
+        What it shows, and what it is to show.
+    index
+        Numbers of the photos by name.
+    """
     difference: Json = {}
     old = {pick.key: pick for pick in before.picks}
     new = {pick.key: pick for pick in after.picks}

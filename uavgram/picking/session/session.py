@@ -228,7 +228,17 @@ class PickSession:
         self._broadcast({"t": "saved", "version": self.version, "fault": fault})
 
     def tile(self, photo: int, level: int, column: int, row: int) -> bytes | None:
-        """JPEG of a tile; None where there is none."""
+        """JPEG of a tile; None where there is none.
+
+        Parameters
+        ----------
+        photo
+            Its number.
+        level
+            0: every pixel; each further one halves the photo's size.
+        column, row
+            Of the tile on its level, from the top left.
+        """
         return self._tiled.tile(photo, level, column, row)
 
     def show(self, page: str, photos: tuple[int, ...]) -> None:

@@ -59,7 +59,15 @@ class Journal:
             raise self._cannot(fault) from fault
 
     def open(self, state: State, digests: Digests, *, resumed: bool) -> None:
-        """Begin a session on tables that hold `state`; `resumed`: with what a crash had left."""
+        """Begin a session.
+
+        Parameters
+        ----------
+        state, digests
+            What the tables hold, and their digests.
+        resumed
+            Whether it goes on with what a crash had left.
+        """
         entry = {"state": asdict(state), "files": dict(digests), "resumed": resumed}
         self._append({"do": "open", "pid": os.getpid(), **entry})
 

@@ -47,7 +47,17 @@ def oldest_set_aside(folder: Path) -> SetAside | None:
 
 
 def changes_of(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
-    """What was changed, as messages of a page that has `now` before it; `index` numbers photos."""
+    """What was changed, as messages that a page would send.
+
+    Parameters
+    ----------
+    aside
+        What an earlier session could not save.
+    now
+        The state that the messages are to change.
+    index
+        Numbers of the photos by name.
+    """
     return (
         *_removals(aside, now, index),
         *_picks(aside, now, index),
