@@ -71,7 +71,7 @@ def clicked_errors(page, server, project, zoom, marks):
         zoom_to(page, place, zoom)
         page.mouse.click(*centroid(page, to_page(page, *place), zoom))
         page.wait_for_selector(".mark", state="attached")
-        (pick,) = server.desk.state.picks
+        (pick,) = server.picking.state.picks
         errors.append([pick.u_px - place[0], pick.v_px - place[1]])
         page.keyboard.press("Control+z")
         page.wait_for_selector(".mark", state="detached")

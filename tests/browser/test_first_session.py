@@ -44,11 +44,11 @@ def test_a_first_session_gives_the_numbers_of_a_run(empty_survey, open_page, dat
         page = open_page(server)
         expect(page.locator(".why")).to_contain_text("Nothing is picked yet")
         for photo in PHOTOS:
-            show_photo(page, server.desk.index[photo])
+            show_photo(page, server.picking.index[photo])
             for row in picks:
                 if row["image"] == photo and row["label"] in (*ENDS, *OTHERS):
                     place(page, row["label"], float(row["u_px"]), float(row["v_px"]))
-        show_photo(page, server.desk.index["IMG_0046.jpg"])
+        show_photo(page, server.picking.index["IMG_0046.jpg"])
         for row in lines:
             page.keyboard.press("l")
             click_mark(page, row["from"])

@@ -16,7 +16,7 @@ from uavgram.pipeline.measure.inputs import read_inputs
 
 
 def picks_of(server):
-    return {pick.label: (pick.u_px, pick.v_px) for pick in server.desk.state.picks}
+    return {pick.label: (pick.u_px, pick.v_px) for pick in server.picking.state.picks}
 
 
 def test_keyboard_alone_places_nudges_renames_and_undoes(planted, open_page):
@@ -121,7 +121,7 @@ def test_keyboard_alone_measures_each_kind_and_gives_the_numbers_of_a_run(copied
         expect(page.get_by_role("button", name="Use L2")).to_be_visible()
         wait_until_adjusted(page)
         shown = measured(page)
-        pick = server.desk.state.pick("IMG_0046.jpg", "R8")
+        pick = server.picking.state.pick("IMG_0046.jpg", "R8")
         assert (pick.sigma_px, pick.height_m) == (0.5, 0.2)
         assert not page.errors
     found = compute(read_inputs(copied_survey)).result
@@ -213,13 +213,13 @@ def test_points_and_lengths_that_come_faster_than_they_are_confirmed_are_all_kep
 ):
     with served(planted.path) as server:
         page = open_page(server)
-        change = server.desk.change
+        change = server.picking.change
 
         def slowly(message):
             time.sleep(0.25)
             return change(message)
 
-        server.desk.change = slowly
+        server.picking.change = slowly
         for u, v in planted.marks_px:
             page.mouse.click(*to_page(page, u, v))
         expect(page.locator(".mark")).to_have_count(4)
@@ -241,7 +241,7 @@ def test_a_target_is_snapped_to_with_its_sigma(planted, open_page):
         page.mouse.move(*to_page(page, u + 1.0, v - 1.0))
         page.keyboard.press("Shift+S")
         expect(page.locator(".mark")).to_have_count(1)
-        (pick,) = server.desk.state.picks
+        (pick,) = server.picking.state.picks
         assert (pick.u_px, pick.v_px) == pytest.approx((u, v), abs=0.1)
         assert 0 < pick.sigma_px < 0.5
         page.mouse.move(*to_page(page, 200.0, 200.0))
@@ -263,10 +263,10 @@ def copied_survey(data_dir, tmp_path):
 def test_numbers_move_before_the_button_is_up(copied_survey, open_page):
     with served(copied_survey) as server:
         page = open_page(server)
-        show_photo(page, server.desk.index["IMG_0046.jpg"])
+        show_photo(page, server.picking.index["IMG_0046.jpg"])
         wait_until_adjusted(page)
         before, place = measured(page)["D1"], picks_of(server)["R2"]
-        pick = server.desk.state.pick("IMG_0046.jpg", "R2")
+        pick = server.picking.state.pick("IMG_0046.jpg", "R2")
         x, y = to_page(page, pick.u_px, pick.v_px)
         page.mouse.move(x, y)
         page.mouse.down()
@@ -285,7 +285,7 @@ def test_four_panes_that_are_linked_show_the_same_ground(copied_survey, open_pag
     with served(copied_survey) as server:
         page = open_page(server, 1600, 1000)
         wait_until_adjusted(page)
-        show_photo(page, server.desk.index["IMG_0045.jpg"])
+        show_photo(page, server.picking.index["IMG_0045.jpg"])
         page.keyboard.press("Control+4")
         expect(page.locator(".pane")).to_have_count(4)
         page.locator(".pane svg.marks").first.focus()

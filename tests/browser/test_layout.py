@@ -50,7 +50,7 @@ def survey(data_dir, tmp_path):
 def test_nothing_overlaps_and_nothing_is_cut_off(survey, open_page):
     with served(survey) as server:
         page = open_page(server)
-        show_photo(page, server.desk.index["IMG_0046.jpg"])
+        show_photo(page, server.picking.index["IMG_0046.jpg"])
         wait_until_adjusted(page)
         for width, height in SIZES:
             page.set_viewport_size({"width": width, "height": height})

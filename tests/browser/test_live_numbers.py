@@ -22,7 +22,7 @@ def slow(tmp_path):
     """A server whose full adjustments wait, from when `hold` is cleared until it is set again."""
     project = write_large_project(tmp_path, 1600, 1200, labels=25)
     with served(project) as server:
-        survey, hold = server.desk.survey, threading.Event()
+        survey, hold = server.picking.survey, threading.Event()
         hold.set()
         adjust = survey.adjust
 
@@ -40,7 +40,7 @@ def test_a_drag_moves_the_numbers_while_a_full_adjustment_takes_its_time(slow, o
     page = open_page(server)
     wait_until_adjusted(page)
     before = measured(page)["D1"]
-    pick = server.desk.state.pick("photo0.jpg", "P1")
+    pick = server.picking.state.pick("photo0.jpg", "P1")
     x, y = to_page(page, pick.u_px, pick.v_px)
     hold.clear()
     page.mouse.move(x, y)
@@ -80,7 +80,7 @@ def test_numbers_are_grey_until_they_belong_to_what_is_picked(slow, open_page):
 
 def test_a_value_that_another_solution_changes_shows_the_other_one_beside_it(slow, open_page):
     server, _ = slow
-    survey, adjust = server.desk.survey, server.desk.survey.adjust
+    survey, adjust = server.picking.survey, server.picking.survey.adjust
 
     def ambiguous(observed):
         adjusted = adjust(observed)

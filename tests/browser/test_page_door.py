@@ -34,7 +34,7 @@ def test_labels_with_html_are_shown_as_text_everywhere(server, open_page):
     page.mouse.click(pane["x"] + pane["width"] / 2, pane["y"] + pane["height"] / 2)
     expect(page.locator(".mark")).to_have_count(2)
     expect(page.locator("body")).to_contain_text(HTML)
-    assert [pick.label for pick in server.desk.state.picks] == ["A", HTML]
+    assert [pick.label for pick in server.picking.state.picks] == ["A", HTML]
     assert page.locator("img[src=x]").count() == 0
     assert page.title() != "pwned"
     assert not page.errors
@@ -143,7 +143,7 @@ def test_another_page_of_this_browser_gets_neither_photos_nor_socket(server, ope
         other.server_close()
         thread.join()
     place(page, "A", 100, 100)  # the page itself lives on
-    assert [pick.label for pick in server.desk.state.picks] == ["A"]
+    assert [pick.label for pick in server.picking.state.picks] == ["A"]
 
 
 def test_a_file_that_only_its_user_can_read_leads_to_the_page(server, chromium):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 
 import pytest
+from open_projects import change, opened
 from pick_pages import small_project
 from picking_pages import place
 from picking_server import served
@@ -66,6 +67,52 @@ def test_a_table_that_another_program_changed_is_reloaded_at_a_click(project, op
         expect(page.locator("#undo")).to_be_enabled()
         assert not page.errors
     assert "theirs" in picks.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("button", "marks", "end"), [("Take", 1, "taken"), ("Discard", 0, "discarded")]
+)
+def test_what_an_earlier_session_could_not_save_is_offered_at_a_click(
+    project, open_page, button, marks, end
+):
+    with opened(project, killed=True) as (earlier, _):
+        change(earlier, "place", image=0, label="lost", u_px=100, v_px=100)
+    (project.parent / "picks.csv").write_text("image,label,u_px,v_px\nP2.jpg,theirs,7,8\n")
+    with served(project) as server:
+        page = open_page(server)
+        bar = page.get_by_role("alert").filter(has_text="before it could save a change")
+        bar.get_by_role("button", name=button).click()
+        expect(bar).to_be_hidden()
+        expect(page.locator('.mark[data-label="lost"]')).to_have_count(marks)
+        if marks:
+            expect(page.locator("#undo")).to_be_enabled()
+        assert not page.errors
+    assert [path.suffix for path in (project.parent / "out").glob("pick-journal-*")] == [f".{end}"]
+    assert ("lost" in (project.parent / "picks.csv").read_text()) == bool(marks)
+
+
+HEADER_SEEN = """() => {
+    const words = (id) => document.getElementById(id).textContent;
+    window.seen = [];
+    const look = () => window.seen.push(`${words("mode")} ${words("saved")}`);
+    const watched = {childList: true, characterData: true, subtree: true};
+    new MutationObserver(look).observe(document.querySelector("header"), watched);
+}"""
+
+
+def test_the_page_never_says_saved_while_it_has_no_connection(project, open_page):
+    with served(project) as server:
+        page = open_page(server)
+        place(page, "A", 100, 100)
+        expect(page.locator("#saved")).to_have_text("saved")
+        page.evaluate(HEADER_SEEN)
+    expect(page.locator("#mode")).to_have_text("no connection")
+    expect(page.locator("#saved")).to_have_text("")
+    page.keyboard.press("x")  # draws other parts of the page: nothing may call it saved
+    expect(page.get_by_role("tabpanel", name="Frames")).to_be_visible()
+    seen = page.evaluate("window.seen")
+    assert any("no connection" in words for words in seen)
+    assert not [words for words in seen if "no connection" in words and "saved" in words]
 
 
 def test_outputs_are_one_click_away_and_say_when_they_are_old(project, open_page):

@@ -71,7 +71,7 @@ def survey(data_dir, tmp_path):
 def test_a_coordinate_and_a_speed_by_keyboard_alone_have_the_numbers_of_a_run(survey, open_page):
     with served(survey) as server:
         page = open_page(server)
-        show_photo(page, server.desk.index["IMG_0044.jpg"])
+        show_photo(page, server.picking.index["IMG_0044.jpg"])
         page.keyboard.press("c")
         type_label(page, "R1")
         page.keyboard.press("h")
@@ -113,7 +113,7 @@ def test_a_coordinate_and_a_speed_by_keyboard_alone_have_the_numbers_of_a_run(su
 def test_a_speed_says_why_its_points_will_not_do(survey, open_page):
     with served(survey) as server:
         page = open_page(server)
-        show_photo(page, server.desk.index["IMG_0046.jpg"])
+        show_photo(page, server.picking.index["IMG_0046.jpg"])
         page.keyboard.press("h")
         click_mark(page, "R1")
         notice = page.locator("#notice")
@@ -127,7 +127,7 @@ def test_a_speed_says_why_its_points_will_not_do(survey, open_page):
         why = "R9 and R10 are both picked in IMG_0046.jpg. A speed needs two photos"
         expect(form.get_by_role("status")).to_contain_text(why)
         expect(form.get_by_role("button", name="Add")).to_be_disabled()
-        assert {"R9", "R10"} <= set(server.desk.state.labels)
+        assert {"R9", "R10"} <= set(server.picking.state.labels)
         assert not page.errors
 
 
@@ -164,9 +164,9 @@ def test_what_is_wrong_is_said_beside_its_field_and_nothing_else_is_changed(plan
         expect(page.locator("#notice")).to_contain_text("there is a label 'B' already")
         expect(page.locator('.mark.selected[data-label="C"]')).to_have_count(1)
         expect(page.locator("#label")).to_have_value("C")
-        lines = [(line.name, line.end, line.length_m) for line in server.desk.state.lines]
+        lines = [(line.name, line.end, line.length_m) for line in server.picking.state.lines]
         assert lines == [("base", "B", 1.5), ("other", "C", 2.5)]
-        assert set(server.desk.state.labels) == {"A", "B", "C"}
+        assert set(server.picking.state.labels) == {"A", "B", "C"}
         page.keyboard.press("h")
         page.keyboard.press("Enter")
         expect(page.locator("#notice")).to_contain_text("The time of photo.jpg is not known")
@@ -186,7 +186,7 @@ def test_rows_of_a_table_are_gone_through_and_removed_by_keyboard(planted, open_
         expect(page.get_by_role("button", name="Remove D2")).to_be_focused()
         page.keyboard.press("Enter")  # the last one: on to the one before
         expect(page.get_by_role("button", name="Remove D0")).to_be_focused()
-        assert [one.name for one in server.desk.state.requests] == ["D0"]
+        assert [one.name for one in server.picking.state.requests] == ["D0"]
         assert not page.errors
 
 

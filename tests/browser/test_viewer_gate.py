@@ -17,7 +17,8 @@ PAGE = """<!doctype html><html><head><title>viewer</title>
 const outcome = async (name, ask) =>
   `${name} ${await ask().then((answer) => answer.status, () => "stopped")}`;
 Promise.all([
-  outcome("recording", () => fetch("/recording.rrd")),
+  outcome("recording", () => fetch(new URLSearchParams(location.search).get("url"))
+    .then(async (answer) => ({status: `${answer.status} ${await answer.text()}`}))),
   outcome("elsewhere", () => fetch("http://ELSEWHERE/report", {mode: "no-cors"})),
   outcome("beacon", async () => ({status: navigator.sendBeacon("http://ELSEWHERE/b", "x")})),
 ]).then((all) => { document.title = all.join(", "); });
@@ -68,8 +69,8 @@ def test_a_page_behind_the_gate_reaches_its_recording_and_nobody_else(chromium, 
     gate, elsewhere = behind_gate
     page = chromium.new_page()
     try:
-        page.goto(f"http://{LOOPBACK}:{gate.server_port}/?url=x")
-        expect(page).to_have_title("recording 200, elsewhere stopped, beacon true")
+        page.goto(f"http://{LOOPBACK}:{gate.server_port}/?url={gate.way}")
+        expect(page).to_have_title("recording 200 RRF2 and more, elsewhere stopped, beacon true")
         page.wait_for_timeout(200)  # a beacon is sent behind the page's back
         assert elsewhere.called == []
         # Without the gate it would have called.
@@ -84,7 +85,7 @@ def test_another_page_of_the_browser_does_not_get_the_recording(chromium, behind
     page = chromium.new_page()
     try:
         page.goto(f"http://{LOOPBACK}:{elsewhere.server_port}/")
-        source = f"http://{LOOPBACK}:{gate.server_port}/recording.rrd"
+        source = f"http://{LOOPBACK}:{gate.server_port}{gate.way}"  # even if it knew it
         with page.expect_response(source) as answer:
             page.evaluate("address => fetch(address, {mode: 'no-cors'}).catch(() => 0)", source)
         assert answer.value.status == 403  # the same site, another origin

@@ -11,10 +11,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import httpx
 import pytest
+import yaml
 from pick_pages import small_project
 from small_recording import write_small_recording
 
+from uavgram.cli.entry import app
+
+UAVGRAM = ("-m", "uavgram")
 STRACE = shutil.which("strace")
 pytestmark = pytest.mark.skipif(STRACE is None, reason="needs strace: apt install strace")
 
@@ -32,15 +37,16 @@ def strangers(trace: Path) -> list[str]:
     ]
 
 
-def traced(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+def traced(folder: Path, *program: str) -> subprocess.Popen[str]:
     calls = "trace=connect,sendto,sendmsg,sendmmsg"
     trace = [STRACE, "-f", "--seccomp-bpf", "-qq", "-e", calls, "-o", str(folder / "trace")]
     return subprocess.Popen(
-        [*trace, sys.executable, "-P", "-m", "uavgram", *arguments],
+        [*trace, sys.executable, "-P", *program],
         env=os.environ | {"HOME": str(folder), "DISPLAY": "", "WAYLAND_DISPLAY": ""},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
+        cwd=folder,
         start_new_session=True,
     )
 
@@ -65,10 +71,12 @@ def test_the_viewer_calls_nobody_and_leaves_no_trace_of_its_use(tmp_path):
     analytics_agreed_to(tmp_path)
     kept = tmp_path / ".local/share/rerun/analytics"
     recording = write_small_recording(tmp_path / "a.rrd")
-    with traced(tmp_path, "view", str(recording)) as viewer:  # without a screen it ends at once
+    with traced(
+        tmp_path, *UAVGRAM, "view", str(recording)
+    ) as viewer:  # without a screen it ends at once
         assert "needs a screen" in viewer.communicate(timeout=120)[0]
     assert strangers(tmp_path / "trace") == []
-    with traced(tmp_path, "view", str(recording), "--web") as viewer:
+    with traced(tmp_path, *UAVGRAM, "view", str(recording), "--web") as viewer:
         try:
             line = viewer.stdout.readline()
             assert line.startswith("open http://127.0.0.1:"), line
@@ -78,7 +86,79 @@ def test_the_viewer_calls_nobody_and_leaves_no_trace_of_its_use(tmp_path):
     assert [path.name for path in kept.iterdir()] == ["1.json"]
 
 
-def test_a_check_calls_nobody(tmp_path):
-    with traced(tmp_path, "check", str(small_project(tmp_path / "survey"))) as program:
-        assert "picks.csv" in program.communicate(timeout=300)[0]  # there is none yet
+COMMANDS = """
+import json, sys
+from uavgram.cli import main
+done = [(arguments[0], main(arguments)) for arguments in json.loads(sys.argv[1])]
+print(json.dumps(done))
+"""
+
+
+def small_demo(configs: Path, folder: Path) -> Path:
+    """The built-in survey with nine small photos."""
+    scenario = yaml.safe_load((configs / "demo.yaml").read_text(encoding="utf-8"))
+    camera = scenario["camera"]
+    camera.update(width_px=400, height_px=300)
+    for name in ("parameters", "sigma"):
+        camera[name] = [x / 5 if k < 4 else x for k, x in enumerate(camera[name])]
+    scenario["flight"]["photos_per_strip"] = 5
+    scenario["errors"]["lost_exposure"] = 6
+    path = folder / "demo.yaml"
+    path.write_text(yaml.safe_dump(scenario), encoding="utf-8")
+    return path
+
+
+def test_no_command_calls_anybody(repository, data_dir, tmp_path):
+    for name in ("configs", "logs"):
+        shutil.copytree(repository / name, tmp_path / name)
+    shutil.copytree(tmp_path / "configs" / "photos", tmp_path / "others" / "photos")
+    board = [str(data_dir / "opencv_chess" / f"left{k:02}.jpg") for k in range(1, 6)]
+    marked = tmp_path / "gcp_list.txt"
+    marked.write_text("EPSG:25832\n565000 5330000 520 10.25 20.5 a.jpg A\n", encoding="utf-8")
+    survey = str(tmp_path / "configs" / "project.yaml")
+    calls = [
+        ["check", survey],
+        ["run", survey],
+        ["rectify", survey, "--frame", "IMG_0043.jpg", "--pixel-size", "0.2"],
+        ["geotag", survey],
+        ["demo", "--scenario", str(small_demo(tmp_path / "configs", tmp_path))],
+        ["new", str(tmp_path / "others")],
+        ["log", str(tmp_path / "logs" / "twin_short.BIN")],
+        ["camera", str(tmp_path / "configs" / "camera.yaml"), "--to", "opencv"],
+        ["calibrate", *board, "--board", "chessboard:9x6:25mm", "--coefficients", "3"],
+        ["picks", "import", str(marked), "--output", "picks.csv"],
+    ]
+    elsewhere = {"view", "pick"}  # they serve until they are ended: below
+    assert {arguments[0] for arguments in calls} | elsewhere == {
+        name for name in app if not name.startswith("-")
+    }
+    with traced(tmp_path, "-c", COMMANDS, json.dumps(calls)) as program:
+        said = program.communicate(timeout=300)[0]
+    done = json.loads(said.splitlines()[-1])
+    assert done == [[arguments[0], 0] for arguments in calls], said
     assert strangers(tmp_path / "trace") == []
+
+
+def test_the_picking_page_calls_nobody(tmp_path):
+    project = str(small_project(tmp_path / "survey"))
+    with traced(tmp_path, *UAVGRAM, "pick", project) as program:
+        try:
+            line = program.stdout.readline()
+            address = line.removeprefix("Picking page: ").strip()
+            with httpx.Client(timeout=60, follow_redirects=True) as browser:
+                assert "uavgram" in browser.get(address).text
+        finally:
+            os.killpg(program.pid, signal.SIGINT)
+        program.communicate(timeout=60)
+    assert strangers(tmp_path / "trace") == []
+
+
+def test_a_call_elsewhere_would_be_seen(tmp_path):
+    """Reserved addresses (RFC 5737, RFC 3849); connecting a datagram socket sends nothing."""
+    call = "import socket; socket.socket({}, socket.SOCK_DGRAM).connect(({!r}, 9))"
+    calls = (("socket.AF_INET", "192.0.2.1"), ("socket.AF_INET6", "2001:db8::1"))
+    for family, address in calls:
+        with traced(tmp_path, "-c", call.format(family, address)) as program:
+            program.communicate(timeout=60)
+        (line,) = strangers(tmp_path / "trace")
+        assert address in line

@@ -60,10 +60,10 @@ def small_project(folder: Path, photos: int = 2) -> Path:
 
 
 @cache
-def _nursery() -> subprocess.Popen[str]:
+def _forking_process() -> subprocess.Popen[str]:
     """The process that forks servers; it ends with this one, as its input ends."""
     return subprocess.Popen(
-        [sys.executable, str(Path(__file__).with_name("pick_nursery.py"))],
+        [sys.executable, str(Path(__file__).with_name("pick_forks.py"))],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
@@ -72,7 +72,7 @@ def _nursery() -> subprocess.Popen[str]:
 
 
 class RefusedToStartError(Exception):
-    """What `uavgram pick` would have said."""
+    """What `uavgram pick` would have refused with."""
 
 
 class Server:
@@ -88,15 +88,15 @@ class Server:
 
     def __init__(self, project: Path, save_after_s: float = 0.4) -> None:
         self.log = project.parent / "server.log"
-        nursery = _nursery()
+        forking = _forking_process()
         asked = {"project": str(project), "log_file": str(self.log), "save_after_s": save_after_s}
-        nursery.stdin.write(json.dumps(asked) + "\n")
-        nursery.stdin.flush()
-        said = json.loads(nursery.stdout.readline())
-        self.pid: int = said["pid"]
-        if "refused" in said:
-            raise RefusedToStartError(said["refused"])
-        self.address: str = said["address"]
+        forking.stdin.write(json.dumps(asked) + "\n")
+        forking.stdin.flush()
+        answer = json.loads(forking.stdout.readline())
+        self.pid: int = answer["pid"]
+        if "refused" in answer:
+            raise RefusedToStartError(answer["refused"])
+        self.address: str = answer["address"]
 
     @property
     def origin(self) -> str:
@@ -112,7 +112,7 @@ class Server:
         return True
 
     def strike(self) -> None:
-        """Kill it as a crash does: nothing is saved, nothing is said."""
+        """Kill it as a crash does: nothing is saved, no message is sent."""
         with suppress(ProcessLookupError):
             os.kill(self.pid, signal.SIGKILL)
 
@@ -154,7 +154,7 @@ def cookie_of(server: Server) -> str:
 
 
 class Page:
-    """A page that is open: it sends commands, and keeps the state that it was told."""
+    """A page that is open: it sends commands, and keeps the state that the server confirmed."""
 
     def __init__(self, server: Server, cookie: str | None = None) -> None:
         self.cookie = cookie_of(server) if cookie is None else cookie
@@ -195,25 +195,28 @@ class Page:
 
     def read(self) -> dict:
         """The next message; what it confirms is taken over."""
-        said = json.loads(self.socket.recv(timeout=LONGEST_WAIT_S))
-        if said["t"] == "changed":
-            self._take(said["diff"])
-        return said
+        answer = json.loads(self.socket.recv(timeout=LONGEST_WAIT_S))
+        if answer["t"] == "changed":
+            self._take(answer["diff"])
+        return answer
 
     def until(self, kind: str, /, **wanted) -> dict:
         """The next message of a kind with these fields."""
         while True:
-            said = self.read()
-            if said["t"] == kind and all(said.get(k) == v for k, v in wanted.items()):
-                return said
+            answer = self.read()
+            if answer["t"] == kind and all(answer.get(k) == v for k, v in wanted.items()):
+                return answer
 
     def do(self, kind: str, /, **fields) -> dict:
         """Send a command and wait until it is confirmed or refused."""
         seq = self.send(kind, **fields)
         while True:
-            said = self.read()
-            if said["t"] in {"changed", "refused", "snapped", "ground"} and said.get("seq") == seq:
-                return said
+            answer = self.read()
+            if (
+                answer["t"] in {"changed", "refused", "snapped", "ground"}
+                and answer.get("seq") == seq
+            ):
+                return answer
 
     @property
     def state(self) -> dict:

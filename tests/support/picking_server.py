@@ -1,4 +1,4 @@
-"""A picking page's server in a thread, with its desk to look at."""
+"""A picking page's server in a thread, with its session to look at."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from uavgram.pipeline.pick.live import LiveSurvey
 
 
 class Served:
-    """A picking page's server in a thread, and its desk."""
+    """A picking page's server in a thread, and its session."""
 
     def __init__(self, project: Path) -> None:
         survey = LiveSurvey.open(project)
@@ -40,8 +40,8 @@ class Served:
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     @property
-    def desk(self):
-        return self.pick.desk
+    def picking(self):
+        return self.pick.picking
 
     def start(self) -> None:
         self._thread.start()

@@ -48,9 +48,22 @@ def check_own(path: Path) -> None:
         return
     if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
         raise OutputError(
-            f"{path}: is a link to another file, or no file at all, and is not written to: remove "
-            "it"
+            f"{path}: is a link to another file, or no file at all, and is left alone: remove it"
         )
+
+
+def read_own(path: Path) -> bytes:
+    """Content of a file that this program wrote; no link leads the reading elsewhere.
+
+    Raises
+    ------
+    OutputError
+        What stands there is a link, a pipe or a device, or has a second name elsewhere.
+    OSError
+        It cannot be read for another reason.
+    """
+    with os.fdopen(open_own(path, os.O_RDONLY), "rb") as stream:
+        return stream.read()
 
 
 def remove_link(path: Path) -> Path:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 
-from pick_pages import Page, running, small_project
+from open_projects import change, opened
+from pick_pages import small_project
 
 
 def results_of(folder, *names):
@@ -19,19 +20,31 @@ def results_of(folder, *names):
     (folder / "out" / "results.json").write_text(text)
 
 
+def outputs_after_a_look(project, said):
+    """What the pages are told at the server's next look at the files."""
+    said.clear()
+    project.outputs.look()
+    project.look_outside()
+    (message,) = [one for one in said if one["t"] == "outputs"]
+    return message["outputs"]
+
+
 def test_a_run_elsewhere_makes_them_current_and_an_edit_makes_them_old(tmp_path):
-    project = small_project(tmp_path)
+    path = small_project(tmp_path)
     (tmp_path / "picks.csv").write_text("image,label,u_px,v_px\nP1.jpg,A,10,20\n")
     read = ("project.yaml", "camera.yaml", "picks.csv", "photos/P1.jpg", "photos/P2.jpg")
     results_of(tmp_path, *read)
-    with running(project) as server, Page(server) as page:
-        assert page.initial_state["outputs"]["version"] == page.initial_state["version"]
-        page.do("place", image=0, label="A", u_px=11, v_px=21)
-        assert page.until("outputs")["outputs"]["version"] is None
+    with opened(path) as (project, said):
+        begun = project.initial_state()
+        assert begun["outputs"]["version"] == begun["version"]
+        change(project, "place", image=0, label="A", u_px=11, v_px=21)
+        assert outputs_after_a_look(project, said)["version"] is None
+        project.picking.save()
         results_of(tmp_path, *read)  # `uavgram run` in a terminal, while the page is open
-        assert page.until("outputs")["outputs"]["version"] == 1
-    with running(project) as server, Page(server) as page:
-        assert page.initial_state["outputs"]["version"] == page.initial_state["version"]
+        assert outputs_after_a_look(project, said)["version"] == 1
+    with opened(path) as (project, _):
+        begun = project.initial_state()
+        assert begun["outputs"]["version"] == begun["version"]
     (tmp_path / "camera.yaml").write_text((tmp_path / "camera.yaml").read_text() + "# note\n")
-    with running(project) as server, Page(server) as page:
-        assert page.initial_state["outputs"]["version"] is None
+    with opened(path) as (project, _):
+        assert project.initial_state()["outputs"]["version"] is None

@@ -27,8 +27,8 @@ def server(project):
     server.stop()
 
 
-def errand(page, kind, **fields):
-    """Do an errand and wait for its answer."""
+def ask_project(page, kind, **fields):
+    """Ask something of the project as a whole, and wait for the answer."""
     seq = page.send(kind, **fields)
     while True:
         said = page.read()
@@ -48,7 +48,7 @@ def test_a_table_that_was_edited_outside_is_taken_on_request_and_loses_nothing(s
         assert page.until("outside")["files"] == ["picks.csv"]
         page.do("place", image=1, label="ours", u_px=50, v_px=60)
         assert "picks-from-page.csv" in page.until("saved")["fault"]
-        said = errand(page, "reload")
+        said = ask_project(page, "reload")
         assert said["t"] == "done"
         initial_state = other.until("initial-state")  # every page begins anew
         assert labels(initial_state) == {"A", "Z"}
@@ -70,7 +70,7 @@ def test_what_the_page_has_is_saved_before_the_project_is_read_again(server, pro
     with Page(server) as page, Page(server, page.cookie) as other:
         page.do("place", image=1, label="B", u_px=50, v_px=60)
         project.write_text(project.read_text() + "picks_sigma_px: 2.5\n", encoding="utf-8")
-        assert errand(page, "reload")["t"] == "done"
+        assert ask_project(page, "reload")["t"] == "done"
         codes = {message["code"] for message in other.until("initial-state")["messages"]}
         assert not codes & {"pick-recovered", "pick-not-recovered"}
         page.do("place", image=0, label="C", u_px=5, v_px=6)
@@ -86,7 +86,7 @@ def test_a_project_that_cannot_be_read_any_more_leaves_the_page_as_it_was(server
     with Page(server) as page:
         project.write_text(sound + "imagse: x\n", encoding="utf-8")
         assert page.until("outside")["files"] == ["project.yaml"]
-        said = errand(page, "reload")
+        said = ask_project(page, "reload")
         assert said["t"] == "refused"
         assert "imagse" in said["why"]
         assert page.do("place", image=1, label="B", u_px=50, v_px=60)["t"] == "changed"
@@ -158,20 +158,20 @@ def test_a_camera_is_calibrated_on_a_folder_beside_and_taken_into_the_project(
 ):
     before = project.read_text(encoding="utf-8")
     with Page(server) as page:
-        assert errand(page, "use-camera")["why"] == "no camera file was made yet"
-        folders = {one["name"]: one for one in errand(page, "folders")["folders"]}
+        assert ask_project(page, "use-camera")["why"] == "no camera file was made yet"
+        folders = {one["name"]: one for one in ask_project(page, "folders")["folders"]}
         assert (folders["board"]["photos"], folders["board"]["width_px"]) == (6, 640)
         number = folders["board"]["id"]
         asked = {"folder": number, "board": "chessboard:9x6:25mm", "model": "brown"}
-        assert errand(page, "calibrate", **asked)["t"] == "done"
+        assert ask_project(page, "calibrate", **asked)["t"] == "done"
         assert page.do("place", image=0, label="meanwhile", u_px=5, v_px=6)["t"] == "changed"
-        assert "already" in errand(page, "calibrate", **asked)["why"]
+        assert "already" in ask_project(page, "calibrate", **asked)["why"]
         said = until_calibrated(page)
         assert said["state"] == "done", said
         assert said["file"] == "calibration/camera.yaml"
         assert (tmp_path / said["file"]).is_file()
         assert project.read_text(encoding="utf-8") == before  # only when asked to
-        assert errand(page, "use-camera")["t"] == "done"
+        assert ask_project(page, "use-camera")["t"] == "done"
     changed = before.replace("camera: camera.yaml", "camera: calibration/camera.yaml")
     assert project.read_text(encoding="utf-8") == changed
     with Page(server, page.cookie) as page:
@@ -186,28 +186,28 @@ def test_a_calibration_takes_no_path_and_no_board_that_is_none(server, tmp_path)
     with Page(server) as page:
         fields = {"board": "chessboard:9x6:25mm", "model": "brown"}
         for folder in ("/etc", "../..", -1, 10**6, 0.5, None):
-            assert errand(page, "calibrate", folder=folder, **fields)["t"] == "refused"
-        (number, *_) = [one["id"] for one in errand(page, "folders")["folders"]]
+            assert ask_project(page, "calibrate", folder=folder, **fields)["t"] == "refused"
+        (number, *_) = [one["id"] for one in ask_project(page, "folders")["folders"]]
         for board in ("chessboard:1x1:25mm", "/etc/passwd", "chessboard:9x6:0mm", ""):
-            said = errand(page, "calibrate", folder=number, board=board, model="brown")
+            said = ask_project(page, "calibrate", folder=number, board=board, model="brown")
             assert said["t"] == "refused"
         wrong = {"folder": number, "board": "chessboard:9x6:25mm", "model": "pinhole"}
-        assert errand(page, "calibrate", **wrong)["t"] == "refused"
+        assert ask_project(page, "calibrate", **wrong)["t"] == "refused"
     assert not (tmp_path / "calibration").exists()
 
 
 @pytest.mark.usefixtures("board")
 def test_a_calibration_that_finds_no_board_or_is_stopped_leaves_nothing(server, tmp_path):
     with Page(server) as page:
-        (folder, *_) = errand(page, "folders")["folders"]
+        (folder, *_) = ask_project(page, "folders")["folders"]
         other = {"folder": folder["id"], "board": "chessboard:4x3:25mm", "model": "brown"}
-        errand(page, "calibrate", **other)
+        ask_project(page, "calibrate", **other)
         said = until_calibrated(page)
         assert said["state"] == "failed"
         assert "board" in said["why"]
-        again = errand(page, "calibrate", **{**other, "board": "chessboard:9x6:25mm"})
+        again = ask_project(page, "calibrate", **{**other, "board": "chessboard:9x6:25mm"})
         assert again["t"] == "done", again
-        errand(page, "stop-calibration")
+        ask_project(page, "stop-calibration")
         said = until_calibrated(page)
         assert said["state"] == "failed"
         assert "stopped" in said["why"]

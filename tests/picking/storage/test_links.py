@@ -7,9 +7,11 @@ import os
 import pytest
 from pick_pages import PROJECT, Server, small_project
 
-from uavgram.errors import OutputError, UavgramError
+from uavgram.errors import InputError, OutputError, UavgramError
+from uavgram.picking.session.outputs import FILES, RECORDING, RESULTS, Outputs
 from uavgram.picking.storage.journal import JOURNAL
 from uavgram.picking.storage.lock import LOCK
+from uavgram.picking.storage.set_aside import oldest_set_aside
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.run import run
@@ -87,3 +89,23 @@ def test_links_inside_the_project_are_followed(project):
     server = Server(project)
     server.stop()
     assert (project.parent / "kept" / JOURNAL).is_file()
+
+
+def test_nothing_is_read_through_a_link_among_the_outputs(project):
+    out = project.parent / "out"
+    out.mkdir()
+    for name in (RESULTS, "report.html", RECORDING, "pick-journal-1.jsonl"):
+        (out / name).symlink_to("../../elsewhere/victim")
+    (out / "survey.kml").hardlink_to(project)
+    os.mkfifo(out / "points.geojson")
+    (out / "measurements.csv").write_text("name,value\n")
+    outputs = Outputs(out)
+    assert {name: outputs.read(name) for name in FILES if outputs.read(name) is not None} == {
+        "measurements.csv": b"name,value\n"
+    }
+    assert [one["name"] for one in outputs.listed()] == ["measurements.csv"]
+    assert outputs.made_of is None
+    assert not outputs.has_recording
+    with pytest.raises(InputError, match="is not there yet"):
+        outputs.viewer()
+    assert oldest_set_aside(out) is None

@@ -332,20 +332,20 @@ def test_a_full_disk_is_told_before_anything_is_confirmed(tmp_path, monkeypatch)
 def test_what_cannot_be_kept_is_not_done_and_its_numbers_are_taken_back(project, monkeypatch):
     survey = LiveSurvey.open(project)
     tables = Tables(survey.inputs)
-    desk = PickSession(survey, tables, lambda _: None)
-    before, adjusted = desk.state, []
-    monkeypatch.setattr(desk._live, "submit", adjusted.append)
+    session = PickSession(survey, tables, lambda _: None)
+    before, adjusted = session.state, []
+    monkeypatch.setattr(session._live, "submit", adjusted.append)
 
     def full(*_):
         raise OutputError("No space left on device")
 
     monkeypatch.setattr(tables, "record", full)
     with pytest.raises(OutputError, match="No space left"):
-        desk.change(Message(seq=1, step=0, final=True, body=PLACE))
-    assert desk.state is before
+        session.change(Message(seq=1, step=0, final=True, body=PLACE))
+    assert session.state is before
     assert [task.state == before for task in adjusted] == [False, True]
-    assert desk.version == adjusted[1].version > adjusted[0].version
-    desk.let_go()
+    assert session.version == adjusted[1].version > adjusted[0].version
+    session.let_go()
 
 
 @pytest.mark.parametrize(
@@ -372,6 +372,41 @@ def test_a_journal_that_is_none_is_put_aside_and_said(project, tmp_path, line, t
     assert codes == ["pick-recovered" if taken else "pick-not-recovered"]
     assert len(list((tmp_path / "out").glob("pick-journal-*.jsonl"))) == (not taken)
     work.tables.close()
+
+
+LENGTH = {"was": "", "name": "N", "start": "A", "end": "B", "sigma_m": 0.1, "adjust": True}
+SKID = {"was": "", "name": "S", "kind": "skid_speed", "points": ("A", "B")}
+
+
+@pytest.mark.parametrize(
+    ("command", "fault"),
+    [
+        (c.SetSigma(image="P1.jpg", label="A", sigma_px=1e-9), "sigma_px must lie between"),
+        (c.Place(image="P1.jpg", label="A", u_px=5e10, v_px=1), "far too large"),
+        (c.Place(image="P1.jpg", label="A;B", u_px=5, v_px=1), "semicolon"),
+        (c.SetHeight(label="A", height_m=-2e10), "far too large"),
+        (c.SetLine(**LENGTH, length_m=-2.0), "length_m must be greater than 0"),
+        (c.SetMeasurement(**SKID, parameters=(("mu", 0.5), ("mu_sigma", -1.0))), "mu_sigma"),
+        (c.Place(image="P1.jpg", label="A", u_px="many", v_px=1), "many"),
+    ],
+)
+def test_a_journal_with_what_no_table_may_hold_leaves_the_project_readable(project, command, fault):
+    """A damaged or forged journal, or one of a program that had other limits."""
+    before = Working(project)
+    before.do(c.Place(image="P2.jpg", label="Q", u_px=1.0, v_px=2.0))
+    before.do(command)
+    before.tables.close()
+    held = files(project.parent)
+    after = Working(project)
+    (message,) = after.tables.messages
+    assert message.code == "pick-not-recovered"
+    assert fault in message.text
+    assert message.text.count("/") == message.text.partition("kept in ")[2].count("/")
+    assert after.save() == ""
+    after.tables.close()
+    assert files(project.parent) == held
+    read_inputs(project, unfinished=True)
+    assert list((project.parent / "out").glob("pick-journal-*"))  # offered on the page
 
 
 def test_ctrl_c_ends_the_command_with_everything_saved(tmp_path):

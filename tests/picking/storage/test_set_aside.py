@@ -5,16 +5,12 @@ from __future__ import annotations
 import json
 
 import pytest
-from pick_pages import Page, Server, running, small_project
+from open_projects import ask, change, opened
+from pick_pages import small_project
+
+from uavgram.picking.document.refused import RefusedError
 
 PICKS = b"image,label,u_px,v_px\nP1.jpg,A,10,20\nP1.jpg,B,30,40\n"
-
-
-def errand(page, kind):
-    seq = page.send(kind)
-    while (said := page.read()).get("seq") != seq:
-        pass
-    return said
 
 
 def labels(said):
@@ -26,15 +22,13 @@ def project(tmp_path):
     """A session was killed before it had saved; then somebody edited its tables."""
     path = small_project(tmp_path)
     (tmp_path / "picks.csv").write_bytes(PICKS)
-    server = Server(path, save_after_s=60)
-    with Page(server) as page:
-        page.do("place", image=0, label="A", u_px=11, v_px=21)
-        page.do("place", image=1, label="C", u_px=50, v_px=60)
-        page.do("height", label="C", height_m=0.5)
-        page.do("unpick", image=0, label="B")
-        page.do("line", was="", name="L", start="A", end="C", length_m=2, sigma_m=0.1)
-        page.do("measure", was="", name="D", kind="distance", points=["A", "C"])
-    server.kill()
+    with opened(path, killed=True) as (open_project, _):
+        change(open_project, "place", image=0, label="A", u_px=11, v_px=21)
+        change(open_project, "place", image=1, label="C", u_px=50, v_px=60)
+        change(open_project, "height", label="C", height_m=0.5)
+        change(open_project, "unpick", image=0, label="B")
+        change(open_project, "line", was="", name="L", start="A", end="C", length_m=2, sigma_m=0.1)
+        change(open_project, "measure", was="", name="D", kind="distance", points=["A", "C"])
     (tmp_path / "picks.csv").write_bytes(PICKS + b"P2.jpg,Z,7,8\n")
     return path
 
@@ -45,11 +39,13 @@ def place_of(begun, label):
 
 
 def test_it_is_taken_over_in_one_step_beside_what_the_other_did(project, tmp_path):
-    with running(project) as server, Page(server) as page, Page(server, page.cookie) as other:
-        assert page.initial_state["aside"] == 6
-        assert labels(page.initial_state) == {"A", "B", "Z"}
-        assert errand(page, "take-aside")["refused"] == 0
-        begun = other.until("initial-state")
+    with opened(project) as (open_project, sent):
+        begun = open_project.initial_state()
+        assert begun["aside"] == 6
+        assert labels(begun) == {"A", "B", "Z"}
+        assert ask(open_project, "take-aside")["refused"] == 0
+        begun = sent[-1]  # every page begins anew
+        assert begun["t"] == "initial-state"
         assert labels(begun) == {"A", "C", "Z"}
         assert place_of(begun, "A") == (11, 21, None)
         assert place_of(begun, "C") == (50, 60, 0.5)
@@ -57,21 +53,20 @@ def test_it_is_taken_over_in_one_step_beside_what_the_other_did(project, tmp_pat
         assert begun["state"]["measurements"][0]["points"] == ["A", "C"]
         assert (begun["undo"], begun["aside"]) == (1, None)
         assert b"P2.jpg,C,50" in (tmp_path / "picks.csv").read_bytes()
-        assert "set aside" in errand(page, "take-aside")["why"]
-        with Page(server, page.cookie) as third:
-            third.do("undo")
-        with Page(server, page.cookie) as third:
-            assert labels(third.initial_state) == {"A", "B", "Z"}
+        with pytest.raises(RefusedError, match="set aside"):
+            ask(open_project, "take-aside")
+        change(open_project, "undo")
+        assert labels(open_project.initial_state()) == {"A", "B", "Z"}
     (kept,) = (tmp_path / "out").glob("pick-journal-*")
     assert kept.name.endswith(".jsonl.taken")
 
 
 def test_it_is_discarded_and_kept_and_not_offered_again(project, tmp_path):
-    with running(project) as server, Page(server) as page:
-        assert errand(page, "discard-aside")["t"] == "done"
-        assert labels(page.initial_state) == {"A", "B", "Z"}
-    with running(project) as server, Page(server) as page:
-        assert page.initial_state["aside"] is None
+    with opened(project) as (open_project, sent):
+        assert ask(open_project, "discard-aside")["t"] == "done"
+        assert labels(sent[-1]) == {"A", "B", "Z"}
+    with opened(project) as (open_project, _):
+        assert open_project.initial_state()["aside"] is None
     (kept,) = (tmp_path / "out").glob("pick-journal-*")
     assert kept.name.endswith(".jsonl.discarded")
 
@@ -87,12 +82,11 @@ def test_what_is_no_change_of_the_page_is_not_taken(project, tmp_path):
         {**place, "label": "T", "u_px": "many", "sigma_px": 1.0},
         {**place, "label": "a;b", "sigma_px": 1.0},
     ]
-    with running(project) as server, Page(server) as page:
-        assert page.initial_state["aside"] == 6
-        errand(page, "discard-aside")
+    with opened(project) as (open_project, _):
+        assert open_project.initial_state()["aside"] == 6
+        ask(open_project, "discard-aside")
     text = "".join(json.dumps(entry) + "\n" for entry in entries)
     (tmp_path / "out" / "pick-journal-1.jsonl").write_text(text)
-    with running(project) as server, Page(server) as page:
-        assert errand(page, "take-aside")["refused"] == 4
-        with Page(server, page.cookie) as other:
-            assert labels(other.initial_state) == {"A", "B", "Z", "Q"}
+    with opened(project) as (open_project, sent):
+        assert ask(open_project, "take-aside")["refused"] == 4
+        assert labels(sent[-1]) == {"A", "B", "Z", "Q"}

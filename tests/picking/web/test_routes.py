@@ -14,43 +14,43 @@ from uavgram.picking.web.routes import file_routes
 
 
 @pytest.fixture
-def desk():
+def picking():
     shown = []
     return SimpleNamespace(
         shown=shown, show=lambda *said: shown.append(said), tile=lambda *_: b"tile"
     )
 
 
-def tile(desk, **headers):
+def tile(picking, **headers):
     """The answer to a page that asks for a tile."""
 
     async def ask():
-        door = httpx.ASGITransport(Starlette(routes=file_routes(SimpleNamespace(desk=desk))))
+        door = httpx.ASGITransport(Starlette(routes=file_routes(SimpleNamespace(picking=picking))))
         async with httpx.AsyncClient(transport=door, base_url="http://page") as page:
             return await page.get("/photo/3/0/1/2.jpg", headers=headers)
 
     return run_alone(ask())
 
 
-def test_a_page_says_with_each_tile_which_photos_it_shows(desk):
-    assert tile(desk, **{"x-shown": "k3f9x 3,12"}).content == b"tile"
-    assert desk.shown == [("k3f9x", (3, 12))]
+def test_a_page_says_with_each_tile_which_photos_it_shows(picking):
+    assert tile(picking, **{"x-shown": "k3f9x 3,12"}).content == b"tile"
+    assert picking.shown == [("k3f9x", (3, 12))]
 
 
 @pytest.mark.parametrize(
     "said",
     ["", "k3f9x", "k3f9x 1,2,3,4,5", "k3f9x -1", "k3f9x 1;2", "k3f9x 1 ", "K 1", f"{'k' * 17} 1"],
 )
-def test_what_does_not_say_so_is_passed_over_and_the_tile_comes(desk, said):
-    assert tile(desk, **{"x-shown": said}).content == b"tile"
-    assert desk.shown == []
+def test_what_does_not_say_so_is_passed_over_and_the_tile_comes(picking, said):
+    assert tile(picking, **{"x-shown": said}).content == b"tile"
+    assert picking.shown == []
 
 
-def test_why_a_photo_cannot_be_shown_is_said(desk):
+def test_why_a_photo_cannot_be_shown_is_said(picking):
     def refuse(*_):
         raise InputError("photo.jpg", "is no photo that can be decoded")
 
-    desk.tile = refuse
-    answer = tile(desk)
+    picking.tile = refuse
+    answer = tile(picking)
     assert answer.status_code == 404
     assert "photo.jpg: is no photo that can be decoded" in answer.json()["why"]

@@ -1,6 +1,7 @@
-"""What the page may ask for: one frozen class for each command, question and errand.
+"""What the page may ask for: one frozen class for each command, question and project action.
 
-Commands change what is picked, questions change nothing, errands are about the project as a whole.
+Commands change what is picked, questions change nothing, project
+actions are about the whole project.
 
 Numbers are finite and in range, texts are short and clean, photos exist: `protocol.parse` saw to
 that. Whether a command fits the state (a label that is there, a free name) is for `history`.
@@ -192,7 +193,7 @@ Change = (
     | RemoveMeasurement
 )
 Command = Change | Undo | Redo
-Errand = (
+ProjectAction = (
     Export | Reload | TakeAside | DiscardAside | Folders | Calibrate | StopCalibration | UseCamera
 )
 Question = Snap | SameGround

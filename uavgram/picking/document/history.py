@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from uavgram.io.tables.measure import POINT_COUNTS
 from uavgram.model.survey.observations import MeasurementRequest
@@ -118,15 +118,9 @@ def _place(state: State, do: c.Place) -> State:
         moved = replace(there, u_px=do.u_px, v_px=do.v_px, sigma_px=sigma)
         return _with_pick(state, there, moved)
     same = next((pick for pick in state.picks if pick.label == do.label), None)
-    new = Pick(
-        image=do.image,
-        label=do.label,
-        u_px=do.u_px,
-        v_px=do.v_px,
-        sigma_px=do.sigma_px,
-        height_m=None if same is None else same.height_m,
-        area="" if same is None else same.area,
-    )
+    new = Pick(**vars(do))
+    if same is not None:
+        new = replace(new, height_m=same.height_m, area=same.area)
     return replace(state, picks=(*state.picks, new))
 
 
@@ -169,14 +163,7 @@ def _set_height(state: State, do: c.SetHeight) -> State:
 def _set_line(state: State, do: c.SetLine) -> State:
     if do.start == do.end:
         raise RefusedError("a length needs two different labels")
-    line = Line(
-        name=do.name,
-        start=do.start,
-        end=do.end,
-        length_m=do.length_m,
-        sigma_m=do.sigma_m,
-        adjust=do.adjust,
-    )
+    line = Line(**_without_was(do))
     return replace(state, lines=_with_named(state.lines, do.was, line, "length"))
 
 
@@ -194,9 +181,7 @@ def _set_measurement(state: State, do: c.SetMeasurement) -> State:
         do.kind not in {"polyline", "skid_speed"} and len(set(do.points)) < len(do.points)
     ):
         raise RefusedError(f"a measurement of kind {do.kind} needs different labels")
-    request = MeasurementRequest(
-        name=do.name, kind=do.kind, points=do.points, parameters=do.parameters
-    )
+    request = MeasurementRequest(**_without_was(do))
     return replace(state, requests=_with_named(state.requests, do.was, request, "measurement"))
 
 
@@ -216,6 +201,10 @@ _CHANGES: dict[type, Callable[..., State]] = {
     c.SetMeasurement: _set_measurement,
     c.RemoveMeasurement: _remove_measurement,
 }
+
+
+def _without_was(do: c.SetLine | c.SetMeasurement) -> dict[str, Any]:
+    return {name: value for name, value in vars(do).items() if name != "was"}
 
 
 def _required(state: State, image: str, label: str) -> Pick:

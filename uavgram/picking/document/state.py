@@ -62,7 +62,13 @@ class State:
 
 
 def state_of(picks: Picks, lines: KnownLines, requests: Iterable[MeasurementRequest]) -> State:
-    """The state that files hold."""
+    """The state that files hold.
+
+    Parameters
+    ----------
+    picks, lines, requests
+        As read from picks.csv, lines.csv and measure.csv.
+    """
     areas = picks.area or ("",) * len(picks.image)
     return State(
         picks=tuple(
@@ -116,7 +122,15 @@ def observations_of(state: State) -> tuple[Picks, KnownLines]:
 
 
 def with_label(state: State, old: str, new: str) -> State:
-    """The state with one label called otherwise, wherever it stands."""
+    """The state with one label called otherwise, wherever it stands.
+
+    Parameters
+    ----------
+    state
+        Before.
+    old, new
+        The label, and what it is called afterwards.
+    """
 
     def named(label: str) -> str:
         return new if label == old else label

@@ -99,7 +99,7 @@ class App {
     this.panel.showFoot();
   }
 
-  // A connection that is soon back is no matter; one that stays away is said.
+  // A connection that is soon back is no matter; one that stays away is shown.
   /** @param {boolean} open */
   connected(open) {
     store.connected = open;

@@ -1,4 +1,4 @@
-"""What the page is told of the project itself: photos, camera, clock, known points."""
+"""The project itself as JSON for the page: photos, camera, clock, known points."""
 
 from __future__ import annotations
 
@@ -142,8 +142,8 @@ def _source(inputs: Inputs) -> list[str]:
 
 
 def _about_camera(inputs: Inputs) -> list[Message]:
-    said = [message for message in inputs.messages if message.code.startswith(CAMERA_CODES)]
-    return said if _is_unknown(inputs) else [*said, *_judged(inputs.calibration)]
+    messages = [message for message in inputs.messages if message.code.startswith(CAMERA_CODES)]
+    return messages if _is_unknown(inputs) else [*messages, *_judged(inputs.calibration)]
 
 
 def _is_unknown(inputs: Inputs) -> bool:
@@ -160,24 +160,19 @@ def _judged(calibration: Calibration) -> list[Message]:
             "measurements are too small by what it really lacks. Calibrate it."
         )
         return [Message("warning", "camera-exact", text)]
-    said = []
+    messages = []
     share = focal_share(calibration)
     if share > GOOD_FOCAL:
         text = (
             f"The focal length is known to {percent(share)} only: without lengths on the ground "
             "every distance is as uncertain. Calibrate the camera, or tape lengths."
         )
-        said.append(Message("warning", "camera-focal", text))
+        messages.append(Message("warning", "camera-focal", text))
     if sigma[2:4].max() > CENTRE_SIGMA_SHARE * calibration.width_px:
         text = (
             f"The principal point is known to {sigma[2:4].max():.0f} px only, which is as much as "
             f"a tilt of {np.degrees(sigma[2:4].max() / calibration.parameters[0]):.1f} degrees of "
             "the camera. Calibrate the camera."
         )
-        said.append(Message("warning", "camera-centre", text))
-    return said
-
-
-def known_points_json(inputs: Inputs) -> Json:
-    """Labels with known coordinates, by use."""
-    return {"control": list(inputs.control.label), "check": list(inputs.check.label)}
+        messages.append(Message("warning", "camera-centre", text))
+    return messages

@@ -1,18 +1,19 @@
-"""What the page is told: plain JSON of states, changes and adjustments; NaN becomes null."""
+"""States, changes and adjustments as plain JSON for the page; NaN becomes null."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from uavgram.estimation.measuring.predicted_pixels import PredictedPixels
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.picking.document.state import Line, Pick, State
+from uavgram.picking.document.state import Pick, State
 from uavgram.picking.protocol.geodetic import places_on_earth
 from uavgram.pipeline.pick.live import Adjusted, Linearised
 from uavgram.pipeline.pick.other_photos import KnownPlaces
@@ -38,57 +39,42 @@ def state_json(state: State, index: Mapping[str, int]) -> Json:
     """All of a state; `index` numbers the photos."""
     return {
         "picks": [_pick(pick, index) for pick in state.picks],
-        "lines": [_line(line) for line in state.lines],
+        "lines": [{**vars(line)} for line in state.lines],
         "measurements": [_request(request) for request in state.requests],
     }
 
 
 def difference_json(before: State, after: State, index: Mapping[str, int]) -> Json:
-    """What the page must change to show `after` where it shows `before`."""
-    said: Json = {}
+    """What the page must change to show another state.
+
+    Parameters
+    ----------
+    before, after
+        What it shows, and what it is to show.
+    index
+        Numbers of the photos by name.
+    """
+    difference: Json = {}
     old = {pick.key: pick for pick in before.picks}
     new = {pick.key: pick for pick in after.picks}
     put = [_pick(pick, index) for key, pick in new.items() if old.get(key) != pick]
     gone = [[index[image], label] for image, label in old if (image, label) not in new]
     if put or gone:
-        said["picks"] = {"put": put, "gone": gone}
+        difference["picks"] = {"put": put, "gone": gone}
     if before.lines != after.lines:
-        said["lines"] = [_line(line) for line in after.lines]
+        difference["lines"] = [{**vars(line)} for line in after.lines]
     if before.requests != after.requests:
-        said["measurements"] = [_request(request) for request in after.requests]
-    return said
+        difference["measurements"] = [_request(request) for request in after.requests]
+    return difference
 
 
 def _pick(pick: Pick, index: Mapping[str, int]) -> Json:
-    return {
-        "image": index[pick.image],
-        "label": pick.label,
-        "u_px": pick.u_px,
-        "v_px": pick.v_px,
-        "sigma_px": pick.sigma_px,
-        "height_m": pick.height_m,
-        "area": pick.area,
-    }
-
-
-def _line(line: Line) -> Json:
-    return {
-        "name": line.name,
-        "start": line.start,
-        "end": line.end,
-        "length_m": line.length_m,
-        "sigma_m": line.sigma_m,
-        "adjust": line.adjust,
-    }
+    return {**vars(pick), "image": index[pick.image]}
 
 
 def _request(request: MeasurementRequest) -> Json:
-    return {
-        "name": request.name,
-        "kind": request.kind,
-        "points": list(request.points),
-        "parameters": dict(request.parameters),
-    }
+    parameters = dict(request.parameters)
+    return {**vars(request), "points": list(request.points), "parameters": parameters}
 
 
 def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
@@ -100,7 +86,12 @@ def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
         "points": _points(adjusted),
         "earth_deg": places_on_earth(adjusted, result.points.label, result.points.position_world_m),
         "picks": _picks(adjusted, index),
-        "predicted": _predicted(adjusted, index),
+        "predicted": _places(
+            adjusted.predicted.frame_id,
+            [adjusted.adjustment.survey.label[k] for k in adjusted.predicted.label],
+            adjusted.predicted,
+            index,
+        ),
         "lines": _lines(adjusted),
         "measurements": _measurements(adjusted),
         "checks": _checks(adjusted),
@@ -165,19 +156,6 @@ def _picks(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
     ]
 
 
-def _predicted(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
-    predicted, label = adjusted.predicted, adjusted.adjustment.survey.label
-    return [
-        {
-            "image": index[frame],
-            "label": label[predicted.label[i]],
-            "pixel_px": numbers(predicted.pixel_px[i], 3),
-            "spread": _ellipse(predicted.covariance_px2[i]),
-        }
-        for i, frame in enumerate(predicted.frame_id)
-    ]
-
-
 def _frames(result: Result, index: Mapping[str, int]) -> Json:
     """Status by photo; of those adjusted the sigmas of the centre (e n u) and how far it moved."""
     frames = result.frames
@@ -203,14 +181,25 @@ def _clock(result: Result) -> Json | None:
 
 def expected_json(places: KnownPlaces, index: Mapping[str, int]) -> list[Json]:
     """Where points with known coordinates should appear."""
+    return _places(places.frame_id, places.label, places, index)
+
+
+def _places(
+    frames: Sequence[str],
+    labels: Sequence[str],
+    places: KnownPlaces | PredictedPixels,
+    index: Mapping[str, int],
+) -> list[Json]:
+    """Labels in photos where nobody has picked them, with their spread."""
+    rows = zip(frames, labels, places.pixel_px, places.covariance_px2, strict=True)
     return [
         {
             "image": index[frame],
-            "label": places.label[i],
-            "pixel_px": numbers(places.pixel_px[i], 3),
-            "spread": _ellipse(places.covariance_px2[i]),
+            "label": label,
+            "pixel_px": numbers(pixel, 3),
+            "spread": _ellipse(covariance),
         }
-        for i, frame in enumerate(places.frame_id)
+        for frame, label, pixel, covariance in rows
     ]
 
 

@@ -6,6 +6,7 @@ are one step for the user (a drag, a run of nudges). Photos are numbers, never n
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 from collections.abc import Callable, Sequence
@@ -66,7 +67,7 @@ class Message:
     seq: int
     step: int
     final: bool
-    body: c.Command | c.Question | c.Errand
+    body: c.Command | c.Question | c.ProjectAction
 
 
 def parse_message(text: str | bytes, photos: Sequence[PhotoSize]) -> Message:
@@ -96,13 +97,16 @@ def parse_message(text: str | bytes, photos: Sequence[PhotoSize]) -> Message:
 
 def _parsed(fields: _Fields, seq: int) -> Message:
     kind = fields.text("t")
-    if kind not in _PARSERS:
+    if kind not in _KINDS:
         _refuse(f"there is no command {kind!r}")
     step = fields.integer("step", default=0)
     final = fields.flag("final", default=True)
-    body = _PARSERS[kind](fields)
+    command = _KINDS[kind]
+    given: dict[str, Any] = {
+        one.name: _READERS[one.name](fields) for one in dataclasses.fields(command)
+    }
     fields.nothing_else()
-    return Message(seq=seq, step=step, final=final, body=body)
+    return Message(seq=seq, step=step, final=final, body=command(**given))
 
 
 def _refuse(why: str) -> NoReturn:
@@ -114,7 +118,16 @@ def _no_number(text: str) -> NoReturn:
 
 
 class _Fields:
-    """The fields of a message, taken out one by one."""
+    """The fields of a message, taken out one by one.
+
+    Attributes
+    ----------
+    size, kind
+        Of the photo and the measurement that were named: what follows depends on them.
+    """
+
+    size: PhotoSize
+    kind: MeasurementKind
 
     def __init__(self, data: dict[str, Any], photos: Sequence[PhotoSize]) -> None:
         self._data = dict(data)
@@ -184,21 +197,22 @@ class _Fields:
             _refuse(f"{_UNIT.sub('', name)} must lie between {least:g} and {most:g}")
         return value
 
-    def optional(self, name: str, read: Callable[[], float]) -> float | None:
+    def optional(self, name: str, fault_of: Callable[[float], str] = number_fault) -> float | None:
         if self._data.get(name) is None:
             self._data.pop(name, None)
             return None
-        return read()
+        return self.number(name, fault_of)
 
     def photo(self) -> PhotoSize:
         index = self.integer("image")
         if index >= len(self._photos):
             _refuse(f"there is no photo {index}")
-        return self._photos[index]
+        self.size = self._photos[index]
+        return self.size
 
-    def pixel(self, photo: PhotoSize) -> tuple[float, float]:
-        u = self.between("u_px", -0.5, photo.width_px - 0.5)
-        return u, self.between("v_px", -0.5, photo.height_px - 0.5)
+    def measurement_kind(self) -> MeasurementKind:
+        self.kind = self.choice("kind", tuple(POINT_COUNTS))
+        return self.kind
 
     def labels(self, name: str) -> tuple[str, ...]:
         values = self._take(name)
@@ -206,8 +220,8 @@ class _Fields:
             _refuse(f"{name} must be a list of at most {MOST_POINTS} labels")
         return tuple(_Fields({name: value}, ()).label(name) for value in values)
 
-    def parameters(self, kind: MeasurementKind) -> tuple[tuple[str, float], ...]:
-        wanted = PARAMETERS.get(kind, ())
+    def parameters(self) -> tuple[tuple[str, float], ...]:
+        wanted = PARAMETERS.get(self.kind, ())
         values = self._data.pop("parameters", {})
         if not isinstance(values, dict):
             _refuse("parameters must be an object")
@@ -217,91 +231,54 @@ class _Fields:
         return found
 
 
-def _place(fields: _Fields) -> c.Place:
-    photo = fields.photo()
-    u, v = fields.pixel(photo)
-    sigma = fields.optional("sigma_px", lambda: fields.number("sigma_px", sigma_fault))
-    return c.Place(image=photo.name, label=fields.label(), u_px=u, v_px=v, sigma_px=sigma)
-
-
-def _set_sigma(fields: _Fields) -> c.SetSigma:
-    sigma = fields.optional("sigma_px", lambda: fields.number("sigma_px", sigma_fault))
-    return c.SetSigma(image=fields.photo().name, label=fields.label(), sigma_px=sigma)
-
-
-def _set_height(fields: _Fields) -> c.SetHeight:
-    height = fields.optional("height_m", lambda: fields.number("height_m"))
-    return c.SetHeight(label=fields.label(), height_m=height)
-
-
-def _set_line(fields: _Fields) -> c.SetLine:
-    return c.SetLine(
-        was=fields.text("was", empty=True),
-        name=fields.text("name"),
-        start=fields.label("start"),
-        end=fields.label("end"),
-        length_m=fields.number("length_m", length_fault),
-        sigma_m=fields.number("sigma_m", sigma_fault),
-        adjust=fields.flag("adjust", default=True),
-    )
-
-
-def _set_measurement(fields: _Fields) -> c.SetMeasurement:
-    kind = fields.choice("kind", tuple(POINT_COUNTS))
-    return c.SetMeasurement(
-        was=fields.text("was", empty=True),
-        name=fields.text("name"),
-        kind=kind,
-        points=fields.labels("points"),
-        parameters=fields.parameters(kind),
-    )
-
-
-def _snap(fields: _Fields) -> c.Snap:
-    photo = fields.photo()
-    u, v = fields.pixel(photo)
-    target = fields.choice("target", _TARGETS)
-    return c.Snap(image=photo.name, u_px=u, v_px=v, target=target)
-
-
-def _same_ground(fields: _Fields) -> c.SameGround:
-    photo = fields.photo()
-    u, v = fields.pixel(photo)
-    return c.SameGround(image=photo.name, u_px=u, v_px=v)
-
-
 _MODELS: tuple[LensModel, ...] = ("brown", "fisheye")
 
+# A field of a message has the name of the command's field, and means the same in all of them.
+_READERS: dict[str, Callable[[_Fields], object]] = {
+    "image": lambda f: f.photo().name,
+    "u_px": lambda f: f.between("u_px", -0.5, f.size.width_px - 0.5),
+    "v_px": lambda f: f.between("v_px", -0.5, f.size.height_px - 0.5),
+    "label": _Fields.label,
+    "new": lambda f: f.label("new"),
+    "start": lambda f: f.label("start"),
+    "end": lambda f: f.label("end"),
+    "was": lambda f: f.text("was", empty=True),
+    "name": lambda f: f.text("name"),
+    "sigma_px": lambda f: f.optional("sigma_px", sigma_fault),
+    "height_m": lambda f: f.optional("height_m"),
+    "length_m": lambda f: f.number("length_m", length_fault),
+    "sigma_m": lambda f: f.number("sigma_m", sigma_fault),
+    "adjust": lambda f: f.flag("adjust", default=True),
+    "kind": _Fields.measurement_kind,
+    "points": lambda f: f.labels("points"),
+    "parameters": _Fields.parameters,
+    "target": lambda f: f.choice("target", _TARGETS),
+    "folder": lambda f: f.integer("folder"),
+    "board": lambda f: f.text("board"),
+    "model": lambda f: f.choice("model", _MODELS),
+}
 
-def _calibrate(fields: _Fields) -> c.Calibrate:
-    return c.Calibrate(
-        folder=fields.integer("folder"),
-        board=fields.text("board"),
-        model=fields.choice("model", _MODELS),
-    )
-
-
-_PARSERS: dict[str, Callable[[_Fields], c.Command | c.Question | c.Errand]] = {
-    "place": _place,
-    "unpick": lambda f: c.Unpick(image=f.photo().name, label=f.label()),
-    "forget": lambda f: c.Forget(label=f.label()),
-    "rename": lambda f: c.Rename(label=f.label(), new=f.label("new")),
-    "sigma": _set_sigma,
-    "height": _set_height,
-    "line": _set_line,
-    "remove-line": lambda f: c.RemoveLine(name=f.text("name")),
-    "measure": _set_measurement,
-    "remove-measurement": lambda f: c.RemoveMeasurement(name=f.text("name")),
-    "undo": lambda _: c.Undo(),
-    "redo": lambda _: c.Redo(),
-    "export": lambda _: c.Export(),
-    "reload": lambda _: c.Reload(),
-    "take-aside": lambda _: c.TakeAside(),
-    "discard-aside": lambda _: c.DiscardAside(),
-    "folders": lambda _: c.Folders(),
-    "calibrate": _calibrate,
-    "stop-calibration": lambda _: c.StopCalibration(),
-    "use-camera": lambda _: c.UseCamera(),
-    "snap": _snap,
-    "ground": _same_ground,
+_KINDS: dict[str, type[c.Command | c.Question | c.ProjectAction]] = {
+    "place": c.Place,
+    "unpick": c.Unpick,
+    "forget": c.Forget,
+    "rename": c.Rename,
+    "sigma": c.SetSigma,
+    "height": c.SetHeight,
+    "line": c.SetLine,
+    "remove-line": c.RemoveLine,
+    "measure": c.SetMeasurement,
+    "remove-measurement": c.RemoveMeasurement,
+    "undo": c.Undo,
+    "redo": c.Redo,
+    "export": c.Export,
+    "reload": c.Reload,
+    "take-aside": c.TakeAside,
+    "discard-aside": c.DiscardAside,
+    "folders": c.Folders,
+    "calibrate": c.Calibrate,
+    "stop-calibration": c.StopCalibration,
+    "use-camera": c.UseCamera,
+    "snap": c.Snap,
+    "ground": c.SameGround,
 }

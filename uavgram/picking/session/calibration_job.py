@@ -1,4 +1,4 @@
-"""A calibration from photos of a board, while picking goes on.
+"""A camera calibration from photos of a board, which runs while picking goes on.
 
 The page names a folder by the number under which it was listed, never by its path. One runs at a
 time, in a thread of its own (OpenCV works outside Python's lock), into a new folder.
@@ -43,7 +43,7 @@ class CalibrationJob:
     Attributes
     ----------
     last_message
-        What was told last; empty before the first calibration.
+        The last message to the pages; empty before the first calibration.
     made
         The camera file that the last calibration wrote; None where there is none.
     """
@@ -65,7 +65,7 @@ class CalibrationJob:
 
     @property
     def is_busy(self) -> bool:
-        """Whether a calibration is running; not any more once its end is told."""
+        """Whether a calibration is running; no longer once its end was sent."""
         return self.last_message.get("state") == "running"
 
     def folders(self) -> list[Json]:
@@ -86,7 +86,7 @@ class CalibrationJob:
         ]
 
     def start(self, asked: Calibrate) -> None:
-        """Begin a calibration; what comes of it is told.
+        """Begin a calibration; its progress and result are broadcast.
 
         Raises
         ------
@@ -100,7 +100,7 @@ class CalibrationJob:
             raise RefusedError(f"there is no folder {asked.folder}")
         parse_board(asked.board)
         self._stopped.clear()
-        self._say(state="running", what="reading the photos", done=0, total=len(folder.files))
+        self._send(state="running", what="reading the photos", done=0, total=len(folder.files))
         self._thread = threading.Thread(
             target=self._work, args=(folder, asked), name="calibration", daemon=True
         )
@@ -126,16 +126,16 @@ class CalibrationJob:
         except UavgramError as why:
             end = {"state": "failed", "why": str(why)}
         finally:
-            self._say(**end)  # the last that is done here: the next one may begin
+            self._send(**end)  # the last that is done here: the next one may begin
 
     def _progress(self, items: Iterable[Item], what: str, total: int, /) -> Iterable[Item]:
         for k, item in enumerate(items):
             if self._stopped.is_set():
                 raise RefusedError("stopped; nothing was written")
-            self._say(state="running", what=what, done=k + 1, total=total)
+            self._send(state="running", what=what, done=k + 1, total=total)
             yield item
 
-    def _say(self, **what: object) -> None:
+    def _send(self, **what: object) -> None:
         self.last_message = {"t": "calibration", **what}
         self._broadcast(self.last_message)
 

@@ -8,7 +8,8 @@ import threading
 from contextlib import suppress
 from pathlib import Path
 
-from uavgram.errors import InputError
+from uavgram.errors import InputError, OutputError
+from uavgram.io.own_files import check_own, read_own
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.storage.outside import Stamp, stamp_of
 from uavgram.views.viewer.server import RecordingServer
@@ -37,7 +38,7 @@ class Outputs:
     Parameters
     ----------
     folder
-        It.
+        The output folder.
 
     Attributes
     ----------
@@ -60,30 +61,34 @@ class Outputs:
         if stamp == self._stamp:
             return
         self._stamp, self.made_of = stamp, None
-        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-            results = json.loads((self.folder / RESULTS).read_bytes())
-            self.made_of = frozenset(
-                str(one["sha256"]) for one in results["provenance"]["inputs"].values()
-            )
+        with suppress(ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            inputs = json.loads(self.read(RESULTS) or b"")["provenance"]["inputs"]
+            self.made_of = frozenset(str(one["sha256"]) for one in inputs.values())
 
     def listed(self) -> list[Json]:
         """Files that are there, and what they are."""
-        there = {name: words for name, words in FILES.items() if (self.folder / name).is_file()}
-        return [{"name": name, "words": words} for name, words in there.items()]
+        return [{"name": name, "words": words} for name, words in FILES.items() if self._has(name)]
 
     @property
     def has_recording(self) -> bool:
         """Whether there is a recording."""
-        return (self.folder / RECORDING).is_file()
+        return self._has(RECORDING)
+
+    def _has(self, name: str) -> bool:
+        """Whether a run wrote this file; what a link leads to is somebody else's."""
+        path = self.folder / name
+        with suppress(OutputError):
+            check_own(path)
+            return path.is_file()
+        return False
 
     def read(self, name: str) -> bytes | None:
-        """Content of one of `FILES`; None where it is not there, or none of them."""
+        """Content of one of `FILES`; None where it is not there, a link, or none of them."""
         if name not in FILES:
             return None
-        try:
-            return (self.folder / name).read_bytes()
-        except OSError:
-            return None
+        with suppress(OSError, OutputError):
+            return read_own(self.folder / name)
+        return None
 
     def viewer(self) -> str:
         """Address of the Rerun viewer with the recording, on this machine only.

@@ -1,4 +1,4 @@
-"""The project that is open on the page: its picks, its outputs, its calibration, and errands."""
+"""The project that is open on the page: its session, its outputs, its calibration."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.session.calibration_job import CalibrationJob
 from uavgram.picking.session.outputs import Outputs
 from uavgram.picking.session.session import PickSession
-from uavgram.picking.storage.journal import Saver
 from uavgram.picking.storage.outside import Outside
 from uavgram.picking.storage.set_aside import Changes, SetAside, changes_of, oldest_set_aside
+from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.cameras.nearby import use_camera
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.pick.live import LiveSurvey
@@ -27,7 +27,7 @@ from uavgram.pipeline.pick.live import LiveSurvey
 log = logging.getLogger(__name__)
 
 Run = Callable[[], object]
-Keep = Callable[[Inputs], Saver]
+Keep = Callable[[Inputs], Tables]
 
 
 class OpenProject:
@@ -48,43 +48,43 @@ class OpenProject:
     def __init__(
         self,
         survey: LiveSurvey,
-        saver: Saver,
+        saver: Tables,
         run: Run,
         broadcast: Callable[[Json], None],
         keep: Keep,
     ) -> None:
-        self.desk = PickSession(survey, saver, broadcast)
+        self.picking = PickSession(survey, saver, broadcast)
         self._path = Path(survey.inputs.project_path)
         self._run, self._broadcast, self._keep = run, broadcast, keep
         self._busy = asyncio.Lock()
         self._outside = Outside(survey.inputs)
-        self.outputs = Outputs(Path(self.desk.output))
-        self.bench = CalibrationJob(self._path, broadcast)
+        self.outputs = Outputs(Path(self.picking.output))
+        self.calibration = CalibrationJob(self._path, broadcast)
         self._written_then = self._written()
         self._aside = oldest_set_aside(self.outputs.folder)
         self.refuses = ""
 
     def open(self) -> None:
         """Begin."""
-        self.desk.open()
+        self.picking.open()
 
     def stop(self) -> None:
         """End what runs in threads and processes of its own; waits for it."""
-        self.bench.close()
+        self.calibration.close()
         self.outputs.close()
-        self.desk.stop()  # it waits for an adjustment under way
+        self.picking.stop()  # it waits for an adjustment under way
 
     def close(self) -> None:
         """Save everything, let go of the project."""
-        self.desk.close()
+        self.picking.close()
 
     def initial_state(self) -> Json:
         """Everything a page needs to begin."""
         return {
-            **self.desk.initial_state(),
+            **self.picking.initial_state(),
             "outputs": self._written(),
-            "outside": self._outside.changed(self.desk.changed_outside()),
-            "calibration": self.bench.last_message or None,
+            "outside": self._outside.changed(self.picking.changed_outside()),
+            "calibration": self.calibration.last_message or None,
             "aside": None if self._aside is None else len(self._changes(self._aside)),
         }
 
@@ -93,29 +93,32 @@ class OpenProject:
         if self.refuses:
             return
         before = self._outside.last_changed
-        if (now := self._outside.changed(self.desk.changed_outside())) != before:
+        if (now := self._outside.changed(self.picking.changed_outside())) != before:
             self._broadcast({"t": "outside", "files": now})
         if (written := self._written()) != self._written_then:
             self._written_then = written
             self._broadcast({"t": "outputs", "outputs": written})
 
-    async def do(self, errand: c.Errand) -> Json:
-        """Do an errand; the answer is for who asked.
+    async def do(self, action: c.ProjectAction) -> Json:
+        """Do what a page asks of the project as a whole; the answer is for that page.
 
         Raises
         ------
         UavgramError
             It cannot be done; says why.
         """
-        match errand:
+        match action:
             case c.Export():
                 return {"t": "exported", **await self._exported()}
             case c.Folders():
-                return {"t": "folders", "folders": await to_thread.run_sync(self.bench.folders)}
+                return {
+                    "t": "folders",
+                    "folders": await to_thread.run_sync(self.calibration.folders),
+                }
             case c.Calibrate():
-                self.bench.start(errand)
+                self.calibration.start(action)
             case c.StopCalibration():
-                self.bench.stop()
+                self.calibration.stop()
             case c.UseCamera():
                 await self._use_camera()
             case c.Reload():
@@ -129,10 +132,10 @@ class OpenProject:
     async def _exported(self) -> Json:
         """Save, run the project, and say which outputs there are; or why there are none."""
         async with self._busy:  # one at a time, whatever many pages ask for
-            self.desk.save()
-            if self.desk.fault:
-                return {"why": self.desk.fault}
-            version = self.desk.version
+            self.picking.save()
+            if self.picking.fault:
+                return {"why": self.picking.fault}
+            version = self.picking.version
             await to_thread.run_sync(self._run)
         await to_thread.run_sync(self.outputs.look)
         self._written_then = self._written()
@@ -147,32 +150,32 @@ class OpenProject:
                 raise RefusedError("nothing is set aside any more")
             aside, refused = self._aside, 0
             if take:
-                refused = self.desk.take(self._changes(aside), step=time.time_ns() // 1_000_000)
-                self.desk.save()
+                refused = self.picking.take(self._changes(aside), step=time.time_ns() // 1_000_000)
+                self.picking.save()
             aside.rename("taken" if take else "discarded")
             self._aside = oldest_set_aside(self.outputs.folder)
         self._broadcast(self.initial_state())
         return refused
 
     def _changes(self, aside: SetAside) -> Changes:
-        return changes_of(aside, self.desk.state, self.desk.index)
+        return changes_of(aside, self.picking.state, self.picking.index)
 
     def _written(self) -> Json:
         """The outputs; with the number of the state that they show, where it is the present one."""
         made_of = self.outputs.made_of
-        is_current = made_of is not None and made_of == self.desk.inputs_now()
+        is_current = made_of is not None and made_of == self.picking.inputs_now()
         return {
             "folder": str(self.outputs.folder),
             "files": self.outputs.listed(),
             "recording": self.outputs.has_recording,
-            "version": self.desk.version if is_current else None,
+            "version": self.picking.version if is_current else None,
         }
 
     async def _use_camera(self) -> None:
-        made = self.bench.made
+        made = self.calibration.made
         if made is None:
             raise RefusedError("no camera file was made yet")
-        made_for, photo = self.bench.last_message, self.desk.photos[0]
+        made_for, photo = self.calibration.last_message, self.picking.photos[0]
         if (made_for["width_px"], made_for["height_px"]) != (photo.width_px, photo.height_px):
             raise RefusedError(
                 f"the camera file is for {made_for['width_px']} x {made_for['height_px']} px, the "
@@ -193,10 +196,10 @@ class OpenProject:
         async with self._busy:
             self.refuses = "the project is being read again: wait a moment"
             try:
-                self.desk.save()
+                self.picking.save()
                 survey = await to_thread.run_sync(LiveSurvey.open, self._path)
-                await to_thread.run_sync(self.desk.stop)
-                self.desk.let_go()
+                await to_thread.run_sync(self.picking.stop)
+                self.picking.let_go()
                 self._begin(survey)
             except UavgramError:
                 self.refuses = ""
@@ -211,10 +214,10 @@ class OpenProject:
             self.refuses = f"{why}. Start `uavgram pick` again"
             log.warning("the project was let go: %s", why)
             return
-        self.desk = PickSession(survey, saver, self._broadcast)
+        self.picking = PickSession(survey, saver, self._broadcast)
         self._outside = Outside(survey.inputs)
-        if self.outputs.folder != Path(self.desk.output):
+        if self.outputs.folder != Path(self.picking.output):
             self.outputs.close()
-            self.outputs = Outputs(Path(self.desk.output))
+            self.outputs = Outputs(Path(self.picking.output))
         self._aside = oldest_set_aside(self.outputs.folder)
-        self.desk.open()
+        self.picking.open()

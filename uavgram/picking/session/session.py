@@ -1,4 +1,4 @@
-"""One open project: its photos, its steps, its adjustment, and how they hang together.
+"""A picking session: the photos of one project, what is picked in them, and its adjustment.
 
 No web here: `web.server` hands in checked messages and takes JSON to send. All that changes the
 session runs in one thread (the server's loop), so there is no lock.
@@ -19,14 +19,12 @@ from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.document.state import State, state_of
-from uavgram.picking.protocol.encode_ground import same_ground_json
+from uavgram.picking.protocol.encode_answers import same_ground_json, snap_json
 from uavgram.picking.protocol.encode_project import (
     camera_json,
     clock_json,
-    known_points_json,
     photos_json,
 )
-from uavgram.picking.protocol.encode_snap import snap_json
 from uavgram.picking.protocol.encode_survey import (
     Json,
     difference_json,
@@ -36,7 +34,7 @@ from uavgram.picking.protocol.encode_survey import (
 )
 from uavgram.picking.protocol.parse import Message, PhotoSize, parse_message
 from uavgram.picking.session.workers import Live, Task
-from uavgram.picking.storage.journal import Saver
+from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.pick.live import LiveSurvey
 from uavgram.pipeline.pick.other_photos import known_places
 
@@ -58,7 +56,9 @@ class PickSession:
         Called with what every page should know, from any thread.
     """
 
-    def __init__(self, survey: LiveSurvey, saver: Saver, broadcast: Callable[[Json], None]) -> None:
+    def __init__(
+        self, survey: LiveSurvey, saver: Tables, broadcast: Callable[[Json], None]
+    ) -> None:
         self.survey = survey
         self._saver = saver
         self._broadcast = broadcast
@@ -134,7 +134,8 @@ class PickSession:
             "photos": photos_json(self.survey, self.photos),
             "camera": camera_json(self.survey),
             "clock": clock_json(self.survey),
-            **known_points_json(inputs),
+            "control": list(inputs.control.label),
+            "check": list(inputs.check.label),
             "expected": self._expected(),
             "recovered": self.recovered is not None,
             "messages": messages_json(
@@ -171,7 +172,7 @@ class PickSession:
         OutputError
             It cannot be kept, so it counts as not done.
         """
-        if isinstance(message.body, c.Question | c.Errand):
+        if isinstance(message.body, c.Question | c.ProjectAction):
             raise TypeError(f"{type(message.body).__name__} is no command")
         before = self.session
         after = apply(before, message.body, message.step)
@@ -200,8 +201,8 @@ class PickSession:
             They cannot be kept.
         """
         refused = 0
-        for said in changes:
-            text = json.dumps({"seq": 0, "step": step, **said})
+        for fields in changes:
+            text = json.dumps({"seq": 0, "step": step, **fields})
             try:
                 self.change(parse_message(text, self.photos))
             except RefusedError as why:
@@ -219,7 +220,7 @@ class PickSession:
         self._live.submit(Task(self.version, state, final))
 
     def save(self) -> None:
-        """Write the tables, and tell where that was not possible."""
+        """Write the tables, and broadcast what kept it from being possible."""
         fault = self._saver.save(self.state)
         if fault:
             log.warning("not saved: %s", fault)
@@ -227,7 +228,17 @@ class PickSession:
         self._broadcast({"t": "saved", "version": self.version, "fault": fault})
 
     def tile(self, photo: int, level: int, column: int, row: int) -> bytes | None:
-        """JPEG of a tile; None where there is none."""
+        """JPEG of a tile; None where there is none.
+
+        Parameters
+        ----------
+        photo
+            Its number.
+        level
+            0: every pixel; each further one halves the photo's size.
+        column, row
+            Of the tile on its level, from the top left.
+        """
         return self._tiled.tile(photo, level, column, row)
 
     def show(self, page: str, photos: tuple[int, ...]) -> None:
@@ -248,9 +259,9 @@ class PickSession:
     def _expected(self) -> list[Json]:
         return expected_json(known_places(self.survey, self._live.last), self.index)
 
-    def _adjusted(self, version: int, said: Json) -> None:
-        answer = {"t": "live", "for": version, **said}
-        if said["mode"] != "linearised":
+    def _adjusted(self, version: int, found: Json) -> None:
+        answer = {"t": "live", "for": version, **found}
+        if found["mode"] != "linearised":
             answer["expected"] = self._expected()
             self._last_message = answer
         self._broadcast(answer)

@@ -11,8 +11,8 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from uavgram.errors import UavgramError
 from uavgram.picking.document.state import State, observations_of
@@ -41,6 +41,10 @@ REST_S = 0.3
 """A step that has rested this long is adjusted in full, though it may go on."""
 
 
+Answer = Callable[[int, Json], None]
+"""Takes the number of a state and what is known of it, from a worker's thread."""
+
+
 @dataclass(frozen=True)
 class Task:
     """A state to adjust: its number, and whether the step that made it has ended."""
@@ -48,14 +52,6 @@ class Task:
     version: int
     state: State
     final: bool
-
-
-class Answer(Protocol):
-    """Takes what is known of a state, from a worker's thread."""
-
-    def __call__(self, version: int, said: Json) -> None:
-        """Tell the page."""
-        ...
 
 
 class Live:
@@ -75,17 +71,20 @@ class Live:
         self._survey, self._index, self._answer = survey, index, answer
         self._changed = threading.Condition()
         self._newest: Task | None = None
-        self._hastened: Task | None = None  # the newest that was answered at once, or cannot be
+        self._answered: Task | None = None  # the newest that was answered at once, or cannot be
         self._waiting: Task | None = None  # to be adjusted in full
         self._due_s = 0.0  # when that may begin, of the monotonic clock
         self._busy = False
         self._stopped = False
         self._last: Adjusted | None = None
-        self._telling = threading.Lock()
-        self._ahead: Task | None = None  # the newest that was answered to first order
+        self._answering = threading.Lock()
+        self._linearised_task: Task | None = None  # the newest that was answered to first order
         self._threads = [
             threading.Thread(target=work, name=name, daemon=True)
-            for name, work in (("first order", self._hasten), ("adjustment", self._adjust))
+            for name, work in (
+                ("first order", self._answer_first_order),
+                ("adjustment", self._adjust),
+            )
         ]
 
     @property
@@ -113,28 +112,28 @@ class Live:
             if thread.is_alive():
                 thread.join()
 
-    def _hasten(self) -> None:
+    def _answer_first_order(self) -> None:
         """Answer tasks at once where that helps, and hand all on."""
         while (task := self._next()) is not None:
             rests = self._at_once(task) and not task.final
             with self._changed:
-                self._hastened = self._waiting = task
+                self._answered = self._waiting = task
                 self._due_s = time.monotonic() + (REST_S if rests else 0.0)
                 self._changed.notify_all()
 
     def _next(self) -> Task | None:
         with self._changed:
-            self._changed.wait_for(lambda: self._newest is not self._hastened or self._stopped)
+            self._changed.wait_for(lambda: self._newest is not self._answered or self._stopped)
             return None if self._stopped else self._newest
 
     def _at_once(self, task: Task) -> bool:
         """Answer to first order; False where the full adjustment is the thing."""
-        with self._telling:
+        with self._answering:
             last = self._last
             slow = self._busy or (last is not None and last.seconds > AT_ONCE_S - ON_THE_WAY_S)
             if not (slow and self._first_order(task)):
                 return False
-            self._ahead = task
+            self._linearised_task = task
         return True
 
     def _first_order(self, task: Task) -> bool:
@@ -148,12 +147,15 @@ class Live:
     def _adjust(self) -> None:
         """Adjust what is due."""
         while (task := self._due()) is not None:
-            adjusted, said = self._full(task)
-            with self._telling:
+            adjusted, message = self._full(task)
+            with self._answering:
                 self._last = adjusted
-                self._answer(task.version, said)
-                if self._ahead is not None and self._ahead.version > task.version:
-                    self._first_order(self._ahead)  # the same as before, from nearer by
+                self._answer(task.version, message)
+                if (
+                    self._linearised_task is not None
+                    and self._linearised_task.version > task.version
+                ):
+                    self._first_order(self._linearised_task)  # the same as before, from nearer by
                 self._busy = False
 
     def _due(self) -> Task | None:

@@ -11,16 +11,15 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, get_args
 
 from uavgram.errors import OutputError, UavgramError
 from uavgram.io.json_text import parse_json
-from uavgram.io.own_files import open_own
-from uavgram.model.message import Message
+from uavgram.io.own_files import open_own, read_own
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply
@@ -52,7 +51,7 @@ class Journal:
         self.path = path
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            content = b"" if fresh or not path.is_file() else path.read_bytes()
+            content = b"" if fresh or not path.is_file() else read_own(path)
             self._handle = open_own(path, os.O_WRONLY | os.O_CREAT)
             self._size = content.rfind(b"\n") + 1
             os.ftruncate(self._handle, self._size)
@@ -60,7 +59,15 @@ class Journal:
             raise self._cannot(fault) from fault
 
     def open(self, state: State, digests: Digests, *, resumed: bool) -> None:
-        """Begin a session on tables that hold `state`; `resumed`: with what a crash had left."""
+        """Begin a session.
+
+        Parameters
+        ----------
+        state, digests
+            What the tables hold, and their digests.
+        resumed
+            Whether it goes on with what a crash had left.
+        """
         entry = {"state": asdict(state), "files": dict(digests), "resumed": resumed}
         self._append({"do": "open", "pid": os.getpid(), **entry})
 
@@ -184,7 +191,7 @@ def _entries(path: Path) -> Iterator[dict[str, Any]]:
     """Lines of a journal; the one that a kill left unfinished was never confirmed."""
     if not path.is_file():
         return
-    *lines, _ = path.read_bytes().split(b"\n")
+    *lines, _ = read_own(path).split(b"\n")
     for line in lines:
         try:
             entry = parse_json(path, line)
@@ -218,59 +225,4 @@ def _tuples(fields: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-_COMMANDS: dict[str, type[Any]] = {
-    kind.__name__: kind
-    for kind in (
-        c.Place,
-        c.Unpick,
-        c.Forget,
-        c.Rename,
-        c.SetSigma,
-        c.SetHeight,
-        c.SetLine,
-        c.RemoveLine,
-        c.SetMeasurement,
-        c.RemoveMeasurement,
-        c.Undo,
-        c.Redo,
-    )
-}
-
-
-class Saver(Protocol):
-    """What the server asks of whoever keeps the project's tables."""
-
-    @property
-    def messages(self) -> tuple[Message, ...]:
-        """What is to be said of earlier sessions."""
-        ...
-
-    def recovered(self) -> State | None:
-        """The state that an earlier session confirmed and did not save; None: nothing is lost."""
-        ...
-
-    def record(self, command: c.Command, step: int) -> None:
-        """Keep a command that was applied, before it is confirmed."""
-        ...
-
-    def save(self, state: State) -> str:
-        """Write the tables; returns what kept it from doing so, in words, or nothing.
-
-        A table that somebody else changed meanwhile is never written over.
-        """
-        ...
-
-    def changed_outside(self) -> tuple[str, ...]:
-        """Names of tables that another program changed since they were read or written here."""
-        ...
-
-    def inputs_now(self, read: Iterable[str]) -> frozenset[str] | None:
-        """Digests of the project's files as they are now, where `read` are those that were read.
-
-        None while changes wait to be saved.
-        """
-        ...
-
-    def close(self) -> None:
-        """Let go of lock and journal."""
-        ...
+_COMMANDS: dict[str, type[Any]] = {kind.__name__: kind for kind in get_args(c.Command)}

@@ -6,14 +6,14 @@ checked, kept, and undone in one step. Nothing is deleted: a journal that was de
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from uavgram.errors import UavgramError
-from uavgram.io.own_files import check_own
-from uavgram.picking.document.state import State
+from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.picking.document.state import Line, State
 from uavgram.picking.storage.journal import JOURNAL, left_in
 
 Json = dict[str, Any]
@@ -37,7 +37,6 @@ def oldest_set_aside(folder: Path) -> SetAside | None:
     """The first journal of a folder that was put aside and holds changes; None: there is none."""
     for path in sorted(folder.glob(f"{Path(JOURNAL).stem}-*{Path(JOURNAL).suffix}")):
         try:
-            check_own(path)
             left = left_in(path)
         except (UavgramError, OSError):
             continue
@@ -48,88 +47,76 @@ def oldest_set_aside(folder: Path) -> SetAside | None:
 
 
 def changes_of(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
-    """What was changed, as messages of a page that has `now` before it; `index` numbers photos."""
+    """What was changed, as messages that a page would send.
+
+    Parameters
+    ----------
+    aside
+        What an earlier session could not save.
+    now
+        The state that the messages are to change.
+    index
+        Numbers of the photos by name.
+    """
     return (
         *_removals(aside, now, index),
         *_picks(aside, now, index),
-        *_lines(aside, now),
-        *_requests(aside, now),
+        *_put("line", aside.before.lines, aside.after.lines, now.lines),
+        *(
+            one | {"parameters": dict(one["parameters"])}
+            for one in _put("measure", aside.before.requests, aside.after.requests, now.requests)
+        ),
     )
 
 
 def _removals(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
     kept = {pick.key for pick in aside.after.picks}
-    lines = {line.name for line in aside.after.lines}
-    requests = {one.name for one in aside.after.requests}
-    there = {line.name for line in now.lines}, {one.name for one in now.requests}
     return (
         *(
             {"t": "unpick", "image": index.get(pick.image, -1), "label": pick.label}
             for pick in aside.before.picks
             if pick.key not in kept and now.pick(*pick.key) is not None
         ),
-        *(
-            {"t": "remove-line", "name": line.name}
-            for line in aside.before.lines
-            if line.name not in lines and line.name in there[0]
-        ),
-        *(
-            {"t": "remove-measurement", "name": one.name}
-            for one in aside.before.requests
-            if one.name not in requests and one.name in there[1]
-        ),
+        *_removed("remove-line", aside.before.lines, aside.after.lines, now.lines),
+        *_removed("remove-measurement", aside.before.requests, aside.after.requests, now.requests),
     )
+
+
+Named = Sequence[Line] | Sequence[MeasurementRequest]
+
+
+def _removed(kind: str, before: Named, after: Named, now: Named) -> Changes:
+    """Removals of what was there before, is not after, and is still there now."""
+    kept, there = ({one.name for one in some} for some in (after, now))
+    names = (one.name for one in before)
+    return tuple({"t": kind, "name": name} for name in names if name in there - kept)
 
 
 def _picks(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
     earlier = {pick.key: pick for pick in aside.before.picks}
     heights = {pick.label: pick.height_m for pick in aside.before.picks}
-    said: list[Json] = []
+    changes: list[Json] = []
     for pick in aside.after.picks:
         if earlier.get(pick.key) == pick:
             continue
         which = {"image": index.get(pick.image, -1), "label": pick.label}
-        said.append(
+        changes.append(
             {"t": "place", **which, "u_px": pick.u_px, "v_px": pick.v_px, "sigma_px": pick.sigma_px}
         )
         there = now.pick(*pick.key)
         if pick.sigma_px is None and there is not None and there.sigma_px is not None:
-            said.append({"t": "sigma", **which, "sigma_px": None})
+            changes.append({"t": "sigma", **which, "sigma_px": None})
         if heights.setdefault(pick.label, None) != pick.height_m:
             heights[pick.label] = pick.height_m
-            said.append({"t": "height", "label": pick.label, "height_m": pick.height_m})
-    return tuple(said)
+            changes.append({"t": "height", "label": pick.label, "height_m": pick.height_m})
+    return tuple(changes)
 
 
-def _lines(aside: SetAside, now: State) -> Changes:
-    there = {line.name for line in now.lines}
+def _put(kind: str, before: Named, after: Named, now: Named) -> Changes:
+    """Additions and changes; what is there now under a name is changed."""
+    there = {one.name for one in now}
     return tuple(
-        {
-            "t": "line",
-            "was": line.name if line.name in there else "",
-            "name": line.name,
-            "start": line.start,
-            "end": line.end,
-            "length_m": line.length_m,
-            "sigma_m": line.sigma_m,
-            "adjust": line.adjust,
-        }
-        for line in aside.after.lines
-        if line not in aside.before.lines
-    )
-
-
-def _requests(aside: SetAside, now: State) -> Changes:
-    there = {one.name for one in now.requests}
-    return tuple(
-        {
-            "t": "measure",
-            "was": one.name if one.name in there else "",
-            "name": one.name,
-            "kind": one.kind,
-            "points": list(one.points),
-            "parameters": dict(one.parameters),
-        }
-        for one in aside.after.requests
-        if one not in aside.before.requests
+        {"t": kind, "was": one.name if one.name in there else "", **vars(one)}
+        for one in after
+        if one not in before
     )

@@ -11,25 +11,35 @@ import hashlib
 import logging
 import os
 import shutil
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from uavgram.errors import InputError, OutputError, UavgramError
 from uavgram.io.outputs import replace_bytes
 from uavgram.io.own_files import check_inside, check_own
+from uavgram.io.tables.lines import read_lines
+from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picked import lines_content, measure_content, picks_content
+from uavgram.io.tables.picks import read_picks
 from uavgram.model.message import Message
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.state import State, observations_of, state_of
-from uavgram.picking.storage.journal import JOURNAL, Journal, left_in
+from uavgram.picking.storage.journal import JOURNAL, Journal, Left, left_in
 from uavgram.picking.storage.lock import ProjectLock
 from uavgram.pipeline.measure.inputs import Inputs
 
 log = logging.getLogger(__name__)
 
 ROLES = ("picks", "lines", "measure")
+_READERS: dict[str, Callable[..., object]] = {
+    "picks": partial(read_picks, may_be_empty=True),
+    "lines": read_lines,
+    "measure": read_measure,
+}
 
 Contents = dict[str, bytes | None]
 """Bytes of each table by its role; None: no such file."""
@@ -76,7 +86,7 @@ class Tables:
 
     @property
     def messages(self) -> tuple[Message, ...]:
-        """What is to be said of earlier sessions."""
+        """Messages about what earlier sessions left."""
         return self._messages
 
     def recovered(self) -> State | None:
@@ -121,7 +131,7 @@ class Tables:
                 if (self._named[role] or self._on_disk[role] is not None)
                 and _read(path) != self._on_disk[role]
             )
-        except OutputError:  # what cannot be read now is told when it is to be written
+        except OutputError:  # what cannot be read now is reported when it is to be written
             return ()
 
     def inputs_now(self, read: Iterable[str]) -> frozenset[str] | None:
@@ -209,7 +219,7 @@ class Tables:
     def _lost(self, journal: Path, photos: frozenset[str]) -> State | None:
         """What an earlier session confirmed and did not save.
 
-        A journal that cannot be played on these tables is put aside, and said.
+        A journal that cannot be played on these tables is put aside, with a message.
         """
         try:
             left = left_in(journal)
@@ -221,11 +231,8 @@ class Tables:
         state = left.session.state
         if state == self._files:
             return None
-        if not left.fits(_digests(self._original)):
-            self._put_aside(journal, "the tables were changed since by another program")
-            return None
-        if any(pick.image not in photos for pick in state.picks):
-            self._put_aside(journal, "the project has other photos now")
+        if reason := self._why_not(left, photos):
+            self._put_aside(journal, reason)
             return None
         text = (
             "An earlier session ended without saving; what it had confirmed was taken from its "
@@ -233,6 +240,31 @@ class Tables:
         )
         self._messages = (Message("warning", "pick-recovered", text),)
         return state
+
+    def _why_not(self, left: Left, photos: frozenset[str]) -> str:
+        """Why what a journal holds cannot be taken over; empty where it can."""
+        state = self._files if left.session is None else left.session.state
+        if not left.fits(_digests(self._original)):
+            return "the tables were changed since by another program"
+        if any(pick.image not in photos for pick in state.picks):
+            return "the project has other photos now"
+        fault = self._unreadable(state)
+        return f"no table may hold them ({fault})" if fault else ""
+
+    def _unreadable(self, state: State) -> str:
+        """Why the tables of a state could not be read again; empty where they can."""
+        with TemporaryDirectory() as folder:
+            try:
+                for role, content in self._contents(state).items():
+                    if content is not None:
+                        path = Path(folder) / self._paths[role].name
+                        path.write_bytes(content)
+                        _READERS[role](path)
+            except InputError as fault:
+                return str(fault).splitlines()[0].replace(f"{folder}/", "")
+            except (TypeError, ValueError) as fault:
+                return f"{fault!r:.200}"
+        return ""
 
     def _put_aside(self, journal: Path, why: str) -> None:
         moment = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%f")

@@ -5,7 +5,7 @@ same browser, so: the printed address holds a random token, which is exchanged f
 only this site sends along (SameSite=Strict) and scripts cannot read; the Host must be ours, or a
 foreign name that resolves to 127.0.0.1 (DNS rebinding) would do; and the socket's Origin must be
 ours, because browsers let any page open a socket anywhere. SameSite does not tell ports apart, so
-what another local server's page embeds is told by Sec-Fetch-Site.
+what another local server's page embeds is recognised by Sec-Fetch-Site.
 
 Who is in can still do harm by talking too much: requests and messages have a greatest length, and
 `Pace` slows a socket down.
@@ -61,8 +61,8 @@ class Pace:
 
     Attributes
     ----------
-    told
-        Whether it was said that the page is too fast.
+    warned
+        Whether a warning was logged that the page is too fast.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Pace:
     ) -> None:
         self._per_second, self._at_once, self._clock = per_second, at_once, clock
         self._left, self._then = at_once, clock()
-        self.told = False
+        self.warned = False
 
     def wait_s(self) -> float:
         """How long to wait [s] before the message that came is looked at."""

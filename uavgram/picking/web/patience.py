@@ -14,7 +14,7 @@ HEADERS_S = 10.0
 """From the first moment to the end of the headers; a browser of this machine needs milliseconds."""
 
 MOST_SILENT = 64
-"""Connections that have not said yet what they want; with one more, the oldest of them is closed,
+"""Connections that have sent no whole request yet; with one more, the oldest of them is closed,
 so that who comes last, as a person does, always gets in."""
 
 
@@ -42,7 +42,7 @@ class PatientProtocol(H11Protocol):
             self._wait()
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
-        """Hand the connection on: it has said what it wants."""
+        """Hand the connection on: its request is whole."""
         self._answered()
         super().handle_websocket_upgrade(event)
 
@@ -53,12 +53,12 @@ class PatientProtocol(H11Protocol):
 
     @property
     def is_silent(self) -> bool:
-        """Whether it has not said yet what it wants."""
+        """Whether no whole request has come yet."""
         return self._overdue is not None
 
     @property
     def due_s(self) -> float:
-        """When it must have said it, of the loop's clock."""
+        """When the request must be whole, by the loop's clock."""
         return 0.0 if self._overdue is None else self._overdue.when()
 
     def let_go(self) -> None:

@@ -14,6 +14,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, RedirectRespons
 from starlette.routing import Route
 
 from uavgram.errors import UavgramError
+from uavgram.io.own_files import read_own
 from uavgram.picking.session.project import OpenProject
 
 DOCUMENT_HEADERS = {
@@ -78,13 +79,13 @@ class Files:
         shown = _SHOWN.fullmatch(request.headers.get("x-shown", ""))
         if shown:  # what the page shows beside it stays at hand
             page, photos = shown.groups()
-            self._project.desk.show(page, tuple(map(int, photos.split(","))))
+            self._project.picking.show(page, tuple(map(int, photos.split(","))))
         place = (request.path_params[key] for key in ("photo", "level", "column", "row"))
-        return await self._picture(self._project.desk.tile, *place)
+        return await self._picture(self._project.picking.tile, *place)
 
     async def thumbnail(self, request: Request) -> Response:
         """A small picture of a photo."""
-        return await self._picture(self._project.desk.thumbnail, request.path_params["photo"])
+        return await self._picture(self._project.picking.thumbnail, request.path_params["photo"])
 
     @staticmethod
     async def _picture(make: Callable[..., bytes | None], *place: int) -> Response:
@@ -119,10 +120,13 @@ class Files:
 
     async def calibration(self, _: Request) -> Response:
         """The report of the last calibration."""
-        report = self._project.bench.report
-        if report is None or not report.is_file():
+        report = self._project.calibration.report
+        try:
+            content = b"" if report is None else await to_thread.run_sync(read_own, report)
+        except (OSError, UavgramError):
+            content = b""
+        if not content:
             return PlainTextResponse("There is no calibration yet.", 404)
-        content = await to_thread.run_sync(report.read_bytes)
         return Response(content, media_type=_TYPES[".html"], headers=DOCUMENT_HEADERS)
 
 

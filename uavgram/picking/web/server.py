@@ -23,7 +23,6 @@ from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.protocol.parse import LONGEST_MESSAGE, parse_message
 from uavgram.picking.session.project import Keep, OpenProject, Run
 from uavgram.picking.session.session import PickSession
-from uavgram.picking.storage.journal import Saver
 from uavgram.picking.storage.tables import Tables
 from uavgram.picking.web.guard import Guard, Pace
 from uavgram.picking.web.malloc import give_back_large_blocks
@@ -46,7 +45,7 @@ LOOK_OUTSIDE_S = 1.0
 
 
 class PickServer:
-    """Routes and sockets over a desk.
+    """Routes and sockets of the project that is open for picking.
 
     Parameters
     ----------
@@ -58,16 +57,16 @@ class PickServer:
         Makes another saver, where the project is read again.
     """
 
-    def __init__(self, survey: LiveSurvey, saver: Saver, run: Run, keep: Keep = Tables) -> None:
+    def __init__(self, survey: LiveSurvey, saver: Tables, run: Run, keep: Keep = Tables) -> None:
         self.project = OpenProject(survey, saver, run, self._broadcast_soon, keep)
         self._pages: set[asyncio.Queue[Json]] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._saving: asyncio.TimerHandle | None = None
 
     @property
-    def desk(self) -> PickSession:
-        """The desk of the project that is open; another one after it was read again."""
-        return self.project.desk
+    def picking(self) -> PickSession:
+        """The picking session; another one after the project was read again."""
+        return self.project.picking
 
     def application(self, announce: Callable[[], None] = lambda: None) -> Starlette:
         """The application; `announce` is called when it is ready."""
@@ -126,9 +125,9 @@ class PickServer:
     async def _in_turn(pace: Pace) -> None:
         wait_s = pace.wait_s()
         if wait_s > 0:
-            if not pace.told:
+            if not pace.warned:
                 log.warning("a page sends more messages than people can make: it is slowed down")
-            pace.told = True
+            pace.warned = True
             await asyncio.sleep(wait_s)
 
     async def _send(self, page: WebSocket, waiting: asyncio.Queue[Json]) -> None:
@@ -138,20 +137,20 @@ class PickServer:
             await page.close(TRY_AGAIN_LATER)  # it missed something: it is to begin anew
 
     async def _answered(self, text: str, own: asyncio.Queue[Json]) -> Json:
-        """Do what a message of a page says, tell the others what changed, and answer."""
+        """Do what a message of a page says, send the others what changed, and answer."""
         try:
-            message = parse_message(text, self.desk.photos)
+            message = parse_message(text, self.picking.photos)
         except RefusedError as why:
             log.info("refused: %s", why)
             return {"t": "refused", "seq": why.seq, "why": str(why)}
         try:
             if self.project.refuses:
                 raise RefusedError(self.project.refuses)
-            if isinstance(message.body, c.Errand):
+            if isinstance(message.body, c.ProjectAction):
                 return {"seq": message.seq, **await self.project.do(message.body)}
             if isinstance(message.body, c.Question):
-                return await to_thread.run_sync(self.desk.answer, message)
-            changed = self.desk.change(message)
+                return await to_thread.run_sync(self.picking.answer, message)
+            changed = self.picking.change(message)
         except UavgramError as why:  # refused, or a photo or the journal is not to be had
             log.info("refused: %s", why)
             return {"t": "refused", "seq": message.seq, "why": str(why)}
@@ -168,17 +167,17 @@ class PickServer:
 
     def _save(self) -> None:
         if not self.project.refuses:
-            self.desk.save()
+            self.picking.save()
 
-    def _broadcast_soon(self, said: Json) -> None:
-        """Tell every page, from any thread."""
+    def _broadcast_soon(self, message: Json) -> None:
+        """Send a message to every page, from any thread."""
         if self._loop is not None and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._broadcast, said)
+            self._loop.call_soon_threadsafe(self._broadcast, message)
 
-    def _broadcast(self, said: Json, but: asyncio.Queue[Json] | None = None) -> None:
+    def _broadcast(self, message: Json, but: asyncio.Queue[Json] | None = None) -> None:
         for waiting in self._pages - {but}:
             try:
-                waiting.put_nowait(said)
+                waiting.put_nowait(message)
             except asyncio.QueueFull:
                 log.warning("a page that reads no more is let go")
                 self._pages.discard(waiting)
@@ -187,7 +186,7 @@ class PickServer:
 def open_door(port: int) -> socket.socket:
     """A socket that listens on this machine only.
 
-    Who comes as soon as the address is known waits, and is let in when the server is up.
+    Connections made before the server runs wait, and are answered once it does.
 
     Parameters
     ----------

@@ -49,10 +49,6 @@ export class ProjectActions {
     await this.ask({ t: "calibrate", folder: Number(form.get("folder")), board: boardText(form), model: form.get("model") === "fisheye" ? "fisheye" : "brown" });
   }
 
-  async stopCalibration() {
-    await this.ask({ t: "stop-calibration" });
-  }
-
   async useCamera() {
     if (await this.ask({ t: "use-camera" })) this.notice.show("The project names this camera now, and was read again.", true);
   }
@@ -60,10 +56,6 @@ export class ProjectActions {
   async takeAside() {
     const answer = await this.ask({ t: "take-aside" });
     if (answer?.refused) this.notice.show(`${answer.refused} of the changes do not fit any more and were left out.`);
-  }
-
-  async discardAside() {
-    await this.ask({ t: "discard-aside" });
   }
 
   async reload() {

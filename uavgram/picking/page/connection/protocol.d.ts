@@ -1,5 +1,5 @@
 // What page and server say to each other, as JSON: types alone, for the checks in .ci/page. The server
-// makes its part in about.py, answers.py and bench.py, and checks what comes in messages.py.
+// makes its part in protocol/encode_*.py and session/, and checks what comes in protocol/parse.py.
 
 type Maybe = number | null; // null where Python has NaN
 

@@ -1,10 +1,10 @@
-// What the server said: the picked state, and what the adjustment makes of it.
+// What the server sent: the picked state, and what the adjustment makes of it.
 
 /** @import { Adjusted, Calibration, Camera, Changed, Clock, Fit, FullLive, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, Predicted, Remark, ServerMessage, Standing } from "./protocol.js" */
 
 /**
  * @typedef {object} Store
- * @property {boolean} begun whether the server has said how things stand
+ * @property {boolean} begun whether the server has sent its first message
  * @property {string} project
  * @property {Photo[]} photos
  * @property {number} tilePx
@@ -31,7 +31,7 @@
  * @property {number} liveFor
  * @property {Live["mode"] | "waiting"} mode
  * @property {boolean} connected
- * @property {boolean} gone not connected for so long that it is to be said
+ * @property {boolean} gone not connected for so long that it is to be shown
  * @property {string} fault
  */
 

@@ -52,7 +52,7 @@ export function put(element, name, value) {
 /** @type {WeakMap<Element, string>} */
 const signs = new WeakMap();
 
-/** Fills an element where what it shows, told by `sign`, is new. @param {Element} element @param {string} sign @param {() => (Node | string)[]} make */
+/** Fills an element where the `sign` of what it shows is new. @param {Element} element @param {string} sign @param {() => (Node | string)[]} make */
 export function fillIfNew(element, sign, make) {
   if (signs.get(element) === sign) return;
   signs.set(element, sign);

@@ -1,6 +1,6 @@
 // One sentence over the page, for a while.
 
-const SHOWN_MS = 8000; // what went well is told for half of it
+const SHOWN_MS = 8000; // what went well is shown for half of it
 
 export class Notice {
   /** @param {HTMLElement} box */

@@ -50,7 +50,7 @@ const offered = (count, project) => [
   node("p", {}, `An earlier session ended before it could save ${count === 1 ? "a change" : `${count} changes`}, and the files were changed since.`),
   node("p", { class: "dim" }, "Take makes the same changes now; Undo takes them back. Discard offers them no more; they stay in the output folder."),
   node("button", { name: "take-aside", onclick: () => void project.takeAside() }, "Take"),
-  node("button", { name: "discard-aside", onclick: () => void project.discardAside() }, "Discard"),
+  node("button", { name: "discard-aside", onclick: () => void project.ask({ t: "discard-aside" }) }, "Discard"),
 ];
 
 // A bar that stays while files of the project differ from what the page shows, or cannot be saved.

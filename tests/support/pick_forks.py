@@ -17,8 +17,8 @@ from uavgram.errors import UavgramError
 from uavgram.picking.web import server
 
 
-def tell(**said: object) -> None:
-    os.write(1, (json.dumps(said) + "\n").encode())
+def report(**facts: object) -> None:
+    os.write(1, (json.dumps(facts) + "\n").encode())
 
 
 def child(project: str, log_file: str, save_after_s: float) -> None:
@@ -28,11 +28,11 @@ def child(project: str, log_file: str, save_after_s: float) -> None:
     try:
         server.serve(
             Path(project),
-            lambda address: tell(pid=os.getpid(), address=address),
+            lambda address: report(pid=os.getpid(), address=address),
             lambda: None,
         )
     except UavgramError as why:
-        tell(pid=os.getpid(), refused=str(why))
+        report(pid=os.getpid(), refused=str(why))
 
 
 def main() -> None:
