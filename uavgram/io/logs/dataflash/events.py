@@ -102,10 +102,19 @@ def _is_gps_time(week: Floats, milliseconds: Floats) -> Bools:
 
 def home(tables: Tables) -> HomeSamples | None:
     """ORGN rows of type 1."""
+    return _origins(tables, 1)
+
+
+def estimator_origin(tables: Tables) -> HomeSamples | None:
+    """ORGN rows of type 0: where the estimator counts its offsets from."""
+    return _origins(tables, 0)
+
+
+def _origins(tables: Tables, kind: int) -> HomeSamples | None:
     columns = tables.columns("ORGN")
     if not columns:
         return None
-    columns = rows_where(columns, numbers(columns, "Type") == 1)
+    columns = rows_where(columns, numbers(columns, "Type") == kind)
     time = boot_time_s(columns)
     latitude, longitude = numbers(columns, "Lat"), numbers(columns, "Lng")
     height = numbers(columns, "Alt")

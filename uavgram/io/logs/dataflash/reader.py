@@ -13,7 +13,7 @@ from uavgram.io.logs.dataflash import events as dataflash_events
 from uavgram.io.logs.dataflash import gimbal as dataflash_gimbal
 from uavgram.io.logs.dataflash import samples as dataflash_pose
 from uavgram.io.logs.dataflash.binary import index_binary
-from uavgram.io.logs.dataflash.formats import odd_order
+from uavgram.io.logs.dataflash.formats import odd_names
 from uavgram.io.logs.dataflash.samples import Tables, boot_time_s
 from uavgram.io.logs.dataflash.text import index_text
 from uavgram.io.logs.quality.agreement import disagreements
@@ -45,7 +45,7 @@ def read_dataflash(path: str | Path) -> FlightLog:
         raise InputError(path, _SDLOG2)
     parts = _parts(tables)
     formats = (piece.format for pieces in tables.pieces.values() for piece in pieces)
-    notes = [*tables.notes, *(note for fmt in formats for note in odd_order(fmt))]
+    notes = [*tables.notes, *(note for fmt in formats for note in odd_names(fmt))]
     if len(parts) > 1:
         notes.append(f"the boot clock starts again {len(parts) - 1} times: several boots")
     boots: list[Boot] = []
@@ -109,7 +109,11 @@ def _boot(tables: Tables) -> tuple[Boot, tuple[str, ...]]:
         clocks=() if clock is None else (clock,),
     )
     boot, remarks = consistent(boot)
-    doubts = disagreements(boot, *dataflash_pose.second_opinions(tables, core))
+    doubts = disagreements(
+        boot,
+        *dataflash_pose.second_opinions(tables, core),
+        dataflash_events.estimator_origin(tables),
+    )
     notes = (*position_notes, *attitude_notes, *gimbal_notes, *event_notes)
     return boot, (*notes, *remarks, *doubts)
 

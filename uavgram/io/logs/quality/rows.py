@@ -68,16 +68,38 @@ def plausible_rows(time_s: Floats, believable: Bools, *, dense: bool = False) ->
 
 
 def left_out(source: str, time_s: Floats, rows: Ints) -> tuple[str, ...]:
-    """A remark where rows of a table are not used, though no other row has their time.
+    """Remarks on rows that are not used, though no other row has their time, or out of order.
 
     Firmware writes some rows twice, such as the gimbal's at an exposure.
+
+    Parameters
+    ----------
+    source
+        The message's name.
+    time_s
+        (N,) since boot, of the rows that state something, in the order of the file.
+    rows
+        (K,) those that are used.
     """
     unused = np.ones(len(time_s), dtype=bool)
     unused[rows] = False
     unused &= ~np.isin(time_s, time_s[rows])
-    if not unused.any():
+    notes = _out_of_order(source, time_s[np.sort(rows)])
+    if unused.any():
+        dropped = f"{int(unused.sum())} of {len(time_s)} {source} rows"
+        notes = (f"{dropped} make no sense and were dropped", *notes)
+    return notes
+
+
+def _out_of_order(source: str, time_s: Floats) -> tuple[str, ...]:
+    """A remark where times (N,) of used rows, in the order of the file, go back."""
+    back = np.flatnonzero(np.diff(time_s) < 0)
+    if not len(back):
         return ()
-    return (f"{int(unused.sum())} of {len(time_s)} {source} rows make no sense and were dropped",)
+    return (
+        f"{len(back)} {source} rows stand out of the order of time (the first at "
+        f"{time_s[back[0] + 1]:.2f} s since boot): damaged, or exchanged on the way",
+    )
 
 
 def _without_lone_ends(time_s: Floats, rows: Ints) -> Ints:
