@@ -95,8 +95,8 @@ def _parts(tables: Tables) -> list[Tables]:
 def _boot(tables: Tables) -> tuple[Boot, tuple[str, ...]]:
     core = dataflash_pose.primary_core(tables)
     positions, position_notes = dataflash_pose.positions(tables, core)
-    clock = dataflash_events.gps_clock(tables)
-    events, event_notes = dataflash_events.camera_events(tables, clock)
+    clocks = dataflash_events.gps_clock(tables)
+    events, event_notes = dataflash_events.camera_events(tables, clocks)
     attitudes, attitude_notes = dataflash_pose.attitudes(tables, core)
     gimbal, gimbal_notes = dataflash_gimbal.gimbal(tables)
     boot = Boot(
@@ -106,7 +106,7 @@ def _boot(tables: Tables) -> tuple[Boot, tuple[str, ...]]:
         sigmas=dataflash_pose.sigmas(tables, core),
         events=events,
         home=dataflash_events.home(tables),
-        clocks=() if clock is None else (clock,),
+        clocks=clocks,
     )
     boot, remarks = consistent(boot)
     doubts = disagreements(

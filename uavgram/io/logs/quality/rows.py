@@ -67,7 +67,9 @@ def plausible_rows(time_s: Floats, believable: Bools, *, dense: bool = False) ->
     return rows[first_of_instant].astype(np.int64)
 
 
-def left_out(source: str, time_s: Floats, rows: Ints) -> tuple[str, ...]:
+def left_out(
+    source: str, time_s: Floats, rows: Ints, stated: Bools | None = None
+) -> tuple[str, ...]:
     """Remarks on rows that are not used, though no other row has their time, or out of order.
 
     Firmware writes some rows twice, such as the gimbal's at an exposure.
@@ -77,16 +79,18 @@ def left_out(source: str, time_s: Floats, rows: Ints) -> tuple[str, ...]:
     source
         The message's name.
     time_s
-        (N,) since boot, of the rows that state something, in the order of the file.
+        (N,) since boot, in the order of the file.
     rows
         (K,) those that are used.
+    stated
+        (N,) rows that state something, the used ones among them; None for all.
     """
-    unused = np.ones(len(time_s), dtype=bool)
-    unused[rows] = False
-    unused &= ~np.isin(time_s, time_s[rows])
-    notes = _out_of_order(source, time_s[np.sort(rows)])
+    stated = np.ones(len(time_s), dtype=bool) if stated is None else stated
+    used = np.isin(time_s, time_s[rows])
+    unused = stated & ~used
+    notes = _out_of_order(source, time_s[stated & used])
     if unused.any():
-        dropped = f"{int(unused.sum())} of {len(time_s)} {source} rows"
+        dropped = f"{int(unused.sum())} of {int(stated.sum())} {source} rows"
         notes = (f"{dropped} make no sense and were dropped", *notes)
     return notes
 

@@ -8,10 +8,11 @@ from uavgram.io.logs.quality.rows import plausible_rows
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import EstimatorSigmas
 
+Stated = tuple[str, Floats, dict[str, Floats]]
+"""What one message states: its name, times (N,) and columns (N,) by what they are of."""
 
-def merged_sigmas(
-    parts: list[tuple[str, Floats, dict[str, Floats]]],
-) -> EstimatorSigmas | None:
+
+def merged_sigmas(parts: list[Stated]) -> EstimatorSigmas | None:
     """Statements of several messages, interpolated to the times of the first that says anything.
 
     Parameters

@@ -16,6 +16,7 @@ from uavgram.io.logs.quality.image_numbers import (
     shot_notes,
 )
 from uavgram.io.logs.quality.rows import plausible_rows
+from uavgram.io.logs.quality.samples import Found
 from uavgram.io.logs.tlog.stream import Stream
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import CameraEvents
@@ -25,7 +26,7 @@ _WRAP_S = 2.0**32 * 1e-6
 _LONGEST_DELAY_S = 60.0  # from the event to its message
 
 
-def camera_events(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...]]:
+def camera_events(stream: Stream) -> Found[CameraEvents]:
     """CAMERA_FEEDBACK (ArduPilot); else CAMERA_IMAGE_CAPTURED; else CAMERA_TRIGGER (PX4)."""
     notes: tuple[str, ...] = ()
     for read in (_feedback, _image_captured, _trigger):
@@ -36,7 +37,7 @@ def camera_events(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...]]
     return None, notes
 
 
-def _feedback(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...]]:
+def _feedback(stream: Stream) -> Found[CameraEvents]:
     """CAMERA_FEEDBACK on the boot clock.
 
     Its time_usec changes its clock (ArduPilot, AP_Camera_Backend.cpp): UTC without a feedback pin,
@@ -60,7 +61,7 @@ def _feedback(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...]]:
     ), notes
 
 
-def _image_captured(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...]]:
+def _image_captured(stream: Stream) -> Found[CameraEvents]:
     """CAMERA_IMAGE_CAPTURED; a ground station may ask for one again, with the same time."""
     columns, rows = stream.columns("CAMERA_IMAGE_CAPTURED")
     if not columns:
@@ -76,7 +77,7 @@ def _image_captured(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...
     return _events(time[kept], number, succeeded, "CAMERA_IMAGE_CAPTURED", "command"), ()
 
 
-def _trigger(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...]]:
+def _trigger(stream: Stream) -> Found[CameraEvents]:
     """CAMERA_TRIGGER: commands only."""
     columns, rows = stream.columns("CAMERA_TRIGGER")
     if not columns:

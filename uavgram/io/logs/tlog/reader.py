@@ -11,7 +11,7 @@ from uavgram.errors import InputError
 from uavgram.io.logs.mavlink_dialect import message_name, vehicle_kind
 from uavgram.io.logs.quality.agreement import disagreements
 from uavgram.io.logs.quality.boots import consistent
-from uavgram.io.logs.quality.rows import is_height, is_place, plausible_rows
+from uavgram.io.logs.quality.samples import clock_samples, home_samples
 from uavgram.io.logs.tlog import samples as tlog_pose
 from uavgram.io.logs.tlog.events import camera_events
 from uavgram.io.logs.tlog.frames import FrameTable, scan_frames
@@ -107,45 +107,21 @@ def _boot(stream: Stream) -> tuple[Boot, tuple[str, ...]]:
 
 
 def _clocks(stream: Stream) -> tuple[ClockSamples, ...]:
-    clocks = []
+    stated: tuple[ClockSamples, ...] = ()
     columns, _ = stream.columns("SYSTEM_TIME")
     if columns:
         utc = columns["time_unix_usec"].astype(np.float64) * 1e-6
-        time = columns["time_boot_ms"] * 1e-3
-        rows = plausible_rows(time, utc > 0)
-        if len(rows):
-            clocks.append(
-                ClockSamples(time_boot_s=time[rows], utc_s=utc[rows], source="system_time")
-            )
+        stated = clock_samples("system_time", columns["time_boot_ms"] * 1e-3, utc, utc > 0)
     receive = stream.frames.receive_s(stream.clock_row)
-    rows = plausible_rows(stream.clock_boot_s, receive > 0)
-    if len(rows):
-        clocks.append(
-            ClockSamples(
-                time_boot_s=stream.clock_boot_s[rows], utc_s=receive[rows], source="receive"
-            )
-        )
-    return tuple(clocks)
+    return (*stated, *clock_samples("receive", stream.clock_boot_s, receive, receive > 0))
 
 
 def _home(stream: Stream) -> HomeSamples | None:
     columns, found = stream.columns("HOME_POSITION")
     if not columns:
         return None
-    time = stream.boot_s(found)
-    latitude, longitude = columns["latitude"] / 1e7, columns["longitude"] / 1e7
-    height = columns["altitude"] / 1e3
-    rows = plausible_rows(time, is_place(latitude, longitude) & is_height(height))
-    if not len(rows):
-        return None
-    return HomeSamples(
-        time_boot_s=time[rows],
-        latitude_deg=latitude[rows],
-        longitude_deg=longitude[rows],
-        height_m=height[rows],
-        datum="msl",
-        source="HOME_POSITION",
-    )
+    place = columns["latitude"] / 1e7, columns["longitude"] / 1e7, columns["altitude"] / 1e3
+    return home_samples("HOME_POSITION", stream.boot_s(found), place)
 
 
 def _undulation_m(streams: list[Stream]) -> float:

@@ -53,7 +53,6 @@ def read_ulog(path: str | Path) -> FlightLog:
 def _boot(tables: UlogTables) -> tuple[Boot, tuple[str, ...]]:
     positions, position_notes = ulog_pose.positions(tables)
     events, event_notes = ulog_events.camera_events(tables)
-    clock = ulog_events.gps_clock(tables)
     attitudes, attitude_notes = ulog_pose.attitudes(tables)
     gimbal, gimbal_notes = ulog_pose.gimbal(tables)
     boot = Boot(
@@ -63,7 +62,7 @@ def _boot(tables: UlogTables) -> tuple[Boot, tuple[str, ...]]:
         sigmas=ulog_pose.sigmas(tables),
         events=events,
         home=ulog_events.home(tables),
-        clocks=() if clock is None else (clock,),
+        clocks=ulog_events.gps_clock(tables),
     )
     boot, remarks = consistent(boot)
     return boot, (*position_notes, *attitude_notes, *gimbal_notes, *event_notes, *remarks)
