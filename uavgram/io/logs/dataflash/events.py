@@ -7,20 +7,14 @@ import numpy as np
 from uavgram.geometry.earth.gps_time import utc_from_gps
 from uavgram.io.logs.dataflash.formats import Columns
 from uavgram.io.logs.dataflash.samples import (
-    Tables,
     boot_time_s,
     numbers,
     place_of,
     receiver,
     rows_where,
 )
-from uavgram.io.logs.quality.image_numbers import (
-    first_of_instant,
-    image_numbers,
-    lost_numbers,
-    repeated_numbers,
-    shot_notes,
-)
+from uavgram.io.logs.dataflash.tables import Tables
+from uavgram.io.logs.quality.image_numbers import events_of, image_numbers
 from uavgram.io.logs.quality.rows import is_height, plausible_rows
 from uavgram.io.logs.quality.samples import Found, clock_samples, home_samples
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -44,24 +38,14 @@ def camera_events(tables: Tables, clocks: tuple[ClockSamples, ...]) -> Found[Cam
     cam_time, cam_number, notes = _shots(tables, "CAM", clocks)
     trig_time, trig_number, _ = _shots(tables, "TRIG", clocks)
     missed = ~np.isin(trig_number, cam_number) | (trig_number < 0)
-    time = np.concatenate([cam_time, trig_time[missed]])
-    number = np.concatenate([cam_number, trig_number[missed]])
-    confirmed = np.concatenate([np.ones(len(cam_time)), np.zeros(int(missed.sum()))])
-    order = np.argsort(time, kind="stable")  # spikes were taken out of each type by itself
-    rows = order[first_of_instant(time[order])]
-    if not len(rows):
-        return None, notes
     present = [name for name, has in (("TRIG", trig_time), ("CAM", cam_time)) if len(has)]
-    events = CameraEvents(
-        time_boot_s=time[rows],
-        image_number=number[rows],
-        confirmed=confirmed[rows],
-        source="+".join(present),
-        instant="feedback" if present == ["TRIG", "CAM"] else "command",
-        repeated=repeated_numbers(cam_number),
-        lost=lost_numbers(number),
+    events, remarks = events_of(
+        "+".join(present),
+        "feedback" if present == ["TRIG", "CAM"] else "command",
+        (cam_time, cam_number, np.ones(len(cam_time))),
+        (trig_time[missed], trig_number[missed]),
     )
-    return events, (*notes, *shot_notes(events))
+    return events, (*notes, *remarks)
 
 
 def _shots(

@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.io.logs.dataflash.formats import Columns
-from uavgram.io.logs.dataflash.samples import Tables, boot_time_s, numbers
+from uavgram.io.logs.dataflash.samples import boot_time_s, numbers
+from uavgram.io.logs.dataflash.tables import Tables
 from uavgram.io.logs.quality.gimbal import from_angles
 from uavgram.io.logs.quality.samples import Found
 from uavgram.model.arrays import Bools, Floats

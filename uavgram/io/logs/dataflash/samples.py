@@ -6,15 +6,14 @@ AP_Mount_Backend.cpp, AP_GPS.cpp (LogStructure.h of each).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.geometry.motion.rotation import matrix_from_ypr, xyzw_from_matrix
-from uavgram.io.logs.dataflash.binary import Piece
 from uavgram.io.logs.dataflash.formats import Columns
+from uavgram.io.logs.dataflash.tables import Tables
 from uavgram.io.logs.quality.rows import are_body_angles, as_numbers
 from uavgram.io.logs.quality.samples import (
     Found,
@@ -30,45 +29,6 @@ from uavgram.model.flight.log import (
     EstimatorSigmas,
     PositionSamples,
 )
-
-
-class Tables(Protocol):
-    """What the binary and the text form have in common."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Message types that the log holds, sorted."""
-        ...
-
-    @property
-    def pieces(self) -> Mapping[str, Sequence[Piece]]:
-        """The messages of each type, by the format that the file states of them."""
-        ...
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was odd about the file."""
-        ...
-
-    def count(self, name: str) -> int:
-        """How many messages of this type there are."""
-        ...
-
-    def places(self, name: str) -> NDArray[np.int64]:
-        """(N,) where in the file the messages of one type begin, in the order of `columns`."""
-        ...
-
-    def columns(self, name: str) -> Columns:
-        """Their fields as columns."""
-        ...
-
-    def ends(self, name: str) -> Columns:
-        """The columns of the first and the last message only."""
-        ...
-
-    def between(self, start: int, end: int) -> Tables:
-        """The messages that begin in this range of the file."""
-        ...
 
 
 def boot_time_s(columns: Columns) -> Floats:

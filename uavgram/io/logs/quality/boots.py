@@ -8,15 +8,56 @@ import numpy as np
 
 from uavgram.io.logs.quality.agreement import homes_in_doubt
 from uavgram.io.logs.quality.neighbours import without_damaged_rows
-from uavgram.io.logs.quality.samples import rows_of
+from uavgram.io.logs.quality.samples import Found, rows_of
 from uavgram.model.arrays import Bools
-from uavgram.model.flight.log import Boot, HomeSamples
+from uavgram.model.flight.log import (
+    AttitudeSamples,
+    Boot,
+    CameraEvents,
+    ClockSamples,
+    EstimatorSigmas,
+    GimbalSamples,
+    HomeSamples,
+    PositionSamples,
+)
 
 _MARGIN_S = 600.0  # a home or an event may come before the first position
 _FARTHEST_DEG = 1.0  # of a home from the flight
 
 
-def consistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
+def checked_boot(
+    positions: Found[PositionSamples],
+    attitudes: Found[AttitudeSamples],
+    gimbal: Found[GimbalSamples],
+    events: Found[CameraEvents],
+    *,
+    sigmas: EstimatorSigmas | None,
+    home: HomeSamples | None,
+    clocks: tuple[ClockSamples, ...],
+) -> tuple[Boot, tuple[str, ...]]:
+    """A boot of what its messages say, less what cannot be; and what was odd about them.
+
+    Parameters
+    ----------
+    positions, attitudes, gimbal, events
+        With the remarks of those who read them.
+    sigmas, home, clocks
+        As in `Boot`.
+    """
+    boot = Boot(
+        positions=positions[0],
+        attitudes=attitudes[0],
+        gimbal=gimbal[0],
+        events=events[0],
+        sigmas=sigmas,
+        home=home,
+        clocks=clocks,
+    )
+    boot, remarks = _consistent(boot)
+    return boot, (*positions[1], *attitudes[1], *gimbal[1], *events[1], *remarks)
+
+
+def _consistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
     """The boot without what cannot be: rows off their neighbours, impossible events and homes."""
     boot, said = without_damaged_rows(boot)
     dense = [t for t in (boot.positions, boot.attitudes) if t is not None]

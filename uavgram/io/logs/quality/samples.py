@@ -106,7 +106,7 @@ def attitude_samples(source: str, time_s: Floats, xyzw: Floats) -> Found[Attitud
     xyzw
         (N, 4) unit quaternions, body to north-east-down; NaN where a row makes no sense.
     """
-    rows = plausible_rows(time_s, np.isfinite(xyzw).all(axis=1), dense=True)
+    rows = plausible_rows(time_s, np.asarray(np.isfinite(xyzw).all(axis=1)), dense=True)
     notes = left_out(source, time_s, rows)
     if not len(rows):
         return None, notes
@@ -134,9 +134,7 @@ def home_samples(
     """
     latitude, longitude, height = place
     sane = is_place(latitude, longitude) & is_height(height)
-    if valid is not None:
-        sane &= valid
-    rows = plausible_rows(time_s, sane)
+    rows = plausible_rows(time_s, sane if valid is None else np.asarray(sane & valid))
     if not len(rows):
         return None
     return HomeSamples(

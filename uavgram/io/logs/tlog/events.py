@@ -5,16 +5,9 @@ Fields: https://mavlink.io/en/messages/common.html and ardupilotmega.html, messa
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
-from uavgram.io.logs.quality.image_numbers import (
-    image_numbers,
-    lost_numbers,
-    repeated_numbers,
-    shot_notes,
-)
+from uavgram.io.logs.quality.image_numbers import events_of, image_numbers
 from uavgram.io.logs.quality.rows import plausible_rows
 from uavgram.io.logs.quality.samples import Found
 from uavgram.io.logs.tlog.stream import Stream
@@ -33,7 +26,7 @@ def camera_events(stream: Stream) -> Found[CameraEvents]:
         events, remarks = read(stream)
         notes = (*notes, *remarks)
         if events is not None:
-            return events, (*notes, *shot_notes(events))
+            return events, notes
     return None, notes
 
 
@@ -43,22 +36,30 @@ def _feedback(stream: Stream) -> Found[CameraEvents]:
     Its time_usec changes its clock (ArduPilot, AP_Camera_Backend.cpp): UTC without a feedback pin,
     microseconds since boot in 32 bits with one.
     """
-    columns, rows = stream.columns("CAMERA_FEEDBACK")
+    return _stamped(stream, "CAMERA_FEEDBACK", "img_idx", fed_back=True)
+
+
+def _trigger(stream: Stream) -> Found[CameraEvents]:
+    """CAMERA_TRIGGER: commands only."""
+    return _stamped(stream, "CAMERA_TRIGGER", "seq", fed_back=False)
+
+
+def _stamped(stream: Stream, name: str, count: str, *, fed_back: bool) -> Found[CameraEvents]:
+    """Events with time_usec, and their number in the field `count`."""
+    columns, rows = stream.columns(name)
     if not columns:
         return None, ()
-    time, is_utc, notes = _since_boot(stream, rows, columns["time_usec"], "CAMERA_FEEDBACK")
+    time, is_utc, notes = _since_boot(stream, rows, columns["time_usec"], name)
     kept = plausible_rows(time, np.abs(time - stream.boot_s(rows)) < _LONGEST_DELAY_S)
     if not len(kept):
         return None, notes
-    pinned = (~is_utc[kept]).mean() > 0.5
-    number = image_numbers(columns["img_idx"].astype(np.float64))[kept]
-    return _events(
-        time[kept],
-        number,
-        np.ones(len(kept)),
-        "CAMERA_FEEDBACK",
-        "feedback" if pinned else "command",
-    ), notes
+    pinned = fed_back and (~is_utc[kept]).mean() > 0.5
+    number = image_numbers(columns[count].astype(np.float64))[kept]
+    confirmed = np.full(len(kept), float(fed_back))
+    events, remarks = events_of(
+        name, "feedback" if pinned else "command", (time[kept], number, confirmed)
+    )
+    return events, (*notes, *remarks)
 
 
 def _image_captured(stream: Stream) -> Found[CameraEvents]:
@@ -74,38 +75,7 @@ def _image_captured(stream: Stream) -> Found[CameraEvents]:
         return None, ()
     number = image_numbers(columns["image_index"].astype(np.float64))[kept]
     succeeded = (columns["capture_result"][kept] == 1).astype(np.float64)
-    return _events(time[kept], number, succeeded, "CAMERA_IMAGE_CAPTURED", "command"), ()
-
-
-def _trigger(stream: Stream) -> Found[CameraEvents]:
-    """CAMERA_TRIGGER: commands only."""
-    columns, rows = stream.columns("CAMERA_TRIGGER")
-    if not columns:
-        return None, ()
-    time, _, notes = _since_boot(stream, rows, columns["time_usec"], "CAMERA_TRIGGER")
-    kept = plausible_rows(time, np.abs(time - stream.boot_s(rows)) < _LONGEST_DELAY_S)
-    if not len(kept):
-        return None, notes
-    number = image_numbers(columns["seq"].astype(np.float64))[kept]
-    return _events(time[kept], number, np.zeros(len(kept)), "CAMERA_TRIGGER", "command"), notes
-
-
-def _events(
-    time_s: Floats,
-    number: Ints,
-    confirmed: Floats,
-    source: str,
-    instant: Literal["feedback", "command"],
-) -> CameraEvents:
-    return CameraEvents(
-        time_boot_s=time_s,
-        image_number=number,
-        confirmed=confirmed,
-        source=source,
-        instant=instant,
-        repeated=repeated_numbers(number),
-        lost=lost_numbers(number),
-    )
+    return events_of("CAMERA_IMAGE_CAPTURED", "command", (time[kept], number, succeeded))
 
 
 def _since_boot(

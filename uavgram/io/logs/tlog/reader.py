@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError
+from uavgram.io.logs.log_bytes import read_log_bytes
 from uavgram.io.logs.mavlink_dialect import message_name, vehicle_kind
 from uavgram.io.logs.quality.agreement import disagreements
-from uavgram.io.logs.quality.boots import consistent
+from uavgram.io.logs.quality.boots import checked_boot
 from uavgram.io.logs.quality.samples import clock_samples, home_samples
 from uavgram.io.logs.tlog import samples as tlog_pose
 from uavgram.io.logs.tlog.events import camera_events
@@ -64,12 +65,7 @@ def read_tlog(path: str | Path) -> FlightLog:
 
 
 def _frames(path: str) -> FrameTable:
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(path, f"cannot be read: {error.strerror}") from error
-    if not data:
-        raise InputError(path, "is empty: copy the log from the ground station once more")
+    data = read_log_bytes(path, "ground station")
     frames = scan_frames(data)
     if not len(frames.start):
         raise InputError(path, "holds no intact MAVLink frame; is it a .tlog of a ground station?")
@@ -88,22 +84,17 @@ def _scan_notes(frames: FrameTable) -> list[str]:
 
 
 def _boot(stream: Stream) -> tuple[Boot, tuple[str, ...]]:
-    events, event_notes = camera_events(stream)
-    positions, position_notes = tlog_pose.positions(stream)
-    attitudes, attitude_notes = tlog_pose.attitudes(stream)
-    gimbal, gimbal_notes = tlog_pose.gimbal(stream, attitudes)
-    boot = Boot(
-        positions=positions,
-        attitudes=attitudes,
-        gimbal=gimbal,
+    attitudes = tlog_pose.attitudes(stream)
+    boot, notes = checked_boot(
+        tlog_pose.positions(stream),
+        attitudes,
+        tlog_pose.gimbal(stream, attitudes[0]),
+        camera_events(stream),
         sigmas=tlog_pose.sigmas(stream),
-        events=events,
         home=_home(stream),
         clocks=_clocks(stream),
     )
-    boot, remarks = consistent(boot)
-    doubts = disagreements(boot, *tlog_pose.second_opinions(stream))
-    return boot, (*position_notes, *attitude_notes, *gimbal_notes, *event_notes, *remarks, *doubts)
+    return boot, (*notes, *disagreements(boot, *tlog_pose.second_opinions(stream)))
 
 
 def _clocks(stream: Stream) -> tuple[ClockSamples, ...]:

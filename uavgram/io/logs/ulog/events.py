@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from uavgram.geometry.earth.gps_time import MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
-from uavgram.io.logs.quality.image_numbers import (
-    first_of_instant,
-    image_numbers,
-    lost_numbers,
-    repeated_numbers,
-    shot_notes,
-)
+from uavgram.io.logs.quality.image_numbers import events_of, image_numbers
 from uavgram.io.logs.quality.rows import plausible_rows
 from uavgram.io.logs.quality.samples import Found, clock_samples, home_samples
 from uavgram.io.logs.ulog.samples import has_fix, receiver
@@ -38,30 +34,14 @@ def camera_events(tables: UlogTables) -> Found[CameraEvents]:
     number = image_numbers(main.column("seq"))
     rows = plausible_rows(main.time_s, np.ones(len(main.time_s), dtype=bool))
     time, number, confirmed = main.time_s[rows], number[rows], confirmed[rows]
-    source, repeated = main.name, repeated_numbers(number)
-    lost = lost_numbers(number)
+    missed, source = None, main.name
     if trigger is not None and fed_back.any():
         commands = trigger.time_s[plausible_rows(trigger.time_s, ~fed_back)]
-        missed = commands[~_is_answered(commands, time)]
-        time = np.concatenate([time, missed])
-        number = np.concatenate([number, np.full(len(missed), -1)])
-        confirmed = np.concatenate([confirmed, np.zeros(len(missed))])
-        order = np.argsort(time, kind="stable")
-        order = order[first_of_instant(time[order])]
-        time, number, confirmed = time[order], number[order], confirmed[order]
+        unanswered = commands[~_is_answered(commands, time)]
+        missed = unanswered, np.full(len(unanswered), -1)
         source = "camera_capture+camera_trigger" if capture is not None else source
-    if not len(time):
-        return None, ()
-    events = CameraEvents(
-        time_boot_s=time,
-        image_number=number,
-        confirmed=confirmed,
-        source=source,
-        instant="feedback" if fed_back.any() else "command",
-        repeated=repeated,
-        lost=lost,
-    )
-    return events, shot_notes(events)
+    instant: Literal["feedback", "command"] = "feedback" if fed_back.any() else "command"
+    return events_of(source, instant, (time, number, confirmed), missed)
 
 
 def _main(capture: Topic | None, trigger: Topic | None, fed_back: Bools) -> tuple[Topic, Floats]:
