@@ -16,7 +16,7 @@ from uavgram.io.logs.dataflash.samples import (
 from uavgram.io.logs.dataflash.tables import Tables
 from uavgram.io.logs.quality.image_numbers import events_of, image_numbers
 from uavgram.io.logs.quality.rows import is_height, plausible_rows
-from uavgram.io.logs.quality.samples import Found, clock_samples, home_samples
+from uavgram.io.logs.quality.samples import Found, clock_samples, home_samples, median_undulation_m
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import CameraEvents, ClockSamples, HomeSamples
 
@@ -150,6 +150,5 @@ def undulation_m(tables: Tables) -> float:
     rows = plausible_rows(gpa_time, is_height(ellipsoid))
     if not len(rows) or not len(height):
         return float("nan")
-    difference = np.interp(boot_time_s(gps), gpa_time[rows], ellipsoid[rows]) - height
-    believable = difference[np.abs(difference) < 150]  # no geoid lies further from the ellipsoid
-    return float(np.median(believable)) if len(believable) else float("nan")
+    above_ellipsoid = np.interp(boot_time_s(gps), gpa_time[rows], ellipsoid[rows])
+    return median_undulation_m(above_ellipsoid, height)

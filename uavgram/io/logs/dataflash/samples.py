@@ -22,7 +22,7 @@ from uavgram.io.logs.quality.samples import (
     position_samples,
     unit_quaternions,
 )
-from uavgram.io.logs.quality.sigmas import Stated, merged_sigmas
+from uavgram.io.logs.quality.sigmas import Stated, merged_sigmas, positions_known
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import (
     AttitudeSamples,
@@ -218,14 +218,12 @@ def sigmas(tables: Tables, core: int) -> EstimatorSigmas | None:
     name, columns = of_core(tables, ("XKV1", "NKV1"), core)
     if name:
         v = [numbers(columns, f"V{i:02d}") for i in (7, 8, 9)]
-        variances = {"horizontal": (v[0] + v[1]) / 2, "vertical": v[2]}
-        parts.append(
-            (name, boot_time_s(columns), {k: np.sqrt(np.abs(x)) for k, x in variances.items()})
-        )
+        horizontal, vertical = (np.sqrt(np.abs(x)) for x in ((v[0] + v[1]) / 2, v[2]))
+        parts.append(positions_known(name, boot_time_s(columns), horizontal, vertical))
     _, columns = receiver(tables)
     if columns:
-        accuracy = {"horizontal": numbers(columns, "HAcc"), "vertical": numbers(columns, "VAcc")}
-        parts.append(("GPA", boot_time_s(columns), accuracy))
+        stated = numbers(columns, "HAcc"), numbers(columns, "VAcc")
+        parts.append(positions_known("GPA", boot_time_s(columns), *stated))
     name, columns = of_core(tables, ("XKF4", "NKF4"), core)
     if name:
         parts.append((name, boot_time_s(columns), {"tilt": numbers(columns, "errRP")}))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any, Literal, TypeVar
 
@@ -24,9 +25,23 @@ from uavgram.model.flight.log import (
     PositionSamples,
 )
 
+_LARGEST_UNDULATION_M = 150  # no geoid lies further from the ellipsoid
+
 T = TypeVar("T")
 Found = tuple[T | None, tuple[str, ...]]
 """What a log says of one thing, None where it says nothing; and what was odd about it."""
+
+
+def first_found(*reads: Callable[[], Found[T]]) -> Found[T]:
+    """What the first of several messages says that says anything; the remarks on all before."""
+    notes: tuple[str, ...] = ()
+    for read in reads:
+        samples, remarks = read()
+        notes = (*notes, *remarks)
+        if samples is not None:
+            return samples, notes
+    return None, notes
+
 
 Place = tuple[Floats, Floats, Floats]
 """Latitudes, longitudes [deg] and heights above sea level [m], each (N,)."""
@@ -34,6 +49,13 @@ Place = tuple[Floats, Floats, Floats]
 Samples = TypeVar(
     "Samples", PositionSamples, AttitudeSamples, GimbalSamples, HomeSamples, CameraEvents
 )
+
+
+def median_undulation_m(ellipsoid_m: Floats, sea_level_m: Floats) -> float:
+    """Geoid above ellipsoid of heights (N,) above both; NaN where none makes sense."""
+    difference = ellipsoid_m - sea_level_m
+    believable = difference[np.abs(difference) < _LARGEST_UNDULATION_M]
+    return float(np.median(believable)) if len(believable) else float("nan")
 
 
 def rows_of(samples: Samples, keep: Bools) -> Samples:

@@ -5,11 +5,13 @@ Fields: https://mavlink.io/en/messages/common.html and ardupilotmega.html, messa
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from uavgram.io.logs.quality.image_numbers import events_of, image_numbers
 from uavgram.io.logs.quality.rows import plausible_rows
-from uavgram.io.logs.quality.samples import Found
+from uavgram.io.logs.quality.samples import Found, first_found
 from uavgram.io.logs.tlog.stream import Stream
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import CameraEvents
@@ -21,13 +23,7 @@ _LONGEST_DELAY_S = 60.0  # from the event to its message
 
 def camera_events(stream: Stream) -> Found[CameraEvents]:
     """CAMERA_FEEDBACK (ArduPilot); else CAMERA_IMAGE_CAPTURED; else CAMERA_TRIGGER (PX4)."""
-    notes: tuple[str, ...] = ()
-    for read in (_feedback, _image_captured, _trigger):
-        events, remarks = read(stream)
-        notes = (*notes, *remarks)
-        if events is not None:
-            return events, notes
-    return None, notes
+    return first_found(*(partial(read, stream) for read in (_feedback, _image_captured, _trigger)))
 
 
 def _feedback(stream: Stream) -> Found[CameraEvents]:

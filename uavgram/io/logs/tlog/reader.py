@@ -12,7 +12,7 @@ from uavgram.io.logs.log_bytes import read_log_bytes
 from uavgram.io.logs.mavlink_dialect import message_name, vehicle_kind
 from uavgram.io.logs.quality.agreement import disagreements
 from uavgram.io.logs.quality.boots import checked_boot
-from uavgram.io.logs.quality.samples import clock_samples, home_samples
+from uavgram.io.logs.quality.samples import clock_samples, home_samples, median_undulation_m
 from uavgram.io.logs.tlog import samples as tlog_pose
 from uavgram.io.logs.tlog.events import camera_events
 from uavgram.io.logs.tlog.frames import FrameTable, scan_frames
@@ -121,11 +121,10 @@ def _undulation_m(streams: list[Stream]) -> float:
         columns, _ = tlog_pose.receiver(stream)
         if not columns:
             continue
-        ellipsoid, sea_level = columns["alt_ellipsoid"] / 1e3, columns["alt"] / 1e3
         stated = columns["alt_ellipsoid"] != 0
-        stated &= np.abs(ellipsoid - sea_level) < 150
-        if stated.any():
-            return float(np.median((ellipsoid - sea_level)[stated]))
+        heights = (columns[name][stated] / 1e3 for name in ("alt_ellipsoid", "alt"))
+        if np.isfinite(found := median_undulation_m(*heights)):
+            return found
     return float("nan")
 
 

@@ -6,6 +6,7 @@ Units and frames: https://mavlink.io/en/messages/common.html, message by message
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -16,10 +17,11 @@ from uavgram.io.logs.quality.rows import as_numbers
 from uavgram.io.logs.quality.samples import (
     Found,
     attitude_samples,
+    first_found,
     position_samples,
     unit_quaternions,
 )
-from uavgram.io.logs.quality.sigmas import Stated, merged_sigmas
+from uavgram.io.logs.quality.sigmas import Stated, merged_sigmas, positions_known
 from uavgram.io.logs.tlog.frames import Columns
 from uavgram.io.logs.tlog.stream import Stream
 from uavgram.model.arrays import Floats, Ints
@@ -103,14 +105,11 @@ def second_opinions(
 
 def gimbal(stream: Stream, attitudes: AttitudeSamples | None) -> Found[GimbalSamples]:
     """The gimbal's attitude from the first of its messages that the log has, newest first."""
-    notes: tuple[str, ...] = ()
-    for read in (_gimbal_device, _mount_orientation):
-        samples, remarks = read(stream)
-        notes = (*notes, *remarks)
-        if samples is not None:
-            return samples, notes
-    samples, remarks = _mount_status(stream, attitudes)
-    return samples, (*notes, *remarks)
+    return first_found(
+        partial(_gimbal_device, stream),
+        partial(_mount_orientation, stream),
+        partial(_mount_status, stream, attitudes),
+    )
 
 
 def _gimbal_device(stream: Stream) -> Found[GimbalSamples]:
@@ -191,13 +190,9 @@ def sigmas(stream: Stream) -> EstimatorSigmas | None:
     if columns:
         horizontal = as_numbers(columns["pos_horiz_accuracy"])
         vertical = as_numbers(columns["pos_vert_accuracy"])
-        parts.append(_part("ESTIMATOR_STATUS", stream, rows, horizontal, vertical))
+        parts.append(positions_known("ESTIMATOR_STATUS", stream.boot_s(rows), horizontal, vertical))
     columns, rows = receiver(stream)
     if columns:
         horizontal, vertical = columns["h_acc"] / 1e3, columns["v_acc"] / 1e3
-        parts.append(_part("GPS_RAW_INT", stream, rows, horizontal, vertical))
+        parts.append(positions_known("GPS_RAW_INT", stream.boot_s(rows), horizontal, vertical))
     return merged_sigmas(parts)
-
-
-def _part(name: str, stream: Stream, rows: Ints, horizontal: Floats, vertical: Floats) -> Stated:
-    return name, stream.boot_s(rows), {"horizontal": horizontal, "vertical": vertical}

@@ -12,10 +12,11 @@ from uavgram.io.logs.quality.samples import (
     Found,
     Place,
     attitude_samples,
+    median_undulation_m,
     position_samples,
     unit_quaternions,
 )
-from uavgram.io.logs.quality.sigmas import Stated, merged_sigmas
+from uavgram.io.logs.quality.sigmas import merged_sigmas, positions_known
 from uavgram.io.logs.ulog.topics import Topic, UlogTables
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import (
@@ -125,9 +126,8 @@ def undulation_m(tables: UlogTables) -> float:
     ellipsoid = topic.column("altitude_ellipsoid_m")
     if "alt_ellipsoid" in topic.fields:
         ellipsoid = topic.column("alt_ellipsoid") / 1e3
-    difference = (ellipsoid - receiver_position(topic)[2])[has_fix(topic) & (ellipsoid != 0)]
-    believable = difference[np.abs(difference) < 150]  # no geoid lies further from the ellipsoid
-    return float(np.median(believable)) if len(believable) else float("nan")
+    stated = has_fix(topic) & (ellipsoid != 0)
+    return median_undulation_m(ellipsoid[stated], receiver_position(topic)[2][stated])
 
 
 def attitudes(tables: UlogTables) -> Found[AttitudeSamples]:
@@ -166,16 +166,14 @@ def sigmas(tables: UlogTables) -> EstimatorSigmas | None:
 
     The test ratios of estimator_status are no standard deviations.
     """
-    parts: list[Stated] = []
-    topic = tables.topic("vehicle_global_position", "vehicle_local_position")
-    if topic is not None:
-        parts.append(_part(topic, "eph", "epv"))
-    topic = receiver(tables)
-    if topic is not None:
-        parts.append(_part(topic, "eph", "epv"))
-    return merged_sigmas(parts)
-
-
-def _part(topic: Topic, horizontal: str, vertical: str) -> Stated:
-    stated = {"horizontal": topic.column(horizontal), "vertical": topic.column(vertical)}
-    return topic.name, topic.time_s, stated
+    topics = (
+        tables.topic("vehicle_global_position", "vehicle_local_position"),
+        receiver(tables),
+    )
+    return merged_sigmas(
+        [
+            positions_known(t.name, t.time_s, t.column("eph"), t.column("epv"))
+            for t in topics
+            if t is not None
+        ]
+    )
