@@ -11,13 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import InputError
-from uavgram.io.logs.dataflash.formats import (
-    FMT_TYPE,
-    HEADER,
-    Columns,
-    Format,
-    format_at,
-)
+from uavgram.io.logs.dataflash.formats import FMT_TYPE, HEADER, Columns, Format, format_at
 from uavgram.io.logs.dataflash.index import Starts, indexed_by_loop, indexed_by_pymavlink
 from uavgram.io.logs.dataflash.tables import Piece, Tables, inside
 

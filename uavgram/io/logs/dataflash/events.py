@@ -6,13 +6,7 @@ import numpy as np
 
 from uavgram.geometry.earth.gps_time import utc_from_gps
 from uavgram.io.logs.dataflash.formats import Columns
-from uavgram.io.logs.dataflash.samples import (
-    boot_time_s,
-    numbers,
-    place_of,
-    receiver,
-    rows_where,
-)
+from uavgram.io.logs.dataflash.samples import boot_time_s, numbers, place_of, receiver, rows_where
 from uavgram.io.logs.dataflash.tables import Tables
 from uavgram.io.logs.quality.image_numbers import events_of, image_numbers
 from uavgram.io.logs.quality.rows import is_height, plausible_rows

@@ -24,11 +24,7 @@ from uavgram.io.logs.quality.samples import (
 )
 from uavgram.io.logs.quality.sigmas import Stated, merged_sigmas, positions_known
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import (
-    AttitudeSamples,
-    EstimatorSigmas,
-    PositionSamples,
-)
+from uavgram.model.flight.log import AttitudeSamples, EstimatorSigmas, PositionSamples
 
 
 def boot_time_s(columns: Columns) -> Floats:

@@ -17,13 +17,7 @@ from uavgram.io.logs.tlog import samples as tlog_pose
 from uavgram.io.logs.tlog.events import camera_events
 from uavgram.io.logs.tlog.frames import FrameTable, scan_frames
 from uavgram.io.logs.tlog.stream import Stream, boots, vehicles
-from uavgram.model.flight.log import (
-    Boot,
-    ClockSamples,
-    FlightLog,
-    HomeSamples,
-    MessageCount,
-)
+from uavgram.model.flight.log import Boot, ClockSamples, FlightLog, HomeSamples, MessageCount
 
 _FIRMWARE = re.compile(r"\b(Ardu\w+|APM:\w+|PX4)\s+[Vv]?\d[\w.\-]*(\s+\(\w+\))?")
 

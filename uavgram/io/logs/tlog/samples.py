@@ -94,9 +94,7 @@ def _attitude_samples(columns: Columns, xyzw: Floats, source: str) -> Found[Atti
     return attitude_samples(source, columns["time_boot_ms"] * 1e-3, unit_quaternions(xyzw))
 
 
-def second_opinions(
-    stream: Stream,
-) -> tuple[PositionSamples | None, AttitudeSamples | None]:
+def second_opinions(stream: Stream) -> tuple[PositionSamples | None, AttitudeSamples | None]:
     """The receiver's own positions, and ATTITUDE, to hold against what is used."""
     columns, rows = receiver(stream)
     place = _position_samples(columns, stream.boot_s(rows), "GPS_RAW_INT")[0] if columns else None

@@ -100,13 +100,7 @@ def _positions(log: SimulatedLog) -> Timed:
     )
     for time, (latitude, longitude, altitude), velocity, centidegrees in rows:
         message = dialect.MAVLink_global_position_int_message(
-            _ms(time),
-            latitude,
-            longitude,
-            altitude,
-            altitude - home_mm,
-            *velocity,
-            centidegrees,
+            _ms(time), latitude, longitude, altitude, altitude - home_mm, *velocity, centidegrees
         )
         yield time, message
 

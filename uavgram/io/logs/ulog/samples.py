@@ -166,10 +166,7 @@ def sigmas(tables: UlogTables) -> EstimatorSigmas | None:
 
     The test ratios of estimator_status are no standard deviations.
     """
-    topics = (
-        tables.topic("vehicle_global_position", "vehicle_local_position"),
-        receiver(tables),
-    )
+    topics = (tables.topic("vehicle_global_position", "vehicle_local_position"), receiver(tables))
     return merged_sigmas(
         [
             positions_known(t.name, t.time_s, t.column("eph"), t.column("epv"))
