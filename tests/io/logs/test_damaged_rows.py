@@ -9,7 +9,7 @@ from log_mutants import short_logs
 from uavgram.io.logs.dataflash.binary import index_binary
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.logs.quality.neighbours import off_neighbours
-from uavgram.io.logs.quality.rows import is_spike, restarts
+from uavgram.io.logs.quality.rows import is_spike, plausible_rows, restarts
 
 
 @pytest.fixture(scope="module")
@@ -187,3 +187,8 @@ def test_the_gimbals_messages_under_a_damaged_name_are_told(read_text, good_text
     log = read_text(good_text.replace("MNT,", "MNU,"))
     assert log.boots[0].gimbal is None
     assert any(note.startswith("MNU messages look like the gimbal's (MNT)") for note in log.notes)
+
+
+def test_times_that_utc_cannot_tell_apart_are_one_instant():
+    time = np.array([1.0, 1.0 + 1e-7, 1.0 + 1e-6, 2.0])  # a damaged format makes such numbers
+    assert plausible_rows(time, np.ones(4, dtype=bool)).tolist() == [0, 2, 3]

@@ -15,6 +15,8 @@ _DENSE_ROWS, _LONE_ROWS, _LONE_GAP_S = 20, 3, 1800.0
 # Faster than any aircraft that takes photos of the ground, gusts and steps of the estimator added.
 _FASTEST_M_S, _FASTEST_CLIMB_M_S, _STEP_M = 200.0, 50.0, 30.0
 _METERS_PER_DEG = 111e3
+# Logs count microseconds; UTC as a double resolves a quarter of one.
+_SAME_INSTANT_S = 0.5e-6
 RESTART_S = 1.0  # a clock that steps back by more has been restarted (or the byte is damaged)
 
 
@@ -63,7 +65,7 @@ def plausible_rows(time_s: Floats, believable: Bools, *, dense: bool = False) ->
     rows = rows[np.argsort(time[rows], kind="stable")]
     if dense:
         rows = _without_lone_ends(time, rows)
-    first_of_instant = np.diff(time[rows], prepend=-np.inf) > 0
+    first_of_instant = np.diff(time[rows], prepend=-np.inf) > _SAME_INSTANT_S
     return rows[first_of_instant].astype(np.int64)
 
 
