@@ -23,6 +23,15 @@ def by_alignment(
 ) -> tuple[ClockedBoot, Timing]:
     """Offset of the camera's clock from the log's camera events.
 
+    Parameters
+    ----------
+    photos
+        The photos, with their file times.
+    usable
+        Boots of the log that have a clock, and events where these are needed.
+    options
+        The project's `time`.
+
     Raises
     ------
     UavgramError

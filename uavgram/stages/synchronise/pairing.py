@@ -15,7 +15,17 @@ _NAMED = 5  # frames that a message names
 
 
 def pairing_of(photos: Photos, chosen: ClockedBoot, alignment: Alignment) -> Pairing:
-    """Spread the alignment of the photos with a file time over all photos and events."""
+    """Spread the alignment of the photos with a file time over all photos and events.
+
+    Parameters
+    ----------
+    photos
+        The photos, with their file times.
+    chosen
+        The boot that contains the photos.
+    alignment
+        Of the photos that have a file time, in their order.
+    """
     count = len(photos.frame_id)
     timed = np.flatnonzero(np.isfinite(photos.file_time_s))
     rows, event_utc = chosen.event_rows(), chosen.event_utc_s()

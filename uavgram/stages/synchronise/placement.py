@@ -15,7 +15,17 @@ LONGEST_GAP_S = 1.0  # to the nearest logged position
 
 
 def placed_frames(photos: Photos, chosen: ClockedBoot, timing: Timing) -> Frames:
-    """Frames with the reason why one has no place in the log."""
+    """Frames with the reason why one has no place in the log.
+
+    Parameters
+    ----------
+    photos
+        The photos, with their file times.
+    chosen
+        The boot that contains the photos.
+    timing
+        Instants of all photos.
+    """
     positions = chosen.boot.positions
     logged = np.zeros(0) if positions is None else to_utc(chosen.clock, positions.time_boot_s)
     time = timing.time_utc_s

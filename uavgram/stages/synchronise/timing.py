@@ -29,7 +29,17 @@ from uavgram.stages.synchronise.event_times import (
 def by_order(
     photos: Photos, usable: list[ClockedBoot], options: TimeOptions
 ) -> tuple[ClockedBoot, Timing]:
-    """Photo i is event i, by the order of the names: only where both are equally many."""
+    """Photo i is event i, by the order of the names: only where both are equally many.
+
+    Parameters
+    ----------
+    photos
+        The photos, with their file times.
+    usable
+        Boots of the log that have a clock, and events where these are needed.
+    options
+        The project's `time`.
+    """
     count = len(photos.frame_id)
     confirmed = [_confirmed(c.boot) for c in usable]
     fitting = [c for c, number in zip(usable, confirmed, strict=True) if number == count]
@@ -59,7 +69,19 @@ def _confirmed(boot: Boot) -> int:
 def by_offset(
     photos: Photos, usable: list[ClockedBoot], options: TimeOptions, offset_s: float
 ) -> tuple[ClockedBoot, Timing]:
-    """A stated offset; coarse file times take the time of the event that they belong to."""
+    """A stated offset; coarse file times take the time of the event that they belong to.
+
+    Parameters
+    ----------
+    photos
+        The photos, with their file times.
+    usable
+        Boots of the log that have a clock, and events where these are needed.
+    options
+        The project's `time`.
+    offset_s
+        Camera clock minus UTC.
+    """
     time = photos.file_time_s - offset_s
     inside = [is_inside(time, c) for c in usable]
     most = int(np.argmax([int(mask.sum()) for mask in inside]))

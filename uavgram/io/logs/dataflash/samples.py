@@ -62,7 +62,17 @@ def primary_core(tables: Tables) -> int:
 
 
 def of_core(tables: Tables, names: tuple[str, ...], core: int) -> tuple[str, Columns]:
-    """The first of these message types that the log has, rows of one core only."""
+    """The first of these message types that the log has, rows of one core only.
+
+    Parameters
+    ----------
+    tables
+        Of one boot.
+    names
+        Message types, the preferred one first.
+    core
+        Number of the estimator's core; a type without such a number is taken whole.
+    """
     for name in names:
         columns = tables.columns(name)
         if columns and "C" in columns:

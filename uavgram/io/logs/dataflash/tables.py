@@ -102,7 +102,15 @@ class Tables(ABC):
 
 
 def inside(starts: list[int], start: int, end: int) -> list[int]:
-    """Those of the places that lie in this range of the file."""
+    """Those of the places that lie in this range of the file.
+
+    Parameters
+    ----------
+    starts
+        Offsets in bytes, increasing.
+    start, end
+        First byte of the range, and the one after it.
+    """
     return starts[bisect_left(starts, start) : bisect_left(starts, end)]
 
 

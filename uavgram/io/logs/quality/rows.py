@@ -151,6 +151,15 @@ def near_its_track(
 
     It fits where it lies no further from the median of seven neighbours than the fastest aircraft
     flies meanwhile. A step that stays (a fix found, an origin set) is no damage.
+
+    Parameters
+    ----------
+    time_s
+        (N,) since boot.
+    latitude_deg, longitude_deg
+        (N,) WGS 84.
+    height_m
+        (N,) above any one datum.
     """
     fits = is_place(latitude_deg, longitude_deg) & is_height(height_m) & np.isfinite(time_s)
     rows = np.flatnonzero(fits)
