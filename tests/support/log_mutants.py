@@ -18,7 +18,7 @@ from pymavlink import DFReader
 from pymavlink.dialects.v20 import all as dialect
 from pymavlink.generator.mavcrc import x25crc
 
-from uavgram.io.logs.dataflash.binary import DataflashTables, index_binary
+from uavgram.io.logs.dataflash.binary import BinaryTables, index_binary
 from uavgram.io.logs.dataflash.formats import FMT_TYPE
 from uavgram.io.logs.dataflash.index import indexed_by_loop
 
@@ -146,7 +146,7 @@ def _text_shuffled(data: bytes, rng: Rng) -> bytes:
 
 
 @lru_cache(maxsize=1)
-def _indexed(data: bytes) -> DataflashTables:
+def _indexed(data: bytes) -> BinaryTables:
     return index_binary("", data)
 
 

@@ -88,8 +88,7 @@ def seen(surveys: list[Inputs], path: Path) -> Seen:
         said += [f"{m.code}: {m.text}" for m in p.messages if m.level != "info"]
     place = []
     for p, found in zip(posed, poses, strict=True):
-        origin = (p.world.latitude_deg, p.world.longitude_deg, p.world.height_m)
-        place.append(np.stack(geodetic_from_enu(found.center_world_m, origin), axis=1))
+        place.append(np.stack(geodetic_from_enu(found.center_world_m, p.world.origin), axis=1))
     return Seen(
         frames=tuple(p.frame_id for p in poses),
         place=tuple(place),

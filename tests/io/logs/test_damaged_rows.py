@@ -9,7 +9,7 @@ from log_mutants import short_logs
 from uavgram.io.logs.dataflash.binary import index_binary
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.logs.quality.neighbours import off_neighbours
-from uavgram.io.logs.quality.rows import is_spike, restarts
+from uavgram.io.logs.quality.rows import is_spike, plausible_rows, restarts
 
 
 @pytest.fixture(scope="module")
@@ -161,3 +161,34 @@ def test_a_time_that_is_no_number_is_a_spike_and_no_restart():
 
     assert is_spike(time).tolist() == [False, False, True, True, True, False, False, False]
     assert restarts(time).tolist() == []
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        (3, r"^home by ORGN moves by 23 m at 41.94 s since boot: was the vehicle carried there"),
+        ([1, 3], r"^home by ORGN at 41.94 s since boot lies 23 m off the estimator's origin"),
+    ],
+)
+def test_a_home_that_jumps_or_lies_off_the_estimators_origin_is_told(read_changed, rows, said):
+    log = read_changed("ORGN", rows, Lat=lambda old: old - 2048)
+    assert any(re.search(said, note) for note in log.notes), log.notes
+
+
+def test_rows_out_of_the_order_of_time_are_told(read_changed):
+    log = read_changed("ATT", 40, TimeUS=lambda old: old - 198_000)
+    assert any(
+        note.startswith("1 ATT rows stand out of the order of time (the first at 153.85 s")
+        for note in log.notes
+    ), log.notes
+
+
+def test_the_gimbals_messages_under_a_damaged_name_are_told(read_text, good_text):
+    log = read_text(good_text.replace("MNT,", "MNU,"))
+    assert log.boots[0].gimbal is None
+    assert any(note.startswith("MNU messages look like the gimbal's (MNT)") for note in log.notes)
+
+
+def test_times_that_utc_cannot_tell_apart_are_one_instant():
+    time = np.array([1.0, 1.0 + 1e-7, 1.0 + 1e-6, 2.0])  # a damaged format makes such numbers
+    assert plausible_rows(time, np.ones(4, dtype=bool)).tolist() == [0, 2, 3]

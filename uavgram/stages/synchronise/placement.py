@@ -20,11 +20,11 @@ def placed_frames(photos: Photos, chosen: ClockedBoot, timing: Timing) -> Frames
     Parameters
     ----------
     photos
-        Of the project, with their file times.
+        The photos, with their file times.
     chosen
-        The boot that the photos lie in.
+        The boot that contains the photos.
     timing
-        (F,) instants, and where they come from.
+        Instants of all photos.
     """
     positions = chosen.boot.positions
     logged = np.zeros(0) if positions is None else to_utc(chosen.clock, positions.time_boot_s)

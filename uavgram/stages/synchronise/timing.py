@@ -31,11 +31,11 @@ def by_order(
     Parameters
     ----------
     photos
-        Of the project, with their file times.
+        The photos, with their file times.
     usable
-        Boots of the log with positions and a clock.
+        Boots of the log that have a clock, and events where these are needed.
     options
-        What was asked for.
+        The project's `time`.
     """
     count = len(photos.frame_id)
     confirmed = [_confirmed(c.boot) for c in usable]
@@ -71,13 +71,13 @@ def by_offset(
     Parameters
     ----------
     photos
-        Of the project, with their file times.
+        The photos, with their file times.
     usable
-        Boots of the log with positions and a clock.
+        Boots of the log that have a clock, and events where these are needed.
     options
-        What was asked for.
+        The project's `time`.
     offset_s
-        Camera clock minus UTC [s].
+        Camera clock minus UTC.
     """
     time = photos.file_time_s - offset_s
     inside = [is_inside(time, c) for c in usable]

@@ -6,22 +6,16 @@ import numpy as np
 
 from uavgram.geometry.earth.gps_time import utc_from_gps
 from uavgram.io.logs.dataflash.formats import Columns
-from uavgram.io.logs.dataflash.samples import Tables, boot_time_s, numbers, receiver, rows_where
-from uavgram.io.logs.quality.image_numbers import (
-    first_of_instant,
-    image_numbers,
-    lost_numbers,
-    repeated_numbers,
-    shot_notes,
-)
-from uavgram.io.logs.quality.rows import is_height, is_place, plausible_rows
+from uavgram.io.logs.dataflash.samples import boot_time_s, numbers, place_of, receiver, rows_where
+from uavgram.io.logs.dataflash.tables import Tables
+from uavgram.io.logs.quality.image_numbers import events_of, image_numbers
+from uavgram.io.logs.quality.rows import is_height, plausible_rows
+from uavgram.io.logs.quality.samples import Found, clock_samples, home_samples, median_undulation_m
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import CameraEvents, ClockSamples, HomeSamples
 
 
-def camera_events(
-    tables: Tables, clock: ClockSamples | None
-) -> tuple[CameraEvents | None, tuple[str, ...]]:
+def camera_events(tables: Tables, clocks: tuple[ClockSamples, ...]) -> Found[CameraEvents]:
     """CAM joined with TRIG by the image number.
 
     With a feedback pin TRIG is the command and CAM the exposure (some 0.1 s later), and a TRIG
@@ -32,34 +26,24 @@ def camera_events(
     ----------
     tables
         Of one boot.
-    clock
-        Its GPS clock, for firmware before 3.3, whose CAM has no boot time.
+    clocks
+        Its GPS clock, if any, for firmware before 3.3, whose CAM has no boot time.
     """
-    cam_time, cam_number, notes = _shots(tables, "CAM", clock)
-    trig_time, trig_number, _ = _shots(tables, "TRIG", clock)
+    cam_time, cam_number, notes = _shots(tables, "CAM", clocks)
+    trig_time, trig_number, _ = _shots(tables, "TRIG", clocks)
     missed = ~np.isin(trig_number, cam_number) | (trig_number < 0)
-    time = np.concatenate([cam_time, trig_time[missed]])
-    number = np.concatenate([cam_number, trig_number[missed]])
-    confirmed = np.concatenate([np.ones(len(cam_time)), np.zeros(int(missed.sum()))])
-    order = np.argsort(time, kind="stable")  # spikes were taken out of each type by itself
-    rows = order[first_of_instant(time[order])]
-    if not len(rows):
-        return None, notes
     present = [name for name, has in (("TRIG", trig_time), ("CAM", cam_time)) if len(has)]
-    events = CameraEvents(
-        time_boot_s=time[rows],
-        image_number=number[rows],
-        confirmed=confirmed[rows],
-        source="+".join(present),
-        instant="feedback" if present == ["TRIG", "CAM"] else "command",
-        repeated=repeated_numbers(cam_number),
-        lost=lost_numbers(number),
+    events, remarks = events_of(
+        "+".join(present),
+        "feedback" if present == ["TRIG", "CAM"] else "command",
+        (cam_time, cam_number, np.ones(len(cam_time))),
+        (trig_time[missed], trig_number[missed]),
     )
-    return events, (*notes, *shot_notes(events))
+    return events, (*notes, *remarks)
 
 
 def _shots(
-    tables: Tables, name: str, clock: ClockSamples | None
+    tables: Tables, name: str, clocks: tuple[ClockSamples, ...]
 ) -> tuple[Floats, Ints, tuple[str, ...]]:
     """Boot times and image numbers (-1: none) of CAM or TRIG, first camera only; remarks."""
     columns = tables.columns(name)
@@ -74,17 +58,18 @@ def _shots(
     if any(field in columns for field in ("TimeUS", "TimeMS", "T")):
         time = boot_time_s(columns)
     else:
-        time = _by_gps_time(columns, clock)
+        time = _by_gps_time(columns, clocks)
         remark = "carries no boot time (firmware before 3.3): placed by GPS time, up to 0.2 s early"
         notes = (*notes, f"{name} {remark}")
     rows = plausible_rows(time, np.ones(len(time), dtype=bool))
     return time[rows], image_numbers(numbers(columns, "Img", "Image"))[rows], notes
 
 
-def _by_gps_time(columns: Columns, clock: ClockSamples | None) -> Floats:
+def _by_gps_time(columns: Columns, clocks: tuple[ClockSamples, ...]) -> Floats:
     """(N,) boot times of rows that state the GPS time of the last fix; NaN where unknown."""
-    if clock is None:
+    if not clocks:
         return np.full(len(next(iter(columns.values()))), np.nan)
+    clock = clocks[0]
     week, milliseconds = numbers(columns, "GPSWeek"), numbers(columns, "GPSTime")
     sane = _is_gps_time(week, milliseconds)
     utc = utc_from_gps(np.where(sane, week, 0.0), np.where(sane, milliseconds, 0.0))
@@ -102,27 +87,23 @@ def _is_gps_time(week: Floats, milliseconds: Floats) -> Bools:
 
 def home(tables: Tables) -> HomeSamples | None:
     """ORGN rows of type 1."""
+    return _origins(tables, 1)
+
+
+def estimator_origin(tables: Tables) -> HomeSamples | None:
+    """ORGN rows of type 0: where the estimator counts its offsets from."""
+    return _origins(tables, 0)
+
+
+def _origins(tables: Tables, kind: int) -> HomeSamples | None:
     columns = tables.columns("ORGN")
     if not columns:
         return None
-    columns = rows_where(columns, numbers(columns, "Type") == 1)
-    time = boot_time_s(columns)
-    latitude, longitude = numbers(columns, "Lat"), numbers(columns, "Lng")
-    height = numbers(columns, "Alt")
-    rows = plausible_rows(time, is_place(latitude, longitude) & is_height(height))
-    if not len(rows):
-        return None
-    return HomeSamples(
-        time_boot_s=time[rows],
-        latitude_deg=latitude[rows],
-        longitude_deg=longitude[rows],
-        height_m=height[rows],
-        datum="msl",
-        source="ORGN",
-    )
+    columns = rows_where(columns, numbers(columns, "Type") == kind)
+    return home_samples("ORGN", boot_time_s(columns), place_of(columns))
 
 
-def gps_clock(tables: Tables) -> ClockSamples | None:
+def gps_clock(tables: Tables) -> tuple[ClockSamples, ...]:
     """Pairs of boot time and GPS time as UTC, one for each 3-D fix.
 
     The boot time is that of the fix's arrival (GPA.SMS) where the log has it: TimeUS is when the
@@ -130,20 +111,15 @@ def gps_clock(tables: Tables) -> ClockSamples | None:
     """
     columns, accuracies = receiver(tables)
     if not columns:
-        return None
+        return ()
     week = numbers(columns, "GWk", "Week")
     # before 3.3 GPS.TimeMS is the GPS time and T the boot time
     milliseconds = numbers(columns, "GMS") if "GMS" in columns else numbers(columns, "TimeMS")
     time = boot_time_s(columns)
     time = np.where(np.isnan(arrival := _arrival_s(accuracies, time)), time, arrival)
-    rows = plausible_rows(time, _is_gps_time(week, milliseconds))
-    if not len(rows):
-        return None
-    return ClockSamples(
-        time_boot_s=time[rows],
-        utc_s=utc_from_gps(week[rows], milliseconds[rows]),
-        source="gps",
-    )
+    sane = _is_gps_time(week, milliseconds)
+    utc = utc_from_gps(np.where(sane, week, 0.0), np.where(sane, milliseconds, 0.0))
+    return clock_samples("gps", time, utc, sane)
 
 
 def _arrival_s(columns: Columns, logged_s: Floats) -> Floats:
@@ -168,6 +144,5 @@ def undulation_m(tables: Tables) -> float:
     rows = plausible_rows(gpa_time, is_height(ellipsoid))
     if not len(rows) or not len(height):
         return float("nan")
-    difference = np.interp(boot_time_s(gps), gpa_time[rows], ellipsoid[rows]) - height
-    believable = difference[np.abs(difference) < 150]  # no geoid lies further from the ellipsoid
-    return float(np.median(believable)) if len(believable) else float("nan")
+    above_ellipsoid = np.interp(boot_time_s(gps), gpa_time[rows], ellipsoid[rows])
+    return median_undulation_m(above_ellipsoid, height)

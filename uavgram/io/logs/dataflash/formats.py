@@ -114,11 +114,14 @@ def _scaled(raw: NDArray[Any], divisor: float | None) -> NDArray[Any]:
     return np.ascontiguousarray(raw) if divisor is None else raw / divisor
 
 
-def odd_order(fmt: Format) -> tuple[str, ...]:
-    """A remark where a format names its fields in an order in which no firmware writes them.
+def odd_names(fmt: Format) -> tuple[str, ...]:
+    """A remark where no firmware writes a message of this name with these fields in this order.
 
-    The names are then damaged or exchanged, and every value of the message stands under another.
+    The names are then damaged or exchanged: every value of the message stands under another, or
+    the gimbal's messages under a name that nobody reads.
     """
+    if fmt.name != "MNT" and {"Roll", "Pitch", "YawB", "YawE"} <= set(fmt.fields):
+        return (f"{fmt.name} messages look like the gimbal's (MNT): not used, their name is odd",)
     for order in _ORDERS.get(fmt.name, ()):
         stated = [fmt.fields.index(field) for field in order if field in fmt.fields]
         if stated != sorted(stated):

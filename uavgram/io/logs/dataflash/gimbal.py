@@ -8,8 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.io.logs.dataflash.formats import Columns
-from uavgram.io.logs.dataflash.samples import Tables, boot_time_s, numbers
-from uavgram.io.logs.quality.rows import are_angles, left_out, plausible_rows
+from uavgram.io.logs.dataflash.samples import boot_time_s, numbers
+from uavgram.io.logs.dataflash.tables import Tables
+from uavgram.io.logs.quality.gimbal import from_angles
+from uavgram.io.logs.quality.samples import Found
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.log import GimbalSamples
 
@@ -17,7 +19,7 @@ _ANGLES = ("Roll", "Pitch", "YawE", "YawB")
 _ODD_ONES = 0.05  # of all rows: fewer of another mount are damaged numbers of this one
 
 
-def gimbal(tables: Tables) -> tuple[GimbalSamples | None, tuple[str, ...]]:
+def gimbal(tables: Tables) -> Found[GimbalSamples]:
     """MNT of the mount with most rows: yaw from north (YawE) where known, else from the nose.
 
     A mount that knows no angle writes NaN; rows that say something and cannot be used are told.
@@ -31,25 +33,19 @@ def gimbal(tables: Tables) -> tuple[GimbalSamples | None, tuple[str, ...]]:
     mine, notes = _of_one_mount(columns, speaks)
     earth, vehicle = numbers(columns, "YawE")[mine], numbers(columns, "YawB")[mine]
     use_earth = _use_earth(earth, vehicle)
-    yaw = earth if use_earth else vehicle
     tilt = [numbers(columns, name)[mine] for name in ("Roll", "Pitch")]
-    angles = np.stack([*tilt, yaw], axis=1)
-    time = boot_time_s(columns)[mine]
-    rows = plausible_rows(time, are_angles(angles))
-    notes += left_out("MNT", time, rows)
-    if not len(rows):
+    samples, remarks = from_angles(
+        boot_time_s(columns)[mine],
+        np.stack([*tilt, earth if use_earth else vehicle], axis=1),
+        "MNT",
+        yaw_frame="earth" if use_earth else "vehicle",
+        stated=np.ones(int(mine.sum()), dtype=bool),
+    )
+    notes += remarks
+    if samples is None:
         missing = [name for name in ("Roll", "Pitch") if name not in columns]
         why = f": they have no {' and no '.join(missing)}" if missing else ""
-        return None, (*notes, f"the gimbal's attitude (MNT) could not be used{why}")
-    roll, pitch, yaw = np.radians(angles[rows]).T
-    samples = GimbalSamples(
-        time_boot_s=time[rows],
-        roll_rad=roll,
-        pitch_rad=pitch,
-        yaw_rad=yaw,
-        yaw_frame="earth" if use_earth else "vehicle",
-        source="MNT",
-    )
+        notes = (*notes, f"the gimbal's attitude (MNT) could not be used{why}")
     return samples, notes
 
 

@@ -13,11 +13,13 @@ from uavgram.io.logs.dataflash import events as dataflash_events
 from uavgram.io.logs.dataflash import gimbal as dataflash_gimbal
 from uavgram.io.logs.dataflash import samples as dataflash_pose
 from uavgram.io.logs.dataflash.binary import index_binary
-from uavgram.io.logs.dataflash.formats import odd_order
-from uavgram.io.logs.dataflash.samples import Tables, boot_time_s
+from uavgram.io.logs.dataflash.formats import odd_names
+from uavgram.io.logs.dataflash.samples import boot_time_s
+from uavgram.io.logs.dataflash.tables import Tables
 from uavgram.io.logs.dataflash.text import index_text
+from uavgram.io.logs.log_bytes import read_log_bytes
 from uavgram.io.logs.quality.agreement import disagreements
-from uavgram.io.logs.quality.boots import consistent
+from uavgram.io.logs.quality.boots import checked_boot
 from uavgram.io.logs.quality.rows import restarts
 from uavgram.model.flight.log import Boot, FlightLog, MessageCount
 
@@ -45,7 +47,7 @@ def read_dataflash(path: str | Path) -> FlightLog:
         raise InputError(path, _SDLOG2)
     parts = _parts(tables)
     formats = (piece.format for pieces in tables.pieces.values() for piece in pieces)
-    notes = [*tables.notes, *(note for fmt in formats for note in odd_order(fmt))]
+    notes = [*tables.notes, *(note for fmt in formats for note in odd_names(fmt))]
     if len(parts) > 1:
         notes.append(f"the boot clock starts again {len(parts) - 1} times: several boots")
     boots: list[Boot] = []
@@ -71,12 +73,7 @@ def read_dataflash(path: str | Path) -> FlightLog:
 
 
 def _index(path: str) -> Tables:
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(path, f"cannot be read: {error.strerror}") from error
-    if not data:
-        raise InputError(path, "is empty: copy the log from the autopilot once more")
+    data = read_log_bytes(path, "autopilot")
     if b"FMT," in data[:8000]:
         return index_text(path, data)
     return index_binary(path, data)
@@ -94,24 +91,22 @@ def _parts(tables: Tables) -> list[Tables]:
 
 def _boot(tables: Tables) -> tuple[Boot, tuple[str, ...]]:
     core = dataflash_pose.primary_core(tables)
-    positions, position_notes = dataflash_pose.positions(tables, core)
-    clock = dataflash_events.gps_clock(tables)
-    events, event_notes = dataflash_events.camera_events(tables, clock)
-    attitudes, attitude_notes = dataflash_pose.attitudes(tables, core)
-    gimbal, gimbal_notes = dataflash_gimbal.gimbal(tables)
-    boot = Boot(
-        positions=positions,
-        attitudes=attitudes,
-        gimbal=gimbal,
+    clocks = dataflash_events.gps_clock(tables)
+    boot, notes = checked_boot(
+        dataflash_pose.positions(tables, core),
+        dataflash_pose.attitudes(tables, core),
+        dataflash_gimbal.gimbal(tables),
+        dataflash_events.camera_events(tables, clocks),
         sigmas=dataflash_pose.sigmas(tables, core),
-        events=events,
         home=dataflash_events.home(tables),
-        clocks=() if clock is None else (clock,),
+        clocks=clocks,
     )
-    boot, remarks = consistent(boot)
-    doubts = disagreements(boot, *dataflash_pose.second_opinions(tables, core))
-    notes = (*position_notes, *attitude_notes, *gimbal_notes, *event_notes)
-    return boot, (*notes, *remarks, *doubts)
+    doubts = disagreements(
+        boot,
+        *dataflash_pose.second_opinions(tables, core),
+        dataflash_events.estimator_origin(tables),
+    )
+    return boot, (*notes, *doubts)
 
 
 def _counts(tables: Tables) -> tuple[MessageCount, ...]:

@@ -6,69 +6,25 @@ AP_Mount_Backend.cpp, AP_GPS.cpp (LogStructure.h of each).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.geometry.motion.rotation import matrix_from_ypr, xyzw_from_matrix
-from uavgram.io.logs.dataflash.binary import Piece
 from uavgram.io.logs.dataflash.formats import Columns
-from uavgram.io.logs.quality.rows import (
-    are_body_angles,
-    as_numbers,
-    is_height,
-    left_out,
-    near_its_track,
-    plausible_rows,
+from uavgram.io.logs.dataflash.tables import Tables
+from uavgram.io.logs.quality.rows import are_body_angles, as_numbers
+from uavgram.io.logs.quality.samples import (
+    Found,
+    Place,
+    attitude_samples,
+    position_samples,
+    unit_quaternions,
 )
-from uavgram.io.logs.quality.sigmas import merged_sigmas
+from uavgram.io.logs.quality.sigmas import Stated, merged_sigmas, positions_known
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import (
-    AttitudeSamples,
-    EstimatorSigmas,
-    PositionSamples,
-)
-
-
-class Tables(Protocol):
-    """What the binary and the text form have in common."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Message types that the log holds, sorted."""
-        ...
-
-    @property
-    def pieces(self) -> Mapping[str, Sequence[Piece]]:
-        """The messages of each type, by the format that the file states of them."""
-        ...
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was odd about the file."""
-        ...
-
-    def count(self, name: str) -> int:
-        """How many messages of this type there are."""
-        ...
-
-    def places(self, name: str) -> NDArray[np.int64]:
-        """(N,) where in the file the messages of one type begin, in the order of `columns`."""
-        ...
-
-    def columns(self, name: str) -> Columns:
-        """Their fields as columns."""
-        ...
-
-    def ends(self, name: str) -> Columns:
-        """The columns of the first and the last message only."""
-        ...
-
-    def between(self, start: int, end: int) -> Tables:
-        """The messages that begin in this range of the file."""
-        ...
+from uavgram.model.flight.log import AttitudeSamples, EstimatorSigmas, PositionSamples
 
 
 def boot_time_s(columns: Columns) -> Floats:
@@ -106,7 +62,17 @@ def primary_core(tables: Tables) -> int:
 
 
 def of_core(tables: Tables, names: tuple[str, ...], core: int) -> tuple[str, Columns]:
-    """The first of these message types that the log has, rows of one core only."""
+    """The first of these message types that the log has, rows of one core only.
+
+    Parameters
+    ----------
+    tables
+        Of one boot.
+    names
+        Message types, the preferred one first.
+    core
+        Number of the estimator's core; a type without such a number is taken whole.
+    """
     for name in names:
         columns = tables.columns(name)
         if columns and "C" in columns:
@@ -116,7 +82,7 @@ def of_core(tables: Tables, names: tuple[str, ...], core: int) -> tuple[str, Col
     return "", {}
 
 
-def positions(tables: Tables, core: int) -> tuple[PositionSamples | None, tuple[str, ...]]:
+def positions(tables: Tables, core: int) -> Found[PositionSamples]:
     """POS; else the estimator's offsets from its origin; else the receiver's positions."""
     if tables.count("POS"):
         return _positions_of(tables.columns("POS"), "POS")
@@ -173,25 +139,14 @@ def _of_instance(columns: Columns, instance: float) -> Columns:
     return rows_where(columns, np.where(np.isfinite(stated), stated, 0.0) == instance)
 
 
-def _positions_of(columns: Columns, source: str) -> tuple[PositionSamples | None, tuple[str, ...]]:
-    time = boot_time_s(columns)
-    latitude, longitude = numbers(columns, "Lat"), numbers(columns, "Lng")
-    height = numbers(columns, "Alt")
-    rows = plausible_rows(time, near_its_track(time, latitude, longitude, height), dense=True)
-    notes = left_out(source, time, rows)
-    if not len(rows):
-        return None, notes
-    home = numbers(columns, "RelHomeAlt", "RelAlt")[rows]
-    samples = PositionSamples(
-        time_boot_s=time[rows],
-        latitude_deg=latitude[rows],
-        longitude_deg=longitude[rows],
-        height_m=height[rows],
-        height_home_m=np.where(is_height(home), home, np.nan),
-        datum="msl",
-        source=source,
-    )
-    return samples, notes
+def _positions_of(columns: Columns, source: str) -> Found[PositionSamples]:
+    above_home = numbers(columns, "RelHomeAlt", "RelAlt")
+    return position_samples(source, boot_time_s(columns), place_of(columns), above_home)
+
+
+def place_of(columns: Columns) -> Place:
+    """Latitudes, longitudes and heights of messages that state them."""
+    return numbers(columns, "Lat"), numbers(columns, "Lng"), numbers(columns, "Alt")
 
 
 def _placed(columns: Columns, origins: Columns) -> Columns:
@@ -219,7 +174,7 @@ def _placed(columns: Columns, origins: Columns) -> Columns:
     }
 
 
-def attitudes(tables: Tables, core: int) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
+def attitudes(tables: Tables, core: int) -> Found[AttitudeSamples]:
     """ATT, else the estimator's quaternions."""
     columns = tables.columns("ATT")
     samples, notes = _by_angles(columns, "ATT") if columns else (None, ())
@@ -229,32 +184,21 @@ def attitudes(tables: Tables, core: int) -> tuple[AttitudeSamples | None, tuple[
     return samples, (*notes, *more)
 
 
-def _by_angles(columns: Columns, source: str) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
+def _by_angles(columns: Columns, source: str) -> Found[AttitudeSamples]:
     angles_deg = np.stack([numbers(columns, n) for n in ("Roll", "Pitch", "Yaw")], axis=1)
-    time = boot_time_s(columns)
-    rows = plausible_rows(time, are_body_angles(angles_deg), dense=True)
-    notes = left_out(source, time, rows)
-    if not len(rows):
-        return None, notes
-    roll, pitch, yaw = np.radians(angles_deg[rows]).T
-    unit = xyzw_from_matrix(matrix_from_ypr(yaw, pitch, roll))
-    return AttitudeSamples(time_boot_s=time[rows], ned_from_body_xyzw=unit, source=source), notes
+    sane = are_body_angles(angles_deg)[:, None]
+    roll, pitch, yaw = np.radians(np.where(sane, angles_deg, 0.0)).T
+    xyzw = xyzw_from_matrix(matrix_from_ypr(yaw, pitch, roll))
+    return attitude_samples(source, boot_time_s(columns), np.where(sane, xyzw, np.nan))
 
 
-def _quaternions(tables: Tables, core: int) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
+def _quaternions(tables: Tables, core: int) -> Found[AttitudeSamples]:
     name, columns = of_core(tables, ("XKQ", "XKQ1", "NKQ", "NKQ1"), core)
     if not name:
         return None, ()
     # ArduPilot stores w x y z
     xyzw = np.stack([numbers(columns, n) for n in ("Q2", "Q3", "Q4", "Q1")], axis=1)
-    length = np.linalg.norm(xyzw, axis=1)
-    time = boot_time_s(columns)
-    rows = plausible_rows(time, np.abs(length - 1) < 0.01, dense=True)
-    notes = left_out(name, time, rows)
-    if not len(rows):
-        return None, notes
-    unit = xyzw[rows] / length[rows, None]
-    return AttitudeSamples(time_boot_s=time[rows], ned_from_body_xyzw=unit, source=name), notes
+    return attitude_samples(name, boot_time_s(columns), unit_quaternions(xyzw))
 
 
 def second_opinions(
@@ -276,18 +220,16 @@ def sigmas(tables: Tables, core: int) -> EstimatorSigmas | None:
     tilt [rad] (its SP, SH... are test ratios and no standard deviations); GPA has the receiver's
     own. The estimator alone is over-confident wherever the receiver's error is correlated.
     """
-    parts: list[tuple[str, Floats, dict[str, Floats]]] = []
+    parts: list[Stated] = []
     name, columns = of_core(tables, ("XKV1", "NKV1"), core)
     if name:
         v = [numbers(columns, f"V{i:02d}") for i in (7, 8, 9)]
-        variances = {"horizontal": (v[0] + v[1]) / 2, "vertical": v[2]}
-        parts.append(
-            (name, boot_time_s(columns), {k: np.sqrt(np.abs(x)) for k, x in variances.items()})
-        )
+        horizontal, vertical = (np.sqrt(np.abs(x)) for x in ((v[0] + v[1]) / 2, v[2]))
+        parts.append(positions_known(name, boot_time_s(columns), horizontal, vertical))
     _, columns = receiver(tables)
     if columns:
-        accuracy = {"horizontal": numbers(columns, "HAcc"), "vertical": numbers(columns, "VAcc")}
-        parts.append(("GPA", boot_time_s(columns), accuracy))
+        stated = numbers(columns, "HAcc"), numbers(columns, "VAcc")
+        parts.append(positions_known("GPA", boot_time_s(columns), *stated))
     name, columns = of_core(tables, ("XKF4", "NKF4"), core)
     if name:
         parts.append((name, boot_time_s(columns), {"tilt": numbers(columns, "errRP")}))

@@ -3,71 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import InputError
-from uavgram.io.logs.dataflash.binary import Piece, joined, pieces_between
 from uavgram.io.logs.dataflash.formats import TEXT_CHARACTERS, Columns, Format
+from uavgram.io.logs.dataflash.tables import Piece, Tables
 
 _LONGEST_TEXT = 64  # bytes of format Z; a damaged line may be longer
 
 
 @dataclass(frozen=True, eq=False)
-class TextTables:
-    """A DataFlash text file; the same interface as `DataflashTables`.
-
-    Attributes
-    ----------
-    data
-        The bytes of the file.
-    pieces
-        By message name, in the order of the file: one for each format that the file states of it.
-    notes
-        What was odd about the file.
-    """
+class TextTables(Tables):
+    """A DataFlash text file, whose values are scaled already; `data` are its bytes."""
 
     data: bytes
-    pieces: dict[str, tuple[Piece, ...]]
-    notes: tuple[str, ...]
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Message types that the file holds, sorted."""
-        return tuple(sorted(self.pieces))
-
-    def count(self, name: str) -> int:
-        """How many messages of this type the file holds."""
-        return sum(len(piece.starts) for piece in self.pieces.get(name, ()))
-
-    def places(self, name: str) -> NDArray[np.int64]:
-        """(N,) where the lines of one type begin."""
-        starts = (piece.starts for piece in self.pieces.get(name, ()))
-        return np.array([at for piece in starts for at in piece], dtype=np.int64)
-
-    def columns(self, name: str) -> Columns:
-        """Every field of one message type as a column; text forms carry scaled values."""
-        return self._decoded([(p.format, p.starts) for p in self.pieces.get(name, ())])
-
-    def ends(self, name: str) -> Columns:
-        """The columns of the first and the last message of one type only."""
-        pieces = self.pieces.get(name, ())
-        if not pieces:
-            return {}
-        first, last = pieces[0], pieces[-1]
-        if first is last:
-            return self._decoded([(first.format, [first.starts[0], first.starts[-1]])])
-        return self._decoded([(first.format, first.starts[:1]), (last.format, last.starts[-1:])])
-
-    def _decoded(self, parts: list[tuple[Format, list[int]]]) -> Columns:
-        decoded = [(fmt, self._columns(fmt, starts)) for fmt, starts in parts]
-        if len(decoded) < 2:
-            return decoded[0][1] if decoded else {}
-        return joined(decoded)
-
-    def _columns(self, fmt: Format, starts: list[int]) -> Columns:
+    def decoded(self, fmt: Format, starts: list[int]) -> Columns:
+        """Every field of the lines that begin there, as columns."""
         fields = zip(*(self._fields(at, len(fmt.fields)) for at in starts), strict=True)
         return {
             field: _numbers(texts) if c not in TEXT_CHARACTERS else _texts(texts)
@@ -81,10 +36,6 @@ class TextTables:
         _, *fields = (part.strip() for part in line.split(b",", count))
         # fewer where the format was defined anew
         return (*fields, *(b"" for _ in range(count - len(fields))))
-
-    def between(self, start: int, end: int) -> TextTables:
-        """The messages that begin in this range of bytes."""
-        return replace(self, pieces=pieces_between(self.pieces, start, end))
 
 
 def _numbers(texts: Sequence[bytes]) -> NDArray[np.float64]:
@@ -137,7 +88,7 @@ def index_text(path: str, data: bytes) -> TextTables:
         raise InputError(path, "is no DataFlash log in text form: it has no FMT line")
     if skipped:
         notes.append(f"{skipped} lines belong to no defined message")
-    return TextTables(data, {name: tuple(parts) for name, parts in pieces.items()}, tuple(notes))
+    return TextTables({name: tuple(parts) for name, parts in pieces.items()}, tuple(notes), data)
 
 
 def _add_format(

@@ -22,13 +22,19 @@ _FAR_M, _LAG_S = 30.0, 1.0
 _TURNED_DEG = 10.0
 # A home states its height to the centimetre, as do positions above it; it settles by 3 m at first.
 _HOME_OFF_M = 4.0
-_HOME_AWAY_M = 200.0
+# Home moves where the vehicle is carried, at a walk; the estimator sets its origin and home at the
+# same place, unless the receiver still wandered in between or the vehicle was carried.
+_HOME_AWAY_M, _CARRIED_M_S = 200.0, 2.0
+_ORIGIN_OFF_M = 10.0
 
 
 def disagreements(
-    boot: Boot, receiver: PositionSamples | None, other: AttitudeSamples | None
+    boot: Boot,
+    receiver: PositionSamples | None,
+    other: AttitudeSamples | None,
+    origin: HomeSamples | None = None,
 ) -> tuple[str, ...]:
-    """Where the receiver's positions and another message's attitudes contradict those used.
+    """Where other messages of the log contradict the positions, attitudes and home that are used.
 
     Parameters
     ----------
@@ -36,10 +42,16 @@ def disagreements(
         Of which positions and attitudes are used.
     receiver, other
         The same from other messages of the log; None where it has none.
+    origin
+        Where the estimator counts its offsets from; None where the log has it not.
     """
     spare = replace(boot, positions=receiver, attitudes=other, gimbal=None)
     spare, _ = without_damaged_rows(spare)
-    return (*_places(boot.positions, spare.positions), *_turns(boot.attitudes, spare.attitudes))
+    return (
+        *_places(boot.positions, spare.positions),
+        *_turns(boot.attitudes, spare.attitudes),
+        *_off_origin(boot.home, origin),
+    )
 
 
 def _places(used: PositionSamples | None, other: PositionSamples | None) -> tuple[str, ...]:
@@ -124,17 +136,47 @@ def homes_in_doubt(home: HomeSamples, positions: PositionSamples) -> tuple[Bools
 
 
 def _moved(home: HomeSamples, kept: Bools) -> tuple[str, ...]:
-    """A remark where homes lie far from each other."""
+    """A remark where homes lie further from each other than a vehicle is carried meanwhile."""
     if kept.sum() < 2:
         return ()
-    latitude, longitude = home.latitude_deg[kept], home.longitude_deg[kept]
-    north = (latitude[1:] - latitude[:-1]) * _METERS_PER_DEG
-    east = (longitude[1:] - longitude[:-1] + 180) % 360 - 180
-    step = np.hypot(north, east * _METERS_PER_DEG * np.cos(np.radians(latitude[1:])))
-    if (k := int(step.argmax())) < 0 or step[k] < _HOME_AWAY_M:
-        return ()
-    at = home.time_boot_s[kept][k + 1]
-    return (
-        f"home by {home.source} moves by {step[k]:.0f} m at {at:.2f} s since boot: was the "
-        "vehicle carried there, or is the statement damaged?",
+    time, latitude, longitude = (
+        column[kept] for column in (home.time_boot_s, home.latitude_deg, home.longitude_deg)
     )
+    step = _apart_m(latitude[1:], longitude[1:], latitude[:-1], longitude[:-1])
+    allowed = np.minimum(_HOME_OFF_M + _CARRIED_M_S * np.diff(time), _HOME_AWAY_M)
+    far = np.flatnonzero(step > allowed)
+    if not len(far):
+        return ()
+    k = far[step[far].argmax()]
+    return (
+        f"home by {home.source} moves by {step[k]:.0f} m at {time[k + 1]:.2f} s since boot: was "
+        "the vehicle carried there, or is the statement damaged?",
+    )
+
+
+def _off_origin(home: HomeSamples | None, origin: HomeSamples | None) -> tuple[str, ...]:
+    """A remark where home lies off the origin that the estimator set at the same place."""
+    if home is None or origin is None:
+        return ()
+    middle = float(np.median(origin.latitude_deg)), float(np.median(origin.longitude_deg))
+    off_m = _apart_m(home.latitude_deg, home.longitude_deg, *middle)
+    if off_m[k := int(off_m.argmax())] < _ORIGIN_OFF_M:
+        return ()
+    return (
+        f"home by {home.source} at {home.time_boot_s[k]:.2f} s since boot lies {off_m[k]:.0f} m "
+        "off the estimator's origin: was the vehicle carried after it was switched on, or is one "
+        "of the two damaged?",
+    )
+
+
+def _apart_m(
+    latitude_deg: Floats,
+    longitude_deg: Floats,
+    other_latitude_deg: Floats | float,
+    other_longitude_deg: Floats | float,
+) -> Floats:
+    """(N,) horizontal distances of places [deg] that are near each other."""
+    north = latitude_deg - other_latitude_deg
+    east = (longitude_deg - other_longitude_deg + 180) % 360 - 180
+    scale = np.cos(np.radians(latitude_deg))
+    return np.asarray(np.hypot(north, east * scale) * _METERS_PER_DEG)

@@ -8,14 +8,56 @@ import numpy as np
 
 from uavgram.io.logs.quality.agreement import homes_in_doubt
 from uavgram.io.logs.quality.neighbours import without_damaged_rows
+from uavgram.io.logs.quality.samples import Found, rows_of
 from uavgram.model.arrays import Bools
-from uavgram.model.flight.log import Boot, CameraEvents, HomeSamples
+from uavgram.model.flight.log import (
+    AttitudeSamples,
+    Boot,
+    CameraEvents,
+    ClockSamples,
+    EstimatorSigmas,
+    GimbalSamples,
+    HomeSamples,
+    PositionSamples,
+)
 
 _MARGIN_S = 600.0  # a home or an event may come before the first position
 _FARTHEST_DEG = 1.0  # of a home from the flight
 
 
-def consistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
+def checked_boot(
+    positions: Found[PositionSamples],
+    attitudes: Found[AttitudeSamples],
+    gimbal: Found[GimbalSamples],
+    events: Found[CameraEvents],
+    *,
+    sigmas: EstimatorSigmas | None,
+    home: HomeSamples | None,
+    clocks: tuple[ClockSamples, ...],
+) -> tuple[Boot, tuple[str, ...]]:
+    """A boot of what its messages say, less what cannot be; and what was odd about them.
+
+    Parameters
+    ----------
+    positions, attitudes, gimbal, events
+        With the remarks of those who read them.
+    sigmas, home, clocks
+        As in `Boot`.
+    """
+    boot = Boot(
+        positions=positions[0],
+        attitudes=attitudes[0],
+        gimbal=gimbal[0],
+        events=events[0],
+        sigmas=sigmas,
+        home=home,
+        clocks=clocks,
+    )
+    boot, remarks = _consistent(boot)
+    return boot, (*positions[1], *attitudes[1], *gimbal[1], *events[1], *remarks)
+
+
+def _consistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
     """The boot without what cannot be: rows off their neighbours, impossible events and homes."""
     boot, said = without_damaged_rows(boot)
     dense = [t for t in (boot.positions, boot.attitudes) if t is not None]
@@ -28,16 +70,16 @@ def consistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
         inside = (events.time_boot_s >= first) & (events.time_boot_s <= last)
         if not inside.all():
             notes.append(f"{int((~inside).sum())} {events.source} events lie far outside the log")
-            events = _events_where(events, inside)
+            events = rows_of(events, inside) if inside.any() else None
     if home is not None and boot.positions is not None:
         doubted, remarks = homes_in_doubt(home, boot.positions)
-        home = _home_where(home, ~doubted)
+        home = rows_of(home, ~doubted) if not doubted.all() else None
         notes += remarks
     if home is not None:
         inside = (home.time_boot_s >= first) & (home.time_boot_s <= last) & _is_near(home, boot)
         if not inside.all():
             notes.append(f"{int((~inside).sum())} {home.source} homes lie far outside the flight")
-            home = _home_where(home, inside)
+            home = rows_of(home, inside) if inside.any() else None
     return replace(boot, events=events, home=home), tuple(notes)
 
 
@@ -49,26 +91,3 @@ def _is_near(home: HomeSamples, boot: Boot) -> Bools:
     off_e = (home.longitude_deg - np.median(positions.longitude_deg) + 180) % 360 - 180
     scale = np.cos(np.radians(home.latitude_deg))
     return np.asarray((off_n < _FARTHEST_DEG) & (np.abs(off_e) * scale < _FARTHEST_DEG))
-
-
-def _events_where(events: CameraEvents, keep: Bools) -> CameraEvents | None:
-    if not keep.any():
-        return None
-    return replace(
-        events,
-        time_boot_s=events.time_boot_s[keep],
-        image_number=events.image_number[keep],
-        confirmed=events.confirmed[keep],
-    )
-
-
-def _home_where(home: HomeSamples, keep: Bools) -> HomeSamples | None:
-    if not keep.any():
-        return None
-    return replace(
-        home,
-        time_boot_s=home.time_boot_s[keep],
-        latitude_deg=home.latitude_deg[keep],
-        longitude_deg=home.longitude_deg[keep],
-        height_m=home.height_m[keep],
-    )

@@ -14,8 +14,9 @@ from scipy.ndimage import median_filter
 
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.rotation import matrix_from_ypr, xyzw_from_matrix
-from uavgram.model.arrays import Bools, Floats
-from uavgram.model.flight.log import AttitudeSamples, Boot, GimbalSamples, PositionSamples
+from uavgram.io.logs.quality.samples import rows_of
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.log import Boot, PositionSamples
 
 _FEWEST_ROWS = 5
 _NAMED = 4  # rows in one remark
@@ -47,16 +48,16 @@ def without_damaged_rows(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
     if positions is not None:
         off_m = _off(positions.time_boot_s, _place_m(positions), _PLACE)
         notes += _remark(positions.source, positions.time_boot_s, off_m, "m")
-        positions = _positions_where(positions, off_m == 0)
+        positions = rows_of(positions, off_m == 0)
     if attitudes is not None:
         off = _off(attitudes.time_boot_s, _continuous(attitudes.ned_from_body_xyzw), _TURN)
         notes += _remark(attitudes.source, attitudes.time_boot_s, _degrees(off), "degrees")
-        attitudes = _attitudes_where(attitudes, off == 0)
+        attitudes = rows_of(attitudes, off == 0)
     if gimbal is not None:
         matrix = matrix_from_ypr(gimbal.yaw_rad, gimbal.pitch_rad, gimbal.roll_rad)
         off = _off(gimbal.time_boot_s, _continuous(xyzw_from_matrix(matrix)), _TURN)
         notes += _remark(gimbal.source, gimbal.time_boot_s, _degrees(off), "degrees")
-        gimbal = _gimbal_where(gimbal, off == 0)
+        gimbal = rows_of(gimbal, off == 0)
     return replace(boot, positions=positions, attitudes=attitudes, gimbal=gimbal), tuple(notes)
 
 
@@ -135,38 +136,3 @@ def _remark(source: str, time_s: Floats, off: Floats, unit: str) -> list[str]:
         f"{what} off the rows before and after ({source}: {named}{more}, since boot): taken for "
         "damaged and left out"
     ]
-
-
-def _positions_where(samples: PositionSamples, keep: Bools) -> PositionSamples:
-    if keep.all():
-        return samples
-    return replace(
-        samples,
-        time_boot_s=samples.time_boot_s[keep],
-        latitude_deg=samples.latitude_deg[keep],
-        longitude_deg=samples.longitude_deg[keep],
-        height_m=samples.height_m[keep],
-        height_home_m=samples.height_home_m[keep],
-    )
-
-
-def _attitudes_where(samples: AttitudeSamples, keep: Bools) -> AttitudeSamples:
-    if keep.all():
-        return samples
-    return replace(
-        samples,
-        time_boot_s=samples.time_boot_s[keep],
-        ned_from_body_xyzw=samples.ned_from_body_xyzw[keep],
-    )
-
-
-def _gimbal_where(samples: GimbalSamples, keep: Bools) -> GimbalSamples:
-    if keep.all():
-        return samples
-    return replace(
-        samples,
-        time_boot_s=samples.time_boot_s[keep],
-        roll_rad=samples.roll_rad[keep],
-        pitch_rad=samples.pitch_rad[keep],
-        yaw_rad=samples.yaw_rad[keep],
-    )

@@ -15,6 +15,8 @@ _DENSE_ROWS, _LONE_ROWS, _LONE_GAP_S = 20, 3, 1800.0
 # Faster than any aircraft that takes photos of the ground, gusts and steps of the estimator added.
 _FASTEST_M_S, _FASTEST_CLIMB_M_S, _STEP_M = 200.0, 50.0, 30.0
 _METERS_PER_DEG = 111e3
+# Logs count microseconds; UTC as a double resolves a quarter of one.
+_SAME_INSTANT_S = 0.5e-6
 RESTART_S = 1.0  # a clock that steps back by more has been restarted (or the byte is damaged)
 
 
@@ -63,21 +65,47 @@ def plausible_rows(time_s: Floats, believable: Bools, *, dense: bool = False) ->
     rows = rows[np.argsort(time[rows], kind="stable")]
     if dense:
         rows = _without_lone_ends(time, rows)
-    first_of_instant = np.diff(time[rows], prepend=-np.inf) > 0
+    first_of_instant = np.diff(time[rows], prepend=-np.inf) > _SAME_INSTANT_S
     return rows[first_of_instant].astype(np.int64)
 
 
-def left_out(source: str, time_s: Floats, rows: Ints) -> tuple[str, ...]:
-    """A remark where rows of a table are not used, though no other row has their time.
+def left_out(
+    source: str, time_s: Floats, rows: Ints, stated: Bools | None = None
+) -> tuple[str, ...]:
+    """Remarks on rows that are not used, though no other row has their time, or out of order.
 
     Firmware writes some rows twice, such as the gimbal's at an exposure.
+
+    Parameters
+    ----------
+    source
+        The message's name.
+    time_s
+        (N,) since boot, in the order of the file.
+    rows
+        (K,) those that are used.
+    stated
+        (N,) rows that state something, the used ones among them; None for all.
     """
-    unused = np.ones(len(time_s), dtype=bool)
-    unused[rows] = False
-    unused &= ~np.isin(time_s, time_s[rows])
-    if not unused.any():
+    stated = np.ones(len(time_s), dtype=bool) if stated is None else stated
+    used = np.isin(time_s, time_s[rows])
+    unused = stated & ~used
+    notes = _out_of_order(source, time_s[stated & used])
+    if unused.any():
+        dropped = f"{int(unused.sum())} of {int(stated.sum())} {source} rows"
+        notes = (f"{dropped} make no sense and were dropped", *notes)
+    return notes
+
+
+def _out_of_order(source: str, time_s: Floats) -> tuple[str, ...]:
+    """A remark where times (N,) of used rows, in the order of the file, go back."""
+    back = np.flatnonzero(np.diff(time_s) < 0)
+    if not len(back):
         return ()
-    return (f"{int(unused.sum())} of {len(time_s)} {source} rows make no sense and were dropped",)
+    return (
+        f"{len(back)} {source} rows stand out of the order of time (the first at "
+        f"{time_s[back[0] + 1]:.2f} s since boot): damaged, or exchanged on the way",
+    )
 
 
 def _without_lone_ends(time_s: Floats, rows: Ints) -> Ints:
@@ -123,6 +151,15 @@ def near_its_track(
 
     It fits where it lies no further from the median of seven neighbours than the fastest aircraft
     flies meanwhile. A step that stays (a fix found, an origin set) is no damage.
+
+    Parameters
+    ----------
+    time_s
+        (N,) since boot.
+    latitude_deg, longitude_deg
+        (N,) WGS 84.
+    height_m
+        (N,) above any one datum.
     """
     fits = is_place(latitude_deg, longitude_deg) & is_height(height_m) & np.isfinite(time_s)
     rows = np.flatnonzero(fits)

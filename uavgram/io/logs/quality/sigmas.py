@@ -8,10 +8,26 @@ from uavgram.io.logs.quality.rows import plausible_rows
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import EstimatorSigmas
 
+Stated = tuple[str, Floats, dict[str, Floats]]
+"""What one message states: its name, times (N,) and columns (N,) by what they are of."""
 
-def merged_sigmas(
-    parts: list[tuple[str, Floats, dict[str, Floats]]],
-) -> EstimatorSigmas | None:
+
+def positions_known(name: str, time_s: Floats, horizontal_m: Floats, vertical_m: Floats) -> Stated:
+    """How well a message says that positions are known.
+
+    Parameters
+    ----------
+    name
+        Of the message.
+    time_s
+        (N,) since boot.
+    horizontal_m, vertical_m
+        (N,) standard deviations.
+    """
+    return name, time_s, {"horizontal": horizontal_m, "vertical": vertical_m}
+
+
+def merged_sigmas(parts: list[Stated]) -> EstimatorSigmas | None:
     """Statements of several messages, interpolated to the times of the first that says anything.
 
     Parameters

@@ -5,17 +5,13 @@ Fields: https://mavlink.io/en/messages/common.html and ardupilotmega.html, messa
 
 from __future__ import annotations
 
-from typing import Literal
+from functools import partial
 
 import numpy as np
 
-from uavgram.io.logs.quality.image_numbers import (
-    image_numbers,
-    lost_numbers,
-    repeated_numbers,
-    shot_notes,
-)
+from uavgram.io.logs.quality.image_numbers import events_of, image_numbers
 from uavgram.io.logs.quality.rows import plausible_rows
+from uavgram.io.logs.quality.samples import Found, first_found
 from uavgram.io.logs.tlog.stream import Stream
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import CameraEvents
@@ -25,42 +21,44 @@ _WRAP_S = 2.0**32 * 1e-6
 _LONGEST_DELAY_S = 60.0  # from the event to its message
 
 
-def camera_events(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...]]:
+def camera_events(stream: Stream) -> Found[CameraEvents]:
     """CAMERA_FEEDBACK (ArduPilot); else CAMERA_IMAGE_CAPTURED; else CAMERA_TRIGGER (PX4)."""
-    notes: tuple[str, ...] = ()
-    for read in (_feedback, _image_captured, _trigger):
-        events, remarks = read(stream)
-        notes = (*notes, *remarks)
-        if events is not None:
-            return events, (*notes, *shot_notes(events))
-    return None, notes
+    return first_found(*(partial(read, stream) for read in (_feedback, _image_captured, _trigger)))
 
 
-def _feedback(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...]]:
+def _feedback(stream: Stream) -> Found[CameraEvents]:
     """CAMERA_FEEDBACK on the boot clock.
 
     Its time_usec changes its clock (ArduPilot, AP_Camera_Backend.cpp): UTC without a feedback pin,
     microseconds since boot in 32 bits with one.
     """
-    columns, rows = stream.columns("CAMERA_FEEDBACK")
+    return _stamped(stream, "CAMERA_FEEDBACK", "img_idx", fed_back=True)
+
+
+def _trigger(stream: Stream) -> Found[CameraEvents]:
+    """CAMERA_TRIGGER: commands only."""
+    return _stamped(stream, "CAMERA_TRIGGER", "seq", fed_back=False)
+
+
+def _stamped(stream: Stream, name: str, count: str, *, fed_back: bool) -> Found[CameraEvents]:
+    """Events with time_usec, and their number in the field `count`."""
+    columns, rows = stream.columns(name)
     if not columns:
         return None, ()
-    time, is_utc, notes = _since_boot(stream, rows, columns["time_usec"], "CAMERA_FEEDBACK")
+    time, is_utc, notes = _since_boot(stream, rows, columns["time_usec"], name)
     kept = plausible_rows(time, np.abs(time - stream.boot_s(rows)) < _LONGEST_DELAY_S)
     if not len(kept):
         return None, notes
-    pinned = (~is_utc[kept]).mean() > 0.5
-    number = image_numbers(columns["img_idx"].astype(np.float64))[kept]
-    return _events(
-        time[kept],
-        number,
-        np.ones(len(kept)),
-        "CAMERA_FEEDBACK",
-        "feedback" if pinned else "command",
-    ), notes
+    pinned = fed_back and (~is_utc[kept]).mean() > 0.5
+    number = image_numbers(columns[count].astype(np.float64))[kept]
+    confirmed = np.full(len(kept), float(fed_back))
+    events, remarks = events_of(
+        name, "feedback" if pinned else "command", (time[kept], number, confirmed)
+    )
+    return events, (*notes, *remarks)
 
 
-def _image_captured(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...]]:
+def _image_captured(stream: Stream) -> Found[CameraEvents]:
     """CAMERA_IMAGE_CAPTURED; a ground station may ask for one again, with the same time."""
     columns, rows = stream.columns("CAMERA_IMAGE_CAPTURED")
     if not columns:
@@ -73,38 +71,7 @@ def _image_captured(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...
         return None, ()
     number = image_numbers(columns["image_index"].astype(np.float64))[kept]
     succeeded = (columns["capture_result"][kept] == 1).astype(np.float64)
-    return _events(time[kept], number, succeeded, "CAMERA_IMAGE_CAPTURED", "command"), ()
-
-
-def _trigger(stream: Stream) -> tuple[CameraEvents | None, tuple[str, ...]]:
-    """CAMERA_TRIGGER: commands only."""
-    columns, rows = stream.columns("CAMERA_TRIGGER")
-    if not columns:
-        return None, ()
-    time, _, notes = _since_boot(stream, rows, columns["time_usec"], "CAMERA_TRIGGER")
-    kept = plausible_rows(time, np.abs(time - stream.boot_s(rows)) < _LONGEST_DELAY_S)
-    if not len(kept):
-        return None, notes
-    number = image_numbers(columns["seq"].astype(np.float64))[kept]
-    return _events(time[kept], number, np.zeros(len(kept)), "CAMERA_TRIGGER", "command"), notes
-
-
-def _events(
-    time_s: Floats,
-    number: Ints,
-    confirmed: Floats,
-    source: str,
-    instant: Literal["feedback", "command"],
-) -> CameraEvents:
-    return CameraEvents(
-        time_boot_s=time_s,
-        image_number=number,
-        confirmed=confirmed,
-        source=source,
-        instant=instant,
-        repeated=repeated_numbers(number),
-        lost=lost_numbers(number),
-    )
+    return events_of("CAMERA_IMAGE_CAPTURED", "command", (time[kept], number, succeeded))
 
 
 def _since_boot(

@@ -7,7 +7,7 @@ clock; some programs keep a link number in the lowest two bits) and one MAVLink 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -106,13 +106,7 @@ class _Candidates:
     number: NDArray[np.int32]
 
     def only(self, keep: NDArray[Any]) -> _Candidates:
-        return _Candidates(
-            self.start[keep],
-            self.end[keep],
-            self.second[keep],
-            self.length[keep],
-            self.number[keep],
-        )
+        return _Candidates(*(getattr(self, field.name)[keep] for field in fields(self)))
 
 
 def scan_frames(data: bytes) -> FrameTable:

@@ -8,21 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError
+from uavgram.io.logs.log_bytes import read_log_bytes
 from uavgram.io.logs.mavlink_dialect import message_name, vehicle_kind
 from uavgram.io.logs.quality.agreement import disagreements
-from uavgram.io.logs.quality.boots import consistent
-from uavgram.io.logs.quality.rows import is_height, is_place, plausible_rows
+from uavgram.io.logs.quality.boots import checked_boot
+from uavgram.io.logs.quality.samples import clock_samples, home_samples, median_undulation_m
 from uavgram.io.logs.tlog import samples as tlog_pose
 from uavgram.io.logs.tlog.events import camera_events
 from uavgram.io.logs.tlog.frames import FrameTable, scan_frames
 from uavgram.io.logs.tlog.stream import Stream, boots, vehicles
-from uavgram.model.flight.log import (
-    Boot,
-    ClockSamples,
-    FlightLog,
-    HomeSamples,
-    MessageCount,
-)
+from uavgram.model.flight.log import Boot, ClockSamples, FlightLog, HomeSamples, MessageCount
 
 _FIRMWARE = re.compile(r"\b(Ardu\w+|APM:\w+|PX4)\s+[Vv]?\d[\w.\-]*(\s+\(\w+\))?")
 
@@ -64,12 +59,7 @@ def read_tlog(path: str | Path) -> FlightLog:
 
 
 def _frames(path: str) -> FrameTable:
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(path, f"cannot be read: {error.strerror}") from error
-    if not data:
-        raise InputError(path, "is empty: copy the log from the ground station once more")
+    data = read_log_bytes(path, "ground station")
     frames = scan_frames(data)
     if not len(frames.start):
         raise InputError(path, "holds no intact MAVLink frame; is it a .tlog of a ground station?")
@@ -88,64 +78,35 @@ def _scan_notes(frames: FrameTable) -> list[str]:
 
 
 def _boot(stream: Stream) -> tuple[Boot, tuple[str, ...]]:
-    events, event_notes = camera_events(stream)
-    positions, position_notes = tlog_pose.positions(stream)
-    attitudes, attitude_notes = tlog_pose.attitudes(stream)
-    gimbal, gimbal_notes = tlog_pose.gimbal(stream, attitudes)
-    boot = Boot(
-        positions=positions,
-        attitudes=attitudes,
-        gimbal=gimbal,
+    attitudes = tlog_pose.attitudes(stream)
+    boot, notes = checked_boot(
+        tlog_pose.positions(stream),
+        attitudes,
+        tlog_pose.gimbal(stream, attitudes[0]),
+        camera_events(stream),
         sigmas=tlog_pose.sigmas(stream),
-        events=events,
         home=_home(stream),
         clocks=_clocks(stream),
     )
-    boot, remarks = consistent(boot)
-    doubts = disagreements(boot, *tlog_pose.second_opinions(stream))
-    return boot, (*position_notes, *attitude_notes, *gimbal_notes, *event_notes, *remarks, *doubts)
+    return boot, (*notes, *disagreements(boot, *tlog_pose.second_opinions(stream)))
 
 
 def _clocks(stream: Stream) -> tuple[ClockSamples, ...]:
-    clocks = []
+    stated: tuple[ClockSamples, ...] = ()
     columns, _ = stream.columns("SYSTEM_TIME")
     if columns:
         utc = columns["time_unix_usec"].astype(np.float64) * 1e-6
-        time = columns["time_boot_ms"] * 1e-3
-        rows = plausible_rows(time, utc > 0)
-        if len(rows):
-            clocks.append(
-                ClockSamples(time_boot_s=time[rows], utc_s=utc[rows], source="system_time")
-            )
+        stated = clock_samples("system_time", columns["time_boot_ms"] * 1e-3, utc, utc > 0)
     receive = stream.frames.receive_s(stream.clock_row)
-    rows = plausible_rows(stream.clock_boot_s, receive > 0)
-    if len(rows):
-        clocks.append(
-            ClockSamples(
-                time_boot_s=stream.clock_boot_s[rows], utc_s=receive[rows], source="receive"
-            )
-        )
-    return tuple(clocks)
+    return (*stated, *clock_samples("receive", stream.clock_boot_s, receive, receive > 0))
 
 
 def _home(stream: Stream) -> HomeSamples | None:
     columns, found = stream.columns("HOME_POSITION")
     if not columns:
         return None
-    time = stream.boot_s(found)
-    latitude, longitude = columns["latitude"] / 1e7, columns["longitude"] / 1e7
-    height = columns["altitude"] / 1e3
-    rows = plausible_rows(time, is_place(latitude, longitude) & is_height(height))
-    if not len(rows):
-        return None
-    return HomeSamples(
-        time_boot_s=time[rows],
-        latitude_deg=latitude[rows],
-        longitude_deg=longitude[rows],
-        height_m=height[rows],
-        datum="msl",
-        source="HOME_POSITION",
-    )
+    place = columns["latitude"] / 1e7, columns["longitude"] / 1e7, columns["altitude"] / 1e3
+    return home_samples("HOME_POSITION", stream.boot_s(found), place)
 
 
 def _undulation_m(streams: list[Stream]) -> float:
@@ -154,11 +115,10 @@ def _undulation_m(streams: list[Stream]) -> float:
         columns, _ = tlog_pose.receiver(stream)
         if not columns:
             continue
-        ellipsoid, sea_level = columns["alt_ellipsoid"] / 1e3, columns["alt"] / 1e3
         stated = columns["alt_ellipsoid"] != 0
-        stated &= np.abs(ellipsoid - sea_level) < 150
-        if stated.any():
-            return float(np.median((ellipsoid - sea_level)[stated]))
+        heights = (columns[name][stated] / 1e3 for name in ("alt_ellipsoid", "alt"))
+        if np.isfinite(found := median_undulation_m(*heights)):
+            return found
     return float("nan")
 
 

@@ -6,20 +6,22 @@ Units and frames: https://mavlink.io/en/messages/common.html, message by message
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from uavgram.geometry.motion.interpolation import interpolate_rotation
 from uavgram.geometry.motion.rotation import matrix_from_ypr, xyzw_from_matrix, ypr_from_matrix
 from uavgram.io.logs.quality import gimbal as gimbal_forms
-from uavgram.io.logs.quality.rows import (
-    as_numbers,
-    is_height,
-    left_out,
-    near_its_track,
-    plausible_rows,
+from uavgram.io.logs.quality.rows import as_numbers
+from uavgram.io.logs.quality.samples import (
+    Found,
+    attitude_samples,
+    first_found,
+    position_samples,
+    unit_quaternions,
 )
-from uavgram.io.logs.quality.sigmas import merged_sigmas
+from uavgram.io.logs.quality.sigmas import Stated, merged_sigmas, positions_known
 from uavgram.io.logs.tlog.frames import Columns
 from uavgram.io.logs.tlog.stream import Stream
 from uavgram.model.arrays import Floats, Ints
@@ -33,44 +35,28 @@ from uavgram.model.flight.log import (
 _LARGEST_RAD = 7.0  # of an angle: some say 2 pi for 0
 
 
-def positions(stream: Stream) -> tuple[PositionSamples | None, tuple[str, ...]]:
+def positions(stream: Stream) -> Found[PositionSamples]:
     """GLOBAL_POSITION_INT; else the receiver's own."""
     columns, _ = stream.columns("GLOBAL_POSITION_INT")
     if columns:
         time, above_home = columns["time_boot_ms"] * 1e-3, columns["relative_alt"] / 1e3
-        samples, notes = _position_samples(columns, time, above_home, "GLOBAL_POSITION_INT")
+        samples, notes = _position_samples(columns, time, "GLOBAL_POSITION_INT", above_home)
         if samples is not None:
             return samples, notes
     columns, rows = receiver(stream)
     if not columns:
         return None, ()
-    time = stream.boot_s(rows)
-    samples, notes = _position_samples(columns, time, np.full(len(time), np.nan), "GPS_RAW_INT")
+    samples, notes = _position_samples(columns, stream.boot_s(rows), "GPS_RAW_INT")
     remark = "positions are the receiver's own (no GLOBAL_POSITION_INT): they lag by its delay"
     return samples, notes if samples is None else (*notes, remark)
 
 
 def _position_samples(
-    columns: Columns, time_s: Floats, above_home_m: Floats, source: str
-) -> tuple[PositionSamples | None, tuple[str, ...]]:
-    latitude, longitude = columns["lat"] / 1e7, columns["lon"] / 1e7
-    height = columns["alt"] / 1e3
+    columns: Columns, time_s: Floats, source: str, above_home_m: Floats | None = None
+) -> Found[PositionSamples]:
     fixed = (columns["lat"] != 0) | (columns["lon"] != 0)
-    rows = plausible_rows(time_s, near_its_track(time_s, latitude, longitude, height), dense=True)
-    dropped = int(fixed.sum()) - len(rows)
-    notes = (f"{dropped} of {len(fixed)} {source} messages make no sense or repeat a time",)
-    if not len(rows):
-        return None, ()
-    samples = PositionSamples(
-        time_boot_s=time_s[rows],
-        latitude_deg=latitude[rows],
-        longitude_deg=longitude[rows],
-        height_m=height[rows],
-        height_home_m=np.where(is_height(above_home_m), above_home_m, np.nan)[rows],
-        datum="msl",
-        source=source,
-    )
-    return samples, notes if dropped else ()
+    place = columns["lat"] / 1e7, columns["lon"] / 1e7, columns["alt"] / 1e3
+    return position_samples(source, time_s, place, above_home_m, fixed)
 
 
 def receiver(stream: Stream) -> tuple[Columns, Ints]:
@@ -82,7 +68,7 @@ def receiver(stream: Stream) -> tuple[Columns, Ints]:
     return {}, np.zeros(0, dtype=np.int64)
 
 
-def attitudes(stream: Stream) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
+def attitudes(stream: Stream) -> Found[AttitudeSamples]:
     """ATTITUDE_QUATERNION, else ATTITUDE."""
     columns, _ = stream.columns("ATTITUDE_QUATERNION")
     if columns:
@@ -93,7 +79,7 @@ def attitudes(stream: Stream) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
     return _by_angles(stream)
 
 
-def _by_angles(stream: Stream) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
+def _by_angles(stream: Stream) -> Found[AttitudeSamples]:
     columns, _ = stream.columns("ATTITUDE")
     if not columns:
         return None, ()
@@ -104,50 +90,27 @@ def _by_angles(stream: Stream) -> tuple[AttitudeSamples | None, tuple[str, ...]]
     return _attitude_samples(columns, xyzw, "ATTITUDE")
 
 
-def _attitude_samples(
-    columns: Columns, xyzw: Floats, source: str
-) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
-    time = columns["time_boot_ms"] * 1e-3
-    length = np.linalg.norm(xyzw, axis=1)
-    rows = plausible_rows(time, np.abs(length - 1) < 0.01, dense=True)
-    notes = left_out(source, time, rows)
-    if not len(rows):
-        return None, notes
-    samples = AttitudeSamples(
-        time_boot_s=time[rows],
-        ned_from_body_xyzw=xyzw[rows] / length[rows, None],
-        source=source,
-    )
-    return samples, notes
+def _attitude_samples(columns: Columns, xyzw: Floats, source: str) -> Found[AttitudeSamples]:
+    return attitude_samples(source, columns["time_boot_ms"] * 1e-3, unit_quaternions(xyzw))
 
 
-def second_opinions(
-    stream: Stream,
-) -> tuple[PositionSamples | None, AttitudeSamples | None]:
+def second_opinions(stream: Stream) -> tuple[PositionSamples | None, AttitudeSamples | None]:
     """The receiver's own positions, and ATTITUDE, to hold against what is used."""
     columns, rows = receiver(stream)
-    place = None
-    if columns:
-        time = stream.boot_s(rows)
-        place, _ = _position_samples(columns, time, np.full(len(time), np.nan), "GPS_RAW_INT")
+    place = _position_samples(columns, stream.boot_s(rows), "GPS_RAW_INT")[0] if columns else None
     return place, _by_angles(stream)[0]
 
 
-def gimbal(
-    stream: Stream, attitudes: AttitudeSamples | None
-) -> tuple[GimbalSamples | None, tuple[str, ...]]:
+def gimbal(stream: Stream, attitudes: AttitudeSamples | None) -> Found[GimbalSamples]:
     """The gimbal's attitude from the first of its messages that the log has, newest first."""
-    notes: tuple[str, ...] = ()
-    for read in (_gimbal_device, _mount_orientation):
-        samples, remarks = read(stream)
-        notes = (*notes, *remarks)
-        if samples is not None:
-            return samples, notes
-    samples, remarks = _mount_status(stream, attitudes)
-    return samples, (*notes, *remarks)
+    return first_found(
+        partial(_gimbal_device, stream),
+        partial(_mount_orientation, stream),
+        partial(_mount_status, stream, attitudes),
+    )
 
 
-def _gimbal_device(stream: Stream) -> tuple[GimbalSamples | None, tuple[str, ...]]:
+def _gimbal_device(stream: Stream) -> Found[GimbalSamples]:
     columns, _ = stream.columns("GIMBAL_DEVICE_ATTITUDE_STATUS")
     if not columns:
         return None, ()
@@ -159,7 +122,7 @@ def _gimbal_device(stream: Stream) -> tuple[GimbalSamples | None, tuple[str, ...
     )
 
 
-def _mount_orientation(stream: Stream) -> tuple[GimbalSamples | None, tuple[str, ...]]:
+def _mount_orientation(stream: Stream) -> Found[GimbalSamples]:
     columns, _ = stream.columns("MOUNT_ORIENTATION")
     if not columns:
         return None, ()
@@ -168,9 +131,7 @@ def _mount_orientation(stream: Stream) -> tuple[GimbalSamples | None, tuple[str,
     return gimbal_forms.from_angles(time, angles_deg, "MOUNT_ORIENTATION")
 
 
-def _mount_status(
-    stream: Stream, attitudes: AttitudeSamples | None
-) -> tuple[GimbalSamples | None, tuple[str, ...]]:
+def _mount_status(stream: Stream, attitudes: AttitudeSamples | None) -> Found[GimbalSamples]:
     """MOUNT_STATUS: of a servo mount (until 4.2) the servos' angles, so from the vehicle's frame.
 
     ArduPilot 3.x, AP_Mount_Servo.cpp status_msg() sends _angle_bf_output_deg, the other mounts
@@ -222,20 +183,14 @@ def sigmas(stream: Stream) -> EstimatorSigmas | None:
 
     EKF_STATUS_REPORT's variances are test ratios, no standard deviations.
     """
-    parts: list[tuple[str, Floats, dict[str, Floats]]] = []
+    parts: list[Stated] = []
     columns, rows = stream.columns("ESTIMATOR_STATUS")
     if columns:
         horizontal = as_numbers(columns["pos_horiz_accuracy"])
         vertical = as_numbers(columns["pos_vert_accuracy"])
-        parts.append(_part("ESTIMATOR_STATUS", stream, rows, horizontal, vertical))
+        parts.append(positions_known("ESTIMATOR_STATUS", stream.boot_s(rows), horizontal, vertical))
     columns, rows = receiver(stream)
     if columns:
         horizontal, vertical = columns["h_acc"] / 1e3, columns["v_acc"] / 1e3
-        parts.append(_part("GPS_RAW_INT", stream, rows, horizontal, vertical))
+        parts.append(positions_known("GPS_RAW_INT", stream.boot_s(rows), horizontal, vertical))
     return merged_sigmas(parts)
-
-
-def _part(
-    name: str, stream: Stream, rows: Ints, horizontal: Floats, vertical: Floats
-) -> tuple[str, Floats, dict[str, Floats]]:
-    return name, stream.boot_s(rows), {"horizontal": horizontal, "vertical": vertical}

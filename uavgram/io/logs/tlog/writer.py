@@ -63,22 +63,18 @@ def _every(log: SimulatedLog, step_s: float) -> Floats:
 
 def _system(log: SimulatedLog) -> Timed:
     """Heartbeat and clock once a second, a greeting at the start."""
-    yield (
-        float(log.position_time_s[0]),
-        dialect.MAVLink_statustext_message(dialect.MAV_SEVERITY_INFO, b"uavgram demo"),
-    )
+    message = dialect.MAVLink_statustext_message(dialect.MAV_SEVERITY_INFO, b"uavgram demo")
+    yield float(log.position_time_s[0]), message
     for time in _every(log, SYSTEM_EVERY_S).tolist():
-        yield (
-            time,
-            dialect.MAVLink_heartbeat_message(
-                dialect.MAV_TYPE_QUADROTOR,
-                dialect.MAV_AUTOPILOT_ARDUPILOTMEGA,
-                ARMED,
-                AUTO_MODE,
-                dialect.MAV_STATE_ACTIVE,
-                3,
-            ),
+        message = dialect.MAVLink_heartbeat_message(
+            dialect.MAV_TYPE_QUADROTOR,
+            dialect.MAV_AUTOPILOT_ARDUPILOTMEGA,
+            ARMED,
+            AUTO_MODE,
+            dialect.MAV_STATE_ACTIVE,
+            3,
         )
+        yield time, message
         utc_us = round((log.boot_utc_s + time) * 1e6)
         yield time, dialect.MAVLink_system_time_message(utc_us, _ms(time))
 
@@ -86,12 +82,10 @@ def _system(log: SimulatedLog) -> Timed:
 def _home(log: SimulatedLog) -> Timed:
     latitude, longitude, altitude = _scaled(log.home_geodetic[None])[0]
     for time in _every(log, HOME_EVERY_S).tolist():
-        yield (
-            time,
-            dialect.MAVLink_home_position_message(
-                latitude, longitude, altitude, 0, 0, 0, (1, 0, 0, 0), 0, 0, 0, _us(time)
-            ),
+        message = dialect.MAVLink_home_position_message(
+            latitude, longitude, altitude, 0, 0, 0, (1, 0, 0, 0), 0, 0, 0, _us(time)
         )
+        yield time, message
 
 
 def _positions(log: SimulatedLog) -> Timed:
@@ -105,18 +99,10 @@ def _positions(log: SimulatedLog) -> Timed:
         strict=True,
     )
     for time, (latitude, longitude, altitude), velocity, centidegrees in rows:
-        yield (
-            time,
-            dialect.MAVLink_global_position_int_message(
-                _ms(time),
-                latitude,
-                longitude,
-                altitude,
-                altitude - home_mm,
-                *velocity,
-                centidegrees,
-            ),
+        message = dialect.MAVLink_global_position_int_message(
+            _ms(time), latitude, longitude, altitude, altitude - home_mm, *velocity, centidegrees
         )
+        yield time, message
 
 
 def _attitudes(log: SimulatedLog) -> Timed:
@@ -133,12 +119,10 @@ def _attitudes(log: SimulatedLog) -> Timed:
 def _gimbal(log: SimulatedLog) -> Timed:
     rows = zip(log.gimbal_time_s.tolist(), _wxyz(log.gimbal_rpy_rad), strict=True)
     for time, wxyz in rows:
-        yield (
-            time,
-            dialect.MAVLink_gimbal_device_attitude_status_message(
-                0, 0, _ms(time), GIMBAL_FLAGS, wxyz, 0, 0, 0, 0
-            ),
+        message = dialect.MAVLink_gimbal_device_attitude_status_message(
+            0, 0, _ms(time), GIMBAL_FLAGS, wxyz, 0, 0, 0, 0
         )
+        yield time, message
 
 
 def _gps(log: SimulatedLog) -> Timed:
@@ -146,24 +130,22 @@ def _gps(log: SimulatedLog) -> Timed:
     undulation_mm = round(log.undulation_m * 1000)
     rows = zip(log.gps_time_s.tolist(), _scaled(log.gps_geodetic), accuracy_mm, strict=True)
     for time, (latitude, longitude, altitude), (horizontal, vertical) in rows:
-        yield (
-            time,
-            dialect.MAVLink_gps_raw_int_message(
-                _us(time),
-                dialect.GPS_FIX_TYPE_3D_FIX,
-                latitude,
-                longitude,
-                altitude,
-                eph=80,
-                epv=120,
-                vel=UNKNOWN_16,
-                cog=UNKNOWN_16,
-                satellites_visible=17,
-                alt_ellipsoid=altitude + undulation_mm,
-                h_acc=horizontal,
-                v_acc=vertical,
-            ),
+        message = dialect.MAVLink_gps_raw_int_message(
+            _us(time),
+            dialect.GPS_FIX_TYPE_3D_FIX,
+            latitude,
+            longitude,
+            altitude,
+            eph=80,
+            epv=120,
+            vel=UNKNOWN_16,
+            cog=UNKNOWN_16,
+            satellites_visible=17,
+            alt_ellipsoid=altitude + undulation_mm,
+            h_acc=horizontal,
+            v_acc=vertical,
         )
+        yield time, message
 
 
 def _feedback(log: SimulatedLog) -> Timed:
@@ -179,25 +161,23 @@ def _feedback(log: SimulatedLog) -> Timed:
     for number, (time, (latitude, longitude, _), altitude, (roll, pitch, yaw)) in enumerate(
         rows, 1
     ):
-        yield (
-            time + FEEDBACK_DELAY_S,
-            dialect.MAVLink_camera_feedback_message(
-                round((log.boot_utc_s + time) * 1e6),
-                target_system=0,
-                cam_idx=0,
-                img_idx=number,
-                lat=latitude,
-                lng=longitude,
-                alt_msl=altitude,
-                alt_rel=altitude - home_m,
-                roll=roll,
-                pitch=pitch,
-                yaw=yaw % 360.0,
-                foc_len=0.0,
-                flags=dialect.CAMERA_FEEDBACK_PHOTO,
-                completed_captures=number,
-            ),
+        message = dialect.MAVLink_camera_feedback_message(
+            round((log.boot_utc_s + time) * 1e6),
+            target_system=0,
+            cam_idx=0,
+            img_idx=number,
+            lat=latitude,
+            lng=longitude,
+            alt_msl=altitude,
+            alt_rel=altitude - home_m,
+            roll=roll,
+            pitch=pitch,
+            yaw=yaw % 360.0,
+            foc_len=0.0,
+            flags=dialect.CAMERA_FEEDBACK_PHOTO,
+            completed_captures=number,
         )
+        yield time + FEEDBACK_DELAY_S, message
 
 
 def _yaw(log: SimulatedLog) -> Floats:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from uavgram.geometry.earth.gps_time import MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
-from uavgram.io.logs.quality.image_numbers import (
-    first_of_instant,
-    image_numbers,
-    lost_numbers,
-    repeated_numbers,
-    shot_notes,
-)
-from uavgram.io.logs.quality.rows import is_height, is_place, plausible_rows
+from uavgram.io.logs.quality.image_numbers import events_of, image_numbers
+from uavgram.io.logs.quality.rows import plausible_rows
+from uavgram.io.logs.quality.samples import Found, clock_samples, home_samples
 from uavgram.io.logs.ulog.samples import has_fix, receiver
 from uavgram.io.logs.ulog.topics import Topic, UlogTables
 from uavgram.model.arrays import Bools, Floats
@@ -22,7 +19,7 @@ _LATEST_FEEDBACK_S = 1.0  # after its command
 _EARLIEST_FEEDBACK_S = -0.02
 
 
-def camera_events(tables: UlogTables) -> tuple[CameraEvents | None, tuple[str, ...]]:
+def camera_events(tables: UlogTables) -> Found[CameraEvents]:
     """camera_capture joined with the commands of camera_trigger; else camera_trigger alone.
 
     The trigger and the capture driver of PX4 count for themselves (src/drivers/camera_trigger,
@@ -37,30 +34,14 @@ def camera_events(tables: UlogTables) -> tuple[CameraEvents | None, tuple[str, .
     number = image_numbers(main.column("seq"))
     rows = plausible_rows(main.time_s, np.ones(len(main.time_s), dtype=bool))
     time, number, confirmed = main.time_s[rows], number[rows], confirmed[rows]
-    source, repeated = main.name, repeated_numbers(number)
-    lost = lost_numbers(number)
+    missed, source = None, main.name
     if trigger is not None and fed_back.any():
         commands = trigger.time_s[plausible_rows(trigger.time_s, ~fed_back)]
-        missed = commands[~_is_answered(commands, time)]
-        time = np.concatenate([time, missed])
-        number = np.concatenate([number, np.full(len(missed), -1)])
-        confirmed = np.concatenate([confirmed, np.zeros(len(missed))])
-        order = np.argsort(time, kind="stable")
-        order = order[first_of_instant(time[order])]
-        time, number, confirmed = time[order], number[order], confirmed[order]
+        unanswered = commands[~_is_answered(commands, time)]
+        missed = unanswered, np.full(len(unanswered), -1)
         source = "camera_capture+camera_trigger" if capture is not None else source
-    if not len(time):
-        return None, ()
-    events = CameraEvents(
-        time_boot_s=time,
-        image_number=number,
-        confirmed=confirmed,
-        source=source,
-        instant="feedback" if fed_back.any() else "command",
-        repeated=repeated,
-        lost=lost,
-    )
-    return events, shot_notes(events)
+    instant: Literal["feedback", "command"] = "feedback" if fed_back.any() else "command"
+    return events_of(source, instant, (time, number, confirmed), missed)
 
 
 def _main(capture: Topic | None, trigger: Topic | None, fed_back: Bools) -> tuple[Topic, Floats]:
@@ -89,33 +70,19 @@ def home(tables: UlogTables) -> HomeSamples | None:
     topic = tables.topic("home_position")
     if topic is None:
         return None
-    latitude, longitude = topic.column("lat"), topic.column("lon")
-    height = topic.column("alt")
     valid = ~(topic.column("valid_hpos") == 0) & ~(topic.column("valid_alt") == 0)
-    rows = plausible_rows(topic.time_s, valid & is_place(latitude, longitude) & is_height(height))
-    if not len(rows):
-        return None
-    return HomeSamples(
-        time_boot_s=topic.time_s[rows],
-        latitude_deg=latitude[rows],
-        longitude_deg=longitude[rows],
-        height_m=height[rows],
-        datum="msl",
-        source=topic.name,
-    )
+    place = topic.column("lat"), topic.column("lon"), topic.column("alt")
+    return home_samples(topic.name, topic.time_s, place, valid)
 
 
-def gps_clock(tables: UlogTables) -> ClockSamples | None:
+def gps_clock(tables: UlogTables) -> tuple[ClockSamples, ...]:
     """Pairs of boot time and the receiver's UTC, one for each 3-D fix."""
     topic = receiver(tables)
     if topic is None:
-        return None
+        return ()
     # the instant of the UTC stamp, where it is not that of publishing (msg/SensorGps.msg)
     relative = topic.column("timestamp_time_relative") * 1e-6
     time = topic.time_s + np.where(np.abs(relative) < 1.0, relative, 0.0)
     utc = topic.column("time_utc_usec") * 1e-6
     dated = (utc > MIN_PLAUSIBLE_UTC_S) & (utc < MAX_PLAUSIBLE_UTC_S)
-    rows = plausible_rows(time, dated & has_fix(topic))
-    if not len(rows):
-        return None
-    return ClockSamples(time_boot_s=time[rows], utc_s=utc[rows], source="gps")
+    return clock_samples("gps", time, utc, dated & has_fix(topic))

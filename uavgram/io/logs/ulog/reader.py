@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError
+from uavgram.io.logs.log_bytes import read_log_bytes
 from uavgram.io.logs.mavlink_dialect import vehicle_kind
-from uavgram.io.logs.quality.boots import consistent
+from uavgram.io.logs.quality.boots import checked_boot
 from uavgram.io.logs.ulog import events as ulog_events
 from uavgram.io.logs.ulog import samples as ulog_pose
 from uavgram.io.logs.ulog.topics import ULOG_MAGIC, UlogTables, read_tables
-from uavgram.model.flight.log import Boot, FlightLog, MessageCount
+from uavgram.model.flight.log import FlightLog, MessageCount
 
 __all__ = ["ULOG_MAGIC", "read_ulog"]
 
@@ -28,16 +29,19 @@ def read_ulog(path: str | Path) -> FlightLog:
     InputError
         The file is missing, empty, no ULog, or damaged beyond use.
     """
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(path, f"cannot be read: {error.strerror}") from error
-    if not data:
-        raise InputError(path, "is empty: copy the log from the autopilot once more")
+    data = read_log_bytes(path, "autopilot")
     tables = read_tables(str(path), data)
     if not tables.topics:
         raise InputError(path, "holds no complete message: the file is cut; copy it once more")
-    boot, notes = _boot(tables)
+    boot, notes = checked_boot(
+        ulog_pose.positions(tables),
+        ulog_pose.attitudes(tables),
+        ulog_pose.gimbal(tables),
+        ulog_events.camera_events(tables),
+        sigmas=ulog_pose.sigmas(tables),
+        home=ulog_events.home(tables),
+        clocks=ulog_events.gps_clock(tables),
+    )
     return FlightLog(
         path=str(path),
         kind="ulog",
@@ -48,25 +52,6 @@ def read_ulog(path: str | Path) -> FlightLog:
         undulation_m=ulog_pose.undulation_m(tables),
         notes=(*tables.notes, *notes),
     )
-
-
-def _boot(tables: UlogTables) -> tuple[Boot, tuple[str, ...]]:
-    positions, position_notes = ulog_pose.positions(tables)
-    events, event_notes = ulog_events.camera_events(tables)
-    clock = ulog_events.gps_clock(tables)
-    attitudes, attitude_notes = ulog_pose.attitudes(tables)
-    gimbal, gimbal_notes = ulog_pose.gimbal(tables)
-    boot = Boot(
-        positions=positions,
-        attitudes=attitudes,
-        gimbal=gimbal,
-        sigmas=ulog_pose.sigmas(tables),
-        events=events,
-        home=ulog_events.home(tables),
-        clocks=() if clock is None else (clock,),
-    )
-    boot, remarks = consistent(boot)
-    return boot, (*position_notes, *attitude_notes, *gimbal_notes, *event_notes, *remarks)
 
 
 def _counts(tables: UlogTables) -> tuple[MessageCount, ...]:

@@ -8,8 +8,15 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.io.logs.quality import gimbal as gimbal_forms
-from uavgram.io.logs.quality.rows import left_out, near_its_track, plausible_rows
-from uavgram.io.logs.quality.sigmas import merged_sigmas
+from uavgram.io.logs.quality.samples import (
+    Found,
+    Place,
+    attitude_samples,
+    median_undulation_m,
+    position_samples,
+    unit_quaternions,
+)
+from uavgram.io.logs.quality.sigmas import merged_sigmas, positions_known
 from uavgram.io.logs.ulog.topics import Topic, UlogTables
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import (
@@ -23,24 +30,28 @@ from uavgram.model.flight.log import (
 _EARTH_RADIUS_M = 6371000.0
 
 
-def positions(tables: UlogTables) -> tuple[PositionSamples | None, tuple[str, ...]]:
+def positions(tables: UlogTables) -> Found[PositionSamples]:
     """vehicle_global_position; else vehicle_local_position with its origin; else the receiver's."""
     topic = tables.topic("vehicle_global_position")
     if topic is not None:
-        place = topic.column("lat"), topic.column("lon")
+        place = topic.column("lat"), topic.column("lon"), topic.column("alt")
         valid = _flag(topic, "lat_lon_valid") & _flag(topic, "alt_valid")
-        samples, notes = _samples(topic, *place, topic.column("alt"), valid)
+        samples, notes = position_samples(topic.name, topic.time_s, place, None, valid)
         if samples is not None:
             return samples, notes
     topic = tables.topic("vehicle_local_position")
     if topic is not None:
-        samples, notes = _samples(topic, *_from_local(topic), _is_global(topic))
+        samples, notes = position_samples(
+            topic.name, topic.time_s, _from_local(topic), None, _is_global(topic)
+        )
         if samples is not None:
             return samples, notes
     topic = receiver(tables)
     if topic is None:
         return None, ()
-    samples, notes = _samples(topic, *receiver_position(topic), has_fix(topic))
+    samples, notes = position_samples(
+        topic.name, topic.time_s, receiver_position(topic), None, has_fix(topic)
+    )
     remark = "positions are the receiver's own (no estimator's): they lag by its delay"
     return samples, notes if samples is None else (*notes, remark)
 
@@ -51,27 +62,6 @@ def _flag(topic: Topic, name: str) -> Bools:
     return np.isnan(stated) | (stated > 0)
 
 
-def _samples(
-    topic: Topic, latitude: Floats, longitude: Floats, height: Floats, valid: Bools
-) -> tuple[PositionSamples | None, tuple[str, ...]]:
-    place = (np.where(valid, column, np.nan) for column in (latitude, longitude, height))
-    rows = plausible_rows(topic.time_s, near_its_track(topic.time_s, *place), dense=True)
-    dropped = int(valid.sum()) - len(rows)
-    notes = (f"{dropped} of {len(valid)} {topic.name} rows make no sense and were dropped",)
-    if not len(rows):
-        return None, ()
-    samples = PositionSamples(
-        time_boot_s=topic.time_s[rows],
-        latitude_deg=latitude[rows],
-        longitude_deg=longitude[rows],
-        height_m=height[rows],
-        height_home_m=np.full(len(rows), np.nan),
-        datum="msl",
-        source=topic.name,
-    )
-    return samples, notes if dropped else ()
-
-
 def _is_global(topic: Topic) -> Bools:
     """(N,) whether the local frame is tied to the earth."""
     tied = (topic.column("xy_global") > 0) & (topic.column("z_global") > 0)
@@ -79,7 +69,7 @@ def _is_global(topic: Topic) -> Bools:
     return np.asarray(tied & finite)
 
 
-def _from_local(topic: Topic) -> tuple[Floats, Floats, Floats]:
+def _from_local(topic: Topic) -> Place:
     """Latitude, longitude [deg] and altitude [m], each (N,), of local north, east, down.
 
     PX4's own projection, as it made the local frame with it: azimuthal equidistant on a sphere
@@ -116,7 +106,7 @@ def has_fix(topic: Topic) -> Bools:
     return np.asarray(topic.column("fix_type") >= 3)
 
 
-def receiver_position(topic: Topic) -> tuple[Floats, Floats, Floats]:
+def receiver_position(topic: Topic) -> Place:
     """Latitude, longitude [deg], altitude above sea level [m], each (N,).
 
     Since 2023 in degrees and metres, before as integers of 1e-7 degrees and millimetres.
@@ -136,31 +126,20 @@ def undulation_m(tables: UlogTables) -> float:
     ellipsoid = topic.column("altitude_ellipsoid_m")
     if "alt_ellipsoid" in topic.fields:
         ellipsoid = topic.column("alt_ellipsoid") / 1e3
-    difference = (ellipsoid - receiver_position(topic)[2])[has_fix(topic) & (ellipsoid != 0)]
-    believable = difference[np.abs(difference) < 150]  # no geoid lies further from the ellipsoid
-    return float(np.median(believable)) if len(believable) else float("nan")
+    stated = has_fix(topic) & (ellipsoid != 0)
+    return median_undulation_m(ellipsoid[stated], receiver_position(topic)[2][stated])
 
 
-def attitudes(tables: UlogTables) -> tuple[AttitudeSamples | None, tuple[str, ...]]:
+def attitudes(tables: UlogTables) -> Found[AttitudeSamples]:
     """vehicle_attitude: FRD to NED, w first."""
     topic = tables.topic("vehicle_attitude")
     if topic is None:
         return None, ()
     xyzw = topic.array("q", 4)[:, [1, 2, 3, 0]]
-    length = np.linalg.norm(xyzw, axis=1)
-    rows = plausible_rows(topic.time_s, np.abs(length - 1) < 0.01, dense=True)
-    notes = left_out(topic.name, topic.time_s, rows)
-    if not len(rows):
-        return None, notes
-    samples = AttitudeSamples(
-        time_boot_s=topic.time_s[rows],
-        ned_from_body_xyzw=xyzw[rows] / length[rows, None],
-        source=topic.name,
-    )
-    return samples, notes
+    return attitude_samples(topic.name, topic.time_s, unit_quaternions(xyzw))
 
 
-def gimbal(tables: UlogTables) -> tuple[GimbalSamples | None, tuple[str, ...]]:
+def gimbal(tables: UlogTables) -> Found[GimbalSamples]:
     """gimbal_device_attitude_status; else mount_orientation (yaw from the vehicle's nose)."""
     notes: tuple[str, ...] = ()
     topic = tables.topic("gimbal_device_attitude_status")
@@ -187,16 +166,11 @@ def sigmas(tables: UlogTables) -> EstimatorSigmas | None:
 
     The test ratios of estimator_status are no standard deviations.
     """
-    parts: list[tuple[str, Floats, dict[str, Floats]]] = []
-    topic = tables.topic("vehicle_global_position", "vehicle_local_position")
-    if topic is not None:
-        parts.append(_part(topic, "eph", "epv"))
-    topic = receiver(tables)
-    if topic is not None:
-        parts.append(_part(topic, "eph", "epv"))
-    return merged_sigmas(parts)
-
-
-def _part(topic: Topic, horizontal: str, vertical: str) -> tuple[str, Floats, dict[str, Floats]]:
-    stated = {"horizontal": topic.column(horizontal), "vertical": topic.column(vertical)}
-    return topic.name, topic.time_s, stated
+    topics = (tables.topic("vehicle_global_position", "vehicle_local_position"), receiver(tables))
+    return merged_sigmas(
+        [
+            positions_known(t.name, t.time_s, t.column("eph"), t.column("epv"))
+            for t in topics
+            if t is not None
+        ]
+    )
