@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -23,9 +24,17 @@ ELSEWHERE = {
 PROGRAM = "import os, sys, uavgram; os.umask(0o077); uavgram.run(*sys.argv[1:])"
 
 
-def results(folder):
-    text = (folder / "results.json").read_text(encoding="utf-8")
-    return re.sub(r'"created_utc": *"[^"]*"', "", text)
+CALIBRATE = """
+import sys
+from uavgram.model.camera.board import CalibrationOptions
+from uavgram.pipeline.cameras.calibrate import calibrate
+calibrate([sys.argv[1]], "chessboard:9x6:25mm", sys.argv[2], CalibrationOptions(coefficients=5))
+"""
+
+
+def results(folder, name="results.json"):
+    text = (folder / name).read_text(encoding="utf-8")
+    return re.sub(r'"created_utc": *"[^"]*", ', "", text)
 
 
 def test_neither_threads_nor_place_nor_language_change_a_digit(project, tmp_path):
@@ -38,4 +47,19 @@ def test_neither_threads_nor_place_nor_language_change_a_digit(project, tmp_path
         check=True,
     )
     assert results(here) == results(there)
+    assert str(project.folder) not in results(here)  # nor does the place of the project
+    assert json.loads(results(here))["frames"][0]["path"] == "photos/IMG_0001.jpg"
     assert (here / "measurements.csv").read_bytes() == (there / "measurements.csv").read_bytes()
+
+
+def test_nor_do_they_change_a_camera(data_dir, tmp_path):
+    photos = str(data_dir / "opencv_chess" / "left0[1-4].jpg")
+    few = {name: "1" for name in ELSEWHERE if name.endswith(("THREADS", "THREADS_NUM"))}
+    for folder, environment in (("here", few), ("there", ELSEWHERE)):
+        subprocess.run(
+            [sys.executable, "-c", CALIBRATE, photos, str(tmp_path / folder)],
+            env={**os.environ, **environment},
+            check=True,
+        )
+    here, there = (results(tmp_path / name, "calibration.json") for name in ("here", "there"))
+    assert here == there

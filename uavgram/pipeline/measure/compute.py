@@ -11,7 +11,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -283,9 +282,7 @@ def _provenance(inputs: Inputs, sampling: Sampling | None) -> Provenance:
         **stamp(),
         made_by=account_name() if operator == ACCOUNT else operator,
         inputs=inputs.digests,
-        options=option_pairs(
-            relative_paths(inputs.project, Path(inputs.project_path).absolute().parent)
-        ),
+        options=option_pairs(relative_paths(inputs.project, inputs.folder)),
         seed=None if sampling is None else sampling.seed,
         packages=package_versions(PACKAGES),
     )

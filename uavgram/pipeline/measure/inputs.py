@@ -76,10 +76,14 @@ class Inputs:
     messages: tuple[Message, ...]
 
     @property
+    def folder(self) -> Path:
+        """Of the project file: what it names is relative to it."""
+        return Path(self.project_path).absolute().parent
+
+    @property
     def files(self) -> tuple[Path, ...]:
         """Every file that was read; no output may replace one."""
-        folder = Path(self.project_path).absolute().parent
-        return tuple(folder / digest.path for digest in self.digests)
+        return tuple(self.folder / digest.path for digest in self.digests)
 
 
 def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False) -> Inputs:
