@@ -19,7 +19,7 @@ from uavgram.model.camera.board import (
     LensSetting,
     flat_board,
 )
-from uavgram.stages.calibrate import calibrate, choice, compare
+from uavgram.stages.calibrate import calibrate, choice
 
 REMOVE = CalibrationOptions(outliers="remove")
 
@@ -122,7 +122,7 @@ def test_candidates_that_the_photos_leave_undetermined_drop_out(monkeypatch, los
         return real(lens, *arguments)
 
     monkeypatch.setattr(choice, "snoop", snoop)
-    monkeypatch.setattr(compare, "simplest_good", lambda held: len(held) - 1)
+    monkeypatch.setattr(choice, "simplest_good", lambda held: len(held) - 1)
     result = calibrate(scene.observations, CalibrationOptions(coefficients=0))
     assert {score.coefficients for score in result.models if score.dropped} == lost
     text = next(m.text for m in result.messages if m.code == "lens-model")
