@@ -10,7 +10,6 @@ import pytest
 
 from uavgram.errors import InputError
 from uavgram.imaging.photos.preview import jpeg_size
-from uavgram.imaging.targets.coverage import corner_coverage, draw_coverage
 from uavgram.imaging.targets.draw_board import draw_board
 from uavgram.imaging.targets.observations import collect_observations
 from uavgram.imaging.targets.sighting import Sighting
@@ -98,24 +97,6 @@ def test_all_photos_are_measured_by_one_operator_and_contradicting_corners_left_
     for k, photo in enumerate(observations.photos):
         np.testing.assert_array_equal(photo.pixel_px[0], sighting(k).gradient_px[0])
         assert photo.sigma_px[0] == 0.1
-
-
-def test_coverage_counts_every_corner_in_its_cell():
-    # 79.7 is in the second cell: the image's left edge is at -0.5, and a cell has 80 px
-    edge = replace(sighting(0), pixel_px=sighting(0).pixel_px - [20.3, 0.0])
-    observations, _ = collect([edge, sighting(1), sighting(2)])
-    count = corner_coverage(observations, cells_across=8)
-    assert count.shape == (6, 8)
-    assert count.sum() == 3 * 54
-    pixel = np.concatenate([photo.pixel_px for photo in observations.photos])
-    expected, _, _ = np.histogram2d(
-        pixel[:, 1], pixel[:, 0], [np.arange(7) * 80 - 0.5, np.arange(9) * 80 - 0.5]
-    )
-    np.testing.assert_array_equal(count, expected)
-    picture = draw_coverage(count, SIZE_PX)
-    assert picture.shape == (600, 800, 3)
-    assert picture[2, 2, 0] > picture[2, 2, 2]  # red: nothing in the corner of the image
-    assert picture[305, 405, 2] > picture[305, 405, 0]  # blue: corners in the middle
 
 
 def test_the_picture_of_a_photo_shows_marks_where_the_corners_are():
