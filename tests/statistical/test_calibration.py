@@ -154,7 +154,7 @@ def test_planted_no_schur_complement_shows(monkeypatch):
         good = schur(self, damping)
         if damping:
             return good
-        return replace(good, photo_border=self.photo, border=self.photo.sum(axis=0) + self.prior)
+        return good._replace(photo_border=self.photo, border=self.photo.sum(axis=0) + self.prior)
 
     monkeypatch.setattr(normals.Products, "normals", known_poses)
     found, covariances = repeated(trials=60)

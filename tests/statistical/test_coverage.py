@@ -344,6 +344,7 @@ def ends_apart(scene):
         survey,
         label=(*survey.label, *(f"end {k}" for k in new)),
         height_above_m=np.append(survey.height_above_m, survey.height_above_m[old]),
+        area=np.append(survey.area, survey.area[old]),
         pick_frame=survey.pick_frame[picks],
         pick_label=np.append(survey.pick_label, copies),
         pixel_px=survey.pixel_px[picks],

@@ -234,7 +234,7 @@ def test_a_prior_says_what_was_learnt(data_dir):
     table = IntrinsicsPrior(
         source="a table of drone cameras",
         parameters=np.array([2300.0, 2300, 1999.5, 1124.5, 0, 0, 0, 0, 0]),
-        information=np.diag([46.0, 46, 40, 40, 0.03, 0.1, 2e-3, 2e-3, 0.2]) ** -2.0,
+        information=np.diag(np.array([46.0, 46, 40, 40, 0.03, 0.1, 2e-3, 2e-3, 0.2]) ** -2.0),
     )
     options = CalibrationOptions(prior=table)
     result = calibrate(observations, options)

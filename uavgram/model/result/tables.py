@@ -33,7 +33,7 @@ class FrameResults(FrozenArrays):
     Attributes
     ----------
     frame_id, path
-        (F,) file name; where the photo is (in results.json: as seen from the project's folder).
+        (F,) file name; where the photo is.
     time_utc_s
         (F,) of the exposure, after the adjustment; NaN where unknown.
     status, reason

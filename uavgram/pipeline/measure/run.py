@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from enum import Enum
 from pathlib import Path
 from typing import Literal
@@ -77,32 +76,23 @@ def run(
     journal.result(result)
     if folder is not None:
         with staged_output(Path(folder), inputs.files, inputs.photos.path) as staging:
-            _write_outputs(result, inputs.folder, staging, journal, progress)
+            _write_outputs(result, staging, journal, progress)
     return result
 
 
-def _write_outputs(
-    result: Result, home: Path, folder: Path, journal: Journal, progress: Progress
-) -> None:
+def _write_outputs(result: Result, folder: Path, journal: Journal, progress: Progress) -> None:
     with journal.step("write recording.rrd"):
         write_review(result, folder / "recording.rrd", progress)
     writers: dict[str, Callable[[Path], None]] = {
         **exports(result),
         "report.html": lambda path: write_report(result, path),
-        "results.json": lambda path: write_results(_seen_from(home, result), path),
+        "results.json": lambda path: write_results(result, path),
     }
     for name, write in progress(writers.items(), "writing", len(writers)):
         with journal.step(f"write {name}"):
             (folder / name).parent.mkdir(exist_ok=True)
             write(folder / name)
     journal.write(folder / "run.jsonl")
-
-
-def _seen_from(home: Path, result: Result) -> Result:
-    """The result with its photos' paths relative to the project's folder, wherever that lies."""
-    frames = result.frames
-    paths = tuple(Path(os.path.relpath(path, home)).as_posix() for path in frames.path)
-    return replace(result, frames=replace(frames, path=paths))
 
 
 def write_review(result: Result, path: Path, progress: Progress = silent) -> None:
