@@ -14,6 +14,7 @@ from uavgram.imaging.targets.draw_board import draw_board
 from uavgram.imaging.targets.observations import collect_observations
 from uavgram.imaging.targets.sighting import Sighting
 from uavgram.model.camera.board import LensSetting, flat_board
+from uavgram.stages.tell import told
 
 SIZE_PX = (640, 480)
 
@@ -82,6 +83,14 @@ def test_cut_and_foreign_boards_are_said():
         "board-partial": "3.jpg",
         "photo-other-board": "4.jpg",
     }
+
+
+def test_several_cut_boards_are_one_message_that_names_them_all():
+    cut = [sighting(k, columns=7, rows=6) for k in (3, 4)]
+    _, messages = collect([sighting(0), sighting(1), sighting(2), *cut])
+    (message,) = told(*messages)
+    assert message.text.startswith("2 photos show a part of the board")
+    assert message.files == ("3.jpg", "4.jpg")
 
 
 def test_all_photos_are_measured_by_one_operator_and_contradicting_corners_left_out():

@@ -11,7 +11,7 @@ from uavgram.errors import InputError
 from uavgram.imaging.targets.sighting import Sighting
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.board import Board, BoardObservations, BoardPhoto, LensSetting
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Several
 
 LEAST_PHOTOS = 3
 # Measured: 0.002 to 0.008 on rendered photos, 0.02 on a plain camera's, 0.05 where a camera
@@ -186,12 +186,19 @@ def _partial_messages(
     for photo, k in zip(photos, seen, strict=True):
         size = sightings[k].found_size
         if size is not None and sorted(size) != wanted:
+            part = f"{size[0]} x {size[1]} of the {board.columns} x {board.rows} inner corners"
             text = (
-                f"{photo.file} shows {size[0]} x {size[1]} of the {board.columns} x {board.rows} "
-                "inner corners; without markers their place on the board is unknown. That is right "
-                "for a flat board; leave the photo out where a bow is estimated."
+                f"{photo.file} shows {part}; without markers their place on the board is unknown. "
+                "That is right for a flat board; leave the photo out where a bow is estimated."
             )
-            messages.append(Message("info", "board-partial", text))
+            several = Several(
+                "{count} photos show a part of the board, and without markers its place is unknown",
+                f"{photo.file} ({size[0]} x {size[1]})",
+                ending="That is right for a flat board; leave them out where a bow is estimated.",
+            )
+            messages.append(
+                Message("info", "board-partial", text, files=(photo.file,), several=several)
+            )
     return messages
 
 
