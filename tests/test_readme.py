@@ -9,12 +9,12 @@ from uavgram.cli import app
 
 
 @pytest.fixture(scope="module")
-def readme(repository):
+def readme(repository: Path):
     return (repository / "README.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
-def demo_folder(tmp_path_factory):
+def demo_folder(tmp_path_factory: pytest.TempPathFactory):
     from uavgram.model.demo.scenario import DemoScenario
     from uavgram.pipeline.demo import demo
 
@@ -23,7 +23,9 @@ def demo_folder(tmp_path_factory):
     return folder
 
 
-def test_the_python_of_the_readme_runs_on_the_demo(readme, demo_folder, monkeypatch, capsys):
+def test_the_python_of_the_readme_runs_on_the_demo(
+    readme, demo_folder, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.chdir(demo_folder)
     blocks = re.findall(r"```python\n(.*?)```", readme, flags=re.DOTALL)
     names: dict[str, object] = {}
@@ -36,20 +38,22 @@ def test_the_python_of_the_readme_runs_on_the_demo(readme, demo_folder, monkeypa
     assert names["covariance"].shape == (6, 6)
 
 
-def test_every_command_that_the_readme_names_exists(readme):
+def test_every_command_that_the_readme_names_exists(readme) -> None:
     named = set(re.findall(r"uavgram ([a-z]+)", "\n".join(re.findall(r"`+[^`]+`+", readme))))
 
     assert {"demo", "run", "check", "log", "view"} <= named
     assert named <= {name for name in app if not name.startswith("-")}
 
 
-def test_the_files_and_the_picture_that_the_readme_names_are_there(readme, repository):
+def test_the_files_and_the_picture_that_the_readme_names_are_there(
+    readme, repository: Path
+) -> None:
     for name in re.findall(r"!\[[^]]*\]\(([^)]+)\)", readme):
         assert (repository / name).is_file(), name
     assert Path(repository, "configs", "project.yaml").is_file()
 
 
-def test_the_pages_and_sources_that_the_readme_names_are_there(readme, repository):
+def test_the_pages_and_sources_that_the_readme_names_are_there(readme, repository: Path) -> None:
     links = [link for link in re.findall(r"\]\(([^)#]+)\)", readme) if "://" not in link]
     sources = re.findall(r"`(uavgram/[\w/.]+)`", readme)
 

@@ -94,7 +94,7 @@ def parts(adjustment) -> None:
     inner = []
     factorised = Multifrontal._factorise
 
-    def timed(self, values, smallest):
+    def timed(self, values, smallest) -> None:
         started = time.process_time()
         factorised(self, values, smallest)
         inner.append(time.process_time() - started)

@@ -103,7 +103,7 @@ def camera_transform(survey, frames, plane):
     return camera, lambda: camera.fit(fitted, method="Nelder-Mead")
 
 
-def poses():
+def poses() -> None:
     import single_frame_ceres
 
     survey, frames = one_frame()
@@ -145,7 +145,7 @@ def poses():
     )
 
 
-def points():
+def points() -> None:
     parameters = np.array([3000.0, 3000, 1999.5, 1499.5, -0.1, 0.02, 3e-4, -2e-4, 0.001])
     rotation, center = np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 50.0])
     root = np.random.default_rng(1).normal(size=(15, 15)) * 1e-3
@@ -186,7 +186,7 @@ def points():
     against_mrcal(parameters, lambda: ground_points(view, pixel, np.eye(2)))
 
 
-def against_mrcal(parameters, ours):
+def against_mrcal(parameters, ours) -> None:
     """Its process measures itself, in turn with ours."""
     python = shutil.which("python3", path="/usr/bin")
     points = POINTS // 10

@@ -21,7 +21,7 @@ from uavgram.geometry.motion.rotation import hat, log_so3, right_jacobian
 class PointCost(pyceres.CostFunction):
     """Whitened residuals of a point's picks, by point, plane, lens and the poses that see it."""
 
-    def __init__(self, survey, problem, label, picks, seed_rotation):
+    def __init__(self, survey, problem, label, picks, seed_rotation) -> None:
         super().__init__()
         self.height = survey.height_above_m[label]
         self.pivot = np.ravel(problem.pivot_m)[:2]
@@ -32,7 +32,7 @@ class PointCost(pyceres.CostFunction):
         self.set_num_residuals(2 * len(picks))
         self.set_parameter_block_sizes([2, 3, self.basis.shape[1]] + [6] * len(picks))
 
-    def Evaluate(self, blocks, residuals, jacobians):  # noqa: N802, PLR0915
+    def Evaluate(self, blocks, residuals, jacobians) -> bool:  # noqa: N802, PLR0915
         point, plane, lens = blocks[:3]
         pose = np.array(blocks[3:])
         m = len(pose)
@@ -97,14 +97,14 @@ class PointCost(pyceres.CostFunction):
 class LinearCost(pyceres.CostFunction):
     """Residuals r + J (x - x0) of several blocks."""
 
-    def __init__(self, residual, jacobians, at):
+    def __init__(self, residual, jacobians, at) -> None:
         super().__init__()
         self.constant = residual - sum(j @ x for j, x in zip(jacobians, at, strict=True))
         self.jacobians = jacobians
         self.set_num_residuals(len(residual))
         self.set_parameter_block_sizes([j.shape[1] for j in jacobians])
 
-    def Evaluate(self, blocks, residuals, jacobians):  # noqa: N802
+    def Evaluate(self, blocks, residuals, jacobians) -> bool:  # noqa: N802
         residuals[:] = self.constant
         for j, x in zip(self.jacobians, blocks, strict=True):
             residuals += j @ x
@@ -118,13 +118,13 @@ class LinearCost(pyceres.CostFunction):
 class LengthCost(pyceres.CostFunction):
     """Whitened length between two points of one plane, by the points and the plane."""
 
-    def __init__(self, length, sigma, above):
+    def __init__(self, length, sigma, above) -> None:
         super().__init__()
         self.length, self.sigma, self.above = length, sigma, above
         self.set_num_residuals(1)
         self.set_parameter_block_sizes([2, 2, 3])
 
-    def Evaluate(self, blocks, residuals, jacobians):  # noqa: N802
+    def Evaluate(self, blocks, residuals, jacobians) -> bool:  # noqa: N802
         start, end, plane = blocks
         flat = end - start
         up = flat @ plane[1:] + self.above
@@ -157,7 +157,7 @@ class JointSurvey:
         (K, 2) first values of the points.
     """
 
-    def __init__(self, adjustment, first_point):
+    def __init__(self, adjustment, first_point) -> None:
         self.adjustment = adjustment
         problem, survey, state = adjustment.problem, adjustment.survey, adjustment.state
         seeds = survey.seeds
@@ -174,11 +174,11 @@ class JointSurvey:
         self._add_lengths(problem, survey)
         self._add_priors(problem, survey, state)
 
-    def _add(self, cost, blocks):
+    def _add(self, cost, blocks) -> None:
         self._costs.append(cost)
         self.problem.add_residual_block(cost, None, blocks)
 
-    def _add_picks(self, problem, survey):
+    def _add_picks(self, problem, survey) -> None:
         order = np.argsort(survey.pick_label, kind="stable")
         cuts = np.cumsum(np.bincount(survey.pick_label))[:-1]
         for label, picks in enumerate(np.split(order, cuts)):
@@ -186,14 +186,14 @@ class JointSurvey:
             poses = [self.pose[f] for f in survey.pick_frame[picks]]
             self._add(cost, [self.point[label], self.plane, self.lens, *poses])
 
-    def _add_lengths(self, problem, survey):
+    def _add_lengths(self, problem, survey) -> None:
         for i in problem.line_index:
             start, end = survey.line_start[i], survey.line_end[i]
             above = survey.height_above_m[end] - survey.height_above_m[start]
             cost = LengthCost(survey.length_m[i], survey.length_sigma_m[i], above)
             self._add(cost, [self.point[start], self.point[end], self.plane])
 
-    def _add_priors(self, problem, survey, state):
+    def _add_priors(self, problem, survey, state) -> None:
         block = self.adjustment.minimum.blocks["telemetry"]
         turn = self.turn_there[survey.telemetry.frame_index]
         by_turn = block.jacobian[:, :, 3:6] @ right_jacobian(turn)

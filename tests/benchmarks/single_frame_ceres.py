@@ -14,7 +14,7 @@ import pyceres
 class FrameCost(pyceres.CostFunction):
     """Whitened residuals: 2 E of pixels, 9 of the interior, n of lengths."""
 
-    def __init__(self, parameters, root, frame):
+    def __init__(self, parameters, root, frame) -> None:
         super().__init__()
         self.parameters, self.root = parameters, root
         self.pixel, self.sigma = frame["pixel"], frame["sigma"]
@@ -24,7 +24,7 @@ class FrameCost(pyceres.CostFunction):
         self.set_num_residuals(2 * self.e + 9 + self.n)
         self.set_parameter_block_sizes([3, 9, 2 * self.e])
 
-    def Evaluate(self, blocks, residuals, jacobians):  # noqa: N802, PLR0915
+    def Evaluate(self, blocks, residuals, jacobians) -> bool:  # noqa: N802, PLR0915
         m, t, point = blocks
         e, n = self.e, self.n
         x, y = point[:e], point[e:]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ MOST_MEAN_PX, MOST_PX = 0.05, 0.2
 SHARP = '.pane[data-sharp="true"]'  # waited for in each frame; `expect` looks ever more seldom
 
 
-def zoom_to(page, place, zoom):
+def zoom_to(page, place, zoom) -> None:
     """Zoom by the wheel, and bring a place of the photo where nothing else is drawn."""
     page.keyboard.press("f")
     pane = page.locator(".pane")
@@ -93,7 +94,9 @@ def planted_server(planted_once):
 
 @pytest.mark.parametrize("window", WINDOWS, ids=lambda window: f"{window[0]}x{window[1]}")
 @pytest.mark.parametrize("ratio", [1.0, 1.25, 1.5, 2.0])
-def test_a_click_on_a_mark_gives_its_place(planted_once, planted_server, open_page, window, ratio):
+def test_a_click_on_a_mark_gives_its_place(
+    planted_once, planted_server, open_page, window, ratio
+) -> None:
     page = open_page(planted_server, *window, ratio)
     errors = np.concatenate(
         [
@@ -106,11 +109,11 @@ def test_a_click_on_a_mark_gives_its_place(planted_once, planted_server, open_pa
     assert not page.strangers
 
 
-def plant(page, header, *, aligned=True):
+def plant(page, header, *, aligned=True) -> None:
     """Give the page a header of another height, and take its cure for that away."""
 
-    def changed(file, old, new):
-        def serve(route):
+    def changed(file, old, new) -> None:
+        def serve(route) -> None:
             answer = route.fetch()
             text = answer.text()
             assert old in text, file
@@ -135,7 +138,7 @@ def plant(page, header, *, aligned=True):
 )
 def test_a_header_of_half_a_pixel_fails_the_check_unless_the_page_lies_on_whole_ones(
     planted_once, planted_server, open_page, header, aligned, exact
-):
+) -> None:
     page = open_page(planted_server)
     plant(page, header, aligned=aligned)
     box = page.locator(".pane").bounding_box()
@@ -144,7 +147,7 @@ def test_a_header_of_half_a_pixel_fails_the_check_unless_the_page_lies_on_whole_
     assert held(errors) == exact, errors
 
 
-def test_a_photo_that_exif_turns_gives_the_same_numbers(tmp_path, open_page):
+def test_a_photo_that_exif_turns_gives_the_same_numbers(tmp_path: Path, open_page) -> None:
     project = write_project(tmp_path, turned=True)
     with served(project.path) as server:
         page = open_page(server)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+from pathlib import Path
 
 import pytest
 from picking_pages import click_mark, measured, place, show_photo, wait_until_adjusted
@@ -22,7 +23,7 @@ DISTANCES = (("R1", "P12"), ("P9", "P15"), ("P12", "P15"))
 
 
 @pytest.fixture
-def empty_survey(data_dir, tmp_path):
+def empty_survey(data_dir: Path, tmp_path: Path):
     source = data_dir / "calm_nadir"
     project = tmp_path / "survey"
     leave = shutil.ignore_patterns("*.csv", "out", "*.tlog", "project.yaml")
@@ -36,7 +37,9 @@ def rows_of(path):
         return list(csv.DictReader(stream))
 
 
-def test_a_first_session_gives_the_numbers_of_a_run(empty_survey, open_page, data_dir):
+def test_a_first_session_gives_the_numbers_of_a_run(
+    empty_survey, open_page, data_dir: Path
+) -> None:
     source, project = empty_survey
     picks = rows_of(source / "picks.csv")
     lines = rows_of(source / "lines.csv")[:4]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import time
+from pathlib import Path
 
 import pytest
 from picking_pages import eventually, measured, show_photo, to_page, wait_until_adjusted
@@ -19,7 +20,7 @@ def picks_of(server):
     return {pick.label: (pick.u_px, pick.v_px) for pick in server.picking.state.picks}
 
 
-def test_keyboard_alone_places_nudges_renames_and_undoes(planted, open_page):
+def test_keyboard_alone_places_nudges_renames_and_undoes(planted, open_page) -> None:
     with served(planted.path) as server:
         page = open_page(server)
         page.locator("#label").fill("kerb")
@@ -61,7 +62,7 @@ KINDS = {
 """Key of each tool, the name that it gives, and the points to measure."""
 
 
-def type_point(page, label):
+def type_point(page, label) -> None:
     """Take a point into what is being measured, by its name."""
     page.keyboard.press("/")
     page.keyboard.type(label)
@@ -69,7 +70,7 @@ def type_point(page, label):
     page.keyboard.press("Enter")  # takes it
 
 
-def tab_to(page, name):
+def tab_to(page, name) -> None:
     """Go on by Tab to what has this name."""
     for _ in range(80):
         page.keyboard.press("Tab")
@@ -78,7 +79,9 @@ def tab_to(page, name):
     pytest.fail(f"Tab does not lead to {name!r}")
 
 
-def test_keyboard_alone_measures_each_kind_and_gives_the_numbers_of_a_run(copied_survey, open_page):
+def test_keyboard_alone_measures_each_kind_and_gives_the_numbers_of_a_run(
+    copied_survey, open_page
+) -> None:
     (copied_survey.parent / "measure.csv").write_text("name,kind,points\n")
     (copied_survey.parent / "lines.csv").write_text("name,from,to,length_m,sigma_m\n")
     with served(copied_survey) as server:
@@ -157,7 +160,9 @@ def nameless(page):
     ]
 
 
-def test_everything_has_a_name_for_a_screen_reader_and_focus_is_seen(copied_survey, open_page):
+def test_everything_has_a_name_for_a_screen_reader_and_focus_is_seen(
+    copied_survey, open_page
+) -> None:
     with served(copied_survey) as server:
         page = open_page(server)
         wait_until_adjusted(page)
@@ -188,7 +193,7 @@ def test_everything_has_a_name_for_a_screen_reader_and_focus_is_seen(copied_surv
         assert len(seen) > 25
 
 
-def test_the_arrows_go_through_tools_tabs_and_photos(copied_survey, open_page):
+def test_the_arrows_go_through_tools_tabs_and_photos(copied_survey, open_page) -> None:
     with served(copied_survey) as server:
         page = open_page(server)
         page.keyboard.press("F6")
@@ -210,7 +215,7 @@ def test_the_arrows_go_through_tools_tabs_and_photos(copied_survey, open_page):
 
 def test_points_and_lengths_that_come_faster_than_they_are_confirmed_are_all_kept(
     planted, open_page
-):
+) -> None:
     with served(planted.path) as server:
         page = open_page(server)
         change = server.picking.change
@@ -234,7 +239,7 @@ def test_points_and_lengths_that_come_faster_than_they_are_confirmed_are_all_kep
         assert not page.errors
 
 
-def test_a_target_is_snapped_to_with_its_sigma(planted, open_page):
+def test_a_target_is_snapped_to_with_its_sigma(planted, open_page) -> None:
     with served(planted.path) as server:
         page = open_page(server)
         u, v = planted.marks_px[0]
@@ -251,7 +256,7 @@ def test_a_target_is_snapped_to_with_its_sigma(planted, open_page):
 
 
 @pytest.fixture
-def copied_survey(data_dir, tmp_path):
+def copied_survey(data_dir: Path, tmp_path: Path):
     """A survey with all its picks, and little to measure."""
     project = tmp_path / "survey"
     leave = shutil.ignore_patterns("out", "*.tlog", "measure.csv")
@@ -260,7 +265,7 @@ def copied_survey(data_dir, tmp_path):
     return project / "project.yaml"
 
 
-def test_numbers_move_before_the_button_is_up(copied_survey, open_page):
+def test_numbers_move_before_the_button_is_up(copied_survey, open_page) -> None:
     with served(copied_survey) as server:
         page = open_page(server)
         show_photo(page, server.picking.index["IMG_0046.jpg"])
@@ -281,7 +286,7 @@ def test_numbers_move_before_the_button_is_up(copied_survey, open_page):
         assert not page.errors
 
 
-def test_four_panes_that_are_linked_show_the_same_ground(copied_survey, open_page):
+def test_four_panes_that_are_linked_show_the_same_ground(copied_survey, open_page) -> None:
     with served(copied_survey) as server:
         page = open_page(server, 1600, 1000)
         wait_until_adjusted(page)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 
 import pytest
 from picking_pages import eventually, show_photo, wait_until_adjusted
@@ -32,7 +33,7 @@ OVERLAPPING = """(choice) => {
 
 
 @pytest.fixture
-def survey(data_dir, tmp_path):
+def survey(data_dir: Path, tmp_path: Path):
     """Two marks that lie close together, a length that does not fit, and all kinds of values."""
     folder = tmp_path / "survey"
     shutil.copytree(data_dir / "calm_nadir", folder, ignore=shutil.ignore_patterns("out", "*.tlog"))
@@ -47,7 +48,7 @@ def survey(data_dir, tmp_path):
     return folder / "project.yaml"
 
 
-def test_nothing_overlaps_and_nothing_is_cut_off(survey, open_page):
+def test_nothing_overlaps_and_nothing_is_cut_off(survey, open_page) -> None:
     with served(survey) as server:
         page = open_page(server)
         show_photo(page, server.picking.index["IMG_0046.jpg"])

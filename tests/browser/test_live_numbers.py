@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import threading
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from large_photos import write_large_project
@@ -18,7 +19,7 @@ ADJUSTED = '#mode[data-mode="adjusted"]'
 
 
 @pytest.fixture
-def slow(tmp_path):
+def slow(tmp_path: Path):
     """A server whose full adjustments wait, from when `hold` is cleared until it is set again."""
     project = write_large_project(tmp_path, 1600, 1200, labels=25)
     with served(project) as server:
@@ -35,7 +36,7 @@ def slow(tmp_path):
         hold.set()
 
 
-def test_a_drag_moves_the_numbers_while_a_full_adjustment_takes_its_time(slow, open_page):
+def test_a_drag_moves_the_numbers_while_a_full_adjustment_takes_its_time(slow, open_page) -> None:
     server, hold = slow
     page = open_page(server)
     wait_until_adjusted(page)
@@ -62,7 +63,7 @@ def test_a_drag_moves_the_numbers_while_a_full_adjustment_takes_its_time(slow, o
     assert not page.errors
 
 
-def test_numbers_are_grey_until_they_belong_to_what_is_picked(slow, open_page):
+def test_numbers_are_grey_until_they_belong_to_what_is_picked(slow, open_page) -> None:
     server, hold = slow
     page = open_page(server)
     wait_until_adjusted(page)
@@ -78,7 +79,9 @@ def test_numbers_are_grey_until_they_belong_to_what_is_picked(slow, open_page):
     assert not page.errors
 
 
-def test_a_value_that_another_solution_changes_shows_the_other_one_beside_it(slow, open_page):
+def test_a_value_that_another_solution_changes_shows_the_other_one_beside_it(
+    slow, open_page
+) -> None:
     server, _ = slow
     survey, adjust = server.picking.survey, server.picking.survey.adjust
 

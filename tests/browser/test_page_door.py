@@ -20,12 +20,12 @@ HTML = "<img src=x onerror=\"document.title='pwned'\">"
 
 
 @pytest.fixture
-def server(tmp_path):
+def server(tmp_path: Path):
     with served(small_project(tmp_path)) as server:
         yield server
 
 
-def test_labels_with_html_are_shown_as_text_everywhere(server, open_page):
+def test_labels_with_html_are_shown_as_text_everywhere(server, open_page) -> None:
     page = open_page(server)
     place(page, "A", 100, 100)
     page.locator("#label").fill(HTML)
@@ -49,7 +49,9 @@ def elsewhere():
         yield listener
 
 
-def test_no_request_leaves_the_machine_and_the_policy_would_stop_one(server, open_page, elsewhere):
+def test_no_request_leaves_the_machine_and_the_policy_would_stop_one(
+    server, open_page, elsewhere
+) -> None:
     page = open_page(server)
     asked = []
     page.context.on("request", lambda request: asked.append(request.url))
@@ -116,19 +118,19 @@ Promise.all([image, socket, read, script]).then((all) => {
 </script>"""
 
 
-def test_another_page_of_this_browser_gets_neither_photos_nor_socket(server, open_page):
+def test_another_page_of_this_browser_gets_neither_photos_nor_socket(server, open_page) -> None:
     """It has the same host, so the browser sends our cookie along: the door tells them apart."""
     page = open_page(server)
 
     class Other(BaseHTTPRequestHandler):
-        def do_GET(self):
+        def do_GET(self) -> None:
             content = ATTACK.replace("HOME", f"127.0.0.1:{server.port}").encode()
             self.send_response(200)
             self.send_header("content-type", "text/html")
             self.end_headers()
             self.wfile.write(content)
 
-        def log_message(self, *_):
+        def log_message(self, *_) -> None:
             pass
 
     other = ThreadingHTTPServer(("127.0.0.1", 0), Other)
@@ -146,7 +148,7 @@ def test_another_page_of_this_browser_gets_neither_photos_nor_socket(server, ope
     assert [pick.label for pick in server.picking.state.picks] == ["A"]
 
 
-def test_a_file_that_only_its_user_can_read_leads_to_the_page(server, chromium):
+def test_a_file_that_only_its_user_can_read_leads_to_the_page(server, chromium) -> None:
     way = RedirectFile(server.guard.address())
     path = Path(urlsplit(way.uri).path)
     modes = [one.stat().st_mode & 0o777 for one in (path, path.parent)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 
 import pytest
 from open_projects import change, opened
@@ -13,11 +14,13 @@ from playwright.sync_api import expect
 
 
 @pytest.fixture
-def project(tmp_path):
+def project(tmp_path: Path):
     return small_project(tmp_path)
 
 
-def test_a_camera_is_calibrated_on_a_folder_from_the_page_and_used(project, open_page, data_dir):
+def test_a_camera_is_calibrated_on_a_folder_from_the_page_and_used(
+    project, open_page, data_dir: Path
+) -> None:
     board = project.parent / "board"
     board.mkdir()
     for k in range(1, 7):
@@ -49,7 +52,7 @@ def test_a_camera_is_calibrated_on_a_folder_from_the_page_and_used(project, open
     assert "camera: calibration/camera.yaml" in project.read_text(encoding="utf-8")
 
 
-def test_a_table_that_another_program_changed_is_reloaded_at_a_click(project, open_page):
+def test_a_table_that_another_program_changed_is_reloaded_at_a_click(project, open_page) -> None:
     with served(project) as server:
         page = open_page(server)
         place(page, "ours", 100, 100)
@@ -74,7 +77,7 @@ def test_a_table_that_another_program_changed_is_reloaded_at_a_click(project, op
 )
 def test_what_an_earlier_session_could_not_save_is_offered_at_a_click(
     project, open_page, button, marks, end
-):
+) -> None:
     with opened(project, killed=True) as (earlier, _):
         change(earlier, "place", image=0, label="lost", u_px=100, v_px=100)
     (project.parent / "picks.csv").write_text("image,label,u_px,v_px\nP2.jpg,theirs,7,8\n")
@@ -100,7 +103,7 @@ HEADER_SEEN = """() => {
 }"""
 
 
-def test_the_page_never_says_saved_while_it_has_no_connection(project, open_page):
+def test_the_page_never_says_saved_while_it_has_no_connection(project, open_page) -> None:
     with served(project) as server:
         page = open_page(server)
         place(page, "A", 100, 100)
@@ -115,10 +118,10 @@ def test_the_page_never_says_saved_while_it_has_no_connection(project, open_page
     assert not [words for words in seen if "no connection" in words and "saved" in words]
 
 
-def test_outputs_are_one_click_away_and_say_when_they_are_old(project, open_page):
+def test_outputs_are_one_click_away_and_say_when_they_are_old(project, open_page) -> None:
     out = project.parent / "out"
 
-    def run():
+    def run() -> None:
         (out / "report.html").write_text("<h1>What was measured</h1>", encoding="utf-8")
         (out / "measurements.csv").write_text("name,value\n", encoding="utf-8")
         (out / "recording.rrd").write_bytes(b"RRF2")
@@ -143,7 +146,9 @@ def test_outputs_are_one_click_away_and_say_when_they_are_old(project, open_page
         assert not page.strangers
 
 
-def test_the_tab_of_frames_tells_matching_clock_and_seeds(data_dir, tmp_path, open_page):
+def test_the_tab_of_frames_tells_matching_clock_and_seeds(
+    data_dir: Path, tmp_path: Path, open_page
+) -> None:
     survey = tmp_path / "survey"
     shutil.copytree(data_dir / "wind_oblique", survey, ignore=shutil.ignore_patterns("out"))
     (survey / "measure.csv").write_text("name,kind,points\n")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from pathlib import Path
 
 import pytest
 from picking_pages import (
@@ -31,7 +32,7 @@ def entry(page, name):
     return page.get_by_role("form", name=name)
 
 
-def type_label(page, label):
+def type_label(page, label) -> None:
     """Name a point, and do with it what the tool does."""
     page.keyboard.press("/")
     page.keyboard.type(label)
@@ -39,7 +40,7 @@ def type_label(page, label):
     page.keyboard.press("Enter")
 
 
-def test_every_kind_of_measurement_has_a_tool_with_a_key_of_its_own(planted, open_page):
+def test_every_kind_of_measurement_has_a_tool_with_a_key_of_its_own(planted, open_page) -> None:
     with served(planted.path) as server:
         page = open_page(server)
         tools = page.get_by_role("radiogroup", name="Tool").get_by_role("radio")
@@ -59,7 +60,7 @@ def test_every_kind_of_measurement_has_a_tool_with_a_key_of_its_own(planted, ope
 
 
 @pytest.fixture
-def survey(data_dir, tmp_path):
+def survey(data_dir: Path, tmp_path: Path):
     """A survey with a flight log, in which one distance is measured."""
     folder = tmp_path / "survey"
     leave = shutil.ignore_patterns("out", "*.tlog", "measure.csv")
@@ -68,7 +69,9 @@ def survey(data_dir, tmp_path):
     return folder / "project.yaml"
 
 
-def test_a_coordinate_and_a_speed_by_keyboard_alone_have_the_numbers_of_a_run(survey, open_page):
+def test_a_coordinate_and_a_speed_by_keyboard_alone_have_the_numbers_of_a_run(
+    survey, open_page
+) -> None:
     with served(survey) as server:
         page = open_page(server)
         show_photo(page, server.picking.index["IMG_0044.jpg"])
@@ -110,7 +113,7 @@ def test_a_coordinate_and_a_speed_by_keyboard_alone_have_the_numbers_of_a_run(su
         assert len(number[1]) >= {"lat": 6, "lon": 6}.get(name, 1)
 
 
-def test_a_speed_says_why_its_points_will_not_do(survey, open_page):
+def test_a_speed_says_why_its_points_will_not_do(survey, open_page) -> None:
     with served(survey) as server:
         page = open_page(server)
         show_photo(page, server.picking.index["IMG_0046.jpg"])
@@ -131,7 +134,9 @@ def test_a_speed_says_why_its_points_will_not_do(survey, open_page):
         assert not page.errors
 
 
-def test_what_is_wrong_is_said_beside_its_field_and_nothing_else_is_changed(planted, open_page):
+def test_what_is_wrong_is_said_beside_its_field_and_nothing_else_is_changed(
+    planted, open_page
+) -> None:
     with served(planted.path) as server:
         page = open_page(server)
         for label, (u, v) in zip(("A", "B", "C"), planted.marks_px, strict=False):
@@ -173,7 +178,7 @@ def test_what_is_wrong_is_said_beside_its_field_and_nothing_else_is_changed(plan
         assert not page.errors
 
 
-def test_rows_of_a_table_are_gone_through_and_removed_by_keyboard(planted, open_page):
+def test_rows_of_a_table_are_gone_through_and_removed_by_keyboard(planted, open_page) -> None:
     measure = planted.path.with_name("measure.csv")
     rows = [f"D{k},distance,A;{label}" for k, label in enumerate("BCD")]
     measure.write_text("\n".join(["name,kind,points", *rows]) + "\n")
@@ -190,7 +195,7 @@ def test_rows_of_a_table_are_gone_through_and_removed_by_keyboard(planted, open_
         assert not page.errors
 
 
-def test_a_page_whose_program_has_ended_says_so(planted, open_page):
+def test_a_page_whose_program_has_ended_says_so(planted, open_page) -> None:
     with served(planted.path) as server:
         page = open_page(server)
         page.clock.install()

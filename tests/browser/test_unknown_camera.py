@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 
 from pick_pages import small_project
 from picking_server import served
@@ -13,8 +14,8 @@ from uavgram.config.project import load_project
 
 
 def test_a_camera_that_nobody_knows_is_said_to_be_and_calibrated_on_the_page(
-    tmp_path, open_page, data_dir
-):
+    tmp_path: Path, open_page, data_dir: Path
+) -> None:
     flight = tmp_path / "flight"
     small_project(flight).unlink()
     (flight / "camera.yaml").unlink()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import expect
@@ -30,14 +31,14 @@ class Talkative(ThreadingHTTPServer):
 
     daemon_threads = True
 
-    def __init__(self, page=""):
+    def __init__(self, page="") -> None:
         self.page, self.called = page.encode(), []
         super().__init__((LOOPBACK, 0), Answer)
         threading.Thread(target=self.serve_forever, daemon=True).start()
 
 
 class Answer(BaseHTTPRequestHandler):
-    def do_GET(self):
+    def do_GET(self) -> None:
         self.server.called.append(self.path)
         self.send_response(200)
         self.send_header("content-type", "text/html")
@@ -46,12 +47,12 @@ class Answer(BaseHTTPRequestHandler):
 
     do_POST = do_GET  # noqa: N815  (its name is the method's)
 
-    def log_message(self, *_):
+    def log_message(self, *_) -> None:
         pass
 
 
 @pytest.fixture
-def behind_gate(tmp_path):
+def behind_gate(tmp_path: Path):
     """The address of a page behind the gate, and the server that it would call."""
     recording = tmp_path / "recording.rrd"
     recording.write_bytes(b"RRF2 and more")
@@ -65,7 +66,9 @@ def behind_gate(tmp_path):
         server.server_close()
 
 
-def test_a_page_behind_the_gate_reaches_its_recording_and_nobody_else(chromium, behind_gate):
+def test_a_page_behind_the_gate_reaches_its_recording_and_nobody_else(
+    chromium, behind_gate
+) -> None:
     gate, elsewhere = behind_gate
     page = chromium.new_page()
     try:
@@ -80,7 +83,7 @@ def test_a_page_behind_the_gate_reaches_its_recording_and_nobody_else(chromium, 
         page.close()
 
 
-def test_another_page_of_the_browser_does_not_get_the_recording(chromium, behind_gate):
+def test_another_page_of_the_browser_does_not_get_the_recording(chromium, behind_gate) -> None:
     gate, elsewhere = behind_gate
     page = chromium.new_page()
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,7 +20,7 @@ WIDTH_PX, HEIGHT_PX = 400, 300
 
 
 @pytest.fixture(scope="session")
-def small_survey(tmp_path_factory):
+def small_survey(tmp_path_factory: pytest.TempPathFactory):
     """A project with the results of a good run in `out`; copied, never changed."""
     scale = WIDTH_PX / CameraSpec().width_px
     full = CameraSpec()
@@ -41,7 +42,7 @@ def small_survey(tmp_path_factory):
 class Project:
     """A copy of the small project that a test may break."""
 
-    def __init__(self, folder):
+    def __init__(self, folder) -> None:
         self.folder = folder
         self.path = folder / "project.yaml"
         self.out = folder / "out"
@@ -49,13 +50,13 @@ class Project:
     def __truediv__(self, name):
         return self.folder / name
 
-    def edit(self, name, old, new):
+    def edit(self, name, old, new) -> None:
         """Replace the first occurrence of some text in a file."""
         text = (self.folder / name).read_text(encoding="utf-8")
         assert old in text, f"{name} holds no {old!r}"
         (self.folder / name).write_text(text.replace(old, new, 1), encoding="utf-8")
 
-    def cell(self, name, row, column, value):
+    def cell(self, name, row, column, value) -> None:
         """Set one cell of a CSV file; rows count from 1, below the header."""
         lines = (self.folder / name).read_text(encoding="utf-8").splitlines()
         cells = lines[row].split(",")
@@ -63,7 +64,7 @@ class Project:
         lines[row] = ",".join(cells)
         (self.folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
-    def set(self, **changes):
+    def set(self, **changes) -> None:
         """Change keys of project.yaml; None removes one."""
         data = yaml.safe_load(self.path.read_text(encoding="utf-8")) | changes
         kept = {key: value for key, value in data.items() if value is not None}
@@ -76,7 +77,7 @@ class Project:
 
 
 @pytest.fixture
-def project(small_survey, tmp_path):
+def project(small_survey, tmp_path: Path):
     """A fresh copy, with earlier results in `out`."""
     folder = tmp_path / "survey"
     shutil.copytree(small_survey, folder)
@@ -84,7 +85,7 @@ def project(small_survey, tmp_path):
 
 
 @pytest.fixture
-def command(capsys):
+def command(capsys: pytest.CaptureFixture[str]):
     """The command line in this process: status and what was said."""
 
     def run(*arguments):

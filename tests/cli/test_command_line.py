@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from cyclopts import App
@@ -15,7 +16,7 @@ from uavgram.cli.application import Decimal
 ESCAPE = "\x1b"
 
 
-def test_run_prints_the_measurements_worst_first_and_then_the_messages(project, command):
+def test_run_prints_the_measurements_worst_first_and_then_the_messages(project, command) -> None:
     done = command("run", project.path)
     assert (done.status, done.stderr) == (0, "")
     assert ESCAPE not in done.stdout
@@ -28,7 +29,7 @@ def test_run_prints_the_measurements_worst_first_and_then_the_messages(project, 
     assert "info: camera clock minus UTC is +2.60" in said
 
 
-def test_verbose_says_the_steps_on_stderr(project, command):
+def test_verbose_says_the_steps_on_stderr(project, command) -> None:
     done = command("run", project.path, "-v")
     assert done.status == 0
     steps = done.stderr.splitlines()
@@ -39,14 +40,14 @@ def test_verbose_says_the_steps_on_stderr(project, command):
     assert "±" in done.stdout
 
 
-def test_output_goes_where_it_is_asked_to(project, command):
+def test_output_goes_where_it_is_asked_to(project, command) -> None:
     before = project.outputs()
     assert command("run", project.path, "--output", project / "else" / "where").status == 0
     assert (project / "else" / "where" / "results.json").is_file()
     assert project.outputs() == before
 
 
-def test_check_lists_photos_and_writes_nothing(project, command):
+def test_check_lists_photos_and_writes_nothing(project, command) -> None:
     before = project.outputs()
     done = command("check", project.path)
     assert (done.status, done.stderr) == (0, "")
@@ -55,7 +56,7 @@ def test_check_lists_photos_and_writes_nothing(project, command):
     assert project.outputs() == before
 
 
-def test_log_says_what_is_in_it(project, command):
+def test_log_says_what_is_in_it(project, command) -> None:
     done = command("log", project / "flight.tlog")
     assert (done.status, done.stderr) == (0, "")
     for word in ("2026-05-09", "CAMERA_FEEDBACK", "ATTITUDE"):
@@ -64,7 +65,7 @@ def test_log_says_what_is_in_it(project, command):
 
 
 @pytest.mark.parametrize("name", ["twin_short.tlog", "twin_short.BIN"])
-def test_log_reads_both_formats(repository, command, name):
+def test_log_reads_both_formats(repository: Path, command, name) -> None:
     done = command("log", repository / "logs" / name)
     assert done.status == 0
     assert "2026-11-21" in done.stdout
@@ -84,7 +85,9 @@ def test_log_reads_both_formats(repository, command, name):
         ["view"],
     ],
 )
-def test_wrong_usage_is_status_2_on_stderr(command, arguments, tmp_path, monkeypatch):
+def test_wrong_usage_is_status_2_on_stderr(
+    command, arguments, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     done = command(*arguments)
     assert done.status == 2
@@ -95,7 +98,9 @@ def test_wrong_usage_is_status_2_on_stderr(command, arguments, tmp_path, monkeyp
 
 
 @pytest.mark.parametrize("name", ["run", "check", "pick", "rectify", "geotag"])
-def test_without_a_project_here_the_way_to_one_is_told(command, name, tmp_path, monkeypatch):
+def test_without_a_project_here_the_way_to_one_is_told(
+    command, name, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     for arguments in ([name], [name, tmp_path]):
         done = command(*arguments)
@@ -105,15 +110,17 @@ def test_without_a_project_here_the_way_to_one_is_told(command, name, tmp_path, 
 
 
 def test_a_folder_means_the_project_in_it_and_nothing_the_present_one(
-    project, command, monkeypatch
-):
+    project, command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(project.folder)
     named = command("check", project.path)
     assert command("check").stdout == command("check", project.folder).stdout == named.stdout
     assert named.status == 0
 
 
-def test_the_table_stops_after_as_many_rows_as_asked_and_says_how_to_see_the_rest(project, command):
+def test_the_table_stops_after_as_many_rows_as_asked_and_says_how_to_see_the_rest(
+    project, command
+) -> None:
     done = command("run", project.path, "--rows", "3")
     table, _, said = done.stdout.partition("\n\n")
     assert len(table.splitlines()) == 2 + 3 + 1
@@ -123,7 +130,7 @@ def test_the_table_stops_after_as_many_rows_as_asked_and_says_how_to_see_the_res
     assert " fx " not in said  # what the camera learnt is for -v
 
 
-def test_a_decimal_comma_is_a_point_where_it_can_mean_nothing_else():
+def test_a_decimal_comma_is_a_point_where_it_can_mean_nothing_else() -> None:
     seen = []
     probe = App(name="probe", result_action="return_value")
 
@@ -136,19 +143,21 @@ def test_a_decimal_comma_is_a_point_where_it_can_mean_nothing_else():
     assert seen == [1.5, 1.5, 0.125]
 
 
-def test_what_may_be_thousands_is_asked_about(command):
+def test_what_may_be_thousands_is_asked_about(command) -> None:
     said = command("rectify", "--pixel-size", "12,001").stderr
     assert "is it 12.001 or 12001? Write it without a comma" in said
 
 
-def test_shell_completion_can_be_installed(command, tmp_path, monkeypatch):
+def test_shell_completion_can_be_installed(
+    command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     script = tmp_path / "uavgram.bash"
     assert command("--install-completion", "--shell", "bash", "--output", script).status == 0
     assert "rectify" in script.read_text()
 
 
-def test_a_mistyped_command_is_suggested(command):
+def test_a_mistyped_command_is_suggested(command) -> None:
     assert '"run"' in command("rnu", "project.yaml").stderr
 
 
@@ -156,7 +165,7 @@ def test_a_mistyped_command_is_suggested(command):
     "arguments",
     [["run", "no.yaml"], ["check", "no.yaml"], ["log", "no.tlog"], ["view", "no.rrd"]],
 )
-def test_a_file_that_is_not_there_is_status_1(command, arguments):
+def test_a_file_that_is_not_there_is_status_1(command, arguments) -> None:
     done = command(*arguments)
     assert done.status == 1
     assert done.stdout == ""
@@ -164,7 +173,7 @@ def test_a_file_that_is_not_there_is_status_1(command, arguments):
     assert done.stderr.count("\n") == 1
 
 
-def test_help_names_every_command(command):
+def test_help_names_every_command(command) -> None:
     done = command("--help")
     assert done.status == 0
     for name in ("run", "demo", "check", "log", "view"):
@@ -172,13 +181,13 @@ def test_help_names_every_command(command):
     assert ESCAPE not in done.stdout
 
 
-def test_version_is_that_of_the_package(command):
+def test_version_is_that_of_the_package(command) -> None:
     from importlib.metadata import version
 
     assert command("--version").stdout.strip() == version("uavgram")
 
 
-def test_the_module_runs_too_with_status_and_plain_text(project):
+def test_the_module_runs_too_with_status_and_plain_text(project) -> None:
     """In a process of its own: exit statuses, pipes instead of a terminal."""
     arguments = [sys.executable, "-m", "uavgram"]
     good = subprocess.run([*arguments, "check", project.path], capture_output=True, check=False)
@@ -192,7 +201,7 @@ def test_the_module_runs_too_with_status_and_plain_text(project):
     assert wrong.returncode == 2
 
 
-def test_a_reader_that_leaves_early_is_no_error(repository):
+def test_a_reader_that_leaves_early_is_no_error(repository: Path) -> None:
     """As `uavgram log FILE | head -1` does."""
     log = repository / "logs" / "twin_short.tlog"
     process = subprocess.Popen(
@@ -207,7 +216,7 @@ def test_a_reader_that_leaves_early_is_no_error(repository):
 
 
 @pytest.mark.parametrize(("output", "status"), [(">&-", 0), (">/dev/full", 1)])
-def test_output_that_goes_nowhere_is_no_traceback(repository, output, status):
+def test_output_that_goes_nowhere_is_no_traceback(repository: Path, output, status) -> None:
     """As under a scheduler that closes it, or with a full disk behind it."""
     log = repository / "logs" / "twin_short.tlog"
     command = f'"{sys.executable}" -m uavgram log "{log}" {output}'
@@ -218,7 +227,7 @@ def test_output_that_goes_nowhere_is_no_traceback(repository, output, status):
     assert not status or b"standard output takes no text" in done.stderr
 
 
-def test_a_terminal_without_special_characters_shows_others(project):
+def test_a_terminal_without_special_characters_shows_others(project) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "uavgram", "run", project.path],
         capture_output=True,
@@ -229,7 +238,9 @@ def test_a_terminal_without_special_characters_shows_others(project):
     assert b"skid left" in done.stdout
 
 
-def test_a_scenario_that_is_none_is_told_by_file_and_line(tmp_path, capsys):
+def test_a_scenario_that_is_none_is_told_by_file_and_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     scenario = tmp_path / "scene.yaml"
     scenario.write_text("name: x\nsede: 3\n", encoding="utf-8")
     status = main(["demo", "--scenario", str(scenario), "--output", str(tmp_path / "demo")])

@@ -15,12 +15,12 @@ def alone(small_survey):
     return uavgram.run(small_survey / "project.yaml", output=None)
 
 
-def same(result, before):
+def same(result, before) -> None:
     np.testing.assert_allclose(result.measurements.sigma, before.measurements.sigma, rtol=1e-9)
     np.testing.assert_allclose(result.measurements.value, before.measurements.value, rtol=1e-9)
 
 
-def test_the_same_length_ten_times(project, alone):
+def test_the_same_length_ten_times(project, alone) -> None:
     header, first, *rest = (project / "lines.csv").read_text().splitlines()
     name, start, end, *cells = first.split(",")
     copies = [",".join((f"{name}-{k}", end, start, *cells)) for k in range(9)]
@@ -35,7 +35,7 @@ def test_the_same_length_ten_times(project, alone):
     assert result.checks_overall == alone.checks_overall
 
 
-def test_a_copied_photo_with_the_picks_of_its_original(project, alone, command):
+def test_a_copied_photo_with_the_picks_of_its_original(project, alone, command) -> None:
     rows = (project / "picks.csv").read_text().splitlines()
     photo = rows[1].split(",")[0]
     copy = "zz_copy.jpg"

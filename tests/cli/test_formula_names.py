@@ -11,7 +11,7 @@ from uavgram.io.tables.spreadsheet_cells import runs
 COMMAND = "=cmd|' /C calc'!A0"
 
 
-def test_measurements_csv_runs_nothing_and_keeps_the_name(project):
+def test_measurements_csv_runs_nothing_and_keeps_the_name(project) -> None:
     project.cell("measure.csv", 1, "name", COMMAND)
     old = (project / "picks.csv").read_text().splitlines()[1].split(",")[0]
     (project / "photos" / old).rename(project / "photos" / f"={old}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -14,7 +15,7 @@ GCP = "EPSG:4326\n11.5 48.1 520 10.25 20.5 a.jpg A\n11.6 48.2 521 30 40 a.jpg B\
 
 
 @pytest.fixture
-def files(tmp_path):
+def files(tmp_path: Path):
     (tmp_path / "gcp_list.txt").write_text(GCP, encoding="utf-8")
     shapes = [{"label": "C", "points": [[5.5, 6.5]], "shape_type": "point"}]
     content = {"imagePath": "b.jpg", "shapes": shapes, "imageWidth": 60, "imageHeight": 40}
@@ -22,7 +23,9 @@ def files(tmp_path):
     return [str(tmp_path / "gcp_list.txt"), str(tmp_path / "b.json")]
 
 
-def test_both_kinds_become_one_table_and_one_of_control(files, tmp_path, capsys):
+def test_both_kinds_become_one_table_and_one_of_control(
+    files, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     picks, control = tmp_path / "picks.csv", tmp_path / "control.csv"
     arguments = ["--control", str(control), "--control-sigma-m", "0.03"]
     status = main(["picks", "import", *files, "--output", str(picks), *arguments])
@@ -37,7 +40,9 @@ def test_both_kinds_become_one_table_and_one_of_control(files, tmp_path, capsys)
     assert "3 picks of 3 labels in 2 photos" in capsys.readouterr().out
 
 
-def test_a_file_that_is_there_is_never_written_over(files, tmp_path, capsys):
+def test_a_file_that_is_there_is_never_written_over(
+    files, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "picks.csv").write_text("mine", encoding="utf-8")
 
     assert main(["picks", "import", *files, "--output", str(tmp_path / "picks.csv")]) == 1
@@ -45,7 +50,7 @@ def test_a_file_that_is_there_is_never_written_over(files, tmp_path, capsys):
     assert "is there already" in capsys.readouterr().err
 
 
-def test_a_control_file_that_is_there_leaves_nothing_written(files, tmp_path):
+def test_a_control_file_that_is_there_leaves_nothing_written(files, tmp_path: Path) -> None:
     control = tmp_path / "control.csv"
     control.write_text("mine", encoding="utf-8")
     arguments = ["--control", str(control), "--control-sigma-m", "0.03"]
@@ -64,14 +69,23 @@ def test_a_control_file_that_is_there_leaves_nothing_written(files, tmp_path):
         (["picks", "import", "absent.json", "--output", "p.csv"], 1, "absent.json: cannot be read"),
     ],
 )
-def test_wrong_use_is_one_clear_message(arguments, status, said, tmp_path, monkeypatch, capsys):
+def test_wrong_use_is_one_clear_message(
+    arguments,
+    status,
+    said,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     monkeypatch.chdir(tmp_path)
 
     assert main(arguments) == status
     assert said.lower() in capsys.readouterr().err.lower()
 
 
-def test_points_to_judge_by_go_to_a_table_of_their_own(data_dir, tmp_path, capsys):
+def test_points_to_judge_by_go_to_a_table_of_their_own(
+    data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """A real list (Helenenschacht, OpenDroneMap): the truth is the CSV that lies beside it."""
     source = data_dir / "helenenschacht"
     tables = ["--control", str(tmp_path / "control.csv"), "--control-sigma-m", "0.02"]
@@ -89,7 +103,9 @@ def test_points_to_judge_by_go_to_a_table_of_their_own(data_dir, tmp_path, capsy
 @pytest.mark.parametrize(
     ("check", "said"), [("C", "has no point 'C', which --check"), ("A,B", "names every point")]
 )
-def test_a_wrong_choice_of_check_points_writes_nothing(files, tmp_path, capsys, check, said):
+def test_a_wrong_choice_of_check_points_writes_nothing(
+    files, tmp_path: Path, capsys: pytest.CaptureFixture[str], check, said
+) -> None:
     control = ["--control", str(tmp_path / "control.csv"), "--control-sigma-m", "0.03"]
     arguments = [files[0], "--output", str(tmp_path / "p.csv"), *control, "--check", check]
     assert main(["picks", "import", *arguments]) == 1

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
@@ -36,7 +37,7 @@ def results(folder, name="results.json"):
     return re.sub(r'"created_utc": *"[^"]*", ', "", text)
 
 
-def test_neither_threads_nor_place_nor_language_change_a_digit(project, tmp_path):
+def test_neither_threads_nor_place_nor_language_change_a_digit(project, tmp_path: Path) -> None:
     here, there = tmp_path / "here", tmp_path / "there"
     with threadpool_limits(1, user_api="blas"):
         uavgram.run(project.path, here)
@@ -49,7 +50,7 @@ def test_neither_threads_nor_place_nor_language_change_a_digit(project, tmp_path
     assert (here / "measurements.csv").read_bytes() == (there / "measurements.csv").read_bytes()
 
 
-def test_nor_do_they_change_a_camera(data_dir, tmp_path):
+def test_nor_do_they_change_a_camera(data_dir: Path, tmp_path: Path) -> None:
     photos = str(data_dir / "opencv_chess" / "left0[1-4].jpg")
     few = {name: "1" for name in ELSEWHERE if name.endswith(("THREADS", "THREADS_NUM"))}
     for folder, environment in (("here", few), ("there", ELSEWHERE)):

@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 
@@ -83,7 +84,9 @@ OF_DAMAGE = ("taken for damaged", "contradict each other", "home by", "name no m
 
 
 @pytest.mark.parametrize("name", TRUE_OF)
-def test_true_things_are_said_of_every_real_log(data_dir, name, capsys):
+def test_true_things_are_said_of_every_real_log(
+    data_dir: Path, name, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["log", str(data_dir / name)]) == 0
     said = capsys.readouterr().out
     for statement in TRUE_OF[name]:
@@ -92,20 +95,22 @@ def test_true_things_are_said_of_every_real_log(data_dir, name, capsys):
 
 
 @pytest.mark.parametrize("folder", SAME_AS)
-def test_the_streets_were_seen_on_the_same_flights(data_dir, folder):
+def test_the_streets_were_seen_on_the_same_flights(data_dir: Path, folder) -> None:
     for name in ("flight.BIN", "flight.tlog"):
         ours, first = (data_dir / place / name for place in (folder, SAME_AS[folder]))
         assert ours.read_bytes() == first.read_bytes()
 
 
-def test_a_log_of_the_form_before_ulog_is_refused_by_name(data_dir, tmp_path, capsys):
+def test_a_log_of_the_form_before_ulog_is_refused_by_name(
+    data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "flight.bin"
     path.write_bytes((data_dir / "logs" / "px4_sdlog2.px4log").read_bytes())
     assert main(["log", str(path)]) == 1
     assert "is a PX4 log of the old form sdlog2" in capsys.readouterr().err
 
 
-def test_every_real_log_is_among_them(data_dir):
+def test_every_real_log_is_among_them(data_dir: Path) -> None:
     suffix = re.compile(r"\.(bin|BIN|tlog|ulg|log)$")
     found = {
         str(path.relative_to(data_dir)).replace("\\", "/")
@@ -116,7 +121,9 @@ def test_every_real_log_is_among_them(data_dir):
     assert found == set(TRUE_OF) | streets
 
 
-def test_json_and_plot_come_on_request(repository, tmp_path, capsys):
+def test_json_and_plot_come_on_request(
+    repository: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     picture = tmp_path / "log.png"
     path = repository / "logs" / "twin_short.tlog"
     assert main(["log", str(path), "--json", "--plot", str(picture)]) == 0
@@ -125,13 +132,17 @@ def test_json_and_plot_come_on_request(repository, tmp_path, capsys):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_picture_that_cannot_be_written_is_one_message(repository, tmp_path, capsys):
+def test_a_picture_that_cannot_be_written_is_one_message(
+    repository: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = repository / "logs" / "twin_short.tlog"
     assert main(["log", str(path), "--plot", str(tmp_path / "none" / "log.png")]) == 1
     assert "none" in capsys.readouterr().err
 
 
-def test_a_file_that_is_no_log_is_one_message(tmp_path, capsys):
+def test_a_file_that_is_no_log_is_one_message(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "a.ulg"
     path.write_bytes(b"nothing")
     assert main(["log", str(path)]) == 1

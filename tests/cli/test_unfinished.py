@@ -6,6 +6,7 @@ import errno
 import importlib
 import os
 from pathlib import Path
+from typing import Never
 
 import pytest
 
@@ -20,8 +21,8 @@ def changed(project):
     return project
 
 
-def raise_at(name, fault, monkeypatch):
-    def fail(*_args, **_kwargs):
+def raise_at(name, fault, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_args, **_kwargs) -> Never:
         raise fault
 
     module = run_module if hasattr(run_module, name) else exports_module
@@ -35,14 +36,16 @@ WRITERS = [
 
 
 @pytest.mark.parametrize("step", WRITERS)
-def test_a_full_disk_is_told_and_changes_nothing(changed, fails, monkeypatch, step):
+def test_a_full_disk_is_told_and_changes_nothing(
+    changed, fails, monkeypatch: pytest.MonkeyPatch, step
+) -> None:
     full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     raise_at(step, full, monkeypatch)
     fails(changed.out, "disk is full", "--output")
 
 
 @pytest.mark.parametrize("step", ["compute", *WRITERS])
-def test_ctrl_c_changes_nothing(changed, command, monkeypatch, step):
+def test_ctrl_c_changes_nothing(changed, command, monkeypatch: pytest.MonkeyPatch, step) -> None:
     before = changed.outputs()
     raise_at(step, KeyboardInterrupt(), monkeypatch)
     done = command("run", changed.path)
@@ -55,8 +58,8 @@ def test_ctrl_c_changes_nothing(changed, command, monkeypatch, step):
 @pytest.mark.parametrize("fault", [OSError(errno.ENOSPC, "full"), KeyboardInterrupt()])
 @pytest.mark.parametrize("after", [0, 3, 5])
 def test_a_failure_amid_moving_the_files_undoes_the_moved_ones(
-    changed, command, monkeypatch, fault, after
-):
+    changed, command, monkeypatch: pytest.MonkeyPatch, fault, after
+) -> None:
     before = changed.outputs()
     moved = []
     replace = Path.replace
@@ -77,7 +80,9 @@ def test_a_failure_amid_moving_the_files_undoes_the_moved_ones(
     assert changed.outputs() == before
 
 
-def test_a_bug_keeps_its_traceback_and_changes_nothing(changed, command, monkeypatch):
+def test_a_bug_keeps_its_traceback_and_changes_nothing(
+    changed, command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     before = changed.outputs()
     raise_at("write_results", ZeroDivisionError("a bug"), monkeypatch)
     with pytest.raises(ZeroDivisionError):
@@ -85,7 +90,9 @@ def test_a_bug_keeps_its_traceback_and_changes_nothing(changed, command, monkeyp
     assert changed.outputs() == before
 
 
-def test_no_permission_is_told_with_the_folder(project, command, monkeypatch):
+def test_no_permission_is_told_with_the_folder(
+    project, command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """By the message of the system, because tests may run as root, whom nothing stops."""
     mkdir = Path.mkdir
 
@@ -104,21 +111,23 @@ def test_no_permission_is_told_with_the_folder(project, command, monkeypatch):
     assert not folder.exists()
 
 
-def test_an_output_that_is_a_file_is_told(project, command):
+def test_an_output_that_is_a_file_is_told(project, command) -> None:
     done = command("run", project.path, "--output", project / "picks.csv")
     assert done.status == 1
     assert str(project / "picks.csv") in done.stderr
     assert done.stderr.count("\n") == 1
 
 
-def test_a_first_run_that_fails_leaves_no_folder(changed, command, monkeypatch):
+def test_a_first_run_that_fails_leaves_no_folder(
+    changed, command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     raise_at("write_results", OSError(errno.ENOSPC, "full"), monkeypatch)
     done = command("run", changed.path, "--output", changed / "new")
     assert done.status == 1
     assert not (changed / "new").exists()
 
 
-def test_files_of_others_in_the_folder_stay(project, command):
+def test_files_of_others_in_the_folder_stay(project, command) -> None:
     (project.out / "notes.txt").write_text("mine", encoding="utf-8")
     assert command("run", project.path).status == 0
     assert (project.out / "notes.txt").read_text(encoding="utf-8") == "mine"

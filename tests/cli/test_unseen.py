@@ -26,7 +26,7 @@ def messages(result, code):
     return [message.text for message in result.messages if message.code == code]
 
 
-def test_a_length_with_an_end_never_picked_is_unseen(project, runs):
+def test_a_length_with_an_end_never_picked_is_unseen(project, runs) -> None:
     project.cell("lines.csv", 2, "from", "R33")
     result, said = runs()
     assert result.lines.status[1] == "unseen"
@@ -38,7 +38,7 @@ def test_a_length_with_an_end_never_picked_is_unseen(project, runs):
     assert json.loads((project.out / "results.json").read_text())["lines"][1]["adjusted_m"] is None
 
 
-def test_all_other_numbers_are_those_of_the_project_without_that_length(project, runs):
+def test_all_other_numbers_are_those_of_the_project_without_that_length(project, runs) -> None:
     lines = (project / "lines.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     project.cell("lines.csv", 2, "from", "nobody")
     unseen, _ = runs()
@@ -47,7 +47,7 @@ def test_all_other_numbers_are_those_of_the_project_without_that_length(project,
     assert unseen.measurements.value.tolist() == without.measurements.value.tolist()
 
 
-def test_a_measurement_of_a_label_never_picked_is_null(project, runs):
+def test_a_measurement_of_a_label_never_picked_is_null(project, runs) -> None:
     project.cell("measure.csv", 1, "points", "P1;P22")
     result, said = runs()
     content = json.loads((project.out / "results.json").read_text())
@@ -61,14 +61,14 @@ def test_a_measurement_of_a_label_never_picked_is_null(project, runs):
     assert (project.out / "measurements.csv").read_text().splitlines()[1].count(",,") >= 1
 
 
-def test_a_check_point_never_picked_is_told(project, runs):
+def test_a_check_point_never_picked_is_told(project, runs) -> None:
     project.cell("check.csv", 1, "label", "C11")
     result, _ = runs()
     assert "C11" not in result.point_checks.label
     assert any("'C11'" in message.text for message in result.messages)
 
 
-def test_a_photo_outside_the_flight_is_unmatched(project, runs):
+def test_a_photo_outside_the_flight_is_unmatched(project, runs) -> None:
     photo = project / "photos" / "IMG_0013.jpg"
     encoded = photo.read_bytes()
     assert b"2026:05:09 07:" in encoded
@@ -85,7 +85,7 @@ def test_a_photo_outside_the_flight_is_unmatched(project, runs):
     assert {status for image, status in picks if image == "IMG_0013.jpg"} == {"unused"}
 
 
-def test_a_photo_without_picks_is_seeded(project, runs):
+def test_a_photo_without_picks_is_seeded(project, runs) -> None:
     lines = (project / "picks.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     kept = [line for line in lines if not line.startswith("IMG_0004")]
     (project / "picks.csv").write_text("".join(kept), encoding="utf-8")
@@ -94,7 +94,7 @@ def test_a_photo_without_picks_is_seeded(project, runs):
     assert result.has_seed[3]
 
 
-def test_check_tells_of_labels_never_picked_and_suggests_the_near_miss(project, command):
+def test_check_tells_of_labels_never_picked_and_suggests_the_near_miss(project, command) -> None:
     project.cell("lines.csv", 2, "from", "R33")
     project.cell("measure.csv", 1, "points", "P1;P22")
     done = command("check", project.path)
@@ -105,14 +105,14 @@ def test_check_tells_of_labels_never_picked_and_suggests_the_near_miss(project, 
     assert "'P22' of measurement 'skid left' (did you mean 'P2'?)" in said
 
 
-def test_without_measurements_the_table_says_so(project, command):
+def test_without_measurements_the_table_says_so(project, command) -> None:
     project.set(measure=None)
     done = command("run", project.path)
     assert done.status == 0
     assert "No measurements were asked for" in done.stdout
 
 
-def test_measurements_of_nothing_but_labels_never_picked_are_all_null(project, runs):
+def test_measurements_of_nothing_but_labels_never_picked_are_all_null(project, runs) -> None:
     header = (project / "measure.csv").read_text(encoding="utf-8").splitlines()[0]
     commas = "," * (header.count(",") - 2)
     rows = [f"{name},distance,X1;X2{commas}" for name in ("one", "two")]

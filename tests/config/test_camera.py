@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,7 @@ SIGMA = "sigma: [6, 7, 4, 5, 0.002, 0.004, 1e-4, 2e-4, 0]\n"
 
 
 @pytest.fixture
-def load(tmp_path):
+def load(tmp_path: Path):
     def _load(content: str):
         path = tmp_path / "camera.yaml"
         path.write_text(content)
@@ -33,7 +35,7 @@ def a_covariance() -> np.ndarray:
     return root @ root.T * np.outer(scale, scale) / 12
 
 
-def test_sigmas_become_a_diagonal_covariance(load):
+def test_sigmas_become_a_diagonal_covariance(load) -> None:
     camera = load(HEAD + PARAMETERS + SIGMA)
 
     assert (camera.name, camera.model) == ("c", "brown")
@@ -44,7 +46,7 @@ def test_sigmas_become_a_diagonal_covariance(load):
     )
 
 
-def test_a_full_covariance_is_kept(load):
+def test_a_full_covariance_is_kept(load) -> None:
     matrix = a_covariance()
 
     np.testing.assert_array_equal(
@@ -52,14 +54,14 @@ def test_a_full_covariance_is_kept(load):
     )
 
 
-def test_a_parameter_held_fixed_may_have_no_variance(load):
+def test_a_parameter_held_fixed_may_have_no_variance(load) -> None:
     matrix = a_covariance()
     matrix[8] = matrix[:, 8] = 0.0
 
     assert load(HEAD + PARAMETERS + covariance_text(matrix)).covariance[8, 8] == 0.0
 
 
-def test_a_fisheye_camera_has_eight_parameters(load):
+def test_a_fisheye_camera_has_eight_parameters(load) -> None:
     camera = load(
         "model: fisheye\nwidth_px: 1000\nheight_px: 800\n"
         "parameters: [400, 400, 500, 400, 0.1, 0, 0, 0]\nsigma: [1, 1, 1, 1, 0, 0, 0, 0]\n"
@@ -105,7 +107,7 @@ def _changed(i: int, j: int, value: float) -> str:
         (HEAD + PARAMETERS + _changed(0, 0, 0.0), 6, "is not positive semidefinite"),
     ],
 )
-def test_a_mistake_is_named_with_its_line(load, content, line, words):
+def test_a_mistake_is_named_with_its_line(load, content, line, words) -> None:
     with pytest.raises(InputError) as caught:
         load(content)
 
@@ -115,14 +117,14 @@ def test_a_mistake_is_named_with_its_line(load, content, line, words):
 
 
 @pytest.mark.parametrize("flight", ["cuav", "calm_nadir", "wind_oblique"])
-def test_the_real_cameras_load(data_dir, flight):
+def test_the_real_cameras_load(data_dir: Path, flight) -> None:
     camera = load_camera(data_dir / flight / "camera.yaml")
 
     assert camera.model == "brown"
     assert camera.covariance[0, 0] > 0
 
 
-def test_a_rational_camera_has_twelve_parameters(load):
+def test_a_rational_camera_has_twelve_parameters(load) -> None:
     rational = PARAMETERS.replace("]", ", 0.3, 0.1, 0.02]")
     camera = load(HEAD + rational + SIGMA.replace("]", ", 0.1, 0.1, 0.1]"))
     assert camera.parameter_names[-3:] == ("k4", "k5", "k6")

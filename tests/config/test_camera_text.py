@@ -1,5 +1,7 @@
 """camera.yaml as this program writes it: read back to the bit, with where it comes from."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -46,7 +48,7 @@ def camera(count=9, model="brown", seed=0, name="c"):
 
 
 @pytest.fixture
-def reread(tmp_path):
+def reread(tmp_path: Path):
     def read(calibration, provenance=PROVENANCE):
         path = tmp_path / "camera.yaml"
         path.write_text(camera_text(calibration, provenance), encoding="utf-8")
@@ -57,7 +59,7 @@ def reread(tmp_path):
 
 @pytest.mark.parametrize(("count", "model"), [(9, "brown"), (12, "brown"), (8, "fisheye")])
 @pytest.mark.parametrize("provenance", [PROVENANCE, MINIMAL])
-def test_every_digit_comes_back(reread, count, model, provenance):
+def test_every_digit_comes_back(reread, count, model, provenance) -> None:
     written = camera(count, model)
     read, told = reread(written, provenance)
 
@@ -69,7 +71,7 @@ def test_every_digit_comes_back(reread, count, model, provenance):
 
 @settings(max_examples=60, derandomize=True, deadline=None)
 @given(st.floats(allow_nan=False, allow_infinity=False))
-def test_any_number_is_read_back_as_that_number(value):
+def test_any_number_is_read_back_as_that_number(value) -> None:
     text = number_text(value)
 
     assert float(text) == value
@@ -79,18 +81,18 @@ def test_any_number_is_read_back_as_that_number(value):
 @pytest.mark.parametrize(
     "name", ['a "b"', "x: y # z", "é ü ☃ \U0001f600", "two\nlines", "null", "1"]
 )
-def test_any_name_comes_back(reread, name):
+def test_any_name_comes_back(reread, name) -> None:
     assert reread(camera(name=name))[0].name == name
 
 
-def test_a_person_finds_name_and_sigma_beside_each_value():
+def test_a_person_finds_name_and_sigma_beside_each_value() -> None:
     lines = camera_text(camera(), PROVENANCE).splitlines()
     sigma = np.sqrt(camera().covariance[0, 0])
 
     assert f"  - 2300.1  # fx ± {sigma:.3g} px" in lines
 
 
-def test_a_file_without_provenance_has_none(tmp_path):
+def test_a_file_without_provenance_has_none(tmp_path: Path) -> None:
     path = tmp_path / "camera.yaml"
     text = camera_text(camera(), PROVENANCE)
     path.write_text(text[: text.index("provenance:")], encoding="utf-8")
@@ -107,7 +109,7 @@ def test_a_file_without_provenance_has_none(tmp_path):
         ("  focal_mm: 3.61", "  focal_mm: short", "provenance.focal_mm"),
     ],
 )
-def test_a_mistake_in_the_provenance_is_named(tmp_path, old, new, words):
+def test_a_mistake_in_the_provenance_is_named(tmp_path: Path, old, new, words) -> None:
     path = tmp_path / "camera.yaml"
     text = camera_text(camera(), PROVENANCE).replace(old, new)
     path.write_text(text, encoding="utf-8")
@@ -117,6 +119,6 @@ def test_a_mistake_in_the_provenance_is_named(tmp_path, old, new, words):
         load_camera(path)
 
 
-def test_the_options_of_a_provenance_cannot_change():
+def test_the_options_of_a_provenance_cannot_change() -> None:
     with pytest.raises(TypeError):
         PROVENANCE.options["rounds"] = 4

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -21,11 +22,11 @@ from uavgram.model.survey.observations import MeasurementKind
 
 
 @pytest.fixture
-def project(repository):
+def project(repository: Path):
     return load_project(repository / "configs" / "project.yaml")
 
 
-def test_the_example_project_states_the_real_defaults(project):
+def test_the_example_project_states_the_real_defaults(project) -> None:
     plain = Project(name="x", images=("x",), camera="x", picks="x")
 
     for key in ("world", "ground", "mount", "telemetry", "picks_sigma_px", "solve"):
@@ -33,7 +34,7 @@ def test_the_example_project_states_the_real_defaults(project):
     assert project.time == replace(plain.time, offset_s=0.0)  # the log's events come at equal steps
 
 
-def test_the_example_project_names_every_key(repository, project):
+def test_the_example_project_names_every_key(repository: Path, project) -> None:
     text = (repository / "configs" / "project.yaml").read_text()
 
     for field in fields(Project):
@@ -43,7 +44,7 @@ def test_the_example_project_names_every_key(repository, project):
             assert re.search(rf"^  {inner.name}:", text, re.MULTILINE), inner.name
 
 
-def test_the_example_cameras_are_one_camera_in_two_formats(repository):
+def test_the_example_cameras_are_one_camera_in_two_formats(repository: Path) -> None:
     own = load_camera(repository / "configs" / "camera.yaml")
     path = repository / "configs" / "camera_opencv.yaml"
     theirs, messages = read_opencv_calibration(path)
@@ -55,7 +56,7 @@ def test_the_example_cameras_are_one_camera_in_two_formats(repository):
     assert [m.code for m in messages] == ["camera-sigma-from-file"]
 
 
-def test_the_example_tables_belong_together(project):
+def test_the_example_tables_belong_together(project) -> None:
     picks = read_picks(project.picks)
     lines = read_lines(project.lines)
     requests = read_measure(project.measure)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 
@@ -11,7 +12,7 @@ from uavgram.errors import InputError
 
 
 @pytest.fixture
-def read(tmp_path):
+def read(tmp_path: Path):
     def _read(content: str | bytes):
         path = tmp_path / "p.yaml"
         path.write_bytes(content.encode() if isinstance(content, str) else content)
@@ -46,24 +47,24 @@ def read(tmp_path):
         ("2024-01-01", "2024-01-01"),
     ],
 )
-def test_a_plain_scalar_is_what_yaml_1_2_says(written, value):
+def test_a_plain_scalar_is_what_yaml_1_2_says(written, value) -> None:
     found = resolve_scalar(written)
 
     assert found == value
     assert type(found) is type(value)
 
 
-def test_quoted_and_block_scalars_stay_text(read):
+def test_quoted_and_block_scalars_stay_text(read) -> None:
     data = read("a: '1'\nb: \"true\"\nc: |\n  3\n").data
 
     assert data == {"a": "1", "b": "true", "c": "3\n"}
 
 
-def test_keys_stay_text_as_written(read):
+def test_keys_stay_text_as_written(read) -> None:
     assert read("no: 1\n1: 2\n").data == {"no": 1, "1": 2}
 
 
-def test_every_key_and_item_has_its_line(read):
+def test_every_key_and_item_has_its_line(read) -> None:
     document = read("# head\na:\n  b: 1\n  c:\n    - 2\n    - 3\nd: 4\n")
 
     assert document.line_of(("a",)) == 2
@@ -73,11 +74,11 @@ def test_every_key_and_item_has_its_line(read):
     assert document.line_of(("a", "absent")) == 2
 
 
-def test_a_byte_order_mark_is_no_part_of_the_first_key(read):
+def test_a_byte_order_mark_is_no_part_of_the_first_key(read) -> None:
     assert read(b"\xef\xbb\xbfa: 1\n").data == {"a": 1}
 
 
-def test_a_duplicate_key_is_a_fault_that_names_both_lines(read):
+def test_a_duplicate_key_is_a_fault_that_names_both_lines(read) -> None:
     document = read("a: 1\nb:\n  c: 1\n  c: 2\na: 3\n")
 
     assert [line for line, _ in document.faults] == [4, 5]
@@ -109,7 +110,7 @@ def test_a_duplicate_key_is_a_fault_that_names_both_lines(read):
         ("a: " + "[" * 3000 + "\n", 1, "nesting"),
     ],
 )
-def test_broken_yaml_is_refused_with_its_line(read, content, line, words):
+def test_broken_yaml_is_refused_with_its_line(read, content, line, words) -> None:
     with pytest.raises(InputError) as caught:
         read(content)
 
@@ -117,16 +118,16 @@ def test_broken_yaml_is_refused_with_its_line(read, content, line, words):
     assert words in caught.value.message
 
 
-def test_a_missing_file_is_an_input_error(tmp_path):
+def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="No such file"):
         read_yaml(tmp_path / "absent.yaml")
 
 
-def test_a_path_is_written_as_people_name_it():
+def test_a_path_is_written_as_people_name_it() -> None:
     assert dotted(("telemetry", "position_sigma_m", 0)) == "telemetry.position_sigma_m[0]"
 
 
-def test_no_number_is_ever_infinite():
+def test_no_number_is_ever_infinite() -> None:
     numbers = [resolve_scalar(f"{sign}1e{power}") for sign in "+-" for power in (308, 309, 400)]
 
     assert all(math.isfinite(n) for n in numbers if isinstance(n, float))

@@ -5,6 +5,7 @@ import importlib
 import re
 import tomllib
 from functools import cache
+from pathlib import Path
 
 import pytest
 
@@ -39,7 +40,7 @@ def python_names(file):
     """Functions, classes and constants of a module; ``Class.method`` for what is inside a class."""
     names = set()
 
-    def collect(body, before):
+    def collect(body, before) -> None:
         for node in body:
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
                 names.add(before + node.name)
@@ -87,24 +88,24 @@ def wrong_modules(text):
 
 
 @pytest.fixture(params=PAGES)
-def page(request, repository):
+def page(request: pytest.FixtureRequest, repository: Path):
     return (repository / "docs" / request.param).read_text(encoding="utf-8")
 
 
 @pytest.fixture
-def architecture(repository):
+def architecture(repository: Path):
     return (repository / "docs" / "architecture.md").read_text(encoding="utf-8")
 
 
-def test_every_path_and_name_on_a_page_exists(page, repository):
+def test_every_path_and_name_on_a_page_exists(page, repository: Path) -> None:
     assert wrong_paths(page, repository) == []
 
 
-def test_every_module_that_a_page_names_can_be_imported(page):
+def test_every_module_that_a_page_names_can_be_imported(page) -> None:
     assert wrong_modules(page) == []
 
 
-def test_what_does_not_exist_is_noticed(repository):
+def test_what_does_not_exist_is_noticed(repository: Path) -> None:
     text = "`io/tables/picks.py:read_pics` `io/desk/` `picking/page/store.js:recieve` `nowhere.py`"
     good = "`io/tables/picks.py:read_picks` `picking/storage/journal.py:Journal.record` `io/`"
 
@@ -117,7 +118,7 @@ def test_what_does_not_exist_is_noticed(repository):
     assert wrong_modules("uavgram.stages.rectify, uavgram.run") == ["uavgram.stages.rectify"]
 
 
-def test_every_path_that_a_docstring_names_exists(repository):
+def test_every_path_that_a_docstring_names_exists(repository: Path) -> None:
     package = repository / "uavgram"
     floors = "|".join(sorted(init.parent.name for init in package.glob("*/__init__.py")))
     named = re.compile(rf"(?<![\w/.])(?:{floors})/[\w/]+\.py\b")
@@ -131,13 +132,13 @@ def test_every_path_that_a_docstring_names_exists(repository):
     assert wrong == []
 
 
-def test_links_between_the_pages_lead_somewhere(page, repository):
+def test_links_between_the_pages_lead_somewhere(page, repository: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)", page):
         if "://" not in target:
             assert (repository / "docs" / target).exists(), target
 
 
-def test_every_room_stands_on_the_page(architecture, repository):
+def test_every_room_stands_on_the_page(architecture, repository: Path) -> None:
     rooms = {
         f"{init.parent.relative_to(repository / 'uavgram')}/"
         for init in (repository / "uavgram").rglob("__init__.py")
@@ -146,12 +147,12 @@ def test_every_room_stands_on_the_page(architecture, repository):
     assert rooms - set(quoted(architecture)) == set()
 
 
-def contracts_of(repository):
+def contracts_of(repository: Path):
     project = tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))
     return [one["name"] for one in project["tool"]["importlinter"]["contracts"]]
 
 
-def test_the_page_has_every_import_contract_and_no_other(architecture, repository):
+def test_the_page_has_every_import_contract_and_no_other(architecture, repository: Path) -> None:
     section = architecture.split("## Import contracts")[1].split("\n## ")[0]
     rows = [line.split("|")[1].strip() for line in section.splitlines() if line.startswith("| ")]
     contracts = contracts_of(repository)
@@ -160,7 +161,7 @@ def test_the_page_has_every_import_contract_and_no_other(architecture, repositor
     assert len(set(contracts)) == len(contracts)
 
 
-def test_pre_commit_runs_the_checks_that_ci_runs(repository):
+def test_pre_commit_runs_the_checks_that_ci_runs(repository: Path) -> None:
     script = (repository / ".ci" / "run").read_text(encoding="utf-8")
     hooks = (repository / ".pre-commit-config.yaml").read_text(encoding="utf-8")
     checks = re.findall(r"^(\.venv/bin/(?!python|pytest).+|\.ci/.+)$", script, flags=re.MULTILINE)
@@ -170,9 +171,9 @@ def test_pre_commit_runs_the_checks_that_ci_runs(repository):
         assert f"entry: {check}\n" in hooks
 
 
-def test_the_package_says_that_it_is_typed(repository):
+def test_the_package_says_that_it_is_typed(repository: Path) -> None:
     assert (repository / "uavgram" / "py.typed").is_file()
 
 
-def test_no_page_names_a_place_on_one_machine(page):
+def test_no_page_names_a_place_on_one_machine(page) -> None:
     assert re.findall(r"(?<![\w.])/(?:work|home|tmp|root)\b", page) == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -37,7 +38,7 @@ def copy_project():
 
 
 @pytest.fixture(scope="session")
-def run_flight(data_dir, tmp_path_factory, copy_project):
+def run_flight(data_dir: Path, tmp_path_factory: pytest.TempPathFactory, copy_project):
     """Compute a flight of the data folder, with changes to its project; each variant once."""
     known = {}
 
@@ -55,7 +56,7 @@ def run_flight(data_dir, tmp_path_factory, copy_project):
 
 
 @pytest.fixture(scope="session")
-def demo(tmp_path_factory):
+def demo(tmp_path_factory: pytest.TempPathFactory):
     """What `uavgram demo` leaves and says."""
     folder = tmp_path_factory.mktemp("demo") / "survey"
     said, told = io.StringIO(), io.StringIO()
@@ -73,7 +74,7 @@ def demo(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def truth(data_dir):
+def truth(data_dir: Path):
     """What the simulator knows of a twin, in ENU metres about its true take-off point."""
 
     def load(name):

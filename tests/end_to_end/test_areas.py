@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ EAST = ("R1", "R2", "R3", "R4", "R5")
 
 
 @pytest.fixture
-def project(data_dir, tmp_path, copy_project):
+def project(data_dir: Path, tmp_path: Path, copy_project):
     """The calm twin, with some of its points on an area of their own."""
 
     def write(area_of, **changes):
@@ -34,7 +35,7 @@ def project(data_dir, tmp_path, copy_project):
     return write
 
 
-def test_points_of_an_area_get_a_plane_of_their_own(project, truth, tmp_path):
+def test_points_of_an_area_get_a_plane_of_their_own(project, truth, tmp_path: Path) -> None:
     ground = {"areas": {"verge": {"height_sigma_m": 0.5}, "lawn": {}}}
     path = project(lambda _, label: "verge" if label in EAST else "", ground=ground)
     result = uavgram.run(path, output=None)
@@ -58,7 +59,7 @@ def test_points_of_an_area_get_a_plane_of_their_own(project, truth, tmp_path):
     np.testing.assert_array_equal(again[1].slope_deg.sigma, result.areas[1].slope_deg.sigma)
 
 
-def test_a_point_in_two_areas_is_told_with_its_line(project):
+def test_a_point_in_two_areas_is_told_with_its_line(project) -> None:
     path = project(lambda number, _: "road" if number % 2 else "verge")
     with pytest.raises(InputError, match=r"picks.csv:\d+: area of label '\w+' is '\w+' here"):
         uavgram.run(path, output=None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -21,7 +22,7 @@ BOARD = flat_board(9, 6, 0.025)
 
 
 @pytest.fixture(scope="module")
-def camera_file(tmp_path_factory):
+def camera_file(tmp_path_factory: pytest.TempPathFactory):
     folder = tmp_path_factory.mktemp("calibration")
     for k in range(10):
         pose = look(
@@ -35,7 +36,7 @@ def camera_file(tmp_path_factory):
     return folder / "out" / "camera.yaml"
 
 
-def test_a_calibrated_camera_measures_at_once(camera_file, tmp_path):
+def test_a_calibrated_camera_measures_at_once(camera_file, tmp_path: Path) -> None:
     camera = CameraSpec(
         width_px=SIZE_PX[0], height_px=SIZE_PX[1], parameters=TRUE, sigma=(1e-6,) * 9
     )

@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,13 +21,13 @@ STILL = "snapshotNarrabeen.JPG"
 FOCAL_PX = 3120.0  # of the still, from a resection on the targets
 
 
-def _table(path, header, rows):
+def _table(path, header, rows) -> None:
     lines = [",".join(str(cell) for cell in row) for row in rows]
     path.write_text("\n".join([header, *lines]) + "\n")
 
 
 @pytest.fixture
-def write(tmp_path):
+def write(tmp_path: Path):
     def _write(content):
         path = tmp_path / "project.yaml"
         path.write_text(yaml.safe_dump(content))
@@ -36,7 +37,7 @@ def write(tmp_path):
 
 
 @pytest.fixture
-def narrabeen(data_dir, tmp_path, write):
+def narrabeen(data_dir: Path, tmp_path: Path, write):
     """A project on the Mavic's still with its four RTK targets; `camera: auto`."""
     folder = data_dir / "narrabeen_mavic"
     control = json.loads((folder / "control.json").read_text())
@@ -62,7 +63,7 @@ def narrabeen(data_dir, tmp_path, write):
     return SimpleNamespace(write=lambda **changes: write(content | changes), folder=folder)
 
 
-def test_the_assumed_camera_says_its_source_and_what_a_calibration_would_gain(narrabeen):
+def test_the_assumed_camera_says_its_source_and_what_a_calibration_would_gain(narrabeen) -> None:
     messages = {m.code: m for m in check(narrabeen.write()).messages}
 
     assert messages["camera-assumed"].level == "warning"
@@ -71,7 +72,9 @@ def test_the_assumed_camera_says_its_source_and_what_a_calibration_would_gain(na
     assert "a calibration would bring" in messages["camera-assumed"].text
 
 
-def test_a_survey_with_control_learns_the_focal_length_of_an_assumed_camera(narrabeen, tmp_path):
+def test_a_survey_with_control_learns_the_focal_length_of_an_assumed_camera(
+    narrabeen, tmp_path: Path
+) -> None:
     result = uavgram.run(narrabeen.write(), output=None)
     file = tmp_path / "results.json"
     write_results(result, file)
@@ -98,7 +101,9 @@ def test_a_survey_with_control_learns_the_focal_length_of_an_assumed_camera(narr
     np.testing.assert_array_equal(again.shared.intrinsics.value, result.shared.intrinsics.value)
 
 
-def test_video_frames_that_say_nothing_are_refused_with_the_way_out(narrabeen, tmp_path):
+def test_video_frames_that_say_nothing_are_refused_with_the_way_out(
+    narrabeen, tmp_path: Path
+) -> None:
     frame = "narrabeenFrames0001.jpg"
     _table(tmp_path / "picks.csv", "image,label,u_px,v_px", [(frame, "GCP1", 100, 100)])
     project = narrabeen.write(images=str(narrabeen.folder / "frames" / frame), poses=None)
@@ -107,7 +112,7 @@ def test_video_frames_that_say_nothing_are_refused_with_the_way_out(narrabeen, t
         check(project)
 
 
-def test_three_nadir_photos_share_one_assumed_camera(data_dir, tmp_path, write):
+def test_three_nadir_photos_share_one_assumed_camera(data_dir: Path, tmp_path: Path, write) -> None:
     beach = data_dir / "brighton_beach"
     _table(tmp_path / "picks.csv", "image,label,u_px,v_px", [("DJI_0025.JPG", "a", 2000, 1000)])
     content = {"images": str(beach / "*.JPG"), "camera": "auto", "picks": "picks.csv"}
@@ -127,7 +132,9 @@ def test_three_nadir_photos_share_one_assumed_camera(data_dir, tmp_path, write):
         ({"size": (300, 400)}, r"is 300 x 400 px, not the 400 x 300 px of a\.jpg"),
     ],
 )
-def test_photos_of_several_cameras_cannot_share_an_assumed_one(tmp_path, write, other, words):
+def test_photos_of_several_cameras_cannot_share_an_assumed_one(
+    tmp_path: Path, write, other, words
+) -> None:
     common = {"make": "DJI", "model": "FC220", "focal": (47, 10)}
     camera_photo(tmp_path / "a.jpg", **common)
     camera_photo(tmp_path / "b.jpg", **(common | other))
@@ -144,7 +151,9 @@ def test_photos_of_several_cameras_cannot_share_an_assumed_one(tmp_path, write, 
         ((400, 200), r"photos differ\): give the camera file of this camera and resolution"),
     ],
 )
-def test_photos_of_another_size_than_the_camera_file_name_the_way_out(tmp_path, write, size, words):
+def test_photos_of_another_size_than_the_camera_file_name_the_way_out(
+    tmp_path: Path, write, size, words
+) -> None:
     camera_photo(tmp_path / "a.jpg", size)
     (tmp_path / "camera.yaml").write_text(
         "model: brown\nwidth_px: 4000\nheight_px: 3000\n"

@@ -20,27 +20,27 @@ def values(result):
     return {n: (rows.value[i], rows.sigma[i]) for i, n in enumerate(rows.name)}
 
 
-def test_every_frame_is_refined(result):
+def test_every_frame_is_refined(result) -> None:
     assert result.frames.status == ("refined",) * 9
     assert result.solution.converged
     assert np.isfinite(result.frames.refined.covariance).all()
 
 
-def test_the_clock_offset_is_found(result):
+def test_the_clock_offset_is_found(result) -> None:
     offset = result.shared.clock_offset_s
     assert offset.value[0] == pytest.approx(0.30, abs=0.15)
     assert 0 < offset.sigma[0] < 0.15
 
 
 @pytest.mark.parametrize("name", TRUE_M)
-def test_lengths_agree_with_the_hand_positions(result, name):
+def test_lengths_agree_with_the_hand_positions(result, name) -> None:
     value, sigma = values(result)[name]
     assert value == pytest.approx(TRUE_M[name], rel=0.025)
     assert abs(value - TRUE_M[name]) <= 3 * np.hypot(sigma, TRUE_SIGMA_M)
 
 
 @pytest.mark.parametrize("name", TRUE_M)
-def test_telemetry_alone_is_good_to_four_percent(run_flight, name):
+def test_telemetry_alone_is_good_to_four_percent(run_flight, name) -> None:
     alone = run_flight("cuav", lines=None)
     assert alone.lines.name == ()
     value, sigma = values(alone)[name]
@@ -48,11 +48,11 @@ def test_telemetry_alone_is_good_to_four_percent(run_flight, name):
     assert abs(value - TRUE_M[name]) <= 3 * np.hypot(sigma, TRUE_SIGMA_M)
 
 
-def test_the_nonsense_clock_of_the_log_is_told(result):
+def test_the_nonsense_clock_of_the_log_is_told(result) -> None:
     assert any("SYSTEM_TIME" in message.text for message in result.messages)
 
 
-def test_a_taped_length_makes_the_others_more_certain(result, run_flight):
+def test_a_taped_length_makes_the_others_more_certain(result, run_flight) -> None:
     alone = values(run_flight("cuav", lines=None))
     for name, (_, sigma) in values(result).items():
         assert sigma < alone[name][1]

@@ -17,7 +17,7 @@ def is_number(word):
     return word.lstrip("+-").replace(".", "", 1).isdigit()
 
 
-def test_it_ends_well_and_says_where_everything_is(demo):
+def test_it_ends_well_and_says_where_everything_is(demo) -> None:
     assert demo.status == 0
     assert demo.stderr == ""
     for name in ("results.json", "report.html", "recording.rrd"):
@@ -26,7 +26,7 @@ def test_it_ends_well_and_says_where_everything_is(demo):
     assert f"uavgram view {demo.out / 'recording.rrd'}" in demo.stdout
 
 
-def test_each_measurement_is_printed_beside_its_truth(demo):
+def test_each_measurement_is_printed_beside_its_truth(demo) -> None:
     for row in demo.truth["measurements"]:
         line = next(x for x in demo.stdout.splitlines() if x.startswith(row["name"] + "  "))
         numbers = [float(word) for word in line.replace("±", " ").split() if is_number(word)]
@@ -34,7 +34,7 @@ def test_each_measurement_is_printed_beside_its_truth(demo):
         assert "±" in line
 
 
-def test_measurements_agree_with_the_truth(demo, result):
+def test_measurements_agree_with_the_truth(demo, result) -> None:
     known = {row["name"]: row["value"] for row in demo.truth["measurements"]}
     rows = result.measurements
     assert set(rows.name) == set(known)
@@ -45,7 +45,7 @@ def test_measurements_agree_with_the_truth(demo, result):
     assert np.mean(relative) < 0.003
 
 
-def test_the_withheld_length_and_the_surveyed_points_judge_it(result):
+def test_the_withheld_length_and_the_surveyed_points_judge_it(result) -> None:
     assert "checked" in result.lines.status
     assert len(result.line_checks.name) == result.lines.status.count("checked")
     assert np.abs(result.line_checks.z).max() < 4
@@ -53,10 +53,10 @@ def test_the_withheld_length_and_the_surveyed_points_judge_it(result):
     assert result.point_checks.mahalanobis.max() < 4
 
 
-def test_the_cameras_clock_is_found(demo, result):
+def test_the_cameras_clock_is_found(demo, result) -> None:
     offset = result.shared.clock_offset_s
     assert offset.value[0] == pytest.approx(demo.truth["clock_offset_s"], abs=0.05)
 
 
-def test_every_photo_of_the_demo_is_refined(result):
+def test_every_photo_of_the_demo_is_refined(result) -> None:
     assert set(result.frames.status) == {"refined"}

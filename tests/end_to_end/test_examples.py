@@ -8,6 +8,7 @@ of take-off, which the log's home is not (the receiver's error), on level ground
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -52,7 +53,7 @@ def true_values():
 
 
 @pytest.fixture(scope="module")
-def examples(repository, tmp_path_factory):
+def examples(repository: Path, tmp_path_factory: pytest.TempPathFactory):
     folder = tmp_path_factory.mktemp("clone")
     for name in ("configs", "logs"):
         out = shutil.ignore_patterns("out")
@@ -61,7 +62,9 @@ def examples(repository, tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", ["project", "lengths_only", "photo_poses"])
-def test_an_example_is_checked_and_run_and_agrees_with_the_truth(examples, name, capsys):
+def test_an_example_is_checked_and_run_and_agrees_with_the_truth(
+    examples, name, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = examples / f"{name}.yaml"
     assert main(["check", str(path)]) == 0
     assert "every input can be read" in capsys.readouterr().out
@@ -77,7 +80,7 @@ def test_an_example_is_checked_and_run_and_agrees_with_the_truth(examples, name,
     assert 0.3 < result.solution.variance_factor < 1.6
 
 
-def test_the_examples_coordinates_are_true_where_the_log_or_the_photos_give_them(examples):
+def test_the_examples_coordinates_are_true_where_the_log_or_the_photos_give_them(examples) -> None:
     for name, within_sigmas in (("project", 3.5), ("photo_poses", 3.0)):
         result = uavgram.run(examples / f"{name}.yaml", output=None)
         home = (*result.world.origin[:2], 0.0)
@@ -88,13 +91,13 @@ def test_the_examples_coordinates_are_true_where_the_log_or_the_photos_give_them
         assert (np.abs(error) < within_sigmas * sigma).all(), (name, error, sigma)
 
 
-def test_a_run_leaves_nothing_that_git_would_see(examples, repository):
+def test_a_run_leaves_nothing_that_git_would_see(examples, repository: Path) -> None:
     ignored = (repository / ".gitignore").read_text(encoding="utf-8").split()
     assert "out/" in ignored
     assert all(path.name in {"out", "photos"} for path in examples.iterdir() if path.is_dir())
 
 
-def test_the_photos_are_small(repository):
+def test_the_photos_are_small(repository: Path) -> None:
     photos = sorted((repository / "configs" / "photos").glob("*.jpg"))
     assert [image_size(photo) for photo in photos] == [(1200, 900)] * 6
     assert sum(photo.stat().st_size for photo in photos) < 1_000_000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ def rows_of(path):
         return list(csv.DictReader(file))
 
 
-def write(path, rows):
+def write(path, rows) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, rows[0].keys())
         writer.writeheader()
@@ -31,7 +32,7 @@ def place(row):
 
 
 @pytest.fixture(scope="module")
-def faulty(data_dir, tmp_path_factory, copy_project):
+def faulty(data_dir: Path, tmp_path_factory: pytest.TempPathFactory, copy_project):
     """A twin of which one photo shows nonsense, one has two labels swapped, and a tape misread."""
     source, folder = data_dir / "calm_nadir", tmp_path_factory.mktemp("faulty")
     rows = rows_of(source / "picks.csv")
@@ -61,13 +62,13 @@ def told(result, code):
     return [message.text for message in result.messages if message.code == code]
 
 
-def test_the_photo_of_nonsense_is_left_out_by_name(faulty):
+def test_the_photo_of_nonsense_is_left_out_by_name(faulty) -> None:
     result, nonsense, *_ = faulty
     (text,) = told(result, "frame-left-out")
     assert repr(nonsense) in text
 
 
-def test_the_swapped_labels_are_named_as_swapped_and_their_photo_stays(faulty):
+def test_the_swapped_labels_are_named_as_swapped_and_their_photo_stays(faulty) -> None:
     result, _, swapped, labels, _ = faulty
     warnings = [m for m in result.messages if m.level == "warning"]
     assert warnings[0].code == "labels-swapped"  # the cause first
@@ -82,7 +83,7 @@ def test_the_swapped_labels_are_named_as_swapped_and_their_photo_stays(faulty):
     )
 
 
-def test_the_misread_tape_is_the_one_suspect(faulty):
+def test_the_misread_tape_is_the_one_suspect(faulty) -> None:
     result, *_, line = faulty
     status = dict(zip(result.lines.name, result.lines.status, strict=True))
     assert [name for name, state in status.items() if state == "suspect"] == [line]
@@ -91,7 +92,7 @@ def test_the_misread_tape_is_the_one_suspect(faulty):
     assert bias < -10 * TAPE_M
 
 
-def test_the_rest_comes_to_rest(faulty):
+def test_the_rest_comes_to_rest(faulty) -> None:
     result, *_ = faulty
     assert result.solution.converged
     assert result.frames.status.count("rejected") == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ WITHOUT_LOG = ("log", "time", "mount", "check")
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory: pytest.TempPathFactory):
     """The simulated survey with small blank photos."""
     full, scale = CameraSpec(), WIDTH_PX / CameraSpec().width_px
     pixels = [scale] * 4 + [1.0] * 5
@@ -35,7 +36,7 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture
-def solve(folder, copy_project, tmp_path):
+def solve(folder, copy_project, tmp_path: Path):
     """Compute the survey with cells of its tables changed: {row: value or factor}."""
 
     def run(table="lines", column="length_m", without=(), **cells):
@@ -67,7 +68,7 @@ def as_it_should_be(result, clean):
 
 
 @pytest.mark.parametrize("without", [(), WITHOUT_LOG], ids=["log", "no log"])
-def test_a_length_in_millimetres_is_the_only_thing_named(solve, without):
+def test_a_length_in_millimetres_is_the_only_thing_named(solve, without) -> None:
     clean = solve(without=without)
     assert warned(clean) == []
     result = solve(without=without, L2=lambda metres: 1000.0 * metres)
@@ -85,7 +86,7 @@ def test_a_length_in_millimetres_is_the_only_thing_named(solve, without):
     assert f"The {removal.what} was left out" in text
 
 
-def test_all_lengths_in_feet_are_told_in_one_message(solve):
+def test_all_lengths_in_feet_are_told_in_one_message(solve) -> None:
     def feet(metres):
         return metres / 0.3048
 
@@ -97,7 +98,7 @@ def test_all_lengths_in_feet_are_told_in_one_message(solve):
     assert as_it_should_be(result, solve())
 
 
-def test_a_length_a_quarter_off_stays_and_is_the_only_suspect(solve):
+def test_a_length_a_quarter_off_stays_and_is_the_only_suspect(solve) -> None:
     result = solve(L2=lambda _: 16.0)
     suspects = [text for code, text in warned(result) if "suspect" in code or "strained" in code]
     (text,) = [text for text in suspects if "withheld" not in text]
@@ -107,7 +108,7 @@ def test_a_length_a_quarter_off_stays_and_is_the_only_suspect(solve):
     assert [name for name, state in status.items() if state == "suspect"] == ["L2"]
 
 
-def test_a_withheld_length_and_a_check_point_are_named_before_the_checks_as_a_whole(solve):
+def test_a_withheld_length_and_a_check_point_are_named_before_the_checks_as_a_whole(solve) -> None:
     result = solve(L6=lambda metres: 1000.0 * metres)
     (_, first), (_, last) = warned(result)
     assert "withheld length 'L6'" in first
@@ -120,7 +121,9 @@ def test_a_withheld_length_and_a_check_point_are_named_before_the_checks_as_a_wh
     assert "'C2' alone" in last
 
 
-def test_in_a_twin_a_length_in_feet_is_the_only_thing_named(data_dir, copy_project, tmp_path):
+def test_in_a_twin_a_length_in_feet_is_the_only_thing_named(
+    data_dir: Path, copy_project, tmp_path: Path
+) -> None:
     source = data_dir / "calm_nadir"
     lines = (source / "lines.csv").read_text(encoding="utf-8").splitlines()
     clean = compute(read_inputs(copy_project(source, tmp_path / "clean")), curved=False).result

@@ -44,12 +44,12 @@ def dxf_points(path):
     }
 
 
-def test_the_files_are_where_the_readme_says(demo):
+def test_the_files_are_where_the_readme_says(demo) -> None:
     for name in (*OPENDRONEMAP, *COLMAP, *DRAWINGS):
         assert (demo.out / name).stat().st_size > 0, name
 
 
-def test_every_distance_in_the_local_drawing_is_that_of_the_results(demo, places):
+def test_every_distance_in_the_local_drawing_is_that_of_the_results(demo, places) -> None:
     drawn = dxf_points(demo.out / "survey_local.dxf")
 
     assert set(drawn) == set(places)
@@ -58,7 +58,7 @@ def test_every_distance_in_the_local_drawing_is_that_of_the_results(demo, places
         assert math.dist(drawn[one], drawn[two]) == pytest.approx(true, abs=DISTANCE_M)
 
 
-def test_measured_distances_are_the_dimensions_of_the_drawing(demo, content):
+def test_measured_distances_are_the_dimensions_of_the_drawing(demo, content) -> None:
     drawn = dxf_points(demo.out / "survey_local.dxf")
     said = [
         dimension.dxf.text
@@ -92,7 +92,7 @@ def ground_length(one, two, crs, height_m):
 @pytest.mark.parametrize("name", ["survey.gpkg", "survey_map.dxf"])
 def test_every_distance_on_the_map_is_that_of_the_results_after_its_scale(
     demo, content, places, name
-):
+) -> None:
     world, path = content["world"], demo.out / name
     if name == "survey.gpkg":
         meta, _, geometry, fields = read(path, layer="points")
@@ -119,7 +119,7 @@ def test_every_distance_on_the_map_is_that_of_the_results_after_its_scale(
     assert abs(scale - 1) > 1e-5  # else nothing would be proved
 
 
-def test_every_layer_of_the_geopackage_can_be_read(demo):
+def test_every_layer_of_the_geopackage_can_be_read(demo) -> None:
     layers = dict(list_layers(demo.out / "survey.gpkg"))
     assert layers["points"] == "Point Z"
     for name in layers:
@@ -127,7 +127,7 @@ def test_every_layer_of_the_geopackage_can_be_read(demo):
         assert geometry is not None
 
 
-def test_the_globe_has_the_structure_that_the_standard_asks_for(demo, content):
+def test_the_globe_has_the_structure_that_the_standard_asks_for(demo, content) -> None:
     """OGC 12-007r2 (KML 2.3): order of elements, coordinates, closed counterclockwise rings."""
     root = ET.parse(demo.out / "survey.kml").getroot()  # noqa: S314  (our own file)
     assert root.tag == f"{KML}kml"

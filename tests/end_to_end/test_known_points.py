@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from pyproj import Transformer
@@ -30,7 +32,7 @@ def geodetic(enu, world):
     return np.column_stack([lat, lon, h])
 
 
-def write_points(path, kind, labels, known):
+def write_points(path, kind, labels, known) -> None:
     enu = np.array([known["points"][label] for label in labels])
     columns = "east_m,north_m,up_m"
     if kind == "geodetic":
@@ -49,7 +51,7 @@ def origin_of(known):
     return {"origin": place | {"height_m": world["height_amsl_m"]}}
 
 
-def assert_points_are_true(result, known):
+def assert_points_are_true(result, known) -> None:
     """In the truth's own coordinates, within the joint covariance of east and north."""
     points = result.points
     true = np.array([known["points"][label] for label in points.label])
@@ -69,7 +71,7 @@ def assert_points_are_true(result, known):
 
 
 @pytest.fixture(params=TWINS)
-def twin(request, data_dir, tmp_path, copy_project, truth):
+def twin(request: pytest.FixtureRequest, data_dir: Path, tmp_path: Path, copy_project, truth):
     name = request.param
     known = truth(name)
 
@@ -82,7 +84,7 @@ def twin(request, data_dir, tmp_path, copy_project, truth):
     return run, known
 
 
-def test_geodetic_control_places_the_survey_on_the_earth(twin):
+def test_geodetic_control_places_the_survey_on_the_earth(twin) -> None:
     run, known = twin
     result = run("geodetic")
     assert result.world.gauge == "world"
@@ -90,7 +92,7 @@ def test_geodetic_control_places_the_survey_on_the_earth(twin):
     assert np.median(result.points.ellipse_95_m[:, 0]) < 0.2
 
 
-def test_local_control_counts_from_the_origin_of_the_world(twin):
+def test_local_control_counts_from_the_origin_of_the_world(twin) -> None:
     run, known = twin
     result = run("local", world=origin_of(known))
     assert result.world.origin.latitude_deg == pytest.approx(known["world"]["latitude_deg"])
@@ -101,7 +103,7 @@ def test_local_control_counts_from_the_origin_of_the_world(twin):
 
 
 @pytest.mark.parametrize("kind", ["geodetic", "local"])
-def test_control_replaces_the_log(twin, kind):
+def test_control_replaces_the_log(twin, kind) -> None:
     run, known = twin
     result = run(kind, log=None, time=None)
     assert result.world.gauge == "world"
@@ -116,7 +118,7 @@ def test_control_replaces_the_log(twin, kind):
 
 
 @pytest.mark.parametrize("kind", ["geodetic", "local"])
-def test_check_points_only_judge(twin, kind):
+def test_check_points_only_judge(twin, kind) -> None:
     run, known = twin
     plain = run(kind, role="check", labels=("R2", "P4"), world=origin_of(known), check=None)
     judged = run(kind, role="check", labels=("R2", "P4"), world=origin_of(known))
@@ -130,14 +132,14 @@ def test_check_points_only_judge(twin, kind):
     assert (checks.mahalanobis < 5).all()
 
 
-def test_one_control_point_without_a_log_fixes_nothing_and_is_told(twin):
+def test_one_control_point_without_a_log_fixes_nothing_and_is_told(twin) -> None:
     run, _ = twin
     result = run("local", labels=CONTROL[:1], log=None, time=None)
     assert result.world.gauge == "plane"
     assert any("control" in message.text for message in result.messages)
 
 
-def test_a_control_point_that_nobody_picked_is_told(twin):
+def test_a_control_point_that_nobody_picked_is_told(twin) -> None:
     run, known = twin
     known["points"]["R11"] = known["points"]["R1"]
     result = run("local", labels=(*CONTROL, "R11"), world=origin_of(known))

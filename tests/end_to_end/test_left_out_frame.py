@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +17,9 @@ def rows_of(path):
 
 
 @pytest.mark.parametrize("log", [True, False], ids=["log", "no log"])
-def test_its_status_is_rejected_with_reason_and_message(data_dir, tmp_path, copy_project, log):
+def test_its_status_is_rejected_with_reason_and_message(
+    data_dir: Path, tmp_path: Path, copy_project, log
+) -> None:
     source = data_dir / "calm_nadir"
     rows = rows_of(source / "picks.csv")
     names, counts = np.unique([row["image"] for row in rows], return_counts=True)

@@ -67,7 +67,7 @@ def analytics_agreed_to(folder: Path) -> None:
     (config / "analytics.json").write_text(json.dumps(agreed))
 
 
-def test_the_viewer_calls_nobody_and_leaves_no_trace_of_its_use(tmp_path):
+def test_the_viewer_calls_nobody_and_leaves_no_trace_of_its_use(tmp_path: Path) -> None:
     analytics_agreed_to(tmp_path)
     kept = tmp_path / ".local/share/rerun/analytics"
     recording = write_small_recording(tmp_path / "a.rrd")
@@ -108,7 +108,7 @@ def small_demo(configs: Path, folder: Path) -> Path:
     return path
 
 
-def test_no_command_calls_anybody(repository, data_dir, tmp_path):
+def test_no_command_calls_anybody(repository: Path, data_dir: Path, tmp_path: Path) -> None:
     for name in ("configs", "logs"):
         shutil.copytree(repository / name, tmp_path / name)
     shutil.copytree(tmp_path / "configs" / "photos", tmp_path / "others" / "photos")
@@ -139,7 +139,7 @@ def test_no_command_calls_anybody(repository, data_dir, tmp_path):
     assert strangers(tmp_path / "trace") == []
 
 
-def test_the_picking_page_calls_nobody(tmp_path):
+def test_the_picking_page_calls_nobody(tmp_path: Path) -> None:
     project = str(small_project(tmp_path / "survey"))
     with traced(tmp_path, *UAVGRAM, "pick", project) as program:
         try:
@@ -153,7 +153,7 @@ def test_the_picking_page_calls_nobody(tmp_path):
     assert strangers(tmp_path / "trace") == []
 
 
-def test_a_call_elsewhere_would_be_seen(tmp_path):
+def test_a_call_elsewhere_would_be_seen(tmp_path: Path) -> None:
     """Reserved addresses (RFC 5737, RFC 3849); connecting a datagram socket sends nothing."""
     call = "import socket; socket.socket({}, socket.SOCK_DGRAM).connect(({!r}, 9))"
     calls = (("socket.AF_INET", "192.0.2.1"), ("socket.AF_INET6", "2001:db8::1"))

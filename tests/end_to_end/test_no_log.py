@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +16,13 @@ FRAMES = [("calm_nadir", "IMG_0045.jpg"), ("wind_oblique", "IMG_0030.jpg")]
 
 
 @pytest.fixture(scope="module", params=FRAMES, ids=lambda pair: pair[0])
-def run(request, data_dir, tmp_path_factory, copy_project, truth):
+def run(
+    request: pytest.FixtureRequest,
+    data_dir: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    copy_project,
+    truth,
+):
     name, image = request.param
     folder = tmp_path_factory.mktemp(f"{name}_alone")
     source = data_dir / name
@@ -33,7 +40,7 @@ def run(request, data_dir, tmp_path_factory, copy_project, truth):
     return uavgram.run(project), folder / "out", truth(name)
 
 
-def test_the_frame_is_refined_in_a_gauge_of_its_own(run):
+def test_the_frame_is_refined_in_a_gauge_of_its_own(run) -> None:
     result, _, _ = run
     assert result.world.gauge == "plane"
     assert result.frames.status == ("refined",)
@@ -45,7 +52,7 @@ def test_the_frame_is_refined_in_a_gauge_of_its_own(run):
     np.testing.assert_allclose(result.points.position_world_m[:, 2], 0, atol=1e-9)
 
 
-def test_distances_are_right_within_three_sigma(run):
+def test_distances_are_right_within_three_sigma(run) -> None:
     result, _, known = run
     rows = result.measurements
     true = np.array([known["measurements"][name] for name in rows.name])
@@ -57,7 +64,7 @@ def test_distances_are_right_within_three_sigma(run):
     assert np.mean(np.abs(rows.value / true - 1)[seen]) < 0.01
 
 
-def test_the_camera_stands_as_high_as_it_did(run):
+def test_the_camera_stands_as_high_as_it_did(run) -> None:
     result, _, known = run
     frame = known["frames"][result.frames.frame_id[0]]
     ground = known["ground"]
@@ -67,7 +74,7 @@ def test_the_camera_stands_as_high_as_it_did(run):
     assert result.frames.refined.center_world_m[0, 2] == pytest.approx(height, rel=0.01)
 
 
-def test_measurements_that_the_photo_does_not_show_are_null(run):
+def test_measurements_that_the_photo_does_not_show_are_null(run) -> None:
     result, _, _ = run
     shown = set(result.points.label)
     rows = result.measurements
@@ -75,7 +82,7 @@ def test_measurements_that_the_photo_does_not_show_are_null(run):
         assert np.isfinite(value) == (set(points) <= shown)
 
 
-def test_nothing_is_said_about_places_on_the_earth(run):
+def test_nothing_is_said_about_places_on_the_earth(run) -> None:
     result, out, _ = run
     content = json.loads((out / "results.json").read_text(encoding="utf-8"))
     for key in ("latitude_deg", "longitude_deg", "height_m"):
@@ -87,14 +94,14 @@ def test_nothing_is_said_about_places_on_the_earth(run):
     assert any(message.code == "gauge-plane" for message in result.messages)
 
 
-def test_points_geojson_is_empty_and_says_why(run):
+def test_points_geojson_is_empty_and_says_why(run) -> None:
     _, out, _ = run
     content = json.loads((out / "points.geojson").read_text(encoding="utf-8"))
     assert content["features"] == []
     assert "no geographic position" in content["message"]
 
 
-def test_every_output_is_there_and_reads_back(run):
+def test_every_output_is_there_and_reads_back(run) -> None:
     result, out, _ = run
     names = {path.name for path in out.iterdir()}
     assert names == {
@@ -108,7 +115,7 @@ def test_every_output_is_there_and_reads_back(run):
     assert [value == "" for value in values] == np.isnan(result.measurements.value).tolist()
 
 
-def test_three_lengths_are_warned_of(data_dir, tmp_path, copy_project):
+def test_three_lengths_are_warned_of(data_dir: Path, tmp_path: Path, copy_project) -> None:
     """Three lengths leave the pose ambiguous; four unconnected ones do not."""
     source = data_dir / "calm_nadir"
     for name, starts in (("picks", ("image", "IMG_0045")), ("lines", ("name", "L1", "L2", "L3"))):
@@ -136,7 +143,7 @@ def test_three_lengths_are_warned_of(data_dir, tmp_path, copy_project):
     np.testing.assert_array_equal(marked, there[outside])
 
 
-def test_neither_log_nor_lengths_is_an_error(data_dir, tmp_path, copy_project):
+def test_neither_log_nor_lengths_is_an_error(data_dir: Path, tmp_path: Path, copy_project) -> None:
     project = copy_project(data_dir / "calm_nadir", tmp_path, log=None, time=None, lines=None)
     with pytest.raises(uavgram.UavgramError, match="length"):
         uavgram.run(project, output=None)

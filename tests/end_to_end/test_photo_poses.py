@@ -7,6 +7,7 @@ that they show one beach turned about is what the convention is proved with.
 
 import itertools
 import json
+from pathlib import Path
 from types import SimpleNamespace
 
 import cv2
@@ -36,12 +37,12 @@ PLACE = "-33.72990203,151.30057472,98.03,9.5,-16.6,0"  # as the still's tags hav
 
 
 @pytest.fixture(scope="module")
-def narrabeen(data_dir):
+def narrabeen(data_dir: Path):
     return narrabeen_targets(data_dir / "narrabeen_mavic")
 
 
 @pytest.fixture
-def project(narrabeen, tmp_path):
+def project(narrabeen, tmp_path: Path):
     """Write a project on the still (exif) or on the video frames (CSV) with some known lengths."""
 
     def write(kind, adjust=(), **changes):
@@ -90,7 +91,7 @@ def _rays(pixels):
     return rays / np.linalg.norm(rays, axis=1)[:, None]
 
 
-def test_the_gimbal_convention_meets_the_surveyed_targets(project, narrabeen):
+def test_the_gimbal_convention_meets_the_surveyed_targets(project, narrabeen) -> None:
     result = uavgram.run(project("still"), output=None)
     center = result.frames.seed.center_world_m[0]
     rotation = result.frames.seed.world_from_camera[0]
@@ -134,7 +135,7 @@ def _wrong_conventions():
     yield looking(9.5, -90 + 16.6)
 
 
-def test_the_default_sigmas_allow_the_gimbal_its_three_degrees(project):
+def test_the_default_sigmas_allow_the_gimbal_its_three_degrees(project) -> None:
     result = uavgram.run(project("still", adjust=("12", "34")), output=None)
     seed, refined = result.frames.seed, result.frames.refined
     step = cv2.Rodrigues(seed.world_from_camera[0].T @ refined.world_from_camera[0])[0].ravel()
@@ -146,14 +147,14 @@ def test_the_default_sigmas_allow_the_gimbal_its_three_degrees(project):
     assert result.solution.chi2_probability > 0.01
 
 
-def test_photo_poses_have_no_clock_to_report(project, tmp_path):
+def test_photo_poses_have_no_clock_to_report(project, tmp_path: Path) -> None:
     uavgram.run(project("still", adjust=("12", "34")), output=tmp_path / "out")
 
     clock = json.loads((tmp_path / "out" / "results.json").read_text())["clock"]
     assert set(clock.values()) == {None}
 
 
-def test_the_seed_alone_is_far_off_and_says_so(project):
+def test_the_seed_alone_is_far_off_and_says_so(project) -> None:
     relative, in_sigmas = withheld(uavgram.run(project("still"), output=None))
 
     assert (relative < -0.15).all()  # 18 to 27 % short at this grazing view
@@ -161,7 +162,7 @@ def test_the_seed_alone_is_far_off_and_says_so(project):
 
 
 @pytest.fixture(scope="module")
-def brighton(data_dir):
+def brighton(data_dir: Path):
     folder = data_dir / "brighton_beach"
     photos, _ = read_photos((str(folder / "DJI_*.JPG"),), TimeOptions())
     poses, messages = read_photo_poses("exif", photos, "msl")
@@ -171,7 +172,7 @@ def brighton(data_dir):
 
 
 @pytest.mark.parametrize("other", [0, 1])
-def test_nadir_photos_of_one_beach_lie_on_it_as_their_tags_say(brighton, other):
+def test_nadir_photos_of_one_beach_lie_on_it_as_their_tags_say(brighton, other) -> None:
     # DJI_0033 is as the camera wrote it: the middle of the other photo lies in it where its yaw of
     # 42.9 degrees and the two places say. 40 m up a pixel is 18 mm; two times 3 m and 3 degrees.
     middle = np.array([[[1999.5, 1499.5]]])
@@ -186,7 +187,7 @@ def test_nadir_photos_of_one_beach_lie_on_it_as_their_tags_say(brighton, other):
     assert abs((turn + 180) % 360 - 180) < 10  # two compasses, 3.6 degrees each (6.2 and 6.7 seen)
 
 
-def test_photos_that_an_editor_has_saved_are_pointed_at(brighton):
+def test_photos_that_an_editor_has_saved_are_pointed_at(brighton) -> None:
     texts = [m.text for m in brighton.messages if m.code == "photo-edited"]
 
     assert len(texts) == 1
@@ -227,7 +228,7 @@ def _turn_deg(homography, at):
     return np.degrees(np.arctan2(*(ends[1, 0] - ends[0, 0])[::-1]))
 
 
-def test_altitudes_without_rtk_are_said_to_be_guesses(brighton):
+def test_altitudes_without_rtk_are_said_to_be_guesses(brighton) -> None:
     assert "height-datum-assumed" in [m.code for m in brighton.messages]
     # the lake there lies at 183 m; the tags put take-off, on its shore, at 158.5 m
     np.testing.assert_allclose(
@@ -235,7 +236,7 @@ def test_altitudes_without_rtk_are_said_to_be_guesses(brighton):
     )
 
 
-def test_photos_with_unused_poses_are_mentioned(project):
+def test_photos_with_unused_poses_are_mentioned(project) -> None:
     checked = check(project("still", poses=None, adjust=("12", "13", "34")))
 
     hint = [m.text for m in checked.messages if m.code == "poses-available"]
@@ -243,7 +244,9 @@ def test_photos_with_unused_poses_are_mentioned(project):
     assert "poses: exif" in hint[0]
 
 
-def test_log_and_poses_together_are_refused_with_the_line(project, capsys, tmp_path):
+def test_log_and_poses_together_are_refused_with_the_line(
+    project, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     (tmp_path / "flight.bin").write_bytes(b"")
     path = project("still", log="flight.bin")
 
@@ -253,14 +256,16 @@ def test_log_and_poses_together_are_refused_with_the_line(project, capsys, tmp_p
     assert "cannot stand beside `log`" in error
 
 
-def test_heights_of_another_datum_are_refused_not_shifted(project, capsys):
+def test_heights_of_another_datum_are_refused_not_shifted(
+    project, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = project("still", world={"origin": dict(NARRABEEN_ORIGIN), "heights": "ellipsoid"})
 
     assert main(["check", str(path)]) == 1
     assert "set world.heights: msl" in capsys.readouterr().err
 
 
-def test_without_an_origin_take_off_is_home(project):
+def test_without_an_origin_take_off_is_home(project) -> None:
     result = uavgram.run(project("still", world=None), output=None)
 
     assert result.world.origin.height_m == pytest.approx(98.03 - 100.40)
@@ -268,7 +273,9 @@ def test_without_an_origin_take_off_is_home(project):
 
 
 @pytest.mark.parametrize("poses", ["seed", "refined"])
-def test_geotag_hands_over_what_its_own_reader_takes_back(project, tmp_path, capsys, poses):
+def test_geotag_hands_over_what_its_own_reader_takes_back(
+    project, tmp_path: Path, capsys: pytest.CaptureFixture[str], poses
+) -> None:
     path = project("still", adjust=("12", "34"))
     folder = tmp_path / "handed"
     original = (path.parent / "camera.yaml").read_bytes()
@@ -290,7 +297,9 @@ def test_geotag_hands_over_what_its_own_reader_takes_back(project, tmp_path, cap
     assert (path.parent / "camera.yaml").read_bytes() == original
 
 
-def test_geotag_never_writes_over_the_photos(project, tmp_path, capsys, narrabeen):
+def test_geotag_never_writes_over_the_photos(
+    project, tmp_path: Path, capsys: pytest.CaptureFixture[str], narrabeen
+) -> None:
     folder = tmp_path / "tagged"
     folder.mkdir()
     copy = folder / STILL
@@ -303,7 +312,9 @@ def test_geotag_never_writes_over_the_photos(project, tmp_path, capsys, narrabee
     assert copy.read_bytes() == before
 
 
-def test_geotag_works_on_a_flight_with_a_log_too(data_dir, tmp_path, capsys):
+def test_geotag_works_on_a_flight_with_a_log_too(
+    data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     project = data_dir / "calm_nadir" / "project.yaml"
 
     assert main(["geotag", str(project), "--output", str(tmp_path), "--poses", "seed"]) == 0
@@ -316,7 +327,7 @@ def test_geotag_works_on_a_flight_with_a_log_too(data_dir, tmp_path, capsys):
 
 
 @pytest.fixture(scope="module")
-def twin(data_dir, tmp_path_factory):
+def twin(data_dir: Path, tmp_path_factory: pytest.TempPathFactory):
     """A twin's flight with its log, and its seeds handed over as geo.txt."""
     folder = data_dir / "calm_nadir"
     handed = tmp_path_factory.mktemp("twin")
@@ -350,7 +361,7 @@ def _mean_error(twin, result):
     return np.mean([abs(rows.value[k] / truth[rows.name[k]] - 1) for k in known])
 
 
-def test_a_geo_txt_seeds_and_measures_as_the_log_does(twin):
+def test_a_geo_txt_seeds_and_measures_as_the_log_does(twin) -> None:
     result = twin.run("geo", twin.handed / "geo.txt")
     seed, expected = result.frames.seed, twin.by_log.frames.seed
 
@@ -362,7 +373,7 @@ def test_a_geo_txt_seeds_and_measures_as_the_log_does(twin):
     assert "lever-arm-unused" in [m.code for m in result.messages]
 
 
-def test_places_alone_measure_a_nadir_flight_by_its_course(twin):
+def test_places_alone_measure_a_nadir_flight_by_its_course(twin) -> None:
     lines = (twin.handed / "geo.txt").read_text().splitlines()
     path = twin.handed / "places.txt"
     path.write_text("\n".join([lines[0], *(" ".join(x.split()[:4]) for x in lines[3:])]))

@@ -8,6 +8,7 @@ is said of the scene.
 from __future__ import annotations
 
 from itertools import combinations
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -37,12 +38,12 @@ LENGTHS = tuple(combinations(TARGETS, 2))
 
 
 @pytest.fixture(scope="module")
-def narrabeen(data_dir):
+def narrabeen(data_dir: Path):
     return narrabeen_targets(data_dir / "narrabeen_mavic")
 
 
 @pytest.fixture(scope="module")
-def errors_beside(narrabeen, tmp_path_factory):
+def errors_beside(narrabeen, tmp_path_factory: pytest.TempPathFactory):
     """Relative errors and errors in sigmas of the lengths beside some known ones."""
     known = {}
 
@@ -85,7 +86,7 @@ def _narrabeen_project(scene, folder, kind, adjust):
     )
 
 
-def test_the_still_has_the_scale_of_the_video(narrabeen):
+def test_the_still_has_the_scale_of_the_video(narrabeen) -> None:
     # From what both show, not from the targets: so the video's lens is the still's, but for where
     # the crop lies; the 10 px by which the drone moved are within the still's sigma of 15.
     video = min(name for name in narrabeen.pixels if name != STILL)
@@ -107,7 +108,7 @@ def test_the_still_has_the_scale_of_the_video(narrabeen):
 
 @pytest.mark.parametrize("kind", ["still", "video"])
 @pytest.mark.parametrize("known", LENGTHS, ids="-".join)
-def test_one_known_length_at_narrabeen_gives_the_five_others(errors_beside, kind, known):
+def test_one_known_length_at_narrabeen_gives_the_five_others(errors_beside, kind, known) -> None:
     relative, in_sigmas = errors_beside(kind, (known,))
 
     assert len(relative) == 5
@@ -116,7 +117,7 @@ def test_one_known_length_at_narrabeen_gives_the_five_others(errors_beside, kind
 
 
 @pytest.mark.parametrize("kind", ["still", "video"])
-def test_two_known_lengths_at_narrabeen_give_the_four_others(errors_beside, kind):
+def test_two_known_lengths_at_narrabeen_give_the_four_others(errors_beside, kind) -> None:
     mean = {}
     for pair in combinations(LENGTHS, 2):
         relative, in_sigmas = errors_beside(kind, pair)
@@ -164,7 +165,9 @@ def _duck_project(scene, folder, left_out, ground):
 
 @pytest.mark.parametrize("ground", ["known heights", "rough ground"])
 @pytest.mark.parametrize("left_out", ["pier1", "pier2", "pier3", "dune6", "dune7"])
-def test_a_target_left_out_at_duck_comes_back(data_dir, tmp_path, left_out, ground):
+def test_a_target_left_out_at_duck_comes_back(
+    data_dir: Path, tmp_path: Path, left_out, ground
+) -> None:
     scene = published(data_dir / "cirn_duck")
     result = uavgram.run(_duck_project(scene, tmp_path, left_out, ground), output=None)
     relative, in_sigmas = withheld(result)
@@ -237,8 +240,8 @@ def _board_project(scene, folder, photo, known):
     ],
 )
 def test_lengths_on_a_board_follow_from_its_corners_or_six_lengths(
-    data_dir, tmp_path, known, worst
-):
+    data_dir: Path, tmp_path: Path, known, worst
+) -> None:
     scene = published(data_dir / "phantom3_lenscalib")
     mean, square = [], []
     for photo in sorted(scene.pixels):

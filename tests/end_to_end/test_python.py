@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import pytest
 import uavgram
 
 
-def assert_same(one, other, where="result"):
+def assert_same(one, other, where="result") -> None:
     """Equal field by field, to the last bit, NaN equal to NaN."""
     assert type(one) is type(other), where
     if dataclasses.is_dataclass(one):
@@ -32,17 +33,17 @@ def assert_same(one, other, where="result"):
         assert one == other, where
 
 
-def test_the_module_shows_what_it_is_for():
+def test_the_module_shows_what_it_is_for() -> None:
     assert {"run", "load_results", "Result", "UavgramError"} <= set(dir(uavgram))
 
 
-def test_loading_gives_the_object_that_run_returned(demo, tmp_path):
+def test_loading_gives_the_object_that_run_returned(demo, tmp_path: Path) -> None:
     returned = uavgram.run(demo.project, output=tmp_path / "out")
     assert_same(returned, uavgram.load_results(tmp_path / "out" / "results.json"))
     assert isinstance(returned, uavgram.Result)
 
 
-def test_output_none_writes_nothing(demo, tmp_path, monkeypatch):
+def test_output_none_writes_nothing(demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     before = {path: path.stat().st_mtime_ns for path in demo.folder.rglob("*")}
     uavgram.run(demo.project, output=None)
@@ -50,7 +51,7 @@ def test_output_none_writes_nothing(demo, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_result_is_frozen(demo):
+def test_result_is_frozen(demo) -> None:
     result = uavgram.load_results(demo.out / "results.json")
     with pytest.raises(ValueError, match="read-only"):
         result.measurements.value[0] = 0.0
@@ -58,7 +59,7 @@ def test_result_is_frozen(demo):
         result.name = "other"
 
 
-def test_an_unknown_name_is_an_attribute_error():
+def test_an_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="nonsense"):
         uavgram.nonsense  # noqa: B018
 
@@ -75,10 +76,10 @@ def loaded_by(code):
 HEAVY = {"numpy", "scipy", "cv2", "rerun", "pymavlink", "yaml", "pydantic", "pyproj", "jinja2"}
 
 
-def test_import_loads_nothing_heavy():
+def test_import_loads_nothing_heavy() -> None:
     assert not loaded_by("import uavgram") & (HEAVY | {"cyclopts", "rich"})
 
 
-def test_help_loads_nothing_heavy():
+def test_help_loads_nothing_heavy() -> None:
     code = "from uavgram.cli import main\nassert main(['--help']) == 0\nmain(['run', '--help'])"
     assert not loaded_by(code) & HEAVY

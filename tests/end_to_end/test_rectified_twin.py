@@ -15,6 +15,7 @@ rim.
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import cv2
@@ -36,7 +37,7 @@ FRAME = "IMG_0045.jpg"
 
 
 @pytest.fixture(scope="module")
-def result(data_dir):
+def result(data_dir: Path):
     return compute(read_inputs(data_dir / "calm_nadir" / "project.yaml"), curved=False).result
 
 
@@ -62,7 +63,7 @@ def with_true_cameras(result, truth, shift):
 
 
 @pytest.fixture(scope="module")
-def rectified(result, truth, into_true_world, tmp_path_factory):
+def rectified(result, truth, into_true_world, tmp_path_factory: pytest.TempPathFactory):
     """What is rectified -> path of the picture, size of its pixels, and places of the marks."""
     known = truth("calm_nadir")
     shift = into_true_world(result, known)
@@ -165,7 +166,7 @@ def without_shift_and_turn(found, true):
     return a @ turn - b, turn
 
 
-def test_rectifying_places_marks_to_a_fraction_of_a_pixel(rectified):
+def test_rectifying_places_marks_to_a_fraction_of_a_pixel(rectified) -> None:
     frame = rectified("true")
 
     apart = np.hypot(*(frame.found - frame.true).T) / frame.pixel_m
@@ -177,7 +178,7 @@ def test_rectifying_places_marks_to_a_fraction_of_a_pixel(rectified):
 @pytest.mark.parametrize("kind", ["frame", "mosaic"])
 def test_marks_lie_within_a_pixel_and_a_half_and_what_the_survey_leaves_open(
     rectified, result, kind
-):
+) -> None:
     picture = rectified(kind)
 
     apart, turn = without_shift_and_turn(picture.found, picture.true)
@@ -196,8 +197,8 @@ def test_marks_lie_within_a_pixel_and_a_half_and_what_the_survey_leaves_open(
 
 
 def test_with_control_the_marks_lie_at_their_true_coordinates_with_nothing_taken_out(
-    data_dir, truth, copy_project, tmp_path
-):
+    data_dir: Path, truth, copy_project, tmp_path: Path
+) -> None:
     known = truth("calm_nadir")
     control = control_table(known, [f"R{k}" for k in range(1, 9)], tmp_path / "control.csv")
     project = copy_project(data_dir / "calm_nadir", tmp_path, control=str(control))

@@ -17,7 +17,7 @@ RUNS = [
 
 
 @pytest.fixture(scope="module", params=RUNS, ids="-".join)
-def run(request, run_flight, truth, into_true_world):
+def run(request: pytest.FixtureRequest, run_flight, truth, into_true_world):
     name, log, outliers = request.param
     result = run_flight(name, log=log, solve={"outliers": outliers})
     known = truth(name)
@@ -41,34 +41,34 @@ def squared_mahalanobis(poses, rows, result, known, shift):
     return np.array(values)
 
 
-def test_distances_are_right(run):
+def test_distances_are_right(run) -> None:
     _, result, known, _ = run
     error, true = errors(result, known)
     assert len(true) > 90
     assert np.mean(np.abs(error) / true) <= 0.003
 
 
-def test_sigmas_are_honest(run):
+def test_sigmas_are_honest(run) -> None:
     _, result, known, _ = run
     error, _ = errors(result, known)
     assert 0.3 <= np.sqrt(np.mean((error / result.measurements.sigma) ** 2)) <= 2.6
 
 
-def test_every_refined_pose_lies_within_its_covariance(run):
+def test_every_refined_pose_lies_within_its_covariance(run) -> None:
     _, result, known, shift = run
     rows = [i for i, status in enumerate(result.frames.status) if status == "refined"]
     assert len(rows) == len(known["frames"])
     assert (squared_mahalanobis(result.frames.refined, rows, result, known, shift) <= 28).all()
 
 
-def test_every_seed_lies_within_its_covariance(run):
+def test_every_seed_lies_within_its_covariance(run) -> None:
     _, result, known, shift = run
     rows = np.flatnonzero(result.has_seed)
     assert len(rows) == len(known["frames"])
     assert (squared_mahalanobis(result.frames.seed, rows, result, known, shift) <= 28).all()
 
 
-def test_refining_makes_poses_more_certain(run):
+def test_refining_makes_poses_more_certain(run) -> None:
     _, result, _, _ = run
     rows = result.has_refined
     before = np.linalg.slogdet(result.frames.seed.covariance[rows])[1]
@@ -77,7 +77,7 @@ def test_refining_makes_poses_more_certain(run):
     assert (after < before - 5.5).all()
 
 
-def test_the_clock_offset_is_found(run):
+def test_the_clock_offset_is_found(run) -> None:
     name, result, known, _ = run
     offset = result.shared.clock_offset_s
     assert offset.value[0] == pytest.approx(known["exif_offset_s"], abs=0.05)
@@ -85,7 +85,7 @@ def test_the_clock_offset_is_found(run):
         assert offset.value[0] == pytest.approx(4.37, abs=0.05)
 
 
-def test_points_lie_within_their_covariance(run):
+def test_points_lie_within_their_covariance(run) -> None:
     _, result, known, shift = run
     points = result.points
     true = np.array([known["points"][label] for label in points.label])
@@ -94,13 +94,13 @@ def test_points_lie_within_their_covariance(run):
     assert (squared <= 28).all()
 
 
-def test_no_good_length_is_removed(run):
+def test_no_good_length_is_removed(run) -> None:
     _, result, _, _ = run
     assert "removed" not in result.lines.status
 
 
 @pytest.mark.parametrize("name", ["calm_nadir", "wind_oblique"])
-def test_telemetry_alone_stays_within_its_own_sigmas(run_flight, truth, name):
+def test_telemetry_alone_stays_within_its_own_sigmas(run_flight, truth, name) -> None:
     result = run_flight(name, lines=None)
     error, true = errors(result, truth(name))
     # An independent dense solver reaches 0.19 and 0.75 % without lines.

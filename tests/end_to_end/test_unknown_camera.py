@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ FEW = 12
 
 
 @pytest.fixture
-def twin_of(data_dir, tmp_path):
+def twin_of(data_dir: Path, tmp_path: Path):
     """A twin's project with an unknown camera and some of its measurements."""
 
     def make(name, **changes):
@@ -51,8 +52,8 @@ def judged(result, truth):
 
 
 def test_a_flight_with_lengths_is_measured_within_its_sigmas_and_learns_the_camera(
-    twin_of, tmp_path
-):
+    twin_of, tmp_path: Path
+) -> None:
     project, truth = twin_of("wind_oblique")
     result = uavgram.run(project, output=None)
     camera = result.shared.intrinsics
@@ -74,7 +75,7 @@ def test_a_flight_with_lengths_is_measured_within_its_sigmas_and_learns_the_came
 
 
 @pytest.mark.parametrize("name", ["calm_nadir", "wind_oblique"])
-def test_a_strip_without_a_log_comes_to_rest_within_its_sigmas(twin_of, name):
+def test_a_strip_without_a_log_comes_to_rest_within_its_sigmas(twin_of, name) -> None:
     """Lengths in a few of the photos alone: focal length, heights and tilts change together."""
     project, truth = twin_of(name, log=None, time=None)
     result = uavgram.run(project, output=None)
@@ -84,7 +85,9 @@ def test_a_strip_without_a_log_comes_to_rest_within_its_sigmas(twin_of, name):
     assert np.abs(judged(result, truth)).max() < norm.isf(0.001 / 2 / FEW)
 
 
-def test_a_real_photo_without_tags_has_its_focal_length_from_four_targets(data_dir, tmp_path):
+def test_a_real_photo_without_tags_has_its_focal_length_from_four_targets(
+    data_dir: Path, tmp_path: Path
+) -> None:
     folder = data_dir / "narrabeen_mavic"
     still = "snapshotNarrabeen.JPG"
     parsed = parse_jpeg((folder / still).read_bytes())
@@ -111,7 +114,7 @@ def test_a_real_photo_without_tags_has_its_focal_length_from_four_targets(data_d
     assert camera.sigma[0] < 0.1 * camera.value[0]  # 20 % before
 
 
-def test_what_the_photos_say_is_used_where_they_say_something(tmp_path):
+def test_what_the_photos_say_is_used_where_they_say_something(tmp_path: Path) -> None:
     camera_photo(tmp_path / "a.jpg", make="DJI", model="FC220", focal=(47, 10))
     (tmp_path / "picks.csv").write_text("image,label,u_px,v_px\na.jpg,p,20,10\n")
     seen = []
@@ -133,7 +136,7 @@ def test_what_the_photos_say_is_used_where_they_say_something(tmp_path):
         ({"make": "Parrot", "model": "BEBOP 2"}, "b.jpg: comes from another camera"),
     ],
 )
-def test_photos_that_no_one_camera_can_have_taken_are_refused(tmp_path, other, words):
+def test_photos_that_no_one_camera_can_have_taken_are_refused(tmp_path: Path, other, words) -> None:
     camera_photo(tmp_path / "a.jpg")
     camera_photo(tmp_path / "b.jpg", **other)
     (tmp_path / "picks.csv").write_text("image,label,u_px,v_px\na.jpg,p,20,10\n")

@@ -29,19 +29,19 @@ def disc(radius=9.0, blur=1.0):
     return 70 + 60 * (1 - erf((away - radius) / blur / 2**0.5))
 
 
-def photo(grey, noise, rng):
+def photo(grey, noise, rng: np.random.Generator):
     noisy = np.clip(np.round(grey + rng.normal(0, noise, grey.shape)), 0, 255)
     return np.repeat(noisy.astype(np.uint8)[..., None], 3, axis=2)
 
 
 @pytest.mark.parametrize(("target", "snap"), [(checker, snap_corner), (disc, snap_circle)])
-def test_a_target_is_found_to_a_few_hundredths_of_a_pixel(target, snap):
+def test_a_target_is_found_to_a_few_hundredths_of_a_pixel(target, snap) -> None:
     found = snap(photo(target(), 1.0, np.random.default_rng(1)), 58.0, 50.0)
     assert np.hypot(found.u_px - PLACE[0], found.v_px - PLACE[1]) < 0.06
     assert found.sigma_px < 0.1
 
 
-def test_a_corner_is_where_opencv_finds_it():
+def test_a_corner_is_where_opencv_finds_it() -> None:
     grey = photo(checker(), 2.0, np.random.default_rng(6))
     found = snap_corner(grey, 58.0, 50.0)
     start = np.array([[[58.0, 50.0]]], np.float32)
@@ -51,7 +51,7 @@ def test_a_corner_is_where_opencv_finds_it():
 
 
 @pytest.mark.parametrize(("target", "snap"), [(checker, snap_corner), (disc, snap_circle)])
-def test_the_sigma_is_that_of_repeated_noise(target, snap):
+def test_the_sigma_is_that_of_repeated_noise(target, snap) -> None:
     rng = np.random.default_rng(2)
     found = [snap(photo(target(), 12.0, rng), 60.0, 49.0) for _ in range(60)]
     assert all(isinstance(one, Snapped) for one in found)
@@ -62,24 +62,24 @@ def test_the_sigma_is_that_of_repeated_noise(target, snap):
     assert stated == pytest.approx(max(scatter, SMALLEST_SIGMA_PX), rel=0.4)
 
 
-def test_a_straight_edge_is_no_corner():
+def test_a_straight_edge_is_no_corner() -> None:
     u = GRID[0] - PLACE[0]
     edge = photo(110 + 70 * erf(u), 1.0, np.random.default_rng(3))
     assert isinstance(snap_corner(edge, 60.0, 49.0), str)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.5, 4.0])
-def test_bare_ground_is_neither_corner_nor_target(noise):
+def test_bare_ground_is_neither_corner_nor_target(noise) -> None:
     ground = photo(np.full((100, 120), 110.0), noise, np.random.default_rng(4))
     assert isinstance(snap_corner(ground, 60.0, 49.0), str)
     assert isinstance(snap_circle(ground, 60.0, 49.0), str)
 
 
-def test_a_bar_is_not_round():
+def test_a_bar_is_not_round() -> None:
     u, v = np.abs(GRID - PLACE[:, None, None])
     bar = photo(np.where((u < 20) & (v < 4), 200.0, 70.0), 1.0, np.random.default_rng(5))
     assert isinstance(snap_circle(bar, 60.0, 49.0), str)
 
 
-def test_the_edge_of_the_photo_is_said():
+def test_the_edge_of_the_photo_is_said() -> None:
     assert "edge" in snap_corner(np.zeros((9, 9, 3), np.uint8), 1.0, 1.0)

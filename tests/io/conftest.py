@@ -1,13 +1,14 @@
 """Truth of the simulated flights."""
 
 import json
+from pathlib import Path
 
 import pytest
 import sample_results
 
 
 @pytest.fixture
-def truth(data_dir):
+def truth(data_dir: Path):
     """Load what the simulator knows of a flight."""
 
     def load(name):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,12 +33,12 @@ def blank_photos(survey):
 
 
 @pytest.fixture(scope="module")
-def project(survey, tmp_path_factory):
+def project(survey, tmp_path_factory: pytest.TempPathFactory):
     path = write_demo(tmp_path_factory.mktemp("demo"), survey, blank_photos(survey))
     return load_project(path)
 
 
-def test_tables_say_what_was_simulated(project, survey):
+def test_tables_say_what_was_simulated(project, survey) -> None:
     picks = read_picks(project.picks)
     assert picks.image == survey.picks.image
     assert picks.label == survey.picks.label
@@ -57,21 +58,21 @@ def test_tables_say_what_was_simulated(project, survey):
     np.testing.assert_allclose(checks.coordinates, survey.checks.coordinates, atol=6e-5)
 
 
-def test_the_camera_file_holds_the_calibration_not_the_truth(project, survey):
+def test_the_camera_file_holds_the_calibration_not_the_truth(project, survey) -> None:
     camera = load_camera(project.camera)
     np.testing.assert_array_equal(camera.parameters, survey.calibration.parameters)
     np.testing.assert_allclose(camera.covariance, survey.calibration.covariance, rtol=1e-12)
     assert not np.allclose(camera.parameters, survey.truth.intrinsics, rtol=1e-6)
 
 
-def test_photos_carry_the_camera_clocks_time(project, survey):
+def test_photos_carry_the_camera_clocks_time(project, survey) -> None:
     photos, _ = read_photos(project.images, TimeOptions())
     assert photos.frame_id == survey.frame_id
     np.testing.assert_allclose(photos.file_time_s, survey.file_time_utc_s, atol=6e-4)
     np.testing.assert_allclose(photos.file_time_resolution_s, 0.001)
 
 
-def test_truth_stands_beside_the_files(survey, tmp_path):
+def test_truth_stands_beside_the_files(survey, tmp_path: Path) -> None:
     write_demo(tmp_path, survey, blank_photos(survey))
     truth = json.loads((tmp_path / "truth.json").read_text(encoding="utf-8"))
     assert truth["clock_offset_s"] == 2.6
@@ -84,19 +85,19 @@ def test_truth_stands_beside_the_files(survey, tmp_path):
     assert by_name["skid left"] == pytest.approx(np.linalg.norm(ends[0] - ends[1]))
 
 
-def test_writing_twice_into_a_folder_is_no_mistake(survey, tmp_path):
+def test_writing_twice_into_a_folder_is_no_mistake(survey, tmp_path: Path) -> None:
     write_demo(tmp_path, survey, blank_photos(survey))
     write_demo(tmp_path, survey, blank_photos(survey))
 
 
-def test_photos_of_another_survey_are_not_mixed_in(survey, tmp_path):
+def test_photos_of_another_survey_are_not_mixed_in(survey, tmp_path: Path) -> None:
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "DSC_1.jpg").write_bytes(b"")
     with pytest.raises(OutputError, match="another survey"):
         write_demo(tmp_path, survey, blank_photos(survey))
 
 
-def test_a_folder_that_cannot_be_made_is_named(survey, tmp_path):
+def test_a_folder_that_cannot_be_made_is_named(survey, tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(OutputError, match="file"):
         write_demo(tmp_path / "file" / "demo", survey, blank_photos(survey))

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from uavgram.errors import InputError
 from uavgram.io.digest import digest_file, digest_inputs
 
 
-def test_the_digest_is_that_of_fips_180(tmp_path):
+def test_the_digest_is_that_of_fips_180(tmp_path: Path) -> None:
     path = tmp_path / "a"
     path.write_bytes(b"abc")
 
@@ -17,7 +19,7 @@ def test_the_digest_is_that_of_fips_180(tmp_path):
     assert digest.path == str(path)
 
 
-def test_paths_inside_the_project_are_relative_and_each_file_stands_once(tmp_path):
+def test_paths_inside_the_project_are_relative_and_each_file_stands_once(tmp_path: Path) -> None:
     inside, outside = tmp_path / "project" / "photos" / "a.jpg", tmp_path / "camera.yaml"
     inside.parent.mkdir(parents=True)
     inside.touch()
@@ -27,6 +29,6 @@ def test_paths_inside_the_project_are_relative_and_each_file_stands_once(tmp_pat
     assert [d.path for d in digests] == ["photos/a.jpg", str(outside)]
 
 
-def test_a_missing_file_is_an_input_error(tmp_path):
+def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="No such file"):
         digest_file(tmp_path / "absent")

@@ -1,6 +1,7 @@
 """JSON that a stranger wrote: endless brackets and numbers without end are one clear message."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -35,7 +36,7 @@ READERS = (load_results, read_odm_camera, read_labelme, read_journal)
     ],
     ids=["lists", "objects", "digits", "no float"],
 )
-def test_a_hostile_file_is_one_message(tmp_path, read, text, said):
+def test_a_hostile_file_is_one_message(tmp_path: Path, read, text, said) -> None:
     path = tmp_path / "file.json"
     path.write_text(text)
     with pytest.raises(UavgramError, match=said) as caught:
@@ -45,7 +46,7 @@ def test_a_hostile_file_is_one_message(tmp_path, read, text, said):
 
 
 @pytest.mark.parametrize("number", ["1e400", "-1e400", "NaN", "Infinity"])
-def test_a_camera_of_no_finite_size_is_one_message(tmp_path, number):
+def test_a_camera_of_no_finite_size_is_one_message(tmp_path: Path, number) -> None:
     path = tmp_path / "cameras.json"
     camera = f'{{"projection_type": "perspective", "width": {number}, "height": 9, "focal": 1}}'
     path.write_text(f'{{"a": {camera}}}')
@@ -54,7 +55,7 @@ def test_a_camera_of_no_finite_size_is_one_message(tmp_path, number):
 
 
 @pytest.mark.parametrize("content", ["[]", "1", '{"shapes": 1, "imagePath": "a"}', "1e400"])
-def test_json_that_is_no_labelme_file_is_one_message(tmp_path, content):
+def test_json_that_is_no_labelme_file_is_one_message(tmp_path: Path, content) -> None:
     path = tmp_path / "a.json"
     path.write_text(content)
     with pytest.raises(UavgramError, match="is no LabelMe file"):
@@ -69,13 +70,13 @@ def test_json_that_is_no_labelme_file_is_one_message(tmp_path, content):
         {"do": "open", "state": {"picks": [1]}, "resumed": False, "files": {}},
     ],
 )
-def test_a_journal_of_other_things_is_one_message_with_the_way_out(tmp_path, entry):
+def test_a_journal_of_other_things_is_one_message_with_the_way_out(tmp_path: Path, entry) -> None:
     path = tmp_path / "pick.journal"
     path.write_text(json.dumps(entry) + "\n")
     with pytest.raises(UavgramError, match="is no journal of this program: move it away"):
         left_in(path)
 
 
-def test_other_json_is_what_it_was(tmp_path):
+def test_other_json_is_what_it_was(tmp_path: Path) -> None:
     text = '{"a": [1, -2, 3.5, 1e-3, "x", null, true], "seed": 18446744073709551615}'
     assert parse_json(tmp_path, text) == json.loads(text)

@@ -25,7 +25,7 @@ def content(folder: Path) -> dict[str, str]:
 
 
 @pytest.fixture
-def earlier(tmp_path):
+def earlier(tmp_path: Path):
     """An output folder with the results of an earlier run, and a file of someone else."""
     folder = tmp_path / "out"
     (folder / "previews").mkdir(parents=True)
@@ -46,7 +46,7 @@ def write_all(staging: Path) -> None:
         (staging / name).write_text("new")
 
 
-def test_complete_results_replace_earlier_ones_and_leave_other_files(earlier):
+def test_complete_results_replace_earlier_ones_and_leave_other_files(earlier) -> None:
     with staged_output(earlier) as staging:
         write_all(staging)
         assert set(content(earlier).values()) >= {"old"}
@@ -56,7 +56,7 @@ def test_complete_results_replace_earlier_ones_and_leave_other_files(earlier):
     assert content(earlier) == {**dict.fromkeys(names, "new"), "notes.txt": "old"}
 
 
-def test_a_new_folder_is_made_with_its_parents(tmp_path):
+def test_a_new_folder_is_made_with_its_parents(tmp_path: Path) -> None:
     with staged_output(tmp_path / "a" / "b") as staging:
         write_all(staging)
 
@@ -64,7 +64,7 @@ def test_a_new_folder_is_made_with_its_parents(tmp_path):
 
 
 @pytest.mark.parametrize("failure", [RuntimeError, KeyboardInterrupt, SystemExit])
-def test_a_failed_run_leaves_everything_as_it_was(earlier, failure):
+def test_a_failed_run_leaves_everything_as_it_was(earlier, failure) -> None:
     before = content(earlier)
 
     with pytest.raises(failure):
@@ -73,7 +73,7 @@ def test_a_failed_run_leaves_everything_as_it_was(earlier, failure):
     assert not list(earlier.glob(".*"))
 
 
-def test_a_failed_first_run_leaves_no_folder(tmp_path):
+def test_a_failed_first_run_leaves_no_folder(tmp_path: Path) -> None:
     with pytest.raises(RuntimeError):
         run_and_fail(tmp_path / "out", RuntimeError)
     assert not (tmp_path / "out").exists()
@@ -81,7 +81,9 @@ def test_a_failed_first_run_leaves_no_folder(tmp_path):
 
 @pytest.mark.parametrize("failure", [OSError(errno.EIO, "I/O"), KeyboardInterrupt()])
 @pytest.mark.parametrize("moves", [0, 1, 3])
-def test_a_failure_while_moving_undoes_what_was_moved(earlier, monkeypatch, failure, moves):
+def test_a_failure_while_moving_undoes_what_was_moved(
+    earlier, monkeypatch: pytest.MonkeyPatch, failure, moves
+) -> None:
     before = content(earlier)
     move, count = Path.replace, []
 
@@ -98,7 +100,7 @@ def test_a_failure_while_moving_undoes_what_was_moved(earlier, monkeypatch, fail
     assert content(earlier) == before
 
 
-def test_results_json_is_moved_last(earlier, monkeypatch):
+def test_results_json_is_moved_last(earlier, monkeypatch: pytest.MonkeyPatch) -> None:
     move, order = Path.replace, []
     monkeypatch.setattr(Path, "replace", lambda s, t: (order.append(Path(t).name), move(s, t))[1])
     with staged_output(earlier) as staging:
@@ -109,7 +111,7 @@ def test_results_json_is_moved_last(earlier, monkeypatch):
     assert order[-1] == "results.json"
 
 
-def test_a_folder_in_the_place_of_a_file_is_an_output_error(earlier):
+def test_a_folder_in_the_place_of_a_file_is_an_output_error(earlier) -> None:
     (earlier / "added.csv").mkdir()
     before = content(earlier)
 
@@ -118,7 +120,7 @@ def test_a_folder_in_the_place_of_a_file_is_an_output_error(earlier):
     assert content(earlier) == before
 
 
-def test_a_file_in_the_place_of_the_folder_is_an_output_error(tmp_path):
+def test_a_file_in_the_place_of_the_folder_is_an_output_error(tmp_path: Path) -> None:
     (tmp_path / "out").touch()
 
     with pytest.raises(OutputError, match="choose another folder"), staged_output(tmp_path / "out"):
@@ -127,7 +129,7 @@ def test_a_file_in_the_place_of_the_folder_is_an_output_error(tmp_path):
         pass
 
 
-def test_a_full_disk_is_an_output_error_with_the_way_out(earlier):
+def test_a_full_disk_is_an_output_error_with_the_way_out(earlier) -> None:
     before = content(earlier)
 
     with pytest.raises(OutputError, match="disk is full; free some space"):
@@ -135,12 +137,12 @@ def test_a_full_disk_is_an_output_error_with_the_way_out(earlier):
     assert content(earlier) == before
 
 
-def test_a_failure_elsewhere_keeps_its_own_name(earlier, tmp_path):
+def test_a_failure_elsewhere_keeps_its_own_name(earlier, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError), staged_output(earlier):
         (tmp_path / "absent.jpg").read_bytes()
 
 
-def test_what_a_killed_run_left_goes_when_the_next_starts_but_a_living_run_stays(earlier):
+def test_what_a_killed_run_left_goes_when_the_next_starts_but_a_living_run_stays(earlier) -> None:
     script = (
         "import sys, time\n"
         "from uavgram.io.outputs import staged_output\n"
@@ -183,7 +185,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 
 @pytest.mark.parametrize("moves", [0, 1, 3, 4])
-def test_what_a_killed_run_had_moved_is_put_back_unless_it_was_everything(earlier, moves):
+def test_what_a_killed_run_had_moved_is_put_back_unless_it_was_everything(earlier, moves) -> None:
     before = content(earlier)
     command = [sys.executable, "-c", KILLED_WHILE_MOVING, str(earlier), str(moves)]
     assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
@@ -199,7 +201,7 @@ def test_what_a_killed_run_had_moved_is_put_back_unless_it_was_everything(earlie
         }
 
 
-def test_no_output_is_written_over_an_input(earlier):
+def test_no_output_is_written_over_an_input(earlier) -> None:
     before = content(earlier)
     with (
         pytest.raises(OutputError, match=r"report\.html: is an input.*--output"),
@@ -209,7 +211,7 @@ def test_no_output_is_written_over_an_input(earlier):
     assert content(earlier) == before
 
 
-def test_text_is_replaced_in_one_step(tmp_path, monkeypatch):
+def test_text_is_replaced_in_one_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "results.json"
     replace_text(path, "old ü\n")
     monkeypatch.setattr(outputs.os, "fsync", lambda _: (_ for _ in ()).throw(OSError(28, "full")))
@@ -220,7 +222,7 @@ def test_text_is_replaced_in_one_step(tmp_path, monkeypatch):
     assert [p.name for p in tmp_path.iterdir()] == ["results.json"]
 
 
-def test_files_have_the_permissions_of_any_new_file(tmp_path):
+def test_files_have_the_permissions_of_any_new_file(tmp_path: Path) -> None:
     (tmp_path / "plain").touch()
     with staged_output(tmp_path / "out") as staging:
         replace_text(staging / "results.json", "x")

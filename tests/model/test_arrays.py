@@ -43,7 +43,7 @@ def marks(**changes):
     return Marks(**given | changes)
 
 
-def test_arrays_are_copied_typed_and_read_only():
+def test_arrays_are_copied_typed_and_read_only() -> None:
     place = np.zeros((2, 2))
     found = marks(place_m=place)
     place[:] = 7.0
@@ -65,18 +65,18 @@ def test_arrays_are_copied_typed_and_read_only():
         ({"height_m": [0, np.inf]}, r"Marks.height_m: not finite at index \(1,\)"),
     ],
 )
-def test_a_wrong_array_is_named(changes, text):
+def test_a_wrong_array_is_named(changes, text) -> None:
     with pytest.raises(ValueError, match=text):
         marks(**changes)
 
 
-def test_a_size_may_come_from_elsewhere():
+def test_a_size_may_come_from_elsewhere() -> None:
     assert Grid(2, np.zeros((2, 5))).value.shape == (2, 5)
     with pytest.raises(ValueError, match=r"Grid.value: expected shape \(3, 5\), got \(2, 5\)"):
         Grid(3, np.zeros((2, 5)))
 
 
-def test_rows_are_taken_of_all_columns_of_one_length():
+def test_rows_are_taken_of_all_columns_of_one_length() -> None:
     last = replace(marks(), **rows_of(marks(), np.array([1])))
     assert (last.name, last.area.tolist(), last.seen.tolist()) == (("b",), [1], [False])
     assert last.pivot_m.shape == (2,)

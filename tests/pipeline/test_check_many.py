@@ -11,7 +11,7 @@ from uavgram.pipeline import check
 
 
 @pytest.mark.parametrize(("most", "hint"), [(8, " (did you mean 'P11'?)"), (7, "")])
-def test_hints_stop_where_they_would_take_long(monkeypatch, most, hint):
+def test_hints_stop_where_they_would_take_long(monkeypatch: pytest.MonkeyPatch, most, hint) -> None:
     monkeypatch.setattr(check, "_MOST_COMPARED", most)
     inputs = SimpleNamespace(
         picks=SimpleNamespace(label=("A", "B", "C", "P11")),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+from pathlib import Path
+from typing import Never
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
@@ -24,9 +26,9 @@ def _two():
         assert numbers() == {2}
 
 
-def test_the_setting_comes_back_also_after_an_error():
+def test_the_setting_comes_back_also_after_an_error() -> None:
     @with_one_blas_thread
-    def failing():
+    def failing() -> Never:
         raise KeyError(*numbers())
 
     with pytest.raises(KeyError, match="1"):
@@ -36,7 +38,9 @@ def test_the_setting_comes_back_also_after_an_error():
 
 
 @pytest.mark.parametrize("call", [run, check])
-def test_the_calls_are_limited_and_leave_nothing(call, tmp_path, monkeypatch):
+def test_the_calls_are_limited_and_leave_nothing(
+    call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     seen = []
     module = __import__(call.__module__, fromlist=["read_inputs"])
     real = module.read_inputs
@@ -49,18 +53,18 @@ def test_the_calls_are_limited_and_leave_nothing(call, tmp_path, monkeypatch):
     assert numbers() == {2}
 
 
-def test_calls_that_overlap_share_it_and_the_last_one_puts_it_back():
+def test_calls_that_overlap_share_it_and_the_last_one_puts_it_back() -> None:
     first_is_in, second_is_in, first_is_out = (threading.Event() for _ in range(3))
     seen = {}
 
     @with_one_blas_thread
-    def second():
+    def second() -> None:
         second_is_in.set()
         first_is_out.wait(10)
         seen["second, alone"] = numbers()
 
     @with_one_blas_thread
-    def first():
+    def first() -> None:
         first_is_in.set()
         second_is_in.wait(10)
 

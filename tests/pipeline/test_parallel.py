@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import os
 import threading
+from typing import Never
 
 import pytest
 
 from uavgram.pipeline.parallel import prefetch
 
 
-def test_results_come_in_order_with_their_items():
+def test_results_come_in_order_with_their_items() -> None:
     made = list(prefetch(lambda n: n * n, range(50)))
 
     assert made == [(n, n * n) for n in range(50)]
 
 
-def test_it_runs_only_a_little_ahead():
+def test_it_runs_only_a_little_ahead() -> None:
     begun, lock = [], threading.Lock()
 
     def work(item):
@@ -32,8 +33,8 @@ def test_it_runs_only_a_little_ahead():
     assert len(begun) <= 5 + 2 * (os.cpu_count() or 1) + 1
 
 
-def test_a_failure_reaches_whoever_takes_the_result():
-    def fail(item):
+def test_a_failure_reaches_whoever_takes_the_result() -> None:
+    def fail(item) -> Never:
         raise ValueError(item)
 
     with pytest.raises(ValueError, match="3"):

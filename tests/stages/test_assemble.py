@@ -76,7 +76,7 @@ def put_together(calibration, telemetry, known=control(), rows=ROWS, **others): 
 
 def test_picks_of_a_frame_without_an_instant_are_left_out_and_say_where_the_rest_went(
     calibration, flight
-):
+) -> None:
     assembled = put_together(calibration, flight)
     survey = assembled.survey
     assert survey.frame_id == ("f0", "f1")
@@ -90,11 +90,11 @@ def test_picks_of_a_frame_without_an_instant_are_left_out_and_say_where_the_rest
     assert survey.pick_sigma_px.tolist() == [1.5, 2.5, 1.5, 1.5]
 
 
-def test_a_height_stated_at_one_pick_holds_for_the_label_everywhere(calibration, flight):
+def test_a_height_stated_at_one_pick_holds_for_the_label_everywhere(calibration, flight) -> None:
     assert put_together(calibration, flight).survey.height_above_m.tolist() == [0.0, 0.7]
 
 
-def test_withheld_and_unseen_lengths_do_not_enter(calibration, flight):
+def test_withheld_and_unseen_lengths_do_not_enter(calibration, flight) -> None:
     assembled = put_together(calibration, flight)
     assert assembled.line_index.tolist() == [0, -1, -1, 1]
     assert assembled.survey.length_m.tolist() == [1.0, 4.0]
@@ -102,7 +102,7 @@ def test_withheld_and_unseen_lengths_do_not_enter(calibration, flight):
     assert assembled.survey.line_end.tolist() == [1, 0]
 
 
-def test_the_prior_of_a_frame_follows_it_to_its_new_place(calibration, flight):
+def test_the_prior_of_a_frame_follows_it_to_its_new_place(calibration, flight) -> None:
     rows = (*ROWS[2:3], ("f2", "A", 1, 1, NAN, NAN), ("f1", "B", 1, 1, NAN, NAN))
     survey = put_together(calibration, flight, rows=rows).survey
     assert survey.frame_id == ("f1", "f2")
@@ -114,25 +114,27 @@ def test_the_prior_of_a_frame_follows_it_to_its_new_place(calibration, flight):
 @pytest.mark.parametrize(
     ("known", "gauge", "used"), [((), "plane", 0), (("A",), "plane", 0), (("A", "B"), "world", 2)]
 )
-def test_without_log_two_picked_control_points_make_a_world(calibration, known, gauge, used):
+def test_without_log_two_picked_control_points_make_a_world(
+    calibration, known, gauge, used
+) -> None:
     survey = put_together(calibration, None, control(*known, "never picked")).survey
     assert survey.gauge == gauge
     assert len(survey.control_label) == used
     assert survey.frame_id == ("f1", "f0", "f9")  # all frames with picks
 
 
-def test_with_a_log_one_control_point_is_used(calibration, flight):
+def test_with_a_log_one_control_point_is_used(calibration, flight) -> None:
     survey = put_together(calibration, flight, control("B")).survey
     assert survey.gauge == "world"
     assert survey.control_label.tolist() == [1]
 
 
-def test_no_usable_frame_is_an_error(calibration, flight):
+def test_no_usable_frame_is_an_error(calibration, flight) -> None:
     with pytest.raises(GeometryError, match="no usable frame remains"):
         put_together(calibration, flight, rows=ROWS[2:3])
 
 
-def test_slope_sigma_is_turned_to_radians(calibration, flight):
+def test_slope_sigma_is_turned_to_radians(calibration, flight) -> None:
     ground = put_together(calibration, flight).survey.ground
     assert ground.slope_sigma_rad == pytest.approx(np.deg2rad(0.5))
     assert ground.height_sigma_m == 0.3
@@ -144,7 +146,7 @@ def put_in_areas(calibration, flight, area, ground):
 
 def test_an_area_stated_at_one_pick_holds_for_the_label_and_has_a_plane_of_its_own(
     calibration, flight
-):
+) -> None:
     verge = AreaOptions(height_m=0.4, slope_sigma_deg=2.0)
     ground = GroundOptions(height_sigma_m=0.2, roughness_sigma_m=0.01, areas={"verge": verge})
     survey = put_in_areas(calibration, flight, ("", "", "", "verge", "", ""), ground).survey
@@ -157,13 +159,15 @@ def test_an_area_stated_at_one_pick_holds_for_the_label_and_has_a_plane_of_its_o
     assert verge.roughness_sigma_m == 0.01
 
 
-def test_where_every_label_names_its_area_the_first_one_picked_comes_first(calibration, flight):
+def test_where_every_label_names_its_area_the_first_one_picked_comes_first(
+    calibration, flight
+) -> None:
     area = ("verge", "road", "verge", "", "", "")
     survey = put_in_areas(calibration, flight, area, GroundOptions()).survey
     assert [ground.name for ground in survey.grounds] == ["verge", "road"]
 
 
-def test_an_area_that_nobody_picked_is_told(calibration, flight):
+def test_an_area_that_nobody_picked_is_told(calibration, flight) -> None:
     ground = GroundOptions(areas={"vergue": AreaOptions(), "verge": AreaOptions()})
     (message,) = put_in_areas(calibration, flight, ("verge", *[""] * 5), ground).messages
     assert message.code == "area-unpicked"

@@ -50,7 +50,7 @@ def lines(*rows):
 TWO = (("a.jpg", "A", 1, 2), ("a.jpg", "B", 3, 4))
 
 
-def test_of_identical_files_the_one_with_most_picks_is_kept():
+def test_of_identical_files_the_one_with_most_picks_is_kept() -> None:
     found = find_duplicates(
         photos(1.0, 2.0, 3.0),
         {"a.jpg": "x", "b.jpg": "x", "c.jpg": "y"},
@@ -77,7 +77,7 @@ def test_of_identical_files_the_one_with_most_picks_is_kept():
     ],
     ids=["saved anew", "another pick", "another time", "no time"],
 )
-def test_other_bytes_with_equal_time_and_picks_are_the_same_photo(times, second, same):
+def test_other_bytes_with_equal_time_and_picks_are_the_same_photo(times, second, same) -> None:
     u0, v0, u1, v1 = second
     more = (("b.jpg", "B", u1, v1), ("b.jpg", "A", u0, v0))
     found = find_duplicates(
@@ -87,12 +87,12 @@ def test_other_bytes_with_equal_time_and_picks_are_the_same_photo(times, second,
     assert len(found.messages) == int(same)
 
 
-def test_photos_of_one_second_without_picks_are_a_burst():
+def test_photos_of_one_second_without_picks_are_a_burst() -> None:
     found = find_duplicates(photos(1.0, 1.0), {"a.jpg": "x", "b.jpg": "y"}, picks(), lines())
     assert not found.photos
 
 
-def test_a_length_is_counted_once_for_each_of_its_readings():
+def test_a_length_is_counted_once_for_each_of_its_readings() -> None:
     found = find_duplicates(
         photos(),
         {},

@@ -22,7 +22,7 @@ WORLD = np.array([[0.0, 0, 0], [3, 4, 0], [3, 0, 0], [0, 4, 0], [6, 8, 12]])
 class Points:
     """Points with a joint covariance: all that measuring needs of an adjustment."""
 
-    def __init__(self, world=WORLD, covariance=None, pick_frame=(0, 1, 0, 0, 1)):
+    def __init__(self, world=WORLD, covariance=None, pick_frame=(0, 1, 0, 0, 1)) -> None:
         self.world = world
         size = 3 * len(world)
         self.covariance = 1e-4 * np.eye(size) if covariance is None else covariance
@@ -93,7 +93,7 @@ BY_HAND = {
 
 
 @pytest.mark.parametrize(("request_", "value", "sigma", "unit"), BY_HAND.values(), ids=BY_HAND)
-def test_value_sigma_and_unit_by_hand(request_, value, sigma, unit):
+def test_value_sigma_and_unit_by_hand(request_, value, sigma, unit) -> None:
     results, messages = one(request_)
     assert messages == ()
     assert results.value[0] == pytest.approx(value)
@@ -104,7 +104,7 @@ def test_value_sigma_and_unit_by_hand(request_, value, sigma, unit):
     )
 
 
-def test_a_coordinate_gives_its_east_and_its_north():
+def test_a_coordinate_gives_its_east_and_its_north() -> None:
     covariance = np.diag(np.arange(1.0, 16.0) ** 2)
     covariance[3, 4] = covariance[4, 3] = 10.0
     results, _ = one(ask("coordinate", "B", name="pole"), Points(covariance=covariance))
@@ -114,7 +114,7 @@ def test_a_coordinate_gives_its_east_and_its_north():
     assert results.correlation[0, 1] == pytest.approx(10 / 20)
 
 
-def test_skid_speed_with_an_uncertain_friction():
+def test_skid_speed_with_an_uncertain_friction() -> None:
     results, _ = one(ask("skid_speed", "AB", mu=0.7, mu_sigma=0.05))
     speed = np.sqrt(2 * 0.7 * 9.80665 * 5)
     assert results.value[0] == pytest.approx(speed)  # 8.285 m/s
@@ -123,12 +123,12 @@ def test_skid_speed_with_an_uncertain_friction():
     assert results.unit == ("m/s",)
 
 
-def test_skid_speed_along_a_curved_mark_takes_its_whole_length():
+def test_skid_speed_along_a_curved_mark_takes_its_whole_length() -> None:
     results, _ = one(ask("skid_speed", "ACB", mu=0.7, mu_sigma=0.0))
     assert results.value[0] == pytest.approx(np.sqrt(2 * 0.7 * 9.80665 * 7))
 
 
-def test_speed_with_timing_errors_of_both_frames():
+def test_speed_with_timing_errors_of_both_frames() -> None:
     results, _ = one(ask("speed", "AB"))
     assert results.value[0] == pytest.approx(2.0)
     expected = 2.0 * np.hypot(0.01 * np.sqrt(2) / 5, 0.05 / 2.5)  # hypot(0.03, 0.04) = 0.05 s
@@ -136,7 +136,7 @@ def test_speed_with_timing_errors_of_both_frames():
     assert results.unit == ("m/s",)
 
 
-def test_speed_is_positive_whichever_frame_came_first():
+def test_speed_is_positive_whichever_frame_came_first() -> None:
     assert one(ask("speed", "BA"))[0].value[0] == pytest.approx(2.0)
 
 
@@ -154,7 +154,7 @@ def test_speed_is_positive_whichever_frame_came_first():
         (ask("speed", "AB"), Points(world=0 * WORLD), None, "coincide"),
     ],
 )
-def test_what_cannot_be_measured_is_null_with_a_message(request_, adjustment, when, why):
+def test_what_cannot_be_measured_is_null_with_a_message(request_, adjustment, when, why) -> None:
     if when == "nan":
         when = frames(time_utc_s=[np.nan, 102.5], sigma_time_s=[np.nan, 0.04])
     results, messages = one(request_, adjustment, when)
@@ -166,7 +166,7 @@ def test_what_cannot_be_measured_is_null_with_a_message(request_, adjustment, wh
     assert "'it'" in messages[0].text
 
 
-def test_speed_of_a_label_in_two_frames_is_refused():
+def test_speed_of_a_label_in_two_frames_is_refused() -> None:
     adjustment = Points()
     adjustment.survey.pick_frame = np.array([0, 1, 0, 0, 1, 1])
     adjustment.survey.pick_label = np.array([0, 1, 2, 3, 4, 0])
@@ -175,7 +175,7 @@ def test_speed_of_a_label_in_two_frames_is_refused():
     assert "picked in 2 frames" in messages[0].text
 
 
-def test_one_missing_label_does_not_spoil_the_others():
+def test_one_missing_label_does_not_spoil_the_others() -> None:
     requests = (
         ask("distance", "AB", "good"),
         ask("coordinate", ("no",), "bad"),
@@ -190,19 +190,19 @@ def test_one_missing_label_does_not_spoil_the_others():
     assert len(messages) == 1
 
 
-def test_nothing_asked_gives_nothing():
+def test_nothing_asked_gives_nothing() -> None:
     results, messages = measure(Points(), (), frames())
     assert results.value.shape == (0,)
     assert results.correlation.shape == (0, 0)
     assert messages == ()
 
 
-def test_nothing_but_unseen_labels_gives_nulls():
+def test_nothing_but_unseen_labels_gives_nulls() -> None:
     results, _ = one(ask("distance", ("x", "y")))
     assert np.isnan(results.value).all()
 
 
-def test_covariances_of_all_kinds_equal_those_of_sampled_points(scene_factory):
+def test_covariances_of_all_kinds_equal_those_of_sampled_points(scene_factory) -> None:
     survey = scene_factory(3, labels=6).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     requests = (
@@ -249,25 +249,25 @@ def by_hand(p):
     )
 
 
-def test_two_distances_with_a_common_end_are_correlated_as_by_hand():
+def test_two_distances_with_a_common_end_are_correlated_as_by_hand() -> None:
     # A-B and A-C: the share of A is the cosine between them, 3/5, of half of each variance.
     results, _ = measure(Points(), (ask("distance", "AB"), ask("distance", "AC", "2")), frames())
     assert results.correlation[0, 1] == pytest.approx(0.5 * 0.6)
 
 
-def test_a_speed_of_two_frames_does_not_depend_on_the_clock_offset():
+def test_a_speed_of_two_frames_does_not_depend_on_the_clock_offset() -> None:
     late = frames(time_utc_s=[107.0, 109.5], clock_offset_sigma_s=30.0)
     assert one(ask("speed", "AB"), None, late)[0].sigma[0] == one(ask("speed", "AB"))[0].sigma[0]
 
 
-def test_measuring_replaces_nothing_in_its_input():
+def test_measuring_replaces_nothing_in_its_input() -> None:
     adjustment = Points()
     before = replace(ask("distance", "AB"))
     one(before, adjustment)
     np.testing.assert_array_equal(adjustment.world, WORLD)
 
 
-def test_two_speeds_over_one_exposure_share_its_timing_error(scene_factory):
+def test_two_speeds_over_one_exposure_share_its_timing_error(scene_factory) -> None:
     survey = scene_factory(2, frames=3, labels=9).survey
     once = {k: int(np.flatnonzero(survey.pick_label == k)[0]) for k in range(3)}
     # Each label in one frame of its own: 0 in the first, 1 in the second, 2 in the third.

@@ -32,7 +32,9 @@ def frames_of(survey):
 
 
 @pytest.mark.parametrize("options", [{}, {"telemetry": False, "gauge": "plane", "lines": 8}])
-def test_sampled_sigmas_equal_first_order_ones_within_their_own_chance(scene_factory, options):
+def test_sampled_sigmas_equal_first_order_ones_within_their_own_chance(
+    scene_factory, options
+) -> None:
     survey = scene_factory(4, **options).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     first, _ = measure(adjustment, REQUESTS, frames_of(survey))
@@ -48,7 +50,7 @@ def test_sampled_sigmas_equal_first_order_ones_within_their_own_chance(scene_fac
     assert np.isnan(sampled.mean[3])
 
 
-def test_the_same_seed_gives_the_same_samples(scene_factory):
+def test_the_same_seed_gives_the_same_samples(scene_factory) -> None:
     survey = scene_factory(4).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     one, other = (sample(adjustment, REQUESTS, frames_of(survey), 5, 7)[0] for _ in range(2))

@@ -18,11 +18,11 @@ def left_out(name, why="too few picks"):
     )
 
 
-def test_one_of_a_kind_keeps_its_own_sentence():
+def test_one_of_a_kind_keeps_its_own_sentence() -> None:
     assert told(left_out("a.jpg")) == (left_out("a.jpg"),)
 
 
-def test_several_of_a_kind_are_one_message_with_a_list_by_reason():
+def test_several_of_a_kind_are_one_message_with_a_list_by_reason() -> None:
     (message,) = told(left_out("a.jpg"), left_out("b.jpg", "it shows sky"), left_out("c.jpg"))
     assert message.text == (
         "3 frames were left out: 'a.jpg', 'c.jpg' (too few picks); 'b.jpg' (it shows sky). "
@@ -32,7 +32,7 @@ def test_several_of_a_kind_are_one_message_with_a_list_by_reason():
     assert (message.level, message.code) == ("warning", "frame-left-out")
 
 
-def test_a_long_list_is_cut_in_the_sentence_and_whole_in_the_data():
+def test_a_long_list_is_cut_in_the_sentence_and_whole_in_the_data() -> None:
     names = tuple(f"{k}.jpg" for k in range(29))
     (message,) = told(*map(left_out, names))
     assert message.frames == names
@@ -41,7 +41,7 @@ def test_a_long_list_is_cut_in_the_sentence_and_whole_in_the_data():
     assert f"'{MOST_LISTED}.jpg'" not in message.text
 
 
-def test_the_cause_comes_first_its_consequences_last_and_errors_before_all():
+def test_the_cause_comes_first_its_consequences_last_and_errors_before_all() -> None:
     codes = ("frame-left-out", "group-misfit", "log-note", "pick-suspect", "labels-swapped")
     given = [Message("warning", code, code) for code in codes]
     said = told(Message("info", "own-columns", "x"), *given, Message("error", "not-converged", "x"))
@@ -56,7 +56,7 @@ def test_the_cause_comes_first_its_consequences_last_and_errors_before_all():
     ]
 
 
-def test_the_same_message_is_told_once_and_telling_twice_changes_nothing():
+def test_the_same_message_is_told_once_and_telling_twice_changes_nothing() -> None:
     said = told(left_out("a.jpg"), left_out("a.jpg"), left_out("b.jpg"))
     assert len(said) == 1
     assert told(*said) == said

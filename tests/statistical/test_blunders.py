@@ -101,7 +101,7 @@ def truth(scenes):
 
 
 @pytest.fixture(autouse=True)
-def _from_truth(monkeypatch, truth):
+def _from_truth(monkeypatch: pytest.MonkeyPatch, truth) -> None:
     """Adjustments of the one frame start at the truth: no search, time for more repetitions."""
     search = minima.first_values
     one_frame = truth[1]
@@ -110,7 +110,7 @@ def _from_truth(monkeypatch, truth):
     )
 
 
-def noisy(survey, rng, wrong=None, by=0.0):
+def noisy(survey, rng: np.random.Generator, wrong=None, by=0.0):
     """A survey with random errors in picks and lengths, and a blunder in one length."""
     length = survey.length_m + TAPE_M * rng.normal(size=6)
     if wrong is not None:
@@ -175,7 +175,7 @@ def violations(survey, repetitions=REPETITIONS):
     return words
 
 
-def test_false_alarms_and_power_for_small_blunders_are_as_predicted(truth):
+def test_false_alarms_and_power_for_small_blunders_are_as_predicted(truth) -> None:
     assert violations(truth[0]) == []
 
 
@@ -183,13 +183,13 @@ def rms(errors):
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
-def blundered(survey, rng):
+def blundered(survey, rng: np.random.Generator):
     """A survey with 0.2 to 1 m wrong in one length, which one, and by how much."""
     wrong, by = int(rng.integers(6)), rng.uniform(0.2, 1.0) * rng.choice([-1, 1])
     return noisy(survey, rng, wrong, by), wrong, by
 
 
-def test_a_wrong_length_is_flagged_and_its_group_named(truth, record_property):
+def test_a_wrong_length_is_flagged_and_its_group_named(truth, record_property) -> None:
     survey = truth[0]
     _, chance_of = predicted(survey)
     rng = np.random.default_rng(4)
@@ -212,7 +212,7 @@ def test_a_wrong_length_is_flagged_and_its_group_named(truth, record_property):
     assert np.mean(named) >= 0.90
 
 
-def test_a_wrong_length_is_taken_out_without_harm(truth, record_property):
+def test_a_wrong_length_is_taken_out_without_harm(truth, record_property) -> None:
     rng = np.random.default_rng(5)
     after, without, right = [], [], 0
     for _ in range(TAKEN_OUT):
@@ -230,7 +230,9 @@ def test_a_wrong_length_is_taken_out_without_harm(truth, record_property):
     assert rms(after) <= 1.15 * rms(without)
 
 
-def test_a_length_is_named_where_its_error_leads_to_another_pose(truth, monkeypatch):
+def test_a_length_is_named_where_its_error_leads_to_another_pose(
+    truth, monkeypatch: pytest.MonkeyPatch
+) -> None:
     # Three lengths allow several poses: a large error in the first line leads to another one, and
     # there all test statistics point at the third.
     ends = np.array([
@@ -271,7 +273,7 @@ def crossed(scene_factory, seed):
 
 def test_a_pick_15_px_off_is_located_where_three_frames_see_every_point(
     scene_factory, record_property
-):
+) -> None:
     located = 0
     for seed in range(SEVERAL):
         survey, rng = crossed(scene_factory, seed)
@@ -287,7 +289,7 @@ def test_a_pick_15_px_off_is_located_where_three_frames_see_every_point(
 
 def test_two_swapped_labels_are_located_where_three_frames_see_every_point(
     scene_factory, record_property
-):
+) -> None:
     located = 0
     for seed in range(SWAPPED):
         survey, rng = crossed(scene_factory, seed)
@@ -306,7 +308,9 @@ def test_two_swapped_labels_are_located_where_three_frames_see_every_point(
 # Planted bugs: each must be seen.
 
 
-def test_residuals_over_their_variance_break_the_predictions(truth, monkeypatch):
+def test_residuals_over_their_variance_break_the_predictions(
+    truth, monkeypatch: pytest.MonkeyPatch
+) -> None:
     right = module.reliability
 
     def wrong(block, covariance):
@@ -317,7 +321,9 @@ def test_residuals_over_their_variance_break_the_predictions(truth, monkeypatch)
     assert violations(truth[0], 60)
 
 
-def test_residuals_over_the_observations_sigma_break_the_predictions(truth, monkeypatch):
+def test_residuals_over_the_observations_sigma_break_the_predictions(
+    truth, monkeypatch: pytest.MonkeyPatch
+) -> None:
     right = module.reliability
 
     def wrong(block, covariance):

@@ -6,6 +6,7 @@ One error source at a time, with bounds from the number of trials.
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import board_scenes as scenes
 import numpy as np
@@ -90,7 +91,9 @@ def judged(squared, size):
         (scenes.FISHEYE, replace(OPTIONS, model="fisheye", coefficients=4)),
     ],
 )
-def test_true_parameters_lie_in_their_regions_at_the_stated_rate(trials, parameters, options):
+def test_true_parameters_lie_in_their_regions_at_the_stated_rate(
+    trials, parameters, options
+) -> None:
     found, covariances = trials if options is None else repeated(parameters, options)
     assert judged(*squared_misses(found, covariances, parameters))
     sigma = np.sqrt(np.einsum("tii->ti", covariances))
@@ -100,7 +103,7 @@ def test_true_parameters_lie_in_their_regions_at_the_stated_rate(trials, paramet
         assert least <= inside <= most, i
 
 
-def test_the_covariance_is_the_scatter_of_repeated_calibrations(trials):
+def test_the_covariance_is_the_scatter_of_repeated_calibrations(trials) -> None:
     found, covariances = trials
     sample, stated = np.cov(found.T), covariances.mean(axis=0)
     root = np.linalg.cholesky(stated)
@@ -113,7 +116,7 @@ def test_the_covariance_is_the_scatter_of_repeated_calibrations(trials):
     assert np.trace(whitened) / 9 == pytest.approx(1, abs=4 * np.sqrt(2 / (9 * TRIALS)))
 
 
-def test_true_projections_lie_in_their_regions_at_the_stated_rate(trials):
+def test_true_projections_lie_in_their_regions_at_the_stated_rate(trials) -> None:
     found, covariances = trials
     pixel = np.array([[60.0, 60], [512, 384], [900, 100], [300, 700]])
     ray = back_project("brown", scenes.BROWN5, pixel)
@@ -130,7 +133,7 @@ def test_true_projections_lie_in_their_regions_at_the_stated_rate(trials):
     assert (inside <= most).all()
 
 
-def test_planted_a_sigma_for_a_variance_shows(trials):
+def test_planted_a_sigma_for_a_variance_shows(trials) -> None:
     found, covariances = trials
     sigma = np.sqrt(np.einsum("tii->ti", covariances))
     correlation = covariances / (sigma[:, :, None] * sigma[:, None, :])
@@ -138,7 +141,7 @@ def test_planted_a_sigma_for_a_variance_shows(trials):
     assert not judged(*squared_misses(found, wrong, scenes.BROWN5))
 
 
-def test_planted_photos_counted_twice_show(trials):
+def test_planted_photos_counted_twice_show(trials) -> None:
     # all of them twice halve the covariance; one of eight takes a little
     found, covariances = trials
     assert not judged(*squared_misses(found, covariances / 2, scenes.BROWN5))
@@ -147,7 +150,7 @@ def test_planted_photos_counted_twice_show(trials):
     assert (np.diag(doubled[0]) < np.diag(once[0])).all()
 
 
-def test_planted_no_schur_complement_shows(monkeypatch):
+def test_planted_no_schur_complement_shows(monkeypatch: pytest.MonkeyPatch) -> None:
     schur = normals.Products.normals
 
     def known_poses(self, damping=0.0):
@@ -162,7 +165,7 @@ def test_planted_no_schur_complement_shows(monkeypatch):
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_on_real_photos_the_covariance_is_the_scatter_over_photos(data_dir, side):
+def test_on_real_photos_the_covariance_is_the_scatter_over_photos(data_dir: Path, side) -> None:
     # Bootstrap (Efron 1979) over photos: the residuals of one photo go together, so the corners'
     # own covariance, which is OpenCV's, is too small by a factor of more than two.
     observations = scenes.opencv_chess(data_dir, side)
@@ -188,7 +191,7 @@ def test_on_real_photos_the_covariance_is_the_scatter_over_photos(data_dir, side
     assert np.trace(whitened) * effect.factor / 9 > 2
 
 
-def test_projection_uncertainty_covers_calibrations_after_the_fitted_turn(trials):
+def test_projection_uncertainty_covers_calibrations_after_the_fitted_turn(trials) -> None:
     found, covariances = trials
     truth = Calibration(
         name="truth",

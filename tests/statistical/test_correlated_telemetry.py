@@ -82,21 +82,23 @@ def worst(scene_factory, options, *, lines=0, inflated=True, distances=True):
 
 @pytest.mark.parametrize("lines", [0, 4])
 @pytest.mark.parametrize("options", SCENES.values(), ids=SCENES)
-def test_distances_are_as_good_as_stated_whatever_the_correlation(scene_factory, options, lines):
+def test_distances_are_as_good_as_stated_whatever_the_correlation(
+    scene_factory, options, lines
+) -> None:
     assert worst(scene_factory, options, lines=lines) < 1.1
 
 
 @pytest.mark.parametrize("options", SCENES.values(), ids=SCENES)
-def test_places_are_as_good_as_stated_whatever_the_correlation(scene_factory, options):
+def test_places_are_as_good_as_stated_whatever_the_correlation(scene_factory, options) -> None:
     assert worst(scene_factory, options, distances=False) < 1.12
 
 
-def test_taken_as_independent_they_would_be_overstated(scene_factory):
+def test_taken_as_independent_they_would_be_overstated(scene_factory) -> None:
     long = SCENES["thirty frames over 300 m"]
     assert worst(scene_factory, long, inflated=False) > 1.4
 
 
-def test_the_price_is_less_than_the_factor(scene_factory):
+def test_the_price_is_less_than_the_factor(scene_factory) -> None:
     # Where errors really are independent, the stated sigmas are too large: by how much.
     adjustment, factor = adjusted(
         scene_factory, SCENES["thirty frames over 300 m"], lines=0, inflated=True

@@ -77,7 +77,7 @@ ROWS = {
 
 
 @pytest.fixture(autouse=True)
-def _a_thousandth_of_a_sigma(monkeypatch):
+def _a_thousandth_of_a_sigma(monkeypatch: pytest.MonkeyPatch) -> None:
     """The last of the iterations' digits say nothing here."""
     monkeypatch.setattr(least_squares, "CONVERGED", 1e-6)
 
@@ -121,7 +121,7 @@ def adjusted(scene):
     return Adjustment(problem, minimum, minimum.factor.covariance())
 
 
-def curved(adjustment):
+def curved(adjustment) -> bool:
     """Whether the program would say that the distance needs more than first order."""
     measured = propagate(adjustment, DISTANCE, None)
     terms = curvature(adjustment, measured, DISTANCE, None)
@@ -172,14 +172,14 @@ def violations(outcome):
 
 
 @pytest.mark.parametrize("row", ROWS)
-def test_errors_are_as_large_as_the_covariances_say(row):
+def test_errors_are_as_large_as_the_covariances_say(row) -> None:
     outcome = study(ROWS[row], SCENES)
 
     assert violations(outcome) == []
     assert outcome.flagged < 0.01 * SCENES  # counted apart: see below
 
 
-def judged_by_sampling(adjustments, truth, seed):
+def judged_by_sampling(adjustments, truth, seed) -> bool:
     """Whether a true distance lies in the sampled 95 % interval of one of some adjustments."""
     for adjustment in adjustments:
         sampled, _ = sample(adjustment, DISTANCE, None, 80, seed)
@@ -189,7 +189,7 @@ def judged_by_sampling(adjustments, truth, seed):
     return False
 
 
-def test_scenes_that_curvature_flags_are_honest_by_their_sampled_intervals():
+def test_scenes_that_curvature_flags_are_honest_by_their_sampled_intervals() -> None:
     kind = Kind(sources=None, telemetry=("absent",), lines=(4, 4), frames=(1,), tape_m=(0.1, 0.4))
     inside = []
     for trial in range(20 * JUDGED):
@@ -205,7 +205,7 @@ def test_scenes_that_curvature_flags_are_honest_by_their_sampled_intervals():
     assert sum(inside) >= binom.ppf(TAIL, len(inside), 0.95)
 
 
-def test_ambiguous_scenes_of_three_lines_hold_the_truth_in_one_of_their_intervals():
+def test_ambiguous_scenes_of_three_lines_hold_the_truth_in_one_of_their_intervals() -> None:
     kind = Kind(sources=("pixels", "lengths"), telemetry=("absent",), lines=(3, 3), frames=(1,))
     inside, merged, alone = [], [], []
     for trial in range(20 * JUDGED):
@@ -237,12 +237,12 @@ def test_ambiguous_scenes_of_three_lines_hold_the_truth_in_one_of_their_interval
 # Planted bugs: each must break the bounds.
 
 
-def without_calibration_covariance(monkeypatch):
+def without_calibration_covariance(monkeypatch: pytest.MonkeyPatch) -> None:
     root = survey_problem.covariance_root
     monkeypatch.setattr(survey_problem, "covariance_root", lambda c: 1e-3 * root(c))
 
 
-def rotation_on_the_wrong_side(monkeypatch):
+def rotation_on_the_wrong_side(monkeypatch: pytest.MonkeyPatch) -> None:
     right = SurveyProblem._pixels
 
     def wrong(self, state):
@@ -258,10 +258,10 @@ def rotation_on_the_wrong_side(monkeypatch):
     monkeypatch.setattr(SurveyProblem, "_pixels", wrong)
 
 
-def telemetry_sigma_for_variance(monkeypatch):
+def telemetry_sigma_for_variance(monkeypatch: pytest.MonkeyPatch) -> None:
     start = SurveyProblem.__init__
 
-    def wrong(self, *arguments):
+    def wrong(self, *arguments) -> None:
         start(self, *arguments)
         covariance = self.survey.telemetry.covariance
         sigma = np.sqrt(np.einsum("nii->ni", covariance))
@@ -270,7 +270,7 @@ def telemetry_sigma_for_variance(monkeypatch):
     monkeypatch.setattr(SurveyProblem, "__init__", wrong)
 
 
-def length_variance_for_sigma(monkeypatch):
+def length_variance_for_sigma(monkeypatch: pytest.MonkeyPatch) -> None:
     right = SurveyProblem._lengths
 
     def wrong(self, state):
@@ -286,7 +286,7 @@ def length_variance_for_sigma(monkeypatch):
 
 
 def twice(name):
-    def plant(monkeypatch):
+    def plant(monkeypatch: pytest.MonkeyPatch) -> None:
         right = SurveyProblem.evaluate
 
         def wrong(self, state):
@@ -323,7 +323,9 @@ BUGS = {
 
 
 @pytest.mark.parametrize(("plant", "row", "changes", "trials"), BUGS.values(), ids=BUGS.keys())
-def test_a_planted_bug_breaks_the_bounds(monkeypatch, plant, row, changes, trials):
+def test_a_planted_bug_breaks_the_bounds(
+    monkeypatch: pytest.MonkeyPatch, plant, row, changes, trials
+) -> None:
     kind = replace(ROWS[row], **changes)
     assert violations(study(kind, trials)) == []
     plant(monkeypatch)
@@ -370,14 +372,14 @@ def net(scene):
     return replace(scene, survey=survey)
 
 
-def test_shared_ends_treated_as_two_points_break_the_bounds():
+def test_shared_ends_treated_as_two_points_break_the_bounds() -> None:
     kind = Kind(sources=("pixels",), telemetry=("absent",), frames=(1,))
 
     assert violations(study(kind, 300, net)) == []
     assert violations(study(kind, 300, lambda scene: ends_apart(net(scene))))
 
 
-def test_a_verge_taken_for_the_road_breaks_the_bounds():
+def test_a_verge_taken_for_the_road_breaks_the_bounds() -> None:
     kind = replace(ROWS["two areas"], **ALONE)
 
     def on_the_road(scene):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ FLIGHTS = 1000
 
 
 @pytest.mark.statistical
-def test_no_wrong_pair_is_certain_and_uneven_spacing_gives_the_right_ones():
+def test_no_wrong_pair_is_certain_and_uneven_spacing_gives_the_right_ones() -> None:
     certain = wrong = 0
     found, there, z = {0.001: 0, 1.0: 0}, {0.001: 0, 1.0: 0}, []
     for seed in range(FLIGHTS):
@@ -47,7 +48,7 @@ def test_no_wrong_pair_is_certain_and_uneven_spacing_gives_the_right_ones():
 
 
 @pytest.mark.statistical
-def test_an_even_interval_is_never_guessed():
+def test_an_even_interval_is_never_guessed() -> None:
     refused = 0
     for seed in range(150):
         rng = np.random.default_rng(seed)
@@ -69,8 +70,8 @@ def test_an_even_interval_is_never_guessed():
 @pytest.mark.parametrize("kind", ["BIN", "tlog"])
 @pytest.mark.parametrize("flight", ["calm_nadir", "wind_oblique"])
 def test_photos_dropped_from_a_real_log_are_paired_rightly_or_refused(
-    data_dir, flight, kind, resolution
-):
+    data_dir: Path, flight, kind, resolution
+) -> None:
     log = read_flight_log(data_dir / flight / f"flight.{kind}")
     event = usable_boots(log)[0].event_utc_s()
     accepted = 0
@@ -94,8 +95,8 @@ def test_photos_dropped_from_a_real_log_are_paired_rightly_or_refused(
 @pytest.mark.parametrize("kind", ["BIN", "tlog"])
 @pytest.mark.parametrize("flight", ["calm_nadir", "wind_oblique"])
 def test_the_twins_own_photos_thinned_out_and_hours_off_are_right_or_refused(
-    data_dir, flight, kind, resolution
-):
+    data_dir: Path, flight, kind, resolution
+) -> None:
     folder = data_dir / flight
     photos, _ = read_photos((str(folder / "photos" / "*.jpg"),), TimeOptions(source="exif"))
     log = read_flight_log(folder / f"flight.{kind}")

@@ -39,7 +39,7 @@ class Outcome(NamedTuple):
 
 
 @pytest.fixture(autouse=True)
-def _equal_sigmas(monkeypatch, scenes):
+def _equal_sigmas(monkeypatch: pytest.MonkeyPatch, scenes) -> None:
     monkeypatch.setattr(scenes, "CONTROL_SIGMA", np.full(3, SIGMA_M))
 
 
@@ -114,7 +114,7 @@ def within_bounds(results):
     return low <= np.mean(squares) <= high
 
 
-def test_over_a_wide_scene_both_are_equally_good_honest_and_unambiguous(scene_factory):
+def test_over_a_wide_scene_both_are_equally_good_honest_and_unambiguous(scene_factory) -> None:
     found = outcomes(scene_factory, 24)
     for name in METHODS:
         assert None not in found[name], name
@@ -124,7 +124,7 @@ def test_over_a_wide_scene_both_are_equally_good_honest_and_unambiguous(scene_fa
     assert 0.5 < rms(found["points"]) / rms(found["lengths"]) < 2.0
 
 
-def test_a_small_scene_from_far_leaves_both_with_a_rival_pose(scene_factory):
+def test_a_small_scene_from_far_leaves_both_with_a_rival_pose(scene_factory) -> None:
     # Two metres from 27 m: hardly any perspective, so a plane may lean either way.
     found = outcomes(scene_factory, 12, spread=1.0)
     for name in METHODS:
@@ -132,7 +132,7 @@ def test_a_small_scene_from_far_leaves_both_with_a_rival_pose(scene_factory):
         assert rms(found[name]) > 0.01, name
 
 
-def test_three_points_are_too_few_and_three_lengths_ambiguous(scene_factory):
+def test_three_points_are_too_few_and_three_lengths_ambiguous(scene_factory) -> None:
     found = outcomes(scene_factory, 8, control=3, ends=TRIANGLE)
     assert found["points"] == [None] * 8
     rivals = [one is None or one.rivals > 0 for one in found["lengths"]]
@@ -140,8 +140,8 @@ def test_three_points_are_too_few_and_three_lengths_ambiguous(scene_factory):
 
 
 def test_wrong_sigmas_of_coordinates_show_in_the_fit_and_spoil_the_points_only(
-    scene_factory, scenes, monkeypatch
-):
+    scene_factory, scenes, monkeypatch: pytest.MonkeyPatch
+) -> None:
     # Coordinates that are five times worse than stated.
     monkeypatch.setattr(scenes, "CONTROL_SIGMA", np.full(3, 5 * SIGMA_M))
 
@@ -155,7 +155,7 @@ def test_wrong_sigmas_of_coordinates_show_in_the_fit_and_spoil_the_points_only(
     assert sum(one.fit < 0.001 for one in found["lengths"]) <= 1
 
 
-def test_a_datum_that_is_off_moves_the_points_but_no_distance(scene_factory):
+def test_a_datum_that_is_off_moves_the_points_but_no_distance(scene_factory) -> None:
     def shifted(survey):
         return replace(survey, control_world_m=survey.control_world_m + np.array([3.0, -2.0, 0.0]))
 

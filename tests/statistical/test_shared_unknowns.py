@@ -34,20 +34,22 @@ def found_and_true(scene_factory, name, trials=TRIALS):
     return np.array(squares), np.array(gain)
 
 
-def off_bounds(squares, degrees):
+def off_bounds(squares, degrees) -> bool:
     count = len(squares)
     low, high = chi2.ppf([TAIL, 1 - TAIL], count * degrees) / count
     return not low <= squares.mean() <= high
 
 
 @pytest.mark.parametrize("name", PARTS)
-def test_a_planted_value_is_found_within_its_sigma(scene_factory, name):
+def test_a_planted_value_is_found_within_its_sigma(scene_factory, name) -> None:
     squares, gain = found_and_true(scene_factory, name)
     assert gain.max() < 0.6  # the observations tell it, not its prior
     assert not off_bounds(squares, gain.shape[1])
 
 
-def test_a_drift_that_the_model_leaves_out_breaks_the_bounds(scene_factory, monkeypatch):
+def test_a_drift_that_the_model_leaves_out_breaks_the_bounds(
+    scene_factory, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def without_drift(shared, time_s, middle_s):  # noqa: ARG001
         return time_s - shared[telemetry_pose.CLOCK]
 

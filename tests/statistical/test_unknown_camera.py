@@ -63,7 +63,7 @@ DISTANCE = (
 class Cameras:
     """Stands in the place of a root of the covariance: gives errors of cameras as they are."""
 
-    def __init__(self, assumed):
+    def __init__(self, assumed) -> None:
         self._assumed = assumed
         self._share = np.sqrt(assumed.covariance[0, 0]) / assumed.parameters[0]
         self._lenses = [
@@ -90,7 +90,7 @@ class Cameras:
 
 
 @pytest.fixture
-def _unknown_cameras(monkeypatch):
+def _unknown_cameras(monkeypatch: pytest.MonkeyPatch) -> None:
     tags = CameraTags(path="", width_px=2000, height_px=1500)
     assumed, _ = assume_camera(tags, drone_cameras(), may_be_unknown=True)
     monkeypatch.setattr(scenes, "INTRINSICS", assumed.parameters)
@@ -98,7 +98,7 @@ def _unknown_cameras(monkeypatch):
     monkeypatch.setattr(random_scenes, "CALIBRATION_ROOT", Cameras(assumed))
 
 
-def with_seeds(scene, rng):
+def with_seeds(scene, rng: np.random.Generator):
     """What the log says of the poses before the adjustment."""
     survey, truth = scene.survey, scene.truth
     if survey.telemetry is None:
@@ -130,7 +130,7 @@ def error_of(scene, refined):
 
 @pytest.mark.usefixtures("_unknown_cameras")
 @pytest.mark.parametrize("kind", KINDS)
-def test_lengths_lie_within_their_sigmas_or_the_second_order_speaks(kind):
+def test_lengths_lie_within_their_sigmas_or_the_second_order_speaks(kind) -> None:
     errors = []
     for trial in range(SCENES):
         scene = random_scene((31, trial), KINDS[kind])

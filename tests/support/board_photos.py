@@ -125,7 +125,7 @@ def _mean_light(texture, u, v, rows, width):
     return mean[1:-1, 1:-1]
 
 
-def _expose(light, sensor, rng):
+def _expose(light, sensor, rng: np.random.Generator):
     height, width = light.shape
     if sensor.blur_px > 0:
         light = cv2.GaussianBlur(light, (0, 0), sensor.blur_px, borderType=cv2.BORDER_REPLICATE)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -133,7 +134,7 @@ def replace_pixels(photo, pixel, sigma=None):
     )
 
 
-def opencv_chess(data_dir, side):
+def opencv_chess(data_dir: Path, side):
     """OpenCV's own sample photos, corners by OpenCV."""
     photos = []
     for path in sorted((data_dir / "opencv_chess").glob(f"{side}[0-9]*.jpg")):
@@ -156,7 +157,7 @@ def opencv_chess(data_dir, side):
     return BoardObservations(board=flat_board(9, 6, 1.0), photos=tuple(photos))
 
 
-def phantom3(data_dir):
+def phantom3(data_dir: Path):
     """Published corners of a Phantom 3's board, and the published camera (of 30 photos)."""
     control = json.loads((data_dir / "phantom3_lenscalib" / "control.json").read_text())
     photos = []

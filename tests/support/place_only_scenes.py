@@ -117,7 +117,7 @@ def place_only(
     return PlaceOnly(assembled.survey, center[at], rotation[at], world)
 
 
-def _cameras(rng, frames, pitch_deg):
+def _cameras(rng: np.random.Generator, frames, pitch_deg):
     """Each anywhere about the scene, turned as it likes, tilted as the mount has it up to 5."""
     heading = rng.uniform(0, 360, frames)
     away = 40.0 / np.tan(np.radians(-pitch_deg)) if pitch_deg > -85 else 0.0
@@ -165,7 +165,7 @@ def _frames(names) -> Frames:
     )
 
 
-def _lines(rng, world) -> KnownLines:
+def _lines(rng: np.random.Generator, world) -> KnownLines:
     ends = [(0, 1), (2, 3), (4, 5), (6, 7)]
     length = np.array([np.linalg.norm(world[a] - world[b]) for a, b in ends])
     return KnownLines(

@@ -14,7 +14,7 @@ from uavgram.geometry.earth.geodesy import enu_from_geodetic
 NARRABEEN_ORIGIN = {"latitude_deg": -33.7299, "longitude_deg": 151.3006, "height_m": 2.475}
 
 
-def write_table(path, header, rows):
+def write_table(path, header, rows) -> None:
     """A CSV file."""
     lines = [",".join(str(cell) for cell in row) for row in rows]
     path.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")

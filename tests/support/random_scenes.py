@@ -179,7 +179,7 @@ def _ground(source, kind, name, height):
     )
 
 
-def _cameras(rng, kind):
+def _cameras(rng: np.random.Generator, kind):
     """Frames about a scene at the origin, all at one height, each looking at it."""
     count = rng.choice(kind.frames)
     if max(kind.frames) > 1 and rng.random() < MANY_FRAMES:
@@ -196,7 +196,7 @@ def _cameras(rng, kind):
     return center, turn.reshape(-1, 3, 3) @ look_down(0.0, tilt) @ wobble
 
 
-def _ground_points(rng, center, rotation):
+def _ground_points(rng: np.random.Generator, center, rotation):
     """(K, 2) points scattered over the middle of the first image, and so on the ground z = 0."""
     x = rng.uniform(-0.42, 0.42, LABELS)
     y = rng.uniform(-0.33, 0.33, LABELS)
@@ -214,7 +214,7 @@ def _at_gauge(planar, center, rotation):
     return (planar - foot[:2]) @ turn[:2, :2].T, (center - foot) @ turn.T, turn @ rotation
 
 
-def _picks(rng, intrinsics, center, rotation, world, source):
+def _picks(rng: np.random.Generator, intrinsics, center, rotation, world, source):
     """(P, 4) frame, label, u, v; all labels in the first frame, elsewhere those well inside."""
     picks = []
     for f in range(len(center)):
@@ -228,7 +228,7 @@ def _picks(rng, intrinsics, center, rotation, world, source):
     return table
 
 
-def _line_ends(rng, kind):
+def _line_ends(rng: np.random.Generator, kind):
     """Ends of the known lengths: four of them apart, the others at random; none measured."""
     count = rng.integers(kind.lines[0], kind.lines[1] + 1) * (rng.random() >= kind.bare)
     pairs = [tuple(sorted(pair)) for pair in rng.permutation(8).reshape(4, 2).tolist()]
@@ -238,7 +238,7 @@ def _line_ends(rng, kind):
     return ends[:, 0], ends[:, 1]
 
 
-def _telemetry(rng, source, sigma, kind, center, rotation):
+def _telemetry(rng: np.random.Generator, source, sigma, kind, center, rotation):
     """What was recorded of the flight: wrong by what all frames share, and each by its own."""
     count = len(center)
     shared_sigma = np.concatenate([s * source.sigma(n) for n, s in SHARED.items()])
@@ -287,7 +287,7 @@ def _photos(names, position, body):
     )
 
 
-def _log(rng, time, position, body):
+def _log(rng: np.random.Generator, time, position, body):
     count = len(time)
     velocity, rate = rng.normal(0, 5, (count, 3)), rng.normal(0, 0.1, (count, 3))
     sampled = (time[:, None] + INSTANTS_S).ravel()

@@ -255,7 +255,7 @@ def _ground(source: Sources, name: str, height: float, roughness: float) -> Grou
     )
 
 
-def _pick(rng, intrinsics, center, rotation, world, sigma):
+def _pick(rng: np.random.Generator, intrinsics, center, rotation, world, sigma):
     """(P, 4) frame, label, u, v of all points well inside each image."""
     picks = []
     for f in range(len(center)):
@@ -266,7 +266,7 @@ def _pick(rng, intrinsics, center, rotation, world, sigma):
     return np.array(picks).reshape(-1, 4)
 
 
-def _telemetry(rng, source, time, center, rotation, correlation_s):
+def _telemetry(rng: np.random.Generator, source, time, center, rotation, correlation_s):
     """A flight whose log is wrong by boresight, lever arm, biases and clock, as stated."""
     switch = np.array([source.sigma(name) for name in SHARED_SOURCE])
     noise = np.array([source.noise(name) for name in SHARED_SOURCE])

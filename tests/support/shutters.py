@@ -21,7 +21,7 @@ class Case(NamedTuple):
     uneven: bool  # see `looks_like_itself`
 
 
-def by_distance(rng, count):
+def by_distance(rng: np.random.Generator, count):
     """Exposure times (count,): a distance flown between two, in legs with wind, gusts, turns."""
     distance, airspeed = rng.uniform(5, 40), rng.uniform(4, 18)
     wind, least = rng.uniform(0, 0.35) * airspeed, rng.uniform(0.4, 1.5)
@@ -43,7 +43,7 @@ def by_distance(rng, count):
     return np.cumsum(spacing)
 
 
-def by_time(rng, count):
+def by_time(rng: np.random.Generator, count):
     """Exposure times (count,) at an even interval, as a 50 Hz loop keeps it."""
     interval = rng.choice([1.0, 1.5, 2.0, 2.5, 3.0, 4.0])
     return np.arange(1, count + 1) * interval + rng.uniform(0, 0.02, count)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from uavgram.views.terminal import measurement_table, message_lines
 
 
-def test_the_table_lists_every_measurement_worst_first_in_straight_columns(survey):
+def test_the_table_lists_every_measurement_worst_first_in_straight_columns(survey) -> None:
     result = survey.build()
     header, rule, *rows = measurement_table(result).splitlines()
 
@@ -17,11 +17,11 @@ def test_the_table_lists_every_measurement_worst_first_in_straight_columns(surve
     assert {len(row) for row in rows} == {len(rule)} == {len(header)}
 
 
-def test_without_measurements_the_table_says_so(survey):
+def test_without_measurements_the_table_says_so(survey) -> None:
     assert measurement_table(survey.build(measures=())).startswith("No measurements were asked for")
 
 
-def test_errors_come_before_warnings_before_choices(survey):
+def test_errors_come_before_warnings_before_choices(survey) -> None:
     levels = [line.split(":")[0] for line in message_lines(survey.build().messages)]
 
     assert levels == ["error", "warning", "info"]

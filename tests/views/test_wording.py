@@ -19,35 +19,35 @@ from uavgram.views.wording import chance, decimals_for, number, relative, with_s
         (25, "m2", 0),
     ],
 )
-def test_a_value_shows_two_digits_of_its_sigma(sigma, unit, decimals):
+def test_a_value_shows_two_digits_of_its_sigma(sigma, unit, decimals) -> None:
     assert decimals_for(sigma, unit) == decimals
 
 
-def test_a_value_and_its_sigma_end_at_the_same_digit():
+def test_a_value_and_its_sigma_end_at_the_same_digit() -> None:
     assert with_sigma(12.34567, 0.0213, "m") == "12.346 ± 0.021 m"
     assert with_sigma(143.04, 0.912, "m2") == "143.04 ± 0.91 m²"
 
 
-def test_what_cannot_be_computed_says_so():
+def test_what_cannot_be_computed_says_so() -> None:
     assert with_sigma(np.nan, np.nan, "m") == "not computed"
     assert number(np.nan) == "–"
 
 
-def test_there_is_no_negative_zero():
+def test_there_is_no_negative_zero() -> None:
     assert number(-0.0001, 2, signed=True) == "0.00"
 
 
-def test_a_tiny_probability_is_not_shown_as_zero():
+def test_a_tiny_probability_is_not_shown_as_zero() -> None:
     assert chance(3e-7) == "< 0.001"
     assert chance(0.25) == "0.250"
 
 
-def test_an_angle_has_no_relative_sigma():
+def test_an_angle_has_no_relative_sigma() -> None:
     assert relative(87.0, 0.1, "deg") == "–"
     assert relative(-50.0, 0.1, "m") == "0.20 %"
 
 
-def test_the_worst_measurement_comes_first_and_what_has_no_value_before_it(survey):
+def test_the_worst_measurement_comes_first_and_what_has_no_value_before_it(survey) -> None:
     rows = survey.build().measurements
     order = [rows.name[i] for i in worst_first(rows)]
 
@@ -55,7 +55,7 @@ def test_the_worst_measurement_comes_first_and_what_has_no_value_before_it(surve
     assert order[-1] == "skid left"  # 21 mm of 40 m
 
 
-def test_a_coordinate_near_zero_is_not_the_worst_for_being_small(survey):
+def test_a_coordinate_near_zero_is_not_the_worst_for_being_small(survey) -> None:
     rows = survey.build().measurements
     order = [rows.name[i] for i in worst_first(rows)]
 

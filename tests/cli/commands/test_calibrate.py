@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from pathlib import Path
 from types import SimpleNamespace
 
 import board_scenes
@@ -61,7 +62,7 @@ def write_board_photos(folder, count, board=CHARUCO, *, seed=0):
 
 
 @pytest.fixture(scope="module", params=["left", "right"])
-def chess(data_dir, tmp_path_factory, request):
+def chess(data_dir: Path, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest):
     folder = tmp_path_factory.mktemp(request.param) / "out"
     pattern = data_dir / "opencv_chess" / f"{request.param}[0-9]*.jpg"
     done = calibrated(folder, pattern, "--board", "chessboard:9x6:1m", "--coefficients", 5)
@@ -70,7 +71,7 @@ def chess(data_dir, tmp_path_factory, request):
 
 
 @pytest.fixture(scope="module")
-def rendered(tmp_path_factory):
+def rendered(tmp_path_factory: pytest.TempPathFactory):
     """ChArUco photos, one of them without a board."""
     folder = write_board_photos(tmp_path_factory.mktemp("rendered") / "photos", 12)
     cv2.imwrite(str(folder / "wall.png"), np.full(SIZE_PX[::-1], 120, np.uint8))
@@ -82,7 +83,7 @@ def charuco(rendered):
     return calibrated(rendered.parent / "out", rendered / "*.png", "--board", CHARUCO_TEXT)
 
 
-def test_every_file_is_there_and_says_the_same(chess):
+def test_every_file_is_there_and_says_the_same(chess) -> None:
     assert {path.name for path in chess.folder.iterdir()} == FILES | {"found"}
     assert len(list((chess.folder / "found").glob("*.jpg"))) == 13
     numbers = chess.numbers
@@ -115,7 +116,7 @@ def own_corners(chess):
     return BoardObservations(board=flat_board(9, 6, 1.0), photos=tuple(photos))
 
 
-def test_the_same_corners_give_opencvs_parameters(chess):
+def test_the_same_corners_give_opencvs_parameters(chess) -> None:
     found = board_scenes.as_float32(own_corners(chess))
     equal = BoardObservations(
         board=found.board,
@@ -130,13 +131,13 @@ def test_the_same_corners_give_opencvs_parameters(chess):
     assert np.abs(apart).max() < 1.0
 
 
-def test_opencvs_own_corners_give_the_same_camera_within_its_sigmas(chess, data_dir):
+def test_opencvs_own_corners_give_the_same_camera_within_its_sigmas(chess, data_dir: Path) -> None:
     theirs, *_ = board_scenes.opencv_calibration(board_scenes.opencv_chess(data_dir, chess.side))
     apart = (chess.camera.parameters - theirs) / np.sqrt(np.diag(chess.camera.covariance))
     assert np.abs(apart).max() < 2.0
 
 
-def test_residuals_are_those_of_opencvs_projection(chess):
+def test_residuals_are_those_of_opencvs_projection(chess) -> None:
     fx, fy, cx, cy = chess.camera.parameters[:4]
     matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     board = flat_board(9, 6, 1.0).corner_board_m
@@ -157,7 +158,9 @@ def test_residuals_are_those_of_opencvs_projection(chess):
 
 
 @pytest.mark.parametrize("prior", ["none", "exif"])
-def test_six_photos_of_a_phantom_agree_with_the_published_camera(data_dir, tmp_path, prior):
+def test_six_photos_of_a_phantom_agree_with_the_published_camera(
+    data_dir: Path, tmp_path: Path, prior
+) -> None:
     folder = data_dir / "phantom3_lenscalib"
     published = json.loads((folder / "control.json").read_text())["camera"]
     done = calibrated(
@@ -175,7 +178,7 @@ def test_six_photos_of_a_phantom_agree_with_the_published_camera(data_dir, tmp_p
     assert done.provenance.focal_mm == pytest.approx(3.61)
 
 
-def test_a_charuco_board_gives_the_true_camera_and_a_wall_is_said(charuco, rendered):
+def test_a_charuco_board_gives_the_true_camera_and_a_wall_is_said(charuco, rendered) -> None:
     miss = charuco.camera.parameters - TRUE
     free = np.flatnonzero(np.diag(charuco.camera.covariance) > 0)
     covariance = charuco.camera.covariance[np.ix_(free, free)]
@@ -187,7 +190,9 @@ def test_a_charuco_board_gives_the_true_camera_and_a_wall_is_said(charuco, rende
     assert len(list(rendered.iterdir())) == 13  # nothing was written beside the photos
 
 
-def test_the_table_shows_every_parameter_and_the_worst_message_first(command, rendered, tmp_path):
+def test_the_table_shows_every_parameter_and_the_worst_message_first(
+    command, rendered, tmp_path: Path
+) -> None:
     done = command(
         "calibrate", rendered / "*.png", "--board", CHARUCO_TEXT, "--output", tmp_path / "a",
         "--coefficients", 3, "--fix-aspect", "--name", "mine",
@@ -207,7 +212,9 @@ def test_the_table_shows_every_parameter_and_the_worst_message_first(command, re
     assert "warning" in levels
 
 
-def test_a_second_run_replaces_the_first_and_gives_the_same_numbers(charuco, rendered, tmp_path):
+def test_a_second_run_replaces_the_first_and_gives_the_same_numbers(
+    charuco, rendered, tmp_path: Path
+) -> None:
     shutil.copytree(charuco.folder, tmp_path / "out")
     (tmp_path / "out" / "camera.yaml").write_text("an earlier one")
     again = calibrated(tmp_path / "out", rendered / "*.png", "--board", CHARUCO_TEXT)
@@ -283,7 +290,7 @@ def prior_without_exif(folder):
     return (*BOARD, "--prior", "exif"), "does not say which camera"
 
 
-def copy_some(folder, count):
+def copy_some(folder, count) -> None:
     for k in range(count):
         shutil.copy(folder.parent / "good" / f"{k:02d}.png", folder)
 
@@ -296,7 +303,9 @@ def copy_some(folder, count):
     ],
     ids=lambda make: make.__name__,
 )  # fmt: skip
-def test_what_is_wrong_is_one_message_and_nothing_is_written(make, rendered, command, tmp_path):
+def test_what_is_wrong_is_one_message_and_nothing_is_written(
+    make, rendered, command, tmp_path: Path
+) -> None:
     shutil.copytree(rendered, tmp_path / "good")
     folder = tmp_path / "photos"
     folder.mkdir()
@@ -313,7 +322,7 @@ def test_what_is_wrong_is_one_message_and_nothing_is_written(make, rendered, com
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
-def test_a_folder_that_cannot_be_written_is_one_message(rendered, command, tmp_path):
+def test_a_folder_that_cannot_be_written_is_one_message(rendered, command, tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("a file")
     done = command("calibrate", rendered / "*.png", *BOARD, "--output", tmp_path / "taken")
     assert done.status == 1
@@ -321,7 +330,7 @@ def test_a_folder_that_cannot_be_written_is_one_message(rendered, command, tmp_p
     assert (tmp_path / "taken").read_text() == "a file"
 
 
-def test_the_photos_themselves_are_never_written_over(rendered, command, tmp_path):
+def test_the_photos_themselves_are_never_written_over(rendered, command, tmp_path: Path) -> None:
     shutil.copytree(rendered, tmp_path / "found")
     before = {path.name: path.read_bytes() for path in (tmp_path / "found").iterdir()}
     done = command("calibrate", tmp_path / "found" / "*.png", *BOARD, "--output", tmp_path)
@@ -330,7 +339,7 @@ def test_the_photos_themselves_are_never_written_over(rendered, command, tmp_pat
     assert {path.name: path.read_bytes() for path in (tmp_path / "found").iterdir()} == before
 
 
-def test_photos_of_one_name_in_two_folders_keep_apart(rendered, tmp_path):
+def test_photos_of_one_name_in_two_folders_keep_apart(rendered, tmp_path: Path) -> None:
     for k in range(6):
         (tmp_path / "ab"[k % 2]).mkdir(exist_ok=True)
         shutil.copy(rendered / f"{k:02d}.png", tmp_path / "ab"[k % 2] / f"{k // 2}.png")
@@ -343,7 +352,7 @@ def test_photos_of_one_name_in_two_folders_keep_apart(rendered, tmp_path):
     assert len(list((tmp_path / "out" / "found").iterdir())) == 6
 
 
-def test_found_pictures_show_the_corners(charuco, rendered):
+def test_found_pictures_show_the_corners(charuco, rendered) -> None:
     plain = cv2.imread(str(rendered / "00.png"))
     drawn = cv2.imread(str(charuco.folder / "found" / "00.png.jpg"))
     assert drawn.shape == plain.shape
@@ -353,7 +362,7 @@ def test_found_pictures_show_the_corners(charuco, rendered):
         assert np.ptp(around, axis=2).max() > 60  # colour where the photo has none
 
 
-def test_rendered_corners_are_where_they_were_projected(charuco):
+def test_rendered_corners_are_where_they_were_projected(charuco) -> None:
     # of the first photo of the helper, drawn again: the truth is known from the geometry alone
     rng = np.random.default_rng(0)
     pose = look(

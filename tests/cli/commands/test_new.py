@@ -39,8 +39,8 @@ def snapshot(folder: Path) -> dict[str, bytes]:
 
 
 def test_photos_log_and_camera_become_a_project_that_check_accepts_and_the_page_opens(
-    data_dir, tmp_path, capsys
-):
+    data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     files = ("photos/*.jpg", "flight.BIN", "camera.yaml")
     folder = linked(data_dir / "calm_nadir", tmp_path / "calm", *files)
     assert main(["new", str(folder)]) == 0
@@ -66,7 +66,9 @@ def test_photos_log_and_camera_become_a_project_that_check_accepts_and_the_page_
         assert page.initial_state["state"] == {"picks": [], "lines": [], "measurements": []}
 
 
-def test_an_offset_of_the_clock_that_had_to_be_assumed_is_said(data_dir, tmp_path, capsys):
+def test_an_offset_of_the_clock_that_had_to_be_assumed_is_said(
+    data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The camera events of this flight come at equal steps, so they fit several offsets."""
     files = ("photos/*.jpg", "flight.BIN", "camera.yaml")
     folder = linked(data_dir / "calm_nadir", tmp_path / "calm", *files)
@@ -75,7 +77,9 @@ def test_an_offset_of_the_clock_that_had_to_be_assumed_is_said(data_dir, tmp_pat
     assert load_project(folder / "project.yaml").time.offset_s == 0.0
 
 
-def test_times_in_the_names_of_photos_are_found_and_said(data_dir, tmp_path, capsys):
+def test_times_in_the_names_of_photos_are_found_and_said(
+    data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     files = ("photos/*.jpg", "flight.tlog", "camera.yaml")
     folder = linked(data_dir / "cuav", tmp_path / "flight", *files)
     assert main(["new", str(folder)]) == 0
@@ -85,7 +89,9 @@ def test_times_in_the_names_of_photos_are_found_and_said(data_dir, tmp_path, cap
     assert main(["check", str(folder / "project.yaml")]) == 0
 
 
-def test_photos_that_know_camera_and_place_need_neither_file(data_dir, tmp_path, capsys):
+def test_photos_that_know_camera_and_place_need_neither_file(
+    data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = linked(data_dir / "brighton_beach", tmp_path / "beach", "*")
     assert main(["new", str(folder)]) == 0
     said = capsys.readouterr().out
@@ -96,7 +102,9 @@ def test_photos_that_know_camera_and_place_need_neither_file(data_dir, tmp_path,
     assert main(["check", str(folder / "project.yaml")]) == 0
 
 
-def test_photos_of_two_sizes_are_listed_and_one_kind_is_chosen(data_dir, tmp_path, capsys):
+def test_photos_of_two_sizes_are_listed_and_one_kind_is_chosen(
+    data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = linked(data_dir / "narrabeen_mavic", tmp_path / "beach", "*.*", "frames/*.jpg")
     assert main(["new", str(folder)]) == 1
     said = capsys.readouterr().err
@@ -110,8 +118,8 @@ def test_photos_of_two_sizes_are_listed_and_one_kind_is_chosen(data_dir, tmp_pat
 
 
 def test_a_camera_of_which_nothing_is_known_is_an_ordinary_one_until_it_is_calibrated(
-    data_dir, tmp_path, capsys
-):
+    data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = linked(data_dir / "narrabeen_mavic", tmp_path / "beach", "*.*", "frames/*.jpg")
     assert main(["new", str(folder), "--images", "frames/*.jpg"]) == 0
     said = capsys.readouterr().out
@@ -136,7 +144,9 @@ def test_a_camera_of_which_nothing_is_known_is_an_ordinary_one_until_it_is_calib
     assert [message["code"] for message in camera["messages"]] == ["camera-unknown"]
 
 
-def test_a_fisheye_is_not_taken_for_an_ordinary_camera(tmp_path, capsys):
+def test_a_fisheye_is_not_taken_for_an_ordinary_camera(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     camera_photo(tmp_path / "a.jpg", (400, 300), make="Parrot", model="BEBOP 2")
     assert main(["new", str(tmp_path)]) == 1
     said = capsys.readouterr().err
@@ -146,7 +156,9 @@ def test_a_fisheye_is_not_taken_for_an_ordinary_camera(tmp_path, capsys):
     assert [path.name for path in tmp_path.iterdir()] == ["a.jpg"]
 
 
-def test_photos_of_two_cameras_are_told_apart_before_anything_is_written(tmp_path, capsys):
+def test_photos_of_two_cameras_are_told_apart_before_anything_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     camera_photo(tmp_path / "a.jpg", (400, 300), make="ACME", model="Eye")
     camera_photo(tmp_path / "b.jpg", (400, 300), make="ACME", model="Ear")
     assert main(["new", str(tmp_path)]) == 1
@@ -156,14 +168,16 @@ def test_photos_of_two_cameras_are_told_apart_before_anything_is_written(tmp_pat
     assert load_project(tmp_path / "project.yaml").camera == "unknown"
 
 
-def test_a_project_without_log_and_lengths_says_that_nothing_gives_it_a_scale(tmp_path, capsys):
+def test_a_project_without_log_and_lengths_says_that_nothing_gives_it_a_scale(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = bare(tmp_path / "flight")
     assert main(["new", str(folder)]) == 0
     assert "nothing says how large anything is" in capsys.readouterr().out
     assert main(["check", str(folder / "project.yaml")]) == 0
 
 
-def test_tables_that_are_there_are_named_and_left_as_they_are(tmp_path):
+def test_tables_that_are_there_are_named_and_left_as_they_are(tmp_path: Path) -> None:
     folder = bare(tmp_path / "flight")
     (folder / "picks.csv").write_text("image,label,u_px,v_px\nP1.jpg,A,1,2\n", encoding="utf-8")
     (folder / "tape.csv").write_text("name,from,to,length_m,sigma_m\n", encoding="utf-8")
@@ -181,7 +195,9 @@ def test_tables_that_are_there_are_named_and_left_as_they_are(tmp_path):
     assert {Path(name).name for name in set(after) - set(before)} == {"project.yaml", "measure.csv"}
 
 
-def test_a_project_that_is_there_is_never_written_over(tmp_path, capsys):
+def test_a_project_that_is_there_is_never_written_over(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     project = small_project(tmp_path / "flight")
     before = snapshot(tmp_path)
     assert main(["new", str(project.parent)]) == 1
@@ -205,7 +221,9 @@ def test_a_project_that_is_there_is_never_written_over(tmp_path, capsys):
         ),
     ],
 )
-def test_what_is_found_twice_is_listed_and_nothing_is_written(tmp_path, capsys, files, words, way):
+def test_what_is_found_twice_is_listed_and_nothing_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], files, words, way
+) -> None:
     folder = bare(tmp_path / "flight")
     for name, content in files.items():
         (folder / name).write_bytes(content)
@@ -217,7 +235,9 @@ def test_what_is_found_twice_is_listed_and_nothing_is_written(tmp_path, capsys, 
     assert snapshot(folder) == before
 
 
-def test_a_camera_can_be_chosen_and_one_of_another_size_is_passed_over(tmp_path, capsys):
+def test_a_camera_can_be_chosen_and_one_of_another_size_is_passed_over(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = bare(tmp_path / "flight")
     (folder / "other.yaml").write_text(CAMERA, encoding="utf-8")
     assert main(["new", str(folder), "--camera", "other.yaml"]) == 0
@@ -231,7 +251,7 @@ def test_a_camera_can_be_chosen_and_one_of_another_size_is_passed_over(tmp_path,
     assert Path(load_project(folder / "project.yaml").camera).name == "camera.yaml"
 
 
-def test_files_that_only_look_like_what_is_looked_for_are_not_taken(tmp_path):
+def test_files_that_only_look_like_what_is_looked_for_are_not_taken(tmp_path: Path) -> None:
     folder = bare(tmp_path / "flight")
     (folder / "install.log").write_text("nothing flew here\n", encoding="utf-8")
     (folder / "firmware.bin").write_bytes(bytes(100))
@@ -246,7 +266,9 @@ def test_files_that_only_look_like_what_is_looked_for_are_not_taken(tmp_path):
     assert [Path(pattern).parent.name for pattern in project.images] == ["photos"]
 
 
-def test_of_a_calibration_beside_the_photos_the_camera_is_taken_and_no_picture(tmp_path):
+def test_of_a_calibration_beside_the_photos_the_camera_is_taken_and_no_picture(
+    tmp_path: Path,
+) -> None:
     folder = bare(tmp_path / "flight")
     results = folder / "calibration"
     (results / "found").mkdir(parents=True)
@@ -260,7 +282,9 @@ def test_of_a_calibration_beside_the_photos_the_camera_is_taken_and_no_picture(t
     assert [Path(pattern).parent.name for pattern in project.images] == ["photos"]
 
 
-def test_sizes_that_lie_mixed_in_one_folder_are_told_by_how_their_names_begin(tmp_path, capsys):
+def test_sizes_that_lie_mixed_in_one_folder_are_told_by_how_their_names_begin(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = bare(tmp_path / "flight")
     photo = (folder / "photos" / "P1.jpg").read_bytes()
     small = cv2.imencode(".jpg", np.zeros((30, 40, 3), np.uint8))[1].tobytes()
@@ -276,7 +300,9 @@ def test_sizes_that_lie_mixed_in_one_folder_are_told_by_how_their_names_begin(tm
     assert main(["check", str(folder / "project.yaml")]) == 0
 
 
-def test_a_wrong_file_is_told_and_nothing_is_left_behind(tmp_path, capsys):
+def test_a_wrong_file_is_told_and_nothing_is_left_behind(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = bare(tmp_path / "flight")
     picks = "image,label,u_px,v_px\nP1.jpg,A,one,2\n"
     (folder / "picks.csv").write_text(picks, encoding="utf-8")
@@ -286,7 +312,9 @@ def test_a_wrong_file_is_told_and_nothing_is_left_behind(tmp_path, capsys):
     assert snapshot(folder) == before
 
 
-def test_an_empty_folder_and_none_at_all_are_told(tmp_path, capsys):
+def test_an_empty_folder_and_none_at_all_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["new", str(tmp_path)]) == 1
     assert "holds no photo" in capsys.readouterr().err
     assert main(["new", str(tmp_path / "nowhere")]) == 1
@@ -294,7 +322,9 @@ def test_an_empty_folder_and_none_at_all_are_told(tmp_path, capsys):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_without_the_right_to_write_is_told(tmp_path, capsys, monkeypatch):
+def test_a_folder_without_the_right_to_write_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = bare(tmp_path / "flight")
     before = snapshot(folder)
     real = Path.open
@@ -328,7 +358,7 @@ NAMES = [
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_names_mean_what_they_are_in_yaml(name):
+def test_names_mean_what_they_are_in_yaml(name) -> None:
     """The truth is PyYAML, which reads the text."""
     for log, poses in (("flight.BIN", None), (None, "exif"), (None, None)):
         text = project_text(
@@ -350,7 +380,7 @@ def test_names_mean_what_they_are_in_yaml(name):
         assert max(len(line) for line in text.splitlines()) <= 110
 
 
-def test_what_new_writes_is_what_a_person_would(tmp_path):
+def test_what_new_writes_is_what_a_person_would(tmp_path: Path) -> None:
     folder = bare(tmp_path / "flight")
     assert main(["new", str(folder)]) == 0
     written = yaml.safe_load((folder / "project.yaml").read_text(encoding="utf-8"))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -51,8 +53,8 @@ def placed(folder, count, xmp=None):
     ],
 )
 def test_the_places_of_the_photos_are_used_and_the_assumed_ground_is_said(
-    tmp_path, capsys, count, xmp, datum
-):
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], count, xmp, datum
+) -> None:
     folder = placed(tmp_path / "flight", count, xmp)
     assert main(["new", str(folder)]) == 0
     said = capsys.readouterr().out
@@ -67,7 +69,7 @@ def test_the_places_of_the_photos_are_used_and_the_assumed_ground_is_said(
     assert main(["check", str(folder / "project.yaml")]) == 0
 
 
-def test_every_table_that_a_new_project_names_is_there(tmp_path):
+def test_every_table_that_a_new_project_names_is_there(tmp_path: Path) -> None:
     folder = placed(tmp_path / "flight", 2)
     assert main(["new", str(folder)]) == 0
     project = load_project(folder / "project.yaml")
@@ -75,7 +77,9 @@ def test_every_table_that_a_new_project_names_is_there(tmp_path):
         assert (folder / name).is_file()
 
 
-def test_markers_of_another_program_are_no_camera(tmp_path, capsys):
+def test_markers_of_another_program_are_no_camera(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = placed(tmp_path / "flight", 2)
     (folder / "marker.xml").write_text(MARKERS, encoding="utf-8")
     assert main(["new", str(folder)]) == 0
@@ -94,8 +98,8 @@ def test_markers_of_another_program_are_no_camera(tmp_path, capsys):
     ],
 )
 def test_a_broken_calibration_is_told_by_its_line_and_without_a_librarys_words(
-    tmp_path, capsys, name, text, line
-):
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name, text, line
+) -> None:
     (tmp_path / name).write_text(text, encoding="utf-8")
     assert main(["camera", str(tmp_path / name)]) == 1
     said = capsys.readouterr().err

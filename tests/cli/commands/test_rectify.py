@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -20,7 +22,7 @@ def frames_of(project):
     return sorted(path.name for path in (project / "photos").iterdir())
 
 
-def test_the_mosaic_is_written_beside_the_results(project, command):
+def test_the_mosaic_is_written_beside_the_results(project, command) -> None:
     done = command("rectify", project.path)
 
     assert done.status == 0, done
@@ -41,7 +43,7 @@ def test_the_mosaic_is_written_beside_the_results(project, command):
     assert cv2.imread(str(folder / "rectified.png")) is not None
 
 
-def test_one_frame_at_a_size_of_ones_own(project, command, tmp_path):
+def test_one_frame_at_a_size_of_ones_own(project, command, tmp_path: Path) -> None:
     done = command(
         "rectify", project.path, "--frame", frames_of(project)[3], "--pixel-size", "0.5",
         "--output", tmp_path / "top",
@@ -54,7 +56,7 @@ def test_one_frame_at_a_size_of_ones_own(project, command, tmp_path):
         assert file.tags()["frames"] == frames_of(project)[3]
 
 
-def test_the_map_of_sigmas_agrees_with_the_adjustments_own(project, command):
+def test_the_map_of_sigmas_agrees_with_the_adjustments_own(project, command) -> None:
     # a point that only one frame sees is placed by that frame, and changes nothing else
     frame = frames_of(project)[3]
     pick = f"{frame},only here,{123.0},{211.0}"
@@ -80,7 +82,7 @@ def test_the_map_of_sigmas_agrees_with_the_adjustments_own(project, command):
     assert own > 0.05
 
 
-def test_without_a_log_it_lies_in_local_metres(project, command):
+def test_without_a_log_it_lies_in_local_metres(project, command) -> None:
     project.set(log=None, poses=None, check=None, control=None)
     frame = frames_of(project)[3]
     text = (project / "lines.csv").read_text(encoding="utf-8")
@@ -103,7 +105,9 @@ def test_without_a_log_it_lies_in_local_metres(project, command):
         (["--pixel-size", "900"], "ask for --pixel-size"),
     ],
 )
-def test_what_cannot_be_done_is_one_message_with_the_way_out(project, command, arguments, said):
+def test_what_cannot_be_done_is_one_message_with_the_way_out(
+    project, command, arguments, said
+) -> None:
     before = project.outputs()
     done = command("rectify", project.path, *arguments)
 
@@ -114,11 +118,11 @@ def test_what_cannot_be_done_is_one_message_with_the_way_out(project, command, a
 
 
 @pytest.mark.parametrize("size", ["0", "-1", "wide"])
-def test_a_size_that_is_none_is_wrong_usage(project, command, size):
+def test_a_size_that_is_none_is_wrong_usage(project, command, size) -> None:
     assert command("rectify", project.path, "--pixel-size", size).status == 2
 
 
-def test_a_frame_without_a_pose_says_to_pick_in_it(project, command):
+def test_a_frame_without_a_pose_says_to_pick_in_it(project, command) -> None:
     frame = frames_of(project)[3]
     header, *rows = (project / "picks.csv").read_text(encoding="utf-8").splitlines()
     kept = [row for row in rows if not row.startswith(frame)]
@@ -130,7 +134,9 @@ def test_a_frame_without_a_pose_says_to_pick_in_it(project, command):
     assert f"'{frame}' has no adjusted pose: pick points in it" in done.stderr
 
 
-def test_a_photo_that_goes_while_it_is_needed_leaves_earlier_files(project, command, monkeypatch):
+def test_a_photo_that_goes_while_it_is_needed_leaves_earlier_files(
+    project, command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert command("rectify", project.path).status == 0
     before = project.outputs()
     taken = photo_cache.read_photo
@@ -147,7 +153,7 @@ def test_a_photo_that_goes_while_it_is_needed_leaves_earlier_files(project, comm
     assert project.outputs() == before
 
 
-def test_a_folder_that_cannot_be_written_is_named(project, command, tmp_path):
+def test_a_folder_that_cannot_be_written_is_named(project, command, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
 
     done = command("rectify", project.path, "--output", tmp_path / "file" / "top")

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Never
+
 import pytest
 
 from uavgram.views.viewer import server as viewer
 
 
 @pytest.fixture
-def shown(monkeypatch):
+def shown(monkeypatch: pytest.MonkeyPatch):
     """Recordings that were opened on the screen, without opening any."""
     calls = []
     monkeypatch.setattr(viewer, "open_viewer", calls.append)
     return calls
 
 
-def test_a_run_opens_the_review_that_it_wrote(project, command, shown, tmp_path):
+def test_a_run_opens_the_review_that_it_wrote(project, command, shown, tmp_path: Path) -> None:
     assert command("run", project.path, "--view").status == 0
     assert command("run", project.path, "--view", "--output", tmp_path / "other").status == 0
     assert command("run", project.path).status == 0
@@ -24,13 +27,15 @@ def test_a_run_opens_the_review_that_it_wrote(project, command, shown, tmp_path)
     assert all(path.is_file() for path in shown)
 
 
-def test_on_a_screen_the_recording_itself_is_opened(project, command, shown):
+def test_on_a_screen_the_recording_itself_is_opened(project, command, shown) -> None:
     assert command("view", project.out / "recording.rrd").status == 0
     assert shown == [project.out / "recording.rrd"]
 
 
-def test_in_a_browser_the_address_is_said_and_ctrl_c_is_the_end(project, command, monkeypatch):
-    def serve(recording, started):
+def test_in_a_browser_the_address_is_said_and_ctrl_c_is_the_end(
+    project, command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def serve(recording, started) -> Never:
         assert recording == project.out / "recording.rrd"
         started("http://127.0.0.1:1234?url=x")
         raise KeyboardInterrupt
@@ -45,7 +50,7 @@ def test_in_a_browser_the_address_is_said_and_ctrl_c_is_the_end(project, command
 
 
 @pytest.mark.parametrize("flags", [[], ["--web"]])
-def test_what_is_no_recording_is_one_message(project, command, flags):
+def test_what_is_no_recording_is_one_message(project, command, flags) -> None:
     done = command("view", project.path, *flags)
 
     assert done.status == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import board_scenes as scenes
 import cv2
@@ -39,7 +40,7 @@ def residual_sigma(fit):
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_real_photos_give_opencvs_parameters_and_standard_deviations(data_dir, side):
+def test_real_photos_give_opencvs_parameters_and_standard_deviations(data_dir: Path, side) -> None:
     observations = scenes.opencv_chess(data_dir, side)
     fit = fit_of(observations)
     parameters, sigma, rms, _ = scenes.opencv_calibration(observations)
@@ -54,7 +55,7 @@ def test_real_photos_give_opencvs_parameters_and_standard_deviations(data_dir, s
     assert np.sqrt(fit.cost / count) * 0.1 == pytest.approx(rms, rel=1e-7)
 
 
-def test_correlations_of_a_real_camera_are_what_they_are_known_to_be(data_dir):
+def test_correlations_of_a_real_camera_are_what_they_are_known_to_be(data_dir: Path) -> None:
     covariance = fit_of(scenes.opencv_chess(data_dir, "left")).parameter_covariance()
     sigma = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(sigma, sigma)
@@ -70,7 +71,7 @@ def test_correlations_of_a_real_camera_are_what_they_are_known_to_be(data_dir):
         (CalibrationOptions(), 0),
     ],
 )
-def test_every_option_gives_opencvs_result(options, flags):
+def test_every_option_gives_opencvs_result(options, flags) -> None:
     scene = scenes.make_scene(7, photos=10, noise=0.2)
     observations = scenes.as_float32(scene.observations)
     fit = fit_of(observations, options)
@@ -83,7 +84,7 @@ def test_every_option_gives_opencvs_result(options, flags):
     assert pose_sigma.shape == (10, 6)
 
 
-def test_a_fixed_aspect_gives_opencvs_result():
+def test_a_fixed_aspect_gives_opencvs_result() -> None:
     scene = scenes.make_scene(7, photos=10, noise=0.2)
     observations = scenes.as_float32(scene.observations)
     fit = fit_of(observations, CalibrationOptions(aspect=1.0))
@@ -106,7 +107,7 @@ def test_a_fixed_aspect_gives_opencvs_result():
     assert residual_sigma(fit)[0] == residual_sigma(fit)[1]  # fx hangs on fy
 
 
-def test_a_rational_lens_fits_as_well_as_opencvs():
+def test_a_rational_lens_fits_as_well_as_opencvs() -> None:
     scene = scenes.make_scene(8, scenes.BROWN8, photos=14, noise=0.05, whole=False, distance=(4, 9))
     observations = scenes.as_float32(scene.observations)
     fit = fit_of(observations, CalibrationOptions(coefficients=8))
@@ -119,7 +120,7 @@ def test_a_rational_lens_fits_as_well_as_opencvs():
     assert 0 <= excess < 32.9  # chi-square with 12 degrees of freedom, 0.1 %
 
 
-def test_a_fisheye_is_opencvs():
+def test_a_fisheye_is_opencvs() -> None:
     scene = scenes.make_scene(9, scenes.FISHEYE, "fisheye", photos=10, noise=0.1, distance=(4.5, 8))
     fit = fit_of(scene.observations, CalibrationOptions(model="fisheye", coefficients=4))
     photos = scene.observations.photos
@@ -163,7 +164,7 @@ def joint_covariance(fit):
 
 
 @pytest.mark.parametrize("bow", ["flat", "paraboloid"])
-def test_the_joint_covariance_is_that_of_the_whole_normal_matrix(bow):
+def test_the_joint_covariance_is_that_of_the_whole_normal_matrix(bow) -> None:
     scene = scenes.make_scene(10, photos=5, whole=False)
     fit = fit_of(scene.observations, CalibrationOptions(bow=bow, bow_sigma_m=0.1))
     expected = dense(fit)
@@ -174,7 +175,9 @@ def test_the_joint_covariance_is_that_of_the_whole_normal_matrix(bow):
     np.testing.assert_allclose(fit.border_covariance, expected[:q, :q], rtol=1e-6, atol=1e-18)
 
 
-def test_without_the_poses_errors_the_covariance_would_be_wrong(monkeypatch):
+def test_without_the_poses_errors_the_covariance_would_be_wrong(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     # the planted bug: the border's normal matrix with the poses taken as known
     def no_schur(self, damping=0.0):
         good = schur(self, damping)
@@ -189,7 +192,7 @@ def test_without_the_poses_errors_the_covariance_would_be_wrong(monkeypatch):
     assert (wrong < 0.9 * right).any()
 
 
-def test_a_photo_counted_twice_is_an_observation_more():
+def test_a_photo_counted_twice_is_an_observation_more() -> None:
     scene = scenes.make_scene(11, photos=6)
     photos = scene.observations.photos
     once = fit_of(scene.observations)
@@ -198,7 +201,7 @@ def test_a_photo_counted_twice_is_an_observation_more():
     np.testing.assert_allclose(twice.border_covariance * 2, once.border_covariance, rtol=1e-5)
 
 
-def test_a_prior_is_an_observation_of_the_parameters():
+def test_a_prior_is_an_observation_of_the_parameters() -> None:
     scene = scenes.make_scene(12, photos=5)
     sigma = np.array([5.0, 5, 3, 3, 0.01, 0.02, 1e-3, 1e-3, 0.02])
     mean = scenes.BROWN5 + sigma * np.array([1, -1, 1, 1, -1, 1, 0, 1, 1])
@@ -215,7 +218,7 @@ def test_a_prior_is_an_observation_of_the_parameters():
     assert fit.corner_redundancy < free.degrees_of_freedom + 9
 
 
-def test_a_bent_board_is_found_bent():
+def test_a_bent_board_is_found_bent() -> None:
     scene = scenes.make_scene(13, photos=12, noise=0.1, bow=(0.05, -0.03))
     options = CalibrationOptions(bow="paraboloid", bow_sigma_m=1.0)
     fit = fit_of(scene.observations, options)
@@ -226,7 +229,7 @@ def test_a_bent_board_is_found_bent():
     assert flat.cost / flat.degrees_of_freedom > 1.5
 
 
-def test_poses_alone_are_opencvs():
+def test_poses_alone_are_opencvs() -> None:
     scene = scenes.make_scene(14, photos=4, noise=0.3)
     fit = fit_of(scene.observations)
     camera = fit.state.parameters
@@ -243,7 +246,7 @@ def test_poses_alone_are_opencvs():
     assert cost.sum() <= fit.cost * (1 + 1e-9)
 
 
-def test_photos_that_do_not_determine_the_camera_are_told():
+def test_photos_that_do_not_determine_the_camera_are_told() -> None:
     # the board always parallel to the image: focal length and distance are one unknown
     pinhole = np.array([820.0, 815, 511.5, 383.5, 0, 0, 0, 0, 0])
     scene = scenes.make_scene(15, pinhole, photos=5, noise=0, tilt_deg=0)

@@ -40,7 +40,7 @@ def distorted(observations, change):
     return BoardObservations(board=observations.board, photos=photos)
 
 
-def test_a_photo_left_out_is_predicted_as_by_hand():
+def test_a_photo_left_out_is_predicted_as_by_hand() -> None:
     fit = fit_of(scenes.make_scene(0, photos=6).observations)
     found = held_out(fit)
     keep = np.arange(6) != 2
@@ -56,7 +56,7 @@ def test_a_photo_left_out_is_predicted_as_by_hand():
 
 
 @pytest.mark.parametrize(("parameters", "expected"), [(scenes.BROWN3, 3), (scenes.BROWN5, 5)])
-def test_the_fewest_coefficients_that_predict_are_chosen(parameters, expected):
+def test_the_fewest_coefficients_that_predict_are_chosen(parameters, expected) -> None:
     scene = scenes.make_scene(1, parameters, photos=10)
     fits = [fit_of(scene.observations, CalibrationOptions(coefficients=c)) for c in (3, 5)]
     assert (3, 5)[simplest_good([held_out(fit) for fit in fits])] == expected
@@ -64,7 +64,7 @@ def test_the_fewest_coefficients_that_predict_are_chosen(parameters, expected):
     assert (3, 5)[int(np.argmin(bic))] == expected
 
 
-def test_a_model_that_cannot_do_without_a_photo_is_not_chosen():
+def test_a_model_that_cannot_do_without_a_photo_is_not_chosen() -> None:
     good = HeldOut(np.array([90.0, 100, 110]), np.full(3, 100.0))
     fragile = HeldOut(np.array([50.0, np.nan, 60]), np.full(3, 100.0))
     assert fragile.factor == np.inf
@@ -76,7 +76,7 @@ def test_a_model_that_cannot_do_without_a_photo_is_not_chosen():
     assert simplest_good([good, within]) == 0
 
 
-def test_a_rolling_shutter_shows_and_other_misfits_do_not_look_like_one():
+def test_a_rolling_shutter_shows_and_other_misfits_do_not_look_like_one() -> None:
     clean = scenes.make_scene(2).observations
     rng = np.random.default_rng(0)
     drift = rng.normal(size=(12, 2)) * 2
@@ -93,7 +93,7 @@ def test_a_rolling_shutter_shows_and_other_misfits_do_not_look_like_one():
         assert rolling_shutter(other, scenes.SIZE).probability > 0.1
 
 
-def test_a_focus_that_changes_shows():
+def test_a_focus_that_changes_shows() -> None:
     clean = scenes.make_scene(3).observations
     change = np.random.default_rng(0).normal(size=12) * 0.02
 
@@ -106,7 +106,7 @@ def test_a_focus_that_changes_shows():
     assert focus_drift(fit_of(clean), 1.0).probability > 1e-3
 
 
-def test_mean_residuals_show_what_the_lens_model_lacks():
+def test_mean_residuals_show_what_the_lens_model_lacks() -> None:
     clean = scenes.make_scene(4, photos=20, whole=False, distance=(5, 12)).observations
     found = residual_map(fit_of(clean), scenes.SIZE, (8, 6))
     assert found.corners.sum() == sum(len(photo.corner) for photo in clean.photos)
@@ -124,7 +124,7 @@ def test_mean_residuals_show_what_the_lens_model_lacks():
     assert dented.mean_px[row, column, 0] < -0.1  # predicted minus found
 
 
-def test_tilts_say_along_which_direction_the_board_was_never_tilted():
+def test_tilts_say_along_which_direction_the_board_was_never_tilted() -> None:
     scene = scenes.make_scene(5, photos=30)
     found = tilts(scenes.true_state(scene, scenes.BROWN5))
     normal = scene.rotation[:, 2, 2]
@@ -144,7 +144,7 @@ def test_tilts_say_along_which_direction_the_board_was_never_tilted():
     assert abs(one.weak_rad) == pytest.approx(0, abs=1e-9)  # along u
 
 
-def test_coverage_counts_cells_and_reach():
+def test_coverage_counts_cells_and_reach() -> None:
     pixel = np.array([[0.0, 0], [99, 59], [50, 30]])
     found = coverage(pixel, (100, 60), (2, 2))
     np.testing.assert_array_equal(found.corners, [[1, 0], [0, 2]])

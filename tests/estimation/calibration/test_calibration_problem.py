@@ -31,7 +31,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_derivatives_equal_central_differences(name):
+def test_derivatives_equal_central_differences(name) -> None:
     parameters, options = CASES[name]
     scene = scenes.make_scene(3, parameters, options.model, photos=3, noise=0.0, whole=False)
     lens, corners = lens_of(options), pad(scene.observations, options.bow)
@@ -58,7 +58,7 @@ def test_derivatives_equal_central_differences(name):
 
 
 @pytest.mark.parametrize("name", ["brown 5", "brown 8", "fisheye"])
-def test_residuals_of_the_truth_are_zero(name):
+def test_residuals_of_the_truth_are_zero(name) -> None:
     parameters, options = CASES[name]
     scene = scenes.make_scene(
         3, parameters, options.model, photos=8, noise=0.0, whole=False, distance=(4, 9)
@@ -69,14 +69,14 @@ def test_residuals_of_the_truth_are_zero(name):
     assert np.abs(linear.residual).max() < 1e-9
 
 
-def test_a_board_behind_the_camera_is_refused():
+def test_a_board_behind_the_camera_is_refused() -> None:
     scene = scenes.make_scene(3, photos=3)
     state = scenes.true_state(scene, scenes.BROWN5)
     behind = replace(state, middle_camera_m=-state.middle_camera_m)
     assert linearise(lens_of(CalibrationOptions()), pad(scene.observations, "flat"), behind) is None
 
 
-def test_a_bow_is_the_height_of_the_middle_over_the_rim():
+def test_a_bow_is_the_height_of_the_middle_over_the_rim() -> None:
     board = flat_board(5, 3, 0.1)
     both = bow_shape(board, "paraboloid")
     np.testing.assert_allclose(both[7], [1, 1])  # the middle
@@ -88,7 +88,7 @@ def test_a_bow_is_the_height_of_the_middle_over_the_rim():
     assert (1 - one[6]) == pytest.approx((1 - one[2]), rel=1e-12)
 
 
-def test_coefficients_beyond_a_prior_stay_unknown():
+def test_coefficients_beyond_a_prior_stay_unknown() -> None:
     prior = IntrinsicsPrior(source="a table", parameters=scenes.BROWN5, information=np.eye(9))
     lens = lens_of(CalibrationOptions(coefficients=8, prior=prior))  # k4 to k6
     assert lens.prior_information.shape == (12, 12)
@@ -97,7 +97,7 @@ def test_coefficients_beyond_a_prior_stay_unknown():
 
 
 @pytest.mark.parametrize("options", [CASES["brown 8"][1], CASES["fisheye"][1]])
-def test_focal_length_and_centre_are_known_for_any_lens_and_its_distortion_is_not(options):
+def test_focal_length_and_centre_are_known_for_any_lens_and_its_distortion_is_not(options) -> None:
     covariance = np.diag([8.0, 8, 5, 6, 0.1, 0.1, 0.1, 0.1, 0.1]) ** 2
     covariance[0, 1] = covariance[1, 0] = 0.9 * 64
     camera = Calibration(

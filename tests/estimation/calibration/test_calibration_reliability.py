@@ -35,14 +35,14 @@ def spoiled(observations, moves):
     return BoardObservations(board=observations.board, photos=tuple(photos))
 
 
-def test_redundancies_add_up_to_the_degrees_of_freedom():
+def test_redundancies_add_up_to_the_degrees_of_freedom() -> None:
     fit = adjust(*prepared(scenes.make_scene(0, whole=False, distance=(5, 14)).observations))
     tests = corner_tests(fit, "given")
     assert 2 * tests.redundancy.sum() == pytest.approx(fit.degrees_of_freedom, rel=1e-9)
     assert (tests.w[fit.corners.weight == 0] == 0).all()
 
 
-def test_a_corners_statistic_is_what_the_sum_of_squares_loses_without_it():
+def test_a_corners_statistic_is_what_the_sum_of_squares_loses_without_it() -> None:
     fit = adjust(*prepared(scenes.make_scene(1, photos=6).observations))
     tests = corner_tests(fit, "given")
     for photo, row in ((0, 0), (3, 20), (5, 53)):
@@ -52,7 +52,7 @@ def test_a_corners_statistic_is_what_the_sum_of_squares_loses_without_it():
         assert tests.w[photo, row] ** 2 == pytest.approx(fit.cost - rest.cost, rel=2e-3, abs=1e-3)
 
 
-def test_a_photos_excess_and_shift_are_those_of_a_refit_without_it():
+def test_a_photos_excess_and_shift_are_those_of_a_refit_without_it() -> None:
     fit = adjust(*prepared(scenes.make_scene(2, photos=8).observations))
     tests = photo_tests(fit, "given")
     sigma = np.sqrt(np.diag(fit.border_covariance))
@@ -64,7 +64,7 @@ def test_a_photos_excess_and_shift_are_those_of_a_refit_without_it():
         np.testing.assert_allclose(moved / sigma, tests.shift[photo] / sigma, atol=0.02)
 
 
-def test_gross_corners_are_found_every_one_and_nothing_else():
+def test_gross_corners_are_found_every_one_and_nothing_else() -> None:
     moves = {(0, 3): (3, 0), (0, 40): (0, -2), (5, 17): (1, 1), (7, 0): (-40, 25)}
     observations = spoiled(scenes.make_scene(3).observations, moves)
     lens, corners, start = prepared(observations)
@@ -76,7 +76,7 @@ def test_gross_corners_are_found_every_one_and_nothing_else():
     assert miss @ np.linalg.solve(found.fit.border_covariance, miss) < 27.9  # 0.1 % of chi2(9)
 
 
-def test_reported_outliers_stay_in_the_result():
+def test_reported_outliers_stay_in_the_result() -> None:
     moves = {(0, 3): (3, 0), (5, 17): (1, 1)}
     observations = spoiled(scenes.make_scene(3).observations, moves)
     lens, corners, start = prepared(observations)
@@ -87,7 +87,7 @@ def test_reported_outliers_stay_in_the_result():
     np.testing.assert_allclose(found.fit.state.parameters, with_all.state.parameters, rtol=1e-5)
 
 
-def test_a_photo_whose_board_is_another_one_is_found():
+def test_a_photo_whose_board_is_another_one_is_found() -> None:
     observations = scenes.make_scene(4).observations
     photos = list(observations.photos)
     rng = np.random.default_rng(0)
@@ -105,7 +105,7 @@ def test_a_photo_whose_board_is_another_one_is_found():
     assert left.degrees_of_freedom == found.fit.degrees_of_freedom
 
 
-def test_sigmas_are_scaled_to_the_residuals_with_a_prior_too():
+def test_sigmas_are_scaled_to_the_residuals_with_a_prior_too() -> None:
     observations = scenes.make_scene(5, noise=0.3, sigma=0.1).observations
     sigma = np.array([5.0, 5, 3, 3, 0.01, 0.02, 1e-3, 1e-3, 0.02])
     prior = IntrinsicsPrior(source="test", parameters=scenes.BROWN5, information=np.diag(sigma**-2))
@@ -120,7 +120,7 @@ def test_sigmas_are_scaled_to_the_residuals_with_a_prior_too():
     assert given[1] == 1
 
 
-def test_a_bent_board_makes_photos_disagree_and_noise_does_not():
+def test_a_bent_board_makes_photos_disagree_and_noise_does_not() -> None:
     def effect(scene):
         options = CalibrationOptions()
         fit, _ = adjust_scaled(*prepared(scene.observations, options), options)
@@ -135,7 +135,7 @@ def test_a_bent_board_makes_photos_disagree_and_noise_does_not():
 
 
 @pytest.mark.statistical
-def test_the_photo_factor_is_one_on_average_where_corners_are_independent():
+def test_the_photo_factor_is_one_on_average_where_corners_are_independent() -> None:
     clean = scenes.make_scene(7, photos=8, noise=0.0)
     start, factors, spread = None, [], 0.0
     for seed in range(150):

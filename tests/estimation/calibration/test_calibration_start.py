@@ -27,7 +27,7 @@ def image_of(corners, center=(511.5, 383.5)):
     return (corners.pixel_px - np.array(center)) / 1024
 
 
-def test_zhangs_closed_form_is_exact_without_noise_and_distortion():
+def test_zhangs_closed_form_is_exact_without_noise_and_distortion() -> None:
     corners = pad(
         scenes.make_scene(0, PINHOLE, photos=5, noise=0, whole=False).observations, "flat"
     )
@@ -35,7 +35,7 @@ def test_zhangs_closed_form_is_exact_without_noise_and_distortion():
     np.testing.assert_allclose(found + np.array([0, 0, 511.5, 383.5]), PINHOLE[:4], rtol=1e-7)
 
 
-def test_with_a_centred_principal_point_focal_lengths_are_exact():
+def test_with_a_centred_principal_point_focal_lengths_are_exact() -> None:
     camera = np.array([820.0, 815, 511.5, 383.5, 0, 0, 0, 0, 0])
     corners = pad(scenes.make_scene(0, camera, photos=3, noise=0).observations, "flat")
     found = centred(homographies(corners, image_of(corners), corners.weight > 0)) * 1024
@@ -47,7 +47,7 @@ def test_with_a_centred_principal_point_focal_lengths_are_exact():
     [(PINHOLE, "brown"), (scenes.BROWN5, "brown"), (scenes.BROWN8, "brown"),
      (scenes.FISHEYE, "fisheye")],
 )  # fmt: skip
-def test_poses_are_exact_for_the_true_camera(parameters, model):
+def test_poses_are_exact_for_the_true_camera(parameters, model) -> None:
     scene = scenes.make_scene(1, parameters, model, photos=4, noise=0, whole=False)
     corners = pad(scene.observations, "flat")
     rotation, middle = poses_from_rays(model, parameters, corners)
@@ -60,7 +60,7 @@ def test_poses_are_exact_for_the_true_camera(parameters, model):
     ("focal", "model"),
     [(250.0, "fisheye"), (420, "fisheye"), (450.0, "brown"), (4000, "brown")],
 )
-def test_the_adjustment_arrives_from_first_values_whatever_the_focal_length(focal, model):
+def test_the_adjustment_arrives_from_first_values_whatever_the_focal_length(focal, model) -> None:
     parameters = (scenes.FISHEYE if model == "fisheye" else scenes.BROWN5).copy()
     parameters[:2] = focal, 0.99 * focal
     near = np.array([3.5, 7.0]) * max(focal / 420, 1)
@@ -72,7 +72,7 @@ def test_the_adjustment_arrives_from_first_values_whatever_the_focal_length(foca
     assert fit.cost / fit.degrees_of_freedom == pytest.approx(1, abs=0.15)
 
 
-def test_what_is_held_is_held_from_the_start():
+def test_what_is_held_is_held_from_the_start() -> None:
     scene = scenes.make_scene(2, PINHOLE, noise=0.1)
     options = CalibrationOptions(aspect=1.01, fixed_principal_point=True)
     lens, corners = lens_of(options), pad(scene.observations, "flat")
@@ -82,7 +82,7 @@ def test_what_is_held_is_held_from_the_start():
     assert (cx, cy) == (511.5, 383.5)
 
 
-def test_a_board_in_the_wrong_one_of_its_two_poses_is_turned():
+def test_a_board_in_the_wrong_one_of_its_two_poses_is_turned() -> None:
     scene = scenes.make_scene(4, PINHOLE, photos=8, noise=0.05)
     lens, corners = lens_of(CalibrationOptions()), pad(scene.observations, "flat")
     good = adjust(lens, corners, first_values(lens, corners, scenes.SIZE)).state
@@ -92,7 +92,7 @@ def test_a_board_in_the_wrong_one_of_its_two_poses_is_turned():
     np.testing.assert_allclose(found.camera_from_board, good.camera_from_board, atol=1e-5)
 
 
-def test_noise_in_place_of_corners_is_told_or_fits_badly():
+def test_noise_in_place_of_corners_is_told_or_fits_badly() -> None:
     scene = scenes.make_scene(5, photos=4)
     rng = np.random.default_rng(0)
     photos = tuple(

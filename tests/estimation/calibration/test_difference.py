@@ -50,7 +50,7 @@ def cv_rays(parameters, pixel):
 
 
 @pytest.mark.parametrize("distance", [None, 5.0])
-def test_it_is_the_smallest_difference_that_opencv_and_scipy_can_find(distance):
+def test_it_is_the_smallest_difference_that_opencv_and_scipy_can_find(distance) -> None:
     found = camera_difference(brown(), brown(OTHER), distance=distance, columns=12)
     pixel = image_grid(WIDTH, HEIGHT, 12)
     points = cv_rays(PARAMETERS, pixel)
@@ -74,7 +74,7 @@ def test_it_is_the_smallest_difference_that_opencv_and_scipy_can_find(distance):
         np.testing.assert_allclose(found.center_shift, best.x[3:], atol=1e-6)
 
 
-def test_a_camera_does_not_differ_from_itself():
+def test_a_camera_does_not_differ_from_itself() -> None:
     difference = camera_difference(brown(), brown())
 
     assert difference.max_px < 1e-8
@@ -82,7 +82,7 @@ def test_a_camera_does_not_differ_from_itself():
     assert (difference.z == 0).all()
 
 
-def test_a_principal_point_moved_aside_is_mostly_a_turn_of_the_camera():
+def test_a_principal_point_moved_aside_is_mostly_a_turn_of_the_camera() -> None:
     tele = np.array([20000.0, 20000, 1999.5, 1499.5, 0, 0, 0, 0, 0])
     difference = camera_difference(brown(tele), brown(tele + np.eye(9)[2] * 20.0))
 
@@ -91,7 +91,7 @@ def test_a_principal_point_moved_aside_is_mostly_a_turn_of_the_camera():
     assert difference.rms_px < 0.2
 
 
-def test_lens_models_may_differ():
+def test_lens_models_may_differ() -> None:
     fisheye = Calibration(
         name="f",
         model="fisheye",
@@ -114,7 +114,7 @@ def test_lens_models_may_differ():
 @pytest.mark.statistical
 @pytest.mark.parametrize("which", ["first", "second"])
 @pytest.mark.parametrize("distance", [None, 5.0])
-def test_the_covariance_is_that_of_repeated_calibrations(which, distance):
+def test_the_covariance_is_that_of_repeated_calibrations(which, distance) -> None:
     rng = np.random.default_rng(5)
     runs, squared = 100, []
     for _ in range(runs):
@@ -129,7 +129,9 @@ def test_the_covariance_is_that_of_repeated_calibrations(which, distance):
     assert (mean < high).all()
 
 
-def test_without_the_turn_in_it_the_covariance_would_be_wrong(monkeypatch):
+def test_without_the_turn_in_it_the_covariance_would_be_wrong(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """The experiment above sees it: the raw projection errors are far larger than what remains."""
     known = camera_difference(brown(sigma=SIGMA), brown(), columns=8)
     monkeypatch.setattr(module.np.linalg, "lstsq", _blind(np.linalg.lstsq))
@@ -146,12 +148,12 @@ def _blind(solve):
     return lstsq
 
 
-def test_images_of_different_sizes_cannot_be_compared():
+def test_images_of_different_sizes_cannot_be_compared() -> None:
     with pytest.raises(GeometryError, match="scale one of them"):
         camera_difference(brown(), brown(size=(2000, 1500)))
 
 
-def test_cameras_that_see_nothing_in_common_are_refused():
+def test_cameras_that_see_nothing_in_common_are_refused() -> None:
     folded = PARAMETERS.copy()
     folded[4] = -60.0
     with pytest.raises(GeometryError, match="in common"):

@@ -50,7 +50,7 @@ def ground(parameters, pixel, tilt, turn=(0, 0, 0), center=(0, 0, 1)):
     return np.array(center) - ray * (center[2] / ray[:, 2:])
 
 
-def test_an_unsure_principal_point_hides_in_a_turn():
+def test_an_unsure_principal_point_hides_in_a_turn() -> None:
     pixel, covariance = projection_covariance(only("cx", 3.0))
     middle = np.argmin(np.sum((pixel - [512, 380]) ** 2, axis=1))
     assert worst_sigma(covariance)[middle] < 0.6  # of 3 px
@@ -58,7 +58,7 @@ def test_an_unsure_principal_point_hides_in_a_turn():
     assert worst_sigma(free[1]).max() > 1.0
 
 
-def test_the_uncertainty_of_a_projection_is_that_of_sampled_calibrations():
+def test_the_uncertainty_of_a_projection_is_that_of_sampled_calibrations() -> None:
     pixel, covariance = projection_covariance(CAMERA, columns=12)
     rng = np.random.default_rng(0)
     count = 300
@@ -75,7 +75,7 @@ def test_the_uncertainty_of_a_projection_is_that_of_sampled_calibrations():
     np.testing.assert_allclose(sampled, expected, rtol=4 * np.sqrt(2 / count))
 
 
-def test_lengths_from_a_known_pose_are_those_of_sampled_calibrations():
+def test_lengths_from_a_known_pose_are_those_of_sampled_calibrations() -> None:
     tilt = np.radians(30)
     ends = np.array([[[300.0, 300], [700, 320]], [[500, 200], [520, 600]]])
     found = length_uncertainty(CAMERA, tilt_rad=tilt, pixel_px=ends)
@@ -88,7 +88,7 @@ def test_lengths_from_a_known_pose_are_those_of_sampled_calibrations():
     np.testing.assert_allclose(found.pose_known, relative, rtol=5 / np.sqrt(2 * 3000))
 
 
-def test_a_focal_length_alone_scales_all_lengths_seen_from_above():
+def test_a_focal_length_alone_scales_all_lengths_seen_from_above() -> None:
     camera = replace(
         CAMERA,
         parameters=np.array([800.0, 800, 511.5, 383.5, 0, 0, 0, 0, 0]),
@@ -100,13 +100,13 @@ def test_a_focal_length_alone_scales_all_lengths_seen_from_above():
     assert (found.pose_fitted < 1e-9).all()
 
 
-def test_a_pose_that_follows_takes_most_of_the_error_away():
+def test_a_pose_that_follows_takes_most_of_the_error_away() -> None:
     found = length_uncertainty(CAMERA, tilt_rad=np.radians(30))
     assert (found.pose_fitted < found.pose_known).mean() > 0.9
     assert np.median(found.pose_fitted) < 0.5 * np.median(found.pose_known)
 
 
-def test_lengths_above_the_horizon_are_told():
+def test_lengths_above_the_horizon_are_told() -> None:
     with pytest.raises(GeometryError, match="does not see the ground"):
         length_uncertainty(
             CAMERA, tilt_rad=np.radians(85), pixel_px=np.array([[[500, 10], [600, 10]]])

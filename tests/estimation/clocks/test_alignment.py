@@ -8,14 +8,14 @@ from uavgram.estimation.clocks.alignment import align
 from uavgram.estimation.clocks.camera_clock import fit_camera_clock
 
 
-def survey(rng, events, spread):
+def survey(rng: np.random.Generator, events, spread):
     """Event times with uneven spacing."""
     return np.cumsum(rng.uniform(2 - spread, 2 + spread, events)) + 100.0
 
 
 @pytest.mark.parametrize("offset", [4.37, -36000.0, 7200.25])
 @pytest.mark.parametrize(("resolution", "spread"), [(0.001, 0.1), (1.0, 0.8)])
-def test_uneven_spacing_gives_the_offset_and_every_pair(offset, resolution, spread):
+def test_uneven_spacing_gives_the_offset_and_every_pair(offset, resolution, spread) -> None:
     for seed in range(10):
         rng = np.random.default_rng(seed)
         event = survey(rng, 120, spread)
@@ -34,7 +34,7 @@ def test_uneven_spacing_gives_the_offset_and_every_pair(offset, resolution, spre
             assert paired.sum() == np.isin(taken, logged).sum()
 
 
-def test_even_spacing_is_seen_to_be_ambiguous():
+def test_even_spacing_is_seen_to_be_ambiguous() -> None:
     event = 100 + 2.0 * np.arange(40)
     result = align(event[10:25] + 4.37, 0.001, event)
     assert not result.unique
@@ -42,20 +42,20 @@ def test_even_spacing_is_seen_to_be_ambiguous():
     assert result.candidates[1].matched == 15
 
 
-def test_bounds_settle_what_even_spacing_leaves_open():
+def test_bounds_settle_what_even_spacing_leaves_open() -> None:
     event = 100 + 2.0 * np.arange(40)
     result = align(event[10:25] + 4.37, 0.001, event, bounds_s=(4.0, 5.0))
     assert result.unique
     assert result.event_index.tolist() == list(range(10, 25))
 
 
-def test_a_handful_of_pairs_is_never_certain():
+def test_a_handful_of_pairs_is_never_certain() -> None:
     event = np.array([1.0, 2.5, 7.0])
     assert not align(event[:2] + 3, 0.001, event).unique
     assert not align(np.array([5.0]), 0.001, np.array([2.0])).unique
 
 
-def test_a_missed_shot_in_the_middle_shifts_no_pair():
+def test_a_missed_shot_in_the_middle_shifts_no_pair() -> None:
     rng = np.random.default_rng(5)
     event = survey(rng, 60, 0.3)
     taken = np.delete(np.arange(60), [20, 33, 50])
@@ -63,7 +63,7 @@ def test_a_missed_shot_in_the_middle_shifts_no_pair():
     assert np.array_equal(result.event_index, taken)
 
 
-def test_a_photo_that_no_event_belongs_to_stays_alone():
+def test_a_photo_that_no_event_belongs_to_stays_alone() -> None:
     rng = np.random.default_rng(6)
     event = survey(rng, 60, 0.3)
     photo = np.append(event, event[10] + 0.9) + 12.0
@@ -73,7 +73,7 @@ def test_a_photo_that_no_event_belongs_to_stays_alone():
     assert np.isnan(result.residual_s[-1])
 
 
-def test_two_events_within_the_resolution_leave_a_photo_uncertain():
+def test_two_events_within_the_resolution_leave_a_photo_uncertain() -> None:
     rng = np.random.default_rng(7)
     event = np.sort(np.append(survey(rng, 60, 0.8), 150.0))
     event = np.sort(np.append(event, 150.2))
@@ -85,7 +85,7 @@ def test_two_events_within_the_resolution_leave_a_photo_uncertain():
     assert np.array_equal(result.event_index[certain], certain)
 
 
-def test_a_drifting_clock_is_followed():
+def test_a_drifting_clock_is_followed() -> None:
     rng = np.random.default_rng(8)
     event = survey(rng, 300, 0.4)
     result = align(event * (1 + 80e-6) + 500, 0.001, event)
@@ -93,14 +93,14 @@ def test_a_drifting_clock_is_followed():
     assert np.array_equal(result.event_index, np.arange(300))
 
 
-def test_nothing_to_align_is_said():
+def test_nothing_to_align_is_said() -> None:
     result = align(np.zeros(3), 0.001, np.zeros(0))
     assert not result.unique
     assert result.candidates == ()
     assert (result.event_index == -1).all()
 
 
-def test_an_event_that_two_photos_could_claim_is_nobodys_for_certain():
+def test_an_event_that_two_photos_could_claim_is_nobodys_for_certain() -> None:
     event = survey(np.random.default_rng(9), 60, 0.8)
     event[30] = event[29] + 0.4  # closer than the step of the photos' clock
     photo = np.floor(event + 3.3)
@@ -109,7 +109,7 @@ def test_an_event_that_two_photos_could_claim_is_nobodys_for_certain():
     assert not result.certain[[29, 30]].any()
 
 
-def test_a_photo_whose_event_and_whose_neighbours_photo_are_both_lost_is_never_certain():
+def test_a_photo_whose_event_and_whose_neighbours_photo_are_both_lost_is_never_certain() -> None:
     # Events down to 0.5 s apart and a clock of 1 s: the photo falls on the neighbour's event.
     rng = np.random.default_rng(3)
     event = 100 + np.cumsum(rng.uniform(0.5, 4.0, 200))
@@ -124,7 +124,7 @@ def test_a_photo_whose_event_and_whose_neighbours_photo_are_both_lost_is_never_c
     assert fell >= 3  # the trap was there
 
 
-def test_exposures_at_whole_seconds_leave_the_offset_open_over_the_step():
+def test_exposures_at_whole_seconds_leave_the_offset_open_over_the_step() -> None:
     event = 100.0 + np.cumsum(np.random.default_rng(4).integers(2, 6, 80))
     coarse = fit_camera_clock(event, np.floor(event + 0.9), 1.0)
     assert coarse.offset_sigma_s == pytest.approx(1 / np.sqrt(12), abs=0.01)
@@ -135,7 +135,7 @@ def test_exposures_at_whole_seconds_leave_the_offset_open_over_the_step():
 
 
 @pytest.mark.parametrize("resolution", [0.001, 1.0])
-def test_offset_and_drift_lie_within_their_sigmas(resolution):
+def test_offset_and_drift_lie_within_their_sigmas(resolution) -> None:
     z = []
     for seed in range(200):
         rng = np.random.default_rng(seed)
@@ -152,14 +152,16 @@ def test_offset_and_drift_lie_within_their_sigmas(resolution):
     assert 0.85 < rms[0] < 1.15 if resolution < 0.1 else 0.4 < rms[0] < 1.15
 
 
-def test_a_significant_drift_is_told_and_a_small_one_is_not():
+def test_a_significant_drift_is_told_and_a_small_one_is_not() -> None:
     event = survey(np.random.default_rng(8), 300, 0.4)
     assert align(event * (1 + 80e-6) + 500, 0.001, event).clock.drifts
     assert not align(event + 500, 0.001, event).clock.drifts
 
 
 @pytest.mark.parametrize("resolution", [0.001, 1.0])
-def test_an_even_interval_with_losses_on_both_sides_is_not_settled_by_who_was_lost(resolution):
+def test_an_even_interval_with_losses_on_both_sides_is_not_settled_by_who_was_lost(
+    resolution,
+) -> None:
     for seed in range(25):
         rng = np.random.default_rng(seed)
         exposure = 100 + 2.3 * np.arange(80)
@@ -169,13 +171,13 @@ def test_an_even_interval_with_losses_on_both_sides_is_not_settled_by_who_was_lo
         assert not align(reading[has_photo], resolution, event[has_event]).unique
 
 
-def test_a_log_that_holds_the_events_of_few_photos_is_refused():
+def test_a_log_that_holds_the_events_of_few_photos_is_refused() -> None:
     event = survey(np.random.default_rng(12), 40, 0.8)
     assert align(event + 3.0, 0.001, event[:26]).unique
     assert not align(event + 3.0, 0.001, event[:20]).unique
 
 
-def test_a_few_coarse_photos_fall_on_events_by_chance():
+def test_a_few_coarse_photos_fall_on_events_by_chance() -> None:
     # Eight of eight, and no rival near: still one of some hundred offsets that were tried.
     rng = np.random.default_rng(87)
     count = int(rng.integers(4, 12))
@@ -184,13 +186,13 @@ def test_a_few_coarse_photos_fall_on_events_by_chance():
     assert align(event + 3.3, 0.001, event).unique
 
 
-def test_photos_of_another_flight_are_refused():
+def test_photos_of_another_flight_are_refused() -> None:
     cases = [shutters.make_case(seed) for seed in range(40)]
     for one, other in zip(cases, cases[1:] + cases[:1], strict=True):
         assert not align(one.photo_s, one.resolution_s, other.event_s).unique
 
 
-def test_random_flights_give_right_pairs_or_a_refusal():
+def test_random_flights_give_right_pairs_or_a_refusal() -> None:
     # A sample of tests/statistical/test_matching.py.
     for seed in range(5000, 5060):
         case = shutters.make_case(seed)
@@ -203,7 +205,7 @@ def test_random_flights_give_right_pairs_or_a_refusal():
 
 
 @pytest.mark.parametrize("resolution", [0.001, 1.0])
-def test_400_photos_find_their_offset_among_450_events(resolution):
+def test_400_photos_find_their_offset_among_450_events(resolution) -> None:
     event = survey(np.random.default_rng(11), 450, 0.9)
     photo = np.floor((event[:400] + 36000.3) / resolution) * resolution
     result = align(photo, resolution, event)

@@ -8,7 +8,7 @@ from uavgram.estimation.clocks.clock_line import fit_line, fit_lower_envelope
 EPOCH = 1.7e9
 
 
-def test_offset_and_drift_come_back_from_noisy_pairs_with_outliers():
+def test_offset_and_drift_come_back_from_noisy_pairs_with_outliers() -> None:
     rng = np.random.default_rng(1)
     time = np.arange(30, 1500, 0.2)
     other = EPOCH + time * (1 - 146e-6) + rng.normal(0, 0.01, len(time))
@@ -19,7 +19,7 @@ def test_offset_and_drift_come_back_from_noisy_pairs_with_outliers():
     assert 0.009 < line.scatter_s < 0.014  # a fifth of outliers widens the median deviation
 
 
-def test_the_sigma_of_the_line_is_that_of_its_level():
+def test_the_sigma_of_the_line_is_that_of_its_level() -> None:
     rng = np.random.default_rng(2)
     time = np.linspace(0, 200, 400)
     errors = []
@@ -29,19 +29,19 @@ def test_the_sigma_of_the_line_is_that_of_its_level():
     assert 0.85 < np.std(errors) < 1.15  # 300 trials: sigma of std is 0.04
 
 
-def test_a_short_log_invents_no_drift():
+def test_a_short_log_invents_no_drift() -> None:
     rng = np.random.default_rng(3)
     time = np.array([10.0, 10.2, 10.4, 10.6])
     line = fit_line(time, EPOCH + time + rng.normal(0, 0.01, 4))
     assert abs(line.rate - 1) < 1e-5
 
 
-def test_a_single_pair_is_its_own_line():
+def test_a_single_pair_is_its_own_line() -> None:
     line = fit_line(np.array([5.0]), np.array([EPOCH + 5]))
     assert line.offset_s + line.rate * 5 == pytest.approx(EPOCH + 5, abs=1e-6)
 
 
-def test_the_lower_envelope_ignores_the_delays():
+def test_the_lower_envelope_ignores_the_delays() -> None:
     rng = np.random.default_rng(4)
     time = np.arange(100, 400, 0.25)
     delay = 0.02 + rng.exponential(0.2, len(time))
@@ -52,7 +52,7 @@ def test_the_lower_envelope_ignores_the_delays():
     assert np.abs(fit_line(time, late).offset_s - EPOCH) > 0.1  # what the envelope is for
 
 
-def test_the_sigma_of_the_drift_is_true():
+def test_the_sigma_of_the_drift_is_true() -> None:
     rng = np.random.default_rng(5)
     time = np.linspace(0, 600, 600)
     lines = [fit_line(time, EPOCH + time + rng.normal(0, 0.02, len(time))) for _ in range(300)]

@@ -13,7 +13,7 @@ from uavgram.estimation.first_poses.pose_search import search_planes
 DOWN = np.diag([1.0, -1.0, -1.0])
 
 
-def camera_over_plane(rng, max_tilt_deg):
+def camera_over_plane(rng: np.random.Generator, max_tilt_deg):
     """Centre and world-from-camera of a camera tilted by up to that angle, in any direction."""
     tilt, azimuth, spin = rng.uniform(0, np.deg2rad(max_tilt_deg)), *rng.uniform(0, 2 * np.pi, 2)
     axis = np.array([np.cos(azimuth), np.sin(azimuth), 0])
@@ -23,7 +23,7 @@ def camera_over_plane(rng, max_tilt_deg):
     ).as_matrix()
 
 
-def points_in_view(rng, center, rotation, count):
+def points_in_view(rng: np.random.Generator, center, rotation, count):
     """(count, 2) points of the plane z = 0 in a field of view of 70 by 55 degrees, and rays."""
     found, rays = [], []
     while len(found) < count:
@@ -46,7 +46,7 @@ class RandomScenes:
     horizon. Rays are those of OpenCV.
     """
 
-    def __init__(self, rng, scenes, points):
+    def __init__(self, rng: np.random.Generator, scenes, points) -> None:
         tilt, height = rng.uniform(0, np.pi / 3, scenes), rng.uniform(15, 120, scenes)
         azimuth = rng.uniform(0, 2 * np.pi, scenes)
         side = np.sin(tilt)
@@ -79,7 +79,7 @@ def relative_errors(found, truth):
 
 
 @pytest.mark.statistical
-def test_the_right_plane_is_found_in_999_of_1000_scenes_of_four_to_ten_lines():
+def test_the_right_plane_is_found_in_999_of_1000_scenes_of_four_to_ten_lines() -> None:
     rng = np.random.default_rng(4)
     wrong, missed, total = 0, 0, 0
     for lines in range(4, 11):
@@ -99,7 +99,7 @@ def test_the_right_plane_is_found_in_999_of_1000_scenes_of_four_to_ten_lines():
     assert wrong <= total // 1000
 
 
-def every_exact_solution(rng, start, end, length, height, starts=800):
+def every_exact_solution(rng: np.random.Generator, start, end, length, height, starts=800):
     """Planes by damped Newton steps from very many first values: an exhaustive search.
 
     Residuals are the logarithms of the lengths' ratios, derivatives are complex steps.
@@ -155,7 +155,7 @@ def assert_same_planes(found, expected, scene):
 
 
 @pytest.mark.statistical
-def test_three_lines_give_every_solution_of_an_exhaustive_search():
+def test_three_lines_give_every_solution_of_an_exhaustive_search() -> None:
     rng = np.random.default_rng(7)
     scenes = RandomScenes(rng, 40, 6)
     start, end = np.arange(3), np.arange(3, 6)
@@ -185,7 +185,7 @@ def planes_of_p3p(ray, side):
     return planes
 
 
-def test_a_triangle_gives_every_solution_of_p3p():
+def test_a_triangle_gives_every_solution_of_p3p() -> None:
     rng = np.random.default_rng(8)
     scenes = RandomScenes(rng, 300, 3)
     start, end = np.array([0, 1, 2]), np.array([1, 2, 0])
@@ -199,7 +199,7 @@ def test_a_triangle_gives_every_solution_of_p3p():
     assert max(numbers) == 4
 
 
-def test_frames_with_different_numbers_of_lines_are_searched_together():
+def test_frames_with_different_numbers_of_lines_are_searched_together() -> None:
     rng = np.random.default_rng(2)
     scenes = RandomScenes(rng, 3, 12)
     start, end = np.arange(6), np.arange(6, 12)
@@ -217,7 +217,7 @@ def test_frames_with_different_numbers_of_lines_are_searched_together():
     np.testing.assert_allclose(found[2][0].plane, scenes.plane[2], rtol=1e-6)
 
 
-def test_lengths_that_no_plane_explains_still_give_the_best_one():
+def test_lengths_that_no_plane_explains_still_give_the_best_one() -> None:
     rng = np.random.default_rng(3)
     scenes = RandomScenes(rng, 1, 10)
     start, end = np.arange(5), np.arange(5, 10)
@@ -230,7 +230,7 @@ def test_lengths_that_no_plane_explains_still_give_the_best_one():
     assert [c.cost for c in found] == sorted(c.cost for c in found)
 
 
-def test_two_picks_on_the_same_pixel_are_no_length():
+def test_two_picks_on_the_same_pixel_are_no_length() -> None:
     ray = np.array([[0.1, 0.1, 1], [0.2, -0.1, 1], [-0.3, 0.2, 1], [0.0, 0.3, 1]])
     end = ray + np.array([0.1, 0.05, 0])
     end[1] = ray[1]
@@ -238,7 +238,7 @@ def test_two_picks_on_the_same_pixel_are_no_length():
 
 
 @pytest.mark.parametrize("count", [4, 5, 12])
-def test_resection_equals_that_of_opencv(count):
+def test_resection_equals_that_of_opencv(count) -> None:
     rng = np.random.default_rng(count)
     for _ in range(40):
         center, rotation = camera_over_plane(rng, 60)
@@ -257,7 +257,7 @@ def test_resection_equals_that_of_opencv(count):
         np.testing.assert_allclose(found_rotation, rotation, atol=1e-7)
 
 
-def test_points_in_line_resect_nothing():
+def test_points_in_line_resect_nothing() -> None:
     rng = np.random.default_rng(0)
     along = rng.uniform(-5, 5, 6)
     point = np.column_stack([along, 2 * along + 1])

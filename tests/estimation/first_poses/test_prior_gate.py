@@ -41,7 +41,7 @@ def prior():
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("own", [False, True])
-def test_true_poses_lie_in_the_gate_as_often_as_it_states(own):
+def test_true_poses_lie_in_the_gate_as_often_as_it_states(own) -> None:
     """Squared distances of 4000 true poses are chi-square of three: mean 3, variance 6."""
     rng = np.random.default_rng(2)
     error = rng.multivariate_normal(np.zeros(6), prior(), 4000)
@@ -68,7 +68,7 @@ def test_true_poses_lie_in_the_gate_as_often_as_it_states(own):
         assert bare.mean() > 3.3
 
 
-def test_a_pose_far_from_the_log_is_not_allowed():
+def test_a_pose_far_from_the_log_is_not_allowed() -> None:
     turned = SEED @ Rotation.from_rotvec([0.5, 0, 0]).as_matrix()
     plane = -turned[2] / 48.5
     squared = compare_with_seed(
@@ -77,7 +77,7 @@ def test_a_pose_far_from_the_log_is_not_allowed():
     assert not allowed(squared).any()
 
 
-def test_a_seed_takes_height_and_level_of_a_plane_and_keeps_its_heading():
+def test_a_seed_takes_height_and_level_of_a_plane_and_keeps_its_heading() -> None:
     turned = SEED @ Rotation.from_rotvec([0.2, -0.1, 0.0]).as_matrix()
     plane = -turned[2] / 40.0
     center, rotation = seed_on_plane(CENTER, SEED, ground(), plane)
@@ -89,7 +89,7 @@ def test_a_seed_takes_height_and_level_of_a_plane_and_keeps_its_heading():
     assert relative[2] == pytest.approx(0, abs=1e-12)
 
 
-def test_a_pose_pulls_the_seed_as_far_as_its_weight_says():
+def test_a_pose_pulls_the_seed_as_far_as_its_weight_says() -> None:
     turned = SEED @ Rotation.from_rotvec([0.02, 0, 0]).as_matrix()
     plane = -turned[2][None] / 50.5
     sharp = poses(plane, 1e-16 * np.eye(3)[None])

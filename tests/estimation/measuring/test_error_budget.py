@@ -23,14 +23,14 @@ REQUESTS = (
 
 
 @pytest.fixture(scope="module", params=["world", "plane"])
-def case(request, scene_factory):
+def case(request: pytest.FixtureRequest, scene_factory):
     free = request.param == "plane"
     scene = scene_factory(8, frames=4, telemetry=not free, gauge=request.param)
     adjustment = refine(scene.survey, SolveOptions())[0].adjustment
     return adjustment, propagate(adjustment, REQUESTS, None)
 
 
-def test_the_parts_add_up_to_the_variance(case):
+def test_the_parts_add_up_to_the_variance(case) -> None:
     adjustment, measured = case
     parts = error_budget(adjustment.minimum.blocks, measured)
     total = np.sum(list(parts.values()), axis=0)
@@ -41,7 +41,7 @@ def test_the_parts_add_up_to_the_variance(case):
     assert np.isnan(total[~known]).all()
 
 
-def test_each_part_is_that_of_the_dense_partition(case):
+def test_each_part_is_that_of_the_dense_partition(case) -> None:
     adjustment, measured = case
     size = adjustment.problem.layout.size
     inverse = adjustment.minimum.factor.joint(np.arange(size))
@@ -62,7 +62,7 @@ def test_each_part_is_that_of_the_dense_partition(case):
         )
 
 
-def test_friction_shows_as_its_own_source_and_shares_add_up_to_one(case):
+def test_friction_shows_as_its_own_source_and_shares_add_up_to_one(case) -> None:
     adjustment, measured = case
     budget = shares(error_budget(adjustment.minimum.blocks, measured))
     at = measured.name.index("skid")
@@ -76,7 +76,7 @@ def test_friction_shows_as_its_own_source_and_shares_add_up_to_one(case):
     assert "gauge" not in budget.source
 
 
-def test_sources_without_any_part_are_left_out(case):
+def test_sources_without_any_part_are_left_out(case) -> None:
     adjustment, measured = case
     budget = shares(error_budget(adjustment.minimum.blocks, measured))
 

@@ -30,11 +30,11 @@ def lines(*rows):
         ([(1, 0, 15, 0.2), (0, 2, 0.1, 14), (-1, -1, -12, -12), (2, -2, 11, -11)], "one point"),
     ],
 )
-def test_degenerate_sets_are_named(rows, words):
+def test_degenerate_sets_are_named(rows, words) -> None:
     assert any(words in fault for fault in line_faults(*lines(*rows), SCENE))
 
 
-def test_a_spread_set_has_no_faults_and_a_turn_changes_nothing():
+def test_a_spread_set_has_no_faults_and_a_turn_changes_nothing() -> None:
     start, end = lines((-15, -10, 5, -9), (9, -10, 15, 11), (-10, 10, 12, 3), (-3, 5, -19, -4))
     assert line_faults(start, end, SCENE) == ()
     for angle in np.linspace(0, 3, 7):
@@ -56,7 +56,7 @@ def relative_sigma(adjustment):
     return np.sqrt(np.mean(squares))
 
 
-def test_what_the_next_line_brings_is_what_it_brings(scene_factory):
+def test_what_the_next_line_brings_is_what_it_brings(scene_factory) -> None:
     """The predicted sigmas are those of the survey with that line; no other line does better."""
     ends = ((0, 6), (1, 7), (2, 8), (3, 9))
     survey = scene_factory(5, ends=ends, labels=10, noise=0.0, **NO_LOG).survey

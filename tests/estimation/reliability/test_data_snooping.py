@@ -33,7 +33,7 @@ def changed(survey, name, index, by):
     return replace(survey, **{name: values})
 
 
-def test_in_one_frame_a_length_and_the_picks_of_its_ends_are_one_group(scene_factory):
+def test_in_one_frame_a_length_and_the_picks_of_its_ends_are_one_group(scene_factory) -> None:
     survey = scene_factory(3, sources=("pixels", "lengths"), **ALONE).survey
     survey = replace(survey, line_name=("a", "b", "c", "d", "e", "f"))
     adjustment, (found, *_) = suspected(changed(survey, "length_m", 1, 0.5))
@@ -44,21 +44,21 @@ def test_in_one_frame_a_length_and_the_picks_of_its_ends_are_one_group(scene_fac
     assert names.look(found) == "no test can part them: look at all three"
 
 
-def test_a_wrong_pick_of_an_end_is_in_the_group_that_is_named(scene_factory):
+def test_a_wrong_pick_of_an_end_is_in_the_group_that_is_named(scene_factory) -> None:
     survey = scene_factory(3, sources=("pixels", "lengths"), **ALONE).survey
     along = survey.pixel_px[8] - survey.pixel_px[2]
     _, (found, *_) = suspected(changed(survey, "pixel_px", 8, 40.0 * along / np.linalg.norm(along)))
     assert ("pixels", 8) in {(m.kind, m.row) for m in (found.accused, *found.group)}
 
 
-def test_in_several_frames_a_length_stands_alone(scene_factory):
+def test_in_several_frames_a_length_stands_alone(scene_factory) -> None:
     survey = scene_factory(6, frames=6, lines=8).survey
     _, (found, *_) = suspected(changed(survey, "length_m", 2, 0.5))
     assert found.accused == Member("lengths", 2, 0)
     assert found.group == ()
 
 
-def test_with_one_redundancy_all_lengths_are_one_group(scene_factory):
+def test_with_one_redundancy_all_lengths_are_one_group(scene_factory) -> None:
     options = {**ALONE, "labels": 8, "ends": ((0, 4), (1, 5), (2, 6), (3, 7))}
     survey = scene_factory(5, sources=("pixels", "lengths"), **options).survey
     _, (found, *_) = suspected(changed(survey, "length_m", 1, 1.0))
@@ -66,7 +66,7 @@ def test_with_one_redundancy_all_lengths_are_one_group(scene_factory):
     assert lengths == {0, 1, 2, 3}
 
 
-def test_once_one_is_suspected_the_rest_is_tested_without_it(scene_factory):
+def test_once_one_is_suspected_the_rest_is_tested_without_it(scene_factory) -> None:
     # The statistics given the first suspicion are those of an adjustment without it.
     survey = scene_factory(6, frames=3, lines=8).survey
     wrong = changed(changed(survey, "length_m", 2, 0.3), "length_m", 5, -0.2)
@@ -85,7 +85,7 @@ def test_once_one_is_suspected_the_rest_is_tested_without_it(scene_factory):
     assert w[2] == pytest.approx(abs(found[0].w))
 
 
-def test_a_gimbal_six_sigma_off_in_one_frame_is_flagged_not_absorbed(scene_factory):
+def test_a_gimbal_six_sigma_off_in_one_frame_is_flagged_not_absorbed(scene_factory) -> None:
     flagged, above = 0, 0
     for seed in range(10):
         survey = scene_factory(20 + seed, frames=6, labels=14, spread=7.0, control=3).survey
@@ -103,11 +103,11 @@ def test_a_gimbal_six_sigma_off_in_one_frame_is_flagged_not_absorbed(scene_facto
     assert above >= 9
 
 
-def test_a_clean_survey_is_not_suspected(scene_factory):
+def test_a_clean_survey_is_not_suspected(scene_factory) -> None:
     assert suspected(scene_factory(9, frames=6, noise=0.5).survey)[1] == []
 
 
-def test_what_is_known_to_be_wrong_comes_first(scene_factory):
+def test_what_is_known_to_be_wrong_comes_first(scene_factory) -> None:
     survey = scene_factory(3, sources=("pixels", "lengths"), **ALONE).survey
     wrong = changed(survey, "length_m", 1, 0.5)
     _, (found, *_) = suspected(wrong, Member("lengths", 3, 0))

@@ -32,7 +32,9 @@ def adjusted(scene):
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_redundancy_numbers_of_all_groups_sum_to_the_degrees_of_freedom(scene_factory, options):
+def test_redundancy_numbers_of_all_groups_sum_to_the_degrees_of_freedom(
+    scene_factory, options
+) -> None:
     adjustment = adjusted(scene_factory(4, **options))
     blocks = adjustment.minimum.blocks
     total = sum(reliability(b, adjustment.covariance).redundancy.sum() for b in blocks.values())
@@ -42,7 +44,7 @@ def test_redundancy_numbers_of_all_groups_sum_to_the_degrees_of_freedom(scene_fa
 
 @pytest.mark.parametrize("kind", ["length", "pick"])
 @pytest.mark.parametrize("index", [0, 3, 5])
-def test_the_largest_w_is_that_of_a_planted_blunder(scene_factory, kind, index):
+def test_the_largest_w_is_that_of_a_planted_blunder(scene_factory, kind, index) -> None:
     scene = scene_factory(6, frames=6, lines=8)
     survey = scene.survey
     if kind == "length":
@@ -67,7 +69,7 @@ def test_the_largest_w_is_that_of_a_planted_blunder(scene_factory, kind, index):
         assert (name, np.unravel_index(w.argmax(), w.shape)) == ("pixels", (7 * index, 1))
 
 
-def random_problem(rng, n, unknowns):
+def random_problem(rng: np.random.Generator, n, unknowns):
     """A linear problem with unit weights: block, factor, covariance, the projector I - A S A^T."""
     jacobian = rng.normal(size=(n, 1, unknowns)) * rng.lognormal(size=(n, 1, 1))
     columns = np.tile(np.arange(unknowns), (n, 1))
@@ -78,7 +80,7 @@ def random_problem(rng, n, unknowns):
     return block, factor, projector
 
 
-def test_a_bias_of_the_minimal_detectable_size_is_found_in_80_of_100_cases():
+def test_a_bias_of_the_minimal_detectable_size_is_found_in_80_of_100_cases() -> None:
     rng = np.random.default_rng(1)
     block, factor, projector = random_problem(rng, 12, 5)
     covariance = factor.covariance()
@@ -96,7 +98,7 @@ def test_a_bias_of_the_minimal_detectable_size_is_found_in_80_of_100_cases():
         assert lowest <= (np.abs(w) > critical_value(alpha)).sum() <= highest
 
 
-def test_an_unchecked_observation_has_no_w_and_no_detectable_bias():
+def test_an_unchecked_observation_has_no_w_and_no_detectable_bias() -> None:
     block = Block(
         np.array([[0.3], [-0.2], [0.1]]),
         np.array([[0], [1], [1]]),
@@ -112,7 +114,9 @@ def test_an_unchecked_observation_has_no_w_and_no_detectable_bias():
 
 
 @pytest.mark.parametrize("exact", [100, 0])
-def test_probabilities_of_a_group_are_uniform_where_the_model_holds(monkeypatch, exact):
+def test_probabilities_of_a_group_are_uniform_where_the_model_holds(
+    monkeypatch: pytest.MonkeyPatch, exact
+) -> None:
     # exact = 0: the way of large groups.
     monkeypatch.setattr(module, "EXACT_GROUP", exact)
     rng = np.random.default_rng(5)
@@ -129,7 +133,7 @@ def test_probabilities_of_a_group_are_uniform_where_the_model_holds(monkeypatch,
     assert kstest(probability, "uniform").pvalue > 1e-4
 
 
-def test_the_test_of_one_observation_is_its_w_test():
+def test_the_test_of_one_observation_is_its_w_test() -> None:
     rng = np.random.default_rng(2)
     whole, factor, projector = random_problem(rng, 10, 4)
     residual = projector @ rng.normal(size=10)
@@ -140,7 +144,7 @@ def test_the_test_of_one_observation_is_its_w_test():
     assert fit.variance_factor == pytest.approx(w**2)
 
 
-def test_without_redundancy_nothing_is_improbable():
+def test_without_redundancy_nothing_is_improbable() -> None:
     assert upper_tail(1e9, 0) == 1.0
     block = Block(np.array([[3.0]]), np.zeros((1, 1), int), np.ones((1, 1, 1)))
     factor = NormalEquations([block], 1).factor()

@@ -39,7 +39,7 @@ def dense_rows(block, size):
     return rows
 
 
-def test_w_of_correlated_observations_equals_the_formula_in_their_own_units(scene_factory):
+def test_w_of_correlated_observations_equals_the_formula_in_their_own_units(scene_factory) -> None:
     adjustment = adjusted(scene_factory(8, frames=5, control=3))
     problem, minimum = adjustment.problem, adjustment.minimum
     group, white = observed(adjustment)["telemetry"], problem.telemetry_whitening
@@ -58,7 +58,9 @@ def test_w_of_correlated_observations_equals_the_formula_in_their_own_units(scen
         np.testing.assert_allclose(found[i], weight @ residual / np.sqrt(variance), rtol=1e-6)
 
 
-def test_calibration_is_one_correlated_observation_in_its_own_parameters(scene_factory, scenes):
+def test_calibration_is_one_correlated_observation_in_its_own_parameters(
+    scene_factory, scenes
+) -> None:
     adjustment = adjusted(scene_factory(8, frames=5, control=3))
     group = observed(adjustment)["calibration"]
     layout, basis = adjustment.problem.layout, adjustment.problem.intrinsic_basis
@@ -75,7 +77,7 @@ def test_calibration_is_one_correlated_observation_in_its_own_parameters(scene_f
     np.testing.assert_allclose(stated_residuals(group)[0], expected, rtol=1e-6, atol=1e-9)
 
 
-def test_a_parameter_known_exactly_cannot_err(scene_factory):
+def test_a_parameter_known_exactly_cannot_err(scene_factory) -> None:
     survey = scene_factory(8).survey
     covariance = np.array(survey.calibration.covariance)
     covariance[8] = covariance[:, 8] = 0.0
@@ -90,7 +92,9 @@ def test_a_parameter_known_exactly_cannot_err(scene_factory):
 @pytest.mark.parametrize(
     "kind", ["lengths", "pixels", "control", "telemetry", "boresight", "clock"]
 )
-def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(scene_factory, kind):
+def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(
+    scene_factory, kind
+) -> None:
     scene = scene_factory(8, frames=5, control=2, noise=0.1)
     adjustment = adjusted(scene)
     groups = observed(adjustment)
@@ -112,7 +116,7 @@ def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(scene_f
     assert change[on] == pytest.approx(found.change[row, axis], rel=0.02)
 
 
-def test_the_weakest_link_of_a_measurement_moves_it_most_of_all(scene_factory):
+def test_the_weakest_link_of_a_measurement_moves_it_most_of_all(scene_factory) -> None:
     adjustment = adjusted(scene_factory(8, frames=5, control=2))
     groups, measured = observed(adjustment), propagate(adjustment, REQUESTS, None)
     _, weakest = external_reliability(groups, measured, ALPHA)
@@ -127,7 +131,7 @@ def test_the_weakest_link_of_a_measurement_moves_it_most_of_all(scene_factory):
         assert link.unchecked == ()
 
 
-def test_what_nothing_checks_is_named(scene_factory):
+def test_what_nothing_checks_is_named(scene_factory) -> None:
     # One frame, no length on P0: its pick alone tells where it is.
     scene = scene_factory(3, frames=1, telemetry=False, gauge="plane", tilt=0.4, ends=(
         (1, 6), (2, 7), (3, 8), (4, 9), (5, 10),
@@ -138,7 +142,7 @@ def test_what_nothing_checks_is_named(scene_factory):
     assert ("pixels", 0) in {(m.kind, m.row) for m in weakest.unchecked}
 
 
-def test_power_is_80_percent_at_the_detectable_bias_and_the_significance_at_none():
+def test_power_is_80_percent_at_the_detectable_bias_and_the_significance_at_none() -> None:
     redundancy, sigma = np.array([0.1, 0.7]), np.array([0.02, 3.0])
     bias = minimal_detectable_bias(redundancy, sigma, ALPHA)
     np.testing.assert_allclose(power(bias, redundancy, sigma, ALPHA), 0.80, atol=1e-9)

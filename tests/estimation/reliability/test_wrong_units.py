@@ -23,7 +23,7 @@ from uavgram.estimation.reliability.wrong_units import likely_mistake, likely_un
         (0.3048, "turned from feet into metres twice"),
     ],
 )
-def test_a_ratio_of_units_is_named_if_it_is_near_enough(ratio, words):
+def test_a_ratio_of_units_is_named_if_it_is_near_enough(ratio, words) -> None:
     assert likely_mistake(ratio, 0.0) == words
     assert likely_mistake(1.009 * ratio, 0.001) == words
     assert likely_mistake(1.05 * ratio, 0.02) == words
@@ -31,18 +31,18 @@ def test_a_ratio_of_units_is_named_if_it_is_near_enough(ratio, words):
     assert likely_mistake(1.3 * ratio, 1.0) == ""
 
 
-def test_another_ratio_has_no_name():
+def test_another_ratio_has_no_name() -> None:
     assert likely_mistake(2.3, 0.01) == ""
     assert likely_mistake(1.0, 0.01) == ""
 
 
-def test_an_odd_height_is_told_by_the_unit_that_makes_it_ordinary():
+def test_an_odd_height_is_told_by_the_unit_that_makes_it_ordinary() -> None:
     assert likely_unit_of_height(31_700.0) == ("millimetres", pytest.approx(31.7))
     assert likely_unit_of_height(3170.0) == ("centimetres", pytest.approx(31.7))
     assert likely_unit_of_height(0.0317) == ("kilometres", pytest.approx(31.7))
 
 
-def test_where_coordinates_lie_is_told_by_distance_sigma_and_side():
+def test_where_coordinates_lie_is_told_by_distance_sigma_and_side() -> None:
     sigma = np.array([0.02, 0.03, 0.05])
     text = displaced(np.array([-26.1, 3.0, 0.0]), sigma)
     assert text == "26.27 m from where it was found (sigma 0.02 m), mostly to the west"

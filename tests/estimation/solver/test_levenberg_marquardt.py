@@ -59,7 +59,7 @@ def misra(b):
 
 
 @pytest.mark.parametrize("start", [(500.0, 1e-4), (250.0, 5e-4)])
-def test_misra1a_of_nist_to_its_certified_digits(start):
+def test_misra1a_of_nist_to_its_certified_digits(start) -> None:
     found = minimise(np.array(start), misra, lambda b, step: b + step, 2)
     variance = found.cost * RESIDUAL_SD**2 / (len(X) - 2)
     sigma = np.sqrt(np.diag(found.factor.joint(np.arange(2))))
@@ -74,7 +74,7 @@ def line(residual, slope):
     return {"one": Block(np.array([[residual]]), np.zeros((1, 1), int), np.array([[[slope]]]))}
 
 
-def test_a_step_into_the_impossible_is_refused_and_a_shorter_one_taken():
+def test_a_step_into_the_impossible_is_refused_and_a_shorter_one_taken() -> None:
     # log(x) = log(1e-3) from x = 2: Newton's first step leads to x < 0.
     tried = []
 
@@ -89,18 +89,18 @@ def test_a_step_into_the_impossible_is_refused_and_a_shorter_one_taken():
     assert found.state[0] == pytest.approx(1e-3, rel=1e-6)
 
 
-def test_impossible_first_values_are_an_error():
+def test_impossible_first_values_are_an_error() -> None:
     with pytest.raises(ValueError, match="first values"):
         minimise(np.zeros(1), lambda _: None, lambda x, step: x + step, 1)
 
 
-def test_a_jacobian_that_leads_uphill_never_converges_and_says_so():
+def test_a_jacobian_that_leads_uphill_never_converges_and_says_so() -> None:
     found = minimise(np.array([1.0]), lambda x: line(x[0], -1.0), lambda x, step: x + step, 1)
     assert not found.converged
     assert found.state[0] == 1.0
 
 
-def test_a_minimum_at_infinity_is_not_reported_as_converged():
+def test_a_minimum_at_infinity_is_not_reported_as_converged() -> None:
     # exp(-x / 1000) goes on falling: sixty steps do not bring it to rest.
     found = minimise(
         np.array([0.0]),
@@ -111,7 +111,7 @@ def test_a_minimum_at_infinity_is_not_reported_as_converged():
     assert not found.converged
 
 
-def test_the_cost_never_rises():
+def test_the_cost_never_rises() -> None:
     costs = []
 
     def evaluate(b):
@@ -124,7 +124,7 @@ def test_the_cost_never_rises():
     assert len(costs) > 5
 
 
-def test_an_undetermined_unknown_is_named_even_where_damping_hides_it():
+def test_an_undetermined_unknown_is_named_even_where_damping_hides_it() -> None:
     def evaluate(x):
         columns = np.array([[0, 1]])
         return {"sum": Block(np.array([[x.sum() - 1]]), columns, np.ones((1, 1, 2)))}
@@ -134,7 +134,7 @@ def test_an_undetermined_unknown_is_named_even_where_damping_hides_it():
     assert error.value.index in (0, 1)
 
 
-def test_near_the_minimum_one_factor_serves_several_steps(monkeypatch):
+def test_near_the_minimum_one_factor_serves_several_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     factored = []
     factor = NormalEquations.factor
     monkeypatch.setattr(
@@ -163,7 +163,7 @@ def test_near_the_minimum_one_factor_serves_several_steps(monkeypatch):
     assert gradient @ expected @ gradient < 1e-9
 
 
-def test_a_fall_that_drowns_in_rounding_is_no_step():
+def test_a_fall_that_drowns_in_rounding_is_no_step() -> None:
     """A large remainder makes the sum of squares coarse: no damping can lower it any more."""
 
     def evaluate(state):
@@ -178,7 +178,7 @@ def test_a_fall_that_drowns_in_rounding_is_no_step():
     assert found.iterations < 8
 
 
-def test_iterations_end_where_they_are_told_to():
+def test_iterations_end_where_they_are_told_to() -> None:
     calls = []
 
     def evaluate(state):

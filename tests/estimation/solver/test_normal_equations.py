@@ -39,7 +39,7 @@ def dense_jacobian(blocks, size):
 
 
 @pytest.fixture(params=["dense", "sparse", "points first"])
-def branch(request, monkeypatch):
+def branch(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch):
     if request.param != "dense":
         monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
         monkeypatch.setattr(nested_dissection, "LEAF", 2)
@@ -47,7 +47,7 @@ def branch(request, monkeypatch):
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_solution_and_covariances_equal_the_dense_inverse(scene_factory, options, branch):
+def test_solution_and_covariances_equal_the_dense_inverse(scene_factory, options, branch) -> None:
     blocks, layout = blocks_of(scene_factory(3, frames=6, **options))
     size, structure = layout.size, layout.structure if branch == "points first" else None
     jacobian = dense_jacobian(blocks, size)
@@ -75,7 +75,7 @@ def test_solution_and_covariances_equal_the_dense_inverse(scene_factory, options
 
 
 @pytest.mark.usefixtures("branch")
-def test_unknowns_that_share_an_observation_keep_their_covariance_where_products_cancel():
+def test_unknowns_that_share_an_observation_keep_their_covariance_where_products_cancel() -> None:
     # a + b, a - b and c + a + b, c - a: J^T J has an exact zero at (a, b); the covariance has none.
     block = Block(
         residual=np.zeros((4, 1)),
@@ -91,7 +91,7 @@ def test_unknowns_that_share_an_observation_keep_their_covariance_where_products
 
 
 @pytest.mark.usefixtures("branch")
-def test_an_unknown_without_any_observation_is_named():
+def test_an_unknown_without_any_observation_is_named() -> None:
     block = Block(np.zeros((2, 1)), np.array([[0], [2]]), np.ones((2, 1, 1)))
     with pytest.raises(SingularError) as error:
         NormalEquations([block], 3).factor()
@@ -100,7 +100,7 @@ def test_an_unknown_without_any_observation_is_named():
 
 @pytest.mark.usefixtures("branch")
 @pytest.mark.parametrize("weights", [(1.0, 1.0), (0.7, 1.3), (1e-3, 1e4)])
-def test_two_unknowns_of_which_only_the_sum_is_observed_are_named(weights):
+def test_two_unknowns_of_which_only_the_sum_is_observed_are_named(weights) -> None:
     # Unknown 5 and 6 of eight appear only as a weighted sum.
     n = 8
     alone = [i for i in range(n) if i not in (5, 6)]
@@ -116,7 +116,7 @@ def test_two_unknowns_of_which_only_the_sum_is_observed_are_named(weights):
 
 
 @pytest.mark.parametrize("frame", [0, 2, 3])
-def test_a_frame_that_three_picks_cannot_hold_is_named(scene_factory, branch, frame):
+def test_a_frame_that_three_picks_cannot_hold_is_named(scene_factory, branch, frame) -> None:
     scene = scene_factory(3, telemetry=False, control=12)
     blocks, layout = blocks_of(scene)
     picks = np.flatnonzero(scene.survey.pick_frame == frame)
@@ -131,14 +131,14 @@ def test_a_frame_that_three_picks_cannot_hold_is_named(scene_factory, branch, fr
 
 
 @pytest.mark.usefixtures("branch")
-def test_damping_makes_a_singular_system_solvable():
+def test_damping_makes_a_singular_system_solvable() -> None:
     block = Block(np.ones((1, 1)), np.array([[0, 1]]), np.ones((1, 1, 2)))
     normal = NormalEquations([block], 2)
     step = normal.factor(1e-3).solve(normal.gradient)
     np.testing.assert_allclose(step, np.full(2, 1 / 2.001), rtol=1e-9)
 
 
-def test_a_row_may_name_an_unknown_twice(branch):
+def test_a_row_may_name_an_unknown_twice(branch) -> None:
     # Two columns of one unknown, of a point's two, and a length from a point to itself.
     structure = Structure(size=7, points=2, point_size=2, block_size=2, first_shared=6)
     structure = structure if branch == "points first" else None
@@ -156,7 +156,7 @@ def test_a_row_may_name_an_unknown_twice(branch):
     np.testing.assert_allclose(variances, np.sum(jacobian @ inverse * jacobian, axis=1))
 
 
-def test_a_plan_serves_only_the_columns_it_was_made_for(monkeypatch):
+def test_a_plan_serves_only_the_columns_it_was_made_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
     rng = np.random.default_rng(1)
     one, other = (
@@ -174,7 +174,9 @@ def test_a_plan_serves_only_the_columns_it_was_made_for(monkeypatch):
     assert again.plan is first.plan is not second.plan
 
 
-def test_covariances_of_unknowns_without_a_common_observation_are_not_guessed(monkeypatch):
+def test_covariances_of_unknowns_without_a_common_observation_are_not_guessed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
     chain = Block(np.zeros((4, 1)), np.array([[0, 1], [1, 2], [2, 3], [0, 1]]), np.ones((4, 1, 2)))
     chain.jacobian[3, 0, 1] = -1.0
@@ -194,7 +196,9 @@ class Dirty:
 
 
 @pytest.mark.parametrize(("block_size", "border"), [(1, 0), (1, 2), (3, 2)])
-def test_a_deep_tree_of_fronts_gives_the_dense_inverse(monkeypatch, block_size, border):
+def test_a_deep_tree_of_fronts_gives_the_dense_inverse(
+    monkeypatch: pytest.MonkeyPatch, block_size, border
+) -> None:
     monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
     monkeypatch.setattr(nested_dissection, "LEAF", 2)
     monkeypatch.setattr(multifrontal, "np", Dirty())
@@ -235,7 +239,7 @@ def test_a_deep_tree_of_fronts_gives_the_dense_inverse(monkeypatch, block_size, 
 @pytest.mark.parametrize("among", ["all unknowns", "what all share"])
 def test_linear_functions_have_their_joint_covariance_however_many_they_are(
     scene_factory, branch, among
-):
+) -> None:
     blocks, layout = blocks_of(scene_factory(3, frames=6))
     structure = layout.structure if branch == "points first" else None
     factor = NormalEquations(list(blocks.values()), layout.size, structure).factor()

@@ -23,13 +23,13 @@ STEP = 3e-3
 class Residual(pyceres.CostFunction):
     """Any function of a few parameter blocks, differentiated by fourth-order differences."""
 
-    def __init__(self, function, sizes, rows):
+    def __init__(self, function, sizes, rows) -> None:
         super().__init__()
         self.function = function
         self.set_num_residuals(rows)
         self.set_parameter_block_sizes(sizes)
 
-    def Evaluate(self, parameters, residuals, jacobians):  # noqa: N802  (the name Ceres calls)
+    def Evaluate(self, parameters, residuals, jacobians) -> bool:  # noqa: N802  (the name Ceres calls)
         blocks = [np.array(block, dtype=float) for block in parameters]
         residuals[:] = np.ravel(self.function(*blocks))
         if jacobians is None:
@@ -55,7 +55,7 @@ class Residual(pyceres.CostFunction):
 class Likelihood:
     """A survey as Ceres sees it: every unknown is its departure from a start, in rough sigmas."""
 
-    def __init__(self, survey, start, pivot, sigma):
+    def __init__(self, survey, start, pivot, sigma) -> None:
         self.survey, self.start, self.pivot, self.sigma = survey, start, pivot, sigma
         self.point = [np.zeros(2) for _ in survey.label]
         self.frame = [np.zeros(6) for _ in survey.frame_id]
@@ -65,7 +65,7 @@ class Likelihood:
         self.costs = []
         self._observe()
 
-    def _add(self, function, blocks, rows):
+    def _add(self, function, blocks, rows) -> None:
         cost = Residual(function, [len(block) for block in blocks], rows)
         self.costs.append(cost)
         self.problem.add_residual_block(cost, None, blocks)
@@ -87,7 +87,7 @@ class Likelihood:
         turn = Rotation.from_rotvec(step[3:]).as_matrix()
         return self.start.center[frame] + step[:3], self.start.rotation[frame] @ turn
 
-    def _observe(self):
+    def _observe(self) -> None:
         survey, plane = self.survey, self.plane
         for pick in range(len(survey.pick_frame)):
             f, k = int(survey.pick_frame[pick]), int(survey.pick_label[pick])
@@ -237,7 +237,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_estimates_and_sigmas_equal_those_of_ceres(scene_factory, options):
+def test_estimates_and_sigmas_equal_those_of_ceres(scene_factory, options) -> None:
     survey = scene_factory(21, **options).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     problem, state = adjustment.problem, adjustment.state

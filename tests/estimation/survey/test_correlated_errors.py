@@ -18,14 +18,14 @@ def sampled(scenes, time, tau, draws=4000):
 
 
 @pytest.mark.parametrize(("count", "tau"), [(30, 5.0), (100, 5.0), (100, 15.0), (200, 60.0)])
-def test_it_is_what_draws_of_the_process_show(scenes, count, tau):
+def test_it_is_what_draws_of_the_process_show(scenes, count, tau) -> None:
     time = 2.0 * np.arange(count)
     factor = trend_inflation(time, tau, tau)
     # The ends of a short record leak power between its waves: a fifth, at these lengths.
     assert sampled(scenes, time, tau) == pytest.approx(factor, rel=0.2)
 
 
-def test_the_worst_time_of_the_range_is_taken():
+def test_the_worst_time_of_the_range_is_taken() -> None:
     time = 2.0 * np.arange(60)
     alone = [trend_inflation(time, tau, tau) for tau in np.linspace(5, 60, 56)]
     assert trend_inflation(time, 5.0, 60.0) == pytest.approx(max(alone), rel=0.02)
@@ -33,10 +33,10 @@ def test_the_worst_time_of_the_range_is_taken():
 
 
 @pytest.mark.parametrize("time", [[], [3.0], [3.0, 9.0], [7.0] * 9, 2.0 * np.arange(5)])
-def test_a_few_frames_are_left_as_they_are(time):
+def test_a_few_frames_are_left_as_they_are(time) -> None:
     assert trend_inflation(np.array(time), 5.0, 60.0) == 1.0
 
 
-def test_the_order_of_the_instants_does_not_matter():
+def test_the_order_of_the_instants_does_not_matter() -> None:
     time = np.random.default_rng(0).uniform(0, 200, 50)
     assert trend_inflation(time, 5.0, 60.0) == trend_inflation(np.sort(time), 5.0, 60.0)

@@ -40,7 +40,9 @@ def distances(survey):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_scene_that_was_shifted_and_turned_has_the_same_distances(scenes, scene_factory, seed):
+def test_a_scene_that_was_shifted_and_turned_has_the_same_distances(
+    scenes, scene_factory, seed
+) -> None:
     scene = scene_factory(20 + seed, **SCENE)
     turn, shift = motion(seed)
     survey, truth = scene.survey, scene.truth
@@ -68,7 +70,7 @@ def test_a_scene_that_was_shifted_and_turned_has_the_same_distances(scenes, scen
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_another_frame_as_the_gauge_moves_the_points_but_no_distance(scene_factory, seed):
+def test_another_frame_as_the_gauge_moves_the_points_but_no_distance(scene_factory, seed) -> None:
     survey = scene_factory(20 + seed, **SCENE).survey
     other = replace(survey, frame_id=survey.frame_id[::-1], pick_frame=1 - survey.pick_frame)
     here, there = distances(survey), distances(other)
@@ -78,7 +80,9 @@ def test_another_frame_as_the_gauge_moves_the_points_but_no_distance(scene_facto
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_no_observation_notices_a_shift_and_a_turn_of_the_adjusted_state(scene_factory, seed):
+def test_no_observation_notices_a_shift_and_a_turn_of_the_adjusted_state(
+    scene_factory, seed
+) -> None:
     adjustment = refine(scene_factory(20 + seed, **SCENE).survey, SolveOptions())[0].adjustment
     turn, shift = motion(seed)
     state = adjustment.state
@@ -94,7 +98,7 @@ def test_no_observation_notices_a_shift_and_a_turn_of_the_adjusted_state(scene_f
     assert np.abs(blocks["gauge"].residual).max() > 1e3  # which is what the gauge is for
 
 
-def test_known_coordinates_do_notice_it(scene_factory):
+def test_known_coordinates_do_notice_it(scene_factory) -> None:
     scene = scene_factory(20, frames=2, labels=8, lines=0, control=5, telemetry=False)
     turn, shift = motion(0)
     known = scene.survey.control_world_m

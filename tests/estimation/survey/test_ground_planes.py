@@ -19,7 +19,7 @@ def survey(scene_factory):
     return scene_factory(0, labels=5, verge=VERGE).survey
 
 
-def test_every_label_lies_on_the_plane_of_its_area(survey):
+def test_every_label_lies_on_the_plane_of_its_area(survey) -> None:
     pivot = np.array([[0.0, 0.0], [10.0, 20.0]])
     planes = np.array([1.0, 0.1, 0.0, 5.0, 0.0, -0.2])
     label = np.array([0, 1, 3])
@@ -30,7 +30,7 @@ def test_every_label_lies_on_the_plane_of_its_area(survey):
     assert GroundPlanes(survey, pivot).columns(label).tolist() == [[0, 1, 2], [3, 4, 5], [3, 4, 5]]
 
 
-def test_a_plane_that_is_the_gauge_is_no_unknown(survey):
+def test_a_plane_that_is_the_gauge_is_no_unknown(survey) -> None:
     ground = GroundPlanes(replace(survey, gauge="plane"), np.zeros(2))
     label = np.array([0, 1])
     assert ground.size == 3
@@ -42,11 +42,11 @@ def test_a_plane_that_is_the_gauge_is_no_unknown(survey):
     assert prior.mean[0] == pytest.approx(0.4)  # above the first area's plane
 
 
-def test_first_planes_lie_as_far_apart_as_stated(survey):
+def test_first_planes_lie_as_far_apart_as_stated(survey) -> None:
     np.testing.assert_allclose(first_planes(survey.grounds, 7.0), [7.0, 0, 0, 7.4, 0, 0])
 
 
-def test_an_area_that_lost_its_points_has_the_middle_of_the_scene(survey):
+def test_an_area_that_lost_its_points_has_the_middle_of_the_scene(survey) -> None:
     alone = replace(survey, area=np.zeros(5))
     point = np.arange(10.0).reshape(5, 2)
     np.testing.assert_array_equal(area_centroids(alone, point), [[4.0, 5.0]] * 2)
@@ -61,7 +61,7 @@ def points_of(scene_factory, roughness, **options):
     return adjustment, adjustment.points()[1][:, :2, :2]
 
 
-def test_rough_ground_lengthens_an_ellipse_along_the_ray(scene_factory):
+def test_rough_ground_lengthens_an_ellipse_along_the_ray(scene_factory) -> None:
     # A point dz above the plane shifts by dz tan(view angle), away from the camera's foot.
     rough, smooth = 0.2, 0.0
     _, before = points_of(scene_factory, smooth)
@@ -75,7 +75,7 @@ def test_rough_ground_lengthens_an_ellipse_along_the_ray(scene_factory):
     np.testing.assert_allclose(after, expected, rtol=0.02, atol=1e-4)
 
 
-def test_only_the_area_that_is_rough_has_longer_ellipses(scene_factory):
+def test_only_the_area_that_is_rough_has_longer_ellipses(scene_factory) -> None:
     scene = scene_factory(6, frames=1, labels=6, lines=0, noise=0.0, tilt=0.8, verge=VERGE)
     verge = replace(scene.survey.grounds[1], roughness_sigma_m=0.2)
     rough = replace(scene.survey, grounds=(scene.survey.ground, verge))

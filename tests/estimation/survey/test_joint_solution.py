@@ -40,7 +40,7 @@ class Oracle:
     stands in pixels and is therefore compared apart.
     """
 
-    def __init__(self, scenes, survey, start, pivot):
+    def __init__(self, scenes, survey, start, pivot) -> None:
         self.scenes, self.survey, self.start, self.pivot = scenes, survey, start, pivot
         self.k, self.f = len(survey.label), len(survey.frame_id)
         self.rough = survey.ground.roughness_sigma_m > 0
@@ -127,7 +127,7 @@ class Oracle:
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_estimates_and_sigmas_equal_those_of_scipy(scenes, scene_factory, options):
+def test_estimates_and_sigmas_equal_those_of_scipy(scenes, scene_factory, options) -> None:
     survey = scene_factory(11, **options).survey
     refined, _ = refine(survey, SolveOptions())
     adjustment = refined.adjustment
@@ -196,7 +196,7 @@ def settled(scene, update):
     ],
     ids=["free gauge", "picks far better than the telemetry"],
 )
-def test_turning_steps_reach_the_same_minimum_in_half_the_number(scene_factory, options):
+def test_turning_steps_reach_the_same_minimum_in_half_the_number(scene_factory, options) -> None:
     steps = []
     for seed in range(30, 34):
         scene = scene_factory(seed, labels=8, spread=7.0, **options)
@@ -209,7 +209,7 @@ def test_turning_steps_reach_the_same_minimum_in_half_the_number(scene_factory, 
     assert turning_steps < straight_steps / 2
 
 
-def test_a_turning_step_is_a_straight_one_to_first_order(scene_factory):
+def test_a_turning_step_is_a_straight_one_to_first_order(scene_factory) -> None:
     scene = scene_factory(4, frames=2)
     survey = scene.survey
     layout = SurveyProblem(survey, scene.pivot, np.ones(len(survey.line_start), dtype=bool)).layout
@@ -231,8 +231,8 @@ def test_a_turning_step_is_a_straight_one_to_first_order(scene_factory):
     ids=["log", "gauge plane", "two areas"],
 )
 def test_sights_of_all_frames_have_the_covariance_of_each(
-    scene_factory, monkeypatch, options, sparse
-):
+    scene_factory, monkeypatch: pytest.MonkeyPatch, options, sparse
+) -> None:
     if sparse:
         monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
     adjustment = refine(scene_factory(3, frames=5, **options).survey, SolveOptions())[0].adjustment

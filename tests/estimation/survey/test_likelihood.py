@@ -19,7 +19,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_every_jacobian_equals_central_differences(scene_factory, options):
+def test_every_jacobian_equals_central_differences(scene_factory, options) -> None:
     scene = scene_factory(3, **options)
     lines = np.ones(len(scene.survey.line_start), dtype=bool)
     problem = SurveyProblem(scene.survey, scene.pivot, lines)
@@ -57,7 +57,7 @@ def dense(block, size):
     return whole
 
 
-def test_exact_data_have_no_residual_at_the_truth(scene_factory):
+def test_exact_data_have_no_residual_at_the_truth(scene_factory) -> None:
     scene = scene_factory(5, noise=0.0, control=3)
     problem = SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
     blocks = problem.evaluate(scene.truth)
@@ -66,7 +66,7 @@ def test_exact_data_have_no_residual_at_the_truth(scene_factory):
         assert np.abs(blocks[name].residual).max() < 1e-8, name
 
 
-def test_a_point_behind_its_camera_makes_the_state_impossible(scene_factory):
+def test_a_point_behind_its_camera_makes_the_state_impossible(scene_factory) -> None:
     scene = scene_factory(5, noise=0.0)
     problem = SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
     flipped = scene.truth.rotation @ np.diag([1.0, -1.0, -1.0])
@@ -74,7 +74,7 @@ def test_a_point_behind_its_camera_makes_the_state_impossible(scene_factory):
     assert problem.evaluate(replace(scene.truth, rotation=flipped)) is None
 
 
-def test_the_root_of_a_singular_covariance_leaves_out_what_is_known_exactly():
+def test_the_root_of_a_singular_covariance_leaves_out_what_is_known_exactly() -> None:
     covariance = np.diag([4.0, 0.0, 9e-8])
     covariance[0, 2] = covariance[2, 0] = 1e-4
     root = covariance_root(covariance)

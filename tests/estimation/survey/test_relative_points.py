@@ -6,7 +6,7 @@ from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
 
 
-def test_relative_covariance_equals_the_s_transformed_joint_covariance(scene_factory):
+def test_relative_covariance_equals_the_s_transformed_joint_covariance(scene_factory) -> None:
     adjustment = refine(scene_factory(2, roughness=0.05).survey, SolveOptions())[0].adjustment
     count = len(adjustment.survey.label)
     position, joint = adjustment.joint_points(np.arange(count))
@@ -23,7 +23,7 @@ def test_relative_covariance_equals_the_s_transformed_joint_covariance(scene_fac
         np.testing.assert_allclose(relative[k], block, rtol=1e-6, atol=1e-12)
 
 
-def test_a_bias_of_the_flight_does_not_show_within_the_survey(scene_factory):
+def test_a_bias_of_the_flight_does_not_show_within_the_survey(scene_factory) -> None:
     adjustment = refine(scene_factory(2).survey, SolveOptions())[0].adjustment
     _, absolute = adjustment.points()
     relative = adjustment.relative_points()

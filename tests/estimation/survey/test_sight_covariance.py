@@ -31,7 +31,7 @@ def dense_inverse(adjustment):
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_it_is_the_part_of_the_dense_inverse_in_plain_units(scene_factory, options):
+def test_it_is_the_part_of_the_dense_inverse_in_plain_units(scene_factory, options) -> None:
     survey = scene_factory(3, **options).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     problem, layout = adjustment.problem, adjustment.problem.layout

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -76,7 +78,7 @@ def pixels(size: tuple[int, int], step: int = 7) -> np.ndarray:
 
 
 @every_camera
-def test_plain_formula_is_opencvs_to_a_billionth_pixel(name):
+def test_plain_formula_is_opencvs_to_a_billionth_pixel(name) -> None:
     model, parameters, _ = camera(name)
     ours = project(model, parameters, points(), beyond_fold="extend")
     expected = opencv(model, parameters, points())
@@ -85,7 +87,7 @@ def test_plain_formula_is_opencvs_to_a_billionth_pixel(name):
 
 
 @every_camera
-def test_inside_the_fold_nothing_is_missing_and_beyond_it_everything(name):
+def test_inside_the_fold_nothing_is_missing_and_beyond_it_everything(name) -> None:
     model, parameters, _ = camera(name)
     point = points()
     ours = project(model, parameters, point)
@@ -99,7 +101,7 @@ def test_inside_the_fold_nothing_is_missing_and_beyond_it_everything(name):
     )
 
 
-def test_random_lenses_agree_with_opencv():
+def test_random_lenses_agree_with_opencv() -> None:
     rng = np.random.default_rng(2)
     for _ in range(100):
         parameters = np.concatenate(
@@ -113,7 +115,7 @@ def test_random_lenses_agree_with_opencv():
 
 
 @every_camera
-def test_on_the_axis_and_next_to_it(name):
+def test_on_the_axis_and_next_to_it(name) -> None:
     model, parameters, _ = camera(name)
     point = np.array([[0, 0, 2.0], [1e-200, 0, 1], [1e-12, -1e-13, 1], [3e-8, 1e-8, 1]])
     pixel, d_point, d_parameters = project_with_jacobian(model, parameters, point)
@@ -125,7 +127,7 @@ def test_on_the_axis_and_next_to_it(name):
 
 @pytest.mark.parametrize("beyond_fold", ["nan", "extend"])
 @every_camera
-def test_behind_the_camera_there_is_no_pixel(name, beyond_fold):
+def test_behind_the_camera_there_is_no_pixel(name, beyond_fold) -> None:
     model, parameters, _ = camera(name)
     point = np.array([[0.1, 0.1, -1], [0.1, 0.1, 0], [0, 0, 0], [np.nan, 0, 1], [0, 0, 1]])
     for answer in project_with_jacobian(model, parameters, point, beyond_fold=beyond_fold):
@@ -136,7 +138,7 @@ def test_behind_the_camera_there_is_no_pixel(name, beyond_fold):
 
 
 @every_camera
-def test_forward_derivatives_equal_central_differences(name, differences, same_derivative):
+def test_forward_derivatives_equal_central_differences(name, differences, same_derivative) -> None:
     model, parameters, _ = camera(name)
     spread = min(0.6 * largest_radius(model, parameters), 2.0)
     point = points(300, spread)
@@ -157,7 +159,7 @@ def test_forward_derivatives_equal_central_differences(name, differences, same_d
 
 
 @every_camera
-def test_nan_marks_the_same_points_in_every_answer(name):
+def test_nan_marks_the_same_points_in_every_answer(name) -> None:
     model, parameters, _ = camera(name)
     pixel, d_point, d_parameters = project_with_jacobian(model, parameters, points())
     np.testing.assert_array_equal(pixel, project(model, parameters, points()))
@@ -168,7 +170,7 @@ def test_nan_marks_the_same_points_in_every_answer(name):
 
 
 @every_camera
-def test_back_projection_is_inverted_by_opencv_over_the_whole_image(name):
+def test_back_projection_is_inverted_by_opencv_over_the_whole_image(name) -> None:
     model, parameters, size = camera(name)
     grid = pixels(size)
     ray = back_project(model, parameters, grid)
@@ -183,7 +185,7 @@ def test_back_projection_is_inverted_by_opencv_over_the_whole_image(name):
 
 
 @every_camera
-def test_what_can_be_seen_can_be_back_projected_onto_itself(name):
+def test_what_can_be_seen_can_be_back_projected_onto_itself(name) -> None:
     model, parameters, _ = camera(name)
     point = points()
     pixel = project(model, parameters, point)
@@ -197,7 +199,7 @@ def test_what_can_be_seen_can_be_back_projected_onto_itself(name):
 
 
 @every_camera
-def test_principal_point_is_the_optical_axis_exactly(name):
+def test_principal_point_is_the_optical_axis_exactly(name) -> None:
     model, parameters, _ = camera(name)
     ray, d_pixel, d_parameters = back_project_with_jacobian(model, parameters, parameters[2:4])
     np.testing.assert_array_equal(ray, [0, 0, 1])
@@ -208,7 +210,7 @@ def test_principal_point_is_the_optical_axis_exactly(name):
 
 
 @every_camera
-def test_backward_derivatives_equal_central_differences(name, differences, same_derivative):
+def test_backward_derivatives_equal_central_differences(name, differences, same_derivative) -> None:
     model, parameters, size = camera(name)
     grid = pixels(size, 61)
     ray = back_project(model, parameters, grid)
@@ -250,12 +252,12 @@ def test_backward_derivatives_equal_central_differences(name, differences, same_
         ("fisheye", [0, 0, 0, 0], np.inf),
     ],
 )
-def test_largest_radius_by_hand(model, coefficients, expected):
+def test_largest_radius_by_hand(model, coefficients, expected) -> None:
     parameters = np.array([1000.0, 1000, 500, 500, *coefficients])
     assert largest_radius(model, parameters) == pytest.approx(expected, rel=1e-12)
 
 
-def test_pixels_outside_the_fold_have_no_ray():
+def test_pixels_outside_the_fold_have_no_ray() -> None:
     parameters = np.array([1000.0, 1000, 0, 0, -1 / 3, 0, 0, 0, 0])
     rim = 1000 * 2 / 3
     ray = back_project("brown", parameters, np.array([[rim - 1e-6, 0], [rim + 1e-6, 0]]))
@@ -263,7 +265,7 @@ def test_pixels_outside_the_fold_have_no_ray():
     assert np.isnan(ray[1]).all()
 
 
-def test_fisheye_rays_end_at_a_right_angle():
+def test_fisheye_rays_end_at_a_right_angle() -> None:
     parameters = CAMERAS["equidistant"][1]
     rim = 500 * np.pi / 2
     ray, d_pixel, d_parameters = back_project_with_jacobian(
@@ -275,7 +277,7 @@ def test_fisheye_rays_end_at_a_right_angle():
         assert np.isnan(answer[1]).all()
 
 
-def test_every_invertible_pixel_of_a_folding_lens_with_tangential_terms_is_found():
+def test_every_invertible_pixel_of_a_folding_lens_with_tangential_terms_is_found() -> None:
     # The image of the fold curve is the border of what the lens can see: a polygon made from a
     # dense set of directions, each followed outwards until its Jacobian turns over.
     largest = largest_radius("brown", FOLDING)
@@ -294,7 +296,7 @@ def test_every_invertible_pixel_of_a_folding_lens_with_tangential_terms_is_found
     assert (~found).any()
 
 
-def test_a_real_camera_sees_nothing_in_2_7_percent_of_its_image(data_dir):
+def test_a_real_camera_sees_nothing_in_2_7_percent_of_its_image(data_dir: Path) -> None:
     file = yaml.safe_load((data_dir / "cuav" / "camera.yaml").read_text())
     grid = pixels((file["width_px"], file["height_px"]), 3)
     ray = back_project("brown", np.array(file["parameters"]), grid)
@@ -302,7 +304,7 @@ def test_a_real_camera_sees_nothing_in_2_7_percent_of_its_image(data_dir):
 
 
 @pytest.mark.parametrize("model", ["brown", "fisheye"])
-def test_what_is_no_pixel_has_no_ray(model):
+def test_what_is_no_pixel_has_no_ray(model) -> None:
     parameters = CAMERAS["decentred" if model == "brown" else "wide"][1]
     pixel = np.array([[np.nan, 3], [3, np.inf], [-np.inf, np.nan], [650, 480]])
     ray = back_project(model, parameters, pixel)
@@ -311,7 +313,7 @@ def test_what_is_no_pixel_has_no_ray(model):
 
 
 @every_camera
-def test_leading_axes_and_blocks_change_nothing(name):
+def test_leading_axes_and_blocks_change_nothing(name) -> None:
     model, parameters, size = camera(name)
     many = np.tile(points(300, 0.5), (60, 1))  # more than one block
     whole = project_with_jacobian(model, parameters, many)
@@ -336,7 +338,7 @@ def test_leading_axes_and_blocks_change_nothing(name):
     st.tuples(st.floats(-0.02, 0.02), st.floats(-0.02, 0.02)),
     st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5)),
 )
-def test_whatever_lens_a_ray_found_projects_to_its_pixel(model, k, p, direction):
+def test_whatever_lens_a_ray_found_projects_to_its_pixel(model, k, p, direction) -> None:
     coefficients = [k[0], k[1], *p, k[2]] if model == "brown" else k
     parameters = np.array([1000.0, 1100, 640, 480, *coefficients])
     pixel = project(model, parameters, np.array([*direction, 1.0]))
@@ -351,7 +353,7 @@ def test_whatever_lens_a_ray_found_projects_to_its_pixel(model, k, p, direction)
         assert radius > 0.8 * largest_radius(model, parameters)
 
 
-def test_inputs_stay_as_they_were():
+def test_inputs_stay_as_they_were() -> None:
     for model, parameters, _ in map(camera, CAMERAS):
         arrays = parameters.copy(), points(10), pixels((100, 100), 20)
         for array in arrays:
@@ -360,7 +362,7 @@ def test_inputs_stay_as_they_were():
         back_project_with_jacobian(model, arrays[0], arrays[2])
 
 
-def test_the_rim_of_the_image_without_rays_is_measured():
+def test_the_rim_of_the_image_without_rays_is_measured() -> None:
     # Of the cuav camera (CanberraUAV's calibration), an independent fill of the fold's border gives
     # 2.69 % of the image; of a lens without distortion nothing is lost.
     parameters = np.array([

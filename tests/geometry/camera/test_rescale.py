@@ -36,7 +36,7 @@ def centroid(image):
 
 
 @pytest.mark.parametrize("size", [(80, 60), (320, 240), (160, 60)])
-def test_a_point_is_seen_where_opencv_puts_it_when_it_resizes_the_photo(camera, size):
+def test_a_point_is_seen_where_opencv_puts_it_when_it_resizes_the_photo(camera, size) -> None:
     small = scaled(camera, 160, 120)
     point = np.array([0.1, -0.2, 1.0])
     u, v = project("brown", small.parameters, point)
@@ -51,7 +51,7 @@ def test_a_point_is_seen_where_opencv_puts_it_when_it_resizes_the_photo(camera, 
     )
 
 
-def test_a_point_is_seen_where_it_lies_in_the_cropped_photo(camera):
+def test_a_point_is_seen_where_it_lies_in_the_cropped_photo(camera) -> None:
     part = cropped(camera, 100, 375, 3800, 2250)
     points = np.random.default_rng(0).uniform([-0.3, -0.3, 1], [0.3, 0.3, 2], (20, 3))
 
@@ -64,7 +64,7 @@ def test_a_point_is_seen_where_it_lies_in_the_cropped_photo(camera):
     np.testing.assert_array_equal(part.covariance, camera.covariance)
 
 
-def test_the_covariance_of_a_resized_camera_is_that_of_its_pixels(camera):
+def test_the_covariance_of_a_resized_camera_is_that_of_its_pixels(camera) -> None:
     small = scaled(camera, 1000, 1500)
     step = np.eye(9) * [1, 1, 1, 1, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3]
 
@@ -79,7 +79,7 @@ def test_the_covariance_of_a_resized_camera_is_that_of_its_pixels(camera):
     )
 
 
-def test_there_and_back_is_the_same_camera(camera):
+def test_there_and_back_is_the_same_camera(camera) -> None:
     back = scaled(scaled(camera, 1234, 777), 4000, 3000)
 
     np.testing.assert_allclose(back.parameters, PARAMETERS, rtol=1e-13)
@@ -87,6 +87,6 @@ def test_there_and_back_is_the_same_camera(camera):
 
 
 @pytest.mark.parametrize("part", [(-1, 0, 10, 10), (0, 0, 4001, 10), (3995, 0, 10, 10)])
-def test_a_part_outside_the_photo_is_refused(camera, part):
+def test_a_part_outside_the_photo_is_refused(camera, part) -> None:
     with pytest.raises(ValueError, match="does not lie inside"):
         cropped(camera, *part)

@@ -30,7 +30,7 @@ STEPS = [
 
 
 @pytest.mark.parametrize(("count", "month"), list(enumerate(STEPS, 1)))
-def test_leap_seconds_step_on_the_days_of_the_bulletin(count, month):
+def test_leap_seconds_step_on_the_days_of_the_bulletin(count, month) -> None:
     midnight = utc(*month, 1)
     np.testing.assert_array_equal(leap_seconds([midnight - 0.5, midnight]), [count - 1, count])
 
@@ -39,37 +39,37 @@ def test_leap_seconds_step_on_the_days_of_the_bulletin(count, month):
     ("date", "expected"),
     [((1970, 1, 1), 0), ((1980, 1, 6), 0), ((2000, 1, 1), 13), ((2026, 1, 1), 18)],
 )
-def test_leap_seconds_of_known_dates(date, expected):
+def test_leap_seconds_of_known_dates(date, expected) -> None:
     assert leap_seconds(utc(*date)) == expected
 
 
-def test_the_gps_epoch_is_the_one_of_pymavlink():
+def test_the_gps_epoch_is_the_one_of_pymavlink() -> None:
     # GPS seconds 315964800 after the Unix epoch; pymavlink takes 18 s off all of them.
     assert utc_from_gps(0, 0) == 315964800.0 == GPS_EPOCH_UTC_S
     expected = DFReaderClock()._gpsTimeToTime(2300, 345_600_000)
     assert utc_from_gps(2300, 345_600_000) == expected
 
 
-def test_a_known_instant():
+def test_a_known_instant() -> None:
     # Week 1930 began on Sunday 2017-01-01 at 00:00:00 GPS time = 2016-12-31 23:59:43 UTC.
     assert utc_from_gps(1930, 0) == utc(2016, 12, 31, 23, 59, 43)
     assert utc_from_gps(1930, 20_500) == utc(2017, 1, 1) + 2.5
 
 
-def test_the_leap_second_itself_is_counted_as_the_next_second():
+def test_the_leap_second_itself_is_counted_as_the_next_second() -> None:
     at = utc_from_gps(1930, np.array([16_999, 17_000, 17_500, 17_999, 18_000, 18_500]))
     midnight = utc(2017, 1, 1)
     np.testing.assert_allclose(at - midnight, [-0.001, 0, 0.5, 0.999, 0, 0.5], atol=1e-6)
 
 
-def test_utc_and_back_over_all_weeks():
+def test_utc_and_back_over_all_weeks() -> None:
     week = np.arange(0, 3000)
     at = utc_from_gps(week, 3_600_000.0)
     gps = at + leap_seconds(at)
     np.testing.assert_array_equal(gps, GPS_EPOCH_UTC_S + week * 604800.0 + 3600)
 
 
-def test_bounds_of_a_clock_that_was_set():
+def test_bounds_of_a_clock_that_was_set() -> None:
     assert utc(2009, 1, 1) == MIN_PLAUSIBLE_UTC_S
     assert utc(2080, 1, 1) == MAX_PLAUSIBLE_UTC_S
     rolled_over = utc_from_gps(2400 - 1024, 0)

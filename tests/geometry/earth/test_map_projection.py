@@ -20,7 +20,7 @@ from uavgram.geometry.earth.map_projection import (
     ("latitude", "longitude"),
     [(48.1, 11.6), (-33.7, 151.3), (0.1, -179.9), (-54.0, 179.9), (35.0, -0.1), (83.9, 45.0)],
 )
-def test_the_zone_is_that_of_proj(latitude, longitude):
+def test_the_zone_is_that_of_proj(latitude, longitude) -> None:
     (info,) = query_utm_crs_info(
         datum_name="WGS 84", area_of_interest=AreaOfInterest(*2 * (longitude, latitude))
     )
@@ -39,11 +39,11 @@ def test_the_zone_is_that_of_proj(latitude, longitude):
         (50.0, 191.0, 32602),  # longitudes may be counted to 360
     ],
 )
-def test_the_exceptions_of_the_standard(latitude, longitude, code):
+def test_the_exceptions_of_the_standard(latitude, longitude, code) -> None:
     assert utm_crs(latitude, longitude) == f"EPSG:{code}"
 
 
-def test_a_map_distance_is_the_ground_distance_times_the_scale():
+def test_a_map_distance_is_the_ground_distance_times_the_scale() -> None:
     origin = (48.1, 11.6, 0.0)
     enu = np.array([[0.0, 0.0, 0.0], [300.0, 400.0, 0.0]])
     placed = projected_from_enu(enu, origin, "EPSG:32632")
@@ -55,6 +55,6 @@ def test_a_map_distance_is_the_ground_distance_times_the_scale():
 
 
 @pytest.mark.parametrize("wrong", ["EPSG:4326", "EPSG:2263", "nonsense"])
-def test_degrees_feet_and_nonsense_are_refused_by_name(wrong):
+def test_degrees_feet_and_nonsense_are_refused_by_name(wrong) -> None:
     with pytest.raises(GeometryError, match=wrong):
         checked_crs(wrong)

@@ -11,12 +11,12 @@ from scipy.stats import chi2
 from uavgram.geometry.ground.ellipse import ELLIPSE_95, error_ellipse
 
 
-def test_level_is_the_root_of_the_chi_square_quantile():
+def test_level_is_the_root_of_the_chi_square_quantile() -> None:
     assert pytest.approx(np.sqrt(chi2.ppf(0.95, 2)), rel=1e-14) == ELLIPSE_95
     assert pytest.approx(2.4477, abs=5e-5) == ELLIPSE_95
 
 
-def test_axes_are_those_of_the_eigenvectors():
+def test_axes_are_those_of_the_eigenvectors() -> None:
     half = np.random.default_rng(1).normal(size=(300, 2, 2))
     covariance = half @ np.swapaxes(half, 1, 2)
     values, axes = np.linalg.eigh(covariance)
@@ -43,7 +43,7 @@ def test_axes_are_those_of_the_eigenvectors():
         ([[1, 1 + 1e-13], [1 + 1e-13, 1]], (np.sqrt(2), 0, np.pi / 4)),
     ],
 )
-def test_ellipses_by_hand(covariance, expected):
+def test_ellipses_by_hand(covariance, expected) -> None:
     np.testing.assert_allclose(error_ellipse(np.array(covariance, float)), expected, atol=1e-12)
 
 
@@ -51,13 +51,13 @@ def test_ellipses_by_hand(covariance, expected):
     "wrong",
     [[[1, 2], [2, 1]], [[-1, 0], [0, -2]], [[np.nan, 0], [0, 1]], [[1e-12, 2e-12], [2e-12, 1e-12]]],
 )
-def test_what_is_no_covariance_has_no_ellipse(wrong):
+def test_what_is_no_covariance_has_no_ellipse(wrong) -> None:
     assert np.isnan(error_ellipse(np.array(wrong, float))).all()
 
 
 @settings(derandomize=True, deadline=None)
 @given(st.floats(0.01, 100), st.floats(0, 0.99), st.floats(0, 3.14), st.floats(-3, 3))
-def test_turning_the_covariance_turns_the_ellipse(major, ratio, azimuth, turn):
+def test_turning_the_covariance_turns_the_ellipse(major, ratio, azimuth, turn) -> None:
     def covariance(angle: float) -> np.ndarray:
         axis = np.array([np.sin(angle), np.cos(angle)])
         other = np.array([axis[1], -axis[0]])
@@ -68,7 +68,7 @@ def test_turning_the_covariance_turns_the_ellipse(major, ratio, azimuth, turn):
     assert np.sin(after[2] - before[2] - turn) == pytest.approx(0, abs=1e-9)
 
 
-def test_inputs_stay_as_they_were():
+def test_inputs_stay_as_they_were() -> None:
     covariance = np.eye(2)
     covariance.flags.writeable = False
     error_ellipse(covariance)

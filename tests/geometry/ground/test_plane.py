@@ -20,19 +20,19 @@ def scene(count: int = 40) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return center, ray, rng.uniform(-1, 2, count)
 
 
-def test_straight_down_onto_level_ground():
+def test_straight_down_onto_level_ground() -> None:
     point = intersect_ground(np.array([3.0, 4, 50]), np.array([0, 0, -2.0]), np.zeros(3), PIVOT)
     np.testing.assert_array_equal(point, [3, 4, 0])
 
 
-def test_half_a_right_angle_on_a_slope_by_hand():
+def test_half_a_right_angle_on_a_slope_by_hand() -> None:
     # up = 0.25 east; from 10 m above the pivot going east and down: 10 - s = 0.25 s, s = 8.
     plane, down_east = np.array([0, 0.25, 0]), np.array([1.0, 0, -1])
     point = intersect_ground(np.array([0.0, 0, 10]), down_east, plane, np.zeros(2))
     np.testing.assert_allclose(point, [8, 0, 2])
 
 
-def test_points_lie_on_the_plane_at_their_height_and_on_the_ray():
+def test_points_lie_on_the_plane_at_their_height_and_on_the_ray() -> None:
     center, ray, above = scene()
     point = intersect_ground(center, ray, PLANE, PIVOT, above)
     height = PLANE[0] + (point[:, :2] - PIVOT) @ PLANE[1:] + above
@@ -52,7 +52,7 @@ def test_points_lie_on_the_plane_at_their_height_and_on_the_ray():
         ((0, 0, 50), (np.nan, 0, -1)),
     ],
 )
-def test_no_meeting_is_nan_throughout(center, ray):
+def test_no_meeting_is_nan_throughout(center, ray) -> None:
     answers = intersect_ground_with_jacobian(
         np.array(center, float), np.array(ray, float), np.zeros(3), np.zeros(2)
     )
@@ -60,7 +60,7 @@ def test_no_meeting_is_nan_throughout(center, ray):
     assert [answer.shape for answer in answers] == [(3,), (3, 3), (3, 3), (3, 3)]
 
 
-def test_derivatives_equal_central_differences(differences, same_derivative):
+def test_derivatives_equal_central_differences(differences, same_derivative) -> None:
     center, ray, above = scene()
     point, d_center, d_ray, d_plane = intersect_ground_with_jacobian(
         center, ray, PLANE, PIVOT, above
@@ -75,7 +75,7 @@ def test_derivatives_equal_central_differences(differences, same_derivative):
     same_derivative(d_plane, by_plane)
 
 
-def test_one_centre_serves_many_rays():
+def test_one_centre_serves_many_rays() -> None:
     center, ray, _ = scene()
     many = intersect_ground_with_jacobian(center[0], ray, PLANE, PIVOT, 0.5)
     each = [intersect_ground_with_jacobian(center[0], r, PLANE, PIVOT, 0.5) for r in ray]
@@ -85,7 +85,7 @@ def test_one_centre_serves_many_rays():
 
 @settings(derandomize=True, deadline=None)
 @given(st.floats(0.01, 100), st.tuples(*[st.floats(-100, 100)] * 3))
-def test_length_of_the_ray_and_place_of_the_origin_mean_nothing(scale, shift):
+def test_length_of_the_ray_and_place_of_the_origin_mean_nothing(scale, shift) -> None:
     center, ray, above = scene(5)
     plain = intersect_ground(center, ray, PLANE, PIVOT, above)
     np.testing.assert_allclose(
@@ -97,7 +97,7 @@ def test_length_of_the_ray_and_place_of_the_origin_mean_nothing(scale, shift):
     np.testing.assert_allclose(moved - shift, plain, atol=1e-9)
 
 
-def test_inputs_stay_as_they_were():
+def test_inputs_stay_as_they_were() -> None:
     arrays = [*scene()[:2], PLANE.copy(), PIVOT.copy(), scene()[2]]
     for array in arrays:
         array.flags.writeable = False

@@ -36,7 +36,7 @@ def lengths(plane: np.ndarray, ends: np.ndarray) -> np.ndarray:
     return lengths_on_plane(np.moveaxis(plane, -1, 0)[..., None], ends[:, :, None]).length
 
 
-def test_lengths_are_those_between_the_ground_points_of_the_pose():
+def test_lengths_are_those_between_the_ground_points_of_the_pose() -> None:
     start, end = rays(1), rays(2)
     found = lengths(planes(), pairs(start, end))
     for plane, length in zip(planes(), found, strict=True):
@@ -49,7 +49,9 @@ def test_lengths_are_those_between_the_ground_points_of_the_pose():
 
 
 @pytest.mark.parametrize("plane", planes())
-def test_derivatives_by_the_plane_equal_central_differences(plane, differences, same_derivative):
+def test_derivatives_by_the_plane_equal_central_differences(
+    plane, differences, same_derivative
+) -> None:
     ends = pairs(rays(1), rays(2))
     on_plane = lengths_on_plane(plane[:, None], ends)
     found = by_plane(on_plane, reach_of(on_plane))
@@ -58,7 +60,9 @@ def test_derivatives_by_the_plane_equal_central_differences(plane, differences, 
 
 
 @pytest.mark.parametrize("plane", planes())
-def test_derivatives_by_the_ends_equal_central_differences(plane, differences, same_derivative):
+def test_derivatives_by_the_ends_equal_central_differences(
+    plane, differences, same_derivative
+) -> None:
     ends = pairs(rays(1), rays(2))
     on_plane = lengths_on_plane(plane[:, None], ends)
     found = by_ends(on_plane, reach_of(on_plane))
@@ -71,7 +75,7 @@ def test_derivatives_by_the_ends_equal_central_differences(plane, differences, s
     same_derivative(found.reshape(4, -1).T, numeric)
 
 
-def test_beyond_the_horizon_there_is_no_length():
+def test_beyond_the_horizon_there_is_no_length() -> None:
     level = np.array([0.0, 0.1, 0.0])[:, None]  # looking along the ground, 10 m above it
     above, below = np.array([[0.0, -0.2, 1.0]]), np.array([[0.0, 0.2, 1.0]])
     for ends in (pairs(above, below), pairs(below, above), pairs(below, below)):
@@ -82,7 +86,7 @@ def test_beyond_the_horizon_there_is_no_length():
 
 
 @pytest.mark.parametrize("plane", [*planes(), np.array([0, 0.1, 0])])
-def test_pose_stands_over_the_origin_with_image_up_to_the_north(plane):
+def test_pose_stands_over_the_origin_with_image_up_to_the_north(plane) -> None:
     center, rotation = pose_above_plane(plane)
     np.testing.assert_allclose(center, [0, 0, 1 / np.linalg.norm(plane)])
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-15)
@@ -93,6 +97,6 @@ def test_pose_stands_over_the_origin_with_image_up_to_the_north(plane):
     assert image_up[1] >= 0
 
 
-def test_looking_at_the_horizon_the_optical_axis_is_north():
+def test_looking_at_the_horizon_the_optical_axis_is_north() -> None:
     _, rotation = pose_above_plane(np.array([0, 0.1, 0]))
     np.testing.assert_allclose(rotation @ [0, 0, 1], [0, 1, 0], atol=1e-15)

@@ -58,7 +58,7 @@ def by_kernels(at: View, pixel: np.ndarray, change: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_covariance_is_that_of_central_differences(lens):
+def test_covariance_is_that_of_central_differences(lens) -> None:
     at, pixel = view(lens), pixels(60)
     if lens == "fisheye":  # its corners see the sky
         pixel = 0.4 * pixel + [1200.0, 1200.0]
@@ -84,7 +84,7 @@ def test_covariance_is_that_of_central_differences(lens):
     assert (np.abs(found.covariance_m2 - expected) <= 1e-6 * scale).all()
 
 
-def test_points_are_those_of_opencv_and_a_level_plane():
+def test_points_are_those_of_opencv_and_a_level_plane() -> None:
     at = view("brown", plane=False)
     level = replace(at, plane=np.zeros(3))
     pixel = pixels(500)
@@ -97,7 +97,7 @@ def test_points_are_those_of_opencv_and_a_level_plane():
     np.testing.assert_allclose(found.point_world_m, expected, atol=1e-8)
 
 
-def test_blocks_threads_and_noise_of_each_pixel_change_nothing():
+def test_blocks_threads_and_noise_of_each_pixel_change_nothing() -> None:
     at, pixel = view("brown"), pixels(3 * BLOCK + 17)
     found = ground_points(at, pixel, PIXEL, ABOVE)
     each = np.tile(PIXEL, (len(pixel), 1, 1))
@@ -112,7 +112,7 @@ def test_blocks_threads_and_noise_of_each_pixel_change_nothing():
     assert ground_points(at, pixel[:0], PIXEL).point_world_m.shape == (0, 3)
 
 
-def test_pixels_that_show_no_ground_are_nan():
+def test_pixels_that_show_no_ground_are_nan() -> None:
     at = view("brown")
     up = replace(at, world_from_camera=at.world_from_camera @ np.diag([1.0, -1, -1]))
     for each, pixel in ((up, pixels(5)), (at, np.array([[np.nan, 0.0], [1e9, 0.0]]))):
@@ -121,7 +121,7 @@ def test_pixels_that_show_no_ground_are_nan():
         assert np.isnan(found.covariance_m2).all()
 
 
-def test_a_covariance_of_another_size_is_refused():
+def test_a_covariance_of_another_size_is_refused() -> None:
     at = view("brown")
     with pytest.raises(ValueError, match="expected 15 x 15, or 18 with the plane, got"):
         replace(at, covariance=np.eye(7))

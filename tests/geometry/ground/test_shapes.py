@@ -20,41 +20,41 @@ COUNT = {
 }
 
 
-def test_distance_is_pythagoras():
+def test_distance_is_pythagoras() -> None:
     value, gradient = shapes.distance(np.array([[1.0, 2, 3], [3, 5, 9]]))
     assert value == 7
     np.testing.assert_allclose(gradient, np.array([[-2, -3, -6], [2, 3, 6]]) / 7)
 
 
-def test_polyline_adds_its_pieces():
+def test_polyline_adds_its_pieces() -> None:
     value, gradient = shapes.polyline(SQUARE)
     assert value == 11
     np.testing.assert_allclose(gradient[:, :2], [[-1, 0], [1, -1], [1, 1], [-1, 0]])
 
 
-def test_area_of_a_rectangle_whichever_way_round():
+def test_area_of_a_rectangle_whichever_way_round() -> None:
     assert shapes.area(SQUARE)[0] == pytest.approx(12)
     assert shapes.area(SQUARE[::-1])[0] == pytest.approx(12)
 
 
-def test_area_lies_in_the_polygons_own_plane():
+def test_area_lies_in_the_polygons_own_plane() -> None:
     tilted = SQUARE @ exp_so3(np.array([0.8, 0.1, 0])).T + [5e5, 5e6, 100]
     assert shapes.area(tilted)[0] == pytest.approx(12, rel=1e-9)
 
 
-def test_area_of_a_notched_polygon_by_hand():
+def test_area_of_a_notched_polygon_by_hand() -> None:
     notched = np.array([[0.0, 0, 0], [4, 0, 0], [4, 4, 0], [2, 1, 0], [0, 4, 0]])
     assert shapes.area(notched)[0] == pytest.approx(16 - 6)
 
 
 @pytest.mark.parametrize("degrees", [1e-4, 30, 90, 120, 179.9999])
-def test_angle_is_the_one_at_the_middle(degrees):
+def test_angle_is_the_one_at_the_middle(degrees) -> None:
     a = np.radians(degrees)
     points = np.array([[5, 0, 0], [0, 0, 0], [2 * np.cos(a), 0, 2 * np.sin(a)]]) + 7.0
     assert np.degrees(shapes.angle(points)[0]) == pytest.approx(degrees, rel=1e-9)
 
 
-def test_line_distance_is_perpendicular_also_beyond_the_ends():
+def test_line_distance_is_perpendicular_also_beyond_the_ends() -> None:
     points = np.array([[10.0, 3, 4], [0, 0, 0], [2, 0, 0]])
     value, gradient = shapes.line_distance(points)
     assert value == 5
@@ -62,7 +62,7 @@ def test_line_distance_is_perpendicular_also_beyond_the_ends():
 
 
 @pytest.mark.parametrize("measure", COUNT)
-def test_gradients_equal_central_differences(measure, differences):
+def test_gradients_equal_central_differences(measure, differences) -> None:
     for seed in range(20):
         points = np.random.default_rng(seed).uniform(-20, 20, (COUNT[measure], 3))
         numeric = differences(
@@ -79,7 +79,7 @@ def test_gradients_equal_central_differences(measure, differences):
     shift=st.tuples(*[st.floats(-1e3, 1e3)] * 3),
     scale=st.floats(0.1, 10),
 )
-def test_moving_and_turning_change_nothing_and_scaling_scales(measure, turn, shift, scale):
+def test_moving_and_turning_change_nothing_and_scaling_scales(measure, turn, shift, scale) -> None:
     points = np.random.default_rng(1).uniform(-20, 20, (COUNT[measure], 3))
     power = {shapes.area: 2, shapes.angle: 0}.get(measure, 1)
     moved = scale * points @ exp_so3(np.array(turn)).T + np.array(shift)
@@ -102,7 +102,7 @@ def test_moving_and_turning_change_nothing_and_scaling_scales(measure, turn, shi
         (shapes.distance, [[1, 2, np.nan], [1, 2, 3]]),
     ],
 )
-def test_what_has_no_derivative_is_nan(measure, points):
+def test_what_has_no_derivative_is_nan(measure, points) -> None:
     value, gradient = measure(np.array(points, float))
     assert np.isnan(value)
     assert np.isnan(gradient).all()
@@ -110,7 +110,7 @@ def test_what_has_no_derivative_is_nan(measure, points):
 
 
 @pytest.mark.parametrize("measure", COUNT)
-def test_the_wrong_number_of_points_is_refused(measure):
+def test_the_wrong_number_of_points_is_refused(measure) -> None:
     with pytest.raises(ValueError, match="points of shape"):
         measure(np.zeros((1, 3)))
     with pytest.raises(ValueError, match="points of shape"):
@@ -135,7 +135,7 @@ def test_the_wrong_number_of_points_is_refused(measure):
         ([(0, 0), (1, 0), (1, 1), (2, 1), (2, 0), (3, 0), (3, 2), (0, 2)], False),
     ],
 )
-def test_outlines_that_cross_or_touch_themselves(outline, crosses):
+def test_outlines_that_cross_or_touch_themselves(outline, crosses) -> None:
     outline = np.array(outline, float)
     assert shapes.polygon_self_intersects(outline) is crosses
     assert shapes.polygon_self_intersects(outline[::-1]) is crosses
@@ -143,7 +143,7 @@ def test_outlines_that_cross_or_touch_themselves(outline, crosses):
 
 
 @pytest.mark.parametrize("measure", COUNT)
-def test_inputs_stay_as_they_were(measure):
+def test_inputs_stay_as_they_were(measure) -> None:
     points = np.random.default_rng(1).uniform(-20, 20, (COUNT[measure], 3))
     points.flags.writeable = False
     measure(points)

@@ -27,7 +27,7 @@ def local_raster(**changes):
 
 
 @pytest.mark.parametrize("crs", [None, UTM, "EPSG:3857"])
-def test_ground_positions_are_those_of_pyproj_on_the_plane(crs):
+def test_ground_positions_are_those_of_pyproj_on_the_plane(crs) -> None:
     view = make_view([[0, 0, 40.0]], [looking()], plane=PLANE, pivot=PIVOT, crs=crs)
     place = {"west_m": -12.0, "north_m": 15.0}
     if crs:
@@ -47,7 +47,7 @@ def test_ground_positions_are_those_of_pyproj_on_the_plane(crs):
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_a_place_is_seen_where_opencv_projects_it(lens):
+def test_a_place_is_seen_where_opencv_projects_it(lens) -> None:
     center, rotation = np.array([1.0, 2.0, 30.0]), looking(15, 200, 3)
     view = make_view([center], [rotation], lens=lens)
     world = np.random.default_rng(1).uniform([-9, -9, -1], [9, 9, 1], (200, 3))
@@ -59,7 +59,7 @@ def test_a_place_is_seen_where_opencv_projects_it(lens):
     np.testing.assert_allclose(off_nadir, np.tan(np.arccos(down[:, 2])), rtol=1e-9)
 
 
-def test_what_is_above_the_camera_is_not_seen():
+def test_what_is_above_the_camera_is_not_seen() -> None:
     view = make_view([[0, 0, 30.0]], [looking(80)])
 
     _, off_nadir = view.look(0, np.array([[0.0, 50.0, 30.0], [0.0, 50.0, 31.0], [0.0, 50.0, 29.0]]))
@@ -68,7 +68,7 @@ def test_what_is_above_the_camera_is_not_seen():
     assert not view.shows(np.full(3, 400.0), np.full(3, 300.0), off_nadir).any()
 
 
-def test_a_photo_shows_its_pixels_to_their_outer_edges_and_no_flat_ground(oblique):
+def test_a_photo_shows_its_pixels_to_their_outer_edges_and_no_flat_ground(oblique) -> None:
     u = np.array([-0.5, -0.51, 799.5, 799.51, 100, 100, 100, np.nan])
     v = np.array([10, 10, 10, 10, 599.5, 599.6, 100, 10])
     off_nadir = np.array([1.0] * 6 + [MOST_OFF_NADIR * 1.001, 1.0])
@@ -79,7 +79,7 @@ def test_a_photo_shows_its_pixels_to_their_outer_edges_and_no_flat_ground(obliqu
     assert np.degrees(np.arctan(1 / MOST_OFF_NADIR)) == pytest.approx(10, abs=0.3)
 
 
-def test_the_least_height_is_that_above_the_sloping_plane():
+def test_the_least_height_is_that_above_the_sloping_plane() -> None:
     view = make_view(
         [[100.0, 0, 30.0], [0, 0, 28.0]], [looking()] * 2, plane=(2.0, 0.1, 0.0), pivot=(0, 0)
     )
@@ -105,7 +105,7 @@ def meet(lens, center, rotation, parameters, surface, pixel):
 
 
 @pytest.mark.parametrize("lens", ["brown", "fisheye"])
-def test_sigma_is_that_of_everything_moved_by_its_joint_covariance(lens):
+def test_sigma_is_that_of_everything_moved_by_its_joint_covariance(lens) -> None:
     center, rotation = np.array([2.0, -20.0, 30.0]), looking(35, 12, 4)
     view = make_view([center], [rotation], lens=lens, plane=PLANE, pivot=PIVOT)
     parameters = LENSES[lens]
@@ -144,7 +144,7 @@ def test_sigma_is_that_of_everything_moved_by_its_joint_covariance(lens):
     np.testing.assert_allclose(place_sigma(view, 0, pixel, known), expected, rtol=1e-4)
 
 
-def test_sigma_is_none_where_a_pixel_meets_no_ground():
+def test_sigma_is_none_where_a_pixel_meets_no_ground() -> None:
     view = make_view([[0, 0, 30.0]], [looking(80)])
     known = FrameKnowledge(np.eye(18)[None] * 1e-6, 1.0, 0.0)
 

@@ -33,7 +33,7 @@ def smooth_rotation(time: np.ndarray, xyzw: np.ndarray, at: np.ndarray):
     return SmoothRotations(time, xyzw).at(at)
 
 
-def test_positions_are_scipys_cubic_hermite_through_the_samples():
+def test_positions_are_scipys_cubic_hermite_through_the_samples() -> None:
     time, position, _, at = flight()
     # The parabola through three samples, by its own polynomial fit.
     velocity = np.empty_like(position)
@@ -48,7 +48,7 @@ def test_positions_are_scipys_cubic_hermite_through_the_samples():
     np.testing.assert_allclose(rate, expected.derivative()(at - time[0]), atol=2e-5)
 
 
-def test_a_steady_motion_is_interpolated_exactly():
+def test_a_steady_motion_is_interpolated_exactly() -> None:
     time = np.array([0.0, 2.0, 3.0, 7.0, 7.5])
     start, velocity = np.array([1.0, 2, 3]), np.array([0.5, -1, 2])
     at = np.array([0.0, 0.4, 2.0, 4.4, 7.5])
@@ -57,14 +57,14 @@ def test_a_steady_motion_is_interpolated_exactly():
     np.testing.assert_allclose(rate, np.broadcast_to(velocity, (5, 3)), atol=1e-12)
 
 
-def test_two_samples_are_joined_by_a_straight_line():
+def test_two_samples_are_joined_by_a_straight_line() -> None:
     position, rate = smooth_position(np.array([0.0, 2.0]), np.eye(3)[:2], np.array([0.5]))
     np.testing.assert_allclose(position, [[0.75, 0.25, 0]])
     np.testing.assert_allclose(rate, [[-0.5, 0.5, 0]])
 
 
 @pytest.mark.parametrize("smooth", ["position", "rotation"])
-def test_rates_are_derivatives_and_have_no_steps_at_the_samples(smooth):
+def test_rates_are_derivatives_and_have_no_steps_at_the_samples(smooth) -> None:
     time, position, xyzw, _ = flight()
     time = time - EPOCH_S
     step = Rotation.from_quat(xyzw[0])
@@ -89,13 +89,13 @@ def test_rates_are_derivatives_and_have_no_steps_at_the_samples(smooth):
     np.testing.assert_allclose(before, after, atol=1e-6)
 
 
-def test_smooth_rotations_pass_through_their_samples():
+def test_smooth_rotations_pass_through_their_samples() -> None:
     time, _, xyzw, _ = flight()
     expected = Rotation.from_quat(xyzw).as_matrix()
     np.testing.assert_allclose(smooth_rotation(time, xyzw, time)[0], expected, atol=1e-6)
 
 
-def test_a_path_answers_alike_however_often_and_in_whatever_order_it_is_asked():
+def test_a_path_answers_alike_however_often_and_in_whatever_order_it_is_asked() -> None:
     time, position, xyzw, at = flight()
     for path in (SmoothPositions(time, position), SmoothRotations(time, xyzw)):
         first, backwards, again = path.at(at), path.at(at[::-1]), path.at(at)
@@ -106,13 +106,13 @@ def test_a_path_answers_alike_however_often_and_in_whatever_order_it_is_asked():
         assert 0 < np.abs(moved).max() < 0.02
 
 
-def test_rotations_are_scipys_slerp():
+def test_rotations_are_scipys_slerp() -> None:
     time, _, xyzw, at = flight()
     expected = Slerp(time, Rotation.from_quat(xyzw))(at).as_matrix()
     np.testing.assert_allclose(interpolate_rotation(time, xyzw, at)[0], expected, atol=1e-6)
 
 
-def test_the_sign_of_a_quaternion_means_nothing():
+def test_the_sign_of_a_quaternion_means_nothing() -> None:
     time, _, xyzw, at = flight()
     flipped = xyzw * np.random.default_rng(3).choice([-1.0, 1.0], (50, 1))
     plain, rate = interpolate_rotation(time, xyzw, at)
@@ -122,7 +122,7 @@ def test_the_sign_of_a_quaternion_means_nothing():
 
 
 @pytest.mark.parametrize("interpolate", [interpolate_rotation, smooth_rotation])
-def test_rate_is_the_angular_velocity_in_body_axes(interpolate):
+def test_rate_is_the_angular_velocity_in_body_axes(interpolate) -> None:
     rate = np.array([0.3, -0.2, 0.5])
     time = np.arange(5.0)
     start = Rotation.from_rotvec([0.4, 1.0, -2.0])
@@ -135,7 +135,7 @@ def test_rate_is_the_angular_velocity_in_body_axes(interpolate):
     )
 
 
-def test_a_turn_through_north_goes_the_short_way():
+def test_a_turn_through_north_goes_the_short_way() -> None:
     xyzw = Rotation.from_euler("z", [[170.0], [-170.0]], degrees=True).as_quat()
     rotation, rate = interpolate_rotation(np.array([0.0, 1.0]), xyzw, np.array([0.5]))
     np.testing.assert_allclose(rotation[0] @ [1, 0, 0], [-1, 0, 0], atol=1e-12)
@@ -147,25 +147,25 @@ def test_a_turn_through_north_goes_the_short_way():
     ("interpolate", "samples"),
     [(smooth_position, np.zeros((2, 3))), (interpolate_rotation, np.eye(4)[2:])],
 )
-def test_nothing_is_extrapolated(interpolate, samples, at):
+def test_nothing_is_extrapolated(interpolate, samples, at) -> None:
     with pytest.raises(ValueError, match="1 of 2 instants lie outside"):
         interpolate(np.array([0.0, 1.0]), samples, np.array([0.5, at]))
 
 
-def test_samples_must_be_two_and_in_order():
+def test_samples_must_be_two_and_in_order() -> None:
     with pytest.raises(ValueError, match="at least two"):
         smooth_position(np.zeros(1), np.zeros((1, 3)), np.zeros(1))
     with pytest.raises(ValueError, match="strictly increasing"):
         smooth_position(np.zeros(2), np.zeros((2, 3)), np.zeros(1))
 
 
-def test_no_instants_make_no_rows():
+def test_no_instants_make_no_rows() -> None:
     time, position, xyzw, _ = flight()
     assert smooth_position(time, position, np.empty(0))[0].shape == (0, 3)
     assert interpolate_rotation(time, xyzw, np.empty(0))[0].shape == (0, 3, 3)
 
 
-def test_inputs_stay_as_they_were():
+def test_inputs_stay_as_they_were() -> None:
     arrays = flight()
     for array in arrays:
         array.flags.writeable = False

@@ -34,7 +34,7 @@ def tracks(*, gimbal: bool) -> tuple:
 
 
 @pytest.mark.parametrize("gimbal", [False, True])
-def test_derivatives_equal_central_differences(gimbal, differences, same_derivative):
+def test_derivatives_equal_central_differences(gimbal, differences, same_derivative) -> None:
     nominal = Rotation.from_rotvec([0.3, -1.2, 0.4]).as_matrix()
     shared = np.array([0.02, -0.05, 0.03, 0.4, -0.2, 0.1, 1.0, -2, 0.5, 0.1, 0.07, 0.04])
     middle = 1.6
@@ -56,7 +56,7 @@ def test_derivatives_equal_central_differences(gimbal, differences, same_derivat
     same_derivative(jacobian, differences(error, shared, 1e-4))
 
 
-def test_level_flight_heading_east_with_the_camera_looking_straight_down():
+def test_level_flight_heading_east_with_the_camera_looking_straight_down() -> None:
     world_from_body = ENU_FROM_NED @ matrix_from_ypr(np.pi / 2, 0, 0)
     xyzw = np.tile(xyzw_from_matrix(world_from_body), (2, 1))
     time, position = np.array([0.0, 1.0]), np.array([[0.0, 0, 50], [10, 0, 50]])
@@ -71,7 +71,7 @@ def test_level_flight_heading_east_with_the_camera_looking_straight_down():
     np.testing.assert_allclose(rotation[0] @ [0, -1, 0], [1, 0, 0], atol=1e-15)
 
 
-def test_a_heading_that_reads_too_far_clockwise_is_turned_back():
+def test_a_heading_that_reads_too_far_clockwise_is_turned_back() -> None:
     xyzw = np.tile(xyzw_from_matrix(ENU_FROM_NED @ matrix_from_ypr(0.1, 0, 0)), (2, 1))
     time = np.array([0.0, 1.0])
     exposures = FlightPath((time, np.zeros((2, 3))), (time, xyzw), NO_GIMBAL).at(np.array([0.5]))

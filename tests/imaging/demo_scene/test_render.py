@@ -42,7 +42,7 @@ def true_marks(survey, index, kind):
 
 
 @pytest.mark.parametrize("index", FRAMES)
-def test_checker_targets_lie_where_they_are_projected(survey, photos, index):
+def test_checker_targets_lie_where_they_are_projected(survey, photos, index) -> None:
     gray = cv2.cvtColor(photos[index], cv2.COLOR_BGR2GRAY)
     marks = true_marks(survey, index, "checker")
     assert len(marks) >= 2
@@ -53,7 +53,7 @@ def test_checker_targets_lie_where_they_are_projected(survey, photos, index):
     assert error.max() < 0.15, dict(zip([label for label, _ in marks], error, strict=True))
 
 
-def test_sprayed_crosses_lie_where_they_are_projected(survey, photos):
+def test_sprayed_crosses_lie_where_they_are_projected(survey, photos) -> None:
     photo = photos[4].astype(float)
     yellow = photo[..., 2] - photo[..., 0]
     alone = {"P5", "P7", "P8"}  # nothing yellow or red within reach
@@ -72,7 +72,7 @@ def test_sprayed_crosses_lie_where_they_are_projected(survey, photos):
         assert np.linalg.norm(center - pixel) < 0.15, label
 
 
-def test_the_coarse_grid_of_rays_costs_less_than_two_hundredths_of_a_pixel(survey):
+def test_the_coarse_grid_of_rays_costs_less_than_two_hundredths_of_a_pixel(survey) -> None:
     truth, axes = survey.truth, scene_from_world(survey)
     width, height = survey.calibration.width_px, survey.calibration.height_px
     map_x, map_y = ground_map(truth, 2, axes, (width, height))
@@ -88,7 +88,7 @@ def test_the_coarse_grid_of_rays_costs_less_than_two_hundredths_of_a_pixel(surve
     assert np.abs(back - np.stack([u, v], axis=1)).max() < 0.02
 
 
-def test_photos_have_the_cameras_size_and_are_neither_dark_nor_burnt_out(survey, photos):
+def test_photos_have_the_cameras_size_and_are_neither_dark_nor_burnt_out(survey, photos) -> None:
     for photo in photos.values():
         assert photo.shape == (survey.calibration.height_px, survey.calibration.width_px, 3)
         assert photo.dtype == np.uint8
@@ -96,11 +96,11 @@ def test_photos_have_the_cameras_size_and_are_neither_dark_nor_burnt_out(survey,
         assert np.mean(photo == 255) < 0.01
 
 
-def test_the_same_survey_gives_the_same_photo(survey, photos):
+def test_the_same_survey_gives_the_same_photo(survey, photos) -> None:
     assert np.array_equal(next(render_photos(survey)), photos[0])
 
 
-def test_shapes_are_painted_where_the_scene_has_them():
+def test_shapes_are_painted_where_the_scene_has_them() -> None:
     raster = GroundRaster(
         image=np.zeros((40, 60, 3), np.uint8), x_top_m=2.0, y_left_m=3.0, resolution_m=0.1
     )

@@ -10,7 +10,7 @@ from uavgram.errors import InputError
 from uavgram.imaging.photos.cache import LruCache
 
 
-def test_the_longest_unused_goes_first_and_the_newest_stays():
+def test_the_longest_unused_goes_first_and_the_newest_stays() -> None:
     made = []
     kept = LruCache(lambda key: made.append(key) or key, lambda key: key, 10)
     for key in (4, 5, 4, 6, 4):
@@ -23,7 +23,7 @@ def test_the_longest_unused_goes_first_and_the_newest_stays():
     assert made.count(99) == 1
 
 
-def test_values_that_are_held_stay_though_they_are_large():
+def test_values_that_are_held_stay_though_they_are_large() -> None:
     made = []
     kept = LruCache(lambda key: made.append(key) or key, lambda _: 7, 10)
     kept.hold({1, 2})
@@ -40,11 +40,11 @@ def test_values_that_are_held_stay_though_they_are_large():
     assert made == [1, 2, 3, 1]
 
 
-def test_threads_share_the_making_of_a_value():
+def test_threads_share_the_making_of_a_value() -> None:
     made, begun = [], threading.Barrier(4)
     kept = LruCache(lambda key: made.append(key) or key, lambda _: 1, 10)
 
-    def ask():
+    def ask() -> None:
         begun.wait()
         kept.get(1)
 
@@ -56,7 +56,7 @@ def test_threads_share_the_making_of_a_value():
     assert made == [1]
 
 
-def test_a_value_whose_making_failed_is_made_again():
+def test_a_value_whose_making_failed_is_made_again() -> None:
     tries = []
 
     def make(key):
@@ -71,7 +71,7 @@ def test_a_value_whose_making_failed_is_made_again():
     assert kept.get(1) == 1
 
 
-def test_room_is_made_before_a_value_is_and_not_after():
+def test_room_is_made_before_a_value_is_and_not_after() -> None:
     others = []
     kept = LruCache(
         lambda key: others.append(set(kept._kept) - {key}),
@@ -84,7 +84,7 @@ def test_room_is_made_before_a_value_is_and_not_after():
     assert others == [set()] * 4
 
 
-def test_a_value_that_is_being_made_is_not_let_go():
+def test_a_value_that_is_being_made_is_not_let_go() -> None:
     go_on, made = threading.Event(), []
 
     def make(key):
@@ -102,7 +102,7 @@ def test_a_value_that_is_being_made_is_not_let_go():
     assert made.count(1) == 1
 
 
-def test_a_value_that_is_made_ahead_is_there_when_it_is_asked_for():
+def test_a_value_that_is_made_ahead_is_there_when_it_is_asked_for() -> None:
     made, begun, go_on = [], threading.Event(), threading.Event()
 
     def make(key):
@@ -120,10 +120,10 @@ def test_a_value_that_is_made_ahead_is_there_when_it_is_asked_for():
     assert made == [1]
 
 
-def test_a_fault_met_ahead_is_told_when_the_value_is_asked_for():
+def test_a_fault_met_ahead_is_told_when_the_value_is_asked_for() -> None:
     ended = threading.Event()
 
-    def make(_):
+    def make(_) -> None:
         try:
             raise InputError("photo.jpg", "is no photo")
         finally:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -45,7 +46,9 @@ def centroid(rgb):
     ("width", "height", "asked"),
     [(1603, 1201, 400), (1603, 1201, 333), (803, 602, 700), (301, 202, 800)],
 )
-def test_the_scale_leads_back_to_original_pixels(tmp_path, suffix, width, height, asked):
+def test_the_scale_leads_back_to_original_pixels(
+    tmp_path: Path, suffix, width, height, asked
+) -> None:
     rgb = photo(width, height)
     preview, pixels = read_preview(write(tmp_path / f"photo.{suffix}", rgb), asked)
     small = decode_preview(preview)
@@ -57,7 +60,7 @@ def test_the_scale_leads_back_to_original_pixels(tmp_path, suffix, width, height
     np.testing.assert_allclose(back, centroid(rgb), atol=0.15)
 
 
-def test_colours_stay_in_their_channels(tmp_path):
+def test_colours_stay_in_their_channels(tmp_path: Path) -> None:
     preview, _ = read_preview(write(tmp_path / "photo.png", photo(400, 300, (1, 0, 0))), 200)
     red, green, blue = decode_preview(preview)[50, 50].astype(int)
 
@@ -66,7 +69,7 @@ def test_colours_stay_in_their_channels(tmp_path):
     assert blue < 80
 
 
-def test_the_rotation_in_exif_is_not_applied(tmp_path):
+def test_the_rotation_in_exif_is_not_applied(tmp_path: Path) -> None:
     path = write(tmp_path / "photo.jpg", photo(400, 300))
     # Exif 2.32, 4.6.4: one IFD with one SHORT, tag 0x0112 (orientation) = 6: a quarter turn
     tiff = b"MM\x00*\x00\x00\x00\x08\x00\x01" + struct.pack(">HHIHHI", 0x0112, 3, 1, 6, 0, 0)
@@ -80,7 +83,7 @@ def test_the_rotation_in_exif_is_not_applied(tmp_path):
     assert (preview.width_px, preview.height_px) == (400, 300)
 
 
-def test_the_size_in_the_header_is_that_of_the_pixels(tmp_path):
+def test_the_size_in_the_header_is_that_of_the_pixels(tmp_path: Path) -> None:
     path = write(tmp_path / "photo.jpg", photo(123, 45))
 
     assert jpeg_size(path.read_bytes()) == (123, 45)
@@ -89,19 +92,19 @@ def test_the_size_in_the_header_is_that_of_the_pixels(tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"", b"no photo", b"\xff\xd8\xff\xe0\x00\x10JFIF"])
-def test_a_file_that_is_no_photo_is_an_input_error_that_names_it(tmp_path, content):
+def test_a_file_that_is_no_photo_is_an_input_error_that_names_it(tmp_path: Path, content) -> None:
     path = tmp_path / "photo.jpg"
     path.write_bytes(content)
     with pytest.raises(InputError, match=r"photo\.jpg: is no photo"):
         read_preview(path)
 
 
-def test_a_missing_photo_is_an_input_error_that_names_it(tmp_path):
+def test_a_missing_photo_is_an_input_error_that_names_it(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"gone\.jpg: cannot be read: No such file"):
         read_preview(tmp_path / "gone.jpg")
 
 
-def test_a_real_photo_keeps_its_shape(data_dir):
+def test_a_real_photo_keeps_its_shape(data_dir: Path) -> None:
     preview, _ = read_preview(data_dir / "brighton_beach" / "DJI_0025.JPG", 1000)
     width, height = jpeg_size((data_dir / "brighton_beach" / "DJI_0025.JPG").read_bytes())
 
@@ -110,7 +113,7 @@ def test_a_real_photo_keeps_its_shape(data_dir):
     assert len(preview.jpeg) < 300_000
 
 
-def test_a_decoded_photo_is_reduced_as_its_file_is():
+def test_a_decoded_photo_is_reduced_as_its_file_is() -> None:
     rng = np.random.default_rng(0)
     grey = cv2.GaussianBlur(rng.integers(0, 255, (900, 1200)).astype(np.uint8), (0, 0), 8)
     preview = preview_of(grey, 400)

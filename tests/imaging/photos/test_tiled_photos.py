@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -17,7 +18,7 @@ WIDTH, HEIGHT = 1500, 1100
 
 
 @pytest.fixture
-def files(tmp_path):
+def files(tmp_path: Path):
     """Three photos."""
     for k in range(3):
         pixels = np.random.default_rng(k).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
@@ -26,7 +27,7 @@ def files(tmp_path):
 
 
 @pytest.fixture
-def decoded(monkeypatch):
+def decoded(monkeypatch: pytest.MonkeyPatch):
     """Names of the files that were decoded; so little is kept that only one photo's pixels are."""
     names, read = [], module.read_pixels
 
@@ -48,7 +49,7 @@ def every_tile(photos, photo):
     ]
 
 
-def test_tiles_are_the_same_before_and_after_a_photo_made_room_for_another(files, decoded):
+def test_tiles_are_the_same_before_and_after_a_photo_made_room_for_another(files, decoded) -> None:
     photos = TiledPhotos(files)
     before = every_tile(photos, 0)
     every_tile(photos, 1)
@@ -60,8 +61,8 @@ def test_tiles_are_the_same_before_and_after_a_photo_made_room_for_another(files
 
 
 def test_the_whole_of_a_photo_is_shown_again_without_waiting_for_its_pixels(
-    files, decoded, monkeypatch
-):
+    files, decoded, monkeypatch: pytest.MonkeyPatch
+) -> None:
     photos = TiledPhotos(files)
     shown = photos.tile(0, FIRST_COARSE, 0, 0)
     photos.tile(1, FIRST_COARSE, 0, 0)
@@ -80,7 +81,7 @@ def test_the_whole_of_a_photo_is_shown_again_without_waiting_for_its_pixels(
     assert decoded == ["0.bmp", "1.bmp", "0.bmp"]
 
 
-def test_photos_that_a_page_shows_side_by_side_are_decoded_once_each(files, decoded):
+def test_photos_that_a_page_shows_side_by_side_are_decoded_once_each(files, decoded) -> None:
     photos = TiledPhotos(files)
     for _ in range(3):
         for photo in range(3):
@@ -89,7 +90,7 @@ def test_photos_that_a_page_shows_side_by_side_are_decoded_once_each(files, deco
     assert sorted(decoded) == ["0.bmp", "1.bmp", "2.bmp"]
 
 
-def test_what_one_page_shows_is_not_taken_from_it_by_another(files, decoded):
+def test_what_one_page_shows_is_not_taken_from_it_by_another(files, decoded) -> None:
     photos = TiledPhotos(files)
     for _ in range(3):
         for photo in range(2):
@@ -98,7 +99,9 @@ def test_what_one_page_shows_is_not_taken_from_it_by_another(files, decoded):
     assert sorted(decoded) == ["0.bmp", "1.bmp"]
 
 
-def test_a_page_that_is_closed_keeps_nothing(files, decoded, monkeypatch):
+def test_a_page_that_is_closed_keeps_nothing(
+    files, decoded, monkeypatch: pytest.MonkeyPatch
+) -> None:
     now = [0.0]
     monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
     photos = TiledPhotos(files)
@@ -112,7 +115,9 @@ def test_a_page_that_is_closed_keeps_nothing(files, decoded, monkeypatch):
 
 
 @pytest.mark.usefixtures("decoded")
-def test_what_cannot_be_decoded_any_more_is_said_and_the_rest_lives_on(files, tmp_path):
+def test_what_cannot_be_decoded_any_more_is_said_and_the_rest_lives_on(
+    files, tmp_path: Path
+) -> None:
     photos = TiledPhotos(files)
     shown = photos.tile(0, FIRST_COARSE, 0, 0)
     photos.tile(1, 0, 0, 0)
@@ -126,11 +131,11 @@ def test_what_cannot_be_decoded_any_more_is_said_and_the_rest_lives_on(files, tm
 
 @pytest.mark.parametrize("level", [0, FIRST_COARSE])
 @pytest.mark.parametrize("photo", [-1, 3])
-def test_there_is_no_tile_of_a_photo_that_is_not_there(files, photo, level):
+def test_there_is_no_tile_of_a_photo_that_is_not_there(files, photo, level) -> None:
     assert TiledPhotos(files).tile(photo, level, 0, 0) is None
 
 
-def test_a_photo_that_is_read_ahead_is_decoded_once(files, decoded):
+def test_a_photo_that_is_read_ahead_is_decoded_once(files, decoded) -> None:
     photos = TiledPhotos(files)
     photos.read_ahead(2)
     assert photos.tile(2, FIRST_COARSE, 0, 0) is not None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -25,7 +27,7 @@ TURNED = (
 
 
 @pytest.mark.parametrize("shape", [(8, 6, 3), (7, 5, 3), (1, 9, 3), (101, 64, 3)])
-def test_a_half_is_the_mean_of_two_by_two_with_odd_edges_repeated(shape):
+def test_a_half_is_the_mean_of_two_by_two_with_odd_edges_repeated(shape) -> None:
     pixels = np.random.default_rng(1).integers(0, 256, shape, np.uint8)
     even = np.pad(pixels, ((0, shape[0] % 2), (0, shape[1] % 2), (0, 0)), mode="edge")
     height, width = even.shape[:2]
@@ -61,7 +63,7 @@ def joined(tile, level):
     return np.vstack(rows)
 
 
-def test_marks_stay_where_they_are_on_every_level():
+def test_marks_stay_where_they_are_on_every_level() -> None:
     pixels = np.zeros((1401, 2003, 3), np.uint8)
     v, u = np.mgrid[:1401, :2003]
     pixels[...] = (200 * np.exp(-((u - 1950.0) ** 2 + (v - 1340.0) ** 2) / 128))[..., None]
@@ -75,7 +77,9 @@ def test_marks_stay_where_they_are_on_every_level():
 
 
 @pytest.mark.parametrize("shape", [(2051, 3077, 3), (4096, 2048, 3), (1537, 5, 3)])
-def test_levels_that_are_made_of_parts_are_those_of_the_whole_photo(shape, monkeypatch):
+def test_levels_that_are_made_of_parts_are_those_of_the_whole_photo(
+    shape, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pixels = np.random.default_rng(3).integers(0, 256, shape, np.uint8)
     tile = tiles_of(pixels)
     cut = []
@@ -93,7 +97,7 @@ def test_levels_that_are_made_of_parts_are_those_of_the_whole_photo(shape, monke
         whole = half(whole)
 
 
-def test_tiles_join_to_the_photo():
+def test_tiles_join_to_the_photo() -> None:
     pixels = np.full((600, 1100, 3), 120, np.uint8)
     pixels[:, 700:] = 30
     assert np.abs(joined(tiles_of(pixels), 0).astype(int) - pixels).max() <= 12
@@ -103,24 +107,24 @@ def test_tiles_join_to_the_photo():
     "place",
     [(0, 3, 0), (0, 0, 2), (9, 0, 0), (-1, 0, 0), (0, -1, 0), (2, 1, 0), (2, 0, 1), (2, -1, 0)],
 )
-def test_there_is_no_tile_outside_the_photo(place):
+def test_there_is_no_tile_outside_the_photo(place) -> None:
     assert tiles_of(np.zeros((600, 1100, 3), np.uint8))(*place) is None
 
 
-def test_a_level_has_its_tiles_from_one_source_only():
+def test_a_level_has_its_tiles_from_one_source_only() -> None:
     pixels = np.zeros((1401, 2003, 3), np.uint8)
     assert fine_tile(pixels, FIRST_COARSE, 0, 0) is None
     assert overview_of(pixels).tile(FIRST_COARSE - 1, 0, 0) is None
 
 
-def test_levels_are_as_many_as_the_page_is_told():
+def test_levels_are_as_many_as_the_page_is_told() -> None:
     tile = tiles_of(np.zeros((1401, 2003, 3), np.uint8))
     last = level_count(2003, 1401) - 1
     assert tile(last + 1, 0, 0) is None
     assert max(decoded(tile(last, 0, 0)).shape) <= TILE_PX
 
 
-def test_exif_orientation_turns_nothing(tmp_path):
+def test_exif_orientation_turns_nothing(tmp_path: Path) -> None:
     pixels = np.random.default_rng(2).integers(0, 256, (40, 60, 3), np.uint8)
     encoded = cv2.imencode(".jpg", pixels)[1].tobytes()
     turned = tmp_path / "turned.jpg"
@@ -133,7 +137,7 @@ def test_exif_orientation_turns_nothing(tmp_path):
 
 @pytest.mark.parametrize("size_px", [None, (60, 40)])
 @pytest.mark.parametrize("content", [b"", b"no photo", b"cut"])
-def test_what_is_no_photo_is_said(tmp_path, content, size_px):
+def test_what_is_no_photo_is_said(tmp_path: Path, content, size_px) -> None:
     path = tmp_path / "photo.jpg"
     if content == b"cut":
         pixels = np.random.default_rng(2).integers(0, 256, (40, 60, 3), np.uint8)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -19,7 +20,9 @@ from uavgram.model.camera.board import LensSetting, flat_board
 
 @pytest.mark.parametrize("model", ["brown", "fisheye"])
 @pytest.mark.parametrize("k", [0, 1, 2])
-def test_every_corner_of_a_rendered_board_has_its_number_and_its_place(chessboard, shoot, model, k):
+def test_every_corner_of_a_rendered_board_has_its_number_and_its_place(
+    chessboard, shoot, model, k
+) -> None:
     photo, truth = shoot(chessboard, model, k, Sensor(0.7, 2.0, 0.3, jpeg_quality=90))
     seen = sight_chessboard(photo, chessboard)
     assert seen.corner.tolist() == list(range(54))
@@ -29,7 +32,7 @@ def test_every_corner_of_a_rendered_board_has_its_number_and_its_place(chessboar
     assert np.abs(error).max() < 0.1
 
 
-def test_corners_are_nearer_to_the_truth_than_the_sector_detectors_own(chessboard, shoot):
+def test_corners_are_nearer_to_the_truth_than_the_sector_detectors_own(chessboard, shoot) -> None:
     photo, truth = shoot(chessboard, "brown", 1)
     ours = sight_chessboard(photo, chessboard).pixel_px - truth
     found, corners = cv2.findChessboardCornersSB(photo, (9, 6), flags=cv2.CALIB_CB_ACCURACY)
@@ -40,7 +43,9 @@ def test_corners_are_nearer_to_the_truth_than_the_sector_detectors_own(chessboar
     assert np.mean(ours**2) < 0.5 * np.mean(theirs**2)
 
 
-def test_a_large_photo_searched_on_a_reduced_copy_is_measured_at_full_size(monkeypatch, chessboard):
+def test_a_large_photo_searched_on_a_reduced_copy_is_measured_at_full_size(
+    monkeypatch: pytest.MonkeyPatch, chessboard
+) -> None:
     size, lens = (1701, 1301), [1200.0, 1200.0, 850.0, 650.0, -0.1, 0.02, 0.0, 0.0, 0.0]
     pose = look(chessboard, tilt_deg=30, azimuth_deg=200, roll_deg=5, distance_m=0.32)
     photo = photograph(chessboard, "brown", lens, pose, size, Sensor(1.0, 3.0), step_px=8)
@@ -56,7 +61,9 @@ def test_a_large_photo_searched_on_a_reduced_copy_is_measured_at_full_size(monke
     np.testing.assert_allclose(reduced.pixel_px, whole.pixel_px, atol=0.015)
 
 
-def test_a_board_that_is_cut_by_the_image_is_numbered_from_its_first_corner(chessboard, shoot):
+def test_a_board_that_is_cut_by_the_image_is_numbered_from_its_first_corner(
+    chessboard, shoot
+) -> None:
     photo, truth = shoot(
         chessboard, "brown", 0, tilt_deg=10, roll_deg=0, distance_m=0.22, shift_m=(0.09, 0.0)
     )
@@ -74,7 +81,7 @@ def test_a_board_that_is_cut_by_the_image_is_numbered_from_its_first_corner(ches
         assert len(set((theirs - ours).tolist())) == 1 or len(set((theirs + ours).tolist())) == 1
 
 
-def test_a_larger_board_is_another_board_and_its_size_is_said(chessboard, shoot):
+def test_a_larger_board_is_another_board_and_its_size_is_said(chessboard, shoot) -> None:
     photo, _ = shoot(chessboard, "brown", 0)
     seen = sight_chessboard(photo, flat_board(7, 5, 0.025))
     assert seen.is_other_board
@@ -82,7 +89,7 @@ def test_a_larger_board_is_another_board_and_its_size_is_said(chessboard, shoot)
     assert len(seen.corner) == 0
 
 
-def test_a_photo_without_a_board_holds_no_corner(chessboard):
+def test_a_photo_without_a_board_holds_no_corner(chessboard) -> None:
     rng = np.random.default_rng(0)
     noise = cv2.GaussianBlur(rng.integers(0, 255, (480, 640)).astype(np.uint8), (0, 0), 2.0)
     seen = sight_chessboard(noise, chessboard)
@@ -90,7 +97,7 @@ def test_a_photo_without_a_board_holds_no_corner(chessboard):
     assert seen.found_size is None
 
 
-def test_numbers_turn_with_the_board_but_are_never_mirrored(chessboard, shoot):
+def test_numbers_turn_with_the_board_but_are_never_mirrored(chessboard, shoot) -> None:
     for roll in (90, 180):
         photo, truth = shoot(chessboard, "brown", 0, roll_deg=roll)
         seen = sight_chessboard(photo, chessboard)
@@ -98,7 +105,7 @@ def test_numbers_turn_with_the_board_but_are_never_mirrored(chessboard, shoot):
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_all_of_opencvs_sample_photos_are_found_whole(data_dir, chessboard, side):
+def test_all_of_opencvs_sample_photos_are_found_whole(data_dir: Path, chessboard, side) -> None:
     paths = [str(path) for path in sorted((data_dir / "opencv_chess").glob(f"{side}??.jpg"))]
     assert len(paths) == 13
     seen = list(detect_in_photos(paths, chessboard, read_grey))
@@ -116,7 +123,7 @@ def test_all_of_opencvs_sample_photos_are_found_whole(data_dir, chessboard, side
         assert apart < 0.1, path
 
 
-def test_corners_of_a_drones_photos_agree_with_the_published_ones(data_dir):
+def test_corners_of_a_drones_photos_agree_with_the_published_ones(data_dir: Path) -> None:
     """Published by the UAV Processing Toolbox (Caltech's corner finder, window of 10 px).
 
     Their pixels have (0, 0) at the centre of the first pixel, as ours: the mean difference is

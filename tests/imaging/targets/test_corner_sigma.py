@@ -12,7 +12,9 @@ from uavgram.imaging.targets.saddle import cut_windows, fit_saddles
 from uavgram.imaging.targets.sighting import SIGMA_FLOOR_PX, grid_axes, measure_corners
 
 
-def drawn_saddle(rng, count, *, blur=1.0, noise=4.0, bleed=0.0, half=11, truth=None):
+def drawn_saddle(
+    rng: np.random.Generator, count, *, blur=1.0, noise=4.0, bleed=0.0, half=11, truth=None
+):
     """Corners by formula, independent of the renderer: (N, K, K) in one tall image."""
     side = 2 * half + 3
     truth = rng.uniform(-0.5, 0.5, (count, 2)) if truth is None else truth
@@ -28,7 +30,7 @@ def drawn_saddle(rng, count, *, blur=1.0, noise=4.0, bleed=0.0, half=11, truth=N
     return image, start + truth, np.broadcast_to(axes, (count, 2, 2))
 
 
-def test_the_saddles_derivatives_are_those_of_its_values():
+def test_the_saddles_derivatives_are_those_of_its_values() -> None:
     rng = np.random.default_rng(1)
     offset = rng.uniform(-6, 6, (40, 2))
     state = np.array([[0.3, -0.2, 0.2, 1.7, 1.3, 80.0, 120.0, 0.4, -0.3, 15.0]])
@@ -41,7 +43,7 @@ def test_the_saddles_derivatives_are_those_of_its_values():
 
 
 @pytest.mark.parametrize("blur", [0.7, 2.0])
-def test_both_operators_err_as_much_as_they_say_under_white_noise(blur):
+def test_both_operators_err_as_much_as_they_say_under_white_noise(blur) -> None:
     """Chi-square of 400 corners, two coordinates each: bounds of six sigma about one."""
     rng = np.random.default_rng(2)
     image, truth, axes = drawn_saddle(rng, 400, blur=blur)
@@ -61,7 +63,7 @@ def test_both_operators_err_as_much_as_they_say_under_white_noise(blur):
         assert 0.6 < squared.mean() / 2.0 < most, name
 
 
-def test_bleeding_and_blur_do_not_shift_a_corner():
+def test_bleeding_and_blur_do_not_shift_a_corner() -> None:
     rng = np.random.default_rng(3)
     for blur, bleed in ((0.5, 40.0), (3.0, -40.0)):
         image, truth, axes = drawn_saddle(rng, 50, blur=blur, bleed=bleed, noise=0.0)
@@ -73,7 +75,9 @@ def test_bleeding_and_blur_do_not_shift_a_corner():
 
 @pytest.mark.parametrize("kind", ["chessboard", "charuco"])
 @pytest.mark.parametrize(("blur", "noise"), [(0.6, 2.0), (0.6, 8.0), (1.2, 4.0), (2.0, 8.0)])
-def test_corners_of_rendered_boards_err_as_much_as_they_say(request, shoot, kind, blur, noise):
+def test_corners_of_rendered_boards_err_as_much_as_they_say(
+    request: pytest.FixtureRequest, shoot, kind, blur, noise
+) -> None:
     """Where the floor rules (little noise), less than stated; never much more."""
     board = request.getfixturevalue(kind)
     ratios = []
@@ -92,7 +96,7 @@ def test_corners_of_rendered_boards_err_as_much_as_they_say(request, shoot, kind
     assert seen.sigma_px.min() >= SIGMA_FLOOR_PX
 
 
-def test_sharpened_and_overexposed_photos_show_a_misfit(chessboard, shoot):
+def test_sharpened_and_overexposed_photos_show_a_misfit(chessboard, shoot) -> None:
     import cv2
 
     plain, _ = shoot(chessboard, "brown", 0, Sensor(1.5, 2.0))

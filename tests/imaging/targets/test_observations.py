@@ -48,7 +48,7 @@ NONE = Sighting()
 OTHER = Sighting(found_size=(8, 5), is_other_board=True)
 
 
-def test_every_photo_with_a_board_becomes_an_observation():
+def test_every_photo_with_a_board_becomes_an_observation() -> None:
     observations, messages = collect([sighting(0), NONE, sighting(1), sighting(2)])
     assert [photo.file for photo in observations.photos] == ["0.jpg", "2.jpg", "3.jpg"]
     assert [photo.setting.camera for photo in observations.photos] == ["0.jpg", "2.jpg", "3.jpg"]
@@ -69,13 +69,13 @@ def test_every_photo_with_a_board_becomes_an_observation():
         ([sighting(0), sighting(1), sighting(2), sighting(1)], "3.jpg", "1.jpg"),
     ],
 )
-def test_what_cannot_be_calibrated_is_one_error_that_names_a_photo(sightings, file, words):
+def test_what_cannot_be_calibrated_is_one_error_that_names_a_photo(sightings, file, words) -> None:
     with pytest.raises(InputError, match=words) as caught:
         collect(sightings)
     assert caught.value.path == file
 
 
-def test_cut_and_foreign_boards_are_said():
+def test_cut_and_foreign_boards_are_said() -> None:
     seen = [sighting(0), sighting(1), sighting(2), sighting(3, columns=7, rows=6), OTHER]
     observations, messages = collect(seen)
     assert len(observations.photos) == 4
@@ -85,7 +85,7 @@ def test_cut_and_foreign_boards_are_said():
     }
 
 
-def test_several_cut_boards_are_one_message_that_names_them_all():
+def test_several_cut_boards_are_one_message_that_names_them_all() -> None:
     cut = [sighting(k, columns=7, rows=6) for k in (3, 4)]
     _, messages = collect([sighting(0), sighting(1), sighting(2), *cut])
     (message,) = told(*messages)
@@ -93,7 +93,7 @@ def test_several_cut_boards_are_one_message_that_names_them_all():
     assert message.files == ("3.jpg", "4.jpg")
 
 
-def test_all_photos_are_measured_by_one_operator_and_contradicting_corners_left_out():
+def test_all_photos_are_measured_by_one_operator_and_contradicting_corners_left_out() -> None:
     bad = sighting(1, misfit=0.2)
     moved = bad.gradient_px.copy()
     moved[5] += 3.0
@@ -108,7 +108,7 @@ def test_all_photos_are_measured_by_one_operator_and_contradicting_corners_left_
         assert photo.sigma_px[0] == 0.1
 
 
-def test_the_picture_of_a_photo_shows_marks_where_the_corners_are():
+def test_the_picture_of_a_photo_shows_marks_where_the_corners_are() -> None:
     observations, _ = collect([sighting(0), sighting(1), sighting(2)])
     photo, board = observations.photos[0], observations.board
     grey = np.full((480, 640), 100, np.uint8)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -28,7 +30,7 @@ OUTSIDE = [[-0.01, 50.0], [160.0, 50.0], [159.99999999, 50.0], [50.0, 120.0], [n
 
 
 @pytest.mark.parametrize("place", OUTSIDE)
-def test_a_corner_that_starts_outside_the_image_does_not_lose_the_others(squares, place):
+def test_a_corner_that_starts_outside_the_image_does_not_lose_the_others(squares, place) -> None:
     found = search_corners(squares, np.array([place, [41.0, 58.0]]), 4, 20, 0.01)
 
     assert np.isnan(found[0]).all()
@@ -36,11 +38,11 @@ def test_a_corner_that_starts_outside_the_image_does_not_lose_the_others(squares
 
 
 @pytest.mark.parametrize("place", [[0.0, 0.0], [159.0, 119.0], [159.5, 119.5]])
-def test_corners_on_the_rim_are_searched(squares, place):
+def test_corners_on_the_rim_are_searched(squares, place) -> None:
     assert np.isfinite(search_corners(squares, np.array([place]), 4, 20, 0.01)).all()
 
 
-def test_an_image_smaller_than_the_window_holds_no_corner(squares):
+def test_an_image_smaller_than_the_window_holds_no_corner(squares) -> None:
     part = np.ascontiguousarray(squares[:12])
     assert np.isnan(search_corners(part, np.array([[40.0, 6.0]]), 4, 20, 0.01)).all()
     assert np.isfinite(
@@ -48,7 +50,7 @@ def test_an_image_smaller_than_the_window_holds_no_corner(squares):
     ).all()
 
 
-def test_gradients_know_nothing_beyond_the_edge(squares):
+def test_gradients_know_nothing_beyond_the_edge(squares) -> None:
     start = np.array([[41.0, 58.0], [161.0, 59.5]])
     axes = np.tile(SQUARE * np.eye(2), (2, 1, 1))
     windows = cut_windows(squares, start, axes, 5, 0.35)
@@ -60,7 +62,7 @@ def test_gradients_know_nothing_beyond_the_edge(squares):
     assert np.isnan(covariance[1]).all()
 
 
-def test_a_seed_that_reaches_beyond_the_edge_is_grown(squares):
+def test_a_seed_that_reaches_beyond_the_edge_is_grown(squares) -> None:
     v, u = np.mgrid[1:4, 5:9]
     seed = np.stack([SQUARE * u - 0.5, SQUARE * v - 0.5], axis=-1)  # the last column is at 159.5
     seed[:, 3:] += 2.0
@@ -72,12 +74,12 @@ def test_a_seed_that_reaches_beyond_the_edge_is_grown(squares):
 
 
 @pytest.mark.parametrize("cut", [np.s_[287:808, 68:1193]])
-def test_a_real_board_cut_by_the_edge_is_seen(data_dir, cut):
+def test_a_real_board_cut_by_the_edge_is_seen(data_dir: Path, cut) -> None:
     photo = read_grey(data_dir / "gopro_board" / "GOPR0038.jpg")
     sight_chessboard(np.ascontiguousarray(photo[cut]), flat_board(8, 6, 0.025))
 
 
-def test_a_photo_is_found_the_same_whatever_was_found_before(data_dir):
+def test_a_photo_is_found_the_same_whatever_was_found_before(data_dir: Path) -> None:
     """OpenCV's detector draws random numbers; here 12 corners or 22 depended on them."""
     photo = read_grey(data_dir / "gopro_board" / "GOPR0057.jpg")
     board = flat_board(8, 6, 0.025)

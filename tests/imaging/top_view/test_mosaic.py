@@ -51,7 +51,7 @@ def spots(texture):
     return np.stack(np.meshgrid(east, north), axis=-1)
 
 
-def test_the_mosaic_shows_the_ground_where_it_is(survey):
+def test_the_mosaic_shows_the_ground_where_it_is(survey) -> None:
     result = survey.build()
     texture = ground_texture(result, previews(survey, result))
     at = spots(texture)
@@ -67,7 +67,7 @@ def test_the_mosaic_shows_the_ground_where_it_is(survey):
     assert edge == pytest.approx(-29, abs=1.5 * texture.pixel_size_m)
 
 
-def test_each_spot_comes_from_the_frame_most_above_it(survey):
+def test_each_spot_comes_from_the_frame_most_above_it(survey) -> None:
     result = survey.build(clean=True)
     texture = ground_texture(result, previews(survey, result, paint=lambda i: (12 * i, 60, 60)))
     at = spots(texture)[8::16, 8::16]
@@ -83,7 +83,7 @@ def test_each_spot_comes_from_the_frame_most_above_it(survey):
     assert np.mean(np.round(shown[inside]) == nearest[inside]) > 0.97
 
 
-def test_frames_fade_into_each_other_at_seams(survey):
+def test_frames_fade_into_each_other_at_seams(survey) -> None:
     result = survey.build(clean=True)
     texture = ground_texture(result, previews(survey, result, paint=lambda i: (200 * (i % 2),) * 3))
     red, covered = texture.rgb[..., 0].astype(int), texture.covered
@@ -94,7 +94,7 @@ def test_frames_fade_into_each_other_at_seams(survey):
     assert np.quantile(step, 0.999) < 20  # a hard seam steps by 200
 
 
-def test_a_sloping_plane_is_met_at_its_slope(survey):
+def test_a_sloping_plane_is_met_at_its_slope(survey) -> None:
     result = survey.build()
     plane = replace(
         result.plane,
@@ -107,14 +107,14 @@ def test_a_sloping_plane_is_met_at_its_slope(survey):
     np.testing.assert_allclose(height, [2.0, 5.0])
 
 
-def test_the_mosaic_stays_within_its_size(survey):
+def test_the_mosaic_stays_within_its_size(survey) -> None:
     result = survey.build()
     texture = ground_texture(result, previews(survey, result), 200)
 
     assert max(texture.covered.shape) <= 200 + mosaic.CELL_PX
 
 
-def test_without_photos_or_refined_frames_there_is_no_mosaic(survey):
+def test_without_photos_or_refined_frames_there_is_no_mosaic(survey) -> None:
     result = survey.build()
     nowhere = np.full_like(result.frames.refined.center_world_m, np.nan)
     refined = replace(result.frames.refined, center_world_m=nowhere)
@@ -124,7 +124,7 @@ def test_without_photos_or_refined_frames_there_is_no_mosaic(survey):
     assert ground_texture(unposed, previews(survey, result)) is None
 
 
-def test_a_frame_that_shows_all_of_a_cell_goes_before_one_that_shows_some(survey):
+def test_a_frame_that_shows_all_of_a_cell_goes_before_one_that_shows_some(survey) -> None:
     result = survey.build(clean=True)
     poses = result.frames.refined
     cameras = Cameras(poses.center_world_m, poses.world_from_camera)
@@ -147,7 +147,7 @@ def test_a_frame_that_shows_all_of_a_cell_goes_before_one_that_shows_some(survey
     assert ((choice >= 0) & ~whole.any(axis=0)).any()
 
 
-def test_a_mosaic_much_coarser_than_the_photos_does_not_flicker(survey):
+def test_a_mosaic_much_coarser_than_the_photos_does_not_flicker(survey) -> None:
     result = survey.build(clean=True)
     noise = np.random.default_rng(5)
     photos = previews(survey, result, paint=lambda _: (0, 0, 0))
@@ -163,7 +163,7 @@ def test_a_mosaic_much_coarser_than_the_photos_does_not_flicker(survey):
     assert texture.rgb[texture.covered].mean() == pytest.approx(127.5, abs=5)
 
 
-def test_hundreds_of_frames_choose_in_coarser_cells(survey):
+def test_hundreds_of_frames_choose_in_coarser_cells(survey) -> None:
     result = survey.build(frame_count=500)
     some = dict(list(previews(survey, survey.build(frame_count=20)).items()))
     texture = ground_texture(result, some)
@@ -172,7 +172,7 @@ def test_hundreds_of_frames_choose_in_coarser_cells(survey):
 
 
 @pytest.mark.parametrize(("grey", "gain"), [(20, 3.0), (80, 2.5), (120, 1.0), (250, 1.0)])
-def test_dark_ground_is_brightened_to_be_seen_and_says_by_how_much(survey, grey, gain):
+def test_dark_ground_is_brightened_to_be_seen_and_says_by_how_much(survey, grey, gain) -> None:
     result = survey.build(clean=True)
     photos = previews(survey, result, paint=lambda _: (grey, grey, grey))
     texture = ground_texture(result, dict(list(photos.items())[:2]))

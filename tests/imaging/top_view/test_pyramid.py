@@ -25,7 +25,7 @@ def picture():
     return rgba
 
 
-def test_colours_are_means_weighted_by_opacity(picture):
+def test_colours_are_means_weighted_by_opacity(picture) -> None:
     four = blocks(picture)
     weight = four[..., 3:]
     with np.errstate(invalid="ignore"):
@@ -38,13 +38,13 @@ def test_colours_are_means_weighted_by_opacity(picture):
     assert np.abs(half[..., 3] - four[..., 3].mean(axis=2)).max() <= 0.5
 
 
-def test_where_all_is_opaque_it_is_the_plain_mean(picture):
+def test_where_all_is_opaque_it_is_the_plain_mean(picture) -> None:
     picture[..., 3] = 255
 
     assert np.abs(halved(picture) - blocks(picture).mean(axis=2)).max() <= 0.5
 
 
-def test_an_odd_last_row_and_column_stand_for_themselves():
+def test_an_odd_last_row_and_column_stand_for_themselves() -> None:
     rgba = np.full((5, 3, 4), 255, np.uint8)
     rgba[4, :, :3], rgba[:, 2, 0] = 10, 77
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ CASES = {
 }
 
 
-def scene(tmp_path, rotation, lens, crs=None, rgb=None):
+def scene(tmp_path: Path, rotation, lens, crs=None, rgb=None):
     path = write_photo(tmp_path / "a.png", pattern() if rgb is None else rgb)
     return make_view([[1.0, -2.0, 31.0]], [rotation], lens=lens, crs=crs, paths=[path], **SLOPE)
 
@@ -61,7 +62,7 @@ def whole(view, raster, photos=None):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_top_view_is_the_exact_warp_of_every_pixel(tmp_path, name):
+def test_a_top_view_is_the_exact_warp_of_every_pixel(tmp_path: Path, name) -> None:
     case = CASES[name]
     view = scene(tmp_path, **case)
     raster = lay_raster(view, {"horizon": 0.4, "fisheye": 0.4, "oblique": 0.15}.get(name, 0.1))
@@ -111,7 +112,9 @@ def exact_steepness(view, raster):
 
 @pytest.mark.parametrize("size", [0.02, 0.3, 1.0, 3.0])
 @pytest.mark.parametrize("name", ["nadir", "oblique", "fisheye"])
-def test_places_between_the_nodes_are_good_to_a_hundredth_of_a_pixel(tmp_path, name, size):
+def test_places_between_the_nodes_are_good_to_a_hundredth_of_a_pixel(
+    tmp_path: Path, name, size
+) -> None:
     case = CASES[name]
     view = scene(tmp_path, **case)
     ahead = 31 * np.tan(np.radians(40)) if name == "oblique" else 0.0
@@ -136,7 +139,7 @@ def test_places_between_the_nodes_are_good_to_a_hundredth_of_a_pixel(tmp_path, n
     assert apart[near].max() < 0.01
 
 
-def test_nodes_are_close_where_a_pixel_is_coarse_for_the_height(tmp_path):
+def test_nodes_are_close_where_a_pixel_is_coarse_for_the_height(tmp_path: Path) -> None:
     view = scene(tmp_path, **CASES["nadir"])
     steps = [
         lay_lattice(
@@ -149,7 +152,7 @@ def test_nodes_are_close_where_a_pixel_is_coarse_for_the_height(tmp_path):
     assert steps == [32, 9, 3, 1]
 
 
-def two(tmp_path, greys, centers=((-6.0, 0, 30.0), (6.0, 1.0, 30.0)), rotations=None):
+def two(tmp_path: Path, greys, centers=((-6.0, 0, 30.0), (6.0, 1.0, 30.0)), rotations=None):
     """Photos of one grey value each."""
     paths = [
         write_photo(tmp_path / f"{k}.png", np.full((SIZE_PX[1], SIZE_PX[0], 3), grey, np.uint8))
@@ -174,7 +177,7 @@ def tangents(view, raster):
     return np.stack(tangent, -1).reshape(shape), np.stack(inner, -1).reshape(shape)
 
 
-def test_each_spot_comes_from_the_photo_most_above_it(tmp_path):
+def test_each_spot_comes_from_the_photo_most_above_it(tmp_path: Path) -> None:
     greys = (40, 130, 220)
     view = two(tmp_path, greys, ((-7.0, 0, 30.0), (7.0, 1.0, 31.0), (1.0, 9.0, 29.0)))
     raster = lay_raster(view, 0.1)
@@ -191,7 +194,7 @@ def test_each_spot_comes_from_the_photo_most_above_it(tmp_path):
     np.testing.assert_array_equal(got[clear], np.array(greys)[winner[clear]])
 
 
-def test_seams_fade_from_one_brightness_into_the_other(tmp_path):
+def test_seams_fade_from_one_brightness_into_the_other(tmp_path: Path) -> None:
     view = two(tmp_path, (60, 200))
     raster = lay_raster(view, 0.05)
     got = whole(view, raster)
@@ -208,7 +211,7 @@ def test_seams_fade_from_one_brightness_into_the_other(tmp_path):
     assert (np.diff(grey, axis=1) >= 0).all()
 
 
-def test_a_photo_that_ends_fades_into_the_one_below_it(tmp_path):
+def test_a_photo_that_ends_fades_into_the_one_below_it(tmp_path: Path) -> None:
     # the first is much nearer to the vertical where it ends than the second, which looks sideways
     view = two(
         tmp_path, (60, 200), ((0.0, 0, 30.0), (45.0, 0.0, 30.0)), [looking(), looking(40, 270)]
@@ -230,7 +233,7 @@ def test_a_photo_that_ends_fades_into_the_one_below_it(tmp_path):
 
 
 @pytest.mark.parametrize(("lens", "tilt"), [("brown", 5), ("folded", 5), ("brown", 72)])
-def test_a_mosaic_shows_all_that_any_of_its_photos_shows(tmp_path, lens, tilt):
+def test_a_mosaic_shows_all_that_any_of_its_photos_shows(tmp_path: Path, lens, tilt) -> None:
     centers, turns = [[-6.0, 0, 30.0], [6.0, 1.0, 30.0]], [looking(tilt, 20), looking(tilt, 340)]
     path = write_photo(tmp_path / "a.png", np.full((SIZE_PX[1], SIZE_PX[0], 3), 80, np.uint8))
     both = make_view(centers, turns, lens=lens, paths=[path, path])
@@ -246,7 +249,7 @@ def test_a_mosaic_shows_all_that_any_of_its_photos_shows(tmp_path, lens, tilt):
     assert (alone[..., 3].min(axis=0) > 0).any()
 
 
-def test_windows_join_without_a_trace(tmp_path):
+def test_windows_join_without_a_trace(tmp_path: Path) -> None:
     view = two(tmp_path, (60, 200), rotations=[looking(4, 30), looking(6, 250)])
     raster = lay_raster(view, 0.05)
     photos = cache(view)
@@ -260,7 +263,7 @@ def test_windows_join_without_a_trace(tmp_path):
     assert np.percentile(apart[..., :3], 99.99) <= 1
 
 
-def test_a_coarse_top_view_averages_the_photo_instead_of_skipping_pixels(tmp_path):
+def test_a_coarse_top_view_averages_the_photo_instead_of_skipping_pixels(tmp_path: Path) -> None:
     u, v = np.meshgrid(np.arange(SIZE_PX[0]), np.arange(SIZE_PX[1]))
     rgb = np.repeat(((u + v) % 2 * 255).astype(np.uint8)[..., None], 3, axis=2)
     view = scene(tmp_path, looking(), "brown", rgb=rgb)
@@ -276,7 +279,7 @@ def test_a_coarse_top_view_averages_the_photo_instead_of_skipping_pixels(tmp_pat
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg"])
 @pytest.mark.parametrize("reduction", [2, 8, 16])
-def test_reduced_photos_lie_where_the_whole_ones_do(tmp_path, suffix, reduction):
+def test_reduced_photos_lie_where_the_whole_ones_do(tmp_path: Path, suffix, reduction) -> None:
     u, v = np.meshgrid(np.arange(SIZE_PX[0]), np.arange(SIZE_PX[1]))
     slopes = [np.minimum(4 * np.abs(axis % 128 - 64), 255) for axis in (u, v)]
     path = write_photo(tmp_path / f"a{suffix}", np.stack([*slopes, 0 * u], -1).astype(np.uint8))
@@ -291,14 +294,14 @@ def test_reduced_photos_lie_where_the_whole_ones_do(tmp_path, suffix, reduction)
     assert np.abs(apart.mean(axis=(0, 1))).max() <= 1.0  # half a pixel of the photo would be two
 
 
-def test_the_outermost_half_pixels_are_as_bright_as_the_border(tmp_path):
+def test_the_outermost_half_pixels_are_as_bright_as_the_border(tmp_path: Path) -> None:
     path = write_photo(tmp_path / "a.png", np.full((6, 8, 3), 200, np.uint8))
     u, v = np.meshgrid(np.float32([-0.5, 0, 7, 7.5]), np.float32([-0.5, 0, 5, 5.5]))
 
     assert (read_photo(path).sample(u, v) == [200, 200, 200, 255]).all()
 
 
-def test_the_stored_pixels_count_whatever_the_tag_of_orientation_says(tmp_path):
+def test_the_stored_pixels_count_whatever_the_tag_of_orientation_says(tmp_path: Path) -> None:
     from PIL import Image
 
     image = Image.fromarray(pattern())
@@ -313,7 +316,7 @@ def test_the_stored_pixels_count_whatever_the_tag_of_orientation_says(tmp_path):
     )
 
 
-def test_a_photo_that_is_gone_or_none_is_told_by_name_each_time(tmp_path):
+def test_a_photo_that_is_gone_or_none_is_told_by_name_each_time(tmp_path: Path) -> None:
     (tmp_path / "text.jpg").write_text("no photo")
     (tmp_path / "empty.jpg").write_bytes(b"")
     names = [str(tmp_path / name) for name in ("gone.jpg", "text.jpg", "empty.jpg")]
@@ -326,7 +329,7 @@ def test_a_photo_that_is_gone_or_none_is_told_by_name_each_time(tmp_path):
         photos.get(2)
 
 
-def test_a_photo_that_could_not_be_read_is_read_once_it_can_be(tmp_path):
+def test_a_photo_that_could_not_be_read_is_read_once_it_can_be(tmp_path: Path) -> None:
     path = tmp_path / "late.png"
     photos = photo_cache([str(path)], [1])
     with pytest.raises(InputError, match=r"late\.png: cannot be read"):
@@ -336,7 +339,7 @@ def test_a_photo_that_could_not_be_read_is_read_once_it_can_be(tmp_path):
     assert photos.get(0).rgba.shape[2] == 4
 
 
-def test_the_cache_keeps_what_was_used_last(tmp_path):
+def test_the_cache_keeps_what_was_used_last(tmp_path: Path) -> None:
     paths = [write_photo(tmp_path / f"{k}.png", pattern(k)) for k in range(3)]
     one = read_photo(paths[0]).rgba.nbytes
     photos = photo_cache(paths, [1] * 3, most_bytes=2 * one)
@@ -346,7 +349,7 @@ def test_the_cache_keeps_what_was_used_last(tmp_path):
     assert photos.get(0).rgba is not first.rgba
 
 
-def test_nothing_is_decoded_for_a_window_without_a_photo(tmp_path):
+def test_nothing_is_decoded_for_a_window_without_a_photo(tmp_path: Path) -> None:
     view = make_view([[0, 0, 30.0]], [looking()], paths=[str(tmp_path / "gone.png")])
     raster = lay_raster(view, 0.1)
     far = replace(raster, west_m=raster.west_m + 500)

@@ -1,6 +1,7 @@
 """COLMAP's cameras.txt: one point by COLMAP's own formulas, written out."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -59,7 +60,7 @@ MODELS = {
 
 
 @pytest.fixture
-def write(tmp_path):
+def write(tmp_path: Path):
     def _write(*lines, name="cameras.txt"):
         path = tmp_path / name
         path.write_text(HEAD + "\n".join(lines) + "\n")
@@ -68,12 +69,12 @@ def write(tmp_path):
     return _write
 
 
-def line(model, number=1, values=None):
+def line(model, number=1, values=None) -> str:
     return f"{number} {model} 4000 3000 {' '.join(map(repr, values or MODELS[model]))}"
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_a_point_lands_where_colmap_puts_it_half_a_pixel_aside(write, model):
+def test_a_point_lands_where_colmap_puts_it_half_a_pixel_aside(write, model) -> None:
     path = write(line(model))
     camera, messages = read_colmap_camera(path)
     pixel = project(camera.model, camera.parameters, np.array([X, Y, Z]))
@@ -85,7 +86,7 @@ def test_a_point_lands_where_colmap_puts_it_half_a_pixel_aside(write, model):
 
 
 @pytest.mark.parametrize("model", ["OPENCV", "FULL_OPENCV", "OPENCV_FISHEYE"])
-def test_what_is_written_is_read_back(write, tmp_path, model):
+def test_what_is_written_is_read_back(write, tmp_path: Path, model) -> None:
     camera, _ = read_colmap_camera(write(line(model)))
     path = tmp_path / "again.txt"
     path.write_text(colmap_text(camera))
@@ -96,7 +97,7 @@ def test_what_is_written_is_read_back(write, tmp_path, model):
     assert path.read_text().splitlines()[-1].split()[1] == model
 
 
-def test_a_third_radial_coefficient_takes_the_full_model(tmp_path):
+def test_a_third_radial_coefficient_takes_the_full_model(tmp_path: Path) -> None:
     parameters = np.array([2300.0, 2310, 1999.5, 1499.5, -0.05, 0.02, 1e-3, -5e-4, 0.01])
     camera = Calibration(
         name="c",
@@ -119,7 +120,7 @@ def test_a_third_radial_coefficient_takes_the_full_model(tmp_path):
     )
 
 
-def test_one_of_several_cameras_has_to_be_chosen(write):
+def test_one_of_several_cameras_has_to_be_chosen(write) -> None:
     path = write(line("PINHOLE", 1), line("OPENCV", 7))
 
     with pytest.raises(InputError, match=r"holds 2 cameras \('1', '7'\).*--camera '1'"):
@@ -141,11 +142,11 @@ def test_one_of_several_cameras_has_to_be_chosen(write):
         ("", "holds no camera"),
     ],
 )
-def test_a_mistake_is_told(write, content, words):
+def test_a_mistake_is_told(write, content, words) -> None:
     with pytest.raises(InputError, match=words):
         read_colmap_camera(write(content))
 
 
-def test_other_text_is_no_camera_list():
+def test_other_text_is_no_camera_list() -> None:
     assert not is_colmap_cameras("name: c\nmodel: brown\nwidth_px: 4000\n")
     assert not is_colmap_cameras("")

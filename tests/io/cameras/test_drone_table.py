@@ -7,18 +7,18 @@ import numpy as np
 from uavgram.io.cameras.drone_table import drone_cameras
 
 
-def test_every_camera_of_the_table_is_read():
+def test_every_camera_of_the_table_is_read() -> None:
     assert len(drone_cameras()) == 106
 
 
-def test_the_pixels_of_every_camera_are_of_a_size_that_sensors_have():
+def test_the_pixels_of_every_camera_are_of_a_size_that_sensors_have() -> None:
     pitch_mm = np.array([camera.pitch_mm for camera in drone_cameras()])
 
     assert (pitch_mm > 0.0005).all()
     assert (pitch_mm < 0.05).all()
 
 
-def test_a_camera_is_what_the_table_says():
+def test_a_camera_is_what_the_table_says() -> None:
     mavic = next(c for c in drone_cameras() if c.make_model == "djiFC220")
 
     assert (mavic.width_px, mavic.height_px, mavic.is_thermal) == (4000, 3000, False)
@@ -29,7 +29,7 @@ def test_a_camera_is_what_the_table_says():
     )
 
 
-def test_the_table_comes_with_its_licence():
+def test_the_table_comes_with_its_licence() -> None:
     folder = files("uavgram.io.cameras").joinpath("drone_cameras")
 
     assert "Apache License" in folder.joinpath("LICENSE").read_text("utf-8")

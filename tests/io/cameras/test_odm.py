@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -70,7 +71,7 @@ def entry(kind, size=LANDSCAPE, **changes):
 
 
 @pytest.fixture
-def write(tmp_path):
+def write(tmp_path: Path):
     def _write(content):
         path = tmp_path / "cameras.json"
         path.write_text(content if isinstance(content, str) else json.dumps(content, indent=1))
@@ -81,7 +82,7 @@ def write(tmp_path):
 
 @pytest.mark.parametrize("size", [LANDSCAPE, PORTRAIT])
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_a_point_lands_where_opensfm_puts_it(write, kind, size):
+def test_a_point_lands_where_opensfm_puts_it(write, kind, size) -> None:
     path = write({"v2 dji fc300x": entry(kind, size)})
     camera, messages = read_odm_camera(path)
     pixel = project(camera.model, camera.parameters, np.array([X, Y, Z]))
@@ -92,7 +93,7 @@ def test_a_point_lands_where_opensfm_puts_it(write, kind, size):
     assert [m.code for m in messages] == ["camera-sigma-assumed"]
 
 
-def test_one_of_several_cameras_has_to_be_chosen(write):
+def test_one_of_several_cameras_has_to_be_chosen(write) -> None:
     path = write({"wide": entry("brown"), "tele": entry("perspective")})
 
     with pytest.raises(InputError, match=r"2 cameras \('wide', 'tele'\).*--camera 'wide'"):
@@ -116,11 +117,11 @@ def test_one_of_several_cameras_has_to_be_chosen(write):
         ('{"c": {\n "projection_type" 1}}', ":2: is no JSON"),
     ],
 )
-def test_a_mistake_is_told(write, content, words):
+def test_a_mistake_is_told(write, content, words) -> None:
     with pytest.raises(InputError, match=words):
         read_odm_camera(write(content))
 
 
-def test_a_missing_file_is_told(tmp_path):
+def test_a_missing_file_is_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
         read_odm_camera(tmp_path / "none.json")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ D = np.array([[0.1, -0.2, 0.001, -0.002, 0.05]])
 
 
 @pytest.fixture
-def write(tmp_path):
+def write(tmp_path: Path):
     """Write a calibration by cv2.FileStorage itself."""
 
     def _write(name="camera.yml", matrix=K, distortion=D, size=(1920, 1080), **more):
@@ -34,7 +36,7 @@ def write(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["camera.yml", "camera.yaml", "camera.json", "camera.xml"])
-def test_what_opencv_writes_is_read_in_each_of_its_formats(write, name):
+def test_what_opencv_writes_is_read_in_each_of_its_formats(write, name) -> None:
     sigma = np.arange(1.0, 19.0)[:, None]
     path = write(name, std_deviation_intrinsics=sigma)
 
@@ -47,7 +49,7 @@ def test_what_opencv_writes_is_read_in_each_of_its_formats(write, name):
     assert [m.code for m in messages] == ["camera-sigma-from-file"]
 
 
-def test_without_errors_wide_ones_are_assumed_and_said(write):
+def test_without_errors_wide_ones_are_assumed_and_said(write) -> None:
     camera, messages = read_opencv_calibration(write())
     sigma = np.sqrt(np.diag(camera.covariance))
 
@@ -56,7 +58,7 @@ def test_without_errors_wide_ones_are_assumed_and_said(write):
     assert [(m.level, m.code) for m in messages] == [("warning", "camera-sigma-assumed")]
 
 
-def test_the_order_of_the_coefficients_is_that_of_project_points(write):
+def test_the_order_of_the_coefficients_is_that_of_project_points(write) -> None:
     camera, _ = read_opencv_calibration(write())
     fx, fy, cx, cy = camera.parameters[:4]
     point = np.array([[0.3, -0.2, 1.0]])
@@ -67,14 +69,14 @@ def test_the_order_of_the_coefficients_is_that_of_project_points(write):
     np.testing.assert_array_equal(found, expected)
 
 
-def test_four_coefficients_leave_k3_at_zero(write):
+def test_four_coefficients_leave_k3_at_zero(write) -> None:
     camera, _ = read_opencv_calibration(write(distortion=D[:, :4]))
 
     assert camera.parameters[8] == 0.0
 
 
 @pytest.mark.parametrize("flag", [{"fisheye_model": 1}, {"distortion_model": "equidistant"}])
-def test_a_fisheye_calibration_is_recognised_by_its_flag(write, flag):
+def test_a_fisheye_calibration_is_recognised_by_its_flag(write, flag) -> None:
     camera, _ = read_opencv_calibration(write(distortion=D[:, :4], **flag))
 
     assert camera.model == "fisheye"
@@ -82,7 +84,7 @@ def test_a_fisheye_calibration_is_recognised_by_its_flag(write, flag):
     assert camera.covariance.shape == (8, 8)
 
 
-def test_a_fixed_aspect_ratio_ties_fx_to_fy(write):
+def test_a_fixed_aspect_ratio_ties_fx_to_fy(write) -> None:
     sigma = np.array([0, 3.0, 1, 1, 1, 1, 1, 1, 1])  # as calibrateCameraExtended gives them
     camera, _ = read_opencv_calibration(write(std_deviation_intrinsics=sigma, flags=2))
     ratio = 1500 / 1510
@@ -90,7 +92,7 @@ def test_a_fixed_aspect_ratio_ties_fx_to_fy(write):
     np.testing.assert_allclose(camera.covariance[0, :2], [9 * ratio**2, 9 * ratio])
 
 
-def test_interactive_calibration_writes_its_sigmas_in_two_pieces(write):
+def test_interactive_calibration_writes_its_sigmas_in_two_pieces(write) -> None:
     camera, messages = read_opencv_calibration(
         write(
             size=None,
@@ -104,7 +106,7 @@ def test_interactive_calibration_writes_its_sigmas_in_two_pieces(write):
     np.testing.assert_array_equal(np.sqrt(np.diag(camera.covariance)), np.arange(1.0, 10.0))
 
 
-def test_a_ros_camera_info_file_has_no_yaml_header(tmp_path):
+def test_a_ros_camera_info_file_has_no_yaml_header(tmp_path: Path) -> None:
     path = tmp_path / "ost.yaml"
     path.write_text(
         "image_width: 640\nimage_height: 480\ncamera_name: head\ncamera_matrix:\n  rows: 3\n"
@@ -135,12 +137,12 @@ def test_a_ros_camera_info_file_has_no_yaml_header(tmp_path):
         ({"std_deviation_intrinsics": -np.ones(9)}, "none negative"),
     ],
 )
-def test_a_calibration_that_cannot_be_used_is_refused(write, change, words):
+def test_a_calibration_that_cannot_be_used_is_refused(write, change, words) -> None:
     with pytest.raises(InputError, match=words):
         read_opencv_calibration(write(**change))
 
 
-def test_zero_coefficients_of_a_larger_model_do_no_harm(write):
+def test_zero_coefficients_of_a_larger_model_do_no_harm(write) -> None:
     distortion = np.zeros((1, 14))
     distortion[:, :5] = D
 
@@ -160,7 +162,7 @@ def test_zero_coefficients_of_a_larger_model_do_no_harm(write):
         ("a.yml", "%YAML:1.0\n---\ncamera_matrix: abc\n", "no matrix of numbers"),
     ],
 )
-def test_a_broken_file_is_an_input_error(tmp_path, name, content, words):
+def test_a_broken_file_is_an_input_error(tmp_path: Path, name, content, words) -> None:
     path = tmp_path / name
     path.write_text(content)
 
@@ -169,13 +171,13 @@ def test_a_broken_file_is_an_input_error(tmp_path, name, content, words):
         read_opencv_calibration(path)
 
 
-def test_a_missing_file_is_left_to_its_reader(tmp_path):
+def test_a_missing_file_is_left_to_its_reader(tmp_path: Path) -> None:
     assert not is_opencv_calibration(tmp_path / "absent.yml")
     with pytest.raises(InputError, match="No such file"):
         read_opencv_calibration(tmp_path / "absent.yml")
 
 
-def test_the_real_files_of_opencv_and_canberrauav_load(data_dir):
+def test_the_real_files_of_opencv_and_canberrauav_load(data_dir: Path) -> None:
     left, messages = read_opencv_calibration(data_dir / "opencv_chess" / "left_intrinsics.yml")
     cuav, _ = read_opencv_calibration(data_dir / "cuav" / "opencv_calibration.json")
 

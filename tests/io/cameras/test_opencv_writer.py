@@ -1,6 +1,7 @@
 """OpenCV's calibration file as this program writes it: read by OpenCV, and back to the bit."""
 
 import dataclasses
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -31,7 +32,7 @@ def camera(count, model, name="c"):
 
 
 @pytest.fixture
-def write(tmp_path):
+def write(tmp_path: Path):
     def _write(calibration, old="", new=""):
         path = tmp_path / "calibration.yml"
         text = opencv_text(calibration, "2026-01-05T10:00:00+00:00")
@@ -42,7 +43,7 @@ def write(tmp_path):
 
 
 @pytest.mark.parametrize(("count", "model"), CASES)
-def test_every_digit_comes_back(write, count, model):
+def test_every_digit_comes_back(write, count, model) -> None:
     written = camera(count, model, name='a "b": é')
     path = write(written)
     read, messages = read_opencv_calibration(path)
@@ -55,7 +56,7 @@ def test_every_digit_comes_back(write, count, model):
 
 
 @pytest.mark.parametrize(("count", "model"), CASES)
-def test_opencv_projects_with_the_file_as_this_program_does(write, count, model):
+def test_opencv_projects_with_the_file_as_this_program_does(write, count, model) -> None:
     written = camera(count, model)
     points = np.random.default_rng(0).uniform([-0.5, -0.4, 1], [0.5, 0.4, 2], (30, 1, 3))
     storage = cv2.FileStorage(str(write(written)), cv2.FILE_STORAGE_READ)
@@ -76,14 +77,14 @@ def test_opencv_projects_with_the_file_as_this_program_does(write, count, model)
     )
 
 
-def test_without_the_covariance_its_sigmas_serve(write):
+def test_without_the_covariance_its_sigmas_serve(write) -> None:
     written = camera(9, "brown")
     read, _ = read_opencv_calibration(write(written, "intrinsics_covariance", "someone_elses_key"))
 
     np.testing.assert_allclose(read.covariance, np.diag(np.diag(written.covariance)))
 
 
-def test_a_covariance_of_another_size_is_refused(tmp_path):
+def test_a_covariance_of_another_size_is_refused(tmp_path: Path) -> None:
     nine, eight = (opencv_text(camera(*case), "now") for case in ((9, "brown"), (8, "fisheye")))
     key = "intrinsics_covariance"
     path = tmp_path / "calibration.yml"
@@ -96,7 +97,7 @@ def test_a_covariance_of_another_size_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("element", "factor"), [((0, 1), -1.0), (([0, 1], [1, 0]), 50.0)], ids=["lopsided", "too much"]
 )
-def test_a_matrix_that_is_no_covariance_is_refused(write, element, factor):
+def test_a_matrix_that_is_no_covariance_is_refused(write, element, factor) -> None:
     good = camera(9, "brown")
     bad = good.covariance.copy()
     bad[element] *= factor

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from pathlib import Path
 
 import pytest
 from unsure import unsure
@@ -19,7 +20,9 @@ def marked(sample_result):
     return unsure(sample_result, "o", (31.25, 44.9))
 
 
-def test_results_json_has_them_with_the_measurement_and_gives_them_back(marked, tmp_path):
+def test_results_json_has_them_with_the_measurement_and_gives_them_back(
+    marked, tmp_path: Path
+) -> None:
     path = tmp_path / "results.json"
     path.write_text(dump_results(marked), encoding="utf-8")
     kept = {
@@ -32,7 +35,7 @@ def test_results_json_has_them_with_the_measurement_and_gives_them_back(marked, 
     assert dump_results(back) == dump_results(marked)
 
 
-def test_a_file_of_before_has_none(marked, tmp_path):
+def test_a_file_of_before_has_none(marked, tmp_path: Path) -> None:
     path, content = tmp_path / "results.json", json.loads(dump_results(marked))
     for record in content["measurements"]:
         del record["alternative_values"]
@@ -41,13 +44,13 @@ def test_a_file_of_before_has_none(marked, tmp_path):
     assert not load_results(path).measurements.is_ambiguous.any()
 
 
-def test_the_csv_joins_them(marked):
+def test_the_csv_joins_them(marked) -> None:
     rows = list(csv.DictReader(io.StringIO(dump_measurements_csv(marked))))
 
     assert [row["alternatives"] for row in rows] == ["", "", "31.25000;44.90000", "", "", ""]
 
 
-def test_the_geojson_lists_them(marked):
+def test_the_geojson_lists_them(marked) -> None:
     features = json.loads(dump_geojson(marked))["features"]
     kept = {
         f["properties"]["name"]: f["properties"]["alternative_values"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import ezdxf
 import numpy as np
@@ -13,13 +14,13 @@ from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
 
 
 @pytest.fixture(scope="module", params=["local", "map"])
-def drawing(request, features, tmp_path_factory):
+def drawing(request: pytest.FixtureRequest, features, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.mktemp("dxf") / f"{request.param}.dxf"
     (write_local_dxf if request.param == "local" else write_map_dxf)(features, path)
     return request.param, ezdxf.readfile(path)
 
 
-def test_the_auditor_finds_nothing_to_mend(drawing):
+def test_the_auditor_finds_nothing_to_mend(drawing) -> None:
     _, document = drawing
     audit = document.audit()
 
@@ -28,7 +29,9 @@ def test_the_auditor_finds_nothing_to_mend(drawing):
     assert document.units == ezdxf.units.M
 
 
-def test_distances_between_points_are_the_results_to_a_tenth_of_a_millimetre(drawing, result):
+def test_distances_between_points_are_the_results_to_a_tenth_of_a_millimetre(
+    drawing, result
+) -> None:
     kind, document = drawing
     place = {
         insert.get_attrib_text("LABEL"): np.array(insert.dxf.insert)
@@ -48,7 +51,7 @@ def test_distances_between_points_are_the_results_to_a_tenth_of_a_millimetre(dra
     assert tried == 2
 
 
-def test_each_measured_distance_is_a_dimension_with_the_grounds_value(drawing, result):
+def test_each_measured_distance_is_a_dimension_with_the_grounds_value(drawing, result) -> None:
     _, document = drawing
     said = {d.dxf.text for d in document.modelspace().query("DIMENSION")}
     rows = result.measurements
@@ -57,7 +60,7 @@ def test_each_measured_distance_is_a_dimension_with_the_grounds_value(drawing, r
             assert f"{rows.value[i]:.3f} ±{rows.sigma[i]:.3f} m" in said
 
 
-def test_an_ellipse_has_the_axes_and_the_azimuth_of_the_result(drawing, result):
+def test_an_ellipse_has_the_axes_and_the_azimuth_of_the_result(drawing, result) -> None:
     kind, document = drawing
     drawn = list(document.modelspace().query('ELLIPSE[layer=="ELLIPSES_95"]'))
     assert len(drawn) == len(result.points.label)
@@ -74,7 +77,7 @@ def test_an_ellipse_has_the_axes_and_the_azimuth_of_the_result(drawing, result):
         assert min(turned, math.pi - turned) < (1e-6 if kind == "local" else 0.05)
 
 
-def test_the_drawing_says_what_its_coordinates_are(drawing, features):
+def test_the_drawing_says_what_its_coordinates_are(drawing, features) -> None:
     kind, document = drawing
     (note,) = (t.dxf.text for t in document.modelspace().query('TEXT[layer=="NOTES"]'))
 
@@ -82,14 +85,14 @@ def test_the_drawing_says_what_its_coordinates_are(drawing, features):
     assert (features.crs in note) == (kind == "map")
 
 
-def test_a_survey_without_a_place_has_no_map(adrift, tmp_path):
+def test_a_survey_without_a_place_has_no_map(adrift, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="lies on the earth"):
         write_map_dxf(adrift, tmp_path / "map.dxf")
     write_local_dxf(adrift, tmp_path / "local.dxf")
     assert ezdxf.readfile(tmp_path / "local.dxf").audit().errors == []
 
 
-def test_it_opens_on_the_points_and_without_the_background(drawing):
+def test_it_opens_on_the_points_and_without_the_background(drawing) -> None:
     _, document = drawing
     (port,) = document.viewports.get("*Active")
     inserts = document.modelspace().query('INSERT[name=="SURVEY_POINT"]')
@@ -102,7 +105,7 @@ def test_it_opens_on_the_points_and_without_the_background(drawing):
     assert hidden == {"PHOTO_FOOTPRINTS", "ELLIPSES_95"}
 
 
-def test_every_point_has_its_label_as_a_text_beside_it(drawing, result):
+def test_every_point_has_its_label_as_a_text_beside_it(drawing, result) -> None:
     _, document = drawing
     labels = document.modelspace().query('TEXT[layer=="LABELS"]')
     assert [text.dxf.text for text in labels] == list(result.points.label)
@@ -112,7 +115,7 @@ def test_every_point_has_its_label_as_a_text_beside_it(drawing, result):
         assert all(attribute.is_invisible for attribute in insert.attribs)
 
 
-def test_dimensions_have_letters_of_the_labels_size_in_every_program(drawing):
+def test_dimensions_have_letters_of_the_labels_size_in_every_program(drawing) -> None:
     """LibreCAD draws all dimensions as the header says, whatever their style is."""
     _, document = drawing
     label = next(iter(document.modelspace().query('TEXT[layer=="LABELS"]')))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ def of_type(features, kind):
     return [f for f in features if f["properties"]["type"] == kind]
 
 
-def test_points_are_longitude_then_latitude(features):
+def test_points_are_longitude_then_latitude(features) -> None:
     first = of_type(features, "point")[0]
 
     assert first["geometry"] == {"type": "Point", "coordinates": [-104.6, 50.1]}
@@ -35,7 +36,7 @@ def test_points_are_longitude_then_latitude(features):
     assert np.shape(first["properties"]["covariance_m2"]) == (2, 2)
 
 
-def test_an_ellipse_has_its_axes_in_metres_and_its_azimuth_from_north(features):
+def test_an_ellipse_has_its_axes_in_metres_and_its_azimuth_from_north(features) -> None:
     ring = np.array(of_type(features, "ellipse_95")[2]["geometry"]["coordinates"][0])
     centre = np.tile([-104.5999, 50.1001], (len(ring), 1))
 
@@ -46,7 +47,7 @@ def test_an_ellipse_has_its_axes_in_metres_and_its_azimuth_from_north(features):
     assert azimuth[farthest] % 180 == pytest.approx(np.rad2deg(3.1), abs=1e-4)
 
 
-def test_every_ring_is_closed_and_counterclockwise(features):
+def test_every_ring_is_closed_and_counterclockwise(features) -> None:
     rings = [f["geometry"]["coordinates"][0] for f in features if _is_polygon(f)]
 
     assert len(rings) == 4
@@ -60,7 +61,7 @@ def _is_polygon(feature) -> bool:
     return feature["geometry"] is not None and feature["geometry"]["type"] == "Polygon"
 
 
-def test_measurements_are_drawn_by_their_kind(features):
+def test_measurements_are_drawn_by_their_kind(features) -> None:
     shapes = {f["properties"]["kind"]: f["geometry"] for f in of_type(features, "measurement")}
 
     assert shapes["distance"] == {
@@ -73,7 +74,7 @@ def test_measurements_are_drawn_by_their_kind(features):
     assert shapes["skid_speed"] is None  # one of its points was never seen
 
 
-def test_a_line_distance_is_drawn_perpendicular_to_its_line(features):
+def test_a_line_distance_is_drawn_perpendicular_to_its_line(features) -> None:
     shapes = {f["properties"]["kind"]: f["geometry"] for f in of_type(features, "measurement")}
     point, foot = shapes["line_distance"]["coordinates"]
 
@@ -84,7 +85,7 @@ def test_a_line_distance_is_drawn_perpendicular_to_its_line(features):
     assert (along - on_line + 90) % 180 == pytest.approx(90, abs=0.01)
 
 
-def test_values_that_cannot_be_computed_are_null(features):
+def test_values_that_cannot_be_computed_are_null(features) -> None:
     skid = next(f for f in features if f["properties"].get("kind") == "skid_speed")
 
     assert skid["properties"]["value"] is None
@@ -92,7 +93,9 @@ def test_values_that_cannot_be_computed_are_null(features):
 
 
 @pytest.mark.parametrize("gauge", ["plane", "world"])
-def test_without_a_place_on_earth_it_is_empty_and_says_why(sample_result, tmp_path, gauge):
+def test_without_a_place_on_earth_it_is_empty_and_says_why(
+    sample_result, tmp_path: Path, gauge
+) -> None:
     world = replace(sample_result.world, origin=None, gauge=gauge)
     path = tmp_path / "points.geojson"
     write_geojson(replace(sample_result, world=world), path)

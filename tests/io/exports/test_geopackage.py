@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from pyogrio import list_layers, read_info
@@ -12,7 +14,7 @@ from uavgram.io.exports.geopackage import write_geopackage
 
 
 @pytest.fixture(scope="module")
-def path(features, tmp_path_factory):
+def path(features, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.mktemp("gpkg") / "survey.gpkg"
     write_geopackage(features, path)
     return path
@@ -27,7 +29,7 @@ def points_of(geometry):
     return np.array([np.frombuffer(wkb[5:], "<f8") for wkb in geometry])
 
 
-def test_every_layer_is_there_with_its_crs_and_all_its_rows(path, features):
+def test_every_layer_is_there_with_its_crs_and_all_its_rows(path, features) -> None:
     assert [name for name, _ in list_layers(path)] == [layer.name for layer in features.layers]
     for layer in features.layers:
         info = read_info(path, layer=layer.name)
@@ -36,7 +38,7 @@ def test_every_layer_is_there_with_its_crs_and_all_its_rows(path, features):
         assert list(info["fields"]) == list(layer.attributes)
 
 
-def test_points_lie_where_their_latitude_and_longitude_say(path, result):
+def test_points_lie_where_their_latitude_and_longitude_say(path, result) -> None:
     geometry, fields = columns(path, "points")
     to_earth = Transformer.from_crs(result.world.crs, "EPSG:4326", always_xy=True)
     longitude, latitude = to_earth.transform(*points_of(geometry)[:, :2].T)
@@ -48,7 +50,7 @@ def test_points_lie_where_their_latitude_and_longitude_say(path, result):
     assert np.max(apart) < 1e-4
 
 
-def test_distances_over_the_maps_scale_are_those_between_the_points(path, result):
+def test_distances_over_the_maps_scale_are_those_between_the_points(path, result) -> None:
     geometry, _ = columns(path, "points")
     on_map, true = points_of(geometry), result.points.position_world_m
     factors = Proj(result.world.crs).get_factors(
@@ -62,7 +64,7 @@ def test_distances_over_the_maps_scale_are_those_between_the_points(path, result
     np.testing.assert_allclose(planar, expected, rtol=2e-5, atol=1e-4)
 
 
-def test_missing_numbers_are_null_not_a_number_to_sort_by(path, result):
+def test_missing_numbers_are_null_not_a_number_to_sort_by(path, result) -> None:
     _, fields = columns(path, "known_lengths")
     unseen = np.array([s == "unseen" for s in result.lines.status])
 
@@ -71,7 +73,7 @@ def test_missing_numbers_are_null_not_a_number_to_sort_by(path, result):
     np.testing.assert_array_equal(fields["length_m"], result.lines.length_m)
 
 
-def test_without_a_place_on_earth_it_holds_local_metres(adrift, tmp_path):
+def test_without_a_place_on_earth_it_holds_local_metres(adrift, tmp_path: Path) -> None:
     write_geopackage(adrift, tmp_path / "local.gpkg")
     geometry, fields = columns(tmp_path / "local.gpkg", "points")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,13 +43,13 @@ def windows(picture):
 
 
 @pytest.fixture(scope="module")
-def path(picture, tmp_path_factory):
+def path(picture, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.mktemp("tiff") / "a.tif"
     write_colour_geotiff(raster(), windows(picture), {"survey": "crossing"}, path)
     return path
 
 
-def test_place_and_coordinate_system_are_read_back(path):
+def test_place_and_coordinate_system_are_read_back(path) -> None:
     with rasterio.open(path) as file:
         assert file.crs.to_string() == CRS
         assert (file.width, file.height) == (WIDTH, HEIGHT)
@@ -57,13 +58,13 @@ def test_place_and_coordinate_system_are_read_back(path):
         assert file.tags()["survey"] == "crossing"
 
 
-def test_pixels_come_back_as_they_were(path, picture):
+def test_pixels_come_back_as_they_were(path, picture) -> None:
     with rasterio.open(path) as file:
         assert file.dtypes == ("uint8",) * 4
         np.testing.assert_array_equal(np.moveaxis(file.read(), 0, 2), picture)
 
 
-def test_it_is_tiled_compressed_and_has_overviews_down_to_a_tile(path):
+def test_it_is_tiled_compressed_and_has_overviews_down_to_a_tile(path) -> None:
     with rasterio.open(path) as file:
         assert file.block_shapes == [(256, 256)] * 4
         assert file.profile["tiled"]
@@ -73,14 +74,14 @@ def test_it_is_tiled_compressed_and_has_overviews_down_to_a_tile(path):
     assert path.stat().st_size < WIDTH * HEIGHT
 
 
-def test_the_fourth_band_is_opacity(path, picture):
+def test_the_fourth_band_is_opacity(path, picture) -> None:
     with rasterio.open(path) as file:
         assert file.colorinterp[3] == ColorInterp.alpha
         assert MaskFlags.alpha in file.mask_flag_enums[0]
         np.testing.assert_array_equal(file.dataset_mask(), picture[..., 3])
 
 
-def test_overviews_are_not_darker_where_the_picture_ends(path):
+def test_overviews_are_not_darker_where_the_picture_ends(path) -> None:
     with rasterio.open(path, overview_level=0) as file:
         blue, alpha = file.read(3), file.read(4)
     assert alpha.shape == (HEIGHT // 2, WIDTH // 2)
@@ -88,21 +89,21 @@ def test_overviews_are_not_darker_where_the_picture_ends(path):
     assert not blue[alpha == 0].any()
 
 
-def test_a_picture_to_print_comes_from_the_smallest_overview_that_will_do(path):
+def test_a_picture_to_print_comes_from_the_smallest_overview_that_will_do(path) -> None:
     assert read_reduced(path, 2000).shape == (HEIGHT, WIDTH, 4)
     assert read_reduced(path, 651).shape == (HEIGHT, WIDTH, 4)
     assert read_reduced(path, 650).shape == (HEIGHT // 2, WIDTH // 2, 4)
     assert read_reduced(path, 10).shape == (HEIGHT // 4, WIDTH // 4, 4)
 
 
-def test_local_metres_have_a_place_but_no_coordinate_system(picture, tmp_path):
+def test_local_metres_have_a_place_but_no_coordinate_system(picture, tmp_path: Path) -> None:
     write_colour_geotiff(raster(crs=None), windows(picture), {}, tmp_path / "a.tif")
     with rasterio.open(tmp_path / "a.tif") as file:
         assert file.crs is None
         assert (file.transform.c, file.transform.f) == pytest.approx((691000.2, 5334000.6))
 
 
-def test_numbers_come_back_with_their_name_and_nothing_where_there_is_none(tmp_path):
+def test_numbers_come_back_with_their_name_and_nothing_where_there_is_none(tmp_path: Path) -> None:
     small = GroundRaster(west_m=10, north_m=20, pixel_m=0.5, width=70, height=50, crs=CRS)
     sigma = np.linspace(0.01, 3.0, 3500).reshape(50, 70)
     sigma[:, 60:] = np.nan
@@ -118,7 +119,7 @@ def test_numbers_come_back_with_their_name_and_nothing_where_there_is_none(tmp_p
     np.testing.assert_allclose(band.filled(np.nan), sigma, rtol=1e-7)
 
 
-def test_windows_without_a_picture_are_transparent(tmp_path):
+def test_windows_without_a_picture_are_transparent(tmp_path: Path) -> None:
     nothing = np.zeros((512, 512, 4), np.uint8)
     some = nothing + np.uint8(255)
     pairs = [((0, 0, 512, 512), nothing), ((512, 0, 512, 512), some)]
@@ -130,7 +131,7 @@ def test_windows_without_a_picture_are_transparent(tmp_path):
     assert not alpha[512:].any()
 
 
-def test_gdalinfo_reads_coordinate_system_and_overviews(path):
+def test_gdalinfo_reads_coordinate_system_and_overviews(path) -> None:
     program = shutil.which("gdalinfo")
     if program is None:
         pytest.skip("gdalinfo is not installed (Debian: gdal-bin)")

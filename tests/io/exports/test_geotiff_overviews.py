@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import rasterio
@@ -11,7 +13,7 @@ from uavgram.io.exports.geotiff_overviews import mark_overviews
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 
 
-def write(path, **options):
+def write(path, **options) -> None:
     """Two pictures, of which the second is half the size and twice as bright."""
     for size, grey, further in ((64, 50, {}), (32, 100, {"append_subdataset": True})):
         profile = {"driver": "GTiff", "width": size, "height": size, "count": 1, "dtype": "uint8"}
@@ -20,7 +22,7 @@ def write(path, **options):
 
 
 @pytest.mark.parametrize("bigtiff", ["no", "yes"])
-def test_the_second_picture_becomes_an_overview(tmp_path, bigtiff):
+def test_the_second_picture_becomes_an_overview(tmp_path: Path, bigtiff) -> None:
     path = tmp_path / "a.tif"
     write(path, bigtiff=bigtiff)
     with rasterio.open(path) as file:
@@ -39,7 +41,7 @@ def test_the_second_picture_becomes_an_overview(tmp_path, bigtiff):
         assert (file.read() == 100).all()
 
 
-def test_a_file_that_is_declared_already_is_refused(tmp_path):
+def test_a_file_that_is_declared_already_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.tif"
     write(path)
     mark_overviews(path)
@@ -47,7 +49,7 @@ def test_a_file_that_is_declared_already_is_refused(tmp_path):
         mark_overviews(path)
 
 
-def test_a_big_endian_file_is_refused(tmp_path):
+def test_a_big_endian_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.tif"
     write(path, endianness="big")
     with pytest.raises(ValueError, match="little-endian"):

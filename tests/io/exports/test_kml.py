@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -13,7 +14,9 @@ from uavgram.io.exports.kml import write_kml
 KML = "{http://www.opengis.net/kml/2.2}"
 
 
-def test_gdal_finds_every_layer_and_the_points_in_their_places(features, result, tmp_path):
+def test_gdal_finds_every_layer_and_the_points_in_their_places(
+    features, result, tmp_path: Path
+) -> None:
     path = tmp_path / "survey.kml"
     write_kml(features, path)
 
@@ -26,7 +29,7 @@ def test_gdal_finds_every_layer_and_the_points_in_their_places(features, result,
     np.testing.assert_allclose(lonlat[:, 1], result.points.latitude_deg, atol=1e-11)
 
 
-def test_labels_are_text_whatever_they_hold(result, tmp_path):
+def test_labels_are_text_whatever_they_hold(result, tmp_path: Path) -> None:
     from dataclasses import replace
 
     from uavgram.stages.products.map_layers import features_of
@@ -39,7 +42,7 @@ def test_labels_are_text_whatever_they_hold(result, tmp_path):
     assert "<b>&" in [e.text for e in tree.iter(f"{KML}name")]
 
 
-def test_without_a_place_on_earth_it_says_why_it_is_empty(adrift, tmp_path):
+def test_without_a_place_on_earth_it_says_why_it_is_empty(adrift, tmp_path: Path) -> None:
     write_kml(adrift, tmp_path / "s.kml")
     tree = ET.parse(tmp_path / "s.kml")  # noqa: S314
 

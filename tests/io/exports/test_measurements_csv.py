@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import csv
+from pathlib import Path
 
 import pytest
 
@@ -10,8 +11,8 @@ INTERVAL = ("20.00000", "20.25000")
 
 
 def test_the_table_holds_the_measurements_with_empty_cells_for_what_is_not_known(
-    sample_result, tmp_path
-):
+    sample_result, tmp_path: Path
+) -> None:
     write_measurements_csv(sample_result, tmp_path / "m.csv")
     with (tmp_path / "m.csv").open(newline="", encoding="utf-8") as stream:
         rows = list(csv.reader(stream))
@@ -36,5 +37,5 @@ def test_the_table_holds_the_measurements_with_empty_cells_for_what_is_not_known
         (float("nan"), 1.0, ""),
     ],
 )
-def test_a_number_has_two_digits_more_than_its_sigma_deserves(value, sigma, text):
+def test_a_number_has_two_digits_more_than_its_sigma_deserves(value, sigma, text) -> None:
     assert rounded(value, sigma) == text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import ezdxf
@@ -31,7 +32,7 @@ def dxf_texts(features, path):
     return values, note
 
 
-def test_the_drawing_doubts_its_text_and_says_why(features, marked, tmp_path):
+def test_the_drawing_doubts_its_text_and_says_why(features, marked, tmp_path: Path) -> None:
     sure, plain_note = dxf_texts(features, tmp_path / "sure.dxf")
     doubted, note = dxf_texts(marked, tmp_path / "doubted.dxf")
 
@@ -40,7 +41,7 @@ def test_the_drawing_doubts_its_text_and_says_why(features, marked, tmp_path):
     assert not [text for text in (*sure, plain_note) if "?" in text]
 
 
-def test_the_geopackage_and_the_globe_have_them_as_an_attribute(marked, tmp_path):
+def test_the_geopackage_and_the_globe_have_them_as_an_attribute(marked, tmp_path: Path) -> None:
     write_geopackage(marked, tmp_path / "s.gpkg")
     meta, _, _, fields = read(tmp_path / "s.gpkg", layer="measured_lines")
     table = dict(zip(meta["fields"], fields, strict=True))

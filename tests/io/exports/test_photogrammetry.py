@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -14,7 +15,7 @@ from uavgram.io.exports.colmap import write_colmap_model
 from uavgram.io.exports.opendronemap import write_gcp_list
 
 
-def test_colmap_poses_and_points_project_to_the_picks(result, tmp_path):
+def test_colmap_poses_and_points_project_to_the_picks(result, tmp_path: Path) -> None:
     write_colmap_model(result, tmp_path)
     points = {
         int(row[0]): np.array(row[1:4], float)
@@ -46,7 +47,7 @@ def test_colmap_poses_and_points_project_to_the_picks(result, tmp_path):
     assert np.abs(np.median(apart, axis=0)).max() < 0.2  # half a pixel would show
 
 
-def test_the_covariances_beside_the_model_are_those_of_the_centres(result, tmp_path):
+def test_the_covariances_beside_the_model_are_those_of_the_centres(result, tmp_path: Path) -> None:
     write_colmap_model(result, tmp_path)
     rows = list(csv.DictReader((tmp_path / "pose_priors.csv").read_text("utf-8").splitlines()))
     at = {name: k for k, name in enumerate(result.frames.frame_id)}
@@ -58,7 +59,9 @@ def test_the_covariances_beside_the_model_are_those_of_the_centres(result, tmp_p
         assert float(row["yz_m2"]) == pytest.approx(covariance[1, 2], rel=1e-6, abs=1e-15)
 
 
-def test_ground_control_has_the_place_and_the_pixel_of_each_used_pick(result, features, tmp_path):
+def test_ground_control_has_the_place_and_the_pixel_of_each_used_pick(
+    result, features, tmp_path: Path
+) -> None:
     write_gcp_list(result, features, tmp_path / "gcp_list.txt")
     head, *lines = (tmp_path / "gcp_list.txt").read_text().splitlines()
     to_earth = Transformer.from_crs(head, "EPSG:4326", always_xy=True)

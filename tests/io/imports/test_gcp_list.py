@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from pyproj import Transformer
@@ -13,13 +15,13 @@ HEAD = "EPSG:32632\n"
 ROW = "691000.25 5334000.5 520.125 1539.25 1337 DSC_1.JPG A\n"
 
 
-def write(tmp_path, text):
+def write(tmp_path: Path, text):
     path = tmp_path / "gcp_list.txt"
     path.write_text(text, encoding="utf-8")
     return path
 
 
-def test_picks_and_places_are_those_of_the_file(tmp_path):
+def test_picks_and_places_are_those_of_the_file(tmp_path: Path) -> None:
     picks = read_gcp_list(write(tmp_path, HEAD + "# note\n" + ROW), GcpSigmas(sigma_m=0.05))
 
     np.testing.assert_array_equal(picks.pixel_px, [[1539.25, 1337.0]])
@@ -33,11 +35,11 @@ def test_picks_and_places_are_those_of_the_file(tmp_path):
     np.testing.assert_array_equal(picks.known.sigma_m, [[0.05] * 3])
 
 
-def test_without_a_stated_sigma_the_places_are_not_taken(tmp_path):
+def test_without_a_stated_sigma_the_places_are_not_taken(tmp_path: Path) -> None:
     assert read_gcp_list(write(tmp_path, HEAD + ROW)).known is None
 
 
-def test_points_without_a_label_are_the_same_where_their_place_is(tmp_path):
+def test_points_without_a_label_are_the_same_where_their_place_is(tmp_path: Path) -> None:
     rows = "1 2 3 10 20 a.jpg\n1 2 3 30 40 b.jpg\n5 6 7 50 60 a.jpg\n"
     picks = read_gcp_list(write(tmp_path, HEAD + rows))
 
@@ -56,14 +58,14 @@ def test_points_without_a_label_are_the_same_where_their_place_is(tmp_path):
         (HEAD + ROW + ROW, r":3: label 'A' is picked in 'DSC_1.JPG' in line 2 already"),
     ],
 )
-def test_mistakes_are_told_by_file_and_line(tmp_path, text, said):
+def test_mistakes_are_told_by_file_and_line(tmp_path: Path, text, said) -> None:
     with pytest.raises(
         InputError, match=r"gcp_list\.txt" + (said if said[0] == ":" else f".*{said}")
     ):
         read_gcp_list(write(tmp_path, text))
 
 
-def test_a_point_without_height_is_picked_but_is_no_control(tmp_path):
+def test_a_point_without_height_is_picked_but_is_no_control(tmp_path: Path) -> None:
     rows = "1 2 NaN 10 20 a.jpg A\n1 2 nan 30 40 b.jpg A\n5 6 7 50 60 a.jpg B\n"
     path = write(tmp_path, HEAD + rows)
 
@@ -72,7 +74,7 @@ def test_a_point_without_height_is_picked_but_is_no_control(tmp_path):
         read_gcp_list(path, GcpSigmas(sigma_m=0.05))
 
 
-def test_blanks_tabs_and_further_cells_are_no_matter(tmp_path):
+def test_blanks_tabs_and_further_cells_are_no_matter(tmp_path: Path) -> None:
     rows = "1\t2\t3\t10.5  20\ta.jpg\tA\tpainted cross\r\n"
     picks = read_gcp_list(write(tmp_path, "\ufeffWGS84 UTM 32N\n\n" + rows))
 
@@ -93,7 +95,7 @@ def test_blanks_tabs_and_further_cells_are_no_matter(tmp_path):
         ("SWEREF99 TM", 3006),
     ],
 )
-def test_coordinate_systems_by_the_names_that_people_write(tmp_path, first, code):
+def test_coordinate_systems_by_the_names_that_people_write(tmp_path: Path, first, code) -> None:
     place = "500000 5600000" if code != 2180 else "500000 500000"
     picks = read_gcp_list(
         write(tmp_path, f"{first}\n{place} 3 10 20 a.jpg A\n"), GcpSigmas(sigma_m=1)
@@ -107,7 +109,7 @@ def test_coordinate_systems_by_the_names_that_people_write(tmp_path, first, code
 ZERO = "1 2 0 10 20 a.jpg A\n1 3 0.0 10 30 a.jpg B\n"
 
 
-def test_heights_of_0_get_no_weight_and_a_warning(tmp_path):
+def test_heights_of_0_get_no_weight_and_a_warning(tmp_path: Path) -> None:
     picks = read_gcp_list(write(tmp_path, "EPSG:4326\n" + ZERO), GcpSigmas(sigma_m=0.02))
     assert picks.known.sigma_m.tolist() == [[0.02, 0.02, 10_000.0]] * 2
     assert [message.code for message in picks.messages] == ["gcp-zero-heights"]
@@ -120,7 +122,7 @@ def test_heights_of_0_get_no_weight_and_a_warning(tmp_path):
     assert known.messages == ()
 
 
-def test_points_may_have_sigmas_of_their_own(tmp_path):
+def test_points_may_have_sigmas_of_their_own(tmp_path: Path) -> None:
     rows = "1 2 5 10 20 a.jpg A 0.01 0.03\n1 3 5 10 30 a.jpg B 0.02\n1 4 5 10 40 a.jpg C\n"
     path = write(tmp_path, "EPSG:4326\n" + rows)
     picks = read_gcp_list(path, GcpSigmas(sigma_m=0.5, in_columns=True))
@@ -134,6 +136,6 @@ def test_points_may_have_sigmas_of_their_own(tmp_path):
 
 
 @pytest.mark.parametrize("label", ["A;B", "A\u202eB"])
-def test_a_label_that_no_table_can_hold_is_told(tmp_path, label):
+def test_a_label_that_no_table_can_hold_is_told(tmp_path: Path, label) -> None:
     with pytest.raises(InputError, match=r":2: label .* holds"):
         read_gcp_list(write(tmp_path, f"EPSG:4326\n1 2 5 10 20 a.jpg {label}\n"))

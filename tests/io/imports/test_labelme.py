@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -44,7 +45,7 @@ def shape(label, *points, kind="point"):
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
-def test_picks_in_a_turned_photo_come_back_to_the_stored_pixel(tmp_path, orientation):
+def test_picks_in_a_turned_photo_come_back_to_the_stored_pixel(tmp_path: Path, orientation) -> None:
     size, spot = photo(tmp_path, orientation)
     picks = read_labelme(labelme(tmp_path, size, [shape("P", spot)]))
 
@@ -53,7 +54,7 @@ def test_picks_in_a_turned_photo_come_back_to_the_stored_pixel(tmp_path, orienta
     assert picks.messages == ()
 
 
-def test_an_old_file_made_on_the_stored_photo_is_taken_as_it_is(tmp_path):
+def test_an_old_file_made_on_the_stored_photo_is_taken_as_it_is(tmp_path: Path) -> None:
     photo(tmp_path, 6)
     spot = (SPOT[0] + 0.5, SPOT[1] + 0.5)
     picks = read_labelme(labelme(tmp_path, SIZE, [shape("P", spot)]))
@@ -61,7 +62,7 @@ def test_an_old_file_made_on_the_stored_photo_is_taken_as_it_is(tmp_path):
     np.testing.assert_allclose(picks.pixel_px, [SPOT], atol=1e-12)
 
 
-def test_a_circle_is_picked_at_its_centre_and_other_shapes_are_named(tmp_path):
+def test_a_circle_is_picked_at_its_centre_and_other_shapes_are_named(tmp_path: Path) -> None:
     photo(tmp_path, 1)
     shapes = [
         shape("disc", (10.5, 20.5), (14, 20), kind="circle"),
@@ -74,13 +75,13 @@ def test_a_circle_is_picked_at_its_centre_and_other_shapes_are_named(tmp_path):
     assert "car" in picks.messages[0].text
 
 
-def test_a_photo_of_another_size_is_refused_by_name(tmp_path):
+def test_a_photo_of_another_size_is_refused_by_name(tmp_path: Path) -> None:
     photo(tmp_path, 1)
     with pytest.raises(InputError, match=r"a\.json.*30 x 20.*a\.png.*60 x 40"):
         read_labelme(labelme(tmp_path, (30, 20), [shape("P", (3, 3))]))
 
 
-def test_without_the_photo_a_warning_says_what_was_not_checked(tmp_path):
+def test_without_the_photo_a_warning_says_what_was_not_checked(tmp_path: Path) -> None:
     picks = read_labelme(labelme(tmp_path, SIZE, [shape("P", (3.5, 4.5))]))
 
     assert picks.messages[0].code == "photo-not-beside"
@@ -110,19 +111,19 @@ def test_without_the_photo_a_warning_says_what_was_not_checked(tmp_path):
         ),
     ],
 )
-def test_a_file_that_is_none_is_told_by_name(tmp_path, text, said):
+def test_a_file_that_is_none_is_told_by_name(tmp_path: Path, text, said) -> None:
     (tmp_path / "x.json").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=rf"x\.json.*{said}"):
         read_labelme(tmp_path / "x.json")
 
 
-def test_a_label_picked_twice_is_refused(tmp_path):
+def test_a_label_picked_twice_is_refused(tmp_path: Path) -> None:
     photo(tmp_path, 1)
     with pytest.raises(InputError, match="'P' is picked twice"):
         read_labelme(labelme(tmp_path, SIZE, [shape("P", (3, 3)), shape("P", (9, 3))]))
 
 
-def test_a_file_as_labelme_writes_it_is_read(tmp_path):
+def test_a_file_as_labelme_writes_it_is_read(tmp_path: Path) -> None:
     """Keys as LabelMe 5 saves them, with those that mean nothing here, and a folder in the path."""
     photo(tmp_path, 1)
     (tmp_path / "json").mkdir()

@@ -25,7 +25,7 @@ from uavgram.stages.log_summary import summarise_log
 SLOWEST_S = 5.0
 
 
-def flipped(data, rng):
+def flipped(data, rng: np.random.Generator):
     """Some bits turned over."""
     damaged = np.frombuffer(data, dtype=np.uint8).copy()
     at = rng.integers(0, len(damaged), int(10 ** rng.uniform(0, 2.5)))
@@ -33,20 +33,20 @@ def flipped(data, rng):
     return damaged.tobytes()
 
 
-def cut(data, rng):
+def cut(data, rng: np.random.Generator):
     """A piece left out, or the end."""
     a, b = sorted(rng.integers(0, len(data), 2).tolist())
     return data[:a] if rng.random() < 0.4 else data[:a] + data[b:]
 
 
-def spliced(data, rng):
+def spliced(data, rng: np.random.Generator):
     """A piece put somewhere else once more."""
     a, b = sorted(rng.integers(0, len(data), 2).tolist())
     at = int(rng.integers(0, len(data)))
     return data[:at] + data[a : min(b, a + len(data) // 3)] + data[at:]
 
 
-def zeroed(data, rng):
+def zeroed(data, rng: np.random.Generator):
     """A piece filled with zeros, or with one other byte."""
     a = int(rng.integers(0, len(data)))
     b = min(len(data), a + int(10 ** rng.uniform(0, 4)))

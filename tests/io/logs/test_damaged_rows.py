@@ -1,6 +1,7 @@
 """One damaged row of a log: left out and named, never taken and never the whole table's end."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,13 +14,13 @@ from uavgram.io.logs.quality.rows import is_spike, plausible_rows, restarts
 
 
 @pytest.fixture(scope="module")
-def good_text(repository):
+def good_text(repository: Path):
     """The first ten seconds of the flight as text."""
     return short_logs(repository / "logs")[".log"].decode("latin-1")
 
 
 @pytest.fixture
-def read_text(tmp_path):
+def read_text(tmp_path: Path):
     def read(text):
         path = tmp_path / "flight.log"
         path.write_text(text, encoding="latin-1")
@@ -29,7 +30,7 @@ def read_text(tmp_path):
 
 
 @pytest.fixture
-def read_changed(repository, tmp_path):
+def read_changed(repository: Path, tmp_path: Path):
     """Read the binary log with fields of some rows changed (raw numbers, as they are stored)."""
 
     def read(message, rows, **fields):
@@ -49,12 +50,12 @@ def read_changed(repository, tmp_path):
     return read
 
 
-def test_the_undamaged_log_has_no_remark(read_text, good_text):
+def test_the_undamaged_log_has_no_remark(read_text, good_text) -> None:
     assert read_text(good_text).notes == ()
 
 
 @pytest.mark.parametrize("number", ["nan", "-1", "7", "9" * 5000, ""])
-def test_one_damaged_instance_does_not_cost_the_gimbal(read_text, good_text, number):
+def test_one_damaged_instance_does_not_cost_the_gimbal(read_text, good_text, number) -> None:
     rows = len(read_text(good_text).boots[0].gimbal.time_boot_s)
     log = read_text(
         re.sub(r"^(MNT, \d+), 0,", rf"\1, {number},", good_text, count=1, flags=re.MULTILINE)
@@ -63,7 +64,7 @@ def test_one_damaged_instance_does_not_cost_the_gimbal(read_text, good_text, num
     assert any("MNT" in note and "dropped" in note for note in log.notes), log.notes
 
 
-def test_a_format_stated_anew_in_mid_log_holds_from_there_on(read_text, good_text):
+def test_a_format_stated_anew_in_mid_log_holds_from_there_on(read_text, good_text) -> None:
     lines = good_text.splitlines()
     mounts = [k for k, line in enumerate(lines) if line.startswith("MNT,")]
     (stated,) = (line for line in lines if line.startswith("FMT,") and ", MNT," in line)
@@ -76,12 +77,12 @@ def test_a_format_stated_anew_in_mid_log_holds_from_there_on(read_text, good_tex
     assert any("MNT rows make no sense" in note for note in half.notes)
 
 
-def test_a_format_number_of_5000_digits_is_skipped(read_text, good_text):
+def test_a_format_number_of_5000_digits_is_skipped(read_text, good_text) -> None:
     log = read_text(f"FMT, {'9' * 5000}, 20, NEW, Q, TimeUS\n{good_text}")
     assert any("format message at byte 0 makes no sense" in note for note in log.notes)
 
 
-def test_rows_without_a_pitch_are_told_not_forgotten(read_text, good_text):
+def test_rows_without_a_pitch_are_told_not_forgotten(read_text, good_text) -> None:
     stated = re.sub(r"^(FMT,.* MNT,.*),Pitch", r"\1,Patch", good_text, flags=re.MULTILINE)
     log = read_text(stated)
     assert log.boots[0].gimbal is None
@@ -92,7 +93,9 @@ def test_rows_without_a_pitch_are_told_not_forgotten(read_text, good_text):
     ("message", "first", "second"),
     [("MNT", "Roll", "Pitch"), ("MNT", "TimeUS", "YawB"), ("ATT", "Roll", "Yaw")],
 )
-def test_field_names_that_were_exchanged_are_told(read_text, good_text, message, first, second):
+def test_field_names_that_were_exchanged_are_told(
+    read_text, good_text, message, first, second
+) -> None:
     (stated,) = (x for x in good_text.splitlines() if x.startswith("FMT,") and f", {message}," in x)
     names = stated.rsplit(", ", 1)[1].split(",")
     i, j = names.index(first), names.index(second)
@@ -111,7 +114,9 @@ def test_field_names_that_were_exchanged_are_told(read_text, good_text, message,
         ("POS", "Lat", lambda old: old + 4096, r"by 45\.\d m at 154.04 s"),
     ],
 )
-def test_a_row_off_its_neighbours_is_left_out_by_name(read_changed, message, field, change, size):
+def test_a_row_off_its_neighbours_is_left_out_by_name(
+    read_changed, message, field, change, size
+) -> None:
     row = {"MNT": 42}.get(message, 40)
     log = read_changed(message, row, **{field: change})
     (note,) = log.notes
@@ -121,31 +126,31 @@ def test_a_row_off_its_neighbours_is_left_out_by_name(read_changed, message, fie
     assert len(table.time_boot_s) == (229 if message == "MNT" else 219)
 
 
-def test_a_home_that_positions_contradict_is_left_out(read_changed):
+def test_a_home_that_positions_contradict_is_left_out(read_changed) -> None:
     log = read_changed("ORGN", 3, Alt=lambda old: old - 4096)
     assert log.boots[0].home.height_m.tolist() == [584.08]
     assert any("home by ORGN at 41.94 s" in n and "-41.0 m" in n for n in log.notes), log.notes
 
 
-def test_a_home_far_from_another_is_told(read_changed):
+def test_a_home_far_from_another_is_told(read_changed) -> None:
     log = read_changed("ORGN", 3, Lat=lambda old: old + (1 << 16))
     assert any("home by ORGN moves by 727 m" in note for note in log.notes), log.notes
 
 
-def test_attitudes_that_another_message_contradicts_are_told(read_changed):
+def test_attitudes_that_another_message_contradicts_are_told(read_changed) -> None:
     log = read_changed("ATT", slice(100, 160), Roll=lambda old: old + 20)
     (note,) = log.notes
     assert "attitudes by ATT and by XKF1 contradict each other at 60 of 220 times" in note
 
 
-def test_positions_that_the_receiver_contradicts_are_told(read_changed):
+def test_positions_that_the_receiver_contradicts_are_told(read_changed) -> None:
     log = read_changed("POS", slice(100, 160), Lat=lambda old: old + 8000)
     (note,) = log.notes
     assert "positions by POS and by the receiver (GPS) contradict each other" in note
     assert "by 88" in note
 
 
-def test_a_step_that_stays_and_a_turn_are_no_damage():
+def test_a_step_that_stays_and_a_turn_are_no_damage() -> None:
     time = np.arange(40) * 0.1
     step = np.where(time > 2, 100.0, 0.0)[:, None]
     assert off_neighbours(time, step).max() == 0
@@ -155,7 +160,7 @@ def test_a_step_that_stays_and_a_turn_are_no_damage():
     assert np.flatnonzero(off_neighbours(time, turn) > 1).tolist() == [20]
 
 
-def test_a_time_that_is_no_number_is_a_spike_and_no_restart():
+def test_a_time_that_is_no_number_is_a_spike_and_no_restart() -> None:
     """Two infinite times side by side: their difference is no number."""
     time = np.array([1.0, 2.0, np.inf, np.inf, np.nan, 3.0, 4.0, 5.0])
 
@@ -170,12 +175,14 @@ def test_a_time_that_is_no_number_is_a_spike_and_no_restart():
         ([1, 3], r"^home by ORGN at 41.94 s since boot lies 23 m off the estimator's origin"),
     ],
 )
-def test_a_home_that_jumps_or_lies_off_the_estimators_origin_is_told(read_changed, rows, said):
+def test_a_home_that_jumps_or_lies_off_the_estimators_origin_is_told(
+    read_changed, rows, said
+) -> None:
     log = read_changed("ORGN", rows, Lat=lambda old: old - 2048)
     assert any(re.search(said, note) for note in log.notes), log.notes
 
 
-def test_rows_out_of_the_order_of_time_are_told(read_changed):
+def test_rows_out_of_the_order_of_time_are_told(read_changed) -> None:
     log = read_changed("ATT", 40, TimeUS=lambda old: old - 198_000)
     assert any(
         note.startswith("1 ATT rows stand out of the order of time (the first at 153.85 s")
@@ -183,12 +190,12 @@ def test_rows_out_of_the_order_of_time_are_told(read_changed):
     ), log.notes
 
 
-def test_the_gimbals_messages_under_a_damaged_name_are_told(read_text, good_text):
+def test_the_gimbals_messages_under_a_damaged_name_are_told(read_text, good_text) -> None:
     log = read_text(good_text.replace("MNT,", "MNU,"))
     assert log.boots[0].gimbal is None
     assert any(note.startswith("MNU messages look like the gimbal's (MNT)") for note in log.notes)
 
 
-def test_times_that_utc_cannot_tell_apart_are_one_instant():
+def test_times_that_utc_cannot_tell_apart_are_one_instant() -> None:
     time = np.array([1.0, 1.0 + 1e-7, 1.0 + 1e-6, 2.0])  # a damaged format makes such numbers
     assert plausible_rows(time, np.ones(4, dtype=bool)).tolist() == [0, 2, 3]

@@ -1,5 +1,7 @@
 """Logs of any kind: told apart by content, and our own short logs."""
 
+from pathlib import Path
+
 import log_mutants
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from uavgram.io.logs.flight_log import read_flight_log
     ("name", "kind", "positions", "events"),
     [("twin_short.BIN", "dataflash", 220, 11), ("twin_short.tlog", "tlog", 220, 11)],
 )
-def test_our_own_short_logs_are_read(repository, name, kind, positions, events):
+def test_our_own_short_logs_are_read(repository: Path, name, kind, positions, events) -> None:
     log = read_flight_log(repository / "logs" / name)
     (boot,) = log.boots
     assert log.kind == kind
@@ -23,7 +25,7 @@ def test_our_own_short_logs_are_read(repository, name, kind, positions, events):
     assert log.notes == ()
 
 
-def test_both_short_logs_tell_the_same_flight(repository):
+def test_both_short_logs_tell_the_same_flight(repository: Path) -> None:
     first, second = (
         read_flight_log(repository / "logs" / f"twin_short.{kind}").boots[0]
         for kind in ("BIN", "tlog")
@@ -39,20 +41,22 @@ def test_both_short_logs_tell_the_same_flight(repository):
 
 
 @pytest.mark.parametrize(("source", "name"), [("BIN", "a.tlog"), ("tlog", "a.dat")])
-def test_the_content_decides_what_the_suffix_does_not_tell(repository, tmp_path, source, name):
+def test_the_content_decides_what_the_suffix_does_not_tell(
+    repository: Path, tmp_path: Path, source, name
+) -> None:
     path = tmp_path / name
     path.write_bytes((repository / "logs" / f"twin_short.{source}").read_bytes())
     assert read_flight_log(path).kind == {"BIN": "dataflash", "tlog": "tlog"}[source]
 
 
-def test_an_unknown_kind_is_refused_with_the_known_ones(tmp_path):
+def test_an_unknown_kind_is_refused_with_the_known_ones(tmp_path: Path) -> None:
     path = tmp_path / "flight.gpx"
     path.write_bytes(b"<gpx>")
     with pytest.raises(InputError, match=r"DataFlash \.bin"):
         read_flight_log(path)
 
 
-def test_a_missing_log_is_an_input_error(tmp_path):
+def test_a_missing_log_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
         read_flight_log(tmp_path / "none.BIN")
 
@@ -69,7 +73,7 @@ def sdlog2_head():
 
 
 @pytest.mark.parametrize("name", ["flight.px4log", "flight.bin", "flight.tlog"])
-def test_an_sdlog2_file_is_refused_by_name(tmp_path, name):
+def test_an_sdlog2_file_is_refused_by_name(tmp_path: Path, name) -> None:
     path = tmp_path / name
     path.write_bytes(sdlog2_head())
     with pytest.raises(InputError, match=r"is a PX4 log of the old form sdlog2.*give the ground"):
@@ -78,7 +82,9 @@ def test_an_sdlog2_file_is_refused_by_name(tmp_path, name):
 
 @pytest.mark.parametrize("cut", [0, 7])
 @pytest.mark.parametrize("name", ["flight.bin", "flight.tlog", "flight.raw"])
-def test_a_stream_without_time_stamps_is_refused_by_name(repository, tmp_path, name, cut):
+def test_a_stream_without_time_stamps_is_refused_by_name(
+    repository: Path, tmp_path: Path, name, cut
+) -> None:
     records = log_mutants.records((repository / "logs" / "twin_short.tlog").read_bytes())
     path = tmp_path / name
     path.write_bytes(b"".join(record[8:] for record in records)[cut:])

@@ -43,7 +43,9 @@ def small_ulog(write):
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("suffix", [".BIN", ".log", ".tlog", ".ulg"])
-def test_damaged_logs_are_read_or_refused(suffix, repository, ulog_writer, tmp_path):
+def test_damaged_logs_are_read_or_refused(
+    suffix, repository: Path, ulog_writer, tmp_path: Path
+) -> None:
     binary = repository / "logs" / "twin_short.BIN"
     source = tmp_path / f"source{suffix}"
     contents = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -14,7 +15,7 @@ from uavgram.io.photos.board_photos import find_calibration_photos, read_grey
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path: Path):
     """Four small photos, all different."""
     for k in range(4):
         photo = np.full((48, 64), 40 * k, np.uint8)
@@ -27,7 +28,7 @@ def find(folder):
     return find_calibration_photos([str(folder / "*.png")])
 
 
-def test_photos_are_found_once_in_the_order_of_their_names(folder):
+def test_photos_are_found_once_in_the_order_of_their_names(folder) -> None:
     files = find_calibration_photos([str(folder / "2.png"), str(folder / "*.png")])
     assert [path[-5:] for path in files.path] == ["0.png", "1.png", "2.png", "3.png"]
     assert (files.width_px, files.height_px) == (64, 48)
@@ -36,7 +37,7 @@ def test_photos_are_found_once_in_the_order_of_their_names(folder):
     assert files.setting[0].focal_length_mm is None
 
 
-def test_grey_values_are_those_of_the_file(folder):
+def test_grey_values_are_those_of_the_file(folder) -> None:
     grey = read_grey(folder / "1.png")
     assert grey.shape == (48, 64)
     assert grey[5, 7] == 255
@@ -44,7 +45,7 @@ def test_grey_values_are_those_of_the_file(folder):
 
 
 @pytest.mark.parametrize("content", [b"", b"no photo", b"\xff\xd8\xff\xe0 cut"])
-def test_what_is_no_photo_is_named(folder, content):
+def test_what_is_no_photo_is_named(folder, content) -> None:
     (folder / "1.png").write_bytes(content)
     with pytest.raises(InputError, match="no photo") as caught:
         read_grey(folder / "1.png")
@@ -53,26 +54,26 @@ def test_what_is_no_photo_is_named(folder, content):
         find(folder)
 
 
-def test_a_missing_photo_is_named(folder):
+def test_a_missing_photo_is_named(folder) -> None:
     with pytest.raises(InputError, match="cannot be read"):
         read_grey(folder / "9.png")
     with pytest.raises(InputError, match="matches no file"):
         find_calibration_photos([str(folder / "*.jpg")])
 
 
-def test_one_photo_is_too_few(folder):
+def test_one_photo_is_too_few(folder) -> None:
     with pytest.raises(InputError, match="1 of the 3 photos"):
         find_calibration_photos([str(folder / "1.png")])
 
 
-def test_a_copy_is_named_with_its_original(folder):
+def test_a_copy_is_named_with_its_original(folder) -> None:
     shutil.copy(folder / "1.png", folder / "5.png")
     with pytest.raises(InputError, match=r"copy of .*1\.png") as caught:
         find(folder)
     assert caught.value.path.endswith("5.png")
 
 
-def test_mixed_sizes_are_refused(folder):
+def test_mixed_sizes_are_refused(folder) -> None:
     cv2.imwrite(str(folder / "4.png"), np.zeros((64, 48), np.uint8))
     with pytest.raises(InputError, match="48 x 64 pixels") as caught:
         find(folder)
@@ -87,7 +88,9 @@ def test_mixed_sizes_are_refused(folder):
         ("focal_mm", 4.7, "focal length of 4.7 mm"),
     ],
 )
-def test_two_cameras_or_zooms_are_refused(folder, monkeypatch, field, value, words):
+def test_two_cameras_or_zooms_are_refused(
+    folder, monkeypatch: pytest.MonkeyPatch, field, value, words
+) -> None:
     from dataclasses import replace
 
     real = calibration_photos.read_all_camera_tags
@@ -103,7 +106,7 @@ def test_two_cameras_or_zooms_are_refused(folder, monkeypatch, field, value, wor
     assert caught.value.path.endswith("2.png")
 
 
-def test_a_drones_photos_tell_camera_and_lens(data_dir):
+def test_a_drones_photos_tell_camera_and_lens(data_dir: Path) -> None:
     files = find_calibration_photos([str(data_dir / "phantom3_lenscalib" / "*.jpg")])
     assert len(files.path) == 6
     assert (files.width_px, files.height_px) == (4000, 2250)

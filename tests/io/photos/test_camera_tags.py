@@ -1,6 +1,7 @@
 """What photos say of their camera: tags written by Pillow, and DJI's own photos."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,14 +19,14 @@ DEWARP = (
 
 
 @pytest.fixture
-def tags_of(tmp_path):
+def tags_of(tmp_path: Path):
     def read(**tags):
         return read_camera_tags(camera_photo(tmp_path / "photo.jpg", **tags))
 
     return read
 
 
-def test_what_exif_says_is_read(tags_of):
+def test_what_exif_says_is_read(tags_of) -> None:
     tags = tags_of(
         make="DJI", model="FC220", focal=(47, 10), equivalent=26, distance=(5, 2), serial="0AB"
     )
@@ -37,7 +38,7 @@ def test_what_exif_says_is_read(tags_of):
     assert (tags.dewarp, tags.dewarped) == ((), False)
 
 
-def test_what_exif_does_not_say_is_unknown(tags_of):
+def test_what_exif_does_not_say_is_unknown(tags_of) -> None:
     tags = tags_of(focal=(0, 0), equivalent=0, zoom=(0, 0), distance=(0, 1))
 
     assert all(map(math.isnan, (tags.focal_mm, tags.focal_35mm_mm, tags.focus_m)))
@@ -45,12 +46,12 @@ def test_what_exif_does_not_say_is_unknown(tags_of):
     assert tags.camera_name == ""
 
 
-def test_digital_zoom_is_read(tags_of):
+def test_digital_zoom_is_read(tags_of) -> None:
     assert tags_of(zoom=(2, 1)).digital_zoom == 2.0
 
 
 @pytest.mark.parametrize("text", [DEWARP, " " + DEWARP.replace(",", ", ")])
-def test_djis_calibration_is_read(tags_of, text):
+def test_djis_calibration_is_read(tags_of, text) -> None:
     tags = tags_of(dji={"DewarpData": text, "DewarpFlag": "0"})
 
     assert tags.dewarp[:4] == (3684.48, 3677.57, 2.24, 22.05)
@@ -59,27 +60,27 @@ def test_djis_calibration_is_read(tags_of, text):
     assert tags_of(dji={"DewarpData": text, "DewarpFlag": "1"}).dewarped
 
 
-def test_the_one_with_twelve_parameters_goes_first(tags_of):
+def test_the_one_with_twelve_parameters_goes_first(tags_of) -> None:
     longer = DEWARP + ",0.1,0.2,0.3"
 
     assert tags_of(dji={"DewarpData": DEWARP, "DewarpDataK6": longer}).dewarp[9:] == (0.1, 0.2, 0.3)
 
 
-def test_a_camera_that_was_never_calibrated_says_zeros(tags_of):
+def test_a_camera_that_was_never_calibrated_says_zeros(tags_of) -> None:
     assert tags_of(dji={"DewarpData": "2020-01-01;0,0,0,0,0,0,0,0,0"}).dewarp == ()
 
 
 @pytest.mark.parametrize(
     "text", ["2018-09-06;1,2,3", DEWARP.replace("2.24", "x"), "nan," * 8 + "1"]
 )
-def test_a_broken_calibration_is_refused_by_name(tags_of, text):
+def test_a_broken_calibration_is_refused_by_name(tags_of, text) -> None:
     with pytest.raises(InputError, match=r"photo\.jpg: its tag DewarpData is no calibration"):
         tags_of(dji={"DewarpData": text})
     with pytest.raises(InputError, match="no positive focal lengths"):
         tags_of(dji={"DewarpData": DEWARP.replace(";3684", ";-3684")})
 
 
-def test_real_photos_say_their_camera(data_dir):
+def test_real_photos_say_their_camera(data_dir: Path) -> None:
     beach = data_dir / "brighton_beach"
     tags = read_all_camera_tags(str(beach / f"DJI_00{n}.JPG") for n in (25, 26, 33))
 
@@ -91,7 +92,7 @@ def test_real_photos_say_their_camera(data_dir):
     ("value", "focal", "step"),
     [((473, 100), 4.73, 0.01), (4.73, 4.73, 0.01), (50.0, 50.0, 1.0), (np.pi, np.pi, 0.0)],
 )
-def test_a_focal_length_of_any_number_type_is_read(tags_of, value, focal, step):
+def test_a_focal_length_of_any_number_type_is_read(tags_of, value, focal, step) -> None:
     """Pillow writes a float as a double: it was a TypeError."""
     tags = tags_of(focal=value)
 
@@ -99,7 +100,7 @@ def test_a_focal_length_of_any_number_type_is_read(tags_of, value, focal, step):
     assert tags.focal_step_mm == pytest.approx(step)
 
 
-def test_all_numbers_may_be_doubles(tags_of):
+def test_all_numbers_may_be_doubles(tags_of) -> None:
     names = {41486: 137.5, 41487: 138.0, 41988: 2.0, 41989: 35.0, 37382: 12.5, 40962: 800.0}
     tags = tags_of(focal=10.0, details={**names, 40963: 600.0, 41488: 4})
 
@@ -109,7 +110,7 @@ def test_all_numbers_may_be_doubles(tags_of):
 
 
 @pytest.mark.parametrize("unit", [(None, 25.4), (2, 25.4), (3, 10.0), (4, 1.0), (5, 0.001)])
-def test_the_sensors_resolution_is_read_in_its_unit(tags_of, unit):
+def test_the_sensors_resolution_is_read_in_its_unit(tags_of, unit) -> None:
     code, mm = unit
     stated = {41486: IFDRational(5616000, 1459), **({} if code is None else {41488: code})}
     across, down = tags_of(details=stated).focal_plane_per_mm
@@ -118,7 +119,7 @@ def test_the_sensors_resolution_is_read_in_its_unit(tags_of, unit):
 
 
 @pytest.mark.parametrize("code", [1, 6, 77])
-def test_a_resolution_without_a_length_is_unknown(tags_of, code):
+def test_a_resolution_without_a_length_is_unknown(tags_of, code) -> None:
     assert all(map(math.isnan, tags_of(details={41486: 3849.0, 41488: code}).focal_plane_per_mm))
 
 
@@ -133,5 +134,5 @@ def test_a_resolution_without_a_length_is_unknown(tags_of, code):
         ("Canon", "", "Canon"),
     ],
 )
-def test_a_make_is_said_once(tags_of, make, model, name):
+def test_a_make_is_said_once(tags_of, make, model, name) -> None:
     assert tags_of(make=make, model=model).camera_name == name

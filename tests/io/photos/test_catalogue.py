@@ -2,6 +2,7 @@
 
 import datetime as dt
 import os
+from pathlib import Path
 
 import cv2
 import exifread
@@ -17,7 +18,7 @@ FILENAME = TimeOptions(source="filename", filename_format="%Y%m%d%H%M%S%fZ")
 
 
 @pytest.fixture
-def photo(tmp_path):
+def photo(tmp_path: Path):
     """Write a small photo, with EXIF entries if asked for."""
 
     def write(name, width=8, height=6, **exif):
@@ -56,11 +57,11 @@ def utc(*fields):
 
 
 @pytest.mark.parametrize("suffix", ["jpg", "png", "tif", "bmp"])
-def test_sizes_are_those_of_the_stored_image(photo, suffix):
+def test_sizes_are_those_of_the_stored_image(photo, suffix) -> None:
     assert image_size(photo(f"a.{suffix}", 37, 21)) == (37, 21)
 
 
-def test_sizes_of_real_photos_equal_opencvs(data_dir):
+def test_sizes_of_real_photos_equal_opencvs(data_dir: Path) -> None:
     for path in sorted(data_dir.glob("*/*.[jJ][pP][gG]")):
         flags = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
         height, width = cv2.imread(str(path), flags).shape[:2]
@@ -68,7 +69,7 @@ def test_sizes_of_real_photos_equal_opencvs(data_dir):
 
 
 @pytest.mark.parametrize("content", [b"", b"hello", b"\xff\xd8\xff\xe0\x00", b"\x89PNG\r\n\x1a\n"])
-def test_what_is_no_photo_is_refused_by_name(tmp_path, content):
+def test_what_is_no_photo_is_refused_by_name(tmp_path: Path, content) -> None:
     path = tmp_path / "a.jpg"
     path.write_bytes(content)
     with pytest.raises(InputError, match="no photo") as caught:
@@ -76,7 +77,7 @@ def test_what_is_no_photo_is_refused_by_name(tmp_path, content):
     assert caught.value.path == str(path)
 
 
-def test_file_name_times_have_hundredths_in_cuav(data_dir):
+def test_file_name_times_have_hundredths_in_cuav(data_dir: Path) -> None:
     photos, messages = read_photos((str(data_dir / "cuav" / "photos" / "*.jpg"),), FILENAME)
     assert photos.frame_id[0] == "2018080501005009Z.jpg"
     assert photos.file_time_s[0] == pytest.approx(utc(2018, 8, 5, 1, 0, 50, 90000), abs=1e-6)
@@ -86,7 +87,7 @@ def test_file_name_times_have_hundredths_in_cuav(data_dir):
     assert messages == ()
 
 
-def test_exif_times_have_milliseconds_in_the_twins(data_dir):
+def test_exif_times_have_milliseconds_in_the_twins(data_dir: Path) -> None:
     pattern = str(data_dir / "wind_oblique" / "photos" / "*.jpg")
     photos, messages = read_photos((pattern,), TimeOptions())
     assert photos.time_source == "exif"
@@ -95,7 +96,7 @@ def test_exif_times_have_milliseconds_in_the_twins(data_dir):
     assert messages == ()
 
 
-def test_a_stated_zone_is_taken_off_and_a_missing_one_is_said(photo, tmp_path):
+def test_a_stated_zone_is_taken_off_and_a_missing_one_is_said(photo, tmp_path: Path) -> None:
     photo("a.jpg", original="2024:05:06 12:00:00", subsec="25", zone="+02:00")
     photos, messages = read_photos((str(tmp_path / "*.jpg"),), TimeOptions(source="exif"))
     assert photos.file_time_s[0] == pytest.approx(utc(2024, 5, 6, 10, 0, 0, 250000), abs=1e-6)
@@ -108,14 +109,16 @@ def test_a_stated_zone_is_taken_off_and_a_missing_one_is_said(photo, tmp_path):
     assert [m.code for m in messages] == ["photo-zone-unknown"]
 
 
-def test_the_exif_segment_of_these_tests_is_one(photo):
+def test_the_exif_segment_of_these_tests_is_one(photo) -> None:
     path = photo("a.jpg", original="2024:05:06 12:00:00", subsec="25")
     with path.open("rb") as file:
         tags = exifread.process_file(file, details=False)
     assert str(tags["EXIF SubSecTimeOriginal"]) == "25"
 
 
-def test_auto_takes_exif_where_most_photos_have_it_and_names_one_that_has_not(photo, tmp_path):
+def test_auto_takes_exif_where_most_photos_have_it_and_names_one_that_has_not(
+    photo, tmp_path: Path
+) -> None:
     photo("a.jpg", original="2024:05:06 12:00:00")
     photo("b.jpg")
     photo("c.jpg", original="2024:05:06 12:00:02")
@@ -130,7 +133,9 @@ def test_auto_takes_exif_where_most_photos_have_it_and_names_one_that_has_not(ph
 @pytest.mark.parametrize(
     "name", [b"IMG_\xff3.jpg", b"IMG\n3.jpg", b"IMG\x1b[3.jpg", "IMG\u202e3.jpg".encode()]
 )
-def test_a_name_that_cannot_be_written_is_refused_in_words_that_can(photo, tmp_path, name):
+def test_a_name_that_cannot_be_written_is_refused_in_words_that_can(
+    photo, tmp_path: Path, name
+) -> None:
     photo("a.jpg").rename(os.fsdecode(os.fsencode(tmp_path) + b"/" + name))
     with pytest.raises(InputError, match=r"IMG.*3\.jpg: the photo's name .*rename it") as caught:
         read_photos((str(tmp_path / "*.jpg"),), TimeOptions())
@@ -138,7 +143,7 @@ def test_a_name_that_cannot_be_written_is_refused_in_words_that_can(photo, tmp_p
     assert str(caught.value).encode()
 
 
-def test_auto_leaves_exif_alone_where_few_photos_have_it(photo, tmp_path):
+def test_auto_leaves_exif_alone_where_few_photos_have_it(photo, tmp_path: Path) -> None:
     photo("a.jpg", original="2024:05:06 12:00:00")
     photo("b.jpg")
     photos, messages = read_photos((str(tmp_path / "*.jpg"),), TimeOptions())
@@ -147,14 +152,14 @@ def test_auto_leaves_exif_alone_where_few_photos_have_it(photo, tmp_path):
     assert [m.code for m in messages] == ["photo-times-ignored"]
 
 
-def test_exif_asked_for_but_nowhere_stated_is_an_error(photo, tmp_path):
+def test_exif_asked_for_but_nowhere_stated_is_an_error(photo, tmp_path: Path) -> None:
     path = photo("a.jpg")
     with pytest.raises(InputError, match=r"no capture time.*time\.source") as caught:
         read_photos((str(tmp_path / "*.jpg"),), TimeOptions(source="exif"))
     assert caught.value.path == str(path)
 
 
-def test_a_clock_that_was_never_set_states_no_time(photo, tmp_path):
+def test_a_clock_that_was_never_set_states_no_time(photo, tmp_path: Path) -> None:
     photo("a.jpg", original="2024:05:06 12:00:00")
     photo("b.jpg", original="0000:00:00 00:00:00")
     options = TimeOptions(source="exif")
@@ -164,21 +169,21 @@ def test_a_clock_that_was_never_set_states_no_time(photo, tmp_path):
     assert "b.jpg" in messages[0].text
 
 
-def test_a_name_that_does_not_fit_the_pattern_is_named(photo, tmp_path):
+def test_a_name_that_does_not_fit_the_pattern_is_named(photo, tmp_path: Path) -> None:
     path = photo("IMG_1.jpg")
     with pytest.raises(InputError, match="filename_format") as caught:
         read_photos((str(tmp_path / "*.jpg"),), FILENAME)
     assert caught.value.path == str(path)
 
 
-def test_two_photos_of_one_name_are_refused(photo, tmp_path):
+def test_two_photos_of_one_name_are_refused(photo, tmp_path: Path) -> None:
     photo("one/a.jpg")
     photo("two/a.jpg")
     with pytest.raises(InputError, match="has the name of"):
         read_photos((str(tmp_path / "*" / "a.jpg"),), TimeOptions())
 
 
-def test_one_photo_in_two_patterns_counts_once(photo, tmp_path):
+def test_one_photo_in_two_patterns_counts_once(photo, tmp_path: Path) -> None:
     photo("b.jpg")
     photo("a.jpg")
     patterns = (str(tmp_path / "*.jpg"), str(tmp_path / "a.jpg"))
@@ -186,7 +191,7 @@ def test_one_photo_in_two_patterns_counts_once(photo, tmp_path):
     assert photos.frame_id == ("a.jpg", "b.jpg")
 
 
-def test_a_pattern_without_files_is_named(tmp_path):
+def test_a_pattern_without_files_is_named(tmp_path: Path) -> None:
     pattern = str(tmp_path / "*.jpg")
     with pytest.raises(InputError, match="matches no file") as caught:
         read_photos((pattern,), TimeOptions())

@@ -4,6 +4,7 @@ import logging
 import struct
 import tracemalloc
 import zlib
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -17,14 +18,14 @@ from uavgram.io.photos.size import image_size
 from uavgram.model.options import TimeOptions
 
 
-def test_tags_are_read_by_their_names(data_dir):
+def test_tags_are_read_by_their_names(data_dir: Path) -> None:
     tags = read_exif_tags(data_dir / "wind_oblique" / "photos" / "IMG_0025.jpg")
 
     assert str(tags["EXIF DateTimeOriginal"]) == "2026:11:21 09:29:17"
     assert str(tags["EXIF SubSecTimeOriginal"]) == "864"
 
 
-def test_damaged_exif_is_read_or_refused_by_name(data_dir, tmp_path):
+def test_damaged_exif_is_read_or_refused_by_name(data_dir: Path, tmp_path: Path) -> None:
     whole = (data_dir / "brighton_beach" / "DJI_0025.JPG").read_bytes()[:40_000]
     rng = np.random.default_rng(0)
     refused = []
@@ -43,7 +44,7 @@ def test_damaged_exif_is_read_or_refused_by_name(data_dir, tmp_path):
     assert all("photo.jpg: its EXIF is broken" in text for text in refused)
 
 
-def test_a_photo_that_is_not_there_is_named(tmp_path):
+def test_a_photo_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"gone\.jpg: cannot be read"):
         read_exif_tags(tmp_path / "gone.jpg")
     with pytest.raises(InputError, match="gone"):
@@ -62,7 +63,9 @@ def tiff(count: int, at: bytes) -> bytes:
     return b"MM\0*\0\0\0\x08" + struct.pack(">H", 1) + entry + bytes(4)
 
 
-def test_a_png_without_exif_has_no_tags_and_nothing_is_said(tmp_path, caplog):
+def test_a_png_without_exif_has_no_tags_and_nothing_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     path = tmp_path / "a.png"
     path.write_bytes(png())
 
@@ -72,7 +75,7 @@ def test_a_png_without_exif_has_no_tags_and_nothing_is_said(tmp_path, caplog):
     assert [record.message for record in caplog.records] == ["of someone else"]
 
 
-def test_the_exif_chunk_of_a_png_is_read(tmp_path):
+def test_the_exif_chunk_of_a_png_is_read(tmp_path: Path) -> None:
     """PNG, third edition, 11.3.4.5: length, name, the block without its ``Exif`` head, CRC."""
     body = b"eXIf" + tiff(4, b"Eye\0")
     chunk = struct.pack(">I", len(body) - 4) + body + struct.pack(">I", zlib.crc32(body))
@@ -82,7 +85,7 @@ def test_the_exif_chunk_of_a_png_is_read(tmp_path):
     assert str(read_exif_tags(path)["Image Model"]) == "Eye"
 
 
-def test_a_tag_that_asks_for_gigabytes_is_refused_and_gets_none(tmp_path):
+def test_a_tag_that_asks_for_gigabytes_is_refused_and_gets_none(tmp_path: Path) -> None:
     block = b"Exif\0\0" + tiff(3_800_000_000, struct.pack(">I", 8))
     plain = cv2.imencode(".jpg", np.zeros((6, 8, 3), np.uint8))[1].tobytes()
     path = tmp_path / "a.jpg"
@@ -97,7 +100,7 @@ def test_a_tag_that_asks_for_gigabytes_is_refused_and_gets_none(tmp_path):
     assert peak < 5_000_000
 
 
-def test_a_tiff_that_says_it_is_huge_is_not_decoded(tmp_path):
+def test_a_tiff_that_says_it_is_huge_is_not_decoded(tmp_path: Path) -> None:
     path = tmp_path / "a.tif"
     cv2.imwrite(str(path), np.zeros((6, 8, 3), np.uint8))
     data = bytearray(path.read_bytes())
@@ -141,7 +144,9 @@ def tiff_file(path, tag, kind, data, count=1, order="<"):
         (2, "4s", [b"4.7"], 4.7),
     ],
 )
-def test_a_number_of_any_type_that_exif_has_is_read(tmp_path, order, kind, code, values, number):
+def test_a_number_of_any_type_that_exif_has_is_read(
+    tmp_path: Path, order, kind, code, values, number
+) -> None:
     data = struct.pack(order + code, *values)
     count = len(data) if kind == 2 else 1
     path = tiff_file(tmp_path / "a.tif", 6, kind, data, count, order)
@@ -151,14 +156,14 @@ def test_a_number_of_any_type_that_exif_has_is_read(tmp_path, order, kind, code,
 
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf")])
-def test_a_number_that_is_none_counts_as_absent(tmp_path, number):
+def test_a_number_that_is_none_counts_as_absent(tmp_path: Path, number) -> None:
     path = tiff_file(tmp_path / "a.tif", 6, 12, struct.pack("<d", number))
 
     assert exif_numbers(read_exif_tags(path)["GPS GPSAltitude"]) == []
     assert exif_numbers(None) == []
 
 
-def test_a_place_in_doubles_is_read(tmp_path):
+def test_a_place_in_doubles_is_read(tmp_path: Path) -> None:
     path = tiff_file(tmp_path / "a.tif", 2, 12, struct.pack("<3d", 50.0, 30.0, 36.0), 3)
 
     assert exif_numbers(read_exif_tags(path)["GPS GPSLatitude"]) == [50.0, 30.0, 36.0]

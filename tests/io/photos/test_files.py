@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 import pytest
 from pick_pages import small_project
@@ -14,11 +15,13 @@ from uavgram.io.photos.files import matching_files
 
 
 @pytest.fixture
-def project(tmp_path):
+def project(tmp_path: Path):
     return small_project(tmp_path / "flight")
 
 
-def test_a_pipe_among_the_photos_is_named_as_one(project, capsys):
+def test_a_pipe_among_the_photos_is_named_as_one(
+    project, capsys: pytest.CaptureFixture[str]
+) -> None:
     for name in ("picks", "lines", "measure"):
         text = project.read_text(encoding="utf-8").replace(f"{name}: {name}.csv\n", "")
         project.write_text(
@@ -39,14 +42,14 @@ def test_a_pipe_among_the_photos_is_named_as_one(project, capsys):
         ("absent.jpg", "absent.jpg: matches no file; correct it"),
     ],
 )
-def test_what_is_no_file_is_named_as_what_it_is(tmp_path, name, said):
+def test_what_is_no_file_is_named_as_what_it_is(tmp_path: Path, name, said) -> None:
     (tmp_path / "gone.jpg").symlink_to("nowhere.jpg")
     with pytest.raises(InputError) as caught:
         matching_files(str(tmp_path / name), "correct it")
     assert said in str(caught.value)
 
 
-def test_folders_that_a_wildcard_meets_are_passed_over(tmp_path):
+def test_folders_that_a_wildcard_meets_are_passed_over(tmp_path: Path) -> None:
     (tmp_path / "more").mkdir()
     (tmp_path / "a.jpg").touch()
     (tmp_path / "more" / "b.jpg").touch()
@@ -54,7 +57,9 @@ def test_folders_that_a_wildcard_meets_are_passed_over(tmp_path):
     assert [path.name for path in found] == ["a.jpg", "b.jpg"]
 
 
-def test_pipes_in_place_of_tables_logs_and_projects_do_not_hold_anyone_up(project, capsys):
+def test_pipes_in_place_of_tables_logs_and_projects_do_not_hold_anyone_up(
+    project, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = project.parent
     os.mkfifo(folder / "flight.BIN")
     project.write_text(project.read_text(encoding="utf-8") + "\nlog: flight.BIN\n")
@@ -73,7 +78,9 @@ def test_pipes_in_place_of_tables_logs_and_projects_do_not_hold_anyone_up(projec
 @pytest.mark.parametrize(
     "command", ["log F", "camera F", "picks import F.txt --output p.csv", "camera F.jpg"]
 )
-def test_no_command_waits_for_a_pipe(tmp_path, monkeypatch, capsys, command):
+def test_no_command_waits_for_a_pipe(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command
+) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("F", "F.txt", "F.jpg"):
         os.mkfifo(name)
@@ -82,7 +89,9 @@ def test_no_command_waits_for_a_pipe(tmp_path, monkeypatch, capsys, command):
 
 
 @pytest.mark.parametrize("pattern", ["**", "**/*.jpg", "deep/**/*.jpg", "*"])
-def test_a_pattern_beyond_reason_ends_early(tmp_path, monkeypatch, pattern):
+def test_a_pattern_beyond_reason_ends_early(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pattern
+) -> None:
     (tmp_path / "deep").mkdir()
     for k in range(12):
         (tmp_path / f"{k}.txt").touch()
@@ -92,7 +101,7 @@ def test_a_pattern_beyond_reason_ends_early(tmp_path, monkeypatch, pattern):
         matching_files(str(tmp_path / pattern), "")
 
 
-def test_a_circle_of_links_ends(tmp_path, monkeypatch):
+def test_a_circle_of_links_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("one", "two"):
         (tmp_path / name).symlink_to(tmp_path, target_is_directory=True)
     monkeypatch.setattr(photo_files, "MOST_ENTRIES", 1000)
@@ -100,7 +109,9 @@ def test_a_circle_of_links_ends(tmp_path, monkeypatch):
         matching_files(str(tmp_path / "**" / "*.jpg"), "")
 
 
-def test_new_in_a_folder_of_everything_says_so(tmp_path, monkeypatch, capsys):
+def test_new_in_a_folder_of_everything_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     for k in range(12):
         (tmp_path / f"{k}.txt").touch()
     monkeypatch.setattr(photo_files, "MOST_ENTRIES", 10)
@@ -108,7 +119,9 @@ def test_new_in_a_folder_of_everything_says_so(tmp_path, monkeypatch, capsys):
     assert "holds more than 10 files: name the folder of one flight" in capsys.readouterr().err
 
 
-def test_invisible_characters_in_a_project_are_told_by_line(project, capsys):
+def test_invisible_characters_in_a_project_are_told_by_line(
+    project, capsys: pytest.CaptureFixture[str]
+) -> None:
     text = project.read_text(encoding="utf-8")
     project.write_text(f"{text}\noperator: \u202eecila\n", encoding="utf-8")
     assert main(["check", str(project)]) == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -77,7 +78,7 @@ def judged(sample_result):
     )
 
 
-def same(one, other):
+def same(one, other) -> None:
     for field in fields(one):
         a, b = getattr(one, field.name), getattr(other, field.name)
         if isinstance(a, np.ndarray):
@@ -88,7 +89,7 @@ def same(one, other):
             np.testing.assert_equal(a, b)
 
 
-def test_what_is_known_of_the_reliability_comes_back(judged, tmp_path):
+def test_what_is_known_of_the_reliability_comes_back(judged, tmp_path: Path) -> None:
     path = tmp_path / "results.json"
     path.write_text(dump_results(judged), encoding="utf-8")
     back = load_results(path)
@@ -98,7 +99,7 @@ def test_what_is_known_of_the_reliability_comes_back(judged, tmp_path):
     assert dump_results(back) == dump_results(judged)
 
 
-def test_it_stands_with_the_rows_that_it_is_of(judged):
+def test_it_stands_with_the_rows_that_it_is_of(judged) -> None:
     content = json.loads(dump_results(judged))
     line, measurement = content["lines"][0], content["measurements"][0]
     assert line["external"] == 0.04
@@ -116,7 +117,7 @@ def test_it_stands_with_the_rows_that_it_is_of(judged):
     assert content["checks_overall"]["count"] == 4
 
 
-def test_a_file_of_before_has_none_of_it(sample_result, tmp_path):
+def test_a_file_of_before_has_none_of_it(sample_result, tmp_path: Path) -> None:
     path = tmp_path / "results.json"
     content = json.loads(dump_results(sample_result))
     del content["removals"], content["checks_overall"]
@@ -126,7 +127,7 @@ def test_a_file_of_before_has_none_of_it(sample_result, tmp_path):
     assert back.removals == ()
 
 
-def test_a_flag_that_is_no_truth_value_is_refused(judged, tmp_path):
+def test_a_flag_that_is_no_truth_value_is_refused(judged, tmp_path: Path) -> None:
     path = tmp_path / "results.json"
     content = json.loads(dump_results(judged))
     content["measurements"][0]["first_order_off"] = "no"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from uavgram.io.results.results_json import dump_results, load_results, write_re
 from uavgram.model.result.result import Result
 
 
-def assert_same(a, b, where="result"):
+def assert_same(a, b, where="result") -> None:
     """Compare nested dataclasses: every field, exactly, NaN equal to NaN, signs of zeros too."""
     assert type(a) is type(b), where
     if is_dataclass(a):
@@ -62,20 +63,22 @@ def without_records(result: Result) -> Result:
     )
 
 
-def test_a_result_comes_back_as_the_same_object(sample_result, tmp_path):
+def test_a_result_comes_back_as_the_same_object(sample_result, tmp_path: Path) -> None:
     write_results(sample_result, tmp_path / "results.json")
 
     assert_same(sample_result, load_results(tmp_path / "results.json"))
 
 
-def test_a_result_without_any_row_comes_back_as_the_same_object(sample_result, tmp_path):
+def test_a_result_without_any_row_comes_back_as_the_same_object(
+    sample_result, tmp_path: Path
+) -> None:
     result = without_records(sample_result)
     write_results(result, tmp_path / "results.json")
 
     assert_same(result, load_results(tmp_path / "results.json"))
 
 
-def test_the_comparison_above_sees_a_last_bit(sample_result):
+def test_the_comparison_above_sees_a_last_bit(sample_result) -> None:
     points = sample_result.points
     turned = np.nextafter(points.ellipse_azimuth_rad, 4.0)
 
@@ -83,14 +86,14 @@ def test_the_comparison_above_sees_a_last_bit(sample_result):
         assert_same(points, replace(points, ellipse_azimuth_rad=turned))
 
 
-def test_the_same_result_gives_the_same_text(sample_result, tmp_path):
+def test_the_same_result_gives_the_same_text(sample_result, tmp_path: Path) -> None:
     text = dump_results(sample_result)
     (tmp_path / "results.json").write_text(text, encoding="utf-8")
 
     assert dump_results(load_results(tmp_path / "results.json")) == text
 
 
-def test_the_keys_of_the_contract_are_there(sample_result):
+def test_the_keys_of_the_contract_are_there(sample_result) -> None:
     content = json.loads(dump_results(sample_result))
 
     assert content["schema"] == 1
@@ -143,14 +146,14 @@ def test_the_keys_of_the_contract_are_there(sample_result):
         ("messages", "level code text"),
     ],
 )
-def test_every_record_has_the_keys_of_the_contract(sample_result, table, keys):
+def test_every_record_has_the_keys_of_the_contract(sample_result, table, keys) -> None:
     records = json.loads(dump_results(sample_result))[table]
 
     assert records
     assert all(set(keys.split()) <= set(record) for record in records)
 
 
-def test_numbers_stand_under_the_keys_that_name_them(sample_result):
+def test_numbers_stand_under_the_keys_that_name_them(sample_result) -> None:
     content = json.loads(dump_results(sample_result))
 
     frame = content["frames"][0]
@@ -179,7 +182,7 @@ def test_numbers_stand_under_the_keys_that_name_them(sample_result):
     assert content["solution"]["groups"][0]["name"] == "pixels"
 
 
-def test_no_infinite_number_is_ever_written(sample_result):
+def test_no_infinite_number_is_ever_written(sample_result) -> None:
     solution = replace(sample_result.solution, variance_factor=float("inf"))
 
     with pytest.raises(ValueError, match="Out of range"):
@@ -205,7 +208,9 @@ def test_no_infinite_number_is_ever_written(sample_result):
         (lambda text: text.replace('"name": "crossing"', '"name": null'), "expected text"),
     ],
 )
-def test_a_broken_file_is_an_input_error_with_the_way_out(sample_result, tmp_path, change, words):
+def test_a_broken_file_is_an_input_error_with_the_way_out(
+    sample_result, tmp_path: Path, change, words
+) -> None:
     path = tmp_path / "results.json"
     path.write_text(change(dump_results(sample_result)), encoding="utf-8")
 
@@ -213,7 +218,7 @@ def test_a_broken_file_is_an_input_error_with_the_way_out(sample_result, tmp_pat
         load_results(path)
 
 
-def test_a_cut_file_names_the_line(sample_result, tmp_path):
+def test_a_cut_file_names_the_line(sample_result, tmp_path: Path) -> None:
     path = tmp_path / "results.json"
     lines = dump_results(sample_result).splitlines()
     path.write_text("\n".join(lines[:12]), encoding="utf-8")
@@ -223,6 +228,6 @@ def test_a_cut_file_names_the_line(sample_result, tmp_path):
     assert caught.value.line == 12
 
 
-def test_a_missing_file_is_an_input_error(tmp_path):
+def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="No such file"):
         load_results(tmp_path / "absent.json")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -18,7 +20,7 @@ OWN = Columns(text=("name",), numbers=("length_m",), optional_numbers=("sigma_m"
 
 
 @pytest.fixture
-def read(tmp_path):
+def read(tmp_path: Path):
     def _read(content: str | bytes):
         path = tmp_path / "t.csv"
         path.write_bytes(content.encode() if isinstance(content, str) else content)
@@ -30,7 +32,7 @@ def read(tmp_path):
 
 
 @pytest.fixture
-def read_own(tmp_path):
+def read_own(tmp_path: Path):
     def _read(content: str):
         path = tmp_path / "own.csv"
         path.write_text(content, encoding="utf-8", newline="")
@@ -49,7 +51,7 @@ def read_own(tmp_path):
     ],
     ids=["plain", "spreadsheet", "other order, blank lines", "quotes"],
 )
-def test_the_same_table_in_several_dialects(read, content):
+def test_the_same_table_in_several_dialects(read, content) -> None:
     table = read(content)
 
     assert table.text == {"name": ("a", "b"), "use": ("", "check")}
@@ -57,7 +59,7 @@ def test_the_same_table_in_several_dialects(read, content):
     np.testing.assert_array_equal(table.numbers["sigma_m"], [np.nan, 0.1])
 
 
-def test_absent_optional_columns_are_empty(read):
+def test_absent_optional_columns_are_empty(read) -> None:
     table = read("name,length_m\na,1\n")
 
     assert table.text["use"] == ("",)
@@ -65,7 +67,7 @@ def test_absent_optional_columns_are_empty(read):
     assert table.header == ("name", "length_m")
 
 
-def test_rows_keep_their_line_numbers_across_blank_lines_and_quoted_breaks(read_own):
+def test_rows_keep_their_line_numbers_across_blank_lines_and_quoted_breaks(read_own) -> None:
     table = read_own('name,length_m,remark\n\na,1,"of\ntwo lines"\n,,\nc,2,\n')
 
     assert table.line.tolist() == [3, 6]
@@ -111,7 +113,7 @@ def test_rows_keep_their_line_numbers_across_blank_lines_and_quoted_breaks(read_
         ("name,length_m\na,1\n".encode("utf-16-be"), 1, "UTF-16"),
     ],
 )
-def test_a_mistake_is_named_with_its_line(read, content, line, words):
+def test_a_mistake_is_named_with_its_line(read, content, line, words) -> None:
     with pytest.raises(InputError) as caught:
         read(content)
 
@@ -120,14 +122,14 @@ def test_a_mistake_is_named_with_its_line(read, content, line, words):
     assert "\n" not in caught.value.message
 
 
-def test_all_mistakes_come_at_once(read):
+def test_all_mistakes_come_at_once(read) -> None:
     with pytest.raises(InputError) as caught:
         read("name,length_m\na,x\n,2\nc,y\n")
 
     assert [line.split("t.csv:")[1][0] for line in str(caught.value).splitlines()] == list("234")
 
 
-def test_a_missing_file_is_an_input_error(tmp_path):
+def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="No such file"):
         read_table(tmp_path / "absent.csv", COLUMNS)
 
@@ -139,7 +141,9 @@ CELL = st.sampled_from(["a", " b ", "", "1", "1e3", "1_0", "nan", "\t", "'=x", "
     rows=st.lists(st.lists(CELL, min_size=0, max_size=5), max_size=8),
     end=st.sampled_from(["\n", "\r\n", "\r"]),
 )
-def test_what_is_read_many_rows_at_a_time_is_what_is_read_one_by_one(tmp_path_factory, rows, end):
+def test_what_is_read_many_rows_at_a_time_is_what_is_read_one_by_one(
+    tmp_path_factory: pytest.TempPathFactory, rows, end
+) -> None:
     path = tmp_path_factory.getbasetemp() / "plain.csv"
 
     def content(header):
@@ -155,11 +159,13 @@ def test_what_is_read_many_rows_at_a_time_is_what_is_read_one_by_one(tmp_path_fa
 
 
 @pytest.mark.parametrize("text", ["1", "-2.5", "+.5", "3.", "1e-3", "007"])
-def test_decimal_numbers_are_read(text):
+def test_decimal_numbers_are_read(text) -> None:
     assert parse_number(text) == float(text)
 
 
-def test_columns_of_a_persons_own_are_left_alone_where_a_table_may_have_them(tmp_path):
+def test_columns_of_a_persons_own_are_left_alone_where_a_table_may_have_them(
+    tmp_path: Path,
+) -> None:
     path = tmp_path / "table.csv"
     path.write_text("tape,name,length_m,sigma_m,names\nold,a,1,2,b\n")
     assert read_table(path, OWN).numbers["length_m"].tolist() == [1.0]
@@ -169,7 +175,7 @@ def test_columns_of_a_persons_own_are_left_alone_where_a_table_may_have_them(tmp
 @pytest.mark.parametrize(
     "header", ["name,length_m,sigma", "name,length_m,Sigma_m", "name,length_m,"]
 )
-def test_what_may_be_a_misspelt_column_is_not_a_persons_own(tmp_path, header):
+def test_what_may_be_a_misspelt_column_is_not_a_persons_own(tmp_path: Path, header) -> None:
     path = tmp_path / "table.csv"
     path.write_text(header + "\na,1,1\n")
     with pytest.raises(InputError, match="unknown column"):
@@ -177,7 +183,7 @@ def test_what_may_be_a_misspelt_column_is_not_a_persons_own(tmp_path, header):
 
 
 @pytest.mark.parametrize("sigma", ["0", "-1", "1e-300", "1e7"])
-def test_what_can_be_no_standard_deviation_is_named(read_own, sigma):
+def test_what_can_be_no_standard_deviation_is_named(read_own, sigma) -> None:
     table = read_own(f"name,length_m,sigma_m\na,1,0.01\nb,1,\nc,2,{sigma}\n")
     table.require_sigma("sigma_m")
     ((line, text),) = table.faults
@@ -188,18 +194,18 @@ def test_what_can_be_no_standard_deviation_is_named(read_own, sigma):
 @pytest.mark.parametrize(
     "code", [*range(0x202A, 0x202F), *range(0x2066, 0x206A), 0x200E, 0x200F, 0x061C, 0xFEFF, 0xAD]
 )
-def test_what_turns_or_hides_what_is_read_is_no_part_of_a_name(code):
+def test_what_turns_or_hides_what_is_read_is_no_part_of_a_name(code) -> None:
     assert f"U+{code:04X}" in unshowable(f"kerb{chr(code)}1")
 
 
 @pytest.mark.parametrize(
     "name", ["بهـ\u200cها", "क्\u200dष", "👩\u200d🚒", "Straße 3", "ß é ñ 漢字"]
 )
-def test_names_in_any_script_are_names(name):
+def test_names_in_any_script_are_names(name) -> None:
     assert not unshowable(name)
 
 
-def test_semicolons_and_decimal_commas_are_read_as_spreadsheets_write_them(read):
+def test_semicolons_and_decimal_commas_are_read_as_spreadsheets_write_them(read) -> None:
     plain = read("name,length_m,sigma_m\na,1.5,0.010\nb,-22.125,\n")
     table = read("name;length_m;sigma_m\na;1,5;0,010\nb;-22,125;\n")
 
@@ -208,9 +214,9 @@ def test_semicolons_and_decimal_commas_are_read_as_spreadsheets_write_them(read)
         np.testing.assert_array_equal(table.numbers[name], numbers)
 
 
-def test_one_comma_that_is_clear_answers_for_the_whole_table(read):
+def test_one_comma_that_is_clear_answers_for_the_whole_table(read) -> None:
     assert read("name;length_m;sigma_m\na;12,001;0,02\n").numbers["length_m"].tolist() == [12.001]
 
 
-def test_a_quoted_decimal_comma_between_commas_is_read_too(read):
+def test_a_quoted_decimal_comma_between_commas_is_read_too(read) -> None:
     assert read('name,length_m\na,"1,5"\n').numbers["length_m"].tolist() == [1.5]

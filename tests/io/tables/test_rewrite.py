@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import csv
 import io
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ PICKS = (
 
 
 @pytest.fixture
-def picks_file(tmp_path):
+def picks_file(tmp_path: Path):
     path = tmp_path / "picks.csv"
     path.write_bytes(PICKS)
     return path
@@ -48,18 +49,18 @@ def picks_of(rows):
 ROWS = [("P1.jpg", "A", 1.0, 2.5, 0.8), ("P1.jpg", "B", 3.0, 4.0), ("P2.jpg", "A", 5.0, 6.0, 1.0)]
 
 
-def test_nothing_changed_is_the_same_bytes(picks_file):
+def test_nothing_changed_is_the_same_bytes(picks_file) -> None:
     picks = read_picks(picks_file)
     assert picks_content(PICKS, picks, picks) == PICKS
 
 
-def test_a_moved_pick_changes_its_two_numbers_and_nothing_else(picks_file):
+def test_a_moved_pick_changes_its_two_numbers_and_nothing_else(picks_file) -> None:
     rows = [*ROWS[:1], ("P1.jpg", "B", 3.25, 4.0), *ROWS[2:]]
     written = picks_content(PICKS, read_picks(picks_file), picks_of(rows))
     assert written == PICKS.replace(b"P1.jpg,4,3e0,", b"P1.jpg,4,3.25,")
 
 
-def test_a_renamed_and_moved_row_keeps_its_note_and_its_place(picks_file):
+def test_a_renamed_and_moved_row_keeps_its_note_and_its_place(picks_file) -> None:
     rows = [("P1.jpg", "kerb", 1.5, 2.5, 0.8), *ROWS[1:]]
     written = picks_content(PICKS, read_picks(picks_file), picks_of(rows))
     assert written == PICKS.replace(
@@ -67,13 +68,13 @@ def test_a_renamed_and_moved_row_keeps_its_note_and_its_place(picks_file):
     )
 
 
-def test_a_new_pick_comes_last_and_the_file_still_ends_without_line_break(picks_file):
+def test_a_new_pick_comes_last_and_the_file_still_ends_without_line_break(picks_file) -> None:
     rows = [*ROWS, ("P2.jpg", "C", 7.125, 8.0)]
     written = picks_content(PICKS, read_picks(picks_file), picks_of(rows))
     assert written == PICKS + b"\r\nC,,P2.jpg,8.0,7.125,"
 
 
-def test_a_new_pick_does_not_inherit_the_note_of_one_that_was_removed_last(tmp_path):
+def test_a_new_pick_does_not_inherit_the_note_of_one_that_was_removed_last(tmp_path: Path) -> None:
     path = tmp_path / "picks.csv"
     path.write_bytes(b"image,label,u_px,v_px,note\nP1.jpg,A,1,2,old\n")
     written = picks_content(
@@ -82,13 +83,13 @@ def test_a_new_pick_does_not_inherit_the_note_of_one_that_was_removed_last(tmp_p
     assert written == b"image,label,u_px,v_px,note\nP1.jpg,Z,9.0,9.0,\n"
 
 
-def test_a_removed_pick_takes_its_line_alone(picks_file):
+def test_a_removed_pick_takes_its_line_alone(picks_file) -> None:
     written = picks_content(PICKS, read_picks(picks_file), picks_of([ROWS[0], ROWS[2]]))
     lines = PICKS.splitlines(keepends=True)
     assert written == b"".join(line for line in lines if not line.startswith(b'"B"'))
 
 
-def test_a_column_is_added_only_where_a_value_needs_it(picks_file):
+def test_a_column_is_added_only_where_a_value_needs_it(picks_file) -> None:
     high = [*ROWS[:2], (*ROWS[2], 0.12)]
     written = picks_content(PICKS, read_picks(picks_file), picks_of(high))
     assert written.startswith(b"\xef\xbb\xbflabel,note,image,v_px, u_px ,sigma_px,height_m\r\n")
@@ -98,7 +99,7 @@ def test_a_column_is_added_only_where_a_value_needs_it(picks_file):
     assert read_picks(picks_file).height_m[2] == 0.12
 
 
-def test_a_table_with_semicolons_and_decimal_commas_stays_one(tmp_path):
+def test_a_table_with_semicolons_and_decimal_commas_stays_one(tmp_path: Path) -> None:
     path = tmp_path / "lines.csv"
     path.write_bytes(b'name;from;to;length_m;sigma_m;note\nL1;A;B;12,001;0,010;"a;b"\n')
     before = read_lines(path)
@@ -117,7 +118,7 @@ def test_a_table_with_semicolons_and_decimal_commas_stays_one(tmp_path):
     assert read_lines(path).length_m.tolist() == [12.001, 3.5]
 
 
-def test_a_new_length_that_is_adjusted_needs_no_column_that_says_so(tmp_path):
+def test_a_new_length_that_is_adjusted_needs_no_column_that_says_so(tmp_path: Path) -> None:
     path = tmp_path / "lines.csv"
     path.write_bytes(b"name,from,to,length_m,sigma_m\nL1,A,B,11.5200,0.010\n")
     before = read_lines(path)
@@ -145,7 +146,9 @@ def test_a_new_length_that_is_adjusted_needs_no_column_that_says_so(tmp_path):
     )
 
 
-def test_new_files_are_made_where_there_are_none_and_only_where_they_hold_something(tmp_path):
+def test_new_files_are_made_where_there_are_none_and_only_where_they_hold_something(
+    tmp_path: Path,
+) -> None:
     request = MeasurementRequest(
         name="skid, long",
         kind="skid_speed",
@@ -165,7 +168,7 @@ TABLES = st.lists(st.tuples(TEXTS, TEXTS, TEXTS), max_size=7)
 
 @settings(max_examples=60)
 @given(before=TABLES, after=TABLES, end=st.sampled_from(["\n", "\r\n"]), quote=st.booleans())
-def test_any_table_becomes_what_it_should_hold_and_back_again(before, after, end, quote):
+def test_any_table_becomes_what_it_should_hold_and_back_again(before, after, end, quote) -> None:
     """The truth is Python's own csv, which wrote the file and reads the outcome."""
 
     def rows_of(cells):
@@ -194,11 +197,11 @@ def test_any_table_becomes_what_it_should_hold_and_back_again(before, after, end
     assert rewritten_table(content, held, held, ("key",)) == content
 
 
-def test_a_new_table_quotes_what_needs_quotes():
+def test_a_new_table_quotes_what_needs_quotes() -> None:
     assert new_table(["a", "b"], [{"a": "x,y", "b": 'say "z"'}]) == b'a,b\n"x,y","say ""z"""\n'
 
 
-def test_a_negative_number_with_a_decimal_comma_is_written_as_a_number():
+def test_a_negative_number_with_a_decimal_comma_is_written_as_a_number() -> None:
     """Guarded against formulas, it would be read as text: no number."""
     before = b"name;length_m\na;1,5\n"
     rows = ({"name": "a", "length_m": "1.5"}, {"name": "b", "length_m": "-2.25"})

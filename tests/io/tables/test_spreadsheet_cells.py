@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ TEXT = st.text(st.sampled_from("=+-@\t\r\n＝＋－＠'; \"a5.e\0,"), max_size=9
 
 
 @given(TEXT)
-def test_every_text_comes_back_and_no_part_of_it_begins_a_formula(text):
+def test_every_text_comes_back_and_no_part_of_it_begins_a_formula(text) -> None:
     cell = guarded(text)
     assert readable(cell) == text
     for part in cell.split(";"):
@@ -50,7 +51,7 @@ def test_every_text_comes_back_and_no_part_of_it_begins_a_formula(text):
         ("", ""),
     ],
 )
-def test_what_runs_gets_an_apostrophe_and_what_does_not_stays(text, cell):
+def test_what_runs_gets_an_apostrophe_and_what_does_not_stays(text, cell) -> None:
     assert guarded(text) == cell
     assert readable(text if cell == text else cell) == text
 
@@ -62,7 +63,7 @@ def test_what_runs_gets_an_apostrophe_and_what_does_not_stays(text, cell):
         max_size=3,
     )
 )
-def test_a_table_reads_what_the_page_wrote(tmp_path_factory, names):
+def test_a_table_reads_what_the_page_wrote(tmp_path_factory: pytest.TempPathFactory, names) -> None:
     path = tmp_path_factory.getbasetemp() / "written.csv"
     path.write_bytes(new_table(["name", "kind"], [{"name": n, "kind": "x"} for n in names]))
     table = read_table(path, Columns(text=("name", "kind")))
@@ -71,7 +72,7 @@ def test_a_table_reads_what_the_page_wrote(tmp_path_factory, names):
         assert not any(runs(cell) for row in csv.reader(stream) for cell in row)
 
 
-def test_imported_labels_are_guarded(tmp_path):
+def test_imported_labels_are_guarded(tmp_path: Path) -> None:
     picks = ImportedPicks(
         image=("-a.jpg",),
         label=(COMMAND,),

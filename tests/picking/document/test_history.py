@@ -57,7 +57,7 @@ def line(session, name="L1", was="", start="A", end="B"):
 
 @settings(max_examples=60)
 @given(st.lists(CHANGES, max_size=25))
-def test_undo_goes_back_through_every_state_and_redo_forward_again(changes):
+def test_undo_goes_back_through_every_state_and_redo_forward_again(changes) -> None:
     session = Session(state=State())
     seen = [session.state]
     for change in changes:
@@ -77,7 +77,7 @@ def test_undo_goes_back_through_every_state_and_redo_forward_again(changes):
         assert session.state == state
 
 
-def test_a_drag_is_one_step():
+def test_a_drag_is_one_step() -> None:
     session = place(Session(state=State()), "A")
     for k in range(20):
         session = place(session, "A", u=float(k), step=7)
@@ -85,7 +85,7 @@ def test_a_drag_is_one_step():
     assert apply(session, c.Undo()).state.picks[0].u_px == 1.0
 
 
-def test_two_drags_are_two_steps_and_undo_ends_a_step():
+def test_two_drags_are_two_steps_and_undo_ends_a_step() -> None:
     session = place(Session(state=State()), "A")
     session = place(session, "A", u=5.0, step=7)
     session = apply(session, c.Undo())
@@ -93,14 +93,14 @@ def test_two_drags_are_two_steps_and_undo_ends_a_step():
     assert apply(session, c.Undo()).state.picks[0].u_px == 1.0
 
 
-def test_a_change_after_undo_forgets_what_was_undone():
+def test_a_change_after_undo_forgets_what_was_undone() -> None:
     session = apply(place(place(Session(state=State()), "A"), "B"), c.Undo())
     session = place(session, "C")
     with pytest.raises(RefusedError, match="nothing to do again"):
         apply(session, c.Redo())
 
 
-def test_a_rename_goes_everywhere():
+def test_a_rename_goes_everywhere() -> None:
     session = line(place(place(Session(state=State()), "A"), "B"))
     session = apply(session, c.SetMeasurement(was="", name="D", kind="distance", points=("A", "B")))
     state = apply(session, c.Rename(label="A", new="kerb")).state
@@ -109,19 +109,19 @@ def test_a_rename_goes_everywhere():
     assert state.requests[0].points == ("kerb", "B")
 
 
-def test_a_rename_to_a_label_that_is_there_is_refused():
+def test_a_rename_to_a_label_that_is_there_is_refused() -> None:
     session = place(place(Session(state=State()), "A"), "B")
     with pytest.raises(RefusedError, match="already"):
         apply(session, c.Rename(label="A", new="B"))
 
 
-def test_a_further_pick_of_a_label_takes_over_its_height():
+def test_a_further_pick_of_a_label_takes_over_its_height() -> None:
     session = apply(place(Session(state=State()), "A"), c.SetHeight(label="A", height_m=0.4))
     session = place(session, "A", image="2.jpg")
     assert [pick.height_m for pick in session.state.picks] == [0.4, 0.4]
 
 
-def test_moving_a_pick_keeps_its_sigma_and_height():
+def test_moving_a_pick_keeps_its_sigma_and_height() -> None:
     session = place(Session(state=State()), "A")
     session = apply(session, c.SetSigma(image="1.jpg", label="A", sigma_px=0.3))
     session = apply(session, c.SetHeight(label="A", height_m=1.0))
@@ -129,7 +129,7 @@ def test_moving_a_pick_keeps_its_sigma_and_height():
     assert (moved.u_px, moved.sigma_px, moved.height_m) == (9.0, 0.3, 1.0)
 
 
-def test_forgetting_a_label_takes_its_lengths_and_measurements_along():
+def test_forgetting_a_label_takes_its_lengths_and_measurements_along() -> None:
     session = line(place(place(Session(state=State()), "A"), "B"))
     state = apply(session, c.Forget(label="A")).state
     assert state.labels == ("B",)
@@ -146,13 +146,13 @@ def test_forgetting_a_label_takes_its_lengths_and_measurements_along():
         ("polyline", ("A", "A", "B")),
     ],
 )
-def test_measurements_that_mean_nothing_are_refused(kind, points):
+def test_measurements_that_mean_nothing_are_refused(kind, points) -> None:
     command = c.SetMeasurement(was="", name="M", kind=kind, points=points)
     with pytest.raises(RefusedError, match="labels"):
         apply(Session(state=State()), command)
 
 
-def test_two_lengths_of_one_name_are_refused_and_a_change_by_name_is_not():
+def test_two_lengths_of_one_name_are_refused_and_a_change_by_name_is_not() -> None:
     session = line(Session(state=State()))
     with pytest.raises(RefusedError, match="already"):
         line(session)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,7 +18,7 @@ from uavgram.pipeline.pick.live import LiveSurvey, Observed
 
 
 @pytest.fixture(scope="module")
-def surveyed(data_dir):
+def surveyed(data_dir: Path):
     """A survey in which the coordinate of one point is measured, and the numbers of its photos."""
     live = LiveSurvey.open(data_dir / "calm_nadir" / "project.yaml")
     inputs = live.inputs
@@ -27,7 +28,7 @@ def surveyed(data_dir):
     return live, live.adjust(observed), index
 
 
-def test_only_what_is_asked_for_has_a_place_and_it_is_the_results(surveyed):
+def test_only_what_is_asked_for_has_a_place_and_it_is_the_results(surveyed) -> None:
     _, adjusted, index = surveyed
     points = adjusted.result.points
     k = points.label.index("R1")
@@ -36,7 +37,7 @@ def test_only_what_is_asked_for_has_a_place_and_it_is_the_results(surveyed):
     assert found["R1"] == pytest.approx([points.latitude_deg[k], points.longitude_deg[k]], abs=1e-9)
 
 
-def test_the_place_follows_a_pick_that_moves(surveyed):
+def test_the_place_follows_a_pick_that_moves(surveyed) -> None:
     live, adjusted, index = surveyed
     picks = adjusted.observed.picks
     pixel = picks.pixel_px.copy()
@@ -55,7 +56,7 @@ def test_the_place_follows_a_pick_that_moves(surveyed):
     assert [east_m, north_m] == pytest.approx(moved_m, abs=1e-3)
 
 
-def test_a_survey_that_nothing_ties_to_the_earth_has_no_places():
+def test_a_survey_that_nothing_ties_to_the_earth_has_no_places() -> None:
     nowhere = World(origin=None, height_datum="msl", gauge="plane")
     asked = MeasurementRequest(name="C1", kind="coordinate", points=("A",))
     adjusted = SimpleNamespace(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -70,7 +71,7 @@ FIELDS = {
 }
 
 
-def page_takes(message):
+def page_takes(message) -> bool:
     try:
         parse_message(json.dumps({"seq": 1, **message}), PHOTOS)
     except RefusedError:
@@ -78,7 +79,7 @@ def page_takes(message):
     return True
 
 
-def reader_takes(read, path, text):
+def reader_takes(read, path, text) -> bool:
     path.write_text(text, encoding="utf-8")
     try:
         read(path)
@@ -88,7 +89,7 @@ def reader_takes(read, path, text):
 
 
 @pytest.mark.parametrize("field", FIELDS)
-def test_the_page_takes_the_numbers_that_the_reader_takes(field, tmp_path):
+def test_the_page_takes_the_numbers_that_the_reader_takes(field, tmp_path: Path) -> None:
     message, read, table = FIELDS[field]
     on_the_page = {x: page_takes(message(x)) for x in NUMBERS}
     in_the_table = {
@@ -99,7 +100,7 @@ def test_the_page_takes_the_numbers_that_the_reader_takes(field, tmp_path):
 
 
 @pytest.mark.parametrize("length", [1, 64, 65, LONGEST_NAME, LONGEST_NAME + 1])
-def test_the_page_takes_the_names_that_the_readers_take(length, tmp_path):
+def test_the_page_takes_the_names_that_the_readers_take(length, tmp_path: Path) -> None:
     name, path = "x" * length, tmp_path / "t.csv"
     measured = SKID | {"parameters": {"mu": 0.5, "mu_sigma": 0.1}}
     end = "mu=0.5;mu_sigma=0.1"

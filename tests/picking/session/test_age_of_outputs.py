@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+from pathlib import Path
 
 from open_projects import change, opened
 from pick_pages import small_project
 
 
-def results_of(folder, *names):
+def results_of(folder, *names) -> None:
     """As a run in a terminal writes them, with what it read."""
     inputs = {
         name: {"sha256": hashlib.sha256((folder / name).read_bytes()).hexdigest(), "bytes": 1}
@@ -29,7 +30,7 @@ def outputs_after_a_look(project, said):
     return message["outputs"]
 
 
-def test_a_run_elsewhere_makes_them_current_and_an_edit_makes_them_old(tmp_path):
+def test_a_run_elsewhere_makes_them_current_and_an_edit_makes_them_old(tmp_path: Path) -> None:
     path = small_project(tmp_path)
     (tmp_path / "picks.csv").write_text("image,label,u_px,v_px\nP1.jpg,A,10,20\n")
     read = ("project.yaml", "camera.yaml", "picks.csv", "photos/P1.jpg", "photos/P2.jpg")

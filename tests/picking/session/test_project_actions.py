@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
+from pathlib import Path
 
 import httpx
 import pytest
@@ -14,7 +15,7 @@ PICKS = b"image,label,u_px,v_px,note\r\nP1.jpg,A,10.50,20,seen\r\n"
 
 
 @pytest.fixture
-def project(tmp_path):
+def project(tmp_path: Path):
     project = small_project(tmp_path)
     (tmp_path / "picks.csv").write_bytes(PICKS)
     return project
@@ -40,7 +41,9 @@ def labels(said):
     return {pick["label"] for pick in said["state"]["picks"]}
 
 
-def test_a_table_that_was_edited_outside_is_taken_on_request_and_loses_nothing(server, tmp_path):
+def test_a_table_that_was_edited_outside_is_taken_on_request_and_loses_nothing(
+    server, tmp_path: Path
+) -> None:
     edited = PICKS + b"P2.jpg,Z,7,8,from a spreadsheet\r\n"
     with Page(server) as page, Page(server, page.cookie) as other:
         assert page.initial_state["outside"] == []
@@ -66,7 +69,9 @@ def test_a_table_that_was_edited_outside_is_taken_on_request_and_loses_nothing(s
     assert b"ours" in (tmp_path / "picks-from-page.csv").read_bytes()
 
 
-def test_what_the_page_has_is_saved_before_the_project_is_read_again(server, project, tmp_path):
+def test_what_the_page_has_is_saved_before_the_project_is_read_again(
+    server, project, tmp_path: Path
+) -> None:
     with Page(server) as page, Page(server, page.cookie) as other:
         page.do("place", image=1, label="B", u_px=50, v_px=60)
         project.write_text(project.read_text() + "picks_sigma_px: 2.5\n", encoding="utf-8")
@@ -81,7 +86,7 @@ def test_what_the_page_has_is_saved_before_the_project_is_read_again(server, pro
     assert b"P2.jpg,B,50" in (tmp_path / "picks.csv").read_bytes()
 
 
-def test_a_project_that_cannot_be_read_any_more_leaves_the_page_as_it_was(server, project):
+def test_a_project_that_cannot_be_read_any_more_leaves_the_page_as_it_was(server, project) -> None:
     sound = project.read_text(encoding="utf-8")
     with Page(server) as page:
         project.write_text(sound + "imagse: x\n", encoding="utf-8")
@@ -95,7 +100,7 @@ def test_a_project_that_cannot_be_read_any_more_leaves_the_page_as_it_was(server
         assert page.until("outside")["files"] == []
 
 
-def test_outputs_are_handed_out_by_name_and_a_report_can_do_nothing(server, tmp_path):
+def test_outputs_are_handed_out_by_name_and_a_report_can_do_nothing(server, tmp_path: Path) -> None:
     headers = {"Cookie": cookie_of(server)}
     with httpx.Client(base_url=server.origin, headers=headers, timeout=LONGEST_WAIT_S) as browser:
         assert browser.get("/output/report.html").status_code == 404
@@ -116,7 +121,9 @@ def test_outputs_are_handed_out_by_name_and_a_report_can_do_nothing(server, tmp_
         assert not outputs["recording"]
 
 
-def test_the_recording_opens_in_a_viewer_of_this_machine_that_ends_with_the_page(server, tmp_path):
+def test_the_recording_opens_in_a_viewer_of_this_machine_that_ends_with_the_page(
+    server, tmp_path: Path
+) -> None:
     headers = {"Cookie": cookie_of(server)}
     with httpx.Client(base_url=server.origin, headers=headers, timeout=LONGEST_WAIT_S) as browser:
         assert browser.get("/recording").status_code == 404
@@ -143,7 +150,7 @@ def until_calibrated(page):
 
 
 @pytest.fixture
-def board(data_dir, tmp_path):
+def board(data_dir: Path, tmp_path: Path):
     folder = tmp_path / "board"
     folder.mkdir()
     for k in range(1, 7):
@@ -154,8 +161,8 @@ def board(data_dir, tmp_path):
 
 @pytest.mark.usefixtures("board")
 def test_a_camera_is_calibrated_on_a_folder_beside_and_taken_into_the_project(
-    server, project, tmp_path
-):
+    server, project, tmp_path: Path
+) -> None:
     before = project.read_text(encoding="utf-8")
     with Page(server) as page:
         assert ask_project(page, "use-camera")["why"] == "no camera file was made yet"
@@ -182,7 +189,7 @@ def test_a_camera_is_calibrated_on_a_folder_beside_and_taken_into_the_project(
 
 
 @pytest.mark.usefixtures("board")
-def test_a_calibration_takes_no_path_and_no_board_that_is_none(server, tmp_path):
+def test_a_calibration_takes_no_path_and_no_board_that_is_none(server, tmp_path: Path) -> None:
     with Page(server) as page:
         fields = {"board": "chessboard:9x6:25mm", "model": "brown"}
         for folder in ("/etc", "../..", -1, 10**6, 0.5, None):
@@ -197,7 +204,9 @@ def test_a_calibration_takes_no_path_and_no_board_that_is_none(server, tmp_path)
 
 
 @pytest.mark.usefixtures("board")
-def test_a_calibration_that_finds_no_board_or_is_stopped_leaves_nothing(server, tmp_path):
+def test_a_calibration_that_finds_no_board_or_is_stopped_leaves_nothing(
+    server, tmp_path: Path
+) -> None:
     with Page(server) as page:
         (folder, *_) = ask_project(page, "folders")["folders"]
         other = {"folder": folder["id"], "board": "chessboard:4x3:25mm", "model": "brown"}

@@ -27,7 +27,7 @@ class Survey:
 
     inputs = SimpleNamespace(messages=())
 
-    def __init__(self, seconds):
+    def __init__(self, seconds) -> None:
         self.seconds = seconds
         self.adjusted, self.linearised_ = [], []
         self.go_on, self.begun = threading.Event(), threading.Event()
@@ -48,7 +48,7 @@ class Survey:
 
 
 @pytest.fixture
-def worker(monkeypatch):
+def worker(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(
         module, "adjusted_json", lambda found, _: {"mode": "adjusted", "n": found.count}
     )
@@ -68,21 +68,21 @@ def worker(monkeypatch):
         live.stop()
 
 
-def wait_for(answers, count):
+def wait_for(answers, count) -> None:
     until = time.monotonic() + LONGEST_WAIT_S
     while len(answers) < count and time.monotonic() < until:
         time.sleep(0.005)
     assert len(answers) >= count
 
 
-def wait_for_adjusted(answers, version):
+def wait_for_adjusted(answers, version) -> None:
     until = time.monotonic() + LONGEST_WAIT_S
     while (version, "adjusted") not in [(v, said["mode"]) for v, said in answers]:
         assert time.monotonic() < until, answers
         time.sleep(0.005)
 
 
-def test_states_that_wait_are_passed_over_for_the_newest(worker):
+def test_states_that_wait_are_passed_over_for_the_newest(worker) -> None:
     survey = Survey(1.0)
     survey.go_on.clear()
     live, answers = worker(survey)
@@ -95,7 +95,7 @@ def test_states_that_wait_are_passed_over_for_the_newest(worker):
     assert survey.adjusted == [1, 9]
 
 
-def test_a_drag_is_linearised_where_the_full_adjustment_is_slow(worker):
+def test_a_drag_is_linearised_where_the_full_adjustment_is_slow(worker) -> None:
     survey = Survey(1.0)
     live, answers = worker(survey)
     live.submit(Task(1, state(1), final=True))
@@ -107,7 +107,7 @@ def test_a_drag_is_linearised_where_the_full_adjustment_is_slow(worker):
     assert answers[2][1]["mode"] == "adjusted"
 
 
-def test_a_drag_is_adjusted_in_full_where_that_is_fast(worker):
+def test_a_drag_is_adjusted_in_full_where_that_is_fast(worker) -> None:
     survey = Survey(0.01)
     live, answers = worker(survey)
     live.submit(Task(1, state(1), final=True))
@@ -118,7 +118,7 @@ def test_a_drag_is_adjusted_in_full_where_that_is_fast(worker):
     assert not survey.linearised_
 
 
-def test_numbers_follow_a_drag_while_an_older_state_is_adjusted_in_full(worker):
+def test_numbers_follow_a_drag_while_an_older_state_is_adjusted_in_full(worker) -> None:
     survey = Survey(1.0)
     live, answers = worker(survey)
     live.submit(Task(1, state(1), final=True))
@@ -138,7 +138,7 @@ def test_numbers_follow_a_drag_while_an_older_state_is_adjusted_in_full(worker):
     wait_for_adjusted(answers, 5)
 
 
-def test_what_cannot_be_adjusted_is_said_in_words(worker):
+def test_what_cannot_be_adjusted_is_said_in_words(worker) -> None:
     live, answers = worker(Survey(0.01))
     live.submit(Task(1, state(0), final=True))
     wait_for(answers, 1)
@@ -146,7 +146,9 @@ def test_what_cannot_be_adjusted_is_said_in_words(worker):
     assert "Nothing is picked" in answers[0][1]["why"]
 
 
-def test_a_fault_of_the_program_is_told_and_the_next_state_is_adjusted(worker, caplog):
+def test_a_fault_of_the_program_is_told_and_the_next_state_is_adjusted(
+    worker, caplog: pytest.LogCaptureFixture
+) -> None:
     survey = Survey(seconds=0.0)
     adjust = survey.adjust
 

@@ -199,7 +199,7 @@ def _work_until_killed(
             time.sleep(rng.uniform(0.0, 2.0 * SAVE_AFTER_S))
 
 
-def test_twenty_kills_lose_nothing_that_the_page_had_confirmed(tmp_path):
+def test_twenty_kills_lose_nothing_that_the_page_had_confirmed(tmp_path: Path) -> None:
     project = small_project(tmp_path)
     rng = random.Random(7)  # noqa: S311  (clicks, not keys)
     confirmed, recoveries = 0, 0
@@ -227,7 +227,9 @@ def test_twenty_kills_lose_nothing_that_the_page_had_confirmed(tmp_path):
     assert recoveries > KILLS / 3
 
 
-def test_undo_after_a_recovery_goes_to_the_tables_and_survives_a_second_kill(tmp_path):
+def test_undo_after_a_recovery_goes_to_the_tables_and_survives_a_second_kill(
+    tmp_path: Path,
+) -> None:
     project = small_project(tmp_path)
     server = Server(project)
     with Page(server) as page:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 import pytest
 from pick_pages import PROJECT, Server, small_project
@@ -18,7 +19,7 @@ from uavgram.pipeline.measure.run import run
 
 
 @pytest.fixture
-def project(tmp_path):
+def project(tmp_path: Path):
     path = small_project(tmp_path / "project")
     (path.parent / "picks.csv").write_text("image,label,u_px,v_px\nP1.jpg,A,5,6\n")
     (tmp_path / "elsewhere").mkdir()
@@ -30,7 +31,7 @@ def project(tmp_path):
 
 @pytest.mark.parametrize("name", [LOCK, JOURNAL])
 @pytest.mark.parametrize("there", ["victim", "nothing yet"])
-def test_lock_and_journal_are_written_through_no_link(project, name, there):
+def test_lock_and_journal_are_written_through_no_link(project, name, there) -> None:
     (project.parent / "out").mkdir()
     link = project.parent / "out" / name
     link.symlink_to(f"../../elsewhere/{there}")
@@ -56,7 +57,7 @@ def test_lock_and_journal_are_written_through_no_link(project, name, there):
         ("../elsewhere", "", "lies outside the project's folder"),
     ],
 )
-def test_an_output_folder_elsewhere_is_refused(project, output, link, said):
+def test_an_output_folder_elsewhere_is_refused(project, output, link, said) -> None:
     if link:
         (project.parent / link).symlink_to("../elsewhere")
     project.write_text(PROJECT.replace("output: out", f"output: {output}"))
@@ -70,7 +71,7 @@ def test_an_output_folder_elsewhere_is_refused(project, output, link, said):
             run(project)
 
 
-def test_a_table_elsewhere_is_refused(project):
+def test_a_table_elsewhere_is_refused(project) -> None:
     elsewhere = project.parent.parent / "elsewhere"
     picks = project.parent / "picks.csv"
     picks.unlink()
@@ -83,7 +84,7 @@ def test_a_table_elsewhere_is_refused(project):
         Tables(read_inputs(project, unfinished=True))
 
 
-def test_links_inside_the_project_are_followed(project):
+def test_links_inside_the_project_are_followed(project) -> None:
     (project.parent / "kept").mkdir()
     (project.parent / "out").symlink_to("kept")
     server = Server(project)
@@ -91,7 +92,7 @@ def test_links_inside_the_project_are_followed(project):
     assert (project.parent / "kept" / JOURNAL).is_file()
 
 
-def test_nothing_is_read_through_a_link_among_the_outputs(project):
+def test_nothing_is_read_through_a_link_among_the_outputs(project) -> None:
     out = project.parent / "out"
     out.mkdir()
     for name in (RESULTS, "report.html", RECORDING, "pick-journal-1.jsonl"):

@@ -6,6 +6,8 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
+from typing import Never
 
 import pytest
 from pick_pages import Page, RefusedToStartError, Server, running, small_project
@@ -35,7 +37,7 @@ MEASURE = b"name,kind,points,asked by\nD, distance ,A;B,court\n\n\n"
 
 
 @pytest.fixture
-def project(tmp_path):
+def project(tmp_path: Path):
     path = small_project(tmp_path)
     (tmp_path / "picks.csv").write_bytes(PICKS)
     (tmp_path / "lines.csv").write_bytes(LINES)
@@ -50,12 +52,12 @@ def files(folder):
 class Working:
     """Tables and the session that they keep, without a server."""
 
-    def __init__(self, project):
+    def __init__(self, project) -> None:
         inputs = read_inputs(project, unfinished=True)
         self.tables = Tables(inputs)
         self.session = Session(state=self.tables.recovered() or self.tables._files)
 
-    def do(self, command, step=0):
+    def do(self, command, step=0) -> None:
         self.session = apply(self.session, command, step)
         self.tables.record(command, step)
 
@@ -79,7 +81,7 @@ def every_command():
     yield c.Forget(label="C")
 
 
-def test_columns_of_a_persons_own_are_told_and_stay_as_they_are(project, tmp_path):
+def test_columns_of_a_persons_own_are_told_and_stay_as_they_are(project, tmp_path: Path) -> None:
     inputs = read_inputs(project, unfinished=True)
     texts = [message.text for message in inputs.messages if message.code == "own-columns"]
     assert [text.split(":")[0] for text in texts] == ["picks.csv", "lines.csv", "measure.csv"]
@@ -97,7 +99,9 @@ def test_columns_of_a_persons_own_are_told_and_stay_as_they_are(project, tmp_pat
     read_inputs(project, unfinished=True)  # and the program reads what it wrote
 
 
-def test_undo_to_the_start_leaves_the_files_byte_for_byte_as_they_were(project, tmp_path):
+def test_undo_to_the_start_leaves_the_files_byte_for_byte_as_they_were(
+    project, tmp_path: Path
+) -> None:
     before = files(tmp_path)
     work = Working(project)
     steps = 0
@@ -119,7 +123,7 @@ def test_undo_to_the_start_leaves_the_files_byte_for_byte_as_they_were(project, 
     assert {name: after[name] for name in backups} == backups
 
 
-def test_files_that_were_not_there_are_gone_again_after_undo(tmp_path):
+def test_files_that_were_not_there_are_gone_again_after_undo(tmp_path: Path) -> None:
     project = small_project(tmp_path)
     with running(project) as server, Page(server) as page:
         page.do("place", image=0, label="A", u_px=1, v_px=2)
@@ -131,7 +135,7 @@ def test_files_that_were_not_there_are_gone_again_after_undo(tmp_path):
     assert files(tmp_path) == {}
 
 
-def test_a_table_edited_outside_meanwhile_is_not_written_over(project, tmp_path):
+def test_a_table_edited_outside_meanwhile_is_not_written_over(project, tmp_path: Path) -> None:
     edited = PICKS + b"\r\n,Z,from a spreadsheet,P2.jpg,7,8"
     with running(project) as server:
         with Page(server) as page:
@@ -156,7 +160,7 @@ def test_a_table_edited_outside_meanwhile_is_not_written_over(project, tmp_path)
     assert b'"u_px": 52.0' in asides[0].read_bytes()
 
 
-def test_a_table_edited_between_two_sessions_is_simply_read(project, tmp_path):
+def test_a_table_edited_between_two_sessions_is_simply_read(project, tmp_path: Path) -> None:
     with running(project) as server, Page(server) as page:
         page.do("place", image=0, label="A", u_px=11, v_px=20.5)
     more = (tmp_path / "picks.csv").read_bytes() + b"\r\n,Z,,P2.jpg,7,8"
@@ -168,7 +172,9 @@ def test_a_table_edited_between_two_sessions_is_simply_read(project, tmp_path):
 
 
 @pytest.mark.parametrize("tables_written", range(4))
-def test_a_kill_between_two_tables_loses_and_doubles_nothing(project, monkeypatch, tables_written):
+def test_a_kill_between_two_tables_loses_and_doubles_nothing(
+    project, monkeypatch: pytest.MonkeyPatch, tables_written
+) -> None:
     class Killed(BaseException):
         pass
 
@@ -178,7 +184,7 @@ def test_a_kill_between_two_tables_loses_and_doubles_nothing(project, monkeypatc
     written = 0
     real = Tables._write
 
-    def write(self, role, content):
+    def write(self, role, content) -> None:
         nonlocal written
         if written == tables_written:
             raise Killed
@@ -203,7 +209,7 @@ def test_a_kill_between_two_tables_loses_and_doubles_nothing(project, monkeypatc
     last.tables.close()
 
 
-def test_a_second_page_is_refused_and_the_first_one_named(project):
+def test_a_second_page_is_refused_and_the_first_one_named(project) -> None:
     with (
         running(project) as server,
         pytest.raises(RefusedToStartError, match=f"process {server.pid}"),
@@ -213,7 +219,7 @@ def test_a_second_page_is_refused_and_the_first_one_named(project):
         pass
 
 
-def test_a_lock_that_a_kill_left_behind_is_no_lock(project, tmp_path):
+def test_a_lock_that_a_kill_left_behind_is_no_lock(project, tmp_path: Path) -> None:
     server = Server(project)
     server.kill()
     assert (tmp_path / "out" / LOCK).read_text() == f"{server.pid}\n"
@@ -222,7 +228,7 @@ def test_a_lock_that_a_kill_left_behind_is_no_lock(project, tmp_path):
     assert not (tmp_path / "out" / LOCK).exists()
 
 
-def test_a_lock_is_told_by_the_system_not_by_a_number_in_a_file(tmp_path):
+def test_a_lock_is_told_by_the_system_not_by_a_number_in_a_file(tmp_path: Path) -> None:
     (tmp_path / LOCK).write_text(f"{os.getpid()}\n")  # alive, but it holds no lock
     lock = ProjectLock(tmp_path, "project.yaml")
     with pytest.raises(UavgramError, match=f"process {os.getpid()}"):
@@ -231,7 +237,9 @@ def test_a_lock_is_told_by_the_system_not_by_a_number_in_a_file(tmp_path):
     ProjectLock(tmp_path, "project.yaml").release()
 
 
-def test_a_table_that_changed_while_the_project_was_read_is_no_start(project, tmp_path):
+def test_a_table_that_changed_while_the_project_was_read_is_no_start(
+    project, tmp_path: Path
+) -> None:
     inputs = read_inputs(project, unfinished=True)
     (tmp_path / "picks.csv").write_bytes(PICKS + b"\r\n,Z,,P2.jpg,7,8")
     with pytest.raises(InputError, match="start again"):
@@ -239,7 +247,7 @@ def test_a_table_that_changed_while_the_project_was_read_is_no_start(project, tm
     Working(project).tables.close()  # the lock was let go
 
 
-def test_a_link_stays_a_link_and_its_rights_stay(project, tmp_path):
+def test_a_link_stays_a_link_and_its_rights_stay(project, tmp_path: Path) -> None:
     (tmp_path / "store").mkdir()
     real = tmp_path / "store" / "p.csv"
     (tmp_path / "picks.csv").rename(real)
@@ -254,7 +262,9 @@ def test_a_link_stays_a_link_and_its_rights_stay(project, tmp_path):
     assert real.stat().st_mode & 0o777 == 0o640
 
 
-def test_a_table_that_cannot_be_written_is_said_and_nothing_is_lost(project, tmp_path, monkeypatch):
+def test_a_table_that_cannot_be_written_is_said_and_nothing_is_lost(
+    project, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     before = files(tmp_path)
     work = Working(project)
     work.do(next(every_command()))
@@ -267,7 +277,7 @@ def test_a_table_that_cannot_be_written_is_said_and_nothing_is_lost(project, tmp
     work.tables.close()
 
 
-def test_a_table_that_the_project_does_not_name_is_said(tmp_path):
+def test_a_table_that_the_project_does_not_name_is_said(tmp_path: Path) -> None:
     project = small_project(tmp_path)
     text = project.read_text(encoding="utf-8").replace("lines: lines.csv\n", "")
     project.write_text(text, encoding="utf-8")
@@ -284,7 +294,7 @@ def test_a_table_that_the_project_does_not_name_is_said(tmp_path):
 PLACE = c.Place(image="P1.jpg", label="A", u_px=1.1, v_px=2.2)
 
 
-def journal_with(path, *commands):
+def journal_with(path, *commands) -> None:
     journal = Journal(path, fresh=True)
     journal.open(State(), {"picks": None}, resumed=False)
     for command in commands:
@@ -292,7 +302,7 @@ def journal_with(path, *commands):
     journal.close()
 
 
-def test_a_line_that_a_kill_cut_off_was_never_confirmed(tmp_path):
+def test_a_line_that_a_kill_cut_off_was_never_confirmed(tmp_path: Path) -> None:
     path = tmp_path / JOURNAL
     journal_with(path, PLACE, c.Rename(label="A", new="B"))
     whole = path.read_bytes()
@@ -307,7 +317,9 @@ def test_a_line_that_a_kill_cut_off_was_never_confirmed(tmp_path):
         assert left_in(path).session.state.picks == ()
 
 
-def test_a_full_disk_is_told_before_anything_is_confirmed(tmp_path, monkeypatch):
+def test_a_full_disk_is_told_before_anything_is_confirmed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / JOURNAL
     journal = Journal(path, fresh=True)
     journal.open(State(), {"picks": None}, resumed=False)
@@ -329,14 +341,16 @@ def test_a_full_disk_is_told_before_anything_is_confirmed(tmp_path, monkeypatch)
     assert len(left_in(path).session.state.picks) == 1
 
 
-def test_what_cannot_be_kept_is_not_done_and_its_numbers_are_taken_back(project, monkeypatch):
+def test_what_cannot_be_kept_is_not_done_and_its_numbers_are_taken_back(
+    project, monkeypatch: pytest.MonkeyPatch
+) -> None:
     survey = LiveSurvey.open(project)
     tables = Tables(survey.inputs)
     session = PickSession(survey, tables, lambda _: None)
     before, adjusted = session.state, []
     monkeypatch.setattr(session._live, "submit", adjusted.append)
 
-    def full(*_):
+    def full(*_) -> Never:
         raise OutputError("No space left on device")
 
     monkeypatch.setattr(tables, "record", full)
@@ -360,7 +374,7 @@ def test_what_cannot_be_kept_is_not_done_and_its_numbers_are_taken_back(project,
         (b'{"do": "open", "state": 3}\n', False),
     ],
 )
-def test_a_journal_that_is_none_is_put_aside_and_said(project, tmp_path, line, taken):
+def test_a_journal_that_is_none_is_put_aside_and_said(project, tmp_path: Path, line, taken) -> None:
     lost = Working(project)
     lost.do(PLACE)
     lost.tables.close()
@@ -390,7 +404,9 @@ SKID = {"was": "", "name": "S", "kind": "skid_speed", "points": ("A", "B")}
         (c.Place(image="P1.jpg", label="A", u_px="many", v_px=1), "many"),
     ],
 )
-def test_a_journal_with_what_no_table_may_hold_leaves_the_project_readable(project, command, fault):
+def test_a_journal_with_what_no_table_may_hold_leaves_the_project_readable(
+    project, command, fault
+) -> None:
     """A damaged or forged journal, or one of a program that had other limits."""
     before = Working(project)
     before.do(c.Place(image="P2.jpg", label="Q", u_px=1.0, v_px=2.0))
@@ -409,7 +425,7 @@ def test_a_journal_with_what_no_table_may_hold_leaves_the_project_readable(proje
     assert list((project.parent / "out").glob("pick-journal-*"))  # offered on the page
 
 
-def test_ctrl_c_ends_the_command_with_everything_saved(tmp_path):
+def test_ctrl_c_ends_the_command_with_everything_saved(tmp_path: Path) -> None:
     """The command itself, as a person starts it."""
     project = small_project(tmp_path)
     process = subprocess.Popen(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 from open_projects import ask, change, opened
@@ -18,7 +19,7 @@ def labels(said):
 
 
 @pytest.fixture
-def project(tmp_path):
+def project(tmp_path: Path):
     """A session was killed before it had saved; then somebody edited its tables."""
     path = small_project(tmp_path)
     (tmp_path / "picks.csv").write_bytes(PICKS)
@@ -38,7 +39,7 @@ def place_of(begun, label):
     return pick["u_px"], pick["v_px"], pick["height_m"]
 
 
-def test_it_is_taken_over_in_one_step_beside_what_the_other_did(project, tmp_path):
+def test_it_is_taken_over_in_one_step_beside_what_the_other_did(project, tmp_path: Path) -> None:
     with opened(project) as (open_project, sent):
         begun = open_project.initial_state()
         assert begun["aside"] == 6
@@ -61,7 +62,7 @@ def test_it_is_taken_over_in_one_step_beside_what_the_other_did(project, tmp_pat
     assert kept.name.endswith(".jsonl.taken")
 
 
-def test_it_is_discarded_and_kept_and_not_offered_again(project, tmp_path):
+def test_it_is_discarded_and_kept_and_not_offered_again(project, tmp_path: Path) -> None:
     with opened(project) as (open_project, sent):
         assert ask(open_project, "discard-aside")["t"] == "done"
         assert labels(sent[-1]) == {"A", "B", "Z"}
@@ -71,7 +72,7 @@ def test_it_is_discarded_and_kept_and_not_offered_again(project, tmp_path):
     assert kept.name.endswith(".jsonl.discarded")
 
 
-def test_what_is_no_change_of_the_page_is_not_taken(project, tmp_path):
+def test_what_is_no_change_of_the_page_is_not_taken(project, tmp_path: Path) -> None:
     """A journal in an archive can hold anything; all of it goes the way of a page's message."""
     state = {"picks": [], "lines": [], "requests": []}
     place = {"do": "Place", "step": 0, "image": "P1.jpg", "label": "Q", "u_px": 1, "v_px": 1}

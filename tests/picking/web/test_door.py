@@ -6,6 +6,7 @@ import json
 import socket
 import time
 from contextlib import ExitStack
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import httpx
@@ -21,7 +22,7 @@ from uavgram.picking.web.guard import Pace
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory):
+def server(tmp_path_factory: pytest.TempPathFactory):
     project = small_project(tmp_path_factory.mktemp("door"))
     (project.parent / "out").mkdir()
     (project.parent / "out" / "report.html").write_text("<p>a report</p>", encoding="utf-8")
@@ -58,7 +59,7 @@ def logged(server):
     return server.log.read_text(encoding="utf-8")
 
 
-def test_other_addresses_of_this_machine_do_not_answer(server):
+def test_other_addresses_of_this_machine_do_not_answer(server) -> None:
     port = urlsplit(server.origin).port
     others = {
         info[4][0]
@@ -72,13 +73,13 @@ def test_other_addresses_of_this_machine_do_not_answer(server):
 
 
 @pytest.mark.usefixtures("cookie")
-def test_the_token_serves_once(server):
+def test_the_token_serves_once(server) -> None:
     used = ask(server.address, follow_redirects=False)
     assert used.status_code == 403
     assert "set-cookie" not in used.headers
 
 
-def test_the_token_becomes_a_cookie_that_scripts_and_other_sites_cannot_use(tmp_path):
+def test_the_token_becomes_a_cookie_that_scripts_and_other_sites_cannot_use(tmp_path: Path) -> None:
     server = Server(small_project(tmp_path))
     try:
         answer = ask(server.address, follow_redirects=False)
@@ -103,13 +104,13 @@ def test_the_token_becomes_a_cookie_that_scripts_and_other_sites_cannot_use(tmp_
         "/output/report.html",
     ],
 )
-def test_nothing_is_given_without_the_cookie_and_all_of_it_with_it(server, browser, path):
+def test_nothing_is_given_without_the_cookie_and_all_of_it_with_it(server, browser, path) -> None:
     for headers in ({}, {"Cookie": f"{browser.headers['Cookie'].split('=')[0]}=wrong"}):
         assert ask(server.origin + path, headers=headers).status_code == 403
     assert browser.get(path).status_code == 200
 
 
-def test_every_answer_carries_strict_headers(server, browser):
+def test_every_answer_carries_strict_headers(server, browser) -> None:
     refused = ask(server.origin + "/")
     for answer in (
         browser.get("/"),
@@ -131,7 +132,7 @@ def test_every_answer_carries_strict_headers(server, browser):
 @pytest.mark.parametrize(
     "host", ["evil.example", "127.0.0.1", "localhost:1", "127.0.0.1.evil.example", ""]
 )
-def test_a_foreign_host_is_refused_and_logged(server, browser, host):
+def test_a_foreign_host_is_refused_and_logged(server, browser, host) -> None:
     answer = browser.get("/", headers={"Host": host})
     assert answer.status_code in {400, 403}
     if answer.status_code == 403:
@@ -147,16 +148,16 @@ def refused_socket(server, origin, headers):
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", None])
-def test_a_foreign_origin_gets_no_socket_though_it_has_the_cookie(server, cookie, origin):
+def test_a_foreign_origin_gets_no_socket_though_it_has_the_cookie(server, cookie, origin) -> None:
     assert refused_socket(server, origin, {"Cookie": cookie}) == 403
     assert f"foreign origin {str(origin)!r}" in logged(server)
 
 
-def test_our_own_origin_gets_no_socket_without_the_cookie(server):
+def test_our_own_origin_gets_no_socket_without_the_cookie(server) -> None:
     assert refused_socket(server, server.origin, {}) == 403
 
 
-def test_a_foreign_origin_gets_no_page_and_other_sites_cannot_embed_our_photos(browser):
+def test_a_foreign_origin_gets_no_page_and_other_sites_cannot_embed_our_photos(browser) -> None:
     assert browser.get("/", headers={"Origin": "http://evil.example"}).status_code == 403
     for site in ("cross-site", "same-site"):  # another port of this machine is the same site
         headers = {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "no-cors"}
@@ -205,7 +206,7 @@ PATHS = [
 
 
 @pytest.mark.parametrize("path", PATHS, ids=range(len(PATHS)))
-def test_photos_go_by_number_and_no_path_leads_out(server, cookie, path):
+def test_photos_go_by_number_and_no_path_leads_out(server, cookie, path) -> None:
     """Sent as they are: a client library would tidy them up."""
     parts = urlsplit(server.origin)
     with socket.create_connection((parts.hostname, parts.port), timeout=LONGEST_WAIT_S) as line:
@@ -223,7 +224,7 @@ def test_photos_go_by_number_and_no_path_leads_out(server, cookie, path):
 
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "TRACE"])
-def test_the_page_is_only_read(browser, method):
+def test_the_page_is_only_read(browser, method) -> None:
     assert browser.request(method, "/").status_code == 405
 
 
@@ -231,7 +232,7 @@ NUMBERS = ["NaN", "Infinity", "-Infinity", "1e999", "-1e308", "1e17", "9" * 400,
 
 
 @pytest.mark.parametrize("number", NUMBERS, ids=range(len(NUMBERS)))
-def test_numbers_that_are_none_or_huge_are_refused(page, number):
+def test_numbers_that_are_none_or_huge_are_refused(page, number) -> None:
     for field in ("u_px", "v_px", "sigma_px"):
         fields = {"u_px": "5", "v_px": "5", "sigma_px": "1", field: number}
         text = ",".join(f'"{name}":{value}' for name, value in fields.items())
@@ -267,13 +268,13 @@ MESSAGES = [
 
 
 @pytest.mark.parametrize("text", MESSAGES, ids=range(len(MESSAGES)))
-def test_messages_that_are_none_are_refused(page, text):
+def test_messages_that_are_none_are_refused(page, text) -> None:
     page.socket.send(text)
     assert page.until("refused")["why"]
     assert page.picks == {}
 
 
-def test_labels_are_kept_as_text_whatever_they_look_like(page, server):
+def test_labels_are_kept_as_text_whatever_they_look_like(page, server) -> None:
     names = ['<img src=x onerror="alert(1)">', "</script><b>&amp", '=cmd|"/c calc"!A0', "%s%n{0}"]
     for name in names:
         assert page.do("place", image=0, label=name, u_px=3, v_px=4)["t"] == "changed"
@@ -298,7 +299,7 @@ def read_to_the_end(page):
 
 
 @pytest.mark.usefixtures("page")
-def test_a_message_that_is_too_long_ends_its_own_page_only(server, cookie):
+def test_a_message_that_is_too_long_ends_its_own_page_only(server, cookie) -> None:
     with Page(server, cookie) as loud:
         loud.socket.send("x" * (LONGEST_MESSAGE + 1))
         assert read_to_the_end(loud).rcvd.code == 1009
@@ -311,7 +312,7 @@ def test_a_message_that_is_too_long_ends_its_own_page_only(server, cookie):
     assert "too long" in logged(server)
 
 
-def test_a_flood_is_slowed_down_while_another_page_goes_on(page, server, cookie):
+def test_a_flood_is_slowed_down_while_another_page_goes_on(page, server, cookie) -> None:
     """Far more than people can make; a million takes the same road, only longer."""
     with Page(server, cookie) as loud:
         flood = json.dumps({"seq": 1, "t": "place", "image": 9, "label": "A", "u_px": 1, "v_px": 1})
@@ -328,7 +329,7 @@ def test_a_flood_is_slowed_down_while_another_page_goes_on(page, server, cookie)
     assert "slowed down" in logged(server)
 
 
-def test_the_pace_lets_people_through_and_slows_down_machines():
+def test_the_pace_lets_people_through_and_slows_down_machines() -> None:
     now = 0.0
     pace = Pace(per_second=10, at_once=5, clock=lambda: now)
     assert [pace.wait_s() for _ in range(5)] == [0.0] * 5
@@ -344,7 +345,7 @@ def test_the_pace_lets_people_through_and_slows_down_machines():
 
 
 @pytest.mark.usefixtures("page")
-def test_more_pages_than_people_open_are_refused(server, cookie):
+def test_more_pages_than_people_open_are_refused(server, cookie) -> None:
     with ExitStack() as pages:
         for _ in range(15):  # and the one that is open
             pages.enter_context(Page(server, cookie))
@@ -352,7 +353,7 @@ def test_more_pages_than_people_open_are_refused(server, cookie):
     assert "16 are open" in logged(server)
 
 
-def test_a_project_has_a_greatest_size():
+def test_a_project_has_a_greatest_size() -> None:
     from uavgram.picking.document import commands as c
     from uavgram.picking.document.refused import RefusedError
     from uavgram.picking.document.state import Pick, State

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import time
 from contextlib import suppress
+from pathlib import Path
 
 import pytest
 from pick_pages import Page, ask, small_project
@@ -14,7 +15,7 @@ from uavgram.picking.web import patience
 
 
 @pytest.fixture
-def server(tmp_path):
+def server(tmp_path: Path):
     with served(small_project(tmp_path)) as server:
         yield server
 
@@ -27,7 +28,7 @@ def calls(server, count, said):
     return made
 
 
-def test_half_a_request_is_not_waited_for(server, monkeypatch):
+def test_half_a_request_is_not_waited_for(server, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(patience, "HEADERS_S", 0.3)
     half = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\nCookie: x".encode()
     silent = calls(server, 300, half)
@@ -46,7 +47,9 @@ def test_half_a_request_is_not_waited_for(server, monkeypatch):
     assert time.monotonic() - began < 20
 
 
-def test_who_is_in_stays_and_who_comes_later_gets_in(server, monkeypatch):
+def test_who_is_in_stays_and_who_comes_later_gets_in(
+    server, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(patience, "HEADERS_S", 0.3)
     server.origin = f"http://127.0.0.1:{server.port}"
     cookie = ask(server.guard.address(), follow_redirects=False).headers["set-cookie"].split(";")[0]

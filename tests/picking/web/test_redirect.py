@@ -7,16 +7,20 @@ import webbrowser
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import pytest
+
 from uavgram.cli.commands.pick import pick
 from uavgram.picking.web import server
 from uavgram.picking.web.guard import Guard
 
 
-def test_the_browser_is_given_a_file_and_not_the_key(tmp_path, monkeypatch, capsys):
+def test_the_browser_is_given_a_file_and_not_the_key(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     opened, found = [], {}
     monkeypatch.setattr(webbrowser, "open", opened.append)
 
-    def serve(_project, announce, _run, _port, entered):
+    def serve(_project, announce, _run, _port, entered) -> None:
         guard = Guard(None, 1234, entered)
         announce(guard.address())
         path = Path(urlsplit(opened[0]).path)

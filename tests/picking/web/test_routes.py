@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Never
 
 import httpx
 import pytest
@@ -32,7 +33,7 @@ def tile(picking, **headers):
     return run_alone(ask())
 
 
-def test_a_page_says_with_each_tile_which_photos_it_shows(picking):
+def test_a_page_says_with_each_tile_which_photos_it_shows(picking) -> None:
     assert tile(picking, **{"x-shown": "k3f9x 3,12"}).content == b"tile"
     assert picking.shown == [("k3f9x", (3, 12))]
 
@@ -41,13 +42,13 @@ def test_a_page_says_with_each_tile_which_photos_it_shows(picking):
     "said",
     ["", "k3f9x", "k3f9x 1,2,3,4,5", "k3f9x -1", "k3f9x 1;2", "k3f9x 1 ", "K 1", f"{'k' * 17} 1"],
 )
-def test_what_does_not_say_so_is_passed_over_and_the_tile_comes(picking, said):
+def test_what_does_not_say_so_is_passed_over_and_the_tile_comes(picking, said) -> None:
     assert tile(picking, **{"x-shown": said}).content == b"tile"
     assert picking.shown == []
 
 
-def test_why_a_photo_cannot_be_shown_is_said(picking):
-    def refuse(*_):
+def test_why_a_photo_cannot_be_shown_is_said(picking) -> None:
+    def refuse(*_) -> Never:
         raise InputError("photo.jpg", "is no photo that can be decoded")
 
     picking.tile = refuse

@@ -16,7 +16,7 @@ from uavgram.errors import UavgramError
 from uavgram.picking.web.server import open_door
 
 
-def test_who_comes_before_the_server_is_up_waits_at_the_door():
+def test_who_comes_before_the_server_is_up_waits_at_the_door() -> None:
     with (
         contextlib.closing(open_door(0)) as door,
         socket.create_connection(door.getsockname(), timeout=60) as early,
@@ -26,11 +26,11 @@ def test_who_comes_before_the_server_is_up_waits_at_the_door():
         assert address == early.getsockname()
 
 
-def test_small_messages_are_sent_at_once():
+def test_small_messages_are_sent_at_once() -> None:
     async def nodelay():
         accepted = asyncio.get_running_loop().create_future()
 
-        def come(_, writer):
+        def come(_, writer) -> None:
             its = writer.get_extra_info("socket")
             accepted.set_result(its.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
             writer.close()
@@ -72,7 +72,7 @@ print(now() - before)
 @pytest.mark.skipif(
     platform.libc_ver()[0] != "glibc", reason="other C libraries have no such bound"
 )
-def test_large_blocks_that_are_freed_go_back_to_the_system():
+def test_large_blocks_that_are_freed_go_back_to_the_system() -> None:
     kept = {
         what: float(subprocess.check_output([sys.executable, "-c", KEPT_MB, what]))
         for what in ("give back", "leave")
@@ -81,12 +81,12 @@ def test_large_blocks_that_are_freed_go_back_to_the_system():
     assert kept["leave"] > 50  # the bound is what makes the difference
 
 
-def test_the_door_is_on_this_machine_only():
+def test_the_door_is_on_this_machine_only() -> None:
     with contextlib.closing(open_door(0)) as door:
         assert door.getsockname()[0] == "127.0.0.1"
 
 
-def test_a_port_that_is_taken_is_said():
+def test_a_port_that_is_taken_is_said() -> None:
     with contextlib.closing(open_door(0)) as door:
         port = door.getsockname()[1]
         with pytest.raises(UavgramError, match=f"port {port} cannot be used.*--port"):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from pick_pages import small_project
 
@@ -15,7 +17,7 @@ from uavgram.pipeline.cameras.nearby import board_folders, calibrate_folder, use
 
 
 @pytest.fixture
-def project(tmp_path):
+def project(tmp_path: Path):
     return small_project(tmp_path)
 
 
@@ -33,15 +35,17 @@ def project(tmp_path):
         ("name: a\n", None),
     ],
 )
-def test_one_line_names_the_camera_and_nothing_else_changes(before, after):
+def test_one_line_names_the_camera_and_nothing_else_changes(before, after) -> None:
     assert with_camera(before, "new/c.yaml") == after
 
 
-def test_a_name_that_yaml_would_misread_is_quoted():
+def test_a_name_that_yaml_would_misread_is_quoted() -> None:
     assert with_camera("camera: a\n", "- #1.yaml") == 'camera: "- #1.yaml"\n'
 
 
-def test_a_calibrated_camera_takes_the_place_of_one_that_nobody_knows(project, tmp_path):
+def test_a_calibrated_camera_takes_the_place_of_one_that_nobody_knows(
+    project, tmp_path: Path
+) -> None:
     text = project.read_text()
     project.write_text(text.replace("camera: camera.yaml", "camera: unknown  # so far"))
     assert load_project(project, unfinished=True).camera_file is None
@@ -50,20 +54,24 @@ def test_a_calibrated_camera_takes_the_place_of_one_that_nobody_knows(project, t
     assert load_project(project, unfinished=True).camera_file == str(tmp_path / "camera.yaml")
 
 
-def test_a_camera_that_is_not_there_leaves_the_project_as_it_was(project, tmp_path):
+def test_a_camera_that_is_not_there_leaves_the_project_as_it_was(project, tmp_path: Path) -> None:
     before = project.read_bytes()
     with pytest.raises(InputError, match="no such file"):
         use_camera(project, tmp_path / "gone.yaml")
     assert project.read_bytes() == before
 
 
-def test_a_project_whose_camera_stands_in_no_line_says_what_to_write(project, tmp_path):
+def test_a_project_whose_camera_stands_in_no_line_says_what_to_write(
+    project, tmp_path: Path
+) -> None:
     project.write_text(project.read_text().replace("camera: camera.yaml", "camera:\n  camera.yaml"))
     with pytest.raises(InputError, match=r"write `camera: calibration/camera\.yaml`"):
         use_camera(project, tmp_path / "calibration" / "camera.yaml")
 
 
-def test_every_calibration_gets_a_folder_of_its_own(project, tmp_path, monkeypatch):
+def test_every_calibration_gets_a_folder_of_its_own(
+    project, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     written = []
     monkeypatch.setattr(calibrate_nearby, "calibrate", lambda *args, **_: written.append(args))
     folder = PhotoFolder(path=tmp_path, files=(tmp_path / "a [1].jpg",), size_px=(4, 3))
@@ -75,6 +83,6 @@ def test_every_calibration_gets_a_folder_of_its_own(project, tmp_path, monkeypat
     assert written[0][0] == [str(tmp_path / "a [[]1].jpg")]
 
 
-def test_folders_with_too_few_photos_are_not_offered(tmp_path):
+def test_folders_with_too_few_photos_are_not_offered(tmp_path: Path) -> None:
     project = small_project(tmp_path / "flight")  # what lies beside the flight is looked at too
     assert board_folders(project) == ()  # two photos

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from uavgram.pipeline.pick.other_photos import known_places
 
 
 @pytest.fixture(scope="module")
-def survey(data_dir):
+def survey(data_dir: Path):
     """A flight whose points are known as surveyed, in latitude, longitude and height."""
     truth = json.loads((data_dir / "truth" / "calm_nadir.json").read_text())
     live = LiveSurvey.open(data_dir / "calm_nadir" / "project.yaml")
@@ -46,7 +47,7 @@ def standardised(survey, places):
     return np.einsum("ni,ni->n", off, np.linalg.solve(covariance, off[..., None])[..., 0])
 
 
-def test_before_any_pick_the_telemetry_says_where_they_are(survey):
+def test_before_any_pick_the_telemetry_says_where_they_are(survey) -> None:
     places = known_places(survey, None)
     distance = standardised(survey, places)
     assert len(distance) > 100
@@ -54,7 +55,7 @@ def test_before_any_pick_the_telemetry_says_where_they_are(survey):
     assert distance.max() < chi2.ppf(0.9999, 2)
 
 
-def test_after_an_adjustment_they_are_known_far_better(survey):
+def test_after_an_adjustment_they_are_known_far_better(survey) -> None:
     inputs = survey.inputs
     last = survey.adjust(Observed(picks=inputs.picks, lines=inputs.lines, requests=()))
     before, after = known_places(survey, None), known_places(survey, last)
@@ -63,14 +64,14 @@ def test_after_an_adjustment_they_are_known_far_better(survey):
     assert area[1] < area[0]
 
 
-def test_a_wrong_height_falls_out(survey):
+def test_a_wrong_height_falls_out(survey) -> None:
     check = survey.inputs.check
     higher = replace(check, coordinates=check.coordinates + np.array([0.0, 5e-4, 0.0]))
     moved = LiveSurvey(replace(survey.inputs, check=higher))
     assert standardised(moved, known_places(moved, None)).max() > chi2.ppf(0.9999, 2)
 
 
-def test_without_known_points_or_poses_there_is_nothing_to_expect(survey, data_dir):
+def test_without_known_points_or_poses_there_is_nothing_to_expect(survey, data_dir: Path) -> None:
     plain = LiveSurvey.open(data_dir / "calm_nadir" / "project.yaml")
     assert known_places(plain, None).frame_id == ()
     unposed = LiveSurvey(replace(survey.inputs, log=None))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import board_scenes as scenes
 import cv2
@@ -34,12 +35,12 @@ def some(observations, index):
 
 
 @pytest.fixture(scope="module")
-def phantom(data_dir):
+def phantom(data_dir: Path):
     observations, published = scenes.phantom3(data_dir)
     return observations, published, calibrate(observations, CalibrationOptions())
 
 
-def test_a_clean_set_gives_the_truth_within_its_covariance():
+def test_a_clean_set_gives_the_truth_within_its_covariance() -> None:
     scene = scenes.make_scene(0, photos=20, whole=False, distance=(5, 14))
     result = calibrate(scene.observations, CalibrationOptions(), "mine")
     miss = result.calibration.parameters - scene.parameters
@@ -53,7 +54,7 @@ def test_a_clean_set_gives_the_truth_within_its_covariance():
     assert len(result.corners.status) == sum(len(p.corner) for p in scene.observations.photos)
 
 
-def test_camera_poses_are_those_in_the_boards_frame_within_their_covariance():
+def test_camera_poses_are_those_in_the_boards_frame_within_their_covariance() -> None:
     scene = scenes.make_scene(1, photos=15)
     result = calibrate(scene.observations, CalibrationOptions())
     poses = result.photos.poses
@@ -70,7 +71,7 @@ def test_camera_poses_are_those_in_the_boards_frame_within_their_covariance():
     assert np.sqrt(poses.covariance[:, :3, :3].trace(axis1=1, axis2=2)).max() < 0.2
 
 
-def test_lens_models_are_compared_and_the_choice_is_said_in_words():
+def test_lens_models_are_compared_and_the_choice_is_said_in_words() -> None:
     scene = scenes.make_scene(2, scenes.BROWN3, photos=10)
     result = calibrate(scene.observations, CalibrationOptions(coefficients=0))
     assert result.options.coefficients == 3
@@ -91,7 +92,7 @@ def wide_scene(seed):
     ).observations
 
 
-def test_a_model_whose_coefficients_trade_places_is_no_choice_and_the_choice_says_so():
+def test_a_model_whose_coefficients_trade_places_is_no_choice_and_the_choice_says_so() -> None:
     observations = wide_scene(1)
     rational = calibrate(observations, CalibrationOptions(coefficients=8))
     assert length_uncertainty(rational.calibration, tilt_rad=0.0).medians[0] > 1  # 170 %
@@ -103,14 +104,16 @@ def test_a_model_whose_coefficients_trade_places_is_no_choice_and_the_choice_say
     assert [bool(score.dropped) for score in result.models] == [False, False, True]
 
 
-def test_a_rational_lens_that_the_photos_determine_stays_the_choice():
+def test_a_rational_lens_that_the_photos_determine_stays_the_choice() -> None:
     result = calibrate(wide_scene(0), CalibrationOptions(coefficients=0))
     assert result.options.coefficients == 8
     assert not any(score.dropped for score in result.models)
 
 
 @pytest.mark.parametrize("lost", [{8}, {5, 8}])
-def test_candidates_that_the_photos_leave_undetermined_drop_out(monkeypatch, lost):
+def test_candidates_that_the_photos_leave_undetermined_drop_out(
+    monkeypatch: pytest.MonkeyPatch, lost
+) -> None:
     """Whether 8 are regular is decided by rounding on some machines: any step may find it out."""
     scene = scenes.make_scene(2, scenes.BROWN3, photos=6)
     real = choice.snoop
@@ -129,13 +132,13 @@ def test_candidates_that_the_photos_leave_undetermined_drop_out(monkeypatch, los
     assert "8 coefficients were no choice: the photos do not determine k8" in text
 
 
-def test_photos_that_determine_no_model_at_all_are_refused_in_words():
+def test_photos_that_determine_no_model_at_all_are_refused_in_words() -> None:
     scene = scenes.make_scene(0, scenes.BROWN3, photos=3, tilt_deg=1e-6)
     with pytest.raises(GeometryError, match="the photos do not determine"):
         calibrate(scene.observations, CalibrationOptions(coefficients=0))
 
 
-def test_a_rational_lens_is_a_camera_of_twelve_parameters():
+def test_a_rational_lens_is_a_camera_of_twelve_parameters() -> None:
     scene = scenes.make_scene(3, scenes.BROWN8, photos=14, noise=0.02, whole=False, distance=(4, 9))
     result = calibrate(scene.observations, CalibrationOptions(coefficients=8))
     assert result.calibration.parameter_names[-3:] == ("k4", "k5", "k6")
@@ -144,7 +147,7 @@ def test_a_rational_lens_is_a_camera_of_twelve_parameters():
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_a_real_set_tells_the_photo_that_does_not_fit_and_true_sigmas(data_dir, side):
+def test_a_real_set_tells_the_photo_that_does_not_fit_and_true_sigmas(data_dir: Path, side) -> None:
     observations = scenes.opencv_chess(data_dir, side)
     result = calibrate(observations, REMOVE)
     reported = calibrate(observations, CalibrationOptions())
@@ -162,7 +165,7 @@ def test_a_real_set_tells_the_photo_that_does_not_fit_and_true_sigmas(data_dir, 
     )
 
 
-def test_six_photos_give_the_published_camera_of_thirty_within_three_sigma(phantom):
+def test_six_photos_give_the_published_camera_of_thirty_within_three_sigma(phantom) -> None:
     _, published, result = phantom
     camera = result.calibration
     expected = np.array(
@@ -176,7 +179,7 @@ def test_six_photos_give_the_published_camera_of_thirty_within_three_sigma(phant
         assert (np.abs(camera.parameters - expected) < 3 * combined).all()
 
 
-def test_photos_of_one_roll_are_told_and_cy_gets_its_large_sigma(phantom):
+def test_photos_of_one_roll_are_told_and_cy_gets_its_large_sigma(phantom) -> None:
     *_, result = phantom
     assert {"one-roll", "pixels-not-square", "few-photos", "photos-disagree"} <= codes(result)
     sigma = np.sqrt(np.diag(result.covariance_corners))
@@ -187,7 +190,7 @@ def test_photos_of_one_roll_are_told_and_cy_gets_its_large_sigma(phantom):
     assert "quarter turn" in text
 
 
-def test_lengths_on_a_photo_left_out_are_right_to_six_per_mille(phantom):
+def test_lengths_on_a_photo_left_out_are_right_to_six_per_mille(phantom) -> None:
     observations, *_ = phantom
     board = observations.board.corner_board_m
     square = CalibrationOptions(aspect=1.0, coefficients=3)
@@ -218,7 +221,7 @@ def test_lengths_on_a_photo_left_out_are_right_to_six_per_mille(phantom):
     assert np.mean(means) <= 0.006
 
 
-def test_a_bent_board_is_advised_and_then_estimated():
+def test_a_bent_board_is_advised_and_then_estimated() -> None:
     scene = scenes.make_scene(4, photos=15, bow=(0.06, -0.04))
     flat = calibrate(scene.observations, CalibrationOptions())
     text = next(m.text for m in flat.messages if m.code == "photos-disagree")
@@ -229,7 +232,7 @@ def test_a_bent_board_is_advised_and_then_estimated():
     assert (np.abs(bent.bow_m - [0.06, -0.04]) < 3.5 * sigma).all()
 
 
-def test_a_prior_says_what_was_learnt(data_dir):
+def test_a_prior_says_what_was_learnt(data_dir: Path) -> None:
     observations, _ = scenes.phantom3(data_dir)
     table = IntrinsicsPrior(
         source="a table of drone cameras",
@@ -248,7 +251,7 @@ def test_a_prior_says_what_was_learnt(data_dir):
     )
 
 
-def test_exif_is_compared_with_what_was_found():
+def test_exif_is_compared_with_what_was_found() -> None:
     scene = scenes.make_scene(5)
 
     def told(**changes):
@@ -273,7 +276,7 @@ def test_exif_is_compared_with_what_was_found():
     assert "focus-changed" in told(focus_distance_m=[1.0, 3.0])
 
 
-def test_a_removed_photo_keeps_its_place_and_reason():
+def test_a_removed_photo_keeps_its_place_and_reason() -> None:
     observations = scenes.make_scene(6).observations
     photos = list(observations.photos)
     pixel = photos[2].pixel_px
@@ -290,7 +293,7 @@ def test_a_removed_photo_keeps_its_place_and_reason():
     assert np.array(result.corners.status)[result.corners.photo == 2].tolist() == ["removed"] * 54
 
 
-def test_what_cannot_be_used_is_said():
+def test_what_cannot_be_used_is_said() -> None:
     observations = scenes.make_scene(7, photos=8).observations
     photos = list(observations.photos)
     first = photos[0]
@@ -316,20 +319,20 @@ def test_what_cannot_be_used_is_said():
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
-def test_too_few_photos_are_one_clear_message(count):
+def test_too_few_photos_are_one_clear_message(count) -> None:
     observations = some(scenes.make_scene(8, photos=3).observations, range(count))
     with pytest.raises(GeometryError, match=f"^{count} usable photo.* do not determine a camera"):
         calibrate(observations, REMOVE)
 
 
-def test_the_same_picture_many_times_is_one_clear_message():
+def test_the_same_picture_many_times_is_one_clear_message() -> None:
     photo = scenes.make_scene(8, photos=1).observations.photos[0]
     photos = tuple(replace(photo, file=f"{i}.jpg") for i in range(5))
     with pytest.raises(GeometryError, match=r"1 usable photo.*the same picture as 0\.jpg"):
         calibrate(BoardObservations(board=flat_board(9, 6, 1.0), photos=photos), REMOVE)
 
 
-def test_boards_all_level_are_told():
+def test_boards_all_level_are_told() -> None:
     pinhole = np.array([820.0, 815, 511.5, 383.5, 0, 0, 0, 0, 0])
     scene = scenes.make_scene(9, pinhole, photos=12, tilt_deg=3)
     try:
@@ -341,7 +344,7 @@ def test_boards_all_level_are_told():
         assert result.calibration.covariance[0, 0] > 20**2
 
 
-def test_photos_of_two_sizes_are_refused():
+def test_photos_of_two_sizes_are_refused() -> None:
     photos = scenes.make_scene(10, photos=3).observations.photos
     with pytest.raises(ValueError, match="one size"):
         BoardObservations(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import board_scenes as scenes
 import numpy as np
@@ -60,7 +61,7 @@ SHIFT = (0.0, 0.0, 15.0, -10.0, 0, 0, 0, 0, 0)
 
 
 @pytest.mark.parametrize("change", [ZOOM, SHIFT])
-def test_each_photo_is_put_with_its_own_camera(change):
+def test_each_photo_is_put_with_its_own_camera(change) -> None:
     split = best_split(two(1, change, 7, 9).fit)
 
     assert split.group.tolist() == [0] * 7 + [1] * 9
@@ -68,7 +69,7 @@ def test_each_photo_is_put_with_its_own_camera(change):
     assert split.decision > 0.3
 
 
-def test_the_message_says_which_photos_are_of_which_camera_and_what_to_do():
+def test_the_message_says_which_photos_are_of_which_camera_and_what_to_do() -> None:
     with pytest.raises(GeometryError, match="of two cameras") as refused:
         refuse_two_cameras(two(2, ZOOM))
 
@@ -78,7 +79,7 @@ def test_the_message_says_which_photos_are_of_which_camera_and_what_to_do():
     assert "Calibrate each of the two by itself" in text
 
 
-def test_photos_in_turn_are_named_one_by_one():
+def test_photos_in_turn_are_named_one_by_one() -> None:
     parts = two(3, ZOOM, 6, 6)
     order = [0, 6, 1, 7, 2, 8, 3, 9, 4, 10, 5, 11]
     photos = tuple(parts.observations.photos[i] for i in order)
@@ -87,12 +88,12 @@ def test_photos_in_turn_are_named_one_by_one():
         refuse_two_cameras(judged(observations, parts.fit.state.take(np.array(order))))
 
 
-def test_three_photos_of_another_zoom_are_enough():
+def test_three_photos_of_another_zoom_are_enough() -> None:
     with pytest.raises(GeometryError, match=r"p08\.jpg to p10\.jpg \(3 photos\)"):
         refuse_two_cameras(two(0, ZOOM, 8, 3))
 
 
-def test_the_less_sure_is_a_warning_that_names_the_groups():
+def test_the_less_sure_is_a_warning_that_names_the_groups() -> None:
     (message,) = refuse_two_cameras(two(4, (5.0, 5.0, 2.0, 2.0, 0, 0, 0, 0, 0)))
 
     assert (message.level, message.code) == ("warning", "two-cameras")
@@ -100,7 +101,7 @@ def test_the_less_sure_is_a_warning_that_names_the_groups():
     assert "calibrate each of the two by itself" in message.text
 
 
-def test_the_left_and_the_right_camera_of_a_pair_are_told_apart(data_dir):
+def test_the_left_and_the_right_camera_of_a_pair_are_told_apart(data_dir: Path) -> None:
     left, right = (scenes.opencv_chess(data_dir, side) for side in ("left", "right"))
     both = BoardObservations(board=left.board, photos=left.photos + right.photos)
     with pytest.raises(GeometryError, match=r"left01\.jpg to left14\.jpg \(13 photos\)") as refused:
@@ -117,7 +118,7 @@ def held_in_two_ways(seed, bow):
     )
 
 
-def test_a_bent_board_is_no_second_camera_however_it_was_held():
+def test_a_bent_board_is_no_second_camera_however_it_was_held() -> None:
     found = held_in_two_ways(7, np.random.default_rng(7).normal(0, 0.1, 2))
 
     assert found.effect.probability < 0.01
@@ -126,7 +127,7 @@ def test_a_bent_board_is_no_second_camera_however_it_was_held():
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_a_rolling_shutter_is_no_second_camera(seed):
+def test_a_rolling_shutter_is_no_second_camera(seed) -> None:
     scene = scenes.make_scene(seed, photos=14)
     drift = np.random.default_rng(seed).normal(0, 3, (14, 2))
     photos = tuple(
@@ -142,12 +143,12 @@ def test_a_rolling_shutter_is_no_second_camera(seed):
     assert refuse_two_cameras(found) == ()
 
 
-def test_photos_that_agree_are_not_searched(monkeypatch):
+def test_photos_that_agree_are_not_searched(monkeypatch: pytest.MonkeyPatch) -> None:
     found = joined(scenes.make_scene(7, photos=10))
     monkeypatch.setattr(two_cameras, "best_split", None)
 
     assert refuse_two_cameras(found) == ()
 
 
-def test_too_few_photos_are_not_split():
+def test_too_few_photos_are_not_split() -> None:
     assert best_split(joined(scenes.make_scene(8, photos=5)).fit) is None

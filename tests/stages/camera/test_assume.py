@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ def sigma_of(camera):
     return np.sqrt(np.diag(camera.covariance))
 
 
-def test_the_makers_calibration_projects_by_the_makers_formula():
+def test_the_makers_calibration_projects_by_the_makers_formula() -> None:
     """Mavic 3M Image Processing Guide, page 9: [fx 0 W/2+cx; 0 fy H/2+cy], OpenCV's order."""
     camera, messages = assume(dewarp=DEWARP, size=(5472, 3648), make="DJI", model="FC6310R")
     fx, fy, cx, cy, k1, k2, p1, p2, k3 = DEWARP
@@ -47,21 +48,21 @@ def test_the_makers_calibration_projects_by_the_makers_formula():
     assert sigma_of(camera)[0] / fx == pytest.approx(0.005)
 
 
-def test_twelve_parameters_of_the_maker_are_kept():
+def test_twelve_parameters_of_the_maker_are_kept() -> None:
     camera, _ = assume(dewarp=(*DEWARP, 0.1, 0.2, 0.3))
 
     np.testing.assert_array_equal(camera.parameters[9:], [0.1, 0.2, 0.3])
     assert camera.covariance.shape == (12, 12)
 
 
-def test_a_photo_without_its_distortion_has_none():
+def test_a_photo_without_its_distortion_has_none() -> None:
     camera, messages = assume(dewarp=DEWARP, dewarped=True)
 
     assert not camera.parameters[4:].any()
     assert "taken out already" in messages[0].text
 
 
-def test_the_table_gives_the_focal_length_of_a_whole_frame():
+def test_the_table_gives_the_focal_length_of_a_whole_frame() -> None:
     camera, messages = assume(make="DJI", model="FC220", focal_mm=4.73, focal_step_mm=0.01)
 
     # 4.73 mm over a pixel of 6.32692 / 4000 mm
@@ -72,7 +73,7 @@ def test_the_table_gives_the_focal_length_of_a_whole_frame():
     assert [m.code for m in messages] == ["camera-assumed"]
 
 
-def test_a_smaller_photo_of_the_whole_frame_has_larger_pixels():
+def test_a_smaller_photo_of_the_whole_frame_has_larger_pixels() -> None:
     whole, _ = assume(make="DJI", model="FC220", focal_mm=4.73)
     half, _ = assume(make="DJI", model="FC220", focal_mm=4.73, size=(2000, 1500))
 
@@ -80,7 +81,7 @@ def test_a_smaller_photo_of_the_whole_frame_has_larger_pixels():
     np.testing.assert_allclose(half.parameters[2:4], [999.5, 749.5])
 
 
-def test_a_coarsely_rounded_focal_length_is_known_less_well():
+def test_a_coarsely_rounded_focal_length_is_known_less_well() -> None:
     fine, _ = assume(make="DJI", model="FC220", focal_mm=5.0, focal_step_mm=0.01)
     coarse, _ = assume(make="DJI", model="FC220", focal_mm=5.0, focal_step_mm=1.0)
     share = sigma_of(coarse)[0] / coarse.parameters[0]
@@ -89,7 +90,7 @@ def test_a_coarsely_rounded_focal_length_is_known_less_well():
     assert sigma_of(fine)[0] < sigma_of(coarse)[0]
 
 
-def test_of_two_cameras_of_one_name_the_nearer_in_size_is_taken():
+def test_of_two_cameras_of_one_name_the_nearer_in_size_is_taken() -> None:
     colour, _ = assume(make="autel robotics", model="XT709", focal_mm=25.6, size=(8000, 6000))
     thermal, _ = assume(make="Autel Robotics", model="XT709", focal_mm=13.0, size=(640, 512))
 
@@ -97,7 +98,7 @@ def test_of_two_cameras_of_one_name_the_nearer_in_size_is_taken():
     assert thermal.parameters[0] == pytest.approx(13.0 / 0.012)
 
 
-def test_a_distortion_that_folds_back_in_the_image_is_not_believed():
+def test_a_distortion_that_folds_back_in_the_image_is_not_believed() -> None:
     # a tele lens (k1 k2 k3 = -0.25 1.8 -6.4) with the focal length of a wide one
     camera, messages = assume(make="DJI", model="FC4382", focal_mm=5.0, size=(4032, 3024))
 
@@ -106,7 +107,7 @@ def test_a_distortion_that_folds_back_in_the_image_is_not_believed():
     assert sigma_of(camera)[4] == assumed_errors.RADIAL_UNKNOWN[0]
 
 
-def test_an_unknown_camera_has_its_35_mm_equivalent():
+def test_an_unknown_camera_has_its_35_mm_equivalent() -> None:
     camera, messages = assume(make="ACME", model="Eye 1", focal_35mm_mm=43.2666, size=(3600, 2400))
 
     # the diagonal of the frame is that focal length
@@ -115,7 +116,7 @@ def test_an_unknown_camera_has_its_35_mm_equivalent():
 
 
 @pytest.mark.parametrize("size", [(4000, 2250), (2250, 4000)])
-def test_a_strip_of_a_sensor_is_known_less_well(size):
+def test_a_strip_of_a_sensor_is_known_less_well(size) -> None:
     camera, messages = assume(focal_35mm_mm=20.0, size=size)
 
     # a strip of 4000 x 3000: 20 mm over 43.27 mm, times 5000 px
@@ -133,13 +134,13 @@ def test_a_strip_of_a_sensor_is_known_less_well(size):
         ({"make": "DJI", "model": "FC220", "focal_mm": 4.7, "digital_zoom": 2}, "digital zoom"),
     ],
 )
-def test_what_nothing_is_known_of_is_refused_with_the_way_out(tags, words):
+def test_what_nothing_is_known_of_is_refused_with_the_way_out(tags, words) -> None:
     with pytest.raises(InputError, match=rf"photo\.jpg: .*{words}.*uavgram calibrate") as refused:
         assume(**tags)
     assert ("camera: unknown" in str(refused.value)) == ("fisheye" not in words)
 
 
-def test_of_an_unknown_camera_the_focal_length_is_as_those_of_drones_are():
+def test_of_an_unknown_camera_the_focal_length_is_as_those_of_drones_are() -> None:
     camera, messages = assume(may_be_unknown=True)
     equivalents = np.array([*assumed_errors.ORDINARY_EQUIVALENTS_MM.values()])
     share = sigma_of(camera)[:2] / camera.parameters[:2]
@@ -162,7 +163,7 @@ def test_of_an_unknown_camera_the_focal_length_is_as_those_of_drones_are():
     assert "`uavgram calibrate`" in message.text
 
 
-def test_what_an_ordinary_camera_is_comes_from_cameras_of_the_table():
+def test_what_an_ordinary_camera_is_comes_from_cameras_of_the_table() -> None:
     table = {camera.make_model: camera for camera in drone_cameras() if not camera.is_thermal}
     lens_mm = {"djiFC550": 15, "djiZP1": 35, "djiFC6540": 24, "djiXT2": 8}
     for name, equivalent in assumed_errors.ORDINARY_EQUIVALENTS_MM.items():
@@ -174,7 +175,7 @@ def test_what_an_ordinary_camera_is_comes_from_cameras_of_the_table():
             assert equivalent == pytest.approx(exact, abs=0.05)
 
 
-def test_the_said_corner_error_is_that_of_the_assumed_distortion():
+def test_the_said_corner_error_is_that_of_the_assumed_distortion() -> None:
     camera, messages = assume(may_be_unknown=True)
     corner = np.array([[2000.0, 1500.0, camera.parameters[0]]])
     middle = camera.parameters[2:4]
@@ -190,8 +191,8 @@ def test_the_said_corner_error_is_that_of_the_assumed_distortion():
 
 
 def test_calibrations_of_cameras_that_say_nothing_lie_within_two_sigmas_of_an_ordinary_one(
-    data_dir,
-):
+    data_dir: Path,
+) -> None:
     """Two of video frames, one of a strip of a sensor, one of a whole frame."""
     duck = json.loads((data_dir / "cirn_duck" / "control.json").read_text())["camera"]
     beach = json.loads((data_dir / "narrabeen_mavic" / "control.json").read_text())["camera"]
@@ -207,7 +208,7 @@ def test_calibrations_of_cameras_that_say_nothing_lie_within_two_sigmas_of_an_or
         assert abs(focal - camera.parameters[0]) < 2 * sigma_of(camera)[0]
 
 
-def test_digital_zoom_makes_an_unknown_camera_so_much_longer():
+def test_digital_zoom_makes_an_unknown_camera_so_much_longer() -> None:
     plain, _ = assume(may_be_unknown=True)
     zoomed, messages = assume(may_be_unknown=True, digital_zoom=2.0, focal_35mm_mm=24.0)
 
@@ -216,7 +217,7 @@ def test_digital_zoom_makes_an_unknown_camera_so_much_longer():
     assert "was taken with digital zoom (2 times)" in messages[0].text
 
 
-def test_a_better_source_is_used_though_the_camera_may_be_unknown():
+def test_a_better_source_is_used_though_the_camera_may_be_unknown() -> None:
     known, _ = assume(make="DJI", model="FC220", focal_mm=4.73)
     same, messages = assume(may_be_unknown=True, make="DJI", model="FC220", focal_mm=4.73)
 
@@ -227,12 +228,12 @@ def test_a_better_source_is_used_though_the_camera_may_be_unknown():
 
 @pytest.mark.parametrize("more", [{"digital_zoom": 2.0}, {"focal_35mm_mm": 24.0}, {}])
 @pytest.mark.parametrize("may_be_unknown", [False, True])
-def test_a_fisheye_is_never_taken_for_a_perspective_lens(may_be_unknown, more):
+def test_a_fisheye_is_never_taken_for_a_perspective_lens(may_be_unknown, more) -> None:
     with pytest.raises(InputError, match=r"fisheye lens \(parrot BEBOP 2\).*uavgram calibrate"):
         assume(may_be_unknown=may_be_unknown, make="parrot", model="BEBOP 2", **more)
 
 
-def test_assumed_sigmas_hold_for_calibrations_that_were_really_made(data_dir):
+def test_assumed_sigmas_hold_for_calibrations_that_were_really_made(data_dir: Path) -> None:
     """The evidence that model/camera/assumed_errors.py names, from the files themselves."""
     shares, offsets = [], []
     for folder, photo in (
@@ -256,7 +257,7 @@ def test_assumed_sigmas_hold_for_calibrations_that_were_really_made(data_dir):
     assert np.sqrt(np.mean(np.square(offsets))) < 1.2 * assumed_errors.CENTRE_OF_A_STRIP
 
 
-def test_assumed_focal_lengths_go_together_as_far_as_pixels_are_square():
+def test_assumed_focal_lengths_go_together_as_far_as_pixels_are_square() -> None:
     parameters = np.array([2000.0, 2000, 1000, 700, 0, 0, 0, 0, 0])
     covariance = assumed_covariance(
         "brown", parameters, 2000, AssumedErrors(focal=0.02, centre=0.01)
@@ -275,7 +276,7 @@ PER_MM = (3849.211789 / 25.4, 3908.141962 / 25.4)
 
 
 @pytest.mark.parametrize("size", [(5616, 3744), (3744, 5616), (2808, 1872), (1024, 683)])
-def test_the_sensors_resolution_gives_the_focal_length_of_photos_of_any_size(size):
+def test_the_sensors_resolution_gives_the_focal_length_of_photos_of_any_size(size) -> None:
     """Canon's specification: a sensor of 35.8 mm."""
     original = (5616.0, 3744.0) if size[0] > size[1] else (3744.0, 5616.0)
     camera, messages = assume(size=size, focal_plane_per_mm=PER_MM, original_px=original, **CANON)
@@ -289,14 +290,14 @@ def test_the_sensors_resolution_gives_the_focal_length_of_photos_of_any_size(siz
     assert "FocalPlaneXResolution in EXIF with 50 mm" in messages[0].text
 
 
-def test_the_sensors_resolution_goes_before_the_35_mm_equivalent():
+def test_the_sensors_resolution_goes_before_the_35_mm_equivalent() -> None:
     stated = {"focal_plane_per_mm": (100.0, 100.0), "original_px": (3600.0, 2400.0)}
     camera, _ = assume(focal_mm=36.0, focal_35mm_mm=38.0, size=(3600, 2400), **stated)
 
     assert camera.parameters[0] == pytest.approx(3600.0)
 
 
-def test_the_sensors_resolution_keeps_the_tables_distortion():
+def test_the_sensors_resolution_keeps_the_tables_distortion() -> None:
     stated = {"focal_plane_per_mm": (640.0, 640.0), "original_px": (4000.0, 3000.0)}
     camera, messages = assume(make="DJI", model="FC220", focal_mm=4.73, **stated)
 
@@ -305,7 +306,7 @@ def test_the_sensors_resolution_keeps_the_tables_distortion():
     assert "the distortion of the table of drone cameras" in messages[0].text
 
 
-def test_a_copy_whose_exif_calls_its_own_size_the_originals_is_told_by_the_equivalent():
+def test_a_copy_whose_exif_calls_its_own_size_the_originals_is_told_by_the_equivalent() -> None:
     stated = {"focal_plane_per_mm": PER_MM, "original_px": (1404.0, 936.0)}
     camera, messages = assume(size=(1404, 936), focal_35mm_mm=50.0, **stated, **CANON)
 
@@ -323,7 +324,7 @@ def test_a_copy_whose_exif_calls_its_own_size_the_originals_is_told_by_the_equiv
         {"digital_zoom": 2.0},
     ],
 )
-def test_a_resolution_that_does_not_fit_the_photo_is_not_used(stated):
+def test_a_resolution_that_does_not_fit_the_photo_is_not_used(stated) -> None:
     given = {"focal_plane_per_mm": PER_MM, "original_px": (5616.0, 3744.0), **CANON, **stated}
     with pytest.raises(InputError):
         assume(size=(5616, 3744), **given)

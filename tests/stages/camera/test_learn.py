@@ -30,7 +30,7 @@ def changed(at, by, array):
     return array
 
 
-def test_what_was_learnt_is_told_by_its_sigmas_and_its_shift():
+def test_what_was_learnt_is_told_by_its_sigmas_and_its_shift() -> None:
     camera = learnt(changed(0, 2340.0, VALUE), changed(0, 10.0, PRIOR))
     (message,) = what_was_learnt(camera)
 
@@ -41,26 +41,26 @@ def test_what_was_learnt_is_told_by_its_sigmas_and_its_shift():
     assert "fy cx cy k1 k2 p1 p2 cannot be learnt" in message.text
 
 
-def test_a_parameter_that_the_calibration_holds_fixed_is_neither():
+def test_a_parameter_that_the_calibration_holds_fixed_is_neither() -> None:
     camera = learnt()
 
     assert np.isnan([camera.ratio[8], camera.shift[8]]).all()
     assert "k3" not in what_was_learnt(camera)[0].text
 
 
-def test_where_nothing_was_learnt_it_says_so():
+def test_where_nothing_was_learnt_it_says_so() -> None:
     (message,) = what_was_learnt(learnt(sigma=0.95 * PRIOR))
 
     assert message.code == "camera-not-learnt"
     assert "say nothing new of the camera" in message.text
 
 
-def test_a_fixed_camera_needs_no_words():
+def test_a_fixed_camera_needs_no_words() -> None:
     assert what_was_learnt(learnt(prior=np.zeros(9), sigma=np.zeros(9))) == ()
 
 
 @pytest.mark.parametrize(("shift_px", "count"), [(119.0, 1), (121.0, 2), (-121.0, 2)])
-def test_a_survey_that_contradicts_its_calibration_is_a_warning(shift_px, count):
+def test_a_survey_that_contradicts_its_calibration_is_a_warning(shift_px, count) -> None:
     messages = what_was_learnt(learnt(changed(0, 2300 + shift_px, VALUE), changed(0, 10.0, PRIOR)))
 
     assert len(messages) == count
@@ -69,7 +69,7 @@ def test_a_survey_that_contradicts_its_calibration_is_a_warning(shift_px, count)
         assert f"fx by {shift_px / 40:+.1f}" in messages[1].text
 
 
-def test_a_camera_that_was_only_assumed_is_not_called_a_calibration():
+def test_a_camera_that_was_only_assumed_is_not_called_a_calibration() -> None:
     camera = learnt(changed(0, 2300 + 121.0, VALUE), changed(0, 10.0, PRIOR))
     refined, contradicted = what_was_learnt(camera, is_assumed=True)
 

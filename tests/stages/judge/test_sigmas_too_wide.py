@@ -13,7 +13,7 @@ def messages_of(noise):
     return judge_groups(refined.adjustment, 0.001)[1]
 
 
-def test_sigmas_far_too_wide_are_told():
+def test_sigmas_far_too_wide_are_told() -> None:
     (message,) = messages_of(noise=0.4)
 
     assert message.code == "sigmas-too-wide"
@@ -22,5 +22,5 @@ def test_sigmas_far_too_wide_are_told():
     assert "far too wide" in message.text
 
 
-def test_sigmas_as_they_are_say_nothing():
+def test_sigmas_as_they_are_say_nothing() -> None:
     assert messages_of(noise=1.0) == ()

@@ -39,7 +39,7 @@ def tags_of(rotation, covariance=None):
         ((0, 0.6, -0.8), (0, 0.8, 0.6), (0, np.degrees(np.arcsin(0.6)), 0), (0, None, 0)),
     ],
 )
-def test_angles_follow_the_documented_examples(forward, up, nadir_deg, gimbal_deg):
+def test_angles_follow_the_documented_examples(forward, up, nadir_deg, gimbal_deg) -> None:
     tags = tags_of(looking(forward, up))
     expected = [np.degrees(-np.arcsin(0.8)) if a is None else a for a in gimbal_deg]
 
@@ -47,7 +47,7 @@ def test_angles_follow_the_documented_examples(forward, up, nadir_deg, gimbal_de
     np.testing.assert_allclose(np.degrees(tags.gimbal_ypr_rad[0]), expected, atol=1e-9)
 
 
-def test_both_conventions_mean_one_rotation():
+def test_both_conventions_mean_one_rotation() -> None:
     rotation = Rotation.random(random_state=4).as_matrix()
     tags = tags_of(rotation)
     ned = Rotation.from_euler("ZYX", tags.gimbal_ypr_rad[0]).as_matrix()
@@ -59,7 +59,7 @@ def test_both_conventions_mean_one_rotation():
     np.testing.assert_allclose(enu_from_ned @ body[:, 0], -rotation[:, 1], atol=1e-12)
 
 
-def test_accuracies_are_the_larger_horizontal_axis_and_the_height():
+def test_accuracies_are_the_larger_horizontal_axis_and_the_height() -> None:
     covariance = np.eye(6)
     covariance[:2, :2] = [[5.0, 4.0], [4.0, 5.0]]  # axes 3 and 1
     covariance[2, 2] = 4.0
@@ -69,7 +69,7 @@ def test_accuracies_are_the_larger_horizontal_axis_and_the_height():
     assert tags.sigma_vertical_m[0] == pytest.approx(2.0)
 
 
-def test_the_place_is_that_of_the_projection_centre_in_the_worlds_datum():
+def test_the_place_is_that_of_the_projection_centre_in_the_worlds_datum() -> None:
     tags = tags_of(np.eye(3))
     latitude, longitude, height = geodetic_from_enu(
         np.array([[10.0, 20.0, 50.0]]), (-33.7, 151.3, 2.0)
@@ -80,7 +80,7 @@ def test_the_place_is_that_of_the_projection_centre_in_the_worlds_datum():
     assert tags.datum == "msl"
 
 
-def test_a_survey_without_place_has_nothing_to_hand_over():
+def test_a_survey_without_place_has_nothing_to_hand_over() -> None:
     nowhere = World(origin=None, height_datum="msl", gauge="plane")
     poses = Poses(
         frame_id=("a",),

@@ -40,23 +40,23 @@ def without(view, row):
     return replace(view.result, frames=replace(view.result.frames, refined=table, status=status))
 
 
-def test_all_adjusted_frames_are_taken_or_the_one_that_is_named(three):
+def test_all_adjusted_frames_are_taken_or_the_one_that_is_named(three) -> None:
     assert choose_view(three.result).frame_id == ("0.png", "1.png", "2.png")
     assert choose_view(three.result, "1.png").frame_id == ("1.png",)
     assert choose_view(without(three, 1)).frame_id == ("0.png", "2.png")
 
 
-def test_an_unknown_frame_is_named_with_the_one_that_was_meant(three):
+def test_an_unknown_frame_is_named_with_the_one_that_was_meant(three) -> None:
     with pytest.raises(GeometryError, match=r"'1\.pgn'.*did you mean '1\.png'"):
         choose_view(three.result, "1.pgn")
 
 
-def test_a_frame_without_a_pose_says_what_to_do(three):
+def test_a_frame_without_a_pose_says_what_to_do(three) -> None:
     with pytest.raises(GeometryError, match=r"'1\.png' has no adjusted pose: pick points in it"):
         choose_view(without(three, 1), "1.png")
 
 
-def test_without_any_pose_there_is_nothing_to_rectify():
+def test_without_any_pose_there_is_nothing_to_rectify() -> None:
     view = make_view([[0, 0, 30.0]], [looking()])
     with pytest.raises(GeometryError, match="nothing to rectify"):
         choose_view(without(view, 0))
@@ -80,7 +80,7 @@ def ground_of_border(view, index):
     return (center - ray * (center[2] / ray[:, 2:]))[:, :2]
 
 
-def test_the_raster_covers_what_the_photos_show_and_no_more(three):
+def test_the_raster_covers_what_the_photos_show_and_no_more(three) -> None:
     raster = lay_raster(three, 0.1)
     border = np.concatenate([ground_of_border(three, k) for k in range(3)])
     low, high = border.min(axis=0), border.max(axis=0)
@@ -94,7 +94,7 @@ def test_the_raster_covers_what_the_photos_show_and_no_more(three):
     assert west / 0.1 == pytest.approx(round(west / 0.1), abs=1e-6)  # pixels on round coordinates
 
 
-def test_the_size_of_a_pixel_is_that_of_the_photos_to_two_digits(three):
+def test_the_size_of_a_pixel_is_that_of_the_photos_to_two_digits(three) -> None:
     exact = 40.0 / np.sqrt(BROWN[0] * BROWN[1])
     assert photo_pixels_m(three) == pytest.approx(exact, rel=0.02)
     size = lay_raster(three).pixel_m
@@ -102,7 +102,7 @@ def test_the_size_of_a_pixel_is_that_of_the_photos_to_two_digits(three):
     assert float(f"{size:.2g}") == size
 
 
-def test_an_oblique_photo_reaches_as_far_as_rays_are_steep():
+def test_an_oblique_photo_reaches_as_far_as_rays_are_steep() -> None:
     view = make_view([[0, 0, 20.0]], [looking(70)])  # the horizon is in it
     raster = lay_raster(view, 0.1)
 
@@ -113,7 +113,7 @@ def test_an_oblique_photo_reaches_as_far_as_rays_are_steep():
     assert width < 2 * far
 
 
-def test_a_coarse_raster_reduces_the_photos_and_a_fine_one_does_not(three):
+def test_a_coarse_raster_reduces_the_photos_and_a_fine_one_does_not(three) -> None:
     ground = 40.0 / 620.0
 
     def of(size):
@@ -126,7 +126,7 @@ def test_a_coarse_raster_reduces_the_photos_and_a_fine_one_does_not(three):
 
 
 @pytest.mark.parametrize("size", [1e-9, 1e-300, 4e-4])
-def test_too_many_pixels_are_refused_with_a_size_that_works(three, size):
+def test_too_many_pixels_are_refused_with_a_size_that_works(three, size) -> None:
     with pytest.raises(GeometryError, match=r"too many.*--pixel-size (\S+) or more") as told:
         lay_raster(three, size)
     wanted = float(str(told.value).split("--pixel-size ")[1].split()[0])
@@ -134,19 +134,19 @@ def test_too_many_pixels_are_refused_with_a_size_that_works(three, size):
 
 
 @pytest.mark.parametrize("size", [30.0, 1e6, 1e300])
-def test_pixels_larger_than_what_is_shown_are_refused_with_a_size_that_works(three, size):
+def test_pixels_larger_than_what_is_shown_are_refused_with_a_size_that_works(three, size) -> None:
     with pytest.raises(GeometryError, match=r"too large.*--pixel-size (\S+) or less") as told:
         lay_raster(three, size)
     wanted = float(str(told.value).split("--pixel-size ")[1].split()[0])
     assert lay_raster(three, 0.9 * wanted).width >= 16
 
 
-def test_photos_of_the_sky_are_refused():
+def test_photos_of_the_sky_are_refused() -> None:
     with pytest.raises(GeometryError, match="looks down at the ground"):
         lay_raster(make_view([[0, 0, 30.0]], [looking(150)]))
 
 
-def test_where_no_middle_lies_on_the_ground_the_size_must_be_stated():
+def test_where_no_middle_lies_on_the_ground_the_size_must_be_stated() -> None:
     view = make_view([[0, 0, 30.0]], [looking(95)])
     with pytest.raises(GeometryError, match="--pixel-size"):
         lay_raster(view)
@@ -154,7 +154,7 @@ def test_where_no_middle_lies_on_the_ground_the_size_must_be_stated():
 
 
 @pytest.mark.parametrize("crs", [None, UTM])
-def test_boxes_hold_every_place_that_a_photo_shows(crs):
+def test_boxes_hold_every_place_that_a_photo_shows(crs) -> None:
     view = make_view([[-10.0, 0, 40.0], [12, 3, 30.0]], [looking(20, 50), looking()], crs=crs)
     raster = lay_raster(view, 0.25)
     reach = boxes(view, raster)
@@ -173,7 +173,7 @@ def test_boxes_hold_every_place_that_a_photo_shows(crs):
         assert columns.max() - columns.min() > 0.9 * (reach[k, 2] - reach[k, 0]) - 3
 
 
-def test_a_photo_that_shows_no_ground_has_no_box():
+def test_a_photo_that_shows_no_ground_has_no_box() -> None:
     view = make_view([[0, 0, 30.0], [0, 0, 30.0]], [looking(), looking(150)])
     raster = GroundRaster(west_m=-5, north_m=5, pixel_m=0.1, width=100, height=100, crs=None)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ TOO_WIDE = 22.0 / 25.9
 
 
 @pytest.fixture(scope="module")
-def strip(data_dir):
+def strip(data_dir: Path):
     """``strip(share)``: a twin's photos without their log, the focal length that far off."""
     inputs = read_inputs(data_dir / "wind_oblique" / "project.yaml")
     size = {"width_px": 3000, "height_px": 2250}
@@ -52,7 +53,7 @@ def adjusted(survey):
 
 
 @pytest.mark.parametrize("share", [TOO_WIDE, 24.0 / 25.9, 1.2])
-def test_a_wrong_focal_length_leads_to_the_same_minimum(strip, share):
+def test_a_wrong_focal_length_leads_to_the_same_minimum(strip, share) -> None:
     right, other = adjusted(strip()), adjusted(strip(share))
 
     assert right.converged
@@ -61,7 +62,7 @@ def test_a_wrong_focal_length_leads_to_the_same_minimum(strip, share):
     assert other.cost == pytest.approx(right.cost, abs=4)
 
 
-def test_without_soft_picks_first_it_would_not(strip, monkeypatch):
+def test_without_soft_picks_first_it_would_not(strip, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(poor_camera, "SOFTER", ())
     lost = adjusted(strip(TOO_WIDE))
 
@@ -71,7 +72,7 @@ def test_without_soft_picks_first_it_would_not(strip, monkeypatch):
 
 def test_a_camera_that_is_known_or_a_log_leaves_first_values_and_iterations_as_they_are(
     scene_factory,
-):
+) -> None:
     scene = scene_factory(1)
     used = np.ones(len(scene.survey.line_start), bool)
     no_log = scene_factory(1, telemetry=False, gauge="plane")

@@ -21,7 +21,7 @@ def adjusted(scene):
 
 
 @pytest.mark.parametrize(("seed", "pitch_deg"), [(3, -90.0), (4, -90.0), (2, -45.0), (4, -45.0)])
-def test_every_photo_stays_in_and_finds_its_heading(seed, pitch_deg):
+def test_every_photo_stays_in_and_finds_its_heading(seed, pitch_deg) -> None:
     scene = place_only(seed, frames=5, labels=11, pitch_deg=pitch_deg)
     refined, messages = adjusted(scene)
 
@@ -32,7 +32,7 @@ def test_every_photo_stays_in_and_finds_its_heading(seed, pitch_deg):
     assert not [m for m in messages if m.level == "warning"]
 
 
-def test_iterations_alone_do_not_find_back_from_half_a_turn():
+def test_iterations_alone_do_not_find_back_from_half_a_turn() -> None:
     scene = place_only(3, frames=5, labels=11)
     refined, _ = refine(scene.survey, SolveOptions())
 
@@ -40,7 +40,7 @@ def test_iterations_alone_do_not_find_back_from_half_a_turn():
     assert np.abs(scene.pose_errors(refined.adjustment)).max() > 3.0
 
 
-def test_stated_yaw_sigmas_of_120_degrees_have_their_effect():
+def test_stated_yaw_sigmas_of_120_degrees_have_their_effect() -> None:
     scene = place_only(1, frames=5, labels=11, attitude_sigma_deg=(6.0, 120.0))
     refined, _ = adjusted(scene)
 
@@ -48,7 +48,7 @@ def test_stated_yaw_sigmas_of_120_degrees_have_their_effect():
     assert np.abs(scene.pose_errors(refined.adjustment)).max() < 3.0
 
 
-def test_a_wrong_label_does_not_turn_a_photo():
+def test_a_wrong_label_does_not_turn_a_photo() -> None:
     scene = place_only(2, frames=5, labels=11)
     survey = scene.survey
     mine = np.flatnonzero(survey.pick_frame == 2)[:2]
@@ -59,7 +59,7 @@ def test_a_wrong_label_does_not_turn_a_photo():
     assert off_deg(turned, scene).max() < 30.0
 
 
-def test_a_course_that_the_picks_contradict_counts_as_unknown():
+def test_a_course_that_the_picks_contradict_counts_as_unknown() -> None:
     scene = place_only(0, frames=5, labels=11)
     survey = scene.survey
     track = survey.track
@@ -86,7 +86,7 @@ def test_a_course_that_the_picks_contradict_counts_as_unknown():
     assert np.abs(scene.pose_errors(refined.adjustment)).max() < 3.0
 
 
-def test_a_photo_without_neighbour_or_attitude_is_placed_by_its_picks():
+def test_a_photo_without_neighbour_or_attitude_is_placed_by_its_picks() -> None:
     scene = place_only(1, frames=5, labels=11)
     survey = scene.survey
     track = survey.track
@@ -109,13 +109,13 @@ def test_a_photo_without_neighbour_or_attitude_is_placed_by_its_picks():
     assert off_deg(turned, scene)[4] < 30.0
 
 
-def test_a_flight_log_is_left_as_it_is():
+def test_a_flight_log_is_left_as_it_is() -> None:
     survey = make_scene(3, frames=2).survey
 
     assert find_headings(survey) == (survey, ())
 
 
-def test_pose_errors_follow_their_sigmas():
+def test_pose_errors_follow_their_sigmas() -> None:
     # heights and tilts: positions in the plane and the heading hang on biases common to a survey
     errors = np.array([tilts(place_only(k, frames=4, labels=9)) for k in range(10, 13)])
 

@@ -32,7 +32,7 @@ def mounted(survey, axis, degrees):
 )
 def test_a_mount_that_is_turned_is_named_with_the_turn_that_mends_it(
     scene_factory, axis, degrees, said
-):
+) -> None:
     message = turned_mount(mounted(scene_factory(4, frames=5).survey, axis, degrees))
     assert message is not None
     assert message.code == "mount-turned"
@@ -40,12 +40,12 @@ def test_a_mount_that_is_turned_is_named_with_the_turn_that_mends_it(
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_a_mount_that_is_right_up_to_its_errors_is_not_accused(scene_factory, seed):
+def test_a_mount_that_is_right_up_to_its_errors_is_not_accused(scene_factory, seed) -> None:
     assert turned_mount(scene_factory(seed, frames=1 + seed % 6).survey) is None
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.8])
-def test_photos_from_one_place_or_one_photo_alone_accuse_nobody(scene_factory, tilt):
+def test_photos_from_one_place_or_one_photo_alone_accuse_nobody(scene_factory, tilt) -> None:
     survey = scene_factory(3, frames=4, tilt=tilt).survey
     still = np.tile(survey.seeds.center_world_m[:1], (4, 1))
     turned = np.tile(survey.seeds.world_from_camera[:1], (4, 1, 1))

@@ -31,7 +31,7 @@ MOUNTS = {
 
 
 @pytest.mark.parametrize(("angles", "axis", "up", "right"), MOUNTS.values(), ids=MOUNTS)
-def test_a_fixed_camera_looks_where_the_contract_says(angles, axis, up, right):
+def test_a_fixed_camera_looks_where_the_contract_says(angles, axis, up, right) -> None:
     yaw, pitch, roll = angles
     mount = MountOptions(yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll)
     body_from_camera = nominal_mount(mount, gimbal=False)
@@ -40,7 +40,7 @@ def test_a_fixed_camera_looks_where_the_contract_says(angles, axis, up, right):
     np.testing.assert_allclose(body_from_camera @ [1, 0, 0], right, atol=1e-15)
 
 
-def test_with_a_gimbal_its_x_is_the_optical_axis_and_the_mounts_angles_mean_nothing():
+def test_with_a_gimbal_its_x_is_the_optical_axis_and_the_mounts_angles_mean_nothing() -> None:
     mount = MountOptions(yaw_deg=33, pitch_deg=-12, roll_deg=5)
     gimbal_from_camera = nominal_mount(mount, gimbal=True)
     np.testing.assert_allclose(gimbal_from_camera @ [0, 0, 1], [1, 0, 0])
@@ -122,7 +122,7 @@ QUIET_MOUNT = {
 
 
 @pytest.mark.parametrize("gimbal", [False, True])
-def test_seeds_equal_those_of_scipy_and_leave_out_what_is_unmatched(gimbal):
+def test_seeds_equal_those_of_scipy_and_leave_out_what_is_unmatched(gimbal) -> None:
     mount, flight = MountOptions(**QUIET_MOUNT), track(gimbal=gimbal)
     seeds = seed(frames(), flight, mount, TelemetryOptions(**QUIET))
     center, rotation = truth(flight, mount, np.array([0.7, 2.2, 3.4]))
@@ -141,7 +141,7 @@ def deviations(seeds, index, center, rotation):
     )
 
 
-def assert_covariance(sampled, expected):
+def assert_covariance(sampled, expected) -> None:
     """Every element within 5.5 standard deviations of a sampled covariance (Wishart)."""
     found = sampled.T @ sampled / len(sampled)
     sigma = np.sqrt(np.diag(expected))
@@ -153,7 +153,7 @@ def assert_covariance(sampled, expected):
 SIGMA_DEG, SIGMA_M, SIGMA_S, SIGMA_DRIFT = 0.3, 0.05, 0.02, 0.1
 
 
-def draws(source, rng):
+def draws(source, rng: np.random.Generator):
     """Options with that source on, and its draws as arguments of ``truth`` (or of the time)."""
     telemetry, mount, stamps, names = dict(QUIET), dict(QUIET_MOUNT), {}, {}
     normal = rng.normal(size=(DRAWS, 3))
@@ -183,7 +183,7 @@ SHARED = ("boresight", "lever arm", "position bias", "heading bias", "clock", "c
 
 @pytest.mark.parametrize("gimbal", [False, True])
 @pytest.mark.parametrize("source", [*SHARED, "own time"])
-def test_the_marginal_is_that_of_draws_of_one_source(source, gimbal):
+def test_the_marginal_is_that_of_draws_of_one_source(source, gimbal) -> None:
     telemetry, mount, stamps, values = draws(source, np.random.default_rng(3))
     flight = track(gimbal=gimbal)
     seeds = seed(stamps, flight, mount, telemetry)
@@ -206,7 +206,7 @@ def test_the_marginal_is_that_of_draws_of_one_source(source, gimbal):
         assert np.abs(own).max() < 1e-6 * np.abs(seeds.poses.covariance[index]).max()
 
 
-def test_the_logs_position_sigma_is_horizontal_and_vertical():
+def test_the_logs_position_sigma_is_horizontal_and_vertical() -> None:
     seeds = seed(
         frames(),
         track(gimbal=False, position=0.5),
@@ -218,7 +218,7 @@ def test_the_logs_position_sigma_is_horizontal_and_vertical():
     np.testing.assert_allclose(seeds.poses.covariance[0][:3, :3], expected, atol=1e-9)
 
 
-def test_the_logs_attitude_sigma_is_that_of_drawn_roll_pitch_and_yaw():
+def test_the_logs_attitude_sigma_is_that_of_drawn_roll_pitch_and_yaw() -> None:
     # Roll and pitch stay small, as they do in flight: their axes are taken as horizontal.
     sigma = np.deg2rad(SIGMA_DEG)
     mount = MountOptions(**(QUIET_MOUNT | {"lever_arm_m": (4.0, -2.0, 3.0)}))
@@ -240,7 +240,7 @@ def test_the_logs_attitude_sigma_is_that_of_drawn_roll_pitch_and_yaw():
     assert_covariance(sampled, seeds.poses.covariance[1])
 
 
-def test_sigmas_follow_the_log_in_time_and_hold_beyond_its_ends():
+def test_sigmas_follow_the_log_in_time_and_hold_beyond_its_ends() -> None:
     flight = track(gimbal=False)
     varying = Track(
         **{
@@ -256,7 +256,7 @@ def test_sigmas_follow_the_log_in_time_and_hold_beyond_its_ends():
     np.testing.assert_allclose(sigma[:, 2], [2, 4, 6], rtol=1e-6)
 
 
-def test_the_prior_carries_what_the_adjustment_needs_in_its_own_units():
+def test_the_prior_carries_what_the_adjustment_needs_in_its_own_units() -> None:
     mount = MountOptions(boresight_sigma_deg=1.5, lever_arm_m=(1, 2, 3), lever_arm_sigma_m=0.2)
     telemetry = TelemetryOptions(position_bias_sigma_m=(2, 3), heading_bias_sigma_deg=4)
     prior = seed(frames(clock=0.7, drift=3e-5), track(gimbal=True), mount, telemetry).prior

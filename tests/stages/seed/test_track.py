@@ -1,6 +1,7 @@
 """Tracks in the local world: against simulated flights with truth, and conventions by hand."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -78,8 +79,8 @@ def track_of(tables, mount=None, telemetry=None):
     [("calm_nadir", 0.21, 0.25, 1.0), ("wind_oblique", 1.0, 1.8, 3.0)],
 )
 def test_the_twins_tracks_are_as_good_as_the_estimator(
-    data_dir, flight, kind, rms_m, most_m, yaw_deg
-):
+    data_dir: Path, flight, kind, rms_m, most_m, yaw_deg
+) -> None:
     truth = json.loads((data_dir / "truth" / f"{flight}.json").read_text())
     tables = read_flight_log(data_dir / flight / f"flight.{kind}").boots[0]
     clock, _ = fit_boot_clock(tables)
@@ -114,7 +115,7 @@ def test_the_twins_tracks_are_as_good_as_the_estimator(
     assert np.degrees(error).max() < yaw_deg
 
 
-def test_yaw_of_90_degrees_points_east():
+def test_yaw_of_90_degrees_points_east() -> None:
     track, _ = track_of(boot(yaw_deg=90))
     nose = Rotation.from_quat(track.world_from_body_xyzw).apply([1, 0, 0])
     np.testing.assert_allclose(nose, np.tile([1, 0, 0], (N, 1)), atol=1e-12)
@@ -122,20 +123,22 @@ def test_yaw_of_90_degrees_points_east():
     np.testing.assert_allclose(down, np.tile([0, 0, -1], (N, 1)), atol=1e-12)
 
 
-def test_positions_are_metres_above_the_origin():
+def test_positions_are_metres_above_the_origin() -> None:
     track, _ = track_of(boot())
     np.testing.assert_allclose(track.position_world_m, np.tile([0, 0, 60.0], (N, 1)), atol=1e-6)
     assert track.position_time_s[0] == 1.7e9 + 10
 
 
 @pytest.mark.parametrize(("frame", "axis_deg"), [("earth", 30.0), ("vehicle", 120.0)])
-def test_the_gimbals_yaw_is_turned_by_the_vehicles_only_where_it_is_the_vehicles(frame, axis_deg):
+def test_the_gimbals_yaw_is_turned_by_the_vehicles_only_where_it_is_the_vehicles(
+    frame, axis_deg
+) -> None:
     track, _ = track_of(boot(yaw_deg=90, gimbal=gimbal_of(frame, 30.0)))
     axis = Rotation.from_quat(track.world_from_gimbal_xyzw).apply([1, 0, 0])[0]
     assert np.degrees(np.arctan2(axis[0], axis[1])) == pytest.approx(axis_deg)
 
 
-def test_only_the_vehicles_yaw_turns_the_gimbal():
+def test_only_the_vehicles_yaw_turns_the_gimbal() -> None:
     tilted = Rotation.from_euler("ZYX", [90, 10, -20], degrees=True).as_quat()
     attitudes = AttitudeSamples(
         time_boot_s=TIME, ned_from_body_xyzw=np.tile(tilted, (N, 1)), source="ATT"
@@ -145,14 +148,14 @@ def test_only_the_vehicles_yaw_turns_the_gimbal():
     np.testing.assert_allclose(axis, [np.sqrt(0.5), 0, -np.sqrt(0.5)], atol=1e-12)
 
 
-def test_a_gimbal_straight_down_has_its_image_up_along_its_yaw():
+def test_a_gimbal_straight_down_has_its_image_up_along_its_yaw() -> None:
     track, _ = track_of(boot(gimbal=gimbal_of("earth", 90.0, -90.0)))
     gimbal = Rotation.from_quat(track.world_from_gimbal_xyzw[0])
     np.testing.assert_allclose(gimbal.apply([1, 0, 0]), [0, 0, -1], atol=1e-9)
     np.testing.assert_allclose(gimbal.apply([0, 0, -1]), [1, 0, 0], atol=1e-9)
 
 
-def test_the_vehicles_yaw_is_that_of_the_gimbals_instant():
+def test_the_vehicles_yaw_is_that_of_the_gimbals_instant() -> None:
     yaw = np.linspace(0, 90, N)
     attitudes = AttitudeSamples(
         time_boot_s=TIME,
@@ -168,20 +171,20 @@ def test_the_vehicles_yaw_is_that_of_the_gimbals_instant():
     np.testing.assert_allclose(np.arctan2(axis[:, 0], axis[:, 1]), expected, atol=1e-9)
 
 
-def test_gimbal_none_leaves_the_gimbal_out():
+def test_gimbal_none_leaves_the_gimbal_out() -> None:
     tables = boot(gimbal=gimbal_of("earth", 30.0))
     track, _ = track_of(tables, mount=MountOptions(gimbal="none"))
     assert len(track.gimbal_time_s) == 0
     assert "MNT" not in track.source
 
 
-def test_a_gimbal_that_ends_early_is_held_with_a_warning():
+def test_a_gimbal_that_ends_early_is_held_with_a_warning() -> None:
     track, messages = track_of(boot(gimbal=gimbal_of("earth", 30.0, time=TIME[:8])))
     assert track.gimbal_time_s[-1] == track.attitude_time_s[-1]
     assert [m.code for m in messages] == ["pose-source", "gimbal-held"]
 
 
-def test_sigmas_have_floors_and_follow_the_log_above_them():
+def test_sigmas_have_floors_and_follow_the_log_above_them() -> None:
     stated = EstimatorSigmas(
         time_boot_s=[10.0, 15.0],
         horizontal_m=[0.2, 1.4],
@@ -198,7 +201,7 @@ def test_sigmas_have_floors_and_follow_the_log_above_them():
     np.testing.assert_allclose(silent.sigma_position_m, [[0.5, 0.5]])
 
 
-def test_the_sources_of_the_seeds_are_said():
+def test_the_sources_of_the_seeds_are_said() -> None:
     _, messages = track_of(boot(gimbal=gimbal_of("earth", 30.0)))
     text = next(m.text for m in messages if m.code == "pose-source")
     assert "from POS, attitudes from ATT" in text
@@ -207,14 +210,14 @@ def test_the_sources_of_the_seeds_are_said():
     assert "the mount's angles" in messages[0].text
 
 
-def test_stated_sigmas_override_the_log():
+def test_stated_sigmas_override_the_log() -> None:
     options = TelemetryOptions(position_sigma_m=(0.1, 0.3), attitude_sigma_deg=(0.5, 5.0))
     track, _ = track_of(boot(), telemetry=options)
     np.testing.assert_allclose(track.sigma_position_m, [[0.1, 0.3]])
     np.testing.assert_allclose(np.degrees(track.sigma_attitude_rad), [[0.5, 5.0]])
 
 
-def test_home_is_the_one_in_force_at_the_first_exposure():
+def test_home_is_the_one_in_force_at_the_first_exposure() -> None:
     home = HomeSamples(
         time_boot_s=[5.0, 12.0, 18.0],
         latitude_deg=[-35.0, -35.1, -35.2],
@@ -231,14 +234,14 @@ def test_home_is_the_one_in_force_at_the_first_exposure():
     assert [m.code for m in messages] == ["home-late"]
 
 
-def test_without_a_stated_home_the_first_position_lends_its_ground():
+def test_without_a_stated_home_the_first_position_lends_its_ground() -> None:
     place, datum, messages = find_home(boot(), CLOCK, 1.7e9 + 15)
     assert place == (-35.0, 149.0, 540.0)
     assert datum == "msl"
     assert [(m.level, m.code) for m in messages] == [("warning", "home-missing")]
 
 
-def test_the_real_cuav_home_is_the_ground_below_its_first_position(data_dir):
+def test_the_real_cuav_home_is_the_ground_below_its_first_position(data_dir: Path) -> None:
     tables = read_flight_log(data_dir / "cuav" / "flight.tlog").boots[0]
     clock, _ = fit_boot_clock(tables)
     place, _, messages = find_home(tables, clock, 1533430850.0)
@@ -246,7 +249,7 @@ def test_the_real_cuav_home_is_the_ground_below_its_first_position(data_dir):
     assert [m.code for m in messages] == ["home-missing"]
 
 
-def test_a_log_without_attitude_or_positions_is_refused():
+def test_a_log_without_attitude_or_positions_is_refused() -> None:
     with pytest.raises(UavgramError, match="no attitude"):
         track_of(boot(attitudes=None))
     with pytest.raises(UavgramError, match="positions"):
@@ -256,7 +259,7 @@ def test_a_log_without_attitude_or_positions_is_refused():
 
 
 @pytest.mark.parametrize(("pause", "told"), [(0, False), (1, False), (4, True)])
-def test_photos_taken_while_the_log_is_silent_about_the_gimbal_are_named(pause, told):
+def test_photos_taken_while_the_log_is_silent_about_the_gimbal_are_named(pause, told) -> None:
     time = np.delete(TIME, np.arange(8, 8 + pause))
     track, _ = track_of(boot(gimbal=gimbal_of("earth", 30.0, time=time)))
     at = CLOCK.offset_s + np.array([11.0, 14.6, 19.0])
@@ -275,6 +278,6 @@ def test_photos_taken_while_the_log_is_silent_about_the_gimbal_are_named(pause, 
         assert "gimbal's attitude for up to 2.5 s while B.jpg were taken" in messages[0].text
 
 
-def test_a_gimbal_of_a_single_row_is_not_left_out_silently():
+def test_a_gimbal_of_a_single_row_is_not_left_out_silently() -> None:
     _, messages = track_of(boot(gimbal=gimbal_of("earth", 30.0, time=TIME[:1])))
     assert "gimbal-unused" in [m.code for m in messages]

@@ -1,6 +1,7 @@
 """Seeds of simulated flights with truth: as good as the estimator, and sigmas that hold."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from uavgram.stages.synchronise import synchronise
 CASES = [(flight, kind) for flight in ("calm_nadir", "wind_oblique") for kind in ("BIN", "tlog")]
 
 
-def seeds_of(data_dir, flight, kind):
+def seeds_of(data_dir: Path, flight, kind):
     """Seeds, the track, and the truth in the seeds' world."""
     folder = data_dir / flight
     project = load_project(folder / "project.yaml")
@@ -61,7 +62,9 @@ def rms(values):
 
 
 @pytest.mark.parametrize(("flight", "kind"), CASES)
-def test_a_seed_is_as_near_as_the_estimator_at_the_true_instant(data_dir, flight, kind):
+def test_a_seed_is_as_near_as_the_estimator_at_the_true_instant(
+    data_dir: Path, flight, kind
+) -> None:
     seeds, track, time, center, _, arm = seeds_of(data_dir, flight, kind)
     best = np.linalg.norm((center - estimated(track, time, arm))[:, :2], axis=1)
     ours = np.linalg.norm((center - seeds.poses.center_world_m)[:, :2], axis=1)
@@ -70,7 +73,7 @@ def test_a_seed_is_as_near_as_the_estimator_at_the_true_instant(data_dir, flight
 
 
 @pytest.mark.parametrize(("flight", "kind"), CASES)
-def test_every_seeds_error_is_what_its_covariance_says(data_dir, flight, kind):
+def test_every_seeds_error_is_what_its_covariance_says(data_dir: Path, flight, kind) -> None:
     seeds, _, _, center, rotation, _ = seeds_of(data_dir, flight, kind)
     error, covariance = errors_of(seeds, center, rotation), seeds.poses.covariance
     whole = np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error)
@@ -82,7 +85,7 @@ def test_every_seeds_error_is_what_its_covariance_says(data_dir, flight, kind):
 
 
 @pytest.mark.parametrize(("flight", "kind"), CASES)
-def test_frame_to_frame_scatter_is_what_the_prior_says(data_dir, flight, kind):
+def test_frame_to_frame_scatter_is_what_the_prior_says(data_dir: Path, flight, kind) -> None:
     # Without what all frames share: departures from their mean against each frame's own sigma.
     seeds, _, _, center, rotation, _ = seeds_of(data_dir, flight, kind)
     error = errors_of(seeds, center, rotation)
@@ -94,7 +97,7 @@ def test_frame_to_frame_scatter_is_what_the_prior_says(data_dir, flight, kind):
 
 
 @pytest.mark.parametrize(("flight", "kind"), CASES)
-def test_a_seeds_covariance_is_the_sum_of_its_stated_causes(data_dir, flight, kind):
+def test_a_seeds_covariance_is_the_sum_of_its_stated_causes(data_dir: Path, flight, kind) -> None:
     # Honest is not wide: bias 2 and 3 m, floors 0.5 m (the log claims less), lever arm 0.05 m,
     # timing times speed, and nothing else.
     seeds, track, time, _, _, _ = seeds_of(data_dir, flight, kind)

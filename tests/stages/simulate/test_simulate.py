@@ -68,7 +68,7 @@ def logged_poses(survey):
     return position, body, gimbal * camera_axes
 
 
-def test_the_same_scenario_gives_the_same_survey_and_another_seed_another(survey):
+def test_the_same_scenario_gives_the_same_survey_and_another_seed_another(survey) -> None:
     again = simulate(DemoScenario())
     assert np.array_equal(again.picks.pixel_px, survey.picks.pixel_px)
     assert np.array_equal(again.log.gimbal_rpy_rad, survey.log.gimbal_rpy_rad)
@@ -77,14 +77,14 @@ def test_the_same_scenario_gives_the_same_survey_and_another_seed_another(survey
 
 
 @pytest.mark.parametrize("seed", [DemoScenario().seed, 1, 2])
-def test_every_point_is_seen_in_three_photos_or_more(seed):
+def test_every_point_is_seen_in_three_photos_or_more(seed) -> None:
     survey = simulate(DemoScenario().with_seed(seed))
     seen = Counter(survey.picks.label)
     assert set(seen) == set(survey.truth.label)
     assert min(seen.values()) >= 3
 
 
-def test_a_log_without_errors_leads_to_the_true_poses():
+def test_a_log_without_errors_leads_to_the_true_poses() -> None:
     survey = simulate(dataclasses.replace(DemoScenario(), errors=FAULTLESS))
     position, body, camera = logged_poses(survey)
     center = position + body.apply([0.5, -0.3, 0.2])
@@ -94,7 +94,7 @@ def test_a_log_without_errors_leads_to_the_true_poses():
     assert np.rad2deg(turn.magnitude()).max() < 0.1
 
 
-def test_each_shared_error_is_in_the_log_with_its_sign():
+def test_each_shared_error_is_in_the_log_with_its_sign() -> None:
     errors = dataclasses.replace(
         FAULTLESS, position_bias_m=(3.0, 3.0), heading_bias_deg=8.0, boresight_deg=2.0
     )
@@ -110,7 +110,7 @@ def test_each_shared_error_is_in_the_log_with_its_sign():
     assert np.rad2deg(turn.magnitude()).max() < 0.1
 
 
-def test_picks_are_opencv_projections_with_the_stated_noise(survey):
+def test_picks_are_opencv_projections_with_the_stated_noise(survey) -> None:
     truth, picks = survey.truth, survey.picks
     k = truth.intrinsics
     matrix = np.array([[k[0], 0, k[2]], [0, k[1], k[3]], [0, 0, 1]])
@@ -132,14 +132,14 @@ def test_picks_are_opencv_projections_with_the_stated_noise(survey):
     assert np.abs(residual).max() < 5
 
 
-def test_the_scene_lies_on_the_plane_that_truth_states(survey):
+def test_the_scene_lies_on_the_plane_that_truth_states(survey) -> None:
     truth = survey.truth
     plane = truth.plane_height_m
     plane = plane + (truth.point_world_m[:, :2] - truth.plane_pivot_m) @ truth.plane_slope
     np.testing.assert_allclose(truth.point_world_m[:, 2], plane, atol=1e-12)
 
 
-def test_the_cameras_look_down_and_ahead_with_image_up_along_the_flight(survey):
+def test_the_cameras_look_down_and_ahead_with_image_up_along_the_flight(survey) -> None:
     optical_axis = survey.truth.world_from_camera[:, :, 2]
     down_deg = np.rad2deg(np.arccos(-optical_axis[:, 2]))
     assert np.all((down_deg > 5) & (down_deg < 15))
@@ -149,7 +149,7 @@ def test_the_cameras_look_down_and_ahead_with_image_up_along_the_flight(survey):
     assert np.abs(off).max() < 8
 
 
-def test_photo_times_carry_the_clock_offset_and_one_exposure_has_no_photo(survey):
+def test_photo_times_carry_the_clock_offset_and_one_exposure_has_no_photo(survey) -> None:
     offset = survey.file_time_utc_s - survey.truth.time_utc_s
     assert np.abs(offset - 2.6).max() < 0.05
     assert len(survey.log.event_time_s) == len(survey.frame_id) + 1
@@ -158,13 +158,13 @@ def test_photo_times_carry_the_clock_offset_and_one_exposure_has_no_photo(survey
     assert np.abs(events - survey.truth.time_utc_s).max() < 0.03
 
 
-def test_tapes_are_wrong_by_centimetres_and_one_is_withheld(survey):
+def test_tapes_are_wrong_by_centimetres_and_one_is_withheld(survey) -> None:
     error = survey.lines.length_m - survey.truth.line_length_m
     assert 1e-4 < np.abs(error).max() < 0.05
     assert survey.lines.adjust.tolist() == [True] * 5 + [False]
 
 
-def test_gauss_markov_noise_has_its_sigma_and_its_memory():
+def test_gauss_markov_noise_has_its_sigma_and_its_memory() -> None:
     noise = gauss_markov(np.random.default_rng(3), 400_000, 0.1, 2.0, np.array([0.5, 3.0]))
     np.testing.assert_allclose(noise.std(axis=0), [0.5, 3.0], rtol=0.03)
     steps = 20  # one time constant
@@ -177,7 +177,7 @@ def test_gauss_markov_noise_has_its_sigma_and_its_memory():
     assert np.std(starts) == pytest.approx(1.0, rel=0.06)  # stationary from the first sample on
 
 
-def test_true_values_of_measurements_are_those_of_known_figures():
+def test_true_values_of_measurements_are_those_of_known_figures() -> None:
     rows = {"a": 0, "b": 1, "c": 2, "d": 3}
     points = np.array([[0.0, 0, 0], [3, 0, 0], [3, 4, 0], [0, 4, 0]])
     requests = (
@@ -198,7 +198,7 @@ def test_true_values_of_measurements_are_those_of_known_figures():
     assert units == ("m", "m", "m2", "deg", "m", "m/s", "m", "m")
 
 
-def test_a_scenario_that_contradicts_itself_is_refused():
+def test_a_scenario_that_contradicts_itself_is_refused() -> None:
     point = ScenePoint(label="A", x_m=0.0, y_m=0.0)
     with pytest.raises(ValueError, match="labels given twice: A"):
         DemoScenario(points=(point, point), lines=(), measurements=())
@@ -206,7 +206,7 @@ def test_a_scenario_that_contradicts_itself_is_refused():
         DemoScenario(points=(point,))
 
 
-def test_the_road_is_as_slippery_as_it_is_and_not_as_people_state_it():
+def test_the_road_is_as_slippery_as_it_is_and_not_as_people_state_it() -> None:
     def true_mu(seed):
         truth = simulate(DemoScenario().with_seed(seed)).truth
         values = dict(zip(truth.measurement_name, truth.measurement_value, strict=True))
@@ -217,7 +217,7 @@ def test_the_road_is_as_slippery_as_it_is_and_not_as_people_state_it():
     assert low < np.sum(z**2) < high
 
 
-def test_the_road_leads_where_the_site_says_and_left_is_left(survey):
+def test_the_road_leads_where_the_site_says_and_left_is_left(survey) -> None:
     position = dict(zip(survey.truth.label, survey.truth.point_world_m, strict=True))
     east, north, _ = position["R4"] - position["R1"]  # both at y = 5.4
     assert np.rad2deg(np.arctan2(east, north)) == pytest.approx(62.0)
@@ -226,7 +226,7 @@ def test_the_road_leads_where_the_site_says_and_left_is_left(survey):
     assert np.cross(along, to_left)[2] > 0
 
 
-def test_the_vehicle_flies_nose_first(survey):
+def test_the_vehicle_flies_nose_first(survey) -> None:
     log = survey.log
     speed = np.hypot(*log.velocity_ned_m_s[:, :2].T)
     first, last = log.event_time_s[[0, 5]]

@@ -1,6 +1,7 @@
 """Photos on the flight's clock: against simulated flights with truth, and what is refused."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -94,7 +95,7 @@ def uneven(count, seed=1, start=50.0, least=1.2):
 
 
 @pytest.mark.parametrize("kind", ["BIN", "tlog"])
-def test_the_twins_unknown_clock_offset_is_found_from_its_events(data_dir, kind):
+def test_the_twins_unknown_clock_offset_is_found_from_its_events(data_dir: Path, kind) -> None:
     folder = data_dir / "wind_oblique"
     options = TimeOptions(source="exif", offset_sigma_s=0.05)
     photos, _ = read_photos((str(folder / "photos" / "*.jpg"),), options)
@@ -109,7 +110,7 @@ def test_the_twins_unknown_clock_offset_is_found_from_its_events(data_dir, kind)
 
 
 @pytest.mark.parametrize("kind", ["BIN", "tlog"])
-def test_the_calm_twins_instants_are_right(data_dir, kind):
+def test_the_calm_twins_instants_are_right(data_dir: Path, kind) -> None:
     folder = data_dir / "calm_nadir"
     options = TimeOptions(source="exif", offset_s=0.0, offset_sigma_s=0.05)
     photos, _ = read_photos((str(folder / "photos" / "*.jpg"),), options)
@@ -120,7 +121,7 @@ def test_the_calm_twins_instants_are_right(data_dir, kind):
 
 
 @pytest.mark.parametrize("kind", ["BIN", "tlog"])
-def test_the_calm_twins_even_events_leave_its_offset_open(data_dir, kind):
+def test_the_calm_twins_even_events_leave_its_offset_open(data_dir: Path, kind) -> None:
     # Ten photos, all but two of them 1.52 s apart to the simulator's step of 20 ms.
     folder = data_dir / "calm_nadir"
     options = TimeOptions(source="exif")
@@ -131,7 +132,7 @@ def test_the_calm_twins_even_events_leave_its_offset_open(data_dir, kind):
         synchronise(photos, read_flight_log(folder / f"flight.{kind}"), options)
 
 
-def test_a_stated_offset_leaves_cuavs_late_clock_to_the_adjustment(data_dir):
+def test_a_stated_offset_leaves_cuavs_late_clock_to_the_adjustment(data_dir: Path) -> None:
     folder = data_dir / "cuav"
     photos, _ = read_photos((str(folder / "photos" / "*.jpg"),), CUAV)
     result = synchronise(photos, read_flight_log(folder / "flight.tlog"), CUAV)
@@ -143,7 +144,7 @@ def test_a_stated_offset_leaves_cuavs_late_clock_to_the_adjustment(data_dir):
     assert "clock-receive" in {m.code for m in result.messages}
 
 
-def test_no_offset_and_no_events_asks_for_an_offset(data_dir):
+def test_no_offset_and_no_events_asks_for_an_offset(data_dir: Path) -> None:
     options = TimeOptions(source="filename", filename_format=CUAV.filename_format)
     folder = data_dir / "cuav"
     photos, _ = read_photos((str(folder / "photos" / "*.jpg"),), options)
@@ -151,7 +152,7 @@ def test_no_offset_and_no_events_asks_for_an_offset(data_dir):
         synchronise(photos, read_flight_log(folder / "flight.tlog"), options)
 
 
-def test_photos_without_times_are_paired_in_order_only_where_counts_agree():
+def test_photos_without_times_are_paired_in_order_only_where_counts_agree() -> None:
     events = uneven(20)
     confirmed = np.ones(20)
     confirmed[[3, 9]] = 0
@@ -164,14 +165,14 @@ def test_photos_without_times_are_paired_in_order_only_where_counts_agree():
             synchronise(photos_at(np.full(count, np.nan), source="none"), log, TimeOptions())
 
 
-def test_evenly_spaced_events_are_refused_with_the_candidates():
+def test_evenly_spaced_events_are_refused_with_the_candidates() -> None:
     events = 50 + 2.0 * np.arange(40)
     photos = photos_at(EPOCH + events[5:20] + 0.5)
     with pytest.raises(UavgramError, match=r"clearly best: \+0\.500 s \(15 of 15 photos\)"):
         synchronise(photos, log_of(flight(events)), TimeOptions())
 
 
-def test_a_coarse_file_time_takes_the_time_of_its_event():
+def test_a_coarse_file_time_takes_the_time_of_its_event() -> None:
     events = uneven(40, least=2.2)
     photos = photos_at(np.floor(EPOCH + events + 0.3), resolution=1.0)
     options = TimeOptions(offset_s=0.0, offset_sigma_s=0.3)
@@ -183,7 +184,7 @@ def test_a_coarse_file_time_takes_the_time_of_its_event():
     assert "time-aligned" in {m.code for m in result.messages}
 
 
-def test_a_doubtful_pair_keeps_its_file_time_with_a_sigma_that_covers_it():
+def test_a_doubtful_pair_keeps_its_file_time_with_a_sigma_that_covers_it() -> None:
     events = uneven(60, least=2.2)
     events[30] = events[29] + 0.6  # which of the two, a clock of 1 s cannot tell
     photos = photos_at(np.floor(EPOCH + events + 0.3), resolution=1.0)
@@ -196,7 +197,7 @@ def test_a_doubtful_pair_keeps_its_file_time_with_a_sigma_that_covers_it():
     assert "photo-event-uncertain" in {m.code for m in result.messages}
 
 
-def test_every_pair_has_its_residual_and_what_stays_alone_is_told_on_both_sides():
+def test_every_pair_has_its_residual_and_what_stays_alone_is_told_on_both_sides() -> None:
     events = uneven(40, least=2.2)
     confirmed = np.ones(40)
     confirmed[5] = 0  # a trigger without feedback is no event to pair with
@@ -216,7 +217,7 @@ def test_every_pair_has_its_residual_and_what_stays_alone_is_told_on_both_sides(
     assert "036.jpg" in texts["photo-without-event"]
 
 
-def test_a_drifting_camera_clock_is_told_and_followed_off_the_events():
+def test_a_drifting_camera_clock_is_told_and_followed_off_the_events() -> None:
     events = uneven(150, least=2.0)
     drift = 90e-6
     reading = EPOCH + events + 7200.0 + drift * (events - events.mean())
@@ -228,14 +229,14 @@ def test_a_drifting_camera_clock_is_told_and_followed_off_the_events():
     assert "drifting by +" in next(m.text for m in result.messages if m.code == "time-aligned")
 
 
-def test_the_log_of_another_flight_is_refused_without_a_guess():
+def test_the_log_of_another_flight_is_refused_without_a_guess() -> None:
     photos = photos_at(EPOCH + uneven(30, seed=5))
     with pytest.raises(UavgramError, match=r"log of another flight.*Set time\.offset_s"):
         synchronise(photos, log_of(flight(uneven(30, seed=6))), TimeOptions())
 
 
 @pytest.mark.parametrize("seed", [13, 16])
-def test_the_demos_photos_all_find_their_events(seed):
+def test_the_demos_photos_all_find_their_events(seed) -> None:
     survey = simulate(DemoScenario().with_seed(seed))
     event = survey.log.event_time_s
     photos = photos_at(survey.file_time_utc_s - survey.log.boot_utc_s + EPOCH)
@@ -245,14 +246,14 @@ def test_the_demos_photos_all_find_their_events(seed):
     assert "photo-without-event" not in {m.code for m in result.messages}
 
 
-def test_a_coarse_file_time_without_events_keeps_its_own_sigma():
+def test_a_coarse_file_time_without_events_keeps_its_own_sigma() -> None:
     photos = photos_at(EPOCH + np.array([100.0, 102.0, 105.0]), resolution=1.0)
     options = TimeOptions(offset_s=0.0, offset_sigma_s=0.3)
     frames = synchronise(photos, log_of(flight()), options).frames
     np.testing.assert_allclose(frames.sigma_time_s, 1 / np.sqrt(12))
 
 
-def test_a_log_of_another_day_names_both_spans_and_the_difference():
+def test_a_log_of_another_day_names_both_spans_and_the_difference() -> None:
     photos = photos_at(EPOCH + 36000.0 + np.array([100.0, 110.0]))
     with pytest.raises(
         UavgramError, match=r"no photo lies in the flight.*wrong by about \+36"
@@ -262,7 +263,7 @@ def test_a_log_of_another_day_names_both_spans_and_the_difference():
     assert "2023-11-14 22:13:30 UTC" in str(e.value)  # where the log begins
 
 
-def test_frames_outside_the_log_or_in_its_gaps_are_unmatched_with_a_reason():
+def test_frames_outside_the_log_or_in_its_gaps_are_unmatched_with_a_reason() -> None:
     photos = photos_at(EPOCH + np.array([5.0, 100.0, 205.0, 210.5, 500.0, np.nan]))
     boot = flight(gap=(200.0, 210.0))
     result = synchronise(photos, log_of(boot), TimeOptions(source="exif", offset_s=0.0))
@@ -276,7 +277,7 @@ def test_frames_outside_the_log_or_in_its_gaps_are_unmatched_with_a_reason():
     assert len(unmatched) == 4
 
 
-def test_of_several_boots_the_one_with_the_photos_is_taken():
+def test_of_several_boots_the_one_with_the_photos_is_taken() -> None:
     first, second = flight(end=100.0), flight(start=200.0, end=400.0)
     photos = photos_at(EPOCH + np.array([250.0, 260.0]))
     result = synchronise(photos, log_of(first, second), TimeOptions(offset_s=0.0))
@@ -288,7 +289,7 @@ def test_of_several_boots_the_one_with_the_photos_is_taken():
     assert aligned.frames.clock_offset_s == pytest.approx(3.0, abs=1e-3)
 
 
-def test_a_lost_event_leaves_its_photo_with_its_file_time():
+def test_a_lost_event_leaves_its_photo_with_its_file_time() -> None:
     events = uneven(30)
     photos = photos_at(EPOCH + events + 3.0)
     result = synchronise(photos, log_of(flight(np.delete(events, 12))), TimeOptions())
@@ -296,7 +297,7 @@ def test_a_lost_event_leaves_its_photo_with_its_file_time():
     assert "photo-without-event" in {m.code for m in result.messages}
 
 
-def test_a_file_time_was_really_that_much_earlier_than_the_camera_said():
+def test_a_file_time_was_really_that_much_earlier_than_the_camera_said() -> None:
     photos = photos_at(EPOCH + np.array([100.0, 110.0]) + 3600.0)
     frames = synchronise(photos, log_of(flight()), TimeOptions(offset_s=3600.0)).frames
     np.testing.assert_allclose(frames.time_utc_s, EPOCH + np.array([100.0, 110.0]))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from calibration_accounts import make_account, make_previews
@@ -21,7 +23,7 @@ def account():
 
 
 @pytest.fixture(scope="module")
-def chunks(account, tmp_path_factory):
+def chunks(account, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.mktemp("recording") / "calibration.rrd"
     write_calibration_recording(account, make_previews(account), path)
     found: dict[str, list] = {}
@@ -43,7 +45,7 @@ def column(chunks, path, name):
     return rows
 
 
-def test_all_that_is_promised_is_there(chunks):
+def test_all_that_is_promised_is_there(chunks) -> None:
     assert {
         "/around_the_board/board", "/around_the_board/cameras", "/around_the_board/current_camera",
         "/before_the_camera/boards", "/before_the_camera/this_board", PHOTO, f"{PHOTO}/picture",
@@ -55,7 +57,9 @@ def test_all_that_is_promised_is_there(chunks):
     } <= set(chunks)  # fmt: skip
 
 
-def test_corners_lie_half_a_pixel_on_and_residuals_are_exaggerated_as_stated(chunks, account):
+def test_corners_lie_half_a_pixel_on_and_residuals_are_exaggerated_as_stated(
+    chunks, account
+) -> None:
     corners = account.result.corners
     used = np.array([status == "used" for status in corners.status])
     places = column(chunks, f"{PHOTO}/corners", "positions")
@@ -69,7 +73,7 @@ def test_corners_lie_half_a_pixel_on_and_residuals_are_exaggerated_as_stated(chu
         np.testing.assert_allclose(along, factor * corners.residual_px[rows], atol=1e-3)
 
 
-def test_boards_before_the_camera_project_into_the_photo(chunks, account):
+def test_boards_before_the_camera_project_into_the_photo(chunks, account) -> None:
     camera = account.result.calibration
     boards = np.array(column(chunks, "/before_the_camera/this_board", "strips"))[:, 0]
     assert boards.shape == (8, 5, 3)
@@ -82,12 +86,12 @@ def test_boards_before_the_camera_project_into_the_photo(chunks, account):
         assert (pixel[k].max(axis=0) > found.max(axis=0) - rough).all()
 
 
-def test_numbers_of_the_maps_are_the_results(chunks, account):
+def test_numbers_of_the_maps_are_the_results(chunks, account) -> None:
     labels = column(chunks, "/maps/coverage/numbers", "labels")[0]
     assert labels == [str(n) for n in account.result.maps.corners.ravel().tolist()]
 
 
-def test_pages_name_every_parameter_and_every_photo(chunks, account):
+def test_pages_name_every_parameter_and_every_photo(chunks, account) -> None:
     summary = column(chunks, "/documents/summary", "text")[0][0]
     for name, value in zip(
         account.result.calibration.parameter_names, account.result.calibration.parameters,
@@ -102,6 +106,6 @@ def test_pages_name_every_parameter_and_every_photo(chunks, account):
     assert "Corners that do not fit" in sheets[1]
 
 
-def test_a_folder_that_is_not_there_is_an_output_error(account, tmp_path):
+def test_a_folder_that_is_not_there_is_an_output_error(account, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="recording cannot be written"):
         write_calibration_recording(account, make_previews(account), tmp_path / "no" / "c.rrd")

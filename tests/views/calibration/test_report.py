@@ -34,14 +34,14 @@ def html(account):
     return page(account)
 
 
-def test_nothing_is_loaded_from_elsewhere_and_names_are_escaped(html):
+def test_nothing_is_loaded_from_elsewhere_and_names_are_escaped(html) -> None:
     assert not re.findall(r'(?:src|href)="(?!data:)', html)
     assert "http" not in html
     assert '<b>"mine"</b>' not in html
     assert "&lt;b&gt;" in html
 
 
-def test_every_parameter_stands_with_its_sigma_and_correlations(html, account):
+def test_every_parameter_stands_with_its_sigma_and_correlations(html, account) -> None:
     camera = account.result.calibration
     sigma = np.sqrt(np.diag(camera.covariance))
     for value, error in zip(camera.parameters[:4], sigma[:4], strict=True):
@@ -50,7 +50,7 @@ def test_every_parameter_stands_with_its_sigma_and_correlations(html, account):
     assert f"{account.result.calibration.correlation[0, 1]:+.2f}" in html
 
 
-def test_every_photo_message_and_sum_is_there(html, account):
+def test_every_photo_message_and_sum_is_there(html, account) -> None:
     for file in (*account.result.photos.file, "wall.jpg"):
         assert f"<td>{file}</td>" in html
     for one in account.provenance.inputs:
@@ -63,7 +63,7 @@ def test_every_photo_message_and_sum_is_there(html, account):
         assert ("cannot do without" if held is None else f"{held:.3f} px") in html
 
 
-def test_removed_corners_are_listed_worst_first(html, account):
+def test_removed_corners_are_listed_worst_first(html, account) -> None:
     section = html[html.index("Corners that do not fit") : html.index("<h2>Method")]
     rows = re.findall(r'<td>(photo\d+\.jpg)</td><td class="n">(\d+)</td>', section)
     corners, files = account.result.corners, account.result.photos.file
@@ -73,7 +73,7 @@ def test_removed_corners_are_listed_worst_first(html, account):
     assert rows == [(files[corners.photo[i]], str(corners.corner[i])) for i in odd]
 
 
-def test_coverage_counts_and_the_residuals_scale_are_stated(account):
+def test_coverage_counts_and_the_residuals_scale_are_stated(account) -> None:
     result = account.result
     view = calibration_maps.coverage_map(result)
     assert [int(cell.text) for cell in view.cells] == result.maps.corners.ravel().tolist()
@@ -90,7 +90,7 @@ def test_coverage_counts_and_the_residuals_scale_are_stated(account):
     np.testing.assert_allclose(numbers, [*start, *end], atol=0.051)
 
 
-def test_dark_cells_are_uncertain_ones(account):
+def test_dark_cells_are_uncertain_ones(account) -> None:
     share, low, high = uncertainty_shares(np.array([0.1, 0.4, np.nan, 1.6]))
     np.testing.assert_allclose(share, [0, 0.5, 1, 1])
     assert (low, high) == (0.1, 1.6)
@@ -100,7 +100,7 @@ def test_dark_cells_are_uncertain_ones(account):
     assert light[int(np.nanargmin(values))] > light[int(np.nanargmax(values))]
 
 
-def test_the_dial_points_where_the_board_goes_away(account):
+def test_the_dial_points_where_the_board_goes_away(account) -> None:
     result = account.result
     tilt = tilt_directions(result)
     np.testing.assert_allclose(np.linalg.norm(tilt, axis=1), result.photos.tilt_deg)
@@ -113,7 +113,7 @@ def test_the_dial_points_where_the_board_goes_away(account):
         assert np.corrcoef(along, points[:, 2])[0, 1] > 0.9
 
 
-def test_a_fisheye_a_folding_lens_and_poses_without_ground_are_drawn():
+def test_a_fisheye_a_folding_lens_and_poses_without_ground_are_drawn() -> None:
     account = make_account(3, model="fisheye", photos=8)
     maps = account.result.maps
     unknown = maps.uncertainty_px.copy()
@@ -126,7 +126,7 @@ def test_a_fisheye_a_folding_lens_and_poses_without_ground_are_drawn():
     assert "nan" not in html.replace("Kannala", "")
 
 
-def test_the_verdict_goes_from_good_to_not_usable(account):
+def test_the_verdict_goes_from_good_to_not_usable(account) -> None:
     quiet = replace(account, messages=(), without_board=())
     good = judge_calibration(quiet)
     assert (good.level, good.reasons) == ("good", ())
@@ -149,7 +149,7 @@ def test_the_verdict_goes_from_good_to_not_usable(account):
     )
 
 
-def test_the_verdict_follows_what_the_lens_alone_costs_a_length(account):
+def test_the_verdict_follows_what_the_lens_alone_costs_a_length(account) -> None:
     quiet = replace(account, messages=(), without_board=())
 
     def sentence(fitted):
@@ -167,7 +167,7 @@ def test_the_verdict_follows_what_the_lens_alone_costs_a_length(account):
     assert "estimate fewer coefficients" in verdict.reasons[0]
 
 
-def test_the_terminal_shows_the_photos_that_fit_worst(account):
+def test_the_terminal_shows_the_photos_that_fit_worst(account) -> None:
     lines = calibration_lines(account)
     start = next(k for k, line in enumerate(lines) if line.startswith("photo "))
     files = [line.split()[0] for line in lines[start + 2 : start + 10]]

@@ -1,6 +1,8 @@
 """``uavgram log FILE --json``: one object, numbers or null."""
 
 import json
+from pathlib import Path
+from typing import Never
 
 import numpy as np
 import pytest
@@ -11,14 +13,14 @@ from uavgram.views.flight_log.json_summary import log_summary_json
 
 
 def told_of(path):
-    def refuse(constant):
+    def refuse(constant) -> Never:
         raise AssertionError(f"{constant} is no JSON")
 
     summary = summarise_log(read_flight_log(path, positions_needed=False))
     return json.loads(log_summary_json(summary), parse_constant=refuse)
 
 
-def test_a_flight_is_told_truly(data_dir):
+def test_a_flight_is_told_truly(data_dir: Path) -> None:
     told = told_of(data_dir / "wind_oblique" / "flight.BIN")
     truth = json.loads((data_dir / "truth" / "wind_oblique.json").read_text())
     (boot,) = told["boots"]
@@ -31,14 +33,14 @@ def test_a_flight_is_told_truly(data_dir):
     assert {m["name"]: m["count"] for m in told["messages"]}["POS"] == 3721
 
 
-def test_what_a_log_has_not_is_null(data_dir):
+def test_what_a_log_has_not_is_null(data_dir: Path) -> None:
     told = told_of(data_dir / "logs" / "sample.ulg")
     (boot,) = told["boots"]
     assert boot["positions"] is boot["clock"] is boot["span_utc"] is told["undulation_m"] is None
     assert {m["code"] for m in boot["messages"]} == {"clock-missing", "position-missing"}
 
 
-def test_the_path_over_ground_is_that_of_the_positions(data_dir):
+def test_the_path_over_ground_is_that_of_the_positions(data_dir: Path) -> None:
     from pyproj import Geod
 
     path = data_dir / "calm_nadir" / "flight.BIN"

@@ -2,6 +2,7 @@
 
 import io
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ def has(picture, colour):
     return int((np.abs(picture.astype(int) - colour).max(axis=2) < 8).sum())
 
 
-def test_track_events_and_missed_shots_are_drawn(data_dir):
+def test_track_events_and_missed_shots_are_drawn(data_dir: Path) -> None:
     picture = drawn(data_dir / "wind_oblique" / "flight.BIN")
     half = picture.shape[0] // 2
     top_left, bottom_right = picture[:half, :715], picture[half:, 715:]
@@ -36,11 +37,11 @@ def test_track_events_and_missed_shots_are_drawn(data_dir):
 @pytest.mark.parametrize(
     ("name", "boots"), [("dronekit_flight.tlog", 2), ("sample.ulg", 1), ("pymavlink_test.BIN", 1)]
 )
-def test_every_boot_has_its_panels(data_dir, name, boots):
+def test_every_boot_has_its_panels(data_dir: Path, name, boots) -> None:
     assert drawn(data_dir / "logs" / name).shape[0] == round(110 * (0.8 + 7.2 * boots))
 
 
-def test_no_window_toolkit_and_no_pyplot_is_loaded(repository):
+def test_no_window_toolkit_and_no_pyplot_is_loaded(repository: Path) -> None:
     before = "matplotlib.pyplot" in sys.modules
     drawn(repository / "logs" / "twin_short.BIN")
     assert ("matplotlib.pyplot" in sys.modules) == before

@@ -1,5 +1,7 @@
 """The text of ``uavgram log FILE``."""
 
+from pathlib import Path
+
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.stages.log_summary import summarise_log
 from uavgram.views.flight_log.text import log_summary_lines
@@ -9,7 +11,7 @@ def text_of(path):
     return "\n".join(log_summary_lines(summarise_log(read_flight_log(path))))
 
 
-def test_a_flight_is_summed_up_truly(data_dir):
+def test_a_flight_is_summed_up_truly(data_dir: Path) -> None:
     text = text_of(data_dir / "wind_oblique" / "flight.BIN")
     assert "ArduPilot DataFlash log" in text
     assert "ArduCopter V4.7.0-dev" in text
@@ -22,19 +24,19 @@ def test_a_flight_is_summed_up_truly(data_dir):
     assert "59107 messages of 27 types" in text
 
 
-def test_a_nonsense_clock_is_said(data_dir):
+def test_a_nonsense_clock_is_said(data_dir: Path) -> None:
     text = text_of(data_dir / "cuav" / "flight.tlog")
     assert "SYSTEM_TIME is nonsense" in text
     assert "fixed wing" in text
 
 
-def test_every_boot_has_its_part(data_dir):
+def test_every_boot_has_its_part(data_dir: Path) -> None:
     text = text_of(data_dir / "logs" / "dronekit_flight.tlog")
     assert "boot 1 of 2" in text
     assert "boot 2 of 2" in text
     assert "1314 frames failed their checksum" in text
 
 
-def test_our_own_short_logs_are_summed_up(repository):
+def test_our_own_short_logs_are_summed_up(repository: Path) -> None:
     for name in ("twin_short.BIN", "twin_short.tlog"):
         assert "11 confirmed, at the command" in text_of(repository / "logs" / name)

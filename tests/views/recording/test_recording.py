@@ -8,6 +8,8 @@ import subprocess
 import sys
 from dataclasses import replace
 from itertools import combinations
+from pathlib import Path
+from typing import Never
 
 import numpy as np
 import pytest
@@ -44,7 +46,7 @@ def previews(survey, result, frames=None):
     return made
 
 
-def no_ground():
+def no_ground() -> None:
     """In place of a mosaic."""
 
 
@@ -54,7 +56,7 @@ def result(survey):
 
 
 @pytest.fixture(scope="module")
-def contents(survey, result, tmp_path_factory):
+def contents(survey, result, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.mktemp("recording") / "recording.rrd"
     photos = previews(survey, result)
     mosaic = Mosaic(result, photos, SCALE, 256)
@@ -68,19 +70,19 @@ def contents(survey, result, tmp_path_factory):
     return Contents(path)
 
 
-def test_tracks_are_the_centres_in_the_order_of_flight(result, contents):
+def test_tracks_are_the_centres_in_the_order_of_flight(result, contents) -> None:
     for name, poses in (("flight_log", result.frames.seed), ("refined", result.frames.refined)):
         known = poses.center_world_m[np.isfinite(poses.center_world_m[:, 0])]
         (track,) = contents.static[f"/survey/{name}/track"]["LineStrips3D:strips"]
         np.testing.assert_allclose(track, known, atol=1e-4)
 
 
-def test_every_posed_frame_has_a_frustum_in_one_static_batch(contents):
+def test_every_posed_frame_has_a_frustum_in_one_static_batch(contents) -> None:
     assert len(contents.static["/survey/flight_log/cameras"]["LineStrips3D:strips"]) == 19
     assert len(contents.static["/survey/refined/cameras"]["LineStrips3D:strips"]) == 17
 
 
-def test_lines_of_each_status_are_apart_and_in_their_own_colour(contents):
+def test_lines_of_each_status_are_apart_and_in_their_own_colour(contents) -> None:
     colours = {
         status: contents.static[f"/survey/known_lengths/{status}"]["LineStrips3D:colors"][0]
         for status in ("used", "suspect", "checked")
@@ -94,7 +96,7 @@ def test_lines_of_each_status_are_apart_and_in_their_own_colour(contents):
 
 def test_ellipses_within_the_survey_are_at_true_size_and_once_more_enlarged_as_said(
     result, contents
-):
+) -> None:
     within = result.points.relative
     true = contents.static["/survey/points/ellipse_95_true_size/0"]
     outlines = np.array(
@@ -111,7 +113,7 @@ def test_ellipses_within_the_survey_are_at_true_size_and_once_more_enlarged_as_s
     assert f"within the survey, drawn ×{factor}" in text
 
 
-def test_the_major_axis_of_a_flat_ellipsoid_lies_along_its_azimuth(result, contents):
+def test_the_major_axis_of_a_flat_ellipsoid_lies_along_its_azimuth(result, contents) -> None:
     x, y, z, w = np.array(
         contents.static["/survey/points/ellipse_95_true_size/0"]["Ellipsoids3D:quaternions"]
     ).T
@@ -121,7 +123,7 @@ def test_the_major_axis_of_a_flat_ellipsoid_lies_along_its_azimuth(result, conte
     np.testing.assert_allclose(azimuth, result.points.relative.ellipse_azimuth_rad, atol=1e-5)
 
 
-def test_measured_lengths_are_labelled_with_value_and_sigma(contents):
+def test_measured_lengths_are_labelled_with_value_and_sigma(contents) -> None:
     labels = contents.static["/survey/labels"]["Points3D:labels"]
 
     assert "LEAST CERTAIN LENGTH (by 0.19 %): road width 6.310 m ± 0.012" in labels
@@ -130,7 +132,7 @@ def test_measured_lengths_are_labelled_with_value_and_sigma(contents):
     assert len(labels) <= 14
 
 
-def test_the_photo_is_put_back_into_original_pixels(contents):
+def test_the_photo_is_put_back_into_original_pixels(contents) -> None:
     picture = contents.by_frame[f"{PHOTO}/picture"]
 
     assert sorted(picture["EncodedImage:blob"]) == list(range(20))
@@ -138,7 +140,9 @@ def test_the_photo_is_put_back_into_original_pixels(contents):
     assert contents.static[PHOTO]["Pinhole:resolution"] == [[1640.0, 1232.0]]
 
 
-def test_picks_lie_on_their_original_pixels_half_a_pixel_from_rerun_s_corner(result, contents):
+def test_picks_lie_on_their_original_pixels_half_a_pixel_from_rerun_s_corner(
+    result, contents
+) -> None:
     frame = 7
     image = np.array(result.picks.image) == result.frames.frame_id[frame]
     shown = contents.by_frame[f"{PHOTO}/picked"]["Points2D:positions"]
@@ -147,7 +151,7 @@ def test_picks_lie_on_their_original_pixels_half_a_pixel_from_rerun_s_corner(res
     assert shown[5] == []  # unmatched: nothing may stay from the frame before
 
 
-def test_residuals_are_exaggerated_by_the_stated_factor(result, contents):
+def test_residuals_are_exaggerated_by_the_stated_factor(result, contents) -> None:
     frame = 7
     image = np.array(result.picks.image) == result.frames.frame_id[frame]
     strips = np.array(
@@ -162,7 +166,9 @@ def test_residuals_are_exaggerated_by_the_stated_factor(result, contents):
     assert f"drawn ×{factor}" in text
 
 
-def test_reprojections_are_opencv_s_and_only_those_inside_the_photo(survey, result, contents):
+def test_reprojections_are_opencv_s_and_only_those_inside_the_photo(
+    survey, result, contents
+) -> None:
     frame = 7
     poses = result.frames.refined
     image = np.array(result.picks.image) == result.frames.frame_id[frame]
@@ -180,7 +186,7 @@ def test_reprojections_are_opencv_s_and_only_those_inside_the_photo(survey, resu
         assert ((spots >= 0) & (spots <= [1640, 1232])).all()
 
 
-def test_a_line_in_the_photo_is_bent_and_stays_inside(contents):
+def test_a_line_in_the_photo_is_bent_and_stays_inside(contents) -> None:
     bent = False
     for strips in contents.by_frame[f"{PHOTO}/known_lengths/used"]["LineStrips2D:strips"].values():
         for strip in map(np.array, strips):
@@ -191,7 +197,7 @@ def test_a_line_in_the_photo_is_bent_and_stays_inside(contents):
     assert bent
 
 
-def test_every_frame_has_a_state_a_sheet_and_the_unmatched_one_too(contents):
+def test_every_frame_has_a_state_a_sheet_and_the_unmatched_one_too(contents) -> None:
     states = contents.by_frame["/frame_status"]["StateChange:state"]
 
     # and an end where the next frame would be, or the last would have no width
@@ -209,13 +215,13 @@ def test_every_frame_has_a_state_a_sheet_and_the_unmatched_one_too(contents):
     )
 
 
-def test_a_frame_without_a_pose_shows_no_frustum(contents):
+def test_a_frame_without_a_pose_shows_no_frustum(contents) -> None:
     depth = contents.by_frame[PHOTO]["Pinhole:image_plane_distance"]
 
     assert depth[5][0] < 1e-5 < depth[4][0]
 
 
-def test_curves_have_values_only_where_there_are_any(result, contents):
+def test_curves_have_values_only_where_there_are_any(result, contents) -> None:
     rms = contents.by_frame["/plots/residual/refined"]["Scalars:scalars"]
     worst = contents.by_frame["/plots/worst_w/worst"]["Scalars:scalars"]
     image = np.array(result.picks.image) == result.frames.frame_id[7]
@@ -227,7 +233,7 @@ def test_curves_have_values_only_where_there_are_any(result, contents):
     assert height["Measurements:variances"][7] == [pytest.approx(0.15**2)]
 
 
-def test_plots_show_what_picks_and_tests_allow_in_every_frame(contents):
+def test_plots_show_what_picks_and_tests_allow_in_every_frame(contents) -> None:
     sigma = contents.by_frame["/plots/residual/sigma_of_picks"]["Scalars:scalars"]
     limit = contents.by_frame["/plots/worst_w/limit"]["Scalars:scalars"]
 
@@ -236,14 +242,14 @@ def test_plots_show_what_picks_and_tests_allow_in_every_frame(contents):
     assert [limit[i][0] for i in range(20)] == pytest.approx([3.2905] * 20, abs=1e-4)
 
 
-def test_the_limit_is_that_of_the_run_s_own_significance(result):
+def test_the_limit_is_that_of_the_run_s_own_significance(result) -> None:
     options = (("solve.significance", 0.01),)
     stricter = replace(result, provenance=replace(result.provenance, options=options))
 
     assert suspicion_limit(stricter) == pytest.approx(2.5758, abs=1e-4)
 
 
-def test_heights_are_above_the_ground_below_the_camera(survey, tmp_path):
+def test_heights_are_above_the_ground_below_the_camera(survey, tmp_path: Path) -> None:
     result = survey.build(frame_count=3)
     plane = replace(result.plane, height_m=replace(result.plane.height_m, value=[2]))
     path = tmp_path / "recording.rrd"
@@ -254,7 +260,7 @@ def test_heights_are_above_the_ground_below_the_camera(survey, tmp_path):
     assert [shown[i][0] for i in range(3)] == pytest.approx(expected)
 
 
-def test_every_plot_starts_at_zero(result):
+def test_every_plot_starts_at_zero(result) -> None:
     scene, picks = measure_scene(result), project_picks(result)
     layout = blueprint(result, scene, frame_curves(result, picks), pose_curves(result))
     plots = [view for view in views(layout.root_container) if view.class_identifier == "TimeSeries"]
@@ -282,8 +288,8 @@ def crowded(survey):
 
 
 def test_many_measurements_are_thin_lines_of_which_the_least_certain_are_labelled(
-    crowded, tmp_path
-):
+    crowded, tmp_path: Path
+) -> None:
     path = tmp_path / "recording.rrd"
     write_recording(crowded, (), no_ground, path)
     static = Contents(path).static
@@ -299,7 +305,9 @@ def test_many_measurements_are_thin_lines_of_which_the_least_certain_are_labelle
     assert texts[0].startswith("LEAST CERTAIN LENGTH (by ")
 
 
-def test_a_photo_shows_the_measurements_whose_points_are_all_picked_in_it(crowded, tmp_path):
+def test_a_photo_shows_the_measurements_whose_points_are_all_picked_in_it(
+    crowded, tmp_path: Path
+) -> None:
     path = tmp_path / "recording.rrd"
     write_recording(crowded, (), no_ground, path)
     by_frame = Contents(path).by_frame
@@ -319,7 +327,7 @@ def test_a_photo_shows_the_measurements_whose_points_are_all_picked_in_it(crowde
     assert by_frame[f"{PHOTO}/known_lengths/used"]["LineStrips2D:strips"][0]
 
 
-def test_the_photo_is_shown_whole(result):
+def test_the_photo_is_shown_whole(result) -> None:
     scene, picks = measure_scene(result), project_picks(result)
     layout = blueprint(result, scene, frame_curves(result, picks), pose_curves(result))
     (photo,) = [view for view in views(layout.root_container) if str(view.name).startswith("Photo")]
@@ -330,7 +338,7 @@ def test_the_photo_is_shown_whole(result):
         assert bounds[axis][1] >= size
 
 
-def test_the_summary_opens_with_what_is_wrong(contents):
+def test_the_summary_opens_with_what_is_wrong(contents) -> None:
     text = contents.static["/documents/summary"]["TextDocument:text"][0]
 
     assert text.startswith("# ⚠ Look at this first\n\n- Known length 'R3 hedge' disagrees")
@@ -338,18 +346,18 @@ def test_the_summary_opens_with_what_is_wrong(contents):
     assert "2 more are on the page *Measured*" in text
 
 
-def test_there_are_two_timelines_and_the_origin_is_a_property(contents):
+def test_there_are_two_timelines_and_the_origin_is_a_property(contents) -> None:
     assert contents.timelines == {"frame", "capture_time"}
 
 
-def test_the_layout_is_inside(survey, tmp_path):
+def test_the_layout_is_inside(survey, tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
     write_recording(survey.build(frame_count=2), (), no_ground, path)
 
     assert len(RrdReader(str(path)).blueprints()) == 1
 
 
-def test_nothing_in_the_recording_is_infinite_or_nan(contents):
+def test_nothing_in_the_recording_is_infinite_or_nan(contents) -> None:
     def numbers(value):
         if isinstance(value, float):
             yield value
@@ -379,7 +387,7 @@ def test_nothing_in_the_recording_is_infinite_or_nan(contents):
     ],
     ids=str,
 )
-def test_unusual_surveys_have_a_recording_too(survey, tmp_path, variant):
+def test_unusual_surveys_have_a_recording_too(survey, tmp_path: Path, variant) -> None:
     path = tmp_path / "recording.rrd"
     result = survey.build(**variant)
     write_recording(result, previews(survey, result, [0]).items(), no_ground, path)
@@ -389,7 +397,7 @@ def test_unusual_surveys_have_a_recording_too(survey, tmp_path, variant):
     assert len(states) == len(result.frames.status) + 1
 
 
-def test_without_telemetry_there_is_no_map_and_the_summary_says_why(survey, tmp_path):
+def test_without_telemetry_there_is_no_map_and_the_summary_says_why(survey, tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
     write_recording(survey.build(telemetry=False), (), no_ground, path)
     contents = Contents(path)
@@ -399,7 +407,7 @@ def test_without_telemetry_there_is_no_map_and_the_summary_says_why(survey, tmp_
     assert "/survey/flight_log/track" not in contents.static
 
 
-def test_a_frame_without_a_photo_does_not_show_the_one_before_it(survey, tmp_path):
+def test_a_frame_without_a_photo_does_not_show_the_one_before_it(survey, tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
     result = survey.build(frame_count=4)
     write_recording(result, previews(survey, result, [0, 1, 3]).items(), no_ground, path)
@@ -409,7 +417,7 @@ def test_a_frame_without_a_photo_does_not_show_the_one_before_it(survey, tmp_pat
     assert sorted(picture["EncodedImage:blob"]) == [0, 1, 3]
 
 
-def test_the_same_result_gives_the_same_recording(survey, result, tmp_path):
+def test_the_same_result_gives_the_same_recording(survey, result, tmp_path: Path) -> None:
     for name in ("a", "b"):
         write_recording(
             result, previews(survey, result, [0, 1]).items(), no_ground, tmp_path / f"{name}.rrd"
@@ -422,7 +430,7 @@ def test_the_same_result_gives_the_same_recording(survey, result, tmp_path):
     assert ids[0] == ids[1]
 
 
-def test_rerun_s_strictness_is_left_as_it_was(survey, tmp_path):
+def test_rerun_s_strictness_is_left_as_it_was(survey, tmp_path: Path) -> None:
     before = rr.strict_mode()
     try:
         for mode in (False, True):
@@ -433,15 +441,17 @@ def test_rerun_s_strictness_is_left_as_it_was(survey, tmp_path):
         rr.set_strict_mode(before)
 
 
-def test_a_recording_that_cannot_be_written_is_an_output_error(survey, tmp_path):
+def test_a_recording_that_cannot_be_written_is_an_output_error(survey, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot be written"):
         write_recording(
             survey.build(frame_count=1), (), no_ground, tmp_path / "nowhere" / "recording.rrd"
         )
 
 
-def test_a_failed_recording_leaves_the_earlier_one(survey, tmp_path, monkeypatch):
-    def fail(*_):
+def test_a_failed_recording_leaves_the_earlier_one(
+    survey, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_) -> Never:
         raise RuntimeError("planted")
 
     path = tmp_path / "recording.rrd"
@@ -471,7 +481,9 @@ for limit in map(int, sys.argv[3:]):
 """
 
 
-def test_a_disk_that_is_full_while_rerun_writes_is_left_to_who_chose_the_folder(survey, tmp_path):
+def test_a_disk_that_is_full_while_rerun_writes_is_left_to_who_chose_the_folder(
+    survey, tmp_path: Path
+) -> None:
     pytest.importorskip("resource", reason="file size limits exist on POSIX systems only")
     result, path = survey.build(frame_count=4), tmp_path / "out" / "recording.rrd"
     path.parent.mkdir()
@@ -486,7 +498,7 @@ def test_a_disk_that_is_full_while_rerun_writes_is_left_to_who_chose_the_folder(
         assert "File too large" in told
 
 
-def test_rerun_s_own_verification_finds_no_fault(survey, result, tmp_path):
+def test_rerun_s_own_verification_finds_no_fault(survey, result, tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
     write_recording(result, previews(survey, result, [0, 1]).items(), no_ground, path)
     command = [sys.executable, "-m", "rerun", "rrd", "verify", str(path)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -30,7 +31,7 @@ from uavgram.views.survey.verdict import judge
 PHOTO = "/survey/current_camera/photo"
 
 
-def no_ground():
+def no_ground() -> None:
     """In place of a mosaic."""
 
 
@@ -40,13 +41,13 @@ def result(survey):
 
 
 @pytest.fixture(scope="module")
-def contents(result, tmp_path_factory):
+def contents(result, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.mktemp("recording") / "recording.rrd"
     write_recording(result, (), no_ground, path)
     return Contents(path)
 
 
-def test_each_photo_says_its_name_and_state_above_itself(contents):
+def test_each_photo_says_its_name_and_state_above_itself(contents) -> None:
     names = contents.by_frame[f"{PHOTO}/name"]
 
     assert names["Points2D:labels"][5] == ["DSC_0005.jpg: not in the log"]
@@ -54,7 +55,9 @@ def test_each_photo_says_its_name_and_state_above_itself(contents):
     assert all(spot[0][1] < 0 for spot in names["Points2D:positions"].values())
 
 
-def test_the_border_of_a_photo_on_the_ground_is_where_its_corners_look(survey, result, contents):
+def test_the_border_of_a_photo_on_the_ground_is_where_its_corners_look(
+    survey, result, contents
+) -> None:
     frame = 7
     (ring,) = contents.by_frame["/survey/footprint_of_this_photo"]["LineStrips3D:strips"][frame]
     poses = result.frames.refined
@@ -70,7 +73,7 @@ def test_the_border_of_a_photo_on_the_ground_is_where_its_corners_look(survey, r
     assert contents.by_frame["/survey/footprint_of_this_photo"]["LineStrips3D:strips"][5] == []
 
 
-def test_a_photo_shows_the_borders_of_those_before_and_after(survey, result, contents):
+def test_a_photo_shows_the_borders_of_those_before_and_after(survey, result, contents) -> None:
     frame, other = 7, 8
     strips = contents.by_frame[f"{PHOTO}/footprints_before_and_after"]["LineStrips2D:strips"][frame]
     (ring,) = contents.by_frame["/survey/footprint_of_this_photo"]["LineStrips3D:strips"][other]
@@ -87,7 +90,7 @@ def test_a_photo_shows_the_borders_of_those_before_and_after(survey, result, con
     assert not contents.by_frame[f"{PHOTO}/footprints_before_and_after"]["LineStrips2D:strips"][5]
 
 
-def test_corrections_of_the_attitude_are_scipy_s(result, contents):
+def test_corrections_of_the_attitude_are_scipy_s(result, contents) -> None:
     seed, refined = result.frames.seed, result.frames.refined
     tilt = contents.by_frame["/plots/attitude_correction/tilt"]["Scalars:scalars"]
     turn = contents.by_frame["/plots/attitude_correction/turn"]["Scalars:scalars"]
@@ -105,7 +108,7 @@ def test_corrections_of_the_attitude_are_scipy_s(result, contents):
     assert [turn[i][0] for i in both] == pytest.approx(np.abs(twist), abs=1e-9)
 
 
-def test_sigmas_are_those_of_the_least_certain_axis(contents):
+def test_sigmas_are_those_of_the_least_certain_axis(contents) -> None:
     plots = contents.by_frame
 
     assert plots["/plots/attitude_sigma/flight_log"]["Scalars:scalars"][3][0] == pytest.approx(
@@ -117,7 +120,7 @@ def test_sigmas_are_those_of_the_least_certain_axis(contents):
     assert plots["/plots/position_sigma/flight_log"]["Scalars:scalars"][3] == [pytest.approx(2.0)]
 
 
-def test_rejected_frames_and_those_to_check_stand_out_in_the_survey(contents):
+def test_rejected_frames_and_those_to_check_stand_out_in_the_survey(contents) -> None:
     rejected = contents.static["/survey/frames_rejected"]["LineStrips3D:strips"]
     to_check = contents.static["/survey/frames_to_check"]["LineStrips3D:strips"]
 
@@ -126,7 +129,7 @@ def test_rejected_frames_and_those_to_check_stand_out_in_the_survey(contents):
     assert "REJECTED DSC_0011.jpg" in contents.static["/survey/labels"]["Points3D:labels"]
 
 
-def test_a_good_survey_marks_no_frame(survey, tmp_path):
+def test_a_good_survey_marks_no_frame(survey, tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
     write_recording(survey.build(clean=True), (), no_ground, path)
     labels = Contents(path).static["/survey/labels"]["Points3D:labels"]
@@ -135,7 +138,9 @@ def test_a_good_survey_marks_no_frame(survey, tmp_path):
     assert not any(word in label for label in labels for word in ("REJECTED", "SUSPECT"))
 
 
-def test_the_map_shows_flight_footprints_and_lines_at_their_true_distances(result, contents):
+def test_the_map_shows_flight_footprints_and_lines_at_their_true_distances(
+    result, contents
+) -> None:
     (flight,) = contents.static["/map/refined"]["GeoLineStrings:line_strings"]
     known = contents.static["/map/known_lengths"]["GeoLineStrings:line_strings"]
     geod = Geod(ellps="WGS84")
@@ -155,7 +160,7 @@ def survey_height(centers):
     return float(centers[:2, 2].mean())
 
 
-def test_the_scale_bar_of_the_close_up_is_as_long_as_it_says(result, contents):
+def test_the_scale_bar_of_the_close_up_is_as_long_as_it_says(result, contents) -> None:
     bar = contents.static["/close_up/scale_bar"]
     west, east = np.array(bar["LineStrips3D:strips"][0])
     largest = result.points.relative.ellipse_95_m[:, 0].max()
@@ -168,11 +173,13 @@ def test_the_scale_bar_of_the_close_up_is_as_long_as_it_says(result, contents):
 @pytest.mark.parametrize(
     ("most", "round_one"), [(0.0999, 0.05), (0.1, 0.1), (0.7, 0.5), (3.0, 2.0), (19.0, 10.0)]
 )
-def test_scale_bars_have_round_lengths(most, round_one):
+def test_scale_bars_have_round_lengths(most, round_one) -> None:
     assert round_length(most) == pytest.approx(round_one)
 
 
-def test_the_end_of_the_last_frame_lies_one_step_after_it_in_time_too(survey, tmp_path):
+def test_the_end_of_the_last_frame_lies_one_step_after_it_in_time_too(
+    survey, tmp_path: Path
+) -> None:
     path = tmp_path / "recording.rrd"
     result = survey.build(frame_count=4)
     write_recording(result, (), no_ground, path)
@@ -189,7 +196,7 @@ def test_the_end_of_the_last_frame_lies_one_step_after_it_in_time_too(survey, tm
     assert np.diff(seconds) == pytest.approx([2.0] * 4, abs=1e-3)
 
 
-def test_points_of_a_lower_area_are_not_hidden_by_the_ground(survey):
+def test_points_of_a_lower_area_are_not_hidden_by_the_ground(survey) -> None:
     result = survey.build()
     position = result.points.position_world_m.copy()
     position[7, 2] = -2.5
@@ -200,7 +207,7 @@ def test_points_of_a_lower_area_are_not_hidden_by_the_ground(survey):
     assert not measure_scene(result).ground_is_lowered
 
 
-def test_the_lowered_ground_is_drawn_lower_and_the_summary_says_so(survey, tmp_path):
+def test_the_lowered_ground_is_drawn_lower_and_the_summary_says_so(survey, tmp_path: Path) -> None:
     result = survey.build(frame_count=2)
     position = result.points.position_world_m.copy()
     position[7, 2] = -2.5
@@ -217,7 +224,7 @@ def test_the_lowered_ground_is_drawn_lower_and_the_summary_says_so(survey, tmp_p
     assert "too low" in contents.static["/documents/summary"]["TextDocument:text"][0]
 
 
-def test_the_summary_says_whose_plane_the_ground_lies_on(survey):
+def test_the_summary_says_whose_plane_the_ground_lies_on(survey) -> None:
     result = survey.build()
     zero = Estimate(value=np.zeros(1), sigma=np.ones(1))
     flat = Estimate(value=np.zeros(2), sigma=np.ones(2))
@@ -234,7 +241,7 @@ def test_the_summary_says_whose_plane_the_ground_lies_on(survey):
 
 
 @pytest.mark.parametrize("variant", [{}, {"clean": True}, {"telemetry": False}], ids=str)
-def test_the_legend_is_not_cut_off(survey, variant):
+def test_the_legend_is_not_cut_off(survey, variant) -> None:
     result = survey.build(**variant)
     image = np.asarray(draw_legend(result, measure_scene(result), 2.5))
 
@@ -243,7 +250,7 @@ def test_the_legend_is_not_cut_off(survey, variant):
     assert (image != BACKGROUND).any()
 
 
-def test_the_legend_says_that_the_ground_is_brightened(result):
+def test_the_legend_says_that_the_ground_is_brightened(result) -> None:
     scene = measure_scene(result)
     plain, said = (np.asarray(draw_legend(result, scene, gain)) for gain in (1.0, 2.5))
     changed = (plain != said).any(axis=(0, 2))
@@ -253,7 +260,7 @@ def test_the_legend_says_that_the_ground_is_brightened(result):
     assert np.argmax(changed) > WIDTH_PX // 2
 
 
-def test_every_view_has_a_name_and_something_to_show(result, contents):
+def test_every_view_has_a_name_and_something_to_show(result, contents) -> None:
     scene, picks = measure_scene(result), project_picks(result)
     layout = blueprint(result, scene, frame_curves(result, picks), pose_curves(result))
     entities = {*contents.static, *contents.by_frame}
@@ -276,7 +283,7 @@ def views(container):
             yield from views(item)
 
 
-def test_photos_pass_through_a_few_at_a_time(survey, tmp_path):
+def test_photos_pass_through_a_few_at_a_time(survey, tmp_path: Path) -> None:
     result = survey.build(frame_count=40, clean=True)
     picture = cv2.imencode(".jpg", np.zeros((8, 8, 3), np.uint8))[1].tobytes()
     jpeg = picture + np.random.default_rng(1).bytes(200_000)
@@ -298,8 +305,8 @@ def test_photos_pass_through_a_few_at_a_time(survey, tmp_path):
 
 
 def test_more_points_than_ellipses_can_be_drawn_are_coloured_themselves(
-    survey, contents, tmp_path, monkeypatch
-):
+    survey, contents, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("uavgram.views.recording.world.survey.MOST_OUTLINES", 29)
     path = tmp_path / "recording.rrd"
     write_recording(survey.build(), (), no_ground, path)
@@ -312,7 +319,7 @@ def test_more_points_than_ellipses_can_be_drawn_are_coloured_themselves(
     assert "too many to be drawn" in many["/documents/summary"]["TextDocument:text"][0]
 
 
-def test_long_flights_with_many_points_can_be_written_and_read(tmp_path):
+def test_long_flights_with_many_points_can_be_written_and_read(tmp_path: Path) -> None:
     result = large_result(600, 7000)
     path = tmp_path / "recording.rrd"
     write_recording(result, (), no_ground, path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,7 +29,7 @@ VARIANTS = [
 
 
 @pytest.mark.parametrize("variant", VARIANTS, ids=str)
-def test_the_page_is_well_formed_and_loads_nothing(survey, variant):
+def test_the_page_is_well_formed_and_loads_nothing(survey, variant) -> None:
     for result in (survey.build(**variant), full(survey.build(**variant))):
         page = Page(render_report(result))
 
@@ -37,7 +38,7 @@ def test_the_page_is_well_formed_and_loads_nothing(survey, variant):
         assert not [n for n in attributes if n in ("src", "href") or n.startswith("on")]
 
 
-def test_the_page_forbids_itself_scripts_and_loading(survey):
+def test_the_page_forbids_itself_scripts_and_loading(survey) -> None:
     """So it looks the same where JavaScript is off: there is none."""
     (policy,) = [
         attrs["content"]
@@ -48,7 +49,7 @@ def test_the_page_forbids_itself_scripts_and_loading(survey):
     assert policy == "default-src 'none'; style-src 'unsafe-inline'"
 
 
-def test_measurements_come_first_with_their_intervals(survey):
+def test_measurements_come_first_with_their_intervals(survey) -> None:
     html = render_report(survey.build())
     rows = Page(html).rows
     by_name = {row[0]: row for row in rows}
@@ -58,7 +59,7 @@ def test_measurements_come_first_with_their_intervals(survey):
     assert by_name["to the tree"][3] == "not computed"
 
 
-def test_names_that_people_wrote_are_harmless(survey):
+def test_names_that_people_wrote_are_harmless(survey) -> None:
     nasty = "<script>alert({})</script>"
     html = render_report(survey.build(label=nasty, lines=(), measures=()))
 
@@ -66,7 +67,7 @@ def test_names_that_people_wrote_are_harmless(survey):
     assert "&lt;script&gt;alert(7)" in html
 
 
-def test_checks_say_inside_or_outside(survey):
+def test_checks_say_inside_or_outside(survey) -> None:
     result = survey.build()
     error = result.point_checks.error_m.copy()
     error[1] = [0.0, 0.1, 0.0]  # of 0.03
@@ -83,7 +84,7 @@ def test_checks_say_inside_or_outside(survey):
     assert "3 of 3 lie inside three sigma." in render_report(result)
 
 
-def test_the_chain_of_custody_is_complete(survey):
+def test_the_chain_of_custody_is_complete(survey) -> None:
     result = survey.build()
     html = render_report(result)
 
@@ -97,7 +98,7 @@ def test_the_chain_of_custody_is_complete(survey):
     assert html.count("(UTC) by Ada Lovelace") == 2
 
 
-def test_every_message_frame_line_and_point_is_on_the_page(survey):
+def test_every_message_frame_line_and_point_is_on_the_page(survey) -> None:
     result = survey.build()
     cells = {cell for row in Page(render_report(result)).rows for cell in row}
     ends = zip(result.lines.start, result.lines.end, strict=True)
@@ -112,7 +113,7 @@ def test_every_message_frame_line_and_point_is_on_the_page(survey):
         assert text in cells
 
 
-def test_points_have_their_ellipse_within_the_survey_and_on_the_earth(survey):
+def test_points_have_their_ellipse_within_the_survey_and_on_the_earth(survey) -> None:
     html = render_report(survey.build())
     (row,) = [row for row in Page(html).rows if row and row[0] == "P00"]
 
@@ -121,33 +122,33 @@ def test_points_have_their_ellipse_within_the_survey_and_on_the_earth(survey):
     assert "cancels in lengths" in html
 
 
-def test_the_facts_stand_on_top(survey):
+def test_the_facts_stand_on_top(survey) -> None:
     html = render_report(survey.build())
 
     assert html.index("20 frames: 17 refined") < html.index("<h2>Measurements")
     assert html.index("P24: 4.7 cm × 2.8 cm") < html.index("<h2>Measurements")
 
 
-def test_without_telemetry_the_page_says_what_that_means(survey):
+def test_without_telemetry_the_page_says_what_that_means(survey) -> None:
     html = render_report(survey.build(telemetry=False))
 
     assert "there is no map" in html
     assert "up in photo 1" in html
 
 
-def test_the_same_result_gives_the_same_page(survey, tmp_path):
+def test_the_same_result_gives_the_same_page(survey, tmp_path: Path) -> None:
     write_report(survey.build(), tmp_path / "a.html")
     write_report(survey.build(), tmp_path / "b.html")
 
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
 
 
-def test_a_page_that_cannot_be_written_is_an_output_error(survey, tmp_path):
+def test_a_page_that_cannot_be_written_is_an_output_error(survey, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot be written"):
         write_report(survey.build(frame_count=1), tmp_path / "nowhere" / "report.html")
 
 
-def test_a_bar_for_each_measurement_is_as_long_as_its_shares(survey):
+def test_a_bar_for_each_measurement_is_as_long_as_its_shares(survey) -> None:
     result = full(survey.build())
     page = Page(render_report(result))
     share = {
@@ -169,7 +170,7 @@ def test_a_bar_for_each_measurement_is_as_long_as_its_shares(survey):
         np.testing.assert_allclose(starts[1:], np.cumsum(widths)[:-1], atol=0.06)
 
 
-def test_the_largest_source_of_each_measurement_is_said(survey):
+def test_the_largest_source_of_each_measurement_is_said(survey) -> None:
     result = full(survey.build())
     html = render_report(result)
     largest = [
@@ -183,22 +184,22 @@ def test_the_largest_source_of_each_measurement_is_said(survey):
         assert f"Largest in {largest.count(source)} of 9: {source} (" in html
 
 
-def test_every_source_of_the_program_has_a_colour_and_words():
+def test_every_source_of_the_program_has_a_colour_and_words() -> None:
     assert set(COLOURS) == set(WORDS) == set(SOURCES.values())
     assert len(set(COLOURS.values())) == len(COLOURS)
 
 
-def test_every_group_of_observations_has_words():
+def test_every_group_of_observations_has_words() -> None:
     assert set(SOURCES) - {"other"} == set(GROUP_WORDS)
 
 
-def test_withheld_lengths_stand_among_the_checks_only(survey):
+def test_withheld_lengths_stand_among_the_checks_only(survey) -> None:
     rows = [row for row in Page(render_report(survey.build())).rows if row]
 
     assert len([row for row in rows if row[0].startswith("R4 wall")]) == 1
 
 
-def test_planes_of_several_areas_replace_that_of_one(survey):
+def test_planes_of_several_areas_replace_that_of_one(survey) -> None:
     one, several = render_report(survey.build()), render_report(full(survey.build()))
 
     assert "height of the ground plane" in one
@@ -206,7 +207,7 @@ def test_planes_of_several_areas_replace_that_of_one(survey):
     assert "bank &lt;of the river&gt;" in several
 
 
-def test_where_first_order_is_not_enough_the_way_out_is_said(survey):
+def test_where_first_order_is_not_enough_the_way_out_is_said(survey) -> None:
     result = full(survey.build())
     off = np.arange(len(result.measurements.name)) == 2
     doubtful = replace(result, second_order=replace(result.second_order, off=off))
@@ -219,7 +220,7 @@ def test_where_first_order_is_not_enough_the_way_out_is_said(survey):
     assert [row[0] for row in flagged] == [result.measurements.name[2]]
 
 
-def test_another_solution_shows_what_it_changes_most(survey):
+def test_another_solution_shows_what_it_changes_most(survey) -> None:
     result = full(survey.build())
     (other,) = result.solution.alternatives
     sigmas = np.abs(np.array(other.values) - result.measurements.value) / result.measurements.sigma
@@ -230,7 +231,7 @@ def test_another_solution_shows_what_it_changes_most(survey):
     assert [float(row[4]) for row in rows] == pytest.approx(np.sort(sigmas[:-1])[::-1], abs=0.0501)
 
 
-def test_a_removal_names_the_measurements_that_it_moved_most(survey):
+def test_a_removal_names_the_measurements_that_it_moved_most(survey) -> None:
     result = survey.build()
     change = np.where(np.arange(10) == 4, 5.0, 1e-3)  # in sigmas
     record = RemovalRecord(
@@ -249,7 +250,7 @@ def test_a_removal_names_the_measurements_that_it_moved_most(survey):
 
 
 @pytest.mark.parametrize(("name", "sigmas", "at"), [("end", 9.0, 100.0), ("middle", 0.0, 50.0)])
-def test_a_gauge_shows_sigmas_within_its_ends(name, sigmas, at):
+def test_a_gauge_shows_sigmas_within_its_ends(name, sigmas, at) -> None:
     mark = gauge(sigmas, 3.0)
 
     assert (mark.at, mark.low, mark.high) == (at, 25.0, 75.0), name
@@ -257,7 +258,7 @@ def test_a_gauge_shows_sigmas_within_its_ends(name, sigmas, at):
     assert gauge(np.nan, 3.0) is None
 
 
-def test_the_method_names_what_its_formulas_take(survey):
+def test_the_method_names_what_its_formulas_take(survey) -> None:
     html = render_report(survey.build())
 
     assert "2.4477 = √(−2 ln 0.05)" in html

@@ -70,7 +70,7 @@ def agree(cells, *wanted) -> None:
 
 
 @pytest.fixture(scope="module", params=["full", "shape only", "a real flight"])
-def both(request, survey, tmp_path_factory) -> Said:
+def both(request: pytest.FixtureRequest, survey, tmp_path_factory: pytest.TempPathFactory) -> Said:
     tmp_path = tmp_path_factory.mktemp("results")
     if request.param == "full":
         return said(full(survey.build()), tmp_path)
@@ -80,7 +80,7 @@ def both(request, survey, tmp_path_factory) -> Said:
     return said(compute(read_inputs(project)).result, tmp_path)
 
 
-def test_measurements(both):
+def test_measurements(both) -> None:
     rows = {row[0]: row for row in both.table("name", "kind")}
     sampled = both.file["monte_carlo"]
 
@@ -98,7 +98,7 @@ def test_measurements(both):
             agree(cells[6:8], sampled["sigma"][i], *sampled["interval_95"][i])
 
 
-def test_error_budget(both):
+def test_error_budget(both) -> None:
     budget = both.file.get("error_budget")
     if budget is None:
         assert not both.table("name", "share of the variance")
@@ -119,7 +119,7 @@ def test_error_budget(both):
         assert row[2] == max(share, key=share.get)
 
 
-def test_known_lengths(both):
+def test_known_lengths(both) -> None:
     rows = {row[0]: row for row in both.table("name and ends")}
     lines = {
         f"{one['name']}{one['from']} – {one['to']}": one
@@ -136,7 +136,7 @@ def test_known_lengths(both):
             agree([rows[name][7].partition(" in ")[0].rstrip("²")], one["external"])
 
 
-def test_checks(both):
+def test_checks(both) -> None:
     lengths = {row[0]: row for row in both.table("withheld length")}
     points = {row[0]: row for row in both.table("check point")}
     lines = {one["name"]: one for one in both.file["lines"]}
@@ -157,7 +157,7 @@ def test_checks(both):
             agree(cells[1:5], *(line[k] for k in keys), one["error_m"], one["sigma_m"], one["z"])
 
 
-def test_points(both):
+def test_points(both) -> None:
     rows = {row[0]: row for row in both.table("label", "east, north, up [m]")}
     nowhere = both.file["world"]["gauge"] == "plane"
 
@@ -177,7 +177,7 @@ def test_points(both):
         agree(cells[6:7], len(one["frames"]))
 
 
-def test_fit(both):
+def test_fit(both) -> None:
     solution = both.file["solution"]
     rows = both.table("observations", "how many")
 
@@ -187,7 +187,7 @@ def test_fit(both):
         agree(row[1:4], group["observations"], group["redundancy"], group["variance_factor"])
 
 
-def test_alternatives(both):
+def test_alternatives(both) -> None:
     rows = both.table("name", "in this result")
     measured = {one["name"]: i for i, one in enumerate(both.file["measurements"])}
 
@@ -201,7 +201,7 @@ def test_alternatives(both):
         agree(row[1:5], here, there, there - here, abs(there - here) / sigma)
 
 
-def test_areas_and_camera(both):
+def test_areas_and_camera(both) -> None:
     areas = both.table("area", "height [m]")
     lens = both.file["shared"]["intrinsics"]
 
@@ -216,7 +216,7 @@ def test_areas_and_camera(both):
         agree(row[1:5], *(lens[key][k] for key in keys))
 
 
-def test_photos(both):
+def test_photos(both) -> None:
     rows = {row[0]: row for row in both.table("photo", "exposure (UTC)")}
     counts = Counter(one["image"] for one in both.file["picks"])
 
@@ -232,7 +232,7 @@ def test_photos(both):
         agree(cells[4:7], height, sigma[:3].max(), np.degrees(sigma[3:].max()))
 
 
-def test_what_was_found_along(both):
+def test_what_was_found_along(both) -> None:
     rows = dict(
         cells for head, rows in both.tables.items() for cells in (head, *rows) if len(cells) == 2
     )
@@ -257,7 +257,7 @@ def test_what_was_found_along(both):
             agree([rows[name]], *np.stack([values, sigmas], axis=1).ravel())
 
 
-def test_undetected_errors(both):
+def test_undetected_errors(both) -> None:
     rows = {row[0]: row for row in both.table("name", "weakest link")}
     links = {one["name"]: one["weakest"] for one in both.file["measurements"] if "weakest" in one}
 
@@ -269,7 +269,7 @@ def test_undetected_errors(both):
         agree([found["change"]], abs(link["change"]))
 
 
-def test_priors(both):
+def test_priors(both) -> None:
     priors = both.file.get("priors") or []
     rows = both.table("what", "photo", "moved by [its sigmas]")
     worst = sorted(priors, key=lambda one: -abs(one["w"] or 0.0))[: len(rows)]
@@ -283,7 +283,7 @@ def test_priors(both):
             agree([row[6].partition(" in ")[0].rstrip("²")], one["external"])
 
 
-def test_picks_that_do_not_fit(both):
+def test_picks_that_do_not_fit(both) -> None:
     rows = {(row[0], row[1]): row for row in both.table("point", "photo")}
     bad = [one for one in both.file["picks"] if one["status"] in ("suspect", "removed")]
 
@@ -293,7 +293,7 @@ def test_picks_that_do_not_fit(both):
         agree(cells[2:5], *one["residual_px"], one["w"], one["redundancy"])
 
 
-def test_inputs(both):
+def test_inputs(both) -> None:
     rows = both.table("input", "bytes")
 
     assert {row[0]: row[1:] for row in rows} == {
@@ -302,7 +302,7 @@ def test_inputs(both):
     }
 
 
-def test_an_unlike_number_is_noticed():
+def test_an_unlike_number_is_noticed() -> None:
     with pytest.raises(AssertionError):
         agree(["12.35 ± 0.02 m"], 12.356, 0.02)
     with pytest.raises(AssertionError):

@@ -11,7 +11,7 @@ from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH, measure_scene
 from uavgram.views.survey import drawing
 
 
-def test_an_outline_is_the_95_percent_contour_of_its_covariance(survey):
+def test_an_outline_is_the_95_percent_contour_of_its_covariance(survey) -> None:
     points = survey.build().points
     outline = features.ellipse_outlines(
         points.position_world_m[:, :2], points.ellipse_95_m, points.ellipse_azimuth_rad, 1.0
@@ -22,7 +22,7 @@ def test_an_outline_is_the_95_percent_contour_of_its_covariance(survey):
     np.testing.assert_allclose(squared, 2.4477**2, rtol=1e-9)
 
 
-def test_an_exaggerated_outline_is_as_many_times_as_large(survey):
+def test_an_exaggerated_outline_is_as_many_times_as_large(survey) -> None:
     points = survey.build().points
     args = (points.position_world_m[:, :2], points.ellipse_95_m, points.ellipse_azimuth_rad)
     center = points.position_world_m[:, None, :2]
@@ -34,7 +34,7 @@ def test_an_exaggerated_outline_is_as_many_times_as_large(survey):
     )
 
 
-def test_lines_are_bent_as_opencv_bends_them(survey):
+def test_lines_are_bent_as_opencv_bends_them(survey) -> None:
     result = survey.build()
     frame = 7
     poses = result.frames.refined
@@ -49,7 +49,7 @@ def test_lines_are_bent_as_opencv_bends_them(survey):
     assert np.isnan(ours[~seen]).all()
 
 
-def test_a_frustum_points_where_the_camera_looks(survey):
+def test_a_frustum_points_where_the_camera_looks(survey) -> None:
     result = survey.build(frame_count=3)
     strips = drawing.frusta(result, result.frames.refined, 5.0)
     apex = strips[:, 5]
@@ -61,7 +61,7 @@ def test_a_frustum_points_where_the_camera_looks(survey):
     assert (np.einsum("ij,ij->i", direction, axis) > 0.999).all()
 
 
-def test_frames_without_a_pose_have_no_frustum_and_break_no_track(survey):
+def test_frames_without_a_pose_have_no_frustum_and_break_no_track(survey) -> None:
     result = survey.build()
 
     assert len(drawing.frusta(result, result.frames.refined, 5.0)) == 17
@@ -69,7 +69,7 @@ def test_frames_without_a_pose_have_no_frustum_and_break_no_track(survey):
     assert len(drawing.track(result, result.frames.seed)) == 19
 
 
-def test_the_track_follows_time_not_names(survey):
+def test_the_track_follows_time_not_names(survey) -> None:
     result = survey.build(clean=True)
     backwards = result.frames.time_utc_s[::-1]
     frames = type(result.frames)(**{**vars(result.frames), "time_utc_s": backwards})
@@ -80,14 +80,14 @@ def test_the_track_follows_time_not_names(survey):
     )
 
 
-def test_a_polyline_that_leaves_the_photo_and_returns_is_two_pieces():
+def test_a_polyline_that_leaves_the_photo_and_returns_is_two_pieces() -> None:
     pixel = np.array([[0, 0], [1, 0], [np.nan, np.nan], [3, 0], [4, 0], [5, 0], [np.nan, 1]], float)
     runs = drawing.visible_runs(pixel)
 
     assert [run[:, 0].tolist() for run in runs] == [[0, 1], [3, 4, 5]]
 
 
-def test_the_distance_from_a_line_is_drawn_at_right_angles_to_it(survey):
+def test_the_distance_from_a_line_is_drawn_at_right_angles_to_it(survey) -> None:
     result = survey.build()
     row = result.measurements.name.index("road width")
     (strip,) = features.measured_strips(result)[row]
@@ -98,7 +98,7 @@ def test_the_distance_from_a_line_is_drawn_at_right_angles_to_it(survey):
     assert (strip[1] - strip[0]) @ (p15 - p12) == pytest.approx(0, abs=1e-9)
 
 
-def test_an_area_is_closed_and_what_was_not_computed_is_not_drawn(survey):
+def test_an_area_is_closed_and_what_was_not_computed_is_not_drawn(survey) -> None:
     result = survey.build()
     strips = features.measured_strips(result)
     (patch,) = strips[result.measurements.name.index("patch")]
@@ -110,18 +110,18 @@ def test_an_area_is_closed_and_what_was_not_computed_is_not_drawn(survey):
 @pytest.mark.parametrize(
     ("size", "factor"), [(0.1, 20), (0.11, 10), (5.0, 1), (0.0, 1), (np.nan, 1)]
 )
-def test_exaggerations_are_round_numbers_that_stay_within_the_limit(size, factor):
+def test_exaggerations_are_round_numbers_that_stay_within_the_limit(size, factor) -> None:
     assert drawing.nice_factor(size, 2.0) == factor
 
 
-def test_texts_do_not_cover_each_other():
+def test_texts_do_not_cover_each_other() -> None:
     anchors = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 3.0], [5.0, 0.0]])
 
     assert drawing.uncovered(anchors, np.full(4, 1.0), 2.0, 10).tolist() == [0, 2, 3]
     assert drawing.uncovered(anchors, np.full(4, 1.0), 2.0, 2).tolist() == [0, 2]
 
 
-def test_the_first_view_has_points_frusta_and_ground_in_it_and_nothing_to_spare(survey):
+def test_the_first_view_has_points_frusta_and_ground_in_it_and_nothing_to_spare(survey) -> None:
     result = survey.build()
     covered = np.ones((64, 96), dtype=bool)
     texture = GroundTexture(np.zeros((64, 96, 3), np.uint8), covered, -60.0, 40.0, 1.25)
@@ -138,7 +138,7 @@ def test_the_first_view_has_points_frusta_and_ground_in_it_and_nothing_to_spare(
     assert max(min(t.max(), -t.min()) for t in tight) > 0.95
 
 
-def test_frusta_are_small_beside_the_flying_height(survey):
+def test_frusta_are_small_beside_the_flying_height(survey) -> None:
     scene = measure_scene(survey.build())
 
     assert scene.frustum_m <= 0.06 * scene.height_m

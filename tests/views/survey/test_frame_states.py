@@ -13,7 +13,7 @@ def strained(frame_id):
     return Message("warning", "telemetry-strained", "Look at it.", frames=(frame_id,))
 
 
-def test_a_suspect_pick_makes_a_frame_one_to_check(survey):
+def test_a_suspect_pick_makes_a_frame_one_to_check(survey) -> None:
     states = frame_states(survey.build())
 
     assert states[0] == "check"
@@ -21,7 +21,7 @@ def test_a_suspect_pick_makes_a_frame_one_to_check(survey):
     assert (states[5], states[11], states[14]) == ("unmatched", "rejected", "seeded")
 
 
-def test_strained_telemetry_makes_a_frame_one_to_check(survey):
+def test_strained_telemetry_makes_a_frame_one_to_check(survey) -> None:
     result = survey.build(clean=True)
     name = result.frames.frame_id[3]
     states = frame_states(replace(result, messages=(strained(name),)))
@@ -30,14 +30,14 @@ def test_strained_telemetry_makes_a_frame_one_to_check(survey):
     assert [i for i, state in enumerate(states) if state == "check"] == [3]
 
 
-def test_a_frame_that_is_not_refined_keeps_its_status_whatever_its_picks(survey):
+def test_a_frame_that_is_not_refined_keeps_its_status_whatever_its_picks(survey) -> None:
     result = survey.build()
     messages = tuple(strained(result.frames.frame_id[i]) for i in (5, 11, 14))
 
     assert frame_states(replace(result, messages=messages)) == frame_states(result)
 
 
-def test_the_counts_say_how_many_and_whether_any_was_rejected(survey):
+def test_the_counts_say_how_many_and_whether_any_was_rejected(survey) -> None:
     assert frame_counts(survey.build()) == (
         "20 frames: 17 refined (1 to check), 1 no picks, 1 not in the log, 1 rejected"
     )

@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.views.survey.key_facts import key_facts, largest_ellipse, least_certain_length
 
 
-def test_the_facts_answer_the_four_questions(survey):
+def test_the_facts_answer_the_four_questions(survey) -> None:
     facts = dict(key_facts(survey.build()))
 
     assert facts["frames"].startswith("20 frames")
@@ -20,7 +20,7 @@ def test_the_facts_answer_the_four_questions(survey):
     assert facts["largest 95 % ellipse within the survey (half axes)"] == "P24: 4.7 cm × 2.8 cm"
 
 
-def test_the_largest_ellipse_is_that_within_the_survey(survey):
+def test_the_largest_ellipse_is_that_within_the_survey(survey) -> None:
     points = survey.build().points
     within = points.relative.ellipse_95_m.copy()
     within[7] = [0.5, 0.1]
@@ -31,7 +31,7 @@ def test_the_largest_ellipse_is_that_within_the_survey(survey):
     assert np.argmax(points.ellipse_95_m[:, 0]) != 7
 
 
-def test_areas_angles_and_coordinates_are_no_lengths(survey):
+def test_areas_angles_and_coordinates_are_no_lengths(survey) -> None:
     result = survey.build()
     sigma = result.measurements.sigma.copy()
     for name in ("patch", "bend", "rest position east", "skid speed"):
@@ -42,13 +42,13 @@ def test_areas_angles_and_coordinates_are_no_lengths(survey):
     assert result.measurements.name[row] == "road width"
 
 
-def test_a_survey_without_points_has_only_frames_to_tell(survey):
+def test_a_survey_without_points_has_only_frames_to_tell(survey) -> None:
     facts = key_facts(survey.build(lines=(), measures=(), point_count=0))
 
     assert [question for question, _ in facts] == ["frames"]
 
 
-def test_a_single_point_has_no_shape(survey):
+def test_a_single_point_has_no_shape(survey) -> None:
     result = survey.build(point_count=1, lines=(), measures=())
     nothing = replace(result.points.relative, ellipse_95_m=np.zeros((1, 2)))
     alone = replace(result, points=replace(result.points, relative=nothing))

@@ -30,7 +30,9 @@ def marked(sure):
     return unsure(sure, NAME, (31.2, 44.9))
 
 
-def test_the_terminal_shows_the_other_values_beside_the_first_and_says_what_they_are(sure, marked):
+def test_the_terminal_shows_the_other_values_beside_the_first_and_says_what_they_are(
+    sure, marked
+) -> None:
     header, _, missing, first, *rest, note = measurement_table(marked).splitlines()
 
     assert header.endswith("fits as well")
@@ -43,7 +45,7 @@ def test_the_terminal_shows_the_other_values_beside_the_first_and_says_what_they
     assert "fits as well" not in measurement_table(sure)
 
 
-def test_the_farther_the_other_values_the_earlier_the_row(marked, sure):
+def test_the_farther_the_other_values_the_earlier_the_row(marked, sure) -> None:
     near = unsure(sure, "road width", (6.4,)).measurements.alternative_values
     others = tuple(
         a or b for a, b in zip(near, marked.measurements.alternative_values, strict=True)
@@ -54,7 +56,7 @@ def test_the_farther_the_other_values_the_earlier_the_row(marked, sure):
     assert [rows.name[i] for i in computed_first(rows)[:2]] == [NAME, "road width"]
 
 
-def test_the_report_marks_the_row_and_says_what_that_means(sure, marked):
+def test_the_report_marks_the_row_and_says_what_that_means(sure, marked) -> None:
     page = render_report(marked)
     rows = [row for row in Page(page).rows if len(row) == 6 and "not unique" in row[1]]
 
@@ -64,7 +66,7 @@ def test_the_report_marks_the_row_and_says_what_that_means(sure, marked):
     assert "not unique" not in render_report(sure).lower()
 
 
-def test_the_verdict_looks_there_first(sure, marked):
+def test_the_verdict_looks_there_first(sure, marked) -> None:
     verdict = judge(marked)
 
     assert verdict.reasons[0].startswith("1 measurement not unique")
@@ -72,11 +74,11 @@ def test_the_verdict_looks_there_first(sure, marked):
     assert not [reason for reason in judge(sure).reasons if "not unique" in reason]
 
 
-def test_the_least_certain_length_is_that_one_with_its_other_values(marked):
+def test_the_least_certain_length_is_that_one_with_its_other_values(marked) -> None:
     assert dict(key_facts(marked))["least certain length for its size"].endswith(OTHERS)
 
 
-def test_the_recording_marks_it_in_its_table_and_on_its_label(sure, marked):
+def test_the_recording_marks_it_in_its_table_and_on_its_label(sure, marked) -> None:
     (row,) = [line for line in measured_page(marked).splitlines() if line.startswith(f"| {NAME}")]
     at = marked.measurements.name.index(NAME)
     labels = survey_labels(marked, measure_scene(marked))
@@ -88,7 +90,7 @@ def test_the_recording_marks_it_in_its_table_and_on_its_label(sure, marked):
     assert [t for t in labels.text if t.startswith("NOT UNIQUE: ") and t.endswith(OTHERS)]
 
 
-def test_the_drawing_of_the_report_doubts_it(sure, marked):
+def test_the_drawing_of_the_report_doubts_it(sure, marked) -> None:
     said = {text.text for text in top_view(marked).texts}
 
     assert [text for text in said if text.startswith(NAME) and text.endswith(" ?")]

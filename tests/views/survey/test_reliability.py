@@ -76,7 +76,7 @@ def judged(result):
     )
 
 
-def test_the_report_says_what_could_be_wrong_unseen(survey):
+def test_the_report_says_what_could_be_wrong_unseen(survey) -> None:
     page = render_report(judged(survey.build()))
     page = page.replace("&#39;", "'")
     assert "an undetected error of 0.0912 m in the length 'south' would move it by 0.042" in page
@@ -92,7 +92,7 @@ def test_the_report_says_what_could_be_wrong_unseen(survey):
     assert "7 numbers, root mean square error 0.057 m, lengths 0.42 % on average" in page
 
 
-def test_a_result_of_before_has_a_report_without_all_this(survey):
+def test_a_result_of_before_has_a_report_without_all_this(survey) -> None:
     page = render_report(survey.build())
     assert "What could be wrong without being seen" not in page
     assert "Taken out as blunders" not in page

@@ -11,7 +11,7 @@ import pytest
 from uavgram.views.survey.top_view import top_view
 
 
-def test_the_drawing_is_to_scale_and_north_is_up(survey):
+def test_the_drawing_is_to_scale_and_north_is_up(survey) -> None:
     result = survey.build()
     view = top_view(result)
     drawn = np.array(view.dots)
@@ -22,7 +22,7 @@ def test_the_drawing_is_to_scale_and_north_is_up(survey):
     np.testing.assert_allclose(np.diff(drawn[:, 1]), -np.diff(world[:, 1]) * per_metre, atol=1e-6)
 
 
-def test_everything_lies_on_the_sheet(survey):
+def test_everything_lies_on_the_sheet(survey) -> None:
     view = top_view(survey.build())
     strokes = (*view.lines, *view.ellipses)
     spots = np.array(
@@ -33,7 +33,7 @@ def test_everything_lies_on_the_sheet(survey):
     assert (spots <= [view.width, view.height]).all()
 
 
-def test_ellipses_as_large_as_the_scene_are_neither_filled_nor_enlarged(survey):
+def test_ellipses_as_large_as_the_scene_are_neither_filled_nor_enlarged(survey) -> None:
     result = survey.build()
     within = result.points.relative
     wide = replace(result.points, relative=replace(within, ellipse_95_m=within.ellipse_95_m + 5.0))
@@ -43,7 +43,7 @@ def test_ellipses_as_large_as_the_scene_are_neither_filled_nor_enlarged(survey):
     assert top_view(result).fill_ellipses
 
 
-def test_ellipses_are_those_within_the_survey(survey):
+def test_ellipses_are_those_within_the_survey(survey) -> None:
     result = survey.build()
     view = top_view(result)
     outline = np.array([p.split(",") for p in view.ellipses[3].points.split()], dtype=float)
@@ -53,7 +53,7 @@ def test_ellipses_are_those_within_the_survey(survey):
     assert reach == pytest.approx(expected, rel=0.02)
 
 
-def test_many_measured_lines_are_thin_and_few_are_named(survey):
+def test_many_measured_lines_are_thin_and_few_are_named(survey) -> None:
     labels = [f"P{i:02d}" for i in range(30)]
     pairs = enumerate(pairwise(labels))
     measures = tuple((f"D{i}", "distance", pair, "m") for i, pair in pairs)
@@ -63,22 +63,22 @@ def test_many_measured_lines_are_thin_and_few_are_named(survey):
     assert 0 < len([text for text in view.texts if text.kind == "measured"]) <= 12
 
 
-def test_without_telemetry_north_is_not_claimed(survey):
+def test_without_telemetry_north_is_not_claimed(survey) -> None:
     assert top_view(survey.build()).north_known
     assert not top_view(survey.build(telemetry=False)).north_known
 
 
-def test_one_point_alone_can_be_drawn_and_none_is_no_drawing(survey):
+def test_one_point_alone_can_be_drawn_and_none_is_no_drawing(survey) -> None:
     assert top_view(survey.build(point_count=1, lines=(), measures=())).dots
     assert top_view(survey.build(point_count=0, lines=(), measures=())) is None
 
 
 @pytest.mark.parametrize("name", ["R3 hedge 11.21 m", "path 38.212 m"])
-def test_lines_and_measurements_are_named(survey, name):
+def test_lines_and_measurements_are_named(survey, name) -> None:
     assert name in [text.text for text in top_view(survey.build()).texts]
 
 
-def test_no_text_is_cut_off_or_covers_another(survey):
+def test_no_text_is_cut_off_or_covers_another(survey) -> None:
     labels = [f"P{i:02d}" for i in range(30)]
     measures = tuple(
         (f"a distance with a very long name {i}", "distance", pair, "m")
@@ -97,7 +97,7 @@ def test_no_text_is_cut_off_or_covers_another(survey):
     assert not (np.triu(aside & level, 1) & bold & bold[:, None]).any()
 
 
-def test_many_known_lengths_are_thin_but_the_suspect_ones(survey):
+def test_many_known_lengths_are_thin_but_the_suspect_ones(survey) -> None:
     lines = tuple(
         (f"L{k}", f"P{k:02d}", f"P{k + 3:02d}", "suspect" if k == 7 else "used", 0.004)
         for k in range(25)

@@ -10,7 +10,7 @@ import pytest
 from uavgram.views.survey.verdict import judge
 
 
-def test_a_survey_without_a_flaw_is_good(survey):
+def test_a_survey_without_a_flaw_is_good(survey) -> None:
     verdict = judge(survey.build(clean=True))
 
     assert verdict.level == "good"
@@ -18,7 +18,7 @@ def test_a_survey_without_a_flaw_is_good(survey):
     assert verdict.counts.startswith("20 of 20 frames refined, 4 of 5 known lengths used")
 
 
-def test_a_suspect_length_is_named_first_with_its_error(survey):
+def test_a_suspect_length_is_named_first_with_its_error(survey) -> None:
     verdict = judge(survey.build())
 
     assert verdict.level == "look"
@@ -26,7 +26,7 @@ def test_a_suspect_length_is_named_first_with_its_error(survey):
     assert verdict.reasons[0] in verdict.sentence
 
 
-def test_every_flaw_of_the_survey_is_among_the_reasons(survey):
+def test_every_flaw_of_the_survey_is_among_the_reasons(survey) -> None:
     reasons = " ".join(judge(survey.build()).reasons)
 
     for flaw in (
@@ -48,14 +48,14 @@ def test_every_flaw_of_the_survey_is_among_the_reasons(survey):
         ({"chi2_probability": 1e-5}, "disagree more than their sigmas"),
     ],
 )
-def test_a_doubtful_adjustment_is_not_good(survey, change, words):
+def test_a_doubtful_adjustment_is_not_good(survey, change, words) -> None:
     result = survey.build(clean=True)
     doubtful = replace(result, solution=replace(result.solution, **change))
 
     assert words in judge(doubtful).sentence
 
 
-def test_a_check_outside_three_sigma_is_not_good(survey):
+def test_a_check_outside_three_sigma_is_not_good(survey) -> None:
     result = survey.build(clean=True)
     error = result.point_checks.error_m.copy()
     error[1, 2] = 0.1  # of 0.03
@@ -64,14 +64,14 @@ def test_a_check_outside_three_sigma_is_not_good(survey):
     assert "three sigma: P29" in judge(replace(result, point_checks=checks)).sentence
 
 
-def test_a_withheld_length_outside_three_sigma_is_not_good(survey):
+def test_a_withheld_length_outside_three_sigma_is_not_good(survey) -> None:
     result = survey.build(clean=True)
     checks = replace(result.line_checks, z=np.full(len(result.line_checks.z), -3.2))
 
     assert "three sigma: R4 wall" in judge(replace(result, line_checks=checks)).sentence
 
 
-def test_other_solutions_of_the_lengths_are_told(survey):
+def test_other_solutions_of_the_lengths_are_told(survey) -> None:
     verdict = judge(survey.build(telemetry=False, clean=True))
 
     assert "1 other camera position" in verdict.sentence

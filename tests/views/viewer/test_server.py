@@ -14,6 +14,7 @@ import urllib.error
 import urllib.request
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Never
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
@@ -25,12 +26,12 @@ from uavgram.views.viewer import server as viewer
 
 
 @pytest.fixture
-def recording(tmp_path):
+def recording(tmp_path: Path):
     return write_small_recording(tmp_path / "a.rrd")
 
 
 @pytest.mark.parametrize("show", [viewer.open_viewer, lambda p: viewer.serve_viewer(p, print)])
-def test_what_is_no_recording_is_named(tmp_path, show):
+def test_what_is_no_recording_is_named(tmp_path: Path, show) -> None:
     with pytest.raises(InputError, match=r"gone\.rrd: cannot be read"):
         show(tmp_path / "gone.rrd")
     (tmp_path / "text.rrd").write_text("RRFx: no recording")
@@ -40,8 +41,8 @@ def test_what_is_no_recording_is_named(tmp_path, show):
 
 @pytest.mark.parametrize("status", [0, 1])
 def test_the_viewer_listens_on_this_machine_only_and_its_failure_is_told(
-    tmp_path, monkeypatch, status
-):
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, status
+) -> None:
     path = tmp_path / "a.rrd"
     path.write_bytes(b"RRF2 and more")
     calls = []
@@ -88,7 +89,9 @@ def listening(pids):
 
 
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs Linux's /proc")
-def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(recording, monkeypatch):
+def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(
+    recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
     seen, servers = {}, []
     start = subprocess.Popen
 
@@ -98,7 +101,7 @@ def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(recording
 
     monkeypatch.setattr(viewer.subprocess, "Popen", popen)
 
-    def started(address):
+    def started(address) -> Never:
         seen["pids"] = processes_of(servers[0].pid)
         seen["sockets"] = listening(seen["pids"])
         seen["address"] = address
@@ -136,7 +139,9 @@ def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(recording
             pass
 
 
-def test_the_gate_waits_for_no_one_who_says_nothing(recording, monkeypatch):
+def test_the_gate_waits_for_no_one_who_says_nothing(
+    recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(viewer_gate, "HEADERS_S", 0.2)
     gate = viewer_gate.ViewerGate(1, recording)
     try:
@@ -163,14 +168,14 @@ def status_of(address, headers):
     return refused.value.code
 
 
-def test_a_server_that_ends_at_once_is_told(recording, monkeypatch):
+def test_a_server_that_ends_at_once_is_told(recording, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(viewer, "sys", type("S", (), {"executable": "/bin/false"}))
 
     with pytest.raises(UavgramError, match="did not start"):
         viewer.serve_viewer(recording, print)
 
 
-def test_a_server_that_is_killed_is_told(recording, monkeypatch):
+def test_a_server_that_is_killed_is_told(recording, monkeypatch: pytest.MonkeyPatch) -> None:
     started = threading.Event()
     start = subprocess.Popen
 
@@ -183,7 +188,7 @@ def test_a_server_that_is_killed_is_told(recording, monkeypatch):
         ports = [_arguments[0][i + 1] for i, a in enumerate(_arguments[0]) if a.endswith("port")]
         server = start([sys.executable, "-c", code, *ports], **options)
 
-        def kill():
+        def kill() -> None:
             started.wait(30)
             os.kill(server.pid, signal.SIGKILL)
 
@@ -198,7 +203,7 @@ def test_a_server_that_is_killed_is_told(recording, monkeypatch):
 
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs Linux's /proc")
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
-def test_the_viewer_ends_with_the_program_however_that_ends(recording, tmp_path, how):
+def test_the_viewer_ends_with_the_program_however_that_ends(recording, tmp_path: Path, how) -> None:
     (tmp_path / "rerun_cli.py").write_text("raise SystemExit('taken from the folder')")
     home = {"HOME": str(tmp_path), "FORCE_RERUN_ANALYTICS": "1"}
     with subprocess.Popen(

@@ -10,7 +10,7 @@ from uavgram.estimation.solver.sparse.grouped_products import GroupedProducts
 
 
 @pytest.mark.parametrize("chunk", [1, 250_000])
-def test_every_product_is_added_once_to_its_group(monkeypatch, chunk):
+def test_every_product_is_added_once_to_its_group(monkeypatch: pytest.MonkeyPatch, chunk) -> None:
     monkeypatch.setattr(grouped_products, "CHUNK", chunk)
     rng = np.random.default_rng(0)
     left, right = rng.normal(size=(30, 2, 3)), rng.normal(size=(20, 2, 4))
@@ -26,7 +26,7 @@ def test_every_product_is_added_once_to_its_group(monkeypatch, chunk):
     np.testing.assert_allclose(before, expected, atol=1e-12)
 
 
-def test_no_products_change_nothing():
+def test_no_products_change_nothing() -> None:
     none = np.zeros(0, dtype=np.int64)
     out = np.ones((3, 2, 2))
     GroupedProducts(none, none, none).add(out, np.ones((1, 1, 2)), np.ones((1, 1, 2)))

@@ -35,7 +35,7 @@ GRAPHS = {
 
 
 @pytest.mark.parametrize("graph", GRAPHS.values(), ids=GRAPHS.keys())
-def test_every_block_is_in_one_node_and_edges_lead_only_to_ancestors(graph):
+def test_every_block_is_in_one_node_and_edges_lead_only_to_ancestors(graph) -> None:
     nodes = dissect(graph)
 
     own = np.concatenate([node.own for node in nodes])
@@ -54,13 +54,13 @@ def test_every_block_is_in_one_node_and_edges_lead_only_to_ancestors(graph):
         assert a == b or a in ancestors[b] or b in ancestors[a]
 
 
-def test_the_first_separator_of_a_grid_is_hardly_longer_than_its_short_side():
+def test_the_first_separator_of_a_grid_is_hardly_longer_than_its_short_side() -> None:
     nodes = dissect(GRAPHS["grid"])
     assert len(nodes[-1].own) <= 1.25 * 20
     assert max(len(node.own) for node in nodes[:-1]) <= max(LEAF, 20)
 
 
-def test_a_strip_falls_apart_at_a_few_blocks():
+def test_a_strip_falls_apart_at_a_few_blocks() -> None:
     nodes = dissect(GRAPHS["strip"])
     parents = {node.parent for node in nodes}
     assert all(len(nodes[i].own) <= 4 for i in parents if i >= 0)

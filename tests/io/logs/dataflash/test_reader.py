@@ -1,6 +1,7 @@
 """DataFlash logs: columns against pymavlink, meaning against a simulated flight, broken files."""
 
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ USED = (
 
 
 @pytest.fixture
-def path_of(tmp_path):
+def path_of(tmp_path: Path):
     """Write bytes to a file of their own."""
 
     def write(data, name="cut.BIN"):
@@ -39,7 +40,7 @@ def path_of(tmp_path):
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_every_field_equals_pymavlinks(data_dir, name):
+def test_every_field_equals_pymavlinks(data_dir: Path, name) -> None:
     path = data_dir / name
     tables = index_binary(str(path), path.read_bytes())
     reader = DFReader.DFReader_binary(str(path))
@@ -60,7 +61,7 @@ def test_every_field_equals_pymavlinks(data_dir, name):
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_the_loop_finds_the_messages_that_the_compiled_indexer_finds(data_dir, name):
+def test_the_loop_finds_the_messages_that_the_compiled_indexer_finds(data_dir: Path, name) -> None:
     data = (data_dir / name).read_bytes()
     compiled = dataflash_index.indexed_by_pymavlink(data)
     if compiled is None:
@@ -69,7 +70,7 @@ def test_the_loop_finds_the_messages_that_the_compiled_indexer_finds(data_dir, n
     assert compiled[129:] == loop[129:]
 
 
-def test_tables_of_a_flight_have_their_meaning(data_dir):
+def test_tables_of_a_flight_have_their_meaning(data_dir: Path) -> None:
     log = read_dataflash(data_dir / "wind_oblique" / "flight.BIN")
     (boot,) = log.boots
     assert log.vehicle == "ArduCopter"
@@ -85,7 +86,7 @@ def test_tables_of_a_flight_have_their_meaning(data_dir):
     assert boot.home.height_m[0] == 584.45
 
 
-def test_triggers_without_feedback_are_kept_as_unconfirmed_and_named(data_dir):
+def test_triggers_without_feedback_are_kept_as_unconfirmed_and_named(data_dir: Path) -> None:
     log = read_dataflash(data_dir / "wind_oblique" / "flight.BIN")
     events = log.boots[0].events
     assert events.source == "TRIG+CAM"
@@ -95,19 +96,19 @@ def test_triggers_without_feedback_are_kept_as_unconfirmed_and_named(data_dir):
     assert any("17, 34, 51" in note for note in log.notes)
 
 
-def test_the_gimbals_yaw_is_from_north_where_the_log_has_it(data_dir):
+def test_the_gimbals_yaw_is_from_north_where_the_log_has_it(data_dir: Path) -> None:
     gimbal = read_dataflash(data_dir / "calm_nadir" / "flight.BIN").boots[0].gimbal
     assert gimbal.yaw_frame == "earth"
     assert np.degrees(np.median(gimbal.pitch_rad)) == pytest.approx(-89.98, abs=0.01)
 
 
-def test_gps_time_is_tied_to_the_arrival_of_the_fix(data_dir, truth):
+def test_gps_time_is_tied_to_the_arrival_of_the_fix(data_dir: Path, truth) -> None:
     (clock,) = read_dataflash(data_dir / "calm_nadir" / "flight.BIN").boots[0].clocks
     boot_to_utc = truth("calm_nadir")["boot_to_utc_s"]
     assert np.abs(clock.utc_s - clock.time_boot_s - boot_to_utc).max() < 1e-5
 
 
-def test_an_old_firmware_is_read(data_dir):
+def test_an_old_firmware_is_read(data_dir: Path) -> None:
     log = read_dataflash(data_dir / "logs" / "copter_3.4.4.bin")
     boot = log.boots[0]
     assert log.firmware == "APM:Copter V3.4.4-rc1 (65ffe9d7)"
@@ -116,7 +117,9 @@ def test_an_old_firmware_is_read(data_dir):
     assert boot.sigmas.source == "GPA+NKF4"
 
 
-def test_a_log_without_pos_falls_back_to_the_estimator_and_then_to_the_receiver(data_dir, path_of):
+def test_a_log_without_pos_falls_back_to_the_estimator_and_then_to_the_receiver(
+    data_dir: Path, path_of
+) -> None:
     path = data_dir / "calm_nadir" / "flight.BIN"
     data = path.read_bytes()
     reference = read_dataflash(path).boots[0].positions
@@ -145,7 +148,7 @@ def test_a_log_without_pos_falls_back_to_the_estimator_and_then_to_the_receiver(
 
 
 @pytest.mark.parametrize("name", ["calm_nadir/flight.BIN", "logs/copter_3.4.4.bin"])
-def test_a_text_log_gives_the_columns_of_its_binary_form(data_dir, name, path_of):
+def test_a_text_log_gives_the_columns_of_its_binary_form(data_dir: Path, name, path_of) -> None:
     path = data_dir / name
     reader = DFReader.DFReader_binary(str(path))
     lines = []
@@ -164,7 +167,7 @@ def test_a_text_log_gives_the_columns_of_its_binary_form(data_dir, name, path_of
         np.testing.assert_array_equal(binary.events.time_boot_s, text.events.time_boot_s)
 
 
-def test_text_fields_keep_their_commas():
+def test_text_fields_keep_their_commas() -> None:
     tables = index_text(
         "x.log",
         b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n"
@@ -177,21 +180,21 @@ def test_text_fields_keep_their_commas():
     assert tables.notes == ("1 lines belong to no defined message",)
 
 
-def test_two_logs_in_one_file_are_two_boots(data_dir, path_of):
+def test_two_logs_in_one_file_are_two_boots(data_dir: Path, path_of) -> None:
     data = (data_dir / "calm_nadir" / "flight.BIN").read_bytes()
     log = read_dataflash(path_of(data + data))
     assert len(log.boots) == 2
     np.testing.assert_array_equal(log.boots[0].positions.height_m, log.boots[1].positions.height_m)
 
 
-def test_a_truncated_tail_costs_one_message_and_is_noted(data_dir, path_of):
+def test_a_truncated_tail_costs_one_message_and_is_noted(data_dir: Path, path_of) -> None:
     data = (data_dir / "calm_nadir" / "flight.BIN").read_bytes()
     log = read_dataflash(path_of(data[:1_000_003]))
     assert any("belong to no complete message" in note for note in log.notes)
     assert len(log.boots[0].positions.time_boot_s) > 1000
 
 
-def test_damaged_rows_do_not_reach_the_track(data_dir, path_of):
+def test_damaged_rows_do_not_reach_the_track(data_dir: Path, path_of) -> None:
     path = data_dir / "calm_nadir" / "flight.BIN"
     data = bytearray(path.read_bytes())
     starts = index_binary(str(path), bytes(data)).places("POS")
@@ -204,7 +207,9 @@ def test_damaged_rows_do_not_reach_the_track(data_dir, path_of):
     assert "3 of 2631 POS rows make no sense and were dropped" in log.notes
 
 
-def test_skipped_bytes_print_nothing(data_dir, capfd, path_of):
+def test_skipped_bytes_print_nothing(
+    data_dir: Path, capfd: pytest.CaptureFixture[str], path_of
+) -> None:
     data = bytearray((data_dir / "calm_nadir" / "flight.BIN").read_bytes())
     data[300_000:300_600] = bytes(600)
     log = read_dataflash(path_of(bytes(data)))
@@ -224,19 +229,19 @@ def test_skipped_bytes_print_nothing(data_dir, capfd, path_of):
         (b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n", "no complete message"),
     ],
 )
-def test_what_is_no_log_is_refused_by_name(content, words, path_of):
+def test_what_is_no_log_is_refused_by_name(content, words, path_of) -> None:
     path = path_of(content, "flight.bin")
     with pytest.raises(InputError, match=words) as caught:
         read_dataflash(path)
     assert caught.value.path == str(path)
 
 
-def test_a_missing_file_is_an_input_error(tmp_path):
+def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
         read_dataflash(tmp_path / "none.BIN")
 
 
-def test_a_log_without_positions_says_what_it_holds(data_dir, path_of):
+def test_a_log_without_positions_says_what_it_holds(data_dir: Path, path_of) -> None:
     path = data_dir / "calm_nadir" / "flight.BIN"
     data = path.read_bytes()
     tables = index_binary(str(path), data)
@@ -273,7 +278,7 @@ def positions(count=40, start_s=10.0):
     return FMT + fmt + b"".join(rows)
 
 
-def test_a_format_that_changes_midway_is_followed(path_of):
+def test_a_format_that_changes_midway_is_followed(path_of) -> None:
     old = defined(2, "Qf", "CAM", "Qf", "TimeUS,X")
     new = defined(2, "QHf", "CAM", "QHf", "TimeUS,Img,X")
     rows_old = b"".join(message(2, "Qf", int((11 + k) * 1e6), 1.5) for k in range(3))
@@ -288,13 +293,13 @@ def test_a_format_that_changes_midway_is_followed(path_of):
     assert len(read_dataflash(path_of(data)).boots[0].events.time_boot_s) == 7
 
 
-def test_the_index_goes_on_behind_an_unknown_type():
+def test_the_index_goes_on_behind_an_unknown_type() -> None:
     data = positions(3000)
     behind = positions(20, 310.0)[len(positions(0)) :]  # too little for the file to be suspicious
     assert index_binary("x", data + b"\xa3\x95\x99 garbage" + behind).count("POS") == 3020
 
 
-def test_images_counted_twice_and_lost_ones_are_named(path_of):
+def test_images_counted_twice_and_lost_ones_are_named(path_of) -> None:
     cam = defined(2, "QH", "CAM", "QH", "TimeUS,Img")
     numbers = (1, 2, 3, 3, 4, 6, 7)
     rows = b"".join(message(2, "QH", int((10.5 + k / 2) * 1e6), n) for k, n in enumerate(numbers))
@@ -305,7 +310,7 @@ def test_images_counted_twice_and_lost_ones_are_named(path_of):
     assert "1 image numbers are missing in CAM: 5" in log.notes
 
 
-def test_feedback_and_command_are_told_apart(data_dir):
+def test_feedback_and_command_are_told_apart(data_dir: Path) -> None:
     found = {
         name: read_dataflash(data_dir / name / "flight.BIN").boots[0].events.instant
         for name in ("calm_nadir", "wind_oblique")
@@ -313,7 +318,7 @@ def test_feedback_and_command_are_told_apart(data_dir):
     assert found == {"calm_nadir": "command", "wind_oblique": "feedback"}
 
 
-def test_cam_without_boot_time_is_placed_by_its_gps_time(path_of):
+def test_cam_without_boot_time_is_placed_by_its_gps_time(path_of) -> None:
     # as firmware before 3.3 wrote them
     gps = defined(3, "BIHiifI", "GPS", "BIHLLfI", "Status,TimeMS,Week,Lat,Lng,Alt,T")
     cam = defined(2, "IHiif", "CAM", "IHLLf", "GPSTime,GPSWeek,Lat,Lng,Alt")
@@ -333,7 +338,7 @@ def test_cam_without_boot_time_is_placed_by_its_gps_time(path_of):
     assert any("no boot time" in note for note in log.notes)
 
 
-def test_the_second_receiver_stands_in_where_the_first_has_no_fix(path_of):
+def test_the_second_receiver_stands_in_where_the_first_has_no_fix(path_of) -> None:
     formats = [
         defined(n, "QBiif", name, "QBLLf", "TimeUS,Status,Lat,Lng,Alt")
         for n, name in ((3, "GPS"), (4, "GPS2"))
@@ -347,7 +352,7 @@ def test_the_second_receiver_stands_in_where_the_first_has_no_fix(path_of):
     assert len(log.boots[0].positions.time_boot_s) == 39
 
 
-def test_several_boots_of_a_text_log_are_told_apart(path_of):
+def test_several_boots_of_a_text_log_are_told_apart(path_of) -> None:
     lines = [
         "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
         "FMT, 1, 27, POS, QLLff, TimeUS,Lat,Lng,Alt,RelHomeAlt",
@@ -358,7 +363,7 @@ def test_several_boots_of_a_text_log_are_told_apart(path_of):
     assert [len(boot.positions.time_boot_s) for boot in log.boots] == [30, 30]
 
 
-def test_a_position_with_a_flipped_bit_is_dropped(path_of):
+def test_a_position_with_a_flipped_bit_is_dropped(path_of) -> None:
     data = bytearray(positions(60))
     starts = index_binary("x", bytes(data)).places("POS")
     data[int(starts[30]) + 3 + 8 + 2] ^= 0x10  # latitude off by a tenth of a degree

@@ -1,6 +1,7 @@
 """Telemetry logs: columns against pymavlink, meaning against simulated flights, damage."""
 
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,7 +43,7 @@ UTC_S = 1_700_000_000.0
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_every_field_equals_pymavlinks(data_dir, name):
+def test_every_field_equals_pymavlinks(data_dir: Path, name) -> None:
     path = data_dir / name
     connection = mavutil.mavlink_connection(str(path), dialect="all")
     expected = {}
@@ -69,7 +70,7 @@ def test_every_field_equals_pymavlinks(data_dir, name):
                 np.testing.assert_array_equal(columns[field], np.array(values), f"{kind}.{field}")
 
 
-def test_most_types_of_the_real_logs_were_compared(data_dir):
+def test_most_types_of_the_real_logs_were_compared(data_dir: Path) -> None:
     frames = scan_frames((data_dir / "logs" / "dronekit_flight.tlog").read_bytes())
     names = {message_name(int(n)) for n in np.unique(frames.message_id)}
     assert len(USED & names) >= 6
@@ -78,7 +79,7 @@ def test_most_types_of_the_real_logs_were_compared(data_dir):
 class Recorder:
     """Write a telemetry log with pymavlink."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.data = bytearray()
         self.links = {}
 
@@ -93,12 +94,12 @@ class Recorder:
             mav.signing.timestamp = 1
         return mav, version == 1
 
-    def add(self, link, receive_s, message):
+    def add(self, link, receive_s, message) -> None:
         mav, first_version = link
         frame = message.pack(mav, force_mavlink1=first_version)
         self.data += struct.pack(">Q", int(receive_s * 1e6)) + frame
 
-    def flight(self, link, *, start_s=10.0, seconds=20, delay_s=0.05, utc=UTC_S):
+    def flight(self, link, *, start_s=10.0, seconds=20, delay_s=0.05, utc=UTC_S) -> None:
         """Heartbeats, positions, attitudes and SYSTEM_TIME at 10 Hz."""
         for k in range(seconds * 10):
             boot = start_s + k / 10
@@ -114,7 +115,7 @@ class Recorder:
                 clock = dialect.MAVLink_system_time_message(round((utc + boot) * 1e6), ms)
                 self.add(link, receive, clock)
 
-    def feedback(self, link, receive_s, time_usec, number):
+    def feedback(self, link, receive_s, time_usec, number) -> None:
         message = dialect.MAVLink_camera_feedback_message(
             time_usec, 0, 0, number, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0
         )
@@ -122,7 +123,7 @@ class Recorder:
 
 
 @pytest.fixture
-def save(tmp_path):
+def save(tmp_path: Path):
     """Write bytes to a log of their own."""
 
     def write(data, name="flight.tlog"):
@@ -133,7 +134,7 @@ def save(tmp_path):
     return write
 
 
-def test_both_versions_signed_frames_and_other_systems_are_told_apart(save):
+def test_both_versions_signed_frames_and_other_systems_are_told_apart(save) -> None:
     log = Recorder()
     log.flight(log.link(version=1), start_s=10, seconds=5)
     log.flight(log.link(version=2), start_s=15, seconds=5)
@@ -150,7 +151,7 @@ def test_both_versions_signed_frames_and_other_systems_are_told_apart(save):
     assert read.notes == ()
 
 
-def test_a_trimmed_payload_is_filled_with_zeros():
+def test_a_trimmed_payload_is_filled_with_zeros() -> None:
     log = Recorder()
     link = log.link()
     message = dialect.MAVLink_global_position_int_message(5, 1, 2, 3, 0, 0, 0, 0, 0)
@@ -162,14 +163,14 @@ def test_a_trimmed_payload_is_filled_with_zeros():
     assert columns["hdg"].tolist() == [0]
 
 
-def test_a_clock_that_starts_again_makes_another_boot(data_dir):
+def test_a_clock_that_starts_again_makes_another_boot(data_dir: Path) -> None:
     log = read_tlog(data_dir / "logs" / "dronekit_flight.tlog")
     assert len(log.boots) == 2
     assert [len(b.positions.time_boot_s) for b in log.boots] == [491, 2193]
     assert log.boots[0].gimbal.source == "MOUNT_STATUS"
 
 
-def test_feedback_in_utc_is_brought_to_the_boot_clock(data_dir):
+def test_feedback_in_utc_is_brought_to_the_boot_clock(data_dir: Path) -> None:
     from uavgram.io.logs.dataflash.reader import read_dataflash
 
     for name in ("calm_nadir", "wind_oblique"):
@@ -181,7 +182,7 @@ def test_feedback_in_utc_is_brought_to_the_boot_clock(data_dir):
         assert gap.max() < 0.001  # SYSTEM_TIME counts whole milliseconds
 
 
-def test_feedback_since_boot_that_wrapped_is_unwrapped(save):
+def test_feedback_since_boot_that_wrapped_is_unwrapped(save) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link, start_s=5000)
@@ -190,7 +191,7 @@ def test_feedback_since_boot_that_wrapped_is_unwrapped(save):
     assert events.time_boot_s.tolist() == pytest.approx([5010.0], abs=1e-6)
 
 
-def test_feedback_in_a_nonsense_utc_is_placed_by_the_same_nonsense(save):
+def test_feedback_in_a_nonsense_utc_is_placed_by_the_same_nonsense(save) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link, utc=29_618_000_000.0)  # the year 2908
@@ -199,7 +200,7 @@ def test_feedback_in_a_nonsense_utc_is_placed_by_the_same_nonsense(save):
     assert events.time_boot_s.tolist() == pytest.approx([20.0], abs=1e-4)
 
 
-def test_feedback_in_utc_without_system_time_is_left_out_with_a_note(save):
+def test_feedback_in_utc_without_system_time_is_left_out_with_a_note(save) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link, utc=None)
@@ -210,7 +211,7 @@ def test_feedback_in_utc_without_system_time_is_left_out_with_a_note(save):
 
 
 @pytest.mark.parametrize(("flags", "frame"), [(32, "vehicle"), (64, "earth"), (16, "earth")])
-def test_the_gimbals_yaw_frame_is_what_its_flags_say(save, flags, frame):
+def test_the_gimbals_yaw_frame_is_what_its_flags_say(save, flags, frame) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link)
@@ -225,7 +226,7 @@ def test_the_gimbals_yaw_frame_is_what_its_flags_say(save, flags, frame):
     assert np.degrees(gimbal.yaw_rad) == pytest.approx([30] * 5, abs=1e-5)
 
 
-def test_a_failed_checksum_drops_the_frame_and_is_counted(save):
+def test_a_failed_checksum_drops_the_frame_and_is_counted(save) -> None:
     log = Recorder()
     log.flight(log.link())
     data = bytearray(log.data)
@@ -237,7 +238,7 @@ def test_a_failed_checksum_drops_the_frame_and_is_counted(save):
     assert "1 frames failed their checksum and were dropped" in read.notes
 
 
-def test_lost_bytes_cost_the_frames_that_they_hit():
+def test_lost_bytes_cost_the_frames_that_they_hit() -> None:
     log = Recorder()
     log.flight(log.link())
     whole = scan_frames(bytes(log.data))
@@ -247,7 +248,7 @@ def test_lost_bytes_cost_the_frames_that_they_hit():
     assert frames.skipped_bytes > 0
 
 
-def test_a_corrupt_length_does_not_swallow_what_follows():
+def test_a_corrupt_length_does_not_swallow_what_follows() -> None:
     log = Recorder()
     log.flight(log.link())
     whole = scan_frames(bytes(log.data))
@@ -264,14 +265,14 @@ def test_a_corrupt_length_does_not_swallow_what_follows():
         (np.random.default_rng(2).bytes(100_000), "no intact MAVLink frame"),
     ],
 )
-def test_what_is_no_log_is_refused_by_name(save, content, words):
+def test_what_is_no_log_is_refused_by_name(save, content, words) -> None:
     path = save(content)
     with pytest.raises(InputError, match=words) as caught:
         read_tlog(path)
     assert caught.value.path == str(path)
 
 
-def test_a_log_without_positions_says_what_it_holds(save):
+def test_a_log_without_positions_says_what_it_holds(save) -> None:
     log = Recorder()
     log.add(log.link(), UTC_S, dialect.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3))
     with pytest.raises(InputError, match="it holds HEARTBEAT"):
@@ -279,7 +280,7 @@ def test_a_log_without_positions_says_what_it_holds(save):
 
 
 @pytest.mark.parametrize(("pinned", "instant"), [(True, "feedback"), (False, "command")])
-def test_feedbacks_time_base_tells_whether_a_pin_confirmed_it(save, pinned, instant):
+def test_feedbacks_time_base_tells_whether_a_pin_confirmed_it(save, pinned, instant) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link)
@@ -294,7 +295,7 @@ def test_feedbacks_time_base_tells_whether_a_pin_confirmed_it(save, pinned, inst
 
 
 @pytest.mark.parametrize("base_s", [0.0, UTC_S])
-def test_camera_trigger_states_commands_in_either_clock(save, base_s):
+def test_camera_trigger_states_commands_in_either_clock(save, base_s) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link)
@@ -307,7 +308,7 @@ def test_camera_trigger_states_commands_in_either_clock(save, base_s):
     assert events.confirmed.tolist() == [0, 0, 0]
 
 
-def test_image_captured_asked_for_again_is_one_event(save):
+def test_image_captured_asked_for_again_is_one_event(save) -> None:
     log = Recorder()
     link, camera = log.link(), log.link(1, 100)
     log.flight(link)
@@ -326,7 +327,7 @@ def test_image_captured_asked_for_again_is_one_event(save):
     assert events.repeated == ()
 
 
-def test_servo_angles_of_an_old_mount_are_turned_by_the_vehicle(data_dir):
+def test_servo_angles_of_an_old_mount_are_turned_by_the_vehicle(data_dir: Path) -> None:
     log = read_tlog(data_dir / "logs" / "dronekit_flight.tlog")
     gimbal = log.boots[1].gimbal
     # the vehicle pitches by 7 and rolls by 4 degrees (one sigma), the camera does not
@@ -336,7 +337,7 @@ def test_servo_angles_of_an_old_mount_are_turned_by_the_vehicle(data_dir):
     assert any("servo angles" in note for note in log.notes)
 
 
-def test_the_receiver_stands_in_where_the_estimator_is_silent(save):
+def test_the_receiver_stands_in_where_the_estimator_is_silent(save) -> None:
     log = Recorder()
     link = log.link()
     for k in range(50):
@@ -353,7 +354,7 @@ def test_the_receiver_stands_in_where_the_estimator_is_silent(save):
     assert any("receiver's own" in note for note in read.notes)
 
 
-def test_a_frame_inside_a_payload_is_no_frame_of_its_own():
+def test_a_frame_inside_a_payload_is_no_frame_of_its_own() -> None:
     log = Recorder()
     link = log.link()
     inner = struct.pack(">Q", int(UTC_S * 1e6)) + dialect.MAVLink_heartbeat_message(
@@ -368,7 +369,7 @@ def test_a_frame_inside_a_payload_is_no_frame_of_its_own():
     assert frames.skipped_bytes == 0
 
 
-def test_checksums_equal_pymavlinks():
+def test_checksums_equal_pymavlinks() -> None:
     from pymavlink.generator.mavcrc import x25crc
 
     from uavgram.io.logs.tlog.crc import checksums

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from pymavlink import mavutil
@@ -19,7 +21,7 @@ def log():
 
 
 @pytest.fixture(scope="module")
-def path(log, tmp_path_factory):
+def path(log, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.mktemp("log") / "flight.tlog"
     write_tlog(path, log)
     return path
@@ -40,7 +42,7 @@ def column(messages, name):
     return np.array([getattr(message, name) for message in messages], dtype=float)
 
 
-def test_pymavlink_reads_every_message_and_no_bad_data(messages, log):
+def test_pymavlink_reads_every_message_and_no_bad_data(messages, log) -> None:
     assert "BAD_DATA" not in messages
     assert len(messages["GLOBAL_POSITION_INT"]) == len(log.position_time_s)
     assert len(messages["ATTITUDE"]) == len(messages["ATTITUDE_QUATERNION"])
@@ -48,7 +50,7 @@ def test_pymavlink_reads_every_message_and_no_bad_data(messages, log):
     assert messages["STATUSTEXT"][0].text == "uavgram demo"
 
 
-def test_positions_are_those_of_the_flight(messages, log):
+def test_positions_are_those_of_the_flight(messages, log) -> None:
     rows = messages["GLOBAL_POSITION_INT"]
     np.testing.assert_allclose(column(rows, "lat") / 1e7, log.position_geodetic[:, 0], atol=6e-8)
     np.testing.assert_allclose(column(rows, "lon") / 1e7, log.position_geodetic[:, 1], atol=6e-8)
@@ -59,7 +61,7 @@ def test_positions_are_those_of_the_flight(messages, log):
     np.testing.assert_allclose(column(rows, "vx") / 100, log.velocity_ned_m_s[:, 0], atol=6e-3)
 
 
-def test_velocities_are_the_rates_of_the_positions(log):
+def test_velocities_are_the_rates_of_the_positions(log) -> None:
     north = np.deg2rad(log.position_geodetic[:, 0] - log.home_geodetic[0]) * 6.37e6
     np.testing.assert_allclose(
         np.gradient(north, log.position_time_s), log.velocity_ned_m_s[:, 0], atol=1.0
@@ -68,7 +70,7 @@ def test_velocities_are_the_rates_of_the_positions(log):
     np.testing.assert_allclose(down, log.velocity_ned_m_s[:, 2], atol=1.0)
 
 
-def test_attitude_as_angles_and_as_quaternion_agree(messages):
+def test_attitude_as_angles_and_as_quaternion_agree(messages) -> None:
     angles = np.stack([column(messages["ATTITUDE"], n) for n in ("yaw", "pitch", "roll")], axis=1)
     wxyz = [[m.q1, m.q2, m.q3, m.q4] for m in messages["ATTITUDE_QUATERNION"]]
     quaternion = Rotation.from_quat(wxyz, scalar_first=True)
@@ -77,7 +79,7 @@ def test_attitude_as_angles_and_as_quaternion_agree(messages):
     assert np.abs(angles[:, 0]).max() <= np.pi + 1e-6
 
 
-def test_the_gimbal_looks_ten_degrees_ahead_of_straight_down(messages):
+def test_the_gimbal_looks_ten_degrees_ahead_of_straight_down(messages) -> None:
     rows = messages["GIMBAL_DEVICE_ATTITUDE_STATUS"]
     yaw, pitch, roll = Rotation.from_quat([m.q for m in rows], scalar_first=True).as_euler(
         "ZYX", degrees=True
@@ -89,32 +91,32 @@ def test_the_gimbal_looks_ten_degrees_ahead_of_straight_down(messages):
     assert {m.flags for m in rows} == {4 + 8 + 32}  # roll, pitch to the earth; yaw to the vehicle
 
 
-def test_exposures_are_stamped_in_utc(messages, log):
+def test_exposures_are_stamped_in_utc(messages, log) -> None:
     stamp = column(messages["CAMERA_FEEDBACK"], "time_usec") * 1e-6
     np.testing.assert_allclose(stamp, log.boot_utc_s + log.event_time_s, atol=2e-6)
     assert column(messages["CAMERA_FEEDBACK"], "img_idx").tolist() == list(range(1, 15))
 
 
-def test_the_clock_and_the_receive_time_say_utc(messages, log):
+def test_the_clock_and_the_receive_time_say_utc(messages, log) -> None:
     for message in messages["SYSTEM_TIME"]:
         utc = message.time_unix_usec * 1e-6
         assert utc - message.time_boot_ms * 1e-3 == pytest.approx(log.boot_utc_s, abs=1e-3)
         assert message._timestamp - utc == pytest.approx(LINK_DELAY_S, abs=2e-3)
 
 
-def test_the_receiver_states_its_accuracy_and_the_geoid(messages, log):
+def test_the_receiver_states_its_accuracy_and_the_geoid(messages, log) -> None:
     rows = messages["GPS_RAW_INT"]
     np.testing.assert_allclose(column(rows, "h_acc") / 1e3, log.gps_accuracy_m[:, 0], atol=6e-4)
     undulation = (column(rows, "alt_ellipsoid") - column(rows, "alt")) / 1e3
     np.testing.assert_allclose(undulation, log.undulation_m, atol=1e-3)
 
 
-def test_the_same_flight_gives_the_same_bytes(log, path, tmp_path):
+def test_the_same_flight_gives_the_same_bytes(log, path, tmp_path: Path) -> None:
     write_tlog(tmp_path / "again.tlog", log)
     assert (tmp_path / "again.tlog").read_bytes() == path.read_bytes()
 
 
-def test_our_reader_finds_events_gimbal_home_and_clock(path, log):
+def test_our_reader_finds_events_gimbal_home_and_clock(path, log) -> None:
     flight = read_tlog(path)
     (boot,) = flight.boots
     np.testing.assert_allclose(boot.events.time_boot_s, log.event_time_s, atol=2e-3)

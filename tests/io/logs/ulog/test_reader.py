@@ -1,5 +1,7 @@
 """PX4 logs: columns against pyulog, meaning against written flights, old and new names, damage."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from pyulog import ULog
@@ -20,7 +22,7 @@ REAL = (
 
 
 @pytest.fixture
-def save(tmp_path):
+def save(tmp_path: Path):
     def write(data, name="flight.ulg"):
         path = tmp_path / name
         path.write_bytes(data)
@@ -30,7 +32,7 @@ def save(tmp_path):
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_every_field_equals_pyulogs(data_dir, name):
+def test_every_field_equals_pyulogs(data_dir: Path, name) -> None:
     path = data_dir / "logs" / name
     tables = read_tables(str(path), path.read_bytes())
     expected = [d for d in ULog(str(path)).data_list if len(d.data["timestamp"])]
@@ -56,14 +58,16 @@ def test_every_field_equals_pyulogs(data_dir, name):
         ("sample_log_small.ulg", "vehicle_gps_position", 32, "PX4 v1.11.2"),
     ],
 )
-def test_the_best_position_that_a_log_has_is_taken(data_dir, name, source, rows, firmware):
+def test_the_best_position_that_a_log_has_is_taken(
+    data_dir: Path, name, source, rows, firmware
+) -> None:
     log = read_flight_log(data_dir / "logs" / name)
     positions = log.boots[0].positions
     assert (log.kind, positions.source, len(positions.time_boot_s)) == ("ulog", source, rows)
     assert log.firmware.startswith(firmware)
 
 
-def test_a_log_without_positions_is_read_but_refused_where_they_are_needed(data_dir):
+def test_a_log_without_positions_is_read_but_refused_where_they_are_needed(data_dir: Path) -> None:
     path = data_dir / "logs" / "sample.ulg"
     log = read_flight_log(path, positions_needed=False)
     assert log.boots[0].positions is None
@@ -72,7 +76,7 @@ def test_a_log_without_positions_is_read_but_refused_where_they_are_needed(data_
         read_flight_log(path)
 
 
-def test_the_local_frame_is_put_on_the_earth_as_px4_does(data_dir):
+def test_the_local_frame_is_put_on_the_earth_as_px4_does(data_dir: Path) -> None:
     path = data_dir / "logs" / "sample_px4_events.ulg"
     tables = read_tables(str(path), path.read_bytes())
     local, world = tables.topic("vehicle_local_position"), tables.topic("vehicle_global_position")
@@ -86,7 +90,7 @@ def test_the_local_frame_is_put_on_the_earth_as_px4_does(data_dir):
     assert np.abs(height[tied][a] - world.column("alt")[b]).max() < 0.01
 
 
-def test_the_local_frame_is_an_azimuthal_equidistant_projection():
+def test_the_local_frame_is_an_azimuthal_equidistant_projection() -> None:
     from pyproj import Transformer
 
     rng = np.random.default_rng(1)
@@ -102,13 +106,13 @@ def test_the_local_frame_is_an_azimuthal_equidistant_projection():
     np.testing.assert_array_equal(height, 500.0)
 
 
-def test_the_simulators_boot_clock_of_the_day_is_counted_from_the_start(data_dir):
+def test_the_simulators_boot_clock_of_the_day_is_counted_from_the_start(data_dir: Path) -> None:
     log = read_ulog(data_dir / "logs" / "sample_px4_events.ulg")
     assert 10 < log.boots[0].positions.time_boot_s[0] < 11
     assert any("time of day" in note for note in log.notes)
 
 
-def test_the_undulation_is_the_receivers(data_dir):
+def test_the_undulation_is_the_receivers(data_dir: Path) -> None:
     # its first row: alt_ellipsoid 106766 mm, alt 66814 mm (by pyulog)
     assert read_ulog(data_dir / "logs" / "sample_log_small.ulg").undulation_m == pytest.approx(
         39.95, abs=0.01
@@ -116,7 +120,7 @@ def test_the_undulation_is_the_receivers(data_dir):
 
 
 @pytest.mark.parametrize("gps", ["old", "new"])
-def test_old_and_new_names_of_the_receivers_fields_are_read(save, ulog_writer, gps):
+def test_old_and_new_names_of_the_receivers_fields_are_read(save, ulog_writer, gps) -> None:
     log = read_ulog(save(ulog_writer.ulog(ulog_writer.flight(gps=gps))))
     (boot,) = log.boots
     assert log.undulation_m == pytest.approx(ulog_writer.UNDULATION_M, abs=1e-3)
@@ -133,7 +137,7 @@ def test_old_and_new_names_of_the_receivers_fields_are_read(save, ulog_writer, g
     assert found.height_m[0] == pytest.approx(500.0)
 
 
-def test_attitude_is_body_to_ned(save, ulog_writer):
+def test_attitude_is_body_to_ned(save, ulog_writer) -> None:
     from scipy.spatial.transform import Rotation
 
     boot = read_ulog(save(ulog_writer.ulog(ulog_writer.flight()))).boots[0]
@@ -141,7 +145,9 @@ def test_attitude_is_body_to_ned(save, ulog_writer):
     np.testing.assert_allclose(yaw, 90.0, atol=1e-4)
 
 
-def test_commands_without_feedback_are_missed_shots_by_time_not_by_number(save, ulog_writer):
+def test_commands_without_feedback_are_missed_shots_by_time_not_by_number(
+    save, ulog_writer
+) -> None:
     topics = ulog_writer.flight()
     shots = [12.0, 14.0, 18.0, 20.0]  # none after the command at 15.9
     commands = [11.9, 13.9, 15.9, 17.9, 19.9]
@@ -162,7 +168,7 @@ def test_commands_without_feedback_are_missed_shots_by_time_not_by_number(save, 
     assert events.image_number.tolist() == [0, 1, -1, 2, 3]
 
 
-def test_triggers_alone_are_commands(save, ulog_writer):
+def test_triggers_alone_are_commands(save, ulog_writer) -> None:
     topics = ulog_writer.flight()
     topics["camera_trigger"] = (
         ulog_writer.TRIGGER,
@@ -187,7 +193,7 @@ def test_triggers_alone_are_commands(save, ulog_writer):
         ("mount_orientation", "MOUNT", ((0.0, -1.5, 0.5),), "vehicle", 28.6479),
     ],
 )
-def test_both_gimbal_topics_are_read(save, ulog_writer, topic, fields, row, frame, yaw_deg):
+def test_both_gimbal_topics_are_read(save, ulog_writer, topic, fields, row, frame, yaw_deg) -> None:
     topics = ulog_writer.flight()
     rows = [(ulog_writer.us(11 + k / 10), *row) for k in range(50)]
     topics[topic] = (getattr(ulog_writer, fields), rows)
@@ -196,7 +202,7 @@ def test_both_gimbal_topics_are_read(save, ulog_writer, topic, fields, row, fram
     np.testing.assert_allclose(np.degrees(gimbal.yaw_rad), yaw_deg, atol=1e-3)
 
 
-def test_a_cut_log_is_read_as_far_as_it_goes(data_dir, save):
+def test_a_cut_log_is_read_as_far_as_it_goes(data_dir: Path, save) -> None:
     data = (data_dir / "logs" / "sample_px4_events.ulg").read_bytes()
     whole = read_ulog(data_dir / "logs" / "sample_px4_events.ulg")
     part = read_ulog(save(data[: len(data) // 2 + 1]))
@@ -204,13 +210,13 @@ def test_a_cut_log_is_read_as_far_as_it_goes(data_dir, save):
     assert len(whole.boots[0].attitudes.time_boot_s) == 622
 
 
-def test_appended_data_is_read_and_said(data_dir):
+def test_appended_data_is_read_and_said(data_dir: Path) -> None:
     log = read_ulog(data_dir / "logs" / "sample_appended_multiple.ulg")
     assert sum(m.count for m in log.messages) == 6852
     assert "data was appended after a crash of the autopilot" in log.notes
 
 
-def test_a_log_cut_in_its_definitions_ends(save, ulog_writer):
+def test_a_log_cut_in_its_definitions_ends(save, ulog_writer) -> None:
     data = ulog_writer.ulog(ulog_writer.flight())
     at = data.index(b"vehicle_attitude:") - 3
     with pytest.raises(InputError, match=r"damaged beyond use|no complete message"):
@@ -218,6 +224,6 @@ def test_a_log_cut_in_its_definitions_ends(save, ulog_writer):
 
 
 @pytest.mark.parametrize("content", [b"", b"ULog", b"hello" * 100, b"ULog\x01\x12\x35" + bytes(9)])
-def test_what_is_no_ulog_is_refused(save, content):
+def test_what_is_no_ulog_is_refused(save, content) -> None:
     with pytest.raises(InputError):
         read_ulog(save(content))

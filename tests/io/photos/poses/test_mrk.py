@@ -12,7 +12,7 @@ LEAP_S, GPS_EPOCH_S = 18, 315964800
 
 
 @pytest.fixture
-def real(data_dir):
+def real(data_dir: Path):
     return data_dir / "logs" / "101FTASK_Timestamp.mrk"
 
 
@@ -24,7 +24,7 @@ def utc(tow):
     return GPS_EPOCH_S + 2211 * 604800 + tow - LEAP_S
 
 
-def test_a_real_log_is_read_to_its_last_digit(real, tagged_jpeg):
+def test_a_real_log_is_read_to_its_last_digit(real, tagged_jpeg) -> None:
     poses, messages = read_mrk(real, named(tagged_jpeg, [2, 3, 177]))
 
     np.testing.assert_array_equal(poses.latitude_deg, [47.6436873208, 47.6436479170, 47.6433253243])
@@ -43,13 +43,13 @@ def test_a_real_log_is_read_to_its_last_digit(real, tagged_jpeg):
     assert messages == ()
 
 
-def test_names_of_later_drones_fit_too(real, tagged_jpeg):
+def test_names_of_later_drones_fit_too(real, tagged_jpeg) -> None:
     photos = named(tagged_jpeg, [5], form="DJI_20220525101810_{:04d}_V.JPG")
 
     assert read_mrk(real, photos)[0].latitude_deg[0] == 47.6435557461
 
 
-def test_a_missing_photo_shifts_nothing(real, tagged_jpeg):
+def test_a_missing_photo_shifts_nothing(real, tagged_jpeg) -> None:
     every = read_mrk(real, named(tagged_jpeg, range(2, 100)))[0]
     some = read_mrk(real, named(tagged_jpeg, [n for n in range(2, 100) if n % 7]))[0]
 
@@ -57,7 +57,7 @@ def test_a_missing_photo_shifts_nothing(real, tagged_jpeg):
     assert [of_all[name] for name in some.frame_id] == some.latitude_deg.tolist()
 
 
-def test_capture_times_guard_the_join_against_renamed_photos(real, tagged_jpeg):
+def test_capture_times_guard_the_join_against_renamed_photos(real, tagged_jpeg) -> None:
     numbers = np.arange(10, 40)
     good = named(tagged_jpeg, numbers)
     when = np.floor(read_mrk(real, good)[0].time_utc_s) + 7200  # a clock two hours ahead, to 1 s
@@ -77,19 +77,19 @@ def test_capture_times_guard_the_join_against_renamed_photos(real, tagged_jpeg):
         ([3], "{:04d}.JPG", "has none at its end"),
     ],
 )
-def test_photos_that_do_not_fit_are_refused(real, tagged_jpeg, numbers, form, text):
+def test_photos_that_do_not_fit_are_refused(real, tagged_jpeg, numbers, form, text) -> None:
     with pytest.raises(InputError, match=text):
         read_mrk(real, named(tagged_jpeg, numbers, form=form))
 
 
-def test_two_folders_in_one_project_are_refused(real, tagged_jpeg):
+def test_two_folders_in_one_project_are_refused(real, tagged_jpeg) -> None:
     photos = tagged_jpeg.photos([Path("100_0101_0003.JPG"), Path("100_0102_0003.JPG")])
 
     with pytest.raises(InputError, match="have the same one"):
         read_mrk(real, photos)
 
 
-def test_malformed_and_doubled_lines_are_named(real, tmp_path, tagged_jpeg):
+def test_malformed_and_doubled_lines_are_named(real, tmp_path: Path, tagged_jpeg) -> None:
     lines = real.read_text().splitlines()
     path = tmp_path / "a.mrk"
     path.write_text("\n".join([lines[0], "x" + lines[1], lines[2]]))
@@ -100,7 +100,9 @@ def test_malformed_and_doubled_lines_are_named(real, tmp_path, tagged_jpeg):
         read_mrk(path, named(tagged_jpeg, [2]))
 
 
-def test_loose_solutions_keep_their_sigmas_and_lost_ones_are_left_out(real, tmp_path, tagged_jpeg):
+def test_loose_solutions_keep_their_sigmas_and_lost_ones_are_left_out(
+    real, tmp_path: Path, tagged_jpeg
+) -> None:
     lines = real.read_text().splitlines()[:3]
     path = tmp_path / "a.mrk"
     lines[1] = lines[1].replace("50,Q", "16,Q").replace("0.014268, 0.013609, 0.029783", "3, 4, 5")

@@ -19,7 +19,7 @@ PLACE = {
 
 
 @pytest.fixture
-def project(tmp_path, tagged_jpeg, data_dir):
+def project(tmp_path: Path, tagged_jpeg, data_dir: Path):
     """Photos of an image log; which tags they carry, by photo."""
 
     def make(*tags):
@@ -33,7 +33,7 @@ def project(tmp_path, tagged_jpeg, data_dir):
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_centimetre_places_and_the_gimbals_angles_are_one_pose(project, order):
+def test_centimetre_places_and_the_gimbals_angles_are_one_pose(project, order) -> None:
     make, mrk = project
     photos = make(GIMBAL | PLACE, GIMBAL, {})
     sources = [(mrk, "exif")[k] for k in order]
@@ -55,7 +55,7 @@ def test_centimetre_places_and_the_gimbals_angles_are_one_pose(project, order):
     assert "height-datum-assumed" not in said  # heights of the tags are not used
 
 
-def test_the_smaller_sigma_wins_whatever_comes_first(project, tmp_path):
+def test_the_smaller_sigma_wins_whatever_comes_first(project, tmp_path: Path) -> None:
     make, mrk = project
     photos = make(GIMBAL, GIMBAL, GIMBAL)
     table = tmp_path / "angles.csv"
@@ -71,7 +71,7 @@ def test_the_smaller_sigma_wins_whatever_comes_first(project, tmp_path):
     assert "angles.csv (1 photos)" in messages[-1].text
 
 
-def test_heights_above_different_datums_are_not_mixed(project, tmp_path):
+def test_heights_above_different_datums_are_not_mixed(project, tmp_path: Path) -> None:
     make, mrk = project
     photos = make({}, {}, {})
     short = tmp_path / "two.mrk"
@@ -87,7 +87,7 @@ def test_heights_above_different_datums_are_not_mixed(project, tmp_path):
     assert both.frame_id == NAMES
 
 
-def test_tags_that_state_nothing_are_said_and_do_no_harm(project):
+def test_tags_that_state_nothing_are_said_and_do_no_harm(project) -> None:
     make, mrk = project
     poses, messages = read_pose_sources([mrk, "exif"], make({}, {}, {}), "msl")
 
@@ -95,7 +95,7 @@ def test_tags_that_state_nothing_are_said_and_do_no_harm(project):
     assert [m.code for m in messages] == ["no-pose-tags", "pose-sources"]
 
 
-def test_angles_alone_place_nothing(project, tmp_path):
+def test_angles_alone_place_nothing(project, tmp_path: Path) -> None:
     make, _ = project
     photos = make(GIMBAL, GIMBAL, GIMBAL)
     table = tmp_path / "angles.csv"

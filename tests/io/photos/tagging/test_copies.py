@@ -1,5 +1,7 @@
 """Tables and tagged copies: read back by this program, exifread and OpenCV."""
 
+from pathlib import Path
+
 import cv2
 import exifread
 import numpy as np
@@ -40,7 +42,7 @@ def make_tags():
     return make
 
 
-def real_photo(data_dir):
+def real_photo(data_dir: Path):
     return data_dir / "narrabeen_mavic" / "snapshotNarrabeen.JPG"
 
 
@@ -56,7 +58,9 @@ def all_exif(path):
     return {k: str(v) for k, v in tags.items() if not k.startswith(("GPS", "Image GPSInfo"))}
 
 
-def test_a_tagged_copy_is_read_back_as_written(data_dir, tmp_path, make_tags, tagged_jpeg):
+def test_a_tagged_copy_is_read_back_as_written(
+    data_dir: Path, tmp_path: Path, make_tags, tagged_jpeg
+) -> None:
     copy = write_copy(make_tags(real_photo(data_dir)), tmp_path)
     poses, _ = read_photo_tags(tagged_jpeg.photos([copy]))
 
@@ -70,7 +74,7 @@ def test_a_tagged_copy_is_read_back_as_written(data_dir, tmp_path, make_tags, ta
     assert poses.sigma_vertical_m[0] == 2.5
 
 
-def test_pixels_and_all_other_tags_stay(data_dir, tmp_path, make_tags):
+def test_pixels_and_all_other_tags_stay(data_dir: Path, tmp_path: Path, make_tags) -> None:
     original = real_photo(data_dir)
     before = original.read_bytes()
     copy = write_copy(make_tags(original), tmp_path)
@@ -88,7 +92,7 @@ def test_pixels_and_all_other_tags_stay(data_dir, tmp_path, make_tags):
     assert new[DJI, "GimbalPitchDegree"] == "-35.00"
 
 
-def test_a_photo_without_any_tags_gets_them(tmp_path, make_tags, tagged_jpeg):
+def test_a_photo_without_any_tags_gets_them(tmp_path: Path, make_tags, tagged_jpeg) -> None:
     path = tmp_path / "a.jpg"
     path.write_bytes(tagged_jpeg.jpeg())
     copy = write_copy(make_tags(path, height_m=[-3.5]), tmp_path)
@@ -98,7 +102,7 @@ def test_a_photo_without_any_tags_gets_them(tmp_path, make_tags, tagged_jpeg):
     np.testing.assert_array_equal(cv2.imread(str(copy)), cv2.imread(str(path)))
 
 
-def test_only_jpegs_can_be_tagged(tmp_path, make_tags):
+def test_only_jpegs_can_be_tagged(tmp_path: Path, make_tags) -> None:
     path = tmp_path / "a.png"
     path.write_bytes(cv2.imencode(".png", np.zeros((4, 4, 3), np.uint8))[1].tobytes())
 
@@ -107,7 +111,9 @@ def test_only_jpegs_can_be_tagged(tmp_path, make_tags):
 
 
 @pytest.mark.parametrize("degrees", [0.0, 59.99999999999, -0.999999999999, 179.123456789, -45.5])
-def test_degrees_minutes_and_seconds_never_overflow(tmp_path, tagged_jpeg, make_tags, degrees):
+def test_degrees_minutes_and_seconds_never_overflow(
+    tmp_path: Path, tagged_jpeg, make_tags, degrees
+) -> None:
     path = tmp_path / "a.jpg"
     path.write_bytes(tagged_jpeg.jpeg())
     copy = write_copy(make_tags(path, latitude_deg=[12.0], longitude_deg=[degrees]), tmp_path)
@@ -122,13 +128,13 @@ def test_degrees_minutes_and_seconds_never_overflow(tmp_path, tagged_jpeg, make_
 @pytest.mark.parametrize(
     "block", [b"II", b"XX\x2a\x00\x08\x00\x00\x00", b"II\x2a\x00\xff\xff\x00\x00"]
 )
-def test_a_broken_exif_block_is_refused(block):
+def test_a_broken_exif_block_is_refused(block) -> None:
     gps = ExifGps(latitude_deg=1, longitude_deg=1, height_m=1, sigma_horizontal_m=1)
     with pytest.raises(TiffError):
         with_gps(block, gps)
 
 
-def test_writing_again_moves_nothing_that_was_there():
+def test_writing_again_moves_nothing_that_was_there() -> None:
     gps = ExifGps(latitude_deg=1, longitude_deg=1, height_m=1, sigma_horizontal_m=1)
     south = ExifGps(latitude_deg=-2, longitude_deg=1, height_m=1, sigma_horizontal_m=1)
     first = with_gps(None, gps)
@@ -138,8 +144,8 @@ def test_writing_again_moves_nothing_that_was_there():
 
 
 def test_damaged_photos_are_read_or_refused_and_never_crash(
-    data_dir, tmp_path, make_tags, tagged_jpeg
-):
+    data_dir: Path, tmp_path: Path, make_tags, tagged_jpeg
+) -> None:
     rng = np.random.default_rng(8)
     whole = real_photo(data_dir).read_bytes()[:60_000]
     refused = 0
@@ -161,7 +167,7 @@ def test_damaged_photos_are_read_or_refused_and_never_crash(
     assert 10 < refused < 110
 
 
-def test_geo_txt_has_the_documented_order_and_reads_back(tmp_path, make_tags):
+def test_geo_txt_has_the_documented_order_and_reads_back(tmp_path: Path, make_tags) -> None:
     path = tmp_path / "geo.txt"
     tags = make_tags(tmp_path / "a.jpg")
     write_geo_txt(tags, path)
@@ -177,7 +183,9 @@ def test_geo_txt_has_the_documented_order_and_reads_back(tmp_path, make_tags):
     np.testing.assert_allclose(np.degrees(poses.ypr_rad) % 360, [[200, 325, 2]], atol=2e-4)
 
 
-def test_the_pix4d_table_puts_latitude_first_and_has_nine_columns(tmp_path, make_tags):
+def test_the_pix4d_table_puts_latitude_first_and_has_nine_columns(
+    tmp_path: Path, make_tags
+) -> None:
     path = tmp_path / "pix4d.csv"
     write_pix4d_csv(make_tags(tmp_path / "a.jpg"), path)
     lines = path.read_text().splitlines()

@@ -24,7 +24,7 @@ def read(data):
     return {k: str(v) for k, v in exifread.process_file(io.BytesIO(data), details=False).items()}
 
 
-def test_time_zone_and_camera_are_read_back(jpeg):
+def test_time_zone_and_camera_are_read_back(jpeg) -> None:
     found = read(with_exif(jpeg, **TAGS))
     # 1778331905 = 2026-05-09 13:05:05 UTC
     assert found["EXIF DateTimeOriginal"] == "2026:05:09 07:05:05"
@@ -35,19 +35,19 @@ def test_time_zone_and_camera_are_read_back(jpeg):
 
 
 @pytest.mark.parametrize(("zone_h", "text"), [(0.0, "+00:00"), (5.5, "+05:30"), (-3.5, "-03:30")])
-def test_zones_of_half_hours_keep_their_sign(jpeg, zone_h, text):
+def test_zones_of_half_hours_keep_their_sign(jpeg, zone_h, text) -> None:
     tags = {"time_utc_s": 1.7783e9, "zone_h": zone_h, "make": "m", "model": "odd"}
     assert read(with_exif(jpeg, **tags))["EXIF OffsetTimeOriginal"] == text
 
 
-def test_milliseconds_round_into_the_next_second(jpeg):
+def test_milliseconds_round_into_the_next_second(jpeg) -> None:
     tags = {"time_utc_s": 1778331905.9996, "zone_h": 0.0, "make": "m", "model": "n"}
     found = read(with_exif(jpeg, **tags))
     assert found["EXIF DateTimeOriginal"] == "2026:05:09 13:05:06"
     assert found["EXIF SubSecTimeOriginal"] == "000"
 
 
-def test_the_picture_is_untouched(jpeg):
+def test_the_picture_is_untouched(jpeg) -> None:
     before, after = (
         cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
         for data in (jpeg, with_exif(jpeg, **TAGS))
@@ -55,6 +55,6 @@ def test_the_picture_is_untouched(jpeg):
     assert np.array_equal(before, after)
 
 
-def test_what_is_no_jpeg_is_refused():
+def test_what_is_no_jpeg_is_refused() -> None:
     with pytest.raises(ValueError, match="not a JPEG"):
         with_exif(b"\x89PNG", **TAGS)

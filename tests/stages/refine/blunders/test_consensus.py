@@ -18,7 +18,7 @@ def permuted(survey, picks, order):
     return replace(survey, pick_label=label)
 
 
-def test_two_swapped_labels_are_named_and_the_frame_stays(scene_factory):
+def test_two_swapped_labels_are_named_and_the_frame_stays(scene_factory) -> None:
     survey = scene_factory(3001, **OPTIONS).survey
     one, other = 24, 27  # 538 px apart, in the same frame
     refined, messages = refine(permuted(survey, [one, other], [1, 0]), SolveOptions())
@@ -29,7 +29,7 @@ def test_two_swapped_labels_are_named_and_the_frame_stays(scene_factory):
     assert f"it lies where {name[other]!r} belongs" in messages[1].text
 
 
-def test_labels_in_disorder_leave_the_frame_out(scene_factory):
+def test_labels_in_disorder_leave_the_frame_out(scene_factory) -> None:
     survey = scene_factory(3001, **OPTIONS).survey
     picks = np.flatnonzero(survey.pick_frame == 2)
     refined, _ = refine(permuted(survey, picks, np.roll(np.arange(len(picks)), 3)), SolveOptions())

@@ -50,7 +50,7 @@ def all_picks(survey):
 )
 def test_a_length_in_another_unit_is_left_out_alone_and_the_rest_is_as_without_it(
     scene_factory, factor, options
-):
+) -> None:
     scene = scene_factory(2, frames=6, ends=PAIRS)
     survey = logged(scene)
     refined, messages = refine(times(survey, {1: factor}), options)
@@ -66,7 +66,7 @@ def test_a_length_in_another_unit_is_left_out_alone_and_the_rest_is_as_without_i
 
 
 @pytest.mark.parametrize("factor", [1000.0, 0.1])
-def test_without_log_leaving_each_out_in_turn_finds_the_wrong_one(scene_factory, factor):
+def test_without_log_leaving_each_out_in_turn_finds_the_wrong_one(scene_factory, factor) -> None:
     scene = scene_factory(2, frames=4, ends=PAIRS, **NO_LOG)
     refined, messages = refine(times(scene.survey, {4: factor}), REPORT)
     assert left_out(refined) == {4: None}
@@ -74,7 +74,7 @@ def test_without_log_leaving_each_out_in_turn_finds_the_wrong_one(scene_factory,
     assert refined.adjustment.minimum.converged
 
 
-def test_two_of_six_in_another_unit_do_not_hide_each_other(scene_factory):
+def test_two_of_six_in_another_unit_do_not_hide_each_other(scene_factory) -> None:
     for options in ({}, NO_LOG):
         scene = scene_factory(2, frames=4, ends=PAIRS, **options)
         survey = logged(scene) if scene.survey.seeds is not None else scene.survey
@@ -82,20 +82,20 @@ def test_two_of_six_in_another_unit_do_not_hide_each_other(scene_factory):
         assert left_out(refined) == {0: None, 4: None}
 
 
-def test_two_of_six_in_feet_are_found_by_leaving_out_pairs_without_log(scene_factory):
+def test_two_of_six_in_feet_are_found_by_leaving_out_pairs_without_log(scene_factory) -> None:
     scene = scene_factory(2, frames=2, ends=PAIRS, **NO_LOG)
     refined, _ = refine(times(scene.survey, {0: 1 / 0.3048, 4: 1 / 0.3048}), REPORT)
     assert left_out(refined) == {0: None, 4: None}
 
 
-def test_an_innocent_length_is_not_left_out_where_the_rest_does_not_fit(scene_factory):
+def test_an_innocent_length_is_not_left_out_where_the_rest_does_not_fit(scene_factory) -> None:
     # Without the third, the others agree in a pose that the camera and the picks contradict.
     scene = scene_factory(2, frames=3, ends=PAIRS[:5], **NO_LOG)
     refined, _ = refine(times(scene.survey, {0: 1 / 0.3048, 4: 1 / 0.3048}), REPORT)
     assert left_out(refined) == {}
 
 
-def test_all_lengths_in_a_wrong_unit_yield_to_the_log(scene_factory):
+def test_all_lengths_in_a_wrong_unit_yield_to_the_log(scene_factory) -> None:
     survey = logged(scene_factory(2, frames=6, ends=PAIRS))
     refined, _ = refine(times(survey, dict.fromkeys(range(6), 1000.0)), REPORT)
     assert refined.line_removed.all()
@@ -111,7 +111,7 @@ def misled(scene, shift):
     return replace(survey, seeds=seeds)
 
 
-def test_a_length_that_only_seems_wrong_to_the_seeds_comes_back(scene_factory):
+def test_a_length_that_only_seems_wrong_to_the_seeds_comes_back(scene_factory) -> None:
     survey = misled(scene_factory(2, frames=6, ends=PAIRS[:1]), [0.0, 0.0, 50.0])
     assert doubtful(survey, all_picks(survey)).all()
     refined, _ = refine(survey, REPORT)
@@ -119,7 +119,7 @@ def test_a_length_that_only_seems_wrong_to_the_seeds_comes_back(scene_factory):
     assert left_out(refined) == {}
 
 
-def test_a_control_point_that_only_seems_wrong_to_the_seeds_comes_back(scene_factory):
+def test_a_control_point_that_only_seems_wrong_to_the_seeds_comes_back(scene_factory) -> None:
     survey = misled(scene_factory(3, frames=4, control=2), [30.0, 0.0, 0.0])
     assert doubtful_control(survey, all_picks(survey)).all()
     refined, messages = refine(survey, REPORT)
@@ -127,7 +127,7 @@ def test_a_control_point_that_only_seems_wrong_to_the_seeds_comes_back(scene_fac
     assert len(refined.adjustment.survey.control_label) == 2
 
 
-def test_a_clean_survey_starts_with_all_its_lengths(scene_factory):
+def test_a_clean_survey_starts_with_all_its_lengths(scene_factory) -> None:
     for seed in range(20):
         survey = logged(scene_factory(seed, frames=3, control=3))
         assert not doubtful(survey, all_picks(survey)).any(), seed
@@ -135,7 +135,7 @@ def test_a_clean_survey_starts_with_all_its_lengths(scene_factory):
         assert not doubtful(plain, all_picks(plain)).any(), seed
 
 
-def test_what_seeds_say_of_lengths_has_honest_sigmas(scene_factory):
+def test_what_seeds_say_of_lengths_has_honest_sigmas(scene_factory) -> None:
     z, distance = [], []
     rng = np.random.default_rng(5)
     for seed in range(40):
@@ -170,7 +170,7 @@ def test_what_seeds_say_of_lengths_has_honest_sigmas(scene_factory):
         assert low < np.sum(squared) < high
 
 
-def test_a_length_a_fifth_off_is_told_by_its_residual_alone_and_stays(scene_factory):
+def test_a_length_a_fifth_off_is_told_by_its_residual_alone_and_stays(scene_factory) -> None:
     survey = logged(scene_factory(2, frames=6, ends=PAIRS))
     refined, _ = refine(times(survey, {1: 1.2}), REPORT)
     assert not refined.line_removed.any()
@@ -179,7 +179,7 @@ def test_a_length_a_fifth_off_is_told_by_its_residual_alone_and_stays(scene_fact
     assert refined.accused_alone
 
 
-def test_beyond_doubt_allows_for_the_tape_and_for_the_solution(scene_factory):
+def test_beyond_doubt_allows_for_the_tape_and_for_the_solution(scene_factory) -> None:
     survey = logged(scene_factory(2, frames=6, ends=PAIRS))
     refined, _ = refine(survey, REPORT)
     vague = replace(survey, length_sigma_m=np.full(6, 20.0))
@@ -192,7 +192,7 @@ def test_beyond_doubt_allows_for_the_tape_and_for_the_solution(scene_factory):
     ).any()
 
 
-def test_a_step_to_a_lens_without_focal_length_is_refused(scene_factory):
+def test_a_step_to_a_lens_without_focal_length_is_refused(scene_factory) -> None:
     scene = scene_factory(2)
     problem = SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
     assert problem.evaluate(scene.truth) is not None
@@ -204,7 +204,7 @@ def test_a_step_to_a_lens_without_focal_length_is_refused(scene_factory):
     assert problem.evaluate(state) is None
 
 
-def test_lengths_that_nothing_can_part_are_told_with_their_ratios(scene_factory):
+def test_lengths_that_nothing_can_part_are_told_with_their_ratios(scene_factory) -> None:
     scene = scene_factory(4, frames=1, ends=PAIRS[:3], **NO_LOG)
     survey = times(scene.survey, {1: 1000.0})
     try:
@@ -216,7 +216,7 @@ def test_lengths_that_nothing_can_part_are_told_with_their_ratios(scene_factory)
     assert "'P1' to 'P7' " in said
 
 
-def test_cameras_at_an_odd_height_are_told_with_the_likely_unit(scene_factory):
+def test_cameras_at_an_odd_height_are_told_with_the_likely_unit(scene_factory) -> None:
     scene = scene_factory(2, frames=3, ends=PAIRS, **NO_LOG)
     for factor, unit in ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "kilometres")):
         survey = scene.survey
@@ -232,7 +232,9 @@ def test_cameras_at_an_odd_height_are_told_with_the_likely_unit(scene_factory):
     assert "odd-height" not in {m.code for m in refine(scene.survey, REPORT)[1]}
 
 
-def test_a_run_that_does_not_come_to_rest_says_what_pulls_hardest(scene_factory, monkeypatch):
+def test_a_run_that_does_not_come_to_rest_says_what_pulls_hardest(
+    scene_factory, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("uavgram.estimation.solver.levenberg_marquardt.AT_REST", -1.0)
     survey = logged(scene_factory(2, frames=2, ends=PAIRS))
     pixel = np.array(survey.pixel_px)
@@ -245,7 +247,7 @@ def test_a_run_that_does_not_come_to_rest_says_what_pulls_hardest(scene_factory,
 
 
 @pytest.mark.parametrize("off", [[40.0, 0.0, 0.0], [0.0, -9e6, 0.0]])
-def test_a_control_point_of_another_place_is_left_out_by_name(scene_factory, off):
+def test_a_control_point_of_another_place_is_left_out_by_name(scene_factory, off) -> None:
     scene = scene_factory(3, frames=4, control=4)
     survey = logged(scene)
     world = np.array(survey.control_world_m)
@@ -259,7 +261,7 @@ def test_a_control_point_of_another_place_is_left_out_by_name(scene_factory, off
     assert refined.adjustment.survey.control_label.tolist() == [0, 1, 3]
 
 
-def test_control_points_that_all_lie_elsewhere_together_are_kept(scene_factory):
+def test_control_points_that_all_lie_elsewhere_together_are_kept(scene_factory) -> None:
     survey = logged(scene_factory(3, frames=4, control=4))
     world = survey.control_world_m + np.array([60.0, 0.0, 0.0])
     refined, _ = refine(replace(survey, control_world_m=world), REPORT)

@@ -28,7 +28,7 @@ def survey_with(frames, off_px, scene_seed=1):
 
 
 @pytest.mark.parametrize(("frames", "off_px"), [(3, 60.0), (3, 500.0), (4, 200.0)])
-def test_a_gross_pick_is_named_alone(frames, off_px):
+def test_a_gross_pick_is_named_alone(frames, off_px) -> None:
     survey, pick, scene = survey_with(frames, off_px)
     refined, messages = refine(survey, SolveOptions())
     adjustment = refined.adjustment
@@ -42,7 +42,7 @@ def test_a_gross_pick_is_named_alone(frames, off_px):
 
 
 @pytest.mark.parametrize("off_px", [8.0, 15.0])
-def test_a_moderate_pick_is_left_to_the_tests_and_reported_first(off_px):
+def test_a_moderate_pick_is_left_to_the_tests_and_reported_first(off_px) -> None:
     survey, pick, _ = survey_with(4, off_px)
     refined, _ = refine(survey, SolveOptions())
     accused = next(suspicions(refined.adjustment, observed(refined.adjustment), 0.001)).accused
@@ -51,7 +51,7 @@ def test_a_moderate_pick_is_left_to_the_tests_and_reported_first(off_px):
     assert (accused.kind, refined.pick_index[accused.row]) == ("pixels", pick)
 
 
-def test_of_two_picks_of_a_point_nothing_tells_which_is_wrong():
+def test_of_two_picks_of_a_point_nothing_tells_which_is_wrong() -> None:
     survey, pick, _ = survey_with(4, 700.0)
     mine = np.flatnonzero(survey.pick_label == survey.pick_label[pick])
     keep = np.ones(len(survey.pick_frame), dtype=bool)
@@ -71,7 +71,7 @@ def test_of_two_picks_of_a_point_nothing_tells_which_is_wrong():
     assert np.abs(departure).max() < 10.0
 
 
-def test_right_picks_of_a_rough_ground_stay():
+def test_right_picks_of_a_rough_ground_stay() -> None:
     survey, _, _ = survey_with(4, 0.0)
     refined, messages = refine(survey, SolveOptions())
 

@@ -83,7 +83,7 @@ def judged(result):
     return replace(result, evidence=evidence, removals=(removal,), areas=(area,))
 
 
-def test_measurements_have_their_weakest_links_and_what_nothing_checks(judged):
+def test_measurements_have_their_weakest_links_and_what_nothing_checks(judged) -> None:
     page = measured_page(judged)
 
     assert "| road width | **6.310 ± 0.012 m** |" in page
@@ -92,7 +92,7 @@ def test_measurements_have_their_weakest_links_and_what_nothing_checks(judged):
     assert "| skid left | known length 'R5 gate' |" in page
 
 
-def test_lengths_come_the_worst_fit_first_with_what_an_unseen_error_would_do(judged):
+def test_lengths_come_the_worst_fit_first_with_what_an_unseen_error_would_do(judged) -> None:
     rows = [line for line in lengths_page(judged).splitlines() if line.startswith("| R")]
 
     assert [row.split("|")[1].strip() for row in rows[:2]] == ["R3 hedge", "R4 wall"]
@@ -101,7 +101,7 @@ def test_lengths_come_the_worst_fit_first_with_what_an_unseen_error_would_do(jud
     assert "not seen" in rows[-1]
 
 
-def test_checks_tell_three_sigma_the_fit_priors_removals_ground_and_camera(judged):
+def test_checks_tell_three_sigma_the_fit_priors_removals_ground_and_camera(judged) -> None:
     page = checks_page(judged)
 
     assert "| R4 wall | +0.017 ± 0.016 | +1.1 | inside |" in page
@@ -113,13 +113,13 @@ def test_checks_tell_three_sigma_the_fit_priors_removals_ground_and_camera(judge
     assert "| fx | 1311.31 ± 2 | 1310 ± 1 | learnt |" in page
 
 
-def test_a_check_outside_three_sigma_is_loud(result):
+def test_a_check_outside_three_sigma_is_loud(result) -> None:
     checks = replace(result.line_checks, z=np.array([3.4]))
 
     assert "**OUTSIDE**" in checks_page(replace(result, line_checks=checks))
 
 
-def test_without_withheld_numbers_the_page_says_that_nothing_checks(survey):
+def test_without_withheld_numbers_the_page_says_that_nothing_checks(survey) -> None:
     empty = survey.build(lines=(), measures=(), point_count=0)
 
     assert "nothing outside of the adjustment speaks for it" in checks_page(empty)
@@ -128,7 +128,7 @@ def test_without_withheld_numbers_the_page_says_that_nothing_checks(survey):
     assert points_page(empty).endswith("No point was picked.")
 
 
-def test_messages_come_the_worst_first_and_their_tab_counts_them(result, survey):
+def test_messages_come_the_worst_first_and_their_tab_counts_them(result, survey) -> None:
     page = messages_page(result)
 
     assert page.index("**error**") < page.index("**warning**") < page.index("**info**")
@@ -138,7 +138,7 @@ def test_messages_come_the_worst_first_and_their_tab_counts_them(result, survey)
     assert messages_page(replace(result, messages=())).endswith("None.")
 
 
-def test_the_summary_is_short_however_much_was_measured(survey):
+def test_the_summary_is_short_however_much_was_measured(survey) -> None:
     names = tuple((f"D{i}", "distance", ("P00", "P05"), "m") for i in range(300))
     result = survey.build(measures=names)
     page = summary(result, judge(result), measure_scene(result))
@@ -147,7 +147,7 @@ def test_the_summary_is_short_however_much_was_measured(survey):
     assert len(page) < 4000
 
 
-def test_a_sheet_says_how_far_a_frame_was_corrected(result):
+def test_a_sheet_says_how_far_a_frame_was_corrected(result) -> None:
     picks = project_picks(result)
     poses = pose_curves(result)
     sheet = list(frame_sheets(result, picks, frame_curves(result, picks), poses))[7]
@@ -159,11 +159,11 @@ def test_a_sheet_says_how_far_a_frame_was_corrected(result):
     assert sheet.startswith("# DSC\\_0007.jpg: refined")
 
 
-def test_what_people_wrote_cannot_become_markdown():
+def test_what_people_wrote_cannot_become_markdown() -> None:
     assert plain("a|b *c* <b>\n[d](e)") == r"a\|b \*c\* \<b\> \[d\](e)"
 
 
-def test_a_table_says_what_it_leaves_out():
+def test_a_table_says_what_it_leaves_out() -> None:
     shown = table(("a", "b"), [("1", "2")] * (MOST_ROWS + 5))
 
     assert shown.count("| 1 | 2 |") == MOST_ROWS
