@@ -131,7 +131,7 @@ class GroundOptions(_Options):
 
     height_m: float = 0.0
     height_sigma_m: float = 0.3
-    slope_sigma_deg: float = 0.5
+    slope_sigma_deg: float = 3.0
     roughness_sigma_m: float = 0.0
     areas: Mapping[str, AreaOptions] = field(default_factory=dict)
 
@@ -214,10 +214,14 @@ LEAST_SIGNIFICANCE = 1e-12  # seven sigmas; far below, quantiles of the normal l
 
 @dataclass(frozen=True, kw_only=True)
 class SolveOptions(_Options):
-    """What to do about blunders."""
+    """What to do about blunders, and about sigmas that the residuals contradict.
+
+    `noise`: whether sigmas of picks and the roughness of the ground are learnt from the survey.
+    """
 
     outliers: Literal["report", "remove"] = "report"
     significance: float = 0.001
+    noise: Literal["estimate", "stated"] = "estimate"
 
     def _rules(self) -> dict[str, tuple[bool, str]]:
         least = LEAST_SIGNIFICANCE

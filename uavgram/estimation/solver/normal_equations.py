@@ -184,6 +184,14 @@ class Factor:
         """Whether the system was large enough for the sparse factorisation."""
         return isinstance(self._factor, SparseFactor)
 
+    def log_determinant(self) -> float:
+        """Natural logarithm of the determinant of the (damped) normal matrix."""
+        if isinstance(self._factor, SparseFactor):
+            scaled = self._factor.log_determinant()
+        else:
+            scaled = 2.0 * float(np.log(np.diag(self._factor)).sum())
+        return scaled - 2.0 * float(np.log(self._scale).sum())
+
     def solve(self, right: Floats) -> Floats:
         """Solve for one (n,) or several (n, m) right-hand sides; large systems a few at a time."""
         scale = self._scale if right.ndim == 1 else self._scale[:, None]

@@ -16,6 +16,7 @@ from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.camera.projection import project
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.result.noise import Noise
 from uavgram.model.survey.survey import Survey
 
 
@@ -250,6 +251,10 @@ class Refined:
         The observation without which the rest fits best, where that took adjustments to find out.
     accused_alone
         Whether everything fits without it.
+    noise
+        What the residuals say of the size of errors; None where they were not asked.
+    stated
+        The same survey adjusted with the sigmas as stated, where that is another adjustment.
     """
 
     adjustment: Adjustment
@@ -263,3 +268,5 @@ class Refined:
     undetermined: frozenset[int] = frozenset()
     accused: Member | None = None
     accused_alone: bool = False
+    noise: Noise | None = None
+    stated: Adjustment | None = None

@@ -1,13 +1,15 @@
-"""The ground under labelled points: a plane for each area."""
+"""The ground under labelled points: a plane for each area, and relief where it has any."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.geometry.ground.relief import Basis, correlated_basis, quadratic_basis
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey.survey import Ground, Survey
+from uavgram.model.survey.survey import Ground, Relief, Survey
 
 PLANE_SIZE = 3
 """Height at the pivot [m], slope east, slope north."""
@@ -62,17 +64,21 @@ class GroundPlanes:
         self._grounds = grounds
         self._area = survey.area
         self._fixed = fixed_planes(survey)
-        self.size = PLANE_SIZE * (len(grounds) - self._fixed)
+        self._planes = PLANE_SIZE * (len(grounds) - self._fixed)
+        self._reliefs = list(_reliefs(grounds))
+        self.size = self._planes + relief_size(survey)
         roughness = np.array([ground.roughness_sigma_m for ground in grounds])
         self.roughness_sigma_m = roughness[self._area]
 
-    def at(self, planes: Floats, label: Ints, east_north_m: Floats) -> SurfaceAt:
-        """The ground of n labels at their places (n, 2), by the planes (3A,).
+    def at(self, planes: Floats, relief: Floats, label: Ints, east_north_m: Floats) -> SurfaceAt:
+        """The ground of n labels at their places (n, 2).
 
         Parameters
         ----------
         planes
             (3A,) height at the pivot [m] and slopes of each area's plane.
+        relief
+            (R,) coefficients of the areas' relief, one area after the other [m].
         label
             (n,) by index: they say in which area the places lie.
         east_north_m
@@ -82,20 +88,39 @@ class GroundPlanes:
         plane = planes.reshape(-1, PLANE_SIZE)[area]
         from_pivot = east_north_m - self.pivot_m[area]
         height = plane[:, 0] + np.einsum("ni,ni->n", plane[:, 1:], from_pivot)
-        by_unknowns = np.ones((len(label), PLANE_SIZE))
-        by_unknowns[:, 1:] = from_pivot
-        by_unknowns[area < self._fixed] = 0.0
-        return SurfaceAt(height, plane[:, 1:], by_unknowns[:, : min(PLANE_SIZE, self.size)])
+        slope = np.array(plane[:, 1:])
+        own = min(PLANE_SIZE, self._planes)
+        by_unknowns = np.zeros((len(label), own + self._widest))
+        if own:
+            by_unknowns[:, 0], by_unknowns[:, 1:PLANE_SIZE] = 1.0, from_pivot
+            by_unknowns[area < self._fixed] = 0.0
+        for place, first, shape in self._reliefs:
+            rows = np.flatnonzero(area == place)
+            basis = relief_basis(shape, east_north_m[rows])
+            coefficient = relief[first : first + shape.size]
+            height[rows] += basis.value @ coefficient
+            slope[rows] += np.einsum("nbi,b->ni", basis.gradient, coefficient)
+            by_unknowns[rows, own : own + shape.size] = basis.value
+        return SurfaceAt(height, slope, by_unknowns)
+
+    @property
+    def _widest(self) -> int:
+        """Coefficients of the area that has most of them."""
+        return max((shape.size for _, _, shape in self._reliefs), default=0)
 
     def columns(self, label: Ints) -> Ints:
-        """(n, w) the ground's unknowns behind n labels, counted from the first; w is 3, or 0.
+        """(n, w) the ground's unknowns behind n labels, counted from the first.
 
-        Labels on a plane that is no unknown point at one that is, with derivatives of zero.
+        Those of the plane (3, or none), then those of the relief. Labels on a plane that is no
+        unknown, or without relief, point at others, with derivatives of zero.
         """
-        if not self.size:
-            return np.empty((len(label), 0), dtype=np.int64)
-        plane = np.maximum(self._area[label] - self._fixed, 0)
-        return plane[:, None] * PLANE_SIZE + np.arange(PLANE_SIZE)
+        area = self._area[label]
+        plane = np.maximum(area - self._fixed, 0)[:, None] * PLANE_SIZE + np.arange(PLANE_SIZE)
+        relief = np.zeros((len(label), self._widest), dtype=np.int64)
+        for place, first, shape in self._reliefs:
+            own = self._planes + first + np.arange(shape.size)
+            relief[area == place, : shape.size] = own
+        return np.concatenate([plane[:, : self._planes], relief], axis=1)
 
     def priors(self) -> list[PlanePrior]:
         """Of every plane that is an unknown, level about its stated height."""
@@ -111,6 +136,37 @@ class GroundPlanes:
             )
             for place, ground in enumerate(self._grounds[self._fixed :])
         ]
+
+    @property
+    def relief_sigma_m(self) -> Floats:
+        """(R,) prior sigma of each coefficient of relief."""
+        return np.concatenate([np.full(shape.size, shape.sigma_m) for *_, shape in self._reliefs])
+
+    def relief_rows(self, area: int) -> Ints:
+        """Which coefficients of relief an area has."""
+        rows = [first + np.arange(shape.size) for at, first, shape in self._reliefs if at == area]
+        return rows[0] if rows else np.zeros(0, dtype=np.int64)
+
+
+def _reliefs(grounds: tuple[Ground, ...]) -> Iterator[tuple[int, int, Relief]]:
+    """Area by index, first of its coefficients, and relief, of all areas that have any."""
+    first = 0
+    for place, ground in enumerate(grounds):
+        if ground.relief is not None:
+            yield place, first, ground.relief
+            first += ground.relief.size
+
+
+def relief_size(survey: Survey) -> int:
+    """Number R of coefficients of all areas' relief."""
+    return sum(shape.size for _, _, shape in _reliefs(survey.grounds))
+
+
+def relief_basis(relief: Relief, east_north_m: Floats) -> Basis:
+    """The functions of a relief at places (n, 2)."""
+    if relief.kind == "quadratic":
+        return quadratic_basis(east_north_m, relief.knots_m[0], relief.scale_m)
+    return correlated_basis(east_north_m, relief.knots_m, relief.scale_m)
 
 
 def fixed_planes(survey: Survey) -> int:

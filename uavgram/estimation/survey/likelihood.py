@@ -90,10 +90,10 @@ class SurveyProblem:
         d_point : (n, 3, point_size)
             By the point's own unknowns.
         d_plane : (n, 3, w)
-            By the plane of its area, the unknowns `plane_columns`.
+            By the plane and the relief of its area, the unknowns `plane_columns`.
         """
         own = state.point[label]
-        surface = self.ground.at(state.plane, label, own[:, :2])
+        surface = self.ground.at(state.plane, state.relief, label, own[:, :2])
         up = surface.height_m + self.survey.height_above_m[label]
         d_point = np.zeros((len(label), 3, self.layout.point_size))
         d_point[:, 0, 0] = d_point[:, 1, 1] = 1.0
@@ -109,7 +109,7 @@ class SurveyProblem:
         return world, d_point, d_plane
 
     def plane_columns(self, label: Ints) -> Ints:
-        """(n, w) unknowns of the plane on which each of n labels lies."""
+        """(n, w) unknowns of the ground on which each of n labels lies."""
         return self.layout.first_plane + self.ground.columns(label)
 
     def evaluate(self, state: State) -> dict[str, Block] | None:
@@ -129,6 +129,8 @@ class SurveyProblem:
             blocks["control"] = self._control(state)
         if self.layout.point_size == 3:
             blocks["roughness"] = self._roughness(state)
+        if self.layout.relief:
+            blocks["relief"] = self._relief(state)
         blocks |= self._planes(state)
         if self.layout.free_gauge:
             blocks["gauge"] = self._gauge(state)
@@ -252,6 +254,11 @@ class SurveyProblem:
                 1.0 / prior.sigma,
             )
         return blocks
+
+    def _relief(self, state: State) -> Block:
+        sigma = self.ground.relief_sigma_m[:, None]
+        columns = self.layout.first_relief + np.arange(self.layout.relief)
+        return Block(state.relief[:, None] / sigma, columns[:, None], 1.0 / sigma[:, :, None])
 
     def _gauge(self, state: State) -> Block:
         """First frame above x = y = 0, its image up towards north.

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from uavgram.estimation.solver.sparse.structure import Structure
-from uavgram.estimation.survey.ground_planes import PLANE_SIZE, fixed_planes
+from uavgram.estimation.survey.ground_planes import PLANE_SIZE, fixed_planes, relief_size
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.geometry.motion.telemetry_pose import SHARED_SIZE
 from uavgram.model.arrays import Floats, Ints
@@ -17,7 +17,7 @@ from uavgram.model.survey.survey import Survey
 
 @dataclass(frozen=True)
 class Layout:
-    """Order of the unknowns: points, frames, intrinsics, plane, telemetry.
+    """Order of the unknowns: points, frames, intrinsics, plane, relief, telemetry.
 
     Attributes
     ----------
@@ -30,6 +30,8 @@ class Layout:
         Number of unknown combinations of the interior orientation, in sigmas.
     plane
         3 (height, slope east, slope north) for each area whose plane is not the gauge.
+    relief
+        Coefficients of all areas' relief.
     telemetry
         12 (see geometry/motion/telemetry_pose.py), or 0 without a log.
     free_gauge
@@ -41,6 +43,7 @@ class Layout:
     frames: int
     intrinsics: int
     plane: int
+    relief: int
     telemetry: int
     free_gauge: bool
 
@@ -60,9 +63,14 @@ class Layout:
         return self.first_intrinsic + self.intrinsics
 
     @cached_property
+    def first_relief(self) -> int:
+        """Column of the first coefficient of relief."""
+        return self.first_plane + self.plane
+
+    @cached_property
     def first_telemetry(self) -> int:
         """Column of the first unknown shared by the telemetry."""
-        return self.first_plane + self.plane
+        return self.first_relief + self.relief
 
     @cached_property
     def size(self) -> int:
@@ -109,9 +117,11 @@ class Layout:
             return f"the pose of frame {survey.frame_id[frame]!r}"
         if index < self.first_plane:
             return "the interior orientation"
-        if index < self.first_telemetry:
+        if index < self.first_relief:
             place = (index - self.first_plane) // PLANE_SIZE
             return f"the plane of area {survey.grounds[place + fixed_planes(survey)].name!r}"
+        if index < self.first_telemetry:
+            return "the relief of the ground"
         return "the telemetry's biases"
 
 
@@ -129,6 +139,8 @@ class State:
         (I,) departures from the calibration, in sigmas.
     plane
         (3A,) height at the pivot [m] and slopes of each area's plane, the gauge's included.
+    relief
+        (R,) coefficients of the areas' relief [m].
     telemetry
         (12,) or (0,).
     """
@@ -138,6 +150,7 @@ class State:
     rotation: Floats
     intrinsic: Floats
     plane: Floats
+    relief: Floats
     telemetry: Floats
 
 
@@ -149,6 +162,7 @@ def layout_of(survey: Survey, intrinsics: int) -> Layout:
         frames=len(survey.frame_id),
         intrinsics=intrinsics,
         plane=PLANE_SIZE * (len(survey.grounds) - fixed_planes(survey)),
+        relief=relief_size(survey),
         telemetry=SHARED_SIZE if survey.telemetry is not None else 0,
         free_gauge=survey.gauge == "plane",
     )
@@ -168,13 +182,14 @@ def move(layout: Layout, state: State, step: Floats) -> State:
     """
     frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)
     plane = state.plane.copy()
-    plane[len(plane) - layout.plane :] += step[layout.first_plane : layout.first_telemetry]
+    plane[len(plane) - layout.plane :] += step[layout.first_plane : layout.first_relief]
     return State(
         point=state.point + step[: layout.first_frame].reshape(state.point.shape),
         center=state.center + frame_step[:, :3],
         rotation=state.rotation @ exp_so3(frame_step[:, 3:]),
         intrinsic=state.intrinsic + step[layout.first_intrinsic : layout.first_plane],
         plane=plane,
+        relief=state.relief + step[layout.first_relief : layout.first_telemetry],
         telemetry=state.telemetry + step[layout.first_telemetry :],
     )
 
@@ -227,7 +242,7 @@ def _at_gauge(state: State) -> State:
     point = turned.point.copy()
     point[:, :2] -= foot
     center = turned.center - shift
-    return State(point, center, turned.rotation, state.intrinsic, state.plane, state.telemetry)
+    return replace(turned, point=point, center=center)
 
 
 def _turned(state: State, about: Floats, cosine_sine: Floats) -> State:
@@ -239,4 +254,4 @@ def _turned(state: State, about: Floats, cosine_sine: Floats) -> State:
     point[:, :2] = about + (point[:, :2] - about) @ flat
     center[:, :2] = about + (center[:, :2] - about) @ flat
     rotation = turn @ state.rotation
-    return State(point, center, rotation, state.intrinsic, state.plane, state.telemetry)
+    return replace(state, point=point, center=center, rotation=rotation)

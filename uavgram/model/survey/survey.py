@@ -5,13 +5,41 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from uavgram.model.arrays import Floats, Ints, freeze
+from uavgram.model.arrays import Floats, FrozenArrays, Ints, freeze
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.photo_poses import Flight
 from uavgram.model.flight.pose import CandidatePoses, Poses, TelemetryPrior
 
 DEFAULT_AREA = "default"
 """Of labels that name no area."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Relief(FrozenArrays):
+    """How an area's ground departs from its plane, smoothly: a sum of functions of the place.
+
+    Attributes
+    ----------
+    kind
+        ``quadratic`` (three functions) or ``correlated`` (one for each knot): see
+        geometry/ground/relief.py.
+    sigma_m
+        Prior of each function's coefficient, a height, about 0.
+    scale_m
+        Distance from the middle at which the squares are one; range of the correlation.
+    knots_m
+        (B, 2) east and north of the knots; of a quadratic surface, its middle alone.
+    """
+
+    kind: Literal["quadratic", "correlated"]
+    sigma_m: float
+    scale_m: float
+    knots_m: Annotated[Floats, "b", 2]
+
+    @property
+    def size(self) -> int:
+        """Number of functions."""
+        return 3 if self.kind == "quadratic" else len(self.knots_m)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,6 +56,8 @@ class Ground:
         Prior of each slope about level.
     roughness_sigma_m
         Each point's own departure from the plane; 0: none.
+    relief
+        Smooth departures from the plane; None: there are none.
     """
 
     name: str = DEFAULT_AREA
@@ -35,6 +65,7 @@ class Ground:
     height_sigma_m: float
     slope_sigma_rad: float
     roughness_sigma_m: float
+    relief: Relief | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

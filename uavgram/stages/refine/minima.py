@@ -181,6 +181,7 @@ def _minimise(
         rotation=np.array(values.rotation),
         intrinsic=np.zeros(layout.intrinsics),
         plane=first_planes(survey.grounds, values.height_m),
+        relief=np.zeros(layout.relief),
         telemetry=problem.telemetry_mean if layout.telemetry else np.zeros(0),
     )
     try:

@@ -28,6 +28,7 @@ from uavgram.stages.refine.blunders.gross_lengths import (
 from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
 from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
 from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.noise import with_noise_learnt
 from uavgram.stages.refine.remarks import (
     contradiction,
     indispensable,
@@ -61,6 +62,8 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     no_pick = np.zeros(len(survey.pick_frame), dtype=bool)
     survey, refined, left_out = _without_gross_control(survey, keep, reason)
     refined = replace(refined, pick_removed=no_pick)
+    if options.noise == "estimate":
+        survey, refined = with_noise_learnt(survey, refined)
     if options.outliers == "remove":
         refined, said = _without_blunders(survey, refined, options.significance)
     else:

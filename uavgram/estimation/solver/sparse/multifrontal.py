@@ -92,6 +92,10 @@ class Multifrontal:
             raise NotPositiveError(int(self._ordering.order[front.first + failed]))
         return np.asarray(lower)
 
+    def log_determinant(self) -> float:
+        """Natural logarithm of the determinant of the matrix."""
+        return 2.0 * sum(float(np.log(np.diag(lower)).sum()) for lower in self._lower if len(lower))
+
     def solve(self, right: Floats) -> Floats:
         """Solve for (n, m) right-hand sides."""
         x = right[self._ordering.order]

@@ -162,6 +162,10 @@ class SparseFactor:
         except NotPositiveError as error:
             raise NotPositiveError(int(symbolic.kept[error.index])) from None
 
+    def log_determinant(self) -> float:
+        """Natural logarithm of the determinant of the matrix."""
+        return self._front.log_determinant() - float(np.linalg.slogdet(self._inverse)[1].sum())
+
     def solve(self, right: Floats) -> Floats:
         """Solve for (n, m) right-hand sides."""
         symbolic = self._symbolic

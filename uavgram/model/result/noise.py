@@ -1,0 +1,62 @@
+"""How large errors are: as stated, and as the residuals of a survey show them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+SurfaceShape = Literal["plane", "quadratic", "correlated"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PickNoise:
+    """The sigma of picks of one source.
+
+    Attributes
+    ----------
+    source
+        How they were made, such as ``hand``.
+    stated_px
+        Their sigma as stated (root mean square) [px].
+    factor, sigma
+        What it is multiplied by, and the standard deviation of that factor.
+    """
+
+    source: str
+    stated_px: float
+    factor: float
+    sigma: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class AreaNoise:
+    """How far the ground of one area departs from its plane.
+
+    Attributes
+    ----------
+    area
+        Its name.
+    stated_m, estimated_m, sigma_m
+        Each point's own departure (roughness): as stated, as found, and the standard deviation of
+        that [m].
+    shape
+        What else the ground is: ``quadratic`` (a crown or a hollow) or ``correlated`` (relief that
+        changes smoothly); ``plane``: nothing else.
+    relief_m
+        Size of these smooth departures (root mean square at the points) [m]; 0 for a plane.
+    """
+
+    area: str
+    stated_m: float
+    estimated_m: float
+    sigma_m: float
+    shape: SurfaceShape
+    relief_m: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Noise:
+    """What the survey says of the errors of its picks, and of its ground."""
+
+    picks: tuple[PickNoise, ...]
+    roughness: tuple[AreaNoise, ...]

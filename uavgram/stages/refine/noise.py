@@ -1,0 +1,375 @@
+"""Learn how large errors are: sigmas of picks, roughness and relief of the ground.
+
+What a person states of them is a guess. Where the residuals say otherwise the model grows, by what
+they ask for and no more: first the noise of the picks alone; where misfits show that the ground is
+no plane, each point's own departure (roughness), a quadratic surface (a crown), correlated relief.
+The marginal likelihood decides between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.estimation.reliability.test_statistics import cofactors
+from uavgram.estimation.reliability.variance_components import Component, Estimated, Linearised
+from uavgram.estimation.solver.normal_equations import Block, SingularError
+from uavgram.estimation.survey.adjustment import Adjustment, Refined
+from uavgram.estimation.survey.ground_planes import relief_basis
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.unknowns import State
+from uavgram.geometry.ground.relief import spread_knots
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.result.noise import AreaNoise, Noise, PickNoise, SurfaceShape
+from uavgram.model.survey.survey import Relief, Survey
+from uavgram.stages.refine.poor_camera import iterate, iterations_for
+
+STATED_WEIGHT = 20.0
+"""Of the stated sigma of picks, as so many residuals."""
+
+STATED_ROUGHNESS_WEIGHT = 5.0
+"""The same of a stated roughness; a ground that nobody said to be rough has no such prior."""
+
+LITTLE = 30.0
+"""Redundancy of the picks below which their sigmas are never taken as smaller than stated."""
+
+SAME = 0.03
+"""Relative change of a sigma that is not worth another adjustment."""
+
+MISFIT = 0.05
+"""Probability below which picks, lengths and ground fit so badly that the ground is in question."""
+
+FEW = 0.01
+"""Share of the observations, and at least one, that may be blunders and no noise."""
+
+UNIT_M = 0.05
+"""Roughness and relief that the search starts from [m]."""
+
+LEAST_M = 0.002
+"""Roughness or relief below which a ground is as good as plane [m]."""
+
+KNOTS = 30
+"""Functions of a correlated relief, at most."""
+
+RANGES = (0.2, 0.45)
+"""Of a correlated relief, as shares of the extent of the points."""
+
+CLEAR = 13.8
+"""Fall of the sum of squares without a pick that chance exceeds once in a thousand."""
+
+_CORE = ("pixels", "lengths", "control", "calibration", "roughness", "relief")
+"""Groups that say whether the model of picks and ground holds: priors of the telemetry are meant to
+be generous."""
+
+PENALTY: dict[SurfaceShape, float] = {"plane": 3.3, "quadratic": 5.5, "correlated": 7.0}
+"""Gain in log-likelihood over smooth, plane ground that each shape has to bring, with roughness:
+half the 0.99 quantile of chi-square for each new component, and something for each range tried."""
+
+LEAST_POINTS = 8
+"""Points of an area below which nothing but their own departures is looked for."""
+
+PASSES = 3
+"""Adjustments with sigmas learnt from the one before."""
+
+
+class _Model(NamedTuple):
+    """What may be learnt: the likelihood in units, and the components that are their factors.
+
+    Attributes
+    ----------
+    shape
+        Of the ground; None: as it was stated.
+    problem
+        The likelihood with the stated sigmas of picks, and units of roughness and relief.
+    components, areas
+        The picks' first; area by index of each that is of the ground, -1 of the picks'.
+    """
+
+    shape: SurfaceShape | None
+    problem: SurveyProblem
+    components: tuple[Component, ...]
+    areas: tuple[int, ...]
+
+
+class _Fitted(NamedTuple):
+    """A model with its likeliest factors, and the log-likelihood less the price of the model."""
+
+    model: _Model
+    found: Estimated
+    merit: float
+
+
+def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined]:
+    """The survey with sigmas as its residuals show them, and its adjustment.
+
+    Parameters
+    ----------
+    survey
+        As it was handed in, with the stated sigmas.
+    refined
+        Adjusted with them, without what is wrong beyond doubt.
+    """
+    stated = refined.adjustment
+    if not stated.minimum.converged:
+        return survey, refined
+    few, fits = _few_blunders(stated)
+    redundancy = _redundancy(stated, "pixels")
+    models = [_as_stated(stated, redundancy)]
+    if not fits and redundancy > LITTLE:
+        models += _grown(stated)
+    fitted = max((_fitted(model, stated, few) for model in models), key=lambda one: one.merit)
+    adjustment = stated
+    for _ in range(PASSES):
+        before = fitted.found.factor
+        if fitted.model.shape is None and np.abs(np.log(before)).max() < SAME:
+            break
+        try:
+            adjustment = _continued(adjustment, _learnt(fitted, stated.survey))
+        except SingularError:
+            return survey, refined
+        fitted = _fitted(fitted.model, adjustment, few, before)
+        if np.abs(np.log(fitted.found.factor / before)).max() < SAME:
+            break
+    noise = _noise(fitted, adjustment, stated.survey)
+    if adjustment is stated:
+        return survey, replace(refined, noise=noise)
+    learnt = _learnt(fitted, survey)
+    return learnt, replace(refined, adjustment=adjustment, noise=noise, stated=stated)
+
+
+def _few_blunders(adjustment: Adjustment) -> tuple[dict[str, Ints], bool]:
+    """Rows of few observations that alone do not fit; and whether everything else does.
+
+    No rows where all fits with them, or does not without them.
+    """
+    blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
+    core = [name for name in blocks if name in _CORE or name.startswith("plane")]
+    squares = sum(float(np.sum(blocks[name].residual ** 2)) for name in core)
+    degrees = sum(_redundancy(adjustment, name) for name in core)
+    if upper_tail(squares, degrees) >= MISFIT:
+        return {}, True
+    falls = []
+    for name in ("pixels", "lengths"):
+        if name in blocks:
+            block = blocks[name]
+            inverse = np.linalg.pinv(cofactors(block, covariance), rcond=1e-6, hermitian=True)
+            fall = np.einsum("pi,pij,pj->p", block.residual, inverse, block.residual)
+            falls += [(each, name, row) for row, each in enumerate(fall.tolist())]
+    most = max(1, int(FEW * len(falls)))
+    worst = [one for one in sorted(falls, reverse=True)[:most] if one[0] > CLEAR]
+    gone = sum(blocks[name].residual.shape[1] for _, name, _ in worst)
+    if upper_tail(squares - sum(fall for fall, *_ in worst), degrees - gone) < MISFIT:
+        return {}, False
+    names = {name for _, name, _ in worst}
+    return {n: np.array([row for _, name, row in worst if name == n]) for n in names}, True
+
+
+def _redundancy(adjustment: Adjustment, name: str) -> float:
+    block = adjustment.minimum.blocks[name]
+    return block.residual.size - float(adjustment.covariance.leverage(block).sum())
+
+
+def _as_stated(stated: Adjustment, redundancy: float) -> _Model:
+    """Nothing is learnt but the noise of the picks, and a roughness that was stated."""
+    return _components(None, stated.problem, stated.survey, 1.0 if redundancy < LITTLE else 0.0)
+
+
+def _grown(stated: Adjustment) -> list[_Model]:
+    """Every other shape of the ground: each point's own departure, and smooth ones."""
+    survey, point = stated.survey, stated.state.point[:, :2]
+    own = [point[survey.area == area] for area in range(len(survey.grounds))]
+    models = [_model("plane", stated, [None for _ in own])]
+    if any(len(each) >= LEAST_POINTS for each in own):
+        models.append(_model("quadratic", stated, [_quadratic(each) for each in own]))
+        for share in RANGES:
+            models.append(_model("correlated", stated, [_correlated(one, share) for one in own]))
+    return models
+
+
+def _quadratic(point_m: Floats) -> Relief | None:
+    if len(point_m) < LEAST_POINTS:
+        return None
+    middle = 0.5 * (point_m.min(axis=0) + point_m.max(axis=0))
+    scale = 0.5 * float(np.ptp(point_m, axis=0).max())
+    return Relief(kind="quadratic", sigma_m=UNIT_M, scale_m=scale, knots_m=middle[None])
+
+
+def _correlated(point_m: Floats, share: float) -> Relief | None:
+    if len(point_m) < LEAST_POINTS:
+        return None
+    reach = share * float(np.ptp(point_m, axis=0).max())
+    knots = spread_knots(point_m, KNOTS)
+    return Relief(kind="correlated", sigma_m=UNIT_M, scale_m=reach, knots_m=knots)
+
+
+def _model(shape: SurfaceShape, stated: Adjustment, relief: Sequence[Relief | None]) -> _Model:
+    grounds = tuple(
+        replace(ground, roughness_sigma_m=ground.roughness_sigma_m or UNIT_M, relief=own)
+        for ground, own in zip(stated.survey.grounds, relief, strict=True)
+    )
+    survey = replace(stated.survey, grounds=grounds)
+    problem = SurveyProblem(survey, stated.problem.pivot_m, _lines_used(stated))
+    return _components(shape, problem, stated.survey, 0.0)
+
+
+def _components(
+    shape: SurfaceShape | None, problem: SurveyProblem, stated: Survey, smallest: float
+) -> _Model:
+    """What is to be learnt of a likelihood in units.
+
+    Parameters
+    ----------
+    shape
+        Of the ground.
+    problem
+        The likelihood.
+    stated
+        The survey as it was stated: what it says of roughness is a prior.
+    smallest
+        Factor of the picks' sigmas that they never fall below.
+    """
+    found, areas = [Component("pixels", None, STATED_WEIGHT, smallest)], [-1]
+    for area, ground in enumerate(problem.survey.grounds):
+        rows = np.flatnonzero(stated.area == area)
+        if ground.roughness_sigma_m > 0 and len(rows):
+            prior = STATED_ROUGHNESS_WEIGHT * (stated.grounds[area].roughness_sigma_m > 0)
+            found.append(Component("roughness", rows, prior))
+            areas.append(area)
+    for area, ground in enumerate(problem.survey.grounds):
+        if ground.relief is not None:
+            found.append(Component("relief", problem.ground.relief_rows(area)))
+            areas.append(area)
+    return _Model(shape, problem, tuple(found), tuple(areas))
+
+
+def _fitted(
+    model: _Model, adjustment: Adjustment, few: Mapping[str, Ints], first: Floats | None = None
+) -> _Fitted:
+    """A model with the factors that are likeliest about an adjustment.
+
+    Parameters
+    ----------
+    model
+        What is to be learnt.
+    adjustment
+        About whose state the model is linear.
+    few
+        Rows of observations that take no part.
+    first
+        (C,) factors to start from.
+    """
+    problem, layout = model.problem, model.problem.layout
+    blocks = problem.evaluate(_carried(adjustment, problem))
+    assert blocks is not None  # noqa: S101  (the state is that of an adjusted survey)
+    for name, rows in few.items():
+        blocks[name] = _without(blocks[name], rows)
+    begin = np.ones(len(model.components)) if first is None else first
+    found = Linearised(blocks, layout.size, layout.structure).estimate(model.components, begin)
+    # Unknowns with a prior add the logarithm of its sigma: with it, models of different unknowns
+    # can be compared.
+    unit = sum(
+        float(np.log(blocks[k].jacobian).sum()) for k in ("roughness", "relief") if k in blocks
+    )
+    price = 0.0 if model.shape is None else PENALTY[model.shape]
+    return _Fitted(model, found, found.log_likelihood + unit - price)
+
+
+def _without(block: Block, rows: Ints) -> Block:
+    left = np.setdiff1d(np.arange(len(block.residual)), rows)
+    return Block(block.residual[left], block.columns[left], block.jacobian[left])
+
+
+def _continued(adjustment: Adjustment, survey: Survey) -> Adjustment:
+    """The adjustment with other sigmas or another ground, from where it stands."""
+    problem = SurveyProblem(survey, adjustment.problem.pivot_m, _lines_used(adjustment))
+    start = _carried(adjustment, problem)
+    minimum = iterate(problem, start, iterations_for(survey.calibration))
+    return Adjustment(problem, minimum, minimum.factor.covariance())
+
+
+def _carried(adjustment: Adjustment, problem: SurveyProblem) -> State:
+    """The state of an adjustment, in the unknowns of another likelihood of the same survey."""
+    state, before = adjustment.state, adjustment.problem
+    point = np.zeros((problem.layout.points, problem.layout.point_size))
+    shared = min(point.shape[1], state.point.shape[1])
+    point[:, :shared] = state.point[:, :shared]
+    relief = np.zeros(problem.layout.relief)
+    for area, ground in enumerate(problem.survey.grounds):
+        old = before.survey.grounds[area].relief
+        if ground.relief is not None and old is not None and old.kind == ground.relief.kind:
+            relief[problem.ground.relief_rows(area)] = state.relief[before.ground.relief_rows(area)]
+    return replace(state, point=point, relief=relief)
+
+
+def _lines_used(adjustment: Adjustment) -> Bools:
+    used = np.zeros(len(adjustment.survey.line_start), dtype=np.bool_)
+    used[adjustment.problem.line_index] = True
+    return used
+
+
+def _learnt(fitted: _Fitted, survey: Survey) -> Survey:
+    """A survey with the sigmas and the ground as they were learnt; `survey` has them as stated."""
+    factor = fitted.found.factor
+    grounds = list(fitted.model.problem.survey.grounds)
+    for one, area, scale in zip(
+        fitted.model.components, fitted.model.areas, factor.tolist(), strict=True
+    ):
+        if one.block == "roughness":
+            size = scale * grounds[area].roughness_sigma_m
+            is_stated = survey.grounds[area].roughness_sigma_m > 0
+            size = size if size > LEAST_M or is_stated else 0.0
+            grounds[area] = replace(grounds[area], roughness_sigma_m=size)
+        relief = grounds[area].relief
+        if one.block == "relief" and relief is not None:
+            size = scale * relief.sigma_m
+            own = replace(relief, sigma_m=size) if size > LEAST_M else None
+            grounds[area] = replace(grounds[area], relief=own)
+    return replace(survey, pick_sigma_px=factor[0] * survey.pick_sigma_px, grounds=tuple(grounds))
+
+
+def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey) -> Noise:
+    """What was learnt, for people."""
+    factor, sigma = fitted.found.factor, fitted.found.factor * fitted.found.sigma
+    rough = {
+        area: sigma[k]
+        for k, (one, area) in enumerate(
+            zip(fitted.model.components, fitted.model.areas, strict=True)
+        )
+        if one.block == "roughness"
+    }
+    units = fitted.model.problem.survey.grounds
+    hand = PickNoise(
+        source="hand",
+        stated_px=float(np.sqrt(np.mean(stated.pick_sigma_px**2))),
+        factor=float(factor[0]),
+        sigma=float(sigma[0]),
+    )
+    areas = [
+        AreaNoise(
+            area=ground.name,
+            stated_m=stated.grounds[area].roughness_sigma_m,
+            estimated_m=ground.roughness_sigma_m,
+            sigma_m=float(rough.get(area, 0.0) * units[area].roughness_sigma_m),
+            shape="plane" if ground.relief is None else ground.relief.kind,
+            relief_m=_relief_m(adjustment, area),
+        )
+        for area, ground in enumerate(_learnt(fitted, stated).grounds)
+    ]
+    return Noise(picks=(hand,), roughness=tuple(areas))
+
+
+def _relief_m(adjustment: Adjustment, area: int) -> float:
+    """Root mean square of the smooth departures at the points of an area."""
+    relief = adjustment.survey.grounds[area].relief
+    own = adjustment.survey.area == area
+    if relief is None or not own.any():
+        return 0.0
+    rows = adjustment.problem.ground.relief_rows(area)
+    height = (
+        relief_basis(relief, adjustment.state.point[own, :2]).value @ adjustment.state.relief[rows]
+    )
+    return float(np.sqrt(np.mean(height**2)))
