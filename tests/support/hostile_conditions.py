@@ -48,7 +48,8 @@ class Condition:
     single
         Only one of the photos is there.
     picked_share, sharp
-        Of the labels in a photo, how many are picked; a camera of 4000 x 3000 px.
+        How many of a photo's labels are picked where no length ends at them; a camera of
+        4000 x 3000 px.
     tilts_deg, speeds_m_s
         Range of tilts, first photo to last, and of speeds.
     draws_scale, draws_readout, draws_slope
@@ -85,7 +86,7 @@ class Condition:
     log_hz: float | None = None
     has_log: bool = True
     single: bool = False
-    picked_share: float = 0.45
+    picked_share: float = 0.3
     sharp: bool = False
     tilts_deg: tuple[float, float] = (0.0, 36.0)
     speeds_m_s: tuple[float, float] = (3.0, 8.0)
@@ -177,6 +178,7 @@ _LOG = {
     "mount_3deg": Condition(mount_deg=3.0),
     "lever_30cm": Condition(lever_m=0.3),
     "no_log": Condition(has_log=False),
+    "no_log_dense": Condition(has_log=False, picked_share=1.0),
 }
 _SINGLE = {
     "single": Condition(single=True, picked_share=1.0),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
 from itertools import combinations
@@ -40,7 +40,7 @@ from uavgram.model.demo.simulated import SimulatedLog
 LABELS, LEAST_APART_M = 28, 2.5
 PICK_SIGMA_PX = 0.8
 LENGTHS, LENGTH_SIGMA_M = 6, 0.01
-DISTANCES = 15
+DISTANCES, NEAREST_M, FARTHEST_M = 15, 4.0, 12.0
 CLOCK_SIGMA_S = 0.3
 MARGIN_PX = 6.0
 
@@ -95,7 +95,11 @@ def make_survey(condition: Condition, seed: int) -> HostileSurvey:
     if condition.single:
         kept = frame == int(abs(drawn[2]) * 1000) % len(flight.exposure_s)
         frame, label, pixel = frame[kept], label[kept], pixel[kept]
-    line, measure = _wanted(world_m, np.unique(label), line_rng)
+    line = _taped(world_m, np.unique(label), line_rng)
+    kept = pick_rng.random(len(label)) < condition.picked_share
+    kept |= np.isin(label, line)  # who tapes a length picks its ends wherever he sees them
+    frame, label, pixel = frame[kept], label[kept], pixel[kept]
+    measure = _wanted(world_m, np.unique(label), line, line_rng)
     read_m = _read_lengths(condition, world_m[line], scale, line_rng)
     clock_s = CLOCK_SIGMA_S * drawn[3] + condition.lag_s
     since = flight.exposure_s - flight.exposure_s.mean()
@@ -228,7 +232,7 @@ class _Scene(NamedTuple):
 
 
 def _picks(scene: _Scene, readout_s: float, rng: np.random.Generator) -> tuple[Ints, Ints, Floats]:
-    """Frames, labels and pixels (p, 2) of what was picked of all that lies inside the photos."""
+    """Frames, labels and pixels (p, 2) of all that lies inside the photos, as someone picks it."""
     condition, camera, ground, flight, world_m = scene
     count = len(flight.exposure_s)
     frame, label = (part.ravel() for part in np.mgrid[:count, : len(world_m)])
@@ -240,20 +244,29 @@ def _picks(scene: _Scene, readout_s: float, rng: np.random.Generator) -> tuple[I
     pixel, depth = photograph(flight, lens, frame, identified, (camera.height_px, readout_s))
     tail = np.where(rng.random((len(frame), 1)) < condition.heavy_tails, 5.0, 1.0)
     pixel += PICK_SIGMA_PX * condition.pick_factor * tail * rng.standard_normal(pixel.shape)
-    kept = rng.random(len(frame)) < condition.picked_share
-    kept &= (depth > 0) & (pixel > MARGIN_PX).all(axis=1)
-    kept &= (pixel < np.array([camera.width_px, camera.height_px]) - MARGIN_PX).all(axis=1)
-    return frame[kept], label[kept], pixel[kept]
+    inside = (depth > 0) & (pixel > MARGIN_PX).all(axis=1)
+    inside &= (pixel < np.array([camera.width_px, camera.height_px]) - MARGIN_PX).all(axis=1)
+    return frame[inside], label[inside], pixel[inside]
+
+
+def _pairs(world_m: Floats, seen: Ints, rng: np.random.Generator) -> Ints:
+    """(n, 2) labels of a distance that someone tapes or wants to know, in any order."""
+    pairs = np.array(list(combinations(seen.tolist(), 2)))
+    apart = np.linalg.norm(np.diff(world_m[pairs], axis=1)[:, 0], axis=1)
+    return rng.permutation(pairs[(apart > NEAREST_M) & (apart < FARTHEST_M)])
+
+
+def _taped(world_m: Floats, seen: Ints, rng: np.random.Generator) -> Ints:
+    """(l, 2) labels of the taped lines."""
+    return _pairs(world_m, seen, rng)[:LENGTHS]
 
 
 def _wanted(
-    world_m: Floats, seen: Ints, rng: np.random.Generator
-) -> tuple[Ints, dict[str, tuple[str, tuple[int, ...]]]]:
-    """Lines to tape (l, 2), and what to measure: distances, an area, an angle."""
-    pairs = np.array(list(combinations(seen.tolist(), 2)))
-    apart = np.linalg.norm(np.diff(world_m[pairs], axis=1)[:, 0], axis=1)
-    pairs = rng.permutation(pairs[(apart > 4.0) & (apart < 12.0)])
-    line, free = pairs[:LENGTHS], pairs[LENGTHS : LENGTHS + DISTANCES]
+    world_m: Floats, seen: Ints, taped: Ints, rng: np.random.Generator
+) -> dict[str, tuple[str, tuple[int, ...]]]:
+    """What to measure: distances that were not taped, an area, an angle."""
+    pairs = _pairs(world_m, seen, rng)
+    free = pairs[~(pairs[:, None] == taped).all(axis=-1).any(axis=1)][:DISTANCES]
     measure: dict[str, tuple[str, tuple[int, ...]]] = {
         f"distance {k}": ("distance", (int(a), int(b))) for k, (a, b) in enumerate(free)
     }
@@ -261,7 +274,7 @@ def _wanted(
     corners = hull[np.linspace(0, len(hull), 4, endpoint=False).astype(int)]
     measure["area"] = ("area", tuple(corners.tolist()))
     measure["angle"] = ("angle", tuple(corners[:3].tolist()))
-    return line, measure
+    return measure
 
 
 def _read_lengths(
@@ -286,8 +299,3 @@ def _value(kind: str, points: Floats) -> float:
     one, other = points[0] - points[1], points[2] - points[1]
     cosine = one @ other / np.linalg.norm(one) / np.linalg.norm(other)
     return float(np.rad2deg(np.arccos(cosine)))
-
-
-def without_log(survey: HostileSurvey) -> HostileSurvey:
-    """The same survey, its log lost."""
-    return replace(survey, log=None)
