@@ -176,7 +176,7 @@ def main() -> None:
     for name, outcomes in study(given.condition or list(CONDITIONS), seeds, options, given.workers):
         print(f"{name:26s}{row(outcomes)}   {common_codes(outcomes)}", flush=True)
         for one in outcomes if given.each else ():
-            z = np.sqrt(np.mean(np.square(one.z)))
+            z = np.sqrt(np.mean(np.square(one.z))) if one.z else np.nan
             print(f"  {one.seed:5d} z {z:6.2f} factor {one.variance_factor:7.2f} {one.failure}")
         everything += outcomes
     if given.json:

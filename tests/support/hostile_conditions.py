@@ -47,6 +47,9 @@ class Condition:
         Rate of attitudes and positions, None: 10 Hz to 25 Hz as drawn; whether there is a log.
     single
         Only one of the photos is there.
+    picked_share, sharp
+        How many of a photo's labels are picked where no length ends at them; a camera of
+        4000 x 3000 px.
     tilts_deg, speeds_m_s
         Range of tilts, first photo to last, and of speeds.
     draws_scale, draws_readout, draws_slope
@@ -83,6 +86,8 @@ class Condition:
     log_hz: float | None = None
     has_log: bool = True
     single: bool = False
+    picked_share: float = 0.3
+    sharp: bool = False
     tilts_deg: tuple[float, float] = (0.0, 36.0)
     speeds_m_s: tuple[float, float] = (3.0, 8.0)
     draws_scale: bool = False
@@ -122,6 +127,10 @@ _SHARED = {
     "clean_prior": Condition(draws_scale=True, draws_readout=True, draws_slope=True),
     "real_mix": REAL_MIX,
     "bad_mix": BAD_MIX,
+}
+_SHARP = {
+    f"{name}_sharp": replace(condition, sharp=True, picked_share=1.0)
+    for name, condition in _SHARED.items()
 }
 _GROUND = {
     "rough_3cm": Condition(relief_m=0.03),
@@ -169,16 +178,17 @@ _LOG = {
     "mount_3deg": Condition(mount_deg=3.0),
     "lever_30cm": Condition(lever_m=0.3),
     "no_log": Condition(has_log=False),
+    "no_log_dense": Condition(has_log=False, picked_share=1.0),
 }
 _SINGLE = {
-    "single": Condition(single=True),
-    "single_prior": replace(_SHARED["clean_prior"], single=True),
-    "single_bank_1m": Condition(single=True, bank_m=1.0),
-    "single_crown_2": Condition(single=True, crown_percent=2.0),
-    "single_shutter_40": Condition(single=True, readout_s=0.04),
-    "single_identification_3cm": Condition(single=True, identification_m=0.03),
-    "single_tape_1": Condition(single=True, tape_scale=0.01),
+    "single": Condition(single=True, picked_share=1.0),
+    "single_prior": replace(_SHARED["clean_prior"], single=True, picked_share=1.0),
+    "single_bank_1m": Condition(single=True, picked_share=1.0, bank_m=1.0),
+    "single_crown_2": Condition(single=True, picked_share=1.0, crown_percent=2.0),
+    "single_shutter_40": Condition(single=True, picked_share=1.0, readout_s=0.04),
+    "single_identification_3cm": Condition(single=True, picked_share=1.0, identification_m=0.03),
+    "single_tape_1": Condition(single=True, picked_share=1.0, tape_scale=0.01),
 }
 
-CONDITIONS = MappingProxyType(_SHARED | _GROUND | _CAMERA | _LENGTHS | _LOG | _SINGLE)
+CONDITIONS = MappingProxyType(_SHARED | _SHARP | _GROUND | _CAMERA | _LENGTHS | _LOG | _SINGLE)
 """By their names on the command line."""

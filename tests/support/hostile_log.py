@@ -89,5 +89,7 @@ def _angles(
 
 def _geodetic(world_m: Floats) -> Floats:
     """Latitude, longitude [deg], height above mean sea level [m]."""
-    longitude, latitude, height = TO_WORLD.transform(*world_m.T, direction="INVERSE")
+    longitude, latitude, height = TO_WORLD.transform(
+        world_m[:, 0], world_m[:, 1], world_m[:, 2], direction="INVERSE"
+    )
     return np.column_stack([latitude, longitude, np.asarray(height) - UNDULATION_M])

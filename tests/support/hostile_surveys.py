@@ -8,40 +8,39 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
 from itertools import combinations
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from hostile_conditions import Condition
 from hostile_log import START_UTC_S, record
 from hostile_world import (
-    HEIGHT_PX,
+    ORDINARY,
     RADIUS_M,
-    WIDTH_PX,
+    SHARP,
+    StatedCamera,
     TrueFlight,
     TrueGround,
     draw_flight,
     draw_ground,
+    draw_lenses,
     photograph,
 )
 from scipy.spatial import ConvexHull
 
 from uavgram.io.logs.tlog.writer import write_tlog
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.demo.simulated import SimulatedLog
 
-LENS = np.array([3010.0, 3012.0, 2004.0, 1493.0, -0.06, 0.02, 3e-4, -2e-4, 0.0])
-LENS_SIGMA = np.array([4.0, 4.0, 3.0, 3.0, 1e-3, 2e-3, 1e-4, 1e-4, 1e-3])
-FOCAL_CORRELATION = 0.95
-OTHER_LENS = np.array([3040.0, 3042.0, 2030.0, 1480.0, -0.07, 0.03, 3e-4, -2e-4, 0.0])
 LABELS, LEAST_APART_M = 28, 2.5
 PICK_SIGMA_PX = 0.8
 LENGTHS, LENGTH_SIGMA_M = 6, 0.01
-DISTANCES = 15
+DISTANCES, NEAREST_M, FARTHEST_M = 15, 4.0, 12.0
 CLOCK_SIGMA_S = 0.3
 MARGIN_PX = 6.0
 
@@ -52,6 +51,8 @@ class HostileSurvey:
 
     Attributes
     ----------
+    camera
+        As calibrated.
     photo
         (f,) names; the time of the camera's clock stands in them.
     pick_photo, pick_label, pick_px
@@ -66,6 +67,7 @@ class HostileSurvey:
         None: there is no log.
     """
 
+    camera: StatedCamera
     photo: tuple[str, ...]
     pick_photo: Ints
     pick_label: Ints
@@ -87,17 +89,24 @@ def make_survey(condition: Condition, seed: int) -> HostileSurvey:
     readout_s = condition.readout_s + 0.03 * drawn[0] * condition.draws_readout
     scale = condition.tape_scale + 0.001 * drawn[1] * condition.draws_scale
     world_m = _labels(condition, ground, ground_rng)
-    frame, label, pixel = _picks(condition, flight, ground, world_m, readout_s, pick_rng)
+    camera = SHARP if condition.sharp else ORDINARY
+    scene = _Scene(condition, camera, ground, flight, world_m)
+    frame, label, pixel = _picks(scene, readout_s, pick_rng)
     if condition.single:
         kept = frame == int(abs(drawn[2]) * 1000) % len(flight.exposure_s)
         frame, label, pixel = frame[kept], label[kept], pixel[kept]
-    line, measure = _wanted(world_m, np.unique(label), line_rng)
+    line = _taped(world_m, np.unique(label), line_rng)
+    kept = pick_rng.random(len(label)) < condition.picked_share
+    kept |= np.isin(label, line)  # who tapes a length picks its ends wherever he sees them
+    frame, label, pixel = frame[kept], label[kept], pixel[kept]
+    measure = _wanted(world_m, np.unique(label), line, line_rng)
     read_m = _read_lengths(condition, world_m[line], scale, line_rng)
     clock_s = CLOCK_SIGMA_S * drawn[3] + condition.lag_s
     since = flight.exposure_s - flight.exposure_s.mean()
     stated_s = flight.exposure_s + clock_s + 1e-6 * condition.drift_ppm * since
     used = np.unique(frame)
     return HostileSurvey(
+        camera=camera,
         photo=tuple(_photo_name(stated_s[k]) for k in used),
         pick_photo=np.searchsorted(used, frame),
         pick_label=label,
@@ -126,20 +135,19 @@ def write_project(
         that begins with ``camera.`` goes to camera.yaml.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    size = survey.camera.width_px, survey.camera.height_px
     for name in survey.photo:  # no two of the same bytes: they would count as copies
-        (folder / f"{name}.jpg").write_bytes(_black_jpeg() + name.encode())
+        (folder / f"{name}.jpg").write_bytes(_black_jpeg(*size) + name.encode())
     tables = {"picks": _pick_rows, "lines": _line_rows, "measure": _measure_rows}
     for table, rows in tables.items():
         (folder / f"{table}.csv").write_text("\n".join(rows(survey)) + "\n")
-    covariance = np.diag(LENS_SIGMA**2)
-    covariance[0, 1] = covariance[1, 0] = FOCAL_CORRELATION * LENS_SIGMA[0] * LENS_SIGMA[1]
     camera: dict[str, object] = {
         "name": "made-up camera",
         "model": "brown",
-        "width_px": WIDTH_PX,
-        "height_px": HEIGHT_PX,
-        "parameters": LENS.tolist(),
-        "covariance": covariance.tolist(),
+        "width_px": survey.camera.width_px,
+        "height_px": survey.camera.height_px,
+        "parameters": survey.camera.lens.tolist(),
+        "covariance": survey.camera.covariance.tolist(),
     }
     project: dict[str, object] = {
         "name": "made-up survey",
@@ -173,8 +181,8 @@ def _put(document: dict[str, object], key: str, value: object) -> None:
 
 
 @lru_cache
-def _black_jpeg() -> bytes:
-    black = np.zeros((HEIGHT_PX, WIDTH_PX), np.uint8)
+def _black_jpeg(width_px: int, height_px: int) -> bytes:
+    black = np.zeros((height_px, width_px), np.uint8)
     return cv2.imencode(".jpg", black)[1].tobytes()
 
 
@@ -215,53 +223,50 @@ def _labels(condition: Condition, ground: TrueGround, rng: np.random.Generator) 
     return np.column_stack([place, ground.up(place) + own])
 
 
-def _picks(
-    condition: Condition,
-    flight: TrueFlight,
-    ground: TrueGround,
-    world_m: Floats,
-    readout_s: float,
-    rng: np.random.Generator,
-) -> tuple[Ints, Ints, Floats]:
-    """Frames, labels and pixels (p, 2) of what lies inside the photos."""
+class _Scene(NamedTuple):
+    condition: Condition
+    camera: StatedCamera
+    ground: TrueGround
+    flight: TrueFlight
+    world_m: Floats
+
+
+def _picks(scene: _Scene, readout_s: float, rng: np.random.Generator) -> tuple[Ints, Ints, Floats]:
+    """Frames, labels and pixels (p, 2) of all that lies inside the photos, as someone picks it."""
+    condition, camera, ground, flight, world_m = scene
     count = len(flight.exposure_s)
     frame, label = (part.ravel() for part in np.mgrid[:count, : len(world_m)])
     moved = condition.identification_m * rng.standard_normal((len(frame), 2))
     place = world_m[label, :2] + moved
     rise = ground.up(place) - ground.up(world_m[label, :2])
     identified = np.column_stack([place, world_m[label, 2] + rise])
-    lens = _true_lenses(condition, count, rng)
-    pixel, depth = photograph(flight, lens[frame], frame, identified, readout_s)
+    lens = draw_lenses(condition, camera, count, rng)[frame]
+    pixel, depth = photograph(flight, lens, frame, identified, (camera.height_px, readout_s))
     tail = np.where(rng.random((len(frame), 1)) < condition.heavy_tails, 5.0, 1.0)
     pixel += PICK_SIGMA_PX * condition.pick_factor * tail * rng.standard_normal(pixel.shape)
-    inside: Bools = (depth > 0) & (pixel > MARGIN_PX).all(axis=1)
-    inside &= (pixel < np.array([WIDTH_PX, HEIGHT_PX]) - MARGIN_PX).all(axis=1)
+    inside = (depth > 0) & (pixel > MARGIN_PX).all(axis=1)
+    inside &= (pixel < np.array([camera.width_px, camera.height_px]) - MARGIN_PX).all(axis=1)
     return frame[inside], label[inside], pixel[inside]
 
 
-def _true_lenses(condition: Condition, count: int, rng: np.random.Generator) -> Floats:
-    """(f, 9) lenses: the calibration's, with an error of its size, and what is stated beyond it."""
-    error = LENS_SIGMA * rng.standard_normal(9)
-    own = np.sqrt(1 - FOCAL_CORRELATION**2)
-    error[1] = LENS_SIGMA[1] * (
-        FOCAL_CORRELATION * error[0] / LENS_SIGMA[0] + own * error[1] / LENS_SIGMA[1]
-    )
-    lens = np.tile(LENS + error, (count, 1))
-    other = rng.permutation(count)[: condition.other_camera_photos]
-    lens[other] = OTHER_LENS
-    lens[:, :2] *= condition.zoom * (1 + condition.focal_error)
-    lens[:, 2] += condition.principal_error_px
-    return lens
+def _pairs(world_m: Floats, seen: Ints, rng: np.random.Generator) -> Ints:
+    """(n, 2) labels of a distance that someone tapes or wants to know, in any order."""
+    pairs = np.array(list(combinations(seen.tolist(), 2)))
+    apart = np.linalg.norm(np.diff(world_m[pairs], axis=1)[:, 0], axis=1)
+    return rng.permutation(pairs[(apart > NEAREST_M) & (apart < FARTHEST_M)])
+
+
+def _taped(world_m: Floats, seen: Ints, rng: np.random.Generator) -> Ints:
+    """(l, 2) labels of the taped lines."""
+    return _pairs(world_m, seen, rng)[:LENGTHS]
 
 
 def _wanted(
-    world_m: Floats, seen: Ints, rng: np.random.Generator
-) -> tuple[Ints, dict[str, tuple[str, tuple[int, ...]]]]:
-    """Lines to tape (l, 2), and what to measure: distances, an area, an angle."""
-    pairs = np.array(list(combinations(seen.tolist(), 2)))
-    apart = np.linalg.norm(np.diff(world_m[pairs], axis=1)[:, 0], axis=1)
-    pairs = rng.permutation(pairs[(apart > 5.0) & (apart < 25.0)])
-    line, free = pairs[:LENGTHS], pairs[LENGTHS : LENGTHS + DISTANCES]
+    world_m: Floats, seen: Ints, taped: Ints, rng: np.random.Generator
+) -> dict[str, tuple[str, tuple[int, ...]]]:
+    """What to measure: distances that were not taped, an area, an angle."""
+    pairs = _pairs(world_m, seen, rng)
+    free = pairs[~(pairs[:, None] == taped).all(axis=-1).any(axis=1)][:DISTANCES]
     measure: dict[str, tuple[str, tuple[int, ...]]] = {
         f"distance {k}": ("distance", (int(a), int(b))) for k, (a, b) in enumerate(free)
     }
@@ -269,7 +274,7 @@ def _wanted(
     corners = hull[np.linspace(0, len(hull), 4, endpoint=False).astype(int)]
     measure["area"] = ("area", tuple(corners.tolist()))
     measure["angle"] = ("angle", tuple(corners[:3].tolist()))
-    return line, measure
+    return measure
 
 
 def _read_lengths(
@@ -294,8 +299,3 @@ def _value(kind: str, points: Floats) -> float:
     one, other = points[0] - points[1], points[2] - points[1]
     cosine = one @ other / np.linalg.norm(one) / np.linalg.norm(other)
     return float(np.rad2deg(np.arccos(cosine)))
-
-
-def without_log(survey: HostileSurvey) -> HostileSurvey:
-    """The same survey, its log lost."""
-    return replace(survey, log=None)

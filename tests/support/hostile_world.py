@@ -18,12 +18,55 @@ from uavgram.model.options import GroundOptions
 
 HEIGHT_M = 36.0
 RADIUS_M = 20.0  # of the scene
-WIDTH_PX, HEIGHT_PX = 4000, 3000
 CAMERA_FROM_GIMBAL = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])  # gimbal: x looks, -z is up
 ENU_FROM_NED = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
 GRAVITY_M_S2 = 9.81
 MOST_LEAN_RAD = 0.25
 PHOTOS, BEYOND = 9, 2  # and as many places flown to before and after them
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StatedCamera:
+    """A camera as calibrated: (9,) parameters in OpenCV's order, fx fy cx cy k1 k2 p1 p2 k3."""
+
+    width_px: int
+    height_px: int
+    lens: Floats
+    sigma: Floats
+
+    @property
+    def covariance(self) -> Floats:
+        """(9, 9): both focal lengths go together."""
+        covariance = np.diag(self.sigma**2)
+        covariance[0, 1] = covariance[1, 0] = FOCAL_CORRELATION * self.sigma[0] * self.sigma[1]
+        return covariance
+
+
+FOCAL_CORRELATION = 0.95
+ORDINARY = StatedCamera(
+    width_px=2400,
+    height_px=1800,
+    lens=np.array([1900.0, 1902.0, 1204.0, 893.0, -0.06, 0.02, 3e-4, -2e-4, 0.0]),
+    sigma=np.array([3.0, 3.0, 2.0, 2.0, 1e-3, 2e-3, 1e-4, 1e-4, 1e-3]),
+)
+SHARP = StatedCamera(
+    width_px=4000,
+    height_px=3000,
+    lens=np.array([3170.0, 3172.0, 2004.0, 1493.0, -0.06, 0.02, 3e-4, -2e-4, 0.0]),
+    sigma=np.array([4.0, 4.0, 3.0, 3.0, 1e-3, 2e-3, 1e-4, 1e-4, 1e-3]),
+)
+
+
+def draw_lenses(
+    condition: Condition, camera: StatedCamera, count: int, rng: np.random.Generator
+) -> Floats:
+    """(f, 9) true lenses: an error of the stated size, and what the condition does beyond it."""
+    lens = np.tile(rng.multivariate_normal(camera.lens, camera.covariance), (count, 1))
+    other = rng.permutation(count)[: condition.other_camera_photos]
+    lens[other] = camera.lens * [1.01, 1.01, 1.01, 0.99, 1.2, 1.5, 1.0, 1.0, 1.0]
+    lens[:, :2] *= condition.zoom * (1 + condition.focal_error)
+    lens[:, 2] += condition.principal_error_px
+    return lens
 
 
 class Smooth:
@@ -168,7 +211,7 @@ def draw_flight(condition: Condition, middle: Floats, rng: np.random.Generator) 
     step = np.clip((np.arange(count) - BEYOND) / (PHOTOS - 1), 0.0, 1.0)
     tilt = np.deg2rad(condition.tilts_deg[0] + step * np.ptp(condition.tilts_deg))
     tilt = np.abs(tilt + np.deg2rad(1.0) * rng.standard_normal(count))
-    turn = rng.choice([-1, 1]) * np.deg2rad(18.0 + 6.0 * rng.standard_normal(count))
+    turn = rng.choice([-1, 1]) * np.deg2rad(10.0 + 6.0 * rng.standard_normal(count))
     yaw = rng.uniform(0, 2 * np.pi) + np.cumsum(turn)
     back = HEIGHT_M * np.tan(tilt)
     aim = middle + 3.0 * rng.standard_normal((count, 2))
@@ -195,7 +238,7 @@ def photograph(
     lens: Floats,
     frame: Ints,
     world_m: Floats,
-    readout_s: float,
+    rows: tuple[int, float],
 ) -> tuple[Floats, Floats]:
     """Pixels (n, 2), each row exposed at its own instant, and depths (n,) of points in frames.
 
@@ -209,16 +252,17 @@ def photograph(
         (n,) which exposure.
     world_m
         (n, 3) points.
-    readout_s
-        Of all rows.
+    rows
+        How many, and in which time [s] they are read.
     """
+    height_px, readout_s = rows
     late = np.zeros(len(frame))
     for _ in range(12 if readout_s else 1):
         center, rotation = flight.camera(flight.exposure_s[frame] + late)
         seen = np.einsum("nji,nj->ni", rotation, world_m - center)
         pixel = project(lens, seen)
-        row = np.clip(pixel[:, 1], -HEIGHT_PX, 2 * HEIGHT_PX)
-        late = readout_s * (row - (HEIGHT_PX - 1) / 2) / HEIGHT_PX
+        row = np.clip(pixel[:, 1], -height_px, 2 * height_px)
+        late = readout_s * (row - (height_px - 1) / 2) / height_px
     return pixel, seen[:, 2]
 
 
