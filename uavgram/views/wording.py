@@ -64,6 +64,7 @@ GROUP_WORDS = {
     "clock_drift": "drift of the camera clock",
     "plane": "plane of the ground",
     "roughness": "unevenness of the ground",
+    "relief": "shape of the ground",
     "control": "control points",
     "gauge": "choice of axes",
 }

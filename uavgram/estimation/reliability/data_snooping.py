@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY, critical_value
-from uavgram.estimation.reliability.test_statistics import Observed, cofactors
+from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
+from uavgram.estimation.reliability.test_statistics import READINGS, Observed, cofactors
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.suspicion import Member, Suspicion
@@ -36,11 +36,6 @@ blamed on that: large blunders leave the linear model."""
 
 MOST_SUSPECTS = 30
 """Suspicions that are spelled out; with more of them, the model is wrong and not observations."""
-
-READINGS = ("lengths", "pixels", "control")
-"""What people read, and misread: suspected before priors are, unless a prior's odds are better than
-20 to 1 (the nine axes of a calibration, say, mimic many an error of a single length). Of
-inseparable observations, the first of these stands for the group."""
 
 SET_ASIDE_WHOLE = ("pixels", "control", "telemetry")
 """Groups of which a wrong observation is wrong in all of its axes; of others each axis is alone."""
@@ -68,12 +63,11 @@ def suspicions(
     groups
         Its observations (see ``observed``).
     significance
-        Of the test of each single axis of each observation (not of the whole family: of n axes
-        without blunder, n * significance are flagged by chance).
+        Of the test of each single axis; many axes of one kind share it (see `level_of_each`).
     first
         To be suspected before all others, where something is known against it.
     """
-    snooping = _Snooping(adjustment, groups, critical_value(significance))
+    snooping = _Snooping(adjustment, groups, significance)
     for _ in range(MOST_SUSPECTS):
         suspicion = snooping.next_one(first)
         if suspicion is None:
@@ -126,7 +120,7 @@ class _Snooping:
 
     adjustment: Adjustment
     groups: dict[str, Observed]
-    limit: float
+    significance: float
     basis: list[Floats] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -137,6 +131,7 @@ class _Snooping:
         root = np.sqrt(self.whole)
         self.first_error = np.concatenate([g.w.ravel() for g in groups]) * root
         self.error = self.first_error.copy()
+        self.limit = np.concatenate([np.full(g.w.size, g.limit(self.significance)) for g in groups])
 
     def next_one(self, first: Member | None) -> Suspicion | None:
         """The next suspicion, or a given one; its observation is set aside. None: all fits."""

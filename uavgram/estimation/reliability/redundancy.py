@@ -21,6 +21,10 @@ NO_REDUNDANCY = 1e-6
 """Redundancy number below which an observation is not checked by any other."""
 
 
+FAMILY = 10
+"""Tests of one kind that each have the stated significance; with more, they share it."""
+
+
 class Reliability(NamedTuple):
     """Per whitened observation of one group; all (n, r).
 
@@ -47,6 +51,15 @@ def reliability(block: Block, covariance: Covariance) -> Reliability:
 def critical_value(significance: float) -> float:
     """Two-sided critical value of a standardised residual."""
     return float(ndtri(1.0 - significance / 2.0))
+
+
+def level_of_each(significance: float, tests: int) -> float:
+    """Significance of each test of a family of so many: a large family is not blamed by chance.
+
+    Up to `FAMILY` tests have the level as it is; more share that of so many (Bonferroni), so that
+    in a survey in which all is in order hardly any of hundreds of picks is blamed.
+    """
+    return significance * min(1.0, FAMILY / max(tests, 1))
 
 
 def noncentrality(significance: float) -> float:

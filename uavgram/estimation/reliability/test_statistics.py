@@ -6,18 +6,28 @@ in Foerstner & Wrobel 2016, "Photogrammetric computer vision", ch. 4.6.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from uavgram.estimation.reliability.redundancy import (
     NO_REDUNDANCY,
+    critical_value,
+    level_of_each,
     minimal_detectable_bias,
     reliability,
 )
 from uavgram.estimation.solver.normal_equations import Block, Covariance
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Bools, Floats
+
+READINGS = ("lengths", "pixels", "control")
+"""What people read, and misread: suspected before priors are, unless a prior's odds are better than
+20 to 1 (the nine axes of a calibration, say, mimic many an error of a single length). Of
+inseparable observations, the first of these stands for the group."""
+
+UNTESTED = ("gauge", "relief")
+"""Groups that nobody observed: a choice, and the functions that make up a smooth ground."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +50,8 @@ class Observed:
         (n, a) in [0, 1]: how much of an error along that axis shows in the residuals.
     w
         (n, a) standardised test statistic; 0 where nothing checks the axis.
+    tests
+        Axes of this group and of those that are tested along with it.
     """
 
     kind: str
@@ -48,6 +60,7 @@ class Observed:
     scale: Floats
     redundancy: Floats
     w: Floats
+    tests: int
 
     @property
     def checked(self) -> Bools:
@@ -56,7 +69,12 @@ class Observed:
 
     def bias(self, significance: float) -> Floats:
         """(n, a) minimal detectable bias in the units of `scale`; NaN where nothing checks it."""
-        return minimal_detectable_bias(self.redundancy, self.scale, significance)
+        level = level_of_each(significance, self.tests)
+        return minimal_detectable_bias(self.redundancy, self.scale, level)
+
+    def limit(self, significance: float) -> float:
+        """Size of the test statistic beyond which an observation of the group is suspected."""
+        return critical_value(level_of_each(significance, self.tests))
 
     def response(self, step: Floats) -> Floats:
         """(n, r, ...) change of the whitened residuals by a change (size, ...) of the unknowns."""
@@ -65,7 +83,7 @@ class Observed:
 
 
 def observed(adjustment: Adjustment) -> dict[str, Observed]:
-    """All groups of an adjusted survey by name, but for the gauge, which is a choice."""
+    """All groups of an adjusted survey by name, but for those that nobody observed."""
     blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
     survey, problem = adjustment.survey, adjustment.problem
     given = {
@@ -75,7 +93,7 @@ def observed(adjustment: Adjustment) -> dict[str, Observed]:
     }
     groups = {}
     for kind, block in blocks.items():
-        if kind == "gauge":
+        if kind in UNTESTED:
             continue
         if kind == "telemetry":
             whitening = np.asarray(problem.telemetry_whitening, dtype=np.float64)
@@ -85,7 +103,16 @@ def observed(adjustment: Adjustment) -> dict[str, Observed]:
         else:  # a prior's whitened residual changes by the inverse of its sigma
             sigma = given[kind] if kind in given else 1.0 / block.jacobian[:, :, 0]
             groups[kind] = _independent(kind, block, covariance, sigma)
-    return groups
+    return _with_families(groups)
+
+
+def _with_families(groups: dict[str, Observed]) -> dict[str, Observed]:
+    """The groups, each with the number of its tests; what nobody reads is one family."""
+    prior = sum(group.w.size for kind, group in groups.items() if kind not in READINGS)
+    return {
+        kind: replace(group, tests=group.w.size if kind in READINGS else prior)
+        for kind, group in groups.items()
+    }
 
 
 def _independent(kind: str, block: Block, covariance: Covariance, sigma: Floats) -> Observed:
@@ -93,7 +120,7 @@ def _independent(kind: str, block: Block, covariance: Covariance, sigma: Floats)
     numbers = reliability(block, covariance)
     direction = np.broadcast_to(np.eye(r), (n, r, r))
     scale = np.broadcast_to(sigma, (n, r))
-    return Observed(kind, block, direction, scale, numbers.redundancy, numbers.w)
+    return Observed(kind, block, direction, scale, numbers.redundancy, numbers.w, 0)
 
 
 def _calibration(block: Block, covariance: Covariance, basis: Floats) -> Observed:
@@ -123,7 +150,7 @@ def _correlated(kind: str, block: Block, covariance: Covariance, whitening: Floa
     checked = redundancy > NO_REDUNDANCY
     error = np.einsum("nra,nr->na", direction, block.residual)
     w = np.where(checked, error / np.sqrt(np.where(checked, redundancy, 1.0)), 0.0)
-    return Observed(kind, block, direction, np.where(known, 1.0 / size, np.nan), redundancy, w)
+    return Observed(kind, block, direction, np.where(known, 1.0 / size, np.nan), redundancy, w, 0)
 
 
 def cofactors(block: Block, covariance: Covariance) -> Floats:

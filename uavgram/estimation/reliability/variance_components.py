@@ -20,7 +20,7 @@ from uavgram.estimation.solver.normal_equations import Block, NormalEquations
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.model.arrays import Floats, Ints
 
-SMALLEST, LARGEST = 1e-3, 1e3
+SMALLEST, LARGEST = 0.02, 50.0
 """Factors that are considered."""
 
 ITERATIONS = 25
@@ -60,6 +60,23 @@ class Estimated(NamedTuple):
     factor: Floats
     sigma: Floats
     log_likelihood: float
+
+
+def of_one_group(squares: float, redundancy: float, component: Component) -> Estimated:
+    """The factor of one component, from its residuals in units of the stated sigmas.
+
+    Parameters
+    ----------
+    squares
+        Sum of their squares.
+    redundancy
+        Of the group: the factor changes it so little that nothing else is needed.
+    component
+        The prior on the factor.
+    """
+    weight = redundancy + component.weight
+    factor = max(np.sqrt((squares + component.weight) / weight), component.smallest)
+    return Estimated(np.array([factor]), np.array([1.0 / np.sqrt(2.0 * weight)]), float("nan"))
 
 
 @dataclass(frozen=True, eq=False)

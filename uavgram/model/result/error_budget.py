@@ -20,6 +20,7 @@ SOURCES: dict[str, str] = {
     "clock_drift": "flight log",
     "plane": "ground",
     "roughness": "ground",
+    "relief": "ground",
     "control": "control points",
     "gauge": "choice of axes",
     "other": "friction and times",

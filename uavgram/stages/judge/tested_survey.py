@@ -60,7 +60,7 @@ class TestedSurvey:
         """(n,) which observations of a group are suspected, alone or with others."""
         group = self.groups[kind]
         if len(self.suspicions) >= MOST_SUSPECTS:  # the rest was not told apart
-            return np.asarray((np.abs(group.w) > critical_value(self.significance)).any(axis=1))
+            return np.asarray((np.abs(group.w) > group.limit(self.significance)).any(axis=1))
         rows = [
             member.row
             for suspicion in self.suspicions

@@ -16,7 +16,12 @@ import numpy as np
 
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.reliability.test_statistics import cofactors
-from uavgram.estimation.reliability.variance_components import Component, Estimated, Linearised
+from uavgram.estimation.reliability.variance_components import (
+    Component,
+    Estimated,
+    Linearised,
+    of_one_group,
+)
 from uavgram.estimation.solver.normal_equations import Block, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.ground_planes import relief_basis
@@ -121,7 +126,10 @@ def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined
     models = [_as_stated(stated, redundancy)]
     if not fits and redundancy > LITTLE:
         models += _grown(stated)
-    fitted = max((_fitted(model, stated, few) for model in models), key=lambda one: one.merit)
+    simple = len(models) == 1 and len(models[0].components) == 1
+    estimated = _picks_alone if simple else _fitted
+    tried = (estimated(model, stated, few, None) for model in models)
+    fitted = max(tried, key=lambda one: one.merit)
     adjustment = stated
     for _ in range(PASSES):
         before = fitted.found.factor
@@ -131,7 +139,7 @@ def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined
             adjustment = _continued(adjustment, _learnt(fitted, stated.survey))
         except SingularError:
             return survey, refined
-        fitted = _fitted(fitted.model, adjustment, few, before)
+        fitted = estimated(fitted.model, adjustment, few, before)
         if np.abs(np.log(fitted.found.factor / before)).max() < SAME:
             break
     noise = _noise(fitted, adjustment, stated.survey)
@@ -185,8 +193,10 @@ def _grown(stated: Adjustment) -> list[_Model]:
     models = [_model("plane", stated, [None for _ in own])]
     if any(len(each) >= LEAST_POINTS for each in own):
         models.append(_model("quadratic", stated, [_quadratic(each) for each in own]))
-        for share in RANGES:
-            models.append(_model("correlated", stated, [_correlated(one, share) for one in own]))
+        models += [
+            _model("correlated", stated, [_correlated(one, share) for one in own])
+            for share in RANGES
+        ]
     return models
 
 
@@ -247,7 +257,7 @@ def _components(
 
 
 def _fitted(
-    model: _Model, adjustment: Adjustment, few: Mapping[str, Ints], first: Floats | None = None
+    model: _Model, adjustment: Adjustment, few: Mapping[str, Ints], first: Floats | None
 ) -> _Fitted:
     """A model with the factors that are likeliest about an adjustment.
 
@@ -276,6 +286,31 @@ def _fitted(
     )
     price = 0.0 if model.shape is None else PENALTY[model.shape]
     return _Fitted(model, found, found.log_likelihood + unit - price)
+
+
+def _picks_alone(
+    model: _Model, adjustment: Adjustment, few: Mapping[str, Ints], first: Floats | None
+) -> _Fitted:
+    """The likeliest factor of the picks' sigmas, where nothing else is in question.
+
+    Parameters
+    ----------
+    model
+        With one component.
+    adjustment
+        With the sigmas as stated, or times a factor.
+    few
+        Rows of observations that take no part.
+    first
+        (1,) the factor with which it was adjusted; None: one.
+    """
+    block = adjustment.minimum.blocks["pixels"]
+    rows = np.setdiff1d(np.arange(len(block.residual)), few.get("pixels", ()))
+    scale = 1.0 if first is None else float(first[0])
+    squares = scale**2 * float(np.sum(block.residual[rows] ** 2))
+    leverage = adjustment.covariance.leverage(block)[rows]
+    found = of_one_group(squares, leverage.size - float(leverage.sum()), model.components[0])
+    return _Fitted(model, found, 0.0)
 
 
 def _without(block: Block, rows: Ints) -> Block:

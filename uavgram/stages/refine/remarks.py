@@ -10,7 +10,7 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.measuring.next_length import distance_changes, line_faults, next_line
-from uavgram.estimation.reliability.data_snooping import READINGS
+from uavgram.estimation.reliability.test_statistics import READINGS
 from uavgram.estimation.reliability.wrong_units import likely_unit_of_height
 from uavgram.estimation.survey.adjustment import Adjustment, Refined, Removal
 from uavgram.estimation.survey.names import Names

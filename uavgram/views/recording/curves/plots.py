@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
-from uavgram.estimation.reliability.redundancy import critical_value
+from uavgram.estimation.reliability.redundancy import critical_value, level_of_each
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PoseTable
@@ -73,7 +73,8 @@ def frame_curves(result: Result, picks: FramePicks) -> Curves:
 def suspicion_limit(result: Result) -> float:
     """Critical |w| of the run's own significance (3.29 for one in a thousand)."""
     significance = dict(result.provenance.options).get("solve.significance", RARE)
-    return critical_value(significance if isinstance(significance, float) else RARE)
+    stated = significance if isinstance(significance, float) else RARE
+    return critical_value(level_of_each(stated, 2 * len(result.picks.label)))
 
 
 def _rms(residual: Floats) -> float:
