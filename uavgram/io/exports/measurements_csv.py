@@ -23,6 +23,7 @@ HEADER = (
     "lower_95",
     "upper_95",
     "alternatives",
+    "sigma_stated",
 )
 
 
@@ -46,6 +47,7 @@ def dump_measurements_csv(result: Result) -> str:
     takes further ones for known and nobody who computes on loses any; results.json has them all.
     Where other solutions, which explain the observations as well, put a value outside its
     interval, their values stand under ``alternatives``: then neither value nor interval is sure.
+    ``sigma_stated`` is what the sigma would be, were all errors as large as stated.
     """
     rows = result.measurements
     cells = []
@@ -56,7 +58,10 @@ def dump_measurements_csv(result: Result) -> str:
         )
         name, points = guarded(rows.name[i]), guarded(";".join(rows.points[i]))
         alternatives, unit = ";".join(others), rows.unit[i]
-        cells.append((name, rows.kind[i], points, value, own, unit, low, high, alternatives))
+        stated = rounded(rows.sigma_stated[i], float(sigma))
+        cells.append(
+            (name, rows.kind[i], points, value, own, unit, low, high, alternatives, stated)
+        )
     return csv_text(HEADER, cells)
 
 

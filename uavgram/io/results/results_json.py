@@ -25,6 +25,7 @@ from uavgram.model.message import SUBJECTS, Message
 from uavgram.model.provenance import InputDigest, Provenance
 from uavgram.model.result.error_budget import ErrorBudget
 from uavgram.model.result.learnt_camera import learnt_camera
+from uavgram.model.result.noise import AreaNoise, Noise, PickNoise
 from uavgram.model.result.reliability import ChecksOverall, RemovalRecord
 from uavgram.model.result.result import Result, SolutionSummary
 from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
@@ -73,6 +74,7 @@ def dump_results(result: Result) -> str:
         "checks": tables.POINT_CHECKS.dump(result.point_checks)
         + tables.LINE_CHECKS.dump(result.line_checks),
         "solution": encode(result.solution),
+        "noise": _dump_noise(result.noise),
         "messages": [message.record() for message in result.messages],
     }
     if (budget := result.error_budget) is not None:
@@ -134,6 +136,7 @@ def _result(content: Record) -> Result:
         point_checks=tables.POINT_CHECKS.load([c for c in checks if "label" in c]),
         line_checks=tables.LINE_CHECKS.load([c for c in checks if "label" not in c]),
         solution=from_record(SolutionSummary, content["solution"]),
+        noise=_load_noise(content.get("noise")),
         messages=tuple(_load_message(record) for record in content["messages"]),
     )
 
@@ -298,6 +301,34 @@ def _load_plane(record: Record) -> AreaPlane:
         height_m=_load_estimate(record["height_m"]),
         slope_deg=_load_estimate(record["slope_deg"]),
         pivot_m=numbers(record["pivot_m"], 2),
+    )
+
+
+def _dump_noise(noise: Noise | None) -> Record | None:
+    """Sigmas of the picks by source, roughness by area."""
+    if noise is None:
+        return None
+    return {
+        "picks": {one.source: _without(encode(one), "source") for one in noise.picks},
+        "roughness": {one.area: _without(encode(one), "area") for one in noise.roughness},
+    }
+
+
+def _without(record: Record, key: str) -> Record:
+    return {other: value for other, value in record.items() if other != key}
+
+
+def _load_noise(record: Record | None) -> Noise | None:
+    """Inverse of `_dump_noise`."""
+    if record is None:
+        return None
+    return Noise(
+        picks=tuple(
+            from_record(PickNoise, one, source=source) for source, one in record["picks"].items()
+        ),
+        roughness=tuple(
+            from_record(AreaNoise, one, area=area) for area, one in record["roughness"].items()
+        ),
     )
 
 

@@ -60,6 +60,10 @@ _SECOND_ORDER = Table(
 )
 
 
+_EARLIER: Record = {"alternative_values": []}
+"""What measurements lack in files of earlier versions."""
+
+
 def dump_frames(frames: FrameResults) -> list[Record]:
     """Frames; a pose that a frame does not have is null."""
     seed, refined = _dump_poses(frames.seed), _dump_poses(frames.refined)
@@ -123,7 +127,7 @@ def load_measurements(records: Sequence[Record], correlation: Json) -> Measureme
     """Measured values, their correlation beside them."""
     n = len(records)
     return MEASUREMENTS.load(
-        [{"alternative_values": []} | row for row in records],  # files of 0.1.0's first days
+        [_EARLIER | {"sigma_stated": row["sigma"]} | row for row in records],
         correlation=numbers(correlation, n, n),
     )
 

@@ -14,6 +14,7 @@ from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import Message
 from uavgram.model.provenance import Provenance
 from uavgram.model.result.error_budget import ErrorBudget
+from uavgram.model.result.noise import Noise
 from uavgram.model.result.reliability import ChecksOverall, Evidence, RemovalRecord, SecondOrder
 from uavgram.model.result.shared import AreaPlane, SharedResult
 from uavgram.model.result.tables import (
@@ -104,6 +105,8 @@ class Result:
     point_checks: PointChecks
     line_checks: LineChecks
     solution: SolutionSummary
+    noise: Noise | None = None
+    """How large errors are, as the survey shows; None where the stated sigmas were kept."""
     messages: tuple[Message, ...]
 
     @property

@@ -5,7 +5,7 @@ NaN stands for "there is none" (null in the file).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 import numpy as np
@@ -188,6 +188,9 @@ class MeasurementResults:
     alternative_values
         (M,) what other solutions that explain the observations as well would give, where that lies
         outside `interval_95`: empty where they all agree. Left out, there are none.
+    sigma_stated
+        (M,) the sigma if all errors were as large as stated, where the survey showed otherwise;
+        else, and left out, `sigma`.
     """
 
     name: Annotated[tuple[str, ...], "n"]
@@ -199,8 +202,11 @@ class MeasurementResults:
     interval_95: Annotated[Floats, "n", 2, NAN_IS_NONE]
     correlation: Annotated[Floats, "n", "n", NAN_IS_NONE]
     alternative_values: Annotated[tuple[tuple[float, ...], ...], "n"] = ()
+    sigma_stated: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
+        if not len(self.sigma_stated):
+            object.__setattr__(self, "sigma_stated", self.sigma)
         if not self.alternative_values:
             object.__setattr__(self, "alternative_values", ((),) * len(self.name))
         freeze(self)

@@ -136,6 +136,7 @@ def compute(
         line_checks=judged.line_checks,
         checks_overall=judged.checks_overall,
         solution=summarise_solution(refined, judged.groups, measured.others),
+        noise=refined.noise,
         messages=told(
             *inputs.messages,
             *duplicates.messages,
@@ -215,6 +216,9 @@ def _measured(
     inputs: Inputs, frames: Frames, refined: Refined, values: MeasuredValues, *, curved: bool
 ) -> _Measured:
     table, messages = measurement_results(values)
+    if refined.stated is not None:
+        stated = propagate(refined.stated, inputs.requests, frames)
+        table = replace(table, sigma_stated=stated.sigma)
     curvature: SecondOrder | None = None
     if curved:
         curvature, more = second_order(refined.adjustment, values, table, inputs.requests, frames)

@@ -29,6 +29,7 @@ from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
 from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.noise import with_noise_learnt
+from uavgram.stages.refine.noise_remarks import noise_remarks
 from uavgram.stages.refine.remarks import (
     contradiction,
     indispensable,
@@ -69,7 +70,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     else:
         refined, said = _with_the_accused(survey, refined, options.significance), []
     refined = with_gross_lengths(survey, refined)
-    return refined, (*left_out, *remarks(survey, refined), *said)
+    return refined, (*left_out, *noise_remarks(refined.noise), *remarks(survey, refined), *said)
 
 
 def _without_gross_control(

@@ -1,0 +1,63 @@
+"""What a survey shows of the size of its errors, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from uavgram.model.message import Message
+from uavgram.model.result.noise import AreaNoise, Noise, PickNoise
+
+WORSE, BETTER = 1.3, 0.75
+"""Factors of the stated sigma of picks beyond which it is worth a word."""
+
+SURE = 3.0
+"""Sigmas by which the factor must differ from one."""
+
+
+def noise_remarks(noise: Noise | None) -> Iterator[Message]:
+    """Ground that is no plane, and picks that are better or worse than stated."""
+    if noise is None:
+        return
+    for area in noise.roughness:
+        yield from _ground(area, several=len(noise.roughness) > 1)
+    for picks in noise.picks:
+        if abs(picks.factor - 1.0) > SURE * picks.sigma:
+            yield from _picks(picks)
+
+
+def _ground(area: AreaNoise, *, several: bool) -> Iterator[Message]:
+    size = float(np.hypot(area.estimated_m, area.relief_m))
+    if size <= area.stated_m * WORSE:
+        return
+    where = f"The ground of area {area.area!r}" if several else "This ground"
+    shape = {
+        "plane": "each point by itself",
+        "quadratic": "as a crown or a hollow does",
+        "correlated": "in smooth rises and hollows",
+    }[area.shape]
+    text = (
+        f"{where} is not a plane: its points lie about {100 * size:.2g} cm off it, {shape}. The "
+        "uncertainties contain that. Where they must be smaller: pick the points in more photos, "
+        "or give other ground an area of its own."
+    )
+    yield Message("warning", "ground-not-plane", text)
+
+
+def _picks(picks: PickNoise) -> Iterator[Message]:
+    stated = f"{picks.stated_px:.2g} px stated"
+    found = f"{picks.stated_px * picks.factor:.2g} ± {picks.stated_px * picks.sigma:.1g} px found"
+    if picks.factor > WORSE:
+        text = (
+            f"The picks are less exact than stated: {stated}, {found}. "
+            "All uncertainties are wider for that. Look whether each label is at the same place in "
+            "all photos."
+        )
+        yield Message("warning", "picks-less-exact", text)
+    if picks.factor < BETTER:
+        text = (
+            f"The picks are more exact than stated: {stated}, {found}. "
+            "All uncertainties are smaller for that."
+        )
+        yield Message("info", "picks-more-exact", text)
