@@ -15,7 +15,7 @@ HEAD = "EPSG:32632\n"
 ROW = "691000.25 5334000.5 520.125 1539.25 1337 DSC_1.JPG A\n"
 
 
-def write(tmp_path: Path, text):
+def write(tmp_path: Path, text: str) -> Path:
     path = tmp_path / "gcp_list.txt"
     path.write_text(text, encoding="utf-8")
     return path
@@ -58,7 +58,7 @@ def test_points_without_a_label_are_the_same_where_their_place_is(tmp_path: Path
         (HEAD + ROW + ROW, r":3: label 'A' is picked in 'DSC_1.JPG' in line 2 already"),
     ],
 )
-def test_mistakes_are_told_by_file_and_line(tmp_path: Path, text, said) -> None:
+def test_mistakes_are_told_by_file_and_line(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(
         InputError, match=r"gcp_list\.txt" + (said if said[0] == ":" else f".*{said}")
     ):
@@ -95,7 +95,9 @@ def test_blanks_tabs_and_further_cells_are_no_matter(tmp_path: Path) -> None:
         ("SWEREF99 TM", 3006),
     ],
 )
-def test_coordinate_systems_by_the_names_that_people_write(tmp_path: Path, first, code) -> None:
+def test_coordinate_systems_by_the_names_that_people_write(
+    tmp_path: Path, first: str, code: int
+) -> None:
     place = "500000 5600000" if code != 2180 else "500000 500000"
     picks = read_gcp_list(
         write(tmp_path, f"{first}\n{place} 3 10 20 a.jpg A\n"), GcpSigmas(sigma_m=1)
@@ -136,6 +138,6 @@ def test_points_may_have_sigmas_of_their_own(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("label", ["A;B", "A\u202eB"])
-def test_a_label_that_no_table_can_hold_is_told(tmp_path: Path, label) -> None:
+def test_a_label_that_no_table_can_hold_is_told(tmp_path: Path, label: str) -> None:
     with pytest.raises(InputError, match=r":2: label .* holds"):
         read_gcp_list(write(tmp_path, f"EPSG:4326\n1 2 5 10 20 a.jpg {label}\n"))

@@ -1,7 +1,9 @@
 """DataFlash logs: columns against pymavlink, meaning against a simulated flight, broken files."""
 
 import struct
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 import pytest
@@ -13,6 +15,11 @@ from uavgram.io.logs.dataflash.binary import index_binary
 from uavgram.io.logs.dataflash.reader import read_dataflash
 from uavgram.io.logs.dataflash.text import index_text
 from uavgram.io.logs.flight_log import read_flight_log
+
+
+class PathOf(Protocol):
+    def __call__(self, data: bytes, name: str = ...) -> Path: ...
+
 
 REAL = (
     "calm_nadir/flight.BIN",
@@ -28,10 +35,10 @@ USED = (
 
 
 @pytest.fixture
-def path_of(tmp_path: Path):
+def path_of(tmp_path: Path) -> PathOf:
     """Write bytes to a file of their own."""
 
-    def write(data, name="cut.BIN"):
+    def write(data: bytes, name: str = "cut.BIN") -> Path:
         path = tmp_path / name
         path.write_bytes(data)
         return path
@@ -40,11 +47,11 @@ def path_of(tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_every_field_equals_pymavlinks(data_dir: Path, name) -> None:
+def test_every_field_equals_pymavlinks(data_dir: Path, name: str) -> None:
     path = data_dir / name
     tables = index_binary(str(path), path.read_bytes())
     reader = DFReader.DFReader_binary(str(path))
-    expected = {}
+    expected: dict[tuple[str, str], list[Any]] = {}
     while (message := reader.recv_match(type=USED, strict=True)) is not None:
         for field in message.get_fieldnames():
             expected.setdefault((message.get_type(), field), []).append(getattr(message, field))
@@ -61,7 +68,9 @@ def test_every_field_equals_pymavlinks(data_dir: Path, name) -> None:
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_the_loop_finds_the_messages_that_the_compiled_indexer_finds(data_dir: Path, name) -> None:
+def test_the_loop_finds_the_messages_that_the_compiled_indexer_finds(
+    data_dir: Path, name: str
+) -> None:
     data = (data_dir / name).read_bytes()
     compiled = dataflash_index.indexed_by_pymavlink(data)
     if compiled is None:
@@ -102,7 +111,9 @@ def test_the_gimbals_yaw_is_from_north_where_the_log_has_it(data_dir: Path) -> N
     assert np.degrees(np.median(gimbal.pitch_rad)) == pytest.approx(-89.98, abs=0.01)
 
 
-def test_gps_time_is_tied_to_the_arrival_of_the_fix(data_dir: Path, truth) -> None:
+def test_gps_time_is_tied_to_the_arrival_of_the_fix(
+    data_dir: Path, truth: Callable[[str], dict[str, Any]]
+) -> None:
     (clock,) = read_dataflash(data_dir / "calm_nadir" / "flight.BIN").boots[0].clocks
     boot_to_utc = truth("calm_nadir")["boot_to_utc_s"]
     assert np.abs(clock.utc_s - clock.time_boot_s - boot_to_utc).max() < 1e-5
@@ -118,13 +129,13 @@ def test_an_old_firmware_is_read(data_dir: Path) -> None:
 
 
 def test_a_log_without_pos_falls_back_to_the_estimator_and_then_to_the_receiver(
-    data_dir: Path, path_of
+    data_dir: Path, path_of: PathOf
 ) -> None:
     path = data_dir / "calm_nadir" / "flight.BIN"
     data = path.read_bytes()
     reference = read_dataflash(path).boots[0].positions
 
-    def without(*names):
+    def without(*names: str) -> bytes:
         table = index_binary(str(path), data)
         order = sorted(
             (at, piece.format.length)
@@ -148,7 +159,9 @@ def test_a_log_without_pos_falls_back_to_the_estimator_and_then_to_the_receiver(
 
 
 @pytest.mark.parametrize("name", ["calm_nadir/flight.BIN", "logs/copter_3.4.4.bin"])
-def test_a_text_log_gives_the_columns_of_its_binary_form(data_dir: Path, name, path_of) -> None:
+def test_a_text_log_gives_the_columns_of_its_binary_form(
+    data_dir: Path, name: str, path_of: PathOf
+) -> None:
     path = data_dir / name
     reader = DFReader.DFReader_binary(str(path))
     lines = []
@@ -180,21 +193,21 @@ def test_text_fields_keep_their_commas() -> None:
     assert tables.notes == ("1 lines belong to no defined message",)
 
 
-def test_two_logs_in_one_file_are_two_boots(data_dir: Path, path_of) -> None:
+def test_two_logs_in_one_file_are_two_boots(data_dir: Path, path_of: PathOf) -> None:
     data = (data_dir / "calm_nadir" / "flight.BIN").read_bytes()
     log = read_dataflash(path_of(data + data))
     assert len(log.boots) == 2
     np.testing.assert_array_equal(log.boots[0].positions.height_m, log.boots[1].positions.height_m)
 
 
-def test_a_truncated_tail_costs_one_message_and_is_noted(data_dir: Path, path_of) -> None:
+def test_a_truncated_tail_costs_one_message_and_is_noted(data_dir: Path, path_of: PathOf) -> None:
     data = (data_dir / "calm_nadir" / "flight.BIN").read_bytes()
     log = read_dataflash(path_of(data[:1_000_003]))
     assert any("belong to no complete message" in note for note in log.notes)
     assert len(log.boots[0].positions.time_boot_s) > 1000
 
 
-def test_damaged_rows_do_not_reach_the_track(data_dir: Path, path_of) -> None:
+def test_damaged_rows_do_not_reach_the_track(data_dir: Path, path_of: PathOf) -> None:
     path = data_dir / "calm_nadir" / "flight.BIN"
     data = bytearray(path.read_bytes())
     starts = index_binary(str(path), bytes(data)).places("POS")
@@ -208,7 +221,7 @@ def test_damaged_rows_do_not_reach_the_track(data_dir: Path, path_of) -> None:
 
 
 def test_skipped_bytes_print_nothing(
-    data_dir: Path, capfd: pytest.CaptureFixture[str], path_of
+    data_dir: Path, capfd: pytest.CaptureFixture[str], path_of: PathOf
 ) -> None:
     data = bytearray((data_dir / "calm_nadir" / "flight.BIN").read_bytes())
     data[300_000:300_600] = bytes(600)
@@ -229,7 +242,7 @@ def test_skipped_bytes_print_nothing(
         (b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n", "no complete message"),
     ],
 )
-def test_what_is_no_log_is_refused_by_name(content, words, path_of) -> None:
+def test_what_is_no_log_is_refused_by_name(content: bytes, words: str, path_of: PathOf) -> None:
     path = path_of(content, "flight.bin")
     with pytest.raises(InputError, match=words) as caught:
         read_dataflash(path)
@@ -241,7 +254,7 @@ def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
         read_dataflash(tmp_path / "none.BIN")
 
 
-def test_a_log_without_positions_says_what_it_holds(data_dir: Path, path_of) -> None:
+def test_a_log_without_positions_says_what_it_holds(data_dir: Path, path_of: PathOf) -> None:
     path = data_dir / "calm_nadir" / "flight.BIN"
     data = path.read_bytes()
     tables = index_binary(str(path), data)
@@ -255,11 +268,11 @@ def test_a_log_without_positions_says_what_it_holds(data_dir: Path, path_of) -> 
         read_flight_log(path_of(b"".join(parts)))
 
 
-def message(number, layout, *values):
+def message(number: int, layout: str, *values: float | bytes) -> bytes:
     return b"\xa3\x95" + bytes([number]) + struct.pack("<" + layout, *values)
 
 
-def defined(number, layout, name, characters, fields):
+def defined(number: int, layout: str, name: str, characters: str, fields: str) -> bytes:
     length = 3 + struct.calcsize("<" + layout)
     texts = (name.encode(), characters.encode(), fields.encode())
     return message(0x80, "BB4s16s64s", number, length, *texts)
@@ -268,7 +281,7 @@ def defined(number, layout, name, characters, fields):
 FMT = defined(0x80, "BB4s16s64s", "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
 
 
-def positions(count=40, start_s=10.0):
+def positions(count: int = 40, start_s: float = 10.0) -> bytes:
     """A POS format and rows at 10 Hz."""
     fmt = defined(1, "Qiiff", "POS", "QLLff", "TimeUS,Lat,Lng,Alt,RelHomeAlt")
     rows = (
@@ -278,7 +291,7 @@ def positions(count=40, start_s=10.0):
     return FMT + fmt + b"".join(rows)
 
 
-def test_a_format_that_changes_midway_is_followed(path_of) -> None:
+def test_a_format_that_changes_midway_is_followed(path_of: PathOf) -> None:
     old = defined(2, "Qf", "CAM", "Qf", "TimeUS,X")
     new = defined(2, "QHf", "CAM", "QHf", "TimeUS,Img,X")
     rows_old = b"".join(message(2, "Qf", int((11 + k) * 1e6), 1.5) for k in range(3))
@@ -299,7 +312,7 @@ def test_the_index_goes_on_behind_an_unknown_type() -> None:
     assert index_binary("x", data + b"\xa3\x95\x99 garbage" + behind).count("POS") == 3020
 
 
-def test_images_counted_twice_and_lost_ones_are_named(path_of) -> None:
+def test_images_counted_twice_and_lost_ones_are_named(path_of: PathOf) -> None:
     cam = defined(2, "QH", "CAM", "QH", "TimeUS,Img")
     numbers = (1, 2, 3, 3, 4, 6, 7)
     rows = b"".join(message(2, "QH", int((10.5 + k / 2) * 1e6), n) for k, n in enumerate(numbers))
@@ -318,7 +331,7 @@ def test_feedback_and_command_are_told_apart(data_dir: Path) -> None:
     assert found == {"calm_nadir": "command", "wind_oblique": "feedback"}
 
 
-def test_cam_without_boot_time_is_placed_by_its_gps_time(path_of) -> None:
+def test_cam_without_boot_time_is_placed_by_its_gps_time(path_of: PathOf) -> None:
     # as firmware before 3.3 wrote them
     gps = defined(3, "BIHiifI", "GPS", "BIHLLfI", "Status,TimeMS,Week,Lat,Lng,Alt,T")
     cam = defined(2, "IHiif", "CAM", "IHLLf", "GPSTime,GPSWeek,Lat,Lng,Alt")
@@ -338,7 +351,7 @@ def test_cam_without_boot_time_is_placed_by_its_gps_time(path_of) -> None:
     assert any("no boot time" in note for note in log.notes)
 
 
-def test_the_second_receiver_stands_in_where_the_first_has_no_fix(path_of) -> None:
+def test_the_second_receiver_stands_in_where_the_first_has_no_fix(path_of: PathOf) -> None:
     formats = [
         defined(n, "QBiif", name, "QBLLf", "TimeUS,Status,Lat,Lng,Alt")
         for n, name in ((3, "GPS"), (4, "GPS2"))
@@ -352,7 +365,7 @@ def test_the_second_receiver_stands_in_where_the_first_has_no_fix(path_of) -> No
     assert len(log.boots[0].positions.time_boot_s) == 39
 
 
-def test_several_boots_of_a_text_log_are_told_apart(path_of) -> None:
+def test_several_boots_of_a_text_log_are_told_apart(path_of: PathOf) -> None:
     lines = [
         "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
         "FMT, 1, 27, POS, QLLff, TimeUS,Lat,Lng,Alt,RelHomeAlt",
@@ -363,7 +376,7 @@ def test_several_boots_of_a_text_log_are_told_apart(path_of) -> None:
     assert [len(boot.positions.time_boot_s) for boot in log.boots] == [30, 30]
 
 
-def test_a_position_with_a_flipped_bit_is_dropped(path_of) -> None:
+def test_a_position_with_a_flipped_bit_is_dropped(path_of: PathOf) -> None:
     data = bytearray(positions(60))
     starts = index_binary("x", bytes(data)).places("POS")
     data[int(starts[30]) + 3 + 8 + 2] ^= 0x10  # latitude off by a tenth of a degree

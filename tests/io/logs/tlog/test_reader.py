@@ -2,6 +2,7 @@
 
 import struct
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 import pytest
@@ -12,6 +13,20 @@ from uavgram.errors import InputError
 from uavgram.io.logs.mavlink_dialect import message_name
 from uavgram.io.logs.tlog.frames import scan_frames
 from uavgram.io.logs.tlog.reader import read_tlog
+
+Link = tuple[Any, bool]
+"""An encoder of pymavlink, which has no types, and whether it is to speak MAVLink 1."""
+
+
+class Message(Protocol):
+    """Of pymavlink, which has no types."""
+
+    def pack(self, mav: object, *, force_mavlink1: bool) -> bytes: ...
+
+
+class Save(Protocol):
+    def __call__(self, data: bytes | bytearray, name: str = ...) -> Path: ...
+
 
 REAL = (
     "cuav/flight.tlog",
@@ -43,10 +58,10 @@ UTC_S = 1_700_000_000.0
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_every_field_equals_pymavlinks(data_dir: Path, name) -> None:
+def test_every_field_equals_pymavlinks(data_dir: Path, name: str) -> None:
     path = data_dir / name
     connection = mavutil.mavlink_connection(str(path), dialect="all")
-    expected = {}
+    expected: dict[str, list[Any]] = {}
     while (message := connection.recv_msg()) is not None:
         if message.get_type() in USED:
             expected.setdefault(message.get_type(), []).append(message)
@@ -81,9 +96,10 @@ class Recorder:
 
     def __init__(self) -> None:
         self.data = bytearray()
-        self.links = {}
 
-    def link(self, system=1, component=1, *, version=2, key=None):
+    def link(
+        self, system: int = 1, component: int = 1, *, version: int = 2, key: bytes | None = None
+    ) -> Link:
         """An encoder for one sender."""
         mav = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
         mav.robust_parsing = True
@@ -94,12 +110,20 @@ class Recorder:
             mav.signing.timestamp = 1
         return mav, version == 1
 
-    def add(self, link, receive_s, message) -> None:
+    def add(self, link: Link, receive_s: float, message: Message) -> None:
         mav, first_version = link
         frame = message.pack(mav, force_mavlink1=first_version)
         self.data += struct.pack(">Q", int(receive_s * 1e6)) + frame
 
-    def flight(self, link, *, start_s=10.0, seconds=20, delay_s=0.05, utc=UTC_S) -> None:
+    def flight(
+        self,
+        link: Link,
+        *,
+        start_s: float = 10.0,
+        seconds: int = 20,
+        delay_s: float = 0.05,
+        utc: float | None = UTC_S,
+    ) -> None:
         """Heartbeats, positions, attitudes and SYSTEM_TIME at 10 Hz."""
         for k in range(seconds * 10):
             boot = start_s + k / 10
@@ -115,7 +139,7 @@ class Recorder:
                 clock = dialect.MAVLink_system_time_message(round((utc + boot) * 1e6), ms)
                 self.add(link, receive, clock)
 
-    def feedback(self, link, receive_s, time_usec, number) -> None:
+    def feedback(self, link: Link, receive_s: float, time_usec: int, number: int) -> None:
         message = dialect.MAVLink_camera_feedback_message(
             time_usec, 0, 0, number, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0
         )
@@ -123,10 +147,10 @@ class Recorder:
 
 
 @pytest.fixture
-def save(tmp_path: Path):
+def save(tmp_path: Path) -> Save:
     """Write bytes to a log of their own."""
 
-    def write(data, name="flight.tlog"):
+    def write(data: bytes | bytearray, name: str = "flight.tlog") -> Path:
         path = tmp_path / name
         path.write_bytes(bytes(data))
         return path
@@ -134,7 +158,7 @@ def save(tmp_path: Path):
     return write
 
 
-def test_both_versions_signed_frames_and_other_systems_are_told_apart(save) -> None:
+def test_both_versions_signed_frames_and_other_systems_are_told_apart(save: Save) -> None:
     log = Recorder()
     log.flight(log.link(version=1), start_s=10, seconds=5)
     log.flight(log.link(version=2), start_s=15, seconds=5)
@@ -182,7 +206,7 @@ def test_feedback_in_utc_is_brought_to_the_boot_clock(data_dir: Path) -> None:
         assert gap.max() < 0.001  # SYSTEM_TIME counts whole milliseconds
 
 
-def test_feedback_since_boot_that_wrapped_is_unwrapped(save) -> None:
+def test_feedback_since_boot_that_wrapped_is_unwrapped(save: Save) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link, start_s=5000)
@@ -191,7 +215,7 @@ def test_feedback_since_boot_that_wrapped_is_unwrapped(save) -> None:
     assert events.time_boot_s.tolist() == pytest.approx([5010.0], abs=1e-6)
 
 
-def test_feedback_in_a_nonsense_utc_is_placed_by_the_same_nonsense(save) -> None:
+def test_feedback_in_a_nonsense_utc_is_placed_by_the_same_nonsense(save: Save) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link, utc=29_618_000_000.0)  # the year 2908
@@ -200,7 +224,7 @@ def test_feedback_in_a_nonsense_utc_is_placed_by_the_same_nonsense(save) -> None
     assert events.time_boot_s.tolist() == pytest.approx([20.0], abs=1e-4)
 
 
-def test_feedback_in_utc_without_system_time_is_left_out_with_a_note(save) -> None:
+def test_feedback_in_utc_without_system_time_is_left_out_with_a_note(save: Save) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link, utc=None)
@@ -211,7 +235,7 @@ def test_feedback_in_utc_without_system_time_is_left_out_with_a_note(save) -> No
 
 
 @pytest.mark.parametrize(("flags", "frame"), [(32, "vehicle"), (64, "earth"), (16, "earth")])
-def test_the_gimbals_yaw_frame_is_what_its_flags_say(save, flags, frame) -> None:
+def test_the_gimbals_yaw_frame_is_what_its_flags_say(save: Save, flags: int, frame: str) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link)
@@ -226,7 +250,7 @@ def test_the_gimbals_yaw_frame_is_what_its_flags_say(save, flags, frame) -> None
     assert np.degrees(gimbal.yaw_rad) == pytest.approx([30] * 5, abs=1e-5)
 
 
-def test_a_failed_checksum_drops_the_frame_and_is_counted(save) -> None:
+def test_a_failed_checksum_drops_the_frame_and_is_counted(save: Save) -> None:
     log = Recorder()
     log.flight(log.link())
     data = bytearray(log.data)
@@ -265,14 +289,14 @@ def test_a_corrupt_length_does_not_swallow_what_follows() -> None:
         (np.random.default_rng(2).bytes(100_000), "no intact MAVLink frame"),
     ],
 )
-def test_what_is_no_log_is_refused_by_name(save, content, words) -> None:
+def test_what_is_no_log_is_refused_by_name(save: Save, content: bytes, words: str) -> None:
     path = save(content)
     with pytest.raises(InputError, match=words) as caught:
         read_tlog(path)
     assert caught.value.path == str(path)
 
 
-def test_a_log_without_positions_says_what_it_holds(save) -> None:
+def test_a_log_without_positions_says_what_it_holds(save: Save) -> None:
     log = Recorder()
     log.add(log.link(), UTC_S, dialect.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3))
     with pytest.raises(InputError, match="it holds HEARTBEAT"):
@@ -280,7 +304,9 @@ def test_a_log_without_positions_says_what_it_holds(save) -> None:
 
 
 @pytest.mark.parametrize(("pinned", "instant"), [(True, "feedback"), (False, "command")])
-def test_feedbacks_time_base_tells_whether_a_pin_confirmed_it(save, pinned, instant) -> None:
+def test_feedbacks_time_base_tells_whether_a_pin_confirmed_it(
+    save: Save, pinned: bool, instant: str
+) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link)
@@ -295,7 +321,7 @@ def test_feedbacks_time_base_tells_whether_a_pin_confirmed_it(save, pinned, inst
 
 
 @pytest.mark.parametrize("base_s", [0.0, UTC_S])
-def test_camera_trigger_states_commands_in_either_clock(save, base_s) -> None:
+def test_camera_trigger_states_commands_in_either_clock(save: Save, base_s: float) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link)
@@ -308,7 +334,7 @@ def test_camera_trigger_states_commands_in_either_clock(save, base_s) -> None:
     assert events.confirmed.tolist() == [0, 0, 0]
 
 
-def test_image_captured_asked_for_again_is_one_event(save) -> None:
+def test_image_captured_asked_for_again_is_one_event(save: Save) -> None:
     log = Recorder()
     link, camera = log.link(), log.link(1, 100)
     log.flight(link)
@@ -337,7 +363,7 @@ def test_servo_angles_of_an_old_mount_are_turned_by_the_vehicle(data_dir: Path) 
     assert any("servo angles" in note for note in log.notes)
 
 
-def test_the_receiver_stands_in_where_the_estimator_is_silent(save) -> None:
+def test_the_receiver_stands_in_where_the_estimator_is_silent(save: Save) -> None:
     log = Recorder()
     link = log.link()
     for k in range(50):

@@ -1,9 +1,11 @@
 """PX4 logs: columns against pyulog, meaning against written flights, old and new names, damage."""
 
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import pytest
+import ulog_writer
 from pyulog import ULog
 
 from uavgram.errors import InputError
@@ -11,6 +13,11 @@ from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.logs.ulog.reader import read_ulog
 from uavgram.io.logs.ulog.samples import _from_local, _is_global
 from uavgram.io.logs.ulog.topics import Topic, read_tables
+
+
+class Save(Protocol):
+    def __call__(self, data: bytes, name: str = ...) -> Path: ...
+
 
 REAL = (
     "sample.ulg",
@@ -22,8 +29,8 @@ REAL = (
 
 
 @pytest.fixture
-def save(tmp_path: Path):
-    def write(data, name="flight.ulg"):
+def save(tmp_path: Path) -> Save:
+    def write(data: bytes, name: str = "flight.ulg") -> Path:
         path = tmp_path / name
         path.write_bytes(data)
         return path
@@ -32,7 +39,7 @@ def save(tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_every_field_equals_pyulogs(data_dir: Path, name) -> None:
+def test_every_field_equals_pyulogs(data_dir: Path, name: str) -> None:
     path = data_dir / "logs" / name
     tables = read_tables(str(path), path.read_bytes())
     expected = [d for d in ULog(str(path)).data_list if len(d.data["timestamp"])]
@@ -59,7 +66,7 @@ def test_every_field_equals_pyulogs(data_dir: Path, name) -> None:
     ],
 )
 def test_the_best_position_that_a_log_has_is_taken(
-    data_dir: Path, name, source, rows, firmware
+    data_dir: Path, name: str, source: str, rows: int, firmware: str
 ) -> None:
     log = read_flight_log(data_dir / "logs" / name)
     positions = log.boots[0].positions
@@ -120,7 +127,7 @@ def test_the_undulation_is_the_receivers(data_dir: Path) -> None:
 
 
 @pytest.mark.parametrize("gps", ["old", "new"])
-def test_old_and_new_names_of_the_receivers_fields_are_read(save, ulog_writer, gps) -> None:
+def test_old_and_new_names_of_the_receivers_fields_are_read(save: Save, gps: str) -> None:
     log = read_ulog(save(ulog_writer.ulog(ulog_writer.flight(gps=gps))))
     (boot,) = log.boots
     assert log.undulation_m == pytest.approx(ulog_writer.UNDULATION_M, abs=1e-3)
@@ -137,7 +144,7 @@ def test_old_and_new_names_of_the_receivers_fields_are_read(save, ulog_writer, g
     assert found.height_m[0] == pytest.approx(500.0)
 
 
-def test_attitude_is_body_to_ned(save, ulog_writer) -> None:
+def test_attitude_is_body_to_ned(save: Save) -> None:
     from scipy.spatial.transform import Rotation
 
     boot = read_ulog(save(ulog_writer.ulog(ulog_writer.flight()))).boots[0]
@@ -145,9 +152,7 @@ def test_attitude_is_body_to_ned(save, ulog_writer) -> None:
     np.testing.assert_allclose(yaw, 90.0, atol=1e-4)
 
 
-def test_commands_without_feedback_are_missed_shots_by_time_not_by_number(
-    save, ulog_writer
-) -> None:
+def test_commands_without_feedback_are_missed_shots_by_time_not_by_number(save: Save) -> None:
     topics = ulog_writer.flight()
     shots = [12.0, 14.0, 18.0, 20.0]  # none after the command at 15.9
     commands = [11.9, 13.9, 15.9, 17.9, 19.9]
@@ -168,7 +173,7 @@ def test_commands_without_feedback_are_missed_shots_by_time_not_by_number(
     assert events.image_number.tolist() == [0, 1, -1, 2, 3]
 
 
-def test_triggers_alone_are_commands(save, ulog_writer) -> None:
+def test_triggers_alone_are_commands(save: Save) -> None:
     topics = ulog_writer.flight()
     topics["camera_trigger"] = (
         ulog_writer.TRIGGER,
@@ -193,7 +198,9 @@ def test_triggers_alone_are_commands(save, ulog_writer) -> None:
         ("mount_orientation", "MOUNT", ((0.0, -1.5, 0.5),), "vehicle", 28.6479),
     ],
 )
-def test_both_gimbal_topics_are_read(save, ulog_writer, topic, fields, row, frame, yaw_deg) -> None:
+def test_both_gimbal_topics_are_read(
+    save: Save, topic: str, fields: str, row: tuple[object, ...], frame: str, yaw_deg: float
+) -> None:
     topics = ulog_writer.flight()
     rows = [(ulog_writer.us(11 + k / 10), *row) for k in range(50)]
     topics[topic] = (getattr(ulog_writer, fields), rows)
@@ -202,7 +209,7 @@ def test_both_gimbal_topics_are_read(save, ulog_writer, topic, fields, row, fram
     np.testing.assert_allclose(np.degrees(gimbal.yaw_rad), yaw_deg, atol=1e-3)
 
 
-def test_a_cut_log_is_read_as_far_as_it_goes(data_dir: Path, save) -> None:
+def test_a_cut_log_is_read_as_far_as_it_goes(data_dir: Path, save: Save) -> None:
     data = (data_dir / "logs" / "sample_px4_events.ulg").read_bytes()
     whole = read_ulog(data_dir / "logs" / "sample_px4_events.ulg")
     part = read_ulog(save(data[: len(data) // 2 + 1]))
@@ -216,7 +223,7 @@ def test_appended_data_is_read_and_said(data_dir: Path) -> None:
     assert "data was appended after a crash of the autopilot" in log.notes
 
 
-def test_a_log_cut_in_its_definitions_ends(save, ulog_writer) -> None:
+def test_a_log_cut_in_its_definitions_ends(save: Save) -> None:
     data = ulog_writer.ulog(ulog_writer.flight())
     at = data.index(b"vehicle_attitude:") - 3
     with pytest.raises(InputError, match=r"damaged beyond use|no complete message"):
@@ -224,6 +231,6 @@ def test_a_log_cut_in_its_definitions_ends(save, ulog_writer) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"ULog", b"hello" * 100, b"ULog\x01\x12\x35" + bytes(9)])
-def test_what_is_no_ulog_is_refused(save, content) -> None:
+def test_what_is_no_ulog_is_refused(save: Save, content: bytes) -> None:
     with pytest.raises(InputError):
         read_ulog(save(content))
