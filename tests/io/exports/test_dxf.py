@@ -9,7 +9,7 @@ import ezdxf
 import numpy as np
 import pytest
 from ezdxf.document import Drawing
-from ezdxf.entities import Insert
+from ezdxf.entities.insert import Insert
 from ezdxf.filemanagement import readfile
 from ezdxf.math import ConstructionEllipse
 

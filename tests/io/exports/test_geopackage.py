@@ -62,6 +62,7 @@ def test_distances_over_the_maps_scale_are_those_between_the_points(
 ) -> None:
     geometry, _ = columns(path, "points")
     on_map, true = points_of(geometry), result.points.position_world_m
+    assert result.world.origin is not None
     factors = Proj(result.world.crs).get_factors(
         result.world.origin.longitude_deg, result.world.origin.latitude_deg
     )

@@ -27,6 +27,7 @@ def test_picks_and_places_are_those_of_the_file(tmp_path: Path) -> None:
     np.testing.assert_array_equal(picks.pixel_px, [[1539.25, 1337.0]])
     assert (picks.image, picks.label) == (("DSC_1.JPG",), ("A",))
     to_map = Transformer.from_crs("EPSG:4326", "EPSG:32632", always_xy=True)
+    assert picks.known is not None
     latitude, longitude, height = picks.known.coordinates[0]
     np.testing.assert_allclose(
         to_map.transform(longitude, latitude), [691000.25, 5334000.5], atol=1e-4
@@ -102,6 +103,7 @@ def test_coordinate_systems_by_the_names_that_people_write(
     picks = read_gcp_list(
         write(tmp_path, f"{first}\n{place} 3 10 20 a.jpg A\n"), GcpSigmas(sigma_m=1)
     )
+    assert picks.known is not None
     latitude, longitude, _ = picks.known.coordinates[0]
     back = Transformer.from_crs("EPSG:4326", f"EPSG:{code}", always_xy=True)
     expected = [float(value) for value in place.split()]
@@ -113,6 +115,7 @@ ZERO = "1 2 0 10 20 a.jpg A\n1 3 0.0 10 30 a.jpg B\n"
 
 def test_heights_of_0_get_no_weight_and_a_warning(tmp_path: Path) -> None:
     picks = read_gcp_list(write(tmp_path, "EPSG:4326\n" + ZERO), GcpSigmas(sigma_m=0.02))
+    assert picks.known is not None
     assert picks.known.sigma_m.tolist() == [[0.02, 0.02, 10_000.0]] * 2
     assert [message.code for message in picks.messages] == ["gcp-zero-heights"]
     assert "all points have the height 0" in picks.messages[0].text
@@ -120,6 +123,7 @@ def test_heights_of_0_get_no_weight_and_a_warning(tmp_path: Path) -> None:
     known = read_gcp_list(
         write(tmp_path, "EPSG:4326\n" + ZERO), GcpSigmas(sigma_m=0.02, sigma_up_m=0.05)
     )
+    assert known.known is not None
     assert known.known.sigma_m.tolist() == [[0.02, 0.02, 0.05]] * 2
     assert known.messages == ()
 
@@ -128,6 +132,7 @@ def test_points_may_have_sigmas_of_their_own(tmp_path: Path) -> None:
     rows = "1 2 5 10 20 a.jpg A 0.01 0.03\n1 3 5 10 30 a.jpg B 0.02\n1 4 5 10 40 a.jpg C\n"
     path = write(tmp_path, "EPSG:4326\n" + rows)
     picks = read_gcp_list(path, GcpSigmas(sigma_m=0.5, in_columns=True))
+    assert picks.known is not None
     assert picks.known.sigma_m.tolist() == [[0.01, 0.01, 0.03], [0.02] * 3, [0.5] * 3]
     with pytest.raises(InputError, match=r":4: label 'C' has no sigma behind it"):
         read_gcp_list(path, GcpSigmas(in_columns=True))

@@ -50,6 +50,7 @@ def read_changed(repository: Path, tmp_path: Path) -> ReadChanged:
         data = bytearray((repository / "logs" / "twin_short.BIN").read_bytes())
         (piece,) = index_binary("", bytes(data)).pieces[message]
         dtype = piece.format.dtype()
+        assert dtype is not None
         assert dtype.fields is not None
         for row in np.atleast_1d(np.arange(len(piece.starts))[rows]):
             for name, change in fields.items():
@@ -72,11 +73,13 @@ def test_the_undamaged_log_has_no_remark(read_text: ReadText, good_text: str) ->
 def test_one_damaged_instance_does_not_cost_the_gimbal(
     read_text: ReadText, good_text: str, number: str
 ) -> None:
-    rows = len(read_text(good_text).boots[0].gimbal.time_boot_s)
+    whole = read_text(good_text).boots[0].gimbal
+    assert whole is not None
     log = read_text(
         re.sub(r"^(MNT, \d+), 0,", rf"\1, {number},", good_text, count=1, flags=re.MULTILINE)
     )
-    assert len(log.boots[0].gimbal.time_boot_s) == rows - 1
+    assert log.boots[0].gimbal is not None
+    assert len(log.boots[0].gimbal.time_boot_s) == len(whole.time_boot_s) - 1
     assert any("MNT" in note and "dropped" in note for note in log.notes), log.notes
 
 
@@ -88,7 +91,9 @@ def test_a_format_stated_anew_in_mid_log_holds_from_there_on(
     (stated,) = (line for line in lines if line.startswith("FMT,") and ", MNT," in line)
     lines.insert(mounts[len(mounts) // 2], stated.replace("Pitch", "Patch"))
     whole, half = read_text(good_text), read_text("\n".join(lines))
+    assert half.boots[0].gimbal is not None
     kept = half.boots[0].gimbal.pitch_rad
+    assert whole.boots[0].gimbal is not None
     assert np.array_equal(kept, whole.boots[0].gimbal.pitch_rad[: len(kept)])
     assert len(kept) > 0.4 * len(mounts)
     assert any(note.startswith("the format of MNT changes at byte") for note in half.notes)
@@ -141,11 +146,13 @@ def test_a_row_off_its_neighbours_is_left_out_by_name(
     assert re.search(rf"\({message}: {size}", note), note
     boot = log.boots[0]
     table = {"MNT": boot.gimbal, "ATT": boot.attitudes, "POS": boot.positions}[message]
+    assert table is not None
     assert len(table.time_boot_s) == (229 if message == "MNT" else 219)
 
 
 def test_a_home_that_positions_contradict_is_left_out(read_changed: ReadChanged) -> None:
     log = read_changed("ORGN", 3, Alt=lambda old: old - 4096)
+    assert log.boots[0].home is not None
     assert log.boots[0].home.height_m.tolist() == [584.08]
     assert any("home by ORGN at 41.94 s" in n and "-41.0 m" in n for n in log.notes), log.notes
 

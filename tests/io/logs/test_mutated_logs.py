@@ -54,7 +54,7 @@ def test_damaged_logs_are_read_or_refused(suffix: str, repository: Path, tmp_pat
         ".BIN": lambda: binary.read_bytes()[:60_000],
         ".log": lambda: text_log(binary),
         ".tlog": lambda: binary.with_suffix(".tlog").read_bytes()[:20_000],
-        ".ulg": lambda: small_ulog(),
+        ".ulg": small_ulog,
     }
     source.write_bytes(contents[suffix]())
     share = COUNT // WORKERS

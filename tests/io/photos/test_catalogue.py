@@ -73,7 +73,9 @@ def test_sizes_are_those_of_the_stored_image(photo: Photo, suffix: str) -> None:
 def test_sizes_of_real_photos_equal_opencvs(data_dir: Path) -> None:
     for path in sorted(data_dir.glob("*/*.[jJ][pP][gG]")):
         flags = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
-        height, width = cv2.imread(str(path), flags).shape[:2]
+        decoded = cv2.imread(str(path), flags)
+        assert decoded is not None, path
+        height, width = decoded.shape[:2]
         assert image_size(path) == (width, height), path
 
 

@@ -41,13 +41,13 @@ def picks_file(tmp_path: Path) -> Path:
 
 def picks_of(rows: Sequence[PickRow]) -> Picks:
     """Picks from rows of image, label, u, v and, where given, sigma and height."""
-    padded = [(*row, *(np.nan,) * (6 - len(row))) for row in rows]
+    numbers = [(*row[2:], *(np.nan,) * (6 - len(row))) for row in rows]
     return Picks(
-        image=tuple(row[0] for row in padded),
-        label=tuple(row[1] for row in padded),
-        pixel_px=np.array([row[2:4] for row in padded], float).reshape(-1, 2),
-        sigma_px=np.array([row[4] for row in padded], float),
-        height_m=np.array([row[5] for row in padded], float),
+        image=tuple(row[0] for row in rows),
+        label=tuple(row[1] for row in rows),
+        pixel_px=np.array([row[:2] for row in numbers], float).reshape(-1, 2),
+        sigma_px=np.array([row[2] for row in numbers], float),
+        height_m=np.array([row[3] for row in numbers], float),
     )
 
 
@@ -182,7 +182,7 @@ TABLES = st.lists(st.tuples(TEXTS, TEXTS, TEXTS), max_size=7)
 @settings(max_examples=60)
 @given(before=TABLES, after=TABLES, end=st.sampled_from(["\n", "\r\n"]), quote=st.booleans())
 def test_any_table_becomes_what_it_should_hold_and_back_again(
-    before: list[tuple[str, str, str]], after: list[tuple[str, str, str]], end: str, quote: bool
+    before: list[tuple[str, str, str]], after: list[tuple[str, str, str]], end: str, *, quote: bool
 ) -> None:
     """The truth is Python's own csv, which wrote the file and reads the outcome."""
 

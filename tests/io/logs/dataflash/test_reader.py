@@ -84,20 +84,25 @@ def test_tables_of_a_flight_have_their_meaning(data_dir: Path) -> None:
     (boot,) = log.boots
     assert log.vehicle == "ArduCopter"
     assert log.firmware.startswith("ArduCopter V4.7.0-dev")
+    assert boot.positions is not None
     assert boot.positions.source == "POS"
     assert boot.positions.datum == "msl"
     assert abs(boot.positions.height_m.max() - boot.positions.height_home_m.max() - 584.45) < 0.3
+    assert boot.attitudes is not None
     assert np.allclose(np.linalg.norm(boot.attitudes.ned_from_body_xyzw, axis=1), 1)
     assert boot.gimbal is None
     assert log.undulation_m == pytest.approx(0.0, abs=1e-9)
+    assert boot.sigmas is not None
     assert 0.25 < np.median(boot.sigmas.horizontal_m) < 0.4
     assert 0.1 < np.degrees(np.median(boot.sigmas.tilt_rad)) < 2
+    assert boot.home is not None
     assert boot.home.height_m[0] == 584.45
 
 
 def test_triggers_without_feedback_are_kept_as_unconfirmed_and_named(data_dir: Path) -> None:
     log = read_dataflash(data_dir / "wind_oblique" / "flight.BIN")
     events = log.boots[0].events
+    assert events is not None
     assert events.source == "TRIG+CAM"
     assert len(events.time_boot_s) == 65
     assert events.image_number[events.confirmed == 0].tolist() == [17, 34, 51]
@@ -107,6 +112,7 @@ def test_triggers_without_feedback_are_kept_as_unconfirmed_and_named(data_dir: P
 
 def test_the_gimbals_yaw_is_from_north_where_the_log_has_it(data_dir: Path) -> None:
     gimbal = read_dataflash(data_dir / "calm_nadir" / "flight.BIN").boots[0].gimbal
+    assert gimbal is not None
     assert gimbal.yaw_frame == "earth"
     assert np.degrees(np.median(gimbal.pitch_rad)) == pytest.approx(-89.98, abs=0.01)
 
@@ -123,8 +129,10 @@ def test_an_old_firmware_is_read(data_dir: Path) -> None:
     log = read_dataflash(data_dir / "logs" / "copter_3.4.4.bin")
     boot = log.boots[0]
     assert log.firmware == "APM:Copter V3.4.4-rc1 (65ffe9d7)"
+    assert boot.positions is not None
     assert len(boot.positions.time_boot_s) == 1502
     assert np.isfinite(boot.positions.height_home_m).all()  # the field's old name, RelAlt
+    assert boot.sigmas is not None
     assert boot.sigmas.source == "GPA+NKF4"
 
 
@@ -134,6 +142,7 @@ def test_a_log_without_pos_falls_back_to_the_estimator_and_then_to_the_receiver(
     path = data_dir / "calm_nadir" / "flight.BIN"
     data = path.read_bytes()
     reference = read_dataflash(path).boots[0].positions
+    assert reference is not None
 
     def without(*names: str) -> bytes:
         table = index_binary(str(path), data)
@@ -150,6 +159,7 @@ def test_a_log_without_pos_falls_back_to_the_estimator_and_then_to_the_receiver(
         cut = path_of(without(*names))
         boot = read_dataflash(cut).boots[0]
         found = boot.positions
+        assert found is not None
         assert found.source == source
         inside = (found.time_boot_s > 60) & (found.time_boot_s < 280)
         north = np.interp(found.time_boot_s, reference.time_boot_s, reference.latitude_deg)
@@ -171,12 +181,17 @@ def test_a_text_log_gives_the_columns_of_its_binary_form(
     reader.close()
     text_path = path_of("\n".join(lines).encode("latin-1"), "flight.log")
     binary, text = read_dataflash(path).boots[0], read_dataflash(text_path).boots[0]
+    assert text.positions is not None
+    assert binary.positions is not None
     np.testing.assert_array_equal(binary.positions.latitude_deg, text.positions.latitude_deg)
+    assert text.attitudes is not None
+    assert binary.attitudes is not None
     np.testing.assert_array_equal(
         binary.attitudes.ned_from_body_xyzw, text.attitudes.ned_from_body_xyzw
     )
     np.testing.assert_array_equal(binary.clocks[0].utc_s, text.clocks[0].utc_s)
     if binary.events is not None:
+        assert text.events is not None
         np.testing.assert_array_equal(binary.events.time_boot_s, text.events.time_boot_s)
 
 
@@ -197,6 +212,8 @@ def test_two_logs_in_one_file_are_two_boots(data_dir: Path, path_of: PathOf) -> 
     data = (data_dir / "calm_nadir" / "flight.BIN").read_bytes()
     log = read_dataflash(path_of(data + data))
     assert len(log.boots) == 2
+    assert log.boots[1].positions is not None
+    assert log.boots[0].positions is not None
     np.testing.assert_array_equal(log.boots[0].positions.height_m, log.boots[1].positions.height_m)
 
 
@@ -204,6 +221,7 @@ def test_a_truncated_tail_costs_one_message_and_is_noted(data_dir: Path, path_of
     data = (data_dir / "calm_nadir" / "flight.BIN").read_bytes()
     log = read_dataflash(path_of(data[:1_000_003]))
     assert any("belong to no complete message" in note for note in log.notes)
+    assert log.boots[0].positions is not None
     assert len(log.boots[0].positions.time_boot_s) > 1000
 
 
@@ -215,7 +233,9 @@ def test_damaged_rows_do_not_reach_the_track(data_dir: Path, path_of: PathOf) ->
     struct.pack_into("<i", data, int(starts[200]) + 11, 0)  # latitude 0
     struct.pack_into("<f", data, int(starts[300]) + 19, float("nan"))  # no altitude
     clean, log = read_dataflash(path), read_dataflash(path_of(bytes(data)))
+    assert clean.boots[0].positions is not None
     kept = np.delete(clean.boots[0].positions.time_boot_s, [100, 200, 300])
+    assert log.boots[0].positions is not None
     np.testing.assert_array_equal(log.boots[0].positions.time_boot_s, kept)
     assert "3 of 2631 POS rows make no sense and were dropped" in log.notes
 
@@ -303,7 +323,9 @@ def test_a_format_that_changes_midway_is_followed(path_of: PathOf) -> None:
     np.testing.assert_array_equal(columns["Img"], [np.nan] * 3 + [0, 1, 2, 3])
     assert columns["X"].tolist() == [1.5] * 3 + [2.5] * 4
     assert any("format of CAM changes" in note for note in tables.notes)
-    assert len(read_dataflash(path_of(data)).boots[0].events.time_boot_s) == 7
+    events = read_dataflash(path_of(data)).boots[0].events
+    assert events is not None
+    assert len(events.time_boot_s) == 7
 
 
 def test_the_index_goes_on_behind_an_unknown_type() -> None:
@@ -318,6 +340,7 @@ def test_images_counted_twice_and_lost_ones_are_named(path_of: PathOf) -> None:
     rows = b"".join(message(2, "QH", int((10.5 + k / 2) * 1e6), n) for k, n in enumerate(numbers))
     log = read_dataflash(path_of(positions() + cam + rows))
     events = log.boots[0].events
+    assert events is not None
     assert (events.repeated, events.lost, events.instant) == ((3,), (5,), "command")
     assert "1 image numbers occur more than once in CAM: 3" in log.notes
     assert "1 image numbers are missing in CAM: 5" in log.notes
@@ -325,10 +348,13 @@ def test_images_counted_twice_and_lost_ones_are_named(path_of: PathOf) -> None:
 
 def test_feedback_and_command_are_told_apart(data_dir: Path) -> None:
     found = {
-        name: read_dataflash(data_dir / name / "flight.BIN").boots[0].events.instant
+        name: read_dataflash(data_dir / name / "flight.BIN").boots[0].events
         for name in ("calm_nadir", "wind_oblique")
     }
-    assert found == {"calm_nadir": "command", "wind_oblique": "feedback"}
+    assert {name: events and events.instant for name, events in found.items()} == {
+        "calm_nadir": "command",
+        "wind_oblique": "feedback",
+    }
 
 
 def test_cam_without_boot_time_is_placed_by_its_gps_time(path_of: PathOf) -> None:
@@ -347,6 +373,7 @@ def test_cam_without_boot_time_is_placed_by_its_gps_time(path_of: PathOf) -> Non
     )
     log = read_dataflash(path_of(FMT + gps + cam + fixes + shots))
     events = log.boots[0].events
+    assert events is not None
     assert events.time_boot_s.tolist() == pytest.approx([61.0, 64.0, 66.2])
     assert any("no boot time" in note for note in log.notes)
 
@@ -362,6 +389,7 @@ def test_the_second_receiver_stands_in_where_the_first_has_no_fix(path_of: PathO
         for k in range(1, 40)
     )
     log = read_dataflash(path_of(FMT + b"".join(formats) + rows))
+    assert log.boots[0].positions is not None
     assert len(log.boots[0].positions.time_boot_s) == 39
 
 
@@ -373,7 +401,7 @@ def test_several_boots_of_a_text_log_are_told_apart(path_of: PathOf) -> None:
     for _ in range(2):
         lines += [f"POS, {10_000_000 + 100_000 * k}, 47.0, 8.0, 500, 50" for k in range(30)]
     log = read_dataflash(path_of("\n".join(lines).encode(), "flight.log"))
-    assert [len(boot.positions.time_boot_s) for boot in log.boots] == [30, 30]
+    assert [len(b.positions.time_boot_s) for b in log.boots if b.positions] == [30, 30]
 
 
 def test_a_position_with_a_flipped_bit_is_dropped(path_of: PathOf) -> None:
@@ -382,4 +410,5 @@ def test_a_position_with_a_flipped_bit_is_dropped(path_of: PathOf) -> None:
     data[int(starts[30]) + 3 + 8 + 2] ^= 0x10  # latitude off by a tenth of a degree
     data[int(starts[40]) + 3 + 16 + 2] ^= 0x20  # height off by far
     log = read_dataflash(path_of(bytes(data)))
+    assert log.boots[0].positions is not None
     assert len(log.boots[0].positions.time_boot_s) == 58

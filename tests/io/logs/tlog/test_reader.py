@@ -169,7 +169,9 @@ def test_both_versions_signed_frames_and_other_systems_are_told_apart(save: Save
     log.add(station, UTC_S + 26, far)
     read = read_tlog(save(log.data))
     (boot,) = read.boots
+    assert boot.positions is not None
     assert len(boot.positions.time_boot_s) == 150
+    assert boot.attitudes is not None
     assert boot.attitudes.source == "ATTITUDE"
     assert read.vehicle == "quadrotor"
     assert read.notes == ()
@@ -190,7 +192,8 @@ def test_a_trimmed_payload_is_filled_with_zeros() -> None:
 def test_a_clock_that_starts_again_makes_another_boot(data_dir: Path) -> None:
     log = read_tlog(data_dir / "logs" / "dronekit_flight.tlog")
     assert len(log.boots) == 2
-    assert [len(b.positions.time_boot_s) for b in log.boots] == [491, 2193]
+    assert [len(b.positions.time_boot_s) for b in log.boots if b.positions] == [491, 2193]
+    assert log.boots[0].gimbal is not None
     assert log.boots[0].gimbal.source == "MOUNT_STATUS"
 
 
@@ -199,7 +202,9 @@ def test_feedback_in_utc_is_brought_to_the_boot_clock(data_dir: Path) -> None:
 
     for name in ("calm_nadir", "wind_oblique"):
         events = read_tlog(data_dir / name / "flight.tlog").boots[0].events
+        assert events is not None
         reference = read_dataflash(data_dir / name / "flight.BIN").boots[0].events
+        assert reference is not None
         confirmed = reference.confirmed > 0
         assert np.array_equal(events.image_number, reference.image_number[confirmed])
         gap = np.abs(events.time_boot_s - reference.time_boot_s[confirmed])
@@ -212,6 +217,7 @@ def test_feedback_since_boot_that_wrapped_is_unwrapped(save: Save) -> None:
     log.flight(link, start_s=5000)
     log.feedback(link, UTC_S + 5010.05, round(5010.0 * 1e6) % 2**32, 1)
     events = read_tlog(save(log.data)).boots[0].events
+    assert events is not None
     assert events.time_boot_s.tolist() == pytest.approx([5010.0], abs=1e-6)
 
 
@@ -221,6 +227,7 @@ def test_feedback_in_a_nonsense_utc_is_placed_by_the_same_nonsense(save: Save) -
     log.flight(link, utc=29_618_000_000.0)  # the year 2908
     log.feedback(link, UTC_S + 20.1, round((29_618_000_000.0 + 20.0) * 1e6), 1)
     events = read_tlog(save(log.data)).boots[0].events
+    assert events is not None
     assert events.time_boot_s.tolist() == pytest.approx([20.0], abs=1e-4)
 
 
@@ -246,6 +253,7 @@ def test_the_gimbals_yaw_frame_is_what_its_flags_say(save: Save, flags: int, fra
         )
         log.add(link, UTC_S + 12, message)
     gimbal = read_tlog(save(log.data)).boots[0].gimbal
+    assert gimbal is not None
     assert gimbal.yaw_frame == frame
     assert np.degrees(gimbal.yaw_rad) == pytest.approx([30] * 5, abs=1e-5)
 
@@ -258,6 +266,7 @@ def test_a_failed_checksum_drops_the_frame_and_is_counted(save: Save) -> None:
     row = first.rows("GLOBAL_POSITION_INT")[7]
     data[first.payload_start[row] + 4] ^= 0xFF
     read = read_tlog(save(data))
+    assert read.boots[0].positions is not None
     assert len(read.boots[0].positions.time_boot_s) == 199
     assert "1 frames failed their checksum and were dropped" in read.notes
 
@@ -305,7 +314,7 @@ def test_a_log_without_positions_says_what_it_holds(save: Save) -> None:
 
 @pytest.mark.parametrize(("pinned", "instant"), [(True, "feedback"), (False, "command")])
 def test_feedbacks_time_base_tells_whether_a_pin_confirmed_it(
-    save: Save, pinned: bool, instant: str
+    save: Save, *, pinned: bool, instant: str
 ) -> None:
     log = Recorder()
     link = log.link()
@@ -315,6 +324,7 @@ def test_feedbacks_time_base_tells_whether_a_pin_confirmed_it(
         stamp = event if pinned else UTC_S + event
         log.feedback(link, UTC_S + event + 0.05, round(stamp * 1e6), number)
     events = read_tlog(save(log.data)).boots[0].events
+    assert events is not None
     assert events.instant == instant
     assert events.time_boot_s.tolist() == pytest.approx([12, 13, 14, 15], abs=1e-3)
     assert (events.repeated, events.lost) == ((2,), (3,))
@@ -329,6 +339,7 @@ def test_camera_trigger_states_commands_in_either_clock(save: Save, base_s: floa
         message = dialect.MAVLink_camera_trigger_message(round((base_s + 12.0 + k) * 1e6), k)
         log.add(link, UTC_S + 12.1 + k, message)
     events = read_tlog(save(log.data)).boots[0].events
+    assert events is not None
     assert events.source == "CAMERA_TRIGGER"
     assert events.time_boot_s.tolist() == pytest.approx([12, 13, 14], abs=1e-3)
     assert events.confirmed.tolist() == [0, 0, 0]
@@ -347,6 +358,7 @@ def test_image_captured_asked_for_again_is_one_event(save: Save) -> None:
         )
         log.add(camera, UTC_S + received, message)
     events = read_tlog(save(log.data)).boots[0].events
+    assert events is not None
     assert events.source == "CAMERA_IMAGE_CAPTURED"
     assert events.time_boot_s.tolist() == pytest.approx([12, 13, 14])
     assert events.confirmed.tolist() == [1, 1, 0]
@@ -356,6 +368,7 @@ def test_image_captured_asked_for_again_is_one_event(save: Save) -> None:
 def test_servo_angles_of_an_old_mount_are_turned_by_the_vehicle(data_dir: Path) -> None:
     log = read_tlog(data_dir / "logs" / "dronekit_flight.tlog")
     gimbal = log.boots[1].gimbal
+    assert gimbal is not None
     # the vehicle pitches by 7 and rolls by 4 degrees (one sigma), the camera does not
     assert np.degrees(np.std(gimbal.pitch_rad)) < 1.0
     assert np.degrees(np.std(gimbal.roll_rad)) < 1.0
@@ -376,6 +389,7 @@ def test_the_receiver_stands_in_where_the_estimator_is_silent(save: Save) -> Non
         )
         log.add(link, UTC_S + boot, fix)
     read = read_tlog(save(log.data))
+    assert read.boots[0].positions is not None
     assert read.boots[0].positions.source == "GPS_RAW_INT"
     assert any("receiver's own" in note for note in read.notes)
 

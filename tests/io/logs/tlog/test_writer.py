@@ -131,9 +131,12 @@ def test_the_same_flight_gives_the_same_bytes(
 def test_our_reader_finds_events_gimbal_home_and_clock(path: Path, log: SimulatedLog) -> None:
     flight = read_tlog(path)
     (boot,) = flight.boots
+    assert boot.events is not None
     np.testing.assert_allclose(boot.events.time_boot_s, log.event_time_s, atol=2e-3)
+    assert boot.gimbal is not None
     assert boot.gimbal.yaw_frame == "vehicle"
     assert np.rad2deg(boot.gimbal.pitch_rad.mean()) == pytest.approx(-80, abs=1)
+    assert boot.home is not None
     home = [boot.home.latitude_deg[0], boot.home.longitude_deg[0], boot.home.height_m[0]]
     np.testing.assert_allclose(home, log.home_geodetic, atol=1e-6)
     assert boot.clocks[0].source == "system_time"

@@ -70,6 +70,7 @@ def test_the_best_position_that_a_log_has_is_taken(
 ) -> None:
     log = read_flight_log(data_dir / "logs" / name)
     positions = log.boots[0].positions
+    assert positions is not None
     assert (log.kind, positions.source, len(positions.time_boot_s)) == ("ulog", source, rows)
     assert log.firmware.startswith(firmware)
 
@@ -78,6 +79,7 @@ def test_a_log_without_positions_is_read_but_refused_where_they_are_needed(data_
     path = data_dir / "logs" / "sample.ulg"
     log = read_flight_log(path, positions_needed=False)
     assert log.boots[0].positions is None
+    assert log.boots[0].attitudes is not None
     assert len(log.boots[0].attitudes.time_boot_s) == 6461
     with pytest.raises(InputError, match="holds no usable position"):
         read_flight_log(path)
@@ -87,6 +89,8 @@ def test_the_local_frame_is_put_on_the_earth_as_px4_does(data_dir: Path) -> None
     path = data_dir / "logs" / "sample_px4_events.ulg"
     tables = read_tables(str(path), path.read_bytes())
     local, world = tables.topic("vehicle_local_position"), tables.topic("vehicle_global_position")
+    assert local is not None
+    assert world is not None
     latitude, longitude, height = _from_local(local)
     # both topics are published with one time by the estimator
     tied = _is_global(local)
@@ -115,6 +119,7 @@ def test_the_local_frame_is_an_azimuthal_equidistant_projection() -> None:
 
 def test_the_simulators_boot_clock_of_the_day_is_counted_from_the_start(data_dir: Path) -> None:
     log = read_ulog(data_dir / "logs" / "sample_px4_events.ulg")
+    assert log.boots[0].positions is not None
     assert 10 < log.boots[0].positions.time_boot_s[0] < 11
     assert any("time of day" in note for note in log.notes)
 
@@ -134,11 +139,14 @@ def test_old_and_new_names_of_the_receivers_fields_are_read(save: Save, gps: str
     np.testing.assert_allclose(
         boot.clocks[0].utc_s - boot.clocks[0].time_boot_s, ulog_writer.UTC_S, atol=1e-6
     )
+    assert boot.sigmas is not None
     assert np.median(boot.sigmas.horizontal_m) == pytest.approx(0.8)  # the larger of 0.5 and 0.8
+    assert boot.home is not None
     assert boot.home.height_m[0] == 440.0
     topics = ulog_writer.flight(gps=gps)
     del topics["vehicle_global_position"]
     found = read_ulog(save(ulog_writer.ulog(topics))).boots[0].positions
+    assert found is not None
     assert found.source == "vehicle_gps_position"
     assert found.latitude_deg[0] == pytest.approx(ulog_writer.LATITUDE, abs=1e-7)
     assert found.height_m[0] == pytest.approx(500.0)
@@ -148,6 +156,7 @@ def test_attitude_is_body_to_ned(save: Save) -> None:
     from scipy.spatial.transform import Rotation
 
     boot = read_ulog(save(ulog_writer.ulog(ulog_writer.flight()))).boots[0]
+    assert boot.attitudes is not None
     yaw = Rotation.from_quat(boot.attitudes.ned_from_body_xyzw).as_euler("ZYX", degrees=True)[:, 0]
     np.testing.assert_allclose(yaw, 90.0, atol=1e-4)
 
@@ -166,6 +175,7 @@ def test_commands_without_feedback_are_missed_shots_by_time_not_by_number(save: 
         + [(ulog_writer.us(t), 0, k, True) for k, t in enumerate(shots)],
     )
     events = read_ulog(save(ulog_writer.ulog(topics))).boots[0].events
+    assert events is not None
     assert events.source == "camera_capture+camera_trigger"
     assert events.instant == "feedback"
     assert events.time_boot_s.tolist() == pytest.approx([12.0, 14.0, 15.9, 18.0, 20.0])
@@ -180,6 +190,7 @@ def test_triggers_alone_are_commands(save: Save) -> None:
         [(ulog_writer.us(t), 0, k, False) for k, t in enumerate((12.0, 14.0, 18.0))],
     )
     events = read_ulog(save(ulog_writer.ulog(topics))).boots[0].events
+    assert events is not None
     assert (events.source, events.instant) == ("camera_trigger", "command")
     assert events.confirmed.tolist() == [0, 0, 0]
 
@@ -205,6 +216,7 @@ def test_both_gimbal_topics_are_read(
     rows = [(ulog_writer.us(11 + k / 10), *row) for k in range(50)]
     topics[topic] = (getattr(ulog_writer, fields), rows)
     gimbal = read_ulog(save(ulog_writer.ulog(topics))).boots[0].gimbal
+    assert gimbal is not None
     assert (gimbal.source, gimbal.yaw_frame) == (topic, frame)
     np.testing.assert_allclose(np.degrees(gimbal.yaw_rad), yaw_deg, atol=1e-3)
 
@@ -213,7 +225,9 @@ def test_a_cut_log_is_read_as_far_as_it_goes(data_dir: Path, save: Save) -> None
     data = (data_dir / "logs" / "sample_px4_events.ulg").read_bytes()
     whole = read_ulog(data_dir / "logs" / "sample_px4_events.ulg")
     part = read_ulog(save(data[: len(data) // 2 + 1]))
+    assert part.boots[0].attitudes is not None
     assert 100 < len(part.boots[0].attitudes.time_boot_s) < 500
+    assert whole.boots[0].attitudes is not None
     assert len(whole.boots[0].attitudes.time_boot_s) == 622
 
 
