@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from uavgram.io.logs.quality.rows import is_spike, plausible_rows, restarts
 from uavgram.model.flight.log import FlightLog
 
 ReadText = Callable[[str], FlightLog]
-Change = Callable[[Any], Any]
+Change = Callable[[np.number], np.number]
 """Of a number as the log stores it: a scalar of the field's own type."""
 
 
