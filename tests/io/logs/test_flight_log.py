@@ -42,8 +42,8 @@ def test_both_short_logs_tell_the_same_flight(repository: Path) -> None:
             np.interp(time, track.time_boot_s, getattr(track, name)) for track in tracks if track
         )
         assert np.abs(a - b).max() < tolerance, name
-    assert second.events is not None
     assert first.events is not None
+    assert second.events is not None
     assert np.abs(first.events.time_boot_s - second.events.time_boot_s).max() < 0.001
 
 

@@ -181,11 +181,11 @@ def test_a_text_log_gives_the_columns_of_its_binary_form(
     reader.close()
     text_path = path_of("\n".join(lines).encode("latin-1"), "flight.log")
     binary, text = read_dataflash(path).boots[0], read_dataflash(text_path).boots[0]
-    assert text.positions is not None
     assert binary.positions is not None
+    assert text.positions is not None
     np.testing.assert_array_equal(binary.positions.latitude_deg, text.positions.latitude_deg)
-    assert text.attitudes is not None
     assert binary.attitudes is not None
+    assert text.attitudes is not None
     np.testing.assert_array_equal(
         binary.attitudes.ned_from_body_xyzw, text.attitudes.ned_from_body_xyzw
     )
@@ -212,8 +212,8 @@ def test_two_logs_in_one_file_are_two_boots(data_dir: Path, path_of: PathOf) -> 
     data = (data_dir / "calm_nadir" / "flight.BIN").read_bytes()
     log = read_dataflash(path_of(data + data))
     assert len(log.boots) == 2
-    assert log.boots[1].positions is not None
     assert log.boots[0].positions is not None
+    assert log.boots[1].positions is not None
     np.testing.assert_array_equal(log.boots[0].positions.height_m, log.boots[1].positions.height_m)
 
 
