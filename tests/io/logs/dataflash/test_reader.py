@@ -401,7 +401,7 @@ def test_several_boots_of_a_text_log_are_told_apart(path_of: PathOf) -> None:
     for _ in range(2):
         lines += [f"POS, {10_000_000 + 100_000 * k}, 47.0, 8.0, 500, 50" for k in range(30)]
     log = read_dataflash(path_of("\n".join(lines).encode(), "flight.log"))
-    assert [len(b.positions.time_boot_s) for b in log.boots if b.positions] == [30, 30]
+    assert [b.positions and len(b.positions.time_boot_s) for b in log.boots] == [30, 30]
 
 
 def test_a_position_with_a_flipped_bit_is_dropped(path_of: PathOf) -> None:
