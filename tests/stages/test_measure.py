@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import TypedDict, Unpack
 
 import numpy as np
 import pytest
+from scenes import Scene
 
 from uavgram.estimation.survey.selection import select_picks
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
+from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.result.tables import MeasurementResults
+from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
 from uavgram.stages.measure import measure
 from uavgram.stages.refine import refine
 
@@ -22,7 +28,12 @@ WORLD = np.array([[0.0, 0, 0], [3, 4, 0], [3, 0, 0], [0, 4, 0], [6, 8, 12]])
 class Points:
     """Points with a joint covariance: all that measuring needs of an adjustment."""
 
-    def __init__(self, world=WORLD, covariance=None, pick_frame=(0, 1, 0, 0, 1)) -> None:
+    def __init__(
+        self,
+        world: Floats = WORLD,
+        covariance: Floats | None = None,
+        pick_frame: tuple[int, ...] = (0, 1, 0, 0, 1),
+    ) -> None:
         self.world = world
         size = 3 * len(world)
         self.covariance = 1e-4 * np.eye(size) if covariance is None else covariance
@@ -37,32 +48,45 @@ class Points:
             factor=SimpleNamespace(solve=lambda right: self.covariance @ right)
         )
 
-    def points_with_jacobian(self, label):
+    def points_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:
         """The unknowns are the points' coordinates."""
         columns = 3 * np.asarray(label)[:, None] + np.arange(3)
         return self.world[label], np.tile(np.eye(3), (len(label), 1, 1)), columns
 
 
-def frames(**changes):
-    values = {
-        "frame_id": ("f0", "f1"),
-        "time_utc_s": np.array([100.0, 102.5]),
-        "sigma_time_s": np.array([0.03, 0.04]),
-        "matched": np.ones(2, dtype=bool),
-        "reason": ("", ""),
-        "clock_offset_s": 0.0,
-        "clock_offset_sigma_s": 1.0,
-    }
-    return Frames(**(values | changes))
+class Changes(TypedDict, total=False):
+    """What is not as usual with the frames."""
+
+    frame_id: tuple[str, ...]
+    time_utc_s: Floats
+    sigma_time_s: Floats
+    clock_offset_sigma_s: float
 
 
-def ask(kind, points, name="it", **parameters):
+def frames(**changes: Unpack[Changes]) -> Frames:
+    usual = Frames(
+        frame_id=("f0", "f1"),
+        time_utc_s=np.array([100.0, 102.5]),
+        sigma_time_s=np.array([0.03, 0.04]),
+        matched=np.ones(2, dtype=bool),
+        reason=("", ""),
+        clock_offset_s=0.0,
+        clock_offset_sigma_s=1.0,
+    )
+    return replace(usual, **changes)
+
+
+def ask(
+    kind: MeasurementKind, points: Sequence[str], name: str = "it", **parameters: float
+) -> MeasurementRequest:
     return MeasurementRequest(
         name=name, kind=kind, points=tuple(points), parameters=tuple(parameters.items())
     )
 
 
-def one(request, adjustment=None, when=None):
+def one(
+    request: MeasurementRequest, adjustment: Points | None = None, when: Frames | None = None
+) -> tuple[MeasurementResults, tuple[Message, ...]]:
     results, messages = measure(adjustment or Points(), (request,), when or frames())
     return results, messages
 
@@ -93,7 +117,9 @@ BY_HAND = {
 
 
 @pytest.mark.parametrize(("request_", "value", "sigma", "unit"), BY_HAND.values(), ids=BY_HAND)
-def test_value_sigma_and_unit_by_hand(request_, value, sigma, unit) -> None:
+def test_value_sigma_and_unit_by_hand(
+    request_: MeasurementRequest, value: float, sigma: float, unit: str
+) -> None:
     results, messages = one(request_)
     assert messages == ()
     assert results.value[0] == pytest.approx(value)
@@ -154,7 +180,9 @@ def test_speed_is_positive_whichever_frame_came_first() -> None:
         (ask("speed", "AB"), Points(world=0 * WORLD), None, "coincide"),
     ],
 )
-def test_what_cannot_be_measured_is_null_with_a_message(request_, adjustment, when, why) -> None:
+def test_what_cannot_be_measured_is_null_with_a_message(
+    request_: MeasurementRequest, adjustment: Points | None, when: Frames | None, why: str
+) -> None:
     if when == "nan":
         when = frames(time_utc_s=[np.nan, 102.5], sigma_time_s=[np.nan, 0.04])
     results, messages = one(request_, adjustment, when)
@@ -202,7 +230,9 @@ def test_nothing_but_unseen_labels_gives_nulls() -> None:
     assert np.isnan(results.value).all()
 
 
-def test_covariances_of_all_kinds_equal_those_of_sampled_points(scene_factory) -> None:
+def test_covariances_of_all_kinds_equal_those_of_sampled_points(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(3, labels=6).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     requests = (
@@ -229,7 +259,7 @@ def test_covariances_of_all_kinds_equal_those_of_sampled_points(scene_factory) -
     np.testing.assert_allclose(sampled / unit, expected / unit, atol=5.5 * np.sqrt(2 / 4000))
 
 
-def by_hand(p):
+def by_hand(p: Floats) -> Floats:
     """The requests of the test above, by other formulas than the package's."""
     n = np.linalg.norm
     legs = p[3] - p[4], p[5] - p[4]
@@ -267,7 +297,9 @@ def test_measuring_replaces_nothing_in_its_input() -> None:
     np.testing.assert_array_equal(adjustment.world, WORLD)
 
 
-def test_two_speeds_over_one_exposure_share_its_timing_error(scene_factory) -> None:
+def test_two_speeds_over_one_exposure_share_its_timing_error(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(2, frames=3, labels=9).survey
     once = {k: int(np.flatnonzero(survey.pick_label == k)[0]) for k in range(3)}
     # Each label in one frame of its own: 0 in the first, 1 in the second, 2 in the third.

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes import Scene
 from scipy.stats import chi2
 
 from uavgram.estimation.measuring.propagation import propagate
+from uavgram.estimation.survey.adjustment import Refined
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.camera.board import OutlierRule
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import (
     KnownLines,
@@ -16,6 +21,7 @@ from uavgram.model.survey.observations import (
     MeasurementRequest,
     Picks,
 )
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.judge import (
     judge_groups,
     judge_lines,
@@ -29,18 +35,19 @@ from uavgram.stages.judge import (
     run_tests,
     swapped_labels,
 )
+from uavgram.stages.judge.tested_survey import TestedSurvey
 from uavgram.stages.refine import refine
 
 ALPHA = 0.001
 
 
-def changed(survey, name, index, by):
+def changed(survey: Survey, name: str, index: int | tuple[int, int], by: float) -> Survey:
     values = np.array(getattr(survey, name))
     values[index] += by
     return replace(survey, **{name: values})
 
 
-def table(survey, index=None):
+def table(survey: Survey, index: Ints | None = None) -> tuple[Picks, Floats, Ints]:
     index = np.arange(len(survey.pick_frame)) if index is None else index
     sigma = survey.pick_sigma_px
     picks = Picks(
@@ -53,7 +60,7 @@ def table(survey, index=None):
     return picks, sigma, index
 
 
-def lines_of(survey, adjust=None):
+def lines_of(survey: Survey, adjust: Bools | None = None) -> KnownLines:
     n = len(survey.line_start)
     return KnownLines(
         name=tuple(f"L{i}" for i in range(n)),
@@ -65,25 +72,25 @@ def lines_of(survey, adjust=None):
     )
 
 
-def solve(survey, outliers="report"):
+def solve(survey: Survey, outliers: OutlierRule = "report") -> Refined:
     if not survey.line_name:
         survey = replace(survey, line_name=lines_of(survey).name)
     return refine(survey, SolveOptions(outliers=outliers))[0]
 
 
-def named(lines, i) -> str:
+def named(lines: KnownLines, i: int) -> str:
     return f"length {lines.name[i]!r} ({lines.start[i]!r} to {lines.end[i]!r})"
 
 
 WHOLE = (MeasurementRequest(name="whole", kind="distance", points=("P0", "P1")),)
 
 
-def examined(refined, requests=WHOLE):
+def examined(refined: Refined, requests: tuple[MeasurementRequest, ...] = WHOLE) -> TestedSurvey:
     measured = propagate(refined.adjustment, requests, None)
     return run_tests(refined, measured, ALPHA)
 
 
-def test_a_clean_survey_has_nothing_to_say(scene_factory) -> None:
+def test_a_clean_survey_has_nothing_to_say(scene_factory: Callable[..., Scene]) -> None:
     survey = scene_factory(9, frames=6).survey
     refined = solve(survey)
     given = examined(refined)
@@ -101,7 +108,9 @@ def test_a_clean_survey_has_nothing_to_say(scene_factory) -> None:
 
 
 @pytest.mark.parametrize(("outliers", "status"), [("report", "suspect"), ("remove", "removed")])
-def test_a_wrong_pick_and_a_wrong_length_are_named(scene_factory, outliers, status) -> None:
+def test_a_wrong_pick_and_a_wrong_length_are_named(
+    scene_factory: Callable[..., Scene], outliers: OutlierRule, status: str
+) -> None:
     survey = scene_factory(6, frames=6, lines=8).survey
     survey = changed(changed(survey, "pixel_px", (17, 0), 15.0), "length_m", 2, 0.5)
     refined = solve(survey, outliers)
@@ -123,7 +132,9 @@ def test_a_wrong_pick_and_a_wrong_length_are_named(scene_factory, outliers, stat
         assert np.isfinite(lines.adjusted_sigma_m[2])
 
 
-def test_residuals_and_redundancies_stand_with_their_own_picks(scene_factory) -> None:
+def test_residuals_and_redundancies_stand_with_their_own_picks(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(6, frames=3).survey
     refined = solve(survey)
     count = len(survey.pick_frame)
@@ -148,7 +159,9 @@ def test_residuals_and_redundancies_stand_with_their_own_picks(scene_factory) ->
     assert np.isnan(found.w[-1])
 
 
-def test_a_withheld_length_is_judged_by_its_error_over_the_joint_sigma(scene_factory) -> None:
+def test_a_withheld_length_is_judged_by_its_error_over_the_joint_sigma(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(6, frames=6)
     survey = scene.survey
     adjust = np.ones(6, dtype=bool)
@@ -180,7 +193,7 @@ def test_a_withheld_length_is_judged_by_its_error_over_the_joint_sigma(scene_fac
 
 
 def test_a_length_to_a_label_never_picked_is_unseen_with_the_nearest_spelling(
-    scene_factory,
+    scene_factory: Callable[..., Scene],
 ) -> None:
     survey = scene_factory(6).survey
     lines = lines_of(survey)
@@ -200,7 +213,7 @@ def test_a_length_to_a_label_never_picked_is_unseen_with_the_nearest_spelling(
     assert "'P33' (did you mean 'P3'?)" in messages[0].text
 
 
-def test_check_points_are_judged_with_both_covariances(scene_factory) -> None:
+def test_check_points_are_judged_with_both_covariances(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(6)
     adjustment = solve(scene.survey).adjustment
     known = KnownWorldPoints(
@@ -222,7 +235,9 @@ def test_check_points_are_judged_with_both_covariances(scene_factory) -> None:
     assert [m.code for m in messages] == ["check-unseen"]
 
 
-def test_a_group_whose_sigmas_are_far_too_small_is_named(scene_factory) -> None:
+def test_a_group_whose_sigmas_are_far_too_small_is_named(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(6, frames=6).survey
     survey = replace(survey, pick_sigma_px=survey.pick_sigma_px / 4)
     groups, messages = judge_groups(solve(survey).adjustment, ALPHA)
@@ -231,7 +246,9 @@ def test_a_group_whose_sigmas_are_far_too_small_is_named(scene_factory) -> None:
     assert any("picks" in m.text for m in messages)
 
 
-def test_a_boresight_and_a_frame_far_from_their_priors_are_named(scene_factory) -> None:
+def test_a_boresight_and_a_frame_far_from_their_priors_are_named(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(6, frames=6, control=6).survey
     prior = survey.telemetry
     strained = replace(survey, telemetry=replace(prior, boresight_sigma_rad=1e-5))
@@ -250,7 +267,9 @@ def test_a_boresight_and_a_frame_far_from_their_priors_are_named(scene_factory) 
     assert any("'f2'" in m.text for m in messages if m.code == "telemetry-strained")
 
 
-def test_every_prior_has_a_row_with_its_name_unit_and_effect(scene_factory) -> None:
+def test_every_prior_has_a_row_with_its_name_unit_and_effect(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(6, frames=4, control=2, roughness=0.05, verge=(4, 5, 9)).survey
     refined = solve(survey)
     priors = judge_priors(examined(refined))
@@ -276,7 +295,9 @@ def test_every_prior_has_a_row_with_its_name_unit_and_effect(scene_factory) -> N
     assert set(priors.effects.on) <= {"", "whole"}
 
 
-def test_a_suspect_in_one_frame_names_its_group_and_blames_nobody_else(scene_factory) -> None:
+def test_a_suspect_in_one_frame_names_its_group_and_blames_nobody_else(
+    scene_factory: Callable[..., Scene],
+) -> None:
     pairs = ((0, 6), (1, 7), (2, 8), (3, 9), (4, 10), (5, 11))
     scene = scene_factory(
         3, frames=1, telemetry=False, gauge="plane", tilt=0.4, ends=pairs,
@@ -295,7 +316,7 @@ def test_a_suspect_in_one_frame_names_its_group_and_blames_nobody_else(scene_fac
     assert [i for i, s in enumerate(picks.status) if s == "suspect"] == [1, 7]
 
 
-def test_the_record_of_a_removal_tells_what_it_did(scene_factory) -> None:
+def test_the_record_of_a_removal_tells_what_it_did(scene_factory: Callable[..., Scene]) -> None:
     survey = changed(scene_factory(6, frames=6, lines=8).survey, "length_m", 2, 0.5)
     before, after = solve(survey), solve(survey, "remove")
     lines = lines_of(survey)
@@ -310,7 +331,7 @@ def test_the_record_of_a_removal_tells_what_it_did(scene_factory) -> None:
     np.testing.assert_allclose(record.change, values[1] - values[0], atol=1e-9)
 
 
-def test_the_weakest_link_is_named_with_its_size(scene_factory) -> None:
+def test_the_weakest_link_is_named_with_its_size(scene_factory: Callable[..., Scene]) -> None:
     survey = scene_factory(6, frames=6, lines=8).survey
     given = examined(solve(survey))
     links = judge_weakest(given)
@@ -325,7 +346,9 @@ def test_the_weakest_link_is_named_with_its_size(scene_factory) -> None:
     )
 
 
-def test_checks_are_judged_together_with_their_joint_covariance(scene_factory) -> None:
+def test_checks_are_judged_together_with_their_joint_covariance(
+    scene_factory: Callable[..., Scene],
+) -> None:
     squared = []
     for seed in range(30):
         scene = scene_factory(100 + seed, frames=3, lines=2)
@@ -367,7 +390,9 @@ def test_checks_are_judged_together_with_their_joint_covariance(scene_factory) -
     )  # fmt: skip
 
 
-def test_a_length_left_out_beforehand_is_named_with_both_values_and_its_unit(scene_factory) -> None:
+def test_a_length_left_out_beforehand_is_named_with_both_values_and_its_unit(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(6, frames=6, ends=tuple((k, k + 6) for k in range(6))).survey
     covariance = np.tile(np.diag([1.0, 1, 1.5, 0.03, 0.03, 0.04]) ** 2, (6, 1, 1))
     survey = replace(survey, seeds=replace(survey.seeds, covariance=covariance))
@@ -396,7 +421,9 @@ def test_a_length_left_out_beforehand_is_named_with_both_values_and_its_unit(sce
         assert 0.3 < records[0].variance_factor_after < 2.0
 
 
-def test_a_suspect_without_which_all_fits_is_the_only_one_named(scene_factory) -> None:
+def test_a_suspect_without_which_all_fits_is_the_only_one_named(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(6, frames=6, ends=tuple((k, k + 6) for k in range(6))).survey
     wrong = changed(survey, "length_m", 2, 0.25 * survey.length_m[2])
     refined = solve(wrong)
@@ -409,7 +436,7 @@ def test_a_suspect_without_which_all_fits_is_the_only_one_named(scene_factory) -
 
 
 def test_tests_of_an_adjustment_not_at_rest_accuse_nobody(
-    scene_factory, monkeypatch: pytest.MonkeyPatch
+    scene_factory: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     survey = changed(scene_factory(6, frames=2, lines=1).survey, "length_m", 0, 2.5)
     monkeypatch.setattr("uavgram.estimation.solver.levenberg_marquardt.AT_REST", -1.0)
@@ -423,7 +450,9 @@ def test_tests_of_an_adjustment_not_at_rest_accuse_nobody(
     assert judge_groups(refined.adjustment, ALPHA)[1] == ()
 
 
-def test_a_check_point_that_is_wrong_is_named_before_the_checks_as_a_whole(scene_factory) -> None:
+def test_a_check_point_that_is_wrong_is_named_before_the_checks_as_a_whole(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(6)
     adjustment = solve(scene.survey).adjustment
     truth = scene.world[[2, 7, 8]]
@@ -444,7 +473,9 @@ def test_a_check_point_that_is_wrong_is_named_before_the_checks_as_a_whole(scene
         assert "that is 'P7' alone; the other 2 fit" in message.text
 
 
-def test_check_points_that_are_all_off_are_told_in_one_message(scene_factory) -> None:
+def test_check_points_that_are_all_off_are_told_in_one_message(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(6)
     adjustment = solve(scene.survey).adjustment
     known = KnownWorldPoints(
@@ -469,7 +500,7 @@ NO_POINTS = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empt
 
 @pytest.mark.parametrize("outliers", ["report", "remove"])
 def test_swapped_labels_are_told_as_such_and_their_picks_are_not_blamed(
-    scene_factory, outliers
+    scene_factory: Callable[..., Scene], outliers: OutlierRule
 ) -> None:
     survey = scene_factory(6, frames=6).survey
     one, other = np.flatnonzero(survey.pick_frame == 2)[[1, 4]]
@@ -487,7 +518,9 @@ def test_swapped_labels_are_told_as_such_and_their_picks_are_not_blamed(
     assert "seem to be swapped in 'f2'" in messages[0].text
 
 
-def test_two_wrong_picks_of_one_photo_are_no_swapped_labels(scene_factory) -> None:
+def test_two_wrong_picks_of_one_photo_are_no_swapped_labels(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(6, frames=6).survey
     one, other = np.flatnonzero(survey.pick_frame == 2)[[1, 4]]
     wrong = changed(changed(survey, "pixel_px", (one, 0), 60.0), "pixel_px", (other, 1), 60.0)

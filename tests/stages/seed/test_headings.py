@@ -1,27 +1,33 @@
 """Photos with a place and no attitude: minutes apart, turned as they like, nothing left out."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from place_only_scenes import place_only
+from place_only_scenes import PlaceOnly, place_only
 from scenes import make_scene
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from uavgram.estimation.survey.adjustment import Refined
+from uavgram.model.arrays import Floats
+from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.seed.headings import find_headings
 
 
-def adjusted(scene):
+def adjusted(scene: PlaceOnly) -> tuple[Refined, tuple[Message, ...]]:
     survey, _ = find_headings(scene.survey)
     refined, messages = refine(survey, SolveOptions())
     return refined, messages
 
 
 @pytest.mark.parametrize(("seed", "pitch_deg"), [(3, -90.0), (4, -90.0), (2, -45.0), (4, -45.0)])
-def test_every_photo_stays_in_and_finds_its_heading(seed, pitch_deg) -> None:
+def test_every_photo_stays_in_and_finds_its_heading(seed: int, pitch_deg: float) -> None:
     scene = place_only(seed, frames=5, labels=11, pitch_deg=pitch_deg)
     refined, messages = adjusted(scene)
 
@@ -122,11 +128,11 @@ def test_pose_errors_follow_their_sigmas() -> None:
     assert np.sum(errors**2) < chi2.isf(0.001, errors.size)
 
 
-def tilts(scene):
+def tilts(scene: PlaceOnly) -> Floats:
     return scene.pose_errors(adjusted(scene)[0].adjustment)[:, 3:5]
 
 
-def off_deg(survey, scene):
+def off_deg(survey: Survey, scene: PlaceOnly) -> Floats:
     """(F,) angle between seeds and truth."""
     between = np.swapaxes(survey.seeds.world_from_camera, 1, 2) @ scene.rotation
     return np.degrees(np.linalg.norm(Rotation.from_matrix(between).as_rotvec(), axis=1))
