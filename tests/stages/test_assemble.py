@@ -62,6 +62,9 @@ GROUND = GroundOptions()
 @pytest.fixture
 def flight(scene_factory: Callable[..., Scene]) -> Telemetry:
     survey = scene_factory(0, frames=3).survey  # frames f0, f1, f2; the flight does not know f9
+    assert survey.seeds is not None
+    assert survey.telemetry is not None
+    assert survey.track is not None
     return Telemetry(poses=survey.seeds, prior=survey.telemetry, track=survey.track)
 
 
@@ -128,6 +131,8 @@ def test_the_prior_of_a_frame_follows_it_to_its_new_place(
     rows = (*ROWS[2:3], ("f2", "A", 1, 1, NAN, NAN), ("f1", "B", 1, 1, NAN, NAN))
     survey = put_together(calibration, flight, rows=rows).survey
     assert survey.frame_id == ("f1", "f2")
+    assert survey.telemetry is not None
+    assert survey.seeds is not None
     assert survey.telemetry.frame_index.tolist() == [0, 1]
     np.testing.assert_array_equal(survey.telemetry.time_s, flight.prior.time_s[1:])
     np.testing.assert_array_equal(survey.seeds.center_world_m, flight.poses.center_world_m[1:])
@@ -171,8 +176,8 @@ def put_in_areas(
 def test_an_area_stated_at_one_pick_holds_for_the_label_and_has_a_plane_of_its_own(
     calibration: Calibration, flight: Telemetry
 ) -> None:
-    verge = AreaOptions(height_m=0.4, slope_sigma_deg=2.0)
-    ground = GroundOptions(height_sigma_m=0.2, roughness_sigma_m=0.01, areas={"verge": verge})
+    stated = AreaOptions(height_m=0.4, slope_sigma_deg=2.0)
+    ground = GroundOptions(height_sigma_m=0.2, roughness_sigma_m=0.01, areas={"verge": stated})
     survey = put_in_areas(calibration, flight, ("", "", "", "verge", "", ""), ground).survey
     assert survey.area.tolist() == [1, 0]  # A, B
     road, verge = survey.grounds

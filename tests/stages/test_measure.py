@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import TypedDict, Unpack
+from typing import TypedDict, Unpack, cast
 
 import numpy as np
 import pytest
 from scenes import Scene
 
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.selection import select_picks
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
@@ -84,11 +85,16 @@ def ask(
     )
 
 
+def measured(
+    points: Points, requests: tuple[MeasurementRequest, ...], when: Frames
+) -> tuple[MeasurementResults, tuple[Message, ...]]:
+    return measure(cast("Adjustment", points), requests, when)  # all of one that measuring needs
+
+
 def one(
     request: MeasurementRequest, adjustment: Points | None = None, when: Frames | None = None
 ) -> tuple[MeasurementResults, tuple[Message, ...]]:
-    results, messages = measure(adjustment or Points(), (request,), when or frames())
-    return results, messages
+    return measured(adjustment or Points(), (request,), when or frames())
 
 
 # By hand, with 1 cm on each coordinate of each point.
@@ -166,13 +172,16 @@ def test_speed_is_positive_whichever_frame_came_first() -> None:
     assert one(ask("speed", "BA"))[0].value[0] == pytest.approx(2.0)
 
 
+NO_TIME = frames(time_utc_s=np.array([np.nan, 102.5]), sigma_time_s=np.array([np.nan, 0.04]))
+
+
 @pytest.mark.parametrize(
     ("request_", "adjustment", "when", "why"),
     [
         (ask("distance", ("A", "Bb")), None, None, "did you mean 'B'"),
         (ask("distance", ("A", "zzz")), None, None, "'zzz' has no usable pick"),
         (ask("speed", "AC"), None, None, "no time, or the same"),
-        (ask("speed", "AB"), Points(pick_frame=(0, 1, 0, 0, 1)), "nan", "no time, or the same"),
+        (ask("speed", "AB"), Points(pick_frame=(0, 1, 0, 0, 1)), NO_TIME, "no time, or the same"),
         (ask("area", "ABCD"), None, None, "crosses itself"),  # lobes of equal size cancel
         (ask("area", "ABD"), Points(world=WORLD * [1, 0, 0]), None, "lie in line"),
         (ask("distance", "AB"), Points(world=0 * WORLD), None, "coincide"),
@@ -183,8 +192,6 @@ def test_speed_is_positive_whichever_frame_came_first() -> None:
 def test_what_cannot_be_measured_is_null_with_a_message(
     request_: MeasurementRequest, adjustment: Points | None, when: Frames | None, why: str
 ) -> None:
-    if when == "nan":
-        when = frames(time_utc_s=[np.nan, 102.5], sigma_time_s=[np.nan, 0.04])
     results, messages = one(request_, adjustment, when)
     assert np.isnan(results.value[0])
     assert np.isnan(results.sigma[0])
@@ -209,7 +216,7 @@ def test_one_missing_label_does_not_spoil_the_others() -> None:
         ask("coordinate", ("no",), "bad"),
         ask("area", "ACBD"),
     )
-    results, messages = measure(Points(), requests, frames())
+    results, messages = measured(Points(), requests, frames())
     assert results.name == ("good", "bad east", "bad north", "it")
     np.testing.assert_array_equal(np.isnan(results.value), [False, True, True, False])
     assert np.isnan(results.correlation[1]).all()
@@ -219,7 +226,7 @@ def test_one_missing_label_does_not_spoil_the_others() -> None:
 
 
 def test_nothing_asked_gives_nothing() -> None:
-    results, messages = measure(Points(), (), frames())
+    results, messages = measured(Points(), (), frames())
     assert results.value.shape == (0,)
     assert results.correlation.shape == (0, 0)
     assert messages == ()
@@ -281,12 +288,12 @@ def by_hand(p: Floats) -> Floats:
 
 def test_two_distances_with_a_common_end_are_correlated_as_by_hand() -> None:
     # A-B and A-C: the share of A is the cosine between them, 3/5, of half of each variance.
-    results, _ = measure(Points(), (ask("distance", "AB"), ask("distance", "AC", "2")), frames())
+    results, _ = measured(Points(), (ask("distance", "AB"), ask("distance", "AC", "2")), frames())
     assert results.correlation[0, 1] == pytest.approx(0.5 * 0.6)
 
 
 def test_a_speed_of_two_frames_does_not_depend_on_the_clock_offset() -> None:
-    late = frames(time_utc_s=[107.0, 109.5], clock_offset_sigma_s=30.0)
+    late = frames(time_utc_s=np.array([107.0, 109.5]), clock_offset_sigma_s=30.0)
     assert one(ask("speed", "AB"), None, late)[0].sigma[0] == one(ask("speed", "AB"))[0].sigma[0]
 
 
@@ -312,9 +319,14 @@ def test_two_speeds_over_one_exposure_share_its_timing_error(
     survey = select_picks(survey, np.isin(np.arange(len(survey.pick_frame)), keep)).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     frames = Frames(
-        frame_id=survey.frame_id, time_utc_s=[0.0, 2.0, 4.0], sigma_time_s=[0.0, 0.3, 0.0],
-        matched=[True] * 3, reason=("",) * 3, clock_offset_s=0.0, clock_offset_sigma_s=1.0,
-    )  # fmt: skip
+        frame_id=survey.frame_id,
+        time_utc_s=np.array([0.0, 2.0, 4.0]),
+        sigma_time_s=np.array([0.0, 0.3, 0.0]),
+        matched=np.ones(3, dtype=bool),
+        reason=("",) * 3,
+        clock_offset_s=0.0,
+        clock_offset_sigma_s=1.0,
+    )
     requests = (
         MeasurementRequest(name="before", kind="speed", points=("P0", "P1")),
         MeasurementRequest(name="after", kind="speed", points=("P1", "P2")),

@@ -32,8 +32,9 @@ REQUESTS = (
 def frames_of(survey: Survey) -> Frames:
     n = len(survey.frame_id)
     return Frames(
-        frame_id=survey.frame_id, time_utc_s=np.arange(n), sigma_time_s=np.full(n, 0.01),
-        matched=np.ones(n), reason=("",) * n, clock_offset_s=0.0, clock_offset_sigma_s=1.0,
+        frame_id=survey.frame_id, time_utc_s=np.arange(float(n)), sigma_time_s=np.full(n, 0.01),
+        matched=np.ones(n, dtype=bool), reason=("",) * n,
+        clock_offset_s=0.0, clock_offset_sigma_s=1.0,
     )  # fmt: skip
 
 

@@ -57,7 +57,8 @@ def test_latitude_and_longitude_are_those_of_proj(adjustment: Adjustment) -> Non
         "+proj=pipeline +step +inv +proj=topocentric +ellps=WGS84 +lat_0=50.4452 "
         "+lon_0=-104.6189 +h_0=577 +step +inv +proj=cart +ellps=WGS84"
     )
-    longitude, latitude, _ = back.transform(*points.position_world_m.T)
+    east, north, up = points.position_world_m.T
+    longitude, latitude, _ = back.transform(east, north, up)
     np.testing.assert_allclose(points.latitude_deg, latitude, atol=1e-11)
     np.testing.assert_allclose(points.longitude_deg, longitude, atol=1e-11)
 

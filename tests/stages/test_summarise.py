@@ -73,6 +73,7 @@ def test_shared_unknowns_recover_the_truth_within_their_sigmas(
     for name, part in (("lever_arm_m", slice(3, 6)), ("position_bias_m", slice(6, 9))):
         estimate = getattr(shared, name)
         assert (np.abs(estimate.value - truth[part]) < 4.5 * estimate.sigma).all()
+    assert shared.clock_offset_s is not None
     assert abs(shared.clock_offset_s.value[0] - truth[10]) < 4.5 * shared.clock_offset_s.sigma[0]
 
 
@@ -125,6 +126,8 @@ def test_every_frame_has_a_state_and_a_reason(scene: Scene, refined: Refined) ->
         clock_offset_sigma_s=1.0,
     )
     seeds = survey.seeds
+    assert seeds is not None
+    assert survey.telemetry is not None
     more = replace(
         seeds,
         frame_id=(*seeds.frame_id, "unpicked", "left out"),

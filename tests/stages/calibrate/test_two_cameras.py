@@ -68,6 +68,7 @@ SHIFT = (0.0, 0.0, 15.0, -10.0, 0, 0, 0, 0, 0)
 def test_each_photo_is_put_with_its_own_camera(change: tuple[float, ...]) -> None:
     split = best_split(two(1, change, 7, 9).fit)
 
+    assert split is not None
     assert split.group.tolist() == [0] * 7 + [1] * 9
     assert split.distance > 3
     assert split.decision > 0.3
@@ -126,7 +127,9 @@ def test_a_bent_board_is_no_second_camera_however_it_was_held() -> None:
     found = held_in_two_ways(7, np.random.default_rng(7).normal(0, 0.1, 2))
 
     assert found.effect.probability < 0.01
-    assert best_split(found.fit).distance > 0.8  # as a flat board it would seem one
+    split = best_split(found.fit)
+    assert split is not None
+    assert split.distance > 0.8  # as a flat board it would seem one
     assert refuse_two_cameras(found) == ()
 
 

@@ -209,7 +209,9 @@ def test_the_said_corner_error_is_that_of_the_assumed_distortion() -> None:
         moved = project("brown", parameters, corner)[0] - middle
         at.append(np.hypot(*moved) - 2500)
 
-    said = float(re.search(r"± (\d+) px at the corners", messages[0].text)[1])
+    found = re.search(r"± (\d+) px at the corners", messages[0].text)
+    assert found is not None
+    said = float(found[1])
     assert said == pytest.approx(np.hypot.reduce(at), abs=0.5)
 
 
@@ -254,8 +256,9 @@ def test_a_better_source_is_used_though_the_camera_may_be_unknown() -> None:
 def test_a_fisheye_is_never_taken_for_a_perspective_lens(
     *, may_be_unknown: bool, more: Tags
 ) -> None:
+    given: Tags = {"make": "parrot", "model": "BEBOP 2", **more}
     with pytest.raises(InputError, match=r"fisheye lens \(parrot BEBOP 2\).*uavgram calibrate"):
-        assume(may_be_unknown=may_be_unknown, make="parrot", model="BEBOP 2", **more)
+        assume(may_be_unknown=may_be_unknown, **given)
 
 
 def test_assumed_sigmas_hold_for_calibrations_that_were_really_made(data_dir: Path) -> None:
@@ -311,7 +314,8 @@ def test_the_sensors_resolution_gives_the_focal_length_of_photos_of_any_size(
 ) -> None:
     """Canon's specification: a sensor of 35.8 mm."""
     original = (5616.0, 3744.0) if size[0] > size[1] else (3744.0, 5616.0)
-    camera, messages = assume(size=size, focal_plane_per_mm=PER_MM, original_px=original, **CANON)
+    given: Tags = {**CANON, "focal_plane_per_mm": PER_MM, "original_px": original}
+    camera, messages = assume(size=size, **given)
     expected = 50.0 / 35.8 * max(size)
 
     assert camera.parameters[0] == pytest.approx(expected, rel=0.03)
@@ -323,15 +327,25 @@ def test_the_sensors_resolution_gives_the_focal_length_of_photos_of_any_size(
 
 
 def test_the_sensors_resolution_goes_before_the_35_mm_equivalent() -> None:
-    stated: Tags = {"focal_plane_per_mm": (100.0, 100.0), "original_px": (3600.0, 2400.0)}
-    camera, _ = assume(focal_mm=36.0, focal_35mm_mm=38.0, size=(3600, 2400), **stated)
+    camera, _ = assume(
+        focal_mm=36.0,
+        focal_35mm_mm=38.0,
+        size=(3600, 2400),
+        focal_plane_per_mm=(100.0, 100.0),
+        original_px=(3600.0, 2400.0),
+    )
 
     assert camera.parameters[0] == pytest.approx(3600.0)
 
 
 def test_the_sensors_resolution_keeps_the_tables_distortion() -> None:
-    stated: Tags = {"focal_plane_per_mm": (640.0, 640.0), "original_px": (4000.0, 3000.0)}
-    camera, messages = assume(make="DJI", model="FC220", focal_mm=4.73, **stated)
+    camera, messages = assume(
+        make="DJI",
+        model="FC220",
+        focal_mm=4.73,
+        focal_plane_per_mm=(640.0, 640.0),
+        original_px=(4000.0, 3000.0),
+    )
 
     assert camera.parameters[0] == pytest.approx(4.73 * 640.0)
     assert camera.parameters[4] == 0.032984
@@ -339,8 +353,13 @@ def test_the_sensors_resolution_keeps_the_tables_distortion() -> None:
 
 
 def test_a_copy_whose_exif_calls_its_own_size_the_originals_is_told_by_the_equivalent() -> None:
-    stated: Tags = {"focal_plane_per_mm": PER_MM, "original_px": (1404.0, 936.0)}
-    camera, messages = assume(size=(1404, 936), focal_35mm_mm=50.0, **stated, **CANON)
+    stated: Tags = {
+        **CANON,
+        "focal_plane_per_mm": PER_MM,
+        "original_px": (1404.0, 936.0),
+        "focal_35mm_mm": 50.0,
+    }
+    camera, messages = assume(size=(1404, 936), **stated)
 
     assert camera.parameters[0] == pytest.approx(50 / 43.2666 * math.hypot(1404, 936), rel=1e-4)
     assert "FocalPlaneXResolution in EXIF contradicts that" in messages[0].text

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,10 +12,13 @@ from scenes import Scene
 from scipy.stats import chi2
 
 from uavgram.estimation.measuring.propagation import propagate
-from uavgram.estimation.survey.adjustment import Refined
+from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.camera.board import OutlierRule
+from uavgram.model.flight.frames import Frames
+from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
+from uavgram.model.result.reliability import ChecksOverall
 from uavgram.model.survey.observations import (
     KnownLines,
     KnownWorldPoints,
@@ -44,7 +48,8 @@ ALPHA = 0.001
 def changed(survey: Survey, name: str, index: int | tuple[int, int], by: float) -> Survey:
     values = np.array(getattr(survey, name))
     values[index] += by
-    return replace(survey, **{name: values})
+    changes: dict[str, Any] = {name: values}
+    return replace(survey, **changes)
 
 
 def table(survey: Survey, index: Ints | None = None) -> tuple[Picks, Floats, Ints]:
@@ -82,11 +87,22 @@ def named(lines: KnownLines, i: int) -> str:
     return f"length {lines.name[i]!r} ({lines.start[i]!r} to {lines.end[i]!r})"
 
 
+NO_TIMES = Frames(
+    frame_id=(),
+    time_utc_s=np.zeros(0),
+    sigma_time_s=np.zeros(0),
+    matched=np.zeros(0, dtype=bool),
+    reason=(),
+    clock_offset_s=0.0,
+    clock_offset_sigma_s=0.0,
+)
+"""A distance asks for none."""
+
 WHOLE = (MeasurementRequest(name="whole", kind="distance", points=("P0", "P1")),)
 
 
 def examined(refined: Refined, requests: tuple[MeasurementRequest, ...] = WHOLE) -> TestedSurvey:
-    measured = propagate(refined.adjustment, requests, None)
+    measured = propagate(refined.adjustment, requests, NO_TIMES)
     return run_tests(refined, measured, ALPHA)
 
 
@@ -251,11 +267,12 @@ def test_a_boresight_and_a_frame_far_from_their_priors_are_named(
 ) -> None:
     survey = scene_factory(6, frames=6, control=6).survey
     prior = survey.telemetry
-    strained = replace(survey, telemetry=replace(prior, boresight_sigma_rad=1e-5))
+    assert prior is not None
+    sure = replace(prior, boresight_sigma_rad=1e-5)
     turned = prior.gimbal_from_camera @ np.array(
         [[1, 0, 0], [0, 0.9801, -0.1987], [0, 0.1987, 0.9801]]
     )
-    strained = replace(strained, telemetry=replace(strained.telemetry, gimbal_from_camera=turned))
+    strained = replace(survey, telemetry=replace(sure, gimbal_from_camera=turned))
     messages = judge_suspects(examined(solve(strained)))
     assert any("boresight x" in m.text for m in messages)
 
@@ -287,6 +304,7 @@ def test_every_prior_has_a_row_with_its_name_unit_and_effect(
     blocks = refined.adjustment.minimum.blocks
     telemetry = [i for i, kind in enumerate(priors.kind) if kind == "telemetry"]
     prior = survey.telemetry
+    assert prior is not None
     white = np.linalg.inv(np.linalg.cholesky(prior.covariance))
     physical = np.einsum("nij,nj->ni", np.linalg.inv(white), blocks["telemetry"].residual)
     sigma = np.sqrt(np.einsum("nii->ni", prior.covariance))
@@ -320,14 +338,14 @@ def test_the_record_of_a_removal_tells_what_it_did(scene_factory: Callable[..., 
     survey = changed(scene_factory(6, frames=6, lines=8).survey, "length_m", 2, 0.5)
     before, after = solve(survey), solve(survey, "remove")
     lines = lines_of(survey)
-    record, *_ = judge_removals(after, lines, np.arange(8), WHOLE, None)
+    record, *_ = judge_removals(after, lines, np.arange(8), WHOLE, NO_TIMES)
     assert record.what == named(lines, 2)
     (said,) = [m for m in judge_suspects(examined(before)) if m.lengths == ("L2",)]
     assert said.text.startswith(f"The {named(lines, 2)} does not fit")  # one name in both modes
     assert abs(record.w) == pytest.approx(abs(after.removals[0].suspicion.w))
     assert record.variance_factor_before > record.variance_factor_after
     steps = [before, *(r.before for r in after.removals[1:]), after]
-    values = [propagate(r.adjustment, WHOLE, None).value for r in steps[:2]]
+    values = [propagate(r.adjustment, WHOLE, NO_TIMES).value for r in steps[:2] if r is not None]
     np.testing.assert_allclose(record.change, values[1] - values[0], atol=1e-9)
 
 
@@ -344,6 +362,14 @@ def test_the_weakest_link_is_named_with_its_size(scene_factory: Callable[..., Sc
     assert effects.sigmas[largest] == pytest.approx(
         abs(effects.change[largest]) / given.measured.sigma[0]
     )
+
+
+def judged_together(
+    adjustment: Adjustment, lines: KnownLines, known: KnownWorldPoints
+) -> tuple[ChecksOverall, tuple[Message, ...]]:
+    overall, messages = judge_overall(adjustment, lines, known, ALPHA)
+    assert overall is not None
+    return overall, messages
 
 
 def test_checks_are_judged_together_with_their_joint_covariance(
@@ -372,17 +398,17 @@ def test_checks_are_judged_together_with_their_joint_covariance(
         adjustment = solve(survey).adjustment
         if not {f"P{k}" for k in range(6)} <= set(adjustment.survey.label):
             continue
-        overall, _ = judge_overall(adjustment, lines, known, ALPHA)
+        overall, _ = judged_together(adjustment, lines, known)
         assert overall.count == 9
         squared.append(overall.chi2)
-    low, high = chi2.ppf([5e-6, 1 - 5e-6], 9 * len(squared))
+    low, high = chi2.ppf(np.array([5e-6, 1 - 5e-6]), 9 * len(squared))
     assert low < np.sum(squared) < high
 
-    assert judge_overall(adjustment, lines, NO_POINTS, ALPHA)[0].count == 3
+    assert judged_together(adjustment, lines, NO_POINTS)[0].count == 3
     points_alone = replace(lines, adjust=~lines.adjust)
-    assert judge_overall(adjustment, points_alone, known, ALPHA)[0].count == 6
+    assert judged_together(adjustment, points_alone, known)[0].count == 6
     far = replace(known, world_m=known.world_m + np.array([0.0, 0.0, 9.0]))
-    overall, messages = judge_overall(adjustment, lines, far, ALPHA)
+    overall, messages = judged_together(adjustment, lines, far)
     assert overall.rms_error_m == pytest.approx(np.sqrt(2 * 81 / 9), rel=0.2)
     assert [m.code for m in messages] == ["checks-misfit"]
     assert judge_overall(adjustment, replace(lines, adjust=~lines.adjust), NO_POINTS, ALPHA) == (
@@ -394,6 +420,7 @@ def test_a_length_left_out_beforehand_is_named_with_both_values_and_its_unit(
     scene_factory: Callable[..., Scene],
 ) -> None:
     survey = scene_factory(6, frames=6, ends=tuple((k, k + 6) for k in range(6))).survey
+    assert survey.seeds is not None
     covariance = np.tile(np.diag([1.0, 1, 1.5, 0.03, 0.03, 0.04]) ** 2, (6, 1, 1))
     survey = replace(survey, seeds=replace(survey.seeds, covariance=covariance))
     for factors, unit in (({2: 1000.0}, "in millimetres?"), ({1: 3.2808, 2: 3.2808}, "in feet?")):
@@ -414,7 +441,7 @@ def test_a_length_left_out_beforehand_is_named_with_both_values_and_its_unit(
             assert found.adjusted_m[line] == pytest.approx(survey.length_m[line], abs=0.1)
         assert unit in messages[0].text
         assert judge_suspects(given) == ()
-        records = judge_removals(refined, lines, np.arange(6), WHOLE, None)
+        records = judge_removals(refined, lines, np.arange(6), WHOLE, NO_TIMES)
         assert [r.what for r in records] == [named(lines, line) for line in factors]
         assert messages[0].lengths == tuple(f"L{line}" for line in factors)
         assert all(np.isnan([r.variance_factor_before, *r.change]).all() for r in records)

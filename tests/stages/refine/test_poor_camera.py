@@ -18,7 +18,7 @@ from uavgram.model.survey.survey import Survey
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.assemble import Observations, assemble
 from uavgram.stages.camera.assume import assume_camera
-from uavgram.stages.refine import minima, poor_camera
+from uavgram.stages.refine import poor_camera
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.poor_camera import iterations_for, settled
 
@@ -30,8 +30,8 @@ TOO_WIDE = 22.0 / 25.9
 def strip(data_dir: Path) -> Callable[..., Survey]:
     """``strip(share)``: a twin's photos without their log, the focal length that far off."""
     inputs = read_inputs(data_dir / "wind_oblique" / "project.yaml")
-    size = {"width_px": 3000, "height_px": 2250}
-    camera, _ = assume_camera(CameraTags(path="", **size), drone_cameras(), may_be_unknown=True)
+    tags = CameraTags(path="", width_px=3000, height_px=2250)
+    camera, _ = assume_camera(tags, drone_cameras(), may_be_unknown=True)
 
     def make(share: float = 1.0) -> Survey:
         parameters, covariance = np.array(camera.parameters), np.array(camera.covariance)
@@ -94,4 +94,4 @@ def test_a_camera_that_is_known_or_a_log_leaves_first_values_and_iterations_as_t
     assert iterations_for(scene.survey.calibration) == MAX_ITERATIONS
     softened = replace(no_log.survey, calibration=camera)
     assert settled(softened, no_log.truth, no_log.pivot, used) is not no_log.truth
-    assert minima.iterations_for(camera) > MAX_ITERATIONS
+    assert iterations_for(camera) > MAX_ITERATIONS

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,7 +34,8 @@ def changed(
 ) -> Survey:
     values = np.array(getattr(survey, name))
     values[index] += by
-    return replace(survey, **{name: values})
+    changes: dict[str, Any] = {name: values}
+    return replace(survey, **changes)
 
 
 def without_picks(survey: Survey, drop: Ints) -> Survey:
@@ -49,11 +51,13 @@ def only_lines(survey: Survey, count: int) -> Survey:
 
 def distances(adjustment: Adjustment) -> Floats:
     world, _ = adjustment.points()
-    return np.linalg.norm(world[:, None] - world[None], axis=2)
+    length: Floats = np.linalg.norm(world[:, None] - world[None], axis=2)
+    return length
 
 
 def true_distances(scene: Scene) -> Floats:
-    return np.linalg.norm(scene.world[:, None] - scene.world[None], axis=2)
+    length: Floats = np.linalg.norm(scene.world[:, None] - scene.world[None], axis=2)
+    return length
 
 
 @pytest.mark.parametrize("options", [{}, NO_LOG], ids=["log", "no log"])
@@ -243,7 +247,7 @@ def test_distances_and_their_sigmas_do_not_depend_on_the_gauge(
         adjustment = refine(each, REPORT)[0].adjustment
         world, covariance = adjustment.joint_points(np.array([0, 9]))
         value, gradient = shapes.distance(world)
-        found.append((value, np.sqrt(gradient.ravel() @ covariance @ gradient.ravel())))
+        found.append((value, float(np.sqrt(gradient.ravel() @ covariance @ gradient.ravel()))))
     assert found[0][0] == pytest.approx(found[1][0], abs=1e-4 * found[0][1])
     assert found[0][1] == pytest.approx(found[1][1], rel=1e-4)
 
@@ -340,10 +344,12 @@ def test_poor_seeds_lead_to_the_same_solution(scene_factory: Callable[..., Scene
     scene = scene_factory(2, frames=6)
     first = refine(scene.survey, REPORT)[0].adjustment
     turn = np.array([[1, 0, 0], [0, np.cos(0.2), -np.sin(0.2)], [0, np.sin(0.2), np.cos(0.2)]])
+    seeds = scene.survey.seeds
+    assert seeds is not None
     seeds = replace(
-        scene.survey.seeds,
-        world_from_camera=scene.survey.seeds.world_from_camera @ turn,
-        center_world_m=scene.survey.seeds.center_world_m + np.array([5.0, -4.0, 3.0]),
+        seeds,
+        world_from_camera=seeds.world_from_camera @ turn,
+        center_world_m=seeds.center_world_m + np.array([5.0, -4.0, 3.0]),
     )
     second = refine(replace(scene.survey, seeds=seeds), REPORT)[0].adjustment
     # The slopes turn about the mean of the first values: a few metres apart, that moves the

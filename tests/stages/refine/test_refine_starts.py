@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from uavgram.errors import GeometryError
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
+from uavgram.model.flight.log import Track
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
@@ -38,7 +39,11 @@ def with_log(
     axis = np.stack([np.cos(side), np.sin(side), np.zeros(frames)], axis=1)
     turn = Rotation.from_rotvec(off * np.deg2rad(degrees) * axis)
     rise = off * share * sign * truth.center[:, 2]
-    track, times = survey.track, len(survey.track.position_time_s) // frames
+    track, telemetry, seeds = survey.track, survey.telemetry, survey.seeds
+    assert isinstance(track, Track)
+    assert telemetry is not None
+    assert seeds is not None
+    times = len(track.position_time_s) // frames
     position = np.array(track.position_world_m)
     position[:, 2] += np.repeat(rise, times)
     body = Rotation.from_quat(track.world_from_body_xyzw)
@@ -50,9 +55,9 @@ def with_log(
     return replace(
         survey,
         track=replace(track, position_world_m=position, world_from_body_xyzw=logged.as_quat()),
-        telemetry=replace(survey.telemetry, covariance=covariance),
+        telemetry=replace(telemetry, covariance=covariance),
         seeds=replace(
-            survey.seeds,
+            seeds,
             center_world_m=center,
             world_from_camera=turn.as_matrix() @ truth.rotation,
             covariance=covariance,
@@ -61,6 +66,7 @@ def with_log(
 
 
 def started_at_truth(survey: Survey, truth: State) -> Survey:
+    assert survey.seeds is not None
     seeds = replace(survey.seeds, center_world_m=truth.center, world_from_camera=truth.rotation)
     return replace(survey, seeds=seeds)
 

@@ -13,6 +13,7 @@ from scipy.stats import chi2
 
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.arrays import Floats
+from uavgram.model.flight.photo_poses import PhotoExposures
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
@@ -68,12 +69,14 @@ def test_a_wrong_label_does_not_turn_a_photo() -> None:
 def test_a_course_that_the_picks_contradict_counts_as_unknown() -> None:
     scene = place_only(0, frames=5, labels=11)
     survey = scene.survey
-    track = survey.track
+    seeds, track = survey.seeds, survey.track
+    assert seeds is not None
+    assert isinstance(track, PhotoExposures)
     heading = np.where(np.arange(5) == 3, 177.0, 0.0)
     wrong = Rotation.from_euler("z", heading[:, None], degrees=True).as_matrix()
     course = replace(
         survey,
-        seeds=replace(survey.seeds, world_from_camera=wrong @ scene.rotation),
+        seeds=replace(seeds, world_from_camera=wrong @ scene.rotation),
         track=replace(
             track,
             world_from_gimbal=wrong
@@ -95,13 +98,15 @@ def test_a_course_that_the_picks_contradict_counts_as_unknown() -> None:
 def test_a_photo_without_neighbour_or_attitude_is_placed_by_its_picks() -> None:
     scene = place_only(1, frames=5, labels=11)
     survey = scene.survey
-    track = survey.track
+    seeds, track = survey.seeds, survey.track
+    assert seeds is not None
+    assert isinstance(track, PhotoExposures)
     known = np.arange(5) != 4
     from_gimbal = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0.0]])
-    rotation = np.where(known[:, None, None], scene.rotation, survey.seeds.world_from_camera)
+    rotation = np.where(known[:, None, None], scene.rotation, seeds.world_from_camera)
     stated = replace(
         survey,
-        seeds=replace(survey.seeds, world_from_camera=rotation),
+        seeds=replace(seeds, world_from_camera=rotation),
         track=replace(
             track,
             world_from_gimbal=rotation @ from_gimbal.T,
@@ -111,6 +116,7 @@ def test_a_photo_without_neighbour_or_attitude_is_placed_by_its_picks() -> None:
     )
     turned, _ = find_headings(stated)
 
+    assert turned.seeds is not None
     np.testing.assert_array_equal(turned.seeds.world_from_camera[:4], rotation[:4])
     assert off_deg(turned, scene)[4] < 30.0
 
@@ -134,5 +140,7 @@ def tilts(scene: PlaceOnly) -> Floats:
 
 def off_deg(survey: Survey, scene: PlaceOnly) -> Floats:
     """(F,) angle between seeds and truth."""
+    assert survey.seeds is not None
     between = np.swapaxes(survey.seeds.world_from_camera, 1, 2) @ scene.rotation
-    return np.degrees(np.linalg.norm(Rotation.from_matrix(between).as_rotvec(), axis=1))
+    angle: Floats = np.degrees(np.linalg.norm(Rotation.from_matrix(between).as_rotvec(), axis=1))
+    return angle

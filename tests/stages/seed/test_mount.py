@@ -17,9 +17,11 @@ from uavgram.stages.seed.mount import turned_mount
 def mounted(survey: Survey, axis: str, degrees: float) -> Survey:
     """The survey with seeds of a mount that is wrong by that."""
     wrong = Rotation.from_euler(axis, degrees, degrees=True).as_matrix()
+    seeds = survey.seeds
+    assert seeds is not None
     return replace(
         survey,
-        seeds=replace(survey.seeds, world_from_camera=survey.seeds.world_from_camera @ wrong),
+        seeds=replace(seeds, world_from_camera=seeds.world_from_camera @ wrong),
     )
 
 
@@ -54,6 +56,7 @@ def test_photos_from_one_place_or_one_photo_alone_accuse_nobody(
     scene_factory: Callable[..., Scene], tilt: float
 ) -> None:
     survey = scene_factory(3, frames=4, tilt=tilt).survey
+    assert survey.seeds is not None
     still = np.tile(survey.seeds.center_world_m[:1], (4, 1))
     turned = np.tile(survey.seeds.world_from_camera[:1], (4, 1, 1))
     seeds = replace(survey.seeds, center_world_m=still, world_from_camera=turned)

@@ -82,14 +82,15 @@ def place(
         ORIGIN,
         mount or MountOptions(),
         telemetry or TelemetryOptions(),
-        np.arange(len(poses.frame_id)) * every_s,
+        np.arange(float(len(poses.frame_id))) * every_s,
     )
 
 
 def headings_deg(exposures: PhotoExposures) -> Floats:
     """Where image up points, seen from above, for a camera that looks down."""
     up = -exposures.world_from_gimbal[:, :, 2]
-    return np.round(np.degrees(np.arctan2(up[:, 0], up[:, 1])), 3) % 360
+    degrees: Floats = np.degrees(np.arctan2(up[:, 0], up[:, 1]))
+    return np.round(degrees, 3) % 360
 
 
 def test_home_is_below_the_first_photo_at_altitude_minus_relative_altitude(
@@ -255,7 +256,7 @@ def test_seeds_carry_the_stated_sigmas_and_what_is_shared(
         frame_id=(*exposures.frame_id, "lost.jpg"),
         time_utc_s=np.full(9, np.nan),
         sigma_time_s=np.full(9, np.nan),
-        matched=[True] * 8 + [False],
+        matched=np.array([True] * 8 + [False]),
         reason=("",) * 8 + ("no pose",),
         clock_offset_s=0.0,
         clock_offset_sigma_s=1.0,

@@ -210,11 +210,11 @@ def test_a_gimbal_that_ends_early_is_held_with_a_warning() -> None:
 
 def test_sigmas_have_floors_and_follow_the_log_above_them() -> None:
     stated = EstimatorSigmas(
-        time_boot_s=[10.0, 15.0],
-        horizontal_m=[0.2, 1.4],
-        vertical_m=[np.nan, 2.0],
+        time_boot_s=np.array([10.0, 15.0]),
+        horizontal_m=np.array([0.2, 1.4]),
+        vertical_m=np.array([np.nan, 2.0]),
         tilt_rad=np.radians([0.1, 3.0]),
-        yaw_rad=[np.nan, np.nan],
+        yaw_rad=np.array([np.nan, np.nan]),
         source="XKV1",
     )
     track, _ = track_of(boot(sigmas=stated))
@@ -243,10 +243,10 @@ def test_stated_sigmas_override_the_log() -> None:
 
 def test_home_is_the_one_in_force_at_the_first_exposure() -> None:
     home = HomeSamples(
-        time_boot_s=[5.0, 12.0, 18.0],
-        latitude_deg=[-35.0, -35.1, -35.2],
-        longitude_deg=[149.0, 149.1, 149.2],
-        height_m=[500.0, 510.0, 520.0],
+        time_boot_s=np.array([5.0, 12.0, 18.0]),
+        latitude_deg=np.array([-35.0, -35.1, -35.2]),
+        longitude_deg=np.array([149.0, 149.1, 149.2]),
+        height_m=np.array([500.0, 510.0, 520.0]),
         datum="msl",
         source="ORGN",
     )

@@ -175,7 +175,7 @@ def test_photos_without_times_are_paired_in_order_only_where_counts_agree() -> N
 
 
 def test_evenly_spaced_events_are_refused_with_the_candidates() -> None:
-    events = 50 + 2.0 * np.arange(40)
+    events = 50 + 2.0 * np.arange(40.0)
     photos = photos_at(EPOCH + events[5:20] + 0.5)
     with pytest.raises(UavgramError, match=r"clearly best: \+0\.500 s \(15 of 15 photos\)"):
         synchronise(photos, log_of(flight(events)), TimeOptions())
@@ -199,6 +199,7 @@ def test_a_doubtful_pair_keeps_its_file_time_with_a_sigma_that_covers_it() -> No
     photos = photos_at(np.floor(EPOCH + events + 0.3), resolution=1.0)
     result = synchronise(photos, log_of(flight(events)), TimeOptions())
     frames, doubtful = result.frames, [29, 30]
+    assert result.pairing is not None
     assert {result.pairing.status[k] for k in doubtful} == {"crowded"}
     assert (frames.sigma_time_s[doubtful] > 0.28).all()
     error = np.abs(frames.time_utc_s - EPOCH - events)
@@ -215,6 +216,7 @@ def test_every_pair_has_its_residual_and_what_stays_alone_is_told_on_both_sides(
     photo[10] += 0.004
     result = synchronise(photos_at(photo), log_of(flight(events, confirmed)), TimeOptions())
     pairing = result.pairing
+    assert pairing is not None
     assert pairing.event_index.tolist() == [*taken, -1]
     assert pairing.residual_s[10] == pytest.approx(0.004, abs=2e-4)
     assert np.abs(np.delete(pairing.residual_s[:-1], 10)).max() < 5e-4
@@ -233,6 +235,7 @@ def test_a_drifting_camera_clock_is_told_and_followed_off_the_events() -> None:
     held = np.delete(events, [2, 147])
     result = synchronise(photos_at(reading), log_of(flight(held, end=600.0)), TimeOptions())
     assert np.abs(result.frames.time_utc_s - EPOCH - events).max() < 1e-3
+    assert result.pairing is not None
     assert result.pairing.drift == pytest.approx(drift, abs=3 * result.pairing.drift_sigma)
     assert result.pairing.drift_sigma < 2e-5
     assert "drifting by +" in next(m.text for m in result.messages if m.code == "time-aligned")
@@ -250,6 +253,7 @@ def test_the_demos_photos_all_find_their_events(seed: int) -> None:
     event = survey.log.event_time_s
     photos = photos_at(survey.file_time_utc_s - survey.log.boot_utc_s + EPOCH)
     result = synchronise(photos, log_of(flight(event)), TimeOptions())
+    assert result.pairing is not None
     assert set(result.pairing.status) == {"certain"}
     assert np.array_equal(result.pairing.event_index, np.flatnonzero(survey.event_has_photo))
     assert "photo-without-event" not in {m.code for m in result.messages}

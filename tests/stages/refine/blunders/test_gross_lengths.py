@@ -31,6 +31,7 @@ def logged(scene: Scene, pose_sigma: Floats = SEED_SIGMA) -> Survey:
     """The survey with seeds that know how well they are known."""
     survey = scene.survey
     covariance = np.tile(np.diag(pose_sigma**2), (len(survey.frame_id), 1, 1))
+    assert survey.seeds is not None
     return replace(survey, seeds=replace(survey.seeds, covariance=covariance))
 
 
@@ -120,6 +121,7 @@ def test_all_lengths_in_a_wrong_unit_yield_to_the_log(scene_factory: Callable[..
 def misled(scene: Scene, shift: list[float]) -> Survey:
     """A survey whose log is right, but whose seeds stand elsewhere and are sure of it."""
     survey = logged(scene, np.full(6, 0.01))
+    assert survey.seeds is not None
     seeds = replace(survey.seeds, center_world_m=survey.seeds.center_world_m + shift)
     return replace(survey, seeds=seeds)
 
@@ -160,6 +162,7 @@ def test_what_seeds_say_of_lengths_has_honest_sigmas(scene_factory: Callable[...
         sigma = np.array([0.5, 0.5, 1.0, 0.01, 0.01, 0.02])
         survey, truth = logged(scene, sigma), scene.truth
         error = sigma * rng.normal(size=6)
+        assert survey.seeds is not None
         turn = np.array(np.eye(3)) + np.cross(np.eye(3), -error[3:])
         survey = replace(
             survey,
@@ -183,7 +186,7 @@ def test_what_seeds_say_of_lengths_has_honest_sigmas(scene_factory: Callable[...
             distance.append(off @ np.linalg.solve(covariance[0], off))
     assert len(z) > 30
     for squared, numbers in ((np.square(z), len(z)), (distance, 3 * len(distance))):
-        low, high = chi2.ppf([5e-4, 1 - 5e-4], numbers)
+        low, high = chi2.ppf(np.array([5e-4, 1 - 5e-4]), numbers)
         assert low < np.sum(squared) < high
 
 
