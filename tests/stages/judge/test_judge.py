@@ -38,8 +38,8 @@ from uavgram.stages.judge import (
     judge_weakest,
     run_tests,
     swapped_labels,
+    tested_survey,  # its class itself would be taken for tests
 )
-from uavgram.stages.judge.tested_survey import TestedSurvey
 from uavgram.stages.refine import refine
 
 ALPHA = 0.001
@@ -101,7 +101,9 @@ NO_TIMES = Frames(
 WHOLE = (MeasurementRequest(name="whole", kind="distance", points=("P0", "P1")),)
 
 
-def examined(refined: Refined, requests: tuple[MeasurementRequest, ...] = WHOLE) -> TestedSurvey:
+def examined(
+    refined: Refined, requests: tuple[MeasurementRequest, ...] = WHOLE
+) -> tested_survey.TestedSurvey:
     measured = propagate(refined.adjustment, requests, NO_TIMES)
     return run_tests(refined, measured, ALPHA)
 
