@@ -165,6 +165,7 @@ def random_scene(seed: int | tuple[int, ...], kind: Kind) -> Scene:
         rotation=rotation,
         intrinsic=np.zeros(9),
         plane=planes.ravel(),
+        relief=np.zeros(0),
         telemetry=shared,
     )
     return Scene(survey, truth, pivot, world)

@@ -245,6 +245,7 @@ def make_scene(
         rotation=rotation,
         intrinsic=np.linalg.lstsq(covariance_root(covariance), error)[0].astype(float),
         plane=plane,
+        relief=np.zeros(0),
         telemetry=shared,
     )
     return Scene(survey, truth, pivot, world)

@@ -7,6 +7,7 @@ import pytest
 
 from uavgram.estimation.survey.likelihood import SurveyProblem, covariance_root
 from uavgram.estimation.survey.unknowns import move
+from uavgram.model.survey.survey import Relief, Survey
 
 CASES = {
     "telemetry": {},
@@ -15,17 +16,36 @@ CASES = {
     "control without log": {"telemetry": False, "control": 4},
     "two areas": {"verge": (0, 1, 2, 5), "control": 4, "roughness": 0.05},
     "two areas, lengths alone": {"verge": (0, 1, 2, 5), "telemetry": False, "gauge": "plane"},
+    "relief": {"verge": (0, 1, 2, 5), "control": 3, "roughness": 0.05},
+    "relief, lengths alone": {"verge": (0, 1, 2, 5), "telemetry": False, "gauge": "plane"},
 }
+RELIEFS = (
+    Relief(kind="quadratic", sigma_m=0.2, scale_m=9.0, knots_m=np.array([[1.0, 2.0]])),
+    Relief(
+        kind="correlated",
+        sigma_m=0.1,
+        scale_m=6.0,
+        knots_m=np.array([[0.0, 0.0], [5.0, 1.0], [-4.0, 6.0], [3.0, -7.0]]),
+    ),
+)
 
 
-@pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_every_jacobian_equals_central_differences(scene_factory, options) -> None:
-    scene = scene_factory(3, **options)
-    lines = np.ones(len(scene.survey.line_start), dtype=bool)
-    problem = SurveyProblem(scene.survey, scene.pivot, lines)
+def with_relief(survey: Survey) -> Survey:
+    """The survey, each of its areas with a relief of another kind."""
+    grounds = zip(survey.grounds, RELIEFS, strict=True)
+    return replace(survey, grounds=tuple(replace(g, relief=relief) for g, relief in grounds))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_jacobian_equals_central_differences(scene_factory, case) -> None:
+    scene = scene_factory(3, **CASES[case])
+    survey = with_relief(scene.survey) if case.startswith("relief") else scene.survey
+    lines = np.ones(len(survey.line_start), dtype=bool)
+    problem = SurveyProblem(survey, scene.pivot, lines)
     layout = problem.layout
     rng = np.random.default_rng(1)
-    state = move(layout, scene.truth, 0.01 * rng.normal(size=layout.size))
+    truth = replace(scene.truth, relief=np.zeros(layout.relief))
+    state = move(layout, truth, 0.01 * rng.normal(size=layout.size))
     blocks = problem.evaluate(state)
 
     assert blocks is not None
