@@ -255,6 +255,9 @@ class Refined:
         What the residuals say of the size of errors; None where they were not asked.
     stated
         The same survey adjusted with the sigmas as stated, where that is another adjustment.
+    full_weight
+        The same survey with every observation at its full weight, where `adjustment` gives little
+        to some that stand out: what tests are made of.
     """
 
     adjustment: Adjustment
@@ -270,3 +273,9 @@ class Refined:
     accused_alone: bool = False
     noise: Noise | None = None
     stated: Adjustment | None = None
+    full_weight: Adjustment | None = None
+
+    @property
+    def tested(self) -> Adjustment:
+        """What tests of single observations are made of."""
+        return self.full_weight or self.adjustment

@@ -127,8 +127,7 @@ def run_tests(refined: Refined, measured: MeasuredValues, significance: float) -
     significance
         Of the test for blunders.
     """
-    adjustment = refined.adjustment
-    groups = observed(adjustment)
+    groups = observed(refined.tested)
     worst, weakest = external_reliability(groups, measured, significance)
     return TestedSurvey(
         refined=refined,
@@ -136,7 +135,7 @@ def run_tests(refined: Refined, measured: MeasuredValues, significance: float) -
         suspicions=_suspicions(refined, groups, significance),
         worst=worst,
         weakest=weakest,
-        names=Names(refined.adjustment),
+        names=Names(refined.tested),
         measured=measured,
         significance=significance,
     )
@@ -145,7 +144,7 @@ def run_tests(refined: Refined, measured: MeasuredValues, significance: float) -
 def _suspicions(
     refined: Refined, groups: dict[str, Observed], significance: float
 ) -> tuple[Suspicion, ...]:
-    if not refined.adjustment.minimum.converged:
+    if not refined.tested.minimum.converged:
         return ()
-    found = suspicions(refined.adjustment, groups, significance, refined.accused)
+    found = suspicions(refined.tested, groups, significance, refined.accused)
     return tuple(islice(found, 1) if refined.accused_alone else found)

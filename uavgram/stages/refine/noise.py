@@ -14,8 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.reliability.redundancy import upper_tail
-from uavgram.estimation.reliability.test_statistics import cofactors
 from uavgram.estimation.reliability.variance_components import (
     Component,
     Estimated,
@@ -31,6 +29,7 @@ from uavgram.geometry.ground.relief import spread_knots
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.noise import AreaNoise, Noise, PickNoise, SurfaceShape
 from uavgram.model.survey.survey import Relief, Survey
+from uavgram.stages.refine.blunders.outstanding import Outstanding, outstanding, redundancy_of
 from uavgram.stages.refine.poor_camera import iterate, iterations_for
 
 STATED_WEIGHT = 20.0
@@ -45,12 +44,6 @@ LITTLE = 30.0
 SAME = 0.03
 """Relative change of a sigma that is not worth another adjustment."""
 
-MISFIT = 0.05
-"""Probability below which picks, lengths and ground fit so badly that the ground is in question."""
-
-FEW = 0.01
-"""Share of the observations, and at least one, that may be blunders and no noise."""
-
 UNIT_M = 0.05
 """Roughness and relief that the search starts from [m]."""
 
@@ -62,13 +55,6 @@ KNOTS = 30
 
 RANGES = (0.2, 0.45)
 """Of a correlated relief, as shares of the extent of the points."""
-
-CLEAR = 13.8
-"""Fall of the sum of squares without a pick that chance exceeds once in a thousand."""
-
-_CORE = ("pixels", "lengths", "control", "calibration", "roughness", "relief")
-"""Groups that say whether the model of picks and ground holds: priors of the telemetry are meant to
-be generous."""
 
 PENALTY: dict[SurfaceShape, float] = {"plane": 3.3, "quadratic": 5.5, "correlated": 7.0}
 """Gain in log-likelihood over smooth, plane ground that each shape has to bring, with roughness:
@@ -121,14 +107,19 @@ def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined
     stated = refined.adjustment
     if not stated.minimum.converged:
         return survey, refined
-    few, fits = _few_blunders(stated)
-    redundancy = _redundancy(stated, "pixels")
+    few, fits = outstanding(stated)
+    redundancy = redundancy_of(stated, "pixels")
     models = [_as_stated(stated, redundancy)]
     if not fits and redundancy > LITTLE:
         models += _grown(stated)
-    simple = len(models) == 1 and len(models[0].components) == 1
-    estimated = _picks_alone if simple else _fitted
-    tried = (estimated(model, stated, few, None) for model in models)
+    simple = len(models) == 1 and len(models[0].components) == 1 and not few
+
+    def estimated(model: _Model, adjustment: Adjustment, first: Floats | None) -> _Fitted:
+        if simple:
+            return _picks_alone(model, adjustment, first)
+        return _fitted(model, adjustment, few, first)
+
+    tried = (estimated(model, stated, None) for model in models)
     fitted = max(tried, key=lambda one: one.merit)
     adjustment = stated
     for _ in range(PASSES):
@@ -136,10 +127,10 @@ def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined
         if fitted.model.shape is None and np.abs(np.log(before)).max() < SAME:
             break
         try:
-            adjustment = _continued(adjustment, _learnt(fitted, stated.survey))
+            adjustment = continued(adjustment, _learnt(fitted, stated.survey))
         except SingularError:
             return survey, refined
-        fitted = estimated(fitted.model, adjustment, few, before)
+        fitted = estimated(fitted.model, adjustment, before)
         if np.abs(np.log(fitted.found.factor / before)).max() < SAME:
             break
     noise = _noise(fitted, adjustment, stated.survey)
@@ -147,38 +138,6 @@ def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined
         return survey, replace(refined, noise=noise)
     learnt = _learnt(fitted, survey)
     return learnt, replace(refined, adjustment=adjustment, noise=noise, stated=stated)
-
-
-def _few_blunders(adjustment: Adjustment) -> tuple[dict[str, Ints], bool]:
-    """Rows of few observations that alone do not fit; and whether everything else does.
-
-    No rows where all fits with them, or does not without them.
-    """
-    blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
-    core = [name for name in blocks if name in _CORE or name.startswith("plane")]
-    squares = sum(float(np.sum(blocks[name].residual ** 2)) for name in core)
-    degrees = sum(_redundancy(adjustment, name) for name in core)
-    if upper_tail(squares, degrees) >= MISFIT:
-        return {}, True
-    falls = []
-    for name in ("pixels", "lengths"):
-        if name in blocks:
-            block = blocks[name]
-            inverse = np.linalg.pinv(cofactors(block, covariance), rcond=1e-6, hermitian=True)
-            fall = np.einsum("pi,pij,pj->p", block.residual, inverse, block.residual)
-            falls += [(each, name, row) for row, each in enumerate(fall.tolist())]
-    most = max(1, int(FEW * len(falls)))
-    worst = [one for one in sorted(falls, reverse=True)[:most] if one[0] > CLEAR]
-    gone = sum(blocks[name].residual.shape[1] for _, name, _ in worst)
-    if upper_tail(squares - sum(fall for fall, *_ in worst), degrees - gone) < MISFIT:
-        return {}, False
-    names = {name for _, name, _ in worst}
-    return {n: np.array([row for _, name, row in worst if name == n]) for n in names}, True
-
-
-def _redundancy(adjustment: Adjustment, name: str) -> float:
-    block = adjustment.minimum.blocks[name]
-    return block.residual.size - float(adjustment.covariance.leverage(block).sum())
 
 
 def _as_stated(stated: Adjustment, redundancy: float) -> _Model:
@@ -257,7 +216,7 @@ def _components(
 
 
 def _fitted(
-    model: _Model, adjustment: Adjustment, few: Mapping[str, Ints], first: Floats | None
+    model: _Model, adjustment: Adjustment, few: Mapping[str, Outstanding], first: Floats | None
 ) -> _Fitted:
     """A model with the factors that are likeliest about an adjustment.
 
@@ -275,8 +234,8 @@ def _fitted(
     problem, layout = model.problem, model.problem.layout
     blocks = problem.evaluate(_carried(adjustment, problem))
     assert blocks is not None  # noqa: S101  (the state is that of an adjusted survey)
-    for name, rows in few.items():
-        blocks[name] = _without(blocks[name], rows)
+    for name, one in few.items():
+        blocks[name] = _without(blocks[name], one.rows)
     begin = np.ones(len(model.components)) if first is None else first
     found = Linearised(blocks, layout.size, layout.structure).estimate(model.components, begin)
     # Unknowns with a prior add the logarithm of its sigma: with it, models of different unknowns
@@ -288,9 +247,7 @@ def _fitted(
     return _Fitted(model, found, found.log_likelihood + unit - price)
 
 
-def _picks_alone(
-    model: _Model, adjustment: Adjustment, few: Mapping[str, Ints], first: Floats | None
-) -> _Fitted:
+def _picks_alone(model: _Model, adjustment: Adjustment, first: Floats | None) -> _Fitted:
     """The likeliest factor of the picks' sigmas, where nothing else is in question.
 
     Parameters
@@ -299,16 +256,13 @@ def _picks_alone(
         With one component.
     adjustment
         With the sigmas as stated, or times a factor.
-    few
-        Rows of observations that take no part.
     first
         (1,) the factor with which it was adjusted; None: one.
     """
     block = adjustment.minimum.blocks["pixels"]
-    rows = np.setdiff1d(np.arange(len(block.residual)), few.get("pixels", ()))
     scale = 1.0 if first is None else float(first[0])
-    squares = scale**2 * float(np.sum(block.residual[rows] ** 2))
-    leverage = adjustment.covariance.leverage(block)[rows]
+    squares = scale**2 * float(np.sum(block.residual**2))
+    leverage = adjustment.covariance.leverage(block)
     found = of_one_group(squares, leverage.size - float(leverage.sum()), model.components[0])
     return _Fitted(model, found, 0.0)
 
@@ -318,8 +272,14 @@ def _without(block: Block, rows: Ints) -> Block:
     return Block(block.residual[left], block.columns[left], block.jacobian[left])
 
 
-def _continued(adjustment: Adjustment, survey: Survey) -> Adjustment:
-    """The adjustment with other sigmas or another ground, from where it stands."""
+def continued(adjustment: Adjustment, survey: Survey) -> Adjustment:
+    """The adjustment with other sigmas or another ground, from where it stands.
+
+    Raises
+    ------
+    SingularError
+        An unknown is not determined.
+    """
     problem = SurveyProblem(survey, adjustment.problem.pivot_m, _lines_used(adjustment))
     start = _carried(adjustment, problem)
     minimum = iterate(problem, start, iterations_for(survey.calibration))

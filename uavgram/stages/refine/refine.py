@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined, Removal
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools
@@ -26,9 +27,10 @@ from uavgram.stages.refine.blunders.gross_lengths import (
     wrong_beyond_doubt,
 )
 from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
+from uavgram.stages.refine.blunders.outstanding import outstanding, with_little_weight
 from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
 from uavgram.stages.refine.minima import Participants, best_minima
-from uavgram.stages.refine.noise import with_noise_learnt
+from uavgram.stages.refine.noise import continued, with_noise_learnt
 from uavgram.stages.refine.noise_remarks import noise_remarks
 from uavgram.stages.refine.remarks import (
     contradiction,
@@ -69,6 +71,8 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         refined, said = _without_blunders(survey, refined, options.significance)
     else:
         refined, said = _with_the_accused(survey, refined, options.significance), []
+        if options.noise == "estimate":
+            refined = _with_little_weight(refined)
     refined = with_gross_lengths(survey, refined)
     return refined, (*left_out, *noise_remarks(refined.noise), *remarks(survey, refined), *said)
 
@@ -159,6 +163,20 @@ def _with_the_accused(survey: Survey, refined: Refined, significance: float) -> 
         if not (is_settled(after) and wrong_beyond_doubt(survey, after, line).any()):
             return first if without is refined or not fits(without) else without
         without = after
+
+
+def _with_little_weight(refined: Refined) -> Refined:
+    """The same, with little weight for few observations that stand out, where all else fits."""
+    adjustment = refined.adjustment
+    few, fits = outstanding(adjustment)
+    if not few or not fits or not adjustment.minimum.converged:
+        return refined
+    softer = with_little_weight(adjustment.survey, adjustment.problem.line_index, few)
+    try:
+        after = continued(adjustment, softer)
+    except SingularError:
+        return refined
+    return replace(refined, adjustment=after, full_weight=adjustment)
 
 
 def _tried(

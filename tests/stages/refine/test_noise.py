@@ -1,0 +1,121 @@
+"""Sigmas of picks, roughness and relief, learnt from surveys with known truth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import PIXEL_SIGMA, Scene, make_scene
+
+from uavgram.estimation.survey.adjustment import Refined
+from uavgram.model.arrays import Floats
+from uavgram.model.options import SolveOptions
+from uavgram.model.result.noise import AreaNoise, PickNoise
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine import refine
+
+SCENE = {"frames": 6, "labels": 24, "lines": 6}
+
+
+def refined_of(survey: Survey, **options: str) -> Refined:
+    return refine(survey, replace(SolveOptions(), **options))[0]  # type: ignore[arg-type]  # texts
+
+
+def learnt(refined: Refined) -> tuple[PickNoise, AreaNoise]:
+    assert refined.noise is not None
+    return refined.noise.picks[0], refined.noise.roughness[0]
+
+
+def stated_smooth(scene: Scene) -> Survey:
+    """The survey as somebody gives it who does not know that its ground is rough."""
+    grounds = tuple(replace(ground, roughness_sigma_m=0.0) for ground in scene.survey.grounds)
+    return replace(scene.survey, grounds=grounds)
+
+
+def distance_errors(refined: Refined, world: Floats) -> Floats:
+    """All distances between points: adjusted less true, in sigmas."""
+    start, end = np.triu_indices(len(world), 1)
+    there = refined.adjustment.label_rows(f"P{k}" for k in range(len(world)))
+    assert (there >= 0).all()
+    found, sigma = refined.adjustment.lengths(there[start], there[end])
+    return (found - np.linalg.norm(world[start] - world[end], axis=1)) / sigma
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_clean_ground_stays_a_plane_and_picks_keep_their_sigma(seed: int) -> None:
+    picks, ground = learnt(refined_of(make_scene(seed, **SCENE).survey))
+
+    assert (ground.shape, ground.estimated_m, ground.relief_m) == ("plane", 0.0, 0.0)
+    assert abs(picks.factor - 1.0) < 3.5 * picks.sigma
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rough_ground_that_nobody_stated_is_found(seed: int) -> None:
+    scene = make_scene(seed, roughness=0.15, **SCENE)
+    survey = stated_smooth(scene)
+    as_stated, refined = refined_of(survey, noise="stated"), refined_of(survey)
+    picks, ground = learnt(refined)
+
+    assert abs(ground.estimated_m - 0.15) < 3.5 * ground.sigma_m
+    assert abs(picks.factor - 1.0) < 3.5 * picks.sigma
+    before, after = distance_errors(as_stated, scene.world), distance_errors(refined, scene.world)
+    assert np.sqrt(np.mean(after**2)) < 1.6 < np.sqrt(np.mean(before**2))
+
+
+def test_a_crown_is_found_and_distances_are_right_then() -> None:
+    labels = np.arange(24)
+    plain = make_scene(5, **SCENE)
+    across = plain.world[:, 0] - plain.world[:, 0].mean()
+    rise = dict(zip(labels.tolist(), (-0.01 * across**2).tolist(), strict=True))
+    scene = make_scene(5, heights=rise, **SCENE)
+    survey = replace(scene.survey, height_above_m=np.zeros(24))
+    refined = refined_of(survey)
+    _, ground = learnt(refined)
+
+    assert ground.shape != "plane"
+    assert ground.relief_m == pytest.approx(float(np.std(0.01 * across**2)), rel=0.5)
+    before = distance_errors(refined_of(survey, noise="stated"), scene.world)
+    after = distance_errors(refined, scene.world)
+    assert np.sqrt(np.mean(after**2)) < 1.6 < np.sqrt(np.mean(before**2))
+
+
+def test_picks_twice_as_bad_as_stated_are_found() -> None:
+    scene = make_scene(2, **SCENE)
+    survey = replace(scene.survey, pick_sigma_px=np.full(len(scene.survey.pick_frame), 0.35))
+    refined = refined_of(survey)
+    picks, ground = learnt(refined)
+
+    assert picks.stated_px * picks.factor == pytest.approx(PIXEL_SIGMA, rel=0.2)
+    assert ground.shape == "plane"
+    assert refined.stated is not None
+    np.testing.assert_allclose(
+        refined.adjustment.survey.pick_sigma_px, picks.factor * 0.35, rtol=0.03
+    )
+
+
+def test_sigmas_of_a_single_photo_never_shrink() -> None:
+    scene = make_scene(3, frames=1, labels=24, lines=8)
+    survey = replace(scene.survey, pick_sigma_px=np.full(len(scene.survey.pick_frame), 3.0))
+    picks, ground = learnt(refined_of(survey))
+
+    assert picks.factor == 1.0
+    assert ground.shape == "plane"
+
+
+def test_one_wrong_pick_is_no_noise() -> None:
+    scene = make_scene(4, **SCENE)
+    pixel = np.array(scene.survey.pixel_px)
+    pixel[10] += (15.0, -9.0)
+    picks, ground = learnt(refined_of(replace(scene.survey, pixel_px=pixel)))
+
+    assert picks.factor < 1.0 + 3.0 * picks.sigma
+    assert ground.estimated_m == 0.0
+
+
+def test_stated_sigmas_are_kept_where_that_is_asked_for() -> None:
+    scene = make_scene(2, **SCENE)
+    survey = replace(scene.survey, pick_sigma_px=np.full(len(scene.survey.pick_frame), 0.35))
+    refined = refined_of(survey, noise="stated")
+
+    assert refined.noise is None
+    assert refined.stated is None
+    assert (refined.adjustment.survey.pick_sigma_px == 0.35).all()

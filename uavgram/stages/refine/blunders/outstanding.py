@@ -1,0 +1,111 @@
+"""Few observations that stand out of the noise of all others: blunders, and no noise.
+
+What is said of the size of errors must not be learnt from them; and where everything else fits, a
+survey in which blunders are only reported gives them as little weight as their own misfit deserves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtri
+
+from uavgram.estimation.reliability.redundancy import level_of_each, upper_tail
+from uavgram.estimation.reliability.test_statistics import cofactors
+from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.survey.survey import Survey
+
+MISFIT = 0.05
+"""Probability below which picks, lengths and ground fit so badly that noise is in question."""
+
+FEW = 0.01
+"""Share of the observations, and at least one, that may be blunders and no noise."""
+
+CLEAR = 0.001
+"""Significance of the test, at the noise of the rest, of what may be a blunder and no noise."""
+
+LEAST_REDUNDANCY = 0.05
+"""Redundancy number from which on the size of an error can be told."""
+
+CORE = ("pixels", "lengths", "control", "calibration", "roughness", "relief")
+"""Groups that say whether the model of picks and ground holds: priors of the telemetry are meant to
+be generous."""
+
+
+class Outstanding(NamedTuple):
+    """Rows (n,) of a group of observations, and the size (n,) of their errors in their sigmas."""
+
+    rows: Ints
+    errors: Floats
+
+
+def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
+    """Rows of few observations that stand out of all noise; and whether everything else fits."""
+    blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
+    core = [name for name in blocks if name in CORE or name.startswith("plane")]
+    squares = sum(float(np.sum(blocks[name].residual ** 2)) for name in core)
+    degrees = sum(redundancy_of(adjustment, name) for name in core)
+    falls: list[tuple[float, str, int]] = []
+    for name in ("pixels", "lengths"):
+        if name in blocks:
+            block = blocks[name]
+            inverse = np.linalg.pinv(cofactors(block, covariance), rcond=1e-6, hermitian=True)
+            fall = np.einsum("pi,pij,pj->p", block.residual, inverse, block.residual)
+            falls += [(each, name, row) for row, each in enumerate(fall.tolist())]
+    worst = sorted(falls, reverse=True)[: max(1, int(FEW * len(falls)))]
+    rest = squares - sum(fall for fall, *_ in worst)
+    noise = max(rest / max(degrees - 2.0 * len(worst), 1.0), 1.0)
+    limit = {name: noise * _limit(blocks[name]) for _, name, _ in worst}
+    worst = [one for one in worst if one[0] > limit[one[1]]]
+    gone = sum(blocks[name].residual.shape[1] for _, name, _ in worst)
+    fits = upper_tail(squares - sum(fall for fall, *_ in worst), degrees - gone) >= MISFIT
+    return {name: _of_group(adjustment, name, worst) for _, name, _ in worst}, fits
+
+
+def _limit(block: Block) -> float:
+    """Fall of the sum of squares without one of n observations that is hardly chance."""
+    n, axes = block.residual.shape
+    return float(chdtri(axes, level_of_each(CLEAR, n)))
+
+
+def _of_group(
+    adjustment: Adjustment, name: str, worst: list[tuple[float, str, int]]
+) -> Outstanding:
+    own = [(fall, row) for fall, group, row in worst if group == name]
+    fall, rows = np.array([one[0] for one in own]), np.array([one[1] for one in own])
+    leverage = adjustment.covariance.leverage(adjustment.minimum.blocks[name])[rows]
+    redundancy = np.clip(1.0 - leverage.mean(axis=1), LEAST_REDUNDANCY, 1.0)
+    return Outstanding(rows, np.sqrt(np.maximum(fall / redundancy, 1.0)))
+
+
+def redundancy_of(adjustment: Adjustment, name: str) -> float:
+    """Share of the degrees of freedom that a group of observations has."""
+    block = adjustment.minimum.blocks[name]
+    return block.residual.size - float(adjustment.covariance.leverage(block).sum())
+
+
+def with_little_weight(survey: Survey, lines: Ints, few: dict[str, Outstanding]) -> Survey:
+    """The survey with sigmas of what stands out as large as its errors.
+
+    The variance-inflation model of an outlier (Cook, Holschuh and Weisberg 1982, "A note on an
+    alternative outlier model"), with the size of the error for the sigma.
+
+    Parameters
+    ----------
+    survey
+        Of an adjustment.
+    lines
+        Rows of its known lengths that take part.
+    few
+        What stands out of it.
+    """
+    pick, length = np.array(survey.pick_sigma_px), np.array(survey.length_sigma_m)
+    if "pixels" in few:
+        pick[few["pixels"].rows] *= few["pixels"].errors
+    if "lengths" in few:
+        length[lines[few["lengths"].rows]] *= few["lengths"].errors
+    return replace(survey, pick_sigma_px=pick, length_sigma_m=length)
