@@ -87,7 +87,7 @@ _OPTIONS = {
 # ground:
 #   height_m: 0.0                  # of the ground above the place of take-off
 #   height_sigma_m: 0.3            # how well that is known
-#   slope_sigma_deg: 0.5           # the ground is level up to this
+#   slope_sigma_deg: 3.0           # the ground is level up to this
 """,
     "mount": """\
 # mount:
@@ -139,7 +139,7 @@ def _origin_options(origin: AssumedOrigin) -> dict[str, str]:
         "ground": "ground:\n"
         "  height_m: 0.0                    # of the ground above that origin\n"
         f"  height_sigma_m: {origin.height_sigma_m:<16.1f} # how well that is known\n"
-        "#   slope_sigma_deg: 0.5           # the ground is level up to this\n",
+        "#   slope_sigma_deg: 3.0           # the ground is level up to this\n",
     }
 
 

@@ -197,7 +197,7 @@ def _knowledge(adjustment: Adjustment, view: View, pick_sigma_px: float) -> Fram
     return FrameKnowledge(
         covariance=adjustment.sight_covariance(frames),
         pixel_sigma_px=pick_sigma_px,
-        roughness_sigma_m=adjustment.survey.ground.roughness_sigma_m,
+        roughness_sigma_m=adjustment.departure_m(0),
     )
 
 

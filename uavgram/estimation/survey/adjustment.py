@@ -11,6 +11,7 @@ import numpy as np
 
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Covariance
+from uavgram.estimation.survey.ground_planes import relief_basis
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.estimation.survey.unknowns import State
@@ -76,6 +77,19 @@ class Adjustment:
         world, _, _ = self.problem.world_points(state, label)
         camera = np.einsum("nji,nj->ni", state.rotation[frame], world - state.center[frame])
         return project(self.survey.calibration.model, self.problem.intrinsics(state), camera)
+
+    def relief_m(self, area: int) -> float:
+        """Root mean square of the smooth departures of an area's points from its plane [m]."""
+        relief, own = self.survey.grounds[area].relief, self.survey.area == area
+        if relief is None or not own.any():
+            return 0.0
+        coefficient = self.state.relief[self.problem.ground.relief_rows(area)]
+        height = relief_basis(relief, self.state.point[own, :2]).value @ coefficient
+        return float(np.sqrt(np.mean(height**2)))
+
+    def departure_m(self, area: int) -> float:
+        """How far any place of an area may lie off its plane: roughness and relief [m]."""
+        return float(np.hypot(self.survey.grounds[area].roughness_sigma_m, self.relief_m(area)))
 
     def frame_covariance(self) -> Floats:
         """(F, 6, 6) of (δcentre world, δθ camera)."""

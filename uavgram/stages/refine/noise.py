@@ -22,7 +22,6 @@ from uavgram.estimation.reliability.variance_components import (
 )
 from uavgram.estimation.solver.normal_equations import Block, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
-from uavgram.estimation.survey.ground_planes import relief_basis
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.ground.relief import spread_knots
@@ -350,21 +349,8 @@ def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey) -> Noise:
             estimated_m=ground.roughness_sigma_m,
             sigma_m=float(rough.get(area, 0.0) * units[area].roughness_sigma_m),
             shape="plane" if ground.relief is None else ground.relief.kind,
-            relief_m=_relief_m(adjustment, area),
+            relief_m=adjustment.relief_m(area),
         )
         for area, ground in enumerate(_learnt(fitted, stated).grounds)
     ]
     return Noise(picks=(hand,), roughness=tuple(areas))
-
-
-def _relief_m(adjustment: Adjustment, area: int) -> float:
-    """Root mean square of the smooth departures at the points of an area."""
-    relief = adjustment.survey.grounds[area].relief
-    own = adjustment.survey.area == area
-    if relief is None or not own.any():
-        return 0.0
-    rows = adjustment.problem.ground.relief_rows(area)
-    height = (
-        relief_basis(relief, adjustment.state.point[own, :2]).value @ adjustment.state.relief[rows]
-    )
-    return float(np.sqrt(np.mean(height**2)))
