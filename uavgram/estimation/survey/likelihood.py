@@ -16,7 +16,8 @@ from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.ground_planes import GroundPlanes
 from uavgram.estimation.survey.unknowns import Layout, State, layout_of
 from uavgram.geometry.camera.projection import project_with_jacobian
-from uavgram.geometry.motion.rotation import hat, log_so3, right_jacobian_inverse
+from uavgram.geometry.motion.rotation import exp_so3, hat, log_so3, right_jacobian_inverse
+from uavgram.geometry.motion.row_poses import row_share
 from uavgram.geometry.motion.telemetry_pose import (
     BORESIGHT,
     CLOCK,
@@ -130,6 +131,11 @@ class SurveyProblem:
         if self.layout.point_size == 3:
             blocks["roughness"] = self._roughness(state)
         blocks |= self._planes(state)
+        if self.survey.rolling is not None:
+            prior = self.survey.rolling.readout
+            scaled = (state.readout - prior.value_s) / prior.sigma_s
+            weight = np.array([1.0 / prior.sigma_s])
+            blocks["readout"] = _prior(scaled, self.layout.first_readout, weight)
         if self.layout.free_gauge:
             blocks["gauge"] = self._gauge(state)
         if self.survey.telemetry is not None:
@@ -145,6 +151,16 @@ class SurveyProblem:
         world, d_point, d_plane = self.world_points(state, survey.pick_label)
         camera_from_world = np.swapaxes(state.rotation, 1, 2)[frame]
         from_center = world - state.center[frame]
+        unturned = None
+        if survey.rolling is not None:
+            # The row's own pose: centre + a v, R exp(a w), with a the time since the middle row.
+            motion = survey.rolling.motion[frame]
+            share = row_share(survey.pixel_px[:, 1], survey.calibration.height_px)[:, None]
+            moved = share * state.readout * motion
+            from_center = from_center - moved[:, :3]
+            unturned = exp_so3(-moved[:, 3:])
+            in_middle = np.einsum("nij,nj->ni", camera_from_world, from_center)
+            camera_from_world = unturned @ camera_from_world
         camera = np.einsum("nij,nj->ni", camera_from_world, from_center)
         pixel, d_camera, d_intrinsics = project_with_jacobian(
             survey.calibration.model, self.intrinsics(state), camera, beyond_fold="extend"
@@ -153,16 +169,20 @@ class SurveyProblem:
             return None
         weight = 1.0 / survey.pick_sigma_px
         d_world = d_camera @ camera_from_world
-        jacobian = np.concatenate(
-            [
-                d_world @ d_point,
-                -d_world,
-                d_camera @ hat(camera),
-                d_intrinsics @ self.intrinsic_basis,
-                d_world @ d_plane,
-            ],
-            axis=2,
-        )
+        by_turn = hat(camera) if unturned is None else unturned @ hat(in_middle)
+        parts = [
+            d_world @ d_point,
+            -d_world,
+            d_camera @ by_turn,
+            d_intrinsics @ self.intrinsic_basis,
+            d_world @ d_plane,
+        ]
+        if unturned is not None:
+            # d/da of exp(-a w) R^T (X - centre - a v): camera x w - R_row^T v
+            by_time = np.cross(camera, motion[:, 3:])
+            by_time -= np.einsum("nij,nj->ni", camera_from_world, motion[:, :3])
+            parts.append(d_camera @ (share * by_time)[..., None])
+        jacobian = np.concatenate(parts, axis=2)
         residual = (pixel - survey.pixel_px) * weight[:, None]
         return Block(residual, self._pixel_columns, jacobian * weight[:, None, None])
 
@@ -175,6 +195,7 @@ class SurveyProblem:
                 layout.frame_columns(frame),
                 layout.shared_columns(layout.first_intrinsic, layout.intrinsics, len(frame)),
                 self.plane_columns(label),
+                layout.shared_columns(layout.first_readout, layout.readout, len(frame)),
             ],
             axis=1,
         )

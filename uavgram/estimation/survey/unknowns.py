@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +17,7 @@ from uavgram.model.survey.survey import Survey
 
 @dataclass(frozen=True)
 class Layout:
-    """Order of the unknowns: points, frames, intrinsics, plane, telemetry.
+    """Order of the unknowns: points, frames, intrinsics, plane, telemetry, readout.
 
     Attributes
     ----------
@@ -32,6 +32,8 @@ class Layout:
         3 (height, slope east, slope north) for each area whose plane is not the gauge.
     telemetry
         12 (see geometry/motion/telemetry_pose.py), or 0 without a log.
+    readout
+        1 where the readout time of a rolling shutter is an unknown, else 0.
     free_gauge
         Whether nothing but a choice fixes position and heading.
     """
@@ -43,6 +45,7 @@ class Layout:
     plane: int
     telemetry: int
     free_gauge: bool
+    readout: int = 0
 
     @cached_property
     def first_frame(self) -> int:
@@ -65,9 +68,14 @@ class Layout:
         return self.first_plane + self.plane
 
     @cached_property
+    def first_readout(self) -> int:
+        """Column of the readout time."""
+        return self.first_telemetry + self.telemetry
+
+    @cached_property
     def size(self) -> int:
         """Number of unknowns."""
-        return self.first_telemetry + self.telemetry
+        return self.first_readout + self.readout
 
     @cached_property
     def structure(self) -> Structure:
@@ -112,7 +120,7 @@ class Layout:
         if index < self.first_telemetry:
             place = (index - self.first_plane) // PLANE_SIZE
             return f"the plane of area {survey.grounds[place + fixed_planes(survey)].name!r}"
-        return "the telemetry's biases"
+        return "the telemetry's biases" if index < self.first_readout else "the readout time"
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +139,8 @@ class State:
         (3A,) height at the pivot [m] and slopes of each area's plane, the gauge's included.
     telemetry
         (12,) or (0,).
+    readout
+        (1,) or (0,) readout time [s].
     """
 
     point: Floats
@@ -139,6 +149,7 @@ class State:
     intrinsic: Floats
     plane: Floats
     telemetry: Floats
+    readout: Floats = field(default_factory=lambda: np.zeros(0))
 
 
 def layout_of(survey: Survey, intrinsics: int) -> Layout:
@@ -151,6 +162,7 @@ def layout_of(survey: Survey, intrinsics: int) -> Layout:
         plane=PLANE_SIZE * (len(survey.grounds) - fixed_planes(survey)),
         telemetry=SHARED_SIZE if survey.telemetry is not None else 0,
         free_gauge=survey.gauge == "plane",
+        readout=int(survey.rolling is not None),
     )
 
 
@@ -175,7 +187,8 @@ def move(layout: Layout, state: State, step: Floats) -> State:
         rotation=state.rotation @ exp_so3(frame_step[:, 3:]),
         intrinsic=state.intrinsic + step[layout.first_intrinsic : layout.first_plane],
         plane=plane,
-        telemetry=state.telemetry + step[layout.first_telemetry :],
+        telemetry=state.telemetry + step[layout.first_telemetry : layout.first_readout],
+        readout=state.readout + step[layout.first_readout :],
     )
 
 
@@ -227,7 +240,7 @@ def _at_gauge(state: State) -> State:
     point = turned.point.copy()
     point[:, :2] -= foot
     center = turned.center - shift
-    return State(point, center, turned.rotation, state.intrinsic, state.plane, state.telemetry)
+    return replace(turned, point=point, center=center)
 
 
 def _turned(state: State, about: Floats, cosine_sine: Floats) -> State:
@@ -239,4 +252,4 @@ def _turned(state: State, about: Floats, cosine_sine: Floats) -> State:
     point[:, :2] = about + (point[:, :2] - about) @ flat
     center[:, :2] = about + (center[:, :2] - about) @ flat
     rotation = turn @ state.rotation
-    return State(point, center, rotation, state.intrinsic, state.plane, state.telemetry)
+    return replace(state, point=point, center=center, rotation=rotation)

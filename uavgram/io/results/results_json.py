@@ -269,6 +269,7 @@ def _dump_shared(result: Result) -> Record:
     learnt = learnt_camera(result.camera, shared.intrinsics)
     return {
         **{key: _dump_estimate(getattr(shared, key)) for key in _TELEMETRY},
+        "readout_s": _dump_estimate(shared.readout_s),
         "plane": _dump_plane(result.plane),
         "intrinsics": {_LEARNT_KEYS.get(key, key): value for key, value in encode(learnt).items()},
     }
@@ -280,6 +281,7 @@ def _load_shared(record: Record, clock: Record) -> SharedResult:
         **{key: None if record[key] is None else _load_estimate(record[key]) for key in _TELEMETRY},
         clock_offset_s=_load_clock(clock["offset_s"], clock["sigma_s"]),
         clock_drift_ppm=_load_clock(clock["drift_ppm"], clock.get("drift_sigma_ppm")),
+        readout_s=_load_estimate(readout) if (readout := record.get("readout_s")) else None,
         intrinsics=_load_estimate(record["intrinsics"]),
     )
 

@@ -28,6 +28,7 @@ from uavgram.stages.refine.blunders.gross_lengths import (
 from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
 from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
 from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.moved_clock import at_found_clock
 from uavgram.stages.refine.remarks import (
     contradiction,
     indispensable,
@@ -65,7 +66,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         refined, said = _without_blunders(survey, refined, options.significance)
     else:
         refined, said = _with_the_accused(survey, refined, options.significance), []
-    refined = with_gross_lengths(survey, refined)
+    refined = with_gross_lengths(survey, at_found_clock(refined))
     return refined, (*left_out, *remarks(survey, refined), *said)
 
 
