@@ -2,8 +2,7 @@
 
 Row v of a photo of height h is exposed at time + readout * share(v), with share(v) =
 (v - (h - 1) / 2) / h: the stated instant is that of the middle row. Within one photo the camera is
-taken to move steadily
-(Hedborg et al. 2012, "Rolling shutter bundle adjustment", sec. 3)::
+taken to move steadily (Hedborg et al. 2012, "Rolling shutter bundle adjustment")::
 
     centre(v)            = centre + share sweep[:3]
     world_from_camera(v) = world_from_camera exp(share sweep[3:])
