@@ -28,7 +28,7 @@ from uavgram.stages.refine.blunders.gross_lengths import (
 from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
 from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
 from uavgram.stages.refine.minima import Participants, best_minima
-from uavgram.stages.refine.moved_clock import at_found_clock
+from uavgram.stages.refine.readout import with_sound_readout
 from uavgram.stages.refine.remarks import (
     contradiction,
     indispensable,
@@ -66,8 +66,9 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         refined, said = _without_blunders(survey, refined, options.significance)
     else:
         refined, said = _with_the_accused(survey, refined, options.significance), []
-    refined = with_gross_lengths(survey, at_found_clock(refined))
-    return refined, (*left_out, *remarks(survey, refined), *said)
+    refined, readout = with_sound_readout(refined)
+    refined = with_gross_lengths(survey, refined)
+    return refined, (*left_out, *readout, *remarks(survey, refined), *said)
 
 
 def _without_gross_control(
