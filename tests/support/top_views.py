@@ -45,8 +45,12 @@ def make_view(
     pivot=(0.0, 0.0),
     crs=None,
     paths=None,
+    sweep=None,
 ) -> View:
-    """A view of all those cameras; `plane` is height and slopes (as tangents)."""
+    """A view of all those cameras; `plane` is height and slopes (as tangents).
+
+    `sweep` is how each moved while its rows were read (default: not at all).
+    """
     result = synthetic_survey.build()
     count = len(centers)
     name = "fisheye" if lens == "fisheye" else "brown"
@@ -69,6 +73,7 @@ def make_view(
         reason=("",) * count,
         seed=table,
         refined=table,
+        sweep=np.zeros((count, 6)) if sweep is None else np.array(sweep),
     )
     world = replace(result.world, crs=crs)
     if crs is None:

@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 from rolling_scenes import NOMINAL, read_in_rows, true_motion
 from scenes import Scene, make_scene
-from test_likelihood import dense
 
 from uavgram.estimation.measuring.predicted_pixels import pixels_at
+from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.rolling import with_readout
 from uavgram.estimation.survey.unknowns import move
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
 from uavgram.geometry.motion.camera_motion import camera_motion
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.readout import Readout
 from uavgram.model.flight.log import Track
 from uavgram.model.options import SolveOptions
@@ -27,6 +28,15 @@ READOUT_S = 0.04
 @pytest.fixture(scope="module")
 def exact() -> Scene:
     return read_in_rows(make_scene(4, noise=0.0), READOUT_S, noise=0.0)
+
+
+def dense(block: Block, size: int) -> Floats:
+    """(n, r, size) Jacobian of a block by all unknowns."""
+    n, r, _ = block.jacobian.shape
+    whole = np.zeros((n, r, size))
+    rows = np.arange(n)[:, None, None]
+    np.add.at(whole, (rows, np.arange(r)[:, None], block.columns[:, None, :]), block.jacobian)
+    return whole
 
 
 def problem_of(scene: Scene) -> SurveyProblem:
@@ -101,7 +111,7 @@ def test_rows_project_as_opencv_has_them_and_lines_of_sight_lead_back(exact: Sce
     lens, world = survey.calibration.parameters, exact.world[survey.pick_label]
 
     pixel = project_rows(survey.calibration, lens, poses, world)
-    np.testing.assert_allclose(pixel, survey.pixel_px, atol=1e-4)
+    np.testing.assert_allclose(pixel, survey.pixel_px, atol=1e-3)  # after two steps
     center, ray = sight_lines(survey.calibration, lens, poses, survey.pixel_px)
     along = world - center
     aside = np.cross(along, ray / np.linalg.norm(ray, axis=1)[:, None])
@@ -122,7 +132,7 @@ def test_it_is_left_out_where_it_says_nothing(exact: Scene) -> None:
 
 def test_a_readout_that_no_camera_has_is_left_out_and_said(exact: Scene) -> None:
     assert exact.survey.rolling is not None
-    known = replace(exact.survey.rolling, readout=Readout(value_s=0.0, sigma_s=0.002))
+    known = replace(exact.survey.rolling, readout=Readout(value_s=-0.4, sigma_s=0.03))
     refined, messages = refine(replace(exact.survey, rolling=known), SolveOptions())
 
     assert refined.adjustment.problem.layout.readout == 0
