@@ -70,7 +70,8 @@ class Grid:
         poses = RowPoses(
             cameras.center_m[frame], cameras.world_from_camera[frame], cameras.sweep[frame]
         )
-        pixel = project_rows(camera, self.result.shared.intrinsics.value, poses, world_m)
+        lens = self.result.shared.intrinsics.value
+        pixel = project_rows(camera, lens, poses, world_m, steps=1)
         size = np.array([camera.width_px, camera.height_px]) - 1
         inside = ((pixel >= 0) & (pixel <= size)).all(axis=-1) & (_sine(rays) > LEAST_SINE)
         return np.where(inside[..., None], pixel, np.nan)
