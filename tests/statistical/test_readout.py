@@ -38,6 +38,6 @@ def test_the_readout_and_lengths_are_as_far_off_as_their_sigmas_say() -> None:
 
     assert len(readout) == TRIALS
     assert np.median(gain) < 0.5  # the picks tell it, not its prior
-    low, high = chi2.ppf([TAIL, 1 - TAIL], TRIALS) / TRIALS
+    low, high = (float(chi2.ppf(tail, TRIALS)) / TRIALS for tail in (TAIL, 1 - TAIL))
     assert low < np.mean(readout) < high
     assert low < np.mean(lengths) < high

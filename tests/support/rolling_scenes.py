@@ -1,4 +1,4 @@
-"""Small surveys whose photos are read row after row, with known truth: own projection, no kernel."""
+"""Small surveys whose photos are read row after row, with known truth: a projection of its own."""
 
 from __future__ import annotations
 
