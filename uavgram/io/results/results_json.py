@@ -117,7 +117,7 @@ def _result(content: Record) -> Result:
         name=decode(str, content["name"]),
         provenance=_load_provenance(content["provenance"]),
         world=_load_world(content["world"]),
-        camera=from_record(Calibration, content["camera"]),
+        camera=from_record(Calibration, {"readout": None} | content["camera"]),
         shared=_load_shared(content["shared"], {"drift_ppm": None} | content["clock"]),
         areas=tuple(_load_plane(area) for area in content["areas"]),
         frames=tables.load_frames(content["frames"]),
