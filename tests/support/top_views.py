@@ -51,8 +51,12 @@ def make_view(
     pivot: ArrayLike = (0.0, 0.0),
     crs: str | None = None,
     paths: Sequence[str] | None = None,
+    sweep: Floats | None = None,
 ) -> View:
-    """A view of all those cameras; `plane` is height and slopes (as tangents)."""
+    """A view of all those cameras; `plane` is height and slopes (as tangents).
+
+    `sweep` is how each moved while its rows were read (default: not at all).
+    """
     result = synthetic_survey.build()
     center_world_m = np.array(centers, float)
     count = len(center_world_m)
@@ -76,6 +80,7 @@ def make_view(
         reason=("",) * count,
         seed=table,
         refined=table,
+        sweep=np.zeros((count, 6)) if sweep is None else np.array(sweep),
     )
     world = replace(result.world, crs=crs)
     if crs is None:

@@ -20,8 +20,10 @@ from uavgram.model.camera.calibration import (
     parameter_names,
 )
 from uavgram.model.camera.provenance import CameraProvenance
+from uavgram.model.camera.readout import TABLE_SIGMA_S, Readout
 from uavgram.model.limits import LARGEST_SIGMA
 
+LONGEST_READOUT_MS = 1000.0
 RELATIVE_TOLERANCE = 1e-6  # of symmetry and definiteness: files are rounded to some digits
 
 
@@ -37,6 +39,8 @@ class _CameraFile:
     sigma: tuple[float, ...] | None = None
     covariance: tuple[tuple[float, ...], ...] | None = None
     provenance: CameraProvenance | None = None
+    readout_ms: float | None = None
+    readout_sigma_ms: float | None = None
 
 
 def load_camera(path: str | Path) -> Calibration:
@@ -68,8 +72,18 @@ def load_camera_file(path: str | Path) -> tuple[Calibration, CameraProvenance | 
         height_px=camera.height_px,
         parameters=np.array(camera.parameters),
         covariance=covariance,
+        readout=_readout(camera),
     )
     return calibration, camera.provenance
+
+
+def _readout(camera: _CameraFile) -> Readout | None:
+    """The stated readout time; 0 without a sigma is a shutter that exposes all rows at once."""
+    if camera.readout_ms is None:
+        return None
+    usual_ms = 1e3 * TABLE_SIGMA_S if camera.readout_ms else 0.0
+    sigma_ms = usual_ms if camera.readout_sigma_ms is None else camera.readout_sigma_ms
+    return Readout(value_s=camera.readout_ms / 1e3, sigma_s=sigma_ms / 1e3)
 
 
 def _faults(camera: _CameraFile) -> list[tuple[str, str]]:
@@ -100,6 +114,21 @@ def _faults(camera: _CameraFile) -> list[tuple[str, str]]:
             rows, columns = len(camera.covariance), "/".join(map(str, sorted(sizes)))
             text = f"must have {n} rows of {order} (got {rows} rows of {columns})"
             faults.append(("covariance", text))
+    return [*faults, *_readout_faults(camera)]
+
+
+def _readout_faults(camera: _CameraFile) -> list[tuple[str, str]]:
+    faults = []
+    value, sigma = camera.readout_ms, camera.readout_sigma_ms
+    if value is not None and abs(value) > LONGEST_READOUT_MS:
+        text = f"is far too long (got {value:g} ms): most cameras read a photo in 10 to 100 ms"
+        faults.append(("readout_ms", text))
+    if sigma is not None and value is None:
+        text = "stands alone: add 'readout_ms', the time in which the camera reads a photo"
+        faults.append(("readout_sigma_ms", text))
+    if sigma is not None and not 0 <= sigma <= LONGEST_READOUT_MS:
+        text = f"must be from 0 to {LONGEST_READOUT_MS:g} ms (got {sigma:g})"
+        faults.append(("readout_sigma_ms", text))
     return faults
 
 

@@ -10,6 +10,7 @@ import yaml
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.camera.provenance import CameraProvenance
+from uavgram.model.camera.readout import Readout
 from uavgram.model.typed_numbers import number_text
 
 _SIGMA_DIGITS = 3
@@ -35,10 +36,18 @@ def camera_text(calibration: Calibration, provenance: CameraProvenance) -> str:
         ),
         f"covariance:  # {' '.join(names)}",
         *(f"  - {_row(row)}" for row in calibration.covariance),
+        *_readout_lines(calibration.readout),
         "provenance:",
         *(f"  {line}" for line in _provenance_lines(provenance)),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _readout_lines(readout: Readout | None) -> Iterable[str]:
+    if readout is not None:
+        yield "# In which time a photo is read, from the first row to the last."
+        yield f"readout_ms: {number_text(1e3 * readout.value_s)}"
+        yield f"readout_sigma_ms: {number_text(1e3 * readout.sigma_s)}"
 
 
 def _row(values: Floats) -> str:

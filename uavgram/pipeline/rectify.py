@@ -194,8 +194,10 @@ def _within(reach: Floats, window: Window) -> Ints:
 def _knowledge(adjustment: Adjustment, view: View, pick_sigma_px: float) -> FrameKnowledge:
     row_of = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
     frames = np.array([row_of[name] for name in view.frame_id])
+    rolling = adjustment.survey.rolling
     return FrameKnowledge(
         covariance=adjustment.sight_covariance(frames),
+        motion=None if rolling is None else rolling.motion[frames],
         pixel_sigma_px=pick_sigma_px,
         roughness_sigma_m=adjustment.departure_m(0),
     )

@@ -10,8 +10,11 @@ import numpy as np
 
 from uavgram.errors import GeometryError, near_miss
 from uavgram.estimation.survey.correlated_errors import trend_inflation
+from uavgram.estimation.survey.rolling import with_readout
+from uavgram.geometry.motion.telemetry_pose import LEVER_ARM, SHARED_SIZE
 from uavgram.model.arrays import Floats, FrozenArrays, Ints
 from uavgram.model.camera.calibration import Calibration
+from uavgram.model.flight.log import Track
 from uavgram.model.flight.pose import Poses, TelemetryPrior
 from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.message import Message, Several
@@ -137,6 +140,10 @@ def assemble(observed: Observations) -> Assembled:
         area=np.array([area_at[name] for name in areas]),
         gauge=gauge,
     )
+    if survey.telemetry is not None:
+        nominal = np.zeros(SHARED_SIZE)
+        nominal[LEVER_ARM] = survey.telemetry.lever_arm_m
+        survey = with_readout(survey, nominal)
     return Assembled(
         survey=survey,
         pick_index=_index(chosen, len(picks.image)),
@@ -146,6 +153,7 @@ def assemble(observed: Observations) -> Assembled:
             *_gauge(survey),
             *_unseen_control(control, survey),
             *_unpicked_areas(observed.ground, survey),
+            *_unused_readout(survey),
         ),
     )
 
@@ -244,6 +252,20 @@ def _unpicked_areas(ground: GroundOptions, survey: Survey) -> Iterator[Message]:
                 f"The ground's area {name!r} is not used: no usable pick names it in the column "
                 f"`area` of picks.csv{hint}.",
             )
+
+
+def _unused_readout(survey: Survey) -> Iterator[Message]:
+    """Say so where rows are known to be read one after the other, and the motion is not."""
+    readout = survey.calibration.readout
+    if readout is not None and readout.value_s and not isinstance(survey.track, Track):
+        yield Message(
+            "info",
+            "readout-unused",
+            f"This camera reads a photo in {1e3 * abs(readout.value_s):.0f} ms, row after row. How "
+            "it moved meanwhile is not known without a flight log, so that is left out: what "
+            "follows from it stays in the results. Name the flight's log (`log:`), if there is "
+            "one.",
+        )
 
 
 def _ordered(poses: Poses, names: Iterable[str]) -> Poses:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import back_project
-from uavgram.geometry.camera.projection import project
 from uavgram.geometry.ground.plane import intersect_ground
+from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.pose import Poses
 
 STEP_PX = 8.0
 """By which the scale between two photos is found."""
@@ -17,7 +15,7 @@ STEP_PX = 8.0
 
 def same_ground(
     calibration: Calibration,
-    poses: Poses,
+    poses: RowPoses,
     plane: tuple[Floats, Floats],
     photo: int,
     pixel_px: tuple[float, float],
@@ -45,11 +43,12 @@ def same_ground(
         How many pixels of that photo are one of the first there.
     """
     near = np.array(pixel_px) + STEP_PX * np.array([[0, 0], [1, 0], [0, 1]])
-    ray = back_project(calibration.model, calibration.parameters, near)
-    center, rotation = poses.center_world_m, poses.world_from_camera
-    world = intersect_ground(center[photo], ray @ rotation[photo].T, *plane)
-    camera = np.einsum("fji,fnj->fni", rotation, world[None] - center[:, None])
-    pixel = project(calibration.model, calibration.parameters, camera)
+    lens = calibration.parameters
+    here = RowPoses(*(part[photo] for part in poses))
+    world = intersect_ground(*sight_lines(calibration, lens, here, near), *plane)
+    pixel = project_rows(
+        calibration, lens, RowPoses(*(part[:, None] for part in poses)), world[None]
+    )
     along = (pixel[:, 1:] - pixel[:, :1]) / STEP_PX
     with np.errstate(invalid="ignore"):  # NaN where a photo does not see the ground
         return pixel[:, 0], np.sqrt(np.abs(np.linalg.det(along)))

@@ -47,6 +47,9 @@ def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedRes
         heading_bias_deg=_changed(part.get("heading_bias"), DEGREES),
         clock_offset_s=_changed(part.get("clock"), shift=clock_offset_s),
         clock_drift_ppm=_changed(part.get("clock_drift"), 1e6),
+        readout_s=Estimate(value=state.readout, sigma=_sigmas(adjustment, layout.first_readout, 1))
+        if layout.readout
+        else None,
         intrinsics=Estimate(value=adjustment.problem.intrinsics(state), sigma=intrinsic_sigma),
     )
 
@@ -147,7 +150,16 @@ def summarise_frames(
         reason=tuple(why for _, why in verdicts),
         seed=_table(frames.frame_id, seeds),
         refined=_table(frames.frame_id, adjusted),
+        sweep=_sweep(frames.frame_id, adjustment),
     )
+
+
+def _sweep(frame_id: tuple[str, ...], adjustment: Adjustment) -> Floats:
+    """(F, 6) of all frames, 0 for those that are not adjusted."""
+    row = {name: i for i, name in enumerate(frame_id)}
+    sweep = np.zeros((len(frame_id), 6))
+    sweep[[row[name] for name in adjustment.survey.frame_id]] = adjustment.sweep()
+    return sweep
 
 
 def _status(

@@ -62,6 +62,7 @@ GROUP_WORDS = {
     "heading_bias": "offset of the log's heading",
     "clock": "camera clock",
     "clock_drift": "drift of the camera clock",
+    "readout": "readout time of the camera",
     "plane": "plane of the ground",
     "roughness": "unevenness of the ground",
     "relief": "shape of the ground",

@@ -144,6 +144,38 @@ def test_sigma_is_that_of_everything_moved_by_its_joint_covariance(lens) -> None
     np.testing.assert_allclose(place_sigma(view, 0, pixel, known), expected, rtol=1e-4)
 
 
+@pytest.mark.parametrize("lens", ["brown", "fisheye"])
+def test_with_rows_read_in_turn_places_and_sigmas_are_those_of_each_row(lens: str) -> None:
+    center, rotation = np.array([2.0, -20.0, 30.0]), looking(35, 12, 4)
+    motion, readout_s = np.array([6.0, -4.0, 1.0, 0.2, -0.3, 0.1]), 0.05
+    view = make_view(
+        [center], [rotation], lens=lens, plane=PLANE, pivot=PIVOT, sweep=[readout_s * motion]
+    )
+    parameters = LENSES[lens]
+    pixel = np.random.default_rng(6).uniform([60, 60], [740, 540], (12, 2))
+
+    def place(late_by: float) -> np.ndarray:
+        places = []
+        for one in pixel:
+            late_s = (readout_s + late_by) * (one[1] - 299.5) / 600
+            turned = rotation @ Rotation.from_rotvec(late_s * motion[3:]).as_matrix()
+            here = center + late_s * motion[:3]
+            places.append(meet(lens, here, turned, parameters, np.array(PLANE), one[None])[0])
+        return np.array(places)
+
+    true = place(0.0)
+    up = PLANE[0] + (true - PIVOT) @ np.array(PLANE[1:])
+    seen, _ = view.look(0, np.column_stack([true, up]))
+    np.testing.assert_allclose(seen, pixel, atol=1e-2)
+
+    count = 10 + len(parameters)
+    covariance = np.zeros((1, count, count))
+    covariance[0, -1, -1] = 0.004**2  # the readout time alone is uncertain
+    known = FrameKnowledge(covariance, 0.0, 0.0, motion[None])
+    expected = 0.004 * np.linalg.norm(place(1e-4) - place(-1e-4), axis=1) / 2e-4
+    np.testing.assert_allclose(place_sigma(view, 0, pixel, known), expected, rtol=1e-4)
+
+
 def test_sigma_is_none_where_a_pixel_meets_no_ground() -> None:
     view = make_view([[0, 0, 30.0]], [looking(80)])
     known = FrameKnowledge(np.eye(18)[None] * 1e-6, 1.0, 0.0)

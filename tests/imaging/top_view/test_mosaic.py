@@ -132,7 +132,7 @@ def test_without_photos_or_refined_frames_there_is_no_mosaic() -> None:
 def test_a_frame_that_shows_all_of_a_cell_goes_before_one_that_shows_some() -> None:
     result = synthetic_survey.build(clean=True)
     poses = result.frames.refined
-    cameras = Cameras(poses.center_world_m, poses.world_from_camera)
+    cameras = Cameras(poses.center_world_m, poses.world_from_camera, result.frames.sweep)
     grid = Grid(result, -60.0, 50.0, 0.15, 64, (10, 12))
     choice = choose(grid, cameras)
     row, column = np.meshgrid(np.arange(11.0) * 64, np.arange(13.0) * 64, indexing="ij")

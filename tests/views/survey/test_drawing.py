@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.stages.products import map_layers as features
 from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH, measure_scene, on_screen
@@ -40,7 +41,7 @@ def test_lines_are_bent_as_opencv_bends_them(survey) -> None:
     poses = result.frames.refined
     center, rotation = poses.center_world_m[frame], poses.world_from_camera[frame]
     strip = drawing.sampled(result.points.position_world_m[[8, 9]])
-    ours = drawing.project_from(result, center, rotation, strip)
+    ours = drawing.project_from(result, row_poses(result, frame), strip)
     theirs = survey.project(center, rotation, strip)
     seen = drawing.in_photo(result, theirs)
 

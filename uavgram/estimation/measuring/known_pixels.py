@@ -6,9 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.measuring.predicted_pixels import shown_in_photo
+from uavgram.estimation.measuring.predicted_pixels import in_photo
 from uavgram.geometry.camera.projection import project_with_jacobian
-from uavgram.geometry.motion.rotation import hat
+from uavgram.geometry.ground.row_projection import RowPoses, project_rows
+from uavgram.geometry.motion.rotation import exp_so3, hat
+from uavgram.geometry.motion.row_poses import row_share
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.pose import Poses
@@ -27,7 +29,7 @@ class KnownPixels(NamedTuple):
 
 
 def pixels_of_known_points(
-    calibration: Calibration, poses: Poses, world_m: Floats, sigma_m: Floats
+    calibration: Calibration, poses: Poses, sweep: Floats, known: tuple[Floats, Floats]
 ) -> KnownPixels:
     """Every known point in every photo that should show it.
 
@@ -40,9 +42,12 @@ def pixels_of_known_points(
         Of the photos.
     poses
         (F,) poses.
-    world_m, sigma_m
-        (K, 3) points in the world, and their standard deviations.
+    sweep
+        (F, 6) by which each camera moved while its photo was read; see `RowPoses`.
+    known
+        (K, 3) points in the world, and their standard deviations [m].
     """
+    world_m, sigma_m = known
     pose, point = (
         grid.ravel()
         for grid in np.meshgrid(
@@ -50,12 +55,13 @@ def pixels_of_known_points(
         )
     )
     center, rotation = poses.center_world_m, poses.world_from_camera
-    shown = shown_in_photo(
-        calibration, calibration.parameters, world_m[point], center[pose], rotation[pose]
-    )
+    of_rows = RowPoses(center[pose], rotation[pose], sweep[pose])
+    place = project_rows(calibration, calibration.parameters, of_rows, world_m[point])
+    shown = np.flatnonzero(in_photo(calibration, place))
     pose, point = pose[shown], point[shown]
-    from_world = np.swapaxes(rotation, 1, 2)[pose]
-    camera = np.einsum("nij,nj->ni", from_world, world_m[point] - center[pose])
+    of_row, turn = of_rows.at(row_share(place[:, 1], calibration.height_px))
+    from_world = np.swapaxes(rotation[pose] @ exp_so3(turn[shown]), 1, 2)
+    camera = np.einsum("nij,nj->ni", from_world, world_m[point] - of_row[shown])
     pixel, d_camera, _ = project_with_jacobian(calibration.model, calibration.parameters, camera)
     d_world = d_camera @ from_world
     d_pose = np.concatenate([-d_world, d_camera @ hat(camera)], axis=2)

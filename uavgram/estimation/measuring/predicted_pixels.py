@@ -15,11 +15,15 @@ import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.geometry.camera.projection import project, project_with_jacobian
-from uavgram.geometry.motion.rotation import hat
+from uavgram.geometry.camera.projection import project_with_jacobian
+from uavgram.geometry.ground.row_projection import RowPoses, project_rows
+from uavgram.geometry.motion.camera_motion import camera_motion
+from uavgram.geometry.motion.rotation import exp_so3, hat
+from uavgram.geometry.motion.row_poses import row_share
 from uavgram.geometry.motion.telemetry_pose import corrected_time, exposures_by_time, predict_pose
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints, rows_of
 from uavgram.model.camera.calibration import Calibration
+from uavgram.model.flight.log import Track
 from uavgram.model.flight.photo_poses import Flight
 from uavgram.model.flight.pose import TelemetryPrior
 
@@ -70,7 +74,10 @@ def _in_adjusted(adjustment: Adjustment) -> PredictedPixels:
     free[survey.pick_frame, survey.pick_label] = False
     frame, label = np.nonzero(free)
     world, _, _ = adjustment.problem.world_points(state, label)
-    shown = _shown(adjustment, world, state.center[frame], state.rotation[frame])
+    poses = RowPoses(state.center[frame], state.rotation[frame], adjustment.sweep()[frame])
+    parameters = adjustment.problem.intrinsics(state)
+    place = project_rows(survey.calibration, parameters, poses, world)
+    shown = in_photo(survey.calibration, place)
     frame, label = frame[shown], label[shown]
     pixel, covariance = pixels_at(adjustment, frame, label)
     return PredictedPixels(tuple(survey.frame_id[f] for f in frame), label, pixel, covariance)
@@ -90,19 +97,22 @@ def pixels_at(adjustment: Adjustment, frame: Ints, label: Ints) -> tuple[Floats,
     """
     survey, problem = adjustment.survey, adjustment.problem
     n = len(frame)
+    if not n:
+        return np.full((n, 2), np.nan), np.full((n, 2, 2), np.nan)
+    place = np.nan_to_num(adjustment.pixels(frame, label))
     asked = replace(
         survey,
         pick_frame=frame,
         pick_label=label,
-        pixel_px=np.zeros((n, 2)),  # a residual from there is the pixel
+        pixel_px=place,  # in its row the residual is 0, whatever the camera moved meanwhile
         pick_sigma_px=np.ones(n),
     )
     used = np.isin(np.arange(len(survey.line_start)), problem.line_index)
     blocks = SurveyProblem(asked, problem.pivot_m, used).evaluate(adjustment.state)
-    if blocks is None or not n:
+    if blocks is None:
         return np.full((n, 2), np.nan), np.full((n, 2, 2), np.nan)
     block = blocks["pixels"]
-    return block.residual, _propagated(adjustment, block.columns, block.jacobian)
+    return place + block.residual, _propagated(adjustment, block.columns, block.jacobian)
 
 
 def _propagated(adjustment: Adjustment, columns: Ints, jacobian: Floats) -> Floats:
@@ -141,21 +151,32 @@ def _in_others(
         for grid in np.meshgrid(np.arange(len(rows)), np.arange(layout.points), indexing="ij")
     )
     world, d_point, d_plane = adjustment.problem.world_points(state, label)
-    shown = _shown(adjustment, world, center[frame], rotation[frame])
+    motion = np.zeros((len(rows), 6))
+    if survey.rolling is not None and isinstance(track, Track):
+        these = replace(prior, **rows_of(prior, rows))
+        motion = camera_motion(track, these, chosen, state.telemetry)
+    sweep = motion * state.readout if layout.readout else motion
+    poses = RowPoses(center[frame], rotation[frame], sweep[frame])
+    parameters = adjustment.problem.intrinsics(state)
+    place = project_rows(survey.calibration, parameters, poses, world)
+    shown = in_photo(survey.calibration, place)
     frame, label, world = frame[shown], label[shown], world[shown]
-    camera_from_world = np.swapaxes(rotation, 1, 2)[frame]
-    camera = np.einsum("nij,nj->ni", camera_from_world, world - center[frame])
-    pixel, d_camera, d_lens = project_with_jacobian(
-        survey.calibration.model, adjustment.problem.intrinsics(state), camera
-    )
+    poses = RowPoses(*(part[shown] for part in poses))
+    share = row_share(place[shown, 1], survey.calibration.height_px)
+    of_row, turn = poses.at(share)
+    camera_from_world = np.swapaxes(poses.rotation @ exp_so3(turn), 1, 2)
+    camera = np.einsum("nij,nj->ni", camera_from_world, world - of_row)
+    pixel, d_camera, d_lens = project_with_jacobian(survey.calibration.model, parameters, camera)
     d_world = d_camera @ camera_from_world
     d_pose = np.concatenate([-d_world, d_camera @ hat(camera)], axis=2)
+    by_readout = d_pose @ (share[:, None] * motion[frame])[..., None]
     jacobian = np.concatenate(
         [
             d_world @ d_point[shown],
             d_pose @ d_shared[frame],
             d_lens @ adjustment.problem.intrinsic_basis,
             d_world @ d_plane[shown],
+            by_readout[..., : layout.readout],
         ],
         axis=2,
     )
@@ -166,6 +187,7 @@ def _in_others(
             layout.shared_columns(layout.first_telemetry, layout.telemetry, n),
             layout.shared_columns(layout.first_intrinsic, layout.intrinsics, n),
             adjustment.problem.plane_columns(label),
+            layout.shared_columns(layout.first_readout, layout.readout, n),
         ],
         axis=1,
     )
@@ -174,29 +196,8 @@ def _in_others(
     return PredictedPixels(tuple(chosen[f] for f in frame), label, pixel, covariance)
 
 
-def _shown(adjustment: Adjustment, world: Floats, center: Floats, rotation: Floats) -> Ints:
-    """Which of N pairs of world point and pose give a pixel inside the image."""
-    parameters = adjustment.problem.intrinsics(adjustment.state)
-    return shown_in_photo(adjustment.survey.calibration, parameters, world, center, rotation)
-
-
-def shown_in_photo(
-    calibration: Calibration, parameters: Floats, world: Floats, center: Floats, rotation: Floats
-) -> Ints:
-    """Which of N pairs of world point (N, 3) and pose (N, 3), (N, 3, 3) give a pixel in the image.
-
-    Parameters
-    ----------
-    calibration
-        Lens model and size of the image.
-    parameters
-        Of the lens model, where they are better known than the calibration's.
-    world, center, rotation
-        Points and poses (world from camera).
-    """
-    camera = np.einsum("nji,nj->ni", rotation, world - center)
-    pixel = project(calibration.model, parameters, camera)
-    size = np.array([calibration.width_px, calibration.height_px])
+def in_photo(camera: Calibration, pixel_px: Floats) -> Bools:
+    """(N,) whether pixels (N, 2) lie in the image; NaN does not."""
+    size = np.array([camera.width_px, camera.height_px])
     with np.errstate(invalid="ignore"):
-        inside = (pixel >= -0.5).all(axis=1) & (pixel <= size - 0.5).all(axis=1)
-    return np.flatnonzero(inside)
+        return np.asarray(((pixel_px >= -0.5) & (pixel_px <= size - 0.5)).all(axis=1))

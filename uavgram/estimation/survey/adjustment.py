@@ -15,7 +15,7 @@ from uavgram.estimation.survey.ground_planes import relief_basis
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.estimation.survey.unknowns import State
-from uavgram.geometry.camera.projection import project
+from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.noise import Noise
 from uavgram.model.survey.survey import Survey
@@ -75,8 +75,14 @@ class Adjustment:
         """(n, 2) pixels at which labels appear in frames [px]; NaN behind the camera."""
         state = self.state
         world, _, _ = self.problem.world_points(state, label)
-        camera = np.einsum("nji,nj->ni", state.rotation[frame], world - state.center[frame])
-        return project(self.survey.calibration.model, self.problem.intrinsics(state), camera)
+        poses = RowPoses(state.center[frame], state.rotation[frame], self.sweep()[frame])
+        return project_rows(self.survey.calibration, self.problem.intrinsics(state), poses, world)
+
+    def sweep(self) -> Floats:
+        """(F, 6) by which the camera moves while a photo is read: see `RowPoses`."""
+        if self.survey.rolling is None:
+            return np.zeros((len(self.survey.frame_id), 6))
+        return self.state.readout * self.survey.rolling.motion
 
     def relief_m(self, area: int) -> float:
         """Root mean square of the smooth departures of an area's points from its plane [m]."""
@@ -155,8 +161,9 @@ class Adjustment:
     def sight_covariance(self, frame: Ints) -> Floats:
         """Joint covariance (n, 9 + P, 9 + P) of all that places a frame's pixels on the ground.
 
-        Its rows: pose (δcentre world [m], δθ camera [rad]), interior orientation (P), and the
-        first area's plane (height [m], slopes), which is known where it is the gauge.
+        Its rows: pose (δcentre world [m], δθ camera [rad]), interior orientation (P), the
+        first area's plane (height [m], slopes), which is known where it is the gauge. One more
+        stands for the readout time [s], where that is an unknown.
         """
         layout, lens = self.problem.layout, self.problem.intrinsic_basis
         plane = 0 if layout.free_gauge else 3
@@ -164,12 +171,15 @@ class Adjustment:
             [
                 layout.first_intrinsic + np.arange(layout.intrinsics),
                 layout.first_plane + np.arange(plane),
+                layout.first_readout + np.arange(layout.readout),
             ]
         )
-        to_lens = np.zeros((9 + len(lens), 6 + len(shared)))
+        to_lens = np.zeros((9 + len(lens) + layout.readout, 6 + len(shared)))
         to_lens[:6, :6] = np.eye(6)
         to_lens[6 : 6 + len(lens), 6 : 6 + layout.intrinsics] = lens
-        to_lens[6 + len(lens) :, 6 + layout.intrinsics :] = np.eye(3)[:, :plane]
+        rest = np.eye(3 + layout.readout)
+        known = [] if plane else [0, 1, 2]
+        to_lens[6 + len(lens) :, 6 + layout.intrinsics :] = np.delete(rest, known, axis=1)
         right = np.zeros((layout.size, len(shared)))
         right[shared, np.arange(len(shared))] = 1.0
         with_shared = self.minimum.factor.solve(right)

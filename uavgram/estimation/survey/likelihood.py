@@ -16,7 +16,8 @@ from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.ground_planes import GroundPlanes
 from uavgram.estimation.survey.unknowns import Layout, State, layout_of
 from uavgram.geometry.camera.projection import project_with_jacobian
-from uavgram.geometry.motion.rotation import hat, log_so3, right_jacobian_inverse
+from uavgram.geometry.motion.rotation import exp_so3, hat, log_so3, right_jacobian_inverse
+from uavgram.geometry.motion.row_poses import row_share
 from uavgram.geometry.motion.telemetry_pose import (
     BORESIGHT,
     CLOCK,
@@ -31,6 +32,7 @@ from uavgram.geometry.motion.telemetry_pose import (
     predict_pose,
 )
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.camera.readout import Readout
 from uavgram.model.survey.survey import Survey
 
 GAUGE_SIGMA = np.array([1e-4, 1e-4, 1e-6])
@@ -127,11 +129,9 @@ class SurveyProblem:
             blocks["lengths"] = self._lengths(state)
         if len(self.survey.control_label):
             blocks["control"] = self._control(state)
-        if self.layout.point_size == 3:
-            blocks["roughness"] = self._roughness(state)
-        if self.layout.relief:
-            blocks["relief"] = self._relief(state)
-        blocks |= self._planes(state)
+        blocks |= self._grounds(state)
+        if self.survey.rolling is not None:
+            blocks["readout"] = self._readout(state, self.survey.rolling.readout)
         if self.layout.free_gauge:
             blocks["gauge"] = self._gauge(state)
         if self.survey.telemetry is not None:
@@ -147,6 +147,16 @@ class SurveyProblem:
         world, d_point, d_plane = self.world_points(state, survey.pick_label)
         camera_from_world = np.swapaxes(state.rotation, 1, 2)[frame]
         from_center = world - state.center[frame]
+        unturned = None
+        if survey.rolling is not None:
+            # The row's own pose: centre + a v, R exp(a w), with a the time since the middle row.
+            motion = survey.rolling.motion[frame]
+            share = row_share(survey.pixel_px[:, 1], survey.calibration.height_px)[:, None]
+            moved = share * state.readout * motion
+            from_center = from_center - moved[:, :3]
+            unturned = exp_so3(-moved[:, 3:])
+            in_middle = np.einsum("nij,nj->ni", camera_from_world, from_center)
+            camera_from_world = unturned @ camera_from_world
         camera = np.einsum("nij,nj->ni", camera_from_world, from_center)
         pixel, d_camera, d_intrinsics = project_with_jacobian(
             survey.calibration.model, self.intrinsics(state), camera, beyond_fold="extend"
@@ -155,16 +165,20 @@ class SurveyProblem:
             return None
         weight = 1.0 / survey.pick_sigma_px
         d_world = d_camera @ camera_from_world
-        jacobian = np.concatenate(
-            [
-                d_world @ d_point,
-                -d_world,
-                d_camera @ hat(camera),
-                d_intrinsics @ self.intrinsic_basis,
-                d_world @ d_plane,
-            ],
-            axis=2,
-        )
+        by_turn = hat(camera) if unturned is None else unturned @ hat(in_middle)
+        parts = [
+            d_world @ d_point,
+            -d_world,
+            d_camera @ by_turn,
+            d_intrinsics @ self.intrinsic_basis,
+            d_world @ d_plane,
+        ]
+        if unturned is not None:
+            # d/da of exp(-a w) R^T (X - centre - a v): camera x w - R_row^T v
+            by_time = np.cross(camera, motion[:, 3:])
+            by_time -= np.einsum("nij,nj->ni", camera_from_world, motion[:, :3])
+            parts.append(d_camera @ (share * by_time)[..., None])
+        jacobian = np.concatenate(parts, axis=2)
         residual = (pixel - survey.pixel_px) * weight[:, None]
         return Block(residual, self._pixel_columns, jacobian * weight[:, None, None])
 
@@ -177,6 +191,7 @@ class SurveyProblem:
                 layout.frame_columns(frame),
                 layout.shared_columns(layout.first_intrinsic, layout.intrinsics, len(frame)),
                 self.plane_columns(label),
+                layout.shared_columns(layout.first_readout, layout.readout, len(frame)),
             ],
             axis=1,
         )
@@ -240,6 +255,19 @@ class SurveyProblem:
         sigma = np.where(rough, self.ground.roughness_sigma_m, 1.0)[:, None]
         columns = self.layout.point_columns(np.arange(self.layout.points))[:, 2:]
         return Block(state.point[:, 2:] / sigma, columns, 1.0 / sigma[:, :, None])
+
+    def _grounds(self, state: State) -> dict[str, Block]:
+        """Priors of all that makes up the ground."""
+        blocks = {}
+        if self.layout.point_size == 3:
+            blocks["roughness"] = self._roughness(state)
+        if self.layout.relief:
+            blocks["relief"] = self._relief(state)
+        return blocks | self._planes(state)
+
+    def _readout(self, state: State, known: Readout) -> Block:
+        scaled = (state.readout - known.value_s) / known.sigma_s
+        return _prior(scaled, self.layout.first_readout, np.array([1.0 / known.sigma_s]))
 
     def _planes(self, state: State) -> dict[str, Block]:
         """Priors by area; the first area's has the name of old, ``plane``."""

@@ -25,6 +25,7 @@ PRIOR_WORDS = {
     "heading_bias": ("heading bias",),
     "clock": ("clock offset",),
     "clock_drift": ("clock drift",),
+    "readout": ("readout time",),
     "plane": ("ground height", "ground slope east", "ground slope north"),
 }
 PRIOR_UNITS = {
@@ -34,6 +35,7 @@ PRIOR_UNITS = {
     "heading_bias": ("deg",),
     "clock": ("s",),
     "clock_drift": ("ppm",),
+    "readout": ("s",),
     "plane": ("m", "deg", "deg"),
     "roughness": ("m",),
     "control": ("m",) * 3,

@@ -47,6 +47,7 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
         frame_id=tuple(survey.frame_id[i] for i in frames),
         seeds=None if survey.seeds is None else survey.seeds.take(frames),
         telemetry=_some_telemetry(survey, new_frame),
+        rolling=survey.rolling and replace(survey.rolling, **rows_of(survey.rolling, frames, "f")),
         **rows_of(survey, labels, "k"),
         **rows_of(survey, picks, "p") | {"pick_frame": pick_frame, "pick_label": pick_label},
         **_some_lines(survey, lines) | {"line_start": start[lines], "line_end": end[lines]},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +17,7 @@ from uavgram.model.survey.survey import Survey
 
 @dataclass(frozen=True)
 class Layout:
-    """Order of the unknowns: points, frames, intrinsics, plane, relief, telemetry.
+    """Order of the unknowns: points, frames, intrinsics, plane, relief, telemetry, readout.
 
     Attributes
     ----------
@@ -34,6 +34,8 @@ class Layout:
         Coefficients of all areas' relief.
     telemetry
         12 (see geometry/motion/telemetry_pose.py), or 0 without a log.
+    readout
+        1 where the readout time of a rolling shutter is an unknown, else 0.
     free_gauge
         Whether nothing but a choice fixes position and heading.
     """
@@ -46,6 +48,7 @@ class Layout:
     relief: int
     telemetry: int
     free_gauge: bool
+    readout: int = 0
 
     @cached_property
     def first_frame(self) -> int:
@@ -73,9 +76,14 @@ class Layout:
         return self.first_relief + self.relief
 
     @cached_property
+    def first_readout(self) -> int:
+        """Column of the readout time."""
+        return self.first_telemetry + self.telemetry
+
+    @cached_property
     def size(self) -> int:
         """Number of unknowns."""
-        return self.first_telemetry + self.telemetry
+        return self.first_readout + self.readout
 
     @cached_property
     def structure(self) -> Structure:
@@ -122,7 +130,7 @@ class Layout:
             return f"the plane of area {survey.grounds[place + fixed_planes(survey)].name!r}"
         if index < self.first_telemetry:
             return "the relief of the ground"
-        return "the telemetry's biases"
+        return "the telemetry's biases" if index < self.first_readout else "the readout time"
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,6 +151,8 @@ class State:
         (R,) coefficients of the areas' relief [m].
     telemetry
         (12,) or (0,).
+    readout
+        (1,) or (0,) readout time [s].
     """
 
     point: Floats
@@ -152,6 +162,7 @@ class State:
     plane: Floats
     relief: Floats
     telemetry: Floats
+    readout: Floats = field(default_factory=lambda: np.zeros(0))
 
 
 def layout_of(survey: Survey, intrinsics: int) -> Layout:
@@ -165,6 +176,7 @@ def layout_of(survey: Survey, intrinsics: int) -> Layout:
         relief=relief_size(survey),
         telemetry=SHARED_SIZE if survey.telemetry is not None else 0,
         free_gauge=survey.gauge == "plane",
+        readout=int(survey.rolling is not None),
     )
 
 
@@ -190,7 +202,8 @@ def move(layout: Layout, state: State, step: Floats) -> State:
         intrinsic=state.intrinsic + step[layout.first_intrinsic : layout.first_plane],
         plane=plane,
         relief=state.relief + step[layout.first_relief : layout.first_telemetry],
-        telemetry=state.telemetry + step[layout.first_telemetry :],
+        telemetry=state.telemetry + step[layout.first_telemetry : layout.first_readout],
+        readout=state.readout + step[layout.first_readout :],
     )
 
 

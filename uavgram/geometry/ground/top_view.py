@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
-from uavgram.geometry.camera.projection import project
 from uavgram.geometry.earth.geodesy import Origin, enu_from_geodetic
 from uavgram.geometry.earth.map_projection import geographic_from_projected
 from uavgram.geometry.ground.plane import intersect_ground_with_jacobian
-from uavgram.geometry.motion.rotation import hat
+from uavgram.geometry.ground.row_projection import project_rows, row_poses
+from uavgram.geometry.motion.rotation import exp_so3, hat
+from uavgram.geometry.motion.row_poses import row_share, turned_vector
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.maps.raster import GroundRaster
 from uavgram.model.result.result import Result
@@ -106,10 +107,9 @@ class View:
             Tangent of the angle from the vertical; NaN where the place is not below.
         """
         result, row = self.result, self.rows[index]
-        center = result.frames.refined.center_world_m[row]
-        from_center = world_m - center
-        camera = from_center @ result.frames.refined.world_from_camera[row]
-        pixel = project(result.camera.model, result.shared.intrinsics.value, camera)
+        poses = row_poses(result, row)
+        pixel = project_rows(result.camera, result.shared.intrinsics.value, poses, world_m)
+        from_center = world_m - poses.center
         down = -from_center[..., 2]
         aside = np.hypot(from_center[..., 0], from_center[..., 1])
         return pixel, aside / np.where(down > 0, down, np.nan)
@@ -138,16 +138,21 @@ class FrameKnowledge:
     ----------
     covariance
         (N, 9 + P, 9 + P) for each photo of a view: its pose (δcentre world, δθ camera), the
-        interior orientation (P), and the plane (height, slopes).
+        interior orientation (P), and the plane (height, slopes); with `motion`, one more for the
+        readout time.
     pixel_sigma_px
         Of a pixel that someone points at in the top view.
     roughness_sigma_m
         By which the ground there departs from the plane.
+    motion
+        (N, 6) velocity in the world [m/s] and angular rate in camera axes [rad/s], where the
+        readout time is uncertain.
     """
 
     covariance: Floats
     pixel_sigma_px: float
     roughness_sigma_m: float
+    motion: Floats | None = None
 
 
 def place_sigma(view: View, index: int, pixel: Floats, known: FrameKnowledge) -> Floats:
@@ -170,17 +175,26 @@ def place_sigma(view: View, index: int, pixel: Floats, known: FrameKnowledge) ->
     """
     result, row = view.result, view.rows[index]
     lens = result.shared.intrinsics.value
-    rotation = result.frames.refined.world_from_camera[row]
+    poses = row_poses(result, row)
+    share = row_share(pixel[:, 1], result.camera.height_px)
+    center, turn = poses.at(share)
+    rotation = poses.rotation @ exp_so3(turn)
     ray, by_pixel, by_lens = back_project_with_jacobian(result.camera.model, lens, pixel)
     _, d_center, d_ray, d_plane = intersect_ground_with_jacobian(
-        result.frames.refined.center_world_m[row],
-        ray @ rotation.T,
+        center,
+        (rotation @ ray[..., None])[..., 0],
         view.surface,
         result.plane.pivot_m,
     )
     turned = d_ray @ rotation
-    # world ray of R exp(d) is R (v + d x v), so -R [v]x d
-    jacobian = np.concatenate([d_center, -turned @ hat(ray), turned @ by_lens, d_plane], axis=2)
+    # world ray of R exp(d) is R (v + d x v), so -R [v]x d; the row's own turn comes after d
+    by_turn = -d_ray @ poses.rotation @ hat(turned_vector(turn, ray))
+    parts = [d_center, by_turn, turned @ by_lens, d_plane]
+    if known.motion is not None:
+        velocity, rate = np.split(known.motion[index], 2)
+        by_time = d_center @ velocity - (turned @ hat(ray)) @ rate
+        parts.append((share[:, None] * by_time)[..., None])
+    jacobian = np.concatenate(parts, axis=2)
     planar = jacobian[:, :2]
     spread = planar @ known.covariance[index] @ np.swapaxes(planar, 1, 2)
     pointed = (turned @ by_pixel)[:, :2] * known.pixel_sigma_px

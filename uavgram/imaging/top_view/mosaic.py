@@ -88,7 +88,9 @@ class Mosaic:
         names, wanted = result.frames.frame_id, frozenset(photographed)
         rows = [i for i in np.flatnonzero(result.has_refined) if names[i] in wanted]
         poses = result.frames.refined
-        self._cameras = Cameras(poses.center_world_m[rows], poses.world_from_camera[rows])
+        self._cameras = Cameras(
+            poses.center_world_m[rows], poses.world_from_camera[rows], result.frames.sweep[rows]
+        )
         self._index = {names[i]: k for k, i in enumerate(rows)}
         self._size_px = np.array([result.camera.width_px, result.camera.height_px], dtype=float)
         if rows:

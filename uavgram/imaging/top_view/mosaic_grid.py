@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from uavgram.geometry.camera.projection import project
+from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.result import Result
 
@@ -24,10 +24,11 @@ CORNERS = 4
 
 @dataclass(frozen=True, eq=False)
 class Cameras:
-    """N poses: (N, 3) centres and (N, 3, 3) rotations in the world."""
+    """N poses: (N, 3) centres and (N, 3, 3) rotations in the world, and (N, 6) sweeps of rows."""
 
     center_m: Floats
     world_from_camera: Floats
+    sweep: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +67,11 @@ class Grid:
         """
         camera = self.result.camera
         rays = world_m - cameras.center_m[frame]
-        pixel = project(
-            camera.model,
-            self.result.shared.intrinsics.value,
-            rays @ cameras.world_from_camera[frame],
+        poses = RowPoses(
+            cameras.center_m[frame], cameras.world_from_camera[frame], cameras.sweep[frame]
         )
+        lens = self.result.shared.intrinsics.value
+        pixel = project_rows(camera, lens, poses, world_m, steps=1)
         size = np.array([camera.width_px, camera.height_px]) - 1
         inside = ((pixel >= 0) & (pixel <= size)).all(axis=-1) & (_sine(rays) > LEAST_SINE)
         return np.where(inside[..., None], pixel, np.nan)

@@ -119,7 +119,7 @@ def _result(content: Record) -> Result:
         name=decode(str, content["name"]),
         provenance=_load_provenance(content["provenance"]),
         world=_load_world(content["world"]),
-        camera=from_record(Calibration, content["camera"]),
+        camera=from_record(Calibration, {"readout": None} | content["camera"]),
         shared=_load_shared(content["shared"], {"drift_ppm": None} | content["clock"]),
         areas=tuple(_load_plane(area) for area in content["areas"]),
         frames=tables.load_frames(content["frames"]),
@@ -272,6 +272,7 @@ def _dump_shared(result: Result) -> Record:
     learnt = learnt_camera(result.camera, shared.intrinsics)
     return {
         **{key: _dump_estimate(getattr(shared, key)) for key in _TELEMETRY},
+        "readout_s": _dump_estimate(shared.readout_s),
         "plane": _dump_plane(result.plane),
         "intrinsics": {_LEARNT_KEYS.get(key, key): value for key, value in encode(learnt).items()},
     }
@@ -283,6 +284,7 @@ def _load_shared(record: Record, clock: Record) -> SharedResult:
         **{key: None if record[key] is None else _load_estimate(record[key]) for key in _TELEMETRY},
         clock_offset_s=_load_clock(clock["offset_s"], clock["sigma_s"]),
         clock_drift_ppm=_load_clock(clock["drift_ppm"], clock.get("drift_sigma_ppm")),
+        readout_s=_load_estimate(readout) if (readout := record.get("readout_s")) else None,
         intrinsics=_load_estimate(record["intrinsics"]),
     )
 

@@ -31,7 +31,12 @@ from uavgram.model.result.tables import (
 Uncertain = TypeVar("Uncertain", PlanarUncertainty, PointResults)
 
 _ELLIPSE = ("ellipse_95_m", "ellipse_azimuth_rad")
-_FRAMES = Table(FrameResults, elsewhere=("seed", "refined"))
+_FRAMES = Table(
+    FrameResults,
+    keys={"sweep": "moved_while_read"},
+    shape={"sweep": (6,)},
+    elsewhere=("seed", "refined"),
+)
 _POSES = Table(
     PoseTable,
     shape={"center_world_m": (3,), "world_from_camera": (3, 3), "covariance": (6, 6)},
@@ -73,6 +78,7 @@ def dump_frames(frames: FrameResults) -> list[Record]:
 
 def load_frames(records: Sequence[Record]) -> FrameResults:
     """Inverse of `dump_frames`."""
+    records = [{"moved_while_read": [0.0] * 6} | row for row in records]  # 0.1.0 has none
     return _FRAMES.load(
         records, **{key: _load_poses([row[key] for row in records]) for key in ("seed", "refined")}
     )

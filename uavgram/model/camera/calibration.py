@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from uavgram.model.arrays import Floats, freeze
+from uavgram.model.camera.readout import Readout
 
 LensModel = Literal["brown", "fisheye"]
 
@@ -61,6 +62,8 @@ class Calibration:
         (P,) in the order of `parameter_names`: px, then dimensionless coefficients.
     covariance
         (P, P), same order.
+    readout
+        How long a photo is read, where that is known: None stands for "it is not".
     """
 
     name: str
@@ -69,6 +72,7 @@ class Calibration:
     height_px: int
     parameters: Annotated[Floats, "n"]
     covariance: Annotated[Floats, "n", "n"]
+    readout: Readout | None = None
 
     def __post_init__(self) -> None:
         freeze(self, n=len(self.parameter_names))

@@ -18,6 +18,7 @@ SOURCES: dict[str, str] = {
     "heading_bias": "flight log",
     "clock": "flight log",
     "clock_drift": "flight log",
+    "readout": "rolling shutter",
     "plane": "ground",
     "roughness": "ground",
     "relief": "ground",

@@ -30,6 +30,8 @@ class SharedResult:
     clock_drift_ppm
         Of the camera's clock against the flight's, about the middle of the exposures; None
         without a log.
+    readout_s
+        Time in which a photo is read from its first row to the last; None where it is no unknown.
     intrinsics
         In the order of the lens model's parameters.
     """
@@ -40,6 +42,7 @@ class SharedResult:
     heading_bias_deg: Estimate | None
     clock_offset_s: Estimate | None
     clock_drift_ppm: Estimate | None = None
+    readout_s: Estimate | None = None
     intrinsics: Estimate
 
 

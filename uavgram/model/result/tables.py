@@ -40,7 +40,10 @@ class FrameResults(FrozenArrays):
         (F,) ``refined`` (in the adjustment, with at least one pick), ``seeded``, ``unmatched``,
         ``rejected``; and why.
     seed, refined
-        Poses from the telemetry, and after the adjustment.
+        Poses from the telemetry, and after the adjustment: of the middle row.
+    sweep
+        (F, 6) by which the camera moved while the photo was read, from first row to last: δcentre
+        in world [m], δθ in camera [rad]; 0 where that is not known.
     """
 
     frame_id: Annotated[tuple[str, ...], "n"]
@@ -50,6 +53,12 @@ class FrameResults(FrozenArrays):
     reason: tuple[str, ...]
     seed: PoseTable
     refined: PoseTable
+    sweep: Annotated[Floats, "n", 6] = field(default_factory=lambda: np.zeros((0, 6)))
+
+    def __post_init__(self) -> None:
+        if not len(self.sweep):
+            object.__setattr__(self, "sweep", np.zeros((len(self.frame_id), 6)))
+        super().__post_init__()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

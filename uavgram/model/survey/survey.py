@@ -9,6 +9,7 @@ from uavgram.model.arrays import Floats, FrozenArrays, Ints, freeze
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.photo_poses import Flight
 from uavgram.model.flight.pose import CandidatePoses, Poses, TelemetryPrior
+from uavgram.model.survey.rolling_shutter import RollingShutter
 
 DEFAULT_AREA = "default"
 """Of labels that name no area."""
@@ -100,6 +101,8 @@ class Survey:
         (K,) index of each label's area.
     candidate_poses
         Of frames that something else than lengths and telemetry could place: first values only.
+    rolling
+        Readout time and motion where rows are read one after the other and that is felt, else None.
     gauge
         ``world``, or ``plane`` where nothing fixes position and heading: then the first area's
         plane is z = 0.
@@ -127,6 +130,7 @@ class Survey:
     grounds: tuple[Ground, ...]
     area: Annotated[Ints, "k"]
     candidate_poses: tuple[CandidatePoses, ...] = ()
+    rolling: RollingShutter | None = None
     gauge: Literal["world", "plane"]
 
     def __post_init__(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from unicodedata import normalize
 
@@ -14,6 +14,7 @@ from uavgram.errors import InputError, near_miss
 from uavgram.geometry.camera.back_projection import share_without_rays
 from uavgram.io.digest import digest_inputs
 from uavgram.io.logs.flight_log import read_flight_log
+from uavgram.io.photos.camera_tags import read_camera_tags
 from uavgram.io.photos.catalogue import read_photos
 from uavgram.io.photos.poses.read import FROM_PHOTOS
 from uavgram.io.photos.poses.sources import read_pose_sources
@@ -24,6 +25,7 @@ from uavgram.io.tables.lines import LINES_COLUMNS, read_lines
 from uavgram.io.tables.measure import MEASURE_COLUMNS, read_measure
 from uavgram.io.tables.picks import PICKS_COLUMNS, read_picks
 from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.readout import Readout, published_readout
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import FlightLog
 from uavgram.model.flight.photo_poses import PhotoPoses
@@ -119,6 +121,9 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     check = read_known_points(project.check) if project.check else NO_POINTS
     photos, photo_messages = read_photos(project.images, project.time)
     calibration, messages = _camera(project, photos)
+    for readout in _readout(project, calibration, photos):
+        calibration = replace(calibration, readout=readout)
+        messages += (_published(readout),)
     _check_sizes(project, calibration, photos)
     _check_picks(project, picks, photos)
     log = read_flight_log(project.log) if project.log else None
@@ -195,6 +200,25 @@ def _camera(project: Project, photos: Photos) -> tuple[Calibration, tuple[Messag
         return camera_of_photos(photos, may_be_unknown=project.camera == CAMERA_UNKNOWN)
     read = read_camera(project.camera_file)
     return read.calibration, read.messages
+
+
+def _readout(project: Project, camera: Calibration, photos: Photos) -> Iterator[Readout]:
+    """The readout time that is published of the camera, where it is needed and not stated."""
+    if project.log is None or camera.readout is not None or not photos.path:
+        return
+    tags = read_camera_tags(photos.path[0])
+    known = published_readout(tags.make, tags.model, camera.width_px, camera.height_px)
+    if known is not None:
+        yield known
+
+
+def _published(readout: Readout) -> Message:
+    text = (
+        "By a published table this camera reads a photo row after row, in "
+        f"{1e3 * readout.value_s:.0f} ms: the adjustment starts from that, ± "
+        f"{1e3 * readout.sigma_s:.0f} ms. `readout_ms` in camera.yaml takes its place."
+    )
+    return Message("info", "readout-published", text)
 
 
 def _poses(project: Project, photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, ...]]:

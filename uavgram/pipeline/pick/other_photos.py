@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.estimation.measuring.known_pixels import pixels_of_known_points
+from uavgram.geometry.ground.row_projection import RowPoses
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.pose import Poses
 from uavgram.pipeline.measure.pose import known_in_world
@@ -39,9 +40,10 @@ def known_places(survey: LiveSurvey, last: Adjusted | None) -> KnownPlaces:
         The project, and its last adjustment: its poses, where a photo has one, are better than
         the telemetry's.
     """
-    posed, poses = survey.posed, _best_poses(survey, last)
-    if posed is None or posed.telemetry is None or poses is None:
+    posed, best = survey.posed, _best_poses(survey, last)
+    if posed is None or posed.telemetry is None or best is None:
         return NOWHERE
+    poses, sweep = best
     tables = [
         known_in_world(survey.inputs, points, posed.world)[0]
         for points in (survey.inputs.control, survey.inputs.check)
@@ -51,7 +53,7 @@ def known_places(survey: LiveSurvey, last: Adjusted | None) -> KnownPlaces:
         return NOWHERE
     world = np.concatenate([table.world_m for table in tables])
     sigma = np.concatenate([table.sigma_m for table in tables])
-    found = pixels_of_known_points(survey.inputs.calibration, poses, world, sigma)
+    found = pixels_of_known_points(survey.inputs.calibration, poses, sweep, (world, sigma))
     return KnownPlaces(
         tuple(poses.frame_id[k] for k in found.pose),
         tuple(label[k] for k in found.point),
@@ -78,15 +80,17 @@ def same_ground(
         By photo name: u, v [px] (perhaps outside the photo), and how many pixels of that photo
         are one of `image` there. Nothing where no pose is known.
     """
-    poses = _best_poses(survey, last)
-    if poses is None or image not in poses.frame_id:
+    best = _best_poses(survey, last)
+    if best is None or image not in best[0].frame_id:
         return {}
+    poses, sweep = best
     if last is None:
         plane = np.array([survey.inputs.project.ground.height_m, 0.0, 0.0]), np.zeros(2)
     else:
         plane = last.adjustment.state.plane[:3], last.adjustment.problem.pivot_m[0]
     photo = poses.frame_id.index(image)
-    pixel, scale = ground_in_photos(survey.inputs.calibration, poses, plane, photo, pixel_px)
+    of_rows = RowPoses(poses.center_world_m, poses.world_from_camera, sweep)
+    pixel, scale = ground_in_photos(survey.inputs.calibration, of_rows, plane, photo, pixel_px)
     return {
         name: (float(u), float(v), float(ratio))
         for name, (u, v), ratio in zip(poses.frame_id, pixel, scale, strict=True)
@@ -94,9 +98,15 @@ def same_ground(
     }
 
 
-def _best_poses(survey: LiveSurvey, last: Adjusted | None) -> Poses | None:
-    """Of each photo the adjusted pose, else the telemetry's; None where there is neither."""
+def _best_poses(survey: LiveSurvey, last: Adjusted | None) -> tuple[Poses, Floats] | None:
+    """Of each photo the adjusted pose, else the telemetry's, and its sweep (see `RowPoses`).
+
+    None where there is neither.
+    """
     if last is not None:
-        return shown_poses(last.result)[1]
+        rows, poses = shown_poses(last.result)
+        return poses, last.result.frames.sweep[rows]
     telemetry = None if survey.posed is None else survey.posed.telemetry
-    return None if telemetry is None else telemetry.poses
+    if telemetry is None:
+        return None
+    return telemetry.poses, np.zeros((len(telemetry.poses.frame_id), 6))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
+from uavgram.geometry.ground.row_projection import RowPoses, sight_lines
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.pose import Poses
 from uavgram.model.maps.layers import Features, Layer
@@ -117,11 +117,14 @@ def footprints(result: Result) -> dict[int, Floats]:
     east = np.concatenate([along, one, one - along, zero])
     side = np.column_stack([east, np.roll(east, BORDER_SAMPLES)])
     border = side * [camera.width_px, camera.height_px] - 0.5
-    ray = back_project(camera.model, result.shared.intrinsics.value, border)
     seen, poses = shown_poses(result)
-    world = intersect_ground(
+    of_rows = RowPoses(
         poses.center_world_m[:, None],
-        np.einsum("fij,bj->fbi", poses.world_from_camera, ray),
+        poses.world_from_camera[:, None],
+        result.frames.sweep[seen][:, None],
+    )
+    world = intersect_ground(
+        *sight_lines(camera, result.shared.intrinsics.value, of_rows, border),
         result.plane.surface,
         result.plane.pivot_m,
     )

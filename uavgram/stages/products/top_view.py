@@ -8,6 +8,7 @@ from uavgram.errors import GeometryError, near_miss
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.earth.map_projection import projected_from_enu
 from uavgram.geometry.ground.plane import intersect_ground
+from uavgram.geometry.ground.row_projection import row_poses, sight_lines
 from uavgram.geometry.ground.top_view import LEAST_SINE, View
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.maps.raster import GroundRaster
@@ -147,9 +148,9 @@ def _shown_ground(view: View, index: int) -> Floats:
 def _ground_behind(view: View, index: int, pixel: Floats) -> Floats:
     """(..., 3) where pixels (..., 2) of a photo meet the ground, steeply enough; else NaN."""
     result, row = view.result, view.rows[index]
-    ray = back_project(result.camera.model, result.shared.intrinsics.value, pixel)
-    ray = ray @ result.frames.refined.world_from_camera[row].T
-    center = result.frames.refined.center_world_m[row]
+    center, ray = sight_lines(
+        result.camera, result.shared.intrinsics.value, row_poses(result, row), pixel
+    )
     place = intersect_ground(center, ray, view.surface, result.plane.pivot_m)
     steep = -ray[..., 2] > LEAST_SINE * np.linalg.norm(ray, axis=-1)
     return np.where(steep[..., None], place, np.nan)

@@ -23,13 +23,12 @@ from uavgram.estimation.reliability.variance_components import (
 from uavgram.estimation.solver.normal_equations import Block, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.ground.relief import spread_knots
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.noise import AreaNoise, Noise, PickNoise, SurfaceShape
 from uavgram.model.survey.survey import Relief, Survey
 from uavgram.stages.refine.blunders.outstanding import Outstanding, outstanding, redundancy_of
-from uavgram.stages.refine.poor_camera import iterate, iterations_for
+from uavgram.stages.refine.continued import carried, continued, lines_used
 
 STATED_WEIGHT = 20.0
 """Of the stated sigma of picks, as so many residuals."""
@@ -180,7 +179,7 @@ def _model(shape: SurfaceShape, stated: Adjustment, relief: Sequence[Relief | No
         for ground, own in zip(stated.survey.grounds, relief, strict=True)
     )
     survey = replace(stated.survey, grounds=grounds)
-    problem = SurveyProblem(survey, stated.problem.pivot_m, _lines_used(stated))
+    problem = SurveyProblem(survey, stated.problem.pivot_m, lines_used(stated))
     return _components(shape, problem, stated.survey, 0.0)
 
 
@@ -231,7 +230,7 @@ def _fitted(
         (C,) factors to start from.
     """
     problem, layout = model.problem, model.problem.layout
-    blocks = problem.evaluate(_carried(adjustment, problem))
+    blocks = problem.evaluate(carried(adjustment, problem))
     assert blocks is not None  # noqa: S101  (the state is that of an adjusted survey)
     for name, one in few.items():
         blocks[name] = _without(blocks[name], one.rows)
@@ -269,40 +268,6 @@ def _picks_alone(model: _Model, adjustment: Adjustment, first: Floats | None) ->
 def _without(block: Block, rows: Ints) -> Block:
     left = np.setdiff1d(np.arange(len(block.residual)), rows)
     return Block(block.residual[left], block.columns[left], block.jacobian[left])
-
-
-def continued(adjustment: Adjustment, survey: Survey) -> Adjustment:
-    """The adjustment with other sigmas or another ground, from where it stands.
-
-    Raises
-    ------
-    SingularError
-        An unknown is not determined.
-    """
-    problem = SurveyProblem(survey, adjustment.problem.pivot_m, _lines_used(adjustment))
-    start = _carried(adjustment, problem)
-    minimum = iterate(problem, start, iterations_for(survey.calibration))
-    return Adjustment(problem, minimum, minimum.factor.covariance())
-
-
-def _carried(adjustment: Adjustment, problem: SurveyProblem) -> State:
-    """The state of an adjustment, in the unknowns of another likelihood of the same survey."""
-    state, before = adjustment.state, adjustment.problem
-    point = np.zeros((problem.layout.points, problem.layout.point_size))
-    shared = min(point.shape[1], state.point.shape[1])
-    point[:, :shared] = state.point[:, :shared]
-    relief = np.zeros(problem.layout.relief)
-    for area, ground in enumerate(problem.survey.grounds):
-        old = before.survey.grounds[area].relief
-        if ground.relief is not None and old is not None and old.kind == ground.relief.kind:
-            relief[problem.ground.relief_rows(area)] = state.relief[before.ground.relief_rows(area)]
-    return replace(state, point=point, relief=relief)
-
-
-def _lines_used(adjustment: Adjustment) -> Bools:
-    used = np.zeros(len(adjustment.survey.line_start), dtype=np.bool_)
-    used[adjustment.problem.line_index] = True
-    return used
 
 
 def _learnt(fitted: _Fitted, survey: Survey) -> Survey:

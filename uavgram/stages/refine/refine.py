@@ -29,9 +29,11 @@ from uavgram.stages.refine.blunders.gross_lengths import (
 from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
 from uavgram.stages.refine.blunders.outstanding import outstanding, with_little_weight
 from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
+from uavgram.stages.refine.continued import continued
 from uavgram.stages.refine.minima import Participants, best_minima
-from uavgram.stages.refine.noise import continued, with_noise_learnt
+from uavgram.stages.refine.noise import with_noise_learnt
 from uavgram.stages.refine.noise_remarks import noise_remarks
+from uavgram.stages.refine.readout import with_sound_readout
 from uavgram.stages.refine.remarks import (
     contradiction,
     indispensable,
@@ -65,6 +67,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     no_pick = np.zeros(len(survey.pick_frame), dtype=bool)
     survey, refined, left_out = _without_gross_control(survey, keep, reason)
     refined = replace(refined, pick_removed=no_pick)
+    survey, refined, readout = with_sound_readout(survey, refined)
     if options.noise == "estimate":
         survey, refined = with_noise_learnt(survey, refined)
     if options.outliers == "remove":
@@ -74,7 +77,8 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         if options.noise == "estimate":
             refined = _with_little_weight(refined)
     refined = with_gross_lengths(survey, refined)
-    return refined, (*left_out, *noise_remarks(refined.noise), *remarks(survey, refined), *said)
+    told = (*left_out, *readout, *noise_remarks(refined.noise), *remarks(survey, refined))
+    return refined, (*told, *said)
 
 
 def _without_gross_control(

@@ -19,6 +19,7 @@ COLOURS = {
     "ground": "#8c6d31",
     "flight log": "#e69f00",
     "control points": "#56b4e9",
+    "rolling shutter": "#f0e442",
     "friction and times": "#d55e00",
     "choice of axes": "#999999",
 }
@@ -48,6 +49,10 @@ WORDS = {
     "control points": (
         "how well the control points are known",
         "More or better control points would help there.",
+    ),
+    "rolling shutter": (
+        "how well it is known in which time the camera reads a photo, row after row",
+        "Flying slower, or `readout_ms` in camera.yaml, would help there.",
     ),
     "friction and times": (
         "the stated friction, and the times of the exposures",

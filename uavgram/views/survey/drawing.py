@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.geometry.camera.projection import project
+from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PoseTable
@@ -106,8 +106,7 @@ def in_photo(result: Result, pixel: Floats) -> Bools:
 
 def project_from(
     result: Result,
-    center_world_m: Floats,
-    world_from_camera: Floats,
+    poses: RowPoses,
     points_m: Floats,
     *,
     adjusted_lens: bool = True,
@@ -118,15 +117,15 @@ def project_from(
     ----------
     result
         Whose camera it is.
-    center_world_m, world_from_camera
-        (3,) and (3, 3) pose.
+    poses
+        The camera's.
     points_m
         (..., 3) in the world.
     adjusted_lens
         Whether through the lens as adjusted, not as calibrated.
     """
     lens = result.shared.intrinsics.value if adjusted_lens else result.camera.parameters
-    pixel = project(result.camera.model, lens, (points_m - center_world_m) @ world_from_camera)
+    pixel = project_rows(result.camera, lens, poses, points_m)
     return np.where(in_photo(result, pixel)[..., None], pixel, np.nan)
 
 

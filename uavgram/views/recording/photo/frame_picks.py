@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from uavgram.geometry.ground.row_projection import RowPoses
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import point_index
@@ -47,8 +48,11 @@ def project_picks(result: Result) -> FramePicks:
             if len(picks) and np.isfinite(poses.center_world_m[frame, 0]):
                 pixel[picks] = project_from(
                     result,
-                    poses.center_world_m[frame],
-                    poses.world_from_camera[frame],
+                    RowPoses(
+                        poses.center_world_m[frame],
+                        poses.world_from_camera[frame],
+                        result.frames.sweep[frame],
+                    ),
                     points,
                     adjusted_lens=adjusted,
                 )

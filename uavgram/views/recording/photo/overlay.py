@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
@@ -155,7 +156,6 @@ def _lines(recorder: Recorder, result: Result, picks: FramePicks, photo: str) ->
     frames, shapes = range(len(result.frames.frame_id)), _shapes(result)
     words: list[list[Word]] = [[] for _ in frames]
     runs: dict[str, list[list[Floats]]] = {s.entity: [[] for _ in frames] for s in shapes}
-    poses = result.frames.refined
     for frame in np.flatnonzero(result.has_refined):
         picked = {result.picks.label[row] for row in picks.rows[frame]}
         shown = [shape for shape in shapes if shape.ends <= picked]
@@ -163,9 +163,7 @@ def _lines(recorder: Recorder, result: Result, picks: FramePicks, photo: str) ->
             continue
         samples = np.concatenate([shape.samples_m for shape in shown])
         cuts = np.cumsum([len(shape.samples_m) for shape in shown])[:-1]
-        pixel = project_from(
-            result, poses.center_world_m[frame], poses.world_from_camera[frame], samples
-        )
+        pixel = project_from(result, row_poses(result, int(frame)), samples)
         for shape, seen in zip(shown, np.split(pixel, cuts), strict=True):
             pieces = visible_runs(seen)
             if pieces:

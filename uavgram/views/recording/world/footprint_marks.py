@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
+from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import footprints
@@ -65,16 +66,10 @@ def _in_photos(result: Result, rings: dict[int, Floats]) -> list[list[Floats]]:
     flown = [int(frame) for frame in flight_order(result) if int(frame) in rings]
     lines: list[list[Floats]] = [[] for _ in result.frames.frame_id]
     borders = {frame: sampled(ring, SAMPLES) for frame, ring in rings.items()}
-    poses = result.frames.refined
     for k, frame in enumerate(flown):
         if not result.has_refined[frame]:
             continue
         for other in (*flown[max(k - 1, 0) : k], *flown[k + 1 : k + 2]):
-            pixel = project_from(
-                result,
-                poses.center_world_m[frame],
-                poses.world_from_camera[frame],
-                borders[other],
-            )
+            pixel = project_from(result, row_poses(result, frame), borders[other])
             lines[frame] += visible_runs(pixel)
     return lines

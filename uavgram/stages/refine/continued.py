@@ -1,0 +1,52 @@
+"""Adjust again from where an adjustment stands, when something of the model has changed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Bools
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.poor_camera import iterate, iterations_for
+
+
+def continued(adjustment: Adjustment, survey: Survey) -> Adjustment:
+    """The adjustment with other sigmas or another ground, from where it stands.
+
+    Raises
+    ------
+    SingularError
+        An unknown is not determined.
+    """
+    problem = SurveyProblem(survey, adjustment.problem.pivot_m, lines_used(adjustment))
+    start = carried(adjustment, problem)
+    minimum = iterate(problem, start, iterations_for(survey.calibration))
+    return Adjustment(problem, minimum, minimum.factor.covariance())
+
+
+def carried(adjustment: Adjustment, problem: SurveyProblem) -> State:
+    """The state of an adjustment, in the unknowns of another likelihood of the same survey."""
+    state, before, survey = adjustment.state, adjustment.problem, problem.survey
+    point = np.zeros((problem.layout.points, problem.layout.point_size))
+    shared = min(point.shape[1], state.point.shape[1])
+    point[:, :shared] = state.point[:, :shared]
+    relief = np.zeros(problem.layout.relief)
+    for area, ground in enumerate(survey.grounds):
+        old = before.survey.grounds[area].relief
+        if ground.relief is not None and old is not None and old.kind == ground.relief.kind:
+            relief[problem.ground.relief_rows(area)] = state.relief[before.ground.relief_rows(area)]
+    readout = state.readout
+    if len(readout) != problem.layout.readout:
+        readout = np.zeros(0) if survey.rolling is None else survey.rolling.first_value
+    return replace(state, point=point, relief=relief, readout=readout)
+
+
+def lines_used(adjustment: Adjustment) -> Bools:
+    """(L,) which known lengths take part."""
+    used = np.zeros(len(adjustment.survey.line_start), dtype=np.bool_)
+    used[adjustment.problem.line_index] = True
+    return used
