@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from pick_pages import Page, ask, small_project
+from pick_pages import Page, ask, cookie_of, small_project
 from picking_server import Served, served
 
 from uavgram.picking.web import patience
@@ -52,8 +52,7 @@ def test_who_is_in_stays_and_who_comes_later_gets_in(
     server: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(patience, "HEADERS_S", 0.3)
-    server.origin = f"http://127.0.0.1:{server.port}"
-    cookie = ask(server.guard.address(), follow_redirects=False).headers["set-cookie"].split(";")[0]
+    cookie = cookie_of(server)
     with Page(server, cookie) as page:
         monkeypatch.setattr(patience, "HEADERS_S", 60.0)
         silent = calls(server, patience.MOST_SILENT * 2, b"GET /")
