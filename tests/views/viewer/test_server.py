@@ -15,7 +15,7 @@ import urllib.request
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Never, TypedDict, Unpack
+from typing import NamedTuple, Never, TypedDict, Unpack
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
@@ -97,11 +97,24 @@ def listening(pids: list[int]) -> set[tuple[str, int]]:
     return found
 
 
+class Seen(NamedTuple):
+    """What was there while the recording was served."""
+
+    pids: list[int]
+    sockets: set[tuple[str, int]]
+    address: str
+    page: bytes
+    policy: str
+    recording: bytes
+    guessed: int
+    foreign: list[int]
+
+
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs Linux's /proc")
 def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(
     recording: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    seen: dict[str, Any] = {}
+    looks: list[Seen] = []
     servers: list[subprocess.Popen[bytes]] = []
     start = subprocess.Popen
 
@@ -112,39 +125,40 @@ def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(
     monkeypatch.setattr(subprocess, "Popen", popen)
 
     def started(address: str) -> Never:
-        seen["pids"] = processes_of(servers[0].pid)
-        seen["sockets"] = listening(seen["pids"])
-        seen["address"] = address
-        with urllib.request.urlopen(address, timeout=60) as page:  # noqa: S310
-            seen["page"], seen["policy"] = page.read(), page.headers["content-security-policy"]
+        pids = processes_of(servers[0].pid)
+        sockets = listening(pids)
+        with urllib.request.urlopen(address, timeout=60) as answer:  # noqa: S310
+            page, policy = answer.read(), answer.headers["content-security-policy"]
         source = parse_qs(urlsplit(address).query)["url"][0]
         with urllib.request.urlopen(source, timeout=60) as file:  # noqa: S310
-            seen["recording"] = file.read()
+            content = file.read()
         others = ({"Host": "evil.example"}, {"Sec-Fetch-Site": "same-site"})
-        seen["guessed"] = status_of(f"http://{urlsplit(address).netloc}/recording.rrd", {})
-        seen["foreign"] = [status_of(source, headers) for headers in others]
+        guessed = status_of(f"http://{urlsplit(address).netloc}/recording.rrd", {})
+        foreign = [status_of(source, headers) for headers in others]
+        looks.append(Seen(pids, sockets, address, page, policy, content, guessed, foreign))
         raise KeyboardInterrupt  # as Ctrl-C does
 
     with pytest.raises(KeyboardInterrupt):
         viewer.serve_viewer(recording, started)
 
-    address = urlsplit(seen["address"])
+    (seen,) = looks
+    address = urlsplit(seen.address)
     source = urlsplit(parse_qs(address.query)["url"][0])
     assert source.netloc == address.netloc
     assert re.fullmatch(r"/[-\w]{43}/recording\.rrd", source.path)  # no other user can guess it
-    assert seen["guessed"] == 404
+    assert seen.guessed == 404
     assert address.hostname == "127.0.0.1"
-    assert len(seen["sockets"]) == 2
-    assert {place for place, _ in seen["sockets"]} == {"0100007F"}  # 127.0.0.1, little-endian
-    assert b"<html" in seen["page"].lower()
-    assert b"<link" in seen["page"]
-    assert not re.search(rb"<link[^>]*https?://", seen["page"])  # nothing is fetched elsewhere
-    assert "//" not in seen["policy"]
-    assert "connect-src 'self';" in seen["policy"]
-    assert seen["recording"] == recording.read_bytes()
-    assert seen["foreign"] == [403, 403]
-    assert len(seen["pids"]) == 2
-    for port in {address.port, *(port for _, port in seen["sockets"])}:  # nothing is left behind
+    assert len(seen.sockets) == 2
+    assert {place for place, _ in seen.sockets} == {"0100007F"}  # 127.0.0.1, little-endian
+    assert b"<html" in seen.page.lower()
+    assert b"<link" in seen.page
+    assert not re.search(rb"<link[^>]*https?://", seen.page)  # nothing is fetched elsewhere
+    assert "//" not in seen.policy
+    assert "connect-src 'self';" in seen.policy
+    assert seen.recording == recording.read_bytes()
+    assert seen.foreign == [403, 403]
+    assert len(seen.pids) == 2
+    for port in {address.port, *(port for _, port in seen.sockets)}:  # nothing is left behind
         with pytest.raises(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
             pass
 
