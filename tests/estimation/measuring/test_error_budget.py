@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scenes import make_scene
 
 from uavgram.estimation.measuring.error_budget import error_budget, shares
 from uavgram.estimation.measuring.propagation import propagate
@@ -23,9 +24,9 @@ REQUESTS = (
 
 
 @pytest.fixture(scope="module", params=["world", "plane"])
-def case(request: pytest.FixtureRequest, scene_factory):
+def case(request: pytest.FixtureRequest):
     free = request.param == "plane"
-    scene = scene_factory(8, frames=4, telemetry=not free, gauge=request.param)
+    scene = make_scene(8, frames=4, telemetry=not free, gauge=request.param)
     adjustment = refine(scene.survey, SolveOptions())[0].adjustment
     return adjustment, propagate(adjustment, REQUESTS, None)
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes import make_scene
 
 from uavgram.estimation.measuring.next_length import line_faults, next_line
 from uavgram.model.options import SolveOptions
@@ -56,10 +57,10 @@ def relative_sigma(adjustment):
     return np.sqrt(np.mean(squares))
 
 
-def test_what_the_next_line_brings_is_what_it_brings(scene_factory) -> None:
+def test_what_the_next_line_brings_is_what_it_brings() -> None:
     """The predicted sigmas are those of the survey with that line; no other line does better."""
     ends = ((0, 6), (1, 7), (2, 8), (3, 9))
-    survey = scene_factory(5, ends=ends, labels=10, noise=0.0, **NO_LOG).survey
+    survey = make_scene(5, ends=ends, labels=10, noise=0.0, **NO_LOG).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     advice = next_line(adjustment)
     assert advice.relative_sigma == pytest.approx(relative_sigma(adjustment), rel=1e-9)

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from scenes import make_scene
 
 from uavgram.estimation.measuring.propagation import propagate
 from uavgram.model.flight.frames import Frames
@@ -45,8 +46,8 @@ def distance(*points):
 
 
 @pytest.mark.parametrize("options", [{}, {**ALONE, "ends": PAIRS, "tilt": 0.4}])
-def test_where_first_order_holds_nothing_is_said(scene_factory, options) -> None:
-    survey = scene_factory(3, **options).survey
+def test_where_first_order_holds_nothing_is_said(options) -> None:
+    survey = make_scene(3, **options).survey
     area = MeasurementRequest(name="a", kind="area", points=("P0", "P1", "P2"))
     found = compared(survey, (distance("P0", "P1"), area))
     assert not found.second.off.any()
@@ -56,10 +57,8 @@ def test_where_first_order_holds_nothing_is_said(scene_factory, options) -> None
 
 
 @pytest.mark.parametrize("bias_m", [2.0, 400.0, 5e3])
-def test_an_error_that_all_points_share_says_nothing_of_what_parts_them(
-    scene_factory, bias_m
-) -> None:
-    survey = scene_factory(3).survey
+def test_an_error_that_all_points_share_says_nothing_of_what_parts_them(bias_m) -> None:
+    survey = make_scene(3).survey
     telemetry = replace(survey.telemetry, position_bias_sigma_m=np.full(3, bias_m))
     area = MeasurementRequest(name="a", kind="area", points=("P0", "P1", "P2"))
     found = compared(replace(survey, telemetry=telemetry), (distance("P0", "P1"), area))
@@ -67,11 +66,9 @@ def test_an_error_that_all_points_share_says_nothing_of_what_parts_them(
     np.testing.assert_allclose(found.second.sigma, found.first.sigma, rtol=0.02)
 
 
-def test_two_points_that_nearly_coincide_are_further_apart_than_first_order_says(
-    scene_factory,
-) -> None:
+def test_two_points_that_nearly_coincide_are_further_apart_than_first_order_says() -> None:
     # Their distance of two sigmas is never negative, and errors across it make it longer.
-    scene = scene_factory(3, ends=PAIRS, tilt=0.4, **ALONE)
+    scene = make_scene(3, ends=PAIRS, tilt=0.4, **ALONE)
     survey = scene.survey
     pixel = np.array(survey.pixel_px)
     pixel[1] = pixel[0] + [1.5, 0.0]
@@ -92,8 +89,8 @@ def scene_with(survey, pixel, keep):
     return replace(survey, pixel_px=pixel, **lines)
 
 
-def test_near_the_horizon_second_order_follows_the_sampled_sigma(scene_factory) -> None:
-    scene = scene_factory(3, ends=PAIRS, tilt=0.4, **ALONE)
+def test_near_the_horizon_second_order_follows_the_sampled_sigma() -> None:
+    scene = make_scene(3, ends=PAIRS, tilt=0.4, **ALONE)
     survey = scene.survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     # A pick that looks along a ray only a few of its sigmas below the horizon.
@@ -119,8 +116,8 @@ def test_near_the_horizon_second_order_follows_the_sampled_sigma(scene_factory) 
     assert 0.8 < ratio[1] < 1.25
 
 
-def test_a_time_that_is_short_for_its_sigma_makes_a_speed_doubtful(scene_factory) -> None:
-    survey = scene_factory(4, frames=2, labels=8).survey
+def test_a_time_that_is_short_for_its_sigma_makes_a_speed_doubtful() -> None:
+    survey = make_scene(4, frames=2, labels=8).survey
     one = int(np.flatnonzero(survey.pick_frame == 0)[0])
     other = int(np.flatnonzero(survey.pick_frame == 1)[-1])
     names = [survey.label[survey.pick_label[k]] for k in (one, other)]

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes import make_scene
 from scipy.stats import binom, kstest, norm
 
 from uavgram.estimation.reliability import redundancy as module
@@ -32,10 +33,8 @@ def adjusted(scene):
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_redundancy_numbers_of_all_groups_sum_to_the_degrees_of_freedom(
-    scene_factory, options
-) -> None:
-    adjustment = adjusted(scene_factory(4, **options))
+def test_redundancy_numbers_of_all_groups_sum_to_the_degrees_of_freedom(options) -> None:
+    adjustment = adjusted(make_scene(4, **options))
     blocks = adjustment.minimum.blocks
     total = sum(reliability(b, adjustment.covariance).redundancy.sum() for b in blocks.values())
     observations = sum(b.residual.size for b in blocks.values())
@@ -44,8 +43,8 @@ def test_redundancy_numbers_of_all_groups_sum_to_the_degrees_of_freedom(
 
 @pytest.mark.parametrize("kind", ["length", "pick"])
 @pytest.mark.parametrize("index", [0, 3, 5])
-def test_the_largest_w_is_that_of_a_planted_blunder(scene_factory, kind, index) -> None:
-    scene = scene_factory(6, frames=6, lines=8)
+def test_the_largest_w_is_that_of_a_planted_blunder(kind, index) -> None:
+    scene = make_scene(6, frames=6, lines=8)
     survey = scene.survey
     if kind == "length":
         length = np.array(survey.length_m)

@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scenes
+from scenes import make_scene
 from scipy.stats import norm
 
 from uavgram.estimation.measuring.propagation import propagate, values_at
@@ -39,8 +41,8 @@ def dense_rows(block, size):
     return rows
 
 
-def test_w_of_correlated_observations_equals_the_formula_in_their_own_units(scene_factory) -> None:
-    adjustment = adjusted(scene_factory(8, frames=5, control=3))
+def test_w_of_correlated_observations_equals_the_formula_in_their_own_units() -> None:
+    adjustment = adjusted(make_scene(8, frames=5, control=3))
     problem, minimum = adjustment.problem, adjustment.minimum
     group, white = observed(adjustment)["telemetry"], problem.telemetry_whitening
     block, found = group.block, group.w
@@ -58,10 +60,8 @@ def test_w_of_correlated_observations_equals_the_formula_in_their_own_units(scen
         np.testing.assert_allclose(found[i], weight @ residual / np.sqrt(variance), rtol=1e-6)
 
 
-def test_calibration_is_one_correlated_observation_in_its_own_parameters(
-    scene_factory, scenes
-) -> None:
-    adjustment = adjusted(scene_factory(8, frames=5, control=3))
+def test_calibration_is_one_correlated_observation_in_its_own_parameters() -> None:
+    adjustment = adjusted(make_scene(8, frames=5, control=3))
     group = observed(adjustment)["calibration"]
     layout, basis = adjustment.problem.layout, adjustment.problem.intrinsic_basis
     columns = layout.first_intrinsic + np.arange(layout.intrinsics)
@@ -77,8 +77,8 @@ def test_calibration_is_one_correlated_observation_in_its_own_parameters(
     np.testing.assert_allclose(stated_residuals(group)[0], expected, rtol=1e-6, atol=1e-9)
 
 
-def test_a_parameter_known_exactly_cannot_err(scene_factory) -> None:
-    survey = scene_factory(8).survey
+def test_a_parameter_known_exactly_cannot_err() -> None:
+    survey = make_scene(8).survey
     covariance = np.array(survey.calibration.covariance)
     covariance[8] = covariance[:, 8] = 0.0
     for known in (covariance, np.zeros((9, 9))):
@@ -92,10 +92,8 @@ def test_a_parameter_known_exactly_cannot_err(scene_factory) -> None:
 @pytest.mark.parametrize(
     "kind", ["lengths", "pixels", "control", "telemetry", "boresight", "clock"]
 )
-def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(
-    scene_factory, kind
-) -> None:
-    scene = scene_factory(8, frames=5, control=2, noise=0.1)
+def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(kind) -> None:
+    scene = make_scene(8, frames=5, control=2, noise=0.1)
     adjustment = adjusted(scene)
     groups = observed(adjustment)
     measured = propagate(adjustment, REQUESTS, None)
@@ -116,8 +114,8 @@ def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(
     assert change[on] == pytest.approx(found.change[row, axis], rel=0.02)
 
 
-def test_the_weakest_link_of_a_measurement_moves_it_most_of_all(scene_factory) -> None:
-    adjustment = adjusted(scene_factory(8, frames=5, control=2))
+def test_the_weakest_link_of_a_measurement_moves_it_most_of_all() -> None:
+    adjustment = adjusted(make_scene(8, frames=5, control=2))
     groups, measured = observed(adjustment), propagate(adjustment, REQUESTS, None)
     _, weakest = external_reliability(groups, measured, ALPHA)
     for i, link in enumerate(weakest):
@@ -131,9 +129,9 @@ def test_the_weakest_link_of_a_measurement_moves_it_most_of_all(scene_factory) -
         assert link.unchecked == ()
 
 
-def test_what_nothing_checks_is_named(scene_factory) -> None:
+def test_what_nothing_checks_is_named() -> None:
     # One frame, no length on P0: its pick alone tells where it is.
-    scene = scene_factory(3, frames=1, telemetry=False, gauge="plane", tilt=0.4, ends=(
+    scene = make_scene(3, frames=1, telemetry=False, gauge="plane", tilt=0.4, ends=(
         (1, 6), (2, 7), (3, 8), (4, 9), (5, 10),
     ))  # fmt: skip
     adjustment = adjusted(scene)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scenes import make_scene
 
 from uavgram.estimation.solver import normal_equations
 from uavgram.estimation.solver.normal_equations import Block, NormalEquations, SingularError
@@ -47,8 +48,8 @@ def branch(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch):
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_solution_and_covariances_equal_the_dense_inverse(scene_factory, options, branch) -> None:
-    blocks, layout = blocks_of(scene_factory(3, frames=6, **options))
+def test_solution_and_covariances_equal_the_dense_inverse(options, branch) -> None:
+    blocks, layout = blocks_of(make_scene(3, frames=6, **options))
     size, structure = layout.size, layout.structure if branch == "points first" else None
     jacobian = dense_jacobian(blocks, size)
     scale = 1 / np.linalg.norm(jacobian, axis=0)
@@ -116,8 +117,8 @@ def test_two_unknowns_of_which_only_the_sum_is_observed_are_named(weights) -> No
 
 
 @pytest.mark.parametrize("frame", [0, 2, 3])
-def test_a_frame_that_three_picks_cannot_hold_is_named(scene_factory, branch, frame) -> None:
-    scene = scene_factory(3, telemetry=False, control=12)
+def test_a_frame_that_three_picks_cannot_hold_is_named(branch, frame) -> None:
+    scene = make_scene(3, telemetry=False, control=12)
     blocks, layout = blocks_of(scene)
     picks = np.flatnonzero(scene.survey.pick_frame == frame)
     keep = np.setdiff1d(np.arange(len(scene.survey.pick_frame)), picks[2:])
@@ -237,10 +238,8 @@ def test_a_deep_tree_of_fronts_gives_the_dense_inverse(
 
 
 @pytest.mark.parametrize("among", ["all unknowns", "what all share"])
-def test_linear_functions_have_their_joint_covariance_however_many_they_are(
-    scene_factory, branch, among
-) -> None:
-    blocks, layout = blocks_of(scene_factory(3, frames=6))
+def test_linear_functions_have_their_joint_covariance_however_many_they_are(branch, among) -> None:
+    blocks, layout = blocks_of(make_scene(3, frames=6))
     structure = layout.structure if branch == "points first" else None
     factor = NormalEquations(list(blocks.values()), layout.size, structure).factor()
     rng = np.random.default_rng(0)

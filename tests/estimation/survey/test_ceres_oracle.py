@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pyceres
 import pytest
+from scenes import make_scene
 from scipy.spatial.transform import Rotation
 
 from uavgram.model.options import SolveOptions
@@ -237,8 +238,8 @@ CASES = {
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_estimates_and_sigmas_equal_those_of_ceres(scene_factory, options) -> None:
-    survey = scene_factory(21, **options).survey
+def test_estimates_and_sigmas_equal_those_of_ceres(options) -> None:
+    survey = make_scene(21, **options).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     problem, state = adjustment.problem, adjustment.state
     layout = problem.layout

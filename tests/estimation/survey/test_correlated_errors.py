@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scenes
 
 from uavgram.estimation.survey.correlated_errors import trend_inflation
 
 
-def sampled(scenes, time, tau, draws=4000):
+def sampled(time, tau, draws=4000):
     """Variance of a Gauss-Markov process over white noise, in one period over the whole span."""
     white = np.random.default_rng(8).normal(size=(len(time), draws))
     errors = scenes.gauss_markov(white, time, tau)
@@ -18,11 +19,11 @@ def sampled(scenes, time, tau, draws=4000):
 
 
 @pytest.mark.parametrize(("count", "tau"), [(30, 5.0), (100, 5.0), (100, 15.0), (200, 60.0)])
-def test_it_is_what_draws_of_the_process_show(scenes, count, tau) -> None:
+def test_it_is_what_draws_of_the_process_show(count, tau) -> None:
     time = 2.0 * np.arange(count)
     factor = trend_inflation(time, tau, tau)
     # The ends of a short record leak power between its waves: a fifth, at these lengths.
-    assert sampled(scenes, time, tau) == pytest.approx(factor, rel=0.2)
+    assert sampled(time, tau) == pytest.approx(factor, rel=0.2)
 
 
 def test_the_worst_time_of_the_range_is_taken() -> None:

@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scenes
+from scenes import make_scene
 from scipy.spatial.transform import Rotation
 
 from uavgram.geometry.ground import shapes
@@ -40,10 +42,8 @@ def distances(survey):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_scene_that_was_shifted_and_turned_has_the_same_distances(
-    scenes, scene_factory, seed
-) -> None:
-    scene = scene_factory(20 + seed, **SCENE)
+def test_a_scene_that_was_shifted_and_turned_has_the_same_distances(seed) -> None:
+    scene = make_scene(20 + seed, **SCENE)
     turn, shift = motion(seed)
     survey, truth = scene.survey, scene.truth
     world = scene.world @ turn.T + shift
@@ -70,8 +70,8 @@ def test_a_scene_that_was_shifted_and_turned_has_the_same_distances(
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_another_frame_as_the_gauge_moves_the_points_but_no_distance(scene_factory, seed) -> None:
-    survey = scene_factory(20 + seed, **SCENE).survey
+def test_another_frame_as_the_gauge_moves_the_points_but_no_distance(seed) -> None:
+    survey = make_scene(20 + seed, **SCENE).survey
     other = replace(survey, frame_id=survey.frame_id[::-1], pick_frame=1 - survey.pick_frame)
     here, there = distances(survey), distances(other)
     np.testing.assert_allclose(there[0], here[0], rtol=1e-6)
@@ -80,10 +80,8 @@ def test_another_frame_as_the_gauge_moves_the_points_but_no_distance(scene_facto
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_no_observation_notices_a_shift_and_a_turn_of_the_adjusted_state(
-    scene_factory, seed
-) -> None:
-    adjustment = refine(scene_factory(20 + seed, **SCENE).survey, SolveOptions())[0].adjustment
+def test_no_observation_notices_a_shift_and_a_turn_of_the_adjusted_state(seed) -> None:
+    adjustment = refine(make_scene(20 + seed, **SCENE).survey, SolveOptions())[0].adjustment
     turn, shift = motion(seed)
     state = adjustment.state
     moved = replace(
@@ -98,8 +96,8 @@ def test_no_observation_notices_a_shift_and_a_turn_of_the_adjusted_state(
     assert np.abs(blocks["gauge"].residual).max() > 1e3  # which is what the gauge is for
 
 
-def test_known_coordinates_do_notice_it(scene_factory) -> None:
-    scene = scene_factory(20, frames=2, labels=8, lines=0, control=5, telemetry=False)
+def test_known_coordinates_do_notice_it() -> None:
+    scene = make_scene(20, frames=2, labels=8, lines=0, control=5, telemetry=False)
     turn, shift = motion(0)
     known = scene.survey.control_world_m
     moved = replace(scene.survey, control_world_m=known @ turn.T + shift)

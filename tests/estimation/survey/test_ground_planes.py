@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes import make_scene
 
 from uavgram.estimation.survey.ground_planes import GroundPlanes, area_centroids, first_planes
 from uavgram.model.options import SolveOptions
@@ -15,8 +16,8 @@ VERGE = (1, 3)
 
 
 @pytest.fixture
-def survey(scene_factory):
-    return scene_factory(0, labels=5, verge=VERGE).survey
+def survey():
+    return make_scene(0, labels=5, verge=VERGE).survey
 
 
 def test_every_label_lies_on_the_plane_of_its_area(survey) -> None:
@@ -53,19 +54,19 @@ def test_an_area_that_lost_its_points_has_the_middle_of_the_scene(survey) -> Non
     np.testing.assert_array_equal(area_centroids(survey, point), [[4.0, 5.0], [4.0, 5.0]])
 
 
-def points_of(scene_factory, roughness, **options):
-    scene = scene_factory(
+def points_of(roughness, **options):
+    scene = make_scene(
         6, frames=1, labels=6, lines=0, noise=0.0, tilt=0.8, roughness=roughness, **options
     )
     adjustment = refine(scene.survey, SolveOptions())[0].adjustment
     return adjustment, adjustment.points()[1][:, :2, :2]
 
 
-def test_rough_ground_lengthens_an_ellipse_along_the_ray(scene_factory) -> None:
+def test_rough_ground_lengthens_an_ellipse_along_the_ray() -> None:
     # A point dz above the plane shifts by dz tan(view angle), away from the camera's foot.
     rough, smooth = 0.2, 0.0
-    _, before = points_of(scene_factory, smooth)
-    adjustment, after = points_of(scene_factory, rough)
+    _, before = points_of(smooth)
+    adjustment, after = points_of(rough)
     state = adjustment.state
     world = adjustment.points()[0]
     ray = world - state.center[0]
@@ -75,8 +76,8 @@ def test_rough_ground_lengthens_an_ellipse_along_the_ray(scene_factory) -> None:
     np.testing.assert_allclose(after, expected, rtol=0.02, atol=1e-4)
 
 
-def test_only_the_area_that_is_rough_has_longer_ellipses(scene_factory) -> None:
-    scene = scene_factory(6, frames=1, labels=6, lines=0, noise=0.0, tilt=0.8, verge=VERGE)
+def test_only_the_area_that_is_rough_has_longer_ellipses() -> None:
+    scene = make_scene(6, frames=1, labels=6, lines=0, noise=0.0, tilt=0.8, verge=VERGE)
     verge = replace(scene.survey.grounds[1], roughness_sigma_m=0.2)
     rough = replace(scene.survey, grounds=(scene.survey.ground, verge))
     plain, uneven = (

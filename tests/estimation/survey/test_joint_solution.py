@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scenes
+from scenes import make_scene
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -40,8 +42,8 @@ class Oracle:
     stands in pixels and is therefore compared apart.
     """
 
-    def __init__(self, scenes, survey, start, pivot) -> None:
-        self.scenes, self.survey, self.start, self.pivot = scenes, survey, start, pivot
+    def __init__(self, survey, start, pivot) -> None:
+        self.survey, self.start, self.pivot = survey, start, pivot
         self.k, self.f = len(survey.label), len(survey.frame_id)
         self.rough = survey.ground.roughness_sigma_m > 0
         self.world = survey.gauge == "world"
@@ -80,9 +82,7 @@ class Oracle:
         out = []
         for f in range(self.f):
             rows = np.flatnonzero(s.pick_frame == f)
-            pixel, _ = self.scenes.cv_pixels(
-                camera, center[f], rotation[f], world[s.pick_label[rows]]
-            )
+            pixel, _ = scenes.cv_pixels(camera, center[f], rotation[f], world[s.pick_label[rows]])
             out.append((pixel - s.pixel_px[rows]) / s.pick_sigma_px[rows, None])
         apart = world[s.line_start] - world[s.line_end]
         out.append((np.sqrt((apart**2).sum(1)) - s.length_m) / s.length_sigma_m)
@@ -127,8 +127,8 @@ class Oracle:
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_estimates_and_sigmas_equal_those_of_scipy(scenes, scene_factory, options) -> None:
-    survey = scene_factory(11, **options).survey
+def test_estimates_and_sigmas_equal_those_of_scipy(options) -> None:
+    survey = make_scene(11, **options).survey
     refined, _ = refine(survey, SolveOptions())
     adjustment = refined.adjustment
     assert refined.alternatives == ()
@@ -145,7 +145,7 @@ def test_estimates_and_sigmas_equal_those_of_scipy(scenes, scene_factory, option
     ours = np.zeros(layout.size)
     ours[part] = problem.intrinsics(state) - survey.calibration.parameters
 
-    oracle = Oracle(scenes, survey, state, problem.pivot_m)
+    oracle = Oracle(survey, state, problem.pivot_m)
     offset = 0.3 * np.random.default_rng(0).normal(size=layout.size)
 
     def scaled(z):
@@ -196,10 +196,10 @@ def settled(scene, update):
     ],
     ids=["free gauge", "picks far better than the telemetry"],
 )
-def test_turning_steps_reach_the_same_minimum_in_half_the_number(scene_factory, options) -> None:
+def test_turning_steps_reach_the_same_minimum_in_half_the_number(options) -> None:
     steps = []
     for seed in range(30, 34):
-        scene = scene_factory(seed, labels=8, spread=7.0, **options)
+        scene = make_scene(seed, labels=8, spread=7.0, **options)
         straight, turning = settled(scene, move), settled(scene, advance)
         assert turning.converged
         assert turning.cost == pytest.approx(straight.cost, abs=1e-6)
@@ -209,8 +209,8 @@ def test_turning_steps_reach_the_same_minimum_in_half_the_number(scene_factory, 
     assert turning_steps < straight_steps / 2
 
 
-def test_a_turning_step_is_a_straight_one_to_first_order(scene_factory) -> None:
-    scene = scene_factory(4, frames=2)
+def test_a_turning_step_is_a_straight_one_to_first_order() -> None:
+    scene = make_scene(4, frames=2)
     survey = scene.survey
     layout = SurveyProblem(survey, scene.pivot, np.ones(len(survey.line_start), dtype=bool)).layout
     step = np.random.default_rng(0).normal(size=layout.size)
@@ -231,11 +231,11 @@ def test_a_turning_step_is_a_straight_one_to_first_order(scene_factory) -> None:
     ids=["log", "gauge plane", "two areas"],
 )
 def test_sights_of_all_frames_have_the_covariance_of_each(
-    scene_factory, monkeypatch: pytest.MonkeyPatch, options, sparse
+    monkeypatch: pytest.MonkeyPatch, options, sparse
 ) -> None:
     if sparse:
         monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
-    adjustment = refine(scene_factory(3, frames=5, **options).survey, SolveOptions())[0].adjustment
+    adjustment = refine(make_scene(3, frames=5, **options).survey, SolveOptions())[0].adjustment
     layout, lens = adjustment.problem.layout, adjustment.problem.intrinsic_basis
     plane = 0 if layout.free_gauge else 3
     frames = np.array([4, 0, 2])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes import make_scene
 
 from uavgram.estimation.survey.likelihood import SurveyProblem, covariance_root
 from uavgram.estimation.survey.unknowns import move
@@ -19,8 +20,8 @@ CASES = {
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_every_jacobian_equals_central_differences(scene_factory, options) -> None:
-    scene = scene_factory(3, **options)
+def test_every_jacobian_equals_central_differences(options) -> None:
+    scene = make_scene(3, **options)
     lines = np.ones(len(scene.survey.line_start), dtype=bool)
     problem = SurveyProblem(scene.survey, scene.pivot, lines)
     layout = problem.layout
@@ -57,8 +58,8 @@ def dense(block, size):
     return whole
 
 
-def test_exact_data_have_no_residual_at_the_truth(scene_factory) -> None:
-    scene = scene_factory(5, noise=0.0, control=3)
+def test_exact_data_have_no_residual_at_the_truth() -> None:
+    scene = make_scene(5, noise=0.0, control=3)
     problem = SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
     blocks = problem.evaluate(scene.truth)
 
@@ -66,8 +67,8 @@ def test_exact_data_have_no_residual_at_the_truth(scene_factory) -> None:
         assert np.abs(blocks[name].residual).max() < 1e-8, name
 
 
-def test_a_point_behind_its_camera_makes_the_state_impossible(scene_factory) -> None:
-    scene = scene_factory(5, noise=0.0)
+def test_a_point_behind_its_camera_makes_the_state_impossible() -> None:
+    scene = make_scene(5, noise=0.0)
     problem = SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
     flipped = scene.truth.rotation @ np.diag([1.0, -1.0, -1.0])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scenes import make_scene
 
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
@@ -31,8 +32,8 @@ def dense_inverse(adjustment):
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_it_is_the_part_of_the_dense_inverse_in_plain_units(scene_factory, options) -> None:
-    survey = scene_factory(3, **options).survey
+def test_it_is_the_part_of_the_dense_inverse_in_plain_units(options) -> None:
+    survey = make_scene(3, **options).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     problem, layout = adjustment.problem, adjustment.problem.layout
     inverse = dense_inverse(adjustment)
