@@ -8,14 +8,16 @@ from uavgram.estimation.clocks.alignment import align
 from uavgram.estimation.clocks.camera_clock import fit_camera_clock
 
 
-def survey(rng: np.random.Generator, events, spread):
+def survey(rng: np.random.Generator, events: int, spread: float) -> Floats:
     """Event times with uneven spacing."""
     return np.cumsum(rng.uniform(2 - spread, 2 + spread, events)) + 100.0
 
 
 @pytest.mark.parametrize("offset", [4.37, -36000.0, 7200.25])
 @pytest.mark.parametrize(("resolution", "spread"), [(0.001, 0.1), (1.0, 0.8)])
-def test_uneven_spacing_gives_the_offset_and_every_pair(offset, resolution, spread) -> None:
+def test_uneven_spacing_gives_the_offset_and_every_pair(
+    offset: float, resolution: float, spread: float
+) -> None:
     for seed in range(10):
         rng = np.random.default_rng(seed)
         event = survey(rng, 120, spread)
@@ -135,7 +137,7 @@ def test_exposures_at_whole_seconds_leave_the_offset_open_over_the_step() -> Non
 
 
 @pytest.mark.parametrize("resolution", [0.001, 1.0])
-def test_offset_and_drift_lie_within_their_sigmas(resolution) -> None:
+def test_offset_and_drift_lie_within_their_sigmas(resolution: float) -> None:
     z = []
     for seed in range(200):
         rng = np.random.default_rng(seed)
@@ -160,7 +162,7 @@ def test_a_significant_drift_is_told_and_a_small_one_is_not() -> None:
 
 @pytest.mark.parametrize("resolution", [0.001, 1.0])
 def test_an_even_interval_with_losses_on_both_sides_is_not_settled_by_who_was_lost(
-    resolution,
+    resolution: float,
 ) -> None:
     for seed in range(25):
         rng = np.random.default_rng(seed)
@@ -205,7 +207,7 @@ def test_random_flights_give_right_pairs_or_a_refusal() -> None:
 
 
 @pytest.mark.parametrize("resolution", [0.001, 1.0])
-def test_400_photos_find_their_offset_among_450_events(resolution) -> None:
+def test_400_photos_find_their_offset_among_450_events(resolution: float) -> None:
     event = survey(np.random.default_rng(11), 450, 0.9)
     photo = np.floor((event[:400] + 36000.3) / resolution) * resolution
     result = align(photo, resolution, event)

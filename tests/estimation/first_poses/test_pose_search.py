@@ -5,15 +5,17 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.first_poses.homography import resect_from_plane
-from uavgram.estimation.first_poses.pose_search import search_planes
+from uavgram.estimation.first_poses.pose_search import PlaneCandidate, search_planes
+from uavgram.model.arrays import Floats, Ints
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 
 
-def camera_over_plane(rng: np.random.Generator, max_tilt_deg):
+def camera_over_plane(rng: np.random.Generator, max_tilt_deg: int) -> tuple[Floats, Floats]:
     """Centre and world-from-camera of a camera tilted by up to that angle, in any direction."""
     tilt, azimuth, spin = rng.uniform(0, np.deg2rad(max_tilt_deg)), *rng.uniform(0, 2 * np.pi, 2)
     axis = np.array([np.cos(azimuth), np.sin(azimuth), 0])
@@ -23,7 +25,9 @@ def camera_over_plane(rng: np.random.Generator, max_tilt_deg):
     ).as_matrix()
 
 
-def points_in_view(rng: np.random.Generator, center, rotation, count):
+def points_in_view(
+    rng: np.random.Generator, center: Floats, rotation: Floats, count: int
+) -> tuple[Floats, Floats]:
     """(count, 2) points of the plane z = 0 in a field of view of 70 by 55 degrees, and rays."""
     found, rays = [], []
     while len(found) < count:
@@ -46,7 +50,7 @@ class RandomScenes:
     horizon. Rays are those of OpenCV.
     """
 
-    def __init__(self, rng: np.random.Generator, scenes, points) -> None:
+    def __init__(self, rng: np.random.Generator, scenes: int, points: int) -> None:
         tilt, height = rng.uniform(0, np.pi / 3, scenes), rng.uniform(15, 120, scenes)
         azimuth = rng.uniform(0, 2 * np.pi, scenes)
         side = np.sin(tilt)
@@ -63,8 +67,9 @@ class RandomScenes:
             wanted = depth < np.sin(np.deg2rad(5)) * np.linalg.norm(self.ray, axis=2)
         self.point = self.ray / np.einsum("nki,ni->nk", self.ray, self.plane)[..., None]
 
-    def lengths(self, start, end):
-        return np.linalg.norm(self.point[:, start] - self.point[:, end], axis=2)
+    def lengths(self, start: Ints, end: Ints) -> Floats:
+        result: Floats = np.linalg.norm(self.point[:, start] - self.point[:, end], axis=2)
+        return result
 
 
 def relative_errors(found, truth):
@@ -99,20 +104,28 @@ def test_the_right_plane_is_found_in_999_of_1000_scenes_of_four_to_ten_lines() -
     assert wrong <= total // 1000
 
 
-def every_exact_solution(rng: np.random.Generator, start, end, length, height, starts=800):
+def every_exact_solution(
+    rng: np.random.Generator,
+    start: Floats,
+    end: Floats,
+    length: Floats,
+    height: float,
+    starts: int = 800,
+) -> list[Floats]:
     """Planes by damped Newton steps from very many first values: an exhaustive search.
 
     Residuals are the logarithms of the lengths' ratios, derivatives are complex steps.
     """
 
-    def residual(m):
+    def residual(m: Floats | NDArray[np.object_]) -> Floats | NDArray[np.object_]:
         a, b = m @ start.T, m @ end.T
         apart = start / a[..., None] - end / b[..., None]
         square = np.sum(apart * apart, axis=-1)
         behind = (np.minimum(a.real, b.real) <= 1e-6 * np.abs(m[:, 2:])).any(axis=1)
         value = 0.5 * np.log(square / length**2)
         value[behind] = np.nan
-        return value
+        result: Floats | NDArray[np.object_] = value
+        return result
 
     tilt = np.arccos(rng.uniform(np.cos(np.deg2rad(84)), 1, starts))
     turn = rng.uniform(0, 2 * np.pi, starts)
@@ -142,7 +155,9 @@ def every_exact_solution(rng: np.random.Generator, start, end, length, height, s
     return distinct
 
 
-def assert_same_planes(found, expected, scene):
+def assert_same_planes(
+    found: tuple[PlaneCandidate, ...], expected: list[Floats], scene: int
+) -> int:
     """Every expected plane that looks down is found once, and nothing else is exact."""
     exact = [c.plane for c in found if c.cost < 1e-6]
     for m in expected:
@@ -238,7 +253,7 @@ def test_two_picks_on_the_same_pixel_are_no_length() -> None:
 
 
 @pytest.mark.parametrize("count", [4, 5, 12])
-def test_resection_equals_that_of_opencv(count) -> None:
+def test_resection_equals_that_of_opencv(count: int) -> None:
     rng = np.random.default_rng(count)
     for _ in range(40):
         center, rotation = camera_over_plane(rng, 60)

@@ -11,9 +11,12 @@ from scenes import make_scene
 from uavgram.estimation.first_poses.length_conditions import LengthFrames
 from uavgram.estimation.first_poses.network import length_poses, seen_lines
 from uavgram.estimation.first_poses.resection import lengths_between, resect_from_lengths
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground import shapes
 from uavgram.geometry.motion.rotation import hat
+from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
 NO_LOG = {"telemetry": False, "gauge": "plane", "frames": 1}
@@ -21,7 +24,7 @@ UNCONNECTED = tuple((k, k + 6) for k in range(6))
 SHARED = ((0, 1), (1, 2), (2, 0), (2, 3), (3, 4), (4, 0), (5, 6))
 
 
-def frames_of(surveys):
+def frames_of(surveys: list[Survey]) -> LengthFrames:
     """Surveys of one frame as one batch, filled up to the largest."""
     picks = max(len(s.pick_frame) for s in surveys)
     lines = max(len(s.line_start) for s in surveys)
@@ -39,7 +42,7 @@ def frames_of(surveys):
     return LengthFrames(pixel, sigma, ends[0], ends[1], length, length_sigma)
 
 
-def plane_of(adjustment):
+def plane_of(adjustment: Adjustment) -> tuple[Floats, Floats]:
     """m of the adjusted frame, and how it and the interior depend on the unknowns."""
     up, height = adjustment.state.rotation[0, 2], adjustment.state.center[0, 2]
     layout, basis = adjustment.problem.layout, adjustment.problem.intrinsic_basis

@@ -7,7 +7,8 @@ import pytest
 from scenes import make_scene
 
 from uavgram.estimation.measuring.error_budget import error_budget, shares
-from uavgram.estimation.measuring.propagation import propagate
+from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.stages.refine import refine
@@ -24,14 +25,14 @@ REQUESTS = (
 
 
 @pytest.fixture(scope="module", params=["world", "plane"])
-def case(request: pytest.FixtureRequest):
+def case(request: pytest.FixtureRequest) -> tuple[Adjustment, MeasuredValues]:
     free = request.param == "plane"
     scene = make_scene(8, frames=4, telemetry=not free, gauge=request.param)
     adjustment = refine(scene.survey, SolveOptions())[0].adjustment
     return adjustment, propagate(adjustment, REQUESTS, None)
 
 
-def test_the_parts_add_up_to_the_variance(case) -> None:
+def test_the_parts_add_up_to_the_variance(case: tuple[Adjustment, MeasuredValues]) -> None:
     adjustment, measured = case
     parts = error_budget(adjustment.minimum.blocks, measured)
     total = np.sum(list(parts.values()), axis=0)
@@ -42,7 +43,7 @@ def test_the_parts_add_up_to_the_variance(case) -> None:
     assert np.isnan(total[~known]).all()
 
 
-def test_each_part_is_that_of_the_dense_partition(case) -> None:
+def test_each_part_is_that_of_the_dense_partition(case: tuple[Adjustment, MeasuredValues]) -> None:
     adjustment, measured = case
     size = adjustment.problem.layout.size
     inverse = adjustment.minimum.factor.joint(np.arange(size))
@@ -63,7 +64,9 @@ def test_each_part_is_that_of_the_dense_partition(case) -> None:
         )
 
 
-def test_friction_shows_as_its_own_source_and_shares_add_up_to_one(case) -> None:
+def test_friction_shows_as_its_own_source_and_shares_add_up_to_one(
+    case: tuple[Adjustment, MeasuredValues],
+) -> None:
     adjustment, measured = case
     budget = shares(error_budget(adjustment.minimum.blocks, measured))
     at = measured.name.index("skid")
@@ -77,7 +80,7 @@ def test_friction_shows_as_its_own_source_and_shares_add_up_to_one(case) -> None
     assert "gauge" not in budget.source
 
 
-def test_sources_without_any_part_are_left_out(case) -> None:
+def test_sources_without_any_part_are_left_out(case: tuple[Adjustment, MeasuredValues]) -> None:
     adjustment, measured = case
     budget = shares(error_budget(adjustment.minimum.blocks, measured))
 

@@ -9,6 +9,8 @@ import pytest
 from scenes import make_scene
 
 from uavgram.estimation.measuring.next_length import line_faults, next_line
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
 
@@ -16,7 +18,7 @@ SCENE = np.array([[-20.0, -15.0], [20.0, -15.0], [20.0, 15.0], [-20.0, 15.0]])
 NO_LOG = {"telemetry": False, "gauge": "plane", "frames": 1}
 
 
-def lines(*rows):
+def lines(*rows: tuple[float, ...]) -> tuple[Floats, Floats]:
     ends = np.array(rows, dtype=float)
     return ends[:, :2], ends[:, 2:]
 
@@ -31,7 +33,11 @@ def lines(*rows):
         ([(1, 0, 15, 0.2), (0, 2, 0.1, 14), (-1, -1, -12, -12), (2, -2, 11, -11)], "one point"),
     ],
 )
-def test_degenerate_sets_are_named(rows, words) -> None:
+def test_degenerate_sets_are_named(
+    rows: list[tuple[int, ...] | tuple[int, float, int, float] | tuple[int, int, int, float]]
+    | list[tuple[int, ...]],
+    words: str,
+) -> None:
     assert any(words in fault for fault in line_faults(*lines(*rows), SCENE))
 
 
@@ -45,7 +51,7 @@ def test_a_spread_set_has_no_faults_and_a_turn_changes_nothing() -> None:
         assert "all lines run in nearly one direction" in found
 
 
-def relative_sigma(adjustment):
+def relative_sigma(adjustment: Adjustment) -> float:
     """Root mean square of sigma over length, over all pairs of labels, pair by pair."""
     squares = []
     for a in range(len(adjustment.survey.label)):
@@ -54,7 +60,8 @@ def relative_sigma(adjustment):
             unit = (world[0] - world[1]) / np.linalg.norm(world[0] - world[1])
             gradient = np.concatenate([unit, -unit])
             squares.append(gradient @ covariance @ gradient / np.sum((world[0] - world[1]) ** 2))
-    return np.sqrt(np.mean(squares))
+    result: float = np.sqrt(np.mean(squares))
+    return result
 
 
 def test_what_the_next_line_brings_is_what_it_brings() -> None:
@@ -66,7 +73,7 @@ def test_what_the_next_line_brings_is_what_it_brings() -> None:
     assert advice.relative_sigma == pytest.approx(relative_sigma(adjustment), rel=1e-9)
     assert (advice.start, advice.end) not in ends
 
-    def taped(a, b):
+    def taped(a: int, b: int) -> Adjustment:
         length = np.linalg.norm(np.subtract(*adjustment.points()[0][[a, b]]))
         return refine(
             replace(

@@ -11,9 +11,11 @@ import pytest
 from scenes import make_scene
 
 from uavgram.estimation.measuring.propagation import propagate
+from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.measure import measurement_results
 from uavgram.stages.monte_carlo import sample
 from uavgram.stages.refine import refine
@@ -23,7 +25,7 @@ ALONE = {"frames": 1, "telemetry": False, "gauge": "plane"}
 PAIRS = ((0, 6), (1, 7), (2, 8), (3, 9), (4, 10), (5, 11))
 
 
-def frames_of(survey):
+def frames_of(survey: Survey) -> Frames:
     n = len(survey.frame_id)
     return Frames(
         frame_id=survey.frame_id, time_utc_s=np.arange(n) * 2.0, sigma_time_s=np.full(n, 0.4),
@@ -31,7 +33,9 @@ def frames_of(survey):
     )  # fmt: skip
 
 
-def compared(survey, requests, count=0):
+def compared(
+    survey: Survey, requests: tuple[MeasurementRequest, ...], count: int = 0
+) -> SimpleNamespace:
     adjustment = refine(survey, SolveOptions())[0].adjustment
     frames = frames_of(survey)
     measured = propagate(adjustment, requests, frames)
@@ -41,12 +45,14 @@ def compared(survey, requests, count=0):
     return SimpleNamespace(first=first, second=second, messages=messages, sampled=drawn)
 
 
-def distance(*points):
+def distance(*points: str) -> MeasurementRequest:
     return MeasurementRequest(name="-".join(points), kind="distance", points=points)
 
 
 @pytest.mark.parametrize("options", [{}, {**ALONE, "ends": PAIRS, "tilt": 0.4}])
-def test_where_first_order_holds_nothing_is_said(options) -> None:
+def test_where_first_order_holds_nothing_is_said(
+    options: dict[str, bool | float | str | tuple[tuple[int, int], ...]],
+) -> None:
     survey = make_scene(3, **options).survey
     area = MeasurementRequest(name="a", kind="area", points=("P0", "P1", "P2"))
     found = compared(survey, (distance("P0", "P1"), area))
@@ -57,7 +63,7 @@ def test_where_first_order_holds_nothing_is_said(options) -> None:
 
 
 @pytest.mark.parametrize("bias_m", [2.0, 400.0, 5e3])
-def test_an_error_that_all_points_share_says_nothing_of_what_parts_them(bias_m) -> None:
+def test_an_error_that_all_points_share_says_nothing_of_what_parts_them(bias_m: float) -> None:
     survey = make_scene(3).survey
     telemetry = replace(survey.telemetry, position_bias_sigma_m=np.full(3, bias_m))
     area = MeasurementRequest(name="a", kind="area", points=("P0", "P1", "P2"))
@@ -81,7 +87,7 @@ def test_two_points_that_nearly_coincide_are_further_apart_than_first_order_says
     assert found.second.bias[0] > 0.2 * found.first.sigma[0]
 
 
-def scene_with(survey, pixel, keep):
+def scene_with(survey: Survey, pixel: Floats, keep: tuple[int, ...]) -> Survey:
     lines = {
         name: getattr(survey, name)[list(keep)]
         for name in ("line_start", "line_end", "length_m", "length_sigma_m")

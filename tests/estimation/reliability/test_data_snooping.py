@@ -12,9 +12,12 @@ from scipy.spatial.transform import Rotation
 from uavgram.estimation.reliability.data_snooping import suspicions
 from uavgram.estimation.reliability.redundancy import critical_value
 from uavgram.estimation.reliability.test_statistics import observed
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.names import Names
-from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
 ALPHA = 0.001
@@ -22,13 +25,13 @@ PAIRS = ((0, 6), (1, 7), (2, 8), (3, 9), (4, 10), (5, 11))
 ALONE = {"frames": 1, "telemetry": False, "gauge": "plane", "tilt": 0.4, "ends": PAIRS}
 
 
-def suspected(survey, first=None):
+def suspected(survey: Survey, first: Member | None = None) -> tuple[Adjustment, list[Suspicion]]:
     refined, _ = refine(survey, SolveOptions())
     adjustment, first = refined.adjustment, first or refined.accused
     return adjustment, list(suspicions(adjustment, observed(adjustment), ALPHA, first))
 
 
-def changed(survey, name, index, by):
+def changed(survey: Survey, name: str, index: int, by: Floats | float) -> Survey:
     values = np.array(getattr(survey, name))
     values[index] += by
     return replace(survey, **{name: values})

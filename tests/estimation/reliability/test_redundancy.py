@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import make_scene
+from scenes import Scene, make_scene
 from scipy.stats import binom, kstest, norm
 
 from uavgram.estimation.reliability import redundancy as module
@@ -17,7 +17,9 @@ from uavgram.estimation.reliability.redundancy import (
     reliability,
     upper_tail,
 )
-from uavgram.estimation.solver.normal_equations import Block, NormalEquations
+from uavgram.estimation.solver.normal_equations import Block, Factor, NormalEquations
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
 
@@ -28,12 +30,14 @@ CASES = {
 }
 
 
-def adjusted(scene):
+def adjusted(scene: Scene) -> Adjustment:
     return refine(scene.survey, SolveOptions())[0].adjustment
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_redundancy_numbers_of_all_groups_sum_to_the_degrees_of_freedom(options) -> None:
+def test_redundancy_numbers_of_all_groups_sum_to_the_degrees_of_freedom(
+    options: dict[str, bool | str] | dict[str, float],
+) -> None:
     adjustment = adjusted(make_scene(4, **options))
     blocks = adjustment.minimum.blocks
     total = sum(reliability(b, adjustment.covariance).redundancy.sum() for b in blocks.values())
@@ -43,7 +47,7 @@ def test_redundancy_numbers_of_all_groups_sum_to_the_degrees_of_freedom(options)
 
 @pytest.mark.parametrize("kind", ["length", "pick"])
 @pytest.mark.parametrize("index", [0, 3, 5])
-def test_the_largest_w_is_that_of_a_planted_blunder(kind, index) -> None:
+def test_the_largest_w_is_that_of_a_planted_blunder(kind: str, index: int) -> None:
     scene = make_scene(6, frames=6, lines=8)
     survey = scene.survey
     if kind == "length":
@@ -68,7 +72,7 @@ def test_the_largest_w_is_that_of_a_planted_blunder(kind, index) -> None:
         assert (name, np.unravel_index(w.argmax(), w.shape)) == ("pixels", (7 * index, 1))
 
 
-def random_problem(rng: np.random.Generator, n, unknowns):
+def random_problem(rng: np.random.Generator, n: int, unknowns: int) -> tuple[Block, Factor, Floats]:
     """A linear problem with unit weights: block, factor, covariance, the projector I - A S A^T."""
     jacobian = rng.normal(size=(n, 1, unknowns)) * rng.lognormal(size=(n, 1, 1))
     columns = np.tile(np.arange(unknowns), (n, 1))
@@ -114,7 +118,7 @@ def test_an_unchecked_observation_has_no_w_and_no_detectable_bias() -> None:
 
 @pytest.mark.parametrize("exact", [100, 0])
 def test_probabilities_of_a_group_are_uniform_where_the_model_holds(
-    monkeypatch: pytest.MonkeyPatch, exact
+    monkeypatch: pytest.MonkeyPatch, exact: int
 ) -> None:
     # exact = 0: the way of large groups.
     monkeypatch.setattr(module, "EXACT_GROUP", exact)

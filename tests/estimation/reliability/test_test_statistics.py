@@ -7,14 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scenes
-from scenes import make_scene
+from scenes import Scene, make_scene
 from scipy.stats import norm
 
 from uavgram.estimation.measuring.propagation import propagate, values_at
 from uavgram.estimation.reliability.external import external_reliability
 from uavgram.estimation.reliability.redundancy import minimal_detectable_bias, power
 from uavgram.estimation.reliability.test_statistics import observed
+from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.refit import refit
+from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.stages.judge.priors import stated_residuals
@@ -28,11 +31,11 @@ REQUESTS = (
 )
 
 
-def adjusted(scene):
+def adjusted(scene: Scene) -> Adjustment:
     return refine(scene.survey, SolveOptions())[0].adjustment
 
 
-def dense_rows(block, size):
+def dense_rows(block: Block, size: int) -> Floats:
     n, r, k = block.jacobian.shape
     rows = np.zeros((n, r, size))
     for i in range(n):
@@ -92,7 +95,7 @@ def test_a_parameter_known_exactly_cannot_err() -> None:
 @pytest.mark.parametrize(
     "kind", ["lengths", "pixels", "control", "telemetry", "boresight", "clock"]
 )
-def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(kind) -> None:
+def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(kind: str) -> None:
     scene = make_scene(8, frames=5, control=2, noise=0.1)
     adjustment = adjusted(scene)
     groups = observed(adjustment)

@@ -23,7 +23,7 @@ from uavgram.estimation.reliability.wrong_units import likely_mistake, likely_un
         (0.3048, "turned from feet into metres twice"),
     ],
 )
-def test_a_ratio_of_units_is_named_if_it_is_near_enough(ratio, words) -> None:
+def test_a_ratio_of_units_is_named_if_it_is_near_enough(ratio: float, words: str) -> None:
     assert likely_mistake(ratio, 0.0) == words
     assert likely_mistake(1.009 * ratio, 0.001) == words
     assert likely_mistake(1.05 * ratio, 0.02) == words

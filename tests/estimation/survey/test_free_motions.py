@@ -11,20 +11,22 @@ from scenes import make_scene
 from scipy.spatial.transform import Rotation
 
 from uavgram.geometry.ground import shapes
+from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
 SCENE = {"frames": 2, "labels": 8, "lines": 9, "telemetry": False, "gauge": "plane"}
 
 
-def motion(seed):
+def motion(seed: int) -> tuple[Floats, Floats]:
     """A turn about the vertical and a shift along the plane."""
     rng = np.random.default_rng(seed)
     turn = Rotation.from_euler("z", rng.uniform(-np.pi, np.pi)).as_matrix()
     return turn, np.append(rng.uniform(-500, 500, 2), 0.0)
 
 
-def distances(survey):
+def distances(survey: Survey) -> tuple[Floats, Floats, Floats]:
     """All distances between labels in the order of their names, and their sigmas."""
     adjustment = refine(survey, SolveOptions())[0].adjustment
     assert adjustment.minimum.converged
@@ -42,7 +44,7 @@ def distances(survey):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_scene_that_was_shifted_and_turned_has_the_same_distances(seed) -> None:
+def test_a_scene_that_was_shifted_and_turned_has_the_same_distances(seed: int) -> None:
     scene = make_scene(20 + seed, **SCENE)
     turn, shift = motion(seed)
     survey, truth = scene.survey, scene.truth
@@ -70,7 +72,7 @@ def test_a_scene_that_was_shifted_and_turned_has_the_same_distances(seed) -> Non
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_another_frame_as_the_gauge_moves_the_points_but_no_distance(seed) -> None:
+def test_another_frame_as_the_gauge_moves_the_points_but_no_distance(seed: int) -> None:
     survey = make_scene(20 + seed, **SCENE).survey
     other = replace(survey, frame_id=survey.frame_id[::-1], pick_frame=1 - survey.pick_frame)
     here, there = distances(survey), distances(other)
@@ -80,7 +82,7 @@ def test_another_frame_as_the_gauge_moves_the_points_but_no_distance(seed) -> No
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_no_observation_notices_a_shift_and_a_turn_of_the_adjusted_state(seed) -> None:
+def test_no_observation_notices_a_shift_and_a_turn_of_the_adjusted_state(seed: int) -> None:
     adjustment = refine(make_scene(20 + seed, **SCENE).survey, SolveOptions())[0].adjustment
     turn, shift = motion(seed)
     state = adjustment.state

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 import scenes
-from scenes import make_scene
+from scenes import Scene, make_scene
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation, Slerp
 
 from uavgram.estimation.solver import normal_equations
-from uavgram.estimation.solver.levenberg_marquardt import minimise
+from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.unknowns import advance, move
+from uavgram.estimation.survey.unknowns import State, advance, move
+from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
 CASES = {
@@ -42,7 +47,7 @@ class Oracle:
     stands in pixels and is therefore compared apart.
     """
 
-    def __init__(self, survey, start, pivot) -> None:
+    def __init__(self, survey: Survey, start: State, pivot: Floats) -> None:
         self.survey, self.start, self.pivot = survey, start, pivot
         self.k, self.f = len(survey.label), len(survey.frame_id)
         self.rough = survey.ground.roughness_sigma_m > 0
@@ -56,7 +61,7 @@ class Oracle:
         ]
         self.size = sum(sizes)
 
-    def unpack(self, x):
+    def unpack(self, x: Floats) -> tuple[Floats, Floats, list[Floats], Floats, Floats, Floats]:
         points, frames, intrinsics, plane, telemetry = (x[p] for p in self.parts)
         frames = frames.reshape(self.f, 6)
         rotation = [
@@ -68,7 +73,7 @@ class Oracle:
         telemetry = self.start.telemetry + telemetry
         return point, self.start.center + frames[:, :3], rotation, intrinsics, plane, telemetry
 
-    def residuals(self, x):
+    def residuals(self, x: Floats) -> Floats:
         s = self.survey
         point, center, rotation, intrinsics, plane, shared = self.unpack(x)
         up = np.array(s.height_above_m)
@@ -103,7 +108,7 @@ class Oracle:
             out += self.telemetry(center, rotation, shared)
         return np.concatenate([np.ravel(o) for o in out])
 
-    def telemetry(self, center, rotation, shared):
+    def telemetry(self, center: Floats, rotation: list[Floats], shared: Floats) -> list[Floats]:
         prior, track = self.survey.telemetry, self.survey.track
         at = prior.time_s - shared[10] - shared[11] * (prior.time_s - prior.middle_s)
         position = [np.interp(at, track.position_time_s, c) for c in track.position_world_m.T]
@@ -127,7 +132,7 @@ class Oracle:
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_estimates_and_sigmas_equal_those_of_scipy(options) -> None:
+def test_estimates_and_sigmas_equal_those_of_scipy(options: dict[str, int]) -> None:
     survey = make_scene(11, **options).survey
     refined, _ = refine(survey, SolveOptions())
     adjustment = refined.adjustment
@@ -148,7 +153,7 @@ def test_estimates_and_sigmas_equal_those_of_scipy(options) -> None:
     oracle = Oracle(survey, state, problem.pivot_m)
     offset = 0.3 * np.random.default_rng(0).normal(size=layout.size)
 
-    def scaled(z):
+    def scaled(z: Floats) -> Floats:
         return oracle.residuals(ours + sigma * z)
 
     found = least_squares(scaled, offset, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15)
@@ -174,7 +179,7 @@ def central(function, x):
     return np.stack(columns, axis=1)
 
 
-def settled(scene, update):
+def settled(scene: Scene, update: Callable[..., Any]) -> Minimum:
     """The minimum from the truth, by one way to take a step."""
     survey = scene.survey
     problem = SurveyProblem(survey, scene.pivot, np.ones(len(survey.line_start), dtype=bool))
@@ -196,7 +201,9 @@ def settled(scene, update):
     ],
     ids=["free gauge", "picks far better than the telemetry"],
 )
-def test_turning_steps_reach_the_same_minimum_in_half_the_number(options) -> None:
+def test_turning_steps_reach_the_same_minimum_in_half_the_number(
+    options: dict[str, bool | int | str] | dict[str, int | tuple[str, str, str]],
+) -> None:
     steps = []
     for seed in range(30, 34):
         scene = make_scene(seed, labels=8, spread=7.0, **options)
@@ -231,7 +238,7 @@ def test_a_turning_step_is_a_straight_one_to_first_order() -> None:
     ids=["log", "gauge plane", "two areas"],
 )
 def test_sights_of_all_frames_have_the_covariance_of_each(
-    monkeypatch: pytest.MonkeyPatch, options, sparse
+    monkeypatch: pytest.MonkeyPatch, options: dict[str, bool | str], sparse: bool
 ) -> None:
     if sparse:
         monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)

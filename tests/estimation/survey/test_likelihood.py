@@ -20,7 +20,9 @@ CASES = {
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_every_jacobian_equals_central_differences(options) -> None:
+def test_every_jacobian_equals_central_differences(
+    options: dict[str, bool | str] | dict[str, float],
+) -> None:
     scene = make_scene(3, **options)
     lines = np.ones(len(scene.survey.line_start), dtype=bool)
     problem = SurveyProblem(scene.survey, scene.pivot, lines)
@@ -49,7 +51,7 @@ def test_every_jacobian_equals_central_differences(options) -> None:
         assert scale > 0, name
 
 
-def dense(block, size):
+def dense(block: Block, size: int) -> Floats:
     """(n, r, size) Jacobian of a block by all unknowns."""
     n, r, _ = block.jacobian.shape
     whole = np.zeros((n, r, size))

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scenes import make_scene
 
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
 
@@ -17,7 +19,7 @@ CASES = {
 }
 
 
-def dense_inverse(adjustment):
+def dense_inverse(adjustment: Adjustment) -> Floats:
     """Of all unknowns, from the whitened rows themselves."""
     size = adjustment.problem.layout.size
     normal = np.zeros((size, size))
@@ -32,7 +34,9 @@ def dense_inverse(adjustment):
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_it_is_the_part_of_the_dense_inverse_in_plain_units(options) -> None:
+def test_it_is_the_part_of_the_dense_inverse_in_plain_units(
+    options: dict[str, float] | dict[str, tuple[int, ...]],
+) -> None:
     survey = make_scene(3, **options).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     problem, layout = adjustment.problem, adjustment.problem.layout

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from uavgram.estimation.solver.sparse.nested_dissection import LEAF, dissect
@@ -35,7 +36,7 @@ GRAPHS = {
 
 
 @pytest.mark.parametrize("graph", GRAPHS.values(), ids=GRAPHS.keys())
-def test_every_block_is_in_one_node_and_edges_lead_only_to_ancestors(graph) -> None:
+def test_every_block_is_in_one_node_and_edges_lead_only_to_ancestors(graph: csr_matrix) -> None:
     nodes = dissect(graph)
 
     own = np.concatenate([node.own for node in nodes])
