@@ -4,6 +4,7 @@ import ast
 import importlib
 import re
 import tomllib
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 

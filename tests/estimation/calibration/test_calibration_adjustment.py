@@ -22,6 +22,7 @@ from uavgram.estimation.calibration.start import first_values
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import (
     BoardObservations,
+    Bow,
     CalibrationOptions,
     IntrinsicsPrior,
 )
@@ -169,7 +170,7 @@ def joint_covariance(fit: Fit) -> Floats:
 
 
 @pytest.mark.parametrize("bow", ["flat", "paraboloid"])
-def test_the_joint_covariance_is_that_of_the_whole_normal_matrix(bow: str) -> None:
+def test_the_joint_covariance_is_that_of_the_whole_normal_matrix(bow: Bow) -> None:
     scene = scenes.make_scene(10, photos=5, whole=False)
     fit = fit_of(scene.observations, CalibrationOptions(bow=bow, bow_sigma_m=0.1))
     expected = dense(fit)
@@ -184,7 +185,7 @@ def test_without_the_poses_errors_the_covariance_would_be_wrong(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # the planted bug: the border's normal matrix with the poses taken as known
-    def no_schur(self, damping: float = 0.0) -> Normals:
+    def no_schur(self: normals.Products, damping: float = 0.0) -> Normals:
         good = schur(self, damping)
         if damping:
             return good

@@ -45,8 +45,11 @@ def test_derivatives_equal_central_differences(name: str) -> None:
 
     def residual(step: Floats) -> Floats:
         moved = state.moved(lens, step[:q] * scale, np.tile(step[q:], (3, 1)))
-        return linearise(lens, corners, moved).residual
+        there = linearise(lens, corners, moved)
+        assert there is not None
+        return there.residual
 
+    assert linear is not None
     numeric = np.empty((*linear.residual.shape, q + 6))
     for i in range(q + 6):
         h = np.zeros(q + 6)
@@ -67,6 +70,7 @@ def test_residuals_of_the_truth_are_zero(name: str) -> None:
     lens, corners = lens_of(options), pad(scene.observations, "flat")
     assert len(set(corners.count)) > 1  # partial views
     linear = linearise(lens, corners, scenes.true_state(scene, parameters))
+    assert linear is not None
     assert np.abs(linear.residual).max() < 1e-9
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import board_scenes as scenes
 import numpy as np
 import pytest
-from scenes import Scene
 
 from uavgram.estimation.calibration.adjustment import adjust
 from uavgram.estimation.calibration.outliers import adjust_scaled, snoop, without
-from uavgram.estimation.calibration.problem import Corners, Lens, lens_of, pad
+from uavgram.estimation.calibration.problem import Corners, Lens, State, lens_of, pad
 from uavgram.estimation.calibration.reliability import (
     PhotoEffect,
     corner_tests,
@@ -17,7 +16,6 @@ from uavgram.estimation.calibration.reliability import (
     photo_tests,
 )
 from uavgram.estimation.calibration.start import first_values
-from uavgram.estimation.survey.unknowns import State
 from uavgram.model.camera.board import (
     BoardObservations,
     CalibrationOptions,
@@ -106,7 +104,9 @@ def test_a_photo_whose_board_is_another_one_is_found() -> None:
     middle = pixel.mean(axis=0)
     twist = (pixel - middle)[:, 0] * (pixel - middle)[:, 1] / 2e4  # no plane does this
     photos[6] = scenes.replace_pixels(photos[6], pixel + twist[:, None] + rng.normal(size=2))
-    lens, corners, start = prepared(BoardObservations(board=observations.board, photos=photos))
+    lens, corners, start = prepared(
+        BoardObservations(board=observations.board, photos=tuple(photos))
+    )
     found = snoop(lens, corners, start, REMOVE)
     assert np.flatnonzero(found.bad_photo).tolist() == [6]
     assert found.bad_photo_size[6] > 3
@@ -132,7 +132,7 @@ def test_sigmas_are_scaled_to_the_residuals_with_a_prior_too() -> None:
 
 
 def test_a_bent_board_makes_photos_disagree_and_noise_does_not() -> None:
-    def effect(scene: Scene) -> PhotoEffect:
+    def effect(scene: scenes.Scene) -> PhotoEffect:
         options = CalibrationOptions()
         fit, _ = adjust_scaled(*prepared(scene.observations, options), options)
         return photo_effect(fit, photo_tests(fit, "residuals"), 1.0)

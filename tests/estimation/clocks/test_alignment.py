@@ -6,6 +6,7 @@ import shutters
 
 from uavgram.estimation.clocks.alignment import align
 from uavgram.estimation.clocks.camera_clock import fit_camera_clock
+from uavgram.model.arrays import Floats
 
 
 def survey(rng: np.random.Generator, events: int, spread: float) -> Floats:
@@ -37,7 +38,7 @@ def test_uneven_spacing_gives_the_offset_and_every_pair(
 
 
 def test_even_spacing_is_seen_to_be_ambiguous() -> None:
-    event = 100 + 2.0 * np.arange(40)
+    event = 100 + 2.0 * np.arange(40, dtype=float)
     result = align(event[10:25] + 4.37, 0.001, event)
     assert not result.unique
     assert len(result.candidates) > 10
@@ -45,7 +46,7 @@ def test_even_spacing_is_seen_to_be_ambiguous() -> None:
 
 
 def test_bounds_settle_what_even_spacing_leaves_open() -> None:
-    event = 100 + 2.0 * np.arange(40)
+    event = 100 + 2.0 * np.arange(40, dtype=float)
     result = align(event[10:25] + 4.37, 0.001, event, bounds_s=(4.0, 5.0))
     assert result.unique
     assert result.event_index.tolist() == list(range(10, 25))
@@ -127,7 +128,7 @@ def test_a_photo_whose_event_and_whose_neighbours_photo_are_both_lost_is_never_c
 
 
 def test_exposures_at_whole_seconds_leave_the_offset_open_over_the_step() -> None:
-    event = 100.0 + np.cumsum(np.random.default_rng(4).integers(2, 6, 80))
+    event = 100.0 + np.cumsum(np.random.default_rng(4).integers(2, 6, 80), dtype=float)
     coarse = fit_camera_clock(event, np.floor(event + 0.9), 1.0)
     assert coarse.offset_sigma_s == pytest.approx(1 / np.sqrt(12), abs=0.01)
     spread = survey(np.random.default_rng(4), 80, 0.8)

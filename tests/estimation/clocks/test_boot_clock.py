@@ -7,6 +7,7 @@ import pytest
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.boot_clock import as_text, fit_boot_clock, to_boot, to_utc
+from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Boot, ClockSamples
 
 EPOCH = 1.7e9

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -29,7 +32,8 @@ def points_in_view(
     rng: np.random.Generator, center: Floats, rotation: Floats, count: int
 ) -> tuple[Floats, Floats]:
     """(count, 2) points of the plane z = 0 in a field of view of 70 by 55 degrees, and rays."""
-    found, rays = [], []
+    found: list[Floats] = []
+    rays: list[Floats] = []
     while len(found) < count:
         ray = np.array([rng.uniform(-0.7, 0.7), rng.uniform(-0.52, 0.52), 1.0])
         direction = rotation @ ray
@@ -72,11 +76,13 @@ class RandomScenes:
         return result
 
 
-def relative_errors(found, truth):
+def relative_errors(
+    found: Sequence[Sequence[PlaneCandidate]], truth: Floats
+) -> tuple[Floats, Floats]:
     """Of the best plane, and of the nearest one, per scene."""
     size = np.linalg.norm(truth, axis=1)
     apart = [
-        [np.linalg.norm(c.plane - m) for c in candidates] or [np.inf]
+        [float(np.linalg.norm(c.plane - m)) for c in candidates] or [np.inf]
         for candidates, m in zip(found, truth, strict=True)
     ]
     best, nearest = np.array([a[0] for a in apart]), np.array([min(a) for a in apart])
@@ -117,14 +123,14 @@ def every_exact_solution(
     Residuals are the logarithms of the lengths' ratios, derivatives are complex steps.
     """
 
-    def residual(m: Floats | NDArray[np.object_]) -> Floats | NDArray[np.object_]:
+    def residual(m: NDArray[Any]) -> NDArray[Any]:  # complex for its derivative
         a, b = m @ start.T, m @ end.T
         apart = start / a[..., None] - end / b[..., None]
         square = np.sum(apart * apart, axis=-1)
         behind = (np.minimum(a.real, b.real) <= 1e-6 * np.abs(m[:, 2:])).any(axis=1)
         value = 0.5 * np.log(square / length**2)
         value[behind] = np.nan
-        result: Floats | NDArray[np.object_] = value
+        result: NDArray[Any] = value
         return result
 
     tilt = np.arccos(rng.uniform(np.cos(np.deg2rad(84)), 1, starts))
@@ -148,7 +154,7 @@ def every_exact_solution(
             m[better], value[better] = trial[better], new[better]
             open_ &= ~better
     solved = m[np.abs(value).max(axis=1) < 1e-11]
-    distinct = []
+    distinct: list[Floats] = []
     for one in solved:
         if all(np.linalg.norm(one - other) > 1e-5 * np.linalg.norm(one) for other in distinct):
             distinct.append(one)
@@ -179,13 +185,13 @@ def test_three_lines_give_every_solution_of_an_exhaustive_search() -> None:
     found = search_planes(a, b, length, 1e-6 * length)
     numbers = []
     for k in range(40):
-        height = 1 / np.linalg.norm(scenes.plane[k])
+        height = 1 / float(np.linalg.norm(scenes.plane[k]))
         expected = every_exact_solution(rng, a[k], b[k], length[k], height)
         numbers.append(assert_same_planes(found[k], [*expected, scenes.plane[k]], k))
     assert 0.2 < np.mean(np.array(numbers) > 1) < 0.8  # the ambiguity that the search is there for
 
 
-def planes_of_p3p(ray, side):
+def planes_of_p3p(ray: Floats, side: Floats) -> list[Floats]:
     """Planes of a triangle with known sides [opposite corner 2, 0, 1] by OpenCV's P3P."""
     x = (side[0] ** 2 + side[2] ** 2 - side[1] ** 2) / (2 * side[0])
     y = np.sqrt(side[2] ** 2 - x * x)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
-NO_LOG = {"telemetry": False, "gauge": "plane", "frames": 1}
+NO_LOG: dict[str, Any] = {"telemetry": False, "gauge": "plane", "frames": 1}
 UNCONNECTED = tuple((k, k + 6) for k in range(6))
 SHARED = ((0, 1), (1, 2), (2, 0), (2, 3), (3, 4), (4, 0), (5, 6))
 

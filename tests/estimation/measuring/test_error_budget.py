@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scenes import make_scene
+from scenes import NO_TIMES, make_scene
 
 from uavgram.estimation.measuring.error_budget import error_budget, shares
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
@@ -19,7 +19,10 @@ REQUESTS = (
     MeasurementRequest(name="place", kind="coordinate", points=("P3",)),
     MeasurementRequest(name="nowhere", kind="distance", points=("P0", "absent")),
     MeasurementRequest(
-        name="skid", kind="skid_speed", points=("P0", "P1"), parameters={"mu": 0.7, "mu_sigma": 0.1}
+        name="skid",
+        kind="skid_speed",
+        points=("P0", "P1"),
+        parameters=(("mu", 0.7), ("mu_sigma", 0.1)),
     ),
 )
 
@@ -29,7 +32,7 @@ def case(request: pytest.FixtureRequest) -> tuple[Adjustment, MeasuredValues]:
     free = request.param == "plane"
     scene = make_scene(8, frames=4, telemetry=not free, gauge=request.param)
     adjustment = refine(scene.survey, SolveOptions())[0].adjustment
-    return adjustment, propagate(adjustment, REQUESTS, None)
+    return adjustment, propagate(adjustment, REQUESTS, NO_TIMES)
 
 
 def test_the_parts_add_up_to_the_variance(case: tuple[Adjustment, MeasuredValues]) -> None:

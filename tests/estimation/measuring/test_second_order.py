@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -21,15 +22,15 @@ from uavgram.stages.monte_carlo import sample
 from uavgram.stages.refine import refine
 from uavgram.stages.second_order import second_order
 
-ALONE = {"frames": 1, "telemetry": False, "gauge": "plane"}
+ALONE: dict[str, Any] = {"frames": 1, "telemetry": False, "gauge": "plane"}
 PAIRS = ((0, 6), (1, 7), (2, 8), (3, 9), (4, 10), (5, 11))
 
 
 def frames_of(survey: Survey) -> Frames:
     n = len(survey.frame_id)
     return Frames(
-        frame_id=survey.frame_id, time_utc_s=np.arange(n) * 2.0, sigma_time_s=np.full(n, 0.4),
-        matched=np.ones(n), reason=("",) * n, clock_offset_s=0.0, clock_offset_sigma_s=1.0,
+        frame_id=survey.frame_id, time_utc_s=np.arange(n, dtype=float) * 2.0, sigma_time_s=np.full(n, 0.4),
+        matched=np.ones(n, dtype=bool), reason=("",) * n, clock_offset_s=0.0, clock_offset_sigma_s=1.0,
     )  # fmt: skip
 
 
@@ -51,7 +52,7 @@ def distance(*points: str) -> MeasurementRequest:
 
 @pytest.mark.parametrize("options", [{}, {**ALONE, "ends": PAIRS, "tilt": 0.4}])
 def test_where_first_order_holds_nothing_is_said(
-    options: dict[str, bool | float | str | tuple[tuple[int, int], ...]],
+    options: dict[str, Any],
 ) -> None:
     survey = make_scene(3, **options).survey
     area = MeasurementRequest(name="a", kind="area", points=("P0", "P1", "P2"))
@@ -65,6 +66,7 @@ def test_where_first_order_holds_nothing_is_said(
 @pytest.mark.parametrize("bias_m", [2.0, 400.0, 5e3])
 def test_an_error_that_all_points_share_says_nothing_of_what_parts_them(bias_m: float) -> None:
     survey = make_scene(3).survey
+    assert survey.telemetry is not None
     telemetry = replace(survey.telemetry, position_bias_sigma_m=np.full(3, bias_m))
     area = MeasurementRequest(name="a", kind="area", points=("P0", "P1", "P2"))
     found = compared(replace(survey, telemetry=telemetry), (distance("P0", "P1"), area))
@@ -111,7 +113,7 @@ def test_near_the_horizon_second_order_follows_the_sampled_sigma() -> None:
     pixel[0] = far[0, 0]
     calibration = replace(
         survey.calibration,
-        parameters=[*survey.calibration.parameters[:4], 0, 0, 0, 0, 0],
+        parameters=np.array([*survey.calibration.parameters[:4], 0, 0, 0, 0, 0]),
         covariance=np.zeros((9, 9)),
     )
     changed = replace(scene_with(survey, pixel, keep=(1, 2, 3, 4, 5)), calibration=calibration)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,13 +17,20 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.names import Names
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.arrays import Floats
+from uavgram.model.flight.log import Track
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
 ALPHA = 0.001
 PAIRS = ((0, 6), (1, 7), (2, 8), (3, 9), (4, 10), (5, 11))
-ALONE = {"frames": 1, "telemetry": False, "gauge": "plane", "tilt": 0.4, "ends": PAIRS}
+ALONE: dict[str, Any] = {
+    "frames": 1,
+    "telemetry": False,
+    "gauge": "plane",
+    "tilt": 0.4,
+    "ends": PAIRS,
+}
 
 
 def suspected(survey: Survey, first: Member | None = None) -> tuple[Adjustment, list[Suspicion]]:
@@ -79,10 +87,10 @@ def test_once_one_is_suspected_the_rest_is_tested_without_it() -> None:
     assert [s.accused for s in found[:2]] == [Member("lengths", 2, 0), Member("lengths", 5, 0)]
     without = replace(
         wrong,
-        **{
-            name: np.delete(getattr(wrong, name), 2)
-            for name in ("line_start", "line_end", "length_m", "length_sigma_m")
-        },
+        line_start=np.delete(wrong.line_start, 2),
+        line_end=np.delete(wrong.line_end, 2),
+        length_m=np.delete(wrong.length_m, 2),
+        length_sigma_m=np.delete(wrong.length_sigma_m, 2),
     )
     again = refine(without, SolveOptions())[0].adjustment
     assert found[1].w == pytest.approx(observed(again)["lengths"].w[4, 0], rel=0.02)
@@ -94,6 +102,7 @@ def test_a_gimbal_six_sigma_off_in_one_frame_is_flagged_not_absorbed() -> None:
     for seed in range(10):
         survey = make_scene(20 + seed, frames=6, labels=14, spread=7.0, control=3).survey
         track = survey.track
+        assert isinstance(track, Track)
         attitude = np.array(track.world_from_body_xyzw)
         # Frame 2 is logged by samples 8 to 11; pitch is about the body's y axis, sigma 0.012 rad.
         pitched = Rotation.from_quat(attitude[8:12]) * Rotation.from_rotvec([0, 6 * 0.012, 0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
 
-CASES = {
+CASES: dict[str, dict[str, Any]] = {
     "telemetry": {},
     "rough ground and control": {"roughness": 0.05, "control": 3},
     "lengths alone": {"telemetry": False, "gauge": "plane"},
@@ -36,7 +37,7 @@ def adjusted(scene: Scene) -> Adjustment:
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
 def test_redundancy_numbers_of_all_groups_sum_to_the_degrees_of_freedom(
-    options: dict[str, bool | str] | dict[str, float],
+    options: dict[str, Any],
 ) -> None:
     adjustment = adjusted(make_scene(4, **options))
     blocks = adjustment.minimum.blocks
@@ -67,9 +68,10 @@ def test_the_largest_w_is_that_of_a_planted_blunder(kind: str, index: int) -> No
     w = largest[name]
     assert w.max() > 5
     if kind == "length":
-        assert (name, w.argmax()) == ("lengths", index)
+        assert (name, int(w.argmax())) == ("lengths", index)
     else:
-        assert (name, np.unravel_index(w.argmax(), w.shape)) == ("pixels", (7 * index, 1))
+        row, axis = np.unravel_index(w.argmax(), w.shape)
+        assert (name, int(row), int(axis)) == ("pixels", 7 * index, 1)
 
 
 def random_problem(rng: np.random.Generator, n: int, unknowns: int) -> tuple[Block, Factor, Floats]:
@@ -91,7 +93,7 @@ def test_a_bias_of_the_minimal_detectable_size_is_found_in_80_of_100_cases() -> 
     alpha, trials = 0.01, 4000
     sigma = rng.uniform(0.5, 2, (12, 1))
     bias = minimal_detectable_bias(redundancy, sigma, alpha)
-    lowest, highest = binom.ppf([1e-6, 1 - 1e-6], trials, 0.80)
+    lowest, highest = binom.ppf(np.array([1e-6, 1 - 1e-6]), trials, 0.80)
     for row in range(12):
         noise = rng.normal(size=(trials, 12))
         noise[:, row] += bias[row, 0] / sigma[row, 0]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scenes
-from scenes import Scene, make_scene
+from scenes import NO_TIMES, Scene, make_scene
 from scipy.stats import norm
 
 from uavgram.estimation.measuring.propagation import propagate, values_at
@@ -99,7 +99,7 @@ def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(kind: s
     scene = make_scene(8, frames=5, control=2, noise=0.1)
     adjustment = adjusted(scene)
     groups = observed(adjustment)
-    measured = propagate(adjustment, REQUESTS, None)
+    measured = propagate(adjustment, REQUESTS, NO_TIMES)
     worst, _ = external_reliability(groups, measured, ALPHA)
     group, found = groups[kind], worst[kind]
     row, axis = np.unravel_index(found.sigmas.argmax(), found.sigmas.shape)
@@ -107,10 +107,11 @@ def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(kind: s
     error = np.zeros_like(group.block.residual)
     whitened = 0.1 * group.bias(ALPHA)[row, axis] / group.scale[row, axis]
     error[row] = group.direction[row, :, axis] * whitened
-    moved = [
-        values_at(adjustment, refit(adjustment, {kind: sign * error}), REQUESTS, None)
-        for sign in (1.0, -1.0)
-    ]
+    moved = []
+    for sign in (1.0, -1.0):
+        state = refit(adjustment, {kind: sign * error})
+        assert state is not None
+        moved.append(values_at(adjustment, state, REQUESTS, NO_TIMES))
     change = (moved[0] - moved[1]) / 2 / 0.1
     assert np.abs(change / measured.sigma).argmax() == found.measurement[row, axis]
     on = found.measurement[row, axis]
@@ -119,7 +120,7 @@ def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(kind: s
 
 def test_the_weakest_link_of_a_measurement_moves_it_most_of_all() -> None:
     adjustment = adjusted(make_scene(8, frames=5, control=2))
-    groups, measured = observed(adjustment), propagate(adjustment, REQUESTS, None)
+    groups, measured = observed(adjustment), propagate(adjustment, REQUESTS, NO_TIMES)
     _, weakest = external_reliability(groups, measured, ALPHA)
     for i, link in enumerate(weakest):
         largest = 0.0
@@ -138,7 +139,7 @@ def test_what_nothing_checks_is_named() -> None:
         (1, 6), (2, 7), (3, 8), (4, 9), (5, 10),
     ))  # fmt: skip
     adjustment = adjusted(scene)
-    measured = propagate(adjustment, REQUESTS[:1], None)
+    measured = propagate(adjustment, REQUESTS[:1], NO_TIMES)
     _, (weakest,) = external_reliability(observed(adjustment), measured, ALPHA)
     assert ("pixels", 0) in {(m.kind, m.row) for m in weakest.unchecked}
 

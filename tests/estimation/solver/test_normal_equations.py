@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy import _ArrayFunctionDispatcher
 from scenes import Scene, make_scene
 
 from uavgram.estimation.solver import normal_equations
@@ -18,7 +17,7 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import Layout
 from uavgram.model.arrays import Floats
 
-CASES = {
+CASES: dict[str, dict[str, Any]] = {
     "telemetry": {},
     "rough ground and control": {"roughness": 0.05, "control": 3},
     "lengths alone": {"telemetry": False, "gauge": "plane"},
@@ -29,7 +28,9 @@ CASES = {
 def blocks_of(scene: Scene) -> tuple[dict[str, Block], Layout]:
     lines = np.ones(len(scene.survey.line_start), dtype=bool)
     problem = SurveyProblem(scene.survey, scene.pivot, lines)
-    return problem.evaluate(scene.truth), problem.layout
+    blocks = problem.evaluate(scene.truth)
+    assert blocks is not None
+    return blocks, problem.layout
 
 
 def dense_jacobian(blocks: dict[str, Block], size: int) -> Floats:
@@ -56,7 +57,7 @@ def branch(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> s
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
 def test_solution_and_covariances_equal_the_dense_inverse(
-    options: dict[str, bool | str] | dict[str, float], branch: str
+    options: dict[str, Any], branch: str
 ) -> None:
     blocks, layout = blocks_of(make_scene(3, frames=6, **options))
     size, structure = layout.size, layout.structure if branch == "points first" else None
@@ -152,8 +153,9 @@ def test_damping_makes_a_singular_system_solvable() -> None:
 
 def test_a_row_may_name_an_unknown_twice(branch: str) -> None:
     # Two columns of one unknown, of a point's two, and a length from a point to itself.
-    structure = Structure(size=7, points=2, point_size=2, block_size=2, first_shared=6)
-    structure = structure if branch == "points first" else None
+    structure = None
+    if branch == "points first":
+        structure = Structure(size=7, points=2, point_size=2, block_size=2, first_shared=6)
     rng = np.random.default_rng(0)
     columns = np.concatenate([rng.integers(0, 7, (20, 4)), [[0, 1, 0, 1], [5, 5, 6, 6]]])
     block = Block(np.zeros((22, 1)), columns, rng.normal(size=(22, 1, 4)))
@@ -200,7 +202,7 @@ def test_covariances_of_unknowns_without_a_common_observation_are_not_guessed(
 class Dirty:
     """numpy whose fresh memory holds what it must not be read for."""
 
-    def __getattr__(self, name: str) -> Callable[..., Any] | _ArrayFunctionDispatcher:
+    def __getattr__(self, name: str) -> Callable[..., Any] | Callable[..., Any]:
         return getattr(np, name)
 
     def empty(self, shape: int | tuple[int, int]) -> Floats:
@@ -240,6 +242,7 @@ def test_a_deep_tree_of_fronts_gives_the_dense_inverse(
     normal = NormalEquations([block, prior], size, structure)
     factor = normal.factor()
 
+    assert normal.plan is not None
     levels = {front.level for front in normal.plan.symbolic.ordering.fronts}
     assert len(levels) > 4
     np.testing.assert_allclose(factor.joint(np.arange(size)), inverse, atol=1e-10)

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
+from uavgram.model.flight.log import Track
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
@@ -27,7 +28,7 @@ STEP = 3e-3
 """Of the differences, in sigmas of each unknown; fourth order."""
 
 
-class Residual(pyceres.CostFunction):
+class Residual(pyceres.CostFunction):  # type: ignore[misc]  # pyceres has no types
     """Any function of a few parameter blocks, differentiated by fourth-order differences."""
 
     def __init__(self, function: Callable[..., Any], sizes: list[int], rows: int) -> None:
@@ -36,8 +37,8 @@ class Residual(pyceres.CostFunction):
         self.set_num_residuals(rows)
         self.set_parameter_block_sizes(sizes)
 
-    def Evaluate(
-        self, parameters: list[Floats], residuals: Floats, jacobians: list[Floats] | None
+    def Evaluate(  # noqa: N802
+        self, parameters: list[Floats], residuals: Floats, jacobians: list[Floats | None] | None
     ) -> bool:
         blocks = [np.array(block, dtype=float) for block in parameters]
         residuals[:] = np.ravel(self.function(*blocks))
@@ -73,7 +74,7 @@ class Likelihood:
         self.interior, self.plane = np.zeros(9), np.zeros(3)
         self.flight = np.zeros(12)
         self.problem = pyceres.Problem()
-        self.costs = []
+        self.costs: list[Residual] = []
         self._observe()
 
     def _add(self, function: Callable[..., Any], blocks: list[Floats], rows: int) -> None:
@@ -146,8 +147,8 @@ class Likelihood:
 
         def residual(first: Floats, second: Floats, plane: Floats) -> float:
             apart = self.world(a, first, plane) - self.world(b, second, plane)
-            result: float = (np.sqrt(apart @ apart) - survey.length_m[line]) / survey.length_sigma_m[line]
-            return result
+            off = np.sqrt(apart @ apart) - survey.length_m[line]
+            return float(off / survey.length_sigma_m[line])
 
         return residual
 
@@ -178,6 +179,8 @@ class Likelihood:
 
     def _logged(self, row: int, f: int) -> Callable[..., Any]:
         prior, track = self.survey.telemetry, self.survey.track
+        assert prior is not None
+        assert isinstance(track, Track)
         white = np.linalg.inv(np.linalg.cholesky(prior.covariance[row]))
         here = np.argmin(np.abs(track.position_time_s - prior.time_s[row]))
         samples = slice(here // 4 * 4, here // 4 * 4 + 4)  # a straight and steady way, see `scenes`
@@ -204,6 +207,7 @@ class Likelihood:
 
     def _shared(self, flight: Floats) -> Floats:
         prior = self.survey.telemetry
+        assert prior is not None
         mean = np.zeros(12)
         mean[3:6] = prior.lever_arm_m
         sigma = [prior.boresight_sigma_rad] * 3 + [prior.lever_arm_sigma_m] * 3
@@ -238,7 +242,7 @@ class Likelihood:
         return np.concatenate(blocks), sigma, 2 * summary.final_cost
 
 
-CASES = {
+CASES: dict[str, dict[str, Any]] = {
     "one frame, lengths only": {
         "frames": 1,
         "labels": 8,
@@ -253,7 +257,7 @@ CASES = {
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
 def test_estimates_and_sigmas_equal_those_of_ceres(
-    options: dict[str, bool | float | str] | dict[str, int],
+    options: dict[str, Any],
 ) -> None:
     survey = make_scene(21, **options).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment

@@ -22,14 +22,14 @@ def sampled(time: Floats, tau: float, draws: int = 4000) -> float:
 
 @pytest.mark.parametrize(("count", "tau"), [(30, 5.0), (100, 5.0), (100, 15.0), (200, 60.0)])
 def test_it_is_what_draws_of_the_process_show(count: int, tau: float) -> None:
-    time = 2.0 * np.arange(count)
+    time = 2.0 * np.arange(count, dtype=float)
     factor = trend_inflation(time, tau, tau)
     # The ends of a short record leak power between its waves: a fifth, at these lengths.
     assert sampled(time, tau) == pytest.approx(factor, rel=0.2)
 
 
 def test_the_worst_time_of_the_range_is_taken() -> None:
-    time = 2.0 * np.arange(60)
+    time = 2.0 * np.arange(60, dtype=float)
     alone = [trend_inflation(time, tau, tau) for tau in np.linspace(5, 60, 56)]
     assert trend_inflation(time, 5.0, 60.0) == pytest.approx(max(alone), rel=0.02)
     assert trend_inflation(time, 5.0, 60.0) == pytest.approx(60 / (2 * np.pi), rel=0.05)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
-SCENE = {"frames": 2, "labels": 8, "lines": 9, "telemetry": False, "gauge": "plane"}
+SCENE: dict[str, Any] = {"frames": 2, "labels": 8, "lines": 9, "telemetry": False, "gauge": "plane"}
 
 
 def motion(seed: int) -> tuple[Floats, Floats]:
@@ -93,6 +94,7 @@ def test_no_observation_notices_a_shift_and_a_turn_of_the_adjusted_state(seed: i
         rotation=turn @ state.rotation,
     )
     blocks, before = adjustment.problem.evaluate(moved), adjustment.minimum.blocks
+    assert blocks is not None
     for name in ("pixels", "lengths", "calibration"):
         np.testing.assert_allclose(blocks[name].residual, before[name].residual, atol=1e-6)
     assert np.abs(blocks["gauge"].residual).max() > 1e3  # which is what the gauge is for

@@ -51,16 +51,14 @@ def test_first_planes_lie_as_far_apart_as_stated(survey: Survey) -> None:
 
 
 def test_an_area_that_lost_its_points_has_the_middle_of_the_scene(survey: Survey) -> None:
-    alone = replace(survey, area=np.zeros(5))
+    alone = replace(survey, area=np.zeros(5, dtype=int))
     point = np.arange(10.0).reshape(5, 2)
     np.testing.assert_array_equal(area_centroids(alone, point), [[4.0, 5.0]] * 2)
     np.testing.assert_array_equal(area_centroids(survey, point), [[4.0, 5.0], [4.0, 5.0]])
 
 
-def points_of(roughness: float, **options) -> tuple[Adjustment, Floats]:
-    scene = make_scene(
-        6, frames=1, labels=6, lines=0, noise=0.0, tilt=0.8, roughness=roughness, **options
-    )
+def points_of(roughness: float) -> tuple[Adjustment, Floats]:
+    scene = make_scene(6, frames=1, labels=6, lines=0, noise=0.0, tilt=0.8, roughness=roughness)
     adjustment = refine(scene.survey, SolveOptions())[0].adjustment
     return adjustment, adjustment.points()[1][:, :2, :2]
 

@@ -17,11 +17,12 @@ from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State, advance, move
 from uavgram.model.arrays import Floats
+from uavgram.model.flight.log import Track
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
-CASES = {
+CASES: dict[str, dict[str, Any]] = {
     "telemetry": {},
     "telemetry without lines": {"lines": 0},
     "one frame": {"frames": 1},
@@ -110,6 +111,8 @@ class Oracle:
 
     def telemetry(self, center: Floats, rotation: list[Floats], shared: Floats) -> list[Floats]:
         prior, track = self.survey.telemetry, self.survey.track
+        assert prior is not None
+        assert isinstance(track, Track)
         at = prior.time_s - shared[10] - shared[11] * (prior.time_s - prior.middle_s)
         position = [np.interp(at, track.position_time_s, c) for c in track.position_world_m.T]
         slerp = Slerp(track.attitude_time_s, Rotation.from_quat(track.world_from_body_xyzw))
@@ -132,7 +135,7 @@ class Oracle:
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_estimates_and_sigmas_equal_those_of_scipy(options: dict[str, int]) -> None:
+def test_estimates_and_sigmas_equal_those_of_scipy(options: dict[str, Any]) -> None:
     survey = make_scene(11, **options).survey
     refined, _ = refine(survey, SolveOptions())
     adjustment = refined.adjustment
@@ -169,7 +172,7 @@ def test_estimates_and_sigmas_equal_those_of_scipy(options: dict[str, int]) -> N
     np.testing.assert_allclose(theirs, 1.0, rtol=1e-5)
 
 
-def central(function, x):
+def central(function: Callable[[Floats], Floats], x: Floats) -> Floats:
     """Fourth-order central differences, a hundredth of a sigma apart."""
     columns = []
     for step in 1e-2 * np.eye(len(x)):
@@ -179,7 +182,7 @@ def central(function, x):
     return np.stack(columns, axis=1)
 
 
-def settled(scene: Scene, update: Callable[..., Any]) -> Minimum:
+def settled(scene: Scene, update: Callable[..., Any]) -> Minimum[State]:
     """The minimum from the truth, by one way to take a step."""
     survey = scene.survey
     problem = SurveyProblem(survey, scene.pivot, np.ones(len(survey.line_start), dtype=bool))
@@ -202,7 +205,7 @@ def settled(scene: Scene, update: Callable[..., Any]) -> Minimum:
     ids=["free gauge", "picks far better than the telemetry"],
 )
 def test_turning_steps_reach_the_same_minimum_in_half_the_number(
-    options: dict[str, bool | int | str] | dict[str, int | tuple[str, str, str]],
+    options: dict[str, Any],
 ) -> None:
     steps = []
     for seed in range(30, 34):
@@ -238,7 +241,7 @@ def test_a_turning_step_is_a_straight_one_to_first_order() -> None:
     ids=["log", "gauge plane", "two areas"],
 )
 def test_sights_of_all_frames_have_the_covariance_of_each(
-    monkeypatch: pytest.MonkeyPatch, options: dict[str, bool | str], sparse: bool
+    monkeypatch: pytest.MonkeyPatch, options: dict[str, Any], sparse: bool
 ) -> None:
     if sparse:
         monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)

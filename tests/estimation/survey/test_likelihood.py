@@ -1,15 +1,18 @@
 """The likelihood's residuals and Jacobians."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from scenes import make_scene
 
+from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.likelihood import SurveyProblem, covariance_root
 from uavgram.estimation.survey.unknowns import move
+from uavgram.model.arrays import Floats
 
-CASES = {
+CASES: dict[str, dict[str, Any]] = {
     "telemetry": {},
     "rough ground and control": {"roughness": 0.05, "control": 3},
     "lengths alone": {"telemetry": False, "gauge": "plane"},
@@ -21,7 +24,7 @@ CASES = {
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
 def test_every_jacobian_equals_central_differences(
-    options: dict[str, bool | str] | dict[str, float],
+    options: dict[str, Any],
 ) -> None:
     scene = make_scene(3, **options)
     lines = np.ones(len(scene.survey.line_start), dtype=bool)
@@ -42,6 +45,8 @@ def test_every_jacobian_equals_central_differences(
             step[column] = h
             ahead = problem.evaluate(move(layout, state, step)) if names else {}
             behind = problem.evaluate(move(layout, state, -step)) if names else {}
+            assert ahead is not None
+            assert behind is not None
             for name in names:
                 change = ahead[name].residual - behind[name].residual
                 numeric[name][:, :, column] = change / (2 * h)
@@ -65,6 +70,7 @@ def test_exact_data_have_no_residual_at_the_truth() -> None:
     problem = SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
     blocks = problem.evaluate(scene.truth)
 
+    assert blocks is not None
     for name in ("pixels", "lengths", "control"):
         assert np.abs(blocks[name].residual).max() < 1e-8, name
 

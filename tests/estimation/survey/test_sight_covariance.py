@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scenes import make_scene
@@ -11,7 +13,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
 
-CASES = {
+CASES: dict[str, dict[str, Any]] = {
     "telemetry": {},
     "rough ground": {"roughness": 0.05, "control": 2},
     "two areas": {"verge": (0, 3, 5, 7)},
@@ -35,7 +37,7 @@ def dense_inverse(adjustment: Adjustment) -> Floats:
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
 def test_it_is_the_part_of_the_dense_inverse_in_plain_units(
-    options: dict[str, float] | dict[str, tuple[int, ...]],
+    options: dict[str, Any],
 ) -> None:
     survey = make_scene(3, **options).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment

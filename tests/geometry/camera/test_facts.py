@@ -6,6 +6,7 @@ import pytest
 from opencv_rays import undistort
 
 from uavgram.geometry.camera.facts import camera_facts
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 
 
