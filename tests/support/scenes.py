@@ -16,6 +16,7 @@ from uavgram.estimation.survey.likelihood import covariance_root
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
+from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import Track
 from uavgram.model.flight.pose import Poses, TelemetryPrior
 from uavgram.model.survey.survey import Ground, Survey
@@ -50,6 +51,17 @@ VERGE_M = 0.4
 SHARED_SIGMA = np.array([*[0.02] * 3, *[0.15] * 3, 0.6, 1.0, 1.5, 0.02, 0.05, 0.004])
 SHARED_SOURCE: tuple[str, ...] = ("boresight",) * 3 + ("lever_arm",) * 3 + ("position_bias",) * 3
 SHARED_SOURCE += ("heading_bias", "clock", "clock_drift")
+NO_TIMES = Frames(
+    frame_id=(),
+    time_utc_s=np.zeros(0),
+    sigma_time_s=np.zeros(0),
+    matched=np.zeros(0, dtype=bool),
+    reason=(),
+    clock_offset_s=0.0,
+    clock_offset_sigma_s=0.0,
+)
+"""Photos without times: for all that is measured but a speed."""
+
 LEVER_ARM = np.array([0.12, -0.05, 0.08])
 
 
