@@ -241,7 +241,7 @@ def test_a_turning_step_is_a_straight_one_to_first_order() -> None:
     ids=["log", "gauge plane", "two areas"],
 )
 def test_sights_of_all_frames_have_the_covariance_of_each(
-    monkeypatch: pytest.MonkeyPatch, options: dict[str, Any], sparse: bool
+    monkeypatch: pytest.MonkeyPatch, options: dict[str, Any], *, sparse: bool
 ) -> None:
     if sparse:
         monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)

@@ -27,8 +27,8 @@ ABOVE = 0.7
 def view(lens: str, *, plane: bool = True) -> View:
     rng = np.random.default_rng(5)
     parameters = LENSES[lens]
-    sigma = [0.1] * 3 + [0.002] * 3 + [5.0] * 4 + [1e-3] * (len(parameters) - 4)
-    sigma = np.array(sigma + [0.05, 0.01, 0.02] * plane)
+    sigmas = [0.1] * 3 + [0.002] * 3 + [5.0] * 4 + [1e-3] * (len(parameters) - 4)
+    sigma = np.array(sigmas + [0.05, 0.01, 0.02] * plane)
     root = rng.normal(size=(len(sigma), len(sigma))) * sigma[:, None]
     turn = Rotation.from_euler("xyz", [0.4, 0.1, 0.2]).as_matrix()
     return View(

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from uavgram.geometry.ground import shapes
 from uavgram.geometry.motion.rotation import exp_so3
+from uavgram.model.arrays import Floats
 
 SQUARE = np.array([[0.0, 0, 0], [4, 0, 0], [4, 3, 0], [0, 3, 0]])
 COUNT = {
@@ -69,9 +70,11 @@ def test_line_distance_is_perpendicular_also_beyond_the_ends() -> None:
 def test_gradients_equal_central_differences(measure: Callable[..., Any]) -> None:
     for seed in range(20):
         points = np.random.default_rng(seed).uniform(-20, 20, (COUNT[measure], 3))
-        numeric = central_differences(
-            lambda x, shape=points.shape: np.array(measure(x.reshape(shape))[0]), points.ravel()
-        )
+
+        def value(x: Floats, shape: tuple[int, ...] = points.shape) -> Floats:
+            return np.array(measure(x.reshape(shape))[0])
+
+        numeric = central_differences(value, points.ravel())
         gradient = measure(points)[1].ravel()
         assert np.abs(gradient - numeric).max() <= 1e-6 * np.abs(numeric).max()
 
@@ -147,12 +150,12 @@ def test_the_wrong_number_of_points_is_refused(measure: Callable[..., Any]) -> N
     ],
 )
 def test_outlines_that_cross_or_touch_themselves(
-    outline: list[tuple[int, int]], crosses: bool
+    outline: list[tuple[int, int]], *, crosses: bool
 ) -> None:
-    outline = np.array(outline, float)
-    assert shapes.polygon_self_intersects(outline) is crosses
-    assert shapes.polygon_self_intersects(outline[::-1]) is crosses
-    assert shapes.polygon_self_intersects(np.roll(outline, 1, axis=0)) is crosses
+    corner = np.array(outline, float)
+    assert shapes.polygon_self_intersects(corner) is crosses
+    assert shapes.polygon_self_intersects(corner[::-1]) is crosses
+    assert shapes.polygon_self_intersects(np.roll(corner, 1, axis=0)) is crosses
 
 
 @pytest.mark.parametrize("measure", COUNT)
