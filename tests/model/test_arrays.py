@@ -70,9 +70,7 @@ def test_arrays_are_copied_typed_and_read_only() -> None:
         ({"height_m": [0, np.inf]}, r"Marks.height_m: not finite at index \(1,\)"),
     ],
 )
-def test_a_wrong_array_is_named(
-    changes: dict[str, Floats] | dict[str, list[int]], text: str
-) -> None:
+def test_a_wrong_array_is_named(changes: dict[str, ArrayLike], text: str) -> None:
     with pytest.raises(ValueError, match=text):
         marks(**changes)
 
