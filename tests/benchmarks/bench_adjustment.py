@@ -115,7 +115,7 @@ def parts(adjustment: Adjustment) -> None:
 
     Multifrontal._factorise = timed  # type: ignore[method-assign]  # to time it
     best(equations.factor)
-    Multifrontal._factorise = factorised  # type: ignore[method-assign]
+    Multifrontal._factorise = factorised  # type: ignore[method-assign]  # as it was
     fronts = plan.symbolic.ordering.fronts
     own = np.array([front.own for front in fronts], dtype=float)
     edge = np.array([len(front.boundary) for front in fronts], dtype=float)

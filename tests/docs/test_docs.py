@@ -4,7 +4,7 @@ import ast
 import importlib
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -31,7 +31,7 @@ def named_in(text: str) -> Iterator[tuple[str, str]]:
             yield path, name
 
 
-def found(root: Path, path: str) -> Path:
+def found(root: Path, path: str) -> Path | None:
     """The file or folder that a page calls `path`: in the package or in the repository."""
     return next((p for p in (root / "uavgram" / path, root / path) if p.exists()), None)
 
@@ -41,7 +41,7 @@ def python_names(file: Path) -> set[str]:
     """Functions, classes and constants of a module; ``Class.method`` for what is inside a class."""
     names = set()
 
-    def collect(body, before: str) -> None:
+    def collect(body: Sequence[ast.stmt], before: str) -> None:
         for node in body:
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
                 names.add(before + node.name)

@@ -1,7 +1,4 @@
-"""Small surveys with known truth, made without any code that the estimator uses for observing.
-
-Loaded by path (see ``load_scenes`` in the conftest files), because test folders are no packages.
-"""
+"""Small surveys with known truth, made without any code that the estimator uses for observing."""
 
 from __future__ import annotations
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import board_scenes as scenes
 import numpy as np
@@ -35,7 +34,9 @@ def fit_of(observations: BoardObservations, options: CalibrationOptions = USUAL)
     return adjust(lens, corners, first_values(lens, corners, scenes.SIZE))
 
 
-def distorted(observations: BoardObservations, change: Callable[..., Any]) -> BoardObservations:
+def distorted(
+    observations: BoardObservations, change: Callable[[int, Floats], Floats]
+) -> BoardObservations:
     """Pixels changed photo by photo: change(index, pixel) is added."""
     photos = tuple(
         scenes.replace_pixels(photo, photo.pixel_px + change(i, photo.pixel_px))

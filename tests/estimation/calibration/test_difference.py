@@ -47,7 +47,7 @@ def cv_project(parameters: Floats, points: Floats) -> Floats:
     pixel = cv2.projectPoints(
         points, np.zeros(3), np.zeros(3), cv_matrix(parameters), parameters[4:]
     )
-    return pixel[0][:, 0]
+    return np.asarray(pixel[0][:, 0], np.float64)
 
 
 def cv_rays(parameters: Floats, pixel: Floats) -> Floats:

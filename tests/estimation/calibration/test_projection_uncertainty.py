@@ -39,8 +39,8 @@ def ground(
     parameters: Floats,
     pixel: Floats,
     tilt: float,
-    turn: tuple[int, int, int] = (0, 0, 0),
-    center: tuple[int, int, int] = (0, 0, 1),
+    turn: tuple[float, float, float] = (0, 0, 0),
+    center: tuple[float, float, float] = (0, 0, 1),
 ) -> Floats:
     """Where OpenCV's rays meet the ground z = 0."""
     fx, fy, cx, cy = parameters[:4]

@@ -1,6 +1,7 @@
 """Which of a log's clocks is believed."""
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -11,6 +12,12 @@ from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Boot, ClockSamples
 
 EPOCH = 1.7e9
+ClockSource = Literal["gps", "system_time", "receive"]
+SOURCES: dict[str, ClockSource] = {
+    "gps": "gps",
+    "system_time": "system_time",
+    "receive": "receive",
+}
 TIME = np.arange(20.0, 300.0, 0.5)
 
 
@@ -23,7 +30,8 @@ def boot(**clocks: Floats) -> Boot:
         events=None,
         home=None,
         clocks=tuple(
-            ClockSamples(time_boot_s=TIME, utc_s=utc, source=name) for name, utc in clocks.items()
+            ClockSamples(time_boot_s=TIME, utc_s=utc, source=SOURCES[name])
+            for name, utc in clocks.items()
         ),
     )
 

@@ -202,7 +202,7 @@ def planes_of_p3p(ray: Floats, side: Floats) -> list[Floats]:
         placed = corner @ Rotation.from_rotvec(rvec[:, 0]).as_matrix().T + tvec[:, 0]
         unit = placed / placed[:, 2:]
         if (placed[:, 2] > 0).all() and np.abs(unit - ray).max() < 1e-7:
-            planes.append(np.linalg.solve(placed, np.ones(3)))
+            planes.append(np.linalg.solve(placed, np.ones(3)).astype(float))
     return planes
 
 
@@ -271,7 +271,9 @@ def test_resection_equals_that_of_opencv(count: int) -> None:
         )
         assert ok
         turn = Rotation.from_rotvec(rvec[:, 0]).as_matrix().T
-        found_center, found_rotation = resect_from_plane(point, ray)
+        pose = resect_from_plane(point, ray)
+        assert pose is not None
+        found_center, found_rotation = pose
         np.testing.assert_allclose(found_center, -turn @ tvec[:, 0], atol=1e-4 * center[2])
         np.testing.assert_allclose(found_rotation, turn, atol=1e-4)
         np.testing.assert_allclose(found_center, center, atol=1e-6 * center[2])

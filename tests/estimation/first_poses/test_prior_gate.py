@@ -42,7 +42,7 @@ def prior() -> Floats:
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("own", [False, True])
-def test_true_poses_lie_in_the_gate_as_often_as_it_states(own: bool) -> None:
+def test_true_poses_lie_in_the_gate_as_often_as_it_states(*, own: bool) -> None:
     """Squared distances of 4000 true poses are chi-square of three: mean 3, variance 6."""
     rng = np.random.default_rng(2)
     error = rng.multivariate_normal(np.zeros(6), prior(), 4000)

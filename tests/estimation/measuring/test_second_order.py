@@ -29,8 +29,9 @@ PAIRS = ((0, 6), (1, 7), (2, 8), (3, 9), (4, 10), (5, 11))
 def frames_of(survey: Survey) -> Frames:
     n = len(survey.frame_id)
     return Frames(
-        frame_id=survey.frame_id, time_utc_s=np.arange(n, dtype=float) * 2.0, sigma_time_s=np.full(n, 0.4),
-        matched=np.ones(n, dtype=bool), reason=("",) * n, clock_offset_s=0.0, clock_offset_sigma_s=1.0,
+        frame_id=survey.frame_id, time_utc_s=np.arange(n, dtype=float) * 2.0,
+        sigma_time_s=np.full(n, 0.4), matched=np.ones(n, dtype=bool), reason=("",) * n,
+        clock_offset_s=0.0, clock_offset_sigma_s=1.0,
     )  # fmt: skip
 
 

@@ -42,7 +42,8 @@ def suspected(survey: Survey, first: Member | None = None) -> tuple[Adjustment, 
 def changed(survey: Survey, name: str, index: int, by: Floats | float) -> Survey:
     values = np.array(getattr(survey, name))
     values[index] += by
-    return replace(survey, **{name: values})
+    change: dict[str, Any] = {name: values}
+    return replace(survey, **change)
 
 
 def test_in_one_frame_a_length_and_the_picks_of_its_ends_are_one_group() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -202,7 +201,7 @@ def test_covariances_of_unknowns_without_a_common_observation_are_not_guessed(
 class Dirty:
     """numpy whose fresh memory holds what it must not be read for."""
 
-    def __getattr__(self, name: str) -> Callable[..., Any] | Callable[..., Any]:
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever numpy has
         return getattr(np, name)
 
     def empty(self, shape: int | tuple[int, int]) -> Floats:

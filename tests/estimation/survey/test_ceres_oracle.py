@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import pyceres
 import pytest
+from numpy.typing import ArrayLike
 from scenes import make_scene
 from scipy.spatial.transform import Rotation
 
@@ -31,7 +32,7 @@ STEP = 3e-3
 class Residual(pyceres.CostFunction):  # type: ignore[misc]  # pyceres has no types
     """Any function of a few parameter blocks, differentiated by fourth-order differences."""
 
-    def __init__(self, function: Callable[..., Any], sizes: list[int], rows: int) -> None:
+    def __init__(self, function: Callable[..., ArrayLike], sizes: list[int], rows: int) -> None:
         super().__init__()
         self.function = function
         self.set_num_residuals(rows)
@@ -77,7 +78,7 @@ class Likelihood:
         self.costs: list[Residual] = []
         self._observe()
 
-    def _add(self, function: Callable[..., Any], blocks: list[Floats], rows: int) -> None:
+    def _add(self, function: Callable[..., ArrayLike], blocks: list[Floats], rows: int) -> None:
         cost = Residual(function, [len(block) for block in blocks], rows)
         self.costs.append(cost)
         self.problem.add_residual_block(cost, None, blocks)
@@ -125,7 +126,7 @@ class Likelihood:
                 self._add(self._logged(row, int(f)), [self.frame[f], self.flight], 6)
             self._add(self._shared, [self.flight], 12)
 
-    def _pixel(self, pick: int, f: int, k: int) -> Callable[..., Any]:
+    def _pixel(self, pick: int, f: int, k: int) -> Callable[..., ArrayLike]:
         survey = self.survey
         nominal, scale = survey.calibration.parameters, self.sigma["interior"]
 
@@ -142,7 +143,7 @@ class Likelihood:
 
         return residual
 
-    def _length(self, line: int, a: int, b: int) -> Callable[..., Any]:
+    def _length(self, line: int, a: int, b: int) -> Callable[..., ArrayLike]:
         survey = self.survey
 
         def residual(first: Floats, second: Floats, plane: Floats) -> float:
@@ -152,7 +153,7 @@ class Likelihood:
 
         return residual
 
-    def _control(self, row: int, k: int) -> Callable[..., Any]:
+    def _control(self, row: int, k: int) -> Callable[..., ArrayLike]:
         survey = self.survey
 
         def residual(own: Floats, plane: Floats) -> Floats:
@@ -177,7 +178,7 @@ class Likelihood:
     def _flight(self, flight: Floats) -> Floats:
         return self.start.telemetry + self.sigma["flight"] * flight
 
-    def _logged(self, row: int, f: int) -> Callable[..., Any]:
+    def _logged(self, row: int, f: int) -> Callable[..., ArrayLike]:
         prior, track = self.survey.telemetry, self.survey.track
         assert prior is not None
         assert isinstance(track, Track)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scenes
+from numpy.typing import ArrayLike
 
 from uavgram.estimation.survey.correlated_errors import trend_inflation
 from uavgram.model.arrays import Floats
@@ -36,7 +37,7 @@ def test_the_worst_time_of_the_range_is_taken() -> None:
 
 
 @pytest.mark.parametrize("time", [[], [3.0], [3.0, 9.0], [7.0] * 9, 2.0 * np.arange(5)])
-def test_a_few_frames_are_left_as_they_are(time: list[float]) -> None:
+def test_a_few_frames_are_left_as_they_are(time: ArrayLike) -> None:
     assert trend_inflation(np.array(time), 5.0, 60.0) == 1.0
 
 

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from uavgram.estimation.solver import normal_equations
 from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.unknowns import State, advance, move
+from uavgram.estimation.survey.unknowns import Layout, State, advance, move
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Track
 from uavgram.model.options import SolveOptions
@@ -182,7 +182,7 @@ def central(function: Callable[[Floats], Floats], x: Floats) -> Floats:
     return np.stack(columns, axis=1)
 
 
-def settled(scene: Scene, update: Callable[..., Any]) -> Minimum[State]:
+def settled(scene: Scene, update: Callable[[Layout, State, Floats], State]) -> Minimum[State]:
     """The minimum from the truth, by one way to take a step."""
     survey = scene.survey
     problem = SurveyProblem(survey, scene.pivot, np.ones(len(survey.line_start), dtype=bool))
@@ -241,7 +241,7 @@ def test_a_turning_step_is_a_straight_one_to_first_order() -> None:
     ids=["log", "gauge plane", "two areas"],
 )
 def test_sights_of_all_frames_have_the_covariance_of_each(
-    monkeypatch: pytest.MonkeyPatch, options: dict[str, Any], sparse: bool
+    monkeypatch: pytest.MonkeyPatch, options: dict[str, Any], *, sparse: bool
 ) -> None:
     if sparse:
         monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)

@@ -7,14 +7,14 @@ from opencv_rays import undistort
 
 from uavgram.geometry.camera.facts import camera_facts
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.calibration import Calibration, LensModel
 
 
 def camera(
     parameters: Floats | list[float],
     sigma: float = 1.0,
     size: tuple[int, int] = (4000, 3000),
-    model: str = "brown",
+    model: LensModel = "brown",
 ) -> Calibration:
     n = len(parameters)
     covariance = np.full((n, n), 0.5 * sigma**2) + 0.5 * sigma**2 * np.eye(n)

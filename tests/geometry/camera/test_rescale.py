@@ -28,12 +28,14 @@ def camera() -> Calibration:
 def blob(u: float, v: float, width: int = 160, height: int = 120) -> Floats:
     """An image with one smooth spot."""
     y, x = np.mgrid[:height, :width]
-    return np.exp(-((x - u) ** 2 + (y - v) ** 2) / 50.0)
+    image: Floats = np.exp(-((x - u) ** 2 + (y - v) ** 2) / 50.0)
+    return image
 
 
 def centroid(image: Floats) -> Floats:
     y, x = np.mgrid[: image.shape[0], : image.shape[1]]
-    return np.array([(image * x).sum(), (image * y).sum()]) / image.sum()
+    place: Floats = np.array([(image * x).sum(), (image * y).sum()]) / image.sum()
+    return place
 
 
 @pytest.mark.parametrize("size", [(80, 60), (320, 240), (160, 60)])
@@ -50,7 +52,9 @@ def test_a_point_is_seen_where_opencv_puts_it_when_it_resizes_the_photo(
     resized = scaled(small, *size)
 
     np.testing.assert_allclose(
-        project("brown", resized.parameters, point), centroid(image), atol=2e-3
+        project("brown", resized.parameters, point),
+        centroid(np.asarray(image, np.float64)),
+        atol=2e-3,
     )
 
 

@@ -17,8 +17,8 @@ from uavgram.geometry.earth.gps_time import (
 )
 
 
-def utc(*date: int) -> float:
-    return datetime(*date, tzinfo=UTC).timestamp()
+def utc(year: int, month: int, day: int, hour: int = 0, minute: int = 0, second: int = 0) -> float:
+    return datetime(year, month, day, hour, minute, second, tzinfo=UTC).timestamp()
 
 
 # (year, month) from whose first day on GPS minus UTC is one more: IERS, "UTC-TAI history" less 19 s

@@ -9,12 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavgram.geometry.ground.plane import intersect_ground, intersect_ground_with_jacobian
+from uavgram.model.arrays import Floats
 
 PLANE = np.array([1.5, 0.02, -0.05])
 PIVOT = np.array([10.0, -20.0])
 
 
-def scene(count: int = 40) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def scene(count: int = 40) -> tuple[Floats, Floats, Floats]:
     rng = np.random.default_rng(1)
     center = rng.uniform(-50, 50, (count, 3)) + np.array([0, 0, 90])
     ray = rng.uniform(-1, 1, (count, 3)) - [0, 0, 2]
@@ -53,7 +54,7 @@ def test_points_lie_on_the_plane_at_their_height_and_on_the_ray() -> None:
         ((0, 0, 50), (np.nan, 0, -1)),
     ],
 )
-def test_no_meeting_is_nan_throughout(center: tuple[int, int, int], ray: tuple[float, ...]) -> None:
+def test_no_meeting_is_nan_throughout(center: tuple[float, ...], ray: tuple[float, ...]) -> None:
     answers = intersect_ground_with_jacobian(
         np.array(center, float), np.array(ray, float), np.zeros(3), np.zeros(2)
     )

@@ -17,24 +17,24 @@ from uavgram.geometry.ground.plane_pose import (
 from uavgram.model.arrays import Floats
 
 
-def planes() -> np.ndarray:
+def planes() -> Floats:
     normal = np.array([[0.0, 0, 1], [0.1, 0.5, 0.8], [-0.6, 0.2, 0.7], [0, -0.3, 0.9]])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    result: np.ndarray = normal / np.array([[40.0], [55], [12], [80]])
+    result: Floats = normal / np.array([[40.0], [55], [12], [80]])
     return result
 
 
-def rays(seed: int) -> np.ndarray:
+def rays(seed: int) -> Floats:
     plane_coordinates = np.random.default_rng(seed).uniform(-0.4, 0.4, (6, 2))
     return np.concatenate([plane_coordinates, np.ones((6, 1))], axis=1)
 
 
-def pairs(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+def pairs(start: Floats, end: Floats) -> Floats:
     """Ends (3, 2, L) of lines with rays (L, 3)."""
     return np.stack([start.T, end.T], axis=1)
 
 
-def lengths(plane: np.ndarray, ends: np.ndarray) -> np.ndarray:
+def lengths(plane: Floats, ends: Floats) -> Floats:
     """(S, L) on planes (S, 3)."""
     return lengths_on_plane(np.moveaxis(plane, -1, 0)[..., None], ends[:, :, None]).length
 
@@ -87,7 +87,7 @@ def test_beyond_the_horizon_there_is_no_length() -> None:
 @pytest.mark.parametrize("plane", [*planes(), np.array([0, 0.1, 0])])
 def test_pose_stands_over_the_origin_with_image_up_to_the_north(plane: Floats) -> None:
     center, rotation = pose_above_plane(plane)
-    np.testing.assert_allclose(center, [0, 0, 1 / np.linalg.norm(plane)])
+    np.testing.assert_allclose(center, np.array([0, 0, 1 / np.linalg.norm(plane)]))
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-15)
     assert np.linalg.det(rotation) == pytest.approx(1)
     np.testing.assert_allclose(rotation @ plane * center[2], [0, 0, -1], atol=1e-15)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -22,8 +24,14 @@ def oblique() -> View:
     return make_view([[2.0, -20.0, 30.0]], [looking(35, 12, 4)], plane=PLANE, pivot=PIVOT)
 
 
-def local_raster(**changes):
-    size = {"west_m": -12.0, "north_m": 15.0, "pixel_m": 0.5, "width": 40, "height": 50}
+def local_raster(**changes: float) -> GroundRaster:
+    size: dict[str, Any] = {
+        "west_m": -12.0,
+        "north_m": 15.0,
+        "pixel_m": 0.5,
+        "width": 40,
+        "height": 50,
+    }
     return GroundRaster(**size | changes, crs=None)
 
 

@@ -22,13 +22,14 @@ from uavgram.geometry.motion.rotation import (
     xyzw_from_matrix,
     ypr_from_matrix,
 )
+from uavgram.model.arrays import Floats
 
 SCALES = [0.0, 1e-300, 1e-12, 1e-8, 1e-4, 0.1, 0.29999, 0.30001, 1.0, 2.5, 3.1]
 
 
-def vectors(scale: float, count: int = 50) -> np.ndarray:
+def vectors(scale: float, count: int = 50) -> Floats:
     v = np.random.default_rng(1).normal(size=(count, 3))
-    result: np.ndarray = scale * v / np.linalg.norm(v, axis=1, keepdims=True)
+    result: Floats = scale * v / np.linalg.norm(v, axis=1, keepdims=True)
     return result
 
 
@@ -150,8 +151,8 @@ def test_looking_down_from_a_vehicle_that_heads_north_image_up_is_north() -> Non
 
 @settings(derandomize=True, deadline=None)
 @given(st.lists(st.floats(-3, 3), min_size=3, max_size=3))
-def test_a_rotation_is_orthogonal_and_its_negative_vector_undoes_it(v: list[float]) -> None:
-    v = np.array(v)
+def test_a_rotation_is_orthogonal_and_its_negative_vector_undoes_it(numbers: list[float]) -> None:
+    v = np.array(numbers)
     rotation = exp_so3(v)
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=5e-15)
     np.testing.assert_allclose(rotation @ exp_so3(-v), np.eye(3), atol=5e-15)

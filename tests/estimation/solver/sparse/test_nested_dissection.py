@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from uavgram.estimation.solver.sparse.nested_dissection import LEAF, dissect
-from uavgram.model.arrays import Ints
+from uavgram.model.arrays import Floats, Ints
 
 
-def graph_of(points: NDArray[Any], radius: float) -> csr_matrix:
+def graph_of(points: Floats | Ints, radius: float) -> csr_matrix:
     pairs = cKDTree(points).query_pairs(radius, output_type="ndarray")
     ends = (np.concatenate(pairs.T), np.concatenate(pairs[:, ::-1].T))
     return sp.csr_matrix((np.ones(2 * len(pairs)), ends), shape=(len(points),) * 2)
