@@ -18,5 +18,7 @@ from uavgram.errors import near_miss
         ("skid", ["R1"], None),
     ],
 )
-def test_a_near_miss_is_a_spelling_of_the_same_thing(word, known, suggested) -> None:
+def test_a_near_miss_is_a_spelling_of_the_same_thing(
+    word: str, known: list[str], suggested: str | None
+) -> None:
     assert near_miss(word, known) == (f"did you mean {suggested!r}?" if suggested else "")

@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -9,12 +10,12 @@ from uavgram.cli import app
 
 
 @pytest.fixture(scope="module")
-def readme(repository: Path):
+def readme(repository: Path) -> str:
     return (repository / "README.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
-def demo_folder(tmp_path_factory: pytest.TempPathFactory):
+def demo_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from uavgram.model.demo.scenario import DemoScenario
     from uavgram.pipeline.demo import demo
 
@@ -24,11 +25,14 @@ def demo_folder(tmp_path_factory: pytest.TempPathFactory):
 
 
 def test_the_python_of_the_readme_runs_on_the_demo(
-    readme, demo_folder, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    readme: str,
+    demo_folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(demo_folder)
     blocks = re.findall(r"```python\n(.*?)```", readme, flags=re.DOTALL)
-    names: dict[str, object] = {}
+    names: dict[str, Any] = {}
     for block in blocks:
         exec(compile(block, "README.md", "exec"), names)  # noqa: S102  (our own words)
 
@@ -38,7 +42,7 @@ def test_the_python_of_the_readme_runs_on_the_demo(
     assert names["covariance"].shape == (6, 6)
 
 
-def test_every_command_that_the_readme_names_exists(readme) -> None:
+def test_every_command_that_the_readme_names_exists(readme: str) -> None:
     named = set(re.findall(r"uavgram ([a-z]+)", "\n".join(re.findall(r"`+[^`]+`+", readme))))
 
     assert {"demo", "run", "check", "log", "view"} <= named
@@ -46,14 +50,16 @@ def test_every_command_that_the_readme_names_exists(readme) -> None:
 
 
 def test_the_files_and_the_picture_that_the_readme_names_are_there(
-    readme, repository: Path
+    readme: str, repository: Path
 ) -> None:
     for name in re.findall(r"!\[[^]]*\]\(([^)]+)\)", readme):
         assert (repository / name).is_file(), name
     assert Path(repository, "configs", "project.yaml").is_file()
 
 
-def test_the_pages_and_sources_that_the_readme_names_are_there(readme, repository: Path) -> None:
+def test_the_pages_and_sources_that_the_readme_names_are_there(
+    readme: str, repository: Path
+) -> None:
     links = [link for link in re.findall(r"\]\(([^)#]+)\)", readme) if "://" not in link]
     sources = re.findall(r"`(uavgram/[\w/.]+)`", readme)
 

@@ -1,10 +1,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from uavgram.model.arrays import (
     NAN_IS_NONE,
@@ -37,8 +38,12 @@ class Grid:
         freeze(self, r=self.rows)
 
 
-def marks(**changes):
-    given = {"name": ("a", "b"), "place_m": np.zeros((2, 2)), "height_m": [np.nan, 1]}
+def marks(**changes: ArrayLike) -> Marks:
+    given: dict[str, Any] = {
+        "name": ("a", "b"),
+        "place_m": np.zeros((2, 2)),
+        "height_m": [np.nan, 1],
+    }
     given |= {"area": [0, 1], "seen": [True, False], "pivot_m": (0, 0)}
     return Marks(**given | changes)
 
@@ -65,7 +70,7 @@ def test_arrays_are_copied_typed_and_read_only() -> None:
         ({"height_m": [0, np.inf]}, r"Marks.height_m: not finite at index \(1,\)"),
     ],
 )
-def test_a_wrong_array_is_named(changes, text) -> None:
+def test_a_wrong_array_is_named(changes: dict[str, ArrayLike], text: str) -> None:
     with pytest.raises(ValueError, match=text):
         marks(**changes)
 

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 import cv2
@@ -152,7 +152,18 @@ def running(project: Path) -> Iterator[Server]:
         server.stop()
 
 
-def cookie_of(server: Server) -> str:
+class Reachable(Protocol):
+    """A server, in another process or in this one."""
+
+    @property
+    def address(self) -> str:
+        """The address that is printed: it lets in once."""
+
+    @property
+    def origin(self) -> str: ...
+
+
+def cookie_of(server: Reachable) -> str:
     """The cookie that the printed address is exchanged for."""
     answer = ask(server.address, follow_redirects=False)
     assert answer.status_code == 303, answer.text
@@ -162,7 +173,7 @@ def cookie_of(server: Server) -> str:
 class Page:
     """A page that is open: it sends commands, and keeps the state that the server confirmed."""
 
-    def __init__(self, server: Server, cookie: str | None = None) -> None:
+    def __init__(self, server: Reachable, cookie: str | None = None) -> None:
         self.cookie = cookie_of(server) if cookie is None else cookie
         netloc = urlsplit(server.origin).netloc
         self._open = ExitStack()

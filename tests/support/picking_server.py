@@ -41,6 +41,14 @@ class Served:
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     @property
+    def origin(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    @property
+    def address(self) -> str:
+        return self.guard.address()
+
+    @property
     def picking(self) -> PickSession:
         return self.pick.picking
 

@@ -1,7 +1,4 @@
-"""Small surveys with known truth, made without any code that the estimator uses for observing.
-
-Loaded by path (see ``load_scenes`` in the conftest files), because test folders are no packages.
-"""
+"""Small surveys with known truth, made without any code that the estimator uses for observing."""
 
 from __future__ import annotations
 
@@ -16,6 +13,7 @@ from uavgram.estimation.survey.likelihood import covariance_root
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
+from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import Track
 from uavgram.model.flight.pose import Poses, TelemetryPrior
 from uavgram.model.survey.survey import Ground, Survey
@@ -50,6 +48,17 @@ VERGE_M = 0.4
 SHARED_SIGMA = np.array([*[0.02] * 3, *[0.15] * 3, 0.6, 1.0, 1.5, 0.02, 0.05, 0.004])
 SHARED_SOURCE: tuple[str, ...] = ("boresight",) * 3 + ("lever_arm",) * 3 + ("position_bias",) * 3
 SHARED_SOURCE += ("heading_bias", "clock", "clock_drift")
+NO_TIMES = Frames(
+    frame_id=(),
+    time_utc_s=np.zeros(0),
+    sigma_time_s=np.zeros(0),
+    matched=np.zeros(0, dtype=bool),
+    reason=(),
+    clock_offset_s=0.0,
+    clock_offset_sigma_s=0.0,
+)
+"""Photos without times: for all that is measured but a speed."""
+
 LEVER_ARM = np.array([0.12, -0.05, 0.08])
 
 

@@ -316,6 +316,18 @@ def _frames(count: int, rng: np.random.Generator, *, telemetry: bool) -> _Frames
     }
 
 
+class Variant(TypedDict, total=False):
+    """What a test may ask of `build`."""
+
+    frame_count: int
+    point_count: int
+    telemetry: bool
+    lines: tuple[Line, ...]
+    measures: tuple[Measure, ...]
+    label: str
+    clean: bool
+
+
 def build(
     *,
     frame_count: int = 20,

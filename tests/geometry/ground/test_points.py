@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.points import BLOCK, View, ground_points
+from uavgram.model.arrays import Floats
 
 LENSES = {
     "brown": np.array([3000.0, 2990, 1999.5, 1499.5, -0.1, 0.02, 3e-4, -2e-4, 0.001]),
@@ -27,8 +28,8 @@ ABOVE = 0.7
 def view(lens: str, *, plane: bool = True) -> View:
     rng = np.random.default_rng(5)
     parameters = LENSES[lens]
-    sigma = [0.1] * 3 + [0.002] * 3 + [5.0] * 4 + [1e-3] * (len(parameters) - 4)
-    sigma = np.array(sigma + [0.05, 0.01, 0.02] * plane)
+    sigmas = [0.1] * 3 + [0.002] * 3 + [5.0] * 4 + [1e-3] * (len(parameters) - 4)
+    sigma = np.array(sigmas + [0.05, 0.01, 0.02] * plane)
     root = rng.normal(size=(len(sigma), len(sigma))) * sigma[:, None]
     turn = Rotation.from_euler("xyz", [0.4, 0.1, 0.2]).as_matrix()
     return View(
@@ -42,11 +43,11 @@ def view(lens: str, *, plane: bool = True) -> View:
     )
 
 
-def pixels(count: int) -> np.ndarray:
+def pixels(count: int) -> Floats:
     return np.random.default_rng(0).uniform([0, 0], [4000, 3000], (count, 2))
 
 
-def by_kernels(at: View, pixel: np.ndarray, change: np.ndarray) -> np.ndarray:
+def by_kernels(at: View, pixel: Floats, change: Floats) -> Floats:
     """East and north with everything changed: pose, lens, plane, and the pixel at the end."""
     count = len(at.parameters)
     own = at.parameters + change[6 : 6 + count]
@@ -58,7 +59,7 @@ def by_kernels(at: View, pixel: np.ndarray, change: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_covariance_is_that_of_central_differences(lens) -> None:
+def test_covariance_is_that_of_central_differences(lens: str) -> None:
     at, pixel = view(lens), pixels(60)
     if lens == "fisheye":  # its corners see the sky
         pixel = 0.4 * pixel + [1200.0, 1200.0]

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+from derivatives import central_differences
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavgram.geometry.ground import shapes
 from uavgram.geometry.motion.rotation import exp_so3
+from uavgram.model.arrays import Floats
 
 SQUARE = np.array([[0.0, 0, 0], [4, 0, 0], [4, 3, 0], [0, 3, 0]])
-COUNT = {
+Measure = Callable[[Floats], tuple[float, Floats]]
+
+COUNT: dict[Measure, int] = {
     shapes.distance: 2,
     shapes.polyline: 5,
     shapes.area: 6,
@@ -48,7 +54,7 @@ def test_area_of_a_notched_polygon_by_hand() -> None:
 
 
 @pytest.mark.parametrize("degrees", [1e-4, 30, 90, 120, 179.9999])
-def test_angle_is_the_one_at_the_middle(degrees) -> None:
+def test_angle_is_the_one_at_the_middle(degrees: float) -> None:
     a = np.radians(degrees)
     points = np.array([[5, 0, 0], [0, 0, 0], [2 * np.cos(a), 0, 2 * np.sin(a)]]) + 7.0
     assert np.degrees(shapes.angle(points)[0]) == pytest.approx(degrees, rel=1e-9)
@@ -62,12 +68,14 @@ def test_line_distance_is_perpendicular_also_beyond_the_ends() -> None:
 
 
 @pytest.mark.parametrize("measure", COUNT)
-def test_gradients_equal_central_differences(measure, differences) -> None:
+def test_gradients_equal_central_differences(measure: Measure) -> None:
     for seed in range(20):
         points = np.random.default_rng(seed).uniform(-20, 20, (COUNT[measure], 3))
-        numeric = differences(
-            lambda x, shape=points.shape: np.array(measure(x.reshape(shape))[0]), points.ravel()
-        )
+
+        def value(x: Floats, shape: tuple[int, ...] = points.shape) -> Floats:
+            return np.array(measure(x.reshape(shape))[0])
+
+        numeric = central_differences(value, points.ravel())
         gradient = measure(points)[1].ravel()
         assert np.abs(gradient - numeric).max() <= 1e-6 * np.abs(numeric).max()
 
@@ -79,9 +87,15 @@ def test_gradients_equal_central_differences(measure, differences) -> None:
     shift=st.tuples(*[st.floats(-1e3, 1e3)] * 3),
     scale=st.floats(0.1, 10),
 )
-def test_moving_and_turning_change_nothing_and_scaling_scales(measure, turn, shift, scale) -> None:
+def test_moving_and_turning_change_nothing_and_scaling_scales(
+    measure: Measure,
+    turn: tuple[float, float, float],
+    shift: tuple[float, float, float],
+    scale: float,
+) -> None:
     points = np.random.default_rng(1).uniform(-20, 20, (COUNT[measure], 3))
-    power = {shapes.area: 2, shapes.angle: 0}.get(measure, 1)
+    powers: dict[Measure, int] = {shapes.area: 2, shapes.angle: 0}
+    power = powers.get(measure, 1)
     moved = scale * points @ exp_so3(np.array(turn)).T + np.array(shift)
     value, gradient = measure(points)
     assert measure(moved)[0] == pytest.approx(scale**power * value, rel=1e-9)
@@ -102,7 +116,7 @@ def test_moving_and_turning_change_nothing_and_scaling_scales(measure, turn, shi
         (shapes.distance, [[1, 2, np.nan], [1, 2, 3]]),
     ],
 )
-def test_what_has_no_derivative_is_nan(measure, points) -> None:
+def test_what_has_no_derivative_is_nan(measure: Measure, points: list[list[float]]) -> None:
     value, gradient = measure(np.array(points, float))
     assert np.isnan(value)
     assert np.isnan(gradient).all()
@@ -110,7 +124,7 @@ def test_what_has_no_derivative_is_nan(measure, points) -> None:
 
 
 @pytest.mark.parametrize("measure", COUNT)
-def test_the_wrong_number_of_points_is_refused(measure) -> None:
+def test_the_wrong_number_of_points_is_refused(measure: Measure) -> None:
     with pytest.raises(ValueError, match="points of shape"):
         measure(np.zeros((1, 3)))
     with pytest.raises(ValueError, match="points of shape"):
@@ -135,15 +149,17 @@ def test_the_wrong_number_of_points_is_refused(measure) -> None:
         ([(0, 0), (1, 0), (1, 1), (2, 1), (2, 0), (3, 0), (3, 2), (0, 2)], False),
     ],
 )
-def test_outlines_that_cross_or_touch_themselves(outline, crosses) -> None:
-    outline = np.array(outline, float)
-    assert shapes.polygon_self_intersects(outline) is crosses
-    assert shapes.polygon_self_intersects(outline[::-1]) is crosses
-    assert shapes.polygon_self_intersects(np.roll(outline, 1, axis=0)) is crosses
+def test_outlines_that_cross_or_touch_themselves(
+    outline: list[tuple[int, int]], *, crosses: bool
+) -> None:
+    corner = np.array(outline, float)
+    assert shapes.polygon_self_intersects(corner) is crosses
+    assert shapes.polygon_self_intersects(corner[::-1]) is crosses
+    assert shapes.polygon_self_intersects(np.roll(corner, 1, axis=0)) is crosses
 
 
 @pytest.mark.parametrize("measure", COUNT)
-def test_inputs_stay_as_they_were(measure) -> None:
+def test_inputs_stay_as_they_were(measure: Measure) -> None:
     points = np.random.default_rng(1).uniform(-20, 20, (COUNT[measure], 3))
     points.flags.writeable = False
     measure(points)

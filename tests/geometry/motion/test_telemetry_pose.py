@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from derivatives import assert_derivative, central_differences
 from scipy.spatial.transform import Rotation
 
 from uavgram.geometry.motion.rotation import (
@@ -19,12 +20,16 @@ from uavgram.geometry.motion.telemetry_pose import (
     corrected_time,
     predict_pose,
 )
+from uavgram.model.arrays import Floats
 
 AT_S = np.array([0.5, 1.4, 2.7])
+TimedTrack = tuple[Floats, Floats]
+"""Times, and positions or attitudes at them."""
+
 NO_GIMBAL = (np.empty(0), np.empty((0, 4)))
 
 
-def tracks(*, gimbal: bool) -> tuple:
+def tracks(*, gimbal: bool) -> tuple[TimedTrack, TimedTrack, TimedTrack]:
     rng = np.random.default_rng(1)
     time = np.arange(4.0)
     turns = Rotation.from_rotvec(rng.normal(size=(2, 4, 3)).reshape(8, 3) * 0.5).as_quat()
@@ -34,12 +39,12 @@ def tracks(*, gimbal: bool) -> tuple:
 
 
 @pytest.mark.parametrize("gimbal", [False, True])
-def test_derivatives_equal_central_differences(gimbal, differences, same_derivative) -> None:
+def test_derivatives_equal_central_differences(*, gimbal: bool) -> None:
     nominal = Rotation.from_rotvec([0.3, -1.2, 0.4]).as_matrix()
     shared = np.array([0.02, -0.05, 0.03, 0.4, -0.2, 0.1, 1.0, -2, 0.5, 0.1, 0.07, 0.04])
     middle = 1.6
 
-    def pose(values: np.ndarray) -> tuple:
+    def pose(values: Floats) -> tuple[Floats, Floats, Floats]:
         at = AT_S - values[10] - values[11] * (AT_S - middle)
         np.testing.assert_allclose(corrected_time(values, AT_S, middle), at, atol=1e-15)
         exposures = FlightPath(*tracks(gimbal=gimbal)).at(at)
@@ -48,12 +53,12 @@ def test_derivatives_equal_central_differences(gimbal, differences, same_derivat
     _, rotation, jacobian = pose(shared)
     back = np.swapaxes(rotation, -1, -2)
 
-    def error(values: np.ndarray) -> np.ndarray:
+    def error(values: Floats) -> Floats:
         center, turned, _ = pose(values)
         return np.concatenate([center, log_so3(back @ turned)], axis=1)
 
     assert jacobian.shape == (3, 6, SHARED_SIZE)
-    same_derivative(jacobian, differences(error, shared, 1e-4))
+    assert_derivative(jacobian, central_differences(error, shared, 1e-4))
 
 
 def test_level_flight_heading_east_with_the_camera_looking_straight_down() -> None:
