@@ -48,6 +48,7 @@ def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedRes
         clock_offset_s=_changed(part.get("clock"), shift=clock_offset_s),
         clock_drift_ppm=_changed(part.get("clock_drift"), 1e6),
         intrinsics=Estimate(value=adjustment.problem.intrinsics(state), sigma=intrinsic_sigma),
+        tape_scale=_tape_scales(adjustment),
     )
 
 
@@ -82,6 +83,15 @@ def _telemetry_parts(adjustment: Adjustment) -> dict[str, Estimate]:
     return {
         name: Estimate(value=state.telemetry[part], sigma=sigma[part])
         for name, part in TELEMETRY_PARTS.items()
+    }
+
+
+def _tape_scales(adjustment: Adjustment) -> dict[str, Estimate]:
+    layout, value = adjustment.problem.layout, adjustment.state.tape
+    sigma = _sigmas(adjustment, layout.first_tape, layout.tape)
+    return {
+        name: Estimate(value=value[k : k + 1], sigma=sigma[k : k + 1])
+        for k, name in enumerate(adjustment.problem.tapes)
     }
 
 

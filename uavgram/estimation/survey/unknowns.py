@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +17,7 @@ from uavgram.model.survey.survey import Survey
 
 @dataclass(frozen=True)
 class Layout:
-    """Order of the unknowns: points, frames, intrinsics, plane, telemetry.
+    """Order of the unknowns: points, frames, intrinsics, plane, telemetry, tape.
 
     Attributes
     ----------
@@ -32,6 +32,8 @@ class Layout:
         3 (height, slope east, slope north) for each area whose plane is not the gauge.
     telemetry
         12 (see geometry/motion/telemetry_pose.py), or 0 without a log.
+    tape
+        Number of tapes with a scale to find (see estimation/survey/tapes.py).
     free_gauge
         Whether nothing but a choice fixes position and heading.
     """
@@ -42,6 +44,7 @@ class Layout:
     intrinsics: int
     plane: int
     telemetry: int
+    tape: int
     free_gauge: bool
 
     @cached_property
@@ -65,9 +68,14 @@ class Layout:
         return self.first_plane + self.plane
 
     @cached_property
+    def first_tape(self) -> int:
+        """Column of the first tape's scale."""
+        return self.first_telemetry + self.telemetry
+
+    @cached_property
     def size(self) -> int:
         """Number of unknowns."""
-        return self.first_telemetry + self.telemetry
+        return self.first_tape + self.tape
 
     @cached_property
     def structure(self) -> Structure:
@@ -112,7 +120,9 @@ class Layout:
         if index < self.first_telemetry:
             place = (index - self.first_plane) // PLANE_SIZE
             return f"the plane of area {survey.grounds[place + fixed_planes(survey)].name!r}"
-        return "the telemetry's biases"
+        if index < self.first_tape:
+            return "the telemetry's biases"
+        return "the scale of a tape"
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +141,8 @@ class State:
         (3A,) height at the pivot [m] and slopes of each area's plane, the gauge's included.
     telemetry
         (12,) or (0,).
+    tape
+        (T,) scales: +0.01 of a tape that is 1 % too long.
     """
 
     point: Floats
@@ -139,9 +151,10 @@ class State:
     intrinsic: Floats
     plane: Floats
     telemetry: Floats
+    tape: Floats = field(default_factory=lambda: np.zeros(0))
 
 
-def layout_of(survey: Survey, intrinsics: int) -> Layout:
+def layout_of(survey: Survey, intrinsics: int, tapes: int) -> Layout:
     """Which unknowns a survey has."""
     return Layout(
         points=len(survey.label),
@@ -150,6 +163,7 @@ def layout_of(survey: Survey, intrinsics: int) -> Layout:
         intrinsics=intrinsics,
         plane=PLANE_SIZE * (len(survey.grounds) - fixed_planes(survey)),
         telemetry=SHARED_SIZE if survey.telemetry is not None else 0,
+        tape=tapes,
         free_gauge=survey.gauge == "plane",
     )
 
@@ -175,7 +189,8 @@ def move(layout: Layout, state: State, step: Floats) -> State:
         rotation=state.rotation @ exp_so3(frame_step[:, 3:]),
         intrinsic=state.intrinsic + step[layout.first_intrinsic : layout.first_plane],
         plane=plane,
-        telemetry=state.telemetry + step[layout.first_telemetry :],
+        telemetry=state.telemetry + step[layout.first_telemetry : layout.first_tape],
+        tape=state.tape + step[layout.first_tape :],
     )
 
 
@@ -227,7 +242,7 @@ def _at_gauge(state: State) -> State:
     point = turned.point.copy()
     point[:, :2] -= foot
     center = turned.center - shift
-    return State(point, center, turned.rotation, state.intrinsic, state.plane, state.telemetry)
+    return replace(turned, point=point, center=center)
 
 
 def _turned(state: State, about: Floats, cosine_sine: Floats) -> State:
@@ -239,4 +254,4 @@ def _turned(state: State, about: Floats, cosine_sine: Floats) -> State:
     point[:, :2] = about + (point[:, :2] - about) @ flat
     center[:, :2] = about + (center[:, :2] - about) @ flat
     rotation = turn @ state.rotation
-    return State(point, center, rotation, state.intrinsic, state.plane, state.telemetry)
+    return replace(state, point=point, center=center, rotation=rotation)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Annotated
 
 import numpy as np
@@ -30,6 +32,9 @@ class SharedResult:
     clock_drift_ppm
         Of the camera's clock against the flight's, about the middle of the exposures; None
         without a log.
+    tape_scale
+        By the name of each tape that was used, which may be empty: +0.01 where it is 1 % too long,
+        and so reads short. Nothing where tapes are taken as exact, or none was used.
     intrinsics
         In the order of the lens model's parameters.
     """
@@ -41,6 +46,10 @@ class SharedResult:
     clock_offset_s: Estimate | None
     clock_drift_ppm: Estimate | None = None
     intrinsics: Estimate
+    tape_scale: Mapping[str, Estimate] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "tape_scale", MappingProxyType(dict(self.tape_scale)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

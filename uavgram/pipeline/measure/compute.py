@@ -175,6 +175,7 @@ def _assembled(
         telemetry=posed.telemetry,
         ground=inputs.project.ground,
         picks_sigma_px=inputs.project.picks_sigma_px,
+        tape=inputs.project.tape,
         photos=inputs.photos.frame_id,
         copies=duplicates.photos,
     )

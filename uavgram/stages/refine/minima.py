@@ -182,6 +182,7 @@ def _minimise(
         intrinsic=np.zeros(layout.intrinsics),
         plane=first_planes(survey.grounds, values.height_m),
         telemetry=problem.telemetry_mean if layout.telemetry else np.zeros(0),
+        tape=np.zeros(layout.tape),
     )
     try:
         minimum = iterate(problem, settled(survey, state, pivot, line_used), most, slack)
