@@ -225,7 +225,9 @@ def _gauge(survey: Survey) -> Iterator[Message]:
 
 
 def _level_lines(survey: Survey) -> Iterator[Message]:
-    names = tuple(survey.line_name[i] for i, what in enumerate(survey.line_along) if what != "slope")
+    names = tuple(
+        survey.line_name[i] for i, what in enumerate(survey.line_along) if what != "slope"
+    )
     if names and survey.gauge == "plane":
         yield Message(
             "warning",

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
+from uavgram.estimation.measuring.shifts import Shifts, shifts
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message, Several
@@ -36,10 +37,13 @@ def measure(
     messages
         Why not.
     """
-    return measurement_results(propagate(adjustment, requests, frames))
+    measured = propagate(adjustment, requests, frames)
+    return measurement_results(measured, shifts(adjustment, measured))
 
 
-def measurement_results(measured: MeasuredValues) -> tuple[MeasurementResults, tuple[Message, ...]]:
+def measurement_results(
+    measured: MeasuredValues, shifted: Shifts
+) -> tuple[MeasurementResults, tuple[Message, ...]]:
     """What was measured as a table of the result, and why the rest was not."""
     sigma, value = measured.sigma, measured.value
     reach = float(ndtri(0.975)) * sigma
@@ -55,6 +59,8 @@ def measurement_results(measured: MeasuredValues) -> tuple[MeasurementResults, t
         unit=tuple(UNITS.get(row.request.kind, "m") for row in measured.rows),
         interval_95=np.column_stack([value - reach, value + reach]),
         correlation=correlation,
+        shift_relief_10cm=shifted.relief,
+        shift_tape_1pct=shifted.tape,
     )
     messages = tuple(
         Message(

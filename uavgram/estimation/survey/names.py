@@ -92,10 +92,12 @@ class Names:
             return f"control {label!r} {CONTROL_AXES[member.axis]}"
         if member.kind == "telemetry":
             return POSE_AXES[member.axis]
-        if member.kind == "roughness":
-            return f"departure of {survey.label[row]!r} from the plane"
-        if member.kind == "tape":
-            return f"scale of {self.tape(row)}"
+        own = {
+            "tape": lambda: f"scale of {self.tape(row)}",
+            "roughness": lambda: f"departure of {survey.label[row]!r} from the plane",
+        }
+        if member.kind in own:
+            return own[member.kind]()
         if member.kind.startswith(PLANE_OF):
             return f"{PRIOR_WORDS['plane'][row]} of {member.kind.removeprefix(PLANE_OF)!r}"
         return PRIOR_WORDS[member.kind][row]

@@ -23,6 +23,8 @@ HEADER = (
     "lower_95",
     "upper_95",
     "alternatives",
+    "shift_relief_10cm",
+    "shift_tape_1pct",
 )
 
 
@@ -46,6 +48,7 @@ def dump_measurements_csv(result: Result) -> str:
     takes further ones for known and nobody who computes on loses any; results.json has them all.
     Where other solutions, which explain the observations as well, put a value outside its
     interval, their values stand under ``alternatives``: then neither value nor interval is sure.
+    In the last columns are the shifts by 10 cm of relief at the points, and by 1 % of tape.
     """
     rows = result.measurements
     cells = []
@@ -56,7 +59,12 @@ def dump_measurements_csv(result: Result) -> str:
         )
         name, points = guarded(rows.name[i]), guarded(";".join(rows.points[i]))
         alternatives, unit = ";".join(others), rows.unit[i]
-        cells.append((name, rows.kind[i], points, value, own, unit, low, high, alternatives))
+        shifts = (
+            rounded(float(shift), abs(float(shift)))  # four digits
+            for shift in (rows.shift_relief_10cm[i], rows.shift_tape_1pct[i])
+        )
+        known = (name, rows.kind[i], points, value, own, unit, low, high, alternatives)
+        cells.append((*known, *shifts))
     return csv_text(HEADER, cells)
 
 

@@ -119,11 +119,15 @@ def _load_ellipses(records: Sequence[Record]) -> Record:
     }
 
 
+_LATER: Record = {"alternative_values": [], "shift_relief_10cm": None, "shift_tape_1pct": None}
+"""What earlier files do not have."""
+
+
 def load_measurements(records: Sequence[Record], correlation: Json) -> MeasurementResults:
     """Measured values, their correlation beside them."""
     n = len(records)
     return MEASUREMENTS.load(
-        [{"alternative_values": []} | row for row in records],  # files of 0.1.0's first days
+        [_LATER | row for row in records],
         correlation=numbers(correlation, n, n),
     )
 

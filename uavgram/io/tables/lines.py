@@ -27,7 +27,8 @@ def read_lines(path: str | Path) -> KnownLines:
     ------
     InputError
         Names file and line of every mistake: those of any table, a length or sigma that is not
-        greater than 0, a line from a label to itself, a name used twice, an unknown `use` or `along`.
+        greater than 0, a line from a label to itself, a name used twice, an unknown
+        `use` or `along`.
     """
     table = read_table(path, LINES_COLUMNS)
     table.require_length("length_m")

@@ -5,7 +5,7 @@ NaN stands for "there is none" (null in the file).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 import numpy as np
@@ -168,6 +168,10 @@ class PickResults(FrozenArrays):
     status: tuple[PickStatus, ...]
 
 
+def _none() -> Floats:
+    return np.zeros(0)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasurementResults:
     """M measured values with their joint covariance.
@@ -188,6 +192,11 @@ class MeasurementResults:
     alternative_values
         (M,) what other solutions that explain the observations as well would give, where that lies
         outside `interval_95`: empty where they all agree. Left out, there are none.
+    shift_relief_10cm
+        (M,) by how much the value shifts, at most, if the ground at its points is 10 cm higher or
+        lower than taken; NaN where there is no value, or (left out) it was not computed.
+    shift_tape_1pct
+        (M,) by how much it shifts if the tapes read 1 % more; NaN likewise, and without lengths.
     """
 
     name: Annotated[tuple[str, ...], "n"]
@@ -199,10 +208,15 @@ class MeasurementResults:
     interval_95: Annotated[Floats, "n", 2, NAN_IS_NONE]
     correlation: Annotated[Floats, "n", "n", NAN_IS_NONE]
     alternative_values: Annotated[tuple[tuple[float, ...], ...], "n"] = ()
+    shift_relief_10cm: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=_none)
+    shift_tape_1pct: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=_none)
 
     def __post_init__(self) -> None:
         if not self.alternative_values:
             object.__setattr__(self, "alternative_values", ((),) * len(self.name))
+        for name in ("shift_relief_10cm", "shift_tape_1pct"):
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, np.full(len(self.name), np.nan))
         freeze(self)
 
     @property

@@ -72,9 +72,7 @@ def _judged_rows(adjustment: Adjustment, known: KnownWorldPoints) -> Ints:
     return adjustment.label_rows(() if is_free else known.label)
 
 
-def _values(
-    adjustment: Adjustment, taped: Taped, label: Ints
-) -> tuple[Floats, Ints, Floats]:
+def _values(adjustment: Adjustment, taped: Taped, label: Ints) -> tuple[Floats, Ints, Floats]:
     """Readings, then coordinates, (n,); and their gradients (n, k) by the unknowns (n, k)."""
     length, by_length, columns = adjustment.problem.readings(adjustment.state, taped)
     world, by_point, unknowns = adjustment.points_with_jacobian(label)
