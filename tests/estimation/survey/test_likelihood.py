@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from taped_scenes import read_on_tapes
 
 from uavgram.estimation.survey.likelihood import SurveyProblem, covariance_root
 from uavgram.estimation.survey.unknowns import move
@@ -15,12 +16,19 @@ CASES = {
     "control without log": {"telemetry": False, "control": 4},
     "two areas": {"verge": (0, 1, 2, 5), "control": 4, "roughness": 0.05},
     "two areas, lengths alone": {"verge": (0, 1, 2, 5), "telemetry": False, "gauge": "plane"},
+    "two tapes, level and not": {"tapes": True, "heights": {0: 1.5, 3: -2.0}},
+    "a tape, lengths alone": {"tapes": True, "telemetry": False, "gauge": "plane"},
 }
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
 def test_every_jacobian_equals_central_differences(scene_factory, options) -> None:
-    scene = scene_factory(3, **options)
+    wanted = dict(options)
+    taped = wanted.pop("tapes", False)
+    scene = scene_factory(3, **wanted)
+    if taped:
+        ways = ("slope", "horizontal", "slope")
+        scene = read_on_tapes(scene, {"": 0.02, "red": -0.03}, sigma=0.001, along=ways)
     lines = np.ones(len(scene.survey.line_start), dtype=bool)
     problem = SurveyProblem(scene.survey, scene.pivot, lines)
     layout = problem.layout

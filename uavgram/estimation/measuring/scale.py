@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.estimation.solver.normal_equations import Block, NormalEquations, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.model.arrays import Floats
-
-ROUNDING = 1e-10
-"""Share of the lengths' own information below which what remains of it is rounding."""
 
 
 class ScaleSigmas(NamedTuple):
@@ -37,38 +35,37 @@ def scale_sigmas(adjustment: Adjustment) -> ScaleSigmas:
     everything = _of_extent(adjustment)
     if "lengths" not in adjustment.minimum.blocks:
         return ScaleSigmas(everything, np.inf, everything)
-    total, left = _information(adjustment)
-    prior = adjustment.survey.tape_scale_sigma
-    tapes = max(len(adjustment.problem.tapes), 1)
-    own = float(np.sqrt(1.0 / total + prior**2 / tapes))
-    others = float(1.0 / np.sqrt(left)) if left > ROUNDING * total else np.inf
-    return ScaleSigmas(everything, own, others)
+    survey, line = adjustment.survey, adjustment.problem.line_index
+    readings = float(np.sum((survey.length_m[line] / survey.length_sigma_m[line]) ** 2))
+    of_tapes = survey.tape_scale_sigma**2 / max(len(adjustment.problem.tapes), 1)
+    own = float(np.sqrt(1.0 / readings + of_tapes))
+    return ScaleSigmas(everything, own, _of_others(adjustment))
 
 
-def _information(adjustment: Adjustment) -> tuple[float, float]:
-    """Information on a factor common to all readings: of them, and of what they do not rest on.
+def _of_others(adjustment: Adjustment) -> float:
+    """Sigma of a factor common to all readings, of which nothing is known but by all else.
 
-    Notes
-    -----
-    With b the whitened readings' derivatives by the factor and A the Jacobian of the readings, the
-    other unknowns eliminated leave b^T b - b^T A S A^T b; S with the tapes held, which would take
-    the factor for their own: S less S_t S_tt^-1 S_t^T.
+    It is one more unknown in place of the tapes' scales, and eliminated last: what is left of its
+    information then is exact to rounding, however little it is.
     """
-    block, survey = adjustment.minimum.blocks["lengths"], adjustment.survey
-    layout, line = adjustment.problem.layout, adjustment.problem.line_index
-    factor = survey.length_m[line] / survey.length_sigma_m[line]
-    tape = layout.first_tape + np.arange(layout.tape)
-    right = np.zeros((layout.size, 1 + layout.tape))
-    np.add.at(right[:, 0], block.columns, factor[:, None] * block.jacobian[:, 0])
-    right[tape, 0] = 0.0
-    right[tape, 1 + np.arange(layout.tape)] = 1.0
-    solved = adjustment.minimum.factor.solve(right)
-    explained = float(right[:, 0] @ solved[:, 0])
-    if layout.tape:
-        across: Floats = solved[tape, 0]
-        explained -= float(across @ np.linalg.solve(solved[tape, 1:], across))
-    total = float(factor @ factor)
-    return total, total - explained
+    blocks, layout = dict(adjustment.minimum.blocks), adjustment.problem.layout
+    survey, line = adjustment.survey, adjustment.problem.line_index
+    readings = blocks["lengths"]
+    width = readings.columns.shape[1] - (1 if layout.tape else 0)
+    # Of what should be read: what is read would take its residual for something that is known.
+    by_factor = survey.length_m[line] / survey.length_sigma_m[line] + readings.residual[:, 0]
+    blocks.pop("tape", None)
+    blocks["lengths"] = Block(
+        readings.residual,
+        np.column_stack([readings.columns[:, :width], np.full(len(line), layout.first_tape)]),
+        np.concatenate([readings.jacobian[:, :, :width], by_factor[:, None, None]], axis=2),
+    )
+    one = replace(layout, tape=1)
+    try:
+        factor = NormalEquations(list(blocks.values()), one.size, one.structure).factor()
+    except SingularError:
+        return float("inf")
+    return float(np.sqrt(factor.joint(np.array([one.first_tape]))[0, 0]))
 
 
 def _of_extent(adjustment: Adjustment) -> float:
