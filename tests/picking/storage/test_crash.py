@@ -137,7 +137,7 @@ def _rename(state: dict, do: dict) -> None:
 def _line(state: dict, do: dict) -> None:
     line = {name: do[name] for name in ("name", "start", "end", "length_m", "sigma_m")}
     if line["name"] not in {one["name"] for one in state["lines"]}:
-        state["lines"] = [*state["lines"], {**line, "adjust": True}]
+        state["lines"] = [*state["lines"], {**line, "adjust": True, "tape": "", "along": "slope"}]
 
 
 def _measure(state: dict, do: dict) -> None:

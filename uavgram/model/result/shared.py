@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Annotated
 
 import numpy as np
@@ -47,9 +46,6 @@ class SharedResult:
     clock_drift_ppm: Estimate | None = None
     intrinsics: Estimate
     tape_scale: Mapping[str, Estimate] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "tape_scale", MappingProxyType(dict(self.tape_scale)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
