@@ -85,6 +85,8 @@ def _tables(folder: Path) -> dict:
             "length_m": float(row["length_m"]),
             "sigma_m": float(row["sigma_m"]),
             "adjust": True,
+            "tape": "",
+            "along": "slope",
         }
         for row in rows("lines.csv")
     ]
