@@ -116,7 +116,8 @@ class LineResults(FrozenArrays):
     length_m, sigma_m
         (L,) as given.
     adjusted_m, adjusted_sigma_m
-        (L,) from the adjusted points; NaN where an end was never picked.
+        (L,) what its tape should read between the adjusted points (its scale, and level or not, as
+        the length was taken), and its sigma; NaN where an end was never picked.
     residual_m
         (L,) adjusted minus given.
     w, redundancy, mdb_m
