@@ -209,6 +209,20 @@ class TelemetryOptions(_Options):
         return {"correlation_s": (0 < shorter <= longer, fault)}
 
 
+@dataclass(frozen=True, kw_only=True)
+class TapeOptions(_Options):
+    """How good the tapes are: what all lengths of one tape have in common, as a share of them."""
+
+    scale_sigma: float = 0.001
+
+    def _rules(self) -> dict[str, tuple[bool, str]]:
+        fault = (
+            "must lie between 0 (the tapes are exact) and 0.1: it is a share of a length, 0.001 is "
+            "1 mm in a metre"
+        )
+        return {"scale_sigma": (0 <= self.scale_sigma <= 0.1, fault)}
+
+
 LEAST_SIGNIFICANCE = 1e-12  # seven sigmas; far below, quantiles of the normal law overflow
 
 
@@ -271,6 +285,7 @@ class Project(_Options):
     telemetry: TelemetryOptions = field(default_factory=TelemetryOptions)
     picks_sigma_px: float = 1.0
     solve: SolveOptions = field(default_factory=SolveOptions)
+    tape: TapeOptions = field(default_factory=TapeOptions)
 
     def _rules(self) -> dict[str, tuple[bool, str]]:
         texts = [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -18,7 +18,7 @@ from uavgram.model.flight.log import Track
 from uavgram.model.flight.pose import Poses, TelemetryPrior
 from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.message import Message, Several
-from uavgram.model.options import GroundOptions
+from uavgram.model.options import GroundOptions, TapeOptions
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.model.survey.survey import DEFAULT_AREA, Ground, Survey
 
@@ -68,6 +68,8 @@ class Observations:
         What is known of the ground's planes.
     picks_sigma_px
         Standard deviation of picks that state none [px].
+    tape
+        How good the tapes are.
     photos
         Names of all photos in order: that of the frames where there is no telemetry.
     copies
@@ -81,6 +83,7 @@ class Observations:
     telemetry: Telemetry | None = None
     ground: GroundOptions
     picks_sigma_px: float
+    tape: TapeOptions = field(default_factory=TapeOptions)
     photos: Sequence[str] = ()
     copies: Collection[str] = ()
 
@@ -133,6 +136,9 @@ def assemble(observed: Observations) -> Assembled:
         length_m=lines.length_m[seen],
         length_sigma_m=lines.sigma_m[seen],
         line_name=tuple(lines.name[i] for i in seen),
+        line_tape=tuple(lines.tape_of(i) for i in seen),
+        line_along=tuple(lines.along_of(i) for i in seen),
+        tape_scale_sigma=observed.tape.scale_sigma,
         control_label=np.array([label_at[control.label[i]] for i in known], dtype=np.int64),
         control_world_m=control.world_m[known],
         control_sigma_m=control.sigma_m[known],
@@ -151,6 +157,7 @@ def assemble(observed: Observations) -> Assembled:
         pick_sigma_px=sigma,
         messages=(
             *_gauge(survey),
+            *_level_lines(survey),
             *_unseen_control(control, survey),
             *_unpicked_areas(observed.ground, survey),
             *_unused_readout(survey),
@@ -222,6 +229,21 @@ def _gauge(survey: Survey) -> Iterator[Message]:
             "Nothing fixes position and heading (no flight log, fewer than two control points): "
             "lengths, areas and angles are right, coordinates are relative to the first frame, "
             f"{survey.frame_id[0]}: it stands above 0, 0, and up in it is north.",
+        )
+
+
+def _level_lines(survey: Survey) -> Iterator[Message]:
+    names = tuple(
+        survey.line_name[i] for i, what in enumerate(survey.line_along) if what != "slope"
+    )
+    if names and survey.gauge == "plane":
+        yield Message(
+            "warning",
+            "level-on-slope",
+            "Nothing says how the ground slopes (no flight log, fewer than two control points), so "
+            "the lengths measured level are taken as lengths along the ground: on a slope of 5 "
+            "degrees they are 0.4 % too short for that. State what the tape reads on the ground.",
+            lengths=names,
         )
 
 

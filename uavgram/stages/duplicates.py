@@ -111,10 +111,11 @@ def _copies(
 
 
 def _same_lines(lines: KnownLines) -> dict[int, int]:
-    """Length -> the one between the same labels, of the same value, that is kept."""
-    groups: dict[tuple[frozenset[str], float], list[int]] = {}
+    """Length -> the one between the same labels, of the same tape and value, that is kept."""
+    groups: dict[tuple[object, ...], list[int]] = {}
     for i, ends in enumerate(zip(lines.start, lines.end, strict=True)):
-        groups.setdefault((frozenset(ends), float(lines.length_m[i])), []).append(i)
+        how = lines.tape_of(i), lines.along_of(i)
+        groups.setdefault((frozenset(ends), float(lines.length_m[i]), *how), []).append(i)
     same: dict[int, int] = {}
     for group in groups.values():
         kept = max(group, key=lambda i: bool(lines.adjust[i]))  # the first that is not withheld

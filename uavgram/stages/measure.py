@@ -6,6 +6,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
+from uavgram.estimation.measuring.shifts import Shifts
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message, Several
@@ -39,8 +40,18 @@ def measure(
     return measurement_results(propagate(adjustment, requests, frames))
 
 
-def measurement_results(measured: MeasuredValues) -> tuple[MeasurementResults, tuple[Message, ...]]:
-    """What was measured as a table of the result, and why the rest was not."""
+def measurement_results(
+    measured: MeasuredValues, shifted: Shifts | None = None
+) -> tuple[MeasurementResults, tuple[Message, ...]]:
+    """What was measured as a table of the result, and why the rest was not.
+
+    Parameters
+    ----------
+    measured
+        The values.
+    shifted
+        What relief and a wrong tape would do to them; None where nobody asks for it.
+    """
     sigma, value = measured.sigma, measured.value
     reach = float(ndtri(0.975)) * sigma
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -55,6 +66,8 @@ def measurement_results(measured: MeasuredValues) -> tuple[MeasurementResults, t
         unit=tuple(UNITS.get(row.request.kind, "m") for row in measured.rows),
         interval_95=np.column_stack([value - reach, value + reach]),
         correlation=correlation,
+        shift_relief_10cm=np.zeros(0) if shifted is None else shifted.relief,
+        shift_tape_1pct=np.zeros(0) if shifted is None else shifted.tape,
     )
     messages = tuple(
         Message(

@@ -51,6 +51,7 @@ def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedRes
         if layout.readout
         else None,
         intrinsics=Estimate(value=adjustment.problem.intrinsics(state), sigma=intrinsic_sigma),
+        tape_scale=_tape_scales(adjustment),
     )
 
 
@@ -85,6 +86,15 @@ def _telemetry_parts(adjustment: Adjustment) -> dict[str, Estimate]:
     return {
         name: Estimate(value=state.telemetry[part], sigma=sigma[part])
         for name, part in TELEMETRY_PARTS.items()
+    }
+
+
+def _tape_scales(adjustment: Adjustment) -> dict[str, Estimate]:
+    layout, value = adjustment.problem.layout, adjustment.state.tape
+    sigma = _sigmas(adjustment, layout.first_tape, layout.tape)
+    return {
+        name: Estimate(value=value[k : k + 1], sigma=sigma[k : k + 1])
+        for k, name in enumerate(adjustment.problem.tapes)
     }
 
 

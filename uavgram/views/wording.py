@@ -59,6 +59,7 @@ GROUP_WORDS = {
     "boresight": "camera against its mount",
     "lever_arm": "autopilot to camera",
     "position_bias": "offset of the log's positions",
+    "tape": "scale of the tape",
     "heading_bias": "offset of the log's heading",
     "clock": "camera clock",
     "clock_drift": "drift of the camera clock",

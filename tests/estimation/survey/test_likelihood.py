@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 from scenes import make_scene
+from taped_scenes import read_on_tapes
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.likelihood import SurveyProblem, covariance_root
 from uavgram.estimation.survey.unknowns import move
 from uavgram.model.arrays import Floats
+from uavgram.model.survey.observations import Along
 from uavgram.model.survey.survey import Relief, Survey
 
 CASES: dict[str, dict[str, Any]] = {
@@ -22,6 +24,8 @@ CASES: dict[str, dict[str, Any]] = {
     "two areas, lengths alone": {"verge": (0, 1, 2, 5), "telemetry": False, "gauge": "plane"},
     "relief": {"verge": (0, 1, 2, 5), "control": 3, "roughness": 0.05},
     "relief, lengths alone": {"verge": (0, 1, 2, 5), "telemetry": False, "gauge": "plane"},
+    "two tapes, level and not": {"tapes": True, "heights": {0: 1.5, 3: -2.0}},
+    "a tape, lengths alone": {"tapes": True, "telemetry": False, "gauge": "plane"},
 }
 RELIEFS = (
     Relief(kind="quadratic", sigma_m=0.2, scale_m=9.0, knots_m=np.array([[1.0, 2.0]])),
@@ -42,7 +46,12 @@ def with_relief(survey: Survey) -> Survey:
 
 @pytest.mark.parametrize("case", CASES)
 def test_every_jacobian_equals_central_differences(case: str) -> None:
-    scene = make_scene(3, **CASES[case])
+    wanted = dict(CASES[case])
+    taped = wanted.pop("tapes", False)
+    scene = make_scene(3, **wanted)
+    if taped:
+        ways: tuple[Along, ...] = ("slope", "horizontal", "slope")
+        scene = read_on_tapes(scene, {"": 0.02, "red": -0.03}, sigma=0.001, along=ways)
     survey = with_relief(scene.survey) if case.startswith("relief") else scene.survey
     lines = np.ones(len(survey.line_start), dtype=bool)
     problem = SurveyProblem(survey, scene.pivot, lines)

@@ -18,9 +18,23 @@ def test_the_table_holds_the_measurements_with_empty_cells_for_what_is_not_known
     with (tmp_path / "m.csv").open(newline="", encoding="utf-8") as stream:
         rows = list(csv.reader(stream))
 
-    assert ",".join(rows[0]) == "name,kind,points,value,sigma,unit,lower_95,upper_95,alternatives"
-    assert rows[1] == ["m, long", "distance", "P;R", "20.12500", "0.05000", "m", *INTERVAL, ""]
-    assert rows[5] == ["q", "skid_speed", "P;Z", "", "", "m/s", "", "", ""]
+    assert ",".join(rows[0]) == (
+        "name,kind,points,value,sigma,unit,lower_95,upper_95,alternatives,"
+        "shift_relief_10cm,shift_tape_1pct"
+    )
+    assert rows[1] == [
+        "m, long",
+        "distance",
+        "P;R",
+        "20.12500",
+        "0.05000",
+        "m",
+        *INTERVAL,
+        "",
+        "",
+        "",
+    ]
+    assert rows[5] == ["q", "skid_speed", "P;Z", "", "", "m/s", "", "", "", "", ""]
     assert len(rows) == 7
 
 

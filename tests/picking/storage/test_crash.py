@@ -87,6 +87,8 @@ def _tables(folder: Path) -> Json:
             "length_m": float(row["length_m"]),
             "sigma_m": float(row["sigma_m"]),
             "adjust": True,
+            "tape": "",
+            "along": "slope",
         }
         for row in rows("lines.csv")
     ]
@@ -139,7 +141,7 @@ def _rename(state: Json, do: Json) -> None:
 def _line(state: Json, do: Json) -> None:
     line = {name: do[name] for name in ("name", "start", "end", "length_m", "sigma_m")}
     if line["name"] not in {one["name"] for one in state["lines"]}:
-        state["lines"] = [*state["lines"], {**line, "adjust": True}]
+        state["lines"] = [*state["lines"], {**line, "adjust": True, "tape": "", "along": "slope"}]
 
 
 def _measure(state: Json, do: Json) -> None:

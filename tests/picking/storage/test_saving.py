@@ -35,7 +35,7 @@ PICKS = (
     b'"Bo, too","B","x, y",P1.jpg,4e1,30\r\n'
     b"007,A,,P2.jpg,60.000,50"
 )
-LINES = b"name,from,to,length_m,sigma_m,note,tape\nL1,A,B,11.5200,0.010,taped twice, 3 \n"
+LINES = b"name,from,to,length_m,sigma_m,note,whose\nL1,A,B,11.5200,0.010,taped twice, 3 \n"
 MEASURE = b"name,kind,points,asked by\nD, distance ,A;B,court\n\n\n"
 
 

@@ -1,6 +1,7 @@
 """Sigmas of picks, roughness and relief, learnt from surveys with known truth."""
 
 from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -13,11 +14,11 @@ from uavgram.model.result.noise import AreaNoise, PickNoise
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
-SCENE = {"frames": 6, "labels": 24, "lines": 6}
+SCENE: dict[str, Any] = {"frames": 6, "labels": 24, "lines": 6}
 
 
-def refined_of(survey: Survey, **options: str) -> Refined:
-    return refine(survey, replace(SolveOptions(), **options))[0]  # type: ignore[arg-type]  # texts
+def refined_of(survey: Survey, noise: Literal["estimate", "stated"] = "estimate") -> Refined:
+    return refine(survey, SolveOptions(noise=noise))[0]
 
 
 def learnt(refined: Refined) -> tuple[PickNoise, AreaNoise]:

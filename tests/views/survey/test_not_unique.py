@@ -60,7 +60,7 @@ def test_the_farther_the_other_values_the_earlier_the_row(marked: Result, sure: 
 
 def test_the_report_marks_the_row_and_says_what_that_means(sure: Result, marked: Result) -> None:
     page = render_report(marked)
-    rows = [row for row in Page(page).rows if len(row) == 6 and "not unique" in row[1]]
+    rows = [row for row in Page(page).rows if len(row) == 8 and "not unique" in row[1]]
 
     assert [row[0] for row in rows] == [NAME]
     assert OTHERS in rows[0][3]

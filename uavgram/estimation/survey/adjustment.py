@@ -14,6 +14,7 @@ from uavgram.estimation.solver.normal_equations import Covariance
 from uavgram.estimation.survey.ground_planes import relief_basis
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.estimation.survey.tapes import Taped, unlearnt
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -191,10 +192,16 @@ class Adjustment:
         joint[:, 6:, 6:] = with_shared[shared]
         return np.asarray(to_lens @ joint @ to_lens.T)
 
-    def lengths(self, start: Ints, end: Ints) -> tuple[Floats, Floats]:
-        """3-D lengths (n,) between points, and their standard deviations."""
-        length, gradient, unknowns = self.problem.lengths_between(self.state, start, end)
-        return length, np.sqrt(self.minimum.factor.variances(unknowns, gradient))
+    def readings(self, taped: Taped) -> tuple[Floats, Floats]:
+        """What tapes should read (n,), and the standard deviations, their scales' included."""
+        reading, gradient, unknowns = self.problem.readings(self.state, taped)
+        variance = self.minimum.factor.variances(unknowns, gradient)
+        return reading, np.sqrt(variance + (self.unlearnt(taped, reading) ** 2).sum(axis=1))
+
+    def unlearnt(self, taped: Taped, reading_m: Floats) -> Floats:
+        """(n, U) errors of readings by tapes of which no length takes part (see `tapes`)."""
+        sigma = self.survey.tape_scale_sigma
+        return unlearnt(self.problem.tapes, taped, reading_m, sigma)
 
     def points_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:
         """Points (n, 3), their Jacobians (n, 3, k), and the k unknowns (n, k) of each."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.ground_planes import GroundPlanes
+from uavgram.estimation.survey.tapes import Taped, tape_rows, taped_lines, tapes_of
 from uavgram.estimation.survey.unknowns import Layout, State, layout_of
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.motion.rotation import exp_so3, hat, log_so3, right_jacobian_inverse
@@ -68,7 +69,8 @@ class SurveyProblem:
         self.ground = GroundPlanes(survey, pivot_m)
         self.line_index = np.flatnonzero(line_used)
         self.intrinsic_basis = covariance_root(survey.calibration.covariance)
-        self.layout: Layout = layout_of(survey, self.intrinsic_basis.shape[1])
+        self.tapes = tapes_of(survey, self.line_index)
+        self.layout: Layout = layout_of(survey, self.intrinsic_basis.shape[1], len(self.tapes))
         telemetry = survey.telemetry
         if telemetry is not None:
             self.telemetry_whitening = np.linalg.inv(np.linalg.cholesky(telemetry.covariance))
@@ -127,6 +129,10 @@ class SurveyProblem:
         blocks = {"pixels": pixels, "calibration": self._calibration(state)}
         if len(self.line_index):
             blocks["lengths"] = self._lengths(state)
+        if self.tapes:
+            sigma = self.survey.tape_scale_sigma
+            weight = np.full(len(self.tapes), 1.0 / sigma)
+            blocks["tape"] = _prior(state.tape / sigma, self.layout.first_tape, weight)
         if len(self.survey.control_label):
             blocks["control"] = self._control(state)
         blocks |= self._grounds(state)
@@ -198,14 +204,37 @@ class SurveyProblem:
 
     def _lengths(self, state: State) -> Block:
         survey = self.survey
-        start, end = survey.line_start[self.line_index], survey.line_end[self.line_index]
-        length, jacobian, columns = self.lengths_between(state, start, end)
+        reading, jacobian, columns = self.readings(state, taped_lines(survey, self.line_index))
         sigma = survey.length_sigma_m[self.line_index]
-        residual = (length - survey.length_m[self.line_index]) / sigma
+        residual = (reading - survey.length_m[self.line_index]) / sigma
         return Block(residual[:, None], columns, jacobian[:, None, :] / sigma[:, None, None])
 
-    def lengths_between(self, state: State, start: Ints, end: Ints) -> tuple[Floats, Floats, Ints]:
-        """3-D lengths (n,) between labels, their gradients (n, k) and the unknowns' columns.
+    def readings(self, state: State, taped: Taped) -> tuple[Floats, Floats, Ints]:
+        """What tapes read (n,), the gradients (n, k), and the unknowns' columns (n, k).
+
+        A tape that takes no part in the adjustment is read as a right one.
+        """
+        length, jacobian, columns = self.lengths_between(
+            state, taped.start, taped.end, level=taped.level
+        )
+        if not self.tapes:
+            return length, jacobian, columns
+        row = tape_rows(self.tapes, taped.tape)
+        there = row >= 0
+        ratio = 1.0 / (1.0 + np.where(there, state.tape[row], 0.0))
+        by_scale = np.where(there, -length * ratio**2, 0.0)
+        return (
+            length * ratio,
+            np.concatenate([jacobian * ratio[:, None], by_scale[:, None]], axis=1),
+            np.concatenate(
+                [columns, (self.layout.first_tape + np.maximum(row, 0))[:, None]], axis=1
+            ),
+        )
+
+    def lengths_between(
+        self, state: State, start: Ints, end: Ints, *, level: Bools | None = None
+    ) -> tuple[Floats, Floats, Ints]:
+        """True lengths (n,) between labels, their gradients (n, k) and the unknowns' columns.
 
         Parameters
         ----------
@@ -213,10 +242,14 @@ class SurveyProblem:
             Values of the unknowns.
         start, end
             (n,) labels by index.
+        level
+            (n,) which are distances in the horizontal plane; left out, all are 3-D.
         """
         n = len(start)
         world, d_point, d_plane = self.world_points(state, np.concatenate([start, end]))
         along = world[n:] - world[:n]
+        if level is not None:
+            along[level, 2] = 0.0
         length = np.linalg.norm(along, axis=1)
         unit = (along / np.where(length > 0, length, 1.0)[:, None])[:, None]
         jacobian = np.concatenate(

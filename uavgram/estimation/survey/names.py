@@ -10,7 +10,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.camera.calibration import parameter_names
 
-FACTORS = {"deg": float(np.rad2deg(1.0)), "ppm": 1e6}
+FACTORS = {"deg": float(np.rad2deg(1.0)), "ppm": 1e6, "%": 100.0}
 """How many of a unit there are in the unit inside; else 1."""
 
 PLANE_OF = "plane of "
@@ -41,6 +41,7 @@ PRIOR_UNITS = {
     "control": ("m",) * 3,
     "telemetry": ("m",) * 3 + ("deg",) * 3,
     "lengths": ("m",),
+    "tape": ("%",),
     "pixels": ("px",) * 2,
 }
 COUNTS = ("none", "one", "both", "all three", "all four", "all five", "all six")
@@ -93,11 +94,20 @@ class Names:
             return f"control {label!r} {CONTROL_AXES[member.axis]}"
         if member.kind == "telemetry":
             return POSE_AXES[member.axis]
-        if member.kind == "roughness":
-            return f"departure of {survey.label[row]!r} from the plane"
+        own = {
+            "tape": lambda: f"scale of {self.tape(row)}",
+            "roughness": lambda: f"departure of {survey.label[row]!r} from the plane",
+        }
+        if member.kind in own:
+            return own[member.kind]()
         if member.kind.startswith(PLANE_OF):
             return f"{PRIOR_WORDS['plane'][row]} of {member.kind.removeprefix(PLANE_OF)!r}"
         return PRIOR_WORDS[member.kind][row]
+
+    def tape(self, row: int) -> str:
+        """``the tape``, or ``the tape 'red'``."""
+        name = self.adjustment.problem.tapes[row]
+        return f"the tape {name!r}" if name else "the tape"
 
     def pick(self, row: int) -> tuple[str, str]:
         """Frame and label of a pick of the adjustment."""

@@ -63,8 +63,9 @@ def select_lines(survey: Survey, keep: Bools) -> Survey:
 
 
 def _some_lines(survey: Survey, lines: Ints) -> dict[str, Any]:
-    names = tuple(survey.line_name[i] for i in lines) if survey.line_name else ()
-    return rows_of(survey, lines, "l") | {"line_name": names}
+    texts = {name: getattr(survey, name) for name in ("line_name", "line_tape", "line_along")}
+    some = {name: tuple(all_[i] for i in lines) if all_ else () for name, all_ in texts.items()}
+    return rows_of(survey, lines, "l") | some
 
 
 def _some_telemetry(survey: Survey, new_frame: Ints) -> TelemetryPrior | None:

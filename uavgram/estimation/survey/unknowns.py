@@ -17,7 +17,7 @@ from uavgram.model.survey.survey import Survey
 
 @dataclass(frozen=True)
 class Layout:
-    """Order of the unknowns: points, frames, intrinsics, plane, relief, telemetry, readout.
+    """Order of the unknowns: points, frames, intrinsics, plane, relief, telemetry, tape, readout.
 
     Attributes
     ----------
@@ -34,6 +34,8 @@ class Layout:
         Coefficients of all areas' relief.
     telemetry
         12 (see geometry/motion/telemetry_pose.py), or 0 without a log.
+    tape
+        Number of tapes with a scale to find (see estimation/survey/tapes.py).
     readout
         1 where the readout time of a rolling shutter is an unknown, else 0.
     free_gauge
@@ -47,6 +49,7 @@ class Layout:
     plane: int
     relief: int
     telemetry: int
+    tape: int
     free_gauge: bool
     readout: int = 0
 
@@ -78,6 +81,11 @@ class Layout:
     @cached_property
     def first_readout(self) -> int:
         """Column of the readout time."""
+        return self.first_tape + self.tape
+
+    @cached_property
+    def first_tape(self) -> int:
+        """Column of the first tape's scale."""
         return self.first_telemetry + self.telemetry
 
     @cached_property
@@ -128,9 +136,13 @@ class Layout:
         if index < self.first_relief:
             place = (index - self.first_plane) // PLANE_SIZE
             return f"the plane of area {survey.grounds[place + fixed_planes(survey)].name!r}"
-        if index < self.first_telemetry:
-            return "the relief of the ground"
-        return "the telemetry's biases" if index < self.first_readout else "the readout time"
+        shared = (
+            (self.first_telemetry, "the relief of the ground"),
+            (self.first_tape, "the telemetry's biases"),
+            (self.first_readout, "the scale of a tape"),
+            (self.size, "the readout time"),
+        )
+        return next(words for end, words in shared if index < end)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +163,8 @@ class State:
         (R,) coefficients of the areas' relief [m].
     telemetry
         (12,) or (0,).
+    tape
+        (T,) scales: +0.01 of a tape that is 1 % too long.
     readout
         (1,) or (0,) readout time [s].
     """
@@ -162,10 +176,11 @@ class State:
     plane: Floats
     relief: Floats
     telemetry: Floats
+    tape: Floats = field(default_factory=lambda: np.zeros(0))
     readout: Floats = field(default_factory=lambda: np.zeros(0))
 
 
-def layout_of(survey: Survey, intrinsics: int) -> Layout:
+def layout_of(survey: Survey, intrinsics: int, tapes: int) -> Layout:
     """Which unknowns a survey has."""
     return Layout(
         points=len(survey.label),
@@ -175,6 +190,7 @@ def layout_of(survey: Survey, intrinsics: int) -> Layout:
         plane=PLANE_SIZE * (len(survey.grounds) - fixed_planes(survey)),
         relief=relief_size(survey),
         telemetry=SHARED_SIZE if survey.telemetry is not None else 0,
+        tape=tapes,
         free_gauge=survey.gauge == "plane",
         readout=int(survey.rolling is not None),
     )
@@ -202,7 +218,8 @@ def move(layout: Layout, state: State, step: Floats) -> State:
         intrinsic=state.intrinsic + step[layout.first_intrinsic : layout.first_plane],
         plane=plane,
         relief=state.relief + step[layout.first_relief : layout.first_telemetry],
-        telemetry=state.telemetry + step[layout.first_telemetry : layout.first_readout],
+        telemetry=state.telemetry + step[layout.first_telemetry : layout.first_tape],
+        tape=state.tape + step[layout.first_tape : layout.first_readout],
         readout=state.readout + step[layout.first_readout :],
     )
 

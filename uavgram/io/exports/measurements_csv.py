@@ -23,6 +23,8 @@ HEADER = (
     "lower_95",
     "upper_95",
     "alternatives",
+    "shift_relief_10cm",
+    "shift_tape_1pct",
     "sigma_stated",
 )
 
@@ -47,6 +49,7 @@ def dump_measurements_csv(result: Result) -> str:
     takes further ones for known and nobody who computes on loses any; results.json has them all.
     Where other solutions, which explain the observations as well, put a value outside its
     interval, their values stand under ``alternatives``: then neither value nor interval is sure.
+    In the last columns are the shifts by 10 cm of relief at the points, and by 1 % of tape.
     ``sigma_stated`` is what the sigma would be, were all errors as large as stated.
     """
     rows = result.measurements
@@ -58,10 +61,13 @@ def dump_measurements_csv(result: Result) -> str:
         )
         name, points = guarded(rows.name[i]), guarded(";".join(rows.points[i]))
         alternatives, unit = ";".join(others), rows.unit[i]
-        stated = rounded(rows.sigma_stated[i], float(sigma))
-        cells.append(
-            (name, rows.kind[i], points, value, own, unit, low, high, alternatives, stated)
+        shifts = (
+            rounded(float(shift), abs(float(shift)))  # four digits
+            for shift in (rows.shift_relief_10cm[i], rows.shift_tape_1pct[i])
         )
+        stated = rounded(rows.sigma_stated[i], float(sigma))
+        known = (name, rows.kind[i], points, value, own, unit, low, high, alternatives)
+        cells.append((*known, *shifts, stated))
     return csv_text(HEADER, cells)
 
 

@@ -274,6 +274,7 @@ def _dump_shared(result: Result) -> Record:
         **{key: _dump_estimate(getattr(shared, key)) for key in _TELEMETRY},
         "readout_s": _dump_estimate(shared.readout_s),
         "plane": _dump_plane(result.plane),
+        "tape_scale": {name: _dump_estimate(one) for name, one in shared.tape_scale.items()},
         "intrinsics": {_LEARNT_KEYS.get(key, key): value for key, value in encode(learnt).items()},
     }
 
@@ -286,6 +287,7 @@ def _load_shared(record: Record, clock: Record) -> SharedResult:
         clock_drift_ppm=_load_clock(clock["drift_ppm"], clock.get("drift_sigma_ppm")),
         readout_s=_load_estimate(readout) if (readout := record.get("readout_s")) else None,
         intrinsics=_load_estimate(record["intrinsics"]),
+        tape_scale={name: _load_estimate(x) for name, x in record.get("tape_scale", {}).items()},
     )
 
 

@@ -65,10 +65,6 @@ _SECOND_ORDER = Table(
 )
 
 
-_EARLIER: Record = {"alternative_values": []}
-"""What measurements lack in files of earlier versions."""
-
-
 def dump_frames(frames: FrameResults) -> list[Record]:
     """Frames; a pose that a frame does not have is null."""
     seed, refined = _dump_poses(frames.seed), _dump_poses(frames.refined)
@@ -129,11 +125,15 @@ def _load_ellipses(records: Sequence[Record]) -> Record:
     }
 
 
+_LATER: Record = {"alternative_values": [], "shift_relief_10cm": None, "shift_tape_1pct": None}
+"""What earlier files do not have."""
+
+
 def load_measurements(records: Sequence[Record], correlation: Json) -> MeasurementResults:
     """Measured values, their correlation beside them."""
     n = len(records)
     return MEASUREMENTS.load(
-        [_EARLIER | {"sigma_stated": row["sigma"]} | row for row in records],
+        [_LATER | {"sigma_stated": row["sigma"]} | row for row in records],
         correlation=numbers(correlation, n, n),
     )
 

@@ -13,10 +13,11 @@ from uavgram.model.survey.observations import KnownLines
 LINES_COLUMNS = Columns(
     text=("name", "from", "to"),
     numbers=("length_m", "sigma_m"),
-    optional_text=("use", "note"),
+    optional_text=("use", "tape", "along", "note"),
     others=True,
 )
-_USES = ("adjust", "check")
+_WORDS = {"use": ("adjust", "check"), "along": ("slope", "horizontal")}
+"""Of columns that hold one of a few words; the first one is meant where a cell is empty."""
 
 
 def read_lines(path: str | Path) -> KnownLines:
@@ -26,20 +27,22 @@ def read_lines(path: str | Path) -> KnownLines:
     ------
     InputError
         Names file and line of every mistake: those of any table, a length or sigma that is not
-        greater than 0, a line from a label to itself, a name used twice, an unknown `use`.
+        greater than 0, a line from a label to itself, a name used twice, an unknown
+        `use` or `along`.
     """
     table = read_table(path, LINES_COLUMNS)
     table.require_length("length_m")
-    table.require_short("name", "from", "to")
+    table.require_short("name", "from", "to", "tape")
     table.require_sigma("sigma_m")
     table.require_unique("name", "line")
-    rows = zip(table.text["from"], table.text["to"], table.text["use"], strict=True)
-    for row, (start, end, use) in enumerate(rows):
+    for row, (start, end) in enumerate(zip(table.text["from"], table.text["to"], strict=True)):
         if start and start == end:
             table.blame(row, f"goes from {start!r} to itself: 'to' must be another label")
-        if use and use not in _USES:
-            hint = f": {guess}" if (guess := near_miss(use, _USES)) else ""
-            table.blame(row, f"use must be adjust or check (got {use!r}){hint}")
+    for column, words in _WORDS.items():
+        for row, word in enumerate(table.text[column]):
+            if word and word not in words:
+                hint = f": {guess}" if (guess := near_miss(word, words)) else ""
+                table.blame(row, f"{column} must be {' or '.join(words)} (got {word!r}){hint}")
     table.raise_faults()
     return KnownLines(
         name=table.text["name"],
@@ -48,4 +51,8 @@ def read_lines(path: str | Path) -> KnownLines:
         length_m=table.numbers["length_m"],
         sigma_m=table.numbers["sigma_m"],
         adjust=np.array([use != "check" for use in table.text["use"]], dtype=np.bool_),
+        tape=table.text["tape"],
+        along=tuple(
+            "horizontal" if word == "horizontal" else "slope" for word in table.text["along"]
+        ),
     )

@@ -101,6 +101,8 @@ def _line_cells(lines: KnownLines) -> list[Cells]:
             "length_m": repr(float(lines.length_m[i])),
             "sigma_m": repr(float(lines.sigma_m[i])),
             "use": "" if lines.adjust[i] else "check",  # an empty cell is the default
+            "tape": lines.tape_of(i),
+            "along": "" if lines.along_of(i) == "slope" else lines.along_of(i),
         }
         for i in range(len(lines.name))
     ]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
@@ -32,6 +33,9 @@ class SharedResult:
         without a log.
     readout_s
         Time in which a photo is read from its first row to the last; None where it is no unknown.
+    tape_scale
+        By the name of each tape that was used, which may be empty: +0.01 where it is 1 % too long,
+        and so reads short. Nothing where tapes are taken as exact, or none was used.
     intrinsics
         In the order of the lens model's parameters.
     """
@@ -44,6 +48,7 @@ class SharedResult:
     clock_drift_ppm: Estimate | None = None
     readout_s: Estimate | None = None
     intrinsics: Estimate
+    tape_scale: Mapping[str, Estimate] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -125,7 +125,8 @@ class LineResults(FrozenArrays):
     length_m, sigma_m
         (L,) as given.
     adjusted_m, adjusted_sigma_m
-        (L,) from the adjusted points; NaN where an end was never picked.
+        (L,) what its tape should read between the adjusted points (its scale, and level or not, as
+        the length was taken), and its sigma; NaN where an end was never picked.
     residual_m
         (L,) adjusted minus given.
     w, redundancy, mdb_m
@@ -177,6 +178,10 @@ class PickResults(FrozenArrays):
     status: tuple[PickStatus, ...]
 
 
+def _none() -> Floats:
+    return np.zeros(0)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasurementResults:
     """M measured values with their joint covariance.
@@ -200,6 +205,11 @@ class MeasurementResults:
     sigma_stated
         (M,) the sigma if all errors were as large as stated, where the survey showed otherwise;
         else, and left out, `sigma`.
+    shift_relief_10cm
+        (M,) by how much the value shifts, at most, if the ground at its points is 10 cm higher or
+        lower than taken; NaN where there is no value, or (left out) it was not computed.
+    shift_tape_1pct
+        (M,) by how much it shifts if the tapes read 1 % more; NaN likewise, and without lengths.
     """
 
     name: Annotated[tuple[str, ...], "n"]
@@ -211,13 +221,18 @@ class MeasurementResults:
     interval_95: Annotated[Floats, "n", 2, NAN_IS_NONE]
     correlation: Annotated[Floats, "n", "n", NAN_IS_NONE]
     alternative_values: Annotated[tuple[tuple[float, ...], ...], "n"] = ()
-    sigma_stated: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=lambda: np.zeros(0))
+    sigma_stated: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=_none)
+    shift_relief_10cm: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=_none)
+    shift_tape_1pct: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=_none)
 
     def __post_init__(self) -> None:
         if not len(self.sigma_stated):
             object.__setattr__(self, "sigma_stated", self.sigma)
         if not self.alternative_values:
             object.__setattr__(self, "alternative_values", ((),) * len(self.name))
+        for name in ("shift_relief_10cm", "shift_tape_1pct"):
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, np.full(len(self.name), np.nan))
         freeze(self)
 
     @property

@@ -51,6 +51,10 @@ class Picks:
         return self.line[pick] if self.line else None
 
 
+Along = Literal["slope", "horizontal"]
+"""What a length is: the straight 3-D distance, or the distance in the horizontal plane."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownLines(FrozenArrays):
     """L taped lengths between two labels.
@@ -60,9 +64,14 @@ class KnownLines(FrozenArrays):
     name, start, end
         (L,) of the line, and the labels of its ends.
     length_m, sigma_m
-        (L,) straight 3-D distance and its standard deviation.
+        (L,) reading of the tape and its standard deviation.
     adjust
         (L,) True: an observation; False: withheld, only judged.
+    tape
+        (L,) name of the tape, empty where the file gives none: the one tape; or nothing at all
+        where none is given anywhere.
+    along
+        (L,) what was measured; or nothing at all: the straight 3-D distance of all.
     """
 
     name: Annotated[tuple[str, ...], "n"]
@@ -71,6 +80,23 @@ class KnownLines(FrozenArrays):
     length_m: Annotated[Floats, "n"]
     sigma_m: Annotated[Floats, "n"]
     adjust: Annotated[Bools, "n"]
+    tape: tuple[str, ...] = ()
+    along: tuple[Along, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        n = len(self.name)
+        for name in ("tape", "along"):
+            if len(getattr(self, name)) not in {0, n}:
+                raise ValueError(f"{name}: {len(getattr(self, name))} entries, expected {n}")
+
+    def tape_of(self, line: int) -> str:
+        """Name of the tape of a length; empty for the one tape."""
+        return self.tape[line] if self.tape else ""
+
+    def along_of(self, line: int) -> Along:
+        """What was measured between the ends of a length."""
+        return self.along[line] if self.along else "slope"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,6 +9,7 @@ from uavgram.model.arrays import Floats, FrozenArrays, Ints, freeze
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.photo_poses import Flight
 from uavgram.model.flight.pose import CandidatePoses, Poses, TelemetryPrior
+from uavgram.model.survey.observations import Along
 from uavgram.model.survey.rolling_shutter import RollingShutter
 
 DEFAULT_AREA = "default"
@@ -93,6 +94,11 @@ class Survey:
         (L,) labels of the ends of each known length, and the length.
     line_name
         (L,) what the project calls each known length; empty where they have no names.
+    line_tape, line_along
+        (L,) name of the tape of each known length, and what was measured; empty: one tape (as is
+        the tape without a name), and the straight 3-D distance, for all.
+    tape_scale_sigma
+        Prior of the scale of each tape (see estimation/survey/tapes.py); 0: exact.
     control_label, control_world_m, control_sigma_m
         (C,), (C, 3), (C, 3): points with known coordinates.
     grounds
@@ -124,6 +130,9 @@ class Survey:
     length_m: Annotated[Floats, "l"]
     length_sigma_m: Annotated[Floats, "l"]
     line_name: tuple[str, ...] = ()
+    line_tape: tuple[str, ...] = ()
+    line_along: tuple[Along, ...] = ()
+    tape_scale_sigma: float = 0.0
     control_label: Annotated[Ints, "c"]
     control_world_m: Annotated[Floats, "c", 3]
     control_sigma_m: Annotated[Floats, "c", 3]
@@ -135,8 +144,9 @@ class Survey:
 
     def __post_init__(self) -> None:
         freeze(self)
-        if len(self.line_name) not in (0, len(self.line_start)):
-            raise ValueError(f"{len(self.line_name)} names of {len(self.line_start)} known lengths")
+        for texts in (self.line_name, self.line_tape, self.line_along):
+            if len(texts) not in (0, len(self.line_start)):
+                raise ValueError(f"{len(texts)} names of {len(self.line_start)} known lengths")
 
     @property
     def ground(self) -> Ground:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from uavgram.model.camera.calibration import LensModel
-from uavgram.model.survey.observations import MeasurementKind
+from uavgram.model.survey.observations import Along, MeasurementKind
 
 Target = Literal["corner", "circle"]
 
@@ -71,7 +71,7 @@ class SetHeight:
 
 @dataclass(frozen=True, kw_only=True)
 class SetLine:
-    """Add a known length, or change the one called `was`."""
+    """Add a known length, or change the one called `was`; a tape of None keeps its own."""
 
     was: str
     name: str
@@ -80,6 +80,8 @@ class SetLine:
     length_m: float
     sigma_m: float
     adjust: bool
+    tape: str | None = None
+    along: Along | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -163,7 +163,10 @@ def _set_height(state: State, do: c.SetHeight) -> State:
 def _set_line(state: State, do: c.SetLine) -> State:
     if do.start == do.end:
         raise RefusedError("a length needs two different labels")
-    line = Line(**_without_was(do))
+    there = next((one for one in state.lines if one.name == do.was), None)
+    kept = {} if there is None else {"tape": there.tape, "along": there.along}
+    stated = {name: value for name, value in _without_was(do).items() if value is not None}
+    line = Line(**kept | stated)
     return replace(state, lines=_with_named(state.lines, do.was, line, "length"))
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavgram.model.survey.observations import KnownLines, MeasurementRequest, Picks
+from uavgram.model.survey.observations import Along, KnownLines, MeasurementRequest, Picks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +33,10 @@ class Pick:
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """One known length; `adjust` is False where it is withheld and only judged."""
+    """One known length; `adjust` is False where it is withheld and only judged.
+
+    `tape` and `along` are as in lines.csv; the page keeps them.
+    """
 
     name: str
     start: str
@@ -41,6 +44,8 @@ class Line:
     length_m: float
     sigma_m: float
     adjust: bool = True
+    tape: str = ""
+    along: Along = "slope"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +96,8 @@ def state_of(picks: Picks, lines: KnownLines, requests: Iterable[MeasurementRequ
                 length_m=float(lines.length_m[i]),
                 sigma_m=float(lines.sigma_m[i]),
                 adjust=bool(lines.adjust[i]),
+                tape=lines.tape_of(i),
+                along=lines.along_of(i),
             )
             for i in range(len(lines.name))
         ),
@@ -117,6 +124,8 @@ def observations_of(state: State) -> tuple[Picks, KnownLines]:
             length_m=np.array([line.length_m for line in lines]),
             sigma_m=np.array([line.sigma_m for line in lines]),
             adjust=np.array([line.adjust for line in lines], dtype=np.bool_),
+            tape=tuple(line.tape for line in lines),
+            along=tuple(line.along for line in lines),
         ),
     )
 

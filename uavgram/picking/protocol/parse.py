@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar, get_args
 
 from uavgram.io.tables.measure import PARAMETERS, POINT_COUNTS, parameter_fault
 from uavgram.model.camera.calibration import LensModel
@@ -24,7 +24,7 @@ from uavgram.model.limits import (
     sigma_fault,
     unshowable,
 )
-from uavgram.model.survey.observations import MeasurementKind
+from uavgram.model.survey.observations import Along, MeasurementKind
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.refused import RefusedError
 
@@ -155,6 +155,12 @@ class _Fields:
             _refuse(f"{name} holds {fault}: type it again")
         return value
 
+    def optional_text(self, name: str) -> str | None:
+        return self.text(name, empty=True) if self.has(name) else None
+
+    def has(self, name: str) -> bool:
+        return name in self._data
+
     def label(self, name: str = "label") -> str:
         value = self.text(name)
         if ";" in value:
@@ -249,6 +255,8 @@ _READERS: dict[str, Callable[[_Fields], object]] = {
     "length_m": lambda f: f.number("length_m", length_fault),
     "sigma_m": lambda f: f.number("sigma_m", sigma_fault),
     "adjust": lambda f: f.flag("adjust", default=True),
+    "tape": lambda f: f.optional_text("tape"),
+    "along": lambda f: f.choice("along", get_args(Along)) if f.has("along") else None,
     "kind": _Fields.measurement_kind,
     "points": lambda f: f.labels("points"),
     "parameters": _Fields.parameters,

@@ -19,6 +19,7 @@ from uavgram.config.project import relative_paths
 from uavgram.errors import GeometryError
 from uavgram.estimation.measuring.error_budget import error_budget, shares
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
+from uavgram.estimation.measuring.shifts import shifts
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.geometry.earth.map_projection import checked_crs, utm_crs
 from uavgram.imaging.known_point_pose import known_point_poses
@@ -47,6 +48,7 @@ from uavgram.stages.monte_carlo import compare, sample
 from uavgram.stages.other_solutions import with_alternatives
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
+from uavgram.stages.scale_basis import scale_basis
 from uavgram.stages.second_order import second_order
 from uavgram.stages.seed.headings import find_headings
 from uavgram.stages.seed.mount import turned_mount
@@ -147,6 +149,7 @@ def compute(
             *assembled.messages,
             *heading_messages,
             *refine_messages,
+            *scale_basis(adjustment),
             *_learnt(inputs, shared),
             *measured.messages,
             *sampled_messages,
@@ -176,6 +179,7 @@ def _assembled(
         telemetry=posed.telemetry,
         ground=inputs.project.ground,
         picks_sigma_px=inputs.project.picks_sigma_px,
+        tape=inputs.project.tape,
         photos=inputs.photos.frame_id,
         copies=duplicates.photos,
     )
@@ -215,7 +219,7 @@ class _Measured(NamedTuple):
 def _measured(
     inputs: Inputs, frames: Frames, refined: Refined, values: MeasuredValues, *, curved: bool
 ) -> _Measured:
-    table, messages = measurement_results(values)
+    table, messages = measurement_results(values, shifts(refined.adjustment, values))
     if refined.stated is not None:
         stated = propagate(refined.stated, inputs.requests, frames)
         table = replace(table, sigma_stated=stated.sigma)

@@ -22,6 +22,8 @@ from uavgram.estimation.measuring.predicted_pixels import (
 )
 from uavgram.estimation.measuring.propagation import values_at
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.tapes import taped_known
+from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.photo_poses import Flight
 from uavgram.model.flight.pose import TelemetryPrior
@@ -189,7 +191,7 @@ class LiveSurvey:
         return Linearised(
             base=base,
             value=values_at(base.adjustment, update.state, observed.requests, self.posed.frames),
-            length_m=_lengths(base.adjustment, observed.lines, update.world_m),
+            length_m=_lengths(base.adjustment, observed.lines, update.state),
             residual_px=update.residual_px,
             world_m=update.world_m,
         )
@@ -209,6 +211,7 @@ def _alike(before: Observed, now: Observed) -> bool:
         and np.array_equal(a.sigma_px, b.sigma_px, equal_nan=True)
         and np.array_equal(a.height_m, b.height_m, equal_nan=True)
         and (la.name, la.start, la.end) == (lb.name, lb.start, lb.end)
+        and (la.tape, la.along) == (lb.tape, lb.along)
         and np.array_equal(la.sigma_m, lb.sigma_m)
         and np.array_equal(la.adjust, lb.adjust)
         and before.requests == now.requests
@@ -233,8 +236,11 @@ def _project_lines(base: Adjusted) -> list[int]:
     ]
 
 
-def _lengths(adjustment: Adjustment, lines: KnownLines, world_m: Floats) -> Floats:
-    """(L,) distances between adjusted points; NaN where one is not adjusted."""
-    padded = np.vstack([world_m, np.full(3, np.nan)])  # the last one for -1
+def _lengths(adjustment: Adjustment, lines: KnownLines, state: State) -> Floats:
+    """(L,) what tapes should read between adjusted points; NaN where one is not adjusted."""
     start, end = adjustment.label_rows(lines.start), adjustment.label_rows(lines.end)
-    return np.asarray(np.linalg.norm(padded[end] - padded[start], axis=1))
+    seen = np.flatnonzero((start >= 0) & (end >= 0))
+    found = np.full(len(lines.name), np.nan)
+    taped = taped_known(lines, seen, start[seen], end[seen])
+    found[seen], _, _ = adjustment.problem.readings(state, taped)
+    return found

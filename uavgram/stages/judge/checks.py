@@ -10,6 +10,7 @@ import numpy as np
 from uavgram.estimation.reliability.coordinate_faults import displaced, likely_fault
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.tapes import Taped, taped_known
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.result.reliability import ChecksOverall
@@ -34,16 +35,20 @@ def judge_overall(
         Probability below which the checks as a whole are said not to fit.
     """
     start, end = adjustment.label_rows(lines.start), adjustment.label_rows(lines.end)
-    withheld = np.flatnonzero(~lines.adjust & (start >= 0) & (end >= 0)).tolist()
+    row = np.flatnonzero(~lines.adjust & (start >= 0) & (end >= 0))
+    withheld = row.tolist()
     label = _judged_rows(adjustment, known)
     chosen = np.flatnonzero(label >= 0).tolist()
     if not withheld and not chosen:
         return None, ()
-    value, unknown, gradient = _values(adjustment, start[withheld], end[withheld], label[chosen])
+    taped = taped_known(lines, row, start[row], end[row])
+    value, unknown, gradient = _values(adjustment, taped, label[chosen])
     stated = np.concatenate([lines.length_m[withheld], known.world_m[chosen].ravel()])
     sigma = np.concatenate([lines.sigma_m[withheld], known.sigma_m[chosen].ravel()])
     error = value - stated
     joint = adjustment.minimum.factor.covariances(unknown, gradient) + np.diag(sigma**2)
+    tapes = adjustment.unlearnt(taped, value[: len(row)])
+    joint[: len(row), : len(row)] += tapes @ tapes.T
     squared = float(error @ np.linalg.solve(joint, error))
     share = np.abs(error[: len(withheld)]) / lines.length_m[withheld]
     overall = ChecksOverall(
@@ -67,11 +72,9 @@ def _judged_rows(adjustment: Adjustment, known: KnownWorldPoints) -> Ints:
     return adjustment.label_rows(() if is_free else known.label)
 
 
-def _values(
-    adjustment: Adjustment, start: Ints, end: Ints, label: Ints
-) -> tuple[Floats, Ints, Floats]:
-    """Lengths, then coordinates, (n,); and their gradients (n, k) by the unknowns (n, k)."""
-    length, by_length, columns = adjustment.problem.lengths_between(adjustment.state, start, end)
+def _values(adjustment: Adjustment, taped: Taped, label: Ints) -> tuple[Floats, Ints, Floats]:
+    """Readings, then coordinates, (n,); and their gradients (n, k) by the unknowns (n, k)."""
+    length, by_length, columns = adjustment.problem.readings(adjustment.state, taped)
     world, by_point, unknowns = adjustment.points_with_jacobian(label)
     value = np.concatenate([length, world.ravel()])
     unknown = np.zeros((len(value), columns.shape[1]), dtype=np.int64)

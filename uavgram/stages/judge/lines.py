@@ -8,6 +8,7 @@ from uavgram.errors import near_miss
 from uavgram.estimation.reliability.wrong_units import likely_mistake
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.names import named_ends
+from uavgram.estimation.survey.tapes import taped_known
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.photo_poses import PhotoExposures
 from uavgram.model.message import Message, Several
@@ -87,7 +88,7 @@ def _adjusted_lengths(
 ) -> None:
     start, end = adjustment.label_rows(lines.start), adjustment.label_rows(lines.end)
     seen = np.flatnonzero((start >= 0) & (end >= 0))
-    length, sigma = adjustment.lengths(start[seen], end[seen])
+    length, sigma = adjustment.readings(taped_known(lines, seen, start[seen], end[seen]))
     columns["adjusted_m"][seen], columns["adjusted_sigma_m"][seen] = length, sigma
     columns["residual_m"][:] = columns["adjusted_m"] - lines.length_m
 

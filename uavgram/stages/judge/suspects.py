@@ -76,7 +76,13 @@ def judge_suspects(examined: TestedSurvey, swaps: Sequence[Swap] = ()) -> tuple[
 
 def _message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
     kind, names = suspicion.accused.kind, examined.names
-    words = {"pixels": _pick, "lengths": _length, "control": _control, "telemetry": _pose}
+    words = {
+        "pixels": _pick,
+        "lengths": _length,
+        "control": _control,
+        "telemetry": _pose,
+        "tape": _tape,
+    }
     text, item = words.get(kind, _prior)(examined, suspicion)
     opening, ending = TOLD_TOGETHER.get(kind, PRIORS_TOGETHER)
     others = []
@@ -142,6 +148,19 @@ def _pose(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
         f"Frame {frame!r} does not stand where the log has it: {how}. Look at its picks, its time "
         "and the gimbal.",
         f"{frame!r} ({how})",
+    )
+
+
+def _tape(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
+    adjustment, row = examined.adjustment, suspicion.accused.row
+    # Without its prior the scale would be the estimate over the prior's redundancy.
+    free = adjustment.state.tape[row] / examined.groups["tape"].redundancy[row, 0]
+    what = examined.names.tape(row)
+    how = f"{100.0 * abs(free):.2g} % too {'long' if free > 0 else 'short'} (w = {suspicion.w:.1f})"
+    return (
+        f"By all that does not rest on it, {what} is {how}: compare it with another one, or state "
+        "how good it is (tape: scale_sigma).",
+        f"{what} is {how}",
     )
 
 

@@ -183,6 +183,7 @@ def _minimise(
         plane=first_planes(survey.grounds, values.height_m),
         relief=np.zeros(layout.relief),
         telemetry=problem.telemetry_mean if layout.telemetry else np.zeros(0),
+        tape=np.zeros(layout.tape),
         readout=np.zeros(0) if survey.rolling is None else survey.rolling.first_value,
     )
     try:

@@ -16,6 +16,7 @@ COLOURS = {
     "picks": "#0072b2",
     "lens": "#cc79a7",
     "known lengths": "#009e73",
+    "tape": "#66c2a5",
     "ground": "#8c6d31",
     "flight log": "#e69f00",
     "control points": "#56b4e9",
@@ -37,6 +38,10 @@ WORDS = {
     "known lengths": (
         "how exactly the known lengths were taped",
         "More, longer or better taped lengths would help there.",
+    ),
+    "tape": (
+        "how well the scale of the tape is known, which all its lengths share",
+        "A tape that was compared with a better one would help there (tape: scale_sigma).",
     ),
     "ground": (
         "how well the height and slope of the ground are known",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,13 @@ import numpy as np
 from uavgram.model.result.result import Alternative, Result
 from uavgram.stages.second_order import BIAS_OFF, SIGMA_OFF
 from uavgram.views.survey.reliability import second_order_rows
-from uavgram.views.wording import number
+from uavgram.views.wording import UNIT_WORDS, computed_first, number
+
+MOST_RELIEF = 10
+"""Measurements in single photos that have a sentence of their own: those that are least certain."""
+
+LEAST_SHIFT = 1e-4
+"""Below which a shift is told as nothing, in the unit of its value."""
 
 MOST_DIFFERENT = 10
 """Measurements that are shown under another solution: those that it changes most."""
@@ -27,6 +34,40 @@ def sampled_words(result: Result) -> str:
         f"again{left_out if sampled.failed else ''}; the interval is from the 2.5 % to the 97.5 % "
         "quantile."
     )
+
+
+class ReliefNotes(NamedTuple):
+    """How far single photos hang on the ground's shape: sentences, and how many more there are."""
+
+    sentences: tuple[str, ...]
+    more: int
+
+
+def relief_notes(result: Result) -> ReliefNotes:
+    """A sentence on each measurement whose points are seen in one photo only, the worst first."""
+    rows, points = result.measurements, result.points
+    photos = dict(zip(points.label, points.frames, strict=True))
+    alone = [
+        i
+        for i in computed_first(rows)
+        if np.isfinite(rows.shift_relief_10cm[i])
+        and all(len(photos.get(label, ())) == 1 for label in rows.points[i])
+    ]
+    sentences = tuple(
+        f"{rows.name[i]}: each of its points is seen in one photo only, so nothing shows how high "
+        "the ground is there. If the ground at its points is 10 cm higher or lower than taken, "
+        f"this value shifts by up to {shift_text(rows.shift_relief_10cm[i], rows.unit[i])}."
+        for i in alone[:MOST_RELIEF]
+    )
+    return ReliefNotes(sentences, len(alone) - len(sentences))
+
+
+def shift_text(shift: float, unit: str) -> str:
+    """Two digits of a shift, with its unit; a dash where there is none."""
+    if not np.isfinite(shift):
+        return "–"
+    places = max(0, 1 - math.floor(math.log10(abs(shift)))) if abs(shift) > LEAST_SHIFT else 3
+    return f"{abs(shift):.{places}f} {UNIT_WORDS.get(unit, unit)}"
 
 
 class SecondOrderNote(NamedTuple):

@@ -17,8 +17,10 @@ from uavgram.views.report.checks import checks_summary
 from uavgram.views.report.gauge import gauge
 from uavgram.views.report.measured import (
     alternative_tables,
+    relief_notes,
     sampled_words,
     second_order_note,
+    shift_text,
 )
 from uavgram.views.report.method import method_facts
 from uavgram.views.survey.drawing import largest_sigmas
@@ -90,6 +92,8 @@ def render_report(result: Result) -> str:
             facts=key_facts(result),
             measured=computed_first(result.measurements),
             not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
+            relief=relief_notes(result),
+            shift_text=shift_text,
             sampled=sampled_words(result),
             second_order=second_order_note(result),
             alternatives=alternative_tables(result),

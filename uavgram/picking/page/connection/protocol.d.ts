@@ -7,7 +7,7 @@ type Maybe = number | null; // null where Python has NaN
 export interface Spread { major_px: Maybe; minor_px: Maybe; turn_deg: Maybe }
 
 export interface Pick { image: number; label: string; u_px: number; v_px: number; sigma_px: Maybe; height_m: Maybe; area: string }
-export interface Line { name: string; start: string; end: string; length_m: number; sigma_m: number; adjust: boolean }
+export interface Line { name: string; start: string; end: string; length_m: number; sigma_m: number; adjust: boolean; tape: string; along: "slope" | "horizontal" }
 export type Kind = "distance" | "polyline" | "area" | "angle" | "line_distance" | "skid_speed" | "coordinate" | "speed";
 export interface Measurement { name: string; kind: Kind; points: string[]; parameters?: Record<string, number> }
 export interface Remark { level: "error" | "warning" | "info"; code: string; text: string }

@@ -17,6 +17,7 @@ from uavgram.estimation.first_poses.network import seen_lines
 from uavgram.estimation.reliability.wrong_units import likely_mistake
 from uavgram.estimation.survey.adjustment import Refined, Removal
 from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.estimation.survey.tapes import taped_lines
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
@@ -138,7 +139,7 @@ def fits(refined: Refined) -> bool:
 
 
 def seen_lengths(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, Floats]:
-    """Lengths (n,) of some lines in an adjustment, and their sigmas; NaN where an end is not.
+    """What tapes should read (n,) of some lines, and the sigmas; NaN where an end is not adjusted.
 
     Parameters
     ----------
@@ -150,10 +151,11 @@ def seen_lengths(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, 
         (n,) rows of known lengths.
     """
     at = refined.adjustment.label_rows(survey.label)
-    start, end = at[survey.line_start[line]], at[survey.line_end[line]]
-    there = (start >= 0) & (end >= 0)
+    there = (at[survey.line_start[line]] >= 0) & (at[survey.line_end[line]] >= 0)
+    taped = taped_lines(survey, line[there])
+    taped = taped._replace(start=at[taped.start], end=at[taped.end])
     found = np.full((2, len(line)), np.nan)
-    found[:, there] = refined.adjustment.lengths(start[there], end[there])
+    found[:, there] = refined.adjustment.readings(taped)
     return found[0], found[1]
 
 

@@ -1,0 +1,82 @@
+"""What the scale of a survey rests on: the known lengths, and all else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.solver.normal_equations import Block, NormalEquations, SingularError
+from uavgram.estimation.survey.adjustment import Adjustment
+
+
+class ScaleSigmas(NamedTuple):
+    """Relative standard deviations of the size of all.
+
+    Attributes
+    ----------
+    all
+        Of the points' extent, by everything.
+    lengths
+        Of a factor common to the known lengths, by their readings and tapes; inf without any.
+    others
+        Of the same factor, by all the rest: log, control, stated heights; inf where nothing else
+        bears on it.
+    """
+
+    all: float
+    lengths: float
+    others: float
+
+
+def scale_sigmas(adjustment: Adjustment) -> ScaleSigmas:
+    """How well the scale is known, and by what."""
+    everything = _of_extent(adjustment)
+    if "lengths" not in adjustment.minimum.blocks:
+        return ScaleSigmas(everything, np.inf, everything)
+    survey, line = adjustment.survey, adjustment.problem.line_index
+    readings = float(np.sum((survey.length_m[line] / survey.length_sigma_m[line]) ** 2))
+    of_tapes = survey.tape_scale_sigma**2 / max(len(adjustment.problem.tapes), 1)
+    own = float(np.sqrt(1.0 / readings + of_tapes))
+    return ScaleSigmas(everything, own, _of_others(adjustment))
+
+
+def _of_others(adjustment: Adjustment) -> float:
+    """Sigma of a factor common to all readings, of which nothing is known but by all else.
+
+    It is one more unknown in place of the tapes' scales, and eliminated last: what is left of its
+    information then is exact to rounding, however little it is.
+    """
+    blocks, layout = dict(adjustment.minimum.blocks), adjustment.problem.layout
+    survey, line = adjustment.survey, adjustment.problem.line_index
+    readings = blocks["lengths"]
+    width = readings.columns.shape[1] - (1 if layout.tape else 0)
+    # Of what should be read: what is read would take its residual for something that is known.
+    by_factor = survey.length_m[line] / survey.length_sigma_m[line] + readings.residual[:, 0]
+    blocks.pop("tape", None)
+    blocks["lengths"] = Block(
+        readings.residual,
+        np.column_stack([readings.columns[:, :width], np.full(len(line), layout.first_tape)]),
+        np.concatenate([readings.jacobian[:, :, :width], by_factor[:, None, None]], axis=2),
+    )
+    one = replace(layout, tape=1)
+    try:
+        factor = NormalEquations(list(blocks.values()), one.size, one.structure).factor()
+    except SingularError:
+        return float("inf")
+    return float(np.sqrt(factor.joint(np.array([one.first_tape]))[0, 0]))
+
+
+def _of_extent(adjustment: Adjustment) -> float:
+    """Relative sigma of the extent of all points about their middle; inf for a single one."""
+    layout = adjustment.problem.layout
+    world, jacobian, columns = adjustment.points_with_jacobian(np.arange(layout.points))
+    arm = world - world.mean(axis=0)
+    size = float(np.vdot(arm, arm))
+    if size == 0.0:
+        return float("inf")
+    gradient = np.zeros(layout.size)
+    np.add.at(gradient, columns, np.einsum("ni,nik->nk", arm / size, jacobian))
+    solved = adjustment.minimum.factor.solve(gradient[:, None])[:, 0]
+    return float(np.sqrt(gradient @ solved))

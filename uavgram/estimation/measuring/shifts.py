@@ -1,0 +1,99 @@
+"""What a cause that no observation shows would do to each measured value, to first order.
+
+A point that lies off the surface that was taken for it, and a tape that is wrong beyond its prior,
+move a value through the whole adjustment: with S the covariance of the unknowns, g the gradient of
+the value and a change e of the whitened residuals, the unknowns move by -S J^T e (as in
+stages/linear_update.py), the value by -(S g)^T J^T e. S g is at hand for every value.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.measuring.propagation import MeasuredValues
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.tapes import taped_lines
+from uavgram.model.arrays import Floats, Ints
+
+RELIEF_M = 0.10
+TAPE_SHARE = 0.01
+
+
+class Shifts(NamedTuple):
+    """Changes of M values, in the unit of each; NaN where they mean nothing.
+
+    Attributes
+    ----------
+    relief
+        (M,) by points that lie `RELIEF_M` above or below the surface, each to the side where it
+        does most: the sum of the sizes.
+    tape
+        (M,) by readings that are all `TAPE_SHARE` longer.
+    """
+
+    relief: Floats
+    tape: Floats
+
+
+def shifts(adjustment: Adjustment, measured: MeasuredValues) -> Shifts:
+    """What relief and a wrong tape would do to each measured value."""
+    none = np.array([row.gradient is None for row in measured.rows], dtype=bool)
+    own = np.array(
+        [[name in row.request.points for row in measured.rows] for name in adjustment.survey.label]
+    ).reshape(-1, len(none))
+    relief = RELIEF_M * np.where(own, np.abs(by_heights(adjustment, measured)), 0.0).sum(axis=0)
+    tape = np.full(len(none), np.nan)
+    if (line := adjustment.problem.line_index).size:
+        survey, block = adjustment.survey, adjustment.minimum.blocks["lengths"]
+        longer = TAPE_SHARE * survey.length_m[line] / survey.length_sigma_m[line]
+        tape = np.einsum(
+            "n,nk,nkm->m", longer, block.jacobian[:, 0], measured.solved[block.columns]
+        )
+    return Shifts(np.where(none, np.nan, relief), np.where(none, np.nan, tape))
+
+
+def by_heights(adjustment: Adjustment, measured: MeasuredValues) -> Floats:
+    """(K, M) derivative of each value by how high each point lies above its surface.
+
+    Picks and readings stay as they are; only what is taken for the point's height changes.
+    """
+    survey = adjustment.survey
+    label = {name: k for k, name in enumerate(survey.label)}
+    total = np.zeros((len(label), len(measured.rows)))
+    for m, row in enumerate(measured.rows):
+        if row.gradient is not None:
+            np.add.at(total[:, m], [label[name] for name in row.request.points], row.gradient[:, 2])
+    for kind, point, by_height in _residuals_by_height(adjustment):
+        block = adjustment.minimum.blocks[kind]
+        response = np.einsum(
+            "nr,nrk,nkm->nm", by_height, block.jacobian, measured.solved[block.columns]
+        )
+        np.subtract.at(total, point, response)
+    return total
+
+
+def _residuals_by_height(adjustment: Adjustment) -> list[tuple[str, Ints, Floats]]:
+    """Group, (n,) point and (n, r) derivative of the whitened residuals by the point's height."""
+    survey, problem = adjustment.survey, adjustment.problem
+    blocks, layout = adjustment.minimum.blocks, problem.layout
+    # A pixel moves with its point as it moves against its camera's centre.
+    found = [("pixels", survey.pick_label, -blocks["pixels"].jacobian[:, :, layout.point_size + 2])]
+    if "lengths" in blocks:
+        taped = taped_lines(survey, problem.line_index)
+        world, _, _ = problem.world_points(adjustment.state, np.arange(layout.points))
+        along = world[taped.end] - world[taped.start]
+        reading, _, _ = problem.readings(adjustment.state, taped)
+        # d reading / d up = up / length, over 1 + scale = length / reading
+        slope = along[:, 2] * reading / np.sum(along**2, axis=1)
+        slope = np.where(taped.level, 0.0, slope) / survey.length_sigma_m[problem.line_index]
+        found += [
+            ("lengths", taped.end, slope[:, None]),
+            ("lengths", taped.start, -slope[:, None]),
+        ]
+    if "control" in blocks:
+        up = np.zeros((len(survey.control_label), 3))
+        up[:, 2] = 1.0 / survey.control_sigma_m[:, 2]
+        found.append(("control", survey.control_label, up))
+    return found

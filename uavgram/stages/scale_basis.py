@@ -1,0 +1,53 @@
+"""What the scale of a survey rests on, in one sentence that every result has."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.estimation.measuring.scale import scale_sigmas
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.flight.photo_poses import PhotoExposures
+from uavgram.model.message import Message
+
+NOTHING = 0.3
+"""Relative sigma from which on nothing is said of the scale."""
+
+
+def scale_basis(adjustment: Adjustment) -> tuple[Message, ...]:
+    """One message: what gives the scale, and how far all else bears it out."""
+    found = scale_sigmas(adjustment)
+    witnesses = _witnesses(adjustment)
+    rest = " and ".join(witnesses)
+    verb = "bear" if len(witnesses) > 1 or rest.endswith("s") else "bears"
+    if not np.isfinite(found.lengths):
+        alone = "alone" if len(witnesses) == 1 else "together, without a length"
+        text = f"The scale rests on {rest} {alone}: ± {_percent(found.all)} %."
+        return (Message("info", "scale-basis", text),)
+    own = f"your lengths (± {_percent(found.lengths)} %)"
+    if not found.others < NOTHING:
+        text = (
+            f"The scale rests on {own}; nothing else bears on it: a tape that is 1 % wrong makes "
+            "every result 1 % wrong, and nothing shows it."
+        )
+    elif found.others < found.lengths:
+        text = f"The scale rests on {rest} (± {_percent(found.others)} %) more than on {own}."
+    else:
+        text = f"The scale rests on {own}; {rest} {verb} it out to ± {_percent(found.others)} %."
+    return (Message("info", "scale-basis", text),)
+
+
+def _witnesses(adjustment: Adjustment) -> list[str]:
+    """What else may bear on the scale."""
+    survey = adjustment.survey
+    names = []
+    if survey.telemetry is not None:
+        is_photo = isinstance(survey.track, PhotoExposures)
+        names.append("the photos' own positions" if is_photo else "the log")
+    if len(survey.control_label):
+        names.append("the control points")
+    return names or ["the stated heights"]
+
+
+def _percent(share: float) -> str:
+    """Two digits of a share, in per cent."""
+    return f"{100.0 * share:.2g}" if share < 1.0 else "100 or more"
