@@ -1,0 +1,184 @@
+"""In which ways a survey can differ from what the program takes for granted.
+
+A condition is added to a clean survey, in which every unknown is drawn from the prior that the
+project states. The named ones are the rows of the study (`tests/benchmarks/study_reality.py`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+
+@dataclass(frozen=True, kw_only=True)
+class Condition:
+    """What is done to a survey; the defaults make a clean one.
+
+    Attributes
+    ----------
+    relief_m, relief_length_m
+        Standard deviation and correlation length of the ground's departure from its plane; without
+        a length each point has its own.
+    kerb_m, bank_m
+        Step across a line through the scene; rise over 3 m behind a line.
+    crown_percent, slope_break_percent, slope_deg
+        Fall to both sides of a line; rise behind a line; slope of the whole ground.
+    identification_m
+        In each photo another place is picked for a label, by so much east and north.
+    readout_s
+        Row v is exposed at time + readout (v - (height - 1) / 2) / height.
+    zoom, other_camera_photos
+        Factor of the focal length of all photos; how many photos another camera took.
+    focal_error, principal_error_px
+        Of the stated calibration: share of the focal length; in u.
+    gps_jump_m
+        Step of the logged position amid the photos.
+    tape_scale, horizontal_tape, wrong_length_m
+        All lengths are read long by this share; are horizontal ones; one is wrong by so much.
+    length_factor
+        True over stated sigma of the lengths.
+    heavy_tails, pick_factor
+        Share of picks that are five times as bad; true over stated sigma of the picks.
+    lag_s, drift_ppm
+        Of the camera's clock.
+    yaw_deg, mount_deg, lever_m, datum_m
+        Common errors of the log's heading, of the mount, of the lever arm, of the log's heights.
+    log_hz, has_log
+        Rate of attitudes and positions, None: 10 Hz to 25 Hz as drawn; whether there is a log.
+    single
+        Only one of the photos is there.
+    tilts_deg, speeds_m_s
+        Range of tilts, first photo to last, and of speeds.
+    draws_scale, draws_readout, draws_slope
+        Whether tape scale (0.1 %), readout (30 ms) and slopes (the default of
+        `ground.slope_sigma_deg`, else 0.5 degrees) are drawn from the program's priors.
+    """
+
+    relief_m: float = 0.0
+    relief_length_m: float = 0.0
+    kerb_m: float = 0.0
+    bank_m: float = 0.0
+    crown_percent: float = 0.0
+    slope_break_percent: float = 0.0
+    slope_deg: float = 0.0
+    identification_m: float = 0.0
+    readout_s: float = 0.0
+    zoom: float = 1.0
+    other_camera_photos: int = 0
+    focal_error: float = 0.0
+    principal_error_px: float = 0.0
+    gps_jump_m: float = 0.0
+    tape_scale: float = 0.0
+    horizontal_tape: bool = False
+    wrong_length_m: float = 0.0
+    length_factor: float = 1.0
+    heavy_tails: float = 0.0
+    pick_factor: float = 1.0
+    lag_s: float = 0.0
+    drift_ppm: float = 0.0
+    yaw_deg: float = 0.0
+    mount_deg: float = 0.0
+    lever_m: float = 0.0
+    datum_m: float = 0.0
+    log_hz: float | None = None
+    has_log: bool = True
+    single: bool = False
+    tilts_deg: tuple[float, float] = (0.0, 36.0)
+    speeds_m_s: tuple[float, float] = (3.0, 8.0)
+    draws_scale: bool = False
+    draws_readout: bool = False
+    draws_slope: bool = False
+
+
+CLEAN = Condition()
+REAL_MIX = Condition(
+    relief_m=0.05,
+    relief_length_m=5.0,
+    identification_m=0.02,
+    readout_s=0.04,
+    focal_error=0.003,
+    tape_scale=0.002,
+    lag_s=0.1,
+    heavy_tails=0.05,
+    yaw_deg=3.0,
+    mount_deg=1.5,
+)
+BAD_MIX = Condition(
+    relief_m=0.1,
+    relief_length_m=5.0,
+    identification_m=0.03,
+    readout_s=0.06,
+    tape_scale=0.005,
+    focal_error=0.005,
+    lag_s=0.2,
+    yaw_deg=5.0,
+    mount_deg=3.0,
+    length_factor=2.0,
+)
+PLANE = replace(CLEAN, speeds_m_s=(15.0, 22.0))
+
+_SHARED = {
+    "clean": CLEAN,
+    "clean_prior": Condition(draws_scale=True, draws_readout=True, draws_slope=True),
+    "real_mix": REAL_MIX,
+    "bad_mix": BAD_MIX,
+}
+_GROUND = {
+    "rough_3cm": Condition(relief_m=0.03),
+    "rough_5cm": Condition(relief_m=0.05),
+    "rough_10cm": Condition(relief_m=0.1),
+    "rough_10cm_tilt45": Condition(relief_m=0.1, tilts_deg=(45.0, 45.0)),
+    "relief_10cm": Condition(relief_m=0.1, relief_length_m=8.0),
+    "kerb_12cm": Condition(kerb_m=0.12),
+    "bank_1m": Condition(bank_m=1.0),
+    "crown_2": Condition(crown_percent=2.0),
+    "slope_break_4": Condition(slope_break_percent=4.0),
+    "slope_5deg": Condition(slope_deg=5.0),
+    "identification_3cm": Condition(identification_m=0.03),
+}
+_CAMERA = {
+    "shutter_20": Condition(readout_s=0.02),
+    "shutter_40": Condition(readout_s=0.04),
+    "shutter_60": Condition(readout_s=0.06),
+    "plane": PLANE,
+    "shutter_40_plane": replace(PLANE, readout_s=0.04),
+    "zoom_1.3": Condition(zoom=1.3),
+    "two_other_photos": Condition(other_camera_photos=2),
+    "focal_0.5": Condition(focal_error=0.005),
+    "principal_10px": Condition(principal_error_px=10.0),
+    "tails": Condition(heavy_tails=0.05),
+    "picks_2x": Condition(pick_factor=2.0),
+    "picks_3x": Condition(pick_factor=3.0),
+}
+_LENGTHS = {
+    "tape_1": Condition(tape_scale=0.01),
+    "tape_0.3": Condition(tape_scale=0.003),
+    "horizontal_tape": Condition(horizontal_tape=True, slope_deg=5.0),
+    "wrong_20cm": Condition(wrong_length_m=0.2),
+    "wrong_10cm": Condition(wrong_length_m=0.1),
+    "wrong_5cm": Condition(wrong_length_m=0.05),
+    "lengths_2x": Condition(length_factor=2.0),
+}
+_LOG = {
+    "gps_jump_3m": Condition(gps_jump_m=3.0),
+    "yaw_5deg": Condition(yaw_deg=5.0),
+    "datum_30m": Condition(datum_m=30.0),
+    "lag_0.2": Condition(lag_s=0.2),
+    "drift_50ppm": Condition(drift_ppm=50.0),
+    "log_1hz": Condition(log_hz=1.0),
+    "mount_3deg": Condition(mount_deg=3.0),
+    "lever_30cm": Condition(lever_m=0.3),
+    "no_log": Condition(has_log=False),
+}
+_SINGLE = {
+    "single": Condition(single=True),
+    "single_prior": replace(_SHARED["clean_prior"], single=True),
+    "single_bank_1m": Condition(single=True, bank_m=1.0),
+    "single_crown_2": Condition(single=True, crown_percent=2.0),
+    "single_shutter_40": Condition(single=True, readout_s=0.04),
+    "single_identification_3cm": Condition(single=True, identification_m=0.03),
+    "single_tape_1": Condition(single=True, tape_scale=0.01),
+}
+
+CONDITIONS = MappingProxyType(_SHARED | _GROUND | _CAMERA | _LENGTHS | _LOG | _SINGLE)
+"""By their names on the command line."""

@@ -1,0 +1,301 @@
+"""Surveys with known truth, as users have them, each made hostile in stated ways.
+
+`make_survey` draws one, `write_project` writes the folder that `uavgram run` takes; the study is
+`tests/benchmarks/study_reality.py`. Nothing of the program's own mathematics takes part.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from functools import lru_cache
+from itertools import combinations
+from pathlib import Path
+
+import cv2
+import numpy as np
+from hostile_conditions import Condition
+from hostile_log import START_UTC_S, record
+from hostile_world import (
+    HEIGHT_PX,
+    RADIUS_M,
+    WIDTH_PX,
+    TrueFlight,
+    TrueGround,
+    draw_flight,
+    draw_ground,
+    photograph,
+)
+from scipy.spatial import ConvexHull
+
+from uavgram.io.logs.tlog.writer import write_tlog
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.demo.simulated import SimulatedLog
+
+LENS = np.array([3010.0, 3012.0, 2004.0, 1493.0, -0.06, 0.02, 3e-4, -2e-4, 0.0])
+LENS_SIGMA = np.array([4.0, 4.0, 3.0, 3.0, 1e-3, 2e-3, 1e-4, 1e-4, 1e-3])
+FOCAL_CORRELATION = 0.95
+OTHER_LENS = np.array([3040.0, 3042.0, 2030.0, 1480.0, -0.07, 0.03, 3e-4, -2e-4, 0.0])
+LABELS, LEAST_APART_M = 28, 2.5
+PICK_SIGMA_PX = 0.8
+LENGTHS, LENGTH_SIGMA_M = 6, 0.01
+DISTANCES = 15
+CLOCK_SIGMA_S = 0.3
+MARGIN_PX = 6.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HostileSurvey:
+    """What the user has, and the true values of what is measured.
+
+    Attributes
+    ----------
+    photo
+        (f,) names; the time of the camera's clock stands in them.
+    pick_photo, pick_label, pick_px
+        (p,), (p,), (p, 2).
+    line, line_length_m
+        (l, 2) indices of labels; (l,) as read.
+    measure
+        Name -> kind and indices of labels.
+    truth
+        Name -> true value [m, m2, degrees].
+    log
+        None: there is no log.
+    """
+
+    photo: tuple[str, ...]
+    pick_photo: Ints
+    pick_label: Ints
+    pick_px: Floats
+    line: Ints
+    line_length_m: Floats
+    measure: Mapping[str, tuple[str, tuple[int, ...]]]
+    truth: Mapping[str, float]
+    log: SimulatedLog | None
+
+
+def make_survey(condition: Condition, seed: int) -> HostileSurvey:
+    """The survey of a seed under a condition; the same seed gives nearly the same clean survey."""
+    rngs = (np.random.default_rng([seed, part]) for part in range(6))
+    ground_rng, flight_rng, pick_rng, line_rng, log_rng, scale_rng = rngs
+    ground = draw_ground(condition, ground_rng)
+    flight = draw_flight(condition, ground.middle, flight_rng)
+    drawn = scale_rng.standard_normal(4)
+    readout_s = condition.readout_s + 0.03 * drawn[0] * condition.draws_readout
+    scale = condition.tape_scale + 0.001 * drawn[1] * condition.draws_scale
+    world_m = _labels(condition, ground, ground_rng)
+    frame, label, pixel = _picks(condition, flight, ground, world_m, readout_s, pick_rng)
+    if condition.single:
+        kept = frame == int(abs(drawn[2]) * 1000) % len(flight.exposure_s)
+        frame, label, pixel = frame[kept], label[kept], pixel[kept]
+    line, measure = _wanted(world_m, np.unique(label), line_rng)
+    read_m = _read_lengths(condition, world_m[line], scale, line_rng)
+    clock_s = CLOCK_SIGMA_S * drawn[3] + condition.lag_s
+    since = flight.exposure_s - flight.exposure_s.mean()
+    stated_s = flight.exposure_s + clock_s + 1e-6 * condition.drift_ppm * since
+    used = np.unique(frame)
+    return HostileSurvey(
+        photo=tuple(_photo_name(stated_s[k]) for k in used),
+        pick_photo=np.searchsorted(used, frame),
+        pick_label=label,
+        pick_px=pixel,
+        line=line,
+        line_length_m=read_m,
+        measure=measure,
+        truth={name: _value(kind, world_m[list(at)]) for name, (kind, at) in measure.items()},
+        log=record(condition, flight, log_rng) if condition.has_log else None,
+    )
+
+
+def write_project(
+    survey: HostileSurvey, folder: Path, options: Mapping[str, object] | None = None
+) -> Path:
+    """Write a survey as a user would have it, and return its project file.
+
+    Parameters
+    ----------
+    survey
+        To write.
+    folder
+        Made where it is missing.
+    options
+        Further keys of project.yaml, those inside others with dots: ``solve.noise: stated``. One
+        that begins with ``camera.`` goes to camera.yaml.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in survey.photo:  # no two of the same bytes: they would count as copies
+        (folder / f"{name}.jpg").write_bytes(_black_jpeg() + name.encode())
+    tables = {"picks": _pick_rows, "lines": _line_rows, "measure": _measure_rows}
+    for table, rows in tables.items():
+        (folder / f"{table}.csv").write_text("\n".join(rows(survey)) + "\n")
+    covariance = np.diag(LENS_SIGMA**2)
+    covariance[0, 1] = covariance[1, 0] = FOCAL_CORRELATION * LENS_SIGMA[0] * LENS_SIGMA[1]
+    camera: dict[str, object] = {
+        "name": "made-up camera",
+        "model": "brown",
+        "width_px": WIDTH_PX,
+        "height_px": HEIGHT_PX,
+        "parameters": LENS.tolist(),
+        "covariance": covariance.tolist(),
+    }
+    project: dict[str, object] = {
+        "name": "made-up survey",
+        "images": "*.jpg",
+        "camera": "camera.yaml",
+        **{table: f"{table}.csv" for table in tables},
+        "picks_sigma_px": PICK_SIGMA_PX,
+    }
+    if survey.log is not None:
+        write_tlog(folder / "flight.tlog", survey.log)
+        project["log"] = "flight.tlog"
+        form = "%Y%m%d_%H%M%S_%f"
+        time = {"source": "filename", "filename_format": form, "offset_s": 0.0}
+        project["time"] = time | {"offset_sigma_s": CLOCK_SIGMA_S}
+    for key, value in (options or {}).items():
+        first, _, rest = key.partition(".")
+        _put(*((camera, rest) if first == "camera" and rest else (project, key)), value)
+    for name, content in {"camera": camera, "project": project}.items():
+        (folder / f"{name}.yaml").write_text(json.dumps(content, indent=1))  # JSON is YAML
+    return folder / "project.yaml"
+
+
+def _put(document: dict[str, object], key: str, value: object) -> None:
+    first, _, rest = key.partition(".")
+    if not rest:
+        document[first] = value
+        return
+    inner = document.setdefault(first, {})
+    assert isinstance(inner, dict)
+    _put(inner, rest, value)
+
+
+@lru_cache
+def _black_jpeg() -> bytes:
+    black = np.zeros((HEIGHT_PX, WIDTH_PX), np.uint8)
+    return cv2.imencode(".jpg", black)[1].tobytes()
+
+
+def _photo_name(since_start_s: float) -> str:
+    moment = datetime.fromtimestamp(START_UTC_S + since_start_s, UTC)
+    return f"{moment:%Y%m%d_%H%M%S_%f}"
+
+
+def _pick_rows(survey: HostileSurvey) -> Iterator[str]:
+    yield "image,label,u_px,v_px"
+    for photo, label, (u, v) in zip(
+        survey.pick_photo, survey.pick_label, survey.pick_px, strict=True
+    ):
+        yield f"{survey.photo[photo]}.jpg,P{label},{u:.3f},{v:.3f}"
+
+
+def _line_rows(survey: HostileSurvey) -> Iterator[str]:
+    yield "name,from,to,length_m,sigma_m"
+    for k, ((a, b), length) in enumerate(zip(survey.line, survey.line_length_m, strict=True)):
+        yield f"L{k},P{a},P{b},{length:.5f},{LENGTH_SIGMA_M}"
+
+
+def _measure_rows(survey: HostileSurvey) -> Iterator[str]:
+    yield "name,kind,points"
+    for name, (kind, at) in survey.measure.items():
+        yield f"{name},{kind},{';'.join(f'P{k}' for k in at)}"
+
+
+def _labels(condition: Condition, ground: TrueGround, rng: np.random.Generator) -> Floats:
+    """(k, 3) points of the ground that lie apart from each other."""
+    place = np.empty((0, 2))
+    while len(place) < LABELS:
+        new = ground.middle + rng.uniform(-RADIUS_M, RADIUS_M, 2)
+        inside = np.linalg.norm(new - ground.middle) < RADIUS_M
+        if inside and (np.linalg.norm(place - new, axis=1) > LEAST_APART_M).all():
+            place = np.vstack([place, new])
+    own = condition.relief_m * rng.standard_normal(LABELS) * (not condition.relief_length_m)
+    return np.column_stack([place, ground.up(place) + own])
+
+
+def _picks(
+    condition: Condition,
+    flight: TrueFlight,
+    ground: TrueGround,
+    world_m: Floats,
+    readout_s: float,
+    rng: np.random.Generator,
+) -> tuple[Ints, Ints, Floats]:
+    """Frames, labels and pixels (p, 2) of what lies inside the photos."""
+    count = len(flight.exposure_s)
+    frame, label = (part.ravel() for part in np.mgrid[:count, : len(world_m)])
+    moved = condition.identification_m * rng.standard_normal((len(frame), 2))
+    place = world_m[label, :2] + moved
+    rise = ground.up(place) - ground.up(world_m[label, :2])
+    identified = np.column_stack([place, world_m[label, 2] + rise])
+    lens = _true_lenses(condition, count, rng)
+    pixel, depth = photograph(flight, lens[frame], frame, identified, readout_s)
+    tail = np.where(rng.random((len(frame), 1)) < condition.heavy_tails, 5.0, 1.0)
+    pixel += PICK_SIGMA_PX * condition.pick_factor * tail * rng.standard_normal(pixel.shape)
+    inside: Bools = (depth > 0) & (pixel > MARGIN_PX).all(axis=1)
+    inside &= (pixel < np.array([WIDTH_PX, HEIGHT_PX]) - MARGIN_PX).all(axis=1)
+    return frame[inside], label[inside], pixel[inside]
+
+
+def _true_lenses(condition: Condition, count: int, rng: np.random.Generator) -> Floats:
+    """(f, 9) lenses: the calibration's, with an error of its size, and what is stated beyond it."""
+    error = LENS_SIGMA * rng.standard_normal(9)
+    own = np.sqrt(1 - FOCAL_CORRELATION**2)
+    error[1] = LENS_SIGMA[1] * (
+        FOCAL_CORRELATION * error[0] / LENS_SIGMA[0] + own * error[1] / LENS_SIGMA[1]
+    )
+    lens = np.tile(LENS + error, (count, 1))
+    other = rng.permutation(count)[: condition.other_camera_photos]
+    lens[other] = OTHER_LENS
+    lens[:, :2] *= condition.zoom * (1 + condition.focal_error)
+    lens[:, 2] += condition.principal_error_px
+    return lens
+
+
+def _wanted(
+    world_m: Floats, seen: Ints, rng: np.random.Generator
+) -> tuple[Ints, dict[str, tuple[str, tuple[int, ...]]]]:
+    """Lines to tape (l, 2), and what to measure: distances, an area, an angle."""
+    pairs = np.array(list(combinations(seen.tolist(), 2)))
+    apart = np.linalg.norm(np.diff(world_m[pairs], axis=1)[:, 0], axis=1)
+    pairs = rng.permutation(pairs[(apart > 5.0) & (apart < 25.0)])
+    line, free = pairs[:LENGTHS], pairs[LENGTHS : LENGTHS + DISTANCES]
+    measure: dict[str, tuple[str, tuple[int, ...]]] = {
+        f"distance {k}": ("distance", (int(a), int(b))) for k, (a, b) in enumerate(free)
+    }
+    hull = seen[ConvexHull(world_m[seen, :2]).vertices]
+    corners = hull[np.linspace(0, len(hull), 4, endpoint=False).astype(int)]
+    measure["area"] = ("area", tuple(corners.tolist()))
+    measure["angle"] = ("angle", tuple(corners[:3].tolist()))
+    return line, measure
+
+
+def _read_lengths(
+    condition: Condition, ends_m: Floats, scale: float, rng: np.random.Generator
+) -> Floats:
+    """(l,) lengths as read, of (l, 2, 3) ends."""
+    leg = np.diff(ends_m, axis=1)[:, 0]
+    noise = LENGTH_SIGMA_M * condition.length_factor * rng.standard_normal(len(leg))
+    wrong = condition.wrong_length_m * (np.arange(len(leg)) == rng.integers(len(leg)))
+    if condition.horizontal_tape:
+        leg = leg[:, :2]
+    return np.asarray(np.linalg.norm(leg, axis=1) * (1 + scale) + noise + wrong)
+
+
+def _value(kind: str, points: Floats) -> float:
+    """True distance, area (of the outline as seen along its own normal), angle in degrees."""
+    if kind == "distance":
+        return float(np.linalg.norm(points[1] - points[0]))
+    if kind == "area":
+        twice = np.cross(points - points[0], np.roll(points, -1, axis=0) - points[0])
+        return float(np.linalg.norm(twice.sum(axis=0)) / 2)
+    one, other = points[0] - points[1], points[2] - points[1]
+    cosine = one @ other / np.linalg.norm(one) / np.linalg.norm(other)
+    return float(np.rad2deg(np.arccos(cosine)))
+
+
+def without_log(survey: HostileSurvey) -> HostileSurvey:
+    """The same survey, its log lost."""
+    return replace(survey, log=None)
