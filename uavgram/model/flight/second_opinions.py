@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -13,6 +14,7 @@ FaultKind = Literal[
     "position-frozen",
     "attitude-frozen",
     "position-gap",
+    "attitude-gap",
     "receiver-apart",
 ]
 
@@ -84,8 +86,9 @@ class LogFault:
     start_s, end_s
         UTC; of a jump the two samples between which it lies.
     change
-        (2,) of a jump, of a distance or of what may have been missed: horizontal and vertical [m];
-        of an attitude: of roll and pitch, and of yaw [rad].
+        East, north, up: of a jump what no movement explains [m], or the turn about these axes
+        [rad]; of other faults how wrong the log may be from `start_s` to `end_s`, in the same
+        units.
     why
         What the autopilot itself says of it; empty where it is silent.
     """
@@ -93,5 +96,15 @@ class LogFault:
     kind: FaultKind
     start_s: float
     end_s: float
-    change: tuple[float, float]
+    change: tuple[float, float, float]
     why: str = ""
+
+    @property
+    def horizontal(self) -> float:
+        """Size of the change in east and north, or of the tilt."""
+        return math.hypot(*self.change[:2])
+
+    @property
+    def size(self) -> float:
+        """Size of the whole change."""
+        return math.hypot(*self.change)

@@ -13,8 +13,8 @@ from uavgram.model.flight.second_opinions import EstimatorReset
 _EVENTS = {60: "reset of the height", 62: "reset of the heading"}
 # (subsystem, code); code -1 stands for any
 _ERRORS = {
-    (11, 2): "GPS glitch",
-    (16, 2): "the estimator's variances are bad",
+    (11, 2): "glitch of the GPS",
+    (16, 2): "fault of the estimator (bad variances)",
     (24, -1): "change to another estimator",
 }
 

@@ -16,8 +16,8 @@ _TEXTS = (
     ("yaw alignment complete", "reset of the heading"),
     ("yaw reset", "reset of the heading"),
     ("alt reset", "reset of the height"),
-    ("gps glitch", "GPS glitch"),
-    ("glitch cleared", "end of a GPS glitch"),
+    ("gps glitch", "glitch of the GPS"),
+    ("glitch cleared", "end of a glitch of the GPS"),
     ("is using gps", "change of what the estimator goes by"),
     ("stopped aiding", "change of what the estimator goes by"),
 )
