@@ -10,7 +10,7 @@ import numpy as np
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.second_opinions import FlightEvidence, LogFault
 from uavgram.model.message import Message
-from uavgram.stages.seed.freed_frames import Faults, freed_by
+from uavgram.stages.seed.freed_frames import Faults, freed_by, unsure_s
 
 _MOST_NAMED = 5
 _RESET_TOLD = "estimator-reset"
@@ -20,9 +20,7 @@ _LOOK = (
 )
 
 
-def fault_messages(
-    faults: Faults, evidence: FlightEvidence, frames: Frames
-) -> Iterator[Message]:
+def fault_messages(faults: Faults, evidence: FlightEvidence, frames: Frames) -> Iterator[Message]:
     """A warning on each fault, with the photos that are freed of the log by it.
 
     And a remark on what the autopilot says it reset amid the photos without any trace in the track.
@@ -109,7 +107,7 @@ def _why(fault: LogFault) -> str:
 
 def _freed(faults: list[LogFault], frames: Frames) -> tuple[str, ...]:
     matched = np.flatnonzero(frames.matched)
-    freed = freed_by(faults, frames.time_utc_s[matched]).frames
+    freed = freed_by(faults, frames.time_utc_s[matched], unsure_s(frames)).frames
     return tuple(frames.frame_id[k] for k in matched[freed])
 
 
@@ -125,9 +123,7 @@ def _effect(names: tuple[str, ...]) -> str:
     )
 
 
-def _untraced(
-    faults: Faults, evidence: FlightEvidence, frames: Frames
-) -> Iterator[Message]:
+def _untraced(faults: Faults, evidence: FlightEvidence, frames: Frames) -> Iterator[Message]:
     times = frames.time_utc_s[frames.matched]
     said = {what for fault in faults for what in fault.why.split(" and ") if fault.why}
     told: dict[str, float] = {}

@@ -56,9 +56,7 @@ class _Steps(NamedTuple):
     allowed: Floats
 
 
-def find_faults(
-    track: Track, evidence: FlightEvidence, exposure_s: Floats
-) -> tuple[LogFault, ...]:
+def find_faults(track: Track, evidence: FlightEvidence, exposure_s: Floats) -> tuple[LogFault, ...]:
     """Faults of a track between the first and the last exposure, in the order of time.
 
     Parameters
@@ -93,12 +91,11 @@ def _places(
     frozen = []
     keep = np.ones(len(time), dtype=np.bool_)
     for start, end in _still_runs(time, place):
-        before, after = max(start - 1, 0), min(end + 1, len(time) - 1)
         way = _way(evidence, time[[start, end]])[0]
-        if np.isnan(way).any():  # as fast as before and after
-            moved = place[start] - place[before] + place[after] - place[end]
-            around_s = time[start] - time[before] + time[after] - time[end]
-            way = moved * (time[end] - time[start]) / max(around_s, 1e-9)
+        if np.isnan(way).any():  # as fast as before
+            before = max(start - _FROZEN_STEPS, 0)
+            share = (time[end] - time[start]) / max(time[start] - time[before], 1e-9)
+            way = (place[start] - place[before]) * share
         if np.hypot(*way[:2]) > max(1.0, _sigma(track, time[start])[0]):
             keep[start + 1 : end + 1] = False
             if time[end] >= first and time[start] <= last:
@@ -229,9 +226,7 @@ def _explained(fault: LogFault, evidence: FlightEvidence) -> LogFault:
     )
 
 
-def _fault(
-    kind: FaultKind, start: float, end: float, change: Floats, why: str = ""
-) -> LogFault:
+def _fault(kind: FaultKind, start: float, end: float, change: Floats, why: str = "") -> LogFault:
     east, north, up = (float(part) for part in change)
     return LogFault(
         kind=kind, start_s=float(start), end_s=float(end), change=(east, north, up), why=why
@@ -267,7 +262,9 @@ def _way(evidence: FlightEvidence, time: Floats) -> Floats:
     if len(known) < 2:
         return np.full((len(time) - 1, 3), np.nan)
     step = np.diff(known)[:, None]
-    travelled = np.vstack([np.zeros(3), np.cumsum((velocity[1:] + velocity[:-1]) / 2 * step, axis=0)])
+    travelled = np.vstack(
+        [np.zeros(3), np.cumsum((velocity[1:] + velocity[:-1]) / 2 * step, axis=0)]
+    )
     # Between its samples the velocity is a line, the way a parabola.
     row = np.clip(np.searchsorted(known, time, side="right") - 1, 0, len(known) - 2)
     since = (time - known[row])[:, None]

@@ -22,7 +22,7 @@ from uavgram.model.flight.photo_poses import Flight, PhotoExposures
 from uavgram.model.flight.pose import Poses, TelemetryPrior
 from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.options import MountOptions, TelemetryOptions
-from uavgram.stages.seed.freed_frames import Faults, freed_by
+from uavgram.stages.seed.freed_frames import Faults, freed_by, unsure_s
 
 STEADY_CLOCK = 1e-9
 """Drift sigma of instants that are the flight's own: an unknown needs one, no quartz is better."""
@@ -61,7 +61,7 @@ def seed(
     gimbal = isinstance(flight, PhotoExposures) or len(flight.gimbal_time_s) > 0
     mount_from_camera = nominal_mount(mount, gimbal=gimbal)
     shared, shared_sigma = _shared(frames, mount, telemetry)
-    freed = freed_by(faults, time_s)
+    freed = freed_by(faults, time_s, unsure_s(frames))
     shared_sigma[POSITION_BIAS] = np.sqrt(shared_sigma[POSITION_BIAS] ** 2 + freed.position_bias)
     shared_sigma[HEADING_BIAS] = np.sqrt(shared_sigma[HEADING_BIAS] ** 2 + freed.heading_bias)
     middle_s = float(time_s.min() + time_s.max()) / 2.0 if len(time_s) else 0.0

@@ -5,6 +5,8 @@ Numbers: ArduPilot libraries/AP_Logger/AP_Logger.h, LogEvent and LogErrorSubsyst
 
 from __future__ import annotations
 
+import numpy as np
+
 from uavgram.io.logs.dataflash.samples import boot_time_s, numbers
 from uavgram.io.logs.dataflash.tables import Tables
 from uavgram.io.logs.quality.reset_texts import in_order, resets_in_texts
@@ -24,7 +26,7 @@ def stated_resets(tables: Tables) -> tuple[EstimatorReset, ...]:
     found: list[EstimatorReset] = []
     if events := tables.columns("EV"):
         for time, number in zip(boot_time_s(events), numbers(events, "Id"), strict=True):
-            if number in _EVENTS:
+            if np.isfinite(time) and number in _EVENTS:
                 found.append(EstimatorReset(float(time), _EVENTS[int(number)]))
     if errors := tables.columns("ERR"):
         codes = zip(
@@ -32,9 +34,11 @@ def stated_resets(tables: Tables) -> tuple[EstimatorReset, ...]:
         )
         for time, subsystem, code in codes:
             what = _ERRORS.get((subsystem, code)) or _ERRORS.get((subsystem, -1))
-            if what is not None:
+            if what is not None and np.isfinite(time):
                 found.append(EstimatorReset(float(time), what))
-    if texts := tables.columns("MSG"):
-        said = (bytes(text).split(b"\0")[0].decode("latin-1") for text in texts["Message"])
-        found.extend(resets_in_texts(boot_time_s(texts).tolist(), said))
+    texts = tables.columns("MSG")
+    said = texts.get("Message", np.zeros(0))
+    if said.dtype.kind == "S":  # damaged formats make numbers of it
+        words = (bytes(text).split(b"\0")[0].decode("latin-1") for text in said)
+        found.extend(resets_in_texts(boot_time_s(texts).tolist(), words))
     return in_order(found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 from uavgram.model.flight.second_opinions import EstimatorReset
@@ -29,7 +30,7 @@ def resets_in_texts(time_s: Iterable[float], texts: Iterable[str]) -> tuple[Esti
     for time, text in zip(time_s, texts, strict=True):
         small = text.lower()
         what = next((words for part, words in _TEXTS if part in small), None)
-        if what is not None:
+        if what is not None and math.isfinite(time):
             found.append(EstimatorReset(float(time), what))
     return tuple(found)
 

@@ -25,6 +25,7 @@ def stated_resets(tables: UlogTables) -> tuple[EstimatorReset, ...]:
         topic = tables.topic(name)
         if topic is None or field not in topic.fields:
             continue
-        rows = np.flatnonzero(np.diff(topic.column(field))) + 1
+        step = np.diff(topic.column(field))
+        rows = np.flatnonzero(np.isfinite(step) & (step != 0)) + 1
         found.extend(EstimatorReset(time, what) for time in topic.time_s[rows].tolist())
     return in_order(found)
