@@ -95,14 +95,14 @@ def shifted(track: Track, behind: Bools, by: Floats) -> Track:
 
 @settings(max_examples=40, deadline=None)
 @given(draw=st.integers(0, 10**6), wobble=st.floats(0, 6), blind=st.booleans())
-def test_a_clean_flight_never_alarms(draw: int, wobble: float, blind: bool) -> None:
+def test_a_clean_flight_never_alarms(draw: int, wobble: float, *, blind: bool) -> None:
     track, evidence = flown(draw, wobble_m_s=wobble)
     assert find_faults(track, silent(evidence) if blind else evidence, EXPOSURES) == ()
 
 
 @pytest.mark.parametrize("blind", [False, True])
 @pytest.mark.parametrize("by", [(0.7, -0.8, 0.0), (2.0, 2.2, 0.0), (0.0, 0.0, 3.0), (8, 6, 1)])
-def test_a_jump_of_place_is_found_with_its_size(by: tuple[float, ...], blind: bool) -> None:
+def test_a_jump_of_place_is_found_with_its_size(by: tuple[float, ...], *, blind: bool) -> None:
     track, evidence = flown()
     jumped = shifted(track, TIME > 31.02, np.array(by))
     (fault,) = find_faults(jumped, silent(evidence) if blind else evidence, EXPOSURES)
@@ -135,7 +135,7 @@ def test_a_jump_of_heading_is_found_with_its_size() -> None:
 
 
 @pytest.mark.parametrize("blind", [False, True])
-def test_a_place_that_stands_still_is_found_and_its_end_is_no_jump(blind: bool) -> None:
+def test_a_place_that_stands_still_is_found_and_its_end_is_no_jump(*, blind: bool) -> None:
     track, evidence = flown()
     row = np.arange(len(TIME))
     held = np.where((TIME > 29.0) & (TIME < 32.0), row[TIME > 29.0][0], row)

@@ -38,7 +38,7 @@ def stated_resets(tables: Tables) -> tuple[EstimatorReset, ...]:
                 found.append(EstimatorReset(float(time), what))
     texts = tables.columns("MSG")
     said = texts.get("Message", np.zeros(0))
-    if said.dtype.kind == "S":  # damaged formats make numbers of it
+    if said.dtype.kind in "SO":  # damaged formats make numbers of it
         words = (bytes(text).split(b"\0")[0].decode("latin-1") for text in said)
         found.extend(resets_in_texts(boot_time_s(texts).tolist(), words))
     return in_order(found)
