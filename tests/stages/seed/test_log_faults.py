@@ -100,6 +100,23 @@ def test_a_clean_flight_never_alarms(draw: int, wobble: float, *, blind: bool) -
     assert find_faults(track, silent(evidence) if blind else evidence, EXPOSURES) == ()
 
 
+@pytest.mark.parametrize("draw", range(4))
+def test_noisy_positions_are_no_jumps(draw: int) -> None:
+    """A receiver's own, whose noise from row to row exceeds the stated sigma again and again."""
+    track, evidence = flown(draw)
+    noise = np.random.default_rng(draw).normal(0, 0.4, (len(TIME), 3))
+    noisy = replace(track, position_world_m=track.position_world_m + noise)
+    assert find_faults(noisy, evidence, EXPOSURES) == ()
+
+
+def test_a_late_receiver_of_a_fast_aircraft_does_not_lie_apart() -> None:
+    track, evidence = flown(wobble_m_s=25.0)
+    late = np.clip(evidence.receiver_time_s - 0.4, 0.0, None)
+    columns = track.position_world_m.T
+    place = np.stack([np.interp(late, TIME, column) for column in columns], axis=1)
+    assert find_faults(track, replace(evidence, receiver_world_m=place), EXPOSURES) == ()
+
+
 @pytest.mark.parametrize("blind", [False, True])
 @pytest.mark.parametrize("by", [(0.7, -0.8, 0.0), (2.0, 2.2, 0.0), (0.0, 0.0, 3.0), (8, 6, 1)])
 def test_a_jump_of_place_is_found_with_its_size(by: tuple[float, ...], *, blind: bool) -> None:
