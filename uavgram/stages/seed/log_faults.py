@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter, median_filter
 
 from uavgram.geometry.motion.rotation import log_so3, matrix_from_xyzw
 from uavgram.model.arrays import Bools, Floats
@@ -143,7 +143,11 @@ def _attitudes(track: Track, first: float, last: float) -> tuple[list[LogFault],
     moving = keep[1:] & keep[:-1]
     change = np.where(moving[:, None], unlike_neighbours(time, turn), 0.0)
     floor = np.maximum(_SMALLEST_RAD, _TURN_RAD_S2 * np.diff(time) ** 2 / 2)
-    return frozen, _Steps(time, change, np.maximum(floor[:, None], usual_size(_sizes(change))))
+    # A jump stands alone: where the vehicle turns fast before or after, it turns.
+    others = np.array([[True], [True], [False], [True], [True]])
+    turning = maximum_filter(_sizes(turn), footprint=others, mode="nearest").max(axis=1)
+    allowed = np.maximum(floor[:, None], usual_size(_sizes(change))) + turning[:, None]
+    return frozen, _Steps(time, change, allowed)
 
 
 def _jumps(steps: _Steps, kind: FaultKind, first: float, last: float) -> Iterator[LogFault]:
