@@ -38,6 +38,7 @@ _TURN_RAD_S2 = np.radians(500.0)
 _GAP_S, _UNUSUAL_GAP = 1.0, 3.0  # as the longest steady turn
 _GUST_M_S2 = 2.0  # of the way between two samples, on which nothing is known
 _TURNING_RAD_S = np.radians(5.0)
+_CALM = 3.0  # times the largest turn beside it, which a jump of attitude exceeds
 _RESET_S = 1.0
 _APART_SIGMAS, _SMOOTH_S = 6.0, 5.0
 
@@ -146,7 +147,7 @@ def _attitudes(track: Track, first: float, last: float) -> tuple[list[LogFault],
     # A jump stands alone: where the vehicle turns fast before or after, it turns.
     others = np.array([[True], [True], [False], [True], [True]])
     turning = maximum_filter(_sizes(turn), footprint=others, mode="nearest").max(axis=1)
-    allowed = np.maximum(floor[:, None], usual_size(_sizes(change))) + turning[:, None]
+    allowed = np.maximum(floor[:, None], usual_size(_sizes(change))) + _CALM * turning[:, None]
     return frozen, _Steps(time, change, allowed)
 
 
