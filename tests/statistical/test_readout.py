@@ -32,7 +32,10 @@ def test_the_readout_and_lengths_are_as_far_off_as_their_sigmas_say() -> None:
             np.array([adjustment.label_index("P0")]),
             np.array([adjustment.label_index("P1")]),
         )
-        length, sigma = adjustment.lengths(start, end)
+        length, gradient, unknowns = adjustment.problem.lengths_between(
+            adjustment.state, start, end
+        )
+        sigma = np.sqrt(adjustment.minimum.factor.variances(unknowns, gradient))
         true = np.linalg.norm(scene.world[0] - scene.world[1])
         lengths.append(((length - true) / sigma)[0] ** 2)
 

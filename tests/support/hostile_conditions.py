@@ -169,7 +169,9 @@ _LENGTHS = {
     "lengths_2x": Condition(length_factor=2.0),
 }
 _LOG = {
+    "gps_jump_1m": Condition(gps_jump_m=1.0),
     "gps_jump_3m": Condition(gps_jump_m=3.0),
+    "gps_jump_10m": Condition(gps_jump_m=10.0),
     "yaw_5deg": Condition(yaw_deg=5.0),
     "datum_30m": Condition(datum_m=30.0),
     "lag_0.2": Condition(lag_s=0.2),

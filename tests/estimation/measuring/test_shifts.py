@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import Scene
+from scenes import NO_TIMES, Scene
 from taped_scenes import read_on_tapes
 
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
@@ -36,7 +36,7 @@ CASES = {
 
 def measured(survey: Survey) -> tuple[Adjustment, MeasuredValues]:
     adjustment = refine(survey, SolveOptions())[0].adjustment
-    return adjustment, propagate(adjustment, REQUESTS, None)
+    return adjustment, propagate(adjustment, REQUESTS, NO_TIMES)
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())

@@ -103,7 +103,9 @@ def test_a_level_length_on_a_slope_is_the_distance_in_the_horizontal_plane(
 
     np.testing.assert_allclose(level.length_m, np.hypot(span[:, 0], span[:, 1]), atol=1e-9)
     problem = SurveyProblem(level, scene.pivot, np.ones(8, dtype=bool))
-    state = replace(scene.truth, plane=scene.truth.plane + [0.0, slope, 0.0], tape=np.zeros(1))
+    state = replace(
+        scene.truth, plane=scene.truth.plane + np.array([0.0, slope, 0.0]), tape=np.zeros(1)
+    )
     blocks = problem.evaluate(state)
     assert blocks is not None
     assert np.abs(blocks["lengths"].residual).max() < 1e-8

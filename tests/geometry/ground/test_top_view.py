@@ -161,7 +161,7 @@ def test_with_rows_read_in_turn_places_and_sigmas_are_those_of_each_row(lens: st
     center, rotation = np.array([2.0, -20.0, 30.0]), looking(35, 12, 4)
     motion, readout_s = np.array([6.0, -4.0, 1.0, 0.2, -0.3, 0.1]), 0.05
     view = make_view(
-        [center], [rotation], lens=lens, plane=PLANE, pivot=PIVOT, sweep=[readout_s * motion]
+        [center], [rotation], lens=lens, plane=PLANE, pivot=PIVOT, sweep=(readout_s * motion)[None]
     )
     parameters = LENSES[lens]
     pixel = np.random.default_rng(6).uniform([60, 60], [740, 540], (12, 2))

@@ -40,7 +40,7 @@ class Case(TypedDict):
     crs: NotRequired[str]
 
 
-SLOPE = {"plane": (1.0, 0.05, -0.02), "pivot": (2.0, 1.0)}
+PLANE, PIVOT = (1.0, 0.05, -0.02), (2.0, 1.0)
 CASES: dict[str, Case] = {
     "nadir": {"rotation": looking(3, 40, 2), "lens": "brown"},
     "on the map": {"rotation": looking(3, 40, 2), "lens": "brown", "crs": UTM},
@@ -55,7 +55,8 @@ def scene(
     tmp_path: Path, rotation: Floats, lens: str, crs: str | None = None, rgb: Pixels | None = None
 ) -> View:
     path = write_photo(tmp_path / "a.png", pattern() if rgb is None else rgb)
-    return make_view([[1.0, -2.0, 31.0]], [rotation], lens=lens, crs=crs, paths=[path], **SLOPE)
+    at = [[1.0, -2.0, 31.0]]
+    return make_view(at, [rotation], lens=lens, plane=PLANE, pivot=PIVOT, crs=crs, paths=[path])
 
 
 def cache(view: View, reduction: int = 1) -> PhotoCache:

@@ -13,6 +13,7 @@ from scipy.stats import chi2
 
 from uavgram.estimation.measuring.propagation import propagate
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
+from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.camera.board import OutlierRule
 from uavgram.model.flight.frames import Frames
@@ -284,6 +285,20 @@ def test_a_boresight_and_a_frame_far_from_their_priors_are_named(
     given = examined(solve(replace(survey, telemetry=tight)))
     messages = judge_suspects(given)
     assert any("'f2'" in m.text for m in messages if m.code == "telemetry-strained")
+
+
+def test_what_grows_steadily_over_the_flight_is_not_blamed_on_the_clock(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    survey = scene_factory(6, frames=4, control=2).survey
+    steady = Suspicion(Member("clock_drift", 0, 0), 5.0, (), (Member("boresight", 0, 0),))
+    boresight = Suspicion(Member("boresight", 0, 0), 5.0, (), (Member("clock_drift", 0, 0),))
+    given = replace(examined(solve(survey)), suspicions=(steady, boresight))
+    messages = judge_suspects(given)
+    told = [m.text for m in messages if "that changes steadily from the first photo" in m.text]
+    assert told
+    assert "positions of the log that jump or wander" in told[0]
+    assert not any("clock drift" in m.text for m in messages)
 
 
 def test_every_prior_has_a_row_with_its_name_unit_and_effect(

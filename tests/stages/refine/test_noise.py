@@ -37,8 +37,13 @@ def distance_errors(refined: Refined, world: Floats) -> Floats:
     start, end = np.triu_indices(len(world), 1)
     there = refined.adjustment.label_rows(f"P{k}" for k in range(len(world)))
     assert (there >= 0).all()
-    found, sigma = refined.adjustment.lengths(there[start], there[end])
-    return (found - np.linalg.norm(world[start] - world[end], axis=1)) / sigma
+    adjustment = refined.adjustment
+    found, gradient, unknowns = adjustment.problem.lengths_between(
+        adjustment.state, there[start], there[end]
+    )
+    sigma = np.sqrt(adjustment.minimum.factor.variances(unknowns, gradient))
+    error: Floats = found - np.linalg.norm(world[start] - world[end], axis=1)
+    return error / sigma
 
 
 @pytest.mark.parametrize("seed", range(4))

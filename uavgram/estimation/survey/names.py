@@ -47,6 +47,8 @@ PRIOR_UNITS = {
 COUNTS = ("none", "one", "both", "all three", "all four", "all five", "all six")
 
 
+STEADY_CHANGE = "something that changes steadily over the flight"
+
 MOST_RIVALS = 4
 """Other possible blunders that are named."""
 
@@ -76,6 +78,14 @@ class Names:
         if member.kind == "control":
             return f"control point {survey.label[survey.control_label[row]]!r}"
         return self.prior(member)
+
+    def cause(self, member: Member) -> str:
+        """What may be wrong where an observation does not fit, without an article.
+
+        A drift of the clock is the one unknown that grows steadily over a flight: it takes up
+        whatever does, most often something else, so no clock is blamed.
+        """
+        return STEADY_CHANGE if member.kind == "clock_drift" else self.observation(member)
 
     def length(self, row: int) -> str:
         """``'L2' ('R3' to 'R4')``: a known length of the adjustment."""
@@ -133,7 +143,7 @@ class Names:
     def group(self, suspicion: Suspicion) -> str:
         """All that could be wrong: ``length 'a' or the picks of 'P' and 'Q' in 'img1.jpg'``."""
         members = (suspicion.accused, *suspicion.group)
-        parts = [self.observation(m) for m in members if m.kind != "pixels"]
+        parts = [self.cause(m) for m in members if m.kind != "pixels"]
         by_frame: dict[str, list[str]] = {}
         survey = self.adjustment.survey
         for m in (m for m in members if m.kind == "pixels"):
@@ -156,7 +166,7 @@ class Names:
         """What else it could be, as a sentence; empty where it is located."""
         if not suspicion.rivals:
             return ""
-        named = [self.observation(m) for m in suspicion.rivals[:MOST_RIVALS]]
+        named = [self.cause(m) for m in suspicion.rivals[:MOST_RIVALS]]
         more = len(suspicion.rivals) - len(named)
         others = f" or one of {more} others" if more else ""
         return (

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays, Ints
+from uavgram.model.flight.second_opinions import EstimatorReset, VelocitySamples
 
 HeightDatum = Literal["msl", "ellipsoid"]
 LogKind = Literal["dataflash", "tlog", "ulog"]
@@ -185,7 +186,8 @@ class HomeSamples(FrozenArrays):
 class Boot:
     """One power-up of one autopilot: all of its tables share one boot clock.
 
-    A table that the log does not have is empty in `clocks`, and None elsewhere.
+    A table that the log does not have is empty in `clocks` and `resets`, and None elsewhere.
+    `receiver` are its places where `positions` are another's.
     """
 
     positions: PositionSamples | None
@@ -195,6 +197,9 @@ class Boot:
     events: CameraEvents | None
     home: HomeSamples | None
     clocks: tuple[ClockSamples, ...]
+    velocities: VelocitySamples | None = None
+    receiver: PositionSamples | None = None
+    resets: tuple[EstimatorReset, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import FlightLog, HeightDatum
 from uavgram.model.flight.pairing import Pairing
 from uavgram.model.flight.photo_poses import Flight, PhotoExposures, PhotoPoses
+from uavgram.model.flight.second_opinions import LogFault
 from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.message import Message
 from uavgram.model.options import GeodeticOrigin, MountOptions
@@ -20,6 +22,9 @@ from uavgram.model.survey.observations import KnownPoints, KnownWorldPoints
 from uavgram.model.survey.world import Geodetic, World
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.stages.assemble import NO_CONTROL
+from uavgram.stages.seed.fault_messages import fault_messages
+from uavgram.stages.seed.flight_evidence import gather_evidence
+from uavgram.stages.seed.log_faults import find_faults
 from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
 from uavgram.stages.seed.seed import seed
 from uavgram.stages.seed.track import build_track, find_home, track_gaps
@@ -67,9 +72,12 @@ def _by_log(inputs: Inputs, log: FlightLog) -> Posed:
     track, track_messages = build_track(
         matched.boot, matched.clock, place, project.mount, project.telemetry
     )
+    evidence = gather_evidence(matched.boot, matched.clock, place)
+    faults = find_faults(track, evidence, frames.time_utc_s[frames.matched])
+    said = fault_messages(faults, evidence, frames)
     gaps = track_gaps(track, frames)
-    messages = (*matched.messages, *home_messages, *track_messages, *gaps)
-    posed = _seeded(inputs, frames, track, (place, datum), messages)
+    messages = (*said, *matched.messages, *home_messages, *track_messages, *gaps)
+    posed = _seeded(inputs, frames, track, (place, datum), messages, faults)
     return replace(posed, pairing=matched.pairing)
 
 
@@ -113,12 +121,13 @@ def _seeded(
     flight: Flight,
     origin: tuple[Place, HeightDatum],
     messages: tuple[Message, ...],
+    faults: Sequence[LogFault] = (),
 ) -> Posed:
     mount = inputs.project.mount
     more: tuple[Message, ...] = ()
     if isinstance(flight, PhotoExposures):
         mount, more = _at_the_camera(mount)
-    telemetry = seed(frames, flight, mount, inputs.project.telemetry)
+    telemetry = seed(frames, flight, mount, inputs.project.telemetry, faults)
     far = _far_origin(inputs, telemetry.poses.center_world_m)
     place, datum = origin
     world = World(origin=Geodetic(*place), height_datum=datum, gauge="world")

@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from uavgram.estimation.reliability.data_snooping import MOST_SUSPECTS
-from uavgram.estimation.survey.names import POSE_AXES
+from uavgram.estimation.survey.names import POSE_AXES, STEADY_CHANGE
 from uavgram.estimation.survey.suspicion import Suspicion
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message, Several
@@ -88,7 +88,7 @@ def _message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
     others = []
     if suspicion.group:
         others.append(f"The {names.group(suspicion)}: {names.look(suspicion)}.")
-        item += f", or the {' or the '.join(names.observation(m) for m in suspicion.group)}"
+        item += f", or the {' or the '.join(names.cause(m) for m in suspicion.group)}"
     if suspicion.rivals:
         others.append(names.rivals(suspicion))
     return Message(
@@ -165,6 +165,14 @@ def _tape(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
 
 
 def _prior(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
+    if suspicion.accused.kind == "clock_drift":
+        return (
+            "Something that changes steadily from the first photo to the last does not fit "
+            f"(w = {suspicion.w:.1f}). It may be positions of the log that jump or wander, a wrong "
+            "scale of the lengths, ground that is no plane, or the times of the photos: look at "
+            "these, and at the other messages.",
+            f"{STEADY_CHANGE} (w = {suspicion.w:.1f})",
+        )
     what = examined.names.prior(suspicion.accused)
     return (
         f"The observations contradict what was assumed of the {what} (w = {suspicion.w:.1f}): "

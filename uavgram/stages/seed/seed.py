@@ -22,13 +22,18 @@ from uavgram.model.flight.photo_poses import Flight, PhotoExposures
 from uavgram.model.flight.pose import Poses, TelemetryPrior
 from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.options import MountOptions, TelemetryOptions
+from uavgram.stages.seed.freed_frames import Faults, freed_by, unsure_s
 
 STEADY_CLOCK = 1e-9
 """Drift sigma of instants that are the flight's own: an unknown needs one, no quartz is better."""
 
 
 def seed(
-    frames: Frames, flight: Flight, mount: MountOptions, telemetry: TelemetryOptions
+    frames: Frames,
+    flight: Flight,
+    mount: MountOptions,
+    telemetry: TelemetryOptions,
+    faults: Faults = (),
 ) -> Telemetry:
     """Look every matched frame up in the flight and turn its exposure into a camera pose.
 
@@ -40,6 +45,8 @@ def seed(
         A log's track, or the poses of the photos themselves.
     mount, telemetry
         How the camera sits, and how far to trust what is known of the flight.
+    faults
+        Where the log contradicts itself: the frames behind are believed no further than that.
 
     The covariance is made of the flight's sigmas, the frame's timing sigma times speed and turn
     rate, and, in the marginal, of what all frames share: clock, boresight, lever arm, biases.
@@ -54,14 +61,20 @@ def seed(
     gimbal = isinstance(flight, PhotoExposures) or len(flight.gimbal_time_s) > 0
     mount_from_camera = nominal_mount(mount, gimbal=gimbal)
     shared, shared_sigma = _shared(frames, mount, telemetry)
+    freed = freed_by(faults, time_s, unsure_s(frames))
+    shared_sigma[POSITION_BIAS] = np.sqrt(shared_sigma[POSITION_BIAS] ** 2 + freed.position_bias)
+    shared_sigma[HEADING_BIAS] = np.sqrt(shared_sigma[HEADING_BIAS] ** 2 + freed.heading_bias)
     middle_s = float(time_s.min() + time_s.max()) / 2.0 if len(time_s) else 0.0
     center, rotation, jacobian = predict_pose(
         exposures, mount_from_camera, shared, time_s - middle_s
     )
     arm_world_m = exposures.world_from_body @ shared[LEVER_ARM]
-    own = _own_covariance(
-        _sigmas(flight, names, time_s), rotation, arm_world_m, jacobian, sigma_time_s
+    position, attitude = _sigmas(flight, names, time_s)
+    variances = (
+        position[:, [0, 0, 1]] ** 2 + freed.position,
+        attitude[:, [0, 0, 1]] ** 2 + freed.attitude,
     )
+    own = _own_covariance(variances, rotation, arm_world_m, jacobian, sigma_time_s)
     marginal = own + np.einsum("nik,k,njk->nij", jacobian, shared_sigma**2, jacobian)
     prior = TelemetryPrior(
         frame_index=np.arange(len(matched)),
@@ -120,7 +133,7 @@ def _sigmas(flight: Flight, names: tuple[str, ...], time_s: Floats) -> tuple[Flo
 
 
 def _own_covariance(
-    sigmas: tuple[Floats, Floats],
+    variances: tuple[Floats, Floats],
     world_from_camera: Floats,
     arm_world_m: Floats,
     jacobian: Floats,
@@ -131,11 +144,10 @@ def _own_covariance(
     Vehicle and gimbal take their attitude from one estimator: its error a about the world's axes
     turns both, the camera by R^T a (in its own axes) and its place by a x arm.
     """
-    position, attitude = sigmas
-    covariance = np.zeros((len(position), 6, 6))
-    covariance[:, [0, 1, 2], [0, 1, 2]] = position[:, [0, 0, 1]] ** 2
     # Roll and pitch tilt about horizontal axes, yaw turns about up: diagonal in the world.
-    world = attitude[:, [0, 0, 1]] ** 2
+    position, world = variances
+    covariance = np.zeros((len(position), 6, 6))
+    covariance[:, [0, 1, 2], [0, 1, 2]] = position
     by_attitude = np.concatenate([-hat(arm_world_m), np.swapaxes(world_from_camera, 1, 2)], axis=1)
     covariance += np.einsum("nik,nk,njk->nij", by_attitude, world, by_attitude)
     # A frame's own timing error moves it along its way and its turn, both at once.

@@ -43,6 +43,7 @@ def judge(result: Result) -> Verdict:
     reasons = (
         *_convergence(result),
         *_not_unique(result),
+        *_log(result),
         *_bad_lines(result),
         *_checks(result),
         *_picks(result),
@@ -127,6 +128,13 @@ def _bad_lines(result: Result) -> list[str]:
             for i in rows[:MOST_NAMES]
         ]
     return reasons
+
+
+def _log(result: Result) -> list[str]:
+    """Where the flight log contradicts itself."""
+    codes = ("log-position-", "log-attitude-", "log-receiver-")
+    faults = [m.text for m in result.messages if m.code.startswith(codes)]
+    return [_first_sentence(text).strip() for text in faults[:MOST_NAMES]]
 
 
 def _unseen_lines(result: Result) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from uavgram.io.logs.dataflash import gimbal as dataflash_gimbal
 from uavgram.io.logs.dataflash import samples as dataflash_pose
 from uavgram.io.logs.dataflash.binary import index_binary
 from uavgram.io.logs.dataflash.formats import odd_names
+from uavgram.io.logs.dataflash.resets import stated_resets
 from uavgram.io.logs.dataflash.samples import boot_time_s
 from uavgram.io.logs.dataflash.tables import Tables
 from uavgram.io.logs.dataflash.text import index_text
@@ -101,11 +103,15 @@ def _boot(tables: Tables) -> tuple[Boot, tuple[str, ...]]:
         home=dataflash_events.home(tables),
         clocks=clocks,
     )
-    doubts = disagreements(
+    receiver, attitude = dataflash_pose.second_opinions(tables, core)
+    boot = replace(
         boot,
-        *dataflash_pose.second_opinions(tables, core),
-        dataflash_events.estimator_origin(tables),
+        velocities=dataflash_pose.velocities(tables, core),
+        receiver=receiver,
+        resets=stated_resets(tables),
     )
+    origin = dataflash_events.estimator_origin(tables)
+    doubts = disagreements(boot, receiver, attitude, origin)
     return boot, (*notes, *doubts)
 
 

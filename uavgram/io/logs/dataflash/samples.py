@@ -21,10 +21,12 @@ from uavgram.io.logs.quality.samples import (
     attitude_samples,
     position_samples,
     unit_quaternions,
+    velocity_samples,
 )
 from uavgram.io.logs.quality.sigmas import Stated, merged_sigmas, positions_known
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import AttitudeSamples, EstimatorSigmas, PositionSamples
+from uavgram.model.flight.second_opinions import VelocitySamples
 
 
 def boot_time_s(columns: Columns) -> Floats:
@@ -211,6 +213,15 @@ def second_opinions(
     if not name:
         return place, _quaternions(tables, core)[0]
     return place, _by_angles(columns, name)[0]
+
+
+def velocities(tables: Tables, core: int) -> VelocitySamples | None:
+    """The estimator's, which no jump of its positions moves."""
+    name, columns = of_core(tables, ("XKF1", "NKF1", "EKF1"), core)
+    if not name:
+        return None
+    north, east, down = (numbers(columns, k) for k in ("VN", "VE", "VD"))
+    return velocity_samples(name, boot_time_s(columns), (north, east, down))
 
 
 def sigmas(tables: Tables, core: int) -> EstimatorSigmas | None:

@@ -24,8 +24,10 @@ from uavgram.model.flight.log import (
     HomeSamples,
     PositionSamples,
 )
+from uavgram.model.flight.second_opinions import VelocitySamples
 
 _LARGEST_UNDULATION_M = 150  # no geoid lies further from the ellipsoid
+_FASTEST_M_S = 200.0
 
 T = TypeVar("T")
 Found = tuple[T | None, tuple[str, ...]]
@@ -107,6 +109,27 @@ def position_samples(
         source=source,
     )
     return samples, notes
+
+
+def velocity_samples(
+    source: str, time_s: Floats, north_east_down: tuple[Floats, Floats, Floats]
+) -> VelocitySamples | None:
+    """Velocities that an aircraft can have.
+
+    Parameters
+    ----------
+    source
+        The message's name.
+    time_s
+        (N,) since boot.
+    north_east_down
+        (N,) each [m/s].
+    """
+    ned = np.stack(north_east_down, axis=1)
+    rows = plausible_rows(time_s, np.asarray((np.abs(ned) < _FASTEST_M_S).all(axis=1)))
+    if len(rows) < 2:
+        return None
+    return VelocitySamples(time_boot_s=time_s[rows], ned_m_s=ned[rows], source=source)
 
 
 def unit_quaternions(xyzw: Floats) -> Floats:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from uavgram.io.logs.quality.samples import clock_samples, home_samples, median_
 from uavgram.io.logs.tlog import samples as tlog_pose
 from uavgram.io.logs.tlog.events import camera_events
 from uavgram.io.logs.tlog.frames import FrameTable, scan_frames
+from uavgram.io.logs.tlog.resets import stated_resets
 from uavgram.io.logs.tlog.stream import Stream, boots, vehicles
 from uavgram.model.flight.log import Boot, ClockSamples, FlightLog, HomeSamples, MessageCount
 
@@ -88,7 +90,14 @@ def _boot(stream: Stream) -> tuple[Boot, tuple[str, ...]]:
         home=_home(stream),
         clocks=_clocks(stream),
     )
-    return boot, (*notes, *disagreements(boot, *tlog_pose.second_opinions(stream)))
+    receiver, attitude = tlog_pose.second_opinions(stream)
+    boot = replace(
+        boot,
+        velocities=tlog_pose.velocities(stream),
+        receiver=receiver,
+        resets=stated_resets(stream),
+    )
+    return boot, (*notes, *disagreements(boot, receiver, attitude))
 
 
 def _clocks(stream: Stream) -> tuple[ClockSamples, ...]:

@@ -20,6 +20,7 @@ from uavgram.io.logs.quality.samples import (
     first_found,
     position_samples,
     unit_quaternions,
+    velocity_samples,
 )
 from uavgram.io.logs.quality.sigmas import Stated, merged_sigmas, positions_known
 from uavgram.io.logs.tlog.frames import Columns
@@ -31,6 +32,7 @@ from uavgram.model.flight.log import (
     GimbalSamples,
     PositionSamples,
 )
+from uavgram.model.flight.second_opinions import VelocitySamples
 
 _LARGEST_RAD = 7.0  # of an angle: some say 2 pi for 0
 
@@ -99,6 +101,19 @@ def second_opinions(stream: Stream) -> tuple[PositionSamples | None, AttitudeSam
     columns, rows = receiver(stream)
     place = _position_samples(columns, stream.boot_s(rows), "GPS_RAW_INT")[0] if columns else None
     return place, _by_angles(stream)[0]
+
+
+def velocities(stream: Stream) -> VelocitySamples | None:
+    """Of GLOBAL_POSITION_INT: the estimator's, which no jump of its positions moves."""
+    columns, _ = stream.columns("GLOBAL_POSITION_INT")
+    if not columns:
+        return None
+    north, east, down = (columns[k] / 100.0 for k in ("vx", "vy", "vz"))
+    # Firmware that knows no velocity sends zeros throughout.
+    if not (north.any() or east.any()):
+        return None
+    time_s = columns["time_boot_ms"] * 1e-3
+    return velocity_samples("GLOBAL_POSITION_INT", time_s, (north, east, down))
 
 
 def gimbal(stream: Stream, attitudes: AttitudeSamples | None) -> Found[GimbalSamples]:

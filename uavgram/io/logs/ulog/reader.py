@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from uavgram.io.logs.mavlink_dialect import vehicle_kind
 from uavgram.io.logs.quality.boots import checked_boot
 from uavgram.io.logs.ulog import events as ulog_events
 from uavgram.io.logs.ulog import samples as ulog_pose
+from uavgram.io.logs.ulog.resets import stated_resets
 from uavgram.io.logs.ulog.topics import ULOG_MAGIC, UlogTables, read_tables
 from uavgram.model.flight.log import FlightLog, MessageCount
 
@@ -41,6 +43,12 @@ def read_ulog(path: str | Path) -> FlightLog:
         sigmas=ulog_pose.sigmas(tables),
         home=ulog_events.home(tables),
         clocks=ulog_events.gps_clock(tables),
+    )
+    boot = replace(
+        boot,
+        velocities=ulog_pose.velocities(tables),
+        receiver=ulog_pose.receiver_positions(tables),
+        resets=stated_resets(tables),
     )
     return FlightLog(
         path=str(path),

@@ -15,6 +15,7 @@ from uavgram.io.logs.quality.samples import (
     median_undulation_m,
     position_samples,
     unit_quaternions,
+    velocity_samples,
 )
 from uavgram.io.logs.quality.sigmas import merged_sigmas, positions_known
 from uavgram.io.logs.ulog.topics import Topic, UlogTables
@@ -25,6 +26,7 @@ from uavgram.model.flight.log import (
     GimbalSamples,
     PositionSamples,
 )
+from uavgram.model.flight.second_opinions import VelocitySamples
 
 # PX4 src/lib/geo/geo.h, CONSTANTS_RADIUS_OF_EARTH
 _EARTH_RADIUS_M = 6371000.0
@@ -54,6 +56,30 @@ def positions(tables: UlogTables) -> Found[PositionSamples]:
     )
     remark = "positions are the receiver's own (no estimator's): they lag by its delay"
     return samples, notes if samples is None else (*notes, remark)
+
+
+def velocities(tables: UlogTables) -> VelocitySamples | None:
+    """vehicle_local_position; in old firmware also vehicle_global_position."""
+    for name, fields in (
+        ("vehicle_local_position", ("vx", "vy", "vz")),
+        ("vehicle_global_position", ("vel_n", "vel_e", "vel_d")),
+    ):
+        topic = tables.topic(name)
+        if topic is not None:
+            north, east, down = (topic.column(field) for field in fields)
+            found = velocity_samples(name, topic.time_s, (north, east, down))
+            if found is not None:
+                return found
+    return None
+
+
+def receiver_positions(tables: UlogTables) -> PositionSamples | None:
+    """The receiver's own places, to hold against the estimator's."""
+    topic = receiver(tables)
+    if topic is None:
+        return None
+    place = receiver_position(topic)
+    return position_samples(topic.name, topic.time_s, place, None, has_fix(topic))[0]
 
 
 def _flag(topic: Topic, name: str) -> Bools:

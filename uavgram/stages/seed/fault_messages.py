@@ -1,0 +1,138 @@
+"""Faults of a flight log in plain words: what, how much, when, and between which photos."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import UTC, datetime
+
+import numpy as np
+
+from uavgram.model.flight.frames import Frames
+from uavgram.model.flight.second_opinions import FlightEvidence, LogFault
+from uavgram.model.message import Message
+from uavgram.stages.seed.freed_frames import Faults, freed_by, unsure_s
+
+_MOST_NAMED = 5
+_RESET_TOLD = "estimator-reset"
+_LOOK = (
+    "Pick points that these photos share with the others, and known lengths or points in them, or "
+    "leave them out."
+)
+
+
+def fault_messages(faults: Faults, evidence: FlightEvidence, frames: Frames) -> Iterator[Message]:
+    """A warning on each fault, with the photos that are freed of the log by it.
+
+    And a remark on what the autopilot says it reset amid the photos without any trace in the track.
+
+    Parameters
+    ----------
+    faults
+        In the order of time.
+    evidence
+        Which holds the stated resets.
+    frames
+        Of which the matched ones have an instant.
+    """
+    for code in dict.fromkeys(fault.kind for fault in faults):
+        alike = [fault for fault in faults if fault.kind == code]
+        freed = _freed(alike, frames)
+        for k, fault in enumerate(alike):
+            # Jumps free photos together: which, follows from all of them.
+            last = k == len(alike) - 1
+            own = freed if code.endswith("jump") else _freed([fault], frames)
+            effect = _effect(own) if last or not code.endswith("jump") else ""
+            text = f"{_what(fault)} {_where(fault.start_s, fault.end_s, frames)}.{_why(fault)}"
+            yield Message("warning", f"log-{code}", text + effect, frames=own)
+    yield from _untraced(faults, evidence, frames)
+
+
+def _what(fault: LogFault) -> str:
+    """What happens, as the beginning of a sentence."""
+    lasts = f"{fault.end_s - fault.start_s:.1f} s"
+    along, up = fault.horizontal, abs(fault.change[2])
+    tilt, yaw = np.degrees([along, up])
+    return {
+        "position-jump": f"The log's position jumps by {_meters(along, up)}",
+        "attitude-jump": f"The log's attitude jumps by {_degrees(tilt, yaw)}",
+        "position-frozen": (
+            f"The log's position stands still for {lasts} while the vehicle flies on by "
+            f"{along:.1f} m"
+        ),
+        "attitude-frozen": f"The log repeats one and the same attitude for {lasts}",
+        "position-gap": f"The log states no position for {lasts} while photos were taken",
+        "attitude-gap": f"The log states no attitude for {lasts} while photos were taken",
+        "receiver-apart": (
+            f"The log's position lies up to {along:.1f} m off what the GPS receiver itself states"
+        ),
+    }[fault.kind]
+
+
+def _meters(along: float, up: float) -> str:
+    """Sizes of a jump: the larger part, and the other one where it counts."""
+    if up < 0.2 * along:
+        return f"{along:.1f} m"
+    if along < 0.2 * up:
+        return f"{up:.1f} m in height"
+    return f"{along:.1f} m and {up:.1f} m in height"
+
+
+def _degrees(tilt: float, yaw: float) -> str:
+    if tilt < 0.2 * yaw:
+        return f"{yaw:.0f} degrees of heading"
+    if yaw < 0.2 * tilt:
+        return f"{tilt:.0f} degrees of tilt"
+    return f"{tilt:.0f} degrees of tilt and {yaw:.0f} of heading"
+
+
+def _where(start_s: float, end_s: float, frames: Frames) -> str:
+    """``between photo a.jpg and b.jpg (10:03:12 UTC)``."""
+    order = [k for k in np.argsort(frames.time_utc_s) if frames.matched[k]]
+    before = [frames.frame_id[k] for k in order if frames.time_utc_s[k] <= start_s]
+    after = [frames.frame_id[k] for k in order if frames.time_utc_s[k] >= end_s]
+    if before and after:
+        place = f"between photo {before[-1]} and {after[0]}"
+    else:
+        place = f"before photo {after[0]}" if after else f"after photo {before[-1]}"
+    return f"{place} ({_clock(start_s)} UTC)"
+
+
+def _clock(time_s: float) -> str:
+    return f"{datetime.fromtimestamp(time_s, UTC):%H:%M:%S}"
+
+
+def _why(fault: LogFault) -> str:
+    return f" The autopilot itself noted then: {fault.why}." if fault.why else ""
+
+
+def _freed(faults: list[LogFault], frames: Frames) -> tuple[str, ...]:
+    matched = np.flatnonzero(frames.matched)
+    freed = freed_by(faults, frames.time_utc_s[matched], unsure_s(frames)).frames
+    return tuple(frames.frame_id[k] for k in matched[freed])
+
+
+def _effect(names: tuple[str, ...]) -> str:
+    """What follows for which photos, and what to do."""
+    if not names:
+        return ""
+    listed = ", ".join(names[:_MOST_NAMED])
+    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    return (
+        f" So the log is believed only that far in {len(names)} of the photos ({listed}{more}), "
+        f"and what was picked places them. {_LOOK}"
+    )
+
+
+def _untraced(faults: Faults, evidence: FlightEvidence, frames: Frames) -> Iterator[Message]:
+    times = frames.time_utc_s[frames.matched]
+    said = {what for fault in faults for what in fault.why.split(" and ") if fault.why}
+    told: dict[str, float] = {}
+    for time, what in evidence.resets:
+        if len(times) and times.min() < time < times.max() and what not in said:
+            told.setdefault(what, time)
+    for what, time in told.items():
+        text = (
+            f"The autopilot noted a {what} {_where(time, time, frames)}; positions and attitudes "
+            "in the log show no jump there, so nothing was changed."
+        )
+        yield Message("info", _RESET_TOLD, text)

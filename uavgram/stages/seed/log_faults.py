@@ -1,0 +1,262 @@
+"""Where a flight's track contradicts itself, found before any adjustment.
+
+Jumps of place that the stated velocity does not explain, jumps of attitude, values that stand
+still while the vehicle flies, silence at an exposure, and a receiver that goes another way than
+the estimator. What is unusual the track itself says: a change counts where it exceeds the stated
+sigmas and is far out of the changes about it. Only what lies between the first and the last
+exposure parts photos from each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import maximum_filter, median_filter
+
+from uavgram.geometry.motion.rotation import log_so3, matrix_from_xyzw
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.flight.log import Track
+from uavgram.model.flight.second_opinions import FaultKind, FlightEvidence, LogFault
+from uavgram.stages.seed.track_steps import (
+    FEWEST_ROWS,
+    FROZEN_STEPS,
+    stated_way,
+    still_runs,
+    unlike_neighbours,
+    usual_size,
+    velocity_spacing,
+)
+
+MARGIN_S = 15.0
+"""Of the track looked at before the first exposure and after the last one."""
+_SMALLEST_M, _SMALLEST_RAD = 0.1, np.radians(5.0)
+_ACCELERATION_M_S2 = 6.0
+# A multicopter tilts by up to 30 degrees within a quarter of a second.
+_TURN_RAD_S2 = np.radians(500.0)
+_GAP_S, _UNUSUAL_GAP = 1.0, 3.0  # as the longest steady turn
+_GUST_M_S2 = 2.0  # of the way between two samples, on which nothing is known
+_TURNING_RAD_S = np.radians(5.0)
+_CALM = 3.0  # times the largest turn beside it, which a jump of attitude exceeds
+_RESET_S = 1.0
+_APART_SIGMAS, _SMOOTH_S = 6.0, 5.0
+
+
+class _Steps(NamedTuple):
+    """M changes from sample to sample that nothing explains, and what is usual.
+
+    Attributes
+    ----------
+    time_s
+        (M + 1,) of the samples.
+    change
+        (M, 3).
+    allowed
+        (M, 2) horizontal and vertical.
+    """
+
+    time_s: Floats
+    change: Floats
+    allowed: Floats
+
+
+def find_faults(track: Track, evidence: FlightEvidence, exposure_s: Floats) -> tuple[LogFault, ...]:
+    """Faults of a track between the first and the last exposure, in the order of time.
+
+    Parameters
+    ----------
+    track
+        As it goes into the seed poses.
+    evidence
+        What it can be held against.
+    exposure_s
+        (N,) UTC instants of the photos.
+    """
+    if not len(exposure_s):
+        return ()
+    first, last = float(exposure_s.min()), float(exposure_s.max())
+    frozen, place = _places(track, evidence, first, last)
+    still, turns = _attitudes(track, first, last)
+    jumps = [*_jumps(place, "position-jump", first, last)]
+    found = [*frozen, *jumps, *still, *_jumps(turns, "attitude-jump", first, last)]
+    found += _gaps(track, exposure_s)
+    if not jumps and not frozen:
+        found += _receiver_apart(track, evidence, first, last)
+    reasons = [_explained(fault, evidence) for fault in found]
+    return tuple(sorted(reasons, key=lambda fault: fault.start_s))
+
+
+def _places(
+    track: Track, evidence: FlightEvidence, first: float, last: float
+) -> tuple[list[LogFault], _Steps]:
+    """Runs of one place, and the changes of place less the way that the velocity makes."""
+    rows = _within(track.position_time_s, first, last)
+    time, place = track.position_time_s[rows], track.position_world_m[rows]
+    frozen = []
+    keep = np.ones(len(time), dtype=np.bool_)
+    for start, end in still_runs(time, place):
+        flown = stated_way(evidence, time[[start, end]])[0]
+        if np.isnan(flown).any():  # as fast as before
+            before = max(start - FROZEN_STEPS, 0)
+            share = (time[end] - time[start]) / max(time[start] - time[before], 1e-9)
+            flown = (place[start] - place[before]) * share
+        if np.hypot(*flown[:2]) > max(1.0, _sigma(track, time[start])[0]):
+            keep[start + 1 : end + 1] = False
+            if time[end] >= first and time[start] <= last:
+                frozen.append(_fault("position-frozen", time[start], time[end], flown))
+    return frozen, _place_steps(track, evidence, time[keep], place[keep])
+
+
+def _place_steps(track: Track, evidence: FlightEvidence, time: Floats, place: Floats) -> _Steps:
+    """Changes between places (N, 3); where no velocity is stated, against the neighbouring ones."""
+    if len(time) < FEWEST_ROWS:
+        return _no_steps()
+    change, step_s = np.diff(place, axis=0), np.diff(time)
+    flown = stated_way(evidence, time)
+    stated = np.asarray(np.isfinite(flown).all(axis=1))
+    by_rates = unlike_neighbours(time, change)
+    change = np.where(stated[:, None], change - np.nan_to_num(flown), by_rates)
+    known_s = np.where(stated, np.minimum(step_s, velocity_spacing(evidence, time)), step_s)
+    floor = np.maximum(_SMALLEST_M, 0.5 * _ACCELERATION_M_S2 * known_s**2)
+    allowed = np.maximum(floor[:, None], _sigma(track, time[1:]))
+    return _Steps(time, change, np.maximum(allowed, usual_size(_sizes(change))))
+
+
+def _attitudes(track: Track, first: float, last: float) -> tuple[list[LogFault], _Steps]:
+    """Runs of one attitude, and turns that differ from those before and after."""
+    rows = _within(track.attitude_time_s, first, last)
+    time, xyzw = track.attitude_time_s[rows], track.world_from_body_xyzw[rows]
+    if len(time) < FEWEST_ROWS:
+        return [], _no_steps()
+    rotation = matrix_from_xyzw(xyzw)
+    # about the world's axes: R' = exp(turn) R
+    turn = log_so3(rotation[1:] @ np.swapaxes(rotation[:-1], 1, 2))
+    frozen = []
+    keep = np.ones(len(time), dtype=np.bool_)
+    for start, end in still_runs(time, xyzw):
+        keep[start + 1 : end + 1] = False
+        if time[end] >= first and time[start] <= last:
+            caught_up = np.abs(turn[min(end, len(turn) - 1)])
+            may_turn = caught_up + _TURNING_RAD_S * (time[end] - time[start])
+            frozen.append(_fault("attitude-frozen", time[start], time[end], may_turn))
+    # The turn that ends a standstill is no jump of its own.
+    moving = keep[1:] & keep[:-1]
+    change = np.where(moving[:, None], unlike_neighbours(time, turn), 0.0)
+    floor = np.maximum(_SMALLEST_RAD, _TURN_RAD_S2 * np.diff(time) ** 2 / 2)
+    # A jump stands alone: where the vehicle turns fast before or after, it turns.
+    others = np.array([[True], [True], [False], [True], [True]])
+    turning = maximum_filter(_sizes(turn), footprint=others, mode="nearest").max(axis=1)
+    allowed = np.maximum(floor[:, None], usual_size(_sizes(change))) + _CALM * turning[:, None]
+    return frozen, _Steps(time, change, allowed)
+
+
+def _jumps(steps: _Steps, kind: FaultKind, first: float, last: float) -> Iterator[LogFault]:
+    """One fault for every run of neighbouring unusual changes."""
+    rows = np.flatnonzero((_sizes(steps.change) > steps.allowed).any(axis=1))
+    for run in np.split(rows, np.flatnonzero(np.diff(rows) > 2) + 1):
+        if not len(run):
+            continue
+        start, end = steps.time_s[run[0]], steps.time_s[run[-1] + 1]
+        change = steps.change[run[0] : run[-1] + 1].sum(axis=0)
+        stays = (_sizes(change[None])[0] > steps.allowed[run].max(axis=0)).any()
+        if stays and end > first and start < last:
+            yield _fault(kind, start, end, change)
+
+
+def _gaps(track: Track, exposure_s: Floats) -> Iterator[LogFault]:
+    """Exposures between two samples that lie far apart."""
+    for kind, time in (
+        ("position-gap", track.position_time_s),
+        ("attitude-gap", track.attitude_time_s),
+    ):
+        if len(time) < 3:
+            continue
+        step = np.diff(time)
+        longest = max(_GAP_S, _UNUSUAL_GAP * float(np.median(step)))
+        after = np.clip(np.searchsorted(time, exposure_s), 1, len(time) - 1) - 1
+        for row in np.unique(after[step[after] > longest]).tolist():
+            width = float(step[row])
+            if kind == "position-gap":
+                # midway between two places with known speeds (Hermite: a quarter of a parabola)
+                unknown = np.full(3, _GUST_M_S2 * width**2 / 16)
+                yield _fault("position-gap", time[row], time[row + 1], unknown)
+            else:
+                turned = np.full(3, min(_TURNING_RAD_S * width, np.pi / 2))
+                yield _fault("attitude-gap", time[row], time[row + 1], turned)
+
+
+def _receiver_apart(
+    track: Track, evidence: FlightEvidence, first: float, last: float
+) -> Iterator[LogFault]:
+    """Stretches over which estimator and receiver lie apart, less lag and common distance."""
+    inside = _within(evidence.receiver_time_s, first, last)
+    span = track.position_time_s[[0, -1]]
+    time = evidence.receiver_time_s[inside]
+    known = (time >= span[0]) & (time <= span[1])
+    time, other = time[known], evidence.receiver_world_m[inside][known]
+    if len(time) < 2 * FEWEST_ROWS:
+        return
+    here = _interpolated(time, track.position_time_s, track.position_world_m)
+    apart = (here - other)[:, :2]
+    way = np.gradient(here[:, :2], time, axis=0)
+    apart = apart - np.median(apart, axis=0)
+    lag_s = float(np.vdot(way, apart) / max(np.vdot(way, way), 1e-9))
+    apart = apart - np.clip(lag_s, -1.0, 1.0) * way
+    apart = apart - np.median(apart, axis=0)
+    width = 2 * int(_SMOOTH_S / 2 / max(float(np.median(np.diff(time))), 1e-3)) + 1
+    smooth = median_filter(apart, size=(width, 1), mode="nearest")
+    scatter = 1.48 * float(np.median(np.linalg.norm(apart - smooth, axis=1)))
+    allowed = _APART_SIGMAS * np.maximum(_sigma(track, time)[:, 0], scatter)
+    size = np.linalg.norm(smooth, axis=1)
+    rows = np.flatnonzero(size > allowed)
+    for run in np.split(rows, np.flatnonzero(np.diff(rows) > width) + 1):
+        if len(run) and time[run[-1]] >= first and time[run[0]] <= last:
+            worst = smooth[run[size[run].argmax()]]
+            yield _fault("receiver-apart", time[run[0]], time[run[-1]], np.append(worst, 0.0))
+
+
+def _explained(fault: LogFault, evidence: FlightEvidence) -> LogFault:
+    """The fault with what the autopilot says of that moment."""
+    said = [
+        what
+        for time, what in evidence.resets
+        if fault.start_s - _RESET_S <= time <= fault.end_s + _RESET_S
+    ]
+    return _fault(
+        fault.kind,
+        fault.start_s,
+        fault.end_s,
+        np.array(fault.change),
+        " and ".join(dict.fromkeys(said)),
+    )
+
+
+def _fault(kind: FaultKind, start: float, end: float, change: Floats, why: str = "") -> LogFault:
+    east, north, up = (float(part) for part in change)
+    return LogFault(
+        kind=kind, start_s=float(start), end_s=float(end), change=(east, north, up), why=why
+    )
+
+
+def _within(time: Floats, first: float, last: float) -> Bools:
+    return np.asarray((time >= first - MARGIN_S) & (time <= last + MARGIN_S))
+
+
+def _sizes(change: Floats) -> Floats:
+    """(M, 2) horizontal and vertical sizes of changes (M, 3)."""
+    return np.stack([np.hypot(*change[:, :2].T), np.abs(change[:, 2])], axis=1)
+
+
+def _no_steps() -> _Steps:
+    return _Steps(np.zeros(1), np.zeros((0, 3)), np.zeros((0, 2)))
+
+
+def _sigma(track: Track, time: Floats | float) -> Floats:
+    """Stated sigmas of a place, horizontal and vertical, (..., 2)."""
+    columns = [np.interp(time, track.sigma_time_s, c) for c in track.sigma_position_m.T]
+    return np.stack(columns, axis=-1)
+
+
+def _interpolated(at: Floats, time: Floats, value: Floats) -> Floats:
+    return np.stack([np.interp(at, time, column) for column in value.T], axis=1)
