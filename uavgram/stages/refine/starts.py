@@ -48,7 +48,7 @@ def first_values(survey: Survey) -> list[FirstValues]:
         return [from_telemetry(each, ray) for each in _with_seeds(survey)]
     counts = lines_per_frame(survey)
     candidates = _plausible(length_poses(survey), counts)
-    planes = {f: found.plane[0] for f, found in candidates.items()}
+    planes = {f: found.plane for f, found in candidates.items()}
     if survey.gauge == "world":
         return [_over_control(survey, ray, planes, poses) for poses in _choices(survey)]
     if not planes:
