@@ -200,6 +200,7 @@ class PlaneNetwork:
         self.point = np.full((labels, 2), np.nan)
         self.center = np.full((frames, 3), np.nan)
         self.rotation = np.full((frames, 3, 3), np.nan)
+        self.misfit = 0.0  # the worst of a joined frame's known points, in their sigmas
 
     def start(self, frame: int, plane: Floats) -> None:
         """Place one frame over the origin by its own plane (3,), and its points below it."""
@@ -253,7 +254,10 @@ class PlaneNetwork:
             size = np.ptp(ray[:, :2], axis=0).max() / np.ptp(target, axis=0).max()
             searched = _best(self._over(size * TILTED, known), target, ray)
             found = min(filter(None, [found, searched]), key=lambda end: end[0], default=None)
-        return direct if found is None else found[1]
+        if found is None:
+            return direct
+        self.misfit = max(self.misfit, float(np.sqrt(found[0] / np.sum(sigma**2))))
+        return found[1]
 
     def _over(self, planes: Iterable[Floats], known: Ints) -> list[Pose]:
         """Poses over planes of the frame's own that reach two known points or more."""

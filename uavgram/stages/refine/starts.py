@@ -9,6 +9,7 @@ from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import (
+    POOR,
     FirstValues,
     PlaneNetwork,
     align_in_plane,
@@ -58,13 +59,37 @@ def first_values(survey: Survey) -> list[FirstValues]:
             "ends of more lines in one frame, tape a fourth, or give the log"
         )
     first = max(planes, key=lambda f: (counts[f], -f))
-    values = []
-    for plane in candidates[first].plane:
+    networks = _networks(survey, ray, planes, first)
+    if min(network.misfit for network in networks) > POOR:
+        # Its lengths may be explained by a false pose alone: another frame's say otherwise.
+        networks += [one for f in planes if f != first for one in _networks(survey, ray, planes, f)]
+        networks = sorted(networks, key=lambda network: network.misfit)[:MOST_CHOICES]
+    return [_at_gauge(network) for network in networks]
+
+
+def _networks(
+    survey: Survey, ray: Floats, planes: dict[int, Floats], first: int
+) -> list[PlaneNetwork]:
+    """All frames joined to one, for each plane (n, 3) that explains the lengths of that one.
+
+    Parameters
+    ----------
+    survey
+        Without telemetry.
+    ray
+        (P, 3) of its picks.
+    planes
+        Of every frame that has some, likeliest first.
+    first
+        The frame to begin with.
+    """
+    networks = []
+    for plane in planes[first]:
         network = PlaneNetwork(survey, ray)
         network.start(first, plane)
         network.grow(planes)
-        values.append(_at_gauge(network))
-    return values
+        networks.append(network)
+    return networks
 
 
 def _plausible(candidates: dict[int, LengthPoses], counts: Ints) -> dict[int, LengthPoses]:
