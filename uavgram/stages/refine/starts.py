@@ -32,6 +32,9 @@ from uavgram.model.survey.survey import Survey
 FAR_RAD, FAR_HEIGHT = 0.1, 0.15
 """Tilt, and share of the height, up to which the iterations reach a pose from the seed anyway."""
 
+MOST_OTHERS, MUCH_BETTER = 3, 0.5
+"""Frames to begin with where the first leads nowhere; share of its misfit that makes them count."""
+
 NO_GROUND = LeftOut(
     LeftOutCause.NO_GROUND, "its ray does not meet the ground in front of the camera"
 )
@@ -60,10 +63,14 @@ def first_values(survey: Survey) -> list[FirstValues]:
         )
     first = max(planes, key=lambda f: (counts[f], -f))
     networks = _networks(survey, ray, planes, first)
-    if min(network.misfit for network in networks) > POOR:
+    least = min(network.misfit for network in networks)
+    if least > POOR:
         # Its lengths may be explained by a false pose alone: another frame's say otherwise.
-        networks += [one for f in planes if f != first for one in _networks(survey, ray, planes, f)]
-        networks = sorted(networks, key=lambda network: network.misfit)[:MOST_CHOICES]
+        rest = sorted(planes.keys() - {first}, key=lambda f: (-counts[f], f))[:MOST_OTHERS]
+        others = [one for f in rest for one in _networks(survey, ray, planes, f)]
+        best = min(others, key=lambda network: network.misfit, default=None)
+        if best is not None and best.misfit < MUCH_BETTER * least:
+            networks.insert(0, best)
     return [_at_gauge(network) for network in networks]
 
 
