@@ -92,7 +92,7 @@ def run_survey(job: tuple[str, int], options: Mapping[str, object]) -> Outcome:
         start = time.process_time()
         try:
             result = compute(read_inputs(project), curved=False).result
-        except UavgramError as fault:
+        except (UavgramError, np.linalg.LinAlgError) as fault:  # the latter is the program's own
             return Outcome(condition=condition, seed=seed, failure=str(fault))
         cpu_s = time.process_time() - start
     measured = result.measurements

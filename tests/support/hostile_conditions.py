@@ -50,6 +50,8 @@ class Condition:
     picked_share, sharp
         How many of a photo's labels are picked where no length ends at them; a camera of
         4000 x 3000 px.
+    labels, radius_m, farthest_m
+        Points, in a scene of this radius; the longest distance that is taped or measured.
     tilts_deg, speeds_m_s
         Range of tilts, first photo to last, and of speeds.
     draws_scale, draws_readout, draws_slope
@@ -88,6 +90,9 @@ class Condition:
     single: bool = False
     picked_share: float = 0.3
     sharp: bool = False
+    labels: int = 28
+    radius_m: float = 20.0
+    farthest_m: float = 12.0
     tilts_deg: tuple[float, float] = (0.0, 36.0)
     speeds_m_s: tuple[float, float] = (3.0, 8.0)
     draws_scale: bool = False
@@ -181,6 +186,10 @@ _LOG = {
     "lever_30cm": Condition(lever_m=0.3),
     "no_log": Condition(has_log=False),
     "no_log_dense": Condition(has_log=False, picked_share=1.0),
+    "no_log_wide": Condition(has_log=False, picked_share=1.0, radius_m=35.0),
+    "no_log_few": Condition(
+        has_log=False, picked_share=1.0, radius_m=35.0, labels=14, farthest_m=25.0
+    ),
 }
 _SINGLE = {
     "single": Condition(single=True, picked_share=1.0),

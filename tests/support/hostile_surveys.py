@@ -21,7 +21,6 @@ from hostile_conditions import Condition
 from hostile_log import START_UTC_S, record
 from hostile_world import (
     ORDINARY,
-    RADIUS_M,
     SHARP,
     StatedCamera,
     TrueFlight,
@@ -37,10 +36,10 @@ from uavgram.io.logs.tlog.writer import write_tlog
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.demo.simulated import SimulatedLog
 
-LABELS, LEAST_APART_M = 28, 2.5
+LEAST_APART_M = 2.5
 PICK_SIGMA_PX = 0.8
 LENGTHS, LENGTH_SIGMA_M = 6, 0.01
-DISTANCES, NEAREST_M, FARTHEST_M = 15, 4.0, 12.0
+DISTANCES, NEAREST_M = 15, 4.0
 CLOCK_SIGMA_S = 0.3
 MARGIN_PX = 6.0
 
@@ -95,11 +94,11 @@ def make_survey(condition: Condition, seed: int) -> HostileSurvey:
     if condition.single:
         kept = frame == int(abs(drawn[2]) * 1000) % len(flight.exposure_s)
         frame, label, pixel = frame[kept], label[kept], pixel[kept]
-    line = _taped(world_m, np.unique(label), line_rng)
+    line = _pairs(condition, world_m, np.unique(label), line_rng)[:LENGTHS]
     kept = pick_rng.random(len(label)) < condition.picked_share
     kept |= np.isin(label, line)  # who tapes a length picks its ends wherever he sees them
     frame, label, pixel = frame[kept], label[kept], pixel[kept]
-    measure = _wanted(world_m, np.unique(label), line, line_rng)
+    measure = _wanted(condition, world_m, np.unique(label), line, line_rng)
     read_m = _read_lengths(condition, world_m[line], scale, line_rng)
     clock_s = CLOCK_SIGMA_S * drawn[3] + condition.lag_s
     since = flight.exposure_s - flight.exposure_s.mean()
@@ -214,12 +213,13 @@ def _measure_rows(survey: HostileSurvey) -> Iterator[str]:
 def _labels(condition: Condition, ground: TrueGround, rng: np.random.Generator) -> Floats:
     """(k, 3) points of the ground that lie apart from each other."""
     place = np.empty((0, 2))
-    while len(place) < LABELS:
-        new = ground.middle + rng.uniform(-RADIUS_M, RADIUS_M, 2)
-        inside = np.linalg.norm(new - ground.middle) < RADIUS_M
+    radius_m = condition.radius_m
+    while len(place) < condition.labels:
+        new = ground.middle + rng.uniform(-radius_m, radius_m, 2)
+        inside = np.linalg.norm(new - ground.middle) < radius_m
         if inside and (np.linalg.norm(place - new, axis=1) > LEAST_APART_M).all():
             place = np.vstack([place, new])
-    own = condition.relief_m * rng.standard_normal(LABELS) * (not condition.relief_length_m)
+    own = condition.relief_m * rng.standard_normal(len(place)) * (not condition.relief_length_m)
     return np.column_stack([place, ground.up(place) + own])
 
 
@@ -249,23 +249,18 @@ def _picks(scene: _Scene, readout_s: float, rng: np.random.Generator) -> tuple[I
     return frame[inside], label[inside], pixel[inside]
 
 
-def _pairs(world_m: Floats, seen: Ints, rng: np.random.Generator) -> Ints:
+def _pairs(condition: Condition, world_m: Floats, seen: Ints, rng: np.random.Generator) -> Ints:
     """(n, 2) labels of a distance that someone tapes or wants to know, in any order."""
     pairs = np.array(list(combinations(seen.tolist(), 2)))
     apart = np.linalg.norm(np.diff(world_m[pairs], axis=1)[:, 0], axis=1)
-    return rng.permutation(pairs[(apart > NEAREST_M) & (apart < FARTHEST_M)])
-
-
-def _taped(world_m: Floats, seen: Ints, rng: np.random.Generator) -> Ints:
-    """(l, 2) labels of the taped lines."""
-    return _pairs(world_m, seen, rng)[:LENGTHS]
+    return rng.permutation(pairs[(apart > NEAREST_M) & (apart < condition.farthest_m)])
 
 
 def _wanted(
-    world_m: Floats, seen: Ints, taped: Ints, rng: np.random.Generator
+    condition: Condition, world_m: Floats, seen: Ints, taped: Ints, rng: np.random.Generator
 ) -> dict[str, tuple[str, tuple[int, ...]]]:
     """What to measure: distances that were not taped, an area, an angle."""
-    pairs = _pairs(world_m, seen, rng)
+    pairs = _pairs(condition, world_m, seen, rng)
     free = pairs[~(pairs[:, None] == taped).all(axis=-1).any(axis=1)][:DISTANCES]
     measure: dict[str, tuple[str, tuple[int, ...]]] = {
         f"distance {k}": ("distance", (int(a), int(b))) for k, (a, b) in enumerate(free)

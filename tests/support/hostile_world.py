@@ -17,7 +17,6 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.options import GroundOptions
 
 HEIGHT_M = 36.0
-RADIUS_M = 20.0  # of the scene
 CAMERA_FROM_GIMBAL = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])  # gimbal: x looks, -z is up
 ENU_FROM_NED = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
 GRAVITY_M_S2 = 9.81

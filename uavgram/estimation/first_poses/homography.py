@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from uavgram.geometry.motion.rotation import exp_so3, hat
 from uavgram.model.arrays import Floats
 
+Pose = tuple[Floats, Floats]
+"""Centre (3,) in the axes of the plane [m], and rotation (3, 3), plane from camera."""
+
+POLISHING = 6
 FLAT = 1e-9
 """Ratio of the second smallest to the largest singular value below which the points are in line."""
 
@@ -64,3 +69,52 @@ def _pose_from_homography(homography: Floats, mean: Floats, size: float) -> tupl
     camera_from_plane = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
     center = -camera_from_plane.T @ translation * size
     return center + np.array([*mean, 0.0]), camera_from_plane.T
+
+
+def other_pose(pose: Pose, point_m: Floats) -> Pose:
+    """The pose that shows points of the plane z = 0 (N, 2) nearly alike, tilted the other way.
+
+    What the line of sight to their middle makes of the plane when depths along it change sign
+    (Schweighofer and Pinz 2006, sec. 3): equal where perspective is weak.
+    """
+    center, plane_from_camera = pose
+    middle = np.array([*point_m.mean(axis=0), 0.0])
+    sight = plane_from_camera.T @ (middle - center)
+    mirror = np.eye(3) - 2.0 * np.outer(sight, sight) / (sight @ sight)
+    turned = (mirror @ plane_from_camera.T @ np.diag([1.0, 1.0, -1.0])).T
+    return middle - turned @ sight, turned
+
+
+def polished(pose: Pose, point_m: Floats, ray: Floats) -> tuple[float, Pose] | None:
+    """The pose that fits the rays best, near another; and its sum of squares.
+
+    Parameters
+    ----------
+    pose
+        To start from.
+    point_m
+        (N, 2) on the plane z = 0.
+    ray
+        (N, 3) undistorted, z = 1.
+
+    Returns
+    -------
+    None
+        Where a point is not before the camera, or the camera not above the plane.
+    """
+    center, rotation = pose
+    world = np.column_stack([point_m, np.zeros(len(point_m))])
+    cost = np.inf
+    for _ in range(POLISHING):
+        seen = (world - center) @ rotation
+        if not (seen[:, 2] > 0).all() or center[2] <= 0:
+            return None
+        off = seen[:, :2] / seen[:, 2:] - ray[:, :2]
+        cost = float(np.sum(off**2))
+        by_seen = np.zeros((len(seen), 2, 3))
+        by_seen[:, [0, 1], [0, 1]] = 1.0 / seen[:, 2:]
+        by_seen[:, :, 2] = -seen[:, :2] / seen[:, 2:] ** 2
+        jacobian = np.concatenate([by_seen @ -rotation.T, by_seen @ hat(seen)], axis=2)
+        step = np.linalg.lstsq(jacobian.reshape(-1, 6), -off.ravel(), rcond=FLAT)[0]
+        center, rotation = center + step[:3], rotation @ exp_so3(step[3:])
+    return cost, (center, rotation)

@@ -15,6 +15,7 @@ that of m.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -252,10 +253,22 @@ def _fit(block: Block, line: Conditions) -> _Fit:
     system[:, :n, :n] += np.matmul(line.noise, line.noise.swapaxes(1, 2))
     system[:, :n, n:] = line.by_plane.transpose(1, 2, 0)
     system[:, n:, :n] = line.by_plane.transpose(1, 0, 2)
-    inverse = np.linalg.inv(system)
+    inverse = _inverses(system)
     solution = np.matmul(inverse[:, :, :n], line.misclosure[..., None])[..., 0]
     sigma = np.sqrt(-inverse.diagonal(axis1=1, axis2=2)[:, n:])
     return _Fit(solution[:, n:], sigma, solution[:, :n], inverse)
+
+
+def _inverses(system: Floats) -> Floats:
+    """Inverses (B, m, m); NaN where a frame's conditions do not determine its plane at all."""
+    try:
+        return np.asarray(np.linalg.inv(system))
+    except np.linalg.LinAlgError:  # one singular frame would take all others with it
+        inverse = np.full_like(system, np.nan)
+        for frame, own in enumerate(system):
+            with suppress(np.linalg.LinAlgError):
+                inverse[frame] = np.linalg.inv(own)
+        return inverse
 
 
 def _shortened(plane: Floats, step: Floats, ray: Floats) -> Floats:

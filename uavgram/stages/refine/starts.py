@@ -9,6 +9,7 @@ from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import (
+    POOR,
     FirstValues,
     PlaneNetwork,
     align_in_plane,
@@ -31,6 +32,9 @@ from uavgram.model.survey.survey import Survey
 FAR_RAD, FAR_HEIGHT = 0.1, 0.15
 """Tilt, and share of the height, up to which the iterations reach a pose from the seed anyway."""
 
+MOST_OTHERS, MUCH_BETTER = 3, 0.5
+"""Frames to begin with where the first leads nowhere; share of its misfit that makes them count."""
+
 NO_GROUND = LeftOut(
     LeftOutCause.NO_GROUND, "its ray does not meet the ground in front of the camera"
 )
@@ -48,7 +52,7 @@ def first_values(survey: Survey) -> list[FirstValues]:
         return [from_telemetry(each, ray) for each in _with_seeds(survey)]
     counts = lines_per_frame(survey)
     candidates = _plausible(length_poses(survey), counts)
-    planes = {f: found.plane[0] for f, found in candidates.items()}
+    planes = {f: found.plane for f, found in candidates.items()}
     if survey.gauge == "world":
         return [_over_control(survey, ray, planes, poses) for poses in _choices(survey)]
     if not planes:
@@ -58,13 +62,41 @@ def first_values(survey: Survey) -> list[FirstValues]:
             "ends of more lines in one frame, tape a fourth, or give the log"
         )
     first = max(planes, key=lambda f: (counts[f], -f))
-    values = []
-    for plane in candidates[first].plane:
+    networks = _networks(survey, ray, planes, first)
+    least = min(network.misfit for network in networks)
+    if least > POOR:
+        # Its lengths may be explained by a false pose alone: another frame's say otherwise.
+        rest = sorted(planes.keys() - {first}, key=lambda f: (-counts[f], f))[:MOST_OTHERS]
+        others = [one for f in rest for one in _networks(survey, ray, planes, f)]
+        best = min(others, key=lambda network: network.misfit, default=None)
+        if best is not None and best.misfit < MUCH_BETTER * least:
+            networks.insert(0, best)
+    return [_at_gauge(network) for network in networks]
+
+
+def _networks(
+    survey: Survey, ray: Floats, planes: dict[int, Floats], first: int
+) -> list[PlaneNetwork]:
+    """All frames joined to one, for each plane (n, 3) that explains the lengths of that one.
+
+    Parameters
+    ----------
+    survey
+        Without telemetry.
+    ray
+        (P, 3) of its picks.
+    planes
+        Of every frame that has some, likeliest first.
+    first
+        The frame to begin with.
+    """
+    networks = []
+    for plane in planes[first]:
         network = PlaneNetwork(survey, ray)
         network.start(first, plane)
         network.grow(planes)
-        values.append(_at_gauge(network))
-    return values
+        networks.append(network)
+    return networks
 
 
 def _plausible(candidates: dict[int, LengthPoses], counts: Ints) -> dict[int, LengthPoses]:

@@ -1,0 +1,66 @@
+"""Poses over points of a plane: both of its tilts, and the best fit near one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from uavgram.estimation.first_poses.homography import (
+    Pose,
+    other_pose,
+    polished,
+    resect_from_plane,
+)
+from uavgram.model.arrays import Floats
+
+DOWN = np.diag([1.0, -1.0, -1.0])
+
+
+def seen_by(pose: Pose, point_m: Floats) -> Floats:
+    """(n, 3) rays, z = 1, to points (n, 2) of the plane z = 0."""
+    center, rotation = pose
+    seen = (np.column_stack([point_m, np.zeros(len(point_m))]) - center) @ rotation
+    return np.asarray(seen / seen[:, 2:])
+
+
+def made_up(seed: int, tilt_deg: float, spread_m: float) -> tuple[Pose, Floats]:
+    """A camera 36 m above the middle of five points, tilted about its own x."""
+    rng = np.random.default_rng(seed)
+    point = rng.uniform(-spread_m, spread_m, (5, 2))
+    rotation = DOWN @ Rotation.from_euler("x", tilt_deg, degrees=True).as_matrix()
+    sight = rotation[:, 2] / -rotation[2, 2] * 36.0
+    return (np.array([*point.mean(axis=0), 0.0]) - sight, rotation), point
+
+
+def test_the_other_pose_shows_points_alike_where_perspective_is_weak() -> None:
+    pose, point = made_up(0, 20.0, 0.05)
+    other = other_pose(pose, point)
+    np.testing.assert_allclose(seen_by(other, point), seen_by(pose, point), atol=2e-6)
+    np.testing.assert_allclose(other[1] @ other[1].T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(other[1]) == pytest.approx(1.0)
+    apart = Rotation.from_matrix(pose[1].T @ other[1]).magnitude()
+    assert np.rad2deg(apart) == pytest.approx(40.0, abs=0.01)  # twice the tilt to the sight
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_disturbed_pose_is_polished_back_to_the_truth(seed: int) -> None:
+    (center, rotation), point = made_up(seed, 25.0, 12.0)
+    ray = seen_by((center, rotation), point)
+    turned = rotation @ Rotation.from_rotvec([0.05, -0.04, 0.1]).as_matrix()
+    end = polished((center + [1.0, -2.0, 1.5], turned), point, ray)
+    assert end is not None
+    cost, (found, found_rotation) = end
+    assert cost < 1e-12
+    np.testing.assert_allclose(found, center, atol=1e-5)
+    np.testing.assert_allclose(found_rotation, rotation, atol=1e-6)
+
+
+def test_no_pose_below_the_ground_or_with_points_behind_it() -> None:
+    (center, rotation), point = made_up(1, 0.0, 12.0)
+    ray = seen_by((center, rotation), point)
+    assert polished((-center, rotation), point, ray) is None
+    assert polished((center, -DOWN), point, ray) is None
+    direct = resect_from_plane(point, ray)
+    assert direct is not None
+    np.testing.assert_allclose(direct[0], center, atol=1e-6)
