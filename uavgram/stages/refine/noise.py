@@ -225,7 +225,7 @@ def _fitted(
     adjustment
         About whose state the model is linear.
     few
-        Rows of observations that take no part.
+        Observations that stand out of all noise.
     first
         (C,) factors to start from.
     """
@@ -233,7 +233,7 @@ def _fitted(
     blocks = problem.evaluate(carried(adjustment, problem))
     assert blocks is not None  # noqa: S101  (the state is that of an adjusted survey)
     for name, one in few.items():
-        blocks[name] = _without(blocks[name], one.rows)
+        blocks[name] = _with_little_weight(blocks[name], one)
     begin = np.ones(len(model.components)) if first is None else first
     found = Linearised(blocks, layout.size, layout.structure).estimate(model.components, begin)
     # Unknowns with a prior add the logarithm of its sigma: with it, models of different unknowns
@@ -265,9 +265,11 @@ def _picks_alone(model: _Model, adjustment: Adjustment, first: Floats | None) ->
     return _Fitted(model, found, 0.0)
 
 
-def _without(block: Block, rows: Ints) -> Block:
-    left = np.setdiff1d(np.arange(len(block.residual)), rows)
-    return Block(block.residual[left], block.columns[left], block.jacobian[left])
+def _with_little_weight(block: Block, few: Outstanding) -> Block:
+    weight = np.ones(len(block.residual))
+    weight[few.rows] = 1.0 / few.errors
+    residual = block.residual * weight[:, None]
+    return Block(residual, block.columns, block.jacobian * weight[:, None, None])
 
 
 def _learnt(fitted: _Fitted, survey: Survey) -> Survey:
