@@ -38,11 +38,15 @@ def _ground(area: AreaNoise, *, several: bool) -> Iterator[Message]:
         "correlated": "in smooth rises and hollows",
     }[area.shape]
     text = (
-        f"{where} is not a plane: its points lie about {100 * size:.2g} cm off it, {shape}. The "
+        f"{where} is not a plane: its points lie about {_size(size)} off it, {shape}. The "
         "uncertainties contain that. Where they must be smaller: pick the points in more photos, "
         "or give other ground an area of its own."
     )
     yield Message("warning", "ground-not-plane", text)
+
+
+def _size(size_m: float) -> str:
+    return f"{size_m:.1f} m" if size_m >= 0.995 else f"{100 * size_m:.0f} cm"
 
 
 def _picks(picks: PickNoise) -> Iterator[Message]:
