@@ -56,7 +56,7 @@ from uavgram.stages.summarise import (
     summarise_shared,
     summarise_solution,
 )
-from uavgram.stages.tell import told
+from uavgram.stages.messages import in_order
 
 _GUESSED = (ASSUMED_CAMERA, UNKNOWN_CAMERA)
 PACKAGES = ("numpy", "scipy", "opencv-python-headless", "pymavlink", "pyproj", "rerun-sdk")
@@ -136,7 +136,7 @@ def compute(
         line_checks=judged.line_checks,
         checks_overall=judged.checks_overall,
         solution=summarise_solution(refined, judged.groups, measured.others),
-        messages=told(
+        messages=in_order(
             *inputs.messages,
             *duplicates.messages,
             *posed.messages,

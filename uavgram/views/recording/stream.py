@@ -47,8 +47,8 @@ def strict_rerun() -> Iterator[None]:
 def recording_id(result: Result) -> str:
     """The same for the same program, inputs and options: a rerun replaces the earlier review."""
     provenance = result.provenance
-    said = (provenance.program, provenance.version, provenance.inputs, provenance.options)
-    return hashlib.sha256(repr((result.name, *said)).encode()).hexdigest()[:32]
+    identity = (provenance.program, provenance.version, provenance.inputs, provenance.options)
+    return hashlib.sha256(repr((result.name, *identity)).encode()).hexdigest()[:32]
 
 
 @dataclass(frozen=True, eq=False)

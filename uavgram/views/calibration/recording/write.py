@@ -58,8 +58,8 @@ def write_calibration_recording(
 def _identity(account: CalibrationAccount) -> str:
     """The same for the same program, photos and options: a repetition replaces the review."""
     provenance = account.provenance
-    said = (
+    identity = (
         *(provenance.program, provenance.version, provenance.inputs, provenance.board),
         sorted(provenance.options.items()),
     )
-    return hashlib.sha256(repr(said).encode()).hexdigest()[:32]
+    return hashlib.sha256(repr(identity).encode()).hexdigest()[:32]
