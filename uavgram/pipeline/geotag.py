@@ -20,8 +20,8 @@ from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.products.geotags import geotag as make_tags
 from uavgram.stages.messages import in_order
+from uavgram.stages.products.geotags import geotag as make_tags
 
 FOLDER = "geotag"
 TAGGED = "tagged"

@@ -129,9 +129,9 @@ def _heights(
         recorder.rows(
             path,
             known,
-            lambda some: [
-                rr.Measurements.columns(values=height_m[some], variances=variance_m2[some])
-            ],
+            lambda some: rr.Measurements.columns(
+                values=height_m[some], variances=variance_m2[some]
+            ),
         )
 
 
