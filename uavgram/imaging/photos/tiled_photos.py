@@ -12,10 +12,10 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from uavgram.imaging.photos.cache import LruCache
+from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.photos.tiles import (
     FIRST_COARSE,
     Overview,
-    Pixels,
     fine_tile,
     overview_of,
     read_pixels,

@@ -17,7 +17,7 @@ from uavgram.estimation.calibration.problem import focal_and_center_prior
 from uavgram.imaging.photos.preview import Preview, preview_of
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.detect import detect_in_photos
-from uavgram.imaging.targets.found_preview import found_picture
+from uavgram.imaging.targets.draw_board import draw_board
 from uavgram.imaging.targets.observations import collect_observations
 from uavgram.imaging.targets.sighting import Sighting
 from uavgram.io.cameras.drone_table import drone_cameras
@@ -308,7 +308,7 @@ def _pictures(result: CalibrationResult, seen: _Seen) -> dict[str, bytes]:
             sigma_px=np.ones(len(corner)),
         )
         preview = seen.previews[name]
-        pictures[name] = found_picture(preview, result.board, photo, residual, factor)
+        pictures[name] = draw_board(preview, result.board, photo, residual, factor)
     return pictures
 
 
