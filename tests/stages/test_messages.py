@@ -44,10 +44,10 @@ def test_a_long_list_is_cut_in_the_sentence_and_whole_in_the_data() -> None:
 def test_the_cause_comes_first_its_consequences_last_and_errors_before_all() -> None:
     codes = ("frame-left-out", "group-misfit", "log-note", "pick-suspect", "labels-swapped")
     given = [Message("warning", code, code) for code in codes]
-    said = in_order(
+    messages = in_order(
         Message("info", "own-columns", "x"), *given, Message("error", "not-converged", "x")
     )
-    assert [m.code for m in said] == [
+    assert [m.code for m in messages] == [
         "not-converged",
         "labels-swapped",
         "pick-suspect",
@@ -59,6 +59,6 @@ def test_the_cause_comes_first_its_consequences_last_and_errors_before_all() -> 
 
 
 def test_the_same_message_is_told_once_and_telling_twice_changes_nothing() -> None:
-    said = in_order(left_out("a.jpg"), left_out("a.jpg"), left_out("b.jpg"))
-    assert len(said) == 1
-    assert in_order(*said) == said
+    messages = in_order(left_out("a.jpg"), left_out("a.jpg"), left_out("b.jpg"))
+    assert len(messages) == 1
+    assert in_order(*messages) == messages

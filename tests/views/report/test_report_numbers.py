@@ -27,7 +27,7 @@ AMOUNT = re.compile(
 
 
 @dataclass(frozen=True)
-class Said:
+class Outputs:
     """What results.json and the page say of one result."""
 
     file: dict
@@ -41,7 +41,7 @@ class Said:
         return found[0] if found else []
 
 
-def said(result, folder) -> Said:
+def outputs_of(result, folder) -> Outputs:
     write_results(result, folder / "results.json")
     tables: dict = {}
     head: tuple[str, ...] = ()
@@ -57,7 +57,7 @@ def said(result, folder) -> Said:
             else:
                 head = tuple(cell.replace("\xad", "") for cell in row)
                 tables[head] = []
-    return Said(json.loads((folder / "results.json").read_text(encoding="utf-8")), tables)
+    return Outputs(json.loads((folder / "results.json").read_text(encoding="utf-8")), tables)
 
 
 def agree(cells, *wanted) -> None:
@@ -70,14 +70,16 @@ def agree(cells, *wanted) -> None:
 
 
 @pytest.fixture(scope="module", params=["full", "shape only", "a real flight"])
-def both(request: pytest.FixtureRequest, survey, tmp_path_factory: pytest.TempPathFactory) -> Said:
+def both(
+    request: pytest.FixtureRequest, survey, tmp_path_factory: pytest.TempPathFactory
+) -> Outputs:
     tmp_path = tmp_path_factory.mktemp("results")
     if request.param == "full":
-        return said(full(survey.build()), tmp_path)
+        return outputs_of(full(survey.build()), tmp_path)
     if request.param == "shape only":
-        return said(survey.build(telemetry=False), tmp_path)
+        return outputs_of(survey.build(telemetry=False), tmp_path)
     project = request.getfixturevalue("data_dir") / "cuav" / "project.yaml"
-    return said(compute(read_inputs(project)).result, tmp_path)
+    return outputs_of(compute(read_inputs(project)).result, tmp_path)
 
 
 def test_measurements(both) -> None:
