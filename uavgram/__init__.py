@@ -30,8 +30,8 @@ _HOME = {
 
 
 def __dir__() -> list[str]:
-    """What the module has: names of the door too, which are loaded when they are asked for."""
-    return sorted({*globals(), *__all__})
+    """The public names, which are loaded when they are asked for."""
+    return sorted(__all__)
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401

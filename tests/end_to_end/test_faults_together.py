@@ -65,13 +65,13 @@ def faulty(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Faulty:
     return result, nonsense, swapped, labels, lines[0]["name"]
 
 
-def told(result: Result, code: str) -> list[str]:
+def texts_of(result: Result, code: str) -> list[str]:
     return [message.text for message in result.messages if message.code == code]
 
 
 def test_the_photo_of_nonsense_is_left_out_by_name(faulty: Faulty) -> None:
     result, nonsense, *_ = faulty
-    (text,) = told(result, "frame-left-out")
+    (text,) = texts_of(result, "frame-left-out")
     assert repr(nonsense) in text
 
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
+import inspect
+import pkgutil
 import subprocess
 import sys
 from pathlib import Path
@@ -38,7 +41,15 @@ def assert_same(one: object, other: object, where: str = "result") -> None:
 
 
 def test_the_module_shows_what_it_is_for() -> None:
-    assert {"run", "load_results", "Result", "UavgramError"} <= set(dir(uavgram))
+    assert set(dir(uavgram)) == {"run", "load_results", "Result", "UavgramError"}
+
+
+@pytest.mark.parametrize("name", ["calibrate", "refine", "seed", "simulate", "synchronise"])
+def test_a_stage_is_imported_from_the_package_of_its_name(name: str) -> None:
+    package = importlib.import_module(f"uavgram.stages.{name}")
+    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        importlib.import_module(module.name)  # a module of the same name would hide the function
+    assert inspect.isfunction(getattr(package, name))
 
 
 def test_loading_gives_the_object_that_run_returned(demo: Demo, tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ import pytest
 @pytest.mark.statistical
 @pytest.mark.parametrize("suffix", mutated_seeds.SUFFIXES)
 def test_damage_moves_no_seed_without_a_word(repository: Path, suffix: str) -> None:
-    told = mutated_seeds.examine(repository / "logs", suffix, range(60), seconds=3.0)
-    assert told["tried"] > 20
-    assert told["read"] > 0.8 * told["tried"]  # damage is survived, not just refused
-    assert told["crashed"] == []
-    assert told["silent"] == []
+    tally = mutated_seeds.examine(repository / "logs", suffix, range(60), seconds=3.0)
+    assert tally["tried"] > 20
+    assert tally["read"] > 0.8 * tally["tried"]  # damage is survived, not just refused
+    assert tally["crashed"] == []
+    assert tally["silent"] == []

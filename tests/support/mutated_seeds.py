@@ -49,7 +49,7 @@ sigma: [0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
 """
 
 
-class Told(TypedDict):
+class Tally(TypedDict):
     """How many mutants came to what; those that crashed, or moved a seed without a word."""
 
     tried: int
@@ -63,14 +63,14 @@ class Told(TypedDict):
 
 @dataclass(frozen=True)
 class Seen:
-    """Seeds of one log under both mounts, and what was said."""
+    """Seeds of one log under both mounts, and the texts of their messages."""
 
     frames: tuple[tuple[str, ...], ...]
     place: tuple[Floats, ...]
     center_m: tuple[Floats, ...]
     rotation: tuple[Floats, ...]
     sigma: tuple[Floats, ...]
-    said: frozenset[str]
+    texts: frozenset[str]
 
 
 def survey(folder: Path, suffix: str, data: bytes, times_utc_s: Floats) -> list[Inputs]:
@@ -95,11 +95,11 @@ def survey(folder: Path, suffix: str, data: bytes, times_utc_s: Floats) -> list[
 def seen(surveys: list[Inputs], path: Path) -> Seen:
     """Read a log and seed the photos from it, as the program does."""
     log = read_flight_log(path)
-    said = [m.text for m in log_messages(log)]
+    texts = [m.text for m in log_messages(log)]
     posed = [pose_frames(replace(inputs, log=log)) for inputs in surveys]
     poses = [p.telemetry.poses for p in posed if p.telemetry is not None]
     for p in posed:
-        said += [f"{m.code}: {m.text}" for m in p.messages if m.level != "info"]
+        texts += [f"{m.code}: {m.text}" for m in p.messages if m.level != "info"]
     place = []
     for p, found in zip(posed, poses, strict=True):
         assert p.world.origin is not None
@@ -110,7 +110,7 @@ def seen(surveys: list[Inputs], path: Path) -> Seen:
         center_m=tuple(p.center_world_m for p in poses),
         rotation=tuple(p.world_from_camera for p in poses),
         sigma=tuple(np.sqrt(np.diagonal(p.covariance, axis1=1, axis2=2)) for p in poses),
-        said=frozenset(said),
+        texts=frozenset(texts),
     )
 
 
@@ -149,10 +149,10 @@ def _from_origin(place: Floats, origin: Origin) -> Floats:
     return enu_from_geodetic(place[:, 0], place[:, 1], place[:, 2], origin)
 
 
-def examine(logs: Path, suffix: str, seeds: range, seconds: float = 1e9) -> Told:
+def examine(logs: Path, suffix: str, seeds: range, seconds: float = 1e9) -> Tally:
     """Read mutants of one form; what crashed, and what moved a seed without a word."""
     data = short_logs(logs)[suffix]
-    told: Told = {
+    tally: Tally = {
         "tried": 0,
         "read": 0,
         "refused": 0,
@@ -172,34 +172,34 @@ def examine(logs: Path, suffix: str, seeds: range, seconds: float = 1e9) -> Told
         for seed in seeds:
             if time.process_time() - started > seconds:
                 break
-            told["tried"] += 1
-            if told["tried"] % PROGRESS == 0:
-                sys.stderr.write(f"{suffix} {json.dumps(told)}\n")
+            tally["tried"] += 1
+            if tally["tried"] % PROGRESS == 0:
+                sys.stderr.write(f"{suffix} {json.dumps(tally)}\n")
             kind, damaged = mutant(suffix, data, seed)
             path.write_bytes(damaged)
-            _judge(told, f"{suffix} {seed} {kind}", base, surveys, path)
-    return told
+            _judge(tally, f"{suffix} {seed} {kind}", base, surveys, path)
+    return tally
 
 
-def _judge(told: Told, name: str, base: Seen, surveys: list[Inputs], path: Path) -> None:
+def _judge(tally: Tally, name: str, base: Seen, surveys: list[Inputs], path: Path) -> None:
     try:
         found = seen(surveys, path)
     except UavgramError:
-        told["refused"] += 1
+        tally["refused"] += 1
         return
     except Exception as error:  # noqa: BLE001 - whatever it is, it is the finding
         at = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{Path(at.filename).name}:{at.lineno}"
-        told["crashed"].append(f"{name}: {type(error).__name__} in {place}: {error}"[:300])
+        tally["crashed"].append(f"{name}: {type(error).__name__} in {place}: {error}"[:300])
         return
-    told["read"] += 1
-    new = found.said - base.said
-    told["warned"] += bool(new)
+    tally["read"] += 1
+    new = found.texts - base.texts
+    tally["warned"] += bool(new)
     worst, what = moved(base, found)
     if worst > LIMIT_SIGMAS:
-        told["moved"] += 1
+        tally["moved"] += 1
         if not new:
-            told["silent"].append(f"{name}: {what}")
+            tally["silent"].append(f"{name}: {what}")
             sys.stderr.write(f"{name}: {what}\n")
 
 
@@ -221,8 +221,8 @@ def main() -> None:
     for suffix in (given.only,) if given.only else SUFFIXES:
         count = given.count if given.only else given.count // len(SUFFIXES)
         seeds = range(given.first, given.first + count)
-        told = examine(given.logs, suffix, seeds, given.seconds)
-        sys.stdout.write(json.dumps({suffix: told}, indent=1) + "\n")
+        tally = examine(given.logs, suffix, seeds, given.seconds)
+        sys.stdout.write(json.dumps({suffix: tally}, indent=1) + "\n")
         sys.stdout.flush()
 
 

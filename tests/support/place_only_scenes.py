@@ -23,8 +23,8 @@ from uavgram.model.options import GroundOptions, MountOptions, TelemetryOptions
 from uavgram.model.survey.observations import KnownLines, Picks
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.assemble import Observations, assemble
+from uavgram.stages.seed import seed
 from uavgram.stages.seed.photo_exposures import place_photos
-from uavgram.stages.seed.seed import seed
 
 SIZE_PX = (2400, 1800)
 LENS = np.array([1700.0, 1702.0, 1198.0, 901.0, -0.02, 0.01, 2e-4, -1e-4, 0.0])

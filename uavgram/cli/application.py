@@ -20,6 +20,7 @@ def decimal(_type: object, tokens: Sequence[Token]) -> float:
 
 
 Decimal = Annotated[float, Parameter(converter=decimal)]
+Flag = Annotated[bool, Parameter(negative=())]
 Verbose = Annotated[bool, Parameter(name=["--verbose", "-v"], negative=())]
 Seed = Annotated[int, Parameter(validator=validators.Number(gte=0))]
 

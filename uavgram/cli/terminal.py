@@ -7,6 +7,7 @@ import logging
 import os
 import sys
 from collections.abc import Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from uavgram.errors import OutputError
@@ -40,6 +41,11 @@ def say(*lines: str) -> None:
             f"standard output takes no text ({fault.strerror}): what was asked for is done, only "
             "what there was to say of it is lost"
         ) from fault
+
+
+def say_written(folder: Path, files: Iterable[str]) -> None:
+    """Name the files that were written, below their folder."""
+    say("", f"written:   {folder}", *(f"           {file}" for file in files))
 
 
 def drop_output() -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from uavgram.imaging.photos.tiles import Pixels
+from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.gradient import gradient_corners
 from uavgram.imaging.targets.saddle import cut_windows

@@ -13,7 +13,7 @@ from uavgram.pipeline.measure.ground_below import has_place
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, read_inputs
 from uavgram.pipeline.measure.pose import Posed, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.tell import told
+from uavgram.stages.messages import in_order
 
 _MOST_COMPARED = 1_000_000
 """Pairs of names that are compared for a slip of the pen, 2 microseconds each."""
@@ -40,7 +40,9 @@ def check(project: str | os.PathLike[str]) -> Checked:
     inputs = read_inputs(Path(project), unpicked=True)
     posed = pose_frames(inputs)
     twice = duplicates_of(inputs).messages
-    messages = told(*inputs.messages, *twice, *posed.messages, *missing(inputs), *_unseen(inputs))
+    messages = in_order(
+        *inputs.messages, *twice, *posed.messages, *missing(inputs), *_unseen(inputs)
+    )
     return Checked(inputs=inputs, posed=posed, messages=messages)
 
 

@@ -32,8 +32,8 @@ from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.stages.messages import in_order
 from uavgram.stages.products.top_view import boxes, choose_view, lay_raster, reductions
-from uavgram.stages.tell import told
 
 PICTURE, SHEET, SIGMA = "rectified.tif", "rectified.png", "rectified_sigma.tif"
 SHEET_PX = 3000
@@ -117,7 +117,7 @@ def rectify(
         frames=view.frame_id,
         covered=float((picture[..., 3] > 0).mean()),
         sigma_m=_usual_and_large(sigma),
-        messages=told(*computed.result.messages, *_other_planes(view)),
+        messages=in_order(*computed.result.messages, *_other_planes(view)),
     )
 
 

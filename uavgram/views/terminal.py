@@ -81,8 +81,8 @@ def message_lines(messages: Sequence[Message], *, verbose: bool = True) -> list[
 
     Without `verbose`, nothing of what only says how the program came to its numbers.
     """
-    told = [m for m in messages if verbose or (m.level, m.code) not in DETAILS]
-    ordered = sorted(told, key=lambda message: LEVEL_RANK[message.level])
+    shown = [m for m in messages if verbose or (m.level, m.code) not in DETAILS]
+    ordered = sorted(shown, key=lambda message: LEVEL_RANK[message.level])
     return [f"{message.level}: {message.text}" for message in ordered]
 
 
@@ -140,8 +140,8 @@ def check_lines(
         size = f"{photos.width_px[i]:.0f} x {photos.height_px[i]:.0f}"
         instant = utc(float(frames.time_utc_s[i]))
         cells.append((name, size, instant, matched, *_event_cells(pairing, i)))
-    said = message_lines(messages)
-    return [*aligned(cells, right=(5,)).splitlines(), "", *said, "every input can be read"]
+    notes = message_lines(messages)
+    return [*aligned(cells, right=(5,)).splitlines(), "", *notes, "every input can be read"]
 
 
 def _event_cells(pairing: Pairing | None, row: int) -> tuple[str, str]:
@@ -161,5 +161,5 @@ def geotag_lines(tags: GeoTags, messages: Sequence[Message]) -> list[str]:
         sigmas = f"{tags.sigma_horizontal_m[k]:.2f} m, {tags.sigma_vertical_m[k]:.2f} m"
         place = (f"{tags.latitude_deg[k]:.7f}", f"{tags.longitude_deg[k]:.7f}")
         cells.append((name, tags.pose[k], *place, f"{tags.height_m[k]:.2f} m", sigmas))
-    said = message_lines(messages)
-    return [*aligned(cells, right=(2, 3, 4, 5)).splitlines(), "", f"heights are {datum}", *said]
+    notes = message_lines(messages)
+    return [*aligned(cells, right=(2, 3, 4, 5)).splitlines(), "", f"heights are {datum}", *notes]

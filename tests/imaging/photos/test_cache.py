@@ -111,7 +111,7 @@ def test_a_value_that_is_being_made_is_not_let_go() -> None:
         return key
 
     kept = LruCache(make, lambda _: 7, 10, expected_bytes=lambda _: 7)
-    kept.ahead(1)
+    kept.prefetch(1)
     kept.get(2)
     kept.get(3)
     go_on.set()
@@ -130,9 +130,9 @@ def test_a_value_that_is_made_ahead_is_there_when_it_is_asked_for() -> None:
         return key
 
     kept = LruCache(make, lambda _: 1, 10)
-    kept.ahead(1)
+    kept.prefetch(1)
     assert begun.wait(60)
-    kept.ahead(1)
+    kept.prefetch(1)
     go_on.set()
     assert kept.get(1) == 1
     assert made == [1]
@@ -148,7 +148,7 @@ def test_a_fault_met_ahead_is_told_when_the_value_is_asked_for() -> None:
             ended.set()
 
     kept = LruCache(make, lambda _: 1, 10)
-    kept.ahead(1)
+    kept.prefetch(1)
     assert ended.wait(60)
     with pytest.raises(InputError, match="is no photo"):
         kept.get(1)

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.imaging.photos.preview import jpeg_size
+from uavgram.imaging.photos.preview import jpeg_size, preview_of
 from uavgram.imaging.targets.draw_board import draw_board
 from uavgram.imaging.targets.observations import collect_observations
 from uavgram.imaging.targets.sighting import Sighting
 from uavgram.model.camera.board import Board, BoardObservations, LensSetting, flat_board
 from uavgram.model.message import Message
-from uavgram.stages.tell import told
+from uavgram.stages.messages import in_order
 
 SIZE_PX = (640, 480)
 
@@ -92,7 +92,7 @@ def test_cut_and_foreign_boards_are_said() -> None:
 def test_several_cut_boards_are_one_message_that_names_them_all() -> None:
     cut = [sighting(k, columns=7, rows=6) for k in (3, 4)]
     _, messages = collect([sighting(0), sighting(1), sighting(2), *cut])
-    (message,) = told(*messages)
+    (message,) = in_order(*messages)
     assert message.text.startswith("2 photos show a part of the board")
     assert message.files == ("3.jpg", "4.jpg")
 
@@ -116,7 +116,7 @@ def test_the_picture_of_a_photo_shows_marks_where_the_corners_are() -> None:
     observations, _ = collect([sighting(0), sighting(1), sighting(2)])
     photo, board = observations.photos[0], observations.board
     grey = np.full((480, 640), 100, np.uint8)
-    encoded = draw_board(grey, board, photo, max_width_px=320, residual_px=np.zeros((54, 2)))
+    encoded = draw_board(preview_of(grey, 320), board, photo, np.zeros((54, 2)))
     assert jpeg_size(encoded) == (320, 240)
     decoded = cv2.imdecode(np.frombuffer(encoded, np.uint8), cv2.IMREAD_COLOR)
     assert decoded is not None

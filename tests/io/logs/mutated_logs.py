@@ -31,7 +31,7 @@ Demand = tuple[str, ArrayLike]
 """What is asked of a log, and whether it is so, value by value."""
 
 
-class Told(TypedDict):
+class Tally(TypedDict):
     """What the process prints."""
 
     read: int
@@ -137,10 +137,10 @@ def peak_bytes() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
-def examine(source: str, suffix: str, first_seed: int, count: int) -> Told:
+def examine(source: str, suffix: str, first_seed: int, count: int) -> Tally:
     """Read `count` damaged forms of one log."""
     data = Path(source).read_bytes()
-    told = Told(read=0, refused=0, slowest_s=0.0, wrong=[], growth_bytes=0)
+    tally = Tally(read=0, refused=0, slowest_s=0.0, wrong=[], growth_bytes=0)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"log{suffix}"
         path.write_bytes(data)
@@ -151,17 +151,17 @@ def examine(source: str, suffix: str, first_seed: int, count: int) -> Told:
             start = time.perf_counter()
             try:
                 summary = summarise_log(read_flight_log(path, positions_needed=False))
-                told["read"] += 1
-                told["wrong"] += [f"seed {seed}: {w}" for w in check(summary)]
+                tally["read"] += 1
+                tally["wrong"] += [f"seed {seed}: {w}" for w in check(summary)]
             except UavgramError:
-                told["refused"] += 1
+                tally["refused"] += 1
             except Exception as error:  # noqa: BLE001 - whatever it is, it is the finding
                 at = traceback.extract_tb(error.__traceback__)[-1]
                 place = f"{Path(at.filename).name}:{at.lineno}"
-                told["wrong"].append(f"seed {seed}: {type(error).__name__} in {place}: {error}")
-            told["slowest_s"] = max(told["slowest_s"], time.perf_counter() - start)
-    told["growth_bytes"] = peak_bytes() - base
-    return told
+                tally["wrong"].append(f"seed {seed}: {type(error).__name__} in {place}: {error}")
+            tally["slowest_s"] = max(tally["slowest_s"], time.perf_counter() - start)
+    tally["growth_bytes"] = peak_bytes() - base
+    return tally
 
 
 if __name__ == "__main__":

@@ -58,7 +58,7 @@ class Working:
     def __init__(self, project: Path) -> None:
         inputs = read_inputs(project, unfinished=True)
         self.tables = Tables(inputs)
-        self.session = Session(state=self.tables.recovered() or self.tables._files)
+        self.session = Session(state=self.tables.recovered or self.tables._files)
 
     def do(self, command: Command, step: int = 0) -> None:
         self.session = apply(self.session, command, step)
@@ -211,7 +211,7 @@ def test_a_kill_between_two_tables_loses_and_doubles_nothing(
     assert again.save() == ""
     again.tables.close()
     last = Working(project)
-    assert last.tables.recovered() is None
+    assert last.tables.recovered is None
     assert last.session.state == work.session.state
     last.tables.close()
 
@@ -397,7 +397,7 @@ def test_a_journal_that_is_none_is_put_aside_and_said(
     with (tmp_path / "out" / JOURNAL).open("ab") as stream:
         stream.write(line)
     work = Working(project)
-    assert (work.tables.recovered() is not None) == taken
+    assert (work.tables.recovered is not None) == taken
     codes = [message.code for message in work.tables.messages]
     assert codes == ["pick-recovered" if taken else "pick-not-recovered"]
     assert len(list((tmp_path / "out").glob("pick-journal-*.jsonl"))) == (not taken)

@@ -267,7 +267,7 @@ def test_a_prior_says_what_was_learnt(data_dir: Path) -> None:
 def test_exif_is_compared_with_what_was_found() -> None:
     scene = scenes.make_scene(5)
 
-    def told(**changes: Sequence[object]) -> set[str]:
+    def codes_with(**changes: Sequence[object]) -> set[str]:
         setting: dict[str, Any] = {
             "camera": "DJI FC330",
             "focal_length_mm": 3.6,
@@ -283,14 +283,14 @@ def test_exif_is_compared_with_what_was_found() -> None:
         observations = BoardObservations(board=scene.observations.board, photos=tuple(photos))
         return codes(calibrate(observations, CalibrationOptions()))
 
-    assert not {"exif-focal", "two-cameras", "zoom-changed", "focus-changed"} & told()
-    assert "exif-focal" in told(focal_length_px=[500.0])
+    assert not {"exif-focal", "two-cameras", "zoom-changed", "focus-changed"} & codes_with()
+    assert "exif-focal" in codes_with(focal_length_px=[500.0])
     # 820 px of a diagonal of 1280: 27.7 mm of one of 43.3
-    assert "exif-focal" not in told(focal_length_px=[None], focal_length_35mm=[27.5])
-    assert "exif-focal" in told(focal_length_px=[None], focal_length_35mm=[20.0])
-    assert "two-cameras" in told(camera=["DJI FC330", "DJI FC220"])
-    assert "zoom-changed" in told(focal_length_mm=[3.6, 4.4])
-    assert "focus-changed" in told(focus_distance_m=[1.0, 3.0])
+    assert "exif-focal" not in codes_with(focal_length_px=[None], focal_length_35mm=[27.5])
+    assert "exif-focal" in codes_with(focal_length_px=[None], focal_length_35mm=[20.0])
+    assert "two-cameras" in codes_with(camera=["DJI FC330", "DJI FC220"])
+    assert "zoom-changed" in codes_with(focal_length_mm=[3.6, 4.4])
+    assert "focus-changed" in codes_with(focus_distance_m=[1.0, 3.0])
 
 
 def test_a_removed_photo_keeps_its_place_and_reason() -> None:

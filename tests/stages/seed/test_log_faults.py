@@ -17,11 +17,11 @@ from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import Boot, Track
 from uavgram.model.flight.second_opinions import FlightEvidence, LogFault
 from uavgram.model.options import MountOptions, TelemetryOptions
+from uavgram.stages.seed import seed
 from uavgram.stages.seed.fault_messages import fault_messages
 from uavgram.stages.seed.flight_evidence import gather_evidence
 from uavgram.stages.seed.freed_frames import freed_by
 from uavgram.stages.seed.log_faults import find_faults
-from uavgram.stages.seed.seed import seed
 from uavgram.stages.seed.track import build_track
 
 RATE_HZ, SPAN_S = 10.0, 60.0

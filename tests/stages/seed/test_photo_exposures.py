@@ -18,8 +18,8 @@ from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.photo_poses import PhotoExposures, PhotoPoses
 from uavgram.model.message import Message
 from uavgram.model.options import MountOptions, TelemetryOptions
+from uavgram.stages.seed import seed
 from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
-from uavgram.stages.seed.seed import seed
 
 ORIGIN = (46.84, -91.99, 160.0)
 # out north along one line, over to the next, back south along it

@@ -17,7 +17,7 @@ from uavgram.io.photos.catalogue import read_photos
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Track
 from uavgram.model.flight.telemetry import Telemetry
-from uavgram.stages.seed.seed import seed
+from uavgram.stages.seed import seed
 from uavgram.stages.seed.track import build_track, find_home
 from uavgram.stages.synchronise import synchronise
 

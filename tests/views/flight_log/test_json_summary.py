@@ -12,7 +12,7 @@ from uavgram.stages.log_summary import summarise_log
 from uavgram.views.flight_log.json_summary import log_summary_json
 
 
-def told_of(path: Path) -> dict[str, Any]:
+def summary_of(path: Path) -> dict[str, Any]:
     def refuse(constant: str) -> Never:
         raise AssertionError(f"{constant} is no JSON")
 
@@ -22,22 +22,22 @@ def told_of(path: Path) -> dict[str, Any]:
 
 
 def test_a_flight_is_told_truly(data_dir: Path) -> None:
-    told = told_of(data_dir / "wind_oblique" / "flight.BIN")
+    summary = summary_of(data_dir / "wind_oblique" / "flight.BIN")
     truth = json.loads((data_dir / "truth" / "wind_oblique.json").read_text())
-    (boot,) = told["boots"]
-    assert (told["kind"], told["vehicle"]) == ("dataflash", "ArduCopter")
+    (boot,) = summary["boots"]
+    assert (summary["kind"], summary["vehicle"]) == ("dataflash", "ArduCopter")
     assert boot["clock"]["boot_to_utc_s"] == pytest.approx(truth["boot_to_utc_s"], abs=1e-3)
     assert boot["events"]["unconfirmed_images"] == [17, 34, 51]
     assert boot["events"]["instant"] == "feedback"
     assert len(boot["events"]["time_utc_s"]) == 65
     assert boot["gimbal"] is None
-    assert {m["name"]: m["count"] for m in told["messages"]}["POS"] == 3721
+    assert {m["name"]: m["count"] for m in summary["messages"]}["POS"] == 3721
 
 
 def test_what_a_log_has_not_is_null(data_dir: Path) -> None:
-    told = told_of(data_dir / "logs" / "sample.ulg")
-    (boot,) = told["boots"]
-    assert boot["positions"] is boot["clock"] is boot["span_utc"] is told["undulation_m"] is None
+    summary = summary_of(data_dir / "logs" / "sample.ulg")
+    (boot,) = summary["boots"]
+    assert boot["positions"] is boot["clock"] is boot["span_utc"] is summary["undulation_m"] is None
     assert {m["code"] for m in boot["messages"]} == {"clock-missing", "position-missing"}
 
 
@@ -48,5 +48,5 @@ def test_the_path_over_ground_is_that_of_the_positions(data_dir: Path) -> None:
     positions = read_flight_log(path).boots[0].positions
     assert positions is not None
     expected = Geod(ellps="WGS84").line_length(positions.longitude_deg, positions.latitude_deg)
-    assert told_of(path)["boots"][0]["path_m"] == pytest.approx(expected, rel=1e-3)
+    assert summary_of(path)["boots"][0]["path_m"] == pytest.approx(expected, rel=1e-3)
     assert np.isfinite(expected)

@@ -32,7 +32,7 @@ AMOUNT = re.compile(
 
 
 @dataclass(frozen=True)
-class Said:
+class Outputs:
     """What results.json and the page say of one result."""
 
     file: dict[str, Any]
@@ -46,7 +46,7 @@ class Said:
         return found[0] if found else []
 
 
-def said(result: Result, folder: Path) -> Said:
+def outputs_of(result: Result, folder: Path) -> Outputs:
     write_results(result, folder / "results.json")
     tables: dict[tuple[str, ...], list[list[str]]] = {}
     head: tuple[str, ...] = ()
@@ -62,7 +62,7 @@ def said(result: Result, folder: Path) -> Said:
             else:
                 head = tuple(cell.replace("\xad", "") for cell in row)
                 tables[head] = []
-    return Said(json.loads((folder / "results.json").read_text(encoding="utf-8")), tables)
+    return Outputs(json.loads((folder / "results.json").read_text(encoding="utf-8")), tables)
 
 
 def agree(cells: Iterable[str], *wanted: float | None) -> None:
@@ -75,17 +75,17 @@ def agree(cells: Iterable[str], *wanted: float | None) -> None:
 
 
 @pytest.fixture(scope="module", params=["full", "shape only", "a real flight"])
-def both(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Said:
+def both(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Outputs:
     tmp_path = tmp_path_factory.mktemp("results")
     if request.param == "full":
-        return said(full(survey.build()), tmp_path)
+        return outputs_of(full(survey.build()), tmp_path)
     if request.param == "shape only":
-        return said(survey.build(telemetry=False), tmp_path)
+        return outputs_of(survey.build(telemetry=False), tmp_path)
     project = request.getfixturevalue("data_dir") / "cuav" / "project.yaml"
-    return said(compute(read_inputs(project)).result, tmp_path)
+    return outputs_of(compute(read_inputs(project)).result, tmp_path)
 
 
-def test_measurements(both: Said) -> None:
+def test_measurements(both: Outputs) -> None:
     rows = {row[0]: row for row in both.table("name", "kind")}
     sampled = both.file["monte_carlo"]
 
@@ -103,7 +103,7 @@ def test_measurements(both: Said) -> None:
             agree(cells[6:8], sampled["sigma"][i], *sampled["interval_95"][i])
 
 
-def test_error_budget(both: Said) -> None:
+def test_error_budget(both: Outputs) -> None:
     budget = both.file.get("error_budget")
     if budget is None:
         assert not both.table("name", "share of the variance")
@@ -124,7 +124,7 @@ def test_error_budget(both: Said) -> None:
         assert row[2] == max(share, key=lambda source: share[source])
 
 
-def test_known_lengths(both: Said) -> None:
+def test_known_lengths(both: Outputs) -> None:
     rows = {row[0]: row for row in both.table("name and ends")}
     lines = {
         f"{one['name']}{one['from']} – {one['to']}": one
@@ -148,7 +148,7 @@ def test_known_lengths(both: Said) -> None:
             agree([rows[name][7].partition(" in ")[0].rstrip("²")], one["external"])
 
 
-def test_checks(both: Said) -> None:
+def test_checks(both: Outputs) -> None:
     lengths = {row[0]: row for row in both.table("withheld length")}
     points = {row[0]: row for row in both.table("check point")}
     lines = {one["name"]: one for one in both.file["lines"]}
@@ -169,7 +169,7 @@ def test_checks(both: Said) -> None:
             agree(cells[1:5], *(line[k] for k in keys), one["error_m"], one["sigma_m"], one["z"])
 
 
-def test_points(both: Said) -> None:
+def test_points(both: Outputs) -> None:
     rows = {row[0]: row for row in both.table("label", "east, north, up [m]")}
     nowhere = both.file["world"]["gauge"] == "plane"
 
@@ -189,7 +189,7 @@ def test_points(both: Said) -> None:
         agree(cells[6:7], len(one["frames"]))
 
 
-def test_fit(both: Said) -> None:
+def test_fit(both: Outputs) -> None:
     solution = both.file["solution"]
     rows = both.table("observations", "how many")
 
@@ -199,7 +199,7 @@ def test_fit(both: Said) -> None:
         agree(row[1:4], group["observations"], group["redundancy"], group["variance_factor"])
 
 
-def test_alternatives(both: Said) -> None:
+def test_alternatives(both: Outputs) -> None:
     rows = both.table("name", "in this result")
     measured = {one["name"]: i for i, one in enumerate(both.file["measurements"])}
 
@@ -213,7 +213,7 @@ def test_alternatives(both: Said) -> None:
         agree(row[1:5], here, there, there - here, abs(there - here) / sigma)
 
 
-def test_areas_and_camera(both: Said) -> None:
+def test_areas_and_camera(both: Outputs) -> None:
     areas = both.table("area", "height [m]")
     lens = both.file["shared"]["intrinsics"]
 
@@ -228,7 +228,7 @@ def test_areas_and_camera(both: Said) -> None:
         agree(row[1:5], *(lens[key][k] for key in keys))
 
 
-def test_photos(both: Said) -> None:
+def test_photos(both: Outputs) -> None:
     rows = {row[0]: row for row in both.table("photo", "exposure (UTC)")}
     counts = Counter(one["image"] for one in both.file["picks"])
 
@@ -244,7 +244,7 @@ def test_photos(both: Said) -> None:
         agree(cells[4:7], height, sigma[:3].max(), np.degrees(sigma[3:].max()))
 
 
-def test_what_was_found_along(both: Said) -> None:
+def test_what_was_found_along(both: Outputs) -> None:
     rows = {
         cells[0]: cells[1]
         for head, found in both.tables.items()
@@ -272,7 +272,7 @@ def test_what_was_found_along(both: Said) -> None:
             agree([rows[name]], *np.stack([values, sigmas], axis=1).ravel())
 
 
-def test_undetected_errors(both: Said) -> None:
+def test_undetected_errors(both: Outputs) -> None:
     rows = {row[0]: row for row in both.table("name", "weakest link")}
     links = {one["name"]: one["weakest"] for one in both.file["measurements"] if "weakest" in one}
 
@@ -285,7 +285,7 @@ def test_undetected_errors(both: Said) -> None:
         agree([found["change"]], abs(link["change"]))
 
 
-def test_priors(both: Said) -> None:
+def test_priors(both: Outputs) -> None:
     priors = both.file.get("priors") or []
     rows = both.table("what", "photo", "moved by [its sigmas]")
     worst = sorted(priors, key=lambda one: -abs(one["w"] or 0.0))[: len(rows)]
@@ -299,7 +299,7 @@ def test_priors(both: Said) -> None:
             agree([row[6].partition(" in ")[0].rstrip("²")], one["external"])
 
 
-def test_picks_that_do_not_fit(both: Said) -> None:
+def test_picks_that_do_not_fit(both: Outputs) -> None:
     rows = {(row[0], row[1]): row for row in both.table("point", "photo")}
     bad = [one for one in both.file["picks"] if one["status"] in ("suspect", "removed")]
 
@@ -309,7 +309,7 @@ def test_picks_that_do_not_fit(both: Said) -> None:
         agree(cells[2:5], *one["residual_px"], one["w"], one["redundancy"])
 
 
-def test_inputs(both: Said) -> None:
+def test_inputs(both: Outputs) -> None:
     rows = both.table("input", "bytes")
 
     assert {row[0]: row[1:] for row in rows} == {

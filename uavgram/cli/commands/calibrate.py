@@ -7,11 +7,10 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter, validators
 
-from uavgram.cli.application import DONE, Decimal, app
-from uavgram.cli.terminal import progress, say
+from uavgram.cli.application import DONE, Decimal, Flag, app
+from uavgram.cli.terminal import progress, say, say_written
 from uavgram.errors import InputError
 
-Switch = Annotated[bool, Parameter(negative=())]
 Model = Literal["brown", "fisheye"]
 Coefficients = Literal["auto", "3", "4", "5", "8"]
 Share = Annotated[Decimal, Parameter(validator=validators.Number(gt=0, lt=1))]
@@ -27,8 +26,8 @@ def calibrate(  # noqa: PLR0913  (one for each option)
     name: str | None = None,
     model: Model = "brown",
     coefficients: Coefficients = "auto",
-    fix_aspect: Switch = False,
-    fix_principal_point: Switch = False,
+    fix_aspect: Flag = False,
+    fix_principal_point: Flag = False,
     bow: Literal["flat", "bowl", "paraboloid"] = "flat",
     prior: Literal["none", "exif"] = "none",
     outliers: Literal["report", "remove"] = "report",
@@ -82,8 +81,8 @@ def calibrate(  # noqa: PLR0913  (one for each option)
     )
     folder = Path(FOLDER) if output is None else output
     done = make(images, board, folder, options, prior=prior, name=name, progress=progress())
-    say(*calibration_lines(done.account), "", f"written:   {done.folder}")
-    say(*(f"           {file}" for file in done.files))
+    say(*calibration_lines(done.account))
+    say_written(done.folder, done.files)
     return DONE
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from uavgram.cli.application import DONE, app
-from uavgram.cli.terminal import progress, say
+from uavgram.cli.terminal import progress, say, say_written
 
 
 @app.command
@@ -36,6 +36,6 @@ def geotag(
     from uavgram.views.terminal import geotag_lines
 
     done = write_tags(project, output, poses, exif=exif, progress=progress())
-    say(*geotag_lines(done.tags, done.messages), "", f"written:   {done.folder}")
-    say(*(f"           {name}" for name in done.files))
+    say(*geotag_lines(done.tags, done.messages))
+    say_written(done.folder, done.files)
     return DONE

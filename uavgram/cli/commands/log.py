@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from uavgram.cli.application import DONE, app
+from uavgram.cli.application import DONE, Flag, app
 from uavgram.cli.terminal import say
 
 
@@ -16,7 +13,7 @@ def show_log(
     file: Path,
     /,
     *,
-    json: Annotated[bool, Parameter(negative=())] = False,
+    json: Flag = False,
     plot: Path | None = None,
 ) -> int:
     """Say what is in a flight log: span, vehicle, boots, messages, clock, camera events.

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter, validators
 
-from uavgram.cli.application import DONE, Decimal, app
+from uavgram.cli.application import DONE, Decimal, Flag, app
 from uavgram.cli.terminal import say
 from uavgram.errors import InputError
 
@@ -26,7 +26,7 @@ def import_(
     control: Path | None = None,
     control_sigma_m: Sigma = None,
     control_sigma_up_m: Sigma = None,
-    sigma_columns: Annotated[bool, Parameter(negative=())] = False,
+    sigma_columns: Flag = False,
     check: str = "",
     check_file: Path | None = None,
 ) -> int:

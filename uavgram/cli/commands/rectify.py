@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter, validators
 
 from uavgram.cli.application import DONE, Decimal, app
-from uavgram.cli.terminal import progress, say
+from uavgram.cli.terminal import progress, say, say_written
 
 
 @app.command
@@ -46,8 +46,6 @@ def rectify(
         f"{raster.pixel_m:g} m, {done.covered:.0%} covered",
         f"coordinates: {raster.crs or 'local metres; north is arbitrary'}",
         f"sigma of a place in it: {done.sigma_m[0]:.3f} m (95 % below {done.sigma_m[1]:.3f} m)",
-        "",
-        f"written:   {done.folder}",
-        *(f"           {name}" for name in (PICTURE, SHEET, SIGMA)),
     )
+    say_written(done.folder, (PICTURE, SHEET, SIGMA))
     return DONE

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter, validators
 
-from uavgram.cli.application import DONE, Seed, Verbose, app
+from uavgram.cli.application import DONE, Flag, Seed, Verbose, app
 from uavgram.cli.terminal import log_to_stderr, progress, say
 
 TABLE_ROWS = 40
@@ -26,7 +26,7 @@ def run(
     monte_carlo: Samples | None = None,
     seed: Seed = 0,
     rows: Rows = TABLE_ROWS,
-    view: Annotated[bool, Parameter(negative=())] = False,
+    view: Flag = False,
     verbose: Verbose = False,
 ) -> int:
     """Measure: read the project, adjust, and write all outputs.

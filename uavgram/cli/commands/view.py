@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from uavgram.cli.application import DONE, app
+from uavgram.cli.application import DONE, Flag, app
 from uavgram.cli.terminal import say
 
 
 @app.command
-def view(recording: Path, /, *, web: Annotated[bool, Parameter(negative=())] = False) -> int:
+def view(recording: Path, /, *, web: Flag = False) -> int:
     """Open a recording in the Rerun viewer.
 
     Parameters

@@ -13,6 +13,7 @@ from uavgram.estimation.calibration.normals import (
     departure,
     invert_border,
     prior_normal,
+    unit_diagonal,
 )
 from uavgram.estimation.calibration.problem import POSE, Corners, Lens, Linear, State, linearise
 from uavgram.model.arrays import Floats
@@ -167,9 +168,7 @@ def fit_poses(lens: Lens, corners: Corners, start: State) -> tuple[State, Floats
     for _ in range(MAX_ITERATIONS):
         normal = np.swapaxes(linear.pose, 1, 2) @ linear.pose
         gradient = np.einsum("mri,mr->mi", linear.pose, linear.residual)
-        diagonal = np.einsum("mii->mi", normal)
-        scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-        scaled = normal / (scale[:, :, None] * scale[:, None, :])
+        scaled, scale = unit_diagonal(normal)
         scaled += damping[:, None, None] * np.eye(POSE)
         step = -np.linalg.solve(scaled, (gradient / scale)[..., None])[..., 0] / scale
         # Newton's decrement: at rest where the step would change nothing to speak of.
@@ -195,9 +194,7 @@ def fit_poses(lens: Lens, corners: Corners, start: State) -> tuple[State, Floats
 
 def _rank(normal: Floats) -> int:
     """Rank of a normal matrix, whatever its units."""
-    diagonal = np.diag(normal)
-    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    return int(np.linalg.matrix_rank(normal / np.outer(scale, scale)))
+    return int(np.linalg.matrix_rank(unit_diagonal(normal)[0]))
 
 
 def _cost(lens: Lens, linear: Linear, state: State) -> float:

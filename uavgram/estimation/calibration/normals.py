@@ -98,9 +98,7 @@ class Products:
         reduced = self.border_gradient - np.einsum("mij,mi->j", self.cross, own)
         border = np.zeros(len(reduced))
         if len(reduced):
-            diagonal = np.diag(normals.border)
-            scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-            scaled = normals.border / np.outer(scale, scale)
+            scaled, scale = unit_diagonal(normals.border)
             border = -np.linalg.lstsq(scaled, reduced / scale, rcond=None)[0] / scale
         pose = -own - np.einsum("mij,j->mi", normals.gain, border)
         return border, pose, self._predicted(border, pose)
@@ -115,12 +113,17 @@ class Products:
         return -float(linear + square)
 
 
+def unit_diagonal(normal: Floats) -> tuple[Floats, Floats]:
+    """Normal matrices (..., q, q) with unit diagonals, and the (..., q) units that give them."""
+    diagonal = np.einsum("...ii->...i", normal)
+    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    return normal / (scale[..., :, None] * scale[..., None, :]), scale
+
+
 def _invert_poses(normal: Floats, damping: float) -> Floats:
     """(M, 6, 6) inverses; zero for a photo without corners, which says nothing of its pose."""
-    diagonal = np.einsum("mii->mi", normal)
-    empty = ~(diagonal > 0).all(axis=1)
-    scale = np.sqrt(np.where(empty[:, None], 1.0, diagonal))
-    scaled = normal / (scale[:, :, None] * scale[:, None, :])
+    empty = ~(np.einsum("mii->mi", normal) > 0).all(axis=1)
+    scaled, scale = unit_diagonal(normal)
     scaled += damping * np.eye(POSE)
     scaled[empty] = np.eye(POSE)
     inverse = np.linalg.inv(scaled) / (scale[:, :, None] * scale[:, None, :])
@@ -132,9 +135,8 @@ def invert_border(normal: Floats, lens: Lens) -> Floats:
     """Covariance of the border, or an error that names what is not determined."""
     if not len(normal):
         return normal
-    diagonal = np.diag(normal)
-    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
+    scaled, scale = unit_diagonal(normal)
+    values, vectors = np.linalg.eigh(scaled)
     if values[0] < SINGULAR:
         unknown = int(np.argmax(np.abs(vectors[:, 0])))
         raise UndeterminedError(

@@ -1,7 +1,7 @@
 """Whether photos of one board are of two cameras: the split in two groups that fits best.
 
 Each photo wants a camera of its own: to first order it says so by its gradient and its share of
-the reduced normal equations. Two cameras make two clusters of these wishes, far apart against the
+the reduced normal equations. Two cameras make two clusters of these cameras, far apart against the
 scatter within them; a bent board, a moving camera or a poor lens model scatter them about one.
 """
 
@@ -19,7 +19,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 FEWEST = 3
 """Photos of a group: fewer are judged as photos that do not fit the others."""
 
-_DIRECTIONS = 4  # in which the wishes scatter most, for first groups
+_DIRECTIONS = 4  # in which the photos' cameras scatter most, for first groups
 _DRAWS = 12  # further first groups, at random
 _ROUNDS = 50
 _SINGULAR = 1e-12
@@ -46,7 +46,7 @@ class Split(NamedTuple):
     decision: float
 
 
-class _Wishes(NamedTuple):
+class _NormalEquations(NamedTuple):
     """Cost of photo i of a change d of the camera: 2 gradient[i] d + d normal[i] d; of a prior."""
 
     normal: Floats  # (M, q, q)
@@ -78,16 +78,16 @@ def best_split(fit: Fit) -> Split | None:
     Split or None
         None where there are too few photos.
     """
-    wishes = _wishes(fit)
+    equations = _normal_equations(fit)
     best, most = None, 0.0
-    for first in _first_groups(wishes):
-        group, gain = _settled(wishes, first)
+    for first in _first_groups(equations):
+        group, gain = _settled(equations, first)
         if gain > most:
             best, most = group, gain
-    return None if best is None else _judged(fit, wishes, best, most)
+    return None if best is None else _judged(fit, equations, best, most)
 
 
-def _wishes(fit: Fit) -> _Wishes:
+def _normal_equations(fit: Fit) -> _NormalEquations:
     """Of the camera alone, in units in which the joint normal matrix has a unit diagonal."""
     free = fit.lens.basis.shape[1]
     gradient = np.einsum("mri,mr->mi", reduced_border(fit), fit.linear.residual)[:, :free]
@@ -95,7 +95,7 @@ def _wishes(fit: Fit) -> _Wishes:
     prior = prior_normal(fit.lens)[:free, :free]
     scale = np.sqrt(np.diag(normal.sum(axis=0) + prior))
     gradient = gradient / scale
-    return _Wishes(
+    return _NormalEquations(
         normal / np.outer(scale, scale),
         gradient,
         prior / np.outer(scale, scale),
@@ -103,13 +103,13 @@ def _wishes(fit: Fit) -> _Wishes:
     )
 
 
-def _first_groups(wishes: _Wishes) -> list[Bools]:
+def _first_groups(equations: _NormalEquations) -> list[Bools]:
     """Groups (M,) to start from: along the directions of most scatter, by order, by chance."""
-    photos = len(wishes.gradient)
+    photos = len(equations.gradient)
     if photos < 2 * FEWEST:
         return []
-    values, vectors = np.linalg.eigh(wishes.normal.sum(axis=0) + wishes.prior_normal)
-    white = wishes.gradient @ (vectors / np.sqrt(np.maximum(values, _SINGULAR)))
+    values, vectors = np.linalg.eigh(equations.normal.sum(axis=0) + equations.prior_normal)
+    white = equations.gradient @ (vectors / np.sqrt(np.maximum(values, _SINGULAR)))
     along = np.linalg.svd(white - white.mean(axis=0), full_matrices=False)[2][:_DIRECTIONS]
     place = white @ along.T
     ascending = np.sort(place, axis=0)
@@ -127,45 +127,49 @@ def _first_groups(wishes: _Wishes) -> list[Bools]:
     ]
 
 
-def _settled(wishes: _Wishes, second: Bools) -> tuple[Ints, float]:
+def _settled(equations: _NormalEquations, second: Bools) -> tuple[Ints, float]:
     """Groups in which each photo prefers its own camera, and the fall of the cost; 0 if none."""
     group = second.astype(np.int64)
     for _ in range(_ROUNDS):
         members = group == np.array([[0], [1]])
         if members.sum(axis=1).min() < FEWEST:
             return group, 0.0
-        cameras = wishes.camera(members)
-        cost = np.stack([wishes.cost(camera) for camera in cameras])
+        cameras = equations.camera(members)
+        cost = np.stack([equations.cost(camera) for camera in cameras])
         new = np.argmin(cost, axis=0)
         if np.array_equal(new, group):
-            prior = 2 * cameras @ wishes.prior_gradient + np.einsum(
-                "ki,ij,kj->k", cameras, wishes.prior_normal, cameras
+            prior = 2 * cameras @ equations.prior_gradient + np.einsum(
+                "ki,ij,kj->k", cameras, equations.prior_normal, cameras
             )
             return group, -float(cost.min(axis=0).sum() + prior.sum())
         group = new
     return group, 0.0
 
 
-def _judged(fit: Fit, wishes: _Wishes, group: Ints, gain: float) -> Split:
+def _judged(fit: Fit, equations: _NormalEquations, group: Ints, gain: float) -> Split:
     """How far apart the groups are, and how sure each photo is of its own."""
-    photos, q = wishes.gradient.shape
+    photos, q = equations.gradient.shape
     own = group == group[:, None]  # (M, M) the photos of each one's group
-    mine = wishes.camera(own)
-    others = wishes.camera(~own)
-    rest = np.einsum("nm,mij->nij", own, wishes.normal) - wishes.normal + wishes.prior_normal
-    whole = np.linalg.pinv(rest + wishes.normal, rcond=_SINGULAR, hermitian=True)
+    mine = equations.camera(own)
+    others = equations.camera(~own)
+    rest = (
+        np.einsum("nm,mij->nij", own, equations.normal) - equations.normal + equations.prior_normal
+    )
+    whole = np.linalg.pinv(rest + equations.normal, rcond=_SINGULAR, hermitian=True)
     rest = np.linalg.pinv(rest, rcond=_SINGULAR, hermitian=True)
-    left = wishes.gradient + np.einsum("mij,mj->mi", wishes.normal, mine)
+    left = equations.gradient + np.einsum("mij,mj->mi", equations.normal, mine)
     moved = np.einsum("mij,mj->mi", rest, left)
-    # The scatter of the wishes within the groups, as `photo_effect` has it for one group.
-    scatter = np.sum(left * moved) / np.einsum("mij,mji->", wishes.normal, whole)
+    # The scatter of the cameras within the groups, as `photo_effect` has it for one group.
+    scatter = np.sum(left * moved) / np.einsum("mij,mji->", equations.normal, whole)
     noise = (fit.corner_cost - gain) / max(fit.corner_redundancy - q, 1.0)
     without = mine + moved
     apart = others - without
-    length = np.einsum("mi,mij,mj->m", apart, wishes.normal, apart)
-    says = (wishes.cost(others) - wishes.cost(without)) / np.maximum(length, np.finfo(float).tiny)
+    length = np.einsum("mi,mij,mj->m", apart, equations.normal, apart)
+    lead = (equations.cost(others) - equations.cost(without)) / np.maximum(
+        length, np.finfo(float).tiny
+    )
     return Split(
         group=group if group[0] == 0 else 1 - group,
         distance=float(gain / q / max(scatter, noise) / photos),
-        decision=float(says.min()),
+        decision=float(lead.min()),
     )

@@ -133,7 +133,7 @@ def _laid(
     waiting = [int(f) for f in frames if not laying.there[f]]
     cost = 0.0
     while waiting:
-        frame = max(waiting, key=laying.told)
+        frame = max(waiting, key=laying.heading_information)
         cost += laying.settle(frame)
         waiting.remove(frame)
     return cost, laying
@@ -163,7 +163,7 @@ class _Laying:
         none = np.zeros(count, dtype=np.bool_)
         return cls(plan, picks, np.zeros(count), np.zeros((count, 2)), none, total, weight)
 
-    def told(self, frame: int) -> float:
+    def heading_information(self, frame: int) -> float:
         """How well the points already there tell a photo's heading."""
         picks = self.picks[frame]
         weight = np.where(self.weight[self.plan.label[picks]] > 0, 1.0, 0.0)

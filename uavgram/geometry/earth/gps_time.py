@@ -68,5 +68,5 @@ def utc_from_gps(week: ArrayLike, milliseconds: ArrayLike) -> Floats:
         + np.asarray(week, np.float64) * SECONDS_PER_WEEK
         + np.asarray(milliseconds, np.float64) * 1e-3
     )
-    ahead = np.searchsorted(_LEAP_GPS_S, gps_s, side="right")
-    return np.asarray(gps_s - ahead, np.float64)
+    leaps = np.searchsorted(_LEAP_GPS_S, gps_s, side="right")
+    return np.asarray(gps_s - leaps, np.float64)

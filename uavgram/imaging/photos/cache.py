@@ -61,11 +61,11 @@ class LruCache(Generic[Key, Value]):
             self._fill(key, future)
         return future.result()
 
-    def ahead(self, key: Key) -> None:
+    def prefetch(self, key: Key) -> None:
         """Begin to make a value that will be asked for."""
         future, mine = self._asked(key)
         if mine:
-            threading.Thread(target=self._fill_ahead, args=(key, future), daemon=True).start()
+            threading.Thread(target=self._prefetch, args=(key, future), daemon=True).start()
 
     def hold(self, keys: Collection[Key]) -> None:
         """Let none of these go, whatever they take, until others are held.
@@ -102,8 +102,8 @@ class LruCache(Generic[Key, Value]):
         with self._lock:
             self._trim()
 
-    def _fill_ahead(self, key: Key, future: Future[Value]) -> None:
-        with suppress(UavgramError):  # it is made again when it is asked for, and told then
+    def _prefetch(self, key: Key, future: Future[Value]) -> None:
+        with suppress(UavgramError):  # it is made again when it is asked for, and raised then
             self._fill(key, future)
 
     def _trim(self) -> None:

@@ -106,10 +106,30 @@ def read_reduced(path: str | os.PathLike[str], choose: Callable[[int], int]) -> 
         raise InputError(path, f"cannot be read: {error.strerror}") from error
     size = jpeg_size(encoded)
     reduction = choose(size[0]) if size else 1
-    pixels = _decode(encoded, _REDUCED[reduction] | cv2.IMREAD_IGNORE_ORIENTATION)
+    return decoded(path, encoded, _REDUCED[reduction]), reduction
+
+
+def decoded(path: str | os.PathLike[str], encoded: bytes, flags: int) -> Pixels:
+    """Pixels of a photo's content as stored; EXIF rotation is not applied.
+
+    Parameters
+    ----------
+    path
+        Names the photo in the error.
+    encoded
+        Content of the file.
+    flags
+        Of OpenCV: grey or colour, and by how much it is reduced.
+
+    Raises
+    ------
+    InputError
+        It is no photo.
+    """
+    pixels = _decode(encoded, flags | cv2.IMREAD_IGNORE_ORIENTATION)
     if pixels is None:
         raise InputError(path, "is no photo that can be decoded; replace it or leave it out")
-    return pixels, reduction
+    return pixels
 
 
 def preview_of(pixels: Pixels, max_width_px: int = MAX_WIDTH_PX) -> Preview:

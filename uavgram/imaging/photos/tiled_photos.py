@@ -12,10 +12,10 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from uavgram.imaging.photos.cache import LruCache
+from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.photos.tiles import (
     FIRST_COARSE,
     Overview,
-    Pixels,
     fine_tile,
     overview_of,
     read_pixels,
@@ -65,18 +65,18 @@ class TiledPhotos:
             OVERVIEWS_BYTES,
         )
         self._shown: dict[str, tuple[float, frozenset[int]]] = {}
-        self._telling = threading.Lock()
+        self._lock = threading.Lock()
 
     def show(self, page: str, photos: Collection[int]) -> None:
         """Know what a page shows side by side: that stays decoded, whatever it takes.
 
-        Pages that said nothing for `IN_USE_S` are taken to be closed.
+        Pages that sent nothing for `IN_USE_S` are taken to be closed.
         """
         now = time.monotonic()
-        with self._telling:
+        with self._lock:
             self._shown[page] = now, frozenset(photos)
             self._shown = {
-                name: told for name, told in self._shown.items() if told[0] >= now - IN_USE_S
+                name: look for name, look in self._shown.items() if look[0] >= now - IN_USE_S
             }
             held = frozenset[int]().union(*(shown for _, shown in self._shown.values()))
             self._pixels.hold(held)
@@ -114,12 +114,12 @@ class TiledPhotos:
         if level < FIRST_COARSE:
             return fine_tile(self._pixels.get(photo), level, column, row)
         overview = self._overviews.get(photo)
-        self._pixels.ahead(photo)  # who looks at the whole will look closer
+        self._pixels.prefetch(photo)  # who looks at the whole will look closer
         return overview.tile(level, column, row)
 
     def read_ahead(self, photo: int) -> None:
         """Begin to decode and reduce a photo that will be looked at."""
-        self._overviews.ahead(photo)
+        self._overviews.prefetch(photo)
 
     def _decode(self, photo: int) -> Pixels:
         file = self._files[photo]

@@ -9,15 +9,11 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from uavgram.errors import InputError
-
-Pixels = NDArray[np.uint8]
+from uavgram.imaging.photos.preview import Pixels, read_reduced
 
 TILE_PX = 512
 TILE_QUALITY = 95
@@ -129,24 +125,10 @@ def read_pixels(path: str | os.PathLike[str], size_px: tuple[int, int] | None = 
     InputError
         The file cannot be read, or is no photo.
     """
-    decoded = None
+    pixels = None
     if size_px is not None and os.access(path, os.R_OK):
-        decoded = _decoded_into(path, *size_px)
-    return _decoded(path) if decoded is None else decoded
-
-
-def _decoded(path: str | os.PathLike[str]) -> Pixels:
-    try:
-        encoded = np.fromfile(Path(path), np.uint8)
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    try:
-        pixels = cv2.imdecode(encoded, _AS_STORED)
-    except cv2.error:  # an empty file, or a header with absurd sizes
-        pixels = None
-    if pixels is None:
-        raise InputError(path, "is no photo that can be decoded; replace it or leave it out")
-    return np.asarray(pixels, dtype=np.uint8)
+        pixels = _decoded_into(path, *size_px)
+    return read_reduced(path, lambda _: 1)[0] if pixels is None else pixels
 
 
 def _decoded_into(path: str | os.PathLike[str], width: int, height: int) -> Pixels | None:
@@ -196,13 +178,15 @@ def reduced(pixels: Pixels, level: int) -> Pixels:
 
 def half(pixels: Pixels) -> Pixels:
     """Means of 2 x 2 pixels, odd edges repeated."""
-    height, width = pixels.shape[:2]
-    even = pixels
-    if height % 2 or width % 2:
-        even = np.asarray(
-            cv2.copyMakeBorder(pixels, 0, height % 2, 0, width % 2, cv2.BORDER_REPLICATE),
-            dtype=np.uint8,
-        )
-    size = ((width + 1) // 2, (height + 1) // 2)
+    even = evened(pixels)
+    size = even.shape[1] // 2, even.shape[0] // 2
     # INTER_AREA at exactly one half is the mean of 2 x 2 pixels, rounded.
     return np.asarray(cv2.resize(even, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def evened(pixels: Pixels) -> Pixels:
+    """With the last row and column once more where the height or the width is odd."""
+    down, right = pixels.shape[0] % 2, pixels.shape[1] % 2
+    if not (down or right):
+        return pixels
+    return np.asarray(cv2.copyMakeBorder(pixels, 0, down, 0, right, cv2.BORDER_REPLICATE), np.uint8)

@@ -7,7 +7,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from uavgram.imaging.photos.preview import JPEG_QUALITY, MAX_WIDTH_PX
+from uavgram.imaging.photos.preview import JPEG_QUALITY, Preview, decode_preview
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import Board, BoardPhoto
@@ -19,37 +19,30 @@ _ARROW = (220, 60, 220)
 
 
 def draw_board(
-    image: Image,
+    preview: Preview,
     board: Board,
     photo: BoardPhoto,
-    *,
     residual_px: Floats | None = None,
-    magnification: float = 100.0,
-    max_width_px: int = MAX_WIDTH_PX,
+    magnification: float = 1.0,
 ) -> bytes:
-    """JPEG of a photo with its corners, their numbers and the rows of the board.
+    """JPEG of a reduced photo with its corners, their numbers and the rows of the board.
 
     Parameters
     ----------
-    image
-        (height, width) grey, original size.
+    preview
+        The photo, grey and reduced: each photo is decoded once.
     board, photo
-        What was found.
+        What was found, in original pixels.
     residual_px
         (n, 2) of the corners, drawn as arrows.
     magnification
-        Of the arrows, in original pixels.
-    max_width_px
-        The picture is at most this wide.
+        Of the arrows.
     """
-    height, width = image.shape
-    scale = min(1.0, max_width_px / width)
-    size = (round(width * scale), max(1, round(height * scale)))
-    small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-    picture = np.asarray(cv2.cvtColor(small, cv2.COLOR_GRAY2BGR), np.uint8)
-    factor = np.array(size) / [width, height]
+    scale = np.array(preview.scale)
+    grey = np.ascontiguousarray(decode_preview(preview)[:, :, 0])
+    picture = np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), np.uint8)
     place = np.full((board.rows * board.columns, 2), np.nan)
-    place[photo.corner] = (photo.pixel_px + 0.5) * factor - 0.5
+    place[photo.corner] = (photo.pixel_px + 0.5) / scale - 0.5
     _draw_rows(picture, place.reshape(board.rows, board.columns, 2))
     found = place[photo.corner]
     for index, center in zip(photo.corner.tolist(), found, strict=True):
@@ -57,7 +50,7 @@ def draw_board(
         cv2.circle(picture, _fixed(center), _RADIUS_PX << _SHIFT, color, 1, cv2.LINE_AA, _SHIFT)
     _draw_numbers(picture, photo, found, board.columns)
     if residual_px is not None:
-        ends = found + residual_px * magnification * factor
+        ends = found + residual_px / scale * magnification
         for start, end in zip(found, ends, strict=True):
             cv2.line(picture, _fixed(start), _fixed(end), _ARROW, 2, cv2.LINE_AA, _SHIFT)
     quality = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels
+from uavgram.imaging.photos.tiles import evened, half
 
 OPAQUE = 255
 
@@ -23,17 +23,13 @@ def halved(rgba: Pixels) -> Pixels:
     (ceil(H / 2), ceil(W / 2), 4), opacity the plain mean. The last row and column stand for
     themselves where H or W is odd.
     """
-    odd_rows, odd_columns = rgba.shape[0] % 2, rgba.shape[1] % 2
-    if odd_rows or odd_columns:
-        rgba = np.asarray(
-            cv2.copyMakeBorder(rgba, 0, odd_rows, 0, odd_columns, cv2.BORDER_REPLICATE), np.uint8
-        )
-    height, width = rgba.shape[0] // 2, rgba.shape[1] // 2
-    half = np.asarray(cv2.resize(rgba, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
-    opacity = half[..., 3]
+    rgba = evened(rgba)
+    means = half(rgba)
+    height, width = means.shape[:2]
+    opacity = means[..., 3]
     rim = np.nonzero((opacity > 0) & (opacity < OPAQUE))  # few: all but the edge is plain
     if rim[0].size:
         four = rgba.reshape(height, 2, width, 2, 4)[rim[0], :, rim[1]].reshape(-1, 4, 4)
         weight = four[..., 3:].astype(np.float64)
-        half[..., :3][rim] = np.rint((four[..., :3] * weight).sum(1) / weight.sum(1))
-    return half
+        means[..., :3][rim] = np.rint((four[..., :3] * weight).sum(1) / weight.sum(1))
+    return means

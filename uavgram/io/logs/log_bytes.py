@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from uavgram.errors import InputError
+from uavgram.io.inputs import read_bytes
 
 
 def read_log_bytes(path: str | Path, origin: str) -> bytes:
@@ -22,10 +23,7 @@ def read_log_bytes(path: str | Path, origin: str) -> bytes:
     InputError
         It cannot be read, or is empty.
     """
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(path, f"cannot be read: {error.strerror}") from error
+    data = read_bytes(path, "name a flight log")
     if not data:
         raise InputError(path, f"is empty: copy the log from the {origin} once more")
     return data

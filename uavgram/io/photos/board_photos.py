@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import InputError
+from uavgram.imaging.photos.preview import decoded
 from uavgram.io.digest import digest_inputs
 from uavgram.io.inputs import read_bytes
 from uavgram.io.photos.camera_tags import read_all_camera_tags
@@ -91,14 +92,7 @@ def read_grey(path: str | Path) -> NDArray[np.uint8]:
     InputError
         The file cannot be read, or is no photo.
     """
-    encoded = np.frombuffer(read_bytes(path), np.uint8)
-    try:
-        grey = cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
-    except cv2.error:  # an empty file, or a header with absurd sizes
-        grey = None
-    if grey is None:
-        raise InputError(path, "is no photo that can be decoded; replace it or leave it out")
-    return np.asarray(grey, np.uint8)
+    return decoded(path, read_bytes(path), cv2.IMREAD_GRAYSCALE)
 
 
 def _files(pattern: str) -> list[str]:

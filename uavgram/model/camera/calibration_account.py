@@ -41,7 +41,7 @@ class LengthUncertainty(FrozenArrays):
         return float(np.median(self.pose_fitted)), float(np.median(self.pose_known))
 
 
-PhotoFate = tuple[str, str]
+PhotoReason = tuple[str, str]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,12 +85,12 @@ class CalibrationAccount:
     result: CalibrationResult
     provenance: CameraProvenance
     packages: tuple[tuple[str, str], ...]
-    without_board: tuple[PhotoFate, ...]
+    without_board: tuple[PhotoReason, ...]
     common_error_px: float
     effects: tuple[LensEffect, ...]
     messages: tuple[Message, ...]
 
     @property
-    def left_out(self) -> tuple[PhotoFate, ...]:
+    def left_out(self) -> tuple[PhotoReason, ...]:
         """Photos that are not in ``result.photos``, with the reason."""
         return (*self.without_board, *self.result.photos.unusable)

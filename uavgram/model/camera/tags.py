@@ -11,8 +11,8 @@ from uavgram.model.arrays import Floats, FrozenArrays
 
 def named_camera(make: str, model: str) -> str:
     """Make and model in words; many models begin with the make: "Canon", "Canon EOS 6D"."""
-    first, said = make.casefold().split()[:1], model.casefold().split()[:1]
-    return model if first and first == said else " ".join(filter(None, (make, model)))
+    first, stated = make.casefold().split()[:1], model.casefold().split()[:1]
+    return model if first and first == stated else " ".join(filter(None, (make, model)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from uavgram.imaging.photos.tiles import Pixels
+from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.snap import Snapped, snap_circle, snap_corner
 from uavgram.picking.document.commands import SameGround, Snap
 from uavgram.picking.protocol.encode_survey import Json

@@ -17,7 +17,7 @@ from uavgram.picking.document.state import Pick, State
 from uavgram.picking.protocol.geodetic import places_on_earth
 from uavgram.pipeline.pick.live import Adjusted, Linearised
 from uavgram.pipeline.pick.other_photos import KnownPlaces
-from uavgram.stages.tell import told
+from uavgram.stages.messages import in_order
 
 Json = dict[str, Any]
 
@@ -104,7 +104,7 @@ def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
 
 def messages_json(messages: Iterable[Message]) -> list[Json]:
     """Remarks, each once, warnings and errors first, those of one kind as one."""
-    return [{"level": m.level, "code": m.code, "text": m.text} for m in told(*messages)]
+    return [{"level": m.level, "code": m.code, "text": m.text} for m in in_order(*messages)]
 
 
 def linearised_json(quick: Linearised, index: Mapping[str, int]) -> Json:

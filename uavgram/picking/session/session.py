@@ -72,7 +72,7 @@ class PickSession:
         )
         self.index = {photo.name: k for k, photo in enumerate(self.photos)}
         files = state_of(inputs.picks, inputs.lines, inputs.requests)
-        self.recovered = saver.recovered()
+        self.recovered = saver.recovered
         self.session = Session(state=files)
         if self.recovered is not None and self.recovered != files:
             self.session = Session(state=self.recovered, past=(files,))

@@ -76,7 +76,7 @@ class Live:
         self._due_s = 0.0  # when that may begin, of the monotonic clock
         self._busy = False
         self._stopped = False
-        self._last: Adjusted | None = None
+        self.last: Adjusted | None = None  # the last full adjustment
         self._answering = threading.Lock()
         self._linearised_task: Task | None = None  # the newest that was answered to first order
         self._threads = [
@@ -86,11 +86,6 @@ class Live:
                 ("adjustment", self._adjust),
             )
         ]
-
-    @property
-    def last(self) -> Adjusted | None:
-        """The last full adjustment."""
-        return self._last
 
     def start(self) -> None:
         """Begin to work."""
@@ -129,7 +124,7 @@ class Live:
     def _at_once(self, task: Task) -> bool:
         """Answer to first order; False where the full adjustment is the thing."""
         with self._answering:
-            last = self._last
+            last = self.last
             slow = self._busy or (last is not None and last.seconds > AT_ONCE_S - ON_THE_WAY_S)
             if not (slow and self._first_order(task)):
                 return False
@@ -137,7 +132,7 @@ class Live:
         return True
 
     def _first_order(self, task: Task) -> bool:
-        base = self._last
+        base = self.last
         quick = None if base is None else self._survey.linearised(base, observed_in(task.state))
         if quick is None:
             return False
@@ -149,7 +144,7 @@ class Live:
         while (task := self._due()) is not None:
             adjusted, message = self._full(task)
             with self._answering:
-                self._last = adjusted
+                self.last = adjusted
                 self._answer(task.version, message)
                 if (
                     self._linearised_task is not None

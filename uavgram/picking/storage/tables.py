@@ -53,6 +53,13 @@ class Tables:
     inputs
         The project as read.
 
+    Attributes
+    ----------
+    messages
+        About what earlier sessions left.
+    recovered
+        The state that an earlier session confirmed and did not save; None: nothing is lost.
+
     Raises
     ------
     UavgramError
@@ -73,25 +80,16 @@ class Tables:
             self._on_disk = dict(self._original)
             self._digest = _digests(self._on_disk)
             self._backed_up: set[str] = set()
-            self._messages: tuple[Message, ...] = ()
+            self.messages: tuple[Message, ...] = ()
             check_own(output / JOURNAL)
-            self._recovered = self._lost(output / JOURNAL, frozenset(inputs.photos.frame_id))
-            resumed = self._recovered is not None
+            self.recovered = self._lost(output / JOURNAL, frozenset(inputs.photos.frame_id))
+            resumed = self.recovered is not None
             self._journal = Journal(output / JOURNAL, fresh=not resumed)
             self._journal.open(self._files, _digests(self._original), resumed=resumed)
             self._pending = resumed
         except BaseException:
             self._lock.release()
             raise
-
-    @property
-    def messages(self) -> tuple[Message, ...]:
-        """Messages about what earlier sessions left."""
-        return self._messages
-
-    def recovered(self) -> State | None:
-        """The state that an earlier session confirmed and did not save; None: nothing is lost."""
-        return self._recovered
 
     def record(self, command: c.Command, step: int) -> None:
         """Keep a command that was applied, before it is confirmed."""
@@ -238,7 +236,7 @@ class Tables:
             "An earlier session ended without saving; what it had confirmed was taken from its "
             "journal. Undo goes back to what the tables hold."
         )
-        self._messages = (Message("warning", "pick-recovered", text),)
+        self.messages = (Message("warning", "pick-recovered", text),)
         return state
 
     def _why_not(self, left: Left, photos: frozenset[str]) -> str:
@@ -275,7 +273,7 @@ class Tables:
             f"{why}. They are kept in {aside}."
         )
         log.warning("%s", text)
-        self._messages = (Message("warning", "pick-not-recovered", text),)
+        self.messages = (Message("warning", "pick-not-recovered", text),)
 
 
 def _paths(inputs: Inputs) -> dict[str, Path]:

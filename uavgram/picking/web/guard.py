@@ -140,10 +140,9 @@ class Guard:
             return f"foreign host {host[:80]!r}"
         origin = headers.get("origin")
         ours = f"http://{host}"
-        if connection.scope["type"] == "websocket" and origin != ours:
+        is_stated = origin is not None or connection.scope["type"] == "websocket"
+        if is_stated and origin != ours:
             return f"foreign origin {str(origin)[:80]!r}"
-        if origin is not None and origin != ours:
-            return f"foreign origin {origin[:80]!r}"
         # https://www.w3.org/TR/fetch-metadata/: what another page embeds; links may be followed.
         site, mode = headers.get("sec-fetch-site", "none"), headers.get("sec-fetch-mode")
         if site not in {"same-origin", "none"} and mode != "navigate":

@@ -17,7 +17,7 @@ from uavgram.estimation.calibration.problem import focal_and_center_prior
 from uavgram.imaging.photos.preview import Preview, preview_of
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.detect import detect_in_photos
-from uavgram.imaging.targets.found_preview import found_picture
+from uavgram.imaging.targets.draw_board import draw_board
 from uavgram.imaging.targets.observations import collect_observations
 from uavgram.imaging.targets.sighting import Sighting
 from uavgram.io.cameras.drone_table import drone_cameras
@@ -29,7 +29,7 @@ from uavgram.io.photos.camera_tags import read_camera_tags
 from uavgram.io.results.calibration_json import write_calibration
 from uavgram.model.camera.board import Board, BoardPhoto, CalibrationOptions, LensSetting
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.calibration_account import CalibrationAccount, PhotoFate
+from uavgram.model.camera.calibration_account import CalibrationAccount, PhotoReason
 from uavgram.model.camera.calibration_result import CalibrationResult
 from uavgram.model.camera.provenance import CameraProvenance, OptionValue
 from uavgram.model.camera.tags import CameraTags
@@ -44,7 +44,7 @@ from uavgram.stages.calibrate.account import (
 )
 from uavgram.stages.calibrate.calibrate import calibrate as estimate
 from uavgram.stages.camera.assume import assume_camera
-from uavgram.stages.tell import told
+from uavgram.stages.messages import in_order
 from uavgram.views.calibration.drawing import residual_factor, rows_by_photo
 from uavgram.views.calibration.report import write_calibration_report
 
@@ -204,18 +204,18 @@ def _account(
         without_board=_without_board(seen),
         common_error_px=error_px,
         effects=lens_effects(result),
-        messages=told(*messages, *common_error_message(error_px), *result.messages),
+        messages=in_order(*messages, *common_error_message(error_px), *result.messages),
     )
 
 
-def _without_board(seen: _Seen) -> tuple[PhotoFate, ...]:
-    fates: list[PhotoFate] = []
+def _without_board(seen: _Seen) -> tuple[PhotoReason, ...]:
+    reasons: list[PhotoReason] = []
     for name, sighting in zip(seen.names, seen.sightings, strict=True):
         if sighting.is_other_board:
-            fates.append((name, "shows another board"))
+            reasons.append((name, "shows another board"))
         elif not len(sighting.corner):
-            fates.append((name, "no board was found"))
-    return tuple(fates)
+            reasons.append((name, "no board was found"))
+    return tuple(reasons)
 
 
 def _provenance(
@@ -308,7 +308,7 @@ def _pictures(result: CalibrationResult, seen: _Seen) -> dict[str, bytes]:
             sigma_px=np.ones(len(corner)),
         )
         preview = seen.previews[name]
-        pictures[name] = found_picture(preview, result.board, photo, residual, factor)
+        pictures[name] = draw_board(preview, result.board, photo, residual, factor)
     return pictures
 
 

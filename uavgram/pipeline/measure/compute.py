@@ -44,6 +44,7 @@ from uavgram.stages.camera.assume import ASSUMED_CAMERA, UNKNOWN_CAMERA
 from uavgram.stages.camera.learn import what_was_learnt
 from uavgram.stages.duplicates import Duplicates
 from uavgram.stages.measure import measure, measurement_results
+from uavgram.stages.messages import in_order
 from uavgram.stages.monte_carlo import compare, sample
 from uavgram.stages.other_solutions import with_alternatives
 from uavgram.stages.reconstruct import reconstruct
@@ -58,7 +59,6 @@ from uavgram.stages.summarise import (
     summarise_shared,
     summarise_solution,
 )
-from uavgram.stages.tell import told
 
 _GUESSED = (ASSUMED_CAMERA, UNKNOWN_CAMERA)
 PACKAGES = ("numpy", "scipy", "opencv-python-headless", "pymavlink", "pyproj", "rerun-sdk")
@@ -139,7 +139,7 @@ def compute(
         checks_overall=judged.checks_overall,
         solution=summarise_solution(refined, judged.groups, measured.others),
         noise=refined.noise,
-        messages=told(
+        messages=in_order(
             *inputs.messages,
             *duplicates.messages,
             *posed.messages,

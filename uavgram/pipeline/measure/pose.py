@@ -22,11 +22,11 @@ from uavgram.model.survey.observations import KnownPoints, KnownWorldPoints
 from uavgram.model.survey.world import Geodetic, World
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.stages.assemble import NO_CONTROL
+from uavgram.stages.seed import seed
 from uavgram.stages.seed.fault_messages import fault_messages
 from uavgram.stages.seed.flight_evidence import gather_evidence
 from uavgram.stages.seed.log_faults import find_faults
 from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
-from uavgram.stages.seed.seed import seed
 from uavgram.stages.seed.track import build_track, find_home, track_gaps
 from uavgram.stages.synchronise import Synchronised, synchronise
 

@@ -39,7 +39,7 @@ from uavgram.pipeline.new.choices import (
     only_one,
     pattern_of,
 )
-from uavgram.stages.tell import told
+from uavgram.stages.messages import in_order
 
 Attempt = tuple[ProjectText, Message | None]
 
@@ -99,7 +99,7 @@ def new_project(folder: Path, choices: Choices | None = None) -> NewProject:
         for path in made:
             path.unlink(missing_ok=True)
         raise
-    return NewProject(path=project, found=tuple(notes.found), messages=told(*notes.messages))
+    return NewProject(path=project, found=tuple(notes.found), messages=in_order(*notes.messages))
 
 
 def _described(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectText, Photos]:
@@ -194,11 +194,11 @@ def _attempts(text: ProjectText, photos: Photos) -> list[Attempt]:
         return [(text, None), _on_utc(text, ""), *_by_names(text, photos.frame_id)]
     if text.poses is not None:
         return [(text, None), *_above_ground(text, photos, "")]
-    said = "The photos state where they were taken: `poses: exif` uses that."
+    why = "The photos state where they were taken: `poses: exif` uses that."
     posed = replace(text, poses=FROM_PHOTOS)
     return [
-        (posed, Message("info", "poses-found", said)),
-        *_above_ground(posed, photos, f"{said} "),
+        (posed, Message("info", "poses-found", why)),
+        *_above_ground(posed, photos, f"{why} "),
         (text, None),
     ]
 
@@ -208,22 +208,22 @@ def _above_ground(text: ProjectText, photos: Photos, also: str) -> list[Attempt]
     origin = ground_below(str(text.poses), photos)
     if origin is None:
         return []
-    said = (
+    why = (
         f"{also}They do not say how high that is above the ground: {ABOVE_GROUND_M:.0f} m ± "
         f"{ABOVE_GROUND_SIGMA_M:.0f} m was assumed. Write the height of the ground (from a map, or "
         "the place of take-off) into world.origin, and how well you know it into "
         "ground.height_sigma_m."
     )
-    return [(replace(text, origin=origin), Message("warning", "ground-assumed", said))]
+    return [(replace(text, origin=origin), Message("warning", "ground-assumed", why))]
 
 
 def _on_utc(text: ProjectText, also: str) -> Attempt:
-    said = (
+    why = (
         f"{also}The camera's clock is taken to show UTC, up to 1 s: the photos fit the log's "
         "camera events at several offsets, or it has none, and this one places them. Compare a "
         "photo with the flight, and correct time.offset_s in the project if it is another."
     )
-    return replace(text, offset_s=0.0), Message("warning", "clock-assumed", said)
+    return replace(text, offset_s=0.0), Message("warning", "clock-assumed", why)
 
 
 def _by_names(text: ProjectText, names: Sequence[str]) -> list[Attempt]:
@@ -232,8 +232,8 @@ def _by_names(text: ProjectText, names: Sequence[str]) -> list[Attempt]:
     if form is None:
         return []
     named = replace(text, name_format=form)
-    said = f"The photos' names were read as their times: {names[0]} by {form}. "
+    why = f"The photos' names were read as their times: {names[0]} by {form}. "
     return [
-        (named, Message("warning", "times-from-names", said.strip())),
-        _on_utc(named, said),
+        (named, Message("warning", "times-from-names", why.strip())),
+        _on_utc(named, why),
     ]

@@ -24,7 +24,7 @@ from uavgram.estimation.solver.normal_equations import Block, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.geometry.ground.relief import spread_knots
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Floats
 from uavgram.model.result.noise import AreaNoise, Noise, PickNoise, SurfaceShape
 from uavgram.model.survey.survey import Relief, Survey
 from uavgram.stages.refine.blunders.outstanding import Outstanding, outstanding, redundancy_of

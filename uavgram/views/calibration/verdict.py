@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.camera.calibration_account import CalibrationAccount, LensEffect
 from uavgram.model.camera.calibration_result import CalibrationResult
 from uavgram.views.calibration.drawing import pixels_text
+from uavgram.views.survey.drawing import largest_known
 from uavgram.views.survey.verdict import Verdict
 from uavgram.views.wording import LEVEL_RANK
 
@@ -101,15 +101,9 @@ def _direction(result: CalibrationResult) -> str:
     rows, columns = values.shape
     middle = values[rows // 4 : rows - rows // 4, columns // 4 : columns - columns // 4]
     return (
-        f"{pixels_text(largest(middle))} px in the middle half of the image, "
-        f"{pixels_text(largest(values))} px at worst"
+        f"{pixels_text(largest_known(middle))} px in the middle half of the image, "
+        f"{pixels_text(largest_known(values))} px at worst"
     )
-
-
-def largest(values: Floats) -> float:
-    """Largest finite value; NaN where there is none."""
-    known = values[np.isfinite(values)]
-    return float(known.max()) if len(known) else float("nan")
 
 
 def _length_facts(effects: tuple[LensEffect, ...]) -> tuple[Fact, ...]:

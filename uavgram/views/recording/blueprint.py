@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import rerun.blueprint as rrb
 
@@ -133,24 +135,46 @@ def _whole_photo(result: Result) -> rrb.VisualBounds2D:
 
 def _survey(scene: Scene) -> rrb.Spatial3DView:
     filled = [] if scene.fill_ellipses else ["- /survey/points/ellipse_95_true_size/**"]
+    contents = ["+ /survey/**", "- /survey/point_names/**", f"- /{ALL}", *filled, *_NOT_IN_SPACE]
+    name = "Survey, north away from you; white: this photo"
+    position = scene.target_m + scene.distance_m * TO_THE_EYE
+    return space_view(name, contents, position, scene.target_m, up=(0, 0, 1))
+
+
+def space_view(
+    name: str,
+    contents: Sequence[str],
+    position: Floats,
+    target: Floats,
+    *,
+    up: Sequence[float] | Floats = NORTH_UP,
+    origin: str = "/",
+) -> rrb.Spatial3DView:
+    """View of a scene in space.
+
+    Parameters
+    ----------
+    name
+        Shown above it.
+    contents
+        What it shows, as Rerun's expressions.
+    position, target
+        (3,) places of the eye, and of what it looks at.
+    up
+        Direction that is up on the screen.
+    origin
+        Entity whose space it is.
+    """
+    eye = rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=up
+    )
     return rrb.Spatial3DView(
-        origin="/",
-        contents=[
-            *("+ /survey/**", "- /survey/point_names/**", f"- /{ALL}"),
-            *(*filled, *_NOT_IN_SPACE),
-        ],
-        name="Survey, north away from you; white: this photo",
+        origin=origin,
+        contents=contents,
+        name=name,
         background=BACKGROUND,
         line_grid=False,
-        eye_controls=_eye(scene.target_m + scene.distance_m * TO_THE_EYE, scene.target_m),
-    )
-
-
-def _eye(
-    position: Floats, target: Floats, up: tuple[int, int, int] = (0, 0, 1)
-) -> rrb.EyeControls3D:
-    return rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=up
+        eye_controls=eye,
     )
 
 
@@ -220,39 +244,19 @@ def plot(origin: str, name: str, values: Floats) -> rrb.TimeSeriesView:
 def _plan(scene: Scene) -> rrb.Spatial3DView:
     position = scene.middle_m + np.array([0.0, 0.0, 1.25]) * scene.size_m
     filled = [] if scene.fill_ellipses else ["- /survey/points/ellipse_95_true_size/**"]
-    return rrb.Spatial3DView(
-        origin="/",
-        contents=[
-            *("+ /survey/ground/**", "+ /survey/points/**", "+ /survey/known_lengths/**"),
-            *("+ /survey/measured/**", "+ /survey/point_names/**"),
-            *(f"+ /{ALL}", f"+ /{CURRENT}"),
-            *filled,
-        ],
-        name="Top view, north up",
-        background=BACKGROUND,
-        line_grid=False,
-        eye_controls=_eye(position, scene.middle_m, NORTH_UP),
-    )
+    shown = ("ground/**", "points/**", "known_lengths/**", "measured/**", "point_names/**")
+    contents = [*(f"+ /survey/{one}" for one in shown), f"+ /{ALL}", f"+ /{CURRENT}", *filled]
+    return space_view("Top view, north up", contents, position, scene.middle_m)
 
 
 def _worst_point(result: Result, row: int) -> rrb.Spatial3DView:
     spot = result.points.position_world_m[row]
     axes = result.points.relative.ellipse_95_m[row]
     position = spot + np.array([0.0, 0.0, CLOSE_UP * axes[0]])
-    return rrb.Spatial3DView(
-        origin="/",
-        contents=[
-            "+ /survey/ground/**",
-            "+ /survey/points/picked",
-            "+ /survey/point_names/**",
-            "+ /survey/points/ellipse_95_true_size/**",
-            f"+ /{BAR}",
-        ],
-        name=f"Worst point {result.points.label[row]}, true scale: {axes_text(axes)}",
-        background=BACKGROUND,
-        line_grid=False,
-        eye_controls=_eye(position, spot, NORTH_UP),
-    )
+    shown = ("ground/**", "points/picked", "point_names/**", "points/ellipse_95_true_size/**")
+    contents = [*(f"+ /survey/{one}" for one in shown), f"+ /{BAR}"]
+    name = f"Worst point {result.points.label[row]}, true scale: {axes_text(axes)}"
+    return space_view(name, contents, position, spot)
 
 
 def _zoom(result: Result, scene: Scene) -> float:

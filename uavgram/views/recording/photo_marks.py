@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import rerun as rr
 
-from uavgram.model.arrays import Floats, Ints
-from uavgram.views.recording.stream import Recorder
+from uavgram.model.arrays import Floats
+from uavgram.views.recording.stream import Columns, Recorder
 from uavgram.views.style import OBSERVED, Rgb
 
 # Rerun puts the corner of the first pixel at (0, 0), we its centre.
 CENTRE_PX = 0.5
+
+
+def log_camera_poses(
+    recorder: Recorder, path: str, center_m: Floats, world_from_camera: Floats
+) -> None:
+    """Log where the camera of each frame is: (F, 3) centres and (F, 3, 3) rotations."""
+    recorder.each(
+        path,
+        lambda some: rr.Transform3D.columns(
+            translation=center_m[some],
+            # Rerun stores matrices by columns
+            mat3x3=np.swapaxes(world_from_camera[some], 1, 2).reshape(-1, 9),
+        ),
+    )
 
 
 def log_polylines(
@@ -35,7 +47,7 @@ def log_polylines(
     """
     radius = rr.Radius.ui_points(width / 2)
     recorder.static(path, rr.LineStrips2D.from_fields(colors=colour, radii=radius))
-    _batches(
+    log_batches(
         recorder,
         path,
         [len(strips) for strips in per_frame],
@@ -76,7 +88,7 @@ def log_dots(
     """
     radius = rr.Radius.ui_points(size)
     recorder.static(path, rr.Points2D.from_fields(colors=colour, radii=radius))
-    _batches(
+    log_batches(
         recorder,
         path,
         [len(pixel) for pixel in per_frame],
@@ -86,12 +98,7 @@ def log_dots(
     )
 
 
-def log_texts(
-    recorder: Recorder,
-    path: str,
-    anchors: list[Floats],
-    texts: list[list[str]],
-) -> None:
+def log_texts(recorder: Recorder, path: str, anchors: list[Floats], texts: list[list[str]]) -> None:
     """Log white texts that are drawn on the photo, other ones in each frame.
 
     Parameters
@@ -109,7 +116,7 @@ def log_texts(
         path,
         rr.Points2D.from_fields(colors=OBSERVED, radii=rr.Radius.ui_points(0.0), show_labels=True),
     )
-    _batches(
+    log_batches(
         recorder,
         path,
         [len(words) for words in texts],
@@ -120,17 +127,8 @@ def log_texts(
     )
 
 
-def _batches(
-    recorder: Recorder,
-    path: str,
-    lengths: list[int],
-    columns: Callable[[Ints], rr.ComponentColumnList],
-) -> None:
+def log_batches(recorder: Recorder, path: str, lengths: list[int], columns: Columns) -> None:
     """One row per frame, an empty one too: it wipes out what the frame before has drawn."""
     counts = np.array(lengths, dtype=np.int64)
     if counts.any():
-        recorder.rows(
-            path,
-            np.arange(len(counts)),
-            lambda some: [columns(some).partition(counts[some])],
-        )
+        recorder.each(path, lambda some: columns(some).partition(counts[some]))

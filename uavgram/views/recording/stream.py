@@ -17,7 +17,6 @@ import numpy as np
 import rerun as rr
 
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.result.result import Result
 from uavgram.views.recording.sink import FileSink
 from uavgram.views.style import Rgb
 
@@ -29,8 +28,8 @@ TIME_TIMELINE = "capture_time"
 FOOTER_MARK = b"RRF2FOOT"
 FOOTER_VERSION_BYTES = 4
 
-# Makes the columns for some of the frames.
-Columns = Callable[[Ints], list[rr.ComponentColumnList]]
+# Makes the columns of one archetype for some of the frames.
+Columns = Callable[[Ints], rr.ComponentColumnList]
 
 
 @contextmanager
@@ -42,13 +41,6 @@ def strict_rerun() -> Iterator[None]:
         yield
     finally:
         rr.set_strict_mode(before)
-
-
-def recording_id(result: Result) -> str:
-    """The same for the same program, inputs and options: a rerun replaces the earlier review."""
-    provenance = result.provenance
-    said = (provenance.program, provenance.version, provenance.inputs, provenance.options)
-    return hashlib.sha256(repr((result.name, *said)).encode()).hexdigest()[:32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +62,12 @@ class Recorder:
         """Log what does not change with time."""
         self.stream.log(path, *archetypes, static=True)
 
-    def rows(self, path: str, frames: Ints, columns: Columns) -> None:
-        """Log one row for each of these frames; `columns` makes the columns of some of them.
+    def each(self, path: str, *columns: Columns) -> None:
+        """Log one row for every frame; see `rows`."""
+        self.rows(path, np.arange(len(self.time_utc_s)), *columns)
+
+    def rows(self, path: str, frames: Ints, *columns: Columns) -> None:
+        """Log one row for each of these frames.
 
         Parameters
         ----------
@@ -80,7 +76,7 @@ class Recorder:
         frames
             (n,) rows of the frames.
         columns
-            Makes the columns of some of these frames.
+            Each makes the columns of one archetype, for some of these frames.
         """
         timed = np.isfinite(self.time_utc_s[frames])
         for some in (frames[timed], frames[~timed]):
@@ -90,8 +86,8 @@ class Recorder:
             if timed.any() and np.isfinite(self.time_utc_s[some[0]]):
                 nanoseconds = np.round(self.time_utc_s[some] * 1e9).astype("datetime64[ns]")
                 indexes.append(rr.TimeColumn(TIME_TIMELINE, timestamp=nanoseconds))
-            for column in columns(some):
-                self.stream.send_columns(path, indexes=indexes, columns=column)
+            for make in columns:
+                self.stream.send_columns(path, indexes=indexes, columns=make(some))
 
     def curve(self, path: str, values: Floats, name: str, colour: Rgb) -> None:
         """Log one curve over the frames.
@@ -110,7 +106,7 @@ class Recorder:
         known = np.flatnonzero(np.isfinite(values))
         if len(known):
             self.static(path, rr.SeriesLines(colors=colour, names=name, widths=2.0))
-            self.rows(path, known, lambda some: [rr.Scalars.columns(scalars=values[some])])
+            self.rows(path, known, lambda some: rr.Scalars.columns(scalars=values[some]))
 
     def states(
         self, path: str, states: Sequence[str], colours: Mapping[str, Rgb], words: Mapping[str, str]
@@ -134,18 +130,12 @@ class Recorder:
             ),
         )
         each = np.array(states, dtype=str)
-        self.rows(
-            path, np.arange(len(each)), lambda some: [rr.StateChange.columns(state=each[some])]
-        )
+        self.each(path, lambda some: rr.StateChange.columns(state=each[some]))
 
     def sheets(self, path: str, texts: Sequence[str]) -> None:
         """Log one page of Markdown for each frame, (F,) texts."""
         self.static(path, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN))
-        self.rows(
-            path,
-            np.arange(len(texts)),
-            lambda some: [rr.TextDocument.columns(text=[texts[i] for i in some])],
-        )
+        self.each(path, lambda some: rr.TextDocument.columns(text=[texts[i] for i in some]))
 
     def after_the_last(self, path: str, column: rr.ComponentColumnList) -> None:
         """Log one row where the next frame would be."""
@@ -159,15 +149,9 @@ class Recorder:
 
 
 @contextmanager
-def open_recorder(result: Result, path: Path) -> Iterator[Recorder]:
-    """Write the recording of a result to a file; see `open_recording`."""
-    times = result.frames.time_utc_s
-    with open_recording(path, recording_id(result), result.name, times) as recorder:
-        yield recorder
-
-
-@contextmanager
-def open_recording(path: Path, identity: str, name: str, time_utc_s: Floats) -> Iterator[Recorder]:
+def open_recording(
+    path: Path, identity: object, name: str, time_utc_s: Floats
+) -> Iterator[Recorder]:
     """Write a recording to a file; complete when the block ends.
 
     The batcher never flushes by the clock, so that two equal runs give equal chunks.
@@ -177,7 +161,7 @@ def open_recording(path: Path, identity: str, name: str, time_utc_s: Floats) -> 
     path
         The file.
     identity
-        The same for the same content.
+        The same for the same program, inputs and options: a rerun replaces the earlier review.
     name
         Shown by the viewer.
     time_utc_s
@@ -192,7 +176,7 @@ def open_recording(path: Path, identity: str, name: str, time_utc_s: Floats) -> 
     with strict_rerun():
         stream = rr.RecordingStream(
             APPLICATION_ID,
-            recording_id=identity,
+            recording_id=hashlib.sha256(repr(identity).encode()).hexdigest()[:32],
             send_properties=False,
             batcher_config=rr.ChunkBatcherConfig.NEVER(),
         )

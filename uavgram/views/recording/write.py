@@ -20,7 +20,7 @@ from uavgram.views.recording.photo.frame_picks import project_picks
 from uavgram.views.recording.photo.overlay import log_overlay
 from uavgram.views.recording.photo.photo import PHOTO, log_camera, log_photos
 from uavgram.views.recording.scene import measure_scene
-from uavgram.views.recording.stream import Recorder, open_recorder
+from uavgram.views.recording.stream import Recorder, open_recording
 from uavgram.views.recording.world.footprint_marks import log_footprints
 from uavgram.views.recording.world.geography import log_map, log_origin
 from uavgram.views.recording.world.legend import log_legend
@@ -62,7 +62,10 @@ def write_recording(
     unfinished = target.with_name(f".{target.name}.unfinished")
     try:
         unfinished.touch()  # Rerun's own complaint about a missing folder is no OSError
-        with open_recorder(result, unfinished) as recorder:
+        made = result.provenance
+        identity = (result.name, made.program, made.version, made.inputs, made.options)
+        times = result.frames.time_utc_s
+        with open_recording(unfinished, identity, result.name, times) as recorder:
             _log_everything(recorder, result, photos, texture)
         unfinished.replace(target)
     except OSError as error:

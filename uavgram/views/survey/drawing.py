@@ -15,6 +15,12 @@ NICE_FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 LINE_SAMPLES = 49
 
 
+def largest_known(values: Floats) -> float:
+    """Largest finite value; NaN where there is none."""
+    known = values[np.isfinite(values)]
+    return float(known.max()) if len(known) else float("nan")
+
+
 def nice_factor(size: float, wanted: float) -> int:
     """The largest factor of the 1-2-5 series with which `size` stays within `wanted`."""
     if not (size > 0 and np.isfinite(size)):

@@ -52,11 +52,8 @@ def read_dataflash(path: str | Path) -> FlightLog:
     notes = [*tables.notes, *(note for fmt in formats for note in odd_names(fmt))]
     if len(parts) > 1:
         notes.append(f"the boot clock starts again {len(parts) - 1} times: several boots")
-    boots: list[Boot] = []
-    for part in parts:
-        boot, remarks = _boot(part)
-        notes.extend(remarks)
-        boots.append(boot)
+    boots = [_boot(part) for part in parts]
+    notes += [note for _, remarks in boots for note in remarks]
     if not tables.names:
         raise InputError(
             path, "holds no complete message: the file is cut or damaged; copy it once more"
@@ -67,7 +64,7 @@ def read_dataflash(path: str | Path) -> FlightLog:
         kind="dataflash",
         vehicle=vehicle,
         firmware=firmware,
-        boots=tuple(boots),
+        boots=tuple(boot for boot, _ in boots),
         messages=_counts(tables),
         undulation_m=dataflash_events.undulation_m(tables),
         notes=tuple(dict.fromkeys(notes)),

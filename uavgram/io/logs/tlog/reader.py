@@ -40,11 +40,8 @@ def read_tlog(path: str | Path) -> FlightLog:
     streams = boots(frames, systems[0]) if systems else []
     if len(streams) > 1:
         notes.append(f"the boot clock starts again {len(streams) - 1} times: several boots")
-    found: list[Boot] = []
-    for stream in streams:
-        boot, remarks = _boot(stream)
-        notes.extend(remarks)
-        found.append(boot)
+    found = [_boot(stream) for stream in streams]
+    notes += [note for _, remarks in found for note in remarks]
     if not found:
         raise InputError(path, _no_autopilot(frames))
     vehicle, firmware = _vehicle(frames, systems[0])
@@ -53,7 +50,7 @@ def read_tlog(path: str | Path) -> FlightLog:
         kind="tlog",
         vehicle=vehicle,
         firmware=firmware,
-        boots=tuple(found),
+        boots=tuple(boot for boot, _ in found),
         messages=_counts(frames, streams),
         undulation_m=_undulation_m(streams),
         notes=tuple(dict.fromkeys(notes)),

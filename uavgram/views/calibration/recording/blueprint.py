@@ -14,7 +14,7 @@ from uavgram.views.calibration.recording.image_maps import COVERAGE, RESIDUALS, 
 from uavgram.views.calibration.recording.photos import OVERLAYS, PHOTO
 from uavgram.views.calibration.recording.plots import RESIDUAL, STATUS, TILT
 from uavgram.views.calibration.recording.space import AROUND, BEFORE, Room
-from uavgram.views.recording.blueprint import BACKGROUND, layout, plot
+from uavgram.views.recording.blueprint import BACKGROUND, layout, plot, space_view
 from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH
 
 MARGIN = 0.02
@@ -59,29 +59,22 @@ def _states(account: CalibrationAccount) -> str:
 
 
 def _around(room: Room) -> rrb.Spatial3DView:
+    name = "Cameras around the board (blue: used; white: this photo)"
+    contents = [f"+ /{AROUND}/**", *_NOT_IN_SPACE]
     up = np.array([0.0, 0.0, -1.0])
-    return rrb.Spatial3DView(
-        origin=f"/{AROUND}",
-        contents=[f"+ /{AROUND}/**", *_NOT_IN_SPACE],
-        name="Cameras around the board (blue: used; white: this photo)",
-        background=BACKGROUND,
-        line_grid=False,
-        eye_controls=_eye(room.around_m, np.array([0.35, 0.95, -0.75]), up),
-    )
+    eye = _eye(room.around_m, np.array([0.35, 0.95, -0.75]), up)
+    return space_view(name, contents, *eye, up=up, origin=f"/{AROUND}")
 
 
 def _before(room: Room) -> rrb.Spatial3DView:
-    return rrb.Spatial3DView(
-        origin=f"/{BEFORE}",
-        name="Boards before the camera",
-        background=BACKGROUND,
-        line_grid=False,
-        eye_controls=_eye(room.before_m, np.array([0.8, -0.4, -0.6]), np.array([0.0, -1.0, 0.0])),
-    )
+    up = np.array([0.0, -1.0, 0.0])
+    eye = _eye(room.before_m, np.array([0.8, -0.4, -0.6]), up)
+    contents = [f"+ /{BEFORE}/**"]
+    return space_view("Boards before the camera", contents, *eye, up=up, origin=f"/{BEFORE}")
 
 
-def _eye(points_m: Floats, way: Floats, up: Floats) -> rrb.EyeControls3D:
-    """From this side, as near as all (N, 3) points allow."""
+def _eye(points_m: Floats, way: Floats, up: Floats) -> tuple[Floats, Floats]:
+    """Places of the eye and of what it looks at: as near as all (N, 3) points allow."""
     back = way / np.linalg.norm(way)
     right = np.cross(up, back)
     right /= np.linalg.norm(right)
@@ -89,12 +82,7 @@ def _eye(points_m: Floats, way: Floats, up: Floats) -> rrb.EyeControls3D:
     offset = points_m - target
     sideways, upward = np.abs(offset @ right), np.abs(offset @ np.cross(back, right))
     distance = (offset @ back + np.maximum(sideways / HALF_WIDTH, upward / HALF_HEIGHT)).max()
-    return rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital,
-        position=target + distance * back,
-        look_target=target,
-        eye_up=up,
-    )
+    return target + distance * back, target
 
 
 def _whole(result: CalibrationResult) -> rrb.VisualBounds2D:

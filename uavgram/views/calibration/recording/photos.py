@@ -12,7 +12,12 @@ from uavgram.model.arrays import Bools
 from uavgram.model.camera.calibration_result import CalibrationResult
 from uavgram.views.calibration.drawing import residual_factor, rows_by_photo
 from uavgram.views.calibration.recording.space import CAMERA, DEPTH_OF_CURRENT, Room
-from uavgram.views.recording.photo_marks import CENTRE_PX, log_dots, log_polylines
+from uavgram.views.recording.photo_marks import (
+    CENTRE_PX,
+    log_camera_poses,
+    log_dots,
+    log_polylines,
+)
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import BAD, MEASURED, OBSERVED, SEED
 
@@ -37,18 +42,7 @@ def log_board_photos(
         Reduced photos by name.
     """
     poses, camera = result.photos.poses, result.calibration
-    everyone = np.arange(len(poses.frame_id))
-    recorder.rows(
-        CAMERA,
-        everyone,
-        lambda some: [
-            rr.Transform3D.columns(
-                translation=poses.center_world_m[some],
-                # Rerun stores matrices by columns
-                mat3x3=np.swapaxes(poses.world_from_camera[some], 1, 2).reshape(-1, 9),
-            )
-        ],
-    )
+    log_camera_poses(recorder, CAMERA, poses.center_world_m, poses.world_from_camera)
     fx, fy, cx, cy = camera.parameters[:4]
     recorder.static(
         PHOTO,
@@ -69,14 +63,12 @@ def _pictures(
 ) -> None:
     """JPEGs as they are; the scale puts them back into original pixels."""
     path, names = f"{PHOTO}/picture", result.photos.file
-    everyone = np.arange(len(names))
     recorder.static(path, rr.EncodedImage.from_fields(media_type="image/jpeg", draw_order=-10.0))
     scales = np.array([[*previews[name].scale, 1.0] for name in names])
-    recorder.rows(path, everyone, lambda some: [rr.Transform3D.columns(scale=scales[some])])
-    recorder.rows(
+    recorder.each(
         path,
-        everyone,
-        lambda some: [rr.EncodedImage.columns(blob=[previews[names[i]].jpeg for i in some])],
+        lambda some: rr.Transform3D.columns(scale=scales[some]),
+        lambda some: rr.EncodedImage.columns(blob=[previews[names[i]].jpeg for i in some]),
     )
 
 

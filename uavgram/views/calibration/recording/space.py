@@ -112,15 +112,13 @@ def log_space(recorder: Recorder, result: CalibrationResult, room: Room) -> None
             [room.frustum_m * _frustum(result)], colors=OBSERVED, radii=rr.Radius.ui_points(1.5)
         ),
     )
-    everyone = np.arange(len(poses.frame_id))
     recorder.static(
         f"{BEFORE}/this_board",
         rr.LineStrips3D.from_fields(colors=OBSERVED, radii=rr.Radius.ui_points(2.5)),
     )
-    recorder.rows(
+    recorder.each(
         f"{BEFORE}/this_board",
-        everyone,
-        lambda some: [rr.LineStrips3D.columns(strips=list(room.boards_m[some]))],
+        lambda some: rr.LineStrips3D.columns(strips=list(room.boards_m[some])),
     )
 
 

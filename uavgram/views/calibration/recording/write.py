@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -41,10 +40,13 @@ def write_calibration_recording(
     """
     result = account.result
     room = measure_room(result)
+    made = account.provenance
+    options = sorted(made.options.items())
+    identity = (made.program, made.version, made.inputs, made.board, options)
     times = np.full(len(result.photos.file), np.nan)  # photos of a board count, not their times
     try:
         path.touch()  # Rerun's own complaint about a missing folder is no OSError
-        with open_recording(path, _identity(account), result.calibration.name, times) as recorder:
+        with open_recording(path, identity, result.calibration.name, times) as recorder:
             log_space(recorder, result, room)
             log_board_photos(recorder, result, room, previews)
             log_image_maps(recorder, result)
@@ -53,13 +55,3 @@ def write_calibration_recording(
             recorder.stream.send_blueprint(calibration_blueprint(account, room))
     except OSError as error:
         raise OutputError(f"{path}: the recording cannot be written: {error}") from error
-
-
-def _identity(account: CalibrationAccount) -> str:
-    """The same for the same program, photos and options: a repetition replaces the review."""
-    provenance = account.provenance
-    said = (
-        *(provenance.program, provenance.version, provenance.inputs, provenance.board),
-        sorted(provenance.options.items()),
-    )
-    return hashlib.sha256(repr(said).encode()).hexdigest()[:32]

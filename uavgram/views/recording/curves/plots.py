@@ -14,6 +14,7 @@ from uavgram.model.result.tables import PoseTable
 from uavgram.views.recording.photo.frame_picks import FramePicks
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import BAD, FRAME_COLOURS, OBSERVED, REFINED, SEED, Rgb
+from uavgram.views.survey.drawing import largest_known
 from uavgram.views.survey.frame_states import frame_states
 from uavgram.views.wording import FRAME_STATE_WORDS
 
@@ -63,7 +64,7 @@ def frame_curves(result: Result, picks: FramePicks) -> Curves:
         seed_rms_px=np.array([_rms(seed[rows]) for rows in picks.rows]),
         refined_rms_px=np.array([_rms(result.picks.residual_px[rows]) for rows in picks.rows]),
         sigma_px=np.where(np.isfinite(sigma), sigma, _rms(own)),
-        worst_w=np.array([_largest(w[rows]) for rows in picks.rows]),
+        worst_w=np.array([largest_known(w[rows]) for rows in picks.rows]),
         limit_w=suspicion_limit(result),
         seed_height_m=_height(result, result.frames.seed),
         refined_height_m=_height(result, result.frames.refined),
@@ -80,11 +81,6 @@ def suspicion_limit(result: Result) -> float:
 def _rms(residual: Floats) -> float:
     good = residual[np.isfinite(residual[:, 0])]
     return float(np.sqrt(np.mean(good**2))) if len(good) else np.nan
-
-
-def _largest(values: Floats) -> float:
-    good = values[np.isfinite(values)]
-    return float(good.max()) if len(good) else np.nan
 
 
 def _height(result: Result, poses: PoseTable) -> Floats:
@@ -130,9 +126,9 @@ def _heights(
         recorder.rows(
             path,
             known,
-            lambda some: [
-                rr.Measurements.columns(values=height_m[some], variances=variance_m2[some])
-            ],
+            lambda some: rr.Measurements.columns(
+                values=height_m[some], variances=variance_m2[some]
+            ),
         )
 
 

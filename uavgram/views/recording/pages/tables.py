@@ -109,8 +109,8 @@ def points_page(result: Result) -> str:
 
 def messages_page(result: Result) -> str:
     """What the run had to say, the worst first."""
-    said = sorted(result.messages, key=lambda message: LEVEL_RANK[message.level])
-    return _page("messages", result, messages=said)
+    ordered = sorted(result.messages, key=lambda message: LEVEL_RANK[message.level])
+    return _page("messages", result, messages=ordered)
 
 
 def messages_title(result: Result) -> str:

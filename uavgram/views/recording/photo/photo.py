@@ -10,7 +10,7 @@ import rerun as rr
 
 from uavgram.imaging.photos.preview import Preview
 from uavgram.model.result.result import Result
-from uavgram.views.recording.photo_marks import CENTRE_PX
+from uavgram.views.recording.photo_marks import CENTRE_PX, log_camera_poses
 from uavgram.views.recording.scene import CURRENT_FRUSTUM, Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import OBSERVED
@@ -38,7 +38,7 @@ def log_camera(recorder: Recorder, result: Result, scene: Scene) -> None:
     scene
         Sizes that the pictures are scaled by.
     """
-    frames, count = result.frames, len(result.frames.frame_id)
+    frames = result.frames
     posed = np.where(
         result.has_refined[:, None], frames.refined.center_world_m, frames.seed.center_world_m
     )
@@ -50,23 +50,9 @@ def log_camera(recorder: Recorder, result: Result, scene: Scene) -> None:
     visible = np.isfinite(posed[:, 0])
     center = np.where(visible[:, None], posed, scene.middle_m)
     rotation = np.where(visible[:, None, None], turned, np.eye(3))
-    recorder.rows(
-        CAMERA,
-        np.arange(count),
-        lambda some: [
-            rr.Transform3D.columns(
-                translation=center[some],
-                # Rerun stores matrices by columns
-                mat3x3=np.swapaxes(rotation[some], 1, 2).reshape(-1, 9),
-            )
-        ],
-    )
+    log_camera_poses(recorder, CAMERA, center, rotation)
     depth = np.where(visible, CURRENT_FRUSTUM * scene.frustum_m, HIDDEN_M)
-    recorder.rows(
-        PHOTO,
-        np.arange(count),
-        lambda some: [rr.Pinhole.columns(image_plane_distance=depth[some])],
-    )
+    recorder.each(PHOTO, lambda some: rr.Pinhole.columns(image_plane_distance=depth[some]))
     fx, fy, cx, cy = result.shared.intrinsics.value[:4]
     recorder.static(
         PHOTO,
@@ -102,11 +88,7 @@ def log_photos(recorder: Recorder, result: Result, photos: Iterable[tuple[str, P
             PICTURE, rr.EncodedImage.from_fields(media_type="image/jpeg", draw_order=-10.0)
         )
         # a frame without a photo must not show that of the frame before
-        recorder.rows(
-            PICTURE,
-            np.arange(len(row)),
-            lambda rows: [rr.EncodedImage.columns(opacity=shown[rows])],
-        )
+        recorder.each(PICTURE, lambda rows: rr.EncodedImage.columns(opacity=shown[rows]))
 
 
 def _log_some(recorder: Recorder, photos: dict[int, Preview]) -> None:
@@ -115,9 +97,7 @@ def _log_some(recorder: Recorder, photos: dict[int, Preview]) -> None:
     recorder.rows(
         PICTURE,
         frames,
-        lambda rows: [
-            rr.EncodedImage.columns(blob=[photos[i].jpeg for i in rows.tolist()]),
-            rr.Transform3D.columns(scale=[[*photos[i].scale, 1.0] for i in rows.tolist()]),
-        ],
+        lambda rows: rr.EncodedImage.columns(blob=[photos[i].jpeg for i in rows.tolist()]),
+        lambda rows: rr.Transform3D.columns(scale=[[*photos[i].scale, 1.0] for i in rows.tolist()]),
     )
     recorder.stream.flush()

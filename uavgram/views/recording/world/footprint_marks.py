@@ -9,7 +9,7 @@ from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import footprints
-from uavgram.views.recording.photo_marks import log_polylines
+from uavgram.views.recording.photo_marks import log_batches, log_polylines
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import OBSERVED, QUIET
 from uavgram.views.survey.drawing import flight_order, project_from, sampled, visible_runs
@@ -43,15 +43,11 @@ def log_footprints(recorder: Recorder, result: Result, photo: str) -> None:
     )
     frames = range(len(result.frames.frame_id))
     strips = [[rings[frame]] if frame in rings else [] for frame in frames]
-    counts = np.array([len(some) for some in strips])
-    recorder.rows(
+    log_batches(
+        recorder,
         CURRENT,
-        np.arange(len(strips)),
-        lambda rows: [
-            rr.LineStrips3D.columns(strips=[s for i in rows for s in strips[i]]).partition(
-                counts[rows]
-            )
-        ],
+        [len(some) for some in strips],
+        lambda rows: rr.LineStrips3D.columns(strips=[s for i in rows for s in strips[i]]),
     )
     log_polylines(recorder, f"{photo}/{NEIGHBOURS}", _in_photos(result, rings), QUIET, 1.0)
 

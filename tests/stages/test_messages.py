@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uavgram.model.message import Message, Several
-from uavgram.stages.tell import MOST_LISTED, told
+from uavgram.stages.messages import MOST_LISTED, in_order
 
 OUT = "{count} frames were left out"
 
@@ -19,11 +19,11 @@ def left_out(name: str, why: str = "too few picks") -> Message:
 
 
 def test_one_of_a_kind_keeps_its_own_sentence() -> None:
-    assert told(left_out("a.jpg")) == (left_out("a.jpg"),)
+    assert in_order(left_out("a.jpg")) == (left_out("a.jpg"),)
 
 
 def test_several_of_a_kind_are_one_message_with_a_list_by_reason() -> None:
-    (message,) = told(left_out("a.jpg"), left_out("b.jpg", "it shows sky"), left_out("c.jpg"))
+    (message,) = in_order(left_out("a.jpg"), left_out("b.jpg", "it shows sky"), left_out("c.jpg"))
     assert message.text == (
         "3 frames were left out: 'a.jpg', 'c.jpg' (too few picks); 'b.jpg' (it shows sky). "
         "Look at them."
@@ -34,7 +34,7 @@ def test_several_of_a_kind_are_one_message_with_a_list_by_reason() -> None:
 
 def test_a_long_list_is_cut_in_the_sentence_and_whole_in_the_data() -> None:
     names = tuple(f"{k}.jpg" for k in range(29))
-    (message,) = told(*map(left_out, names))
+    (message,) = in_order(*map(left_out, names))
     assert message.frames == names
     assert message.text.startswith("29 frames were left out: '0.jpg', ")
     assert f"'{MOST_LISTED - 1}.jpg' (too few picks); and {29 - MOST_LISTED} more." in message.text
@@ -44,8 +44,10 @@ def test_a_long_list_is_cut_in_the_sentence_and_whole_in_the_data() -> None:
 def test_the_cause_comes_first_its_consequences_last_and_errors_before_all() -> None:
     codes = ("frame-left-out", "group-misfit", "log-note", "pick-suspect", "labels-swapped")
     given = [Message("warning", code, code) for code in codes]
-    said = told(Message("info", "own-columns", "x"), *given, Message("error", "not-converged", "x"))
-    assert [m.code for m in said] == [
+    messages = in_order(
+        Message("info", "own-columns", "x"), *given, Message("error", "not-converged", "x")
+    )
+    assert [m.code for m in messages] == [
         "not-converged",
         "labels-swapped",
         "pick-suspect",
@@ -57,6 +59,6 @@ def test_the_cause_comes_first_its_consequences_last_and_errors_before_all() -> 
 
 
 def test_the_same_message_is_told_once_and_telling_twice_changes_nothing() -> None:
-    said = told(left_out("a.jpg"), left_out("a.jpg"), left_out("b.jpg"))
-    assert len(said) == 1
-    assert told(*said) == said
+    messages = in_order(left_out("a.jpg"), left_out("a.jpg"), left_out("b.jpg"))
+    assert len(messages) == 1
+    assert in_order(*messages) == messages

@@ -1,4 +1,4 @@
-"""What a run has to say, in order: one message for each kind, the likeliest cause first."""
+"""The messages of a run, in order: one message for each kind, the likeliest cause first."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ CONSEQUENCES = (
     ("many-suspects", "group-misfit", "checks-misfit"),
     ("first-order-doubtful", "first-order-off", "monte-carlo-null", "monte-carlo-failed"),
 )
-"""Codes of what another message explains, where there is one; told last."""
+"""Codes of what another message explains, where there is one; shown last."""
 
 _RANK = {code: k - len(CAUSES) for k, codes in enumerate(CAUSES) for code in codes} | {
     code: 1 + k for k, codes in enumerate(CONSEQUENCES) for code in codes
 }
 
 
-def told(*messages: Message) -> tuple[Message, ...]:
+def in_order(*messages: Message) -> tuple[Message, ...]:
     """Messages as people read them: each once, those of one kind as one.
 
     Parameters
@@ -46,7 +46,7 @@ def told(*messages: Message) -> tuple[Message, ...]:
     Returns
     -------
     Errors before warnings before choices; of one level causes first and their consequences last,
-    else in the order in which they came. Telling twice changes nothing.
+    else in the order in which they came. Doing it twice changes nothing.
     """
     groups: dict[object, list[Message]] = {}
     for message in dict.fromkeys(messages):

@@ -13,7 +13,7 @@ from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import Track
 from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.options import MountOptions, TelemetryOptions
-from uavgram.stages.seed.seed import nominal_mount, seed
+from uavgram.stages.seed import nominal_mount, seed
 
 ENU_FROM_NED = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
 CAMERA_IN_GIMBAL = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
