@@ -158,3 +158,17 @@ def cofactors(block: Block, covariance: Covariance) -> Floats:
     joint = covariance.blocks(block.columns)
     leverage = np.einsum("nrk,nkl,nsl->nrs", block.jacobian, joint, block.jacobian, optimize=True)
     return np.asarray(np.eye(block.residual.shape[1]) - leverage)
+
+
+def falls_without(block: Block, covariance: Covariance) -> Floats:
+    """(n,) by which the sum of squares falls without each observation, in the linear model.
+
+    r^T Q^-1 r of its whitened residuals and their cofactor matrix; 0 along directions that
+    nothing checks.
+    """
+    redundancy, axes = np.linalg.eigh(cofactors(block, covariance))
+    along = np.einsum("nra,nr->na", axes, block.residual)
+    checked = redundancy > NO_REDUNDANCY
+    return np.asarray(
+        np.sum(np.where(checked, along**2, 0.0) / np.where(checked, redundancy, 1.0), axis=1)
+    )

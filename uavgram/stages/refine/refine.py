@@ -173,7 +173,8 @@ def _with_little_weight(refined: Refined) -> Refined:
     """The same, with little weight for few observations that stand out, where all else fits."""
     adjustment = refined.adjustment
     few, fits = outstanding(adjustment)
-    if not few or not fits or not adjustment.minimum.converged:
+    located = any(one.located.any() for one in few.values())
+    if not located or not fits or not adjustment.minimum.converged:
         return refined
     softer = with_little_weight(adjustment.survey, adjustment.problem.line_index, few)
     try:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.reliability.test_statistics import cofactors
+from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey
@@ -85,10 +85,8 @@ def _out_of_order(adjustment: Adjustment) -> bool:
 
 
 def _falls(adjustment: Adjustment) -> Floats:
-    """(P,) by which the sum of squares falls without each pick, in the linear model."""
-    block = adjustment.minimum.blocks["pixels"]
-    inverse = np.linalg.pinv(cofactors(block, adjustment.covariance), rcond=1e-6, hermitian=True)
-    return np.asarray(np.einsum("pi,pij,pj->p", block.residual, inverse, block.residual))
+    """(P,) by which the sum of squares falls without each pick."""
+    return falls_without(adjustment.minimum.blocks["pixels"], adjustment.covariance)
 
 
 def _tried(taking: Participants, refined: Refined) -> list[_Without]:

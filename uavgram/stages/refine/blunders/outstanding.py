@@ -12,11 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
+from uavgram.estimation.reliability.data_snooping import RIVAL
 from uavgram.estimation.reliability.redundancy import level_of_each, upper_tail
-from uavgram.estimation.reliability.test_statistics import cofactors
+from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 
 MISFIT = 0.05
@@ -36,11 +37,26 @@ CORE = ("pixels", "lengths", "control", "calibration", "roughness", "relief")
 be generous."""
 
 
+_Fall = tuple[float, str, int]
+"""By which the sum of squares falls without an observation; its group and row."""
+
+
 class Outstanding(NamedTuple):
-    """Rows (n,) of a group of observations, and the size (n,) of their errors in their sigmas."""
+    """Observations of a group that stand out.
+
+    Attributes
+    ----------
+    rows
+        (n,) which.
+    errors
+        (n,) size of their errors, in their sigmas.
+    located
+        (n,) whether it must be these, and not another pick of the same point, or another length.
+    """
 
     rows: Ints
     errors: Floats
+    located: Bools
 
 
 def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
@@ -49,12 +65,10 @@ def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
     core = [name for name in blocks if name in CORE or name.startswith("plane")]
     squares = sum(float(np.sum(blocks[name].residual ** 2)) for name in core)
     degrees = sum(redundancy_of(adjustment, name) for name in core)
-    falls: list[tuple[float, str, int]] = []
+    falls: list[_Fall] = []
     for name in ("pixels", "lengths"):
         if name in blocks:
-            block = blocks[name]
-            inverse = np.linalg.pinv(cofactors(block, covariance), rcond=1e-6, hermitian=True)
-            fall = np.einsum("pi,pij,pj->p", block.residual, inverse, block.residual)
+            fall = falls_without(blocks[name], covariance)
             falls += [(each, name, row) for row, each in enumerate(fall.tolist())]
     worst = sorted(falls, reverse=True)[: max(1, int(FEW * len(falls)))]
     rest = squares - sum(fall for fall, *_ in worst)
@@ -63,7 +77,7 @@ def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
     worst = [one for one in worst if one[0] > limit[one[1]]]
     gone = sum(blocks[name].residual.shape[1] for _, name, _ in worst)
     fits = upper_tail(squares - sum(fall for fall, *_ in worst), degrees - gone) >= MISFIT
-    return {name: _of_group(adjustment, name, worst) for _, name, _ in worst}, fits
+    return {name: _of_group(adjustment, name, worst, falls) for _, name, _ in worst}, fits
 
 
 def _limit(block: Block) -> float:
@@ -73,13 +87,17 @@ def _limit(block: Block) -> float:
 
 
 def _of_group(
-    adjustment: Adjustment, name: str, worst: list[tuple[float, str, int]]
+    adjustment: Adjustment, name: str, worst: list[_Fall], falls: list[_Fall]
 ) -> Outstanding:
     own = [(fall, row) for fall, group, row in worst if group == name]
     fall, rows = np.array([one[0] for one in own]), np.array([one[1] for one in own])
-    leverage = adjustment.covariance.leverage(adjustment.minimum.blocks[name])[rows]
-    redundancy = np.clip(1.0 - leverage.mean(axis=1), LEAST_REDUNDANCY, 1.0)
-    return Outstanding(rows, np.sqrt(np.maximum(fall / redundancy, 1.0)))
+    leverage = adjustment.covariance.leverage(adjustment.minimum.blocks[name])
+    redundancy = np.clip(1.0 - leverage[rows].mean(axis=1), LEAST_REDUNDANCY, 1.0)
+    point = adjustment.survey.pick_label if name == "pixels" else np.zeros(len(leverage), dtype=int)
+    rival = np.array([each for each, group, _ in falls if group == name])
+    near = (rival > fall[:, None] - RIVAL) & (point == point[rows][:, None])
+    errors = np.sqrt(np.maximum(fall / redundancy, 1.0))
+    return Outstanding(rows, errors, near.sum(axis=1) == 1)
 
 
 def redundancy_of(adjustment: Adjustment, name: str) -> float:
@@ -104,8 +122,11 @@ def with_little_weight(survey: Survey, lines: Ints, few: dict[str, Outstanding])
         What stands out of it.
     """
     pick, length = np.array(survey.pick_sigma_px), np.array(survey.length_sigma_m)
-    if "pixels" in few:
-        pick[few["pixels"].rows] *= few["pixels"].errors
-    if "lengths" in few:
-        length[lines[few["lengths"].rows]] *= few["lengths"].errors
+    located = {name: (one.rows[one.located], one.errors[one.located]) for name, one in few.items()}
+    if "pixels" in located:
+        rows, errors = located["pixels"]
+        pick[rows] *= errors
+    if "lengths" in located:
+        rows, errors = located["lengths"]
+        length[lines[rows]] *= errors
     return replace(survey, pick_sigma_px=pick, length_sigma_m=length)
