@@ -74,9 +74,9 @@ def _by_log(inputs: Inputs, log: FlightLog) -> Posed:
     )
     evidence = gather_evidence(matched.boot, matched.clock, place)
     faults = find_faults(track, evidence, frames.time_utc_s[frames.matched])
-    said = fault_messages(faults, evidence, frames)
+    log_messages = fault_messages(faults, evidence, frames)
     gaps = track_gaps(track, frames)
-    messages = (*said, *matched.messages, *home_messages, *track_messages, *gaps)
+    messages = (*log_messages, *matched.messages, *home_messages, *track_messages, *gaps)
     posed = _seeded(inputs, frames, track, (place, datum), messages, faults)
     return replace(posed, pairing=matched.pairing)
 

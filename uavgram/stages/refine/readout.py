@@ -43,8 +43,8 @@ def with_sound_readout(
     known, found_s = own.rolling.readout, float(state.readout[0])
     if abs(found_s - known.value_s) > BEYOND_BELIEF * known.sigma_s:
         without = replace(own, rolling=None)
-        said = (_absurd(known, found_s),)
-        return replace(survey, rolling=None), _again(refined, without), said
+        absurd = (_absurd(known, found_s),)
+        return replace(survey, rolling=None), _again(refined, without), absurd
     try:
         moved = with_readout(own, state.telemetry)
         whole = with_readout(survey, state.telemetry)

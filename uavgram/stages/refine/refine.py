@@ -71,14 +71,14 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     if options.noise == "estimate":
         survey, refined = with_noise_learnt(survey, refined)
     if options.outliers == "remove":
-        refined, said = _without_blunders(survey, refined, options.significance)
+        refined, search = _without_blunders(survey, refined, options.significance)
     else:
-        refined, said = _with_the_accused(survey, refined, options.significance), []
+        refined, search = _with_the_accused(survey, refined, options.significance), []
         if options.noise == "estimate":
             refined = _with_little_weight(refined)
     refined = with_gross_lengths(survey, refined)
-    told = (*left_out, *readout, *noise_remarks(refined.noise), *remarks(survey, refined))
-    return refined, (*told, *said)
+    found = (*left_out, *readout, *noise_remarks(refined.noise), *remarks(survey, refined))
+    return refined, (*found, *search)
 
 
 def _without_gross_control(

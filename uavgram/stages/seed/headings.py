@@ -59,7 +59,7 @@ def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
         return survey, ()
     turn = search_turns(_plan(survey, track.sigma_attitude_rad[row, 0], sigma), free)
     doubted = free & (sigma <= UNKNOWN_RAD) & (np.abs(turn) > CONTRADICTED * sigma)
-    return _turned(survey, track, turn, doubted), tuple(_said(survey, turn, doubted))
+    return _turned(survey, track, turn, doubted), tuple(_messages(survey, turn, doubted))
 
 
 def _plan(survey: Survey, tilt_sigma: Floats, turn_sigma: Floats) -> Plan:
@@ -134,7 +134,7 @@ def _turned(survey: Survey, track: PhotoExposures, turn: Floats, doubted: Bools)
     )
 
 
-def _said(survey: Survey, turn: Floats, doubted: Bools) -> Iterator[Message]:
+def _messages(survey: Survey, turn: Floats, doubted: Bools) -> Iterator[Message]:
     names = [
         f"{survey.frame_id[k]} ({abs(np.degrees(turn[k])):.0f} degrees)"
         for k in np.flatnonzero(doubted)

@@ -89,7 +89,7 @@ def place_photos(
     has_attitude = np.asarray(np.isfinite(poses.ypr_rad).all(axis=1))
     time_s = _times(poses, file_time_s)
     course, turning = _courses_in_time(time_s, position, sigma_position)
-    messages = _said(poses, has_attitude, course)
+    messages = _messages(poses, has_attitude, course)
     ned_from_body = _vehicle(poses, course, has_attitude)
     ned_from_gimbal = matrix_from_ypr(*np.nan_to_num(poses.ypr_rad).T)
     mount_ypr = np.radians([mount.yaw_deg, mount.pitch_deg, mount.roll_deg])
@@ -155,7 +155,7 @@ def _courses_in_time(
     return course, turning
 
 
-def _said(poses: PhotoPoses, has_attitude: Bools, course: Floats) -> Iterator[Message]:
+def _messages(poses: PhotoPoses, has_attitude: Bools, course: Floats) -> Iterator[Message]:
     """What was assumed of photos without attitude."""
     guessed = ~has_attitude & np.isfinite(course)
     unknown = np.flatnonzero(~has_attitude & np.isnan(course))

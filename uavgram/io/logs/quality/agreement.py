@@ -62,7 +62,7 @@ def _places(used: PositionSamples | None, other: PositionSamples | None) -> tupl
     here, there = _flat_m(used, other, time), _flat_m(other, other, time)
     way = _flat_m(used, other, time + _LAG_S) - _flat_m(used, other, time - _LAG_S)
     apart = np.linalg.norm(here - there, axis=1)
-    return _told(
+    return _disagreement(
         f"positions by {used.source} and by the receiver ({other.source})",
         time,
         np.where(apart > _FAR_M + np.linalg.norm(way, axis=1), apart, 0.0),
@@ -80,7 +80,7 @@ def _turns(used: AttitudeSamples | None, other: AttitudeSamples | None) -> tuple
     there = matrix_from_xyzw(other.ned_from_body_xyzw[at])
     cosine = (np.einsum("nij,nij->n", here, there) - 1) / 2
     angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
-    return _told(
+    return _disagreement(
         f"attitudes by {used.source} and by {other.source}",
         time,
         np.where(angle > _TURNED_DEG, angle, 0.0),
@@ -88,7 +88,7 @@ def _turns(used: AttitudeSamples | None, other: AttitudeSamples | None) -> tuple
     )
 
 
-def _told(what: str, time_s: Floats, apart: Floats, unit: str) -> tuple[str, ...]:
+def _disagreement(what: str, time_s: Floats, apart: Floats, unit: str) -> tuple[str, ...]:
     rows = np.flatnonzero(apart)
     if not len(rows):
         return ()

@@ -161,8 +161,10 @@ def seen_lengths(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, 
 
 def with_gross_lengths(survey: Survey, refined: Refined) -> Refined:
     """The same, with a record of the lengths that were left out before anything was tested."""
-    told = {removal.index for removal in refined.removals if removal.kind == "line"}
-    line = np.array([i for i in np.flatnonzero(refined.line_removed) if i not in told], dtype=int)
+    recorded = {removal.index for removal in refined.removals if removal.kind == "line"}
+    line = np.array(
+        [i for i in np.flatnonzero(refined.line_removed) if i not in recorded], dtype=int
+    )
     if not len(line):
         return refined
     seen, sigma = seen_lengths(survey, refined, line)
