@@ -59,13 +59,13 @@ def checked_boot(
 
 def _consistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
     """The boot without what cannot be: rows off their neighbours, impossible events and homes."""
-    boot, said = without_damaged_rows(boot)
+    boot, damaged = without_damaged_rows(boot)
     dense = [t for t in (boot.positions, boot.attitudes) if t is not None]
     if not dense:
-        return boot, said
+        return boot, damaged
     first = min(float(t.time_boot_s[0]) for t in dense) - _MARGIN_S
     last = max(float(t.time_boot_s[-1]) for t in dense) + _MARGIN_S
-    events, home, notes = boot.events, boot.home, list(said)
+    events, home, notes = boot.events, boot.home, list(damaged)
     if events is not None:
         inside = (events.time_boot_s >= first) & (events.time_boot_s <= last)
         if not inside.all():
