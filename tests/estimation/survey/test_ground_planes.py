@@ -23,7 +23,7 @@ def test_every_label_lies_on_the_plane_of_its_area(survey) -> None:
     pivot = np.array([[0.0, 0.0], [10.0, 20.0]])
     planes = np.array([1.0, 0.1, 0.0, 5.0, 0.0, -0.2])
     label = np.array([0, 1, 3])
-    surface = GroundPlanes(survey, pivot).at(planes, label, np.array([[3.0, 4.0]] * 3))
+    surface = GroundPlanes(survey, pivot).at(planes, np.zeros(0), label, np.array([[3.0, 4.0]] * 3))
     np.testing.assert_allclose(surface.height_m, [1.3, 8.2, 8.2])
     np.testing.assert_allclose(surface.slope, [[0.1, 0.0], [0.0, -0.2], [0.0, -0.2]])
     np.testing.assert_allclose(surface.by_unknowns[1], [1.0, -7.0, -16.0])
@@ -34,7 +34,7 @@ def test_a_plane_that_is_the_gauge_is_no_unknown(survey) -> None:
     ground = GroundPlanes(replace(survey, gauge="plane"), np.zeros(2))
     label = np.array([0, 1])
     assert ground.size == 3
-    surface = ground.at(np.array([0.0, 0, 0, 0.4, 0, 0]), label, np.ones((2, 2)))
+    surface = ground.at(np.array([0.0, 0, 0, 0.4, 0, 0]), np.zeros(0), label, np.ones((2, 2)))
     assert surface.by_unknowns.tolist() == [[0, 0, 0], [1, 1, 1]]
     assert ground.columns(label).tolist() == [[0, 1, 2], [0, 1, 2]]
     (prior,) = ground.priors()

@@ -63,6 +63,9 @@ _SECOND_ORDER = Table(
 _EARLIER: Record = {"alternative_values": []}
 """What measurements lack in files of earlier versions."""
 
+_EARLIER_POINT: Record = {"departure_m": None, "departure_sigma_m": None}
+"""The same of points."""
+
 
 def dump_frames(frames: FrameResults) -> list[Record]:
     """Frames; a pose that a frame does not have is null."""
@@ -100,7 +103,7 @@ def load_points(records: Sequence[Record]) -> PointResults:
     """Inverse of `dump_points`."""
     relative = [row["relative"] for row in records]
     return _POINTS.load(
-        records,
+        [_EARLIER_POINT | row for row in records],
         **_load_ellipses(records),
         relative=_RELATIVE.load(relative, **_load_ellipses(relative)),
     )
