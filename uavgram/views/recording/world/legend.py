@@ -29,6 +29,8 @@ from uavgram.views.wording import size_text
 LEGEND = "legend"
 # Twice the size it is shown at, for sharp letters.
 WIDTH_PX, HEIGHT_PX = 2400, 108
+# More of it where the ground is no plane: two swatches more.
+WIDER_PX = 440
 BACKGROUND: Rgb = (13, 16, 17)
 TEXT: Rgb = (225, 228, 232)
 FONT_PX = 30
@@ -66,7 +68,8 @@ def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image
     ground_gain
         How many times brighter than in the photos the ground is.
     """
-    image = Image.new("RGB", (WIDTH_PX, HEIGHT_PX), BACKGROUND)
+    width = WIDTH_PX if scene.uneven is None else WIDTH_PX + WIDER_PX
+    image = Image.new("RGB", (width, HEIGHT_PX), BACKGROUND)
     pen = ImageDraw.Draw(image)
     font = ImageFont.load_default(FONT_PX)
     rows = [20.0, 20.0]
