@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.model.result.noise import AreaNoise, Noise, PickNoise
 from uavgram.model.result.result import Result
 
-DEPARTURE_M = {"P00": 0.031, "P01": -0.012, "P02": 0.004, "P03": -0.2}
+DEPARTURE_M = {"P03": 0.031, "P08": -0.012, "P12": 0.004, "P21": -0.2}
 SIGMA_M = 0.02
 NOISE = Noise(
     picks=(PickNoise(source="hand", stated_px=1.0, factor=1.6, sigma=0.1),),

@@ -51,7 +51,7 @@ def test_bars_stand_on_points_off_the_plane_as_tall_as_said(
     assert contents.static[BARS]["LineStrips3D:colors"][3] == 0x0571B0FF
     text = contents.static["/documents/summary"]["TextDocument:text"][0]
     assert f"{factor} times as tall as their ground lies off its plane" in text
-    assert "farthest off is P03, by -0.200 m" in text
+    assert "farthest off is P21, by -0.200 m" in text
 
 
 def test_the_page_of_points_has_their_departures(contents: Contents) -> None:
