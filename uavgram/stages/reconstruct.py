@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.departures import departures
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.geometry.ground.ellipse import ELLIPSE_95, error_ellipse
 from uavgram.model.arrays import Floats
@@ -27,7 +28,7 @@ def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
     position, covariance = adjustment.points()
     absolute = _in_plane(covariance[:, :2, :2])
     latitude, longitude = _geographic(position, world)
-    departure, departure_sigma = adjustment.departures()
+    departure, departure_sigma = departures(adjustment)
     order = np.argsort(survey.pick_label, kind="stable")
     ends = np.cumsum(np.bincount(survey.pick_label, minlength=len(survey.label)))
     frames = tuple(

@@ -104,27 +104,6 @@ class Adjustment:
         joint = self.covariance.blocks(columns)
         return world, np.einsum("nij,njk,nlk->nil", jacobian, joint, jacobian, optimize=True)
 
-    def departures(self) -> tuple[Floats, Floats]:
-        """How far the ground under each point lies above its area's plane, and its sigma (K,) [m].
-
-        Roughness and relief together; both are 0 where the ground is a plane.
-        """
-        layout, state = self.problem.layout, self.state
-        if layout.point_size < 3 and not layout.relief:
-            return np.zeros(layout.points), np.zeros(layout.points)
-        label, ground = np.arange(layout.points), self.problem.ground
-        relief = ground.at(np.zeros_like(state.plane), state.relief, label, state.point[:, :2])
-        rough = np.ones_like(state.point[:, 2:]) * (ground.roughness_sigma_m > 0)[:, None]
-        departure = relief.height_m + np.sum(rough * state.point[:, 2:], axis=1)
-        unknowns = self.problem.plane_columns(label)
-        by_relief = np.where(unknowns >= layout.first_relief, relief.by_unknowns, 0.0)
-        gradient = np.concatenate([relief.slope, rough, by_relief], axis=1)
-        joint = self.covariance.blocks(
-            np.concatenate([layout.point_columns(label), unknowns], axis=1)
-        )
-        variance = np.einsum("ni,nij,nj->n", gradient, joint, gradient, optimize=True)
-        return departure, np.sqrt(np.maximum(variance, 0.0))
-
     def relative_points(self) -> Floats:
         """Covariances (K, 2, 2) of east and north within the survey.
 
