@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pyproj
 import pytest
-from scenes import Scene
+from scenes import Scene, make_scene
 
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.ground_planes import PLANE_SIZE
+from uavgram.estimation.survey.unknowns import State, move
+from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Relief
 from uavgram.model.survey.world import Geodetic, World
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
@@ -73,3 +78,58 @@ def test_every_point_names_the_frames_that_see_it(adjustment: Adjustment) -> Non
         k = survey.label.index(label)
         expected = {survey.frame_id[f] for f in survey.pick_frame[survey.pick_label == k]}
         assert set(frames) == expected
+
+
+def off_plane(adjustment: Adjustment, state: State) -> Floats:
+    """(K,) heights over the plane of each point's area, less its stated height."""
+    survey, pivot = adjustment.survey, adjustment.problem.pivot_m[adjustment.survey.area]
+    world, _, _ = adjustment.problem.world_points(state, np.arange(len(survey.label)))
+    plane = state.plane.reshape(-1, PLANE_SIZE)[survey.area]
+    rise = plane[:, 0] + np.sum(plane[:, 1:] * (world[:, :2] - pivot), axis=1)
+    return np.asarray(world[:, 2] - rise - survey.height_above_m)
+
+
+def test_on_a_plane_nothing_departs_from_it(adjustment: Adjustment) -> None:
+    points = reconstruct(adjustment, WORLD)
+    assert not points.departure_m.any()
+    assert not points.departure_sigma_m.any()
+    assert not points.departs.any()
+
+
+def test_departures_are_heights_over_the_plane_and_their_sigmas_follow_from_all_unknowns() -> None:
+    """Rough ground with a crown beside smooth ground; the gradient by central differences."""
+    survey = make_scene(4, roughness=0.08, verge=(3, 5, 7), heights={0: 0.4, 3: 0.7}).survey
+    crown = Relief(kind="quadratic", sigma_m=0.1, scale_m=9.0, knots_m=np.zeros((1, 2)))
+    first, second = survey.grounds
+    grounds = (replace(first, relief=crown), replace(second, roughness_sigma_m=0.0))
+    refined, _ = refine(replace(survey, grounds=grounds), SolveOptions(noise="stated"))
+    rough = refined.adjustment
+    points = reconstruct(rough, WORLD)
+    layout = rough.problem.layout
+    gradient = np.empty((layout.points, layout.size))
+    for k, step in enumerate(1e-4 * np.eye(layout.size)):
+        ahead, back = (move(layout, rough.state, sign * step) for sign in (1.0, -1.0))
+        gradient[:, k] = (off_plane(rough, ahead) - off_plane(rough, back)) / 2e-4
+    joint = rough.minimum.factor.joint(np.arange(layout.size))
+    sigma = np.sqrt(np.diag(gradient @ joint @ gradient.T))
+
+    np.testing.assert_allclose(points.departure_m, off_plane(rough, rough.state), atol=1e-9)
+    np.testing.assert_allclose(points.departure_sigma_m, sigma, rtol=1e-4, atol=1e-9)
+    assert points.departs.tolist() == (rough.survey.area == 0).tolist()
+    assert np.abs(points.departure_m[points.departs]).min() > 1e-4
+    assert not points.departure_m[~points.departs].any()
+
+
+def test_departures_are_right_within_their_sigmas() -> None:
+    """Chi-square of all departures of ten rough scenes, five-sigma bounds of its mean."""
+    squares = []
+    for seed in range(10):
+        scene = make_scene(seed, roughness=0.15)
+        points = reconstruct(
+            refine(scene.survey, SolveOptions(noise="stated"))[0].adjustment, WORLD
+        )
+        truth = dict(zip(scene.survey.label, scene.truth.point[:, 2].tolist(), strict=True))
+        error = points.departure_m - [truth[label] for label in points.label]
+        squares.extend((error / points.departure_sigma_m) ** 2)
+    bound = 5.0 * np.sqrt(2.0 * 4.0 / len(squares))  # a factor 4: those of a scene go together
+    assert np.mean(squares) == pytest.approx(1.0, abs=bound)

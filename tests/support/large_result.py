@@ -134,6 +134,8 @@ def _points(
         relative=PlanarUncertainty(
             covariance_m2=covariance, ellipse_95_m=axes, ellipse_azimuth_rad=azimuth
         ),
+        departure_m=np.zeros(count),
+        departure_sigma_m=np.zeros(count),
         latitude_deg=latitude,
         longitude_deg=longitude,
         frames=((names[0],),) * count,

@@ -54,6 +54,8 @@ def _points(rng: np.random.Generator) -> PointResults:
             ellipse_95_m=np.array([[0.02, 0.01], [0.03, 0.03], [0.5, 0.1]]),
             ellipse_azimuth_rad=np.array([0.1, 2.2, 3.05]),
         ),
+        departure_m=np.array([0.031, -0.0125, 0.0]),
+        departure_sigma_m=np.array([0.01, 0.02, 0.0]),
         latitude_deg=np.array([50.1, 50.1002, 50.1001]),
         longitude_deg=np.array([-104.6, -104.6003, -104.5999]),
         frames=(("a.jpg", "b.jpg"), ("a.jpg",), ()),

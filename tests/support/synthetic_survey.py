@@ -429,6 +429,8 @@ def build(
             ellipse_95_m=points["ellipse"],
             ellipse_azimuth_rad=points["azimuth"],
             relative=points["relative"],
+            departure_m=np.zeros(len(labels)),
+            departure_sigma_m=np.zeros(len(labels)),
             latitude_deg=points["geo"][:, 0],
             longitude_deg=points["geo"][:, 1],
             frames=tuple(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.departures import departures
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.geometry.ground.ellipse import ELLIPSE_95, error_ellipse
 from uavgram.model.arrays import Floats
@@ -27,6 +28,7 @@ def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
     position, covariance = adjustment.points()
     absolute = _in_plane(covariance[:, :2, :2])
     latitude, longitude = _geographic(position, world)
+    departure, departure_sigma = departures(adjustment)
     order = np.argsort(survey.pick_label, kind="stable")
     ends = np.cumsum(np.bincount(survey.pick_label, minlength=len(survey.label)))
     frames = tuple(
@@ -40,6 +42,8 @@ def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
         ellipse_95_m=absolute.ellipse_95_m,
         ellipse_azimuth_rad=absolute.ellipse_azimuth_rad,
         relative=_in_plane(adjustment.relative_points()),
+        departure_m=departure,
+        departure_sigma_m=departure_sigma,
         latitude_deg=latitude,
         longitude_deg=longitude,
         frames=frames,

@@ -16,6 +16,7 @@ WORDS = (
     wording.each_plus_minus,
     wording.parameter_text,
     wording.axes_text,
+    wording.size_text,
     wording.utc,
     plain,
 )

@@ -43,9 +43,31 @@ _SCALE = np.array(
 # Its darkest fifth vanishes on dark ground.
 _DARKEST = 0.2
 
+# "RdBu" of ColorBrewer (Harrower and Brewer 2003), blue to red: the colour-blind tell them apart.
+_DIVERGING = np.array(
+    [(5, 113, 176), (146, 197, 222), (247, 247, 247), (244, 165, 130), (202, 0, 32)],
+    dtype=np.float64,
+)
+ABOVE: Rgb = (202, 0, 32)
+BELOW: Rgb = (5, 113, 176)
+
 
 def scale_colours(share: Floats) -> Pixels:
     """(N, 3) colours from dark (0) to light (1)."""
-    at = (_DARKEST + (1 - _DARKEST) * np.clip(share, 0.0, 1.0)) * (len(_SCALE) - 1)
-    channels = [np.interp(at, np.arange(len(_SCALE)), _SCALE[:, c]) for c in range(3)]
+    return _between(_SCALE, _DARKEST + (1 - _DARKEST) * np.clip(share, 0.0, 1.0))
+
+
+def diverging_colours(share: Floats) -> Pixels:
+    """(N, 3) colours from blue (-1) over white (0) to red (1)."""
+    return _between(_DIVERGING, (1 + np.clip(share, -1.0, 1.0)) / 2)
+
+
+def hex_colour(colour: Rgb | Pixels) -> str:
+    """``#ca0020``."""
+    return "#" + "".join(f"{int(part):02x}" for part in colour)
+
+
+def _between(anchors: Floats, share: Floats) -> Pixels:
+    at = share * (len(anchors) - 1)
+    channels = [np.interp(at, np.arange(len(anchors)), anchors[:, c]) for c in range(3)]
     return np.stack(channels, axis=-1).round().astype(np.uint8)

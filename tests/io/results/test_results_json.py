@@ -151,7 +151,7 @@ def test_the_keys_of_the_contract_are_there(sample_result: Result) -> None:
         (
             "points",
             "label position_world_m covariance_m2 ellipse_95 relative latitude_deg longitude_deg "
-            "frames",
+            "departure_m departure_sigma_m frames",
         ),
         (
             "lines",
@@ -170,6 +170,21 @@ def test_every_record_has_the_keys_of_the_contract(
 
     assert records
     assert all(set(keys.split()) <= set(record) for record in records)
+
+
+def test_a_file_of_a_version_that_told_no_departures_is_read(
+    sample_result: Result, tmp_path: Path
+) -> None:
+    content = json.loads(dump_results(sample_result))
+    assert content["points"][1]["departure_m"] == -0.0125
+    for point in content["points"]:
+        del point["departure_m"], point["departure_sigma_m"]
+    (tmp_path / "results.json").write_text(json.dumps(content))
+
+    points = load_results(tmp_path / "results.json").points
+    assert np.isnan(points.departure_m).all()
+    assert np.isnan(points.departure_sigma_m).all()
+    assert not points.departs.any()
 
 
 def test_numbers_stand_under_the_keys_that_name_them(sample_result: Result) -> None:

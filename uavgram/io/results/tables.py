@@ -65,6 +65,10 @@ _SECOND_ORDER = Table(
 )
 
 
+_EARLIER_POINT: Record = {"departure_m": None, "departure_sigma_m": None}
+"""What points lack in files of earlier versions."""
+
+
 def dump_frames(frames: FrameResults) -> list[Record]:
     """Frames; a pose that a frame does not have is null."""
     seed, refined = _dump_poses(frames.seed), _dump_poses(frames.refined)
@@ -102,7 +106,7 @@ def load_points(records: Sequence[Record]) -> PointResults:
     """Inverse of `dump_points`."""
     relative = [row["relative"] for row in records]
     return _POINTS.load(
-        records,
+        [_EARLIER_POINT | row for row in records],
         **_load_ellipses(records),
         relative=_RELATIVE.load(relative, **_load_ellipses(relative)),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -52,6 +53,11 @@ class AreaNoise:
     sigma_m: float
     shape: SurfaceShape
     relief_m: float
+
+    @property
+    def size_m(self) -> float:
+        """How far a point lies off the plane: roughness and smooth departures together [m]."""
+        return math.hypot(self.estimated_m, self.relief_m)
 
 
 @dataclass(frozen=True, kw_only=True)

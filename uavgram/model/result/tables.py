@@ -99,6 +99,9 @@ class PointResults(FrozenArrays):
     relative
         The same within the survey: what all points have in common, a shift and a turn, is taken
         out. It tells how well the scene's shape is known, whatever the receiver's bias.
+    departure_m, departure_sigma_m
+        (K,) how far the ground under the point lies above the plane of its area; both 0 where the
+        ground is a plane, NaN in results of versions that did not tell.
     latitude_deg, longitude_deg
         (K,) NaN with gauge ``plane``.
     frames
@@ -111,9 +114,16 @@ class PointResults(FrozenArrays):
     ellipse_95_m: Annotated[Floats, "n", 2]
     ellipse_azimuth_rad: Annotated[Floats, "n"]
     relative: PlanarUncertainty
+    departure_m: Annotated[Floats, "n", NAN_IS_NONE]
+    departure_sigma_m: Annotated[Floats, "n", NAN_IS_NONE]
     latitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     longitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     frames: tuple[tuple[str, ...], ...]
+
+    @property
+    def departs(self) -> Bools:
+        """(K,) whether the ground under a point is no plane."""
+        return np.asarray(self.departure_sigma_m > 0, dtype=np.bool_)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

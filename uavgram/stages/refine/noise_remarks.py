@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
 from uavgram.model.message import Message
 from uavgram.model.result.noise import AreaNoise, Noise, PickNoise
 
@@ -28,7 +26,7 @@ def noise_remarks(noise: Noise | None) -> Iterator[Message]:
 
 
 def _ground(area: AreaNoise, *, several: bool) -> Iterator[Message]:
-    size = float(np.hypot(area.estimated_m, area.relief_m))
+    size = area.size_m
     if size <= area.stated_m * WORSE:
         return
     where = f"The ground of area {area.area!r}" if several else "This ground"
@@ -38,15 +36,15 @@ def _ground(area: AreaNoise, *, several: bool) -> Iterator[Message]:
         "correlated": "in smooth rises and hollows",
     }[area.shape]
     text = (
-        f"{where} is not a plane: its points lie about {_size(size)} off it, {shape}. The "
-        "uncertainties contain that. Where they must be smaller: pick the points in more photos, "
-        "or give other ground an area of its own."
+        f"{where} is not a plane: its points lie about {_length(size)} off it, {shape}; the "
+        "drawing in the report shows where. The uncertainties contain that. Where they must be "
+        "smaller: pick the points in more photos, or give other ground an area of its own."
     )
     yield Message("warning", "ground-not-plane", text)
 
 
-def _size(size_m: float) -> str:
-    return f"{size_m:.1f} m" if size_m >= 0.995 else f"{100 * size_m:.0f} cm"
+def _length(size_m: float) -> str:
+    return f"{100 * size_m:.2g} cm" if size_m < 1.0 else f"{size_m:.2g} m"
 
 
 def _picks(picks: PickNoise) -> Iterator[Message]:

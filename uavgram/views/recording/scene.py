@@ -9,6 +9,7 @@ import numpy as np
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
+from uavgram.views.survey.departures import Departures, departures
 from uavgram.views.survey.drawing import frusta, nice_factor, track
 from uavgram.views.survey.key_facts import largest_ellipse
 
@@ -18,6 +19,8 @@ ELLIPSE_SHARE = 0.06
 CROWD_SHARE = 0.4
 # Ellipses larger than this share of the scene are not filled.
 FILL_SHARE = 0.02
+# Share of the scene's size that the larger departures of the ground from its plane may fill.
+DEPARTURE_SHARE = 0.05
 # Share of the photo's width that the larger exaggerated residuals may fill.
 RESIDUAL_SHARE = 0.07
 # Depth of a frustum: share of the height, and of the way from one exposure to the next.
@@ -53,6 +56,8 @@ class Scene:
         Depth at which a frustum is cut off.
     ellipse_factor, residual_factor
         Exaggerations, from the 1-2-5 series.
+    uneven, departure_factor
+        Where the ground is no plane, None where it is one; exaggeration of its departures.
     fill_ellipses
         Whether ellipses filled at true size leave enough of the ground to be seen.
     worst_point
@@ -72,6 +77,8 @@ class Scene:
     frustum_m: float
     ellipse_factor: int
     residual_factor: int
+    uneven: Departures | None
+    departure_factor: int
     fill_ellipses: bool
     worst_point: int | None
     ground_drop_m: float
@@ -107,6 +114,7 @@ def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene
     ]
     least = GROUND_DROP_SHARE * size
     below = float(np.max(result.plane.height_at(points[:, :2]) - points[:, 2], initial=0.0))
+    uneven = departures(result)
     target, distance = _fit(np.concatenate(shown))
     return Scene(
         middle_m=middle,
@@ -118,6 +126,8 @@ def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene
             float(np.quantile(residual, 0.9)) if len(residual) else 0.0,
             RESIDUAL_SHARE * result.camera.width_px,
         ),
+        uneven=uneven,
+        departure_factor=nice_factor(uneven.full_m if uneven else 0.0, DEPARTURE_SHARE * size),
         fill_ellipses=typical <= FILL_SHARE * size,
         worst_point=largest_ellipse(result),
         ground_drop_m=least + below,

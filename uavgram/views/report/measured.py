@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.model.result.noise import Noise
 from uavgram.model.result.result import Alternative, Result
 from uavgram.stages.second_order import BIAS_OFF, SIGMA_OFF
 from uavgram.views.survey.reliability import second_order_rows
@@ -20,6 +21,9 @@ LEAST_SHIFT = 1e-4
 
 MOST_DIFFERENT = 10
 """Measurements that are shown under another solution: those that it changes most."""
+
+LITTLE = 0.05
+"""Relative change of a sigma, or of an error's size, that is not worth a word."""
 
 
 def sampled_words(result: Result) -> str:
@@ -68,6 +72,33 @@ def shift_text(shift: float, unit: str) -> str:
         return "–"
     places = max(0, 1 - math.floor(math.log10(abs(shift)))) if abs(shift) > LEAST_SHIFT else 3
     return f"{abs(shift):.{places}f} {UNIT_WORDS.get(unit, unit)}"
+
+
+def learnt_words(result: Result) -> str:
+    """How much larger uncertainties are than with errors as stated; empty where they are not."""
+    rows, noise = result.measurements, result.noise
+    known = np.isfinite(rows.sigma) & (rows.sigma_stated > 0)
+    ratio = rows.sigma[known] / rows.sigma_stated[known]
+    if noise is None or np.abs(ratio - 1.0).max(initial=0.0) <= LITTLE:
+        return ""
+    low, high = number(float(ratio.min()), 1), number(float(ratio.max()), 1)
+    times = high if low == high else f"{low} to {high}"
+    causes = _causes(noise)
+    because = f", because {' and '.join(causes)}" if causes else ""
+    return f"The uncertainties are {times} times what they would be with errors as stated{because}."
+
+
+def _causes(noise: Noise) -> list[str]:
+    causes = []
+    if any(area.size_m > (1.0 + LITTLE) * area.stated_m for area in noise.roughness):
+        causes.append("the ground is not a plane")
+    for picks in noise.picks:
+        if abs(picks.factor - 1.0) > LITTLE:
+            found = picks.stated_px * picks.factor
+            how = "less" if picks.factor > 1.0 else "more"
+            sizes = f"{picks.stated_px:.2g} px stated, {found:.2g} px found"
+            causes.append(f"the picks are {how} exact than stated ({sizes})")
+    return causes
 
 
 class SecondOrderNote(NamedTuple):

@@ -17,12 +17,14 @@ from uavgram.views.report.checks import checks_summary
 from uavgram.views.report.gauge import gauge
 from uavgram.views.report.measured import (
     alternative_tables,
+    learnt_words,
     relief_notes,
     sampled_words,
     second_order_note,
     shift_text,
 )
 from uavgram.views.report.method import method_facts
+from uavgram.views.survey.departures import departures
 from uavgram.views.survey.drawing import largest_sigmas
 from uavgram.views.survey.key_facts import key_facts
 from uavgram.views.survey.reliability import (
@@ -94,6 +96,8 @@ def render_report(result: Result) -> str:
             not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
             relief=relief_notes(result),
             shift_text=shift_text,
+            learnt=learnt_words(result),
+            uneven=departures(result),
             sampled=sampled_words(result),
             second_order=second_order_note(result),
             alternatives=alternative_tables(result),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,8 +10,10 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import ellipse_outlines, measured_strips, reference_strips
+from uavgram.views.style import ABOVE, BELOW, hex_colour
+from uavgram.views.survey.departures import Departures, departures
 from uavgram.views.survey.drawing import longest_middle, nice_factor, round_length, uncovered
-from uavgram.views.wording import UNIT_WORDS, decimals_for, worst_first
+from uavgram.views.wording import UNIT_WORDS, decimals_for, number, worst_first
 
 # Width of the drawing in its own units; letters are 11 of them high.
 WIDTH = 900.0
@@ -18,11 +21,14 @@ MARGIN = 60.0
 LEAST_HEIGHT, MOST_HEIGHT = 260.0, 1000.0
 LINE_HEIGHT = 14.0
 # Half the width of a letter, by CSS class, in the widest of the usual fonts; and around a text.
-HALF_LETTER = {"measured": 3.9, "known": 3.5, "name": 3.5}
+HALF_LETTER = {"measured": 3.9, "known": 3.5, "name": 3.5, "off_plane": 3.2}
 ASIDE = 2.0
 ELLIPSE_SHARE, FILL_SHARE = 0.03, 0.05
 MOST_ROOM = 0.3
 MOST_NAMES = 60
+NAME_ABOVE, NUMBER_BELOW = 8.0, 13.0
+# Departures from the plane are shown to millimetres where they are known better than this.
+WELL_KNOWN_M = 0.01
 # Many lines are drawn thin, and only so many of the measured ones named.
 MANY_LINES, MOST_MEASURED = 20, 12
 BOLD, FINE, THIN = 2.0, 1.0, 0.5
@@ -36,6 +42,8 @@ INK = {
     "measured": "#00796b",
     "point": "#222222",
     "ellipse": "#e07b00",
+    "above": hex_colour(ABOVE),
+    "below": hex_colour(BELOW),
 }
 
 
@@ -71,6 +79,10 @@ class TopView:
         Strokes in drawing order.
     dots
         (x, y) of the points.
+    off_plane
+        (x, y) and colour of those whose ground is no plane; empty where it is.
+    full_m
+        Departure from the plane from which on colours are full; 0 where there is none.
     texts
         Names and lengths that do not cover each other.
     ellipse_factor, fill_ellipses
@@ -86,6 +98,8 @@ class TopView:
     lines: tuple[Stroke, ...]
     ellipses: tuple[Stroke, ...]
     dots: tuple[tuple[float, float], ...]
+    off_plane: tuple[tuple[float, float, str], ...]
+    full_m: float
     texts: tuple[Text, ...]
     ellipse_factor: int
     fill_ellipses: bool
@@ -129,13 +143,16 @@ def top_view(result: Result) -> TopView | None:
         scale=float(scale),
     )
     bar_m = round_length(extent_m / 5)
+    uneven = departures(result)
     return TopView(
         width=WIDTH,
         height=float(max(size[1] * scale + 2 * MARGIN, LEAST_HEIGHT)),
         lines=tuple(_lines(result, sheet)),
         ellipses=tuple(_ellipses(result, sheet, factor)),
         dots=tuple((float(x), float(y)) for x, y in sheet(position)),
-        texts=tuple(_texts(result, sheet)),
+        off_plane=tuple(_off_plane(result, sheet, uneven)) if uneven else (),
+        full_m=uneven.full_m if uneven else 0.0,
+        texts=tuple(_texts(result, sheet, uneven)),
         ellipse_factor=factor,
         fill_ellipses=factor * float(np.median(major)) <= FILL_SHARE * extent_m,
         bar_m=bar_m,
@@ -176,8 +193,28 @@ def _ellipses(result: Result, sheet: _Sheet, factor: int) -> list[Stroke]:
     return [Stroke(_points(sheet(outline)), INK["ellipse"], dashed=False) for outline in outlines]
 
 
-def _texts(result: Result, sheet: _Sheet) -> list[Text]:
-    """Measured values (the least certain) first, then known lengths, then names of points."""
+def _off_plane(
+    result: Result, sheet: _Sheet, uneven: Departures
+) -> Iterator[tuple[float, float, str]]:
+    spots = sheet(result.points.position_world_m[uneven.rows])
+    for (x, y), colour in zip(spots, uneven.colours, strict=True):
+        yield float(x), float(y), hex_colour(colour)
+
+
+def _heights(result: Result, sheet: _Sheet, uneven: Departures) -> Iterator[Text]:
+    """How far points lie off their plane [cm], the farthest first."""
+    spots = sheet(result.points.position_world_m[uneven.rows])
+    for k in np.argsort(-np.abs(uneven.value_m), kind="stable"):
+        places = int(uneven.sigma_m[k] < WELL_KNOWN_M)
+        text = number(100 * float(uneven.value_m[k]), places, signed=True)
+        yield Text(float(spots[k, 0]), float(spots[k, 1]) + NUMBER_BELOW, text, "off_plane")
+
+
+def _texts(result: Result, sheet: _Sheet, uneven: Departures | None) -> list[Text]:
+    """What there is room for: measured values first (the least certain), then known lengths.
+
+    Then names of points, and how far they lie off their plane.
+    """
     rows, words = result.measurements, []
     for i, strips in measured_strips(result).items():
         if strips:
@@ -194,14 +231,18 @@ def _texts(result: Result, sheet: _Sheet) -> list[Text]:
         text = f"{result.lines.name[i]} {result.lines.length_m[i]:.2f} m"
         texts.append(Text(*_at(sheet(longest_middle([strip]))), text, "known"))
     for label, spot in zip(result.points.label, sheet(result.points.position_world_m), strict=True):
-        texts.append(Text(float(spot[0]), float(spot[1]) - 8.0, label, "name"))
+        texts.append(Text(float(spot[0]), float(spot[1]) - NAME_ABOVE, label, "name"))
+    most = MOST_NAMES
+    if uneven:
+        texts += _heights(result, sheet, uneven)
+        most += MOST_NAMES
     half = np.array([HALF_LETTER[text.kind] * len(text.text) + ASIDE for text in texts])
     anchors = np.reshape([(text.x, text.y) for text in texts], (-1, 2))
     # no text is cut off at the sheet's sides
     anchors[:, 0] = np.clip(anchors[:, 0], half, np.maximum(WIDTH - half, half))
     return [
         replace(texts[i], x=float(anchors[i, 0]))
-        for i in uncovered(anchors, half, LINE_HEIGHT, MOST_NAMES)
+        for i in uncovered(anchors, half, LINE_HEIGHT, most)
     ]
 
 

@@ -12,6 +12,7 @@ from uavgram.model.result.result import Result
 from uavgram.views.pages import page_environment
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.world.survey import has_outlines
+from uavgram.views.survey.departures import departures
 from uavgram.views.survey.key_facts import key_facts
 from uavgram.views.survey.reliability import (
     effect_words,
@@ -103,7 +104,11 @@ def points_page(result: Result) -> str:
     within = result.points.relative
     order = np.argsort(-within.ellipse_95_m[:, 0], kind="stable")
     return _page(
-        "points", result, points_order=order, azimuth_deg=np.degrees(within.ellipse_azimuth_rad)
+        "points",
+        result,
+        points_order=order,
+        uneven=departures(result),
+        azimuth_deg=np.degrees(within.ellipse_azimuth_rad),
     )
 
 

@@ -11,7 +11,9 @@ from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.recording.world.survey import has_outlines, sigma_shares
 from uavgram.views.style import (
+    ABOVE,
     BAD,
+    BELOW,
     FRAME_COLOURS,
     MEASURED,
     REFERENCE,
@@ -27,6 +29,8 @@ from uavgram.views.wording import size_text
 LEGEND = "legend"
 # Twice the size it is shown at, for sharp letters.
 WIDTH_PX, HEIGHT_PX = 2400, 108
+# More of it where the ground is no plane: two swatches more.
+WIDER_PX = 440
 BACKGROUND: Rgb = (13, 16, 17)
 TEXT: Rgb = (225, 228, 232)
 FONT_PX = 30
@@ -64,11 +68,12 @@ def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image
     ground_gain
         How many times brighter than in the photos the ground is.
     """
-    image = Image.new("RGB", (WIDTH_PX, HEIGHT_PX), BACKGROUND)
+    width = WIDTH_PX if scene.uneven is None else WIDTH_PX + WIDER_PX
+    image = Image.new("RGB", (width, HEIGHT_PX), BACKGROUND)
     pen = ImageDraw.Draw(image)
     font = ImageFont.load_default(FONT_PX)
     rows = [20.0, 20.0]
-    for row, text, colour in _entries(result):
+    for row, text, colour in _entries(result, scene):
         y = ROWS_PX[row] + FONT_PX / 2 + 3
         x = rows[row]
         pen.line([(x, y), (x + 56, y)], fill=colour, width=9)
@@ -85,7 +90,7 @@ def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image
     return image
 
 
-def _entries(result: Result) -> list[tuple[int, str, Rgb]]:
+def _entries(result: Result, scene: Scene) -> list[tuple[int, str, Rgb]]:
     """Row, text and colour of each swatch; only of what can be seen."""
     status = set(result.lines.status)
     entries: list[tuple[int, str, Rgb]] = []
@@ -105,6 +110,9 @@ def _entries(result: Result) -> list[tuple[int, str, Rgb]]:
         entries.append((1, "known length, withheld", WITHHELD))
     if np.isfinite(result.measurements.value).any():
         entries.append((1, "measured", MEASURED))
+    if scene.uneven is not None:
+        times = "" if scene.departure_factor == 1 else f", bars {scene.departure_factor} x as tall"
+        entries += [(0, "ground above its plane", ABOVE), (1, f"below it{times}", BELOW)]
     return entries
 
 

@@ -27,6 +27,7 @@ from uavgram.views.style import (
     Rgb,
     scale_colours,
 )
+from uavgram.views.survey.departures import Departures
 from uavgram.views.survey.drawing import frusta, round_length, track
 from uavgram.views.survey.frame_states import frame_states
 from uavgram.views.wording import size_text
@@ -48,6 +49,8 @@ FLAT_M = 1e-3
 # half axes of the ellipse.
 BAR = "close_up/scale_bar"
 BAR_BELOW = 1.6
+# Of the bars that say how far the ground lies off its plane, in points of the screen.
+BAR_WIDTH = 4.0
 
 
 def log_survey(
@@ -80,6 +83,8 @@ def log_survey(
         recorder.static("survey/labels", _texts(labels.anchor_m + lift, labels.text))
     if result.points.label:
         _points(recorder, result, scene)
+    if scene.uneven is not None:
+        _departures(recorder, result, scene, scene.uneven)
 
 
 def log_scale_bar(recorder: Recorder, result: Result, scene: Scene) -> None:
@@ -229,6 +234,18 @@ def _points(recorder: Recorder, result: Result, scene: Scene) -> None:
         )
     if few:
         recorder.static("survey/point_names", _texts(position, points.label))
+
+
+def _departures(recorder: Recorder, result: Result, scene: Scene, uneven: Departures) -> None:
+    """Bars on the ground, as tall as it lies off its plane: red above the plane, blue below.
+
+    All stand up: what hangs down is hidden by the ground.
+    """
+    position = result.points.position_world_m[uneven.rows]
+    height = scene.departure_factor * np.abs(uneven.value_m)
+    top = position + height[:, None] * [0.0, 0.0, 1.0]
+    bars = np.stack([position, top], axis=1)
+    recorder.static("survey/points/off_plane", _strips(bars, uneven.colours, BAR_WIDTH))
 
 
 def _yaw_quaternions(azimuth_rad: Floats) -> Floats:

@@ -1,0 +1,48 @@
+"""What a survey says in words of ground that is no plane, and of picks."""
+
+from __future__ import annotations
+
+import pytest
+
+from uavgram.model.result.noise import AreaNoise, Noise, PickNoise, SurfaceShape
+from uavgram.stages.refine.noise_remarks import noise_remarks
+
+
+def noise(
+    rough_m: float, relief_m: float = 0.0, shape: SurfaceShape = "plane", factor: float = 1.0
+) -> Noise:
+    area = AreaNoise(
+        area="default",
+        stated_m=0.0,
+        estimated_m=rough_m,
+        sigma_m=0.01,
+        shape=shape,
+        relief_m=relief_m,
+    )
+    picks = PickNoise(source="hand", stated_px=0.8, factor=factor, sigma=0.05)
+    return Noise(picks=(picks,), roughness=(area,))
+
+
+@pytest.mark.parametrize(
+    ("rough_m", "relief_m", "shape", "said"),
+    [
+        (0.05, 0.0, "plane", "about 5 cm off it, each point by itself"),
+        (0.03, 0.04, "quadratic", "about 5 cm off it, as a crown or a hollow does"),
+        (1.122, 1.05, "correlated", "about 1.5 m off it, in smooth rises and hollows"),
+    ],
+)
+def test_ground_that_is_no_plane_is_told_and_where_to_see_it(
+    rough_m: float, relief_m: float, shape: SurfaceShape, said: str
+) -> None:
+    (message,) = noise_remarks(noise(rough_m, relief_m, shape))
+
+    assert (message.level, message.code) == ("warning", "ground-not-plane")
+    assert message.text.startswith(f"This ground is not a plane: its points lie {said}; the ")
+    assert "drawing in the report shows where" in message.text
+
+
+def test_a_plane_and_picks_as_stated_are_no_news() -> None:
+    assert not list(noise_remarks(noise(0.0)))
+    assert not list(noise_remarks(None))
+    (message,) = noise_remarks(noise(0.0, factor=1.6))
+    assert "0.8 px stated, 1.3 ± 0.04 px found" in message.text

@@ -1,0 +1,72 @@
+"""Where the ground is no plane: colours, and the report's drawing of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import ModuleType
+
+import numpy as np
+import pytest
+from uneven_ground import DEPARTURE_M, uneven
+
+from uavgram.views.style import diverging_colours, hex_colour
+from uavgram.views.survey.departures import departures
+from uavgram.views.survey.top_view import top_view
+
+
+def test_only_points_off_the_plane_are_told(survey: ModuleType) -> None:
+    result = uneven(survey.build())
+    found = departures(result)
+
+    assert found is not None
+    assert {result.points.label[row] for row in found.rows} == set(DEPARTURE_M)
+    assert found.value_m[found.largest] == -0.2
+    np.testing.assert_allclose(found.full_m, np.quantile([0.031, 0.012, 0.004, 0.2], 0.9))
+
+
+@pytest.mark.parametrize("least", [0.0, 4e-4])
+def test_a_plane_has_none_and_less_than_half_a_millimetre_is_a_plane(
+    survey: ModuleType, least: float
+) -> None:
+    result = survey.build()
+    count = len(result.points.label)
+    same = {"departure_m": np.full(count, least), "departure_sigma_m": np.full(count, 0.02)}
+    assert departures(result) is None
+    assert departures(replace(result, points=replace(result.points, **same))) is None
+
+
+def test_colours_run_from_blue_below_over_white_to_red_above() -> None:
+    below, level, above, beyond = diverging_colours(np.array([-1.0, 0.0, 1.0, 7.0])).astype(int)
+
+    assert below[2] > below[0] + 100
+    assert above[0] > above[2] + 100
+    assert np.ptp(level) == 0
+    np.testing.assert_array_equal(above, beyond)
+    assert hex_colour((5, 113, 176)) == "#0571b0"
+
+
+def test_the_drawing_has_a_coloured_dot_and_a_number_where_the_ground_is_no_plane(
+    survey: ModuleType,
+) -> None:
+    result = uneven(survey.build(lines=(), measures=()))
+    view = top_view(result)
+    assert view is not None
+    rows = [result.points.label.index(label) for label in DEPARTURE_M]
+
+    assert [dot[:2] for dot in view.off_plane] == [view.dots[row] for row in rows]
+    assert view.off_plane[3][2] == "#0571b0"
+    numbers = {(text.x, text.text) for text in view.texts if text.kind == "off_plane"}
+    assert numbers
+    expected = dict(zip(rows, ("+3", "-1", "0", "-20"), strict=True))
+    assert numbers <= {(view.dots[row][0], text) for row, text in expected.items()}
+    assert (view.dots[rows[3]][0], "-20") in numbers
+
+
+def test_the_drawing_of_a_plane_is_as_it_was(survey: ModuleType) -> None:
+    flat, rough = top_view(survey.build()), top_view(uneven(survey.build()))
+    assert flat is not None
+    assert rough is not None
+    assert (flat.off_plane, flat.full_m) == ((), 0.0)
+    assert not [text for text in flat.texts if text.kind == "off_plane"]
+    kept = tuple(text for text in rough.texts if text.kind != "off_plane")
+    assert replace(rough, off_plane=(), full_m=0.0, texts=kept) == flat
