@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
+import synthetic_survey as survey
 from recording_contents import Contents
 from uneven_ground import DEPARTURE_M, uneven
 
@@ -24,7 +24,7 @@ def no_ground() -> None:
 
 
 @pytest.fixture(scope="module")
-def result(survey: ModuleType) -> Result:
+def result() -> Result:
     built: Result = survey.build(frame_count=2)
     return uneven(built)
 
@@ -62,7 +62,7 @@ def test_the_page_of_points_has_their_departures(contents: Contents) -> None:
     assert len(widths) == 1
 
 
-def test_a_plane_has_neither_bars_nor_words_of_them(survey: ModuleType, tmp_path: Path) -> None:
+def test_a_plane_has_neither_bars_nor_words_of_them(tmp_path: Path) -> None:
     write_recording(survey.build(frame_count=2), (), no_ground, tmp_path / "flat.rrd")
     flat = Contents(tmp_path / "flat.rrd")
 
@@ -71,9 +71,7 @@ def test_a_plane_has_neither_bars_nor_words_of_them(survey: ModuleType, tmp_path
         assert "its plane" not in flat.static[f"/documents/{page}"]["TextDocument:text"][0]
 
 
-def test_the_legend_has_both_colours_only_where_bars_are(
-    survey: ModuleType, result: Result
-) -> None:
+def test_the_legend_has_both_colours_only_where_bars_are(result: Result) -> None:
     def colours(of: Result) -> set[tuple[int, ...]]:
         image = np.asarray(draw_legend(of, measure_scene(of)))
         return {tuple(pixel) for pixel in np.unique(image.reshape(-1, 3), axis=0).tolist()}
@@ -83,7 +81,7 @@ def test_the_legend_has_both_colours_only_where_bars_are(
 
 
 @pytest.mark.parametrize("telemetry", [True, False])
-def test_the_legend_has_room_for_them(survey: ModuleType, telemetry: bool) -> None:  # noqa: FBT001
+def test_the_legend_has_room_for_them(telemetry: bool) -> None:  # noqa: FBT001
     rough = uneven(survey.build(telemetry=telemetry))
     image = np.asarray(draw_legend(rough, measure_scene(rough), 2.5))
     assert (image[:, -8:] == BACKGROUND).all()

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import ModuleType
 
 import numpy as np
 import pytest
+import synthetic_survey as survey
 from uneven_ground import NOISE, uneven
 
 from uavgram.model.result.noise import Noise
@@ -23,7 +23,7 @@ def grown(result: Result, ratio: float, *, noise: Noise | None = NOISE) -> Resul
     return replace(result, measurements=replace(rows, sigma_stated=rows.sigma / times), noise=noise)
 
 
-def test_growth_is_told_with_its_causes(survey: ModuleType) -> None:
+def test_growth_is_told_with_its_causes() -> None:
     result = grown(survey.build(), 1.9)
     sentence = (
         "The uncertainties are 1.9 to 2.1 times what they would be with errors as stated, because "
@@ -34,7 +34,7 @@ def test_growth_is_told_with_its_causes(survey: ModuleType) -> None:
     assert sentence in render_report(result)
 
 
-def test_smaller_uncertainties_are_told_too(survey: ModuleType) -> None:
+def test_smaller_uncertainties_are_told_too() -> None:
     (picks,), flat = NOISE.picks, replace(NOISE.roughness[0], estimated_m=0.0, relief_m=0.0)
     noise = Noise(picks=(replace(picks, factor=0.5),), roughness=(flat,))
     assert learnt_words(grown(survey.build(), 0.5, noise=noise)) == (
@@ -45,13 +45,13 @@ def test_smaller_uncertainties_are_told_too(survey: ModuleType) -> None:
 
 @pytest.mark.parametrize(("ratio", "noise"), [(0.952, NOISE), (2.0, None)])
 def test_nothing_is_told_of_little_changes_or_where_nothing_was_learnt(
-    survey: ModuleType, ratio: float, noise: Noise | None
+    ratio: float, noise: Noise | None
 ) -> None:
     assert not learnt_words(grown(survey.build(), ratio, noise=noise))
     assert not learnt_words(survey.build(measures=()))
 
 
-def test_the_drawing_says_in_words_what_colours_and_numbers_are(survey: ModuleType) -> None:
+def test_the_drawing_says_in_words_what_colours_and_numbers_are() -> None:
     html, flat = render_report(uneven(survey.build())), render_report(survey.build())
 
     for words in ("ground above its plane", "below it", "centimetres above (+) or below (-)"):

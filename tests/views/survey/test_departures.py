@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import ModuleType
 
 import numpy as np
 import pytest
+import synthetic_survey as survey
 from uneven_ground import DEPARTURE_M, uneven
 
 from uavgram.views.style import diverging_colours, hex_colour
@@ -14,7 +14,7 @@ from uavgram.views.survey.departures import departures
 from uavgram.views.survey.top_view import top_view
 
 
-def test_only_points_off_the_plane_are_told(survey: ModuleType) -> None:
+def test_only_points_off_the_plane_are_told() -> None:
     result = uneven(survey.build())
     found = departures(result)
 
@@ -25,9 +25,7 @@ def test_only_points_off_the_plane_are_told(survey: ModuleType) -> None:
 
 
 @pytest.mark.parametrize("least", [0.0, 4e-4])
-def test_a_plane_has_none_and_less_than_half_a_millimetre_is_a_plane(
-    survey: ModuleType, least: float
-) -> None:
+def test_a_plane_has_none_and_less_than_half_a_millimetre_is_a_plane(least: float) -> None:
     result = survey.build()
     count = len(result.points.label)
     same = {"departure_m": np.full(count, least), "departure_sigma_m": np.full(count, 0.02)}
@@ -45,9 +43,7 @@ def test_colours_run_from_blue_below_over_white_to_red_above() -> None:
     assert hex_colour((5, 113, 176)) == "#0571b0"
 
 
-def test_the_drawing_has_a_coloured_dot_and_a_number_where_the_ground_is_no_plane(
-    survey: ModuleType,
-) -> None:
+def test_the_drawing_has_a_coloured_dot_and_a_number_where_the_ground_is_no_plane() -> None:
     result = uneven(survey.build(lines=(), measures=()))
     view = top_view(result)
     assert view is not None
@@ -62,7 +58,7 @@ def test_the_drawing_has_a_coloured_dot_and_a_number_where_the_ground_is_no_plan
     assert (view.dots[rows[3]][0], "-20") in numbers
 
 
-def test_the_drawing_of_a_plane_is_as_it_was(survey: ModuleType) -> None:
+def test_the_drawing_of_a_plane_is_as_it_was() -> None:
     flat, rough = top_view(survey.build()), top_view(uneven(survey.build()))
     assert flat is not None
     assert rough is not None
