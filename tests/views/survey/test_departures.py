@@ -28,9 +28,13 @@ def test_only_points_off_the_plane_are_told() -> None:
 def test_a_plane_has_none_and_less_than_half_a_millimetre_is_a_plane(least: float) -> None:
     result = survey.build()
     count = len(result.points.label)
-    same = {"departure_m": np.full(count, least), "departure_sigma_m": np.full(count, 0.02)}
+    same = replace(
+        result.points,
+        departure_m=np.full(count, least),
+        departure_sigma_m=np.full(count, 0.02),
+    )
     assert departures(result) is None
-    assert departures(replace(result, points=replace(result.points, **same))) is None
+    assert departures(replace(result, points=same)) is None
 
 
 def test_colours_run_from_blue_below_over_white_to_red_above() -> None:

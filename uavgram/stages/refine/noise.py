@@ -54,9 +54,11 @@ KNOTS = 30
 RANGES = (0.2, 0.45)
 """Of a correlated relief, as shares of the extent of the points."""
 
-PENALTY: dict[SurfaceShape, float] = {"plane": 3.3, "quadratic": 5.5, "correlated": 7.0}
-"""Gain in log-likelihood over smooth, plane ground that each shape has to bring, with roughness:
-half the 0.99 quantile of chi-square for each new component, and something for each range tried."""
+PENALTY: dict[SurfaceShape, float] = {"plane": 0.5, "quadratic": 2.5, "correlated": 4.0}
+"""Gain in log-likelihood over smooth, plane ground that each shape has to bring, with roughness.
+Little for roughness, as none is looked for before picks and ground misfit (`MISFIT`): what is then
+there but left out, makes sigmas too small. More for functions of the place, of which several are
+tried."""
 
 LEAST_POINTS = 8
 """Points of an area below which nothing but their own departures is looked for."""
