@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 # Many small systems: threads inside one of them only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
+
+if TYPE_CHECKING:
+    from scenes import Scene
 
 ROOT = Path(__file__).parents[1]
 
@@ -43,7 +48,7 @@ def repository() -> Path:
 
 
 @pytest.fixture(scope="session")
-def scenes():
+def scenes() -> ModuleType:
     """The module of small surveys with known truth: its sigmas and helpers."""
     import scenes as module
 
@@ -51,6 +56,8 @@ def scenes():
 
 
 @pytest.fixture(scope="session")
-def scene_factory(scenes):
+def scene_factory() -> Callable[..., Scene]:
     """``make_scene``: small surveys with known truth, made without our own kernels."""
-    return scenes.make_scene
+    from scenes import make_scene
+
+    return make_scene

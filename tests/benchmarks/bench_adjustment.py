@@ -15,11 +15,21 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from uavgram.estimation.solver.normal_equations import NormalEquations
+    from uavgram.estimation.solver.sparse.block_matrix import BlockMatrix
+    from uavgram.estimation.solver.sparse.multifrontal import Multifrontal
+    from uavgram.estimation.survey.adjustment import Adjustment
+    from uavgram.model.arrays import Floats
+
+Answer = TypeVar("Answer")
 SIZES = (500, 2000, 5000)
 
 
@@ -29,7 +39,7 @@ def peak_mb() -> float:
     return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
 
 
-def best(action, times=3):
+def best(action: Callable[[], Answer], times: int = 3) -> tuple[float, Answer]:
     """Shortest processor time of several runs, and the last result."""
     spent = []
     for _ in range(times):
@@ -46,7 +56,7 @@ def one(frames: int) -> None:
     from uavgram.model.options import SolveOptions
     from uavgram.stages.refine import refine
 
-    def whole():
+    def whole() -> Adjustment:
         refined, _ = refine(survey, SolveOptions())
         adjustment = refined.adjustment
         minimum = adjustment.minimum
@@ -72,36 +82,40 @@ def one(frames: int) -> None:
     print(1e3 * spent / frames, 1e3 * held / frames)  # for the process that compares the sizes
 
 
-def parts(adjustment) -> None:
+def parts(adjustment: Adjustment) -> None:
     """Time, and rate of memory and arithmetic, of what one iteration and the end consist of."""
     from uavgram.estimation.reliability.redundancy import reliability
     from uavgram.estimation.solver.normal_equations import NormalEquations
+    from uavgram.estimation.solver.sparse.block_matrix import BlockMatrix
     from uavgram.estimation.solver.sparse.multifrontal import Multifrontal
 
     problem, layout = adjustment.problem, adjustment.problem.layout
     evaluate, blocks = best(lambda: problem.evaluate(adjustment.state))
+    assert blocks is not None
     given = list(blocks.values())
     first = NormalEquations(given, layout.size, layout.structure)
     first.factor()
     plan = first.plan
+    assert plan is not None
 
-    def normal():
+    def normal() -> tuple[NormalEquations, Floats | BlockMatrix]:
         equations = NormalEquations(given, layout.size, layout.structure, plan)
         return equations, equations.normal
 
     assemble, (equations, matrix) = best(normal)
+    assert isinstance(matrix, BlockMatrix)
     factorise, factor = best(equations.factor)
-    inner = []
+    inner: list[float] = []
     factorised = Multifrontal._factorise
 
-    def timed(self, values, smallest) -> None:
+    def timed(self: Multifrontal, values: Floats, smallest: float) -> None:
         started = time.process_time()
         factorised(self, values, smallest)
         inner.append(time.process_time() - started)
 
-    Multifrontal._factorise = timed
+    Multifrontal._factorise = timed  # type: ignore[method-assign]  # to time it
     best(equations.factor)
-    Multifrontal._factorise = factorised
+    Multifrontal._factorise = factorised  # type: ignore[method-assign]
     fronts = plan.symbolic.ordering.fronts
     own = np.array([front.own for front in fronts], dtype=float)
     edge = np.array([len(front.boundary) for front in fronts], dtype=float)
@@ -144,7 +158,7 @@ def machine() -> None:
     )
 
 
-def compare(sizes) -> None:
+def compare(sizes: Sequence[int]) -> None:
     """Each size in a process of its own, and the smallest beside the others."""
     found = []
     for size in sizes:

@@ -16,6 +16,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -78,7 +79,7 @@ def main(photos: int, peer: int) -> int:
         )
         fastest = [np.inf, np.inf]
         for what, detect in (("SB", sector), ("classical + SubPix", classical)):
-            wall, processor, _ = timed(lambda detect=detect: peers(detect))
+            wall, processor, _ = timed(partial(peers, detect))
             spent = wall / peer, processor / peer
             fastest = [min(pair) for pair in zip(fastest, spent, strict=True)]
             print(

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -19,16 +20,16 @@ import board_scenes as scenes
 import cv2
 import numpy as np
 
-from uavgram.estimation.calibration.adjustment import adjust
+from uavgram.estimation.calibration.adjustment import Fit, adjust
 from uavgram.estimation.calibration.problem import lens_of, pad
 from uavgram.estimation.calibration.start import first_values
-from uavgram.model.camera.board import CalibrationOptions
-from uavgram.stages.calibrate import calibrate
+from uavgram.model.camera.board import BoardObservations, CalibrationOptions
+from uavgram.stages.calibrate.calibrate import calibrate
 
 REPEATS = 7
 
 
-def best_ms(function) -> float:
+def best_ms(function: Callable[[], object]) -> float:
     """Shortest of some runs: what the others add is not the function's."""
     times = []
     for _ in range(REPEATS):
@@ -38,13 +39,13 @@ def best_ms(function) -> float:
     return 1e3 * min(times)
 
 
-def compare(name: str, observations, coefficients: int, flags: int) -> None:
+def compare(name: str, observations: BoardObservations, coefficients: int, flags: int) -> None:
     """Print one line: OpenCV, our first values and adjustment, their ratio; the whole stage."""
     options = CalibrationOptions(coefficients=coefficients)
     photo = observations.photos[0]
     size = photo.width_px, photo.height_px
 
-    def ours():
+    def ours() -> Fit:
         lens, corners = lens_of(options), pad(observations, "flat")
         return adjust(lens, corners, first_values(lens, corners, size))
 
@@ -53,7 +54,9 @@ def compare(name: str, observations, coefficients: int, flags: int) -> None:
     points = [board[p.corner] for p in observations.photos]
     pixels = [p.pixel_px.astype(np.float32)[:, None] for p in observations.photos]
     theirs = best_ms(
-        lambda: cv2.calibrateCameraExtended(points, pixels, size, None, None, flags=flags)
+        lambda: cv2.calibrateCameraExtended(  # type: ignore[call-overload] # no None in its stubs
+            points, pixels, size, None, None, flags=flags
+        )
     )
     rested = best_ms(lambda: scenes.opencv_calibration(observations, flags, times=1))
     mine = best_ms(ours)

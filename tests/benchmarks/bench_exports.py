@@ -23,15 +23,17 @@ import synthetic_survey
 
 from uavgram.geometry.earth.map_projection import utm_crs
 from uavgram.model.result.result import Result
-from uavgram.model.result.tables import FrameResults, PickResults, PoseTable
+from uavgram.model.result.tables import FrameResults, PickResults, PickStatus, PoseTable
 from uavgram.pipeline.measure.exports import exports
 
 PICKS_A_POINT = 5
 
+USED: PickStatus = "used"
+
 
 def large(frames: int, points: int) -> Result:
     """A result of that size."""
-    measures = tuple(
+    measures: tuple[synthetic_survey.Measure, ...] = tuple(
         (f"d{k}", "distance", (f"P{k:02d}", f"P{k + 1:02d}"), "m") for k in range(0, points - 1, 10)
     )
     base = synthetic_survey.build(
@@ -69,9 +71,10 @@ def large(frames: int, points: int) -> Result:
         residual_px=rng.normal(0, 0.7, (count, 2)),
         w=none,
         redundancy=none,
-        status=("used",) * count,
+        status=(USED,) * count,
         sigma_px=none,
     )
+    assert base.world.origin is not None
     crs = utm_crs(base.world.origin.latitude_deg, base.world.origin.longitude_deg)
     return replace(base, frames=made, picks=picks, world=replace(base.world, crs=crs))
 

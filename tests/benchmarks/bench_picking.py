@@ -22,9 +22,16 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 from large_photos import write_large_project
-from playwright.sync_api import Browser, Page, Playwright, expect, sync_playwright
+from playwright.sync_api import (
+    Browser,
+    Page,
+    Playwright,
+    ViewportSize,
+    expect,
+    sync_playwright,
+)
 
-WINDOW = {"width": 1500, "height": 860}
+WINDOW: ViewportSize = {"width": 1500, "height": 860}
 OPENINGS = 3
 
 WATCH_ANSWERS = """() => {
@@ -153,7 +160,8 @@ def watched_opening(page: Page, address: str) -> dict[str, float]:
     page.goto(address)
     expect(page.locator(".pane")).to_have_attribute("data-sharp", "true", timeout=60_000)
     page.wait_for_timeout(200)
-    return page.evaluate("seen")
+    seen: dict[str, float] = page.evaluate("seen")
+    return seen
 
 
 def openings(driver: Playwright, project: Path, report: Report) -> None:
@@ -191,7 +199,8 @@ def frames_while(page: Page) -> list[float]:
         page.mouse.move(x + 200 * (k % 20) / 20, y + 4 * k)
         page.wait_for_timeout(16)
     page.mouse.up(button="right")
-    return page.evaluate("frames_ms.slice(5)")
+    frames_ms: list[float] = page.evaluate("frames_ms.slice(5)")
+    return frames_ms
 
 
 def side_by_side(page: Page) -> None:
@@ -211,8 +220,9 @@ def side_by_side(page: Page) -> None:
 
 def drag_latencies(page: Page) -> list[float]:
     mark = page.locator('.mark[data-label="P7"]')
-    x, y = (float(part) for part in re.findall(r"[-\d.]+", mark.get_attribute("transform")))
+    x, y = (float(part) for part in re.findall(r"[-\d.]+", mark.get_attribute("transform") or ""))
     box = page.locator(".pane svg.marks").bounding_box()
+    assert box is not None
     x, y = x + box["x"], y + box["y"]
     page.evaluate(WATCH_ANSWERS)
     page.mouse.move(x, y)
@@ -220,7 +230,7 @@ def drag_latencies(page: Page) -> list[float]:
     for k in range(150):
         page.mouse.move(x + k / 6, y + (k % 10) / 3)
         page.wait_for_timeout(20)
-    during = page.evaluate("latencies.slice()")
+    during: list[float] = page.evaluate("latencies.slice()")
     page.mouse.up()
     return during
 

@@ -60,6 +60,8 @@ def job_for(view: View, raster: GroundRaster) -> dict[str, object]:
     result, row = view.result, view.rows[0]
     center = result.frames.refined.center_world_m[row]
     steps = np.concatenate([center[None], center + np.eye(3)])
+    assert view.origin is not None
+    assert raster.crs is not None
     placed = projected_from_enu(steps, view.origin, raster.crs)
     u, _, vt = np.linalg.svd((placed[1:] - placed[0]).T)
     ground = projected_from_enu(
@@ -124,7 +126,7 @@ def apart(first: Path, second: Path) -> tuple[float, float]:
     ]
     one, two = np.ascontiguousarray(grey[middle]), np.ascontiguousarray(other[middle])
     shift, _ = cv2.phaseCorrelate(one, two)
-    return float(np.hypot(*shift)), float(np.median(np.abs(one - two)))
+    return float(np.hypot(shift[0], shift[1])), float(np.median(np.abs(one - two)))
 
 
 def main(project: str, frame: str, python: str | None) -> int:

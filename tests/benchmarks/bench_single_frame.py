@@ -18,7 +18,9 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import cameratransform
 import cv2
@@ -29,6 +31,11 @@ from uavgram.estimation.first_poses.resection import resect_from_lengths
 from uavgram.estimation.survey.likelihood import covariance_root
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.points import View, ground_points
+from uavgram.model.arrays import Floats
+from uavgram.model.survey.survey import Survey
+
+Work = tuple[Callable[[], object], int]
+"""What is timed, and how many times in a row."""
 
 HERE = Path(__file__).parent
 
@@ -48,21 +55,21 @@ print(time.perf_counter() - started)
 """
 
 
-def timed(work, repeat=1):
+def timed(work: Callable[[], object], repeat: int = 1) -> float:
     started = time.perf_counter()
     for _ in range(repeat):
         work()
     return (time.perf_counter() - started) / repeat
 
 
-def compare(ours, peers, rounds=ROUNDS):
+def compare(ours: Work, peers: Sequence[Work], rounds: int = ROUNDS) -> tuple[Floats, Floats]:
     """Seconds of ours and of each peer (medians), and the median ratios peer / ours."""
     timed(*ours)  # warms up
     table = np.array([[timed(*work) for work in (ours, *peers)] for _ in range(rounds)])
     return np.median(table, axis=0), np.median(table[:, 1:] / table[:, :1], axis=0)
 
 
-def one_frame():
+def one_frame() -> tuple[Survey, LengthFrames]:
     from scenes import make_scene
 
     pairs = tuple((k, k + 6) for k in range(6))
@@ -79,7 +86,9 @@ def one_frame():
     )
 
 
-def camera_transform(survey, frames, plane):
+def camera_transform(
+    survey: Survey, frames: LengthFrames, plane: Floats
+) -> tuple[Any, Callable[[], object]]:
     """Its fit: height, tilt and roll by Nelder-Mead; lens without tangential terms."""
     fx, fy, cx, cy, k1, k2, _, _, k3 = survey.calibration.parameters
     camera = cameratransform.Camera(
@@ -113,12 +122,12 @@ def poses() -> None:
     root = covariance_root(calibration.covariance)
     ray = back_project(calibration.model, calibration.parameters, survey.pixel_px)
     first = np.concatenate([ray[:, 0], ray[:, 1]])
-    frame = {
+    frame: single_frame_ceres.Frame = {
         "pixel": survey.pixel_px, "sigma": survey.pick_sigma_px, "start": frames.start[0],
         "end": frames.end[0], "length": survey.length_m, "length_sigma": survey.length_sigma_m,
     }  # fmt: skip
 
-    def ceres():
+    def ceres() -> tuple[Floats, Floats, Floats, Any]:
         return single_frame_ceres.solve(calibration.parameters, root, frame, start[0], first)
 
     plane, _, joint, _ = ceres()
@@ -135,7 +144,7 @@ def poses() -> None:
         f"Ceres {1e3 * seconds[1]:.2f} ms, ratio {ratio[0]:.2f} (bar 2); "
         f"CameraTransform {1e3 * seconds[2]:.0f} ms, ratio {ratio[1]:.0f} (bar 30)"
     )
-    many = LengthFrames(*(np.repeat(column, FRAMES, axis=0) for column in frames))
+    many = LengthFrames._make(np.repeat(column, FRAMES, axis=0) for column in frames)
     starts = np.repeat(start, FRAMES, axis=0)
     batch = (lambda: resect_from_lengths(calibration, many, starts), 1)
     seconds, ratio = compare(batch, [(ceres, 20)])
@@ -153,10 +162,11 @@ def points() -> None:
     pixel = np.random.default_rng(0).uniform([0, 0], [4000, 3000], (POINTS, 2))
     matrix = np.array([[3000.0, 0, 1999.5], [0, 3000, 1499.5], [0, 0, 1]])
 
-    def opencv():
+    def opencv() -> Floats:
         plain = cv2.undistortPoints(pixel, matrix, parameters[4:])[:, 0]
         ray = np.column_stack([plain, np.ones(POINTS)]) @ rotation.T
-        return center[:2] + ray[:, :2] * (-center[2] / ray[:, 2])[:, None]
+        place: Floats = center[:2] + ray[:, :2] * (-center[2] / ray[:, 2])[:, None]
+        return place
 
     camera = cameratransform.Camera(
         cameratransform.RectilinearProjection(focallength_px=3000, image=(4000, 3000)),
@@ -165,13 +175,14 @@ def points() -> None:
     )
     some, rng = pixel[: POINTS // 100], np.random.default_rng(2)
 
-    def resampled():
+    def resampled() -> Floats:
         drawn = []
         for height, tilt in rng.normal([50, 5], [0.1, 0.1], (DRAWS, 2)):
             camera.elevation_m, camera.tilt_deg = height, tilt
             drawn.append(camera.spaceFromImage(some)[:, :2])
-        drawn = np.array(drawn) - np.mean(drawn, axis=0)
-        return np.einsum("dni,dnj->nij", drawn, drawn) / (DRAWS - 1)
+        away = np.array(drawn) - np.mean(drawn, axis=0)
+        covariance: Floats = np.einsum("dni,dnj->nij", away, away) / (DRAWS - 1)
+        return covariance
 
     for threads in (1, os.cpu_count() or 1):
         cv2.setNumThreads(threads)
@@ -186,7 +197,7 @@ def points() -> None:
     against_mrcal(parameters, lambda: ground_points(view, pixel, np.eye(2)))
 
 
-def against_mrcal(parameters, ours) -> None:
+def against_mrcal(parameters: Floats, ours: Callable[[], object]) -> None:
     """Its process measures itself, in turn with ours."""
     python = shutil.which("python3", path="/usr/bin")
     points = POINTS // 10

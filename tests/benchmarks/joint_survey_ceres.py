@@ -10,18 +10,31 @@ work than its real form, and the same minimum and covariance.
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pyceres
 from scipy.spatial.transform import Rotation
 
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.motion.rotation import hat, log_so3, right_jacobian
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.survey.survey import Survey
+
+Cost = Any
+"""A pyceres.CostFunction: pyceres has no types."""
+Jacobians = Sequence[Floats | None] | None
 
 
-class PointCost(pyceres.CostFunction):
+class PointCost(pyceres.CostFunction):  # type: ignore[misc]  # pyceres has no types
     """Whitened residuals of a point's picks, by point, plane, lens and the poses that see it."""
 
-    def __init__(self, survey, problem, label, picks, seed_rotation) -> None:
+    def __init__(
+        self, survey: Survey, problem: SurveyProblem, label: int, picks: Ints, seed_rotation: Floats
+    ) -> None:
         super().__init__()
         self.height = survey.height_above_m[label]
         self.pivot = np.ravel(problem.pivot_m)[:2]
@@ -32,7 +45,9 @@ class PointCost(pyceres.CostFunction):
         self.set_num_residuals(2 * len(picks))
         self.set_parameter_block_sizes([2, 3, self.basis.shape[1]] + [6] * len(picks))
 
-    def Evaluate(self, blocks, residuals, jacobians) -> bool:  # noqa: N802, PLR0915
+    def Evaluate(  # noqa: N802, PLR0915
+        self, blocks: Sequence[Floats], residuals: Floats, jacobians: Jacobians
+    ) -> bool:
         point, plane, lens = blocks[:3]
         pose = np.array(blocks[3:])
         m = len(pose)
@@ -86,25 +101,28 @@ class PointCost(pyceres.CostFunction):
             jacobians[2][:] = by_lens.ravel()
         by_turn = by_camera @ hat(camera) @ right
         for i in range(m):
-            if jacobians[3 + i] is not None:
-                by_pose = jacobians[3 + i].reshape(m, 2, 6)
+            own = jacobians[3 + i]
+            if own is not None:
+                by_pose = own.reshape(m, 2, 6)
                 by_pose[:] = 0
                 by_pose[i, :, :3] = -by_world[i]
                 by_pose[i, :, 3:] = by_turn[i]
         return True
 
 
-class LinearCost(pyceres.CostFunction):
+class LinearCost(pyceres.CostFunction):  # type: ignore[misc]  # pyceres has no types
     """Residuals r + J (x - x0) of several blocks."""
 
-    def __init__(self, residual, jacobians, at) -> None:
+    def __init__(self, residual: Floats, jacobians: Sequence[Floats], at: Sequence[Floats]) -> None:
         super().__init__()
         self.constant = residual - sum(j @ x for j, x in zip(jacobians, at, strict=True))
         self.jacobians = jacobians
         self.set_num_residuals(len(residual))
         self.set_parameter_block_sizes([j.shape[1] for j in jacobians])
 
-    def Evaluate(self, blocks, residuals, jacobians) -> bool:  # noqa: N802
+    def Evaluate(  # noqa: N802
+        self, blocks: Sequence[Floats], residuals: Floats, jacobians: Jacobians
+    ) -> bool:
         residuals[:] = self.constant
         for j, x in zip(self.jacobians, blocks, strict=True):
             residuals += j @ x
@@ -115,16 +133,18 @@ class LinearCost(pyceres.CostFunction):
         return True
 
 
-class LengthCost(pyceres.CostFunction):
+class LengthCost(pyceres.CostFunction):  # type: ignore[misc]  # pyceres has no types
     """Whitened length between two points of one plane, by the points and the plane."""
 
-    def __init__(self, length, sigma, above) -> None:
+    def __init__(self, length: float, sigma: float, above: float) -> None:
         super().__init__()
         self.length, self.sigma, self.above = length, sigma, above
         self.set_num_residuals(1)
         self.set_parameter_block_sizes([2, 2, 3])
 
-    def Evaluate(self, blocks, residuals, jacobians) -> bool:  # noqa: N802
+    def Evaluate(  # noqa: N802
+        self, blocks: Sequence[Floats], residuals: Floats, jacobians: Jacobians
+    ) -> bool:
         start, end, plane = blocks
         flat = end - start
         up = flat @ plane[1:] + self.above
@@ -142,7 +162,7 @@ class LengthCost(pyceres.CostFunction):
         return True
 
 
-def _exp_with_right_jacobian(turn):
+def _exp_with_right_jacobian(turn: Floats) -> tuple[Floats, Floats]:
     return Rotation.from_rotvec(turn).as_matrix(), right_jacobian(turn)
 
 
@@ -157,10 +177,11 @@ class JointSurvey:
         (K, 2) first values of the points.
     """
 
-    def __init__(self, adjustment, first_point) -> None:
+    def __init__(self, adjustment: Adjustment, first_point: Floats) -> None:
         self.adjustment = adjustment
         problem, survey, state = adjustment.problem, adjustment.survey, adjustment.state
         seeds = survey.seeds
+        assert seeds is not None
         self.seed_rotation = np.array(seeds.world_from_camera)
         self.point = [np.array(p) for p in first_point]
         self.pose = [np.array([*c, 0, 0, 0]) for c in seeds.center_world_m]
@@ -169,16 +190,16 @@ class JointSurvey:
         self.shared = np.array(problem.telemetry_mean)
         self.turn_there = log_so3(np.swapaxes(self.seed_rotation, 1, 2) @ state.rotation)
         self.problem = pyceres.Problem()
-        self._costs = []
+        self._costs: list[Cost] = []
         self._add_picks(problem, survey)
         self._add_lengths(problem, survey)
         self._add_priors(problem, survey, state)
 
-    def _add(self, cost, blocks) -> None:
+    def _add(self, cost: Cost, blocks: Sequence[Floats]) -> None:
         self._costs.append(cost)
         self.problem.add_residual_block(cost, None, blocks)
 
-    def _add_picks(self, problem, survey) -> None:
+    def _add_picks(self, problem: SurveyProblem, survey: Survey) -> None:
         order = np.argsort(survey.pick_label, kind="stable")
         cuts = np.cumsum(np.bincount(survey.pick_label))[:-1]
         for label, picks in enumerate(np.split(order, cuts)):
@@ -186,15 +207,16 @@ class JointSurvey:
             poses = [self.pose[f] for f in survey.pick_frame[picks]]
             self._add(cost, [self.point[label], self.plane, self.lens, *poses])
 
-    def _add_lengths(self, problem, survey) -> None:
+    def _add_lengths(self, problem: SurveyProblem, survey: Survey) -> None:
         for i in problem.line_index:
             start, end = survey.line_start[i], survey.line_end[i]
             above = survey.height_above_m[end] - survey.height_above_m[start]
             cost = LengthCost(survey.length_m[i], survey.length_sigma_m[i], above)
             self._add(cost, [self.point[start], self.point[end], self.plane])
 
-    def _add_priors(self, problem, survey, state) -> None:
+    def _add_priors(self, problem: SurveyProblem, survey: Survey, state: State) -> None:
         block = self.adjustment.minimum.blocks["telemetry"]
+        assert survey.telemetry is not None
         turn = self.turn_there[survey.telemetry.frame_index]
         by_turn = block.jacobian[:, :, 3:6] @ right_jacobian(turn)
         for row, frame in enumerate(survey.telemetry.frame_index):
@@ -212,7 +234,7 @@ class JointSurvey:
         ):
             self._add(pyceres.factors.NormalPrior(mean, np.diag(deviation**2)), [values])
 
-    def solve(self, solver, threads):
+    def solve(self, solver: pyceres.LinearSolverType, threads: int) -> pyceres.SolverSummary:
         """Minimise; returns Ceres' summary."""
         options = pyceres.SolverOptions()
         options.linear_solver_type = solver
@@ -227,7 +249,7 @@ class JointSurvey:
         pyceres.solve(options, self.problem, summary)
         return summary
 
-    def covariance(self, threads):
+    def covariance(self, threads: int) -> tuple[Floats, Floats]:
         """Of every pose, of every point and of it with the plane: what the package hands over."""
         options = pyceres.CovarianceOptions()
         options.algorithm_type = pyceres.CovarianceAlgorithmType.SPARSE_QR
@@ -240,7 +262,7 @@ class JointSurvey:
         point = np.array([covariance.get_covariance_block(p, p) for p in self.point])
         return pose, point
 
-    def difference(self, pose, point):
+    def difference(self, pose: Floats, point: Floats) -> tuple[float, float]:
         """Largest differences from the package's result: in sigmas, and of sigmas, relative."""
         state, layout = self.adjustment.state, self.adjustment.problem.layout
         blocks = self.adjustment.covariance.blocks
@@ -262,7 +284,9 @@ class JointSurvey:
         )
 
 
-def ceres(adjustment, first_point, solver, threads):
+def ceres(
+    adjustment: Adjustment, first_point: Floats, solver: pyceres.LinearSolverType, threads: int
+) -> tuple[tuple[float, float, float], pyceres.SolverSummary, JointSurvey, tuple[Floats, Floats]]:
     """Seconds (wall) of building, solving, covariance; the summary; and the joint survey."""
     started = time.perf_counter()
     joint = JointSurvey(adjustment, first_point)

@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from uavgram.geometry.camera.projection import project
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.log import Track
 from uavgram.model.flight.pose import Poses, TelemetryPrior
@@ -38,7 +39,8 @@ def large_survey(frames: int, per_frame: int = 20, seed: int = 0) -> Survey:
     place = np.full(len(points), -1)
     place[tied] = np.arange(len(tied))
     lines = rng.choice(tied, len(tied) // 50, replace=False)
-    partner = cKDTree(points[tied, :2]).query(points[lines, :2], k=2)[1][:, 1]
+    neighbours: Ints = np.asarray(cKDTree(points[tied, :2]).query(points[lines, :2], k=2)[1])
+    partner = neighbours[:, 1]
     length = np.linalg.norm(points[lines] - points[tied[partner]], axis=1)
     own = np.diag(np.array([0.5, 0.5, 0.5, 0.02, 0.02, 0.03]) ** 2)
     errors = rng.multivariate_normal(np.zeros(6), own, frames)
@@ -58,7 +60,7 @@ def large_survey(frames: int, per_frame: int = 20, seed: int = 0) -> Survey:
             covariance=np.diag(SIGMA**2),
         ),
         label=tuple(f"P{k}" for k in tied),
-        height_above_m=np.zeros(len(tied)),
+        height_above_m=np.zeros(len(tied), dtype=int),
         pick_frame=frame[inside],
         pick_label=place[label[inside]],
         pixel_px=pixel[inside],
@@ -67,20 +69,21 @@ def large_survey(frames: int, per_frame: int = 20, seed: int = 0) -> Survey:
         line_end=partner,
         length_m=length + rng.normal(0, 0.01, len(lines)),
         length_sigma_m=np.full(len(lines), 0.01),
-        control_label=np.empty(0),
+        control_label=np.empty(0, dtype=int),
         control_world_m=np.empty((0, 3)),
         control_sigma_m=np.empty((0, 3)),
         grounds=(Ground(
             height_m=0.0, height_sigma_m=0.3, slope_sigma_rad=0.01, roughness_sigma_m=0.0
         ),),
-        area=np.zeros(len(tied)),
+        area=np.zeros(len(tied), dtype=int),
         gauge="world",
     )  # fmt: skip
 
 
-def _prior(frames: int, own: np.ndarray) -> TelemetryPrior:
+def _prior(frames: int, own: Floats) -> TelemetryPrior:
     return TelemetryPrior(
-        frame_index=np.arange(frames), time_s=10.0 * np.arange(frames), middle_s=5.0 * (frames - 1),
+        frame_index=np.arange(frames), time_s=10.0 * np.arange(frames, dtype=float),
+        middle_s=5.0 * (frames - 1),
         gimbal_from_camera=GIMBAL_FROM_CAMERA, covariance=np.tile(own, (frames, 1, 1)),
         clock_sigma_s=0.05, clock_drift_sigma=5e-5,
         boresight_sigma_rad=0.02, heading_bias_sigma_rad=0.02,
@@ -100,7 +103,7 @@ def _track(seeds: Poses) -> Track:
         position_world_m=(seeds.center_world_m[:, None] + way).reshape(-1, 3),
         attitude_time_s=time,
         world_from_body_xyzw=np.repeat(Rotation.from_matrix(body).as_quat(), 4, axis=0),
-        gimbal_time_s=np.empty(0), world_from_gimbal_xyzw=np.empty((0, 4)),
+        gimbal_time_s=np.empty(0, dtype=int), world_from_gimbal_xyzw=np.empty((0, 4)),
         sigma_time_s=time[:1], sigma_position_m=np.array([[0.5, 0.5]]),
         sigma_attitude_rad=np.array([[0.02, 0.03]]), source="bench",
     )  # fmt: skip

@@ -16,6 +16,7 @@ import sys
 import time
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rasterio
@@ -36,7 +37,7 @@ def angles(world_from_camera: np.ndarray) -> tuple[float, float, float]:
     )
 
 
-def flat_ground(job: dict, path: Path) -> None:
+def flat_ground(job: dict[str, Any], path: Path) -> None:
     """An elevation model of two metres' step around the camera."""
     reach, step = 400.0, 2.0
     size = int(2 * reach / step)

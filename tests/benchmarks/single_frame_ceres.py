@@ -7,14 +7,30 @@ arrays: the least that a cost function in Python costs.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any, TypedDict
+
 import numpy as np
 import pyceres
 
+from uavgram.model.arrays import Floats, Ints
 
-class FrameCost(pyceres.CostFunction):
+
+class Frame(TypedDict):
+    """What was observed: (E, 2) pixels and their sigmas, (n,) lengths between them."""
+
+    pixel: Floats
+    sigma: Floats
+    start: Ints
+    end: Ints
+    length: Floats
+    length_sigma: Floats
+
+
+class FrameCost(pyceres.CostFunction):  # type: ignore[misc]  # pyceres has no types
     """Whitened residuals: 2 E of pixels, 9 of the interior, n of lengths."""
 
-    def __init__(self, parameters, root, frame) -> None:
+    def __init__(self, parameters: Floats, root: Floats, frame: Frame) -> None:
         super().__init__()
         self.parameters, self.root = parameters, root
         self.pixel, self.sigma = frame["pixel"], frame["sigma"]
@@ -24,7 +40,12 @@ class FrameCost(pyceres.CostFunction):
         self.set_num_residuals(2 * self.e + 9 + self.n)
         self.set_parameter_block_sizes([3, 9, 2 * self.e])
 
-    def Evaluate(self, blocks, residuals, jacobians) -> bool:  # noqa: N802, PLR0915
+    def Evaluate(  # noqa: N802, PLR0915
+        self,
+        blocks: Sequence[Floats],
+        residuals: Floats,
+        jacobians: Sequence[Floats | None] | None,
+    ) -> bool:
         m, t, point = blocks
         e, n = self.e, self.n
         x, y = point[:e], point[e:]
@@ -57,12 +78,13 @@ class FrameCost(pyceres.CostFunction):
             at_start, at_end = ground[:, self.start], ground[:, self.end]
             by_start, by_end = np.sum(unit * at_start, 0), np.sum(unit * at_end, 0)
             i = np.arange(e)
-            if jacobians[0] is not None:
-                by_m = jacobians[0].reshape(rows, 3)
+            plane, interior, picks = jacobians
+            if plane is not None:
+                by_m = plane.reshape(rows, 3)
                 by_m[: 2 * e + 9] = 0
                 by_m[2 * e + 9 :] = (by_end * at_end - by_start * at_start).T
-            if jacobians[1] is not None:
-                by_t = jacobians[1].reshape(rows, 9)
+            if interior is not None:
+                by_t = interior.reshape(rows, 9)
                 d = np.zeros((2 * e, 9))
                 d[:e, 0], d[:e, 2] = xd, 1
                 d[e:, 1], d[e:, 3] = yd, 1
@@ -73,8 +95,8 @@ class FrameCost(pyceres.CostFunction):
                 by_t[: 2 * e] = (d @ self.root) / np.concatenate([self.sigma, self.sigma])[:, None]
                 by_t[2 * e : 2 * e + 9] = np.eye(9)
                 by_t[2 * e + 9 :] = 0
-            if jacobians[2] is not None:
-                by_point = jacobians[2].reshape(rows, 2 * e)
+            if picks is not None:
+                by_point = picks.reshape(rows, 2 * e)
                 by_point[:] = 0
                 by_point[i, i], by_point[i, e + i] = fx * a / self.sigma, fx * b / self.sigma
                 by_point[e + i, i], by_point[e + i, e + i] = (
@@ -89,8 +111,10 @@ class FrameCost(pyceres.CostFunction):
         return True
 
 
-def solve(parameters, root, frame, plane, point):
-    """Plane, interior in sigmas, and their joint covariance (12, 12)."""
+def solve(
+    parameters: Floats, root: Floats, frame: Frame, plane: Floats, point: Floats
+) -> tuple[Floats, Floats, Floats, Any]:
+    """Plane, interior in sigmas, their joint covariance (12, 12), and Ceres' summary."""
     m, t, point = plane.copy(), np.zeros(9), point.copy()
     problem = pyceres.Problem()
     cost = FrameCost(parameters, root, frame)

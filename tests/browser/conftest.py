@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-import re
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from picking_projects import PickingProject, write_project
-from picking_server import Served
+
+pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+
+from opened_pages import PageOpener
+from playwright.sync_api import Browser, expect, sync_playwright
 
 CHROMIUM = Path("/usr/bin/chromium")
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-playwright.expect.set_options(timeout=60_000)  # as long as it takes on a busy machine
+expect.set_options(timeout=60_000)  # as long as it takes on a busy machine
 
 
 @pytest.fixture(scope="session")
-def chromium():
+def chromium() -> Iterator[Browser]:
     """Debian's chromium without a GPU."""
     if not CHROMIUM.is_file():
         pytest.skip(f"no browser at {CHROMIUM}: apt install chromium")
-    with playwright.sync_playwright() as driver:
+    with sync_playwright() as driver:
         browser = driver.chromium.launch(
             executable_path=str(CHROMIUM), args=["--no-sandbox", "--disable-gpu"]
         )
@@ -42,27 +45,8 @@ def planted(planted_once: PickingProject, tmp_path: Path) -> PickingProject:
 
 
 @pytest.fixture
-def open_page(chromium):
-    """Open a server's page: ``open_page(server, width, height, ratio)``."""
-    opened = []
-
-    def opening(server: Served, width: int = 1280, height: int = 720, ratio: float = 1.0):
-        context = chromium.new_context(
-            viewport={"width": width, "height": height}, device_scale_factor=ratio
-        )
-        context.set_default_timeout(60_000)
-        opened.append(context)
-        page = context.new_page()
-        page.errors = []
-        page.on("pageerror", lambda fault: page.errors.append(str(fault)))
-        page.on("console", lambda said: said.type == "error" and page.errors.append(said.text))
-        page.strangers = []
-        home = re.compile(rf"(http|ws)://127\.0\.0\.1:{server.port}/|blob:|data:")
-        page.on("request", lambda r: home.match(r.url) or page.strangers.append(r.url))
-        page.goto(server.guard.address())
-        page.wait_for_selector('.pane[data-sharp="true"]')
-        return page
-
-    yield opening
-    for context in opened:
-        context.close()
+def open_page(chromium: Browser) -> Iterator[PageOpener]:
+    """Opens a server's page, and says what went wrong in it."""
+    opener = PageOpener(chromium)
+    yield opener
+    opener.close()

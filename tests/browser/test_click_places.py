@@ -8,14 +8,19 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from opened_pages import PageOpener
 from picking_pages import drawn, eventually, to_page
-from picking_projects import BLOB_SIGMA_PX, write_project
-from picking_server import served
+from picking_projects import BLOB_SIGMA_PX, PickingProject, write_project
+from picking_server import Served, served
 from PIL import Image
+from playwright.sync_api import Page, Route
+
+from uavgram.model.arrays import Floats
 
 ZOOMS = (1.0, 4.0, 12.0)
 WINDOWS = ((1280, 720), (1917, 1043))
@@ -23,13 +28,13 @@ MOST_MEAN_PX, MOST_PX = 0.05, 0.2
 SHARP = '.pane[data-sharp="true"]'  # waited for in each frame; `expect` looks ever more seldom
 
 
-def zoom_to(page, place, zoom) -> None:
+def zoom_to(page: Page, place: Floats, zoom: float) -> None:
     """Zoom by the wheel, and bring a place of the photo where nothing else is drawn."""
     page.keyboard.press("f")
     pane = page.locator(".pane")
     for _ in range(8):
         page.mouse.move(*to_page(page, *place))
-        wanted = math.log(zoom / float(pane.get_attribute("data-scale")))
+        wanted = math.log(zoom / float(pane.get_attribute("data-scale") or ""))
         if abs(wanted) < 0.02:
             break
         before = pane.get_attribute("data-scale")
@@ -40,6 +45,7 @@ def zoom_to(page, place, zoom) -> None:
     page.mouse.move(*to_page(page, *place))
     page.mouse.down(button="right")
     box = pane.bounding_box()
+    assert box is not None
     x, y = box["x"] + 0.28 * box["width"], box["y"] + box["height"] / 2
     page.mouse.move(x, y)
     page.mouse.up(button="right")
@@ -47,7 +53,7 @@ def zoom_to(page, place, zoom) -> None:
     page.wait_for_selector(SHARP)
 
 
-def centroid(page, near, zoom):
+def centroid(page: Page, near: tuple[float, float], zoom: float) -> tuple[float, float]:
     """Where the mark near a place of the page is, in CSS pixels."""
     page.mouse.move(600, 3)  # no magnifier over the photo
     drawn(page)
@@ -64,7 +70,9 @@ def centroid(page, near, zoom):
     return left + (weight * u).sum() / total / ratio, top + (weight * v).sum() / total / ratio
 
 
-def clicked_errors(page, server, project, zoom, marks):
+def clicked_errors(
+    page: Page, server: Served, project: PickingProject, zoom: float, marks: tuple[int, ...]
+) -> Floats:
     """(n, 2) errors of picks that clicks on the seen marks made [photo pixels]."""
     errors = []
     for k in marks:
@@ -79,14 +87,14 @@ def clicked_errors(page, server, project, zoom, marks):
     return np.array(errors)
 
 
-def held(errors):
+def held(errors: Floats) -> bool:
     """Whether clicks were as exact as they are to be."""
     away = np.linalg.norm(errors, axis=1)
-    return away.mean() <= MOST_MEAN_PX and away.max() <= MOST_PX
+    return bool(away.mean() <= MOST_MEAN_PX and away.max() <= MOST_PX)
 
 
 @pytest.fixture(scope="module")
-def planted_server(planted_once):
+def planted_server(planted_once: PickingProject) -> Iterator[Served]:
     """One server for all: each click is taken back."""
     with served(planted_once.path) as server:
         yield server
@@ -95,7 +103,11 @@ def planted_server(planted_once):
 @pytest.mark.parametrize("window", WINDOWS, ids=lambda window: f"{window[0]}x{window[1]}")
 @pytest.mark.parametrize("ratio", [1.0, 1.25, 1.5, 2.0])
 def test_a_click_on_a_mark_gives_its_place(
-    planted_once, planted_server, open_page, window, ratio
+    planted_once: PickingProject,
+    planted_server: Served,
+    open_page: PageOpener,
+    window: tuple[int, int],
+    ratio: float,
 ) -> None:
     page = open_page(planted_server, *window, ratio)
     errors = np.concatenate(
@@ -105,15 +117,15 @@ def test_a_click_on_a_mark_gives_its_place(
         ]
     )
     assert held(errors), errors
-    assert not page.errors
-    assert not page.strangers
+    assert not open_page.errors
+    assert not open_page.strangers
 
 
-def plant(page, header, *, aligned=True) -> None:
+def plant(page: Page, header: str, *, aligned: bool = True) -> None:
     """Give the page a header of another height, and take its cure for that away."""
 
-    def changed(file, old, new) -> None:
-        def serve(route) -> None:
+    def changed(file: str, old: str, new: str) -> None:
+        def serve(route: Route) -> None:
             answer = route.fetch()
             text = answer.text()
             assert old in text, file
@@ -137,17 +149,26 @@ def plant(page, header, *, aligned=True) -> None:
     ],
 )
 def test_a_header_of_half_a_pixel_fails_the_check_unless_the_page_lies_on_whole_ones(
-    planted_once, planted_server, open_page, header, aligned, exact
+    planted_once: PickingProject,
+    planted_server: Served,
+    open_page: PageOpener,
+    *,
+    header: str,
+    aligned: bool,
+    exact: bool,
 ) -> None:
     page = open_page(planted_server)
     plant(page, header, aligned=aligned)
     box = page.locator(".pane").bounding_box()
+    assert box is not None
     assert box["y"] == float(header.removesuffix("px"))
     errors = clicked_errors(page, planted_server, planted_once, 1.0, (0, 1, 2))
     assert held(errors) == exact, errors
 
 
-def test_a_photo_that_exif_turns_gives_the_same_numbers(tmp_path: Path, open_page) -> None:
+def test_a_photo_that_exif_turns_gives_the_same_numbers(
+    tmp_path: Path, open_page: PageOpener
+) -> None:
     project = write_project(tmp_path, turned=True)
     with served(project.path) as server:
         page = open_page(server)

@@ -8,6 +8,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from opened_pages import PageOpener
 from picking_pages import click_mark, measured, place, show_photo, wait_until_adjusted
 from picking_server import served
 from playwright.sync_api import expect
@@ -23,7 +24,7 @@ DISTANCES = (("R1", "P12"), ("P9", "P15"), ("P12", "P15"))
 
 
 @pytest.fixture
-def empty_survey(data_dir: Path, tmp_path: Path):
+def empty_survey(data_dir: Path, tmp_path: Path) -> tuple[Path, Path]:
     source = data_dir / "calm_nadir"
     project = tmp_path / "survey"
     leave = shutil.ignore_patterns("*.csv", "out", "*.tlog", "project.yaml")
@@ -32,13 +33,13 @@ def empty_survey(data_dir: Path, tmp_path: Path):
     return source, project
 
 
-def rows_of(path):
+def rows_of(path: Path) -> list[dict[str, str]]:
     with path.open(newline="") as stream:
         return list(csv.DictReader(stream))
 
 
 def test_a_first_session_gives_the_numbers_of_a_run(
-    empty_survey, open_page, data_dir: Path
+    empty_survey: tuple[Path, Path], open_page: PageOpener, data_dir: Path
 ) -> None:
     source, project = empty_survey
     picks = rows_of(source / "picks.csv")
@@ -66,8 +67,8 @@ def test_a_first_session_gives_the_numbers_of_a_run(
         expect(page.locator('table[aria-label="Known lengths"] tbody tr')).to_have_count(4)
         wait_until_adjusted(page)
         shown = measured(page)
-        assert not page.errors
-        assert not page.strangers
+        assert not open_page.errors
+        assert not open_page.strangers
     result = compute(read_inputs(project / "project.yaml")).result
     found = result.measurements
     truth = json.loads((data_dir / "truth" / "calm_nadir.json").read_text())["points"]

@@ -8,19 +8,25 @@ import time
 from pathlib import Path
 
 import pytest
+from opened_pages import PageOpener
 from picking_pages import eventually, measured, show_photo, to_page, wait_until_adjusted
-from picking_server import served
-from playwright.sync_api import expect
+from picking_projects import PickingProject
+from picking_server import Served, served
+from playwright.sync_api import Page, expect
 
+from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.protocol.parse import Message
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 
 
-def picks_of(server):
+def picks_of(server: Served) -> dict[str, tuple[float, float]]:
     return {pick.label: (pick.u_px, pick.v_px) for pick in server.picking.state.picks}
 
 
-def test_keyboard_alone_places_nudges_renames_and_undoes(planted, open_page) -> None:
+def test_keyboard_alone_places_nudges_renames_and_undoes(
+    planted: PickingProject, open_page: PageOpener
+) -> None:
     with served(planted.path) as server:
         page = open_page(server)
         page.locator("#label").fill("kerb")
@@ -48,7 +54,7 @@ def test_keyboard_alone_places_nudges_renames_and_undoes(planted, open_page) -> 
         page.keyboard.press("n")
         page.keyboard.press("Delete")
         expect(page.locator(".mark")).to_have_count(0)
-        assert not page.errors
+        assert not open_page.errors
 
 
 KINDS = {
@@ -62,7 +68,7 @@ KINDS = {
 """Key of each tool, the name that it gives, and the points to measure."""
 
 
-def type_point(page, label) -> None:
+def type_point(page: Page, label: str) -> None:
     """Take a point into what is being measured, by its name."""
     page.keyboard.press("/")
     page.keyboard.type(label)
@@ -70,7 +76,7 @@ def type_point(page, label) -> None:
     page.keyboard.press("Enter")  # takes it
 
 
-def tab_to(page, name) -> None:
+def tab_to(page: Page, name: str) -> None:
     """Go on by Tab to what has this name."""
     for _ in range(80):
         page.keyboard.press("Tab")
@@ -80,7 +86,7 @@ def tab_to(page, name) -> None:
 
 
 def test_keyboard_alone_measures_each_kind_and_gives_the_numbers_of_a_run(
-    copied_survey, open_page
+    copied_survey: Path, open_page: PageOpener
 ) -> None:
     (copied_survey.parent / "measure.csv").write_text("name,kind,points\n")
     (copied_survey.parent / "lines.csv").write_text("name,from,to,length_m,sigma_m\n")
@@ -125,8 +131,9 @@ def test_keyboard_alone_measures_each_kind_and_gives_the_numbers_of_a_run(
         wait_until_adjusted(page)
         shown = measured(page)
         pick = server.picking.state.pick("IMG_0046.jpg", "R8")
+        assert pick is not None
         assert (pick.sigma_px, pick.height_m) == (0.5, 0.2)
-        assert not page.errors
+        assert not open_page.errors
     found = compute(read_inputs(copied_survey)).result
     assert found.lines.status == ("used", "checked")
     assert set(found.measurements.name) == set(shown)
@@ -147,7 +154,7 @@ NEED_A_NAME = {
 }
 
 
-def nameless(page):
+def nameless(page: Page) -> list[str]:
     """Roles of what a screen reader would come upon without a name (WAI-ARIA 1.2, 5.2.8)."""
     session = page.context.new_cdp_session(page)
     nodes = session.send("Accessibility.getFullAXTree")["nodes"]
@@ -161,7 +168,7 @@ def nameless(page):
 
 
 def test_everything_has_a_name_for_a_screen_reader_and_focus_is_seen(
-    copied_survey, open_page
+    copied_survey: Path, open_page: PageOpener
 ) -> None:
     with served(copied_survey) as server:
         page = open_page(server)
@@ -193,7 +200,9 @@ def test_everything_has_a_name_for_a_screen_reader_and_focus_is_seen(
         assert len(seen) > 25
 
 
-def test_the_arrows_go_through_tools_tabs_and_photos(copied_survey, open_page) -> None:
+def test_the_arrows_go_through_tools_tabs_and_photos(
+    copied_survey: Path, open_page: PageOpener
+) -> None:
     with served(copied_survey) as server:
         page = open_page(server)
         page.keyboard.press("F6")
@@ -210,21 +219,21 @@ def test_the_arrows_go_through_tools_tabs_and_photos(copied_survey, open_page) -
         expect(page.locator("svg.marks")).to_be_focused()
         page.keyboard.press("PageDown")
         expect(page.locator(".pane")).to_have_attribute("data-image", "IMG_0043.jpg")
-        assert not page.errors
+        assert not open_page.errors
 
 
 def test_points_and_lengths_that_come_faster_than_they_are_confirmed_are_all_kept(
-    planted, open_page
+    planted: PickingProject, open_page: PageOpener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with served(planted.path) as server:
         page = open_page(server)
         change = server.picking.change
 
-        def slowly(message):
+        def slowly(message: Message) -> Json:
             time.sleep(0.25)
             return change(message)
 
-        server.picking.change = slowly
+        monkeypatch.setattr(server.picking, "change", slowly)
         for u, v in planted.marks_px:
             page.mouse.click(*to_page(page, u, v))
         expect(page.locator(".mark")).to_have_count(4)
@@ -236,10 +245,12 @@ def test_points_and_lengths_that_come_faster_than_they_are_confirmed_are_all_kep
             page.keyboard.type("1.5")
             page.keyboard.press("Enter")
         expect(page.locator('table[aria-label="Known lengths"] tbody tr')).to_have_count(2)
-        assert not page.errors
+        assert not open_page.errors
 
 
-def test_a_target_is_snapped_to_with_its_sigma(planted, open_page) -> None:
+def test_a_target_is_snapped_to_with_its_sigma(
+    planted: PickingProject, open_page: PageOpener
+) -> None:
     with served(planted.path) as server:
         page = open_page(server)
         u, v = planted.marks_px[0]
@@ -248,6 +259,7 @@ def test_a_target_is_snapped_to_with_its_sigma(planted, open_page) -> None:
         expect(page.locator(".mark")).to_have_count(1)
         (pick,) = server.picking.state.picks
         assert (pick.u_px, pick.v_px) == pytest.approx((u, v), abs=0.1)
+        assert pick.sigma_px is not None
         assert 0 < pick.sigma_px < 0.5
         page.mouse.move(*to_page(page, 200.0, 200.0))
         page.keyboard.press("Escape")
@@ -256,7 +268,7 @@ def test_a_target_is_snapped_to_with_its_sigma(planted, open_page) -> None:
 
 
 @pytest.fixture
-def copied_survey(data_dir: Path, tmp_path: Path):
+def copied_survey(data_dir: Path, tmp_path: Path) -> Path:
     """A survey with all its picks, and little to measure."""
     project = tmp_path / "survey"
     leave = shutil.ignore_patterns("out", "*.tlog", "measure.csv")
@@ -265,13 +277,14 @@ def copied_survey(data_dir: Path, tmp_path: Path):
     return project / "project.yaml"
 
 
-def test_numbers_move_before_the_button_is_up(copied_survey, open_page) -> None:
+def test_numbers_move_before_the_button_is_up(copied_survey: Path, open_page: PageOpener) -> None:
     with served(copied_survey) as server:
         page = open_page(server)
         show_photo(page, server.picking.index["IMG_0046.jpg"])
         wait_until_adjusted(page)
         before, place = measured(page)["D1"], picks_of(server)["R2"]
         pick = server.picking.state.pick("IMG_0046.jpg", "R2")
+        assert pick is not None
         x, y = to_page(page, pick.u_px, pick.v_px)
         page.mouse.move(x, y)
         page.mouse.down()
@@ -283,10 +296,12 @@ def test_numbers_move_before_the_button_is_up(copied_survey, open_page) -> None:
         page.keyboard.press("Control+z")
         expect(page.locator('table[aria-label="Measurements"]')).to_contain_text(before)
         assert picks_of(server)["R2"] == place
-        assert not page.errors
+        assert not open_page.errors
 
 
-def test_four_panes_that_are_linked_show_the_same_ground(copied_survey, open_page) -> None:
+def test_four_panes_that_are_linked_show_the_same_ground(
+    copied_survey: Path, open_page: PageOpener
+) -> None:
     with served(copied_survey) as server:
         page = open_page(server, 1600, 1000)
         wait_until_adjusted(page)
@@ -300,10 +315,12 @@ def test_four_panes_that_are_linked_show_the_same_ground(copied_survey, open_pag
         mark = page.locator('.pane[data-image="IMG_0046.jpg"] .mark').first
         expect(mark).to_be_attached()
 
-        def alike():
+        def alike() -> bool:
             panes = page.locator(".pane")
-            scales = panes.evaluate_all("panes => panes.map(pane => +pane.dataset.scale)")
+            scales: list[float] = panes.evaluate_all(
+                "panes => panes.map(pane => +pane.dataset.scale)"
+            )
             return max(scales) < 1.6 * min(scales)
 
         eventually(page, alike)
-        assert not page.errors
+        assert not open_page.errors

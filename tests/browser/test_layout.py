@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from opened_pages import PageOpener
 from picking_pages import eventually, show_photo, wait_until_adjusted
 from picking_server import served
 from playwright.sync_api import expect
@@ -33,7 +34,7 @@ OVERLAPPING = """(choice) => {
 
 
 @pytest.fixture
-def survey(data_dir: Path, tmp_path: Path):
+def survey(data_dir: Path, tmp_path: Path) -> Path:
     """Two marks that lie close together, a length that does not fit, and all kinds of values."""
     folder = tmp_path / "survey"
     shutil.copytree(data_dir / "calm_nadir", folder, ignore=shutil.ignore_patterns("out", "*.tlog"))
@@ -48,7 +49,7 @@ def survey(data_dir: Path, tmp_path: Path):
     return folder / "project.yaml"
 
 
-def test_nothing_overlaps_and_nothing_is_cut_off(survey, open_page) -> None:
+def test_nothing_overlaps_and_nothing_is_cut_off(survey: Path, open_page: PageOpener) -> None:
     with served(survey) as server:
         page = open_page(server)
         show_photo(page, server.picking.index["IMG_0046.jpg"])
@@ -66,4 +67,4 @@ def test_nothing_overlaps_and_nothing_is_cut_off(survey, open_page) -> None:
         page.evaluate("document.querySelector('#project').style.minWidth = '900px'")
         page.set_viewport_size({"width": 1280, "height": 720})
         eventually(page, lambda: page.evaluate(CUT_OFF) != [])  # the test can fall
-        assert not page.errors
+        assert not open_page.errors

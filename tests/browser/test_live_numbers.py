@@ -4,22 +4,29 @@ from __future__ import annotations
 
 import re
 import threading
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from large_photos import write_large_project
+from opened_pages import PageOpener
 from picking_pages import eventually, measured, to_page, wait_until_adjusted
-from picking_server import served
+from picking_server import Served, served
 from playwright.sync_api import expect
 from unsure import unsure
+
+from uavgram.pipeline.pick.live import Adjusted, Observed
 
 GREY = "body.stale"
 ADJUSTED = '#mode[data-mode="adjusted"]'
 
 
+Slow = tuple[Served, threading.Event]
+
+
 @pytest.fixture
-def slow(tmp_path: Path):
+def slow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Slow]:
     """A server whose full adjustments wait, from when `hold` is cleared until it is set again."""
     project = write_large_project(tmp_path, 1600, 1200, labels=25)
     with served(project) as server:
@@ -27,21 +34,24 @@ def slow(tmp_path: Path):
         hold.set()
         adjust = survey.adjust
 
-        def held(observed):
+        def held(observed: Observed) -> Adjusted:
             hold.wait(60)
             return adjust(observed)
 
-        survey.adjust = held
+        monkeypatch.setattr(survey, "adjust", held)
         yield server, hold
         hold.set()
 
 
-def test_a_drag_moves_the_numbers_while_a_full_adjustment_takes_its_time(slow, open_page) -> None:
+def test_a_drag_moves_the_numbers_while_a_full_adjustment_takes_its_time(
+    slow: Slow, open_page: PageOpener
+) -> None:
     server, hold = slow
     page = open_page(server)
     wait_until_adjusted(page)
     before = measured(page)["D1"]
     pick = server.picking.state.pick("photo0.jpg", "P1")
+    assert pick is not None
     x, y = to_page(page, pick.u_px, pick.v_px)
     hold.clear()
     page.mouse.move(x, y)
@@ -60,10 +70,12 @@ def test_a_drag_moves_the_numbers_while_a_full_adjustment_takes_its_time(slow, o
     hold.set()
     page.mouse.up()
     wait_until_adjusted(page)
-    assert not page.errors
+    assert not open_page.errors
 
 
-def test_numbers_are_grey_until_they_belong_to_what_is_picked(slow, open_page) -> None:
+def test_numbers_are_grey_until_they_belong_to_what_is_picked(
+    slow: Slow, open_page: PageOpener
+) -> None:
     server, hold = slow
     page = open_page(server)
     wait_until_adjusted(page)
@@ -76,21 +88,21 @@ def test_numbers_are_grey_until_they_belong_to_what_is_picked(slow, open_page) -
     hold.set()
     page.wait_for_selector(GREY, state="detached")
     page.wait_for_selector(ADJUSTED)
-    assert not page.errors
+    assert not open_page.errors
 
 
 def test_a_value_that_another_solution_changes_shows_the_other_one_beside_it(
-    slow, open_page
+    slow: Slow, open_page: PageOpener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     server, _ = slow
     survey, adjust = server.picking.survey, server.picking.survey.adjust
 
-    def ambiguous(observed):
+    def ambiguous(observed: Observed) -> Adjusted:
         adjusted = adjust(observed)
         result = unsure(adjusted.result, "D1", (12.3456, 45.6789))
         return replace(adjusted, computed=adjusted.computed._replace(result=result))
 
-    survey.adjust = ambiguous
+    monkeypatch.setattr(survey, "adjust", ambiguous)
     page = open_page(server)
     page.locator("#label").fill("New")
     page.mouse.click(*to_page(page, 700.0, 500.0))
@@ -98,4 +110,4 @@ def test_a_value_that_another_solution_changes_shows_the_other_one_beside_it(
     expect(row).to_contain_text(re.compile(r"m\s*or 12\.\d+, 45\.\d+"))
     other = page.locator('table[aria-label="Measurements"] tbody tr').nth(1)
     expect(other).not_to_contain_text(" or ")
-    assert not page.errors
+    assert not open_page.errors

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import socket
 import threading
+from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
+from opened_pages import PageOpener
 from pick_pages import small_project
 from picking_pages import place
-from picking_server import served
-from playwright.sync_api import expect
+from picking_server import Served, served
+from playwright.sync_api import Browser, expect
 
 from uavgram.picking.web.redirect import RedirectFile
 
@@ -20,29 +22,32 @@ HTML = "<img src=x onerror=\"document.title='pwned'\">"
 
 
 @pytest.fixture
-def server(tmp_path: Path):
+def server(tmp_path: Path) -> Iterator[Served]:
     with served(small_project(tmp_path)) as server:
         yield server
 
 
-def test_labels_with_html_are_shown_as_text_everywhere(server, open_page) -> None:
+def test_labels_with_html_are_shown_as_text_everywhere(
+    server: Served, open_page: PageOpener
+) -> None:
     page = open_page(server)
     place(page, "A", 100, 100)
     page.locator("#label").fill(HTML)
     # `place` waits for the mark by its label, which this one would break out of.
     pane = page.locator(".pane svg.marks").first.bounding_box()
+    assert pane is not None
     page.mouse.click(pane["x"] + pane["width"] / 2, pane["y"] + pane["height"] / 2)
     expect(page.locator(".mark")).to_have_count(2)
     expect(page.locator("body")).to_contain_text(HTML)
     assert [pick.label for pick in server.picking.state.picks] == ["A", HTML]
     assert page.locator("img[src=x]").count() == 0
     assert page.title() != "pwned"
-    assert not page.errors
-    assert not page.strangers
+    assert not open_page.errors
+    assert not open_page.strangers
 
 
 @pytest.fixture
-def elsewhere():
+def elsewhere() -> Iterator[socket.socket]:
     """Another address, where somebody would listen."""
     with socket.create_server(("127.0.0.2", 0)) as listener:
         listener.settimeout(0.0)
@@ -50,7 +55,7 @@ def elsewhere():
 
 
 def test_no_request_leaves_the_machine_and_the_policy_would_stop_one(
-    server, open_page, elsewhere
+    server: Served, open_page: PageOpener, elsewhere: socket.socket
 ) -> None:
     page = open_page(server)
     asked = []
@@ -118,7 +123,9 @@ Promise.all([image, socket, read, script]).then((all) => {
 </script>"""
 
 
-def test_another_page_of_this_browser_gets_neither_photos_nor_socket(server, open_page) -> None:
+def test_another_page_of_this_browser_gets_neither_photos_nor_socket(
+    server: Served, open_page: PageOpener
+) -> None:
     """It has the same host, so the browser sends our cookie along: the door tells them apart."""
     page = open_page(server)
 
@@ -130,7 +137,7 @@ def test_another_page_of_this_browser_gets_neither_photos_nor_socket(server, ope
             self.end_headers()
             self.wfile.write(content)
 
-        def log_message(self, *_) -> None:
+        def log_message(self, *_: object) -> None:
             pass
 
     other = ThreadingHTTPServer(("127.0.0.1", 0), Other)
@@ -148,7 +155,9 @@ def test_another_page_of_this_browser_gets_neither_photos_nor_socket(server, ope
     assert [pick.label for pick in server.picking.state.picks] == ["A"]
 
 
-def test_a_file_that_only_its_user_can_read_leads_to_the_page(server, chromium) -> None:
+def test_a_file_that_only_its_user_can_read_leads_to_the_page(
+    server: Served, chromium: Browser
+) -> None:
     way = RedirectFile(server.guard.address())
     path = Path(urlsplit(way.uri).path)
     modes = [one.stat().st_mode & 0o777 for one in (path, path.parent)]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from open_projects import change, opened
+from opened_pages import PageOpener
 from pick_pages import small_project
 from picking_pages import place
 from picking_server import served
@@ -14,12 +15,12 @@ from playwright.sync_api import expect
 
 
 @pytest.fixture
-def project(tmp_path: Path):
+def project(tmp_path: Path) -> Path:
     return small_project(tmp_path)
 
 
 def test_a_camera_is_calibrated_on_a_folder_from_the_page_and_used(
-    project, open_page, data_dir: Path
+    project: Path, open_page: PageOpener, data_dir: Path
 ) -> None:
     board = project.parent / "board"
     board.mkdir()
@@ -47,12 +48,14 @@ def test_a_camera_is_calibrated_on_a_folder_from_the_page_and_used(
         panel.get_by_role("button", name="Use it").click()
         expect(panel.get_by_role("table", name="Interior orientation")).not_to_contain_text("600.0")
         expect(panel).to_contain_text("calibrated from 6 photos of a board")
-        assert not page.errors
-        assert not page.strangers
+        assert not open_page.errors
+        assert not open_page.strangers
     assert "camera: calibration/camera.yaml" in project.read_text(encoding="utf-8")
 
 
-def test_a_table_that_another_program_changed_is_reloaded_at_a_click(project, open_page) -> None:
+def test_a_table_that_another_program_changed_is_reloaded_at_a_click(
+    project: Path, open_page: PageOpener
+) -> None:
     with served(project) as server:
         page = open_page(server)
         place(page, "ours", 100, 100)
@@ -68,7 +71,7 @@ def test_a_table_that_another_program_changed_is_reloaded_at_a_click(project, op
         expect(page.locator("#undo")).to_be_disabled()
         place(page, "later", 200, 300)
         expect(page.locator("#undo")).to_be_enabled()
-        assert not page.errors
+        assert not open_page.errors
     assert "theirs" in picks.read_text(encoding="utf-8")
 
 
@@ -76,7 +79,7 @@ def test_a_table_that_another_program_changed_is_reloaded_at_a_click(project, op
     ("button", "marks", "end"), [("Take", 1, "taken"), ("Discard", 0, "discarded")]
 )
 def test_what_an_earlier_session_could_not_save_is_offered_at_a_click(
-    project, open_page, button, marks, end
+    project: Path, open_page: PageOpener, button: str, marks: int, end: str
 ) -> None:
     with opened(project, killed=True) as (earlier, _):
         change(earlier, "place", image=0, label="lost", u_px=100, v_px=100)
@@ -89,7 +92,7 @@ def test_what_an_earlier_session_could_not_save_is_offered_at_a_click(
         expect(page.locator('.mark[data-label="lost"]')).to_have_count(marks)
         if marks:
             expect(page.locator("#undo")).to_be_enabled()
-        assert not page.errors
+        assert not open_page.errors
     assert [path.suffix for path in (project.parent / "out").glob("pick-journal-*")] == [f".{end}"]
     assert ("lost" in (project.parent / "picks.csv").read_text()) == bool(marks)
 
@@ -103,7 +106,9 @@ HEADER_SEEN = """() => {
 }"""
 
 
-def test_the_page_never_says_saved_while_it_has_no_connection(project, open_page) -> None:
+def test_the_page_never_says_saved_while_it_has_no_connection(
+    project: Path, open_page: PageOpener
+) -> None:
     with served(project) as server:
         page = open_page(server)
         place(page, "A", 100, 100)
@@ -118,7 +123,9 @@ def test_the_page_never_says_saved_while_it_has_no_connection(project, open_page
     assert not [words for words in seen if "no connection" in words and "saved" in words]
 
 
-def test_outputs_are_one_click_away_and_say_when_they_are_old(project, open_page) -> None:
+def test_outputs_are_one_click_away_and_say_when_they_are_old(
+    project: Path, open_page: PageOpener
+) -> None:
     out = project.parent / "out"
 
     def run() -> None:
@@ -143,11 +150,11 @@ def test_outputs_are_one_click_away_and_say_when_they_are_old(project, open_page
         assert recording.get_attribute("href") == "/recording"
         place(page, "A", 100, 100)
         expect(foot).to_contain_text("older than what you see")
-        assert not page.strangers
+        assert not open_page.strangers
 
 
 def test_the_tab_of_frames_tells_matching_clock_and_seeds(
-    data_dir: Path, tmp_path: Path, open_page
+    data_dir: Path, tmp_path: Path, open_page: PageOpener
 ) -> None:
     survey = tmp_path / "survey"
     shutil.copytree(data_dir / "wind_oblique", survey, ignore=shutil.ignore_patterns("out"))
@@ -162,4 +169,4 @@ def test_the_tab_of_frames_tells_matching_clock_and_seeds(
         expect(rows.nth(3)).to_contain_text("refined")
         panel.get_by_role("button", name="Show IMG_0028.jpg").click()
         expect(page.locator(".pane")).to_have_attribute("data-image", "IMG_0028.jpg")
-        assert not page.errors
+        assert not open_page.errors

@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from opened_pages import PageOpener
 from picking_pages import (
     click_mark,
     eventually,
@@ -16,8 +17,9 @@ from picking_pages import (
     to_page,
     wait_until_adjusted,
 )
+from picking_projects import PickingProject
 from picking_server import served
-from playwright.sync_api import expect
+from playwright.sync_api import Locator, Page, expect
 
 from uavgram.io.tables.measure import POINT_COUNTS
 from uavgram.pipeline.measure.compute import compute
@@ -27,12 +29,19 @@ WITHOUT_NUMBERS = {"pick", "length"}
 """Tools that measure nothing: one marks a place, one takes a length as known."""
 
 
-def entry(page, name):
+def entry(page: Page, name: str) -> Locator:
     """The form that asks for what clicks cannot say."""
     return page.get_by_role("form", name=name)
 
 
-def type_label(page, label) -> None:
+def key_in(title: str | None) -> str:
+    """The key that the title of a tool names."""
+    named = re.search(r"\((\w)\): \w", title or "")
+    assert named is not None, title
+    return named[1]
+
+
+def type_label(page: Page, label: str) -> None:
     """Name a point, and do with it what the tool does."""
     page.keyboard.press("/")
     page.keyboard.type(label)
@@ -40,7 +49,9 @@ def type_label(page, label) -> None:
     page.keyboard.press("Enter")
 
 
-def test_every_kind_of_measurement_has_a_tool_with_a_key_of_its_own(planted, open_page) -> None:
+def test_every_kind_of_measurement_has_a_tool_with_a_key_of_its_own(
+    planted: PickingProject, open_page: PageOpener
+) -> None:
     with served(planted.path) as server:
         page = open_page(server)
         tools = page.get_by_role("radiogroup", name="Tool").get_by_role("radio")
@@ -48,7 +59,7 @@ def test_every_kind_of_measurement_has_a_tool_with_a_key_of_its_own(planted, ope
             tool.get_attribute("data-tool"): tool.get_attribute("title") for tool in tools.all()
         }
         assert set(titles) == set(POINT_COUNTS) | WITHOUT_NUMBERS
-        keys = {kind: re.search(r"\((\w)\): \w", title)[1] for kind, title in titles.items()}
+        keys = {kind: key_in(title) for kind, title in titles.items()}
         assert len(set(keys.values())) == len(keys)
         for kind, key in keys.items():
             page.keyboard.press(key.lower())
@@ -56,11 +67,11 @@ def test_every_kind_of_measurement_has_a_tool_with_a_key_of_its_own(planted, ope
         page.keyboard.press("?")
         named = page.get_by_role("dialog").locator("dt").all_inner_texts()
         assert set(keys.values()) <= {key for words in named for key in words.split()}
-        assert not page.errors
+        assert not open_page.errors
 
 
 @pytest.fixture
-def survey(data_dir: Path, tmp_path: Path):
+def survey(data_dir: Path, tmp_path: Path) -> Path:
     """A survey with a flight log, in which one distance is measured."""
     folder = tmp_path / "survey"
     leave = shutil.ignore_patterns("out", "*.tlog", "measure.csv")
@@ -70,7 +81,7 @@ def survey(data_dir: Path, tmp_path: Path):
 
 
 def test_a_coordinate_and_a_speed_by_keyboard_alone_have_the_numbers_of_a_run(
-    survey, open_page
+    survey: Path, open_page: PageOpener
 ) -> None:
     with served(survey) as server:
         page = open_page(server)
@@ -94,7 +105,7 @@ def test_a_coordinate_and_a_speed_by_keyboard_alone_have_the_numbers_of_a_run(
         eventually(page, lambda: "km/h" in measured(page).get("S1", ""))
         wait_until_adjusted(page)
         shown = measured(page)
-        assert not page.errors
+        assert not open_page.errors
     result = compute(read_inputs(survey)).result
     found = dict(zip(result.measurements.name, result.measurements.value.tolist(), strict=True))
     point = result.points.label.index("R1")
@@ -109,11 +120,12 @@ def test_a_coordinate_and_a_speed_by_keyboard_alone_have_the_numbers_of_a_run(
     assert set(said) == set(wanted)
     for name, value in wanted.items():
         number = re.match(r"-?\d+\.(\d+)", said[name])
+        assert number is not None, name
         assert number[0] == f"{value:.{len(number[1])}f}", name
         assert len(number[1]) >= {"lat": 6, "lon": 6}.get(name, 1)
 
 
-def test_a_speed_says_why_its_points_will_not_do(survey, open_page) -> None:
+def test_a_speed_says_why_its_points_will_not_do(survey: Path, open_page: PageOpener) -> None:
     with served(survey) as server:
         page = open_page(server)
         show_photo(page, server.picking.index["IMG_0046.jpg"])
@@ -131,11 +143,11 @@ def test_a_speed_says_why_its_points_will_not_do(survey, open_page) -> None:
         expect(form.get_by_role("status")).to_contain_text(why)
         expect(form.get_by_role("button", name="Add")).to_be_disabled()
         assert {"R9", "R10"} <= set(server.picking.state.labels)
-        assert not page.errors
+        assert not open_page.errors
 
 
 def test_what_is_wrong_is_said_beside_its_field_and_nothing_else_is_changed(
-    planted, open_page
+    planted: PickingProject, open_page: PageOpener
 ) -> None:
     with served(planted.path) as server:
         page = open_page(server)
@@ -175,10 +187,12 @@ def test_what_is_wrong_is_said_beside_its_field_and_nothing_else_is_changed(
         page.keyboard.press("h")
         page.keyboard.press("Enter")
         expect(page.locator("#notice")).to_contain_text("The time of photo.jpg is not known")
-        assert not page.errors
+        assert not open_page.errors
 
 
-def test_rows_of_a_table_are_gone_through_and_removed_by_keyboard(planted, open_page) -> None:
+def test_rows_of_a_table_are_gone_through_and_removed_by_keyboard(
+    planted: PickingProject, open_page: PageOpener
+) -> None:
     measure = planted.path.with_name("measure.csv")
     rows = [f"D{k},distance,A;{label}" for k, label in enumerate("BCD")]
     measure.write_text("\n".join(["name,kind,points", *rows]) + "\n")
@@ -192,10 +206,12 @@ def test_rows_of_a_table_are_gone_through_and_removed_by_keyboard(planted, open_
         page.keyboard.press("Enter")  # the last one: on to the one before
         expect(page.get_by_role("button", name="Remove D0")).to_be_focused()
         assert [one.name for one in server.picking.state.requests] == ["D0"]
-        assert not page.errors
+        assert not open_page.errors
 
 
-def test_a_page_whose_program_has_ended_says_so(planted, open_page) -> None:
+def test_a_page_whose_program_has_ended_says_so(
+    planted: PickingProject, open_page: PageOpener
+) -> None:
     with served(planted.path) as server:
         page = open_page(server)
         page.clock.install()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+from opened_pages import PageOpener
 from pick_pages import small_project
 from picking_server import served
 from playwright.sync_api import expect
@@ -14,7 +15,7 @@ from uavgram.config.project import load_project
 
 
 def test_a_camera_that_nobody_knows_is_said_to_be_and_calibrated_on_the_page(
-    tmp_path: Path, open_page, data_dir: Path
+    tmp_path: Path, open_page: PageOpener, data_dir: Path
 ) -> None:
     flight = tmp_path / "flight"
     small_project(flight).unlink()
@@ -38,5 +39,5 @@ def test_a_camera_that_nobody_knows_is_said_to_be_and_calibrated_on_the_page(
         panel.get_by_role("button", name="Use it").click()
         expect(panel).to_contain_text("calibrated from 6 photos of a board")
         expect(panel).not_to_contain_text("Nothing is known of this camera")
-        assert not page.errors
+        assert not open_page.errors
     assert load_project(project).camera == str(flight / "calibration" / "camera.yaml")

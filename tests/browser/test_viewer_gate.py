@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, expect
 
 from uavgram.views.viewer.proxy import LOOPBACK, ViewerGate
 
@@ -31,13 +32,16 @@ class Talkative(ThreadingHTTPServer):
 
     daemon_threads = True
 
-    def __init__(self, page="") -> None:
-        self.page, self.called = page.encode(), []
+    def __init__(self, page: str = "") -> None:
+        self.page = page.encode()
+        self.called: list[str] = []
         super().__init__((LOOPBACK, 0), Answer)
         threading.Thread(target=self.serve_forever, daemon=True).start()
 
 
 class Answer(BaseHTTPRequestHandler):
+    server: Talkative
+
     def do_GET(self) -> None:
         self.server.called.append(self.path)
         self.send_response(200)
@@ -47,12 +51,15 @@ class Answer(BaseHTTPRequestHandler):
 
     do_POST = do_GET  # noqa: N815  (its name is the method's)
 
-    def log_message(self, *_) -> None:
+    def log_message(self, *_: object) -> None:
         pass
 
 
+Gate = tuple[ViewerGate, Talkative]
+
+
 @pytest.fixture
-def behind_gate(tmp_path: Path):
+def behind_gate(tmp_path: Path) -> Iterator[Gate]:
     """The address of a page behind the gate, and the server that it would call."""
     recording = tmp_path / "recording.rrd"
     recording.write_bytes(b"RRF2 and more")
@@ -67,7 +74,7 @@ def behind_gate(tmp_path: Path):
 
 
 def test_a_page_behind_the_gate_reaches_its_recording_and_nobody_else(
-    chromium, behind_gate
+    chromium: Browser, behind_gate: Gate
 ) -> None:
     gate, elsewhere = behind_gate
     page = chromium.new_page()
@@ -83,7 +90,9 @@ def test_a_page_behind_the_gate_reaches_its_recording_and_nobody_else(
         page.close()
 
 
-def test_another_page_of_the_browser_does_not_get_the_recording(chromium, behind_gate) -> None:
+def test_another_page_of_the_browser_does_not_get_the_recording(
+    chromium: Browser, behind_gate: Gate
+) -> None:
     gate, elsewhere = behind_gate
     page = chromium.new_page()
     try:

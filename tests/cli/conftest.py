@@ -5,11 +5,10 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import yaml
+from small_projects import Command, Done, Fails, Project
 
 from uavgram.cli import main
 from uavgram.io.demo_files import write_demo
@@ -20,7 +19,7 @@ WIDTH_PX, HEIGHT_PX = 400, 300
 
 
 @pytest.fixture(scope="session")
-def small_survey(tmp_path_factory: pytest.TempPathFactory):
+def small_survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project with the results of a good run in `out`; copied, never changed."""
     scale = WIDTH_PX / CameraSpec().width_px
     full = CameraSpec()
@@ -39,45 +38,8 @@ def small_survey(tmp_path_factory: pytest.TempPathFactory):
     return folder
 
 
-class Project:
-    """A copy of the small project that a test may break."""
-
-    def __init__(self, folder) -> None:
-        self.folder = folder
-        self.path = folder / "project.yaml"
-        self.out = folder / "out"
-
-    def __truediv__(self, name):
-        return self.folder / name
-
-    def edit(self, name, old, new) -> None:
-        """Replace the first occurrence of some text in a file."""
-        text = (self.folder / name).read_text(encoding="utf-8")
-        assert old in text, f"{name} holds no {old!r}"
-        (self.folder / name).write_text(text.replace(old, new, 1), encoding="utf-8")
-
-    def cell(self, name, row, column, value) -> None:
-        """Set one cell of a CSV file; rows count from 1, below the header."""
-        lines = (self.folder / name).read_text(encoding="utf-8").splitlines()
-        cells = lines[row].split(",")
-        cells[lines[0].split(",").index(column)] = value
-        lines[row] = ",".join(cells)
-        (self.folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-    def set(self, **changes) -> None:
-        """Change keys of project.yaml; None removes one."""
-        data = yaml.safe_load(self.path.read_text(encoding="utf-8")) | changes
-        kept = {key: value for key, value in data.items() if value is not None}
-        self.path.write_text(yaml.safe_dump(kept, sort_keys=False), encoding="utf-8")
-
-    def outputs(self):
-        """Every file of the output folder, hidden ones too, with its bytes."""
-        files = self.out.rglob("*") if self.out.exists() else ()
-        return {str(p.relative_to(self.out)): p.read_bytes() for p in files if p.is_file()}
-
-
 @pytest.fixture
-def project(small_survey, tmp_path: Path):
+def project(small_survey: Path, tmp_path: Path) -> Project:
     """A fresh copy, with earlier results in `out`."""
     folder = tmp_path / "survey"
     shutil.copytree(small_survey, folder)
@@ -85,23 +47,23 @@ def project(small_survey, tmp_path: Path):
 
 
 @pytest.fixture
-def command(capsys: pytest.CaptureFixture[str]):
+def command(capsys: pytest.CaptureFixture[str]) -> Command:
     """The command line in this process: status and what was said."""
 
-    def run(*arguments):
+    def run(*arguments: object) -> Done:
         capsys.readouterr()
         status = main([str(argument) for argument in arguments])
         said = capsys.readouterr()
-        return SimpleNamespace(status=status, stdout=said.out, stderr=said.err)
+        return Done(status, said.out, said.err)
 
     return run
 
 
 @pytest.fixture
-def fails(command, project):
+def fails(command: Command, project: Project) -> Fails:
     """Run the project: status 1, one message that names every place, earlier results untouched."""
 
-    def run(*places):
+    def run(*places: object) -> str:
         before = project.outputs()
         assert before, "the earlier results are missing: nothing would be proved"
         done = command("run", project.path)

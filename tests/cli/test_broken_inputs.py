@@ -8,12 +8,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from small_projects import Command, Fails, Project
 
 TABLES = ("picks", "lines", "measure", "check")
 
 
 @pytest.mark.parametrize("key", ["log", "camera", *TABLES])
-def test_a_missing_file_is_named_with_the_line_that_names_it(project, fails, key) -> None:
+def test_a_missing_file_is_named_with_the_line_that_names_it(
+    project: Project, fails: Fails, key: str
+) -> None:
     name = next(
         n.name for n in project.folder.iterdir() if n.stem == {"log": "flight"}.get(key, key)
     )
@@ -26,12 +29,12 @@ def test_a_missing_file_is_named_with_the_line_that_names_it(project, fails, key
     fails(f"{project.path}:{line}", name)
 
 
-def test_no_project_file_is_named(project, fails) -> None:
+def test_no_project_file_is_named(project: Project, fails: Fails) -> None:
     project.path.unlink()
     fails(project.path)
 
 
-def test_no_photos_are_told_with_the_pattern(project, fails) -> None:
+def test_no_photos_are_told_with_the_pattern(project: Project, fails: Fails) -> None:
     project.set(images="photos/*.png")
     fails("photos/*.png")
 
@@ -48,7 +51,9 @@ def test_no_photos_are_told_with_the_pattern(project, fails) -> None:
         ("solve:\n  outliers: maybe\n", ("outliers", "maybe")),
     ],
 )
-def test_a_wrong_project_file_is_named_with_its_line(project, fails, addition, places) -> None:
+def test_a_wrong_project_file_is_named_with_its_line(
+    project: Project, fails: Fails, addition: str, places: tuple[str, ...]
+) -> None:
     before = project.path.read_text(encoding="utf-8")
     project.path.write_text(before + addition, encoding="utf-8")
     line = before.count("\n") + 1
@@ -65,13 +70,15 @@ def test_a_wrong_project_file_is_named_with_its_line(project, fails, addition, p
         ("width_px: 400", "width_px: 400\nwidth_px: 400", ("width_px",)),
     ],
 )
-def test_a_wrong_camera_file_is_named_with_its_line(project, fails, old, new, places) -> None:
+def test_a_wrong_camera_file_is_named_with_its_line(
+    project: Project, fails: Fails, old: str, new: str, places: tuple[str, ...]
+) -> None:
     project.edit("camera.yaml", old, new)
     fails(f"{project / 'camera.yaml'}:", *places)
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_a_wrong_column_is_named(project, fails, name) -> None:
+def test_a_wrong_column_is_named(project: Project, fails: Fails, name: str) -> None:
     file = project / f"{name}.csv"
     column = file.read_text(encoding="utf-8").split(",")[1]
     project.edit(f"{name}.csv", column, f"{column}x")
@@ -79,7 +86,7 @@ def test_a_wrong_column_is_named(project, fails, name) -> None:
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_a_file_without_a_word_is_named(project, fails, name) -> None:
+def test_a_file_without_a_word_is_named(project: Project, fails: Fails, name: str) -> None:
     (project / f"{name}.csv").write_bytes(b"")
     fails(project / f"{name}.csv", "empty")
 
@@ -104,27 +111,29 @@ CELLS = [
 
 
 @pytest.mark.parametrize(("table", "column", "value", "places"), CELLS)
-def test_a_wrong_cell_is_named_with_its_line(project, fails, table, column, value, places) -> None:
+def test_a_wrong_cell_is_named_with_its_line(
+    project: Project, fails: Fails, table: str, column: str, value: str, places: tuple[str, ...]
+) -> None:
     project.cell(f"{table}.csv", 2, column, value)
     fails(f"{project / table}.csv:3", *places)
 
 
-def test_a_measurement_named_twice_is_named(project, fails) -> None:
+def test_a_measurement_named_twice_is_named(project: Project, fails: Fails) -> None:
     project.cell("measure.csv", 2, "name", "skid left")
     fails(f"{project / 'measure.csv'}:3", "skid left")
 
 
-def test_a_photo_that_is_no_photo_is_named(project, fails) -> None:
+def test_a_photo_that_is_no_photo_is_named(project: Project, fails: Fails) -> None:
     (project / "photos" / "IMG_0003.jpg").write_bytes(b"this is no photo")
     fails(project / "photos" / "IMG_0003.jpg")
 
 
-def test_an_empty_photo_is_named(project, fails) -> None:
+def test_an_empty_photo_is_named(project: Project, fails: Fails) -> None:
     (project / "photos" / "IMG_0003.jpg").write_bytes(b"")
     fails(project / "photos" / "IMG_0003.jpg")
 
 
-def test_a_photo_with_nothing_behind_its_header_is_named(project, fails) -> None:
+def test_a_photo_with_nothing_behind_its_header_is_named(project: Project, fails: Fails) -> None:
     photo = project / "photos" / "IMG_0003.jpg"
     encoded = photo.read_bytes()
     frame = encoded.index(b"\xff\xc0")
@@ -133,14 +142,16 @@ def test_a_photo_with_nothing_behind_its_header_is_named(project, fails) -> None
 
 
 @pytest.mark.parametrize("missing", [2, 200])
-def test_a_photo_that_is_cut_off_is_named_by_check_too(project, fails, command, missing) -> None:
+def test_a_photo_that_is_cut_off_is_named_by_check_too(
+    project: Project, fails: Fails, command: Command, missing: int
+) -> None:
     photo = project / "photos" / "IMG_0003.jpg"
     photo.write_bytes(photo.read_bytes()[:-missing])
     fails(photo, "cut off")
     assert command("check", project.path).status == 1
 
 
-def test_no_result_replaces_an_input(project, fails) -> None:
+def test_no_result_replaces_an_input(project: Project, fails: Fails) -> None:
     measure = project / "measure.csv"
     taken = measure.rename(project / "measurements.csv")
     before = taken.read_bytes()
@@ -149,13 +160,13 @@ def test_no_result_replaces_an_input(project, fails) -> None:
     assert taken.read_bytes() == before
 
 
-def test_an_image_whose_name_differs_in_case_is_suggested(project, fails) -> None:
+def test_an_image_whose_name_differs_in_case_is_suggested(project: Project, fails: Fails) -> None:
     project.cell("picks.csv", 2, "image", "img_0003.JPG")
     fails("did you mean 'IMG_0003.jpg'?")
 
 
 def test_an_origin_that_is_no_place_of_the_flight_is_told_by_its_distance(
-    project, command, fails
+    project: Project, command: Command, fails: Fails
 ) -> None:
     found = json.loads((project.out / "results.json").read_text(encoding="utf-8"))["world"]
     near = {key: found[key] for key in ("latitude_deg", "longitude_deg", "height_m")}
@@ -167,42 +178,46 @@ def test_an_origin_that_is_no_place_of_the_flight_is_told_by_its_distance(
     assert "11.1 km from the flight, where the ground is 9.68 m below" in said.stdout  # d^2 / 2R
 
 
-def test_photos_of_another_size_are_named(project, fails) -> None:
+def test_photos_of_another_size_are_named(project: Project, fails: Fails) -> None:
     photo = project / "photos" / "IMG_0005.jpg"
     assert cv2.imwrite(str(photo), np.zeros((90, 160, 3), np.uint8))
     fails(photo, "160 x 90", "400 x 300")
 
 
-def test_a_pick_in_an_unknown_photo_is_named(project, fails) -> None:
+def test_a_pick_in_an_unknown_photo_is_named(project: Project, fails: Fails) -> None:
     project.cell("picks.csv", 4, "image", "IMG_9002.jpg")
     fails(f"{project / 'picks.csv'}", "IMG_9002.jpg")
 
 
-def test_a_pick_outside_the_photo_is_named(project, fails) -> None:
+def test_a_pick_outside_the_photo_is_named(project: Project, fails: Fails) -> None:
     project.cell("picks.csv", 4, "u_px", "400.1")
     fails(f"{project / 'picks.csv'}", "400.1", "400 x 300")
 
 
-def test_an_empty_log_is_named(project, fails) -> None:
+def test_an_empty_log_is_named(project: Project, fails: Fails) -> None:
     (project / "flight.tlog").write_bytes(b"")
     fails(project / "flight.tlog")
 
 
 @pytest.mark.parametrize("name", ["flight.tlog", "flight.bin", "flight.dat"])
-def test_a_log_of_garbage_is_named(project, fails, name) -> None:
+def test_a_log_of_garbage_is_named(project: Project, fails: Fails, name: str) -> None:
     noise = np.random.default_rng(7).integers(0, 256, 20_000, dtype=np.uint8)
     (project / name).write_bytes(noise.tobytes())
     project.set(log=name)
     fails(project / name)
 
 
-def test_a_log_of_another_day_is_told_with_both_times(project, fails, repository: Path) -> None:
+def test_a_log_of_another_day_is_told_with_both_times(
+    project: Project, fails: Fails, repository: Path
+) -> None:
     log = repository / "logs" / "twin_short.tlog"
     project.set(log=str(log), time={"offset_s": 0.0})
     fails(log, "another flight", "2026-05-09", "2026-11-21")
 
 
-def test_an_alignment_that_is_not_unique_says_how_to_settle_it(project, fails) -> None:
+def test_an_alignment_that_is_not_unique_says_how_to_settle_it(
+    project: Project, fails: Fails
+) -> None:
     for photo in sorted((project / "photos").iterdir())[1:]:
         photo.unlink()
     lines = (project / "picks.csv").read_text(encoding="utf-8").splitlines(keepends=True)
@@ -211,12 +226,14 @@ def test_an_alignment_that_is_not_unique_says_how_to_settle_it(project, fails) -
     fails(project / "flight.tlog", "time.offset_s")
 
 
-def test_a_clock_that_is_an_hour_wrong_is_told_by_how_much(project, fails) -> None:
+def test_a_clock_that_is_an_hour_wrong_is_told_by_how_much(project: Project, fails: Fails) -> None:
     project.set(time={"offset_s": -3600.0})
     fails(project / "flight.tlog", "+1.01 h")
 
 
-def test_no_usable_frame_is_an_error_that_names_the_way_to_the_reasons(project, fails) -> None:
+def test_no_usable_frame_is_an_error_that_names_the_way_to_the_reasons(
+    project: Project, fails: Fails
+) -> None:
     """The only picks lie in a photo that was taken hours after the flight."""
     photo = project / "photos" / "IMG_0013.jpg"
     photo.write_bytes(photo.read_bytes().replace(b"2026:05:09 07:", b"2026:05:09 11:"))
@@ -227,7 +244,7 @@ def test_no_usable_frame_is_an_error_that_names_the_way_to_the_reasons(project, 
     fails("no usable frame", "uavgram check")
 
 
-def test_a_truncated_log_is_read_with_a_note(project, command) -> None:
+def test_a_truncated_log_is_read_with_a_note(project: Project, command: Command) -> None:
     log = project / "flight.tlog"
     log.write_bytes(log.read_bytes()[:-7])
     done = command("run", project.path)
@@ -235,14 +252,14 @@ def test_a_truncated_log_is_read_with_a_note(project, command) -> None:
     assert "warning: flight.tlog: " in done.stdout
 
 
-def test_all_mistakes_of_a_file_are_told_at_once(project, fails) -> None:
+def test_all_mistakes_of_a_file_are_told_at_once(project: Project, fails: Fails) -> None:
     project.cell("picks.csv", 2, "u_px", "left")
     project.cell("picks.csv", 5, "v_px", "right")
     told = fails(f"{project / 'picks.csv'}:3", f"{project / 'picks.csv'}:6")
     assert len(told.splitlines()) == 2
 
 
-def test_check_refuses_what_run_refuses(project, command) -> None:
+def test_check_refuses_what_run_refuses(project: Project, command: Command) -> None:
     project.cell("lines.csv", 1, "length_m", "0")
     done = command("check", project.path)
     assert done.status == 1

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from cyclopts import App
+from small_projects import Command, Project
 
 from uavgram.cli import main
 from uavgram.cli.application import Decimal
@@ -16,7 +17,9 @@ from uavgram.cli.application import Decimal
 ESCAPE = "\x1b"
 
 
-def test_run_prints_the_measurements_worst_first_and_then_the_messages(project, command) -> None:
+def test_run_prints_the_measurements_worst_first_and_then_the_messages(
+    project: Project, command: Command
+) -> None:
     done = command("run", project.path)
     assert (done.status, done.stderr) == (0, "")
     assert ESCAPE not in done.stdout
@@ -29,7 +32,7 @@ def test_run_prints_the_measurements_worst_first_and_then_the_messages(project, 
     assert "info: camera clock minus UTC is +2.60" in said
 
 
-def test_verbose_says_the_steps_on_stderr(project, command) -> None:
+def test_verbose_says_the_steps_on_stderr(project: Project, command: Command) -> None:
     done = command("run", project.path, "-v")
     assert done.status == 0
     steps = done.stderr.splitlines()
@@ -40,14 +43,14 @@ def test_verbose_says_the_steps_on_stderr(project, command) -> None:
     assert "±" in done.stdout
 
 
-def test_output_goes_where_it_is_asked_to(project, command) -> None:
+def test_output_goes_where_it_is_asked_to(project: Project, command: Command) -> None:
     before = project.outputs()
     assert command("run", project.path, "--output", project / "else" / "where").status == 0
     assert (project / "else" / "where" / "results.json").is_file()
     assert project.outputs() == before
 
 
-def test_check_lists_photos_and_writes_nothing(project, command) -> None:
+def test_check_lists_photos_and_writes_nothing(project: Project, command: Command) -> None:
     before = project.outputs()
     done = command("check", project.path)
     assert (done.status, done.stderr) == (0, "")
@@ -56,7 +59,7 @@ def test_check_lists_photos_and_writes_nothing(project, command) -> None:
     assert project.outputs() == before
 
 
-def test_log_says_what_is_in_it(project, command) -> None:
+def test_log_says_what_is_in_it(project: Project, command: Command) -> None:
     done = command("log", project / "flight.tlog")
     assert (done.status, done.stderr) == (0, "")
     for word in ("2026-05-09", "CAMERA_FEEDBACK", "ATTITUDE"):
@@ -65,7 +68,7 @@ def test_log_says_what_is_in_it(project, command) -> None:
 
 
 @pytest.mark.parametrize("name", ["twin_short.tlog", "twin_short.BIN"])
-def test_log_reads_both_formats(repository: Path, command, name) -> None:
+def test_log_reads_both_formats(repository: Path, command: Command, name: str) -> None:
     done = command("log", repository / "logs" / name)
     assert done.status == 0
     assert "2026-11-21" in done.stdout
@@ -86,7 +89,7 @@ def test_log_reads_both_formats(repository: Path, command, name) -> None:
     ],
 )
 def test_wrong_usage_is_status_2_on_stderr(
-    command, arguments, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: Command, arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     done = command(*arguments)
@@ -99,7 +102,7 @@ def test_wrong_usage_is_status_2_on_stderr(
 
 @pytest.mark.parametrize("name", ["run", "check", "pick", "rectify", "geotag"])
 def test_without_a_project_here_the_way_to_one_is_told(
-    command, name, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: Command, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for arguments in ([name], [name, tmp_path]):
@@ -110,7 +113,7 @@ def test_without_a_project_here_the_way_to_one_is_told(
 
 
 def test_a_folder_means_the_project_in_it_and_nothing_the_present_one(
-    project, command, monkeypatch: pytest.MonkeyPatch
+    project: Project, command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(project.folder)
     named = command("check", project.path)
@@ -119,7 +122,7 @@ def test_a_folder_means_the_project_in_it_and_nothing_the_present_one(
 
 
 def test_the_table_stops_after_as_many_rows_as_asked_and_says_how_to_see_the_rest(
-    project, command
+    project: Project, command: Command
 ) -> None:
     done = command("run", project.path, "--rows", "3")
     table, _, said = done.stdout.partition("\n\n")
@@ -143,13 +146,13 @@ def test_a_decimal_comma_is_a_point_where_it_can_mean_nothing_else() -> None:
     assert seen == [1.5, 1.5, 0.125]
 
 
-def test_what_may_be_thousands_is_asked_about(command) -> None:
+def test_what_may_be_thousands_is_asked_about(command: Command) -> None:
     said = command("rectify", "--pixel-size", "12,001").stderr
     assert "is it 12.001 or 12001? Write it without a comma" in said
 
 
 def test_shell_completion_can_be_installed(
-    command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     script = tmp_path / "uavgram.bash"
@@ -157,7 +160,7 @@ def test_shell_completion_can_be_installed(
     assert "rectify" in script.read_text()
 
 
-def test_a_mistyped_command_is_suggested(command) -> None:
+def test_a_mistyped_command_is_suggested(command: Command) -> None:
     assert '"run"' in command("rnu", "project.yaml").stderr
 
 
@@ -165,7 +168,7 @@ def test_a_mistyped_command_is_suggested(command) -> None:
     "arguments",
     [["run", "no.yaml"], ["check", "no.yaml"], ["log", "no.tlog"], ["view", "no.rrd"]],
 )
-def test_a_file_that_is_not_there_is_status_1(command, arguments) -> None:
+def test_a_file_that_is_not_there_is_status_1(command: Command, arguments: list[str]) -> None:
     done = command(*arguments)
     assert done.status == 1
     assert done.stdout == ""
@@ -173,7 +176,7 @@ def test_a_file_that_is_not_there_is_status_1(command, arguments) -> None:
     assert done.stderr.count("\n") == 1
 
 
-def test_help_names_every_command(command) -> None:
+def test_help_names_every_command(command: Command) -> None:
     done = command("--help")
     assert done.status == 0
     for name in ("run", "demo", "check", "log", "view"):
@@ -181,13 +184,13 @@ def test_help_names_every_command(command) -> None:
     assert ESCAPE not in done.stdout
 
 
-def test_version_is_that_of_the_package(command) -> None:
+def test_version_is_that_of_the_package(command: Command) -> None:
     from importlib.metadata import version
 
     assert command("--version").stdout.strip() == version("uavgram")
 
 
-def test_the_module_runs_too_with_status_and_plain_text(project) -> None:
+def test_the_module_runs_too_with_status_and_plain_text(project: Project) -> None:
     """In a process of its own: exit statuses, pipes instead of a terminal."""
     arguments = [sys.executable, "-m", "uavgram"]
     good = subprocess.run([*arguments, "check", project.path], capture_output=True, check=False)
@@ -209,6 +212,8 @@ def test_a_reader_that_leaves_early_is_no_error(repository: Path) -> None:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
+    assert process.stdout is not None
+    assert process.stderr is not None
     process.stdout.close()
     assert process.stderr.read() == b""
     process.stderr.close()
@@ -216,7 +221,9 @@ def test_a_reader_that_leaves_early_is_no_error(repository: Path) -> None:
 
 
 @pytest.mark.parametrize(("output", "status"), [(">&-", 0), (">/dev/full", 1)])
-def test_output_that_goes_nowhere_is_no_traceback(repository: Path, output, status) -> None:
+def test_output_that_goes_nowhere_is_no_traceback(
+    repository: Path, output: str, status: int
+) -> None:
     """As under a scheduler that closes it, or with a full disk behind it."""
     log = repository / "logs" / "twin_short.tlog"
     command = f'"{sys.executable}" -m uavgram log "{log}" {output}'
@@ -227,7 +234,7 @@ def test_output_that_goes_nowhere_is_no_traceback(repository: Path, output, stat
     assert not status or b"standard output takes no text" in done.stderr
 
 
-def test_a_terminal_without_special_characters_shows_others(project) -> None:
+def test_a_terminal_without_special_characters_shows_others(project: Project) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "uavgram", "run", project.path],
         capture_output=True,

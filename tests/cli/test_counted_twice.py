@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
+from small_projects import Command, Project
 
 import uavgram
+from uavgram.model.result.result import Result
 
 
 @pytest.fixture(scope="module")
-def alone(small_survey):
+def alone(small_survey: Path) -> Result:
     return uavgram.run(small_survey / "project.yaml", output=None)
 
 
-def same(result, before) -> None:
+def same(result: Result, before: Result) -> None:
     np.testing.assert_allclose(result.measurements.sigma, before.measurements.sigma, rtol=1e-9)
     np.testing.assert_allclose(result.measurements.value, before.measurements.value, rtol=1e-9)
 
 
-def test_the_same_length_ten_times(project, alone) -> None:
+def test_the_same_length_ten_times(project: Project, alone: Result) -> None:
     header, first, *rest = (project / "lines.csv").read_text().splitlines()
     name, start, end, *cells = first.split(",")
     copies = [",".join((f"{name}-{k}", end, start, *cells)) for k in range(9)]
@@ -35,7 +38,9 @@ def test_the_same_length_ten_times(project, alone) -> None:
     assert result.checks_overall == alone.checks_overall
 
 
-def test_a_copied_photo_with_the_picks_of_its_original(project, alone, command) -> None:
+def test_a_copied_photo_with_the_picks_of_its_original(
+    project: Project, alone: Result, command: Command
+) -> None:
     rows = (project / "picks.csv").read_text().splitlines()
     photo = rows[1].split(",")[0]
     copy = "zz_copy.jpg"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 
+from small_projects import Project
+
 import uavgram
 from uavgram.io.tables.csv_tables import Columns, read_table
 from uavgram.io.tables.spreadsheet_cells import runs
@@ -11,7 +13,7 @@ from uavgram.io.tables.spreadsheet_cells import runs
 COMMAND = "=cmd|' /C calc'!A0"
 
 
-def test_measurements_csv_runs_nothing_and_keeps_the_name(project) -> None:
+def test_measurements_csv_runs_nothing_and_keeps_the_name(project: Project) -> None:
     project.cell("measure.csv", 1, "name", COMMAND)
     old = (project / "picks.csv").read_text().splitlines()[1].split(",")[0]
     (project / "photos" / old).rename(project / "photos" / f"={old}")

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 
+from small_projects import Project
+
 import uavgram
 
 FULL_FRAMES = 6
 
 
-def test_many_frames_and_many_measurements_are_one_message_each(project) -> None:
+def test_many_frames_and_many_measurements_are_one_message_each(project: Project) -> None:
     with (project / "picks.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     names = sorted({row["image"] for row in rows})

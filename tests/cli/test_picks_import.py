@@ -15,7 +15,7 @@ GCP = "EPSG:4326\n11.5 48.1 520 10.25 20.5 a.jpg A\n11.6 48.2 521 30 40 a.jpg B\
 
 
 @pytest.fixture
-def files(tmp_path: Path):
+def files(tmp_path: Path) -> list[str]:
     (tmp_path / "gcp_list.txt").write_text(GCP, encoding="utf-8")
     shapes = [{"label": "C", "points": [[5.5, 6.5]], "shape_type": "point"}]
     content = {"imagePath": "b.jpg", "shapes": shapes, "imageWidth": 60, "imageHeight": 40}
@@ -24,7 +24,7 @@ def files(tmp_path: Path):
 
 
 def test_both_kinds_become_one_table_and_one_of_control(
-    files, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    files: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     picks, control = tmp_path / "picks.csv", tmp_path / "control.csv"
     arguments = ["--control", str(control), "--control-sigma-m", "0.03"]
@@ -41,7 +41,7 @@ def test_both_kinds_become_one_table_and_one_of_control(
 
 
 def test_a_file_that_is_there_is_never_written_over(
-    files, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    files: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "picks.csv").write_text("mine", encoding="utf-8")
 
@@ -50,7 +50,9 @@ def test_a_file_that_is_there_is_never_written_over(
     assert "is there already" in capsys.readouterr().err
 
 
-def test_a_control_file_that_is_there_leaves_nothing_written(files, tmp_path: Path) -> None:
+def test_a_control_file_that_is_there_leaves_nothing_written(
+    files: list[str], tmp_path: Path
+) -> None:
     control = tmp_path / "control.csv"
     control.write_text("mine", encoding="utf-8")
     arguments = ["--control", str(control), "--control-sigma-m", "0.03"]
@@ -70,9 +72,9 @@ def test_a_control_file_that_is_there_leaves_nothing_written(files, tmp_path: Pa
     ],
 )
 def test_wrong_use_is_one_clear_message(
-    arguments,
-    status,
-    said,
+    arguments: list[str],
+    status: int,
+    said: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -104,7 +106,7 @@ def test_points_to_judge_by_go_to_a_table_of_their_own(
     ("check", "said"), [("C", "has no point 'C', which --check"), ("A,B", "names every point")]
 )
 def test_a_wrong_choice_of_check_points_writes_nothing(
-    files, tmp_path: Path, capsys: pytest.CaptureFixture[str], check, said
+    files: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], check: str, said: str
 ) -> None:
     control = ["--control", str(tmp_path / "control.csv"), "--control-sigma-m", "0.03"]
     arguments = [files[0], "--output", str(tmp_path / "p.csv"), *control, "--check", check]

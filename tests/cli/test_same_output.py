@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from small_projects import Project
 from threadpoolctl import threadpool_limits
 
 import uavgram
@@ -32,12 +33,14 @@ calibrate([sys.argv[1]], "chessboard:9x6:25mm", sys.argv[2], CalibrationOptions(
 """
 
 
-def results(folder, name="results.json"):
+def results(folder: Path, name: str = "results.json") -> str:
     text = (folder / name).read_text(encoding="utf-8")
     return re.sub(r'"created_utc": *"[^"]*", ', "", text)
 
 
-def test_neither_threads_nor_place_nor_language_change_a_digit(project, tmp_path: Path) -> None:
+def test_neither_threads_nor_place_nor_language_change_a_digit(
+    project: Project, tmp_path: Path
+) -> None:
     here, there = tmp_path / "here", tmp_path / "there"
     with threadpool_limits(1, user_api="blas"):
         uavgram.run(project.path, here)

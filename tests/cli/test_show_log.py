@@ -85,7 +85,7 @@ OF_DAMAGE = ("taken for damaged", "contradict each other", "home by", "name no m
 
 @pytest.mark.parametrize("name", TRUE_OF)
 def test_true_things_are_said_of_every_real_log(
-    data_dir: Path, name, capsys: pytest.CaptureFixture[str]
+    data_dir: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["log", str(data_dir / name)]) == 0
     said = capsys.readouterr().out
@@ -95,7 +95,7 @@ def test_true_things_are_said_of_every_real_log(
 
 
 @pytest.mark.parametrize("folder", SAME_AS)
-def test_the_streets_were_seen_on_the_same_flights(data_dir: Path, folder) -> None:
+def test_the_streets_were_seen_on_the_same_flights(data_dir: Path, folder: str) -> None:
     for name in ("flight.BIN", "flight.tlog"):
         ours, first = (data_dir / place / name for place in (folder, SAME_AS[folder]))
         assert ours.read_bytes() == first.read_bytes()

@@ -18,7 +18,7 @@ print("numpy" in sys.modules, os.environ["OPENBLAS_NUM_THREADS"])
 
 
 @pytest.mark.parametrize(("given", "expected"), [(None, "1"), ("3", "3")])
-def test_it_is_settled_before_numpy_is_loaded(given, expected) -> None:
+def test_it_is_settled_before_numpy_is_loaded(given: str | None, expected: str) -> None:
     environment = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"}
     if given is not None:
         environment["OPENBLAS_NUM_THREADS"] = given

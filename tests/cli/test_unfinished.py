@@ -9,20 +9,21 @@ from pathlib import Path
 from typing import Never
 
 import pytest
+from small_projects import Command, Fails, Project
 
 run_module = importlib.import_module("uavgram.pipeline.measure.run")
 exports_module = importlib.import_module("uavgram.pipeline.measure.exports")
 
 
 @pytest.fixture
-def changed(project):
+def changed(project: Project) -> Project:
     """A project whose new results would differ from the earlier ones in every file."""
     project.cell("measure.csv", 1, "name", "other name")
     return project
 
 
-def raise_at(name, fault, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(*_args, **_kwargs) -> Never:
+def raise_at(name: str, fault: BaseException, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_args: object, **_kwargs: object) -> Never:
         raise fault
 
     module = run_module if hasattr(run_module, name) else exports_module
@@ -37,7 +38,7 @@ WRITERS = [
 
 @pytest.mark.parametrize("step", WRITERS)
 def test_a_full_disk_is_told_and_changes_nothing(
-    changed, fails, monkeypatch: pytest.MonkeyPatch, step
+    changed: Project, fails: Fails, monkeypatch: pytest.MonkeyPatch, step: str
 ) -> None:
     full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     raise_at(step, full, monkeypatch)
@@ -45,7 +46,9 @@ def test_a_full_disk_is_told_and_changes_nothing(
 
 
 @pytest.mark.parametrize("step", ["compute", *WRITERS])
-def test_ctrl_c_changes_nothing(changed, command, monkeypatch: pytest.MonkeyPatch, step) -> None:
+def test_ctrl_c_changes_nothing(
+    changed: Project, command: Command, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
     before = changed.outputs()
     raise_at(step, KeyboardInterrupt(), monkeypatch)
     done = command("run", changed.path)
@@ -58,13 +61,17 @@ def test_ctrl_c_changes_nothing(changed, command, monkeypatch: pytest.MonkeyPatc
 @pytest.mark.parametrize("fault", [OSError(errno.ENOSPC, "full"), KeyboardInterrupt()])
 @pytest.mark.parametrize("after", [0, 3, 5])
 def test_a_failure_amid_moving_the_files_undoes_the_moved_ones(
-    changed, command, monkeypatch: pytest.MonkeyPatch, fault, after
+    changed: Project,
+    command: Command,
+    monkeypatch: pytest.MonkeyPatch,
+    fault: BaseException,
+    after: int,
 ) -> None:
     before = changed.outputs()
-    moved = []
+    moved: list[str | Path] = []
     replace = Path.replace
 
-    def fail(self, target):
+    def fail(self: Path, target: str | Path) -> Path:
         if Path(target).parent == changed.out and self.parent.name == "files":
             if len(moved) == after:
                 moved.append("failed")
@@ -81,7 +88,7 @@ def test_a_failure_amid_moving_the_files_undoes_the_moved_ones(
 
 
 def test_a_bug_keeps_its_traceback_and_changes_nothing(
-    changed, command, monkeypatch: pytest.MonkeyPatch
+    changed: Project, command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = changed.outputs()
     raise_at("write_results", ZeroDivisionError("a bug"), monkeypatch)
@@ -91,15 +98,17 @@ def test_a_bug_keeps_its_traceback_and_changes_nothing(
 
 
 def test_no_permission_is_told_with_the_folder(
-    project, command, monkeypatch: pytest.MonkeyPatch
+    project: Project, command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By the message of the system, because tests may run as root, whom nothing stops."""
     mkdir = Path.mkdir
 
-    def refuse(self, *args, **kwargs):
+    def refuse(
+        self: Path, mode: int = 0o777, *, parents: bool = False, exist_ok: bool = False
+    ) -> None:
         if self.name == "forbidden":
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(self))
-        return mkdir(self, *args, **kwargs)
+        mkdir(self, mode, parents=parents, exist_ok=exist_ok)
 
     monkeypatch.setattr(Path, "mkdir", refuse)
     folder = project.folder / "forbidden"
@@ -111,7 +120,7 @@ def test_no_permission_is_told_with_the_folder(
     assert not folder.exists()
 
 
-def test_an_output_that_is_a_file_is_told(project, command) -> None:
+def test_an_output_that_is_a_file_is_told(project: Project, command: Command) -> None:
     done = command("run", project.path, "--output", project / "picks.csv")
     assert done.status == 1
     assert str(project / "picks.csv") in done.stderr
@@ -119,7 +128,7 @@ def test_an_output_that_is_a_file_is_told(project, command) -> None:
 
 
 def test_a_first_run_that_fails_leaves_no_folder(
-    changed, command, monkeypatch: pytest.MonkeyPatch
+    changed: Project, command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     raise_at("write_results", OSError(errno.ENOSPC, "full"), monkeypatch)
     done = command("run", changed.path, "--output", changed / "new")
@@ -127,7 +136,7 @@ def test_a_first_run_that_fails_leaves_no_folder(
     assert not (changed / "new").exists()
 
 
-def test_files_of_others_in_the_folder_stay(project, command) -> None:
+def test_files_of_others_in_the_folder_stay(project: Project, command: Command) -> None:
     (project.out / "notes.txt").write_text("mine", encoding="utf-8")
     assert command("run", project.path).status == 0
     assert (project.out / "notes.txt").read_text(encoding="utf-8") == "mine"

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 
 import pytest
+from small_projects import Command, Project
 
 import uavgram
+from uavgram.model.result.result import Result
+
+Runs = Callable[[], tuple[Result, str]]
 
 
 @pytest.fixture
-def runs(command, project):
+def runs(command: Command, project: Project) -> Runs:
     """Run the project: status 0; results as read back, and what was said."""
 
-    def run():
+    def run() -> tuple[Result, str]:
         done = command("run", project.path)
         assert done.status == 0, done.stderr
         assert done.stderr == ""
@@ -22,11 +27,11 @@ def runs(command, project):
     return run
 
 
-def messages(result, code):
+def messages(result: Result, code: str) -> list[str]:
     return [message.text for message in result.messages if message.code == code]
 
 
-def test_a_length_with_an_end_never_picked_is_unseen(project, runs) -> None:
+def test_a_length_with_an_end_never_picked_is_unseen(project: Project, runs: Runs) -> None:
     project.cell("lines.csv", 2, "from", "R33")
     result, said = runs()
     assert result.lines.status[1] == "unseen"
@@ -38,7 +43,9 @@ def test_a_length_with_an_end_never_picked_is_unseen(project, runs) -> None:
     assert json.loads((project.out / "results.json").read_text())["lines"][1]["adjusted_m"] is None
 
 
-def test_all_other_numbers_are_those_of_the_project_without_that_length(project, runs) -> None:
+def test_all_other_numbers_are_those_of_the_project_without_that_length(
+    project: Project, runs: Runs
+) -> None:
     lines = (project / "lines.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     project.cell("lines.csv", 2, "from", "nobody")
     unseen, _ = runs()
@@ -47,7 +54,7 @@ def test_all_other_numbers_are_those_of_the_project_without_that_length(project,
     assert unseen.measurements.value.tolist() == without.measurements.value.tolist()
 
 
-def test_a_measurement_of_a_label_never_picked_is_null(project, runs) -> None:
+def test_a_measurement_of_a_label_never_picked_is_null(project: Project, runs: Runs) -> None:
     project.cell("measure.csv", 1, "points", "P1;P22")
     result, said = runs()
     content = json.loads((project.out / "results.json").read_text())
@@ -61,14 +68,14 @@ def test_a_measurement_of_a_label_never_picked_is_null(project, runs) -> None:
     assert (project.out / "measurements.csv").read_text().splitlines()[1].count(",,") >= 1
 
 
-def test_a_check_point_never_picked_is_told(project, runs) -> None:
+def test_a_check_point_never_picked_is_told(project: Project, runs: Runs) -> None:
     project.cell("check.csv", 1, "label", "C11")
     result, _ = runs()
     assert "C11" not in result.point_checks.label
     assert any("'C11'" in message.text for message in result.messages)
 
 
-def test_a_photo_outside_the_flight_is_unmatched(project, runs) -> None:
+def test_a_photo_outside_the_flight_is_unmatched(project: Project, runs: Runs) -> None:
     photo = project / "photos" / "IMG_0013.jpg"
     encoded = photo.read_bytes()
     assert b"2026:05:09 07:" in encoded
@@ -85,7 +92,7 @@ def test_a_photo_outside_the_flight_is_unmatched(project, runs) -> None:
     assert {status for image, status in picks if image == "IMG_0013.jpg"} == {"unused"}
 
 
-def test_a_photo_without_picks_is_seeded(project, runs) -> None:
+def test_a_photo_without_picks_is_seeded(project: Project, runs: Runs) -> None:
     lines = (project / "picks.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     kept = [line for line in lines if not line.startswith("IMG_0004")]
     (project / "picks.csv").write_text("".join(kept), encoding="utf-8")
@@ -94,7 +101,9 @@ def test_a_photo_without_picks_is_seeded(project, runs) -> None:
     assert result.has_seed[3]
 
 
-def test_check_tells_of_labels_never_picked_and_suggests_the_near_miss(project, command) -> None:
+def test_check_tells_of_labels_never_picked_and_suggests_the_near_miss(
+    project: Project, command: Command
+) -> None:
     project.cell("lines.csv", 2, "from", "R33")
     project.cell("measure.csv", 1, "points", "P1;P22")
     done = command("check", project.path)
@@ -105,14 +114,16 @@ def test_check_tells_of_labels_never_picked_and_suggests_the_near_miss(project, 
     assert "'P22' of measurement 'skid left' (did you mean 'P2'?)" in said
 
 
-def test_without_measurements_the_table_says_so(project, command) -> None:
+def test_without_measurements_the_table_says_so(project: Project, command: Command) -> None:
     project.set(measure=None)
     done = command("run", project.path)
     assert done.status == 0
     assert "No measurements were asked for" in done.stdout
 
 
-def test_measurements_of_nothing_but_labels_never_picked_are_all_null(project, runs) -> None:
+def test_measurements_of_nothing_but_labels_never_picked_are_all_null(
+    project: Project, runs: Runs
+) -> None:
     header = (project / "measure.csv").read_text(encoding="utf-8").splitlines()[0]
     commas = "," * (header.count(",") - 2)
     rows = [f"{name},distance,X1;X2{commas}" for name in ("one", "two")]

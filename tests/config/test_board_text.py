@@ -10,7 +10,7 @@ from uavgram.errors import InputError
 
 
 @pytest.mark.parametrize("square", ["25mm", "2.5cm", "0.025m", "25 mm"])
-def test_a_chessboard_is_counted_in_inner_corners(square) -> None:
+def test_a_chessboard_is_counted_in_inner_corners(square: str) -> None:
     board = parse_board(f"chessboard:9x6:{square}")
     assert (board.kind, board.columns, board.rows) == ("chessboard", 9, 6)
     np.testing.assert_allclose(board.corner_board_m[-1], [8 * 0.025, 5 * 0.025, 0.0])
@@ -45,7 +45,7 @@ def test_a_charuco_board_is_counted_in_squares() -> None:
         ("charuco:12x10:30mm:22mm:DICT_5X5_50", "50 markers, this board needs 60"),
     ],
 )
-def test_what_is_wrong_with_a_board_is_said_with_the_way_to_write_it(text, words) -> None:
+def test_what_is_wrong_with_a_board_is_said_with_the_way_to_write_it(text: str, words: str) -> None:
     with pytest.raises(InputError, match=words) as caught:
         parse_board(text)
     assert "chessboard:9x6:25mm" in str(caught.value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,10 @@ import pytest
 
 from uavgram.config.camera import load_camera
 from uavgram.errors import InputError
+from uavgram.model.arrays import Floats
+from uavgram.model.camera.calibration import Calibration
+
+Load = Callable[[str], Calibration]
 
 HEAD = "name: c\nmodel: brown\nwidth_px: 4000\nheight_px: 3000\n"
 PARAMETERS = "parameters: [2900, 2900.5, 2000, 1500, -0.02, 1e-2, 0, 0, 0]\n"
@@ -16,8 +21,8 @@ SIGMA = "sigma: [6, 7, 4, 5, 0.002, 0.004, 1e-4, 2e-4, 0]\n"
 
 
 @pytest.fixture
-def load(tmp_path: Path):
-    def _load(content: str):
+def load(tmp_path: Path) -> Load:
+    def _load(content: str) -> Calibration:
         path = tmp_path / "camera.yaml"
         path.write_text(content)
         return load_camera(path)
@@ -25,17 +30,17 @@ def load(tmp_path: Path):
     return _load
 
 
-def covariance_text(matrix) -> str:
+def covariance_text(matrix: Floats) -> str:
     return "covariance:\n" + "".join(f"  - {row}\n" for row in np.asarray(matrix).tolist())
 
 
-def a_covariance() -> np.ndarray:
+def a_covariance() -> Floats:
     root = np.random.default_rng(3).normal(size=(9, 12))
     scale = np.array([6, 6, 4, 4, 2e-3, 4e-3, 1e-4, 2e-4, 2e-3])
     return root @ root.T * np.outer(scale, scale) / 12
 
 
-def test_sigmas_become_a_diagonal_covariance(load) -> None:
+def test_sigmas_become_a_diagonal_covariance(load: Load) -> None:
     camera = load(HEAD + PARAMETERS + SIGMA)
 
     assert (camera.name, camera.model) == ("c", "brown")
@@ -46,7 +51,7 @@ def test_sigmas_become_a_diagonal_covariance(load) -> None:
     )
 
 
-def test_a_full_covariance_is_kept(load) -> None:
+def test_a_full_covariance_is_kept(load: Load) -> None:
     matrix = a_covariance()
 
     np.testing.assert_array_equal(
@@ -54,14 +59,14 @@ def test_a_full_covariance_is_kept(load) -> None:
     )
 
 
-def test_a_parameter_held_fixed_may_have_no_variance(load) -> None:
+def test_a_parameter_held_fixed_may_have_no_variance(load: Load) -> None:
     matrix = a_covariance()
     matrix[8] = matrix[:, 8] = 0.0
 
     assert load(HEAD + PARAMETERS + covariance_text(matrix)).covariance[8, 8] == 0.0
 
 
-def test_a_fisheye_camera_has_eight_parameters(load) -> None:
+def test_a_fisheye_camera_has_eight_parameters(load: Load) -> None:
     camera = load(
         "model: fisheye\nwidth_px: 1000\nheight_px: 800\n"
         "parameters: [400, 400, 500, 400, 0.1, 0, 0, 0]\nsigma: [1, 1, 1, 1, 0, 0, 0, 0]\n"
@@ -107,7 +112,7 @@ def _changed(i: int, j: int, value: float) -> str:
         (HEAD + PARAMETERS + _changed(0, 0, 0.0), 6, "is not positive semidefinite"),
     ],
 )
-def test_a_mistake_is_named_with_its_line(load, content, line, words) -> None:
+def test_a_mistake_is_named_with_its_line(load: Load, content: str, line: int, words: str) -> None:
     with pytest.raises(InputError) as caught:
         load(content)
 
@@ -117,14 +122,14 @@ def test_a_mistake_is_named_with_its_line(load, content, line, words) -> None:
 
 
 @pytest.mark.parametrize("flight", ["cuav", "calm_nadir", "wind_oblique"])
-def test_the_real_cameras_load(data_dir: Path, flight) -> None:
+def test_the_real_cameras_load(data_dir: Path, flight: str) -> None:
     camera = load_camera(data_dir / flight / "camera.yaml")
 
     assert camera.model == "brown"
     assert camera.covariance[0, 0] > 0
 
 
-def test_a_rational_camera_has_twelve_parameters(load) -> None:
+def test_a_rational_camera_has_twelve_parameters(load: Load) -> None:
     rational = PARAMETERS.replace("]", ", 0.3, 0.1, 0.02]")
     camera = load(HEAD + rational + SIGMA.replace("]", ", 0.1, 0.1, 0.1]"))
     assert camera.parameter_names[-3:] == ("k4", "k5", "k6")

@@ -1,6 +1,7 @@
 """camera.yaml as this program writes it: read back to the bit, with where it comes from."""
 
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import pytest
@@ -8,11 +9,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavgram.config.camera import load_camera, load_camera_file
-from uavgram.config.camera_text import camera_text, number_text
+from uavgram.config.camera_text import camera_text
 from uavgram.errors import InputError
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.calibration import Calibration, LensModel
 from uavgram.model.camera.provenance import CameraProvenance
 from uavgram.model.provenance import InputDigest
+from uavgram.model.typed_numbers import number_text
+
+
+class Reread(Protocol):
+    def __call__(
+        self, calibration: Calibration, provenance: CameraProvenance = ...
+    ) -> tuple[Calibration, CameraProvenance | None]: ...
+
 
 PROVENANCE = CameraProvenance(
     program="uavgram",
@@ -31,7 +40,9 @@ PROVENANCE = CameraProvenance(
 MINIMAL = CameraProvenance(program="uavgram", version="1", created_utc="now", source="converted")
 
 
-def camera(count=9, model="brown", seed=0, name="c"):
+def camera(
+    count: int = 9, model: LensModel = "brown", seed: int = 0, name: str = "c"
+) -> Calibration:
     rng = np.random.default_rng(seed)
     scale = np.array([5, 5, 8, 8, *[1e-3] * 8])[:count]
     root = rng.normal(size=(count, count)) * scale[:, None]
@@ -48,8 +59,10 @@ def camera(count=9, model="brown", seed=0, name="c"):
 
 
 @pytest.fixture
-def reread(tmp_path: Path):
-    def read(calibration, provenance=PROVENANCE):
+def reread(tmp_path: Path) -> Reread:
+    def read(
+        calibration: Calibration, provenance: CameraProvenance = PROVENANCE
+    ) -> tuple[Calibration, CameraProvenance | None]:
         path = tmp_path / "camera.yaml"
         path.write_text(camera_text(calibration, provenance), encoding="utf-8")
         return load_camera_file(path)
@@ -59,7 +72,9 @@ def reread(tmp_path: Path):
 
 @pytest.mark.parametrize(("count", "model"), [(9, "brown"), (12, "brown"), (8, "fisheye")])
 @pytest.mark.parametrize("provenance", [PROVENANCE, MINIMAL])
-def test_every_digit_comes_back(reread, count, model, provenance) -> None:
+def test_every_digit_comes_back(
+    reread: Reread, count: int, model: LensModel, provenance: CameraProvenance
+) -> None:
     written = camera(count, model)
     read, told = reread(written, provenance)
 
@@ -71,7 +86,7 @@ def test_every_digit_comes_back(reread, count, model, provenance) -> None:
 
 @settings(max_examples=60, derandomize=True, deadline=None)
 @given(st.floats(allow_nan=False, allow_infinity=False))
-def test_any_number_is_read_back_as_that_number(value) -> None:
+def test_any_number_is_read_back_as_that_number(value: float) -> None:
     text = number_text(value)
 
     assert float(text) == value
@@ -81,7 +96,7 @@ def test_any_number_is_read_back_as_that_number(value) -> None:
 @pytest.mark.parametrize(
     "name", ['a "b"', "x: y # z", "é ü ☃ \U0001f600", "two\nlines", "null", "1"]
 )
-def test_any_name_comes_back(reread, name) -> None:
+def test_any_name_comes_back(reread: Reread, name: str) -> None:
     assert reread(camera(name=name))[0].name == name
 
 
@@ -109,7 +124,9 @@ def test_a_file_without_provenance_has_none(tmp_path: Path) -> None:
         ("  focal_mm: 3.61", "  focal_mm: short", "provenance.focal_mm"),
     ],
 )
-def test_a_mistake_in_the_provenance_is_named(tmp_path: Path, old, new, words) -> None:
+def test_a_mistake_in_the_provenance_is_named(
+    tmp_path: Path, old: str, new: str, words: str
+) -> None:
     path = tmp_path / "camera.yaml"
     text = camera_text(camera(), PROVENANCE).replace(old, new)
     path.write_text(text, encoding="utf-8")
@@ -121,4 +138,4 @@ def test_a_mistake_in_the_provenance_is_named(tmp_path: Path, old, new, words) -
 
 def test_the_options_of_a_provenance_cannot_change() -> None:
     with pytest.raises(TypeError):
-        PROVENANCE.options["rounds"] = 4
+        PROVENANCE.options["rounds"] = 4  # type: ignore[index]  # what must fail

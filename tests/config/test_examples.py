@@ -22,11 +22,11 @@ from uavgram.model.survey.observations import MeasurementKind
 
 
 @pytest.fixture
-def project(repository: Path):
+def project(repository: Path) -> Project:
     return load_project(repository / "configs" / "project.yaml")
 
 
-def test_the_example_project_states_the_real_defaults(project) -> None:
+def test_the_example_project_states_the_real_defaults(project: Project) -> None:
     plain = Project(name="x", images=("x",), camera="x", picks="x")
 
     for key in ("world", "ground", "mount", "telemetry", "picks_sigma_px", "solve"):
@@ -34,7 +34,7 @@ def test_the_example_project_states_the_real_defaults(project) -> None:
     assert project.time == replace(plain.time, offset_s=0.0)  # the log's events come at equal steps
 
 
-def test_the_example_project_names_every_key(repository: Path, project) -> None:
+def test_the_example_project_names_every_key(repository: Path, project: Project) -> None:
     text = (repository / "configs" / "project.yaml").read_text()
 
     for field in fields(Project):
@@ -56,10 +56,14 @@ def test_the_example_cameras_are_one_camera_in_two_formats(repository: Path) -> 
     assert [m.code for m in messages] == ["camera-sigma-from-file"]
 
 
-def test_the_example_tables_belong_together(project) -> None:
+def test_the_example_tables_belong_together(project: Project) -> None:
     picks = read_picks(project.picks)
+    assert project.lines is not None
     lines = read_lines(project.lines)
+    assert project.measure is not None
     requests = read_measure(project.measure)
+    assert project.control is not None
+    assert project.check is not None
     known = (read_known_points(project.control), read_known_points(project.check))
 
     labels = set(picks.label)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import glob
 from dataclasses import fields, is_dataclass
 from pathlib import Path
+from typing import Protocol
 
 import pytest
 
@@ -12,11 +13,16 @@ from uavgram.config.project import load_project, relative_paths
 from uavgram.errors import InputError
 from uavgram.model.options import GeodeticOrigin, OptionsError, Project, SolveOptions, option_pairs
 
+
+class Load(Protocol):
+    def __call__(self, more: str, base: str = ...) -> Project: ...
+
+
 MINIMUM = "images: photos/*.jpg\ncamera: camera.yaml\npicks: picks.csv\n"
 
 
 @pytest.fixture
-def load(tmp_path: Path):
+def load(tmp_path: Path) -> Load:
     """Write a project beside the files that it names, and load it."""
     folder = tmp_path / "crossing"
     folder.mkdir()
@@ -31,7 +37,7 @@ def load(tmp_path: Path):
     return _load
 
 
-def test_the_three_required_keys_are_enough(load, tmp_path: Path) -> None:
+def test_the_three_required_keys_are_enough(load: Load, tmp_path: Path) -> None:
     project = load("")
 
     assert project.name == "crossing"
@@ -41,12 +47,12 @@ def test_the_three_required_keys_are_enough(load, tmp_path: Path) -> None:
     assert project.telemetry.position_bias_sigma_m == (2.0, 3.0)
 
 
-def test_a_decimal_comma_that_can_mean_nothing_else_is_read(load) -> None:
+def test_a_decimal_comma_that_can_mean_nothing_else_is_read(load: Load) -> None:
     assert load("picks_sigma_px: 1,5\n").picks_sigma_px == 1.5
     assert load("ground:\n  height_m: -0,125\n").ground.height_m == -0.125
 
 
-def test_every_key_of_a_real_project_arrives(load) -> None:
+def test_every_key_of_a_real_project_arrives(load: Load) -> None:
     project = load(
         "name: 'x'\nlog: flight.BIN\nlines: lines.csv\noutput: results\n"
         "world: {origin: {latitude_deg: 50, longitude_deg: -104.5, height_m: 577}, "
@@ -70,7 +76,7 @@ def test_every_key_of_a_real_project_arrives(load) -> None:
     assert project.solve == SolveOptions(outliers="remove")
 
 
-def test_images_may_be_a_list_of_patterns(load) -> None:
+def test_images_may_be_a_list_of_patterns(load: Load) -> None:
     project = load("", base="images: [a/*.jpg, b/x.png]\ncamera: camera.yaml\npicks: picks.csv\n")
 
     assert [Path(pattern).name for pattern in project.images] == ["*.jpg", "x.png"]
@@ -161,7 +167,9 @@ def test_patterns_find_photos_in_a_folder_whose_name_holds_glob_characters(tmp_p
         ("log: .\n", 4, "is a folder"),
     ],
 )
-def test_a_mistake_is_named_with_line_key_and_value(load, more, line, words) -> None:
+def test_a_mistake_is_named_with_line_key_and_value(
+    load: Load, more: str, line: int, words: str
+) -> None:
     with pytest.raises(InputError) as caught:
         load(more)
 
@@ -170,12 +178,12 @@ def test_a_mistake_is_named_with_line_key_and_value(load, more, line, words) -> 
     assert "\n" not in caught.value.message  # one mistake, one message
 
 
-def test_a_missing_required_key_is_named(load) -> None:
+def test_a_missing_required_key_is_named(load: Load) -> None:
     with pytest.raises(InputError, match=r"project.yaml:1: picks: is missing: add the line"):
         load("", base="images: '*.jpg'\ncamera: camera.yaml\n")
 
 
-def test_all_mistakes_come_in_one_error_in_the_order_of_lines(load) -> None:
+def test_all_mistakes_come_in_one_error_in_the_order_of_lines(load: Load) -> None:
     with pytest.raises(InputError) as caught:
         load(
             "picks_sigma_px: 0\n"
@@ -198,12 +206,12 @@ def test_all_mistakes_come_in_one_error_in_the_order_of_lines(load) -> None:
 
 
 @pytest.mark.parametrize("content", ["- a\n", "text\n", "3\n"])
-def test_a_file_that_is_no_mapping_is_refused(load, content) -> None:
+def test_a_file_that_is_no_mapping_is_refused(load: Load, content: str) -> None:
     with pytest.raises(InputError, match="key: value"):
         load("", base=content)
 
 
-def test_a_long_list_of_mistakes_is_cut(load) -> None:
+def test_a_long_list_of_mistakes_is_cut(load: Load) -> None:
     with pytest.raises(InputError, match="and 10 more mistakes"):
         load("".join(f"zz{i}: 1\n" for i in range(30)))
 
@@ -215,7 +223,7 @@ def test_options_made_in_python_are_checked_by_the_same_rules() -> None:
         GeodeticOrigin(latitude_deg=1.0, longitude_deg=2.0, height_m=float("nan"))
 
 
-def test_option_pairs_name_every_option_once(load) -> None:
+def test_option_pairs_name_every_option_once(load: Load) -> None:
     pairs = option_pairs(load(""))
     keys = [key for key, _ in pairs]
 
@@ -226,14 +234,14 @@ def test_option_pairs_name_every_option_once(load) -> None:
 
 
 @pytest.mark.parametrize("flight", ["cuav", "calm_nadir", "wind_oblique"])
-def test_the_real_projects_load(data_dir: Path, flight) -> None:
+def test_the_real_projects_load(data_dir: Path, flight: str) -> None:
     project = load_project(data_dir / flight / "project.yaml")
 
     assert project.name == flight
     assert project.images[0].endswith("photos/*.jpg")
 
 
-def test_areas_of_the_ground_state_what_they_have_of_their_own(load) -> None:
+def test_areas_of_the_ground_state_what_they_have_of_their_own(load: Load) -> None:
     project = load("ground: {height_sigma_m: 0.2, areas: {verge: {height_m: 0.4}, lawn: {}}}\n")
 
     assert set(project.ground.areas) == {"verge", "lawn"}
@@ -242,7 +250,7 @@ def test_areas_of_the_ground_state_what_they_have_of_their_own(load) -> None:
     assert project.ground.of("never stated").height_m == 0.0
     assert dict(option_pairs(project))["ground.areas.verge.height_m"] == 0.4
     with pytest.raises(TypeError):
-        project.ground.areas["road"] = verge
+        project.ground.areas["road"] = verge  # type: ignore[index]  # what must fail
 
 
 @pytest.mark.parametrize(
@@ -255,14 +263,16 @@ def test_areas_of_the_ground_state_what_they_have_of_their_own(load) -> None:
         ("    default: {}\n", 5, "must not name the area 'default'"),
     ],
 )
-def test_a_mistake_in_an_area_is_told_with_its_line(load, areas, line, words) -> None:
+def test_a_mistake_in_an_area_is_told_with_its_line(
+    load: Load, areas: str, line: int, words: str
+) -> None:
     with pytest.raises(InputError) as caught:
         load("ground:\n  areas:\n" + areas)
     assert words in str(caught.value)
     assert f":{line}:" in str(caught.value)
 
 
-def test_poses_may_be_a_list_of_sources(load, tmp_path: Path) -> None:
+def test_poses_may_be_a_list_of_sources(load: Load, tmp_path: Path) -> None:
     folder = tmp_path / "crossing"
     (folder / "a.mrk").touch()
 
@@ -283,6 +293,8 @@ def test_poses_may_be_a_list_of_sources(load, tmp_path: Path) -> None:
         ("[exif, 3]", "must be text"),
     ],
 )
-def test_a_mistake_in_the_list_of_poses_is_told_with_its_line(load, value, words) -> None:
+def test_a_mistake_in_the_list_of_poses_is_told_with_its_line(
+    load: Load, value: str, words: str
+) -> None:
     with pytest.raises(InputError, match=rf"project\.yaml:4: poses.*{words}"):
         load(f"poses: {value}\n")

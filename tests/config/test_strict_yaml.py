@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from uavgram.config.strict_yaml import dotted, read_yaml, resolve_scalar
+from uavgram.config.strict_yaml import Document, Plain, dotted, read_yaml, resolve_scalar
 from uavgram.errors import InputError
+
+Read = Callable[[str | bytes], Document]
 
 
 @pytest.fixture
-def read(tmp_path: Path):
-    def _read(content: str | bytes):
+def read(tmp_path: Path) -> Read:
+    def _read(content: str | bytes) -> Document:
         path = tmp_path / "p.yaml"
         path.write_bytes(content.encode() if isinstance(content, str) else content)
         return read_yaml(path)
@@ -47,24 +50,24 @@ def read(tmp_path: Path):
         ("2024-01-01", "2024-01-01"),
     ],
 )
-def test_a_plain_scalar_is_what_yaml_1_2_says(written, value) -> None:
+def test_a_plain_scalar_is_what_yaml_1_2_says(written: str, value: Plain) -> None:
     found = resolve_scalar(written)
 
     assert found == value
     assert type(found) is type(value)
 
 
-def test_quoted_and_block_scalars_stay_text(read) -> None:
+def test_quoted_and_block_scalars_stay_text(read: Read) -> None:
     data = read("a: '1'\nb: \"true\"\nc: |\n  3\n").data
 
     assert data == {"a": "1", "b": "true", "c": "3\n"}
 
 
-def test_keys_stay_text_as_written(read) -> None:
+def test_keys_stay_text_as_written(read: Read) -> None:
     assert read("no: 1\n1: 2\n").data == {"no": 1, "1": 2}
 
 
-def test_every_key_and_item_has_its_line(read) -> None:
+def test_every_key_and_item_has_its_line(read: Read) -> None:
     document = read("# head\na:\n  b: 1\n  c:\n    - 2\n    - 3\nd: 4\n")
 
     assert document.line_of(("a",)) == 2
@@ -74,11 +77,11 @@ def test_every_key_and_item_has_its_line(read) -> None:
     assert document.line_of(("a", "absent")) == 2
 
 
-def test_a_byte_order_mark_is_no_part_of_the_first_key(read) -> None:
+def test_a_byte_order_mark_is_no_part_of_the_first_key(read: Read) -> None:
     assert read(b"\xef\xbb\xbfa: 1\n").data == {"a": 1}
 
 
-def test_a_duplicate_key_is_a_fault_that_names_both_lines(read) -> None:
+def test_a_duplicate_key_is_a_fault_that_names_both_lines(read: Read) -> None:
     document = read("a: 1\nb:\n  c: 1\n  c: 2\na: 3\n")
 
     assert [line for line, _ in document.faults] == [4, 5]
@@ -110,7 +113,9 @@ def test_a_duplicate_key_is_a_fault_that_names_both_lines(read) -> None:
         ("a: " + "[" * 3000 + "\n", 1, "nesting"),
     ],
 )
-def test_broken_yaml_is_refused_with_its_line(read, content, line, words) -> None:
+def test_broken_yaml_is_refused_with_its_line(
+    read: Read, content: str | bytes, line: int, words: str
+) -> None:
     with pytest.raises(InputError) as caught:
         read(content)
 

@@ -4,6 +4,7 @@ import ast
 import importlib
 import re
 import tomllib
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -17,12 +18,12 @@ AT_WORK = {"results.json", "calibration.json", "run.jsonl", "report.html", "proj
 """Files that a run reads or writes, not those of the repository."""
 
 
-def quoted(text):
+def quoted(text: str) -> list[str]:
     """What stands between backticks, outside code blocks."""
     return re.findall(r"`([^`\n]+)`", re.sub(r"```.*?```", "", text, flags=re.DOTALL))
 
 
-def named_in(text):
+def named_in(text: str) -> Iterator[tuple[str, str]]:
     """(path, name in it) of everything quoted that is a path; the name may be empty."""
     for word in quoted(text):
         path, _, name = word.partition(":")
@@ -30,17 +31,17 @@ def named_in(text):
             yield path, name
 
 
-def found(root, path):
+def found(root: Path, path: str) -> Path:
     """The file or folder that a page calls `path`: in the package or in the repository."""
     return next((p for p in (root / "uavgram" / path, root / path) if p.exists()), None)
 
 
 @cache
-def python_names(file):
+def python_names(file: Path) -> set[str]:
     """Functions, classes and constants of a module; ``Class.method`` for what is inside a class."""
     names = set()
 
-    def collect(body, before) -> None:
+    def collect(body, before: str) -> None:
         for node in body:
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
                 names.add(before + node.name)
@@ -56,13 +57,13 @@ def python_names(file):
     return names
 
 
-def has_name(file, name):
+def has_name(file: Path, name: str) -> bool:
     if file.suffix == ".py":
         return name in python_names(file)
     return re.search(rf"\b{re.escape(name)}\b *[(=]", file.read_text(encoding="utf-8")) is not None
 
 
-def wrong_paths(text, root):
+def wrong_paths(text: str, root: Path) -> list[str]:
     """What a page names and the tree does not have."""
     wrong = []
     for path, name in named_in(text):
@@ -72,7 +73,7 @@ def wrong_paths(text, root):
     return wrong
 
 
-def wrong_modules(text):
+def wrong_modules(text: str) -> list[str]:
     """Dotted names that cannot be imported."""
     wrong = []
     for dotted in set(re.findall(r"\buavgram(?:\.\w+)+", text)):
@@ -88,20 +89,21 @@ def wrong_modules(text):
 
 
 @pytest.fixture(params=PAGES)
-def page(request: pytest.FixtureRequest, repository: Path):
-    return (repository / "docs" / request.param).read_text(encoding="utf-8")
+def page(request: pytest.FixtureRequest, repository: Path) -> str:
+    result: str = (repository / "docs" / request.param).read_text(encoding="utf-8")
+    return result
 
 
 @pytest.fixture
-def architecture(repository: Path):
+def architecture(repository: Path) -> str:
     return (repository / "docs" / "architecture.md").read_text(encoding="utf-8")
 
 
-def test_every_path_and_name_on_a_page_exists(page, repository: Path) -> None:
+def test_every_path_and_name_on_a_page_exists(page: str, repository: Path) -> None:
     assert wrong_paths(page, repository) == []
 
 
-def test_every_module_that_a_page_names_can_be_imported(page) -> None:
+def test_every_module_that_a_page_names_can_be_imported(page: str) -> None:
     assert wrong_modules(page) == []
 
 
@@ -132,13 +134,13 @@ def test_every_path_that_a_docstring_names_exists(repository: Path) -> None:
     assert wrong == []
 
 
-def test_links_between_the_pages_lead_somewhere(page, repository: Path) -> None:
+def test_links_between_the_pages_lead_somewhere(page: str, repository: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)", page):
         if "://" not in target:
             assert (repository / "docs" / target).exists(), target
 
 
-def test_every_room_stands_on_the_page(architecture, repository: Path) -> None:
+def test_every_room_stands_on_the_page(architecture: str, repository: Path) -> None:
     rooms = {
         f"{init.parent.relative_to(repository / 'uavgram')}/"
         for init in (repository / "uavgram").rglob("__init__.py")
@@ -147,13 +149,15 @@ def test_every_room_stands_on_the_page(architecture, repository: Path) -> None:
     assert rooms - set(quoted(architecture)) == set()
 
 
-def contracts_of(repository: Path):
+def contracts_of(repository: Path) -> list[str]:
     project = tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))
     return [one["name"] for one in project["tool"]["importlinter"]["contracts"]]
 
 
-def test_the_page_has_every_import_contract_and_no_other(architecture, repository: Path) -> None:
-    section = architecture.split("## Import contracts")[1].split("\n## ")[0]
+def test_the_page_has_every_import_contract_and_no_other(
+    architecture: str, repository: Path
+) -> None:
+    section = architecture.split("## Import contracts")[1].split("\n## ", maxsplit=1)[0]
     rows = [line.split("|")[1].strip() for line in section.splitlines() if line.startswith("| ")]
     contracts = contracts_of(repository)
 
@@ -175,5 +179,5 @@ def test_the_package_says_that_it_is_typed(repository: Path) -> None:
     assert (repository / "uavgram" / "py.typed").is_file()
 
 
-def test_no_page_names_a_place_on_one_machine(page) -> None:
+def test_no_page_names_a_place_on_one_machine(page: str) -> None:
     assert re.findall(r"(?<![\w.])/(?:work|home|tmp|root)\b", page) == []

@@ -3,23 +3,33 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import pytest
+from flight_projects import Truth, copy_project
 
 import uavgram
 from uavgram.errors import InputError
 from uavgram.io.results.results_json import dump_results, load_results
 
+
+class Write(Protocol):
+    """`area_of` says the area of a row of picks.csv by its number and label."""
+
+    def __call__(self, area_of: Callable[[int, str], str], **changes: object) -> Path: ...
+
+
 EAST = ("R1", "R2", "R3", "R4", "R5")
 
 
 @pytest.fixture
-def project(data_dir: Path, tmp_path: Path, copy_project):
+def project(data_dir: Path, tmp_path: Path) -> Write:
     """The calm twin, with some of its points on an area of their own."""
 
-    def write(area_of, **changes):
+    def write(area_of: Callable[[int, str], str], **changes: object) -> Path:
         with (data_dir / "calm_nadir" / "picks.csv").open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
         path = tmp_path / "picks.csv"
@@ -35,7 +45,9 @@ def project(data_dir: Path, tmp_path: Path, copy_project):
     return write
 
 
-def test_points_of_an_area_get_a_plane_of_their_own(project, truth, tmp_path: Path) -> None:
+def test_points_of_an_area_get_a_plane_of_their_own(
+    project: Write, truth: Callable[[str], Truth], tmp_path: Path
+) -> None:
     ground = {"areas": {"verge": {"height_sigma_m": 0.5}, "lawn": {}}}
     path = project(lambda _, label: "verge" if label in EAST else "", ground=ground)
     result = uavgram.run(path, output=None)
@@ -59,7 +71,7 @@ def test_points_of_an_area_get_a_plane_of_their_own(project, truth, tmp_path: Pa
     np.testing.assert_array_equal(again[1].slope_deg.sigma, result.areas[1].slope_deg.sigma)
 
 
-def test_a_point_in_two_areas_is_told_with_its_line(project) -> None:
+def test_a_point_in_two_areas_is_told_with_its_line(project: Write) -> None:
     path = project(lambda number, _: "road" if number % 2 else "verge")
     with pytest.raises(InputError, match=r"picks.csv:\d+: area of label '\w+' is '\w+' here"):
         uavgram.run(path, output=None)

@@ -22,7 +22,7 @@ BOARD = flat_board(9, 6, 0.025)
 
 
 @pytest.fixture(scope="module")
-def camera_file(tmp_path_factory: pytest.TempPathFactory):
+def camera_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("calibration")
     for k in range(10):
         pose = look(
@@ -36,7 +36,7 @@ def camera_file(tmp_path_factory: pytest.TempPathFactory):
     return folder / "out" / "camera.yaml"
 
 
-def test_a_calibrated_camera_measures_at_once(camera_file, tmp_path: Path) -> None:
+def test_a_calibrated_camera_measures_at_once(camera_file: Path, tmp_path: Path) -> None:
     camera = CameraSpec(
         width_px=SIZE_PX[0], height_px=SIZE_PX[1], parameters=TRUE, sigma=(1e-6,) * 9
     )

@@ -2,12 +2,14 @@
 
 import json
 import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
+from camera_facts import CameraFacts
 from camera_photos import camera_photo
 from pyproj import Transformer
 
@@ -17,18 +19,33 @@ from uavgram.io.results.results_json import write_results
 from uavgram.pipeline.check import check
 from uavgram.views.report import render_report
 
+Write = Callable[[dict[str, object]], Path]
+
+
+@dataclass(frozen=True)
+class Narrabeen:
+    """A project on the still, whose keys can be changed, and the folder of its photos."""
+
+    folder: Path
+    content: dict[str, object]
+    save: Write
+
+    def write(self, **changes: object) -> Path:
+        return self.save(self.content | changes)
+
+
 STILL = "snapshotNarrabeen.JPG"
 FOCAL_PX = 3120.0  # of the still, from a resection on the targets
 
 
-def _table(path, header, rows) -> None:
+def _table(path: Path, header: str, rows: Sequence[Sequence[object]]) -> None:
     lines = [",".join(str(cell) for cell in row) for row in rows]
     path.write_text("\n".join([header, *lines]) + "\n")
 
 
 @pytest.fixture
-def write(tmp_path: Path):
-    def _write(content):
+def write(tmp_path: Path) -> Write:
+    def _write(content: dict[str, object]) -> Path:
         path = tmp_path / "project.yaml"
         path.write_text(yaml.safe_dump(content))
         return path
@@ -37,7 +54,7 @@ def write(tmp_path: Path):
 
 
 @pytest.fixture
-def narrabeen(data_dir: Path, tmp_path: Path, write):
+def narrabeen(data_dir: Path, tmp_path: Path, write: Write) -> Narrabeen:
     """A project on the Mavic's still with its four RTK targets; `camera: auto`."""
     folder = data_dir / "narrabeen_mavic"
     control = json.loads((folder / "control.json").read_text())
@@ -51,7 +68,7 @@ def narrabeen(data_dir: Path, tmp_path: Path, write):
     rows = [(STILL, o["id"], *o["uv"]) for o in seen]
     _table(tmp_path / "picks.csv", "image,label,u_px,v_px", rows)
     origin = {"latitude_deg": -33.7299, "longitude_deg": 151.3006, "height_m": 2.475}
-    content = {
+    content: dict[str, object] = {
         "images": str(folder / STILL),
         "camera": "auto",
         "picks": "picks.csv",
@@ -60,10 +77,12 @@ def narrabeen(data_dir: Path, tmp_path: Path, write):
         "world": {"origin": origin},
         "ground": {"height_sigma_m": 0.5},
     }
-    return SimpleNamespace(write=lambda **changes: write(content | changes), folder=folder)
+    return Narrabeen(folder=folder, content=content, save=write)
 
 
-def test_the_assumed_camera_says_its_source_and_what_a_calibration_would_gain(narrabeen) -> None:
+def test_the_assumed_camera_says_its_source_and_what_a_calibration_would_gain(
+    narrabeen: Narrabeen,
+) -> None:
     messages = {m.code: m for m in check(narrabeen.write()).messages}
 
     assert messages["camera-assumed"].level == "warning"
@@ -73,7 +92,7 @@ def test_the_assumed_camera_says_its_source_and_what_a_calibration_would_gain(na
 
 
 def test_a_survey_with_control_learns_the_focal_length_of_an_assumed_camera(
-    narrabeen, tmp_path: Path
+    narrabeen: Narrabeen, tmp_path: Path
 ) -> None:
     result = uavgram.run(narrabeen.write(), output=None)
     file = tmp_path / "results.json"
@@ -102,7 +121,7 @@ def test_a_survey_with_control_learns_the_focal_length_of_an_assumed_camera(
 
 
 def test_video_frames_that_say_nothing_are_refused_with_the_way_out(
-    narrabeen, tmp_path: Path
+    narrabeen: Narrabeen, tmp_path: Path
 ) -> None:
     frame = "narrabeenFrames0001.jpg"
     _table(tmp_path / "picks.csv", "image,label,u_px,v_px", [(frame, "GCP1", 100, 100)])
@@ -112,10 +131,13 @@ def test_video_frames_that_say_nothing_are_refused_with_the_way_out(
         check(project)
 
 
-def test_three_nadir_photos_share_one_assumed_camera(data_dir: Path, tmp_path: Path, write) -> None:
+def test_three_nadir_photos_share_one_assumed_camera(
+    data_dir: Path, tmp_path: Path, write: Write
+) -> None:
     beach = data_dir / "brighton_beach"
     _table(tmp_path / "picks.csv", "image,label,u_px,v_px", [("DJI_0025.JPG", "a", 2000, 1000)])
-    content = {"images": str(beach / "*.JPG"), "camera": "auto", "picks": "picks.csv"}
+    images = str(beach / "*.JPG")
+    content: dict[str, object] = {"images": images, "camera": "auto", "picks": "picks.csv"}
     done = check(write(content | {"poses": "exif"}))
     camera = done.inputs.calibration
 
@@ -133,9 +155,9 @@ def test_three_nadir_photos_share_one_assumed_camera(data_dir: Path, tmp_path: P
     ],
 )
 def test_photos_of_several_cameras_cannot_share_an_assumed_one(
-    tmp_path: Path, write, other, words
+    tmp_path: Path, write: Write, other: CameraFacts, words: str
 ) -> None:
-    common = {"make": "DJI", "model": "FC220", "focal": (47, 10)}
+    common: CameraFacts = {"make": "DJI", "model": "FC220", "focal": (47, 10)}
     camera_photo(tmp_path / "a.jpg", **common)
     camera_photo(tmp_path / "b.jpg", **(common | other))
     _table(tmp_path / "picks.csv", "image,label,u_px,v_px", [("a.jpg", "p", 20, 10)])
@@ -152,7 +174,7 @@ def test_photos_of_several_cameras_cannot_share_an_assumed_one(
     ],
 )
 def test_photos_of_another_size_than_the_camera_file_name_the_way_out(
-    tmp_path: Path, write, size, words
+    tmp_path: Path, write: Write, size: tuple[int, int], words: str
 ) -> None:
     camera_photo(tmp_path / "a.jpg", size)
     (tmp_path / "camera.yaml").write_text(

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from flight_projects import Demo
 
 import uavgram
+from uavgram.model.result.result import Result
 
 
 @pytest.fixture(scope="module")
-def result(demo):
+def result(demo: Demo) -> Result:
     return uavgram.load_results(demo.out / "results.json")
 
 
-def is_number(word):
+def is_number(word: str) -> bool:
     return word.lstrip("+-").replace(".", "", 1).isdigit()
 
 
-def test_it_ends_well_and_says_where_everything_is(demo) -> None:
+def test_it_ends_well_and_says_where_everything_is(demo: Demo) -> None:
     assert demo.status == 0
     assert demo.stderr == ""
     for name in ("results.json", "report.html", "recording.rrd"):
@@ -26,7 +28,7 @@ def test_it_ends_well_and_says_where_everything_is(demo) -> None:
     assert f"uavgram view {demo.out / 'recording.rrd'}" in demo.stdout
 
 
-def test_each_measurement_is_printed_beside_its_truth(demo) -> None:
+def test_each_measurement_is_printed_beside_its_truth(demo: Demo) -> None:
     for row in demo.truth["measurements"]:
         line = next(x for x in demo.stdout.splitlines() if x.startswith(row["name"] + "  "))
         numbers = [float(word) for word in line.replace("±", " ").split() if is_number(word)]
@@ -34,7 +36,7 @@ def test_each_measurement_is_printed_beside_its_truth(demo) -> None:
         assert "±" in line
 
 
-def test_measurements_agree_with_the_truth(demo, result) -> None:
+def test_measurements_agree_with_the_truth(demo: Demo, result: Result) -> None:
     known = {row["name"]: row["value"] for row in demo.truth["measurements"]}
     rows = result.measurements
     assert set(rows.name) == set(known)
@@ -45,7 +47,7 @@ def test_measurements_agree_with_the_truth(demo, result) -> None:
     assert np.mean(relative) < 0.003
 
 
-def test_the_withheld_length_and_the_surveyed_points_judge_it(result) -> None:
+def test_the_withheld_length_and_the_surveyed_points_judge_it(result: Result) -> None:
     assert "checked" in result.lines.status
     assert len(result.line_checks.name) == result.lines.status.count("checked")
     assert np.abs(result.line_checks.z).max() < 4
@@ -53,10 +55,11 @@ def test_the_withheld_length_and_the_surveyed_points_judge_it(result) -> None:
     assert result.point_checks.mahalanobis.max() < 4
 
 
-def test_the_cameras_clock_is_found(demo, result) -> None:
+def test_the_cameras_clock_is_found(demo: Demo, result: Result) -> None:
     offset = result.shared.clock_offset_s
+    assert offset is not None
     assert offset.value[0] == pytest.approx(demo.truth["clock_offset_s"], abs=0.05)
 
 
-def test_every_photo_of_the_demo_is_refined(result) -> None:
+def test_every_photo_of_the_demo_is_refined(result: Result) -> None:
     assert set(result.frames.status) == {"refined"}

@@ -17,6 +17,7 @@ import uavgram
 from uavgram.cli import main
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
 from uavgram.io.photos.size import image_size
+from uavgram.model.arrays import Floats
 
 TAKE_OFF_DEG = (-35.363261, 149.1652299)
 POINTS_M = {
@@ -31,11 +32,11 @@ POINTS_M = {
 }
 
 
-def at(*labels):
+def at(*labels: str) -> Floats:
     return np.array([POINTS_M[label] for label in labels])
 
 
-def true_values():
+def true_values() -> dict[str, float]:
     """Of measure.csv, by schoolbook geometry."""
     steps = np.diff(at("R6", "R4", "P15"), axis=0)
     ring = at("R7", "R8", "R5", "R6", "R4")
@@ -53,7 +54,7 @@ def true_values():
 
 
 @pytest.fixture(scope="module")
-def examples(repository: Path, tmp_path_factory: pytest.TempPathFactory):
+def examples(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("clone")
     for name in ("configs", "logs"):
         out = shutil.ignore_patterns("out")
@@ -63,7 +64,7 @@ def examples(repository: Path, tmp_path_factory: pytest.TempPathFactory):
 
 @pytest.mark.parametrize("name", ["project", "lengths_only", "photo_poses"])
 def test_an_example_is_checked_and_run_and_agrees_with_the_truth(
-    examples, name, capsys: pytest.CaptureFixture[str]
+    examples: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = examples / f"{name}.yaml"
     assert main(["check", str(path)]) == 0
@@ -80,18 +81,22 @@ def test_an_example_is_checked_and_run_and_agrees_with_the_truth(
     assert 0.3 < result.solution.variance_factor < 1.6
 
 
-def test_the_examples_coordinates_are_true_where_the_log_or_the_photos_give_them(examples) -> None:
+def test_the_examples_coordinates_are_true_where_the_log_or_the_photos_give_them(
+    examples: Path,
+) -> None:
     for name, within_sigmas in (("project", 3.5), ("photo_poses", 3.0)):
         result = uavgram.run(examples / f"{name}.yaml", output=None)
+        assert result.world.origin is not None
         home = (*result.world.origin[:2], 0.0)
-        shift = enu_from_geodetic(*(np.array([v]) for v in (*TAKE_OFF_DEG, 0.0)), home)[0, :2]
+        latitude, longitude, height = (np.array([v]) for v in (*TAKE_OFF_DEG, 0.0))
+        shift = enu_from_geodetic(latitude, longitude, height, home)[0, :2]
         k = result.points.label.index("P15")
         error = result.points.position_world_m[k, :2] - shift - POINTS_M["P15"]
         sigma = np.sqrt(np.diag(result.points.covariance_m2[k]))
         assert (np.abs(error) < within_sigmas * sigma).all(), (name, error, sigma)
 
 
-def test_a_run_leaves_nothing_that_git_would_see(examples, repository: Path) -> None:
+def test_a_run_leaves_nothing_that_git_would_see(examples: Path, repository: Path) -> None:
     ignored = (repository / ".gitignore").read_text(encoding="utf-8").split()
     assert "out/" in ignored
     assert all(path.name in {"out", "photos"} for path in examples.iterdir() if path.is_dir())

@@ -7,32 +7,39 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flight_projects import copy_project
 
+from uavgram.model.arrays import Floats
+from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
+
+Row = dict[str, str]
+Faulty = tuple[Result, str, str, tuple[str, str], str]
+"""A result; its photo of nonsense, that with swapped labels, these, and the misread line."""
 
 FRAMES = 8
 WRONG_M, TAPE_M = 0.6, 0.01
 
 
-def rows_of(path):
+def rows_of(path: Path) -> list[Row]:
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
 
-def write(path, rows) -> None:
+def write(path: Path, rows: list[Row]) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, rows[0].keys())
         writer.writeheader()
         writer.writerows(rows)
 
 
-def place(row):
+def place(row: Row) -> Floats:
     return np.array([float(row["u_px"]), float(row["v_px"])])
 
 
 @pytest.fixture(scope="module")
-def faulty(data_dir: Path, tmp_path_factory: pytest.TempPathFactory, copy_project):
+def faulty(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Faulty:
     """A twin of which one photo shows nonsense, one has two labels swapped, and a tape misread."""
     source, folder = data_dir / "calm_nadir", tmp_path_factory.mktemp("faulty")
     rows = rows_of(source / "picks.csv")
@@ -58,17 +65,17 @@ def faulty(data_dir: Path, tmp_path_factory: pytest.TempPathFactory, copy_projec
     return result, nonsense, swapped, labels, lines[0]["name"]
 
 
-def told(result, code):
+def told(result: Result, code: str) -> list[str]:
     return [message.text for message in result.messages if message.code == code]
 
 
-def test_the_photo_of_nonsense_is_left_out_by_name(faulty) -> None:
+def test_the_photo_of_nonsense_is_left_out_by_name(faulty: Faulty) -> None:
     result, nonsense, *_ = faulty
     (text,) = told(result, "frame-left-out")
     assert repr(nonsense) in text
 
 
-def test_the_swapped_labels_are_named_as_swapped_and_their_photo_stays(faulty) -> None:
+def test_the_swapped_labels_are_named_as_swapped_and_their_photo_stays(faulty: Faulty) -> None:
     result, _, swapped, labels, _ = faulty
     warnings = [m for m in result.messages if m.level == "warning"]
     assert warnings[0].code == "labels-swapped"  # the cause first
@@ -83,7 +90,7 @@ def test_the_swapped_labels_are_named_as_swapped_and_their_photo_stays(faulty) -
     )
 
 
-def test_the_misread_tape_is_the_one_suspect(faulty) -> None:
+def test_the_misread_tape_is_the_one_suspect(faulty: Faulty) -> None:
     result, *_, line = faulty
     status = dict(zip(result.lines.name, result.lines.status, strict=True))
     assert [name for name, state in status.items() if state == "suspect"] == [line]
@@ -92,7 +99,7 @@ def test_the_misread_tape_is_the_one_suspect(faulty) -> None:
     assert bias < -10 * TAPE_M
 
 
-def test_the_rest_comes_to_rest(faulty) -> None:
+def test_the_rest_comes_to_rest(faulty: Faulty) -> None:
     result, *_ = faulty
     assert result.solution.converged
     assert result.frames.status.count("rejected") == 1

@@ -3,24 +3,37 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import pytest
+from flight_projects import copy_project
 
 from uavgram.io.demo_files import write_demo
 from uavgram.model.demo.scenario import CameraSpec, DemoScenario
+from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.simulate.survey import simulate
+
+Change = Callable[[float], float]
+
+
+class Solve(Protocol):
+    def __call__(
+        self, table: str = ..., column: str = ..., without: Sequence[str] = ..., **cells: Change
+    ) -> Result: ...
+
 
 WIDTH_PX, HEIGHT_PX = 400, 300
 WITHOUT_LOG = ("log", "time", "mount", "check")
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory):
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The simulated survey with small blank photos."""
     full, scale = CameraSpec(), WIDTH_PX / CameraSpec().width_px
     pixels = [scale] * 4 + [1.0] * 5
@@ -36,15 +49,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory):
 
 
 @pytest.fixture
-def solve(folder, copy_project, tmp_path: Path):
+def solve(folder: Path, tmp_path: Path) -> Solve:
     """Compute the survey with cells of its tables changed: {row: value or factor}."""
 
-    def run(table="lines", column="length_m", without=(), **cells):
+    def run(
+        table: str = "lines", column: str = "length_m", without: Sequence[str] = (), **cells: Change
+    ) -> Result:
         changed = tmp_path / f"{table}.csv"
         with (folder / f"{table}.csv").open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
         for row in rows:
-            change = cells.get(row.get("name", row.get("label")))
+            change = cells.get(row["name"] if "name" in row else row["label"])
             row[column] = row[column] if change is None else repr(change(float(row[column])))
         with changed.open("w", encoding="utf-8", newline="") as file:
             writer = csv.DictWriter(file, rows[0])
@@ -57,18 +72,20 @@ def solve(folder, copy_project, tmp_path: Path):
     return run
 
 
-def warned(result):
+def warned(result: Result) -> list[tuple[str, str]]:
     return [(m.code, m.text) for m in result.messages if m.level != "info"]
 
 
-def as_it_should_be(result, clean):
+def as_it_should_be(result: Result, clean: Result) -> bool:
     """Whether all measurements lie where they do without a mistake, as far as they are known."""
     off = result.measurements.value - clean.measurements.value
     return bool((np.abs(off) < 2.0 * result.measurements.sigma + 1e-9).all())
 
 
 @pytest.mark.parametrize("without", [(), WITHOUT_LOG], ids=["log", "no log"])
-def test_a_length_in_millimetres_is_the_only_thing_named(solve, without) -> None:
+def test_a_length_in_millimetres_is_the_only_thing_named(
+    solve: Solve, without: Sequence[str]
+) -> None:
     clean = solve(without=without)
     assert warned(clean) == []
     result = solve(without=without, L2=lambda metres: 1000.0 * metres)
@@ -86,8 +103,8 @@ def test_a_length_in_millimetres_is_the_only_thing_named(solve, without) -> None
     assert f"The {removal.what} was left out" in text
 
 
-def test_all_lengths_in_feet_are_told_in_one_message(solve) -> None:
-    def feet(metres):
+def test_all_lengths_in_feet_are_told_in_one_message(solve: Solve) -> None:
+    def feet(metres: float) -> float:
         return metres / 0.3048
 
     result = solve(L1=feet, L2=feet, L3=feet, L4=feet, L5=feet)
@@ -98,7 +115,7 @@ def test_all_lengths_in_feet_are_told_in_one_message(solve) -> None:
     assert as_it_should_be(result, solve())
 
 
-def test_a_length_a_quarter_off_stays_and_is_the_only_suspect(solve) -> None:
+def test_a_length_a_quarter_off_stays_and_is_the_only_suspect(solve: Solve) -> None:
     result = solve(L2=lambda _: 16.0)
     suspects = [text for code, text in warned(result) if "suspect" in code or "strained" in code]
     (text,) = [text for text in suspects if "withheld" not in text]
@@ -108,7 +125,9 @@ def test_a_length_a_quarter_off_stays_and_is_the_only_suspect(solve) -> None:
     assert [name for name, state in status.items() if state == "suspect"] == ["L2"]
 
 
-def test_a_withheld_length_and_a_check_point_are_named_before_the_checks_as_a_whole(solve) -> None:
+def test_a_withheld_length_and_a_check_point_are_named_before_the_checks_as_a_whole(
+    solve: Solve,
+) -> None:
     result = solve(L6=lambda metres: 1000.0 * metres)
     (_, first), (_, last) = warned(result)
     assert "withheld length 'L6'" in first
@@ -121,9 +140,7 @@ def test_a_withheld_length_and_a_check_point_are_named_before_the_checks_as_a_wh
     assert "'C2' alone" in last
 
 
-def test_in_a_twin_a_length_in_feet_is_the_only_thing_named(
-    data_dir: Path, copy_project, tmp_path: Path
-) -> None:
+def test_in_a_twin_a_length_in_feet_is_the_only_thing_named(data_dir: Path, tmp_path: Path) -> None:
     source = data_dir / "calm_nadir"
     lines = (source / "lines.csv").read_text(encoding="utf-8").splitlines()
     clean = compute(read_inputs(copy_project(source, tmp_path / "clean")), curved=False).result

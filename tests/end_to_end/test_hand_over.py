@@ -6,14 +6,23 @@ import itertools
 import json
 import math
 import struct
+from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
-import ezdxf
 import numpy as np
 import pytest
+from ezdxf.entities.insert import Insert
+from ezdxf.filemanagement import readfile
+from flight_projects import Demo
 from pyogrio import list_layers
 from pyogrio.raw import read
 from pyproj import Geod, Proj, Transformer
+
+from uavgram.model.arrays import Floats
+
+Content = dict[str, Any]
+"""Of results.json."""
 
 DISTANCE_M = 1e-4  # a tenth of a millimetre
 KML = "{http://www.opengis.net/kml/2.2}"
@@ -25,31 +34,35 @@ DRAWINGS = ("survey_local.dxf", "survey_map.dxf", "survey.gpkg", "survey.kml")
 
 
 @pytest.fixture(scope="module")
-def content(demo):
-    return json.loads((demo.out / "results.json").read_text(encoding="utf-8"))
+def content(demo: Demo) -> Content:
+    known: Content = json.loads((demo.out / "results.json").read_text(encoding="utf-8"))
+    return known
 
 
 @pytest.fixture(scope="module")
-def places(content):
+def places(content: Content) -> dict[str, Floats]:
     return {p["label"]: np.array(p["position_world_m"]) for p in content["points"]}
 
 
-def dxf_points(path):
-    document = ezdxf.readfile(path)
+def dxf_points(path: Path) -> dict[str, Floats]:
+    document = readfile(path)
     assert document.audit().errors == []
     assert document.audit().fixes == []
     return {
         insert.get_attrib_text("LABEL"): np.array(insert.dxf.insert)
         for insert in document.modelspace().query('INSERT[name=="SURVEY_POINT"]')
+        if isinstance(insert, Insert)
     }
 
 
-def test_the_files_are_where_the_readme_says(demo) -> None:
+def test_the_files_are_where_the_readme_says(demo: Demo) -> None:
     for name in (*OPENDRONEMAP, *COLMAP, *DRAWINGS):
         assert (demo.out / name).stat().st_size > 0, name
 
 
-def test_every_distance_in_the_local_drawing_is_that_of_the_results(demo, places) -> None:
+def test_every_distance_in_the_local_drawing_is_that_of_the_results(
+    demo: Demo, places: dict[str, Floats]
+) -> None:
     drawn = dxf_points(demo.out / "survey_local.dxf")
 
     assert set(drawn) == set(places)
@@ -58,11 +71,11 @@ def test_every_distance_in_the_local_drawing_is_that_of_the_results(demo, places
         assert math.dist(drawn[one], drawn[two]) == pytest.approx(true, abs=DISTANCE_M)
 
 
-def test_measured_distances_are_the_dimensions_of_the_drawing(demo, content) -> None:
+def test_measured_distances_are_the_dimensions_of_the_drawing(demo: Demo, content: Content) -> None:
     drawn = dxf_points(demo.out / "survey_local.dxf")
     said = [
         dimension.dxf.text
-        for dimension in ezdxf.readfile(demo.out / "survey_local.dxf")
+        for dimension in readfile(demo.out / "survey_local.dxf")
         .modelspace()
         .query('DIMENSION[layer=="DIMENSIONS"]')
     ]
@@ -76,7 +89,7 @@ def test_measured_distances_are_the_dimensions_of_the_drawing(demo, content) -> 
     assert tried > 3
 
 
-def ground_length(one, two, crs, height_m):
+def ground_length(one: Floats, two: Floats, crs: str, height_m: float) -> float:
     """Length [m] on the ellipsoid between map places, raised to a height."""
     to_earth = Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
     (lon1, lat1), (lon2, lat2) = (to_earth.transform(*p[:2]) for p in (one, two))
@@ -86,12 +99,13 @@ def ground_length(one, two, crs, height_m):
     w = 1 - e2 * math.sin(math.radians(lat1)) ** 2
     meridian, normal = a * (1 - e2) / w**1.5, a / math.sqrt(w)
     c, s = math.cos(math.radians(azimuth)), math.sin(math.radians(azimuth))
-    return length * (1 + height_m * (c * c / meridian + s * s / normal))
+    raised: float = length * (1 + height_m * (c * c / meridian + s * s / normal))
+    return raised
 
 
 @pytest.mark.parametrize("name", ["survey.gpkg", "survey_map.dxf"])
 def test_every_distance_on_the_map_is_that_of_the_results_after_its_scale(
-    demo, content, places, name
+    demo: Demo, content: Content, places: dict[str, Floats], name: str
 ) -> None:
     world, path = content["world"], demo.out / name
     if name == "survey.gpkg":
@@ -119,7 +133,7 @@ def test_every_distance_on_the_map_is_that_of_the_results_after_its_scale(
     assert abs(scale - 1) > 1e-5  # else nothing would be proved
 
 
-def test_every_layer_of_the_geopackage_can_be_read(demo) -> None:
+def test_every_layer_of_the_geopackage_can_be_read(demo: Demo) -> None:
     layers = dict(list_layers(demo.out / "survey.gpkg"))
     assert layers["points"] == "Point Z"
     for name in layers:
@@ -127,7 +141,9 @@ def test_every_layer_of_the_geopackage_can_be_read(demo) -> None:
         assert geometry is not None
 
 
-def test_the_globe_has_the_structure_that_the_standard_asks_for(demo, content) -> None:
+def test_the_globe_has_the_structure_that_the_standard_asks_for(
+    demo: Demo, content: Content
+) -> None:
     """OGC 12-007r2 (KML 2.3): order of elements, coordinates, closed counterclockwise rings."""
     root = ET.parse(demo.out / "survey.kml").getroot()  # noqa: S314  (our own file)
     assert root.tag == f"{KML}kml"
@@ -142,8 +158,9 @@ def test_the_globe_has_the_structure_that_the_standard_asks_for(demo, content) -
     for mark in marks:
         inside = [child.tag.removeprefix(KML) for child in mark]
         assert inside == sorted(inside, key=order.index)
-        assert mark.find(f"{KML}styleUrl").text in styles
-        text = mark.find(f".//{KML}coordinates").text
+        assert mark.findtext(f"{KML}styleUrl") in styles
+        text = mark.findtext(f".//{KML}coordinates")
+        assert text is not None
         place = np.array([[float(x) for x in part.split(",")] for part in text.split()])
         assert place.shape[1] == 3
         assert (np.abs(place[:, :2]) <= [180, 90]).all()
@@ -152,5 +169,5 @@ def test_the_globe_has_the_structure_that_the_standard_asks_for(demo, content) -
             assert (place[0] == place[-1]).all()
             east, north = (place[:, :2] - place[0, :2]).T
             assert np.sum(east[:-1] * north[1:] - east[1:] * north[:-1]) > 0
-    colours = [c.text for c in document.iter(f"{KML}color")]
+    colours = [c.text or "" for c in document.iter(f"{KML}color")]
     assert all(len(c) == 8 and int(c, 16) >= 0 for c in colours)

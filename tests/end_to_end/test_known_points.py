@@ -2,21 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, Literal, Protocol
 
 import numpy as np
 import pytest
+from flight_projects import Truth, copy_project
 from pyproj import Transformer
 
+from uavgram.model.arrays import Floats
+from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
+
+Kind = Literal["geodetic", "local"]
+
+
+class Run(Protocol):
+    """Of a twin, with some of its true points as control or check points."""
+
+    def __call__(
+        self, kind: Kind, role: str = ..., labels: Sequence[str] = ..., **changes: object
+    ) -> Result: ...
+
 
 SIGMA_M = 0.02
 CONTROL = ("R1", "R3", "R6", "R8", "P5")
 TWINS = ("calm_nadir", "wind_oblique")
 
 
-def geodetic(enu, world):
+def geodetic(enu: Floats, world: dict[str, Any]) -> Floats:
     """Latitude, longitude [deg], height [m] by way of geocentric coordinates (EPSG 4979, 4978)."""
     to_geocentric = Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
     longitude, latitude, height = (
@@ -28,11 +44,12 @@ def geodetic(enu, world):
     up = [np.cos(b) * np.cos(a), np.cos(b) * np.sin(a), np.sin(b)]
     origin = np.array(to_geocentric.transform(longitude, latitude, height))
     place = origin + np.asarray(enu) @ np.array([east, north, up])
-    lon, lat, h = to_geocentric.transform(*place.T, direction="INVERSE")
+    x, y, z = place.T
+    lon, lat, h = to_geocentric.transform(x, y, z, direction="INVERSE")
     return np.column_stack([lat, lon, h])
 
 
-def write_points(path, kind, labels, known) -> None:
+def write_points(path: Path, kind: Kind, labels: Sequence[str], known: Truth) -> None:
     enu = np.array([known["points"][label] for label in labels])
     columns = "east_m,north_m,up_m"
     if kind == "geodetic":
@@ -44,14 +61,14 @@ def write_points(path, kind, labels, known) -> None:
     path.write_text("\n".join([f"label,{columns},sigma_m", *rows]) + "\n", encoding="utf-8")
 
 
-def origin_of(known):
+def origin_of(known: Truth) -> dict[str, dict[str, float]]:
     """The truth's own origin: local coordinates are then the truth's."""
     world = known["world"]
     place = {key: world[key] for key in ("latitude_deg", "longitude_deg")}
     return {"origin": place | {"height_m": world["height_amsl_m"]}}
 
 
-def assert_points_are_true(result, known) -> None:
+def assert_points_are_true(result: Result, known: Truth) -> None:
     """In the truth's own coordinates, within the joint covariance of east and north."""
     points = result.points
     true = np.array([known["points"][label] for label in points.label])
@@ -71,11 +88,15 @@ def assert_points_are_true(result, known) -> None:
 
 
 @pytest.fixture(params=TWINS)
-def twin(request: pytest.FixtureRequest, data_dir: Path, tmp_path: Path, copy_project, truth):
+def twin(
+    request: pytest.FixtureRequest, data_dir: Path, tmp_path: Path, truth: Callable[[str], Truth]
+) -> tuple[Run, Truth]:
     name = request.param
     known = truth(name)
 
-    def run(kind, role="control", labels=CONTROL, **changes):
+    def run(
+        kind: Kind, role: str = "control", labels: Sequence[str] = CONTROL, **changes: object
+    ) -> Result:
         write_points(tmp_path / f"{role}.csv", kind, labels, known)
         changes = {role: f"{role}.csv"} | changes
         project = copy_project(data_dir / name, tmp_path, **changes)
@@ -84,7 +105,7 @@ def twin(request: pytest.FixtureRequest, data_dir: Path, tmp_path: Path, copy_pr
     return run, known
 
 
-def test_geodetic_control_places_the_survey_on_the_earth(twin) -> None:
+def test_geodetic_control_places_the_survey_on_the_earth(twin: tuple[Run, Truth]) -> None:
     run, known = twin
     result = run("geodetic")
     assert result.world.gauge == "world"
@@ -92,9 +113,10 @@ def test_geodetic_control_places_the_survey_on_the_earth(twin) -> None:
     assert np.median(result.points.ellipse_95_m[:, 0]) < 0.2
 
 
-def test_local_control_counts_from_the_origin_of_the_world(twin) -> None:
+def test_local_control_counts_from_the_origin_of_the_world(twin: tuple[Run, Truth]) -> None:
     run, known = twin
     result = run("local", world=origin_of(known))
+    assert result.world.origin is not None
     assert result.world.origin.latitude_deg == pytest.approx(known["world"]["latitude_deg"])
     assert_points_are_true(result, known)
     local = dict(zip(result.points.label, result.points.position_world_m, strict=True))
@@ -103,7 +125,7 @@ def test_local_control_counts_from_the_origin_of_the_world(twin) -> None:
 
 
 @pytest.mark.parametrize("kind", ["geodetic", "local"])
-def test_control_replaces_the_log(twin, kind) -> None:
+def test_control_replaces_the_log(twin: tuple[Run, Truth], kind: Kind) -> None:
     run, known = twin
     result = run(kind, log=None, time=None)
     assert result.world.gauge == "world"
@@ -118,7 +140,7 @@ def test_control_replaces_the_log(twin, kind) -> None:
 
 
 @pytest.mark.parametrize("kind", ["geodetic", "local"])
-def test_check_points_only_judge(twin, kind) -> None:
+def test_check_points_only_judge(twin: tuple[Run, Truth], kind: Kind) -> None:
     run, known = twin
     plain = run(kind, role="check", labels=("R2", "P4"), world=origin_of(known), check=None)
     judged = run(kind, role="check", labels=("R2", "P4"), world=origin_of(known))
@@ -132,14 +154,14 @@ def test_check_points_only_judge(twin, kind) -> None:
     assert (checks.mahalanobis < 5).all()
 
 
-def test_one_control_point_without_a_log_fixes_nothing_and_is_told(twin) -> None:
+def test_one_control_point_without_a_log_fixes_nothing_and_is_told(twin: tuple[Run, Truth]) -> None:
     run, _ = twin
     result = run("local", labels=CONTROL[:1], log=None, time=None)
     assert result.world.gauge == "plane"
     assert any("control" in message.text for message in result.messages)
 
 
-def test_a_control_point_that_nobody_picked_is_told(twin) -> None:
+def test_a_control_point_that_nobody_picked_is_told(twin: tuple[Run, Truth]) -> None:
     run, known = twin
     known["points"]["R11"] = known["points"]["R1"]
     result = run("local", labels=(*CONTROL, "R11"), world=origin_of(known))

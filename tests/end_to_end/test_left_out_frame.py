@@ -7,18 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flight_projects import copy_project
 
 import uavgram
 
 
-def rows_of(path):
+def rows_of(path: Path) -> list[dict[str, str]]:
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
 
 @pytest.mark.parametrize("log", [True, False], ids=["log", "no log"])
 def test_its_status_is_rejected_with_reason_and_message(
-    data_dir: Path, tmp_path: Path, copy_project, log
+    data_dir: Path, tmp_path: Path, *, log: bool
 ) -> None:
     source = data_dir / "calm_nadir"
     rows = rows_of(source / "picks.csv")

@@ -17,7 +17,7 @@ import yaml
 from pick_pages import small_project
 from small_recording import write_small_recording
 
-from uavgram.cli.entry import app
+from uavgram.cli import app
 
 UAVGRAM = ("-m", "uavgram")
 STRACE = shutil.which("strace")
@@ -38,6 +38,7 @@ def strangers(trace: Path) -> list[str]:
 
 
 def traced(folder: Path, *program: str) -> subprocess.Popen[str]:
+    assert STRACE is not None
     calls = "trace=connect,sendto,sendmsg,sendmmsg"
     trace = [STRACE, "-f", "--seccomp-bpf", "-qq", "-e", calls, "-o", str(folder / "trace")]
     return subprocess.Popen(
@@ -78,6 +79,7 @@ def test_the_viewer_calls_nobody_and_leaves_no_trace_of_its_use(tmp_path: Path) 
     assert strangers(tmp_path / "trace") == []
     with traced(tmp_path, *UAVGRAM, "view", str(recording), "--web") as viewer:
         try:
+            assert viewer.stdout is not None
             line = viewer.stdout.readline()
             assert line.startswith("open http://127.0.0.1:"), line
         finally:
@@ -143,6 +145,7 @@ def test_the_picking_page_calls_nobody(tmp_path: Path) -> None:
     project = str(small_project(tmp_path / "survey"))
     with traced(tmp_path, *UAVGRAM, "pick", project) as program:
         try:
+            assert program.stdout is not None
             line = program.stdout.readline()
             address = line.removeprefix("Picking page: ").strip()
             with httpx.Client(timeout=60, follow_redirects=True) as browser:

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from flight_projects import Truth, copy_project
 
 import uavgram
+from uavgram.model.result.result import Result
+
+Run = tuple[Result, Path, Truth]
+"""A result, the folder of its files, and the truth."""
 
 # One frame of each twin that shows all six lengths.
 FRAMES = [("calm_nadir", "IMG_0045.jpg"), ("wind_oblique", "IMG_0030.jpg")]
@@ -20,9 +26,8 @@ def run(
     request: pytest.FixtureRequest,
     data_dir: Path,
     tmp_path_factory: pytest.TempPathFactory,
-    copy_project,
-    truth,
-):
+    truth: Callable[[str], Truth],
+) -> Run:
     name, image = request.param
     folder = tmp_path_factory.mktemp(f"{name}_alone")
     source = data_dir / name
@@ -40,7 +45,7 @@ def run(
     return uavgram.run(project), folder / "out", truth(name)
 
 
-def test_the_frame_is_refined_in_a_gauge_of_its_own(run) -> None:
+def test_the_frame_is_refined_in_a_gauge_of_its_own(run: Run) -> None:
     result, _, _ = run
     assert result.world.gauge == "plane"
     assert result.frames.status == ("refined",)
@@ -52,7 +57,7 @@ def test_the_frame_is_refined_in_a_gauge_of_its_own(run) -> None:
     np.testing.assert_allclose(result.points.position_world_m[:, 2], 0, atol=1e-9)
 
 
-def test_distances_are_right_within_three_sigma(run) -> None:
+def test_distances_are_right_within_three_sigma(run: Run) -> None:
     result, _, known = run
     rows = result.measurements
     true = np.array([known["measurements"][name] for name in rows.name])
@@ -64,7 +69,7 @@ def test_distances_are_right_within_three_sigma(run) -> None:
     assert np.mean(np.abs(rows.value / true - 1)[seen]) < 0.01
 
 
-def test_the_camera_stands_as_high_as_it_did(run) -> None:
+def test_the_camera_stands_as_high_as_it_did(run: Run) -> None:
     result, _, known = run
     frame = known["frames"][result.frames.frame_id[0]]
     ground = known["ground"]
@@ -74,7 +79,7 @@ def test_the_camera_stands_as_high_as_it_did(run) -> None:
     assert result.frames.refined.center_world_m[0, 2] == pytest.approx(height, rel=0.01)
 
 
-def test_measurements_that_the_photo_does_not_show_are_null(run) -> None:
+def test_measurements_that_the_photo_does_not_show_are_null(run: Run) -> None:
     result, _, _ = run
     shown = set(result.points.label)
     rows = result.measurements
@@ -82,7 +87,7 @@ def test_measurements_that_the_photo_does_not_show_are_null(run) -> None:
         assert np.isfinite(value) == (set(points) <= shown)
 
 
-def test_nothing_is_said_about_places_on_the_earth(run) -> None:
+def test_nothing_is_said_about_places_on_the_earth(run: Run) -> None:
     result, out, _ = run
     content = json.loads((out / "results.json").read_text(encoding="utf-8"))
     for key in ("latitude_deg", "longitude_deg", "height_m"):
@@ -94,14 +99,14 @@ def test_nothing_is_said_about_places_on_the_earth(run) -> None:
     assert any(message.code == "gauge-plane" for message in result.messages)
 
 
-def test_points_geojson_is_empty_and_says_why(run) -> None:
+def test_points_geojson_is_empty_and_says_why(run: Run) -> None:
     _, out, _ = run
     content = json.loads((out / "points.geojson").read_text(encoding="utf-8"))
     assert content["features"] == []
     assert "no geographic position" in content["message"]
 
 
-def test_every_output_is_there_and_reads_back(run) -> None:
+def test_every_output_is_there_and_reads_back(run: Run) -> None:
     result, out, _ = run
     names = {path.name for path in out.iterdir()}
     assert names == {
@@ -115,7 +120,7 @@ def test_every_output_is_there_and_reads_back(run) -> None:
     assert [value == "" for value in values] == np.isnan(result.measurements.value).tolist()
 
 
-def test_three_lengths_are_warned_of(data_dir: Path, tmp_path: Path, copy_project) -> None:
+def test_three_lengths_are_warned_of(data_dir: Path, tmp_path: Path) -> None:
     """Three lengths leave the pose ambiguous; four unconnected ones do not."""
     source = data_dir / "calm_nadir"
     for name, starts in (("picks", ("image", "IMG_0045")), ("lines", ("name", "L1", "L2", "L3"))):
@@ -143,7 +148,7 @@ def test_three_lengths_are_warned_of(data_dir: Path, tmp_path: Path, copy_projec
     np.testing.assert_array_equal(marked, there[outside])
 
 
-def test_neither_log_nor_lengths_is_an_error(data_dir: Path, tmp_path: Path, copy_project) -> None:
+def test_neither_log_nor_lengths_is_an_error(data_dir: Path, tmp_path: Path) -> None:
     project = copy_project(data_dir / "calm_nadir", tmp_path, log=None, time=None, lines=None)
     with pytest.raises(uavgram.UavgramError, match="length"):
         uavgram.run(project, output=None)

@@ -7,11 +7,16 @@ import hashlib
 import json
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from flight_projects import Demo
 
 import uavgram
+
+Content = dict[str, Any]
+"""Of results.json."""
 
 FILES = {
     "results.json", "recording.rrd", "report.html", "points.geojson", "measurements.csv",
@@ -64,15 +69,16 @@ WORDS = {
 
 
 @pytest.fixture(scope="module")
-def content(demo):
-    return json.loads((demo.out / "results.json").read_text(encoding="utf-8"))
+def content(demo: Demo) -> Content:
+    known: Content = json.loads((demo.out / "results.json").read_text(encoding="utf-8"))
+    return known
 
 
-def test_every_promised_file_is_there_and_nothing_else(demo) -> None:
+def test_every_promised_file_is_there_and_nothing_else(demo: Demo) -> None:
     assert {path.name for path in demo.out.iterdir()} == FILES
 
 
-def test_results_have_every_promised_key(content) -> None:
+def test_results_have_every_promised_key(content: Content) -> None:
     assert content["schema"] == 1
     assert content.keys() >= TOP
     assert content["provenance"].keys() >= PROVENANCE
@@ -91,7 +97,7 @@ def test_results_have_every_promised_key(content) -> None:
     assert all(c.keys() >= {"name", "error_m", "sigma_m", "z"} for c in lines)
 
 
-def test_shared_unknowns_have_value_and_sigma(content) -> None:
+def test_shared_unknowns_have_value_and_sigma(content: Content) -> None:
     shared = content["shared"]
     estimates = [shared[key] for key in SHARED - {"plane"}]
     estimates += [shared["plane"]["height_m"], shared["plane"]["slope_deg"]]
@@ -100,7 +106,7 @@ def test_shared_unknowns_have_value_and_sigma(content) -> None:
         assert np.all(np.array(estimate["sigma"]) >= 0)
 
 
-def test_tables_have_the_promised_shapes_and_words(content) -> None:
+def test_tables_have_the_promised_shapes_and_words(content: Content) -> None:
     for frame in content["frames"]:
         for pose in (frame["seed"], frame["refined"]):
             assert {key: np.shape(pose[key]) for key in POSE} == POSE
@@ -116,14 +122,14 @@ def test_tables_have_the_promised_shapes_and_words(content) -> None:
     assert content["world"]["gauge"] == "world"
 
 
-def test_the_ellipse_is_that_of_the_covariance_at_95_percent(content) -> None:
+def test_the_ellipse_is_that_of_the_covariance_at_95_percent(content: Content) -> None:
     for point in content["points"]:
         eigen = np.linalg.eigvalsh(point["covariance_m2"])
         axes = [point["ellipse_95"]["semi_minor_m"], point["ellipse_95"]["semi_major_m"]]
         np.testing.assert_allclose(axes, 2.4477 * np.sqrt(eigen), rtol=1e-4)
 
 
-def test_provenance_names_every_input_by_its_digest(demo, content) -> None:
+def test_provenance_names_every_input_by_its_digest(demo: Demo, content: Content) -> None:
     inputs = content["provenance"]["inputs"]
     photos = {f"photos/{path.name}" for path in (demo.folder / "photos").iterdir()}
     tables = {f"{name}.csv" for name in ("picks", "lines", "measure", "check")}
@@ -133,7 +139,7 @@ def test_provenance_names_every_input_by_its_digest(demo, content) -> None:
         assert digest == {"sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data)}
 
 
-def test_measurements_csv_says_the_same_as_results_json(demo, content) -> None:
+def test_measurements_csv_says_the_same_as_results_json(demo: Demo, content: Content) -> None:
     with (demo.out / "measurements.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["name"] for row in rows] == [m["name"] for m in content["measurements"]]
@@ -148,7 +154,7 @@ def test_measurements_csv_says_the_same_as_results_json(demo, content) -> None:
         assert (row["kind"], row["unit"]) == (measurement["kind"], measurement["unit"])
 
 
-def test_points_geojson_says_the_same_as_results_json(demo, content) -> None:
+def test_points_geojson_says_the_same_as_results_json(demo: Demo, content: Content) -> None:
     features = json.loads((demo.out / "points.geojson").read_text(encoding="utf-8"))["features"]
     places = {
         f["properties"]["label"]: f["geometry"]["coordinates"]
@@ -160,7 +166,7 @@ def test_points_geojson_says_the_same_as_results_json(demo, content) -> None:
     }
 
 
-def test_the_runs_own_log_is_json_lines_in_order(demo, content) -> None:
+def test_the_runs_own_log_is_json_lines_in_order(demo: Demo, content: Content) -> None:
     lines = (demo.out / "run.jsonl").read_text(encoding="utf-8").splitlines()
     records = [json.loads(line) for line in lines]
     times = [datetime.fromisoformat(record["time_utc"]) for record in records]
@@ -170,7 +176,7 @@ def test_the_runs_own_log_is_json_lines_in_order(demo, content) -> None:
     assert told == [message["text"] for message in content["messages"]]
 
 
-def test_options_and_inputs_name_no_place_of_this_machine(content) -> None:
+def test_options_and_inputs_name_no_place_of_this_machine(content: Content) -> None:
     options = content["provenance"]["options"]
     assert options["images"] == ["photos/*.jpg"]
     assert (options["picks"], options["camera"], options["output"]) == (
@@ -182,7 +188,7 @@ def test_options_and_inputs_name_no_place_of_this_machine(content) -> None:
     assert not [name for name in named if name.startswith("/")]
 
 
-def test_the_same_run_twice_gives_the_same_results(demo, tmp_path: Path) -> None:
+def test_the_same_run_twice_gives_the_same_results(demo: Demo, tmp_path: Path) -> None:
     uavgram.run(demo.project, output=tmp_path)
     texts = []
     for path in (demo.out / "results.json", tmp_path / "results.json"):

@@ -7,15 +7,19 @@ that they show one beach turned about is what the convention is proved with.
 
 import itertools
 import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
+from typing import Protocol
 
 import cv2
 import numpy as np
 import pytest
 import yaml
+from flight_projects import Truth
 from published_scenes import (
     NARRABEEN_ORIGIN,
+    Targets,
     camera_file,
     narrabeen_targets,
     withheld,
@@ -27,9 +31,38 @@ import uavgram
 from uavgram.cli import main
 from uavgram.io.photos.catalogue import read_photos
 from uavgram.io.photos.poses.read import read_photo_poses
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.photo_poses import PhotoExposures, PhotoPoses
+from uavgram.model.message import Message
 from uavgram.model.options import MountOptions, TelemetryOptions, TimeOptions
+from uavgram.model.result.result import Result
 from uavgram.pipeline.check import check
 from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
+
+
+class Write(Protocol):
+    def __call__(self, kind: str, adjust: Sequence[str] = ..., **changes: object) -> Path: ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Brighton:
+    """Three nadir photos, and what their tags say."""
+
+    folder: Path
+    poses: PhotoPoses
+    exposures: PhotoExposures
+    messages: tuple[Message, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Twin:
+    """A twin's result with its log, its seeds handed over, and what runs it with such a file."""
+
+    run: Callable[[str, Path], Result]
+    by_log: Result
+    handed: Path
+    truth: Truth
+
 
 STILL = "snapshotNarrabeen.JPG"
 FOCAL_PX = 3320.0  # of the still, which has the pixels of the video
@@ -37,15 +70,15 @@ PLACE = "-33.72990203,151.30057472,98.03,9.5,-16.6,0"  # as the still's tags hav
 
 
 @pytest.fixture(scope="module")
-def narrabeen(data_dir: Path):
+def narrabeen(data_dir: Path) -> Targets:
     return narrabeen_targets(data_dir / "narrabeen_mavic")
 
 
 @pytest.fixture
-def project(narrabeen, tmp_path: Path):
+def project(narrabeen: Targets, tmp_path: Path) -> Write:
     """Write a project on the still (exif) or on the video frames (CSV) with some known lengths."""
 
-    def write(kind, adjust=(), **changes):
+    def write(kind: str, adjust: Sequence[str] = (), **changes: object) -> Path:
         still = kind == "still"
         names = [STILL] if still else [n for n in narrabeen.pixels if n != STILL]
         rows = [(n, t, *uv) for n in names for t, uv in narrabeen.pixels[n].items()]
@@ -63,7 +96,7 @@ def project(narrabeen, tmp_path: Path):
         header = "image,latitude_deg,longitude_deg,height_m,yaw_deg,pitch_deg,roll_deg"
         write_table(tmp_path / "poses.csv", header, [(name, PLACE) for name in names])
         images = narrabeen.folder / (STILL if still else "frames/*.jpg")
-        content = {
+        content: dict[str, object] = {
             "images": str(images),
             "poses": "exif" if still else "poses.csv",
             "world": {"origin": dict(NARRABEEN_ORIGIN)},
@@ -75,7 +108,7 @@ def project(narrabeen, tmp_path: Path):
     return write
 
 
-def _camera(*, still):
+def _camera(*, still: bool) -> dict[str, object]:
     # as published with the video frames; the still has its pixels (see test_published_scenes.py)
     parameters = [3320, 3319, 1758, 1090, 0.01638, 0.02744, -0.01, 0, 0.00105]
     if still:
@@ -84,14 +117,17 @@ def _camera(*, still):
     return camera_file((3840, 2160), parameters, [10, 10, 10, 10, *[1e-3] * 5])
 
 
-def _rays(pixels):
+def _rays(pixels: Sequence[Sequence[float]]) -> Floats:
     """Unit rays of a camera without distortion."""
     uv = np.array(pixels, float)
-    rays = np.column_stack([(uv - [1999.5, 1124.5]) / FOCAL_PX, np.ones(len(uv))])
-    return rays / np.linalg.norm(rays, axis=1)[:, None]
+    rays: Floats = np.column_stack([(uv - [1999.5, 1124.5]) / FOCAL_PX, np.ones(len(uv))])
+    rays /= np.linalg.norm(rays, axis=1)[:, None]
+    return rays
 
 
-def test_the_gimbal_convention_meets_the_surveyed_targets(project, narrabeen) -> None:
+def test_the_gimbal_convention_meets_the_surveyed_targets(
+    project: Write, narrabeen: Targets
+) -> None:
     result = uavgram.run(project("still"), output=None)
     center = result.frames.seed.center_world_m[0]
     rotation = result.frames.seed.world_from_camera[0]
@@ -106,7 +142,8 @@ def test_the_gimbal_convention_meets_the_surveyed_targets(project, narrabeen) ->
     assert (off > 1.0).all()
     assert (off < 4.5).all()
     # what is left once a turn about the camera's x (pitch) is taken away: image coordinates agree
-    turn = cv2.Rodrigues(np.radians([-np.mean(_up_angle(to_target) - _up_angle(seen)), 0, 0]))[0]
+    pitch = float(np.mean(_up_angle(to_target) - _up_angle(seen)))
+    turn = cv2.Rodrigues(np.radians([-pitch, 0, 0]))[0]
     left = np.degrees(np.arccos(np.sum(seen * (to_target @ turn.T), axis=1)))
     assert left.max() < 2.0
     # and no other reading of the three numbers comes near
@@ -116,14 +153,14 @@ def test_the_gimbal_convention_meets_the_surveyed_targets(project, narrabeen) ->
         assert np.degrees(np.arccos(np.sum(seen * direction, axis=1))).min() > 15
 
 
-def _up_angle(rays):
+def _up_angle(rays: Floats) -> Floats:
     return np.degrees(np.arctan2(-rays[:, 1], rays[:, 2]))
 
 
-def _wrong_conventions():
+def _wrong_conventions() -> Iterator[Floats]:
     """Pitch or yaw with the other sign, yaw from east, pitch from nadir, axes not swapped."""
 
-    def looking(yaw, pitch):
+    def looking(yaw: float, pitch: float) -> Floats:
         yaw, pitch = np.radians([yaw, pitch])
         z = np.array([np.cos(pitch) * np.sin(yaw), np.cos(pitch) * np.cos(yaw), np.sin(pitch)])
         x = np.array([np.cos(yaw), -np.sin(yaw), 0.0])
@@ -135,7 +172,7 @@ def _wrong_conventions():
     yield looking(9.5, -90 + 16.6)
 
 
-def test_the_default_sigmas_allow_the_gimbal_its_three_degrees(project) -> None:
+def test_the_default_sigmas_allow_the_gimbal_its_three_degrees(project: Write) -> None:
     result = uavgram.run(project("still", adjust=("12", "34")), output=None)
     seed, refined = result.frames.seed, result.frames.refined
     step = cv2.Rodrigues(seed.world_from_camera[0].T @ refined.world_from_camera[0])[0].ravel()
@@ -147,14 +184,14 @@ def test_the_default_sigmas_allow_the_gimbal_its_three_degrees(project) -> None:
     assert result.solution.chi2_probability > 0.01
 
 
-def test_photo_poses_have_no_clock_to_report(project, tmp_path: Path) -> None:
+def test_photo_poses_have_no_clock_to_report(project: Write, tmp_path: Path) -> None:
     uavgram.run(project("still", adjust=("12", "34")), output=tmp_path / "out")
 
     clock = json.loads((tmp_path / "out" / "results.json").read_text())["clock"]
     assert set(clock.values()) == {None}
 
 
-def test_the_seed_alone_is_far_off_and_says_so(project) -> None:
+def test_the_seed_alone_is_far_off_and_says_so(project: Write) -> None:
     relative, in_sigmas = withheld(uavgram.run(project("still"), output=None))
 
     assert (relative < -0.15).all()  # 18 to 27 % short at this grazing view
@@ -162,17 +199,19 @@ def test_the_seed_alone_is_far_off_and_says_so(project) -> None:
 
 
 @pytest.fixture(scope="module")
-def brighton(data_dir: Path):
+def brighton(data_dir: Path) -> Brighton:
     folder = data_dir / "brighton_beach"
     photos, _ = read_photos((str(folder / "DJI_*.JPG"),), TimeOptions())
     poses, messages = read_photo_poses("exif", photos, "msl")
     origin, _ = find_photo_home(poses)
     exposures, _ = place_photos(poses, origin, MountOptions(), TelemetryOptions())
-    return SimpleNamespace(folder=folder, poses=poses, exposures=exposures, messages=messages)
+    return Brighton(folder=folder, poses=poses, exposures=exposures, messages=messages)
 
 
 @pytest.mark.parametrize("other", [0, 1])
-def test_nadir_photos_of_one_beach_lie_on_it_as_their_tags_say(brighton, other) -> None:
+def test_nadir_photos_of_one_beach_lie_on_it_as_their_tags_say(
+    brighton: Brighton, other: int
+) -> None:
     # DJI_0033 is as the camera wrote it: the middle of the other photo lies in it where its yaw of
     # 42.9 degrees and the two places say. 40 m up a pixel is 18 mm; two times 3 m and 3 degrees.
     middle = np.array([[[1999.5, 1499.5]]])
@@ -187,48 +226,50 @@ def test_nadir_photos_of_one_beach_lie_on_it_as_their_tags_say(brighton, other) 
     assert abs((turn + 180) % 360 - 180) < 10  # two compasses, 3.6 degrees each (6.2 and 6.7 seen)
 
 
-def test_photos_that_an_editor_has_saved_are_pointed_at(brighton) -> None:
+def test_photos_that_an_editor_has_saved_are_pointed_at(brighton: Brighton) -> None:
     texts = [m.text for m in brighton.messages if m.code == "photo-edited"]
 
     assert len(texts) == 1
     assert "2 photos (the first is DJI_0025.JPG) were saved by Microsoft Windows Photo" in texts[0]
 
 
-def _homography(first, second):
+def _homography(first: Path, second: Path) -> Floats:
     """Pixels of one photo to the other's, from what both show."""
     images = [cv2.imread(str(p), cv2.IMREAD_REDUCED_GRAYSCALE_4) for p in (first, second)]
-    sift = cv2.SIFT_create(4000)
-    (a, da), (b, db) = (sift.detectAndCompute(image, None) for image in images)
+    sift = cv2.SIFT.create(4000)
+    (a, da), (b, db) = (sift.detectAndCompute(image, None) for image in images if image is not None)
     pairs = [m for m, n in cv2.BFMatcher().knnMatch(da, db, k=2) if m.distance < 0.75 * n.distance]
-    source = np.float64([a[m.queryIdx].pt for m in pairs]) * 4
-    target = np.float64([b[m.trainIdx].pt for m in pairs]) * 4
+    source = np.array([a[m.queryIdx].pt for m in pairs], np.float64) * 4
+    target = np.array([b[m.trainIdx].pt for m in pairs], np.float64) * 4
     homography, inliers = cv2.findHomography(source, target, cv2.RANSAC, 15.0)
     assert inliers.sum() > 50
-    return homography
+    return np.asarray(homography, np.float64)
 
 
-def _ground_homography(exposures, first, second):
+def _ground_homography(exposures: PhotoExposures, first: int, second: int) -> Floats:
     """The same from the poses, for level ground at take-off and EXIF's 20 mm equivalent."""
     focal = 20 / 36 * 4000
     camera = np.array([[focal, 0, 1999.5], [0, focal, 1499.5], [0, 0, 1.0]])
     gimbal_from_camera = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0.0]])
 
-    def pixel_from_ground(k):
+    def pixel_from_ground(k: int) -> Floats:
         rotation = (exposures.world_from_gimbal[k] @ gimbal_from_camera).T
         columns = [rotation[:, 0], rotation[:, 1], -rotation @ exposures.position_world_m[k]]
-        return camera @ np.column_stack(columns)
+        homography: Floats = camera @ np.column_stack(columns)
+        return homography
 
-    return pixel_from_ground(second) @ np.linalg.inv(pixel_from_ground(first))
+    between: Floats = pixel_from_ground(second) @ np.linalg.inv(pixel_from_ground(first))
+    return between
 
 
-def _turn_deg(homography, at):
+def _turn_deg(homography: Floats, at: Floats) -> float:
     """How a step to the right in the first photo lies in the second."""
     step = np.array([[[100.0, 0.0]]])
     ends = cv2.perspectiveTransform(np.concatenate([at, at + step]), homography)
-    return np.degrees(np.arctan2(*(ends[1, 0] - ends[0, 0])[::-1]))
+    return float(np.degrees(np.arctan2(*(ends[1, 0] - ends[0, 0])[::-1])))
 
 
-def test_altitudes_without_rtk_are_said_to_be_guesses(brighton) -> None:
+def test_altitudes_without_rtk_are_said_to_be_guesses(brighton: Brighton) -> None:
     assert "height-datum-assumed" in [m.code for m in brighton.messages]
     # the lake there lies at 183 m; the tags put take-off, on its shore, at 158.5 m
     np.testing.assert_allclose(
@@ -236,7 +277,7 @@ def test_altitudes_without_rtk_are_said_to_be_guesses(brighton) -> None:
     )
 
 
-def test_photos_with_unused_poses_are_mentioned(project) -> None:
+def test_photos_with_unused_poses_are_mentioned(project: Write) -> None:
     checked = check(project("still", poses=None, adjust=("12", "13", "34")))
 
     hint = [m.text for m in checked.messages if m.code == "poses-available"]
@@ -245,7 +286,7 @@ def test_photos_with_unused_poses_are_mentioned(project) -> None:
 
 
 def test_log_and_poses_together_are_refused_with_the_line(
-    project, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    project: Write, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     (tmp_path / "flight.bin").write_bytes(b"")
     path = project("still", log="flight.bin")
@@ -257,7 +298,7 @@ def test_log_and_poses_together_are_refused_with_the_line(
 
 
 def test_heights_of_another_datum_are_refused_not_shifted(
-    project, capsys: pytest.CaptureFixture[str]
+    project: Write, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = project("still", world={"origin": dict(NARRABEEN_ORIGIN), "heights": "ellipsoid"})
 
@@ -265,16 +306,17 @@ def test_heights_of_another_datum_are_refused_not_shifted(
     assert "set world.heights: msl" in capsys.readouterr().err
 
 
-def test_without_an_origin_take_off_is_home(project) -> None:
+def test_without_an_origin_take_off_is_home(project: Write) -> None:
     result = uavgram.run(project("still", world=None), output=None)
 
+    assert result.world.origin is not None
     assert result.world.origin.height_m == pytest.approx(98.03 - 100.40)
     assert [m for m in result.messages if m.code == "origin-first-photo"]
 
 
 @pytest.mark.parametrize("poses", ["seed", "refined"])
 def test_geotag_hands_over_what_its_own_reader_takes_back(
-    project, tmp_path: Path, capsys: pytest.CaptureFixture[str], poses
+    project: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str], poses: str
 ) -> None:
     path = project("still", adjust=("12", "34"))
     folder = tmp_path / "handed"
@@ -298,7 +340,7 @@ def test_geotag_hands_over_what_its_own_reader_takes_back(
 
 
 def test_geotag_never_writes_over_the_photos(
-    project, tmp_path: Path, capsys: pytest.CaptureFixture[str], narrabeen
+    project: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str], narrabeen: Targets
 ) -> None:
     folder = tmp_path / "tagged"
     folder.mkdir()
@@ -327,7 +369,7 @@ def test_geotag_works_on_a_flight_with_a_log_too(
 
 
 @pytest.fixture(scope="module")
-def twin(data_dir: Path, tmp_path_factory: pytest.TempPathFactory):
+def twin(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Twin:
     """A twin's flight with its log, and its seeds handed over as geo.txt."""
     folder = data_dir / "calm_nadir"
     handed = tmp_path_factory.mktemp("twin")
@@ -337,10 +379,11 @@ def twin(data_dir: Path, tmp_path_factory: pytest.TempPathFactory):
     )
     by_log = uavgram.run(folder / "project.yaml", output=None)
 
-    def run(name, poses):
+    def run(name: str, poses: Path) -> Result:
         content = yaml.safe_load((folder / "project.yaml").read_text())
         content = {k: str(folder / v) if k in FILES else v for k, v in content.items()}
         world = by_log.world
+        assert world.origin is not None
         content["world"] = {"origin": world.origin._asdict()}
         del content["log"]
         path = handed / f"{name}.yaml"
@@ -348,20 +391,20 @@ def twin(data_dir: Path, tmp_path_factory: pytest.TempPathFactory):
         return uavgram.run(path, output=None)
 
     truth = json.loads((data_dir / "truth" / "calm_nadir.json").read_text())
-    return SimpleNamespace(run=run, by_log=by_log, handed=handed, truth=truth)
+    return Twin(run=run, by_log=by_log, handed=handed, truth=truth)
 
 
 FILES = ("images", "camera", "picks", "lines", "measure", "log")
 
 
-def _mean_error(twin, result):
+def _mean_error(twin: Twin, result: Result) -> float:
     rows = result.measurements
     truth = twin.truth["measurements"]
     known = [k for k, name in enumerate(rows.name) if name in truth and rows.kind[k] == "distance"]
-    return np.mean([abs(rows.value[k] / truth[rows.name[k]] - 1) for k in known])
+    return float(np.mean([abs(rows.value[k] / truth[rows.name[k]] - 1) for k in known]))
 
 
-def test_a_geo_txt_seeds_and_measures_as_the_log_does(twin) -> None:
+def test_a_geo_txt_seeds_and_measures_as_the_log_does(twin: Twin) -> None:
     result = twin.run("geo", twin.handed / "geo.txt")
     seed, expected = result.frames.seed, twin.by_log.frames.seed
 
@@ -373,7 +416,7 @@ def test_a_geo_txt_seeds_and_measures_as_the_log_does(twin) -> None:
     assert "lever-arm-unused" in [m.code for m in result.messages]
 
 
-def test_places_alone_measure_a_nadir_flight_by_its_course(twin) -> None:
+def test_places_alone_measure_a_nadir_flight_by_its_course(twin: Twin) -> None:
     lines = (twin.handed / "geo.txt").read_text().splitlines()
     path = twin.handed / "places.txt"
     path.write_text("\n".join([lines[0], *(" ".join(x.split()[:4]) for x in lines[3:])]))

@@ -7,6 +7,7 @@ is said of the scene.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from itertools import combinations
 from pathlib import Path
 
@@ -15,6 +16,8 @@ import numpy as np
 import pytest
 from published_scenes import (
     NARRABEEN_ORIGIN,
+    Published,
+    Targets,
     camera_file,
     narrabeen_targets,
     published,
@@ -24,6 +27,11 @@ from published_scenes import (
 )
 
 import uavgram
+from uavgram.model.arrays import Floats
+
+Pair = tuple[str, str]
+Known = tuple[Pair, ...]
+ErrorsBeside = Callable[[str, Known], tuple[Floats, Floats]]
 
 STILL = "snapshotNarrabeen.JPG"
 PLACE = (-33.72990203, 151.30057472, 98.03, 9.5, -16.6, 0)  # as the still's tags have it
@@ -38,16 +46,16 @@ LENGTHS = tuple(combinations(TARGETS, 2))
 
 
 @pytest.fixture(scope="module")
-def narrabeen(data_dir: Path):
+def narrabeen(data_dir: Path) -> Targets:
     return narrabeen_targets(data_dir / "narrabeen_mavic")
 
 
 @pytest.fixture(scope="module")
-def errors_beside(narrabeen, tmp_path_factory: pytest.TempPathFactory):
+def errors_beside(narrabeen: Targets, tmp_path_factory: pytest.TempPathFactory) -> ErrorsBeside:
     """Relative errors and errors in sigmas of the lengths beside some known ones."""
     known = {}
 
-    def run(kind, adjust):
+    def run(kind: str, adjust: Known) -> tuple[Floats, Floats]:
         if (kind, adjust) not in known:
             folder = tmp_path_factory.mktemp("narrabeen")
             project = _narrabeen_project(narrabeen, folder, kind, adjust)
@@ -57,7 +65,7 @@ def errors_beside(narrabeen, tmp_path_factory: pytest.TempPathFactory):
     return run
 
 
-def _narrabeen_project(scene, folder, kind, adjust):
+def _narrabeen_project(scene: Targets, folder: Path, kind: str, adjust: Known) -> Path:
     still = kind == "still"
     names = [STILL] if still else [name for name in scene.pixels if name != STILL]
     picks = [(name, t, *uv) for name in names for t, uv in scene.pixels[name].items()]
@@ -86,17 +94,17 @@ def _narrabeen_project(scene, folder, kind, adjust):
     )
 
 
-def test_the_still_has_the_scale_of_the_video(narrabeen) -> None:
+def test_the_still_has_the_scale_of_the_video(narrabeen: Targets) -> None:
     # From what both show, not from the targets: so the video's lens is the still's, but for where
     # the crop lies; the 10 px by which the drone moved are within the still's sigma of 15.
     video = min(name for name in narrabeen.pixels if name != STILL)
     files = [narrabeen.folder / name for name in (f"frames/{video}", STILL)]
     images = [cv2.imread(str(file), cv2.IMREAD_REDUCED_GRAYSCALE_4) for file in files]
-    sift = cv2.SIFT_create(2000)
-    (a, da), (b, db) = (sift.detectAndCompute(image, None) for image in images)
+    sift = cv2.SIFT.create(2000)
+    (a, da), (b, db) = (sift.detectAndCompute(image, None) for image in images if image is not None)
     pairs = [m for m, n in cv2.BFMatcher().knnMatch(da, db, k=2) if m.distance < 0.75 * n.distance]
-    source = np.float64([a[m.queryIdx].pt for m in pairs])
-    target = np.float64([b[m.trainIdx].pt for m in pairs])
+    source = np.array([a[m.queryIdx].pt for m in pairs], np.float64)
+    target = np.array([b[m.trainIdx].pt for m in pairs], np.float64)
     similar, inliers = cv2.estimateAffinePartial2D(source, target, ransacReprojThreshold=0.75)
 
     assert inliers.sum() > 300
@@ -108,7 +116,9 @@ def test_the_still_has_the_scale_of_the_video(narrabeen) -> None:
 
 @pytest.mark.parametrize("kind", ["still", "video"])
 @pytest.mark.parametrize("known", LENGTHS, ids="-".join)
-def test_one_known_length_at_narrabeen_gives_the_five_others(errors_beside, kind, known) -> None:
+def test_one_known_length_at_narrabeen_gives_the_five_others(
+    errors_beside: ErrorsBeside, kind: str, known: Pair
+) -> None:
     relative, in_sigmas = errors_beside(kind, (known,))
 
     assert len(relative) == 5
@@ -117,7 +127,9 @@ def test_one_known_length_at_narrabeen_gives_the_five_others(errors_beside, kind
 
 
 @pytest.mark.parametrize("kind", ["still", "video"])
-def test_two_known_lengths_at_narrabeen_give_the_four_others(errors_beside, kind) -> None:
+def test_two_known_lengths_at_narrabeen_give_the_four_others(
+    errors_beside: ErrorsBeside, kind: str
+) -> None:
     mean = {}
     for pair in combinations(LENGTHS, 2):
         relative, in_sigmas = errors_beside(kind, pair)
@@ -131,7 +143,7 @@ def test_two_known_lengths_at_narrabeen_give_the_four_others(errors_beside, kind
     assert concentric < 0.0065  # measured 0.0047 and 0.0055
 
 
-def _duck_project(scene, folder, left_out, ground):
+def _duck_project(scene: Published, folder: Path, left_out: str, ground: str) -> Path:
     used = [name for name in scene.point if name != left_out]
     home = np.array([*scene.point["pier1"][:2], 0.0])
     place = {name: xyz - home for name, xyz in scene.point.items()}
@@ -139,7 +151,7 @@ def _duck_project(scene, folder, left_out, ground):
     (image,) = scene.pixels
     picks = [(image, name, *uv) for name, uv in scene.pixels[image].items()]
     if ground == "known heights":
-        picks = [(*pick, place[pick[1]][2] - level) for pick in picks]
+        picks = [(*pick, place[str(pick[1])][2] - level) for pick in picks]
     lines = [
         (name, left_out, name, np.linalg.norm(place[left_out] - place[name]), 0.03, "check")
         for name in used
@@ -166,7 +178,7 @@ def _duck_project(scene, folder, left_out, ground):
 @pytest.mark.parametrize("ground", ["known heights", "rough ground"])
 @pytest.mark.parametrize("left_out", ["pier1", "pier2", "pier3", "dune6", "dune7"])
 def test_a_target_left_out_at_duck_comes_back(
-    data_dir: Path, tmp_path: Path, left_out, ground
+    data_dir: Path, tmp_path: Path, left_out: str, ground: str
 ) -> None:
     scene = published(data_dir / "cirn_duck")
     result = uavgram.run(_duck_project(scene, tmp_path, left_out, ground), output=None)
@@ -177,7 +189,9 @@ def test_a_target_left_out_at_duck_comes_back(
     assert np.abs(in_sigmas).max() < 3
 
 
-def _board_lines(label, corner, known, count=200):
+def _board_lines(
+    label: Sequence[str], corner: Sequence[str], known: str, count: int = 200
+) -> list[tuple[str, str, str, float, float, str]]:
     """Known lengths between corners of the board, and others, at least three squares long."""
     if known == "six lengths of its rim":
         row, column = ("00", "05", "10"), ("00", "04", "08")
@@ -202,14 +216,13 @@ def _board_lines(label, corner, known, count=200):
     return rows + [(f"{a} {b}", a, b, _apart(a, b), 0.0005, "check") for a, b in checks]
 
 
-def _apart(a, b):
+def _apart(a: str, b: str) -> float:
     """Between two corners `row_column` of 60 mm squares [m]."""
-    return 0.06 * np.hypot(
-        *(int(p) - int(q) for p, q in zip(a.split("_"), b.split("_"), strict=True))
-    )
+    (row, column), (other_row, other_column) = (map(int, name.split("_")) for name in (a, b))
+    return 0.06 * float(np.hypot(row - other_row, column - other_column))
 
 
-def _board_project(scene, folder, photo, known):
+def _board_project(scene: Published, folder: Path, photo: str, known: str) -> Path:
     corner = ("00_00", "00_08", "10_08", "10_00")
     lens = scene.control["camera"]
     parameters = [*(lens[name] for name in ("fx", "fy", "cx", "cy")), *lens["dist"]]
@@ -240,7 +253,7 @@ def _board_project(scene, folder, photo, known):
     ],
 )
 def test_lengths_on_a_board_follow_from_its_corners_or_six_lengths(
-    data_dir: Path, tmp_path: Path, known, worst
+    data_dir: Path, tmp_path: Path, known: str, worst: float
 ) -> None:
     scene = published(data_dir / "phantom3_lenscalib")
     mean, square = [], []

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flight_projects import Demo
 
 import uavgram
 
 
-def assert_same(one, other, where="result") -> None:
+def assert_same(one: object, other: object, where: str = "result") -> None:
     """Equal field by field, to the last bit, NaN equal to NaN."""
     assert type(one) is type(other), where
     if dataclasses.is_dataclass(one):
@@ -21,13 +22,16 @@ def assert_same(one, other, where="result") -> None:
             name = field.name
             assert_same(getattr(one, name), getattr(other, name), f"{where}.{name}")
     elif isinstance(one, np.ndarray):
+        assert isinstance(other, np.ndarray)
         assert one.dtype == other.dtype, where
         np.testing.assert_array_equal(one, other, err_msg=where)
     elif isinstance(one, tuple):
+        assert isinstance(other, tuple)
         assert len(one) == len(other), where
         for k, pair in enumerate(zip(one, other, strict=True)):
             assert_same(*pair, f"{where}[{k}]")
     elif isinstance(one, float) and np.isnan(one):
+        assert isinstance(other, float)
         assert np.isnan(other), where
     else:
         assert one == other, where
@@ -37,13 +41,15 @@ def test_the_module_shows_what_it_is_for() -> None:
     assert {"run", "load_results", "Result", "UavgramError"} <= set(dir(uavgram))
 
 
-def test_loading_gives_the_object_that_run_returned(demo, tmp_path: Path) -> None:
+def test_loading_gives_the_object_that_run_returned(demo: Demo, tmp_path: Path) -> None:
     returned = uavgram.run(demo.project, output=tmp_path / "out")
     assert_same(returned, uavgram.load_results(tmp_path / "out" / "results.json"))
     assert isinstance(returned, uavgram.Result)
 
 
-def test_output_none_writes_nothing(demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_output_none_writes_nothing(
+    demo: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     before = {path: path.stat().st_mtime_ns for path in demo.folder.rglob("*")}
     uavgram.run(demo.project, output=None)
@@ -51,12 +57,12 @@ def test_output_none_writes_nothing(demo, tmp_path: Path, monkeypatch: pytest.Mo
     assert list(tmp_path.iterdir()) == []
 
 
-def test_result_is_frozen(demo) -> None:
+def test_result_is_frozen(demo: Demo) -> None:
     result = uavgram.load_results(demo.out / "results.json")
     with pytest.raises(ValueError, match="read-only"):
         result.measurements.value[0] = 0.0
     with pytest.raises(dataclasses.FrozenInstanceError):
-        result.name = "other"
+        result.name = "other"  # type: ignore[misc]  # what must fail
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:
@@ -64,7 +70,7 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
         uavgram.nonsense  # noqa: B018
 
 
-def loaded_by(code):
+def loaded_by(code: str) -> set[str]:
     """Top-level packages in sys.modules of a fresh process after `code`."""
     script = f"{code}\nimport sys\nprint(*sorted({{name.split('.')[0] for name in sys.modules}}))"
     done = subprocess.run(

@@ -14,17 +14,20 @@ rim.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 import rasterio
+from flight_projects import Truth, copy_project, into_true_world
 from pyproj import Transformer
 
 from uavgram.io.exports.geotiff import write_colour_geotiff
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.result.result import Result
 from uavgram.model.result.shared import Estimate
 from uavgram.model.result.tables import PoseTable
 from uavgram.pipeline.measure.compute import compute
@@ -32,21 +35,34 @@ from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.rectify import rectify, warped_windows
 from uavgram.stages.products.top_view import choose_view, lay_raster
 
+
+@dataclass(frozen=True, kw_only=True)
+class Marks:
+    """Marks that were found in a rectified picture, where [m on the map], and the truth of it."""
+
+    pixel_m: float
+    labels: list[str]
+    found: Floats
+    true: Floats
+
+
+Rectify = Callable[[str], Marks]
+
 DOT_M2 = 0.1  # of a mark's dot on the ground
 FRAME = "IMG_0045.jpg"
 
 
 @pytest.fixture(scope="module")
-def result(data_dir: Path):
+def result(data_dir: Path) -> Result:
     return compute(read_inputs(data_dir / "calm_nadir" / "project.yaml"), curved=False).result
 
 
-def with_true_cameras(result, truth, shift):
+def with_true_cameras(result: Result, truth: Truth, shift: Floats) -> Result:
     """The result as it would be, had the adjustment found the simulator's poses and lens."""
-    frames = [truth["frames"][name] for name in result.frames.frame_id]
+    known = [truth["frames"][name] for name in result.frames.frame_id]
     table = PoseTable(
-        center_world_m=np.array([f["center_world_m"] for f in frames]) - shift,
-        world_from_camera=np.array([f["world_from_camera"] for f in frames]),
+        center_world_m=np.array([f["center_world_m"] for f in known]) - shift,
+        world_from_camera=np.array([f["world_from_camera"] for f in known]),
         covariance=result.frames.refined.covariance,
     )
     shared = replace(
@@ -63,20 +79,23 @@ def with_true_cameras(result, truth, shift):
 
 
 @pytest.fixture(scope="module")
-def rectified(result, truth, into_true_world, tmp_path_factory: pytest.TempPathFactory):
+def rectified(
+    result: Result, truth: Callable[[str], Truth], tmp_path_factory: pytest.TempPathFactory
+) -> Rectify:
     """What is rectified -> path of the picture, size of its pixels, and places of the marks."""
     known = truth("calm_nadir")
     shift = into_true_world(result, known)
 
-    def make(kind):
+    def make(kind: str) -> Marks:
         made = with_true_cameras(result, known, shift) if kind == "true" else result
         view = choose_view(made, None if kind == "mosaic" else FRAME)
         raster = lay_raster(view, 0.05 if kind == "mosaic" else None)
         path = tmp_path_factory.mktemp("rectified") / f"{kind}.tif"
         write_colour_geotiff(raster, warped_windows(view, raster), {}, path)
+        assert raster.crs is not None
         labels, places = true_places(known, raster.crs)
         rows, found = find_marks(path, places)
-        return SimpleNamespace(
+        return Marks(
             pixel_m=raster.pixel_m,
             labels=[labels[k] for k in rows],
             found=found,
@@ -86,7 +105,7 @@ def rectified(result, truth, into_true_world, tmp_path_factory: pytest.TempPathF
     return make
 
 
-def on_earth(truth, position_m):
+def on_earth(truth: Truth, position_m: Floats) -> tuple[Floats, Floats, Floats]:
     """Longitude, latitude and height of (n, 3) places of the simulator's world, by pyproj."""
     world = truth["world"]
     origin = "+lat_0={latitude_deg} +lon_0={longitude_deg} +h_0={height_amsl_m}".format(**world)
@@ -94,17 +113,18 @@ def on_earth(truth, position_m):
         "+proj=pipeline +step +inv +proj=topocentric +ellps=WGS84 "
         f"{origin} +step +inv +proj=cart +ellps=WGS84"
     )
-    return to_earth.transform(*position_m.T)
+    east, north, up = position_m.T
+    return to_earth.transform(east, north, up)
 
 
-def true_places(truth, crs):
+def true_places(truth: Truth, crs: str) -> tuple[list[str], Floats]:
     """(label, easting, northing) of every mark, by pyproj."""
     longitude, latitude, _ = on_earth(truth, np.array(list(truth["points"].values())))
     to_map = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
     return list(truth["points"]), np.stack(to_map.transform(longitude, latitude), 1)
 
 
-def dot(grey, opaque, pixel_m):
+def dot(grey: Floats, opaque: Bools, pixel_m: float) -> tuple[float, float] | None:
     """Centroid (column, row) of the one black dot in a white ring, or None."""
     dark = ((grey < 90) & opaque).astype(np.uint8)
     count, label, stats, middle = cv2.connectedComponentsWithStats(dark)
@@ -124,7 +144,7 @@ def dot(grey, opaque, pixel_m):
     return found[0] if len(found) == 1 else None
 
 
-def control_table(truth, labels, path):
+def control_table(truth: Truth, labels: list[str], path: Path) -> Path:
     """A control file of some of the marks, to a centimetre."""
     rows = ["label,latitude_deg,longitude_deg,height_m,sigma_m"]
     for label in labels:
@@ -134,7 +154,7 @@ def control_table(truth, labels, path):
     return path
 
 
-def find_marks(path, places, search_m=1.2):
+def find_marks(path: Path, places: Floats, search_m: float = 1.2) -> tuple[Ints, Floats]:
     """Rows of the places whose mark was found, and (n, 2) where [m on the map]."""
     rows, found = [], []
     with rasterio.open(path) as file:
@@ -158,7 +178,7 @@ def find_marks(path, places, search_m=1.2):
     return np.array(rows), np.array(found)
 
 
-def without_shift_and_turn(found, true):
+def without_shift_and_turn(found: Floats, true: Floats) -> tuple[Floats, Floats]:
     """(n, 2) what is left between two sets of places (Kabsch 1976, in the plane)."""
     a, b = found - found.mean(axis=0), true - true.mean(axis=0)
     u, _, vt = np.linalg.svd(a.T @ b)
@@ -166,7 +186,7 @@ def without_shift_and_turn(found, true):
     return a @ turn - b, turn
 
 
-def test_rectifying_places_marks_to_a_fraction_of_a_pixel(rectified) -> None:
+def test_rectifying_places_marks_to_a_fraction_of_a_pixel(rectified: Rectify) -> None:
     frame = rectified("true")
 
     apart = np.hypot(*(frame.found - frame.true).T) / frame.pixel_m
@@ -177,7 +197,7 @@ def test_rectifying_places_marks_to_a_fraction_of_a_pixel(rectified) -> None:
 
 @pytest.mark.parametrize("kind", ["frame", "mosaic"])
 def test_marks_lie_within_a_pixel_and_a_half_and_what_the_survey_leaves_open(
-    rectified, result, kind
+    rectified: Rectify, result: Result, kind: str
 ) -> None:
     picture = rectified(kind)
 
@@ -197,12 +217,13 @@ def test_marks_lie_within_a_pixel_and_a_half_and_what_the_survey_leaves_open(
 
 
 def test_with_control_the_marks_lie_at_their_true_coordinates_with_nothing_taken_out(
-    data_dir: Path, truth, copy_project, tmp_path: Path
+    data_dir: Path, truth: Callable[[str], Truth], tmp_path: Path
 ) -> None:
     known = truth("calm_nadir")
     control = control_table(known, [f"R{k}" for k in range(1, 9)], tmp_path / "control.csv")
     project = copy_project(data_dir / "calm_nadir", tmp_path, control=str(control))
     made = rectify(project, frame=FRAME)
+    assert made.raster.crs is not None
     labels, places = true_places(known, made.raster.crs)
     rows, found = find_marks(made.folder / "rectified.tif", places)
     with rasterio.open(made.folder / "rectified_sigma.tif") as file:

@@ -4,29 +4,39 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import pytest
 import yaml
+from camera_facts import CameraFacts
 from camera_photos import camera_photo
+from flight_projects import Truth
 from scipy.stats import norm
 
 import uavgram
 from uavgram.errors import InputError
 from uavgram.io.photos.jpeg_segments import APP1, build_jpeg, parse_jpeg
 from uavgram.io.results.results_json import write_results
+from uavgram.model.arrays import Floats
+from uavgram.model.result.result import Result
 from uavgram.pipeline.check import check
 from uavgram.views.report import render_report
+
+
+class TwinOf(Protocol):
+    def __call__(self, name: str, **changes: object) -> tuple[Path, Truth]: ...
+
 
 FEW = 12
 """Measurements of a twin that are judged: each costs time for its second order."""
 
 
 @pytest.fixture
-def twin_of(data_dir: Path, tmp_path: Path):
+def twin_of(data_dir: Path, tmp_path: Path) -> TwinOf:
     """A twin's project with an unknown camera and some of its measurements."""
 
-    def make(name, **changes):
+    def make(name: str, **changes: object) -> tuple[Path, Truth]:
         source = data_dir / name
         project = yaml.safe_load((source / "project.yaml").read_text())
         for key in ("log", "picks", "lines", "images"):
@@ -44,15 +54,16 @@ def twin_of(data_dir: Path, tmp_path: Path):
     return make
 
 
-def judged(result, truth):
+def judged(result: Result, truth: Truth) -> Floats:
     """Errors of the measurements, in their sigmas."""
     measured = result.measurements
     true = np.array([truth["measurements"][name] for name in measured.name])
-    return (measured.value - true) / measured.sigma
+    errors: Floats = (measured.value - true) / measured.sigma
+    return errors
 
 
 def test_a_flight_with_lengths_is_measured_within_its_sigmas_and_learns_the_camera(
-    twin_of, tmp_path: Path
+    twin_of: TwinOf, tmp_path: Path
 ) -> None:
     project, truth = twin_of("wind_oblique")
     result = uavgram.run(project, output=None)
@@ -75,7 +86,7 @@ def test_a_flight_with_lengths_is_measured_within_its_sigmas_and_learns_the_came
 
 
 @pytest.mark.parametrize("name", ["calm_nadir", "wind_oblique"])
-def test_a_strip_without_a_log_comes_to_rest_within_its_sigmas(twin_of, name) -> None:
+def test_a_strip_without_a_log_comes_to_rest_within_its_sigmas(twin_of: TwinOf, name: str) -> None:
     """Lengths in a few of the photos alone: focal length, heights and tilts change together."""
     project, truth = twin_of(name, log=None, time=None)
     result = uavgram.run(project, output=None)
@@ -91,6 +102,7 @@ def test_a_real_photo_without_tags_has_its_focal_length_from_four_targets(
     folder = data_dir / "narrabeen_mavic"
     still = "snapshotNarrabeen.JPG"
     parsed = parse_jpeg((folder / still).read_bytes())
+    assert parsed is not None
     bare = [segment for segment in parsed.segments if segment.marker != APP1]
     (tmp_path / still).write_bytes(build_jpeg(bare, parsed.scan))
     control = json.loads((folder / "control.json").read_text())
@@ -136,7 +148,9 @@ def test_what_the_photos_say_is_used_where_they_say_something(tmp_path: Path) ->
         ({"make": "Parrot", "model": "BEBOP 2"}, "b.jpg: comes from another camera"),
     ],
 )
-def test_photos_that_no_one_camera_can_have_taken_are_refused(tmp_path: Path, other, words) -> None:
+def test_photos_that_no_one_camera_can_have_taken_are_refused(
+    tmp_path: Path, other: CameraFacts, words: str
+) -> None:
     camera_photo(tmp_path / "a.jpg")
     camera_photo(tmp_path / "b.jpg", **other)
     (tmp_path / "picks.csv").write_text("image,label,u_px,v_px\na.jpg,p,20,10\n")

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes import Scene
 
 from uavgram.errors import GeometryError
 from uavgram.imaging.known_point_pose import known_point_poses, poses_from_points
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
 ALONE = {"lines": 0, "telemetry": False}
@@ -18,11 +21,13 @@ OFF_THE_PLANE = {0: 3.0, 1: 1.0, 2: -2.0}
 FAR_AWAY = {"frames": 1, "labels": 8, "control": 5, "spread": 1.5, **ALONE}
 
 
-def started(survey):
+def started(survey: Survey) -> Survey:
     return replace(survey, candidate_poses=known_point_poses(survey))
 
 
-def test_exact_picks_of_a_plane_give_the_true_pose_and_its_rival(scene_factory) -> None:
+def test_exact_picks_of_a_plane_give_the_true_pose_and_its_rival(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(1, frames=3, labels=9, control=6, noise=0.0, **ALONE)
     candidates = known_point_poses(scene.survey)
 
@@ -36,7 +41,7 @@ def test_exact_picks_of_a_plane_give_the_true_pose_and_its_rival(scene_factory) 
         assert np.linalg.norm(one.center_world_m[1] - scene.truth.center[f]) > 1.0
 
 
-def test_points_of_different_heights_have_one_pose(scene_factory) -> None:
+def test_points_of_different_heights_have_one_pose(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(1, frames=1, control=6, noise=0.0, heights=OFF_THE_PLANE, **ALONE)
     (one,) = known_point_poses(scene.survey)
 
@@ -45,7 +50,9 @@ def test_points_of_different_heights_have_one_pose(scene_factory) -> None:
     np.testing.assert_allclose(one.world_from_camera[0], scene.truth.rotation[0], atol=1e-7)
 
 
-def test_a_frame_with_fewer_than_four_known_points_has_none(scene_factory) -> None:
+def test_a_frame_with_fewer_than_four_known_points_has_none(
+    scene_factory: Callable[..., Scene],
+) -> None:
     assert known_point_poses(scene_factory(1, control=3, **ALONE).survey) == ()
 
 
@@ -57,7 +64,9 @@ def test_points_on_one_line_have_no_pose() -> None:
 
 
 @pytest.mark.parametrize("heights", [None, OFF_THE_PLANE], ids=["plane", "heights"])
-def test_known_points_alone_carry_a_survey_without_a_log(scene_factory, heights) -> None:
+def test_known_points_alone_carry_a_survey_without_a_log(
+    scene_factory: Callable[..., Scene], heights: dict[int, float] | None
+) -> None:
     scene = scene_factory(4, frames=3, labels=9, control=5, heights=heights, **ALONE)
     refined, messages = refine(started(scene.survey), SolveOptions())
     adjustment = refined.adjustment
@@ -71,7 +80,9 @@ def test_known_points_alone_carry_a_survey_without_a_log(scene_factory, heights)
     assert squared.max() < 21  # 1e-4 with three degrees of freedom
 
 
-def test_the_adjustment_from_a_candidate_is_the_one_from_any_other_start(scene_factory) -> None:
+def test_the_adjustment_from_a_candidate_is_the_one_from_any_other_start(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(4, frames=2, labels=9, control=5, **ALONE)
     ours = refine(started(scene.survey), SolveOptions())[0].adjustment
     plain = refine(scene.survey, SolveOptions())[0].adjustment  # starts from a homography
@@ -82,7 +93,7 @@ def test_the_adjustment_from_a_candidate_is_the_one_from_any_other_start(scene_f
     )
 
 
-def test_a_rival_pose_that_fits_as_well_is_reported(scene_factory) -> None:
+def test_a_rival_pose_that_fits_as_well_is_reported(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(3, **FAR_AWAY)
     refined, messages = refine(started(scene.survey), SolveOptions())
 
@@ -94,11 +105,11 @@ def test_a_rival_pose_that_fits_as_well_is_reported(scene_factory) -> None:
     assert np.linalg.norm(tilts[0] - tilts[1]) > 0.1
 
 
-def test_without_candidates_the_rival_goes_unseen(scene_factory) -> None:
+def test_without_candidates_the_rival_goes_unseen(scene_factory: Callable[..., Scene]) -> None:
     assert refine(scene_factory(3, **FAR_AWAY).survey, SolveOptions())[0].alternatives == ()
 
 
-def test_known_points_on_one_line_are_told(scene_factory) -> None:
+def test_known_points_on_one_line_are_told(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(2, frames=1, labels=8, control=4, noise=0.0, **ALONE)
     survey = scene.survey
     on_line = np.flatnonzero(survey.pick_label < 4)

@@ -1,39 +1,28 @@
 """Truth of the simulated flights."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import sample_results
 
+from uavgram.model.result.result import Result
+
 
 @pytest.fixture
-def truth(data_dir: Path):
+def truth(data_dir: Path) -> Callable[[str], dict[str, Any]]:
     """Load what the simulator knows of a flight."""
 
-    def load(name):
-        return json.loads((data_dir / "truth" / f"{name}.json").read_text())
+    def load(name: str) -> dict[str, Any]:
+        known: dict[str, Any] = json.loads((data_dir / "truth" / f"{name}.json").read_text())
+        return known
 
     return load
 
 
-@pytest.fixture(scope="session")
-def tagged_jpeg():
-    """Helpers that make small JPEGs with tags."""
-    import tagged_jpeg as module
-
-    return module
-
-
-@pytest.fixture(scope="session")
-def ulog_writer():
-    """Writer of small ULogs, with the topics of a flight."""
-    import ulog_writer as module
-
-    return module
-
-
 @pytest.fixture
-def sample_result():
+def sample_result() -> Result:
     """A result in which everything is different from everything else."""
     return sample_results.sample_result()

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from uavgram.config.camera import load_camera
 from uavgram.config.project import load_project
@@ -18,32 +20,34 @@ from uavgram.io.tables.lines import read_lines
 from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picks import read_picks
 from uavgram.model.demo.scenario import DemoScenario
-from uavgram.model.options import TimeOptions
-from uavgram.stages.simulate import simulate
+from uavgram.model.demo.simulated import SimulatedSurvey
+from uavgram.model.options import Project, TimeOptions
+from uavgram.stages.simulate.survey import simulate
 
 
 @pytest.fixture(scope="module")
-def survey():
+def survey() -> SimulatedSurvey:
     return simulate(DemoScenario())
 
 
-def blank_photos(survey):
+def blank_photos(survey: SimulatedSurvey) -> Iterator[NDArray[np.uint8]]:
     """Photos without a picture: what is tested here is the files."""
     return (np.full((30, 40, 3), 90, np.uint8) for _ in survey.frame_id)
 
 
 @pytest.fixture(scope="module")
-def project(survey, tmp_path_factory: pytest.TempPathFactory):
+def project(survey: SimulatedSurvey, tmp_path_factory: pytest.TempPathFactory) -> Project:
     path = write_demo(tmp_path_factory.mktemp("demo"), survey, blank_photos(survey))
     return load_project(path)
 
 
-def test_tables_say_what_was_simulated(project, survey) -> None:
+def test_tables_say_what_was_simulated(project: Project, survey: SimulatedSurvey) -> None:
     picks = read_picks(project.picks)
     assert picks.image == survey.picks.image
     assert picks.label == survey.picks.label
     np.testing.assert_allclose(picks.pixel_px, survey.picks.pixel_px, atol=6e-4)
     np.testing.assert_allclose(picks.sigma_px, 0.7)
+    assert project.lines is not None
     lines = read_lines(project.lines)
     assert (lines.name, lines.start, lines.end) == (
         survey.lines.name,
@@ -52,27 +56,31 @@ def test_tables_say_what_was_simulated(project, survey) -> None:
     )
     np.testing.assert_allclose(lines.length_m, survey.lines.length_m, atol=6e-5)
     assert np.array_equal(lines.adjust, survey.lines.adjust)
+    assert project.measure is not None
     assert read_measure(project.measure) == survey.measurements
+    assert project.check is not None
     checks = read_known_points(project.check)
     assert (checks.label, checks.kind) == (survey.checks.label, "local")
     np.testing.assert_allclose(checks.coordinates, survey.checks.coordinates, atol=6e-5)
 
 
-def test_the_camera_file_holds_the_calibration_not_the_truth(project, survey) -> None:
+def test_the_camera_file_holds_the_calibration_not_the_truth(
+    project: Project, survey: SimulatedSurvey
+) -> None:
     camera = load_camera(project.camera)
     np.testing.assert_array_equal(camera.parameters, survey.calibration.parameters)
     np.testing.assert_allclose(camera.covariance, survey.calibration.covariance, rtol=1e-12)
     assert not np.allclose(camera.parameters, survey.truth.intrinsics, rtol=1e-6)
 
 
-def test_photos_carry_the_camera_clocks_time(project, survey) -> None:
+def test_photos_carry_the_camera_clocks_time(project: Project, survey: SimulatedSurvey) -> None:
     photos, _ = read_photos(project.images, TimeOptions())
     assert photos.frame_id == survey.frame_id
     np.testing.assert_allclose(photos.file_time_s, survey.file_time_utc_s, atol=6e-4)
     np.testing.assert_allclose(photos.file_time_resolution_s, 0.001)
 
 
-def test_truth_stands_beside_the_files(survey, tmp_path: Path) -> None:
+def test_truth_stands_beside_the_files(survey: SimulatedSurvey, tmp_path: Path) -> None:
     write_demo(tmp_path, survey, blank_photos(survey))
     truth = json.loads((tmp_path / "truth.json").read_text(encoding="utf-8"))
     assert truth["clock_offset_s"] == 2.6
@@ -85,19 +93,19 @@ def test_truth_stands_beside_the_files(survey, tmp_path: Path) -> None:
     assert by_name["skid left"] == pytest.approx(np.linalg.norm(ends[0] - ends[1]))
 
 
-def test_writing_twice_into_a_folder_is_no_mistake(survey, tmp_path: Path) -> None:
+def test_writing_twice_into_a_folder_is_no_mistake(survey: SimulatedSurvey, tmp_path: Path) -> None:
     write_demo(tmp_path, survey, blank_photos(survey))
     write_demo(tmp_path, survey, blank_photos(survey))
 
 
-def test_photos_of_another_survey_are_not_mixed_in(survey, tmp_path: Path) -> None:
+def test_photos_of_another_survey_are_not_mixed_in(survey: SimulatedSurvey, tmp_path: Path) -> None:
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "DSC_1.jpg").write_bytes(b"")
     with pytest.raises(OutputError, match="another survey"):
         write_demo(tmp_path, survey, blank_photos(survey))
 
 
-def test_a_folder_that_cannot_be_made_is_named(survey, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_named(survey: SimulatedSurvey, tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(OutputError, match="file"):
         write_demo(tmp_path / "file" / "demo", survey, blank_photos(survey))

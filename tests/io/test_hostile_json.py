@@ -1,6 +1,7 @@
 """JSON that a stranger wrote: endless brackets and numbers without end are one clear message."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,14 +11,14 @@ from uavgram.io.cameras.odm import read_odm_camera
 from uavgram.io.imports.labelme import read_labelme
 from uavgram.io.json_text import parse_json
 from uavgram.io.results.results_json import load_results
-from uavgram.picking.storage.journal import left_in
+from uavgram.picking.storage.journal import Left, left_in
 
 DEEP = "[" * 200_000 + "]" * 200_000
 LONG = "9" * 5000
 HUGE = "9" * 400  # an integer to Python, and no float
 
 
-def read_journal(path):
+def read_journal(path: Path) -> Left:
     path.write_bytes(path.read_bytes() + b"\n")
     return left_in(path)
 
@@ -36,7 +37,9 @@ READERS = (load_results, read_odm_camera, read_labelme, read_journal)
     ],
     ids=["lists", "objects", "digits", "no float"],
 )
-def test_a_hostile_file_is_one_message(tmp_path: Path, read, text, said) -> None:
+def test_a_hostile_file_is_one_message(
+    tmp_path: Path, read: Callable[[Path], object], text: str, said: str
+) -> None:
     path = tmp_path / "file.json"
     path.write_text(text)
     with pytest.raises(UavgramError, match=said) as caught:
@@ -46,7 +49,7 @@ def test_a_hostile_file_is_one_message(tmp_path: Path, read, text, said) -> None
 
 
 @pytest.mark.parametrize("number", ["1e400", "-1e400", "NaN", "Infinity"])
-def test_a_camera_of_no_finite_size_is_one_message(tmp_path: Path, number) -> None:
+def test_a_camera_of_no_finite_size_is_one_message(tmp_path: Path, number: str) -> None:
     path = tmp_path / "cameras.json"
     camera = f'{{"projection_type": "perspective", "width": {number}, "height": 9, "focal": 1}}'
     path.write_text(f'{{"a": {camera}}}')
@@ -55,7 +58,7 @@ def test_a_camera_of_no_finite_size_is_one_message(tmp_path: Path, number) -> No
 
 
 @pytest.mark.parametrize("content", ["[]", "1", '{"shapes": 1, "imagePath": "a"}', "1e400"])
-def test_json_that_is_no_labelme_file_is_one_message(tmp_path: Path, content) -> None:
+def test_json_that_is_no_labelme_file_is_one_message(tmp_path: Path, content: str) -> None:
     path = tmp_path / "a.json"
     path.write_text(content)
     with pytest.raises(UavgramError, match="is no LabelMe file"):
@@ -70,7 +73,9 @@ def test_json_that_is_no_labelme_file_is_one_message(tmp_path: Path, content) ->
         {"do": "open", "state": {"picks": [1]}, "resumed": False, "files": {}},
     ],
 )
-def test_a_journal_of_other_things_is_one_message_with_the_way_out(tmp_path: Path, entry) -> None:
+def test_a_journal_of_other_things_is_one_message_with_the_way_out(
+    tmp_path: Path, entry: dict[str, object]
+) -> None:
     path = tmp_path / "pick.journal"
     path.write_text(json.dumps(entry) + "\n")
     with pytest.raises(UavgramError, match="is no journal of this program: move it away"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from uavgram.io.outputs import PREFIX, replace_bytes, staged_output
 
 
 @pytest.fixture
-def victim(tmp_path: Path):
+def victim(tmp_path: Path) -> Iterator[Path]:
     (tmp_path / "elsewhere").mkdir()
     path = tmp_path / "elsewhere" / "victim"
     path.write_text("precious")
@@ -22,18 +23,18 @@ def victim(tmp_path: Path):
 
 
 @pytest.fixture
-def out(tmp_path: Path):
+def out(tmp_path: Path) -> Path:
     folder = tmp_path / "project" / "out"
     folder.mkdir(parents=True)
     return folder
 
 
-def write_into(folder, name) -> None:
+def write_into(folder: Path, name: str) -> None:
     folder.mkdir()
     (folder / name).write_text("new")
 
 
-def test_a_file_is_replaced_and_not_written_through_links(out, victim) -> None:
+def test_a_file_is_replaced_and_not_written_through_links(out: Path, victim: Path) -> None:
     (out / "a.csv").symlink_to(victim)
     (out / ".a.csv.unfinished").symlink_to(victim)
     replace_bytes(out / "a.csv", b"new")
@@ -41,7 +42,9 @@ def test_a_file_is_replaced_and_not_written_through_links(out, victim) -> None:
     assert (out / "a.csv").read_bytes() == b"new"
 
 
-def test_results_replace_links_and_folders_that_lead_elsewhere_are_refused(out, victim) -> None:
+def test_results_replace_links_and_folders_that_lead_elsewhere_are_refused(
+    out: Path, victim: Path
+) -> None:
     (out / "results.json").symlink_to(victim)
     with staged_output(out) as staging:
         (staging / "results.json").write_text("new")
@@ -56,7 +59,7 @@ def test_results_replace_links_and_folders_that_lead_elsewhere_are_refused(out, 
 
 @pytest.mark.parametrize("name", ["../../elsewhere/victim", "/{victim}", "over/victim"])
 def test_what_looks_like_a_killed_run_moves_and_removes_nothing_elsewhere(
-    out, victim, name
+    out: Path, victim: Path, name: str
 ) -> None:
     """A hidden folder in an archive names files of its own choice as half moved."""
     stale = out / f"{PREFIX}forged"
@@ -70,7 +73,9 @@ def test_what_looks_like_a_killed_run_moves_and_removes_nothing_elsewhere(
 
 
 @pytest.mark.parametrize("inside", ["files", "earlier", ""])
-def test_a_forged_killed_run_takes_no_files_from_elsewhere(out, victim, inside) -> None:
+def test_a_forged_killed_run_takes_no_files_from_elsewhere(
+    out: Path, victim: Path, inside: str
+) -> None:
     stale = out / f"{PREFIX}forged"
     (stale if inside else out / "other").mkdir()
     for name in {"files", "earlier"} - {inside}:
@@ -88,7 +93,7 @@ def test_a_forged_killed_run_takes_no_files_from_elsewhere(out, victim, inside) 
     assert not (out / "victim").exists()
 
 
-def test_a_folder_that_holds_the_photos_takes_no_results(tmp_path: Path, out) -> None:
+def test_a_folder_that_holds_the_photos_takes_no_results(tmp_path: Path, out: Path) -> None:
     photos = tmp_path / "project" / "photos"
     photos.mkdir()
     photo = photos / "P1.jpg"

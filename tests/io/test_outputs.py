@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 
 from uavgram.errors import OutputError
-from uavgram.io import outputs
 from uavgram.io.outputs import PREFIX, replace_text, staged_output
 
 
@@ -25,7 +24,7 @@ def content(folder: Path) -> dict[str, str]:
 
 
 @pytest.fixture
-def earlier(tmp_path: Path):
+def earlier(tmp_path: Path) -> Path:
     """An output folder with the results of an earlier run, and a file of someone else."""
     folder = tmp_path / "out"
     (folder / "previews").mkdir(parents=True)
@@ -46,7 +45,7 @@ def write_all(staging: Path) -> None:
         (staging / name).write_text("new")
 
 
-def test_complete_results_replace_earlier_ones_and_leave_other_files(earlier) -> None:
+def test_complete_results_replace_earlier_ones_and_leave_other_files(earlier: Path) -> None:
     with staged_output(earlier) as staging:
         write_all(staging)
         assert set(content(earlier).values()) >= {"old"}
@@ -64,7 +63,9 @@ def test_a_new_folder_is_made_with_its_parents(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("failure", [RuntimeError, KeyboardInterrupt, SystemExit])
-def test_a_failed_run_leaves_everything_as_it_was(earlier, failure) -> None:
+def test_a_failed_run_leaves_everything_as_it_was(
+    earlier: Path, failure: type[BaseException]
+) -> None:
     before = content(earlier)
 
     with pytest.raises(failure):
@@ -82,12 +83,12 @@ def test_a_failed_first_run_leaves_no_folder(tmp_path: Path) -> None:
 @pytest.mark.parametrize("failure", [OSError(errno.EIO, "I/O"), KeyboardInterrupt()])
 @pytest.mark.parametrize("moves", [0, 1, 3])
 def test_a_failure_while_moving_undoes_what_was_moved(
-    earlier, monkeypatch: pytest.MonkeyPatch, failure, moves
+    earlier: Path, monkeypatch: pytest.MonkeyPatch, failure: BaseException, moves: int
 ) -> None:
     before = content(earlier)
-    move, count = Path.replace, []
+    move, count = Path.replace, list[Path]()
 
-    def failing(self, target):
+    def failing(self: Path, target: Path) -> Path:
         if "files" in self.parts:
             count.append(self)
             if len(count) > moves:
@@ -100,9 +101,14 @@ def test_a_failure_while_moving_undoes_what_was_moved(
     assert content(earlier) == before
 
 
-def test_results_json_is_moved_last(earlier, monkeypatch: pytest.MonkeyPatch) -> None:
-    move, order = Path.replace, []
-    monkeypatch.setattr(Path, "replace", lambda s, t: (order.append(Path(t).name), move(s, t))[1])
+def test_results_json_is_moved_last(earlier: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    move, order = Path.replace, list[str]()
+
+    def noted(self: Path, target: Path) -> Path:
+        order.append(target.name)
+        return move(self, target)
+
+    monkeypatch.setattr(Path, "replace", noted)
     with staged_output(earlier) as staging:
         write_all(staging)
         (staging / "zzz.txt").touch()
@@ -111,7 +117,7 @@ def test_results_json_is_moved_last(earlier, monkeypatch: pytest.MonkeyPatch) ->
     assert order[-1] == "results.json"
 
 
-def test_a_folder_in_the_place_of_a_file_is_an_output_error(earlier) -> None:
+def test_a_folder_in_the_place_of_a_file_is_an_output_error(earlier: Path) -> None:
     (earlier / "added.csv").mkdir()
     before = content(earlier)
 
@@ -129,7 +135,7 @@ def test_a_file_in_the_place_of_the_folder_is_an_output_error(tmp_path: Path) ->
         pass
 
 
-def test_a_full_disk_is_an_output_error_with_the_way_out(earlier) -> None:
+def test_a_full_disk_is_an_output_error_with_the_way_out(earlier: Path) -> None:
     before = content(earlier)
 
     with pytest.raises(OutputError, match="disk is full; free some space"):
@@ -137,12 +143,14 @@ def test_a_full_disk_is_an_output_error_with_the_way_out(earlier) -> None:
     assert content(earlier) == before
 
 
-def test_a_failure_elsewhere_keeps_its_own_name(earlier, tmp_path: Path) -> None:
+def test_a_failure_elsewhere_keeps_its_own_name(earlier: Path, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError), staged_output(earlier):
         (tmp_path / "absent.jpg").read_bytes()
 
 
-def test_what_a_killed_run_left_goes_when_the_next_starts_but_a_living_run_stays(earlier) -> None:
+def test_what_a_killed_run_left_goes_when_the_next_starts_but_a_living_run_stays(
+    earlier: Path,
+) -> None:
     script = (
         "import sys, time\n"
         "from uavgram.io.outputs import staged_output\n"
@@ -153,6 +161,7 @@ def test_what_a_killed_run_left_goes_when_the_next_starts_but_a_living_run_stays
     )
     command = [sys.executable, "-c", script, str(earlier)]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as run:
+        assert run.stdout is not None
         assert run.stdout.readline() == b"ready\n"
         with staged_output(earlier):
             assert len(list(earlier.glob(f"{PREFIX}*"))) == 2  # ours, and the living one
@@ -185,7 +194,9 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 
 @pytest.mark.parametrize("moves", [0, 1, 3, 4])
-def test_what_a_killed_run_had_moved_is_put_back_unless_it_was_everything(earlier, moves) -> None:
+def test_what_a_killed_run_had_moved_is_put_back_unless_it_was_everything(
+    earlier: Path, moves: int
+) -> None:
     before = content(earlier)
     command = [sys.executable, "-c", KILLED_WHILE_MOVING, str(earlier), str(moves)]
     assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
@@ -201,7 +212,7 @@ def test_what_a_killed_run_had_moved_is_put_back_unless_it_was_everything(earlie
         }
 
 
-def test_no_output_is_written_over_an_input(earlier) -> None:
+def test_no_output_is_written_over_an_input(earlier: Path) -> None:
     before = content(earlier)
     with (
         pytest.raises(OutputError, match=r"report\.html: is an input.*--output"),
@@ -214,7 +225,7 @@ def test_no_output_is_written_over_an_input(earlier) -> None:
 def test_text_is_replaced_in_one_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "results.json"
     replace_text(path, "old ü\n")
-    monkeypatch.setattr(outputs.os, "fsync", lambda _: (_ for _ in ()).throw(OSError(28, "full")))
+    monkeypatch.setattr(os, "fsync", lambda _: (_ for _ in ()).throw(OSError(28, "full")))
 
     with pytest.raises(OutputError, match="disk is full"):
         replace_text(path, "new")

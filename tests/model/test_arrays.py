@@ -37,7 +37,7 @@ class Grid:
         freeze(self, r=self.rows)
 
 
-def marks(**changes):
+def marks(**changes: Floats | list[int]) -> Marks:
     given = {"name": ("a", "b"), "place_m": np.zeros((2, 2)), "height_m": [np.nan, 1]}
     given |= {"area": [0, 1], "seen": [True, False], "pivot_m": (0, 0)}
     return Marks(**given | changes)
@@ -65,7 +65,9 @@ def test_arrays_are_copied_typed_and_read_only() -> None:
         ({"height_m": [0, np.inf]}, r"Marks.height_m: not finite at index \(1,\)"),
     ],
 )
-def test_a_wrong_array_is_named(changes, text) -> None:
+def test_a_wrong_array_is_named(
+    changes: dict[str, Floats] | dict[str, list[int]], text: str
+) -> None:
     with pytest.raises(ValueError, match=text):
         marks(**changes)
 

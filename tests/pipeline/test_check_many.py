@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from uavgram.pipeline import check
+from uavgram.pipeline.measure.inputs import Inputs
 
 
 @pytest.mark.parametrize(("most", "hint"), [(8, " (did you mean 'P11'?)"), (7, "")])
-def test_hints_stop_where_they_would_take_long(monkeypatch: pytest.MonkeyPatch, most, hint) -> None:
+def test_hints_stop_where_they_would_take_long(
+    monkeypatch: pytest.MonkeyPatch, most: int, hint: str
+) -> None:
     monkeypatch.setattr(check, "_MOST_COMPARED", most)
-    inputs = SimpleNamespace(
+    inputs = SimpleNamespace(  # of what was read, all that is asked for
         picks=SimpleNamespace(label=("A", "B", "C", "P11")),
         lines=SimpleNamespace(name=("L",), start=("A",), end=("P1",)),
         requests=(SimpleNamespace(name="m", points=("P1", "B")),),
         control=SimpleNamespace(label=("Q77",)),
         check=SimpleNamespace(label=np.array([])),
     )
-    texts = [message.text for message in check._unseen(inputs)]
+    texts = [message.text for message in check._unseen(cast("Inputs", inputs))]
     assert texts == [
         f"Point 'P1' of line 'L' is never picked{hint}.",
         f"Point 'P1' of measurement 'm' is never picked{hint}.",

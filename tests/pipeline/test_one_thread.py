@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Never
 
@@ -20,7 +21,7 @@ def numbers() -> set[int]:
 
 
 @pytest.fixture(autouse=True)
-def _two():
+def _two() -> Iterator[None]:
     with threadpool_limits(2, user_api="blas"):
         yield
         assert numbers() == {2}
@@ -39,14 +40,17 @@ def test_the_setting_comes_back_also_after_an_error() -> None:
 
 @pytest.mark.parametrize("call", [run, check])
 def test_the_calls_are_limited_and_leave_nothing(
-    call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    call: Callable[[Path], object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    seen = []
+    seen: list[set[int]] = []
     module = __import__(call.__module__, fromlist=["read_inputs"])
     real = module.read_inputs
-    monkeypatch.setattr(
-        module, "read_inputs", lambda *a, **k: seen.append(numbers()) or real(*a, **k)
-    )
+
+    def counted(*arguments: object, **options: object) -> object:
+        seen.append(numbers())
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(module, "read_inputs", counted)
     with pytest.raises(InputError):
         call(tmp_path / "absent.yaml")
     assert seen == [{1}]

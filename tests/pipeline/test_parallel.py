@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+from collections.abc import Generator
 from typing import Never
 
 import pytest
@@ -18,14 +19,16 @@ def test_results_come_in_order_with_their_items() -> None:
 
 
 def test_it_runs_only_a_little_ahead() -> None:
-    begun, lock = [], threading.Lock()
+    begun: list[int] = []
+    lock = threading.Lock()
 
-    def work(item):
+    def work(item: int) -> int:
         with lock:
             begun.append(item)
         return item
 
     coming = prefetch(work, range(1000))
+    assert isinstance(coming, Generator)
     for _ in range(5):
         next(coming)
     coming.close()
@@ -34,7 +37,7 @@ def test_it_runs_only_a_little_ahead() -> None:
 
 
 def test_a_failure_reaches_whoever_takes_the_result() -> None:
-    def fail(item) -> Never:
+    def fail(item: int) -> Never:
         raise ValueError(item)
 
     with pytest.raises(ValueError, match="3"):

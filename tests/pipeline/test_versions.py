@@ -17,7 +17,9 @@ def test_the_account_is_that_of_the_operating_system(monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.parametrize("fault", [KeyError("getpwuid(): uid not found: 4711"), OSError()], ids=str)
-def test_an_account_without_a_name_is_said(monkeypatch: pytest.MonkeyPatch, fault) -> None:
+def test_an_account_without_a_name_is_said(
+    monkeypatch: pytest.MonkeyPatch, fault: Exception
+) -> None:
     def nobody() -> Never:
         raise fault
 

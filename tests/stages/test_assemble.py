@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+from scenes import Scene
 
 from uavgram.errors import GeometryError
+from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.options import AreaOptions, GroundOptions
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
-from uavgram.stages.assemble import Observations, assemble
+from uavgram.stages.assemble import Assembled, Observations, assemble
 
 NAN = np.nan
 
 
-def picks(rows, area=()):
+def picks(rows: tuple[Row, ...], area: tuple[str, ...] = ()) -> Picks:
     """Rows (image, label, u, v, sigma, height), and their areas."""
     image, label, u, v, sigma, height = zip(*rows, strict=True)
     return Picks(
@@ -27,7 +31,8 @@ def picks(rows, area=()):
     )
 
 
-ROWS = (
+Row = tuple[str, str, float, float, float, float]
+ROWS: tuple[Row, ...] = (
     ("f1", "A", 1, 2, NAN, NAN),
     ("f0", "B", 3, 4, 2.5, 0.7),
     ("f9", "A", 5, 6, NAN, NAN),
@@ -45,37 +50,51 @@ LINES = KnownLines(
 )
 
 
-def control(*labels):
+def control(*labels: str) -> KnownWorldPoints:
     n = len(labels)
     return KnownWorldPoints(label=labels, world_m=np.ones((n, 3)), sigma_m=np.full((n, 3), 0.1))
 
 
+NO_CONTROL = control()
+GROUND = GroundOptions()
+
+
 @pytest.fixture
-def flight(scene_factory):
+def flight(scene_factory: Callable[..., Scene]) -> Telemetry:
     survey = scene_factory(0, frames=3).survey  # frames f0, f1, f2; the flight does not know f9
+    assert survey.seeds is not None
+    assert survey.telemetry is not None
+    assert survey.track is not None
     return Telemetry(poses=survey.seeds, prior=survey.telemetry, track=survey.track)
 
 
 @pytest.fixture
-def calibration(scene_factory):
+def calibration(scene_factory: Callable[..., Scene]) -> Calibration:
     return scene_factory(0).survey.calibration
 
 
-def put_together(calibration, telemetry, known=control(), rows=ROWS, **others):  # noqa: B008
-    stated = {"picks": picks(rows), "ground": GroundOptions(), **others}
+def put_together(
+    calibration: Calibration,
+    telemetry: Telemetry | None,
+    known: KnownWorldPoints = NO_CONTROL,
+    rows: tuple[Row, ...] = ROWS,
+    area: tuple[str, ...] = (),
+    ground: GroundOptions = GROUND,
+) -> Assembled:
     observed = Observations(
         calibration=calibration,
         lines=LINES,
         control=known,
         telemetry=telemetry,
+        picks=picks(rows, area),
+        ground=ground,
         picks_sigma_px=1.5,
-        **stated,
     )
     return assemble(observed)
 
 
 def test_picks_of_a_frame_without_an_instant_are_left_out_and_say_where_the_rest_went(
-    calibration, flight
+    calibration: Calibration, flight: Telemetry
 ) -> None:
     assembled = put_together(calibration, flight)
     survey = assembled.survey
@@ -90,11 +109,15 @@ def test_picks_of_a_frame_without_an_instant_are_left_out_and_say_where_the_rest
     assert survey.pick_sigma_px.tolist() == [1.5, 2.5, 1.5, 1.5]
 
 
-def test_a_height_stated_at_one_pick_holds_for_the_label_everywhere(calibration, flight) -> None:
+def test_a_height_stated_at_one_pick_holds_for_the_label_everywhere(
+    calibration: Calibration, flight: Telemetry
+) -> None:
     assert put_together(calibration, flight).survey.height_above_m.tolist() == [0.0, 0.7]
 
 
-def test_withheld_and_unseen_lengths_do_not_enter(calibration, flight) -> None:
+def test_withheld_and_unseen_lengths_do_not_enter(
+    calibration: Calibration, flight: Telemetry
+) -> None:
     assembled = put_together(calibration, flight)
     assert assembled.line_index.tolist() == [0, -1, -1, 1]
     assert assembled.survey.length_m.tolist() == [1.0, 4.0]
@@ -102,10 +125,14 @@ def test_withheld_and_unseen_lengths_do_not_enter(calibration, flight) -> None:
     assert assembled.survey.line_end.tolist() == [1, 0]
 
 
-def test_the_prior_of_a_frame_follows_it_to_its_new_place(calibration, flight) -> None:
+def test_the_prior_of_a_frame_follows_it_to_its_new_place(
+    calibration: Calibration, flight: Telemetry
+) -> None:
     rows = (*ROWS[2:3], ("f2", "A", 1, 1, NAN, NAN), ("f1", "B", 1, 1, NAN, NAN))
     survey = put_together(calibration, flight, rows=rows).survey
     assert survey.frame_id == ("f1", "f2")
+    assert survey.telemetry is not None
+    assert survey.seeds is not None
     assert survey.telemetry.frame_index.tolist() == [0, 1]
     np.testing.assert_array_equal(survey.telemetry.time_s, flight.prior.time_s[1:])
     np.testing.assert_array_equal(survey.seeds.center_world_m, flight.poses.center_world_m[1:])
@@ -115,7 +142,7 @@ def test_the_prior_of_a_frame_follows_it_to_its_new_place(calibration, flight) -
     ("known", "gauge", "used"), [((), "plane", 0), (("A",), "plane", 0), (("A", "B"), "world", 2)]
 )
 def test_without_log_two_picked_control_points_make_a_world(
-    calibration, known, gauge, used
+    calibration: Calibration, known: tuple[str, ...], gauge: str, used: int
 ) -> None:
     survey = put_together(calibration, None, control(*known, "never picked")).survey
     assert survey.gauge == gauge
@@ -123,32 +150,34 @@ def test_without_log_two_picked_control_points_make_a_world(
     assert survey.frame_id == ("f1", "f0", "f9")  # all frames with picks
 
 
-def test_with_a_log_one_control_point_is_used(calibration, flight) -> None:
+def test_with_a_log_one_control_point_is_used(calibration: Calibration, flight: Telemetry) -> None:
     survey = put_together(calibration, flight, control("B")).survey
     assert survey.gauge == "world"
     assert survey.control_label.tolist() == [1]
 
 
-def test_no_usable_frame_is_an_error(calibration, flight) -> None:
+def test_no_usable_frame_is_an_error(calibration: Calibration, flight: Telemetry) -> None:
     with pytest.raises(GeometryError, match="no usable frame remains"):
         put_together(calibration, flight, rows=ROWS[2:3])
 
 
-def test_slope_sigma_is_turned_to_radians(calibration, flight) -> None:
+def test_slope_sigma_is_turned_to_radians(calibration: Calibration, flight: Telemetry) -> None:
     ground = put_together(calibration, flight).survey.ground
     assert ground.slope_sigma_rad == pytest.approx(np.deg2rad(0.5))
     assert ground.height_sigma_m == 0.3
 
 
-def put_in_areas(calibration, flight, area, ground):
-    return put_together(calibration, flight, picks=picks(ROWS, area), ground=ground)
+def put_in_areas(
+    calibration: Calibration, flight: Telemetry, area: tuple[str, ...], ground: GroundOptions
+) -> Assembled:
+    return put_together(calibration, flight, area=area, ground=ground)
 
 
 def test_an_area_stated_at_one_pick_holds_for_the_label_and_has_a_plane_of_its_own(
-    calibration, flight
+    calibration: Calibration, flight: Telemetry
 ) -> None:
-    verge = AreaOptions(height_m=0.4, slope_sigma_deg=2.0)
-    ground = GroundOptions(height_sigma_m=0.2, roughness_sigma_m=0.01, areas={"verge": verge})
+    stated = AreaOptions(height_m=0.4, slope_sigma_deg=2.0)
+    ground = GroundOptions(height_sigma_m=0.2, roughness_sigma_m=0.01, areas={"verge": stated})
     survey = put_in_areas(calibration, flight, ("", "", "", "verge", "", ""), ground).survey
     assert survey.area.tolist() == [1, 0]  # A, B
     road, verge = survey.grounds
@@ -160,14 +189,14 @@ def test_an_area_stated_at_one_pick_holds_for_the_label_and_has_a_plane_of_its_o
 
 
 def test_where_every_label_names_its_area_the_first_one_picked_comes_first(
-    calibration, flight
+    calibration: Calibration, flight: Telemetry
 ) -> None:
     area = ("verge", "road", "verge", "", "", "")
     survey = put_in_areas(calibration, flight, area, GroundOptions()).survey
     assert [ground.name for ground in survey.grounds] == ["verge", "road"]
 
 
-def test_an_area_that_nobody_picked_is_told(calibration, flight) -> None:
+def test_an_area_that_nobody_picked_is_told(calibration: Calibration, flight: Telemetry) -> None:
     ground = GroundOptions(areas={"vergue": AreaOptions(), "verge": AreaOptions()})
     (message,) = put_in_areas(calibration, flight, ("verge", *[""] * 5), ground).messages
     assert message.code == "area-unpicked"

@@ -10,7 +10,7 @@ from uavgram.model.survey.observations import KnownLines, Picks
 from uavgram.stages.duplicates import find_duplicates
 
 
-def photos(*times):
+def photos(*times: float) -> Photos:
     n = len(times)
     names = tuple(f"{chr(97 + k)}.jpg" for k in range(n))
     return Photos(
@@ -24,7 +24,7 @@ def photos(*times):
     )
 
 
-def picks(*rows):
+def picks(*rows: tuple[str, str, float, float]) -> Picks:
     n = len(rows)
     return Picks(
         image=tuple(row[0] for row in rows),
@@ -35,7 +35,7 @@ def picks(*rows):
     )
 
 
-def lines(*rows):
+def lines(*rows: tuple[str, str, float, bool]) -> KnownLines:
     start, end, length, adjust = zip(*rows, strict=True) if rows else ((), (), (), ())
     return KnownLines(
         name=tuple(f"L{k}" for k in range(len(rows))),
@@ -77,7 +77,9 @@ def test_of_identical_files_the_one_with_most_picks_is_kept() -> None:
     ],
     ids=["saved anew", "another pick", "another time", "no time"],
 )
-def test_other_bytes_with_equal_time_and_picks_are_the_same_photo(times, second, same) -> None:
+def test_other_bytes_with_equal_time_and_picks_are_the_same_photo(
+    times: tuple[float, float], second: tuple[float, float, float, float], *, same: bool
+) -> None:
     u0, v0, u1, v1 = second
     more = (("b.jpg", "B", u1, v1), ("b.jpg", "A", u0, v0))
     found = find_duplicates(

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import TypedDict, Unpack, cast
 
 import numpy as np
 import pytest
+from scenes import Scene
 
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.selection import select_picks
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
+from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.result.tables import MeasurementResults
+from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
 from uavgram.stages.measure import measure
 from uavgram.stages.refine import refine
 
@@ -22,7 +29,12 @@ WORLD = np.array([[0.0, 0, 0], [3, 4, 0], [3, 0, 0], [0, 4, 0], [6, 8, 12]])
 class Points:
     """Points with a joint covariance: all that measuring needs of an adjustment."""
 
-    def __init__(self, world=WORLD, covariance=None, pick_frame=(0, 1, 0, 0, 1)) -> None:
+    def __init__(
+        self,
+        world: Floats = WORLD,
+        covariance: Floats | None = None,
+        pick_frame: tuple[int, ...] = (0, 1, 0, 0, 1),
+    ) -> None:
         self.world = world
         size = 3 * len(world)
         self.covariance = 1e-4 * np.eye(size) if covariance is None else covariance
@@ -37,34 +49,52 @@ class Points:
             factor=SimpleNamespace(solve=lambda right: self.covariance @ right)
         )
 
-    def points_with_jacobian(self, label):
+    def points_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:
         """The unknowns are the points' coordinates."""
         columns = 3 * np.asarray(label)[:, None] + np.arange(3)
         return self.world[label], np.tile(np.eye(3), (len(label), 1, 1)), columns
 
 
-def frames(**changes):
-    values = {
-        "frame_id": ("f0", "f1"),
-        "time_utc_s": np.array([100.0, 102.5]),
-        "sigma_time_s": np.array([0.03, 0.04]),
-        "matched": np.ones(2, dtype=bool),
-        "reason": ("", ""),
-        "clock_offset_s": 0.0,
-        "clock_offset_sigma_s": 1.0,
-    }
-    return Frames(**(values | changes))
+class Changes(TypedDict, total=False):
+    """What is not as usual with the frames."""
+
+    frame_id: tuple[str, ...]
+    time_utc_s: Floats
+    sigma_time_s: Floats
+    clock_offset_sigma_s: float
 
 
-def ask(kind, points, name="it", **parameters):
+def frames(**changes: Unpack[Changes]) -> Frames:
+    usual = Frames(
+        frame_id=("f0", "f1"),
+        time_utc_s=np.array([100.0, 102.5]),
+        sigma_time_s=np.array([0.03, 0.04]),
+        matched=np.ones(2, dtype=bool),
+        reason=("", ""),
+        clock_offset_s=0.0,
+        clock_offset_sigma_s=1.0,
+    )
+    return replace(usual, **changes)
+
+
+def ask(
+    kind: MeasurementKind, points: Sequence[str], name: str = "it", **parameters: float
+) -> MeasurementRequest:
     return MeasurementRequest(
         name=name, kind=kind, points=tuple(points), parameters=tuple(parameters.items())
     )
 
 
-def one(request, adjustment=None, when=None):
-    results, messages = measure(adjustment or Points(), (request,), when or frames())
-    return results, messages
+def measured(
+    points: Points, requests: tuple[MeasurementRequest, ...], when: Frames
+) -> tuple[MeasurementResults, tuple[Message, ...]]:
+    return measure(cast("Adjustment", points), requests, when)  # all of one that measuring needs
+
+
+def one(
+    request: MeasurementRequest, adjustment: Points | None = None, when: Frames | None = None
+) -> tuple[MeasurementResults, tuple[Message, ...]]:
+    return measured(adjustment or Points(), (request,), when or frames())
 
 
 # By hand, with 1 cm on each coordinate of each point.
@@ -93,7 +123,9 @@ BY_HAND = {
 
 
 @pytest.mark.parametrize(("request_", "value", "sigma", "unit"), BY_HAND.values(), ids=BY_HAND)
-def test_value_sigma_and_unit_by_hand(request_, value, sigma, unit) -> None:
+def test_value_sigma_and_unit_by_hand(
+    request_: MeasurementRequest, value: float, sigma: float, unit: str
+) -> None:
     results, messages = one(request_)
     assert messages == ()
     assert results.value[0] == pytest.approx(value)
@@ -140,13 +172,16 @@ def test_speed_is_positive_whichever_frame_came_first() -> None:
     assert one(ask("speed", "BA"))[0].value[0] == pytest.approx(2.0)
 
 
+NO_TIME = frames(time_utc_s=np.array([np.nan, 102.5]), sigma_time_s=np.array([np.nan, 0.04]))
+
+
 @pytest.mark.parametrize(
     ("request_", "adjustment", "when", "why"),
     [
         (ask("distance", ("A", "Bb")), None, None, "did you mean 'B'"),
         (ask("distance", ("A", "zzz")), None, None, "'zzz' has no usable pick"),
         (ask("speed", "AC"), None, None, "no time, or the same"),
-        (ask("speed", "AB"), Points(pick_frame=(0, 1, 0, 0, 1)), "nan", "no time, or the same"),
+        (ask("speed", "AB"), Points(pick_frame=(0, 1, 0, 0, 1)), NO_TIME, "no time, or the same"),
         (ask("area", "ABCD"), None, None, "crosses itself"),  # lobes of equal size cancel
         (ask("area", "ABD"), Points(world=WORLD * [1, 0, 0]), None, "lie in line"),
         (ask("distance", "AB"), Points(world=0 * WORLD), None, "coincide"),
@@ -154,9 +189,9 @@ def test_speed_is_positive_whichever_frame_came_first() -> None:
         (ask("speed", "AB"), Points(world=0 * WORLD), None, "coincide"),
     ],
 )
-def test_what_cannot_be_measured_is_null_with_a_message(request_, adjustment, when, why) -> None:
-    if when == "nan":
-        when = frames(time_utc_s=[np.nan, 102.5], sigma_time_s=[np.nan, 0.04])
+def test_what_cannot_be_measured_is_null_with_a_message(
+    request_: MeasurementRequest, adjustment: Points | None, when: Frames | None, why: str
+) -> None:
     results, messages = one(request_, adjustment, when)
     assert np.isnan(results.value[0])
     assert np.isnan(results.sigma[0])
@@ -181,7 +216,7 @@ def test_one_missing_label_does_not_spoil_the_others() -> None:
         ask("coordinate", ("no",), "bad"),
         ask("area", "ACBD"),
     )
-    results, messages = measure(Points(), requests, frames())
+    results, messages = measured(Points(), requests, frames())
     assert results.name == ("good", "bad east", "bad north", "it")
     np.testing.assert_array_equal(np.isnan(results.value), [False, True, True, False])
     assert np.isnan(results.correlation[1]).all()
@@ -191,7 +226,7 @@ def test_one_missing_label_does_not_spoil_the_others() -> None:
 
 
 def test_nothing_asked_gives_nothing() -> None:
-    results, messages = measure(Points(), (), frames())
+    results, messages = measured(Points(), (), frames())
     assert results.value.shape == (0,)
     assert results.correlation.shape == (0, 0)
     assert messages == ()
@@ -202,7 +237,9 @@ def test_nothing_but_unseen_labels_gives_nulls() -> None:
     assert np.isnan(results.value).all()
 
 
-def test_covariances_of_all_kinds_equal_those_of_sampled_points(scene_factory) -> None:
+def test_covariances_of_all_kinds_equal_those_of_sampled_points(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(3, labels=6).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     requests = (
@@ -229,7 +266,7 @@ def test_covariances_of_all_kinds_equal_those_of_sampled_points(scene_factory) -
     np.testing.assert_allclose(sampled / unit, expected / unit, atol=5.5 * np.sqrt(2 / 4000))
 
 
-def by_hand(p):
+def by_hand(p: Floats) -> Floats:
     """The requests of the test above, by other formulas than the package's."""
     n = np.linalg.norm
     legs = p[3] - p[4], p[5] - p[4]
@@ -251,12 +288,12 @@ def by_hand(p):
 
 def test_two_distances_with_a_common_end_are_correlated_as_by_hand() -> None:
     # A-B and A-C: the share of A is the cosine between them, 3/5, of half of each variance.
-    results, _ = measure(Points(), (ask("distance", "AB"), ask("distance", "AC", "2")), frames())
+    results, _ = measured(Points(), (ask("distance", "AB"), ask("distance", "AC", "2")), frames())
     assert results.correlation[0, 1] == pytest.approx(0.5 * 0.6)
 
 
 def test_a_speed_of_two_frames_does_not_depend_on_the_clock_offset() -> None:
-    late = frames(time_utc_s=[107.0, 109.5], clock_offset_sigma_s=30.0)
+    late = frames(time_utc_s=np.array([107.0, 109.5]), clock_offset_sigma_s=30.0)
     assert one(ask("speed", "AB"), None, late)[0].sigma[0] == one(ask("speed", "AB"))[0].sigma[0]
 
 
@@ -267,7 +304,9 @@ def test_measuring_replaces_nothing_in_its_input() -> None:
     np.testing.assert_array_equal(adjustment.world, WORLD)
 
 
-def test_two_speeds_over_one_exposure_share_its_timing_error(scene_factory) -> None:
+def test_two_speeds_over_one_exposure_share_its_timing_error(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(2, frames=3, labels=9).survey
     once = {k: int(np.flatnonzero(survey.pick_label == k)[0]) for k in range(3)}
     # Each label in one frame of its own: 0 in the first, 1 in the second, 2 in the third.
@@ -280,9 +319,14 @@ def test_two_speeds_over_one_exposure_share_its_timing_error(scene_factory) -> N
     survey = select_picks(survey, np.isin(np.arange(len(survey.pick_frame)), keep)).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     frames = Frames(
-        frame_id=survey.frame_id, time_utc_s=[0.0, 2.0, 4.0], sigma_time_s=[0.0, 0.3, 0.0],
-        matched=[True] * 3, reason=("",) * 3, clock_offset_s=0.0, clock_offset_sigma_s=1.0,
-    )  # fmt: skip
+        frame_id=survey.frame_id,
+        time_utc_s=np.array([0.0, 2.0, 4.0]),
+        sigma_time_s=np.array([0.0, 0.3, 0.0]),
+        matched=np.ones(3, dtype=bool),
+        reason=("",) * 3,
+        clock_offset_s=0.0,
+        clock_offset_sigma_s=1.0,
+    )
     requests = (
         MeasurementRequest(name="before", kind="speed", points=("P0", "P1")),
         MeasurementRequest(name="after", kind="speed", points=("P1", "P2")),

@@ -1,12 +1,18 @@
 """Sampling agrees with first-order propagation where that holds, and shows where it does not."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+from scenes import Scene
 from scipy.stats import chi2
 
 from uavgram.model.flight.frames import Frames
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.measure import measure
 from uavgram.stages.monte_carlo import sample
 from uavgram.stages.refine import refine
@@ -23,17 +29,18 @@ REQUESTS = (
 )  # fmt: skip
 
 
-def frames_of(survey):
+def frames_of(survey: Survey) -> Frames:
     n = len(survey.frame_id)
     return Frames(
-        frame_id=survey.frame_id, time_utc_s=np.arange(n), sigma_time_s=np.full(n, 0.01),
-        matched=np.ones(n), reason=("",) * n, clock_offset_s=0.0, clock_offset_sigma_s=1.0,
+        frame_id=survey.frame_id, time_utc_s=np.arange(float(n)), sigma_time_s=np.full(n, 0.01),
+        matched=np.ones(n, dtype=bool), reason=("",) * n,
+        clock_offset_s=0.0, clock_offset_sigma_s=1.0,
     )  # fmt: skip
 
 
 @pytest.mark.parametrize("options", [{}, {"telemetry": False, "gauge": "plane", "lines": 8}])
 def test_sampled_sigmas_equal_first_order_ones_within_their_own_chance(
-    scene_factory, options
+    scene_factory: Callable[..., Scene], options: dict[str, object]
 ) -> None:
     survey = scene_factory(4, **options).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
@@ -50,7 +57,7 @@ def test_sampled_sigmas_equal_first_order_ones_within_their_own_chance(
     assert np.isnan(sampled.mean[3])
 
 
-def test_the_same_seed_gives_the_same_samples(scene_factory) -> None:
+def test_the_same_seed_gives_the_same_samples(scene_factory: Callable[..., Scene]) -> None:
     survey = scene_factory(4).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     one, other = (sample(adjustment, REQUESTS, frames_of(survey), 5, 7)[0] for _ in range(2))

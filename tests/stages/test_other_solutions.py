@@ -11,8 +11,8 @@ from uavgram.model.result.tables import MeasurementResults
 from uavgram.stages.other_solutions import with_alternatives
 
 
-def measured(value, sigma):
-    value, sigma = np.array(value), np.array(sigma)
+def measured(values: list[float], sigmas: list[float]) -> MeasurementResults:
+    value, sigma = np.array(values), np.array(sigmas)
     count = len(value)
     return MeasurementResults(
         name=tuple(f"M{i}" for i in range(count)),

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes import Scene
 from scipy.stats import chi2
 
+from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.flight.frames import Frames
 from uavgram.model.options import SolveOptions
 from uavgram.stages.judge import judge_groups
@@ -21,16 +24,16 @@ from uavgram.stages.summarise import (
 
 
 @pytest.fixture(scope="module")
-def scene(scene_factory):
+def scene(scene_factory: Callable[..., Scene]) -> Scene:
     return scene_factory(2, frames=5)
 
 
 @pytest.fixture(scope="module")
-def refined(scene):
+def refined(scene: Scene) -> Refined:
     return refine(scene.survey, SolveOptions())[0]
 
 
-def test_shared_unknowns_stand_in_degrees_with_their_own_sigmas(refined) -> None:
+def test_shared_unknowns_stand_in_degrees_with_their_own_sigmas(refined: Refined) -> None:
     adjustment = refined.adjustment
     shared = summarise_shared(adjustment, 3.0)
     layout, state = adjustment.problem.layout, adjustment.state
@@ -62,17 +65,22 @@ def test_shared_unknowns_stand_in_degrees_with_their_own_sigmas(refined) -> None
     assert (shared.intrinsics.sigma <= np.sqrt(np.diag(prior)) * (1 + 1e-9)).all()
 
 
-def test_shared_unknowns_recover_the_truth_within_their_sigmas(scene, refined) -> None:
+def test_shared_unknowns_recover_the_truth_within_their_sigmas(
+    scene: Scene, refined: Refined
+) -> None:
     shared = summarise_shared(refined.adjustment, 0.0)
     truth = scene.truth.telemetry
     for name, part in (("lever_arm_m", slice(3, 6)), ("position_bias_m", slice(6, 9))):
         estimate = getattr(shared, name)
         assert (np.abs(estimate.value - truth[part]) < 4.5 * estimate.sigma).all()
+    assert shared.clock_offset_s is not None
     assert abs(shared.clock_offset_s.value[0] - truth[10]) < 4.5 * shared.clock_offset_s.sigma[0]
 
 
 @pytest.mark.parametrize("gauge", ["world", "plane"])
-def test_every_area_has_its_own_plane_the_gauges_without_error(scene_factory, gauge) -> None:
+def test_every_area_has_its_own_plane_the_gauges_without_error(
+    scene_factory: Callable[..., Scene], gauge: str
+) -> None:
     log = gauge == "world"
     scene = scene_factory(
         4, frames=3, lines=9, verge=(0, 3, 5, 7), telemetry=log, gauge=gauge, noise=0.0
@@ -91,7 +99,9 @@ def test_every_area_has_its_own_plane_the_gauges_without_error(scene_factory, ga
     np.testing.assert_allclose(verge.slope_deg.sigma, np.degrees(sigma[1:]), rtol=1e-3)
 
 
-def test_without_log_there_are_no_biases_and_the_plane_is_exact(scene_factory) -> None:
+def test_without_log_there_are_no_biases_and_the_plane_is_exact(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(2, telemetry=False, gauge="plane")
     adjustment = refine(scene.survey, SolveOptions())[0].adjustment
     shared, (ground,) = summarise_shared(adjustment, 0.0), summarise_areas(adjustment)
@@ -102,7 +112,7 @@ def test_without_log_there_are_no_biases_and_the_plane_is_exact(scene_factory) -
     assert (ground.slope_deg.sigma == 0).all()
 
 
-def test_every_frame_has_a_state_and_a_reason(scene, refined) -> None:
+def test_every_frame_has_a_state_and_a_reason(scene: Scene, refined: Refined) -> None:
     survey = scene.survey
     names = ("extra", "f3", "f0", "f1", "f2", "f4", "unpicked", "left out")
     matched = np.array([False] + 7 * [True])
@@ -116,6 +126,8 @@ def test_every_frame_has_a_state_and_a_reason(scene, refined) -> None:
         clock_offset_sigma_s=1.0,
     )
     seeds = survey.seeds
+    assert seeds is not None
+    assert survey.telemetry is not None
     more = replace(
         seeds,
         frame_id=(*seeds.frame_id, "unpicked", "left out"),
@@ -140,7 +152,7 @@ def test_every_frame_has_a_state_and_a_reason(scene, refined) -> None:
     np.testing.assert_allclose(table.time_utc_s[1], 50.0 - clock - drift * (50.0 - middle))
 
 
-def test_the_summary_counts_what_was_observed(refined) -> None:
+def test_the_summary_counts_what_was_observed(refined: Refined) -> None:
     groups, _ = judge_groups(refined.adjustment, 0.001)
     summary = summarise_solution(refined, groups, ())
     blocks = refined.adjustment.minimum.blocks
@@ -155,7 +167,9 @@ def test_the_summary_counts_what_was_observed(refined) -> None:
     assert summary.converged
 
 
-def test_an_alternative_carries_its_height_tilt_and_values(scene_factory) -> None:
+def test_an_alternative_carries_its_height_tilt_and_values(
+    scene_factory: Callable[..., Scene],
+) -> None:
     ends = ((0, 1), (1, 2), (2, 0))
     for seed in range(8):
         scene = scene_factory(

@@ -8,7 +8,7 @@ from uavgram.stages.tell import MOST_LISTED, told
 OUT = "{count} frames were left out"
 
 
-def left_out(name, why="too few picks"):
+def left_out(name: str, why: str = "too few picks") -> Message:
     return Message(
         "warning",
         "frame-left-out",

@@ -14,24 +14,39 @@ environment raises it, and a report tells the shares that were found:
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
+import scenes
+from numpy.typing import ArrayLike
+from scenes import make_scene
 from scipy.stats import binom
 
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.estimation.reliability import test_statistics as module
 from uavgram.estimation.reliability.data_snooping import suspicions
-from uavgram.estimation.reliability.redundancy import critical_value, power
+from uavgram.estimation.reliability.redundancy import (
+    Reliability,
+    critical_value,
+    power,
+    reliability,
+)
 from uavgram.estimation.reliability.test_statistics import observed
+from uavgram.estimation.solver.normal_equations import Block, Covariance
+from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.suspicion import Member
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
+from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Ground, Survey
 from uavgram.stages.refine import minima, refine
 from uavgram.stages.refine.minima import Participants
 from uavgram.stages.refine.robust_adjustment import adjust_survey
+from uavgram.stages.refine.starts import first_values
 
 pytestmark = pytest.mark.statistical
 
@@ -65,9 +80,11 @@ SEVERAL, SWAPPED = max(200, AT_LEAST), max(40, AT_LEAST)
 TAIL = 1e-4 / 2
 """Probability with which a bound of a binomial distribution is crossed by chance."""
 
+Truth = tuple[Survey, FirstValues]
+
 
 @pytest.fixture(scope="module")
-def truth(scenes):
+def truth() -> Truth:
     """Exact survey of the scene, and the values at which its adjustment starts."""
     world = np.column_stack([POINTS, np.zeros(len(POINTS))])
     center = np.array([0.0, 0.0, HEIGHT_M])
@@ -94,23 +111,25 @@ def truth(scenes):
         grounds=(Ground(
             height_m=0.0, height_sigma_m=0.3, slope_sigma_rad=0.01, roughness_sigma_m=0.0
         ),),
-        area=np.zeros(n),
+        area=np.zeros(n, dtype=int),
         gauge="plane",
     )  # fmt: skip
     return survey, FirstValues(POINTS, center[None], rotation[None], 0.0)
 
 
 @pytest.fixture(autouse=True)
-def _from_truth(monkeypatch: pytest.MonkeyPatch, truth) -> None:
+def _from_truth(monkeypatch: pytest.MonkeyPatch, truth: Truth) -> None:
     """Adjustments of the one frame start at the truth: no search, time for more repetitions."""
-    search = minima.first_values
+    search = first_values
     one_frame = truth[1]
     monkeypatch.setattr(
         minima, "first_values", lambda s: [one_frame] if s.telemetry is None else search(s)
     )
 
 
-def noisy(survey, rng: np.random.Generator, wrong=None, by=0.0):
+def noisy(
+    survey: Survey, rng: np.random.Generator, wrong: int | None = None, by: float = 0.0
+) -> Survey:
     """A survey with random errors in picks and lengths, and a blunder in one length."""
     length = survey.length_m + TAPE_M * rng.normal(size=6)
     if wrong is not None:
@@ -119,13 +138,15 @@ def noisy(survey, rng: np.random.Generator, wrong=None, by=0.0):
     return replace(survey, length_m=length, pixel_px=pixel)
 
 
-def solved(survey, outliers="report"):
+def solved(
+    survey: Survey, outliers: Literal["report", "remove"] = "report"
+) -> tuple[Refined, tuple[Message, ...]]:
     options = SolveOptions(outliers=outliers, significance=ALPHA)
     refined, messages = refine(survey, options)
     return refined, messages
 
 
-def check_errors(refined):
+def check_errors(refined: Refined) -> Floats:
     """Of the six distances between the check points."""
     place = refined.adjustment.points()[0][12:, :2]
     return np.array([
@@ -134,17 +155,22 @@ def check_errors(refined):
     ])  # fmt: skip
 
 
-def predicted(survey):
+def predicted(survey: Survey) -> tuple[Floats, Callable[[int, float], float]]:
     """Redundancy numbers of the six lengths, and the power of their tests for an error."""
     redundancy = observed(solved(survey)[0].adjustment)["lengths"].redundancy[:, 0]
-    return redundancy, lambda line, by: float(power(by, redundancy[line], TAPE_M, ALPHA))
+    return redundancy, lambda line, by: float(
+        power(np.array(by), redundancy[line], np.array(TAPE_M), ALPHA)
+    )
 
 
-def bounds(count, chance):
-    return binom.ppf([TAIL, 1 - TAIL], count, chance)
+def bounds(count: int, chance: float) -> tuple[float, float]:
+    low, high = binom.ppf(np.array([TAIL, 1 - TAIL]), count, chance)
+    return float(low), float(high)
 
 
-def statistics(survey, repetitions, seed, wrong=None, by=0.0):
+def statistics(
+    survey: Survey, repetitions: int, seed: int, wrong: int | None = None, by: float = 0.0
+) -> Floats:
     """(repetitions, 6) w of the lengths."""
     rng = np.random.default_rng(seed)
     found = []
@@ -155,7 +181,7 @@ def statistics(survey, repetitions, seed, wrong=None, by=0.0):
     return np.array(found)
 
 
-def violations(survey, repetitions=REPETITIONS):
+def violations(survey: Survey, repetitions: int = REPETITIONS) -> list[str]:
     """Where the shares of flagged lengths are not as predicted, in words."""
     redundancy, chance_of = predicted(survey)
     words = []
@@ -175,21 +201,23 @@ def violations(survey, repetitions=REPETITIONS):
     return words
 
 
-def test_false_alarms_and_power_for_small_blunders_are_as_predicted(truth) -> None:
+def test_false_alarms_and_power_for_small_blunders_are_as_predicted(truth: Truth) -> None:
     assert violations(truth[0]) == []
 
 
-def rms(errors):
+def rms(errors: ArrayLike) -> float:
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
-def blundered(survey, rng: np.random.Generator):
+def blundered(survey: Survey, rng: np.random.Generator) -> tuple[Survey, int, float]:
     """A survey with 0.2 to 1 m wrong in one length, which one, and by how much."""
     wrong, by = int(rng.integers(6)), rng.uniform(0.2, 1.0) * rng.choice([-1, 1])
     return noisy(survey, rng, wrong, by), wrong, by
 
 
-def test_a_wrong_length_is_flagged_and_its_group_named(truth, record_property) -> None:
+def test_a_wrong_length_is_flagged_and_its_group_named(
+    truth: Truth, record_property: Callable[[str, object], None]
+) -> None:
     survey = truth[0]
     _, chance_of = predicted(survey)
     rng = np.random.default_rng(4)
@@ -201,18 +229,22 @@ def test_a_wrong_length_is_flagged_and_its_group_named(truth, record_property) -
         flagged.append(first is not None)
         expected.append(chance_of(wrong, by) >= 0.95)
         named.append(first is not None and first.accused == Member("lengths", wrong, 0))
-        if named[-1]:  # and with it the picks of its ends, which no test can part from it
+        if (
+            first is not None and named[-1]
+        ):  # and with it the picks of its ends, which no test can part from it
             group = {(m.kind, m.row) for m in first.group}
             assert group == {("pixels", 2 * wrong), ("pixels", 2 * wrong + 1)}
-    expected = np.array(expected)
-    record_property("flagged where it should be", float(np.mean(np.array(flagged)[expected])))
+    should = np.array(expected)
+    record_property("flagged where it should be", float(np.mean(np.array(flagged)[should])))
     record_property("named", float(np.mean(named)))
-    assert expected.mean() > 0.9
-    assert np.mean(np.array(flagged)[expected]) >= 0.95
+    assert should.mean() > 0.9
+    assert np.mean(np.array(flagged)[should]) >= 0.95
     assert np.mean(named) >= 0.90
 
 
-def test_a_wrong_length_is_taken_out_without_harm(truth, record_property) -> None:
+def test_a_wrong_length_is_taken_out_without_harm(
+    truth: Truth, record_property: Callable[[str, object], None]
+) -> None:
     rng = np.random.default_rng(5)
     after, without, right = [], [], 0
     for _ in range(TAKEN_OUT):
@@ -231,7 +263,7 @@ def test_a_wrong_length_is_taken_out_without_harm(truth, record_property) -> Non
 
 
 def test_a_length_is_named_where_its_error_leads_to_another_pose(
-    truth, monkeypatch: pytest.MonkeyPatch
+    truth: Truth, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Three lengths allow several poses: a large error in the first line leads to another one, and
     # there all test statistics point at the third.
@@ -247,15 +279,14 @@ def test_a_length_is_named_where_its_error_leads_to_another_pose(
     refined, _ = solved(wrong)
     w = np.abs(observed(refined.adjustment)["lengths"].w[:, 0])
     assert w.argmax() == 2
+    assert refined.accused is not None
     assert refined.accused.row == 0
     refined, _ = solved(wrong, "remove")
     assert [(r.kind, r.index) for r in refined.removals] == [("line", 0)]
 
 
-def seen(truth, points):
+def seen(truth: Truth, points: Floats) -> Truth:
     """The survey of other points in the same photo, and where its adjustment starts."""
-    import scenes
-
     survey, start = truth
     world = np.column_stack([points, np.zeros(len(points))])
     pixel, _ = scenes.cv_pixels(CAMERA, start.center[0], start.rotation[0], world)
@@ -263,20 +294,20 @@ def seen(truth, points):
     return replace(survey, pixel_px=pixel, length_m=length), start._replace(point_m=points)
 
 
-def crossed(scene_factory, seed):
+def crossed(seed: int) -> tuple[Survey, np.random.Generator]:
     """A flight in which every point is seen in three frames or more; and a generator."""
-    scene = scene_factory(3000 + seed, frames=6, labels=10, lines=2, spread=6.0, tilt=0.2)
+    scene = make_scene(3000 + seed, frames=6, labels=10, lines=2, spread=6.0, tilt=0.2)
     often = np.bincount(scene.survey.pick_label, minlength=10)
     assert often.min() >= 3
     return scene.survey, np.random.default_rng(seed)
 
 
 def test_a_pick_15_px_off_is_located_where_three_frames_see_every_point(
-    scene_factory, record_property
+    record_property: Callable[[str, object], None],
 ) -> None:
     located = 0
     for seed in range(SEVERAL):
-        survey, rng = crossed(scene_factory, seed)
+        survey, rng = crossed(seed)
         pick, angle = int(rng.integers(len(survey.pick_frame))), rng.uniform(0, 2 * np.pi)
         pixel = np.array(survey.pixel_px)
         pixel[pick] += 15.0 * np.array([np.cos(angle), np.sin(angle)])
@@ -288,11 +319,11 @@ def test_a_pick_15_px_off_is_located_where_three_frames_see_every_point(
 
 
 def test_two_swapped_labels_are_located_where_three_frames_see_every_point(
-    scene_factory, record_property
+    record_property: Callable[[str, object], None],
 ) -> None:
     located = 0
     for seed in range(SWAPPED):
-        survey, rng = crossed(scene_factory, seed)
+        survey, rng = crossed(seed)
         frame = int(rng.integers(6))
         one, other = rng.choice(np.flatnonzero(survey.pick_frame == frame), 2, replace=False)
         label = np.array(survey.pick_label)
@@ -309,11 +340,11 @@ def test_two_swapped_labels_are_located_where_three_frames_see_every_point(
 
 
 def test_residuals_over_their_variance_break_the_predictions(
-    truth, monkeypatch: pytest.MonkeyPatch
+    truth: Truth, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    right = module.reliability
+    right = reliability
 
-    def wrong(block, covariance):
+    def wrong(block: Block, covariance: Covariance) -> Reliability:
         numbers = right(block, covariance)
         return numbers._replace(w=numbers.w / np.sqrt(np.maximum(numbers.redundancy, 1e-6)))
 
@@ -322,11 +353,11 @@ def test_residuals_over_their_variance_break_the_predictions(
 
 
 def test_residuals_over_the_observations_sigma_break_the_predictions(
-    truth, monkeypatch: pytest.MonkeyPatch
+    truth: Truth, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    right = module.reliability
+    right = reliability
 
-    def wrong(block, covariance):
+    def wrong(block: Block, covariance: Covariance) -> Reliability:
         numbers = right(block, covariance)
         return numbers._replace(w=block.residual)
 

@@ -23,8 +23,12 @@ from uavgram.estimation.calibration.projection_uncertainty import projection_cov
 from uavgram.estimation.calibration.reliability import photo_effect, photo_tests
 from uavgram.estimation.calibration.start import first_values
 from uavgram.geometry.camera.projection import back_project, project, project_with_jacobian
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import BoardObservations, CalibrationOptions
 from uavgram.model.camera.calibration import Calibration
+
+Trials = tuple[Floats, Floats]
+"""(T, P) estimates and (T, P, P) covariances."""
 
 pytestmark = pytest.mark.statistical
 
@@ -34,7 +38,13 @@ OPTIONS = CalibrationOptions(corner_sigma="given")
 SIGMAS = np.array([0.05, 0.2])  # unequal: every other corner
 
 
-def repeated(parameters=scenes.BROWN5, options=OPTIONS, trials=TRIALS, *, twice=False):
+def repeated(
+    parameters: Floats = scenes.BROWN5,
+    options: CalibrationOptions = OPTIONS,
+    trials: int = TRIALS,
+    *,
+    twice: bool = False,
+) -> Trials:
     """(T, P) estimates and (T, P, P) covariances from new noise on the same photos."""
     clean = scenes.make_scene(
         0, parameters, options.model, photos=8, noise=0.0, whole=False, distance=(5, 12)
@@ -62,25 +72,25 @@ def repeated(parameters=scenes.BROWN5, options=OPTIONS, trials=TRIALS, *, twice=
 
 
 @pytest.fixture(scope="module")
-def trials():
+def trials() -> Trials:
     """Estimates and covariances of one camera, calibrated again and again."""
     return repeated()
 
 
-def squared_misses(found, covariances, truth):
+def squared_misses(found: Floats, covariances: Floats, truth: Floats) -> tuple[Floats, int]:
     free = np.diag(covariances[0]) > 0
     miss = (found - truth)[:, free]
     inverse = np.linalg.inv(covariances[:, free][:, :, free])
     return np.einsum("ti,tij,tj->t", miss, inverse, miss), int(free.sum())
 
 
-def judged(squared, size):
+def judged(squared: Floats, size: int) -> bool:
     """Whether mean and 95 % coverage of squared Mahalanobis lengths are those of chi-square."""
     trials = len(squared)
-    low, high = chi2.ppf([0.0005, 0.9995], size * trials) / trials
+    low, high = chi2.ppf(np.array([0.0005, 0.9995]), size * trials) / trials
     inside = int(np.sum(squared < chi2.ppf(LEVEL, size)))
-    least, most = binom.ppf([0.0005, 0.9995], trials, LEVEL)
-    return low < squared.mean() < high and least <= inside <= most
+    least, most = binom.ppf(np.array([0.0005, 0.9995]), trials, LEVEL)
+    return bool(low < squared.mean() < high and least <= inside <= most)
 
 
 @pytest.mark.parametrize(
@@ -92,18 +102,18 @@ def judged(squared, size):
     ],
 )
 def test_true_parameters_lie_in_their_regions_at_the_stated_rate(
-    trials, parameters, options
+    trials: Trials, parameters: Floats, options: CalibrationOptions | None
 ) -> None:
     found, covariances = trials if options is None else repeated(parameters, options)
     assert judged(*squared_misses(found, covariances, parameters))
     sigma = np.sqrt(np.einsum("tii->ti", covariances))
-    least, most = binom.ppf([0.0001, 0.9999], TRIALS, LEVEL)
+    least, most = binom.ppf(np.array([0.0001, 0.9999]), TRIALS, LEVEL)
     for i in np.flatnonzero(sigma[0] > 0):
         inside = np.sum(np.abs(found[:, i] - parameters[i]) < 1.95996 * sigma[:, i])
         assert least <= inside <= most, i
 
 
-def test_the_covariance_is_the_scatter_of_repeated_calibrations(trials) -> None:
+def test_the_covariance_is_the_scatter_of_repeated_calibrations(trials: Trials) -> None:
     found, covariances = trials
     sample, stated = np.cov(found.T), covariances.mean(axis=0)
     root = np.linalg.cholesky(stated)
@@ -116,7 +126,7 @@ def test_the_covariance_is_the_scatter_of_repeated_calibrations(trials) -> None:
     assert np.trace(whitened) / 9 == pytest.approx(1, abs=4 * np.sqrt(2 / (9 * TRIALS)))
 
 
-def test_true_projections_lie_in_their_regions_at_the_stated_rate(trials) -> None:
+def test_true_projections_lie_in_their_regions_at_the_stated_rate(trials: Trials) -> None:
     found, covariances = trials
     pixel = np.array([[60.0, 60], [512, 384], [900, 100], [300, 700]])
     ray = back_project("brown", scenes.BROWN5, pixel)
@@ -128,12 +138,12 @@ def test_true_projections_lie_in_their_regions_at_the_stated_rate(trials) -> Non
         miss = have - truth
         squared = np.einsum("ni,nij,nj->n", miss, np.linalg.inv(spread), miss)
         inside += squared < chi2.ppf(LEVEL, 2)
-    least, most = binom.ppf([0.0001, 0.9999], TRIALS, LEVEL)
+    least, most = binom.ppf(np.array([0.0001, 0.9999]), TRIALS, LEVEL)
     assert (inside >= least).all()
     assert (inside <= most).all()
 
 
-def test_planted_a_sigma_for_a_variance_shows(trials) -> None:
+def test_planted_a_sigma_for_a_variance_shows(trials: Trials) -> None:
     found, covariances = trials
     sigma = np.sqrt(np.einsum("tii->ti", covariances))
     correlation = covariances / (sigma[:, :, None] * sigma[:, None, :])
@@ -141,7 +151,7 @@ def test_planted_a_sigma_for_a_variance_shows(trials) -> None:
     assert not judged(*squared_misses(found, wrong, scenes.BROWN5))
 
 
-def test_planted_photos_counted_twice_show(trials) -> None:
+def test_planted_photos_counted_twice_show(trials: Trials) -> None:
     # all of them twice halve the covariance; one of eight takes a little
     found, covariances = trials
     assert not judged(*squared_misses(found, covariances / 2, scenes.BROWN5))
@@ -153,7 +163,7 @@ def test_planted_photos_counted_twice_show(trials) -> None:
 def test_planted_no_schur_complement_shows(monkeypatch: pytest.MonkeyPatch) -> None:
     schur = normals.Products.normals
 
-    def known_poses(self, damping=0.0):
+    def known_poses(self: normals.Products, damping: float = 0.0) -> normals.Normals:
         good = schur(self, damping)
         if damping:
             return good
@@ -165,7 +175,9 @@ def test_planted_no_schur_complement_shows(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_on_real_photos_the_covariance_is_the_scatter_over_photos(data_dir: Path, side) -> None:
+def test_on_real_photos_the_covariance_is_the_scatter_over_photos(
+    data_dir: Path, side: str
+) -> None:
     # Bootstrap (Efron 1979) over photos: the residuals of one photo go together, so the corners'
     # own covariance, which is OpenCV's, is too small by a factor of more than two.
     observations = scenes.opencv_chess(data_dir, side)
@@ -174,7 +186,8 @@ def test_on_real_photos_the_covariance_is_the_scatter_over_photos(data_dir: Path
     found = snoop(lens, corners, first_values(lens, corners, (640, 480)), options)
     fit = without(found.fit, found.fit.corners.count == 0)
     effect = photo_effect(fit, photo_tests(fit, "residuals"), 1.0)
-    rng, samples = np.random.default_rng(0), []
+    rng = np.random.default_rng(0)
+    samples: list[Floats] = []
     photos = len(fit.corners.count)
     while len(samples) < 100:
         drawn = rng.integers(0, photos, photos)
@@ -191,7 +204,7 @@ def test_on_real_photos_the_covariance_is_the_scatter_over_photos(data_dir: Path
     assert np.trace(whitened) * effect.factor / 9 > 2
 
 
-def test_projection_uncertainty_covers_calibrations_after_the_fitted_turn(trials) -> None:
+def test_projection_uncertainty_covers_calibrations_after_the_fitted_turn(trials: Trials) -> None:
     found, covariances = trials
     truth = Calibration(
         name="truth",

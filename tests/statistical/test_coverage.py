@@ -18,12 +18,15 @@ that are judged by sampling:
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pytest
 from random_scenes import MEASURED, Kind, random_scene
+from scenes import NO_TIMES, Scene
 from scipy.stats import binom, chi2, norm
 
 from uavgram.errors import GeometryError
@@ -31,16 +34,21 @@ from uavgram.estimation.measuring.propagation import propagate
 from uavgram.estimation.measuring.second_order import curvature
 from uavgram.estimation.solver import levenberg_marquardt as least_squares
 from uavgram.estimation.solver.levenberg_marquardt import minimise
+from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey import likelihood as survey_problem
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.unknowns import advance
+from uavgram.estimation.survey.unknowns import State, advance
 from uavgram.geometry.ground import shapes
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.monte_carlo import sample
 from uavgram.stages.refine import refine
 from uavgram.stages.second_order import BIAS_OFF, SIGMA_OFF
+
+Plant = Callable[[pytest.MonkeyPatch], None]
 
 pytestmark = pytest.mark.statistical
 
@@ -98,13 +106,13 @@ class Outcome:
         Scenes left out, because the iterations did not come to rest.
     """
 
-    distance: np.ndarray
-    point: np.ndarray
+    distance: Floats
+    point: Floats
     flagged: int
     unsettled: int
 
 
-def adjusted(scene):
+def adjusted(scene: Scene) -> Adjustment | None:
     """The adjustment of a scene, from the truth; None where it does not come to rest."""
     survey = scene.survey
     problem = SurveyProblem(survey, scene.pivot, np.ones(len(survey.line_start), dtype=bool))
@@ -121,15 +129,17 @@ def adjusted(scene):
     return Adjustment(problem, minimum, minimum.factor.covariance())
 
 
-def curved(adjustment) -> bool:
+def curved(adjustment: Adjustment) -> bool:
     """Whether the program would say that the distance needs more than first order."""
-    measured = propagate(adjustment, DISTANCE, None)
-    terms = curvature(adjustment, measured, DISTANCE, None)
+    measured = propagate(adjustment, DISTANCE, NO_TIMES)
+    terms = curvature(adjustment, measured, DISTANCE, NO_TIMES)
     within = abs(terms.sigma[0] / measured.sigma[0] - 1.0) <= SIGMA_OFF
     return not (within and abs(terms.bias[0] / measured.sigma[0]) <= BIAS_OFF)
 
 
-def study(kind, trials, change=None, seed=1):
+def study(
+    kind: Kind, trials: int, change: Callable[[Scene], Scene] | None = None, seed: int = 1
+) -> Outcome:
     """Errors in `trials` scenes of a kind."""
     distance, point, flagged, unsettled = [], [], 0, 0
     for trial in range(trials):
@@ -152,7 +162,7 @@ def study(kind, trials, change=None, seed=1):
     return Outcome(np.array(distance), np.array(point), flagged, unsettled)
 
 
-def violations(outcome):
+def violations(outcome: Outcome) -> list[str]:
     """What is not as the covariances say, in words."""
     words = []
     n = len(outcome.distance)
@@ -160,29 +170,29 @@ def violations(outcome):
         words.append(f"{outcome.unsettled} beside {n} did not come to rest")
     for sigmas in (1, 2, 3):
         inside = int(np.sum(np.abs(outcome.distance) <= sigmas))
-        low, high = binom.ppf([TAIL, 1 - TAIL], n, 2 * norm.cdf(sigmas) - 1)
+        low, high = binom.ppf(np.array([TAIL, 1 - TAIL]), n, 2 * norm.cdf(sigmas) - 1)
         if not low <= inside <= high:
             words.append(f"{inside} of {n} distances within {sigmas} sigma, not {low}..{high}")
     m = len(outcome.point)
     if m:
-        low, high = chi2.ppf([TAIL, 1 - TAIL], 2 * m) / m
+        low, high = chi2.ppf(np.array([TAIL, 1 - TAIL]), 2 * m) / m
         if not low <= outcome.point.mean() <= high:
             words.append(f"points: mean NEES {outcome.point.mean():.2f}, not {low:.2f}..{high:.2f}")
     return words
 
 
 @pytest.mark.parametrize("row", ROWS)
-def test_errors_are_as_large_as_the_covariances_say(row) -> None:
+def test_errors_are_as_large_as_the_covariances_say(row: str) -> None:
     outcome = study(ROWS[row], SCENES)
 
     assert violations(outcome) == []
     assert outcome.flagged < 0.01 * SCENES  # counted apart: see below
 
 
-def judged_by_sampling(adjustments, truth, seed) -> bool:
+def judged_by_sampling(adjustments: Iterable[Adjustment], truth: float, seed: int) -> bool:
     """Whether a true distance lies in the sampled 95 % interval of one of some adjustments."""
     for adjustment in adjustments:
-        sampled, _ = sample(adjustment, DISTANCE, None, 80, seed)
+        sampled, _ = sample(adjustment, DISTANCE, NO_TIMES, 80, seed)
         low, high = sampled.interval_95[0]
         if low <= truth <= high:
             return True
@@ -196,7 +206,7 @@ def test_scenes_that_curvature_flags_are_honest_by_their_sampled_intervals() -> 
         scene = random_scene((2, trial), kind)
         adjustment = adjusted(scene)
         if adjustment is not None and curved(adjustment):
-            apart = np.linalg.norm(np.diff(scene.world[list(MEASURED)], axis=0))
+            apart = float(np.linalg.norm(np.diff(scene.world[list(MEASURED)], axis=0)))
             inside.append(judged_by_sampling([adjustment], apart, trial))
         if len(inside) == JUDGED:
             break
@@ -215,12 +225,12 @@ def test_ambiguous_scenes_of_three_lines_hold_the_truth_in_one_of_their_interval
         except GeometryError as why:  # no sigma would mean anything there
             merged.append(str(why))
             continue
-        apart = np.linalg.norm(np.diff(scene.world[list(MEASURED)], axis=0))
+        apart = float(np.linalg.norm(np.diff(scene.world[list(MEASURED)], axis=0)))
         if refined.alternatives:
             solutions = [refined.adjustment, *refined.alternatives]
             inside.append(judged_by_sampling(solutions, apart, trial))
         elif set(DISTANCE[0].points) <= set(refined.adjustment.survey.label):
-            found = propagate(refined.adjustment, DISTANCE, None)
+            found = propagate(refined.adjustment, DISTANCE, NO_TIMES)
             alone.append(abs(found.value[0] - apart) / found.sigma[0])
         if len(inside) == JUDGED:
             break
@@ -245,7 +255,7 @@ def without_calibration_covariance(monkeypatch: pytest.MonkeyPatch) -> None:
 def rotation_on_the_wrong_side(monkeypatch: pytest.MonkeyPatch) -> None:
     right = SurveyProblem._pixels
 
-    def wrong(self, state):
+    def wrong(self: SurveyProblem, state: State) -> Block | None:
         block = right(self, state)
         if block is None:
             return None
@@ -261,8 +271,9 @@ def rotation_on_the_wrong_side(monkeypatch: pytest.MonkeyPatch) -> None:
 def telemetry_sigma_for_variance(monkeypatch: pytest.MonkeyPatch) -> None:
     start = SurveyProblem.__init__
 
-    def wrong(self, *arguments) -> None:
-        start(self, *arguments)
+    def wrong(self: SurveyProblem, survey: Survey, pivot_m: Floats, lines: Bools) -> None:
+        start(self, survey, pivot_m, lines)
+        assert self.survey.telemetry is not None
         covariance = self.survey.telemetry.covariance
         sigma = np.sqrt(np.einsum("nii->ni", covariance))
         self.telemetry_whitening = np.eye(6) / np.sqrt(sigma)[:, None, :]
@@ -273,7 +284,7 @@ def telemetry_sigma_for_variance(monkeypatch: pytest.MonkeyPatch) -> None:
 def length_variance_for_sigma(monkeypatch: pytest.MonkeyPatch) -> None:
     right = SurveyProblem._lengths
 
-    def wrong(self, state):
+    def wrong(self: SurveyProblem, state: State) -> Block | None:
         block = right(self, state)
         weight = 1 / self.survey.length_sigma_m[self.line_index]
         return replace(
@@ -285,11 +296,11 @@ def length_variance_for_sigma(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SurveyProblem, "_lengths", wrong)
 
 
-def twice(name):
+def twice(name: str) -> Plant:
     def plant(monkeypatch: pytest.MonkeyPatch) -> None:
         right = SurveyProblem.evaluate
 
-        def wrong(self, state):
+        def wrong(self: SurveyProblem, state: State) -> dict[str, Block] | None:
             blocks = right(self, state)
             return None if blocks is None else blocks | {"again": blocks[name]}
 
@@ -298,10 +309,10 @@ def twice(name):
     return plant
 
 
-ALONE = {"bare": 1.0, "frames": (1,)}
+ALONE: dict[str, Any] = {"bare": 1.0, "frames": (1,)}
 """One frame without known lengths, so that a prior decides and shows when it counts twice."""
 
-BUGS = {
+BUGS: dict[str, tuple[Plant, str, dict[str, Any], int]] = {
     "calibration covariance dropped": (without_calibration_covariance, "calibration", {}, 60),
     "rotation error on the wrong side": (
         rotation_on_the_wrong_side,
@@ -324,7 +335,7 @@ BUGS = {
 
 @pytest.mark.parametrize(("plant", "row", "changes", "trials"), BUGS.values(), ids=BUGS.keys())
 def test_a_planted_bug_breaks_the_bounds(
-    monkeypatch: pytest.MonkeyPatch, plant, row, changes, trials
+    monkeypatch: pytest.MonkeyPatch, plant: Plant, row: str, changes: dict[str, Any], trials: int
 ) -> None:
     kind = replace(ROWS[row], **changes)
     assert violations(study(kind, trials)) == []
@@ -333,7 +344,7 @@ def test_a_planted_bug_breaks_the_bounds(
     assert violations(study(kind, trials))
 
 
-def ends_apart(scene):
+def ends_apart(scene: Scene) -> Scene:
     """Every line gets ends of its own, with copies of the picks: nothing is shared."""
     survey, truth = scene.survey, scene.truth
     ends = np.stack([survey.line_start, survey.line_end], axis=1)
@@ -358,7 +369,7 @@ def ends_apart(scene):
     return replace(scene, survey=apart, truth=replace(truth, point=point))
 
 
-def net(scene):
+def net(scene: Scene) -> Scene:
     """Five points, each taped to each: five labels decide the pose, and every one is shared."""
     ends = np.array(list(combinations(range(5), 2)))
     apart = scene.world[ends[:, 0]] - scene.world[ends[:, 1]]
@@ -382,7 +393,7 @@ def test_shared_ends_treated_as_two_points_break_the_bounds() -> None:
 def test_a_verge_taken_for_the_road_breaks_the_bounds() -> None:
     kind = replace(ROWS["two areas"], **ALONE)
 
-    def on_the_road(scene):
+    def on_the_road(scene: Scene) -> Scene:
         return replace(scene, survey=replace(scene.survey, area=0 * scene.survey.area))
 
     assert violations(study(kind, 60)) == []

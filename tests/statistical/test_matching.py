@@ -52,7 +52,7 @@ def test_an_even_interval_is_never_guessed() -> None:
     refused = 0
     for seed in range(150):
         rng = np.random.default_rng(seed)
-        exposure = 1.7e9 + np.arange(rng.integers(12, 120)) * rng.uniform(0.8, 4.0)
+        exposure = 1.7e9 + np.arange(rng.integers(12, 120), dtype=float) * rng.uniform(0.8, 4.0)
         has_photo, has_event = rng.random((2, len(exposure))) >= 0.1
         event = np.sort(exposure + rng.uniform(0.001, 0.02) * rng.standard_t(3, len(exposure)))
         resolution = rng.choice([0.001, 1.0])
@@ -70,7 +70,7 @@ def test_an_even_interval_is_never_guessed() -> None:
 @pytest.mark.parametrize("kind", ["BIN", "tlog"])
 @pytest.mark.parametrize("flight", ["calm_nadir", "wind_oblique"])
 def test_photos_dropped_from_a_real_log_are_paired_rightly_or_refused(
-    data_dir: Path, flight, kind, resolution
+    data_dir: Path, flight: str, kind: str, resolution: float
 ) -> None:
     log = read_flight_log(data_dir / flight / f"flight.{kind}")
     event = usable_boots(log)[0].event_utc_s()
@@ -95,7 +95,7 @@ def test_photos_dropped_from_a_real_log_are_paired_rightly_or_refused(
 @pytest.mark.parametrize("kind", ["BIN", "tlog"])
 @pytest.mark.parametrize("flight", ["calm_nadir", "wind_oblique"])
 def test_the_twins_own_photos_thinned_out_and_hours_off_are_right_or_refused(
-    data_dir: Path, flight, kind, resolution
+    data_dir: Path, flight: str, kind: str, resolution: float
 ) -> None:
     folder = data_dir / flight
     photos, _ = read_photos((str(folder / "photos" / "*.jpg"),), TimeOptions(source="exif"))

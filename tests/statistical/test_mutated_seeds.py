@@ -11,7 +11,7 @@ import pytest
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("suffix", mutated_seeds.SUFFIXES)
-def test_damage_moves_no_seed_without_a_word(repository: Path, suffix) -> None:
+def test_damage_moves_no_seed_without_a_word(repository: Path, suffix: str) -> None:
     told = mutated_seeds.examine(repository / "logs", suffix, range(60), seconds=3.0)
     assert told["tried"] > 20
     assert told["read"] > 0.8 * told["tried"]  # damage is survived, not just refused

@@ -6,11 +6,14 @@ between two points that neither method knows.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+import scenes
+from scenes import Scene, make_scene
 from scipy.stats import chi2
 
 from uavgram.errors import GeometryError
@@ -18,6 +21,7 @@ from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.geometry.ground import shapes
 from uavgram.imaging.known_point_pose import known_point_poses
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
 pytestmark = pytest.mark.statistical
@@ -39,11 +43,11 @@ class Outcome(NamedTuple):
 
 
 @pytest.fixture(autouse=True)
-def _equal_sigmas(monkeypatch: pytest.MonkeyPatch, scenes) -> None:
+def _equal_sigmas(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scenes, "CONTROL_SIGMA", np.full(3, SIGMA_M))
 
 
-def by_points(survey):
+def by_points(survey: Survey) -> Survey:
     """Without its lengths, from the poses that OpenCV gives."""
     nothing = np.empty(0, dtype=int)
     survey = replace(
@@ -56,7 +60,7 @@ def by_points(survey):
     return replace(survey, candidate_poses=known_point_poses(survey))
 
 
-def by_lengths(survey):
+def by_lengths(survey: Survey) -> Survey:
     """Without its coordinates."""
     return replace(
         survey,
@@ -67,7 +71,7 @@ def by_lengths(survey):
     )
 
 
-def outcome(scene, survey, ends=(6, 7)):
+def outcome(scene: Scene, survey: Survey, ends: tuple[int, int] = (6, 7)) -> Outcome | None:
     """None where the method says that it has no pose."""
     try:
         refined = refine(survey, SolveOptions())[0]
@@ -77,24 +81,28 @@ def outcome(scene, survey, ends=(6, 7)):
     label = np.array([adjustment.label_index(f"P{k}") for k in ends])
     world, covariance = adjustment.joint_points(label)
     value, gradient = shapes.distance(world)
-    true = np.linalg.norm(scene.world[ends[1]] - scene.world[ends[0]])
+    true = float(np.linalg.norm(scene.world[ends[1]] - scene.world[ends[0]]))
     blocks = adjustment.minimum.blocks.values()
     degrees = sum(b.residual.size for b in blocks) - adjustment.problem.layout.size
     return Outcome(
         error=(value - true) / true,
-        squared=(value - true) ** 2 / (gradient.ravel() @ covariance @ gradient.ravel()),
+        squared=float((value - true) ** 2 / (gradient.ravel() @ covariance @ gradient.ravel())),
         rivals=len(refined.alternatives),
         fit=upper_tail(adjustment.minimum.cost, degrees),
     )
 
 
-def outcomes(scene_factory, count, change=lambda survey: survey, **options):
+def outcomes(
+    count: int,
+    change: Callable[[Survey], Survey] = lambda survey: survey,
+    **options: Any,  # noqa: ANN401 - of `make_scene`
+) -> dict[str, list[Outcome | None]]:
     """Of both methods on the same scenes in which all eight points are seen."""
-    options = {"control": 6, "ends": FAN} | options
-    found = {name: [] for name in METHODS}
+    options = {"control": 6, "ends": FAN, **options}
+    found: dict[str, list[Outcome | None]] = {name: [] for name in METHODS}
     seed = 300
     while len(found["points"]) < count:
-        scene = scene_factory(seed, frames=1, labels=8, telemetry=False, **options)
+        scene = make_scene(seed, frames=1, labels=8, telemetry=False, **options)
         seed += 1
         if len(scene.survey.pick_frame) < 8:
             continue
@@ -104,63 +112,70 @@ def outcomes(scene_factory, count, change=lambda survey: survey, **options):
     return found
 
 
-def rms(results):
-    return np.sqrt(np.mean([one.error**2 for one in results]))
+def posed(results: Sequence[Outcome | None]) -> list[Outcome]:
+    """All of them: none may lack its pose."""
+    there = [one for one in results if one is not None]
+    assert len(there) == len(results)
+    return there
 
 
-def within_bounds(results):
-    squares = [one.squared for one in results]
-    low, high = chi2.ppf([TAIL, 1 - TAIL], len(squares)) / len(squares)
-    return low <= np.mean(squares) <= high
+def rms(results: Sequence[Outcome | None]) -> float:
+    return float(np.sqrt(np.mean([one.error**2 for one in posed(results)])))
 
 
-def test_over_a_wide_scene_both_are_equally_good_honest_and_unambiguous(scene_factory) -> None:
-    found = outcomes(scene_factory, 24)
+def within_bounds(results: Sequence[Outcome | None]) -> bool:
+    squares = [one.squared for one in posed(results)]
+    low, high = chi2.ppf(np.array([TAIL, 1 - TAIL]), len(squares)) / len(squares)
+    return bool(low <= np.mean(squares) <= high)
+
+
+def test_over_a_wide_scene_both_are_equally_good_honest_and_unambiguous() -> None:
+    found = outcomes(24)
     for name in METHODS:
         assert None not in found[name], name
         assert rms(found[name]) < 0.006, name  # of the distance
         assert within_bounds(found[name]), name
-        assert sum(one.rivals > 0 for one in found[name]) == 0, name
+        assert sum(one.rivals > 0 for one in posed(found[name])) == 0, name
     assert 0.5 < rms(found["points"]) / rms(found["lengths"]) < 2.0
 
 
-def test_a_small_scene_from_far_leaves_both_with_a_rival_pose(scene_factory) -> None:
+def test_a_small_scene_from_far_leaves_both_with_a_rival_pose() -> None:
     # Two metres from 27 m: hardly any perspective, so a plane may lean either way.
-    found = outcomes(scene_factory, 12, spread=1.0)
+    found = outcomes(12, spread=1.0)
     for name in METHODS:
-        assert sum(one.rivals > 0 for one in found[name]) >= 8, name
+        assert sum(one.rivals > 0 for one in posed(found[name])) >= 8, name
         assert rms(found[name]) > 0.01, name
 
 
-def test_three_points_are_too_few_and_three_lengths_ambiguous(scene_factory) -> None:
-    found = outcomes(scene_factory, 8, control=3, ends=TRIANGLE)
+def test_three_points_are_too_few_and_three_lengths_ambiguous() -> None:
+    found = outcomes(8, control=3, ends=TRIANGLE)
     assert found["points"] == [None] * 8
     rivals = [one is None or one.rivals > 0 for one in found["lengths"]]
     assert sum(rivals) >= 7  # a triangle is the three-point problem: up to four poses
 
 
 def test_wrong_sigmas_of_coordinates_show_in_the_fit_and_spoil_the_points_only(
-    scene_factory, scenes, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # Coordinates that are five times worse than stated.
     monkeypatch.setattr(scenes, "CONTROL_SIGMA", np.full(3, 5 * SIGMA_M))
 
-    def stated(survey):
+    def stated(survey: Survey) -> Survey:
         return replace(survey, control_sigma_m=survey.control_sigma_m / 5)
 
-    found = outcomes(scene_factory, 16, stated)
+    found = outcomes(16, stated)
     assert not within_bounds(found["points"])
-    assert sum(one.fit < 0.001 for one in found["points"]) >= 14  # and the run says so
+    assert sum(one.fit < 0.001 for one in posed(found["points"])) >= 14  # and the run says so
     assert within_bounds(found["lengths"])
-    assert sum(one.fit < 0.001 for one in found["lengths"]) <= 1
+    assert sum(one.fit < 0.001 for one in posed(found["lengths"])) <= 1
 
 
-def test_a_datum_that_is_off_moves_the_points_but_no_distance(scene_factory) -> None:
-    def shifted(survey):
+def test_a_datum_that_is_off_moves_the_points_but_no_distance() -> None:
+    def shifted(survey: Survey) -> Survey:
         return replace(survey, control_world_m=survey.control_world_m + np.array([3.0, -2.0, 0.0]))
 
-    plain = outcomes(scene_factory, 4)["points"]
-    moved = outcomes(scene_factory, 4, shifted)["points"]
+    plain = outcomes(4)["points"]
+    moved = outcomes(4, shifted)["points"]
     np.testing.assert_allclose(
-        [one.error for one in moved], [one.error for one in plain], atol=1e-5
+        [one.error for one in posed(moved)], [one.error for one in posed(plain)], atol=1e-5
     )

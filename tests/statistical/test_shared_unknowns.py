@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scenes import make_scene
 from scipy.stats import chi2
 
 from uavgram.estimation.survey.likelihood import TELEMETRY_PARTS
 from uavgram.geometry.motion import telemetry_pose
+from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
 
@@ -18,41 +20,44 @@ TAIL = 1e-5 / 2
 PARTS = ("position_bias", "heading_bias", "clock", "clock_drift")
 
 
-def found_and_true(scene_factory, name, trials=TRIALS):
+def found_and_true(name: str, trials: int = TRIALS) -> tuple[Floats, Floats]:
     """Squared errors over covariance, and posterior over prior sigmas, of one shared unknown."""
-    part, squares, gain = TELEMETRY_PARTS[name], [], []
+    part = TELEMETRY_PARTS[name]
+    squares: list[float] = []
+    gain: list[Floats] = []
     for seed in range(trials):
-        scene = scene_factory(
+        scene = make_scene(
             500 + seed, frames=8, labels=9, lines=0, control=5, sources=(name, "pixels")
         )
         adjustment = refine(scene.survey, SolveOptions())[0].adjustment
         first = adjustment.problem.layout.first_telemetry + part.start
         covariance = adjustment.shared(first, part.stop - part.start)
         error = adjustment.state.telemetry[part] - scene.truth.telemetry[part]
-        squares.append(error @ np.linalg.solve(covariance, error))
+        squares.append(float(error @ np.linalg.solve(covariance, error)))
         gain.append(np.sqrt(np.diag(covariance)) / adjustment.problem.telemetry_sigma[part])
     return np.array(squares), np.array(gain)
 
 
-def off_bounds(squares, degrees) -> bool:
+def off_bounds(squares: Floats, degrees: int) -> bool:
     count = len(squares)
-    low, high = chi2.ppf([TAIL, 1 - TAIL], count * degrees) / count
+    low, high = chi2.ppf(np.array([TAIL, 1 - TAIL]), count * degrees) / count
     return not low <= squares.mean() <= high
 
 
 @pytest.mark.parametrize("name", PARTS)
-def test_a_planted_value_is_found_within_its_sigma(scene_factory, name) -> None:
-    squares, gain = found_and_true(scene_factory, name)
+def test_a_planted_value_is_found_within_its_sigma(name: str) -> None:
+    squares, gain = found_and_true(name)
     assert gain.max() < 0.6  # the observations tell it, not its prior
     assert not off_bounds(squares, gain.shape[1])
 
 
 def test_a_drift_that_the_model_leaves_out_breaks_the_bounds(
-    scene_factory, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def without_drift(shared, time_s, middle_s):  # noqa: ARG001
-        return time_s - shared[telemetry_pose.CLOCK]
+    def without_drift(shared: Floats, time_s: Floats, middle_s: float) -> Floats:  # noqa: ARG001
+        corrected: Floats = time_s - shared[telemetry_pose.CLOCK]
+        return corrected
 
     monkeypatch.setattr("uavgram.estimation.survey.likelihood.corrected_time", without_drift)
-    squares, _ = found_and_true(scene_factory, "clock_drift", trials=3)
+    squares, _ = found_and_true("clock_drift", trials=3)
     assert off_bounds(squares, 1)

@@ -19,18 +19,23 @@ import pytest
 import random_scenes
 import scenes
 from random_scenes import MEASURED, Kind, random_scene
+from scenes import NO_TIMES, Scene
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom, norm
 
 from uavgram.estimation.measuring.propagation import propagate
 from uavgram.estimation.measuring.second_order import curvature
+from uavgram.estimation.survey.adjustment import Refined
 from uavgram.geometry.camera.lens import largest_radius
 from uavgram.geometry.ground import shapes
 from uavgram.io.cameras.drone_table import drone_cameras
+from uavgram.model.arrays import Floats
+from uavgram.model.camera.calibration import Calibration
 from uavgram.model.camera.tags import CameraTags
 from uavgram.model.flight.pose import Poses
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.camera.assume import assume_camera
 from uavgram.stages.refine import refine
 from uavgram.stages.second_order import BIAS_OFF, SIGMA_OFF
@@ -63,7 +68,7 @@ DISTANCE = (
 class Cameras:
     """Stands in the place of a root of the covariance: gives errors of cameras as they are."""
 
-    def __init__(self, assumed) -> None:
+    def __init__(self, assumed: Calibration) -> None:
         self._assumed = assumed
         self._share = np.sqrt(assumed.covariance[0, 0]) / assumed.parameters[0]
         self._lenses = [
@@ -74,10 +79,10 @@ class Cameras:
             and 0 < np.abs(camera.distortion[:2]).max() < STRONGEST
         ]
 
-    def __rmul__(self, _):
+    def __rmul__(self, _: float) -> Cameras:
         return self
 
-    def __matmul__(self, draw):
+    def __matmul__(self, draw: Floats) -> Floats:
         mean = self._assumed.parameters
         focal = mean[0] * np.exp(self._share * draw[0])
         squareness = np.array([1.0, 1.0 + 0.003 * draw[1]])
@@ -85,7 +90,8 @@ class Cameras:
         for lens in self._lenses[first:] + self._lenses[:first]:
             true = np.array([*focal * squareness, *(mean[2:4] + 20 * draw[2:4]), *lens])
             if largest_radius("brown", true) > 1.15 * CORNER_PX / focal:
-                return true - mean
+                error: Floats = true - mean
+                return error
         raise AssertionError
 
 
@@ -98,7 +104,7 @@ def _unknown_cameras(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(random_scenes, "CALIBRATION_ROOT", Cameras(assumed))
 
 
-def with_seeds(scene, rng: np.random.Generator):
+def with_seeds(scene: Scene, rng: np.random.Generator) -> Survey:
     """What the log says of the poses before the adjustment."""
     survey, truth = scene.survey, scene.truth
     if survey.telemetry is None:
@@ -115,11 +121,11 @@ def with_seeds(scene, rng: np.random.Generator):
     return replace(survey, seeds=seeds)
 
 
-def error_of(scene, refined):
+def error_of(scene: Scene, refined: Refined) -> tuple[float, bool]:
     """Error of the distance in sigmas, and whether first order is enough for it."""
     adjustment = refined.adjustment
-    measured = propagate(adjustment, DISTANCE, None)
-    terms = curvature(adjustment, measured, DISTANCE, None)
+    measured = propagate(adjustment, DISTANCE, NO_TIMES)
+    terms = curvature(adjustment, measured, DISTANCE, NO_TIMES)
     enough = abs(terms.sigma[0] / measured.sigma[0] - 1.0) <= SIGMA_OFF
     enough &= abs(terms.bias[0] / measured.sigma[0]) <= BIAS_OFF
     world, _ = adjustment.joint_points(np.array(MEASURED))
@@ -130,7 +136,7 @@ def error_of(scene, refined):
 
 @pytest.mark.usefixtures("_unknown_cameras")
 @pytest.mark.parametrize("kind", KINDS)
-def test_lengths_lie_within_their_sigmas_or_the_second_order_speaks(kind) -> None:
+def test_lengths_lie_within_their_sigmas_or_the_second_order_speaks(kind: str) -> None:
     errors = []
     for trial in range(SCENES):
         scene = random_scene((31, trial), KINDS[kind])

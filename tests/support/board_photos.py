@@ -11,8 +11,17 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from uavgram.geometry.camera.projection import back_project, project
+from uavgram.model.arrays import Floats
+from uavgram.model.camera.board import Board
+from uavgram.model.camera.calibration import LensModel
+
+Grey = NDArray[np.uint8]
+Light = NDArray[np.float32]
+BoardPose = tuple[ArrayLike, ArrayLike]
+"""(rvec, tvec): camera_from_board."""
 
 TEXELS_PER_SQUARE = 60
 BLACK, WHITE, FLOOR = 30.0, 215.0, 120.0
@@ -29,7 +38,7 @@ class Sensor:
     jpeg_quality: int = 0  # 0: as it is
 
 
-def print_board(board, quiet_squares=1.0):
+def print_board(board: Board, quiet_squares: float = 1.0) -> tuple[Light, Floats]:
     """Texture of the print with its white rim, and (2, 3) texel_from_board [texels per metre]."""
     n, rim = TEXELS_PER_SQUARE, round(quiet_squares * TEXELS_PER_SQUARE)
     columns, rows = board.columns + 1, board.rows + 1
@@ -45,16 +54,26 @@ def print_board(board, quiet_squares=1.0):
     light = np.where(image > 127, WHITE, BLACK).astype(np.float32)
     texture = cv2.copyMakeBorder(light, rim, rim, rim, rim, cv2.BORDER_CONSTANT, value=WHITE)
     scale, first = n / board.square_m, rim + n - 0.5  # texel coordinate of the first corner
-    return texture, np.array([[scale, 0.0, first], [0.0, scale, first]])
+    return texture.astype(np.float32), np.array([[scale, 0.0, first], [0.0, scale, first]])
 
 
-def true_corners(board, model, parameters, pose):
+def true_corners(board: Board, model: LensModel, parameters: ArrayLike, pose: BoardPose) -> Floats:
     """(B, 2) pixels of the board's corners; NaN where the lens has none. pose: (rvec, tvec)."""
     turn, shift = cv2.Rodrigues(np.asarray(pose[0], float))[0], np.asarray(pose[1], float)
     return project(model, np.asarray(parameters, float), board.corner_board_m @ turn.T + shift)
 
 
-def photograph(board, model, parameters, pose, size_px, sensor=Sensor(), *, seed=0, step_px=1):
+def photograph(
+    board: Board,
+    model: LensModel,
+    parameters: ArrayLike,
+    pose: BoardPose,
+    size_px: tuple[int, int],
+    sensor: Sensor = Sensor(),
+    *,
+    seed: int = 0,
+    step_px: int = 1,
+) -> Grey:
     """(height, width) uint8 photo of a board on a grey floor.
 
     Parameters
@@ -79,7 +98,15 @@ def photograph(board, model, parameters, pose, size_px, sensor=Sensor(), *, seed
     return _expose(light, sensor, np.random.default_rng(seed))
 
 
-def look(board, *, tilt_deg, azimuth_deg, roll_deg, distance_m, shift_m=(0.0, 0.0)):
+def look(
+    board: Board,
+    *,
+    tilt_deg: float,
+    azimuth_deg: float,
+    roll_deg: float,
+    distance_m: float,
+    shift_m: tuple[float, float] = (0.0, 0.0),
+) -> tuple[Floats, Floats]:
     """Pose (rvec, tvec) that looks at the board's middle, tilted about an axis in its plane."""
     azimuth = np.deg2rad(azimuth_deg)
     tilt = cv2.Rodrigues(np.deg2rad(tilt_deg) * np.array([np.cos(azimuth), np.sin(azimuth), 0.0]))
@@ -90,7 +117,13 @@ def look(board, *, tilt_deg, azimuth_deg, roll_deg, distance_m, shift_m=(0.0, 0.
     return cv2.Rodrigues(turn)[0][:, 0], shift
 
 
-def _texel_maps(model, parameters, pose, size_px, step_px):
+def _texel_maps(
+    model: LensModel,
+    parameters: Floats,
+    pose: BoardPose,
+    size_px: tuple[int, int],
+    step_px: int,
+) -> Floats:
     """(H + 2, W + 2, 2) board x and y [m] seen by pixels -1 to W and H; far out where none is."""
     turn, shift = cv2.Rodrigues(np.asarray(pose[0], float))[0], np.asarray(pose[1], float)
     pad = 2 if step_px > 1 else 1
@@ -107,10 +140,11 @@ def _texel_maps(model, parameters, pose, size_px, step_px):
         whole = (u.shape[1] * step_px, u.shape[0] * step_px)
         board = cv2.resize(board, whole, interpolation=cv2.INTER_LINEAR)
     first = pad * step_px - 1
-    return board[first : first + size_px[1] + 2, first : first + size_px[0] + 2]
+    within: Floats = board[first : first + size_px[1] + 2, first : first + size_px[0] + 2]
+    return within
 
 
-def _mean_light(texture, u, v, rows, width):
+def _mean_light(texture: Light, u: Light, v: Light, rows: slice, width: int) -> Light:
     """(rows, W) mean of the light over each pixel's subdivisions."""
     part = slice(rows.start, rows.stop + 2)
     height = rows.stop - rows.start
@@ -122,13 +156,14 @@ def _mean_light(texture, u, v, rows, width):
         borderValue=FLOOR,
     )  # fmt: skip
     mean = cv2.resize(sampled, (width + 2, height + 2), interpolation=cv2.INTER_AREA)
-    return mean[1:-1, 1:-1]
+    return np.asarray(mean[1:-1, 1:-1], np.float32)
 
 
-def _expose(light, sensor, rng: np.random.Generator):
+def _expose(light: Light, sensor: Sensor, rng: np.random.Generator) -> Grey:
     height, width = light.shape
     if sensor.blur_px > 0:
-        light = cv2.GaussianBlur(light, (0, 0), sensor.blur_px, borderType=cv2.BORDER_REPLICATE)
+        blurred = cv2.GaussianBlur(light, (0, 0), sensor.blur_px, borderType=cv2.BORDER_REPLICATE)
+        light = np.asarray(blurred, np.float32)
     if sensor.vignetting:
         v, u = np.ogrid[:height, :width]
         radius2 = ((u / width - 0.5) ** 2 + (v / height - 0.5) ** 2) * 2.0
@@ -138,4 +173,6 @@ def _expose(light, sensor, rng: np.random.Generator):
     if not sensor.jpeg_quality:
         return photo
     encoded = cv2.imencode(".jpg", photo, [cv2.IMWRITE_JPEG_QUALITY, sensor.jpeg_quality])[1]
-    return cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE)
+    decoded = cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE)
+    assert decoded is not None
+    return np.asarray(decoded, np.uint8)

@@ -5,12 +5,16 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike
 
 from uavgram.estimation.calibration.problem import State, board_middle
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import BoardObservations, BoardPhoto, flat_board
+from uavgram.model.camera.calibration import LensModel
 
 BROWN5 = np.array([820.0, 815, 512, 380, -0.21, 0.09, 8e-4, -5e-4, -0.02])
 BROWN3 = np.array([820.0, 815, 512, 380, -0.21, 0.09, 0, 0, -0.02])
@@ -24,12 +28,18 @@ class Scene:
     """Observations, and what they were made from."""
 
     observations: BoardObservations
-    parameters: np.ndarray
-    rotation: np.ndarray  # (M, 3, 3) camera_from_board
-    translation: np.ndarray  # (M, 3) of the board's origin
+    parameters: Floats
+    rotation: Floats  # (M, 3, 3) camera_from_board
+    translation: Floats  # (M, 3) of the board's origin
 
 
-def opencv_pixels(parameters, point, rotation, translation, model="brown"):
+def opencv_pixels(
+    parameters: Floats,
+    point: Floats,
+    rotation: Floats,
+    translation: Floats,
+    model: LensModel = "brown",
+) -> Floats:
     """(n, 2) pixels of (n, 3) points by OpenCV itself."""
     fx, fy, cx, cy = parameters[:4]
     matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
@@ -38,10 +48,10 @@ def opencv_pixels(parameters, point, rotation, translation, model="brown"):
     pixel = function(
         np.ascontiguousarray(point[:, None]), turn, translation, matrix, parameters[4:]
     )
-    return pixel[0].reshape(-1, 2)
+    return np.asarray(pixel[0].reshape(-1, 2), np.float64)
 
 
-def true_state(scene, parameters, bow=()):
+def true_state(scene: Scene, parameters: ArrayLike, bow: ArrayLike = ()) -> State:
     """The scene's truth as the estimator's state."""
     middle = board_middle(scene.observations.board)
     return State(
@@ -53,31 +63,33 @@ def true_state(scene, parameters, bow=()):
 
 
 def make_scene(
-    seed=0,
-    parameters=BROWN5,
-    model="brown",
+    seed: int = 0,
+    parameters: Floats = BROWN5,
+    model: LensModel = "brown",
     *,
-    photos=12,
-    noise=0.1,
-    sigma=None,
-    shape=(9, 6),
-    bow=None,
-    tilt_deg=35.0,
-    distance=(8.0, 14.0),
-    whole=True,
-):
+    photos: int = 12,
+    noise: float = 0.1,
+    sigma: float | None = None,
+    shape: tuple[int, int] = (9, 6),
+    bow: ArrayLike | None = None,
+    tilt_deg: float = 35.0,
+    distance: tuple[float, float] = (8.0, 14.0),
+    whole: bool = True,
+) -> Scene:
     """A board of unit squares in random poses; `noise` in pixels, said to be `sigma`.
 
     bow: (2,) heights along x and along y, as the estimator understands them.
     """
     rng = np.random.default_rng(seed)
-    board = flat_board(*shape, 1.0)
+    board = flat_board(shape[0], shape[1], 1.0)
     true = board.corner_board_m.copy()
     middle = true.mean(axis=0)
     if bow is not None:
         half = (np.array(shape) - 1) / 2
         true[:, 2] += (1 - ((true[:, :2] - middle[:2]) / half) ** 2) @ np.asarray(bow)
-    made, rotations, translations = [], [], []
+    made: list[BoardPhoto] = []
+    rotations: list[Floats] = []
+    translations: list[Floats] = []
     while len(made) < photos:
         tilt, direction = np.radians(tilt_deg) * rng.uniform(0.3, 1), rng.uniform(0, 2 * np.pi)
         axis = np.array([np.cos(direction), np.sin(direction), 0]) * tilt
@@ -111,7 +123,7 @@ def make_scene(
     return Scene(observations, np.asarray(parameters), np.array(rotations), np.array(translations))
 
 
-def with_noise(scene, seed, noise):
+def with_noise(scene: Scene, seed: int, noise: float) -> BoardObservations:
     """The same photos with new noise: `scene` itself must be without."""
     rng = np.random.default_rng(seed)
     photos = tuple(
@@ -121,7 +133,7 @@ def with_noise(scene, seed, noise):
     return BoardObservations(board=scene.observations.board, photos=photos)
 
 
-def replace_pixels(photo, pixel, sigma=None):
+def replace_pixels(photo: BoardPhoto, pixel: Floats, sigma: float | None = None) -> BoardPhoto:
     """The photo with other pixels, and perhaps another sigma."""
     return BoardPhoto(
         file=photo.file,
@@ -134,11 +146,12 @@ def replace_pixels(photo, pixel, sigma=None):
     )
 
 
-def opencv_chess(data_dir: Path, side):
+def opencv_chess(data_dir: Path, side: str) -> BoardObservations:
     """OpenCV's own sample photos, corners by OpenCV."""
     photos = []
     for path in sorted((data_dir / "opencv_chess").glob(f"{side}[0-9]*.jpg")):
         image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        assert image is not None
         found, corner = cv2.findChessboardCorners(image, (9, 6))
         assert found, path
         stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 30, 0.001)
@@ -150,14 +163,14 @@ def opencv_chess(data_dir: Path, side):
                 width_px=width,
                 height_px=height,
                 corner=np.arange(54),
-                pixel_px=pixel,
+                pixel_px=np.asarray(pixel, np.float64),
                 sigma_px=np.full(54, 0.1),
             )
         )
     return BoardObservations(board=flat_board(9, 6, 1.0), photos=tuple(photos))
 
 
-def phantom3(data_dir: Path):
+def phantom3(data_dir: Path) -> tuple[BoardObservations, dict[str, Any]]:
     """Published corners of a Phantom 3's board, and the published camera (of 30 photos)."""
     control = json.loads((data_dir / "phantom3_lenscalib" / "control.json").read_text())
     photos = []
@@ -176,7 +189,9 @@ def phantom3(data_dir: Path):
     return BoardObservations(board=flat_board(9, 11, 0.06), photos=tuple(photos)), control["camera"]
 
 
-def opencv_calibration(observations, flags=0, times=5):
+def opencv_calibration(
+    observations: BoardObservations, flags: int = 0, times: int = 5
+) -> tuple[Floats, Floats, Floats, Floats]:
     """Parameters (P,), their standard deviations, rms and the poses' ones, by OpenCV.
 
     Its threads add up in any order, and its iterations stop where the sum no longer falls: some
@@ -189,7 +204,7 @@ def opencv_calibration(observations, flags=0, times=5):
     count = 12 if flags & cv2.CALIB_RATIONAL_MODEL else 9
     runs = []
     for _ in range(times):
-        rms, matrix, distortion, _, _, sigma, pose_sigma, _ = cv2.calibrateCameraExtended(
+        rms, matrix, distortion, _, _, sigma, pose_sigma, _ = cv2.calibrateCameraExtended(  # type: ignore[call-overload] # no None in its stubs
             points,
             pixels,
             (first.width_px, first.height_px),
@@ -204,9 +219,10 @@ def opencv_calibration(observations, flags=0, times=5):
     return tuple(np.median(np.stack(values), axis=0) for values in zip(*runs, strict=True))
 
 
-def as_float32(observations):
+def as_float32(observations: BoardObservations) -> BoardObservations:
     """The same corners, rounded as OpenCV rounds them."""
     photos = tuple(
-        replace_pixels(photo, photo.pixel_px.astype(np.float32)) for photo in observations.photos
+        replace_pixels(photo, photo.pixel_px.astype(np.float32).astype(float))
+        for photo in observations.photos
     )
     return BoardObservations(board=observations.board, photos=photos)

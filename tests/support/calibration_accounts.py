@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import board_scenes
 import numpy as np
 
-from uavgram.imaging.photos.preview import preview_of
-from uavgram.model.camera.board import CalibrationOptions
+from uavgram.imaging.photos.preview import Preview, preview_of
+from uavgram.model.camera.board import BoardObservations, CalibrationOptions
+from uavgram.model.camera.calibration import LensModel
 from uavgram.model.camera.calibration_account import CalibrationAccount
 from uavgram.model.camera.provenance import CameraProvenance
 from uavgram.model.message import Message
 from uavgram.model.provenance import InputDigest
-from uavgram.stages.calibrate import calibrate
 from uavgram.stages.calibrate.account import lens_effects
+from uavgram.stages.calibrate.calibrate import calibrate
 
 
-def make_account(seed=0, *, options=None, name="a camera", spoil=0, model="brown", **scene):
+def make_account(
+    seed: int = 0,
+    *,
+    options: CalibrationOptions | None = None,
+    name: str = "a camera",
+    spoil: int = 0,
+    model: LensModel = "brown",
+    **scene: Any,  # noqa: ANN401 - what `make_scene` takes
+) -> CalibrationAccount:
     """`spoil` corners of the second photo are 5 px off."""
     if model == "fisheye":
         scene = {"parameters": board_scenes.FISHEYE, "model": model, "distance": (4, 9)} | scene
@@ -25,9 +36,7 @@ def make_account(seed=0, *, options=None, name="a camera", spoil=0, model="brown
         pixel = photos[1].pixel_px.copy()
         pixel[:spoil] += 5.0
         photos[1] = board_scenes.replace_pixels(photos[1], pixel)
-    observations = board_scenes.BoardObservations(
-        board=made.observations.board, photos=tuple(photos)
-    )
+    observations = BoardObservations(board=made.observations.board, photos=tuple(photos))
     options = options or CalibrationOptions(model=model, coefficients=4 if model != "brown" else 5)
     result = calibrate(observations, options, name)
     provenance = CameraProvenance(
@@ -54,7 +63,7 @@ def make_account(seed=0, *, options=None, name="a camera", spoil=0, model="brown
     )
 
 
-def make_previews(account):
+def make_previews(account: CalibrationAccount) -> dict[str, Preview]:
     """A blank picture for every photo."""
     size = (account.result.calibration.height_px, account.result.calibration.width_px)
     blank = preview_of(np.full(size, 90, np.uint8), 320)

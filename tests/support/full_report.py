@@ -24,12 +24,14 @@ def full(result: Result) -> Result:
     share = rng.dirichlet(np.ones(len(SOURCES)), count) * none[:, None]
     area = AreaPlane(
         name="road",
-        height_m=Estimate(value=[0.123], sigma=[0.0456]),
-        slope_deg=Estimate(value=[0.31, -0.22], sigma=[0.011, 0.012]),
-        pivot_m=[12.5, -7.25],
+        height_m=Estimate(value=np.array([0.123]), sigma=np.array([0.0456])),
+        slope_deg=Estimate(value=np.array([0.31, -0.22]), sigma=np.array([0.011, 0.012])),
+        pivot_m=np.array([12.5, -7.25]),
     )
     bank = replace(
-        area, name="bank <of the river>", height_m=Estimate(value=[-1.789], sigma=[0.0123])
+        area,
+        name="bank <of the river>",
+        height_m=Estimate(value=np.array([-1.789]), sigma=np.array([0.0123])),
     )
     return replace(
         result,
@@ -46,7 +48,7 @@ def full(result: Result) -> Result:
             bias=0.03 * rows.sigma,
             sigma=1.021 * rows.sigma,
             curvature=0.02 * none,
-            off=np.zeros(count),
+            off=np.zeros(count, dtype=bool),
         ),
         areas=(area, bank),
         checks_overall=ChecksOverall(

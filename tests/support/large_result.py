@@ -6,13 +6,24 @@ from dataclasses import replace
 
 import numpy as np
 import synthetic_survey
+from pyproj.enums import TransformDirection
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from uavgram.geometry.camera.projection import project
+from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
-from uavgram.model.result.tables import PickResults, PlanarUncertainty, PointResults, PoseTable
+from uavgram.model.result.tables import (
+    FrameStatus,
+    PickResults,
+    PickStatus,
+    PlanarUncertainty,
+    PointResults,
+    PoseTable,
+)
 
+REFINED: FrameStatus = "refined"
+USED: PickStatus = "used"
 WIDTH_PX, HEIGHT_PX = 5472, 3648
 LENS = np.array([3650.0, 3652.0, 2735.0, 1822.0, -0.06, 0.03, 2e-4, -2e-4, -0.01])
 HEIGHT_M, SPACING_M = 60.0, np.array([18.0, 12.0])
@@ -51,8 +62,8 @@ def large_result(frames: int, points: int, folder: str = "photos") -> Result:
             small.frames,
             frame_id=names,
             path=tuple(f"{folder}/{name}" for name in names),
-            time_utc_s=synthetic_survey.START_UTC_S + 2.0 * np.arange(frames),
-            status=("refined",) * frames,
+            time_utc_s=synthetic_survey.START_UTC_S + 2.0 * np.arange(frames, dtype=float),
+            status=(REFINED,) * frames,
             reason=("",) * frames,
             seed=seed,
             refined=refined,
@@ -71,17 +82,17 @@ def large_result(frames: int, points: int, folder: str = "photos") -> Result:
     )
 
 
-def _poses(center: np.ndarray, rotation: np.ndarray, sigma: np.ndarray) -> PoseTable:
+def _poses(center: Floats, rotation: Floats, sigma: Floats) -> PoseTable:
     covariance = np.tile(np.diag(sigma**2), (len(center), 1, 1))
     return PoseTable(center_world_m=center, world_from_camera=rotation, covariance=covariance)
 
 
 def _picks(
     names: tuple[str, ...],
-    center: np.ndarray,
-    rotation: np.ndarray,
+    center: Floats,
+    rotation: Floats,
     labels: tuple[str, ...],
-    spots: np.ndarray,
+    spots: Floats,
     rng: np.random.Generator,
 ) -> PickResults:
     count = min(FRAMES_PER_POINT, len(names))
@@ -100,18 +111,20 @@ def _picks(
         residual_px=residual,
         w=residual[:, 0] / 0.7,
         redundancy=np.full(len(pixel), 0.6),
-        status=("used",) * len(pixel),
+        status=(USED,) * len(pixel),
     )
 
 
 def _points(
-    labels: tuple[str, ...], spots: np.ndarray, names: tuple[str, ...], rng: np.random.Generator
+    labels: tuple[str, ...], spots: Floats, names: tuple[str, ...], rng: np.random.Generator
 ) -> PointResults:
     count = len(spots)
     axes = np.sort(rng.uniform(0.01, 0.06, (count, 2)), axis=1)[:, ::-1]
     covariance = np.tile(np.diag([1e-4, 2e-4]), (count, 1, 1))
     azimuth = rng.uniform(0, np.pi, count)
-    longitude, latitude, _ = synthetic_survey.TO_EARTH.transform(*spots.T, direction="INVERSE")
+    longitude, latitude, _ = synthetic_survey.TO_EARTH.transform(
+        spots[:, 0], spots[:, 1], spots[:, 2], direction=TransformDirection.INVERSE
+    )
     return PointResults(
         label=labels,
         position_world_m=spots,

@@ -9,9 +9,10 @@ from __future__ import annotations
 import itertools
 import struct
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from pymavlink import DFReader
@@ -23,6 +24,7 @@ from uavgram.io.logs.dataflash.formats import FMT_TYPE
 from uavgram.io.logs.dataflash.index import indexed_by_loop
 
 Rng = np.random.Generator
+Item = TypeVar("Item")
 USED = ("POS", "ATT", "MNT", "GPS", "GPA", "ORGN", "CAM", "XKF1", "XKF4", "XKQ", "XKV1")
 STRANGE = (b"\0" * 8, b"\xff" * 8, b"\x7f" * 8, b"\0\0\xc0\x7f\0\0\xf8\x7f", b"\0\0\x80\x7f" * 2)
 
@@ -75,7 +77,7 @@ def mutant(suffix: str, data: bytes, seed: int) -> tuple[str, bytes]:
     return kind.__name__.strip("_"), kind(data, rng)
 
 
-def _pick(rng: Rng, items):
+def _pick(rng: Rng, items: Sequence[Item]) -> Item:
     return items[int(rng.integers(len(items)))]
 
 
@@ -157,6 +159,9 @@ def _binary_values(data: bytes, rng: Rng) -> bytes:
     for _ in range(int(rng.integers(1, 6))):
         piece = tables.pieces[_pick(rng, [n for n in USED if n in tables.pieces])][0]
         dtype = piece.format.dtype()
+        assert dtype is not None
+        assert dtype.names is not None
+        assert dtype.fields is not None
         field, offset = dtype.fields[_pick(rng, dtype.names)][:2]
         at = int(_pick(rng, piece.starts)) + 3 + offset
         size = field.itemsize

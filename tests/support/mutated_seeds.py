@@ -15,6 +15,7 @@ import warnings
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TypedDict
 
 import cv2
 import numpy as np
@@ -22,8 +23,9 @@ from log_mutants import mutant, short_logs
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.boot_clock import fit_boot_clock, to_utc
-from uavgram.geometry.earth.geodesy import enu_from_geodetic, geodetic_from_enu
+from uavgram.geometry.earth.geodesy import Origin, enu_from_geodetic, geodetic_from_enu
 from uavgram.io.logs.flight_log import read_flight_log
+from uavgram.model.arrays import Floats
 from uavgram.pipeline.measure.inputs import Inputs, log_messages, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
 
@@ -47,19 +49,31 @@ sigma: [0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
 """
 
 
+class Told(TypedDict):
+    """How many mutants came to what; those that crashed, or moved a seed without a word."""
+
+    tried: int
+    read: int
+    refused: int
+    warned: int
+    moved: int
+    crashed: list[str]
+    silent: list[str]
+
+
 @dataclass(frozen=True)
 class Seen:
     """Seeds of one log under both mounts, and what was said."""
 
     frames: tuple[tuple[str, ...], ...]
-    place: tuple[np.ndarray, ...]
-    center_m: tuple[np.ndarray, ...]
-    rotation: tuple[np.ndarray, ...]
-    sigma: tuple[np.ndarray, ...]
+    place: tuple[Floats, ...]
+    center_m: tuple[Floats, ...]
+    rotation: tuple[Floats, ...]
+    sigma: tuple[Floats, ...]
     said: frozenset[str]
 
 
-def survey(folder: Path, suffix: str, data: bytes, times_utc_s: np.ndarray) -> list[Inputs]:
+def survey(folder: Path, suffix: str, data: bytes, times_utc_s: Floats) -> list[Inputs]:
     """The same photos with the log's gimbal, and with a camera fixed to the body."""
     photos = folder / "photos"
     photos.mkdir(parents=True, exist_ok=True)
@@ -83,11 +97,12 @@ def seen(surveys: list[Inputs], path: Path) -> Seen:
     log = read_flight_log(path)
     said = [m.text for m in log_messages(log)]
     posed = [pose_frames(replace(inputs, log=log)) for inputs in surveys]
-    poses = [p.telemetry.poses for p in posed]
+    poses = [p.telemetry.poses for p in posed if p.telemetry is not None]
     for p in posed:
         said += [f"{m.code}: {m.text}" for m in p.messages if m.level != "info"]
     place = []
     for p, found in zip(posed, poses, strict=True):
+        assert p.world.origin is not None
         place.append(np.stack(geodetic_from_enu(found.center_world_m, p.world.origin), axis=1))
     return Seen(
         frames=tuple(p.frame_id for p in poses),
@@ -108,9 +123,10 @@ def moved(base: Seen, other: Seen) -> tuple[float, str]:
         mine = [row[other.frames[m][k]] for k in here]
         if not here:
             continue
-        origin = tuple(base.place[m][0])
-        change = enu_from_geodetic(*other.place[m][here].T, origin)
-        change -= enu_from_geodetic(*base.place[m][mine].T, origin)
+        latitude, longitude, height = base.place[m][0]
+        origin = (latitude, longitude, height)
+        change = _from_origin(other.place[m][here], origin)
+        change -= _from_origin(base.place[m][mine], origin)
         home = other.center_m[m][here] - base.center_m[m][mine]
         turned = np.swapaxes(base.rotation[m][mine], 1, 2) @ other.rotation[m][here]
         angle = np.stack([cv2.Rodrigues(r)[0][:, 0] for r in turned])
@@ -129,10 +145,14 @@ def moved(base: Seen, other: Seen) -> tuple[float, str]:
     return worst, what
 
 
-def examine(logs: Path, suffix: str, seeds: range, seconds: float = 1e9) -> dict:
+def _from_origin(place: Floats, origin: Origin) -> Floats:
+    return enu_from_geodetic(place[:, 0], place[:, 1], place[:, 2], origin)
+
+
+def examine(logs: Path, suffix: str, seeds: range, seconds: float = 1e9) -> Told:
     """Read mutants of one form; what crashed, and what moved a seed without a word."""
     data = short_logs(logs)[suffix]
-    told = {
+    told: Told = {
         "tried": 0,
         "read": 0,
         "refused": 0,
@@ -161,7 +181,7 @@ def examine(logs: Path, suffix: str, seeds: range, seconds: float = 1e9) -> dict
     return told
 
 
-def _judge(told: dict, name: str, base: Seen, surveys: list[Inputs], path: Path) -> None:
+def _judge(told: Told, name: str, base: Seen, surveys: list[Inputs], path: Path) -> None:
     try:
         found = seen(surveys, path)
     except UavgramError:
@@ -183,7 +203,7 @@ def _judge(told: dict, name: str, base: Seen, surveys: list[Inputs], path: Path)
             sys.stderr.write(f"{name}: {what}\n")
 
 
-def exposures(logs: Path) -> np.ndarray:
+def exposures(logs: Path) -> Floats:
     """Instants over the ten seconds, less their ends, where any loss leaves photos out."""
     boot = read_flight_log(logs / "twin_short.BIN").boots[0]
     return to_utc(fit_boot_clock(boot)[0], np.linspace(*BETWEEN_BOOT_S, PHOTOS))

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from uavgram.picking.document.commands import ProjectAction
 from uavgram.picking.protocol.parse import parse_message
 from uavgram.picking.session.project import OpenProject
 from uavgram.picking.storage.tables import Tables
@@ -43,4 +44,6 @@ def change(project: OpenProject, kind: str, /, **fields: object) -> Json:
 def ask(project: OpenProject, kind: str) -> Json:
     """Ask something of the project as a whole."""
     message = parse_message(json.dumps({"seq": 1, "t": kind}), project.picking.photos)
-    return asyncio.run(project.do(message.body))
+    action = message.body
+    assert isinstance(action, ProjectAction)
+    return asyncio.run(project.do(action))

@@ -11,16 +11,20 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache, partial
 from pathlib import Path
+from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 import cv2
 import httpx
 import numpy as np
+from websockets import Origin
 from websockets.sync.client import connect
 
+Json = dict[str, Any]
 WIDTH, HEIGHT = 640, 480
 LONGEST_WAIT_S = 60.0
 
@@ -90,6 +94,8 @@ class Server:
         self.log = project.parent / "server.log"
         forking = _forking_process()
         asked = {"project": str(project), "log_file": str(self.log), "save_after_s": save_after_s}
+        assert forking.stdin is not None
+        assert forking.stdout is not None
         forking.stdin.write(json.dumps(asked) + "\n")
         forking.stdin.flush()
         answer = json.loads(forking.stdout.readline())
@@ -137,7 +143,7 @@ class Server:
 
 
 @contextmanager
-def running(project: Path):
+def running(project: Path) -> Iterator[Server]:
     """A server that ends with the block."""
     server = Server(project)
     try:
@@ -146,7 +152,18 @@ def running(project: Path):
         server.stop()
 
 
-def cookie_of(server: Server) -> str:
+class Reachable(Protocol):
+    """A server, in another process or in this one."""
+
+    @property
+    def address(self) -> str:
+        """The address that is printed: it lets in once."""
+
+    @property
+    def origin(self) -> str: ...
+
+
+def cookie_of(server: Reachable) -> str:
     """The cookie that the printed address is exchanged for."""
     answer = ask(server.address, follow_redirects=False)
     assert answer.status_code == 303, answer.text
@@ -156,14 +173,14 @@ def cookie_of(server: Server) -> str:
 class Page:
     """A page that is open: it sends commands, and keeps the state that the server confirmed."""
 
-    def __init__(self, server: Server, cookie: str | None = None) -> None:
+    def __init__(self, server: Reachable, cookie: str | None = None) -> None:
         self.cookie = cookie_of(server) if cookie is None else cookie
         netloc = urlsplit(server.origin).netloc
         self._open = ExitStack()
         self.socket = self._open.enter_context(
             connect(
                 f"ws://{netloc}/socket",
-                origin=server.origin,
+                origin=Origin(server.origin),
                 additional_headers={"Cookie": self.cookie},
                 open_timeout=LONGEST_WAIT_S,
                 max_size=None,
@@ -171,7 +188,7 @@ class Page:
             )
         )
         self.initial_state = self.until("initial-state")
-        self.picks: dict[tuple[int, str], dict] = {
+        self.picks: dict[tuple[int, str], Json] = {
             (pick["image"], pick["label"]): pick for pick in self.initial_state["state"]["picks"]
         }
         self.lines = self.initial_state["state"]["lines"]
@@ -187,27 +204,27 @@ class Page:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def send(self, kind: str, /, **fields) -> int:
+    def send(self, kind: str, /, **fields: object) -> int:
         """Send a command without waiting for its answer."""
         self.seq += 1
         self.socket.send(json.dumps({"seq": self.seq, "t": kind, **fields}))
         return self.seq
 
-    def read(self) -> dict:
+    def read(self) -> Json:
         """The next message; what it confirms is taken over."""
-        answer = json.loads(self.socket.recv(timeout=LONGEST_WAIT_S))
+        answer: Json = json.loads(self.socket.recv(timeout=LONGEST_WAIT_S))
         if answer["t"] == "changed":
             self._take(answer["diff"])
         return answer
 
-    def until(self, kind: str, /, **wanted) -> dict:
+    def until(self, kind: str, /, **wanted: object) -> Json:
         """The next message of a kind with these fields."""
         while True:
             answer = self.read()
             if answer["t"] == kind and all(answer.get(k) == v for k, v in wanted.items()):
                 return answer
 
-    def do(self, kind: str, /, **fields) -> dict:
+    def do(self, kind: str, /, **fields: object) -> Json:
         """Send a command and wait until it is confirmed or refused."""
         seq = self.send(kind, **fields)
         while True:
@@ -219,7 +236,7 @@ class Page:
                 return answer
 
     @property
-    def state(self) -> dict:
+    def state(self) -> Json:
         """All that was confirmed, in one form."""
         return {
             "picks": [self.picks[key] for key in sorted(self.picks)],
@@ -227,7 +244,7 @@ class Page:
             "measurements": self.measurements,
         }
 
-    def _take(self, diff: dict) -> None:
+    def _take(self, diff: Json) -> None:
         for key in diff.get("picks", {}).get("gone", []):
             del self.picks[key[0], key[1]]
         for pick in diff.get("picks", {}).get("put", []):

@@ -8,6 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from uavgram.imaging.raster import Image
+from uavgram.model.arrays import Floats
+
 WIDTH_PX, HEIGHT_PX = 2001, 1401  # odd on every level
 BLOB_SIGMA_PX = 3.0
 PLACES = np.array([[612.37, 433.81], [1403.62, 380.15], [999.5, 700.25], [480.9, 1010.44]])
@@ -22,10 +25,10 @@ class PickingProject:
     """A project file, and where its photo's marks are: (N, 2) pixels."""
 
     path: Path
-    marks_px: np.ndarray
+    marks_px: Floats
 
 
-def marked_photo() -> np.ndarray:
+def marked_photo() -> Image:
     """Bright round marks on dark ground; their centres of gravity are where `PLACES` says."""
     v, u = np.mgrid[:HEIGHT_PX, :WIDTH_PX]
     grey = np.full((HEIGHT_PX, WIDTH_PX), 40.0)

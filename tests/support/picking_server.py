@@ -11,6 +11,7 @@ from pathlib import Path
 
 import uvicorn
 
+from uavgram.picking.session.session import PickSession
 from uavgram.picking.storage.tables import Tables
 from uavgram.picking.web.guard import Guard
 from uavgram.picking.web.patience import PatientProtocol
@@ -40,7 +41,15 @@ class Served:
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     @property
-    def picking(self):
+    def origin(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    @property
+    def address(self) -> str:
+        return self.guard.address()
+
+    @property
+    def picking(self) -> PickSession:
         return self.pick.picking
 
     def start(self) -> None:

@@ -6,12 +6,15 @@ Pixels come from OpenCV, rotations from scipy; every photo is turned as it likes
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from pyproj import Transformer
 from scenes import calibration_covariance, cv_pixels
 from scipy.spatial.transform import Rotation
 
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.photo_poses import PhotoPoses
@@ -37,11 +40,11 @@ class PlaceOnly:
     """A survey, and the true centres (F, 3), rotations (F, 3, 3) and points (K, 3)."""
 
     survey: Survey
-    center: np.ndarray
-    rotation: np.ndarray
-    world: np.ndarray
+    center: Floats
+    rotation: Floats
+    world: Floats
 
-    def pose_errors(self, adjustment) -> np.ndarray:
+    def pose_errors(self, adjustment: Adjustment) -> Floats:
         """(F, 6) centre [m] and turn in the camera [rad], estimated to true, over their sigmas."""
         names = adjustment.survey.frame_id
         at = [self.survey.frame_id.index(name) for name in names]
@@ -53,7 +56,9 @@ class PlaceOnly:
             ],
             axis=1,
         )
-        return error / np.sqrt(np.einsum("fii->fi", adjustment.frame_covariance()))
+        sigma = np.sqrt(np.einsum("fii->fi", adjustment.frame_covariance()))
+        in_sigmas: Floats = error / sigma
+        return in_sigmas
 
 
 def place_only(
@@ -62,7 +67,7 @@ def place_only(
     frames: int = 6,
     labels: int = 14,
     pitch_deg: float = -90.0,
-    attitude_sigma_deg="auto",
+    attitude_sigma_deg: tuple[float, float] | Literal["auto"] = "auto",
     ground: GroundOptions | None = None,
 ) -> PlaceOnly:
     """Photos minutes apart and 40 m up; each picks what it sees of the labels, to 1 px."""
@@ -101,7 +106,9 @@ def place_only(
     poses = _poses(center + bias + rng.normal(0, 3.0, center.shape))
     telemetry = TelemetryOptions(attitude_sigma_deg=attitude_sigma_deg)
     mount = MountOptions(pitch_deg=pitch_deg)
-    exposures, _ = place_photos(poses, PLACE, mount, telemetry, np.arange(frames) * 60.0)
+    exposures, _ = place_photos(
+        poses, PLACE, mount, telemetry, np.arange(frames, dtype=float) * 60.0
+    )
     seeds = seed(_frames(exposures.frame_id), exposures, mount, telemetry)
     picked = [name for name in exposures.frame_id if name in image]
     observed = Observations(
@@ -117,7 +124,7 @@ def place_only(
     return PlaceOnly(assembled.survey, center[at], rotation[at], world)
 
 
-def _cameras(rng: np.random.Generator, frames, pitch_deg):
+def _cameras(rng: np.random.Generator, frames: int, pitch_deg: float) -> tuple[Floats, Floats]:
     """Each anywhere about the scene, turned as it likes, tilted as the mount has it up to 5."""
     heading = rng.uniform(0, 360, frames)
     away = 40.0 / np.tan(np.radians(-pitch_deg)) if pitch_deg > -85 else 0.0
@@ -131,8 +138,8 @@ def _cameras(rng: np.random.Generator, frames, pitch_deg):
     return center, enu @ ned @ np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0.0]])
 
 
-def _poses(place_m) -> PhotoPoses:
-    longitude, latitude, height = TO_EARTH.transform(*place_m.T)
+def _poses(place_m: Floats) -> PhotoPoses:
+    longitude, latitude, height = TO_EARTH.transform(place_m[:, 0], place_m[:, 1], place_m[:, 2])
     count = len(place_m)
     unknown, none = np.full(count, np.nan), np.full((count, 3), np.nan)
     return PhotoPoses(
@@ -153,19 +160,19 @@ def _poses(place_m) -> PhotoPoses:
     )
 
 
-def _frames(names) -> Frames:
+def _frames(names: tuple[str, ...]) -> Frames:
     return Frames(
         frame_id=names,
         time_utc_s=np.full(len(names), np.nan),
         sigma_time_s=np.full(len(names), np.nan),
-        matched=[True] * len(names),
+        matched=np.ones(len(names), dtype=bool),
         reason=("",) * len(names),
         clock_offset_s=0.0,
         clock_offset_sigma_s=1.0,
     )
 
 
-def _lines(rng: np.random.Generator, world) -> KnownLines:
+def _lines(rng: np.random.Generator, world: Floats) -> KnownLines:
     ends = [(0, 1), (2, 3), (4, 5), (6, 7)]
     length = np.array([np.linalg.norm(world[a] - world[b]) for a, b in ends])
     return KnownLines(

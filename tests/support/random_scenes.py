@@ -16,6 +16,7 @@ from scenes import GIMBAL_FROM_CAMERA, LEVER_ARM, Scene, Sources, cv_pixels, loo
 from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.log import Track
 from uavgram.model.flight.photo_poses import PhotoExposures
@@ -169,7 +170,7 @@ def random_scene(seed: int | tuple[int, ...], kind: Kind) -> Scene:
     return Scene(survey, truth, pivot, world)
 
 
-def _ground(source, kind, name, height):
+def _ground(source: Sources, kind: Kind, name: str, height: float) -> Ground:
     return Ground(
         name=name,
         height_m=height,
@@ -179,7 +180,7 @@ def _ground(source, kind, name, height):
     )
 
 
-def _cameras(rng: np.random.Generator, kind):
+def _cameras(rng: np.random.Generator, kind: Kind) -> tuple[Floats, Floats]:
     """Frames about a scene at the origin, all at one height, each looking at it."""
     count = rng.choice(kind.frames)
     if max(kind.frames) > 1 and rng.random() < MANY_FRAMES:
@@ -196,17 +197,18 @@ def _cameras(rng: np.random.Generator, kind):
     return center, turn.reshape(-1, 3, 3) @ look_down(0.0, tilt) @ wobble
 
 
-def _ground_points(rng: np.random.Generator, center, rotation):
+def _ground_points(rng: np.random.Generator, center: Floats, rotation: Floats) -> Floats:
     """(K, 2) points scattered over the middle of the first image, and so on the ground z = 0."""
     x = rng.uniform(-0.42, 0.42, LABELS)
     y = rng.uniform(-0.33, 0.33, LABELS)
     ray = np.column_stack([x, y, np.ones(LABELS)]) @ rotation[0].T
     # No ray flatter than 10 degrees: beyond, a pixel is worth many metres.
     sink = np.minimum(ray[:, 2], -np.sin(np.deg2rad(10)) * np.linalg.norm(ray, axis=1))
-    return center[0, :2] - center[0, 2] * ray[:, :2] / sink[:, None]
+    planar: Floats = center[0, :2] - center[0, 2] * ray[:, :2] / sink[:, None]
+    return planar
 
 
-def _at_gauge(planar, center, rotation):
+def _at_gauge(planar: Floats, center: Floats, rotation: Floats) -> tuple[Floats, Floats, Floats]:
     """The same scene, its first frame above the origin and its image up towards north."""
     image_up = -rotation[0, :2, 1]
     turn = Rotation.from_euler("z", np.arctan2(*image_up)).as_matrix()
@@ -214,7 +216,14 @@ def _at_gauge(planar, center, rotation):
     return (planar - foot[:2]) @ turn[:2, :2].T, (center - foot) @ turn.T, turn @ rotation
 
 
-def _picks(rng: np.random.Generator, intrinsics, center, rotation, world, source):
+def _picks(
+    rng: np.random.Generator,
+    intrinsics: Floats,
+    center: Floats,
+    rotation: Floats,
+    world: Floats,
+    source: Sources,
+) -> Floats:
     """(P, 4) frame, label, u, v; all labels in the first frame, elsewhere those well inside."""
     picks = []
     for f in range(len(center)):
@@ -228,7 +237,7 @@ def _picks(rng: np.random.Generator, intrinsics, center, rotation, world, source
     return table
 
 
-def _line_ends(rng: np.random.Generator, kind):
+def _line_ends(rng: np.random.Generator, kind: Kind) -> tuple[Ints, Ints]:
     """Ends of the known lengths: four of them apart, the others at random; none measured."""
     count = rng.integers(kind.lines[0], kind.lines[1] + 1) * (rng.random() >= kind.bare)
     pairs = [tuple(sorted(pair)) for pair in rng.permutation(8).reshape(4, 2).tolist()]
@@ -238,7 +247,14 @@ def _line_ends(rng: np.random.Generator, kind):
     return ends[:, 0], ends[:, 1]
 
 
-def _telemetry(rng: np.random.Generator, source, sigma, kind, center, rotation):
+def _telemetry(
+    rng: np.random.Generator,
+    source: Sources,
+    sigma: Floats,
+    kind: Kind,
+    center: Floats,
+    rotation: Floats,
+) -> tuple[Floats, TelemetryPrior, Track | PhotoExposures]:
     """What was recorded of the flight: wrong by what all frames share, and each by its own."""
     count = len(center)
     shared_sigma = np.concatenate([s * source.sigma(n) for n, s in SHARED.items()])
@@ -250,7 +266,7 @@ def _telemetry(rng: np.random.Generator, source, sigma, kind, center, rotation):
     predicted = rotation @ Rotation.from_rotvec(own[:, 3:]).as_matrix()
     body = heading.T @ predicted @ boresight.T @ GIMBAL_FROM_CAMERA.T
     position = center + own[:, :3] + shared[6:9] - heading @ body @ shared[3:6]
-    time = 1000.0 + 2.0 * np.arange(count)
+    time = 1000.0 + 2.0 * np.arange(count, dtype=float)
     middle = float(time.mean())
     # What the camera's clock reads: time = read - clock - drift (read - middle), solved for it.
     read = (time + shared[10] - shared[11] * middle) / (1.0 - shared[11])
@@ -273,7 +289,7 @@ def _telemetry(rng: np.random.Generator, source, sigma, kind, center, rotation):
     return shared, prior, record
 
 
-def _photos(names, position, body):
+def _photos(names: tuple[str, ...], position: Floats, body: Floats) -> PhotoExposures:
     count = len(names)
     return PhotoExposures(
         frame_id=names,
@@ -287,7 +303,7 @@ def _photos(names, position, body):
     )
 
 
-def _log(rng: np.random.Generator, time, position, body):
+def _log(rng: np.random.Generator, time: Floats, position: Floats, body: Floats) -> Track:
     count = len(time)
     velocity, rate = rng.normal(0, 5, (count, 3)), rng.normal(0, 0.1, (count, 3))
     sampled = (time[:, None] + INSTANTS_S).ravel()

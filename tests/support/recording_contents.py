@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from rerun.chunk import RrdReader
 
@@ -11,8 +12,8 @@ class Contents:
     """Columns of a recording by entity: static values, and values by frame."""
 
     def __init__(self, path: Path) -> None:
-        self.static: dict[str, dict[str, list]] = {}
-        self.by_frame: dict[str, dict[str, dict[int, object]]] = {}
+        self.static: dict[str, dict[str, list[Any]]] = {}
+        self.by_frame: dict[str, dict[str, dict[int, Any]]] = {}
         self.timelines: set[str] = set()
         for chunk in RrdReader(str(path)).stream().to_chunks():
             columns = chunk.to_record_batch().to_pydict()

@@ -41,19 +41,21 @@ def _points(rng: np.random.Generator) -> PointResults:
         label=("P", "Q;ü", "R"),
         position_world_m=rng.normal(size=(3, 3)) * 20,
         covariance_m2=root @ root.transpose(0, 2, 1),
-        ellipse_95_m=[[0.2, 0.1], [0.3, 0.3], [5.0, 1.0]],
-        ellipse_azimuth_rad=[
-            0.3852781571486482,
-            1.2345678901234567,
-            3.1,
-        ],  # [0]: degrees would lose a bit
+        ellipse_95_m=np.array([[0.2, 0.1], [0.3, 0.3], [5.0, 1.0]]),
+        ellipse_azimuth_rad=np.array(
+            [
+                0.3852781571486482,
+                1.2345678901234567,
+                3.1,
+            ]
+        ),  # [0]: degrees would lose a bit
         relative=PlanarUncertainty(
             covariance_m2=root.transpose(0, 2, 1) @ root,
-            ellipse_95_m=[[0.02, 0.01], [0.03, 0.03], [0.5, 0.1]],
-            ellipse_azimuth_rad=[0.1, 2.2, 3.05],
+            ellipse_95_m=np.array([[0.02, 0.01], [0.03, 0.03], [0.5, 0.1]]),
+            ellipse_azimuth_rad=np.array([0.1, 2.2, 3.05]),
         ),
-        latitude_deg=[50.1, 50.1002, 50.1001],
-        longitude_deg=[-104.6, -104.6003, -104.5999],
+        latitude_deg=np.array([50.1, 50.1002, 50.1001]),
+        longitude_deg=np.array([-104.6, -104.6003, -104.5999]),
         frames=(("a.jpg", "b.jpg"), ("a.jpg",), ()),
     )
 
@@ -64,10 +66,12 @@ def _measurements(rng: np.random.Generator) -> MeasurementResults:
         name=("m, long", "n", "o", "p east", "q", "r"),
         kind=("distance", "area", "line_distance", "coordinate", "skid_speed", "angle"),
         points=(("P", "R"), three, three, ("P",), ("P", "Z"), three),
-        value=[20.125, 3.5, 0.1, -7.0, np.nan, 33.0],
-        sigma=[0.05, 0.1, 0.01, 0.2, np.nan, 1.0],
+        value=np.array([20.125, 3.5, 0.1, -7.0, np.nan, 33.0]),
+        sigma=np.array([0.05, 0.1, 0.01, 0.2, np.nan, 1.0]),
         unit=("m", "m2", "m", "m", "m/s", "deg"),
-        interval_95=[[20.0, 20.25], [3, 4], [0, 0.2], [-8, -6], [np.nan, np.nan], [31, 35]],
+        interval_95=np.array(
+            [[20.0, 20.25], [3, 4], [0, 0.2], [-8, -6], [np.nan, np.nan], [31, 35]]
+        ),
         correlation=np.where(np.arange(6) == 4, np.nan, rng.normal(size=(6, 6))),
     )
 
@@ -100,7 +104,7 @@ def sample_result() -> Result:
             model="fisheye",
             width_px=4000,
             height_px=3000,
-            parameters=[1000, 1001, 2000, 1500, 0.1, 1 / 3, 1e-17, -0.0],
+            parameters=np.array([1000, 1001, 2000, 1500, 0.1, 1 / 3, 1e-17, -0.0]),
             covariance=np.cov(rng.normal(size=(8, 20))),
         ),
         shared=SharedResult(
@@ -124,7 +128,7 @@ def sample_result() -> Result:
         frames=FrameResults(
             frame_id=("a.jpg", "b.jpg", "c.jpg", "d.jpg"),
             path=("/x/a.jpg", "/x/b.jpg", "/x/c.jpg", "/x/d.jpg"),
-            time_utc_s=[1714564800.123456, nan, 1714564801.0, nan],
+            time_utc_s=np.array([1714564800.123456, nan, 1714564801.0, nan]),
             status=("refined", "unmatched", "seeded", "rejected"),
             reason=("", "no time", "no pick", "below the ground"),
             seed=_poses(rng, [1, 3]),
@@ -135,24 +139,24 @@ def sample_result() -> Result:
             name=("n", "m", "o"),
             start=("P", "P", "P"),
             end=("R", "Z", "Q;ü"),
-            length_m=[20.0, 3.0, 4.0],
-            sigma_m=[0.01, 0.02, 0.03],
-            adjusted_m=[20.001, nan, 4.1],
-            adjusted_sigma_m=[0.009, nan, 0.02],
-            residual_m=[0.001, nan, 0.1],
-            w=[0.2, nan, 3.0],
-            redundancy=[0.3, nan, nan],
-            mdb_m=[0.05, nan, nan],
+            length_m=np.array([20.0, 3.0, 4.0]),
+            sigma_m=np.array([0.01, 0.02, 0.03]),
+            adjusted_m=np.array([20.001, nan, 4.1]),
+            adjusted_sigma_m=np.array([0.009, nan, 0.02]),
+            residual_m=np.array([0.001, nan, 0.1]),
+            w=np.array([0.2, nan, 3.0]),
+            redundancy=np.array([0.3, nan, nan]),
+            mdb_m=np.array([0.05, nan, nan]),
             status=("used", "unseen", "checked"),
         ),
         picks=PickResults(
             image=("a.jpg", "b.jpg", "a.jpg"),
             label=("P", "P", "R"),
             pixel_px=rng.uniform(0, 1000, (3, 2)),
-            sigma_px=[1.0, 2.0, 1.5],
-            residual_px=[[0.5, -0.25], [nan, nan], [4.0, 1.0]],
-            w=[0.7, nan, 4.4],
-            redundancy=[0.5, nan, 0.25],
+            sigma_px=np.array([1.0, 2.0, 1.5]),
+            residual_px=np.array([[0.5, -0.25], [nan, nan], [4.0, 1.0]]),
+            w=np.array([0.7, nan, 4.4]),
+            redundancy=np.array([0.5, nan, 0.25]),
             status=("used", "unused", "removed"),
         ),
         measurements=_measurements(rng),
@@ -161,9 +165,14 @@ def sample_result() -> Result:
             share=np.where(np.arange(6)[:, None] == 4, nan, [0.25, 0.75]),
         ),
         point_checks=PointChecks(
-            label=("Q;ü",), error_m=[[0.1, 0.2, 0.3]], sigma_m=[[0.3, 0.3, 0.4]], mahalanobis=[1.1]
+            label=("Q;ü",),
+            error_m=np.array([[0.1, 0.2, 0.3]]),
+            sigma_m=np.array([[0.3, 0.3, 0.4]]),
+            mahalanobis=np.array([1.1]),
         ),
-        line_checks=LineChecks(name=("o",), error_m=[0.1], sigma_m=[0.05], z=[2.0]),
+        line_checks=LineChecks(
+            name=("o",), error_m=np.array([0.1]), sigma_m=np.array([0.05]), z=np.array([2.0])
+        ),
         solution=SolutionSummary(
             degrees_of_freedom=0,
             variance_factor=nan,

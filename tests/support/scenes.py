@@ -6,6 +6,7 @@ Loaded by path (see ``load_scenes`` in the conftest files), because test folders
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -13,7 +14,9 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.survey.likelihood import covariance_root
 from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
+from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import Track
 from uavgram.model.flight.pose import Poses, TelemetryPrior
 from uavgram.model.survey.survey import Ground, Survey
@@ -23,7 +26,7 @@ INTRINSIC_SIGMA = np.array([12.0, 15.0, 8.0, 10.0, 6e-3, 6e-3, 4e-4, 6e-4, 2e-3]
 FOCAL_CORRELATION = 0.9
 GIMBAL_FROM_CAMERA = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
 
-SOURCES = (
+SOURCES: tuple[str, ...] = (
     "pixels",
     "lengths",
     "control",
@@ -46,8 +49,19 @@ CONTROL_SIGMA = np.array([0.02, 0.03, 0.05])
 PLANE_SIGMA = np.array([0.3, 0.01, 0.01])
 VERGE_M = 0.4
 SHARED_SIGMA = np.array([*[0.02] * 3, *[0.15] * 3, 0.6, 1.0, 1.5, 0.02, 0.05, 0.004])
-SHARED_SOURCE = ("boresight",) * 3 + ("lever_arm",) * 3 + ("position_bias",) * 3
+SHARED_SOURCE: tuple[str, ...] = ("boresight",) * 3 + ("lever_arm",) * 3 + ("position_bias",) * 3
 SHARED_SOURCE += ("heading_bias", "clock", "clock_drift")
+NO_TIMES = Frames(
+    frame_id=(),
+    time_utc_s=np.zeros(0),
+    sigma_time_s=np.zeros(0),
+    matched=np.zeros(0, dtype=bool),
+    reason=(),
+    clock_offset_s=0.0,
+    clock_offset_sigma_s=0.0,
+)
+"""Photos without times: for all that is measured but a speed."""
+
 LEVER_ARM = np.array([0.12, -0.05, 0.08])
 
 
@@ -57,8 +71,8 @@ class Scene:
 
     survey: Survey
     truth: State
-    pivot: np.ndarray
-    world: np.ndarray
+    pivot: Floats
+    world: Floats
     """(K, 3) true points."""
 
 
@@ -77,30 +91,33 @@ class Sources:
         return self._noise * self.sigma(name)
 
 
-def look_down(yaw: float, tilt: float) -> np.ndarray:
+def look_down(yaw: float, tilt: float) -> Floats:
     """World from camera: straight down with image up = yaw from north, then tilted upwards."""
     nadir = np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])
     turn = Rotation.from_euler("z", -yaw).as_matrix()
-    return turn @ nadir @ Rotation.from_euler("x", tilt).as_matrix()
+    rotation: Floats = turn @ nadir @ Rotation.from_euler("x", tilt).as_matrix()
+    return rotation
 
 
-def cv_pixels(intrinsics, center, rotation, world):
+def cv_pixels(
+    intrinsics: Floats, center: Floats, rotation: Floats, world: Floats
+) -> tuple[Floats, Floats]:
     """Pixels by OpenCV, and depths."""
     camera = (world - center) @ rotation
     fx, fy, cx, cy = intrinsics[:4]
     matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     pixel, _ = cv2.projectPoints(camera, np.zeros(3), np.zeros(3), matrix, intrinsics[4:])
-    return pixel[:, 0], camera[:, 2]
+    return np.asarray(pixel[:, 0], np.float64), camera[:, 2]
 
 
-def calibration_covariance() -> np.ndarray:
+def calibration_covariance() -> Floats:
     """Focal lengths go together."""
     correlation = np.eye(9)
     correlation[0, 1] = correlation[1, 0] = FOCAL_CORRELATION
     return correlation * np.outer(INTRINSIC_SIGMA, INTRINSIC_SIGMA)
 
 
-def gauss_markov(white, time, correlation_s):
+def gauss_markov(white: Floats, time: Floats, correlation_s: float) -> Floats:
     """Independent errors (N, ...) made to go together over `correlation_s`, as large as before.
 
     First-order Gauss-Markov process: e_k = rho e_(k-1) + sqrt(1 - rho^2) w_k.
@@ -113,7 +130,7 @@ def gauss_markov(white, time, correlation_s):
     return errors
 
 
-def own_covariance() -> np.ndarray:
+def own_covariance() -> Floats:
     """Of one frame's telemetry: every axis another sigma, and some go together."""
     sigma = np.array([0.4, 0.5, 0.6, 0.012, 0.015, 0.02])
     correlation = np.eye(6)
@@ -132,7 +149,7 @@ def make_scene(
     telemetry: bool = True,
     roughness: float = 0.0,
     noise: float = 1.0,
-    gauge: str = "world",
+    gauge: Literal["world", "plane"] = "world",
     tilt: float = 0.3,
     tape_sigma: float = 0.01,
     sources: tuple[str, ...] | None = None,
@@ -172,7 +189,7 @@ def make_scene(
     covariance = calibration_covariance() * source.sigma("calibration") ** 2
     error = rng.multivariate_normal(np.zeros(9), calibration_covariance())
     error = source.noise("calibration") * error
-    time = 1000.0 + 2.0 * np.arange(frames)
+    time = 1000.0 + 2.0 * np.arange(frames, dtype=float)
     center = np.column_stack(
         [rng.uniform(-4, 4, frames), rng.uniform(-10, -4, frames), rng.uniform(24, 30, frames)]
     )
@@ -238,7 +255,7 @@ def make_scene(
         point=np.column_stack([point, departure]) if roughness else point,
         center=center,
         rotation=rotation,
-        intrinsic=np.linalg.lstsq(covariance_root(covariance), error)[0],
+        intrinsic=np.linalg.lstsq(covariance_root(covariance), error)[0].astype(float),
         plane=plane,
         telemetry=shared,
     )
@@ -255,7 +272,14 @@ def _ground(source: Sources, name: str, height: float, roughness: float) -> Grou
     )
 
 
-def _pick(rng: np.random.Generator, intrinsics, center, rotation, world, sigma):
+def _pick(
+    rng: np.random.Generator,
+    intrinsics: Floats,
+    center: Floats,
+    rotation: Floats,
+    world: Floats,
+    sigma: float,
+) -> Floats:
     """(P, 4) frame, label, u, v of all points well inside each image."""
     picks = []
     for f in range(len(center)):
@@ -266,7 +290,14 @@ def _pick(rng: np.random.Generator, intrinsics, center, rotation, world, sigma):
     return np.array(picks).reshape(-1, 4)
 
 
-def _telemetry(rng: np.random.Generator, source, time, center, rotation, correlation_s):
+def _telemetry(
+    rng: np.random.Generator,
+    source: Sources,
+    time: Floats,
+    center: Floats,
+    rotation: Floats,
+    correlation_s: float,
+) -> tuple[Floats, TelemetryPrior, Track, Poses]:
     """A flight whose log is wrong by boresight, lever arm, biases and clock, as stated."""
     switch = np.array([source.sigma(name) for name in SHARED_SOURCE])
     noise = np.array([source.noise(name) for name in SHARED_SOURCE])
@@ -309,13 +340,13 @@ def _telemetry(rng: np.random.Generator, source, time, center, rotation, correla
         sigma_attitude_rad=np.array([[0.015, 0.02]]),
         source="test",
     )
-    middle = 1000.0 + (len(time) - 1)
+    middle_s = 1000.0 + (len(time) - 1)
     # What the camera's clock reads: t = s - clock - drift (s - middle), solved for s.
-    stated = (time + shared[10] - shared[11] * middle) / (1.0 - shared[11])
+    stated = (time + shared[10] - shared[11] * middle_s) / (1.0 - shared[11])
     prior = TelemetryPrior(
         frame_index=np.arange(len(time)),
         time_s=stated,
-        middle_s=middle,
+        middle_s=middle_s,
         gimbal_from_camera=GIMBAL_FROM_CAMERA,
         covariance=np.tile(own_covariance() * source.sigma("telemetry") ** 2, (len(time), 1, 1)),
         clock_sigma_s=sigma[10],

@@ -6,14 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.model.arrays import Floats, Ints
+
 
 class Case(NamedTuple):
     """Photos and events of one flight; `truth` is the photo's event, -1 where it was lost."""
 
-    photo_s: np.ndarray
-    event_s: np.ndarray
+    photo_s: Floats
+    event_s: Floats
     resolution_s: float
-    truth: np.ndarray
+    truth: Ints
     trigger: str
     offset_s: float  # camera clock minus events' clock at `middle_s`
     drift: float
@@ -21,7 +23,7 @@ class Case(NamedTuple):
     uneven: bool  # see `looks_like_itself`
 
 
-def by_distance(rng: np.random.Generator, count):
+def by_distance(rng: np.random.Generator, count: int) -> Floats:
     """Exposure times (count,): a distance flown between two, in legs with wind, gusts, turns."""
     distance, airspeed = rng.uniform(5, 40), rng.uniform(4, 18)
     wind, least = rng.uniform(0, 0.35) * airspeed, rng.uniform(0.4, 1.5)
@@ -43,13 +45,14 @@ def by_distance(rng: np.random.Generator, count):
     return np.cumsum(spacing)
 
 
-def by_time(rng: np.random.Generator, count):
+def by_time(rng: np.random.Generator, count: int) -> Floats:
     """Exposure times (count,) at an even interval, as a 50 Hz loop keeps it."""
     interval = rng.choice([1.0, 1.5, 2.0, 2.5, 3.0, 4.0])
-    return np.arange(1, count + 1) * interval + rng.uniform(0, 0.02, count)
+    times: Floats = np.arange(1, count + 1) * interval + rng.uniform(0, 0.02, count)
+    return times
 
 
-def looks_like_itself(exposure_s, tolerance_s):
+def looks_like_itself(exposure_s: Floats, tolerance_s: float) -> float:
     """Largest share of exposures that fall on other exposures when all are shifted alike.
 
     By brute force over every difference of two exposures, with nothing lost: 1 minus 1 / n for an
@@ -58,10 +61,10 @@ def looks_like_itself(exposure_s, tolerance_s):
     shift = np.sort((exposure_s[:, None] - exposure_s).ravel())
     shift = shift[shift > 2 * tolerance_s]
     window = np.searchsorted(shift, shift + 2 * tolerance_s, side="right") - np.arange(len(shift))
-    return window.max() / len(exposure_s)
+    return float(window.max() / len(exposure_s))
 
 
-def make_case(seed):
+def make_case(seed: int | tuple[int, ...]) -> Case:
     """A random flight: 10 to 400 photos, up to 15 % lost on either side."""
     rng = np.random.default_rng(seed)
     trigger = "distance" if rng.random() < 0.8 else "time"

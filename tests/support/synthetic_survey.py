@@ -6,10 +6,16 @@ that what the views draw can be compared with a second opinion.
 
 from __future__ import annotations
 
+from typing import TypedDict
+
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike
 from pyproj import Transformer
+from pyproj.enums import TransformDirection
 
+from uavgram.imaging.raster import Image
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import Message
 from uavgram.model.provenance import InputDigest, Provenance
@@ -17,15 +23,19 @@ from uavgram.model.result.result import Alternative, GroupFactor, Result, Soluti
 from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
 from uavgram.model.result.tables import (
     FrameResults,
+    FrameStatus,
     LineChecks,
     LineResults,
+    LineStatus,
     MeasurementResults,
     PickResults,
+    PickStatus,
     PlanarUncertainty,
     PointChecks,
     PointResults,
     PoseTable,
 )
+from uavgram.model.survey.observations import MeasurementKind
 from uavgram.model.survey.world import Geodetic, World
 
 WIDTH_PX, HEIGHT_PX = 1640, 1232
@@ -39,8 +49,11 @@ TO_EARTH = Transformer.from_pipeline(
 )
 START_UTC_S = 1_767_607_200.0
 
+Line = tuple[str, str, str, LineStatus, float]
+Measure = tuple[str, MeasurementKind, tuple[str, ...], str]
+
 # (name, from, to, status, error [m]): one of each kind.
-LINES = (
+LINES: tuple[Line, ...] = (
     ("R1 kerb", "P00", "P05", "used", 0.006),
     ("R2 lane", "P06", "P12", "used", -0.004),
     ("R3 hedge", "P17", "P23", "suspect", 0.21),
@@ -48,7 +61,7 @@ LINES = (
     ("R5 gate", "P02", "P14", "used", 0.002),
     ("R6 fence", "P03", "Q99", "unseen", np.nan),
 )
-MEASURES = (
+MEASURES: tuple[Measure, ...] = (
     ("skid left", "distance", ("P01", "P10"), "m"),
     ("skid right", "distance", ("P07", "P16"), "m"),
     ("road width", "line_distance", ("P08", "P12", "P15"), "m"),
@@ -62,7 +75,36 @@ MEASURES = (
 )
 
 
-def ground_rgb(east_m: np.ndarray, north_m: np.ndarray) -> np.ndarray:
+class _Points(TypedDict):
+    position: Floats
+    covariance: Floats
+    ellipse: Floats
+    azimuth: Floats
+    geo: Floats
+    relative: PlanarUncertainty
+
+
+class _Frames(TypedDict):
+    id: list[str]
+    status: list[FrameStatus]
+    reason: list[str]
+    time: Floats
+    center: Floats
+    rotation: Floats
+    seed_center: Floats
+    seed_rotation: Floats
+    refined: Bools
+
+
+class _Picks(TypedDict):
+    image: list[str]
+    label: list[str]
+    pixel: list[Floats]
+    residual: Floats
+    status: list[PickStatus]
+
+
+def ground_rgb(east_m: Floats, north_m: Floats) -> Image:
     """Colour of the made-up ground: a road with a dashed centre line through grass."""
     grass = 90 + 25 * np.sin(east_m * 1.7) * np.sin(north_m * 1.3)
     rgb = np.stack([0.55 * grass, grass, 0.45 * grass], axis=-1)
@@ -75,7 +117,7 @@ def ground_rgb(east_m: np.ndarray, north_m: np.ndarray) -> np.ndarray:
     return rgb.astype(np.uint8)
 
 
-def poses(count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def poses(count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """(F, 3) centres and (F, 3, 3) rotations: two strips flown back and forth, slightly tilted."""
     strip = np.arange(count) % max(1, (count + 1) // 2)
     lane = np.arange(count) // max(1, (count + 1) // 2)
@@ -94,17 +136,17 @@ def poses(count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]
     return center, down @ turns
 
 
-def project(center: np.ndarray, rotation: np.ndarray, points: np.ndarray) -> np.ndarray:
+def project(center: Floats, rotation: Floats, points: Floats) -> Floats:
     """(K, 2) pixels after OpenCV."""
     if not len(points):
         return np.zeros((0, 2))
     k = np.array([[LENS[0], 0, LENS[2]], [0, LENS[1], LENS[3]], [0, 0, 1.0]])
     rvec = cv2.Rodrigues(rotation.T)[0]
     image, _ = cv2.projectPoints(points, rvec, -rotation.T @ center, k, LENS[4:])
-    return image[:, 0]
+    return np.asarray(image[:, 0], np.float64)
 
 
-def render(center: np.ndarray, rotation: np.ndarray, scale: int) -> np.ndarray:
+def render(center: Floats, rotation: Floats, scale: int) -> Image:
     """RGB photo of the ground z = 0, reduced by `scale`."""
     w, h = WIDTH_PX // scale, HEIGHT_PX // scale
     u, v = np.meshgrid((np.arange(w) + 0.5) * scale - 0.5, (np.arange(h) + 0.5) * scale - 0.5)
@@ -116,17 +158,17 @@ def render(center: np.ndarray, rotation: np.ndarray, scale: int) -> np.ndarray:
     return ground_rgb(ground[:, 0], ground[:, 1]).reshape(h, w, 3)
 
 
-def _table(center: np.ndarray, rotation: np.ndarray, sigma: np.ndarray) -> PoseTable:
+def _table(center: Floats, rotation: Floats, sigma: Floats) -> PoseTable:
     covariance = np.tile(np.diag(sigma**2), (len(center), 1, 1))
     covariance[np.isnan(center[:, 0])] = np.nan
     return PoseTable(center_world_m=center, world_from_camera=rotation, covariance=covariance)
 
 
-def _estimate(value: object, sigma: object) -> Estimate:
+def _estimate(value: ArrayLike, sigma: ArrayLike) -> Estimate:
     return Estimate(value=np.atleast_1d(value), sigma=np.atleast_1d(sigma))
 
 
-def _points(count: int, rng: np.random.Generator, *, on_earth: bool) -> dict[str, np.ndarray]:
+def _points(count: int, rng: np.random.Generator, *, on_earth: bool) -> _Points:
     grid = np.stack(np.meshgrid(np.linspace(-0.45, 0.45, 6), np.linspace(-0.42, 0.42, 5)), -1)
     spots = grid.reshape(-1, 2) * [EAST_M, NORTH_M] + rng.normal(0, 1.2, (30, 2))
     if count > len(spots):
@@ -139,7 +181,9 @@ def _points(count: int, rng: np.random.Generator, *, on_earth: bool) -> dict[str
     within = (azimuth + 0.5) % np.pi
     geo = np.full((count, 2), np.nan)
     if on_earth:
-        longitude, latitude, _ = TO_EARTH.transform(*spots.T, np.zeros(count), direction="INVERSE")
+        longitude, latitude, _ = TO_EARTH.transform(
+            spots[:, 0], spots[:, 1], np.zeros(count), direction=TransformDirection.INVERSE
+        )
         geo = np.stack([latitude, longitude], 1)
     return {
         "position": np.concatenate([spots, np.zeros((count, 1))], 1),
@@ -155,16 +199,19 @@ def _points(count: int, rng: np.random.Generator, *, on_earth: bool) -> dict[str
     }
 
 
-def _covariance(major: np.ndarray, minor: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
+def _covariance(major: Floats, minor: Floats, azimuth: Floats) -> Floats:
     """(K, 2, 2) of east and north from sigmas along and across an azimuth."""
     axis = np.stack([np.sin(azimuth), np.cos(azimuth)], 1)
     side = np.stack([axis[:, 1], -axis[:, 0]], 1)
     along = (major**2)[:, None, None] * axis[:, :, None] * axis[:, None, :]
-    return along + (minor**2)[:, None, None] * side[:, :, None] * side[:, None, :]
+    covariance: Floats = along + (minor**2)[:, None, None] * side[:, :, None] * side[:, None, :]
+    return covariance
 
 
-def _picks(frames: dict, labels: list[str], spots: np.ndarray, rng: np.random.Generator) -> dict:
-    image, label, pixel = [], [], []
+def _picks(frames: _Frames, labels: list[str], spots: Floats, rng: np.random.Generator) -> _Picks:
+    image: list[str] = []
+    label: list[str] = []
+    pixel: list[Floats] = []
     for index, frame_id in enumerate(frames["id"]):
         if frames["status"][index] not in ("refined", "rejected"):
             continue
@@ -175,17 +222,17 @@ def _picks(frames: dict, labels: list[str], spots: np.ndarray, rng: np.random.Ge
             label.append(labels[k])
             pixel.append(seen[k])
     residual = rng.normal(0, 0.7, (len(image), 2))
-    status = np.full(len(image), "used", dtype=object)
+    status: list[PickStatus] = ["used"] * len(image)
     rejected = {i for i, s in zip(frames["id"], frames["status"], strict=True) if s == "rejected"}
     unused = np.array([i in rejected for i in image], dtype=bool)
     residual[unused] = np.nan
-    status[unused] = "unused"
+    status = ["unused" if no else "used" for no in unused]
     if len(image) > 12:
         residual[7], status[7] = (5.5, -4.0), "suspect"
     return {"image": image, "label": label, "pixel": pixel, "residual": residual, "status": status}
 
 
-def _lines(labels: list[str], spots: np.ndarray, wanted: tuple) -> LineResults:
+def _lines(labels: list[str], spots: Floats, wanted: tuple[Line, ...]) -> LineResults:
     at = dict(zip(labels, spots, strict=True))
     rows = [r for r in wanted if r[1] in at]
     fits = np.array([np.linalg.norm(at[r[1]] - at[r[2]]) if r[2] in at else np.nan for r in rows])
@@ -208,7 +255,9 @@ def _lines(labels: list[str], spots: np.ndarray, wanted: tuple) -> LineResults:
     )
 
 
-def _measurements(labels: list[str], spots: np.ndarray, wanted: tuple) -> MeasurementResults:
+def _measurements(
+    labels: list[str], spots: Floats, wanted: tuple[Measure, ...]
+) -> MeasurementResults:
     at = dict(zip(labels, spots, strict=True))
     value = np.full(len(wanted), np.nan)
     for row, (name, kind, points, _) in enumerate(wanted):
@@ -240,12 +289,13 @@ def _measurements(labels: list[str], spots: np.ndarray, wanted: tuple) -> Measur
     )
 
 
-def _frames(count: int, rng: np.random.Generator, *, telemetry: bool) -> dict:
+def _frames(count: int, rng: np.random.Generator, *, telemetry: bool) -> _Frames:
     center, rotation = poses(count, rng)
-    status = np.full(count, "refined", dtype=object)
+    status: list[FrameStatus] = ["refined"] * count
     if count >= 20:
-        status[[5, 11, 14]] = ["unmatched", "rejected", "seeded"]
-    seeded = (status != "unmatched") & telemetry
+        status[5], status[11], status[14] = "unmatched", "rejected", "seeded"
+    unmatched = np.array([s == "unmatched" for s in status], dtype=bool)
+    seeded = ~unmatched & telemetry
     reason = {
         "unmatched": "outside the flight log by 12.4 s",
         "rejected": "its picks contradict all other frames",
@@ -257,13 +307,25 @@ def _frames(count: int, rng: np.random.Generator, *, telemetry: bool) -> dict:
         "id": [f"DSC_{i:04d}.jpg" for i in range(count)],
         "status": status,
         "reason": [reason.get(s, "") for s in status],
-        "time": np.where(status == "unmatched", np.nan, START_UTC_S + 2.0 * np.arange(count)),
+        "time": np.where(unmatched, np.nan, START_UTC_S + 2.0 * np.arange(count, dtype=float)),
         "center": center,
         "rotation": rotation,
         "seed_center": np.where(seeded[:, None], center + shift, np.nan),
         "seed_rotation": np.where(seeded[:, None, None], rotation @ turns, np.nan),
-        "refined": status == "refined",
+        "refined": np.array([s == "refined" for s in status], dtype=bool),
     }
+
+
+class Variant(TypedDict, total=False):
+    """What a test may ask of `build`."""
+
+    frame_count: int
+    point_count: int
+    telemetry: bool
+    lines: tuple[Line, ...]
+    measures: tuple[Measure, ...]
+    label: str
+    clean: bool
 
 
 def build(
@@ -271,8 +333,8 @@ def build(
     frame_count: int = 20,
     point_count: int = 30,
     telemetry: bool = True,
-    lines: tuple = LINES,
-    measures: tuple = MEASURES,
+    lines: tuple[Line, ...] = LINES,
+    measures: tuple[Measure, ...] = MEASURES,
     label: str = "P{:02d}",
     clean: bool = False,
 ) -> Result:
@@ -280,16 +342,16 @@ def build(
     rng = np.random.default_rng(7)
     frames = _frames(frame_count, rng, telemetry=telemetry)
     if clean:
-        frames["status"][:] = "refined"
+        frames["status"] = ["refined"] * frame_count
         frames["reason"] = [""] * frame_count
         frames["refined"][:] = True
-        frames["time"] = START_UTC_S + 2.0 * np.arange(frame_count)
+        frames["time"] = START_UTC_S + 2.0 * np.arange(frame_count, dtype=float)
         lines = tuple((*r[:3], "used" if r[3] == "suspect" else r[3], 0.005) for r in lines[:5])
         measures = measures[:9]
     labels = [label.format(i) for i in range(point_count)]
     points = _points(point_count, rng, on_earth=telemetry)
     picks = _picks(frames, labels, points["position"], rng)
-    status = ["used" if clean and s == "suspect" else s for s in picks["status"]]
+    status: list[PickStatus] = ["used" if clean and s == "suspect" else s for s in picks["status"]]
     residual = (
         np.where(np.abs(picks["residual"]) > 3, 0.5, picks["residual"])
         if clean
@@ -456,6 +518,6 @@ def build(
     )
 
 
-def jpeg(rgb: np.ndarray) -> bytes:
+def jpeg(rgb: Image) -> bytes:
     """Encoded photo."""
     return cv2.imencode(".jpg", rgb[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike
 
 from uavgram.io.photos.jpeg_segments import APP1, XMP_HEAD, Segment, build_jpeg, parse_jpeg
 from uavgram.model.flight.frames import Photos
@@ -31,17 +35,20 @@ def jpeg(xmp: bytes | None = None, size: int = 16) -> bytes:
     if xmp is None:
         return plain
     parsed = parse_jpeg(plain)
+    assert parsed is not None
     return build_jpeg([*parsed.segments, Segment(APP1, XMP_HEAD + xmp)], parsed.scan)
 
 
-def photos(paths, file_time_s=None) -> Photos:
+def photos(paths: Sequence[Path], file_time_s: ArrayLike | None = None) -> Photos:
     count = len(paths)
     return Photos(
         frame_id=tuple(path.name for path in paths),
         path=tuple(str(path) for path in paths),
         width_px=np.full(count, 16.0),
         height_px=np.full(count, 16.0),
-        file_time_s=np.full(count, np.nan) if file_time_s is None else file_time_s,
+        file_time_s=np.full(count, np.nan)
+        if file_time_s is None
+        else np.asarray(file_time_s, float),
         file_time_resolution_s=np.full(count, 1.0),
         time_source="none" if file_time_s is None else "exif",
     )

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
 import synthetic_survey
+from numpy.typing import ArrayLike
 from pyproj import Transformer
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
 from uavgram.geometry.ground.top_view import View
-from uavgram.model.camera.calibration import Calibration
+from uavgram.imaging.raster import Image
+from uavgram.model.arrays import Floats
+from uavgram.model.camera.calibration import Calibration, LensModel
 from uavgram.model.maps.raster import GroundRaster
 from uavgram.model.result.shared import AreaPlane, Estimate
-from uavgram.model.result.tables import PoseTable
+from uavgram.model.result.tables import FrameStatus, PoseTable
 
+REFINED: FrameStatus = "refined"
 SIZE_PX = (800, 600)
 BROWN = np.array([620.0, 618.0, 404.0, 297.0, -0.12, 0.05, 6e-4, -4e-4, 0.008])
 FOLDED = np.array([620.0, 618.0, 404.0, 297.0, -0.62, 0.0, 0.0, 0.0, 0.0])
@@ -29,7 +35,7 @@ ORIGIN = (48.1372, 11.5755, 519.2)
 UTM = "EPSG:32632"
 
 
-def looking(tilt_deg: float = 0.0, azimuth_deg: float = 0.0, roll_deg: float = 0.0) -> np.ndarray:
+def looking(tilt_deg: float = 0.0, azimuth_deg: float = 0.0, roll_deg: float = 0.0) -> Floats:
     """World from camera: down, image up towards the azimuth, raised towards it by the tilt."""
     turn = Rotation.from_euler("z", -azimuth_deg, degrees=True).as_matrix()
     raised = Rotation.from_euler("xz", [tilt_deg, roll_deg], degrees=True).as_matrix()
@@ -37,26 +43,27 @@ def looking(tilt_deg: float = 0.0, azimuth_deg: float = 0.0, roll_deg: float = 0
 
 
 def make_view(
-    centers,
-    rotations,
+    centers: ArrayLike,
+    rotations: ArrayLike,
     *,
-    lens="brown",
-    plane=(0.0, 0.0, 0.0),
-    pivot=(0.0, 0.0),
-    crs=None,
-    paths=None,
+    lens: str = "brown",
+    plane: ArrayLike = (0.0, 0.0, 0.0),
+    pivot: ArrayLike = (0.0, 0.0),
+    crs: str | None = None,
+    paths: Sequence[str] | None = None,
 ) -> View:
     """A view of all those cameras; `plane` is height and slopes (as tangents)."""
     result = synthetic_survey.build()
-    count = len(centers)
-    name = "fisheye" if lens == "fisheye" else "brown"
+    center_world_m = np.array(centers, float)
+    count = len(center_world_m)
+    name: LensModel = "fisheye" if lens == "fisheye" else "brown"
     parameters = LENSES[lens]
     shared = replace(
         result.shared,
         intrinsics=Estimate(value=parameters, sigma=np.zeros(len(parameters))),
     )
     table = PoseTable(
-        center_world_m=np.array(centers, float),
+        center_world_m=center_world_m,
         world_from_camera=np.array(rotations, float),
         covariance=np.tile(np.eye(6) * 1e-4, (count, 1, 1)),
     )
@@ -65,7 +72,7 @@ def make_view(
         frame_id=tuple(f"{k}.png" for k in range(count)),
         path=tuple(paths or [f"{k}.png" for k in range(count)]),
         time_utc_s=np.zeros(count),
-        status=("refined",) * count,
+        status=(REFINED,) * count,
         reason=("",) * count,
         seed=table,
         refined=table,
@@ -83,8 +90,10 @@ def make_view(
     )
     ground = AreaPlane(
         name="default",
-        height_m=Estimate(value=np.array(plane[:1]), sigma=np.zeros(1)),
-        slope_deg=Estimate(value=np.rad2deg(np.arctan(np.array(plane[1:]))), sigma=np.zeros(2)),
+        height_m=Estimate(value=np.array(plane, float)[:1], sigma=np.zeros(1)),
+        slope_deg=Estimate(
+            value=np.rad2deg(np.arctan(np.array(plane, float)[1:])), sigma=np.zeros(2)
+        ),
         pivot_m=np.array(pivot, float),
     )
     made = replace(
@@ -93,7 +102,7 @@ def make_view(
     return View(made, np.arange(count))
 
 
-def cv_project(lens, center, rotation, world) -> np.ndarray:
+def cv_project(lens: str, center: Floats, rotation: Floats, world: ArrayLike) -> Floats:
     """(N, 2) pixels of world points (N, 3) by OpenCV."""
     parameters = LENSES[lens]
     camera = (np.asarray(world) - center) @ rotation
@@ -104,25 +113,25 @@ def cv_project(lens, center, rotation, world) -> np.ndarray:
         pixel, _ = cv2.fisheye.projectPoints(flat, np.zeros(3), np.zeros(3), matrix, parameters[4:])
     else:
         pixel, _ = cv2.projectPoints(camera, np.zeros(3), np.zeros(3), matrix, parameters[4:])
-    pixel = pixel.reshape(-1, 2)
+    pixel = np.asarray(pixel, np.float64).reshape(-1, 2)
     pixel[camera[:, 2] <= 0] = np.nan
     return pixel
 
 
-def pattern(shift: float = 0.0) -> np.ndarray:
+def pattern(shift: float = 0.0) -> Image:
     """(H, W, 3) a photo of smooth waves, so that places show in the grey values."""
     u, v = np.meshgrid(np.arange(SIZE_PX[0]), np.arange(SIZE_PX[1]))
     waves = [np.sin(u / 9.0 + shift), np.sin(v / 7.0 - u / 31.0), np.cos((u + v) / 13.0)]
     return np.round(127.5 + 100.0 * np.stack(waves, axis=-1)).astype(np.uint8)
 
 
-def write_photo(path, rgb) -> str:
+def write_photo(path: Path, rgb: Image) -> str:
     """Store without loss."""
     cv2.imwrite(str(path), np.ascontiguousarray(rgb[..., ::-1]))
     return str(path)
 
 
-def world_of(view: View, raster: GroundRaster, column: np.ndarray, row: np.ndarray) -> np.ndarray:
+def world_of(view: View, raster: GroundRaster, column: Floats, row: Floats) -> Floats:
     """(N, 3) world positions of raster pixels by pyproj and the plane's equation."""
     east = raster.west_m + (column + 0.5) * raster.pixel_m
     north = raster.north_m - (row + 0.5) * raster.pixel_m
@@ -150,7 +159,9 @@ def world_of(view: View, raster: GroundRaster, column: np.ndarray, row: np.ndarr
     return np.stack([e, n, u], 1)
 
 
-def exact_warp(view: View, raster: GroundRaster, lens: str, index: int, rgb: np.ndarray):
+def exact_warp(
+    view: View, raster: GroundRaster, lens: str, index: int, rgb: Image
+) -> tuple[Floats, Floats]:
     """(h, w, 3) bilinear grey values of a photo, and (h, w, 2) its pixels, by OpenCV and scipy."""
     row, column = np.mgrid[: raster.height, : raster.width].reshape(2, -1).astype(float)
     world = world_of(view, raster, column, row)

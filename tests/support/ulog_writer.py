@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+
+Row = Sequence[Any]
+Topic = tuple[Sequence[str], Sequence[Row]]
+"""Fields, and rows of their values."""
 
 _CODES = {
     "uint64_t": "Q", "int64_t": "q", "uint32_t": "I", "int32_t": "i", "uint16_t": "H",
@@ -13,11 +19,16 @@ _CODES = {
 SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 
 
-def message(kind, body):
+def message(kind: str, body: bytes) -> bytes:
     return struct.pack("<HB", len(body), ord(kind)) + body
 
 
-def ulog(topics, info=None, parameters=None, start_us=1_000_000):
+def ulog(
+    topics: Mapping[str, Topic],
+    info: Mapping[str, str | int] | None = None,
+    parameters: Mapping[str, int] | None = None,
+    start_us: int = 1_000_000,
+) -> bytes:
     """Bytes of a ULog.
 
     topics
@@ -52,8 +63,8 @@ def ulog(topics, info=None, parameters=None, start_us=1_000_000):
     return b"".join(data)
 
 
-def _packed(field, value):
-    kind = field.split(" ")[0]
+def _packed(field: str, value: Any) -> bytes:  # noqa: ANN401 - what struct packs
+    kind = field.split(" ", maxsplit=1)[0]
     if "[" in kind:
         code = _CODES[kind.split("[")[0]]
         return struct.pack(f"<{len(value)}{code}", *value)
@@ -91,15 +102,15 @@ LATITUDE, LONGITUDE, HEIGHT_M, UNDULATION_M = 47.3977, 8.5456, 500.0, 47.5
 QUARTER = np.sqrt(0.5)
 
 
-def us(time_s):
+def us(time_s: float) -> int:
     return round(time_s * 1e6)
 
 
-def flight(seconds=20.0, start_s=10.0, gps="old"):
+def flight(seconds: float = 20.0, start_s: float = 10.0, gps: str = "old") -> dict[str, Topic]:
     """Topics of a straight flight north at 5 m/s, 90 degrees of yaw."""
     times = [start_s + k / 10 for k in range(int(seconds * 10))]
     north_deg = [5.0 * (t - start_s) / 111e3 for t in times]
-    fixes = []
+    fixes: list[Row] = []
     for t, north in list(zip(times, north_deg, strict=True))[::2]:
         utc = us(UTC_S + t)
         if gps == "old":
@@ -131,6 +142,6 @@ def flight(seconds=20.0, start_s=10.0, gps="old"):
     }
 
 
-def capture(time_s, number, result=1):
+def capture(time_s: float, number: int, result: int = 1) -> Row:
     q = (1.0, 0.0, 0.0, 0.0)
     return us(time_s), us(UTC_S + time_s), number, LATITUDE, LONGITUDE, HEIGHT_M, q, result

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import synthetic_survey as survey
+
 from uavgram.views.terminal import measurement_table, message_lines
 
 
-def test_the_table_lists_every_measurement_worst_first_in_straight_columns(survey) -> None:
+def test_the_table_lists_every_measurement_worst_first_in_straight_columns() -> None:
     result = survey.build()
     header, rule, *rows = measurement_table(result).splitlines()
 
@@ -17,11 +19,11 @@ def test_the_table_lists_every_measurement_worst_first_in_straight_columns(surve
     assert {len(row) for row in rows} == {len(rule)} == {len(header)}
 
 
-def test_without_measurements_the_table_says_so(survey) -> None:
+def test_without_measurements_the_table_says_so() -> None:
     assert measurement_table(survey.build(measures=())).startswith("No measurements were asked for")
 
 
-def test_errors_come_before_warnings_before_choices(survey) -> None:
+def test_errors_come_before_warnings_before_choices() -> None:
     levels = [line.split(":")[0] for line in message_lines(survey.build().messages)]
 
     assert levels == ["error", "warning", "info"]

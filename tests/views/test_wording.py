@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import synthetic_survey as survey
 
 from uavgram.views.wording import chance, decimals_for, number, relative, with_sigma, worst_first
 
@@ -19,7 +20,7 @@ from uavgram.views.wording import chance, decimals_for, number, relative, with_s
         (25, "m2", 0),
     ],
 )
-def test_a_value_shows_two_digits_of_its_sigma(sigma, unit, decimals) -> None:
+def test_a_value_shows_two_digits_of_its_sigma(sigma: float, unit: str, decimals: int) -> None:
     assert decimals_for(sigma, unit) == decimals
 
 
@@ -47,7 +48,7 @@ def test_an_angle_has_no_relative_sigma() -> None:
     assert relative(-50.0, 0.1, "m") == "0.20 %"
 
 
-def test_the_worst_measurement_comes_first_and_what_has_no_value_before_it(survey) -> None:
+def test_the_worst_measurement_comes_first_and_what_has_no_value_before_it() -> None:
     rows = survey.build().measurements
     order = [rows.name[i] for i in worst_first(rows)]
 
@@ -55,7 +56,7 @@ def test_the_worst_measurement_comes_first_and_what_has_no_value_before_it(surve
     assert order[-1] == "skid left"  # 21 mm of 40 m
 
 
-def test_a_coordinate_near_zero_is_not_the_worst_for_being_small(survey) -> None:
+def test_a_coordinate_near_zero_is_not_the_worst_for_being_small() -> None:
     rows = survey.build().measurements
     order = [rows.name[i] for i in worst_first(rows)]
 

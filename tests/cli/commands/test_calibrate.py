@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
-from types import SimpleNamespace
+from typing import Any
 
 import board_scenes
 import cv2
@@ -13,12 +15,21 @@ import numpy as np
 import pytest
 from board_photos import Sensor, look, photograph, true_corners
 from camera_photos import camera_photo
+from small_projects import Command
 
 from uavgram.cli import main
 from uavgram.config.camera import load_camera_file
 from uavgram.io.cameras.opencv import read_opencv_calibration
-from uavgram.model.camera.board import BoardObservations, CalibrationOptions, flat_board
-from uavgram.stages.calibrate import calibrate
+from uavgram.model.camera.board import (
+    Board,
+    BoardObservations,
+    BoardPhoto,
+    CalibrationOptions,
+    flat_board,
+)
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.provenance import CameraProvenance
+from uavgram.stages.calibrate.calibrate import calibrate
 
 FILES = {"camera.yaml", "opencv.yml", "calibration.json", "calibration.html", "calibration.rrd"}
 CHARUCO = flat_board(7, 5, 0.03, kind="charuco", marker_m=0.022, dictionary="DICT_5X5_100")
@@ -27,12 +38,25 @@ TRUE = np.array([520.0, 518, 322, 237, -0.2, 0.06, 8e-4, -5e-4, 0.0])
 SIZE_PX = (640, 480)
 
 
-def calibrated(folder, *arguments):
+@dataclass(frozen=True)
+class Calibrated:
+    """What the command wrote."""
+
+    folder: Path
+    camera: Calibration
+    provenance: CameraProvenance
+    numbers: dict[str, Any]
+    codes: set[str]
+    side: str = ""
+
+
+def calibrated(folder: Path, *arguments: object) -> Calibrated:
     """Run the command into a folder; what it wrote."""
     assert main(["calibrate", *map(str, arguments), "--output", str(folder)]) == 0
     camera, provenance = load_camera_file(folder / "camera.yaml")
+    assert provenance is not None
     numbers = json.loads((folder / "calibration.json").read_text(encoding="utf-8"))
-    return SimpleNamespace(
+    return Calibrated(
         folder=folder,
         camera=camera,
         provenance=provenance,
@@ -41,7 +65,7 @@ def calibrated(folder, *arguments):
     )
 
 
-def write_board_photos(folder, count, board=CHARUCO, *, seed=0):
+def write_board_photos(folder: Path, count: int, board: Board = CHARUCO, *, seed: int = 0) -> Path:
     """Rendered photos of a board, tilted to all sides, rolled by turns."""
     folder.mkdir(exist_ok=True)
     rng = np.random.default_rng(seed)
@@ -62,16 +86,17 @@ def write_board_photos(folder, count, board=CHARUCO, *, seed=0):
 
 
 @pytest.fixture(scope="module", params=["left", "right"])
-def chess(data_dir: Path, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest):
+def chess(
+    data_dir: Path, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
+) -> Calibrated:
     folder = tmp_path_factory.mktemp(request.param) / "out"
     pattern = data_dir / "opencv_chess" / f"{request.param}[0-9]*.jpg"
     done = calibrated(folder, pattern, "--board", "chessboard:9x6:1m", "--coefficients", 5)
-    done.side = request.param
-    return done
+    return replace(done, side=request.param)
 
 
 @pytest.fixture(scope="module")
-def rendered(tmp_path_factory: pytest.TempPathFactory):
+def rendered(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """ChArUco photos, one of them without a board."""
     folder = write_board_photos(tmp_path_factory.mktemp("rendered") / "photos", 12)
     cv2.imwrite(str(folder / "wall.png"), np.full(SIZE_PX[::-1], 120, np.uint8))
@@ -79,11 +104,11 @@ def rendered(tmp_path_factory: pytest.TempPathFactory):
 
 
 @pytest.fixture(scope="module")
-def charuco(rendered):
+def charuco(rendered: Path) -> Calibrated:
     return calibrated(rendered.parent / "out", rendered / "*.png", "--board", CHARUCO_TEXT)
 
 
-def test_every_file_is_there_and_says_the_same(chess) -> None:
+def test_every_file_is_there_and_says_the_same(chess: Calibrated) -> None:
     assert {path.name for path in chess.folder.iterdir()} == FILES | {"found"}
     assert len(list((chess.folder / "found").glob("*.jpg"))) == 13
     numbers = chess.numbers
@@ -98,13 +123,13 @@ def test_every_file_is_there_and_says_the_same(chess) -> None:
     assert len(chess.provenance.inputs) == 13
 
 
-def own_corners(chess):
+def own_corners(chess: Calibrated) -> BoardObservations:
     """The corners that the command found, as the detector stated them."""
     photos = []
     for photo in chess.numbers["photos"]:
         rows = [c for c in chess.numbers["corners"] if c["photo"] == photo["file"]]
         photos.append(
-            board_scenes.BoardPhoto(
+            BoardPhoto(
                 file=photo["file"],
                 width_px=640,
                 height_px=480,
@@ -116,7 +141,7 @@ def own_corners(chess):
     return BoardObservations(board=flat_board(9, 6, 1.0), photos=tuple(photos))
 
 
-def test_the_same_corners_give_opencvs_parameters(chess) -> None:
+def test_the_same_corners_give_opencvs_parameters(chess: Calibrated) -> None:
     found = board_scenes.as_float32(own_corners(chess))
     equal = BoardObservations(
         board=found.board,
@@ -131,13 +156,15 @@ def test_the_same_corners_give_opencvs_parameters(chess) -> None:
     assert np.abs(apart).max() < 1.0
 
 
-def test_opencvs_own_corners_give_the_same_camera_within_its_sigmas(chess, data_dir: Path) -> None:
+def test_opencvs_own_corners_give_the_same_camera_within_its_sigmas(
+    chess: Calibrated, data_dir: Path
+) -> None:
     theirs, *_ = board_scenes.opencv_calibration(board_scenes.opencv_chess(data_dir, chess.side))
     apart = (chess.camera.parameters - theirs) / np.sqrt(np.diag(chess.camera.covariance))
     assert np.abs(apart).max() < 2.0
 
 
-def test_residuals_are_those_of_opencvs_projection(chess) -> None:
+def test_residuals_are_those_of_opencvs_projection(chess: Calibrated) -> None:
     fx, fy, cx, cy = chess.camera.parameters[:4]
     matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     board = flat_board(9, 6, 1.0).corner_board_m
@@ -159,7 +186,7 @@ def test_residuals_are_those_of_opencvs_projection(chess) -> None:
 
 @pytest.mark.parametrize("prior", ["none", "exif"])
 def test_six_photos_of_a_phantom_agree_with_the_published_camera(
-    data_dir: Path, tmp_path: Path, prior
+    data_dir: Path, tmp_path: Path, prior: str
 ) -> None:
     folder = data_dir / "phantom3_lenscalib"
     published = json.loads((folder / "control.json").read_text())["camera"]
@@ -178,7 +205,9 @@ def test_six_photos_of_a_phantom_agree_with_the_published_camera(
     assert done.provenance.focal_mm == pytest.approx(3.61)
 
 
-def test_a_charuco_board_gives_the_true_camera_and_a_wall_is_said(charuco, rendered) -> None:
+def test_a_charuco_board_gives_the_true_camera_and_a_wall_is_said(
+    charuco: Calibrated, rendered: Path
+) -> None:
     miss = charuco.camera.parameters - TRUE
     free = np.flatnonzero(np.diag(charuco.camera.covariance) > 0)
     covariance = charuco.camera.covariance[np.ix_(free, free)]
@@ -191,7 +220,7 @@ def test_a_charuco_board_gives_the_true_camera_and_a_wall_is_said(charuco, rende
 
 
 def test_the_table_shows_every_parameter_and_the_worst_message_first(
-    command, rendered, tmp_path: Path
+    command: Command, rendered: Path, tmp_path: Path
 ) -> None:
     done = command(
         "calibrate", rendered / "*.png", "--board", CHARUCO_TEXT, "--output", tmp_path / "a",
@@ -205,6 +234,7 @@ def test_the_table_shows_every_parameter_and_the_worst_message_first(
         assert f"{value:.3f} px" in done.stdout
     assert camera.parameters[0] == camera.parameters[1]
     assert not camera.parameters[6:8].any()
+    assert provenance is not None
     assert provenance.options["aspect"] == 1.0
     levels = [line.split(":")[0] for line in done.stdout.splitlines()]
     levels = [level for level in levels if level in {"error", "warning", "info"}]
@@ -213,7 +243,7 @@ def test_the_table_shows_every_parameter_and_the_worst_message_first(
 
 
 def test_a_second_run_replaces_the_first_and_gives_the_same_numbers(
-    charuco, rendered, tmp_path: Path
+    charuco: Calibrated, rendered: Path, tmp_path: Path
 ) -> None:
     shutil.copytree(charuco.folder, tmp_path / "out")
     (tmp_path / "out" / "camera.yaml").write_text("an earlier one")
@@ -225,72 +255,72 @@ def test_a_second_run_replaces_the_first_and_gives_the_same_numbers(
 BOARD = ("--board", CHARUCO_TEXT)
 
 
-def no_board(folder):
+def no_board(folder: Path) -> tuple[tuple[str, ...], str]:
     for k in range(3):
         cv2.imwrite(str(folder / f"{k}.png"), np.full((240, 320), 90 + k, np.uint8))
     return BOARD, "shows no board"
 
 
-def wrong_size(folder):
+def wrong_size(folder: Path) -> tuple[tuple[str, ...], str]:
     copy_some(folder, 3)
     return ("--board", "charuco:12x9:30mm:22mm:DICT_5X5_100"), "8 x 6 squares"
 
 
-def mixed_sizes(folder):
+def mixed_sizes(folder: Path) -> tuple[tuple[str, ...], str]:
     copy_some(folder, 3)
     cv2.imwrite(str(folder / "other.png"), np.zeros((240, 320), np.uint8))
     return BOARD, "320 x 240 pixels"
 
 
-def two_cameras(folder):
+def two_cameras(folder: Path) -> tuple[tuple[str, ...], str]:
     for k, model in enumerate(("FC330", "FC330", "FC220")):
         camera_photo(folder / f"{k}.jpg", make="DJI", model=model, serial=str(k))
     return BOARD, "another camera"
 
 
-def one_photo(folder):
+def one_photo(folder: Path) -> tuple[tuple[str, ...], str]:
     copy_some(folder, 1)
     return BOARD, "1 of the 3 photos"
 
 
-def identical_photos(folder):
+def identical_photos(folder: Path) -> tuple[tuple[str, ...], str]:
     copy_some(folder, 3)
     shutil.copy(folder / "00.png", folder / "03.png")
     return BOARD, "copy of"
 
 
-def no_photo(folder):
+def no_photo(folder: Path) -> tuple[tuple[str, ...], str]:
     copy_some(folder, 3)
     (folder / "03.png").write_bytes(b"\x89PNG\r\n\x1a\nand no more")
     return BOARD, "03.png"
 
 
-def nothing_there(folder):
+def nothing_there(folder: Path) -> tuple[tuple[str, ...], str]:
     assert not list(folder.iterdir())
     return BOARD, "matches no file"
 
 
-def unknown_board(folder):
+def unknown_board(folder: Path) -> tuple[tuple[str, ...], str]:
     copy_some(folder, 3)
     return ("--board", "chesboard:9x6:25mm"), "did you mean 'chessboard'"
 
 
-def board_without_unit(folder):
+def board_without_unit(folder: Path) -> tuple[tuple[str, ...], str]:
     copy_some(folder, 3)
     return ("--board", "chessboard:9x6:25"), "25mm, 2.5cm or 0.025m"
 
 
-def fisheye_with_five(folder):
+def fisheye_with_five(folder: Path) -> tuple[tuple[str, ...], str]:
     copy_some(folder, 3)
     return (*BOARD, "--model", "fisheye", "--coefficients", "5"), "a fisheye lens has 4"
 
 
-def prior_without_exif(folder):
+def prior_without_exif(folder: Path) -> tuple[tuple[str, ...], str]:
     copy_some(folder, 3)
     return (*BOARD, "--prior", "exif"), "does not say which camera"
 
 
-def copy_some(folder, count) -> None:
+def copy_some(folder: Path, count: int) -> None:
     for k in range(count):
         shutil.copy(folder.parent / "good" / f"{k:02d}.png", folder)
 
@@ -304,7 +334,10 @@ def copy_some(folder, count) -> None:
     ids=lambda make: make.__name__,
 )  # fmt: skip
 def test_what_is_wrong_is_one_message_and_nothing_is_written(
-    make, rendered, command, tmp_path: Path
+    make: Callable[[Path], tuple[tuple[str, ...], str]],
+    rendered: Path,
+    command: Command,
+    tmp_path: Path,
 ) -> None:
     shutil.copytree(rendered, tmp_path / "good")
     folder = tmp_path / "photos"
@@ -322,7 +355,9 @@ def test_what_is_wrong_is_one_message_and_nothing_is_written(
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
-def test_a_folder_that_cannot_be_written_is_one_message(rendered, command, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_one_message(
+    rendered: Path, command: Command, tmp_path: Path
+) -> None:
     (tmp_path / "taken").write_text("a file")
     done = command("calibrate", rendered / "*.png", *BOARD, "--output", tmp_path / "taken")
     assert done.status == 1
@@ -330,7 +365,9 @@ def test_a_folder_that_cannot_be_written_is_one_message(rendered, command, tmp_p
     assert (tmp_path / "taken").read_text() == "a file"
 
 
-def test_the_photos_themselves_are_never_written_over(rendered, command, tmp_path: Path) -> None:
+def test_the_photos_themselves_are_never_written_over(
+    rendered: Path, command: Command, tmp_path: Path
+) -> None:
     shutil.copytree(rendered, tmp_path / "found")
     before = {path.name: path.read_bytes() for path in (tmp_path / "found").iterdir()}
     done = command("calibrate", tmp_path / "found" / "*.png", *BOARD, "--output", tmp_path)
@@ -339,7 +376,7 @@ def test_the_photos_themselves_are_never_written_over(rendered, command, tmp_pat
     assert {path.name: path.read_bytes() for path in (tmp_path / "found").iterdir()} == before
 
 
-def test_photos_of_one_name_in_two_folders_keep_apart(rendered, tmp_path: Path) -> None:
+def test_photos_of_one_name_in_two_folders_keep_apart(rendered: Path, tmp_path: Path) -> None:
     for k in range(6):
         (tmp_path / "ab"[k % 2]).mkdir(exist_ok=True)
         shutil.copy(rendered / f"{k:02d}.png", tmp_path / "ab"[k % 2] / f"{k // 2}.png")
@@ -352,9 +389,11 @@ def test_photos_of_one_name_in_two_folders_keep_apart(rendered, tmp_path: Path) 
     assert len(list((tmp_path / "out" / "found").iterdir())) == 6
 
 
-def test_found_pictures_show_the_corners(charuco, rendered) -> None:
+def test_found_pictures_show_the_corners(charuco: Calibrated, rendered: Path) -> None:
     plain = cv2.imread(str(rendered / "00.png"))
     drawn = cv2.imread(str(charuco.folder / "found" / "00.png.jpg"))
+    assert plain is not None
+    assert drawn is not None
     assert drawn.shape == plain.shape
     corners = [c["pixel_px"] for c in charuco.numbers["corners"] if c["photo"] == "00.png"]
     for u, v in np.round(corners).astype(int):
@@ -362,7 +401,7 @@ def test_found_pictures_show_the_corners(charuco, rendered) -> None:
         assert np.ptp(around, axis=2).max() > 60  # colour where the photo has none
 
 
-def test_rendered_corners_are_where_they_were_projected(charuco) -> None:
+def test_rendered_corners_are_where_they_were_projected(charuco: Calibrated) -> None:
     # of the first photo of the helper, drawn again: the truth is known from the geometry alone
     rng = np.random.default_rng(0)
     pose = look(

@@ -3,6 +3,7 @@
 import json
 import re
 from pathlib import Path
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -22,16 +23,22 @@ sigma: [6, 6, 4, 4, 0.002, 0.004, 1e-4, 1e-4, 0.002]
 """
 
 
+class Run(Protocol):
+    """The command ``uavgram camera``: status, and what it said."""
+
+    def __call__(self, *arguments: object) -> tuple[int, str, str]: ...
+
+
 @pytest.fixture
-def file(tmp_path: Path):
+def file(tmp_path: Path) -> Path:
     path = tmp_path / "camera.yaml"
     path.write_text(CAMERA)
     return path
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]):
-    def call(*arguments):
+def run(capsys: pytest.CaptureFixture[str]) -> Run:
+    def call(*arguments: object) -> tuple[int, str, str]:
         status = main(["camera", *map(str, arguments)])
         captured = capsys.readouterr()
         return status, captured.out, captured.err
@@ -39,7 +46,7 @@ def run(capsys: pytest.CaptureFixture[str]):
     return call
 
 
-def test_a_camera_is_shown_with_what_it_means(run, file) -> None:
+def test_a_camera_is_shown_with_what_it_means(run: Run, file: Path) -> None:
     status, out, _ = run(file)
 
     assert status == 0
@@ -49,7 +56,7 @@ def test_a_camera_is_shown_with_what_it_means(run, file) -> None:
         assert words in out
 
 
-def test_a_photo_shows_what_its_tags_say(run, tmp_path: Path) -> None:
+def test_a_photo_shows_what_its_tags_say(run: Run, tmp_path: Path) -> None:
     photo = camera_photo(
         tmp_path / "p.jpg", (4000, 3000), make="DJI", model="FC220", focal=(473, 100)
     )
@@ -60,7 +67,7 @@ def test_a_photo_shows_what_its_tags_say(run, tmp_path: Path) -> None:
     assert "warning: Camera 'DJI FC220' is assumed, not calibrated" in out
 
 
-def test_opencv_reads_what_is_converted_for_it(run, file, tmp_path: Path) -> None:
+def test_opencv_reads_what_is_converted_for_it(run: Run, file: Path, tmp_path: Path) -> None:
     status, out, _ = run(file, "--to", "opencv", "--output", tmp_path / "c.yml")
     storage = cv2.FileStorage(str(tmp_path / "c.yml"), cv2.FILE_STORAGE_READ)
 
@@ -71,7 +78,9 @@ def test_opencv_reads_what_is_converted_for_it(run, file, tmp_path: Path) -> Non
     )
 
 
-def test_there_and_back_by_way_of_opencv_is_the_same_camera(run, file, tmp_path: Path) -> None:
+def test_there_and_back_by_way_of_opencv_is_the_same_camera(
+    run: Run, file: Path, tmp_path: Path
+) -> None:
     run(file, "--to", "opencv", "--output", tmp_path / "c.yml")
     status, _, _ = run(tmp_path / "c.yml", "--output", tmp_path / "back.yaml")
     (back, provenance), (first, _) = (
@@ -81,17 +90,20 @@ def test_there_and_back_by_way_of_opencv_is_the_same_camera(run, file, tmp_path:
     assert status == 0
     np.testing.assert_array_equal(back.parameters, first.parameters)
     np.testing.assert_array_equal(back.covariance, first.covariance)
+    assert provenance is not None
     assert provenance.inputs[0].path.endswith("c.yml")
 
 
-def test_without_an_output_the_file_goes_to_the_terminal(run, file) -> None:
+def test_without_an_output_the_file_goes_to_the_terminal(run: Run, file: Path) -> None:
     status, out, _ = run(file, "--to", "colmap")
 
     assert status == 0
     assert out.splitlines()[-1].startswith("1 FULL_OPENCV 4000 3000 2300.0 2310.0 2010.5 1480.5 ")
 
 
-def test_a_cropped_and_resized_camera_says_so_in_its_file(run, file, tmp_path: Path) -> None:
+def test_a_cropped_and_resized_camera_says_so_in_its_file(
+    run: Run, file: Path, tmp_path: Path
+) -> None:
     output = tmp_path / "small.yaml"
     status, _, _ = run(file, "--crop", "0,375,4000x2250", "--size", "2000x1125", "--output", output)
     camera, provenance = load_camera_file(output)
@@ -99,25 +111,29 @@ def test_a_cropped_and_resized_camera_says_so_in_its_file(run, file, tmp_path: P
     assert status == 0
     assert (camera.width_px, camera.height_px) == (2000, 1125)
     np.testing.assert_allclose(camera.parameters[:4], [1150, 1155, 1004.75, 552.25])
+    assert provenance is not None
     assert dict(provenance.options) == {"crop": "0,375,4000x2250", "size": "2000x1125"}
 
 
 def test_the_provenance_of_a_converted_file_keeps_what_came_before(
-    run, file, tmp_path: Path
+    run: Run, file: Path, tmp_path: Path
 ) -> None:
     run(file, "--size", "2000x1500", "--output", tmp_path / "a.yaml")
     run(tmp_path / "a.yaml", "--size", "1000x750", "--output", tmp_path / "b.yaml")
     _, provenance = load_camera_file(tmp_path / "b.yaml")
 
+    assert provenance is not None
     assert provenance.source == "converted; before that, converted"
     assert "made by uavgram" in run(tmp_path / "b.yaml")[1]
 
 
-def test_two_cameras_are_compared(run, file, tmp_path: Path) -> None:
+def test_two_cameras_are_compared(run: Run, file: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.yaml"
     other.write_text(CAMERA.replace("2300, 2310", "2330, 2340").replace("test", "other"))
     status, out, _ = run(file, "--compare", other)
-    rms, largest = map(float, re.search(r"rms ([\d.]+) px, largest ([\d.]+) px", out).groups())
+    said = re.search(r"rms ([\d.]+) px, largest ([\d.]+) px", out)
+    assert said is not None
+    rms, largest = map(float, said.groups())
 
     assert status == 0
     assert "other minus test" in out
@@ -137,14 +153,16 @@ def test_two_cameras_are_compared(run, file, tmp_path: Path) -> None:
         (["--to", "matlab"], 2, "matlab"),
     ],
 )
-def test_wrong_arguments_are_told(run, file, arguments, status, words) -> None:
+def test_wrong_arguments_are_told(
+    run: Run, file: Path, arguments: list[str], status: int, words: str
+) -> None:
     got, _, err = run(file, *arguments)
 
     assert got == status
     assert words in err
 
 
-def test_sizes_must_agree_to_compare(run, file, tmp_path: Path) -> None:
+def test_sizes_must_agree_to_compare(run: Run, file: Path, tmp_path: Path) -> None:
     run(file, "--size", "2000x1500", "--output", tmp_path / "half.yaml")
     status, _, err = run(file, "--compare", tmp_path / "half.yaml")
 
@@ -152,7 +170,7 @@ def test_sizes_must_agree_to_compare(run, file, tmp_path: Path) -> None:
     assert "different image sizes" in err
 
 
-def test_one_of_several_cameras_is_chosen_by_name(run, tmp_path: Path) -> None:
+def test_one_of_several_cameras_is_chosen_by_name(run: Run, tmp_path: Path) -> None:
     entry = {"projection_type": "perspective", "width": 400, "height": 300, "focal": 0.8}
     path = tmp_path / "cameras.json"
     path.write_text(
@@ -164,6 +182,6 @@ def test_one_of_several_cameras_is_chosen_by_name(run, tmp_path: Path) -> None:
     assert "b: brown lens, 400 x 300 px" in run(path, "--camera", "b")[1]
 
 
-def test_a_file_that_is_none_is_told(run, tmp_path: Path) -> None:
+def test_a_file_that_is_none_is_told(run: Run, tmp_path: Path) -> None:
     assert run(tmp_path / "none.yaml")[0] == 1
     assert "cannot be read" in run(tmp_path / "none.yaml")[2]

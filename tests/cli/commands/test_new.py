@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import IO, Any
 
 import cv2
 import numpy as np
@@ -49,6 +50,8 @@ def test_photos_log_and_camera_become_a_project_that_check_accepts_and_the_page_
     assert "No point is picked yet" in said
     assert f"Next: uavgram pick {folder / 'project.yaml'}" in said
     project = load_project(folder / "project.yaml")
+    assert project.log is not None
+    assert project.camera is not None
     assert Path(project.log).name == "flight.BIN"
     assert Path(project.camera).name == "camera.yaml"
     assert project.poses is None
@@ -187,6 +190,8 @@ def test_tables_that_are_there_are_named_and_left_as_they_are(tmp_path: Path) ->
     before = snapshot(folder)
     assert main(["new", str(folder)]) == 0
     project = load_project(folder / "project.yaml")
+    assert project.lines is not None
+    assert project.check is not None
     assert Path(project.lines).name == "tape.csv"
     assert Path(project.check).name == "check points.csv"
     assert project.control is None
@@ -222,7 +227,11 @@ def test_a_project_that_is_there_is_never_written_over(
     ],
 )
 def test_what_is_found_twice_is_listed_and_nothing_is_written(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], files, words, way
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    files: dict[str, bytes],
+    words: str,
+    way: str,
 ) -> None:
     folder = bare(tmp_path / "flight")
     for name, content in files.items():
@@ -329,10 +338,17 @@ def test_a_folder_without_the_right_to_write_is_told(
     before = snapshot(folder)
     real = Path.open
 
-    def refused(self, mode="r", *rest, **named):  # who runs the tests may be allowed everything
+    def refused(  # who runs the tests may be allowed everything
+        self: Path,
+        mode: str = "r",
+        buffering: int = -1,
+        encoding: str | None = None,
+        errors: str | None = None,
+        newline: str | None = None,
+    ) -> IO[Any]:
         if "x" in mode and self.name == "project.yaml":
             raise PermissionError(13, "Permission denied", str(self))
-        return real(self, mode, *rest, **named)
+        return real(self, mode, buffering, encoding, errors, newline)
 
     monkeypatch.setattr(Path, "open", refused)
     assert main(["new", str(folder)]) == 1
@@ -358,7 +374,7 @@ NAMES = [
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_names_mean_what_they_are_in_yaml(name) -> None:
+def test_names_mean_what_they_are_in_yaml(name: str) -> None:
     """The truth is PyYAML, which reads the text."""
     for log, poses in (("flight.BIN", None), (None, "exif"), (None, None)):
         text = project_text(

@@ -19,6 +19,7 @@ from uavgram.io.photos.jpeg_segments import (
     parse_jpeg,
 )
 from uavgram.io.photos.tagging.exif_gps import ExifGps, with_gps
+from uavgram.model.options import GeodeticOrigin
 
 PIX4D = (
     '<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax'
@@ -28,11 +29,12 @@ PIX4D = (
 MARKERS = '<?xml version="1.0"?>\n<document version="1.2.0"><chunk/></document>\n'
 
 
-def placed(folder, count, xmp=None):
+def placed(folder: Path, count: int, xmp: str | None = None) -> Path:
     """Photos 11 m apart, 500 m high, which say so in EXIF."""
     folder.mkdir()
     noise = np.random.default_rng(1).integers(0, 255, (48, 64, 3), dtype=np.uint8)
     plain = parse_jpeg(cv2.imencode(".jpg", noise)[1].tobytes())
+    assert plain is not None
     for k in range(count):
         gps = ExifGps(
             latitude_deg=47 + 1e-4 * k, longitude_deg=8.0, height_m=500.0, sigma_horizontal_m=2.0
@@ -53,7 +55,7 @@ def placed(folder, count, xmp=None):
     ],
 )
 def test_the_places_of_the_photos_are_used_and_the_assumed_ground_is_said(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], count, xmp, datum
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], count: int, xmp: str | None, datum: str
 ) -> None:
     folder = placed(tmp_path / "flight", count, xmp)
     assert main(["new", str(folder)]) == 0
@@ -64,6 +66,7 @@ def test_the_places_of_the_photos_are_used_and_the_assumed_ground_is_said(
     project = load_project(folder / "project.yaml")
     assert project.poses == "exif"
     origin = project.world.origin
+    assert isinstance(origin, GeodeticOrigin)
     assert (origin.latitude_deg, origin.longitude_deg, origin.height_m) == (47.0, 8.0, 440.0)
     assert (project.ground.height_sigma_m, project.world.heights) == (40.0, datum)
     assert main(["check", str(folder / "project.yaml")]) == 0
@@ -74,6 +77,7 @@ def test_every_table_that_a_new_project_names_is_there(tmp_path: Path) -> None:
     assert main(["new", str(folder)]) == 0
     project = load_project(folder / "project.yaml")
     for name in (project.picks, project.lines, project.measure):
+        assert name is not None
         assert (folder / name).is_file()
 
 
@@ -98,7 +102,7 @@ def test_markers_of_another_program_are_no_camera(
     ],
 )
 def test_a_broken_calibration_is_told_by_its_line_and_without_a_librarys_words(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], name, text, line
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, text: str, line: int
 ) -> None:
     (tmp_path / name).write_text(text, encoding="utf-8")
     assert main(["camera", str(tmp_path / name)]) == 1

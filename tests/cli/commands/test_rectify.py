@@ -10,6 +10,7 @@ import pytest
 import rasterio
 import yaml
 from pyproj import Transformer
+from small_projects import Command, Project
 
 from uavgram.imaging.top_view import photo_cache
 from uavgram.pipeline.measure.compute import compute
@@ -18,11 +19,11 @@ from uavgram.pipeline.measure.inputs import read_inputs
 FILES = {"rectified.tif", "rectified.png", "rectified_sigma.tif"}
 
 
-def frames_of(project):
+def frames_of(project: Project) -> list[str]:
     return sorted(path.name for path in (project / "photos").iterdir())
 
 
-def test_the_mosaic_is_written_beside_the_results(project, command) -> None:
+def test_the_mosaic_is_written_beside_the_results(project: Project, command: Command) -> None:
     done = command("rectify", project.path)
 
     assert done.status == 0, done
@@ -43,7 +44,9 @@ def test_the_mosaic_is_written_beside_the_results(project, command) -> None:
     assert cv2.imread(str(folder / "rectified.png")) is not None
 
 
-def test_one_frame_at_a_size_of_ones_own(project, command, tmp_path: Path) -> None:
+def test_one_frame_at_a_size_of_ones_own(
+    project: Project, command: Command, tmp_path: Path
+) -> None:
     done = command(
         "rectify", project.path, "--frame", frames_of(project)[3], "--pixel-size", "0.5",
         "--output", tmp_path / "top",
@@ -56,7 +59,9 @@ def test_one_frame_at_a_size_of_ones_own(project, command, tmp_path: Path) -> No
         assert file.tags()["frames"] == frames_of(project)[3]
 
 
-def test_the_map_of_sigmas_agrees_with_the_adjustments_own(project, command) -> None:
+def test_the_map_of_sigmas_agrees_with_the_adjustments_own(
+    project: Project, command: Command
+) -> None:
     # a point that only one frame sees is placed by that frame, and changes nothing else
     frame = frames_of(project)[3]
     pick = f"{frame},only here,{123.0},{211.0}"
@@ -82,7 +87,7 @@ def test_the_map_of_sigmas_agrees_with_the_adjustments_own(project, command) -> 
     assert own > 0.05
 
 
-def test_without_a_log_it_lies_in_local_metres(project, command) -> None:
+def test_without_a_log_it_lies_in_local_metres(project: Project, command: Command) -> None:
     project.set(log=None, poses=None, check=None, control=None)
     frame = frames_of(project)[3]
     text = (project / "lines.csv").read_text(encoding="utf-8")
@@ -106,7 +111,7 @@ def test_without_a_log_it_lies_in_local_metres(project, command) -> None:
     ],
 )
 def test_what_cannot_be_done_is_one_message_with_the_way_out(
-    project, command, arguments, said
+    project: Project, command: Command, arguments: list[str], said: str
 ) -> None:
     before = project.outputs()
     done = command("rectify", project.path, *arguments)
@@ -118,11 +123,11 @@ def test_what_cannot_be_done_is_one_message_with_the_way_out(
 
 
 @pytest.mark.parametrize("size", ["0", "-1", "wide"])
-def test_a_size_that_is_none_is_wrong_usage(project, command, size) -> None:
+def test_a_size_that_is_none_is_wrong_usage(project: Project, command: Command, size: str) -> None:
     assert command("rectify", project.path, "--pixel-size", size).status == 2
 
 
-def test_a_frame_without_a_pose_says_to_pick_in_it(project, command) -> None:
+def test_a_frame_without_a_pose_says_to_pick_in_it(project: Project, command: Command) -> None:
     frame = frames_of(project)[3]
     header, *rows = (project / "picks.csv").read_text(encoding="utf-8").splitlines()
     kept = [row for row in rows if not row.startswith(frame)]
@@ -135,13 +140,13 @@ def test_a_frame_without_a_pose_says_to_pick_in_it(project, command) -> None:
 
 
 def test_a_photo_that_goes_while_it_is_needed_leaves_earlier_files(
-    project, command, monkeypatch: pytest.MonkeyPatch
+    project: Project, command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert command("rectify", project.path).status == 0
     before = project.outputs()
     taken = photo_cache.read_photo
 
-    def gone(path, reduction):
+    def gone(path: str, reduction: int) -> photo_cache.Photo:
         return taken(path + ".gone", reduction)
 
     monkeypatch.setattr(photo_cache, "read_photo", gone)
@@ -153,7 +158,9 @@ def test_a_photo_that_goes_while_it_is_needed_leaves_earlier_files(
     assert project.outputs() == before
 
 
-def test_a_folder_that_cannot_be_written_is_named(project, command, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_named(
+    project: Project, command: Command, tmp_path: Path
+) -> None:
     (tmp_path / "file").write_text("in the way")
 
     done = command("rectify", project.path, "--output", tmp_path / "file" / "top")

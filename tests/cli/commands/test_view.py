@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Never
 
 import pytest
+from small_projects import Command, Project
 
 from uavgram.views.viewer import server as viewer
 
 
 @pytest.fixture
-def shown(monkeypatch: pytest.MonkeyPatch):
+def shown(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """Recordings that were opened on the screen, without opening any."""
-    calls = []
+    calls: list[Path] = []
     monkeypatch.setattr(viewer, "open_viewer", calls.append)
     return calls
 
 
-def test_a_run_opens_the_review_that_it_wrote(project, command, shown, tmp_path: Path) -> None:
+def test_a_run_opens_the_review_that_it_wrote(
+    project: Project, command: Command, shown: list[Path], tmp_path: Path
+) -> None:
     assert command("run", project.path, "--view").status == 0
     assert command("run", project.path, "--view", "--output", tmp_path / "other").status == 0
     assert command("run", project.path).status == 0
@@ -27,15 +31,17 @@ def test_a_run_opens_the_review_that_it_wrote(project, command, shown, tmp_path:
     assert all(path.is_file() for path in shown)
 
 
-def test_on_a_screen_the_recording_itself_is_opened(project, command, shown) -> None:
+def test_on_a_screen_the_recording_itself_is_opened(
+    project: Project, command: Command, shown: list[Path]
+) -> None:
     assert command("view", project.out / "recording.rrd").status == 0
     assert shown == [project.out / "recording.rrd"]
 
 
 def test_in_a_browser_the_address_is_said_and_ctrl_c_is_the_end(
-    project, command, monkeypatch: pytest.MonkeyPatch
+    project: Project, command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def serve(recording, started) -> Never:
+    def serve(recording: Path, started: Callable[[str], None]) -> Never:
         assert recording == project.out / "recording.rrd"
         started("http://127.0.0.1:1234?url=x")
         raise KeyboardInterrupt
@@ -50,7 +56,9 @@ def test_in_a_browser_the_address_is_said_and_ctrl_c_is_the_end(
 
 
 @pytest.mark.parametrize("flags", [[], ["--web"]])
-def test_what_is_no_recording_is_one_message(project, command, flags) -> None:
+def test_what_is_no_recording_is_one_message(
+    project: Project, command: Command, flags: list[str]
+) -> None:
     done = command("view", project.path, *flags)
 
     assert done.status == 1

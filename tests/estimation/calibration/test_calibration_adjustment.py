@@ -12,14 +12,17 @@ import pytest
 
 from uavgram.estimation.calibration import normals
 from uavgram.estimation.calibration.adjustment import (
+    Fit,
     adjust,
     fit_poses,
 )
-from uavgram.estimation.calibration.normals import UndeterminedError
+from uavgram.estimation.calibration.normals import Normals, UndeterminedError
 from uavgram.estimation.calibration.problem import lens_of, pad
 from uavgram.estimation.calibration.start import first_values
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import (
     BoardObservations,
+    Bow,
     CalibrationOptions,
     IntrinsicsPrior,
 )
@@ -27,20 +30,22 @@ from uavgram.model.camera.board import (
 USUAL = CalibrationOptions()
 
 
-def fit_of(observations, options=USUAL):
+def fit_of(observations: BoardObservations, options: CalibrationOptions = USUAL) -> Fit:
     lens, corners = lens_of(options), pad(observations, options.bow)
     photo = observations.photos[0]
     return adjust(lens, corners, first_values(lens, corners, (photo.width_px, photo.height_px)))
 
 
-def residual_sigma(fit):
+def residual_sigma(fit: Fit) -> Floats:
     """Standard deviations scaled by the residuals, as OpenCV does."""
     scale = fit.cost / fit.degrees_of_freedom
     return np.sqrt(np.diag(fit.parameter_covariance()) * scale)
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_real_photos_give_opencvs_parameters_and_standard_deviations(data_dir: Path, side) -> None:
+def test_real_photos_give_opencvs_parameters_and_standard_deviations(
+    data_dir: Path, side: str
+) -> None:
     observations = scenes.opencv_chess(data_dir, side)
     fit = fit_of(observations)
     parameters, sigma, rms, _ = scenes.opencv_calibration(observations)
@@ -71,7 +76,7 @@ def test_correlations_of_a_real_camera_are_what_they_are_known_to_be(data_dir: P
         (CalibrationOptions(), 0),
     ],
 )
-def test_every_option_gives_opencvs_result(options, flags) -> None:
+def test_every_option_gives_opencvs_result(options: CalibrationOptions, flags: int) -> None:
     scene = scenes.make_scene(7, photos=10, noise=0.2)
     observations = scenes.as_float32(scene.observations)
     fit = fit_of(observations, options)
@@ -136,7 +141,7 @@ def test_a_fisheye_is_opencvs() -> None:
     assert (np.abs(fit.state.parameters - expected) < 1e-3 * sigma).all()
 
 
-def dense(fit):
+def dense(fit: Fit) -> Floats:
     """Joint covariance from one dense normal matrix."""
     photos, rows, q = fit.linear.border.shape
     whole = np.zeros((photos * rows, q + 6 * photos))
@@ -150,7 +155,7 @@ def dense(fit):
     return scale[:, None] * np.linalg.inv(normal * np.outer(scale, scale)) * scale
 
 
-def joint_covariance(fit):
+def joint_covariance(fit: Fit) -> Floats:
     """(q + 6 M, q + 6 M) covariance of all unknowns: the border, then the photos in their order."""
     gain = fit.normals.gain
     q, photos = fit.lens.size, len(gain)
@@ -160,11 +165,12 @@ def joint_covariance(fit):
     for i in range(photos):
         block = slice(q + 6 * i, q + 6 * (i + 1))
         joint[block, block] += fit.normals.pose_inverse[i]
-    return joint
+    result: Floats = joint
+    return result
 
 
 @pytest.mark.parametrize("bow", ["flat", "paraboloid"])
-def test_the_joint_covariance_is_that_of_the_whole_normal_matrix(bow) -> None:
+def test_the_joint_covariance_is_that_of_the_whole_normal_matrix(bow: Bow) -> None:
     scene = scenes.make_scene(10, photos=5, whole=False)
     fit = fit_of(scene.observations, CalibrationOptions(bow=bow, bow_sigma_m=0.1))
     expected = dense(fit)
@@ -179,7 +185,7 @@ def test_without_the_poses_errors_the_covariance_would_be_wrong(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # the planted bug: the border's normal matrix with the poses taken as known
-    def no_schur(self, damping=0.0):
+    def no_schur(self: normals.Products, damping: float = 0.0) -> Normals:
         good = schur(self, damping)
         if damping:
             return good

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import board_scenes as scenes
 import numpy as np
 import pytest
 
-from uavgram.estimation.calibration.adjustment import adjust, fit_poses
+from uavgram.estimation.calibration.adjustment import Fit, adjust, fit_poses
 from uavgram.estimation.calibration.network import coverage, tilts
 from uavgram.estimation.calibration.problem import lens_of, pad
 from uavgram.estimation.calibration.start import first_values
@@ -21,17 +24,18 @@ from uavgram.estimation.calibration.validation import (
     information_criteria,
     simplest_good,
 )
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import BoardObservations, CalibrationOptions
 
 USUAL = CalibrationOptions()
 
 
-def fit_of(observations, options=USUAL):
+def fit_of(observations: BoardObservations, options: CalibrationOptions = USUAL) -> Fit:
     lens, corners = lens_of(options), pad(observations, options.bow)
     return adjust(lens, corners, first_values(lens, corners, scenes.SIZE))
 
 
-def distorted(observations, change):
+def distorted(observations: BoardObservations, change: Callable[..., Any]) -> BoardObservations:
     """Pixels changed photo by photo: change(index, pixel) is added."""
     photos = tuple(
         scenes.replace_pixels(photo, photo.pixel_px + change(i, photo.pixel_px))
@@ -56,7 +60,7 @@ def test_a_photo_left_out_is_predicted_as_by_hand() -> None:
 
 
 @pytest.mark.parametrize(("parameters", "expected"), [(scenes.BROWN3, 3), (scenes.BROWN5, 5)])
-def test_the_fewest_coefficients_that_predict_are_chosen(parameters, expected) -> None:
+def test_the_fewest_coefficients_that_predict_are_chosen(parameters: Floats, expected: int) -> None:
     scene = scenes.make_scene(1, parameters, photos=10)
     fits = [fit_of(scene.observations, CalibrationOptions(coefficients=c)) for c in (3, 5)]
     assert (3, 5)[simplest_good([held_out(fit) for fit in fits])] == expected
@@ -81,8 +85,9 @@ def test_a_rolling_shutter_shows_and_other_misfits_do_not_look_like_one() -> Non
     rng = np.random.default_rng(0)
     drift = rng.normal(size=(12, 2)) * 2
 
-    def shutter(i, pixel):
-        return drift[i] * (pixel[:, 1:] / scenes.SIZE[1] - 0.5)
+    def shutter(i: int, pixel: Floats) -> Floats:
+        result: Floats = drift[i] * (pixel[:, 1:] / scenes.SIZE[1] - 0.5)
+        return result
 
     found = rolling_shutter(fit_of(distorted(clean, shutter)), scenes.SIZE)
     assert found.probability < 0.01
@@ -97,8 +102,9 @@ def test_a_focus_that_changes_shows() -> None:
     clean = scenes.make_scene(3).observations
     change = np.random.default_rng(0).normal(size=12) * 0.02
 
-    def refocused(i, pixel):
-        return change[i] * (pixel - scenes.BROWN5[2:4])
+    def refocused(i: int, pixel: Floats) -> Floats:
+        result: Floats = change[i] * (pixel - scenes.BROWN5[2:4])
+        return result
 
     found = focus_drift(fit_of(distorted(clean, refocused)), 1.0)
     assert found.probability < 1e-6
@@ -113,14 +119,15 @@ def test_mean_residuals_show_what_the_lens_model_lacks() -> None:
     assert found.mean_px.shape == (6, 8, 2)
     assert np.nanmin(found.probability) > 1e-3 / 48
 
-    def bump(_, pixel):  # a dent in the image that no coefficient describes
+    def bump(_: int, pixel: Floats) -> Floats:  # a dent in the image that no coefficient describes
         squared = np.sum((pixel - [300, 500]) ** 2, axis=1)
-        return np.exp(-squared / (2 * 60**2))[:, None] * [0.5, 0]
+        result: Floats = np.exp(-squared / (2 * 60**2))[:, None] * [0.5, 0]
+        return result
 
     dented = residual_map(fit_of(distorted(clean, bump)), scenes.SIZE, (8, 6))
     row, column = np.unravel_index(np.argmin(dented.probability), (6, 8))
     assert dented.probability.min() < 1e-10
-    assert (row, column) in {(3, 2), (4, 2), (3, 1), (4, 1)}
+    assert (int(row), int(column)) in {(3, 2), (4, 2), (3, 1), (4, 1)}
     assert dented.mean_px[row, column, 0] < -0.1  # predicted minus found
 
 

@@ -15,6 +15,7 @@ from uavgram.estimation.calibration.problem import (
     linearise,
     pad,
 )
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import CalibrationOptions, IntrinsicsPrior, flat_board
 from uavgram.model.camera.calibration import Calibration
 
@@ -31,7 +32,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_derivatives_equal_central_differences(name) -> None:
+def test_derivatives_equal_central_differences(name: str) -> None:
     parameters, options = CASES[name]
     scene = scenes.make_scene(3, parameters, options.model, photos=3, noise=0.0, whole=False)
     lens, corners = lens_of(options), pad(scene.observations, options.bow)
@@ -42,10 +43,13 @@ def test_derivatives_equal_central_differences(name) -> None:
     scale = np.ones(q)
     scale[lens.full_basis[:2].any(axis=0) | lens.full_basis[2:4].any(axis=0)] = 100.0
 
-    def residual(step):
+    def residual(step: Floats) -> Floats:
         moved = state.moved(lens, step[:q] * scale, np.tile(step[q:], (3, 1)))
-        return linearise(lens, corners, moved).residual
+        there = linearise(lens, corners, moved)
+        assert there is not None
+        return there.residual
 
+    assert linear is not None
     numeric = np.empty((*linear.residual.shape, q + 6))
     for i in range(q + 6):
         h = np.zeros(q + 6)
@@ -58,7 +62,7 @@ def test_derivatives_equal_central_differences(name) -> None:
 
 
 @pytest.mark.parametrize("name", ["brown 5", "brown 8", "fisheye"])
-def test_residuals_of_the_truth_are_zero(name) -> None:
+def test_residuals_of_the_truth_are_zero(name: str) -> None:
     parameters, options = CASES[name]
     scene = scenes.make_scene(
         3, parameters, options.model, photos=8, noise=0.0, whole=False, distance=(4, 9)
@@ -66,6 +70,7 @@ def test_residuals_of_the_truth_are_zero(name) -> None:
     lens, corners = lens_of(options), pad(scene.observations, "flat")
     assert len(set(corners.count)) > 1  # partial views
     linear = linearise(lens, corners, scenes.true_state(scene, parameters))
+    assert linear is not None
     assert np.abs(linear.residual).max() < 1e-9
 
 
@@ -97,7 +102,9 @@ def test_coefficients_beyond_a_prior_stay_unknown() -> None:
 
 
 @pytest.mark.parametrize("options", [CASES["brown 8"][1], CASES["fisheye"][1]])
-def test_focal_length_and_centre_are_known_for_any_lens_and_its_distortion_is_not(options) -> None:
+def test_focal_length_and_centre_are_known_for_any_lens_and_its_distortion_is_not(
+    options: CalibrationOptions,
+) -> None:
     covariance = np.diag([8.0, 8, 5, 6, 0.1, 0.1, 0.1, 0.1, 0.1]) ** 2
     covariance[0, 1] = covariance[1, 0] = 0.9 * 64
     camera = Calibration(

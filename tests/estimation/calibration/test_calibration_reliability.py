@@ -8,8 +8,13 @@ import pytest
 
 from uavgram.estimation.calibration.adjustment import adjust
 from uavgram.estimation.calibration.outliers import adjust_scaled, snoop, without
-from uavgram.estimation.calibration.problem import lens_of, pad
-from uavgram.estimation.calibration.reliability import corner_tests, photo_effect, photo_tests
+from uavgram.estimation.calibration.problem import Corners, Lens, State, lens_of, pad
+from uavgram.estimation.calibration.reliability import (
+    PhotoEffect,
+    corner_tests,
+    photo_effect,
+    photo_tests,
+)
 from uavgram.estimation.calibration.start import first_values
 from uavgram.model.camera.board import (
     BoardObservations,
@@ -20,12 +25,16 @@ from uavgram.model.camera.board import (
 REMOVE = CalibrationOptions(outliers="remove")
 
 
-def prepared(observations, options=REMOVE):
+def prepared(
+    observations: BoardObservations, options: CalibrationOptions = REMOVE
+) -> tuple[Lens, Corners, State]:
     lens, corners = lens_of(options), pad(observations, options.bow)
     return lens, corners, first_values(lens, corners, scenes.SIZE)
 
 
-def spoiled(observations, moves):
+def spoiled(
+    observations: BoardObservations, moves: dict[tuple[int, int], tuple[int, int]]
+) -> BoardObservations:
     """Some corners moved: {(photo, row of its corners): (du, dv)}."""
     photos = list(observations.photos)
     for (photo, row), move in moves.items():
@@ -95,7 +104,9 @@ def test_a_photo_whose_board_is_another_one_is_found() -> None:
     middle = pixel.mean(axis=0)
     twist = (pixel - middle)[:, 0] * (pixel - middle)[:, 1] / 2e4  # no plane does this
     photos[6] = scenes.replace_pixels(photos[6], pixel + twist[:, None] + rng.normal(size=2))
-    lens, corners, start = prepared(BoardObservations(board=observations.board, photos=photos))
+    lens, corners, start = prepared(
+        BoardObservations(board=observations.board, photos=tuple(photos))
+    )
     found = snoop(lens, corners, start, REMOVE)
     assert np.flatnonzero(found.bad_photo).tolist() == [6]
     assert found.bad_photo_size[6] > 3
@@ -121,7 +132,7 @@ def test_sigmas_are_scaled_to_the_residuals_with_a_prior_too() -> None:
 
 
 def test_a_bent_board_makes_photos_disagree_and_noise_does_not() -> None:
-    def effect(scene):
+    def effect(scene: scenes.Scene) -> PhotoEffect:
         options = CalibrationOptions()
         fit, _ = adjust_scaled(*prepared(scene.observations, options), options)
         return photo_effect(fit, photo_tests(fit, "residuals"), 1.0)

@@ -8,7 +8,7 @@ import pytest
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.adjustment import adjust
-from uavgram.estimation.calibration.problem import board_middle, lens_of, pad
+from uavgram.estimation.calibration.problem import Corners, board_middle, lens_of, pad
 from uavgram.estimation.calibration.start import (
     better_of_two,
     centred,
@@ -18,27 +18,34 @@ from uavgram.estimation.calibration.start import (
     poses_from_rays,
     zhang,
 )
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import CalibrationOptions
+from uavgram.model.camera.calibration import LensModel
 
 PINHOLE = np.array([820.0, 815, 530, 370, 0, 0, 0, 0, 0])
 
 
-def image_of(corners, center=(511.5, 383.5)):
-    return (corners.pixel_px - np.array(center)) / 1024
+def image_of(corners: Corners, center: tuple[float, float] = (511.5, 383.5)) -> Floats:
+    result: Floats = (corners.pixel_px - np.array(center)) / 1024
+    return result
 
 
 def test_zhangs_closed_form_is_exact_without_noise_and_distortion() -> None:
     corners = pad(
         scenes.make_scene(0, PINHOLE, photos=5, noise=0, whole=False).observations, "flat"
     )
-    found = zhang(homographies(corners, image_of(corners), corners.weight > 0)) * 1024
+    pinhole = zhang(homographies(corners, image_of(corners), corners.weight > 0))
+    assert pinhole is not None
+    found = pinhole * 1024
     np.testing.assert_allclose(found + np.array([0, 0, 511.5, 383.5]), PINHOLE[:4], rtol=1e-7)
 
 
 def test_with_a_centred_principal_point_focal_lengths_are_exact() -> None:
     camera = np.array([820.0, 815, 511.5, 383.5, 0, 0, 0, 0, 0])
     corners = pad(scenes.make_scene(0, camera, photos=3, noise=0).observations, "flat")
-    found = centred(homographies(corners, image_of(corners), corners.weight > 0)) * 1024
+    pinhole = centred(homographies(corners, image_of(corners), corners.weight > 0))
+    assert pinhole is not None
+    found = pinhole * 1024
     np.testing.assert_allclose(found, [820, 815, 0, 0], rtol=1e-7)
 
 
@@ -47,10 +54,12 @@ def test_with_a_centred_principal_point_focal_lengths_are_exact() -> None:
     [(PINHOLE, "brown"), (scenes.BROWN5, "brown"), (scenes.BROWN8, "brown"),
      (scenes.FISHEYE, "fisheye")],
 )  # fmt: skip
-def test_poses_are_exact_for_the_true_camera(parameters, model) -> None:
+def test_poses_are_exact_for_the_true_camera(parameters: Floats, model: LensModel) -> None:
     scene = scenes.make_scene(1, parameters, model, photos=4, noise=0, whole=False)
     corners = pad(scene.observations, "flat")
-    rotation, middle = poses_from_rays(model, parameters, corners)
+    poses = poses_from_rays(model, parameters, corners)
+    assert poses is not None
+    rotation, middle = poses
     np.testing.assert_allclose(rotation, scene.rotation, atol=1e-6)
     expected = scene.translation + scene.rotation @ board_middle(scene.observations.board)
     np.testing.assert_allclose(middle, expected, atol=1e-5)
@@ -60,10 +69,13 @@ def test_poses_are_exact_for_the_true_camera(parameters, model) -> None:
     ("focal", "model"),
     [(250.0, "fisheye"), (420, "fisheye"), (450.0, "brown"), (4000, "brown")],
 )
-def test_the_adjustment_arrives_from_first_values_whatever_the_focal_length(focal, model) -> None:
+def test_the_adjustment_arrives_from_first_values_whatever_the_focal_length(
+    focal: float, model: LensModel
+) -> None:
     parameters = (scenes.FISHEYE if model == "fisheye" else scenes.BROWN5).copy()
     parameters[:2] = focal, 0.99 * focal
-    near = np.array([3.5, 7.0]) * max(focal / 420, 1)
+    away = max(focal / 420, 1)
+    near = (3.5 * away, 7.0 * away)
     scene = scenes.make_scene(2, parameters, model, noise=0.1, distance=near, whole=False)
     options = CalibrationOptions(model=model, coefficients=4 if model == "fisheye" else 5)
     lens, corners = lens_of(options), pad(scene.observations, "flat")

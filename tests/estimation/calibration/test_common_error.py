@@ -9,7 +9,7 @@ from uavgram.estimation.calibration.common_error import common_error
 
 
 @pytest.mark.parametrize("common", [0.1, 0.5, 2.0])
-def test_the_common_part_is_recovered_beside_unequal_own_sigmas(common) -> None:
+def test_the_common_part_is_recovered_beside_unequal_own_sigmas(common: float) -> None:
     rng = np.random.default_rng(0)
     own = rng.uniform(0.02, 0.4, 4000)
     residual = np.hypot(own, common)[:, None] * rng.standard_normal((4000, 2))

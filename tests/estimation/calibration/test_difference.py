@@ -1,5 +1,8 @@
 """The difference of two calibrations against OpenCV and scipy, and its covariance by experiment."""
 
+from collections.abc import Callable
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -9,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.calibration import difference as module
 from uavgram.estimation.calibration.difference import camera_difference, image_grid
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 
 WIDTH, HEIGHT = 4000, 3000
@@ -19,7 +22,11 @@ OTHER = np.array([2330.0, 2331, 1960, 1530, -0.03, 0.01, -1e-4, 3e-4, 0.003])
 SIGMA = np.array([3.0, 5, 8, 4, 1e-3, 2e-3, 1e-4, 2e-4, 1e-3])
 
 
-def brown(parameters=PARAMETERS, sigma=None, size=(WIDTH, HEIGHT)):
+def brown(
+    parameters: Floats = PARAMETERS,
+    sigma: Floats | None = None,
+    size: tuple[int, int] = (WIDTH, HEIGHT),
+) -> Calibration:
     n = len(parameters)
     covariance = np.zeros((n, n)) if sigma is None else np.diag(np.square(sigma))
     return Calibration(
@@ -32,32 +39,34 @@ def brown(parameters=PARAMETERS, sigma=None, size=(WIDTH, HEIGHT)):
     )
 
 
-def cv_matrix(p):
+def cv_matrix(p: Floats) -> Floats:
     return np.array([[p[0], 0, p[2]], [0, p[1], p[3]], [0, 0, 1.0]])
 
 
-def cv_project(parameters, points):
+def cv_project(parameters: Floats, points: Floats) -> Floats:
     pixel = cv2.projectPoints(
         points, np.zeros(3), np.zeros(3), cv_matrix(parameters), parameters[4:]
     )
     return pixel[0][:, 0]
 
 
-def cv_rays(parameters, pixel):
+def cv_rays(parameters: Floats, pixel: Floats) -> Floats:
     """OpenCV's own iteration, long enough."""
     flat = undistort(pixel[:, None], cv_matrix(parameters), parameters[4:])[:, 0]
     return np.column_stack([flat, np.ones(len(flat))])
 
 
 @pytest.mark.parametrize("distance", [None, 5.0])
-def test_it_is_the_smallest_difference_that_opencv_and_scipy_can_find(distance) -> None:
+def test_it_is_the_smallest_difference_that_opencv_and_scipy_can_find(
+    distance: float | None,
+) -> None:
     found = camera_difference(brown(), brown(OTHER), distance=distance, columns=12)
     pixel = image_grid(WIDTH, HEIGHT, 12)
     points = cv_rays(PARAMETERS, pixel)
     if distance is not None:
         points *= distance / np.linalg.norm(points, axis=1)[:, None]
 
-    def misfit(x):
+    def misfit(x: Floats) -> Floats:
         moved = points - x[3:] if distance is not None else points
         return (
             cv_project(OTHER, moved @ Rotation.from_rotvec(x[:3]).as_matrix().T) - pixel
@@ -114,7 +123,9 @@ def test_lens_models_may_differ() -> None:
 @pytest.mark.statistical
 @pytest.mark.parametrize("which", ["first", "second"])
 @pytest.mark.parametrize("distance", [None, 5.0])
-def test_the_covariance_is_that_of_repeated_calibrations(which, distance) -> None:
+def test_the_covariance_is_that_of_repeated_calibrations(
+    which: str, distance: float | None
+) -> None:
     rng = np.random.default_rng(5)
     runs, squared = 100, []
     for _ in range(runs):
@@ -123,7 +134,7 @@ def test_the_covariance_is_that_of_repeated_calibrations(which, distance) -> Non
         difference = camera_difference(*pair, distance=distance, columns=5)
         squared.append(difference.z**2)
     mean = np.mean(squared, axis=0)
-    low, high = chi2.ppf([1e-6, 1 - 1e-6], 2 * runs) / runs
+    low, high = chi2.ppf(np.array([1e-6, 1 - 1e-6]), 2 * runs) / runs
 
     assert (mean > low).all()
     assert (mean < high).all()
@@ -134,14 +145,14 @@ def test_without_the_turn_in_it_the_covariance_would_be_wrong(
 ) -> None:
     """The experiment above sees it: the raw projection errors are far larger than what remains."""
     known = camera_difference(brown(sigma=SIGMA), brown(), columns=8)
-    monkeypatch.setattr(module.np.linalg, "lstsq", _blind(np.linalg.lstsq))
+    monkeypatch.setattr(np.linalg, "lstsq", _blind(np.linalg.lstsq))
     raw = camera_difference(brown(sigma=SIGMA), brown(), columns=8)
 
     assert raw.expected_rms_px > 1.5 * known.expected_rms_px
 
 
-def _blind(solve):
-    def lstsq(a, b, rcond=None):
+def _blind(solve: Callable[..., Any]) -> Callable[..., Any]:
+    def lstsq(a: Floats, b: Floats, rcond: None = None) -> Any:  # noqa: ANN401 - as lstsq
         solution = solve(a, b, rcond=rcond)
         return (np.zeros_like(solution[0]), *solution[1:]) if b.ndim == 2 else solution
 

@@ -15,6 +15,7 @@ from uavgram.estimation.calibration.projection_uncertainty import (
     projection_covariance,
     worst_sigma,
 )
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 
 CAMERA = Calibration(
@@ -27,14 +28,20 @@ CAMERA = Calibration(
 )
 
 
-def only(name, sigma):
+def only(name: str, sigma: float) -> Calibration:
     index = CAMERA.parameter_names.index(name)
     covariance = np.zeros((9, 9))
     covariance[index, index] = sigma**2
     return replace(CAMERA, covariance=covariance)
 
 
-def ground(parameters, pixel, tilt, turn=(0, 0, 0), center=(0, 0, 1)):
+def ground(
+    parameters: Floats,
+    pixel: Floats,
+    tilt: float,
+    turn: tuple[int, int, int] = (0, 0, 0),
+    center: tuple[int, int, int] = (0, 0, 1),
+) -> Floats:
     """Where OpenCV's rays meet the ground z = 0."""
     fx, fy, cx, cy = parameters[:4]
     matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
@@ -47,7 +54,8 @@ def ground(parameters, pixel, tilt, turn=(0, 0, 0), center=(0, 0, 1)):
         cv2.Rodrigues(np.array([tilt, 0, 0]))[0] @ down @ cv2.Rodrigues(np.array(turn, float))[0]
     )
     ray = ray @ world.T
-    return np.array(center) - ray * (center[2] / ray[:, 2:])
+    result: Floats = np.array(center) - ray * (center[2] / ray[:, 2:])
+    return result
 
 
 def test_an_unsure_principal_point_hides_in_a_turn() -> None:

@@ -6,16 +6,19 @@ import shutters
 
 from uavgram.estimation.clocks.alignment import align
 from uavgram.estimation.clocks.camera_clock import fit_camera_clock
+from uavgram.model.arrays import Floats
 
 
-def survey(rng: np.random.Generator, events, spread):
+def survey(rng: np.random.Generator, events: int, spread: float) -> Floats:
     """Event times with uneven spacing."""
     return np.cumsum(rng.uniform(2 - spread, 2 + spread, events)) + 100.0
 
 
 @pytest.mark.parametrize("offset", [4.37, -36000.0, 7200.25])
 @pytest.mark.parametrize(("resolution", "spread"), [(0.001, 0.1), (1.0, 0.8)])
-def test_uneven_spacing_gives_the_offset_and_every_pair(offset, resolution, spread) -> None:
+def test_uneven_spacing_gives_the_offset_and_every_pair(
+    offset: float, resolution: float, spread: float
+) -> None:
     for seed in range(10):
         rng = np.random.default_rng(seed)
         event = survey(rng, 120, spread)
@@ -35,7 +38,7 @@ def test_uneven_spacing_gives_the_offset_and_every_pair(offset, resolution, spre
 
 
 def test_even_spacing_is_seen_to_be_ambiguous() -> None:
-    event = 100 + 2.0 * np.arange(40)
+    event = 100 + 2.0 * np.arange(40, dtype=float)
     result = align(event[10:25] + 4.37, 0.001, event)
     assert not result.unique
     assert len(result.candidates) > 10
@@ -43,7 +46,7 @@ def test_even_spacing_is_seen_to_be_ambiguous() -> None:
 
 
 def test_bounds_settle_what_even_spacing_leaves_open() -> None:
-    event = 100 + 2.0 * np.arange(40)
+    event = 100 + 2.0 * np.arange(40, dtype=float)
     result = align(event[10:25] + 4.37, 0.001, event, bounds_s=(4.0, 5.0))
     assert result.unique
     assert result.event_index.tolist() == list(range(10, 25))
@@ -125,7 +128,7 @@ def test_a_photo_whose_event_and_whose_neighbours_photo_are_both_lost_is_never_c
 
 
 def test_exposures_at_whole_seconds_leave_the_offset_open_over_the_step() -> None:
-    event = 100.0 + np.cumsum(np.random.default_rng(4).integers(2, 6, 80))
+    event = 100.0 + np.cumsum(np.random.default_rng(4).integers(2, 6, 80), dtype=float)
     coarse = fit_camera_clock(event, np.floor(event + 0.9), 1.0)
     assert coarse.offset_sigma_s == pytest.approx(1 / np.sqrt(12), abs=0.01)
     spread = survey(np.random.default_rng(4), 80, 0.8)
@@ -135,7 +138,7 @@ def test_exposures_at_whole_seconds_leave_the_offset_open_over_the_step() -> Non
 
 
 @pytest.mark.parametrize("resolution", [0.001, 1.0])
-def test_offset_and_drift_lie_within_their_sigmas(resolution) -> None:
+def test_offset_and_drift_lie_within_their_sigmas(resolution: float) -> None:
     z = []
     for seed in range(200):
         rng = np.random.default_rng(seed)
@@ -160,7 +163,7 @@ def test_a_significant_drift_is_told_and_a_small_one_is_not() -> None:
 
 @pytest.mark.parametrize("resolution", [0.001, 1.0])
 def test_an_even_interval_with_losses_on_both_sides_is_not_settled_by_who_was_lost(
-    resolution,
+    resolution: float,
 ) -> None:
     for seed in range(25):
         rng = np.random.default_rng(seed)
@@ -205,7 +208,7 @@ def test_random_flights_give_right_pairs_or_a_refusal() -> None:
 
 
 @pytest.mark.parametrize("resolution", [0.001, 1.0])
-def test_400_photos_find_their_offset_among_450_events(resolution) -> None:
+def test_400_photos_find_their_offset_among_450_events(resolution: float) -> None:
     event = survey(np.random.default_rng(11), 450, 0.9)
     photo = np.floor((event[:400] + 36000.3) / resolution) * resolution
     result = align(photo, resolution, event)

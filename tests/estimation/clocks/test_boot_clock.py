@@ -7,13 +7,14 @@ import pytest
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.boot_clock import as_text, fit_boot_clock, to_boot, to_utc
+from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Boot, ClockSamples
 
 EPOCH = 1.7e9
 TIME = np.arange(20.0, 300.0, 0.5)
 
 
-def boot(**clocks):
+def boot(**clocks: Floats) -> Boot:
     return Boot(
         positions=None,
         attitudes=None,
@@ -37,7 +38,7 @@ def test_system_time_wins_over_a_receive_clock_that_is_seconds_off() -> None:
 
 
 @pytest.mark.parametrize("wrong_s", [2.8e10, -3 * 86400.0, -EPOCH])
-def test_nonsense_system_time_yields_to_the_receive_clock(wrong_s) -> None:
+def test_nonsense_system_time_yields_to_the_receive_clock(wrong_s: float) -> None:
     rng = np.random.default_rng(1)
     late = EPOCH + TIME + rng.exponential(0.1, len(TIME))
     clock, messages = fit_boot_clock(boot(system_time=EPOCH + TIME + wrong_s, receive=late))
@@ -118,7 +119,7 @@ def test_gps_time_that_jumps_about_is_called_that() -> None:
 
 
 @pytest.mark.parametrize("scatter_s", [0.3, 0.45])
-def test_a_clock_that_scatters_is_no_better_than_its_scatter(scatter_s) -> None:
+def test_a_clock_that_scatters_is_no_better_than_its_scatter(scatter_s: float) -> None:
     rng = np.random.default_rng(3)
     wandering = rng.normal(0, 1, len(TIME) // 40).repeat(40)  # for twenty seconds the same way
     wandering *= scatter_s / 1.4826 / np.median(np.abs(wandering - np.median(wandering)))

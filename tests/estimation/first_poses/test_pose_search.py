@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.first_poses.homography import resect_from_plane
-from uavgram.estimation.first_poses.pose_search import search_planes
+from uavgram.estimation.first_poses.pose_search import PlaneCandidate, search_planes
+from uavgram.model.arrays import Floats, Ints
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 
 
-def camera_over_plane(rng: np.random.Generator, max_tilt_deg):
+def camera_over_plane(rng: np.random.Generator, max_tilt_deg: int) -> tuple[Floats, Floats]:
     """Centre and world-from-camera of a camera tilted by up to that angle, in any direction."""
     tilt, azimuth, spin = rng.uniform(0, np.deg2rad(max_tilt_deg)), *rng.uniform(0, 2 * np.pi, 2)
     axis = np.array([np.cos(azimuth), np.sin(azimuth), 0])
@@ -23,9 +28,12 @@ def camera_over_plane(rng: np.random.Generator, max_tilt_deg):
     ).as_matrix()
 
 
-def points_in_view(rng: np.random.Generator, center, rotation, count):
+def points_in_view(
+    rng: np.random.Generator, center: Floats, rotation: Floats, count: int
+) -> tuple[Floats, Floats]:
     """(count, 2) points of the plane z = 0 in a field of view of 70 by 55 degrees, and rays."""
-    found, rays = [], []
+    found: list[Floats] = []
+    rays: list[Floats] = []
     while len(found) < count:
         ray = np.array([rng.uniform(-0.7, 0.7), rng.uniform(-0.52, 0.52), 1.0])
         direction = rotation @ ray
@@ -46,7 +54,7 @@ class RandomScenes:
     horizon. Rays are those of OpenCV.
     """
 
-    def __init__(self, rng: np.random.Generator, scenes, points) -> None:
+    def __init__(self, rng: np.random.Generator, scenes: int, points: int) -> None:
         tilt, height = rng.uniform(0, np.pi / 3, scenes), rng.uniform(15, 120, scenes)
         azimuth = rng.uniform(0, 2 * np.pi, scenes)
         side = np.sin(tilt)
@@ -63,15 +71,18 @@ class RandomScenes:
             wanted = depth < np.sin(np.deg2rad(5)) * np.linalg.norm(self.ray, axis=2)
         self.point = self.ray / np.einsum("nki,ni->nk", self.ray, self.plane)[..., None]
 
-    def lengths(self, start, end):
-        return np.linalg.norm(self.point[:, start] - self.point[:, end], axis=2)
+    def lengths(self, start: Ints, end: Ints) -> Floats:
+        result: Floats = np.linalg.norm(self.point[:, start] - self.point[:, end], axis=2)
+        return result
 
 
-def relative_errors(found, truth):
+def relative_errors(
+    found: Sequence[Sequence[PlaneCandidate]], truth: Floats
+) -> tuple[Floats, Floats]:
     """Of the best plane, and of the nearest one, per scene."""
     size = np.linalg.norm(truth, axis=1)
     apart = [
-        [np.linalg.norm(c.plane - m) for c in candidates] or [np.inf]
+        [float(np.linalg.norm(c.plane - m)) for c in candidates] or [np.inf]
         for candidates, m in zip(found, truth, strict=True)
     ]
     best, nearest = np.array([a[0] for a in apart]), np.array([min(a) for a in apart])
@@ -99,20 +110,28 @@ def test_the_right_plane_is_found_in_999_of_1000_scenes_of_four_to_ten_lines() -
     assert wrong <= total // 1000
 
 
-def every_exact_solution(rng: np.random.Generator, start, end, length, height, starts=800):
+def every_exact_solution(
+    rng: np.random.Generator,
+    start: Floats,
+    end: Floats,
+    length: Floats,
+    height: float,
+    starts: int = 800,
+) -> list[Floats]:
     """Planes by damped Newton steps from very many first values: an exhaustive search.
 
     Residuals are the logarithms of the lengths' ratios, derivatives are complex steps.
     """
 
-    def residual(m):
+    def residual(m: NDArray[Any]) -> NDArray[Any]:  # complex for its derivative
         a, b = m @ start.T, m @ end.T
         apart = start / a[..., None] - end / b[..., None]
         square = np.sum(apart * apart, axis=-1)
         behind = (np.minimum(a.real, b.real) <= 1e-6 * np.abs(m[:, 2:])).any(axis=1)
         value = 0.5 * np.log(square / length**2)
         value[behind] = np.nan
-        return value
+        result: NDArray[Any] = value
+        return result
 
     tilt = np.arccos(rng.uniform(np.cos(np.deg2rad(84)), 1, starts))
     turn = rng.uniform(0, 2 * np.pi, starts)
@@ -135,14 +154,16 @@ def every_exact_solution(rng: np.random.Generator, start, end, length, height, s
             m[better], value[better] = trial[better], new[better]
             open_ &= ~better
     solved = m[np.abs(value).max(axis=1) < 1e-11]
-    distinct = []
+    distinct: list[Floats] = []
     for one in solved:
         if all(np.linalg.norm(one - other) > 1e-5 * np.linalg.norm(one) for other in distinct):
             distinct.append(one)
     return distinct
 
 
-def assert_same_planes(found, expected, scene):
+def assert_same_planes(
+    found: tuple[PlaneCandidate, ...], expected: list[Floats], scene: int
+) -> int:
     """Every expected plane that looks down is found once, and nothing else is exact."""
     exact = [c.plane for c in found if c.cost < 1e-6]
     for m in expected:
@@ -164,13 +185,13 @@ def test_three_lines_give_every_solution_of_an_exhaustive_search() -> None:
     found = search_planes(a, b, length, 1e-6 * length)
     numbers = []
     for k in range(40):
-        height = 1 / np.linalg.norm(scenes.plane[k])
+        height = 1 / float(np.linalg.norm(scenes.plane[k]))
         expected = every_exact_solution(rng, a[k], b[k], length[k], height)
         numbers.append(assert_same_planes(found[k], [*expected, scenes.plane[k]], k))
     assert 0.2 < np.mean(np.array(numbers) > 1) < 0.8  # the ambiguity that the search is there for
 
 
-def planes_of_p3p(ray, side):
+def planes_of_p3p(ray: Floats, side: Floats) -> list[Floats]:
     """Planes of a triangle with known sides [opposite corner 2, 0, 1] by OpenCV's P3P."""
     x = (side[0] ** 2 + side[2] ** 2 - side[1] ** 2) / (2 * side[0])
     y = np.sqrt(side[2] ** 2 - x * x)
@@ -238,7 +259,7 @@ def test_two_picks_on_the_same_pixel_are_no_length() -> None:
 
 
 @pytest.mark.parametrize("count", [4, 5, 12])
-def test_resection_equals_that_of_opencv(count) -> None:
+def test_resection_equals_that_of_opencv(count: int) -> None:
     rng = np.random.default_rng(count)
     for _ in range(40):
         center, rotation = camera_over_plane(rng, 60)

@@ -12,13 +12,14 @@ from uavgram.estimation.first_poses.prior_gate import (
     seed_on_plane,
 )
 from uavgram.estimation.first_poses.resection import LengthPoses
+from uavgram.model.arrays import Floats
 from uavgram.model.survey.survey import Ground
 
 SEED = np.diag([1.0, -1.0, -1.0]) @ Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()
 CENTER = np.array([3.0, 4.0, 50.0])
 
 
-def ground(height_sigma=0.0, slope_sigma=0.0):
+def ground(height_sigma: float = 0.0, slope_sigma: float = 0.0) -> Ground:
     return Ground(
         height_m=1.5,
         height_sigma_m=height_sigma,
@@ -27,13 +28,13 @@ def ground(height_sigma=0.0, slope_sigma=0.0):
     )
 
 
-def poses(plane, covariance=None):
+def poses(plane: Floats, covariance: Floats | None = None) -> LengthPoses:
     count = len(plane)
     joint = np.zeros((count, 3, 3)) if covariance is None else covariance
     return LengthPoses(plane, np.zeros((count, 0)), joint, np.zeros(count), np.ones(count, bool))
 
 
-def prior():
+def prior() -> Floats:
     root = np.random.default_rng(1).normal(size=(6, 6))
     root *= np.array([1.0, 1, 1, 0.02, 0.02, 0.02])[:, None]
     return root @ root.T
@@ -41,7 +42,7 @@ def prior():
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("own", [False, True])
-def test_true_poses_lie_in_the_gate_as_often_as_it_states(own) -> None:
+def test_true_poses_lie_in_the_gate_as_often_as_it_states(own: bool) -> None:
     """Squared distances of 4000 true poses are chi-square of three: mean 3, variance 6."""
     rng = np.random.default_rng(2)
     error = rng.multivariate_normal(np.zeros(6), prior(), 4000)

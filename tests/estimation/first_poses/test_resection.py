@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from scenes import make_scene
 
 from uavgram.estimation.first_poses.length_conditions import LengthFrames
 from uavgram.estimation.first_poses.network import length_poses, seen_lines
 from uavgram.estimation.first_poses.resection import lengths_between, resect_from_lengths
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground import shapes
 from uavgram.geometry.motion.rotation import hat
+from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
-NO_LOG = {"telemetry": False, "gauge": "plane", "frames": 1}
+NO_LOG: dict[str, Any] = {"telemetry": False, "gauge": "plane", "frames": 1}
 UNCONNECTED = tuple((k, k + 6) for k in range(6))
 SHARED = ((0, 1), (1, 2), (2, 0), (2, 3), (3, 4), (4, 0), (5, 6))
 
 
-def frames_of(surveys):
+def frames_of(surveys: list[Survey]) -> LengthFrames:
     """Surveys of one frame as one batch, filled up to the largest."""
     picks = max(len(s.pick_frame) for s in surveys)
     lines = max(len(s.line_start) for s in surveys)
@@ -38,7 +43,7 @@ def frames_of(surveys):
     return LengthFrames(pixel, sigma, ends[0], ends[1], length, length_sigma)
 
 
-def plane_of(adjustment):
+def plane_of(adjustment: Adjustment) -> tuple[Floats, Floats]:
     """m of the adjusted frame, and how it and the interior depend on the unknowns."""
     up, height = adjustment.state.rotation[0, 2], adjustment.state.center[0, 2]
     layout, basis = adjustment.problem.layout, adjustment.problem.intrinsic_basis
@@ -52,9 +57,9 @@ def plane_of(adjustment):
     return -up / height, jacobian @ adjustment.minimum.factor.joint(columns) @ jacobian.T
 
 
-def test_optimum_and_covariance_are_those_of_the_joint_adjustment(scene_factory) -> None:
+def test_optimum_and_covariance_are_those_of_the_joint_adjustment() -> None:
     surveys = [
-        scene_factory(seed, ends=SHARED if seed % 2 else UNCONNECTED, **NO_LOG).survey
+        make_scene(seed, ends=SHARED if seed % 2 else UNCONNECTED, **NO_LOG).survey
         for seed in range(6)
     ]
     found = resect_from_lengths(surveys[0].calibration, frames_of(surveys))
@@ -73,8 +78,8 @@ def test_optimum_and_covariance_are_those_of_the_joint_adjustment(scene_factory)
         assert found.cost[k] == pytest.approx(adjustment.minimum.cost, abs=1e-6)
 
 
-def test_a_shared_end_taken_as_two_points_would_be_noticed(scene_factory) -> None:
-    survey = scene_factory(1, ends=SHARED, **NO_LOG).survey
+def test_a_shared_end_taken_as_two_points_would_be_noticed() -> None:
+    survey = make_scene(1, ends=SHARED, **NO_LOG).survey
     frames = frames_of([survey])
     right = resect_from_lengths(survey.calibration, frames)
     rows = np.concatenate([frames.start[0], frames.end[0]])
@@ -90,9 +95,9 @@ def test_a_shared_end_taken_as_two_points_would_be_noticed(scene_factory) -> Non
     assert np.abs((wrong.plane - right.plane)[0] / sigma).max() > 1e-2
 
 
-def test_lengths_of_other_pixels_equal_those_of_the_joint_adjustment(scene_factory) -> None:
+def test_lengths_of_other_pixels_equal_those_of_the_joint_adjustment() -> None:
     # In the joint adjustment, picks that end no known length serve only what is measured.
-    survey = scene_factory(3, labels=16, ends=UNCONNECTED, **NO_LOG).survey
+    survey = make_scene(3, labels=16, ends=UNCONNECTED, **NO_LOG).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     poses = resect_from_lengths(survey.calibration, frames_of([survey]))
     at = {label: k for k, label in enumerate(survey.pick_label.tolist())}
@@ -116,9 +121,9 @@ def test_lengths_of_other_pixels_equal_those_of_the_joint_adjustment(scene_facto
     np.testing.assert_allclose(covariance[0], gradient @ joint @ gradient.T, rtol=2e-5)
 
 
-def test_many_frames_give_what_each_gives_alone(scene_factory) -> None:
+def test_many_frames_give_what_each_gives_alone() -> None:
     surveys = [
-        scene_factory(seed, ends=UNCONNECTED[: 4 + seed % 3], **NO_LOG).survey for seed in range(8)
+        make_scene(seed, ends=UNCONNECTED[: 4 + seed % 3], **NO_LOG).survey for seed in range(8)
     ]
     calibration = surveys[0].calibration
     together = resect_from_lengths(calibration, frames_of(surveys * 20))
@@ -131,10 +136,8 @@ def test_many_frames_give_what_each_gives_alone(scene_factory) -> None:
             assert np.abs((row - alone) / sigma).max() < 1e-4
 
 
-def test_a_poor_start_leads_to_the_same_poses_and_a_lost_frame_takes_none_along(
-    scene_factory,
-) -> None:
-    survey = scene_factory(2, ends=UNCONNECTED, **NO_LOG).survey
+def test_a_poor_start_leads_to_the_same_poses_and_a_lost_frame_takes_none_along() -> None:
+    survey = make_scene(2, ends=UNCONNECTED, **NO_LOG).survey
     frames = frames_of([survey] * 3)
     good = resect_from_lengths(survey.calibration, frames)
     start = good.plane * np.array([[1.1], [0.93], [np.nan]])
@@ -161,9 +164,9 @@ def test_a_frame_whose_conditions_are_singular_takes_none_along(scene_factory) -
 
 
 @pytest.mark.statistical
-def test_truth_lies_inside_the_stated_covariance(scene_factory) -> None:
+def test_truth_lies_inside_the_stated_covariance() -> None:
     """Mean squared Mahalanobis distance of 400 planes within the bounds of chi-square (99.9 %)."""
-    scenes = [scene_factory(seed, ends=UNCONNECTED, **NO_LOG) for seed in range(400)]
+    scenes = [make_scene(seed, ends=UNCONNECTED, **NO_LOG) for seed in range(400)]
     found = resect_from_lengths(scenes[0].survey.calibration, frames_of([s.survey for s in scenes]))
     truth = np.array([-s.truth.rotation[0, 2] / s.truth.center[0, 2] for s in scenes])
     apart = found.plane - truth
@@ -175,10 +178,8 @@ def test_truth_lies_inside_the_stated_covariance(scene_factory) -> None:
     assert 2.66 < squared.mean() < 3.36  # chi-square of 1200 over 400, second order left room
 
 
-def test_lines_are_seen_where_both_ends_are_picked(scene_factory) -> None:
-    survey = scene_factory(
-        6, frames=5, labels=14, along=25.0, telemetry=False, gauge="plane"
-    ).survey
+def test_lines_are_seen_where_both_ends_are_picked() -> None:
+    survey = make_scene(6, frames=5, labels=14, along=25.0, telemetry=False, gauge="plane").survey
     seen = seen_lines(survey)
     expected = {
         (f, line)
@@ -195,8 +196,8 @@ def test_lines_are_seen_where_both_ends_are_picked(scene_factory) -> None:
         assert (survey.pick_frame[picks] == seen.frame).all()
 
 
-def test_lines_between_heights_or_areas_start_no_plane(scene_factory) -> None:
-    survey = scene_factory(4, ends=UNCONNECTED, heights={0: 1.0}, **NO_LOG).survey
+def test_lines_between_heights_or_areas_start_no_plane() -> None:
+    survey = make_scene(4, ends=UNCONNECTED, heights={0: 1.0}, **NO_LOG).survey
     assert 0 not in seen_lines(survey).line
     area = np.zeros(12, dtype=int)
     area[7] = 1
@@ -204,8 +205,8 @@ def test_lines_between_heights_or_areas_start_no_plane(scene_factory) -> None:
     assert set(seen_lines(survey).line.tolist()) == {2, 3, 4, 5}
 
 
-def test_frames_with_different_lines_are_posed_together(scene_factory) -> None:
-    scene = scene_factory(
+def test_frames_with_different_lines_are_posed_together() -> None:
+    scene = make_scene(
         6, frames=5, labels=14, along=25.0, lines=9, telemetry=False, gauge="plane", noise=0.0
     )
     poses = length_poses(scene.survey)
@@ -217,9 +218,9 @@ def test_frames_with_different_lines_are_posed_together(scene_factory) -> None:
         assert nearest < 1e-6 / height
 
 
-def test_a_plane_that_the_lengths_leave_open_is_not_called_found(scene_factory) -> None:
+def test_a_plane_that_the_lengths_leave_open_is_not_called_found() -> None:
     # One line taped both ways, and another: any sigma is small against one without bounds.
-    survey = scene_factory(4, labels=5, ends=((0, 1), (1, 0), (2, 3)), noise=0.0, **NO_LOG).survey
+    survey = make_scene(4, labels=5, ends=((0, 1), (1, 0), (2, 3)), noise=0.0, **NO_LOG).survey
     up, height = np.array([0.0, 0.0, 1.0]), 20.0
     start = np.array([up / height, [0.01, 0.0, 0.05]])
     frames = frames_of([survey, survey])
@@ -227,9 +228,9 @@ def test_a_plane_that_the_lengths_leave_open_is_not_called_found(scene_factory) 
     assert length_poses(survey) == {}
 
 
-def test_candidates_that_end_in_one_maximum_count_once(scene_factory) -> None:
+def test_candidates_that_end_in_one_maximum_count_once() -> None:
     for seed in range(4):
-        survey = scene_factory(seed, ends=((0, 1), (1, 2), (2, 0)), labels=6, **NO_LOG).survey
+        survey = make_scene(seed, ends=((0, 1), (1, 2), (2, 0)), labels=6, **NO_LOG).survey
         for poses in length_poses(survey).values():
             found = poses.plane[poses.converged]
             apart = np.linalg.norm(found[:, None] - found, axis=2)

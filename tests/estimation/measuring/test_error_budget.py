@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scenes import NO_TIMES, make_scene
 
 from uavgram.estimation.measuring.error_budget import error_budget, shares
-from uavgram.estimation.measuring.propagation import propagate
+from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.stages.refine import refine
@@ -17,20 +19,23 @@ REQUESTS = (
     MeasurementRequest(name="place", kind="coordinate", points=("P3",)),
     MeasurementRequest(name="nowhere", kind="distance", points=("P0", "absent")),
     MeasurementRequest(
-        name="skid", kind="skid_speed", points=("P0", "P1"), parameters={"mu": 0.7, "mu_sigma": 0.1}
+        name="skid",
+        kind="skid_speed",
+        points=("P0", "P1"),
+        parameters=(("mu", 0.7), ("mu_sigma", 0.1)),
     ),
 )
 
 
 @pytest.fixture(scope="module", params=["world", "plane"])
-def case(request: pytest.FixtureRequest, scene_factory):
+def case(request: pytest.FixtureRequest) -> tuple[Adjustment, MeasuredValues]:
     free = request.param == "plane"
-    scene = scene_factory(8, frames=4, telemetry=not free, gauge=request.param)
+    scene = make_scene(8, frames=4, telemetry=not free, gauge=request.param)
     adjustment = refine(scene.survey, SolveOptions())[0].adjustment
-    return adjustment, propagate(adjustment, REQUESTS, None)
+    return adjustment, propagate(adjustment, REQUESTS, NO_TIMES)
 
 
-def test_the_parts_add_up_to_the_variance(case) -> None:
+def test_the_parts_add_up_to_the_variance(case: tuple[Adjustment, MeasuredValues]) -> None:
     adjustment, measured = case
     parts = error_budget(adjustment.minimum.blocks, measured)
     total = np.sum(list(parts.values()), axis=0)
@@ -41,7 +46,7 @@ def test_the_parts_add_up_to_the_variance(case) -> None:
     assert np.isnan(total[~known]).all()
 
 
-def test_each_part_is_that_of_the_dense_partition(case) -> None:
+def test_each_part_is_that_of_the_dense_partition(case: tuple[Adjustment, MeasuredValues]) -> None:
     adjustment, measured = case
     size = adjustment.problem.layout.size
     inverse = adjustment.minimum.factor.joint(np.arange(size))
@@ -62,7 +67,9 @@ def test_each_part_is_that_of_the_dense_partition(case) -> None:
         )
 
 
-def test_friction_shows_as_its_own_source_and_shares_add_up_to_one(case) -> None:
+def test_friction_shows_as_its_own_source_and_shares_add_up_to_one(
+    case: tuple[Adjustment, MeasuredValues],
+) -> None:
     adjustment, measured = case
     budget = shares(error_budget(adjustment.minimum.blocks, measured))
     at = measured.name.index("skid")
@@ -76,7 +83,7 @@ def test_friction_shows_as_its_own_source_and_shares_add_up_to_one(case) -> None
     assert "gauge" not in budget.source
 
 
-def test_sources_without_any_part_are_left_out(case) -> None:
+def test_sources_without_any_part_are_left_out(case: tuple[Adjustment, MeasuredValues]) -> None:
     adjustment, measured = case
     budget = shares(error_budget(adjustment.minimum.blocks, measured))
 

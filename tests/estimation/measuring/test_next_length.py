@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from scenes import make_scene
 
 from uavgram.estimation.measuring.next_length import line_faults, next_line
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
 
 SCENE = np.array([[-20.0, -15.0], [20.0, -15.0], [20.0, 15.0], [-20.0, 15.0]])
-NO_LOG = {"telemetry": False, "gauge": "plane", "frames": 1}
+NO_LOG: dict[str, Any] = {"telemetry": False, "gauge": "plane", "frames": 1}
 
 
-def lines(*rows):
+def lines(*rows: tuple[float, ...]) -> tuple[Floats, Floats]:
     ends = np.array(rows, dtype=float)
     return ends[:, :2], ends[:, 2:]
 
@@ -30,7 +34,7 @@ def lines(*rows):
         ([(1, 0, 15, 0.2), (0, 2, 0.1, 14), (-1, -1, -12, -12), (2, -2, 11, -11)], "one point"),
     ],
 )
-def test_degenerate_sets_are_named(rows, words) -> None:
+def test_degenerate_sets_are_named(rows: list[tuple[float, ...]], words: str) -> None:
     assert any(words in fault for fault in line_faults(*lines(*rows), SCENE))
 
 
@@ -40,11 +44,11 @@ def test_a_spread_set_has_no_faults_and_a_turn_changes_nothing() -> None:
     for angle in np.linspace(0, 3, 7):
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         parallel = lines((-15, -10, 5, -9), (0, 0, 15, 1), (-10, 10, 12, 11))
-        found = line_faults(*(each @ turn.T for each in parallel), SCENE @ turn.T)
+        found = line_faults(parallel[0] @ turn.T, parallel[1] @ turn.T, SCENE @ turn.T)
         assert "all lines run in nearly one direction" in found
 
 
-def relative_sigma(adjustment):
+def relative_sigma(adjustment: Adjustment) -> float:
     """Root mean square of sigma over length, over all pairs of labels, pair by pair."""
     squares = []
     for a in range(len(adjustment.survey.label)):
@@ -53,19 +57,22 @@ def relative_sigma(adjustment):
             unit = (world[0] - world[1]) / np.linalg.norm(world[0] - world[1])
             gradient = np.concatenate([unit, -unit])
             squares.append(gradient @ covariance @ gradient / np.sum((world[0] - world[1]) ** 2))
-    return np.sqrt(np.mean(squares))
+    result: float = np.sqrt(np.mean(squares))
+    return result
 
 
-def test_what_the_next_line_brings_is_what_it_brings(scene_factory) -> None:
+def test_what_the_next_line_brings_is_what_it_brings() -> None:
     """The predicted sigmas are those of the survey with that line; no other line does better."""
     ends = ((0, 6), (1, 7), (2, 8), (3, 9))
-    survey = scene_factory(5, ends=ends, labels=10, noise=0.0, **NO_LOG).survey
+    survey = make_scene(5, ends=ends, labels=10, noise=0.0, **NO_LOG).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     advice = next_line(adjustment)
+    assert advice is not None
+    sigma_m = advice.sigma_m
     assert advice.relative_sigma == pytest.approx(relative_sigma(adjustment), rel=1e-9)
     assert (advice.start, advice.end) not in ends
 
-    def taped(a, b):
+    def taped(a: int, b: int) -> Adjustment:
         length = np.linalg.norm(np.subtract(*adjustment.points()[0][[a, b]]))
         return refine(
             replace(
@@ -73,7 +80,7 @@ def test_what_the_next_line_brings_is_what_it_brings(scene_factory) -> None:
                 line_start=np.append(survey.line_start, a),
                 line_end=np.append(survey.line_end, b),
                 length_m=np.append(survey.length_m, length),
-                length_sigma_m=np.append(survey.length_sigma_m, advice.sigma_m),
+                length_sigma_m=np.append(survey.length_sigma_m, sigma_m),
             ),
             SolveOptions(),
         )[0].adjustment

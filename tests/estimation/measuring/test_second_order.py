@@ -4,33 +4,39 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from scenes import make_scene
 
 from uavgram.estimation.measuring.propagation import propagate
+from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.measure import measurement_results
 from uavgram.stages.monte_carlo import sample
 from uavgram.stages.refine import refine
 from uavgram.stages.second_order import second_order
 
-ALONE = {"frames": 1, "telemetry": False, "gauge": "plane"}
+ALONE: dict[str, Any] = {"frames": 1, "telemetry": False, "gauge": "plane"}
 PAIRS = ((0, 6), (1, 7), (2, 8), (3, 9), (4, 10), (5, 11))
 
 
-def frames_of(survey):
+def frames_of(survey: Survey) -> Frames:
     n = len(survey.frame_id)
     return Frames(
-        frame_id=survey.frame_id, time_utc_s=np.arange(n) * 2.0, sigma_time_s=np.full(n, 0.4),
-        matched=np.ones(n), reason=("",) * n, clock_offset_s=0.0, clock_offset_sigma_s=1.0,
+        frame_id=survey.frame_id, time_utc_s=np.arange(n, dtype=float) * 2.0, sigma_time_s=np.full(n, 0.4),
+        matched=np.ones(n, dtype=bool), reason=("",) * n, clock_offset_s=0.0, clock_offset_sigma_s=1.0,
     )  # fmt: skip
 
 
-def compared(survey, requests, count=0):
+def compared(
+    survey: Survey, requests: tuple[MeasurementRequest, ...], count: int = 0
+) -> SimpleNamespace:
     adjustment = refine(survey, SolveOptions())[0].adjustment
     frames = frames_of(survey)
     measured = propagate(adjustment, requests, frames)
@@ -40,13 +46,15 @@ def compared(survey, requests, count=0):
     return SimpleNamespace(first=first, second=second, messages=messages, sampled=drawn)
 
 
-def distance(*points):
+def distance(*points: str) -> MeasurementRequest:
     return MeasurementRequest(name="-".join(points), kind="distance", points=points)
 
 
 @pytest.mark.parametrize("options", [{}, {**ALONE, "ends": PAIRS, "tilt": 0.4}])
-def test_where_first_order_holds_nothing_is_said(scene_factory, options) -> None:
-    survey = scene_factory(3, **options).survey
+def test_where_first_order_holds_nothing_is_said(
+    options: dict[str, Any],
+) -> None:
+    survey = make_scene(3, **options).survey
     area = MeasurementRequest(name="a", kind="area", points=("P0", "P1", "P2"))
     found = compared(survey, (distance("P0", "P1"), area))
     assert not found.second.off.any()
@@ -56,10 +64,9 @@ def test_where_first_order_holds_nothing_is_said(scene_factory, options) -> None
 
 
 @pytest.mark.parametrize("bias_m", [2.0, 400.0, 5e3])
-def test_an_error_that_all_points_share_says_nothing_of_what_parts_them(
-    scene_factory, bias_m
-) -> None:
-    survey = scene_factory(3).survey
+def test_an_error_that_all_points_share_says_nothing_of_what_parts_them(bias_m: float) -> None:
+    survey = make_scene(3).survey
+    assert survey.telemetry is not None
     telemetry = replace(survey.telemetry, position_bias_sigma_m=np.full(3, bias_m))
     area = MeasurementRequest(name="a", kind="area", points=("P0", "P1", "P2"))
     found = compared(replace(survey, telemetry=telemetry), (distance("P0", "P1"), area))
@@ -67,11 +74,9 @@ def test_an_error_that_all_points_share_says_nothing_of_what_parts_them(
     np.testing.assert_allclose(found.second.sigma, found.first.sigma, rtol=0.02)
 
 
-def test_two_points_that_nearly_coincide_are_further_apart_than_first_order_says(
-    scene_factory,
-) -> None:
+def test_two_points_that_nearly_coincide_are_further_apart_than_first_order_says() -> None:
     # Their distance of two sigmas is never negative, and errors across it make it longer.
-    scene = scene_factory(3, ends=PAIRS, tilt=0.4, **ALONE)
+    scene = make_scene(3, ends=PAIRS, tilt=0.4, **ALONE)
     survey = scene.survey
     pixel = np.array(survey.pixel_px)
     pixel[1] = pixel[0] + [1.5, 0.0]
@@ -84,7 +89,7 @@ def test_two_points_that_nearly_coincide_are_further_apart_than_first_order_says
     assert found.second.bias[0] > 0.2 * found.first.sigma[0]
 
 
-def scene_with(survey, pixel, keep):
+def scene_with(survey: Survey, pixel: Floats, keep: tuple[int, ...]) -> Survey:
     lines = {
         name: getattr(survey, name)[list(keep)]
         for name in ("line_start", "line_end", "length_m", "length_sigma_m")
@@ -92,8 +97,8 @@ def scene_with(survey, pixel, keep):
     return replace(survey, pixel_px=pixel, **lines)
 
 
-def test_near_the_horizon_second_order_follows_the_sampled_sigma(scene_factory) -> None:
-    scene = scene_factory(3, ends=PAIRS, tilt=0.4, **ALONE)
+def test_near_the_horizon_second_order_follows_the_sampled_sigma() -> None:
+    scene = make_scene(3, ends=PAIRS, tilt=0.4, **ALONE)
     survey = scene.survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     # A pick that looks along a ray only a few of its sigmas below the horizon.
@@ -108,7 +113,7 @@ def test_near_the_horizon_second_order_follows_the_sampled_sigma(scene_factory) 
     pixel[0] = far[0, 0]
     calibration = replace(
         survey.calibration,
-        parameters=[*survey.calibration.parameters[:4], 0, 0, 0, 0, 0],
+        parameters=np.array([*survey.calibration.parameters[:4], 0, 0, 0, 0, 0]),
         covariance=np.zeros((9, 9)),
     )
     changed = replace(scene_with(survey, pixel, keep=(1, 2, 3, 4, 5)), calibration=calibration)
@@ -119,8 +124,8 @@ def test_near_the_horizon_second_order_follows_the_sampled_sigma(scene_factory) 
     assert 0.8 < ratio[1] < 1.25
 
 
-def test_a_time_that_is_short_for_its_sigma_makes_a_speed_doubtful(scene_factory) -> None:
-    survey = scene_factory(4, frames=2, labels=8).survey
+def test_a_time_that_is_short_for_its_sigma_makes_a_speed_doubtful() -> None:
+    survey = make_scene(4, frames=2, labels=8).survey
     one = int(np.flatnonzero(survey.pick_frame == 0)[0])
     other = int(np.flatnonzero(survey.pick_frame == 1)[-1])
     names = [survey.label[survey.pick_label[k]] for k in (one, other)]

@@ -3,38 +3,50 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from scenes import make_scene
 from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.reliability.data_snooping import suspicions
 from uavgram.estimation.reliability.redundancy import critical_value
 from uavgram.estimation.reliability.test_statistics import observed
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.names import Names
-from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.log import Track
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
 ALPHA = 0.001
 PAIRS = ((0, 6), (1, 7), (2, 8), (3, 9), (4, 10), (5, 11))
-ALONE = {"frames": 1, "telemetry": False, "gauge": "plane", "tilt": 0.4, "ends": PAIRS}
+ALONE: dict[str, Any] = {
+    "frames": 1,
+    "telemetry": False,
+    "gauge": "plane",
+    "tilt": 0.4,
+    "ends": PAIRS,
+}
 
 
-def suspected(survey, first=None):
+def suspected(survey: Survey, first: Member | None = None) -> tuple[Adjustment, list[Suspicion]]:
     refined, _ = refine(survey, SolveOptions())
     adjustment, first = refined.adjustment, first or refined.accused
     return adjustment, list(suspicions(adjustment, observed(adjustment), ALPHA, first))
 
 
-def changed(survey, name, index, by):
+def changed(survey: Survey, name: str, index: int, by: Floats | float) -> Survey:
     values = np.array(getattr(survey, name))
     values[index] += by
     return replace(survey, **{name: values})
 
 
-def test_in_one_frame_a_length_and_the_picks_of_its_ends_are_one_group(scene_factory) -> None:
-    survey = scene_factory(3, sources=("pixels", "lengths"), **ALONE).survey
+def test_in_one_frame_a_length_and_the_picks_of_its_ends_are_one_group() -> None:
+    survey = make_scene(3, sources=("pixels", "lengths"), **ALONE).survey
     survey = replace(survey, line_name=("a", "b", "c", "d", "e", "f"))
     adjustment, (found, *_) = suspected(changed(survey, "length_m", 1, 0.5))
     assert found.accused == Member("lengths", 1, 0)
@@ -44,52 +56,53 @@ def test_in_one_frame_a_length_and_the_picks_of_its_ends_are_one_group(scene_fac
     assert names.look(found) == "no test can part them: look at all three"
 
 
-def test_a_wrong_pick_of_an_end_is_in_the_group_that_is_named(scene_factory) -> None:
-    survey = scene_factory(3, sources=("pixels", "lengths"), **ALONE).survey
+def test_a_wrong_pick_of_an_end_is_in_the_group_that_is_named() -> None:
+    survey = make_scene(3, sources=("pixels", "lengths"), **ALONE).survey
     along = survey.pixel_px[8] - survey.pixel_px[2]
     _, (found, *_) = suspected(changed(survey, "pixel_px", 8, 40.0 * along / np.linalg.norm(along)))
     assert ("pixels", 8) in {(m.kind, m.row) for m in (found.accused, *found.group)}
 
 
-def test_in_several_frames_a_length_stands_alone(scene_factory) -> None:
-    survey = scene_factory(6, frames=6, lines=8).survey
+def test_in_several_frames_a_length_stands_alone() -> None:
+    survey = make_scene(6, frames=6, lines=8).survey
     _, (found, *_) = suspected(changed(survey, "length_m", 2, 0.5))
     assert found.accused == Member("lengths", 2, 0)
     assert found.group == ()
 
 
-def test_with_one_redundancy_all_lengths_are_one_group(scene_factory) -> None:
+def test_with_one_redundancy_all_lengths_are_one_group() -> None:
     options = {**ALONE, "labels": 8, "ends": ((0, 4), (1, 5), (2, 6), (3, 7))}
-    survey = scene_factory(5, sources=("pixels", "lengths"), **options).survey
+    survey = make_scene(5, sources=("pixels", "lengths"), **options).survey
     _, (found, *_) = suspected(changed(survey, "length_m", 1, 1.0))
     lengths = {m.row for m in (found.accused, *found.group) if m.kind == "lengths"}
     assert lengths == {0, 1, 2, 3}
 
 
-def test_once_one_is_suspected_the_rest_is_tested_without_it(scene_factory) -> None:
+def test_once_one_is_suspected_the_rest_is_tested_without_it() -> None:
     # The statistics given the first suspicion are those of an adjustment without it.
-    survey = scene_factory(6, frames=3, lines=8).survey
+    survey = make_scene(6, frames=3, lines=8).survey
     wrong = changed(changed(survey, "length_m", 2, 0.3), "length_m", 5, -0.2)
     adjustment, found = suspected(wrong)
     w = np.abs(observed(adjustment)["lengths"].w[:, 0])
     assert [s.accused for s in found[:2]] == [Member("lengths", 2, 0), Member("lengths", 5, 0)]
     without = replace(
         wrong,
-        **{
-            name: np.delete(getattr(wrong, name), 2)
-            for name in ("line_start", "line_end", "length_m", "length_sigma_m")
-        },
+        line_start=np.delete(wrong.line_start, 2),
+        line_end=np.delete(wrong.line_end, 2),
+        length_m=np.delete(wrong.length_m, 2),
+        length_sigma_m=np.delete(wrong.length_sigma_m, 2),
     )
     again = refine(without, SolveOptions())[0].adjustment
     assert found[1].w == pytest.approx(observed(again)["lengths"].w[4, 0], rel=0.02)
     assert w[2] == pytest.approx(abs(found[0].w))
 
 
-def test_a_gimbal_six_sigma_off_in_one_frame_is_flagged_not_absorbed(scene_factory) -> None:
+def test_a_gimbal_six_sigma_off_in_one_frame_is_flagged_not_absorbed() -> None:
     flagged, above = 0, 0
     for seed in range(10):
-        survey = scene_factory(20 + seed, frames=6, labels=14, spread=7.0, control=3).survey
+        survey = make_scene(20 + seed, frames=6, labels=14, spread=7.0, control=3).survey
         track = survey.track
+        assert isinstance(track, Track)
         attitude = np.array(track.world_from_body_xyzw)
         # Frame 2 is logged by samples 8 to 11; pitch is about the body's y axis, sigma 0.012 rad.
         pitched = Rotation.from_quat(attitude[8:12]) * Rotation.from_rotvec([0, 6 * 0.012, 0])
@@ -103,12 +116,12 @@ def test_a_gimbal_six_sigma_off_in_one_frame_is_flagged_not_absorbed(scene_facto
     assert above >= 9
 
 
-def test_a_clean_survey_is_not_suspected(scene_factory) -> None:
-    assert suspected(scene_factory(9, frames=6, noise=0.5).survey)[1] == []
+def test_a_clean_survey_is_not_suspected() -> None:
+    assert suspected(make_scene(9, frames=6, noise=0.5).survey)[1] == []
 
 
-def test_what_is_known_to_be_wrong_comes_first(scene_factory) -> None:
-    survey = scene_factory(3, sources=("pixels", "lengths"), **ALONE).survey
+def test_what_is_known_to_be_wrong_comes_first() -> None:
+    survey = make_scene(3, sources=("pixels", "lengths"), **ALONE).survey
     wrong = changed(survey, "length_m", 1, 0.5)
     _, (found, *_) = suspected(wrong, Member("lengths", 3, 0))
     assert found.accused == Member("lengths", 3, 0)

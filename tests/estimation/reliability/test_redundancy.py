@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from scenes import Scene, make_scene
 from scipy.stats import binom, kstest, norm
 
 from uavgram.estimation.reliability import redundancy as module
@@ -16,26 +18,28 @@ from uavgram.estimation.reliability.redundancy import (
     reliability,
     upper_tail,
 )
-from uavgram.estimation.solver.normal_equations import Block, NormalEquations
+from uavgram.estimation.solver.normal_equations import Block, Factor, NormalEquations
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
 
-CASES = {
+CASES: dict[str, dict[str, Any]] = {
     "telemetry": {},
     "rough ground and control": {"roughness": 0.05, "control": 3},
     "lengths alone": {"telemetry": False, "gauge": "plane"},
 }
 
 
-def adjusted(scene):
+def adjusted(scene: Scene) -> Adjustment:
     return refine(scene.survey, SolveOptions())[0].adjustment
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
 def test_redundancy_numbers_of_all_groups_sum_to_the_degrees_of_freedom(
-    scene_factory, options
+    options: dict[str, Any],
 ) -> None:
-    adjustment = adjusted(scene_factory(4, **options))
+    adjustment = adjusted(make_scene(4, **options))
     blocks = adjustment.minimum.blocks
     total = sum(reliability(b, adjustment.covariance).redundancy.sum() for b in blocks.values())
     observations = sum(b.residual.size for b in blocks.values())
@@ -44,8 +48,8 @@ def test_redundancy_numbers_of_all_groups_sum_to_the_degrees_of_freedom(
 
 @pytest.mark.parametrize("kind", ["length", "pick"])
 @pytest.mark.parametrize("index", [0, 3, 5])
-def test_the_largest_w_is_that_of_a_planted_blunder(scene_factory, kind, index) -> None:
-    scene = scene_factory(6, frames=6, lines=8)
+def test_the_largest_w_is_that_of_a_planted_blunder(kind: str, index: int) -> None:
+    scene = make_scene(6, frames=6, lines=8)
     survey = scene.survey
     if kind == "length":
         length = np.array(survey.length_m)
@@ -64,12 +68,13 @@ def test_the_largest_w_is_that_of_a_planted_blunder(scene_factory, kind, index) 
     w = largest[name]
     assert w.max() > 5
     if kind == "length":
-        assert (name, w.argmax()) == ("lengths", index)
+        assert (name, int(w.argmax())) == ("lengths", index)
     else:
-        assert (name, np.unravel_index(w.argmax(), w.shape)) == ("pixels", (7 * index, 1))
+        row, axis = np.unravel_index(w.argmax(), w.shape)
+        assert (name, int(row), int(axis)) == ("pixels", 7 * index, 1)
 
 
-def random_problem(rng: np.random.Generator, n, unknowns):
+def random_problem(rng: np.random.Generator, n: int, unknowns: int) -> tuple[Block, Factor, Floats]:
     """A linear problem with unit weights: block, factor, covariance, the projector I - A S A^T."""
     jacobian = rng.normal(size=(n, 1, unknowns)) * rng.lognormal(size=(n, 1, 1))
     columns = np.tile(np.arange(unknowns), (n, 1))
@@ -88,7 +93,7 @@ def test_a_bias_of_the_minimal_detectable_size_is_found_in_80_of_100_cases() -> 
     alpha, trials = 0.01, 4000
     sigma = rng.uniform(0.5, 2, (12, 1))
     bias = minimal_detectable_bias(redundancy, sigma, alpha)
-    lowest, highest = binom.ppf([1e-6, 1 - 1e-6], trials, 0.80)
+    lowest, highest = binom.ppf(np.array([1e-6, 1 - 1e-6]), trials, 0.80)
     for row in range(12):
         noise = rng.normal(size=(trials, 12))
         noise[:, row] += bias[row, 0] / sigma[row, 0]
@@ -115,7 +120,7 @@ def test_an_unchecked_observation_has_no_w_and_no_detectable_bias() -> None:
 
 @pytest.mark.parametrize("exact", [100, 0])
 def test_probabilities_of_a_group_are_uniform_where_the_model_holds(
-    monkeypatch: pytest.MonkeyPatch, exact
+    monkeypatch: pytest.MonkeyPatch, exact: int
 ) -> None:
     # exact = 0: the way of large groups.
     monkeypatch.setattr(module, "EXACT_GROUP", exact)

@@ -6,13 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scenes
+from scenes import NO_TIMES, Scene, make_scene
 from scipy.stats import norm
 
 from uavgram.estimation.measuring.propagation import propagate, values_at
 from uavgram.estimation.reliability.external import external_reliability
 from uavgram.estimation.reliability.redundancy import minimal_detectable_bias, power
 from uavgram.estimation.reliability.test_statistics import observed
+from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.refit import refit
+from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.stages.judge.priors import stated_residuals
@@ -26,11 +31,11 @@ REQUESTS = (
 )
 
 
-def adjusted(scene):
+def adjusted(scene: Scene) -> Adjustment:
     return refine(scene.survey, SolveOptions())[0].adjustment
 
 
-def dense_rows(block, size):
+def dense_rows(block: Block, size: int) -> Floats:
     n, r, k = block.jacobian.shape
     rows = np.zeros((n, r, size))
     for i in range(n):
@@ -39,8 +44,8 @@ def dense_rows(block, size):
     return rows
 
 
-def test_w_of_correlated_observations_equals_the_formula_in_their_own_units(scene_factory) -> None:
-    adjustment = adjusted(scene_factory(8, frames=5, control=3))
+def test_w_of_correlated_observations_equals_the_formula_in_their_own_units() -> None:
+    adjustment = adjusted(make_scene(8, frames=5, control=3))
     problem, minimum = adjustment.problem, adjustment.minimum
     group, white = observed(adjustment)["telemetry"], problem.telemetry_whitening
     block, found = group.block, group.w
@@ -58,10 +63,8 @@ def test_w_of_correlated_observations_equals_the_formula_in_their_own_units(scen
         np.testing.assert_allclose(found[i], weight @ residual / np.sqrt(variance), rtol=1e-6)
 
 
-def test_calibration_is_one_correlated_observation_in_its_own_parameters(
-    scene_factory, scenes
-) -> None:
-    adjustment = adjusted(scene_factory(8, frames=5, control=3))
+def test_calibration_is_one_correlated_observation_in_its_own_parameters() -> None:
+    adjustment = adjusted(make_scene(8, frames=5, control=3))
     group = observed(adjustment)["calibration"]
     layout, basis = adjustment.problem.layout, adjustment.problem.intrinsic_basis
     columns = layout.first_intrinsic + np.arange(layout.intrinsics)
@@ -77,8 +80,8 @@ def test_calibration_is_one_correlated_observation_in_its_own_parameters(
     np.testing.assert_allclose(stated_residuals(group)[0], expected, rtol=1e-6, atol=1e-9)
 
 
-def test_a_parameter_known_exactly_cannot_err(scene_factory) -> None:
-    survey = scene_factory(8).survey
+def test_a_parameter_known_exactly_cannot_err() -> None:
+    survey = make_scene(8).survey
     covariance = np.array(survey.calibration.covariance)
     covariance[8] = covariance[:, 8] = 0.0
     for known in (covariance, np.zeros((9, 9))):
@@ -92,13 +95,11 @@ def test_a_parameter_known_exactly_cannot_err(scene_factory) -> None:
 @pytest.mark.parametrize(
     "kind", ["lengths", "pixels", "control", "telemetry", "boresight", "clock"]
 )
-def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(
-    scene_factory, kind
-) -> None:
-    scene = scene_factory(8, frames=5, control=2, noise=0.1)
+def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(kind: str) -> None:
+    scene = make_scene(8, frames=5, control=2, noise=0.1)
     adjustment = adjusted(scene)
     groups = observed(adjustment)
-    measured = propagate(adjustment, REQUESTS, None)
+    measured = propagate(adjustment, REQUESTS, NO_TIMES)
     worst, _ = external_reliability(groups, measured, ALPHA)
     group, found = groups[kind], worst[kind]
     row, axis = np.unravel_index(found.sigmas.argmax(), found.sigmas.shape)
@@ -106,19 +107,20 @@ def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(
     error = np.zeros_like(group.block.residual)
     whitened = 0.1 * group.bias(ALPHA)[row, axis] / group.scale[row, axis]
     error[row] = group.direction[row, :, axis] * whitened
-    moved = [
-        values_at(adjustment, refit(adjustment, {kind: sign * error}), REQUESTS, None)
-        for sign in (1.0, -1.0)
-    ]
+    moved = []
+    for sign in (1.0, -1.0):
+        state = refit(adjustment, {kind: sign * error})
+        assert state is not None
+        moved.append(values_at(adjustment, state, REQUESTS, NO_TIMES))
     change = (moved[0] - moved[1]) / 2 / 0.1
     assert np.abs(change / measured.sigma).argmax() == found.measurement[row, axis]
     on = found.measurement[row, axis]
     assert change[on] == pytest.approx(found.change[row, axis], rel=0.02)
 
 
-def test_the_weakest_link_of_a_measurement_moves_it_most_of_all(scene_factory) -> None:
-    adjustment = adjusted(scene_factory(8, frames=5, control=2))
-    groups, measured = observed(adjustment), propagate(adjustment, REQUESTS, None)
+def test_the_weakest_link_of_a_measurement_moves_it_most_of_all() -> None:
+    adjustment = adjusted(make_scene(8, frames=5, control=2))
+    groups, measured = observed(adjustment), propagate(adjustment, REQUESTS, NO_TIMES)
     _, weakest = external_reliability(groups, measured, ALPHA)
     for i, link in enumerate(weakest):
         largest = 0.0
@@ -131,13 +133,13 @@ def test_the_weakest_link_of_a_measurement_moves_it_most_of_all(scene_factory) -
         assert link.unchecked == ()
 
 
-def test_what_nothing_checks_is_named(scene_factory) -> None:
+def test_what_nothing_checks_is_named() -> None:
     # One frame, no length on P0: its pick alone tells where it is.
-    scene = scene_factory(3, frames=1, telemetry=False, gauge="plane", tilt=0.4, ends=(
+    scene = make_scene(3, frames=1, telemetry=False, gauge="plane", tilt=0.4, ends=(
         (1, 6), (2, 7), (3, 8), (4, 9), (5, 10),
     ))  # fmt: skip
     adjustment = adjusted(scene)
-    measured = propagate(adjustment, REQUESTS[:1], None)
+    measured = propagate(adjustment, REQUESTS[:1], NO_TIMES)
     _, (weakest,) = external_reliability(observed(adjustment), measured, ALPHA)
     assert ("pixels", 0) in {(m.kind, m.row) for m in weakest.unchecked}
 

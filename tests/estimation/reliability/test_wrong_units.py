@@ -23,7 +23,7 @@ from uavgram.estimation.reliability.wrong_units import likely_mistake, likely_un
         (0.3048, "turned from feet into metres twice"),
     ],
 )
-def test_a_ratio_of_units_is_named_if_it_is_near_enough(ratio, words) -> None:
+def test_a_ratio_of_units_is_named_if_it_is_near_enough(ratio: float, words: str) -> None:
     assert likely_mistake(ratio, 0.0) == words
     assert likely_mistake(1.009 * ratio, 0.001) == words
     assert likely_mistake(1.05 * ratio, 0.02) == words
@@ -37,9 +37,15 @@ def test_another_ratio_has_no_name() -> None:
 
 
 def test_an_odd_height_is_told_by_the_unit_that_makes_it_ordinary() -> None:
-    assert likely_unit_of_height(31_700.0) == ("millimetres", pytest.approx(31.7))
-    assert likely_unit_of_height(3170.0) == ("centimetres", pytest.approx(31.7))
-    assert likely_unit_of_height(0.0317) == ("kilometres", pytest.approx(31.7))
+    unit, height = likely_unit_of_height(31_700.0)
+    assert unit == "millimetres"
+    assert height == pytest.approx(31.7)
+    unit, height = likely_unit_of_height(3170.0)
+    assert unit == "centimetres"
+    assert height == pytest.approx(31.7)
+    unit, height = likely_unit_of_height(0.0317)
+    assert unit == "kilometres"
+    assert height == pytest.approx(31.7)
 
 
 def test_where_coordinates_lie_is_told_by_distance_sigma_and_side() -> None:

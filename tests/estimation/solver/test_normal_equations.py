@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
+from scenes import Scene, make_scene
 
 from uavgram.estimation.solver import normal_equations
 from uavgram.estimation.solver.normal_equations import Block, NormalEquations, SingularError
 from uavgram.estimation.solver.sparse import multifrontal, nested_dissection
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.unknowns import Layout
+from uavgram.model.arrays import Floats
 
-CASES = {
+CASES: dict[str, dict[str, Any]] = {
     "telemetry": {},
     "rough ground and control": {"roughness": 0.05, "control": 3},
     "lengths alone": {"telemetry": False, "gauge": "plane"},
@@ -19,13 +25,15 @@ CASES = {
 }
 
 
-def blocks_of(scene):
+def blocks_of(scene: Scene) -> tuple[dict[str, Block], Layout]:
     lines = np.ones(len(scene.survey.line_start), dtype=bool)
     problem = SurveyProblem(scene.survey, scene.pivot, lines)
-    return problem.evaluate(scene.truth), problem.layout
+    blocks = problem.evaluate(scene.truth)
+    assert blocks is not None
+    return blocks, problem.layout
 
 
-def dense_jacobian(blocks, size):
+def dense_jacobian(blocks: dict[str, Block], size: int) -> Floats:
     """All rows, without any code of the package."""
     rows = []
     for block in blocks.values():
@@ -39,16 +47,19 @@ def dense_jacobian(blocks, size):
 
 
 @pytest.fixture(params=["dense", "sparse", "points first"])
-def branch(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch):
+def branch(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     if request.param != "dense":
         monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
         monkeypatch.setattr(nested_dissection, "LEAF", 2)
-    return request.param
+    result: str = request.param
+    return result
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_solution_and_covariances_equal_the_dense_inverse(scene_factory, options, branch) -> None:
-    blocks, layout = blocks_of(scene_factory(3, frames=6, **options))
+def test_solution_and_covariances_equal_the_dense_inverse(
+    options: dict[str, Any], branch: str
+) -> None:
+    blocks, layout = blocks_of(make_scene(3, frames=6, **options))
     size, structure = layout.size, layout.structure if branch == "points first" else None
     jacobian = dense_jacobian(blocks, size)
     scale = 1 / np.linalg.norm(jacobian, axis=0)
@@ -100,7 +111,9 @@ def test_an_unknown_without_any_observation_is_named() -> None:
 
 @pytest.mark.usefixtures("branch")
 @pytest.mark.parametrize("weights", [(1.0, 1.0), (0.7, 1.3), (1e-3, 1e4)])
-def test_two_unknowns_of_which_only_the_sum_is_observed_are_named(weights) -> None:
+def test_two_unknowns_of_which_only_the_sum_is_observed_are_named(
+    weights: tuple[float, float],
+) -> None:
     # Unknown 5 and 6 of eight appear only as a weighted sum.
     n = 8
     alone = [i for i in range(n) if i not in (5, 6)]
@@ -116,8 +129,8 @@ def test_two_unknowns_of_which_only_the_sum_is_observed_are_named(weights) -> No
 
 
 @pytest.mark.parametrize("frame", [0, 2, 3])
-def test_a_frame_that_three_picks_cannot_hold_is_named(scene_factory, branch, frame) -> None:
-    scene = scene_factory(3, telemetry=False, control=12)
+def test_a_frame_that_three_picks_cannot_hold_is_named(branch: str, frame: int) -> None:
+    scene = make_scene(3, telemetry=False, control=12)
     blocks, layout = blocks_of(scene)
     picks = np.flatnonzero(scene.survey.pick_frame == frame)
     keep = np.setdiff1d(np.arange(len(scene.survey.pick_frame)), picks[2:])
@@ -138,10 +151,11 @@ def test_damping_makes_a_singular_system_solvable() -> None:
     np.testing.assert_allclose(step, np.full(2, 1 / 2.001), rtol=1e-9)
 
 
-def test_a_row_may_name_an_unknown_twice(branch) -> None:
+def test_a_row_may_name_an_unknown_twice(branch: str) -> None:
     # Two columns of one unknown, of a point's two, and a length from a point to itself.
-    structure = Structure(size=7, points=2, point_size=2, block_size=2, first_shared=6)
-    structure = structure if branch == "points first" else None
+    structure = None
+    if branch == "points first":
+        structure = Structure(size=7, points=2, point_size=2, block_size=2, first_shared=6)
     rng = np.random.default_rng(0)
     columns = np.concatenate([rng.integers(0, 7, (20, 4)), [[0, 1, 0, 1], [5, 5, 6, 6]]])
     block = Block(np.zeros((22, 1)), columns, rng.normal(size=(22, 1, 4)))
@@ -188,16 +202,16 @@ def test_covariances_of_unknowns_without_a_common_observation_are_not_guessed(
 class Dirty:
     """numpy whose fresh memory holds what it must not be read for."""
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Callable[..., Any] | Callable[..., Any]:
         return getattr(np, name)
 
-    def empty(self, shape):
+    def empty(self, shape: int | tuple[int, int]) -> Floats:
         return np.full(shape, np.nan)
 
 
 @pytest.mark.parametrize(("block_size", "border"), [(1, 0), (1, 2), (3, 2)])
 def test_a_deep_tree_of_fronts_gives_the_dense_inverse(
-    monkeypatch: pytest.MonkeyPatch, block_size, border
+    monkeypatch: pytest.MonkeyPatch, block_size: int, border: int
 ) -> None:
     monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
     monkeypatch.setattr(nested_dissection, "LEAF", 2)
@@ -228,6 +242,7 @@ def test_a_deep_tree_of_fronts_gives_the_dense_inverse(
     normal = NormalEquations([block, prior], size, structure)
     factor = normal.factor()
 
+    assert normal.plan is not None
     levels = {front.level for front in normal.plan.symbolic.ordering.fronts}
     assert len(levels) > 4
     np.testing.assert_allclose(factor.joint(np.arange(size)), inverse, atol=1e-10)
@@ -238,9 +253,9 @@ def test_a_deep_tree_of_fronts_gives_the_dense_inverse(
 
 @pytest.mark.parametrize("among", ["all unknowns", "what all share"])
 def test_linear_functions_have_their_joint_covariance_however_many_they_are(
-    scene_factory, branch, among
+    branch: str, among: str
 ) -> None:
-    blocks, layout = blocks_of(scene_factory(3, frames=6))
+    blocks, layout = blocks_of(make_scene(3, frames=6))
     structure = layout.structure if branch == "points first" else None
     factor = NormalEquations(list(blocks.values()), layout.size, structure).factor()
     rng = np.random.default_rng(0)

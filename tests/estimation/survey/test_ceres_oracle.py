@@ -7,29 +7,39 @@ central differences, and Ceres has its own minimiser and its own covariance.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import cv2
 import numpy as np
 import pyceres
 import pytest
+from scenes import make_scene
 from scipy.spatial.transform import Rotation
 
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.log import Track
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
 STEP = 3e-3
 """Of the differences, in sigmas of each unknown; fourth order."""
 
 
-class Residual(pyceres.CostFunction):
+class Residual(pyceres.CostFunction):  # type: ignore[misc]  # pyceres has no types
     """Any function of a few parameter blocks, differentiated by fourth-order differences."""
 
-    def __init__(self, function, sizes, rows) -> None:
+    def __init__(self, function: Callable[..., Any], sizes: list[int], rows: int) -> None:
         super().__init__()
         self.function = function
         self.set_num_residuals(rows)
         self.set_parameter_block_sizes(sizes)
 
-    def Evaluate(self, parameters, residuals, jacobians) -> bool:  # noqa: N802  (the name Ceres calls)
+    def Evaluate(  # noqa: N802
+        self, parameters: list[Floats], residuals: Floats, jacobians: list[Floats | None] | None
+    ) -> bool:
         blocks = [np.array(block, dtype=float) for block in parameters]
         residuals[:] = np.ravel(self.function(*blocks))
         if jacobians is None:
@@ -39,7 +49,7 @@ class Residual(pyceres.CostFunction):
                 jacobian[:] = self._differences(blocks, block).ravel()
         return True
 
-    def _differences(self, blocks, block):
+    def _differences(self, blocks: list[Floats], block: Floats) -> Floats:
         columns = []
         for index in range(len(block)):
             middle, values = block[index], {}
@@ -55,33 +65,35 @@ class Residual(pyceres.CostFunction):
 class Likelihood:
     """A survey as Ceres sees it: every unknown is its departure from a start, in rough sigmas."""
 
-    def __init__(self, survey, start, pivot, sigma) -> None:
+    def __init__(
+        self, survey: Survey, start: State, pivot: Floats, sigma: dict[str, Floats]
+    ) -> None:
         self.survey, self.start, self.pivot, self.sigma = survey, start, pivot, sigma
         self.point = [np.zeros(2) for _ in survey.label]
         self.frame = [np.zeros(6) for _ in survey.frame_id]
         self.interior, self.plane = np.zeros(9), np.zeros(3)
         self.flight = np.zeros(12)
         self.problem = pyceres.Problem()
-        self.costs = []
+        self.costs: list[Residual] = []
         self._observe()
 
-    def _add(self, function, blocks, rows) -> None:
+    def _add(self, function: Callable[..., Any], blocks: list[Floats], rows: int) -> None:
         cost = Residual(function, [len(block) for block in blocks], rows)
         self.costs.append(cost)
         self.problem.add_residual_block(cost, None, blocks)
 
-    def world(self, label, own, plane):
+    def world(self, label: int, own: Floats, plane: Floats) -> Floats:
         """East, north and up of a label."""
         place = self.start.point[label, :2] + self.sigma["point"][label] * own
         height, slope = self._plane(plane)
         up = height + slope @ (place - self.pivot) + self.survey.height_above_m[label]
         return np.array([*place, up])
 
-    def _plane(self, plane):
+    def _plane(self, plane: Floats) -> tuple[float, Floats]:
         value = self.start.plane[:3] + self.sigma["plane"] * plane
         return value[0], value[1:]
 
-    def camera(self, frame, own):
+    def camera(self, frame: int, own: Floats) -> tuple[Floats, Floats]:
         """Centre and world-from-camera rotation of a frame."""
         step = self.sigma["frame"][frame] * own
         turn = Rotation.from_rotvec(step[3:]).as_matrix()
@@ -113,11 +125,11 @@ class Likelihood:
                 self._add(self._logged(row, int(f)), [self.frame[f], self.flight], 6)
             self._add(self._shared, [self.flight], 12)
 
-    def _pixel(self, pick, f, k):
+    def _pixel(self, pick: int, f: int, k: int) -> Callable[..., Any]:
         survey = self.survey
         nominal, scale = survey.calibration.parameters, self.sigma["interior"]
 
-        def residual(own, frame, interior, plane):
+        def residual(own: Floats, frame: Floats, interior: Floats, plane: Floats) -> Floats:
             fx, fy, cx, cy, *lens = nominal + scale * interior
             center, rotation = self.camera(f, frame)
             point = rotation.T @ (self.world(k, own, plane) - center)
@@ -125,29 +137,32 @@ class Likelihood:
             pixel, _ = cv2.projectPoints(
                 point[None], np.zeros(3), np.zeros(3), matrix, np.array(lens)
             )
-            return (pixel.ravel() - survey.pixel_px[pick]) / survey.pick_sigma_px[pick]
+            result: Floats = (pixel.ravel() - survey.pixel_px[pick]) / survey.pick_sigma_px[pick]
+            return result
 
         return residual
 
-    def _length(self, line, a, b):
+    def _length(self, line: int, a: int, b: int) -> Callable[..., Any]:
         survey = self.survey
 
-        def residual(first, second, plane):
+        def residual(first: Floats, second: Floats, plane: Floats) -> float:
             apart = self.world(a, first, plane) - self.world(b, second, plane)
-            return (np.sqrt(apart @ apart) - survey.length_m[line]) / survey.length_sigma_m[line]
+            off = np.sqrt(apart @ apart) - survey.length_m[line]
+            return float(off / survey.length_sigma_m[line])
 
         return residual
 
-    def _control(self, row, k):
+    def _control(self, row: int, k: int) -> Callable[..., Any]:
         survey = self.survey
 
-        def residual(own, plane):
+        def residual(own: Floats, plane: Floats) -> Floats:
             off = self.world(k, own, plane) - survey.control_world_m[row]
-            return off / survey.control_sigma_m[row]
+            result: Floats = off / survey.control_sigma_m[row]
+            return result
 
         return residual
 
-    def _level(self, plane):
+    def _level(self, plane: Floats) -> list[float]:
         ground = self.survey.ground
         height, slope = self._plane(plane)
         return [
@@ -155,15 +170,17 @@ class Likelihood:
             *(slope / ground.slope_sigma_rad),
         ]
 
-    def _gauge(self, frame):
+    def _gauge(self, frame: Floats) -> list[float]:
         center, rotation = self.camera(0, frame)
         return [center[0] / 1e-4, center[1] / 1e-4, rotation[0, 1] / 1e-6]
 
-    def _flight(self, flight):
+    def _flight(self, flight: Floats) -> Floats:
         return self.start.telemetry + self.sigma["flight"] * flight
 
-    def _logged(self, row, f):
+    def _logged(self, row: int, f: int) -> Callable[..., Any]:
         prior, track = self.survey.telemetry, self.survey.track
+        assert prior is not None
+        assert isinstance(track, Track)
         white = np.linalg.inv(np.linalg.cholesky(prior.covariance[row]))
         here = np.argmin(np.abs(track.position_time_s - prior.time_s[row]))
         samples = slice(here // 4 * 4, here // 4 * 4 + 4)  # a straight and steady way, see `scenes`
@@ -172,7 +189,7 @@ class Likelihood:
         velocity = (place[3] - place[0]) / (time[3] - time[0])
         rate = (turns[0].inv() * turns[3]).as_rotvec() / (time[3] - time[0])
 
-        def residual(frame, flight):
+        def residual(frame: Floats, flight: Floats) -> Floats:
             shared = self._flight(flight)
             since = prior.time_s[row] - prior.middle_s
             at = prior.time_s[row] - shared[10] - shared[11] * since - time[0]
@@ -183,12 +200,14 @@ class Likelihood:
             predicted = body * mount * Rotation.from_rotvec(shared[:3])
             center, rotation = self.camera(f, frame)
             turned = (predicted.inv() * Rotation.from_matrix(rotation)).as_rotvec()
-            return white @ np.concatenate([center - expected, turned])
+            result: Floats = white @ np.concatenate([center - expected, turned])
+            return result
 
         return residual
 
-    def _shared(self, flight):
+    def _shared(self, flight: Floats) -> Floats:
         prior = self.survey.telemetry
+        assert prior is not None
         mean = np.zeros(12)
         mean[3:6] = prior.lever_arm_m
         sigma = [prior.boresight_sigma_rad] * 3 + [prior.lever_arm_sigma_m] * 3
@@ -196,13 +215,13 @@ class Likelihood:
         sigma += [prior.clock_sigma_s, prior.clock_drift_sigma]
         return (self._flight(flight) - mean) / sigma
 
-    def blocks(self):
+    def blocks(self) -> list[Floats]:
         """Parameter blocks in the order of the package's unknowns."""
         found = [*self.point, *self.frame, self.interior]
         found += [self.plane] if self.survey.gauge == "world" else []
         return found + ([self.flight] if self.survey.telemetry is not None else [])
 
-    def solve(self):
+    def solve(self) -> tuple[Floats, Floats, float]:
         """Minimise from an offset of half a sigma; unknowns and their sigmas, in sigmas."""
         rng = np.random.default_rng(5)
         for block in self.blocks():
@@ -223,7 +242,7 @@ class Likelihood:
         return np.concatenate(blocks), sigma, 2 * summary.final_cost
 
 
-CASES = {
+CASES: dict[str, dict[str, Any]] = {
     "one frame, lengths only": {
         "frames": 1,
         "labels": 8,
@@ -237,8 +256,10 @@ CASES = {
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_estimates_and_sigmas_equal_those_of_ceres(scene_factory, options) -> None:
-    survey = scene_factory(21, **options).survey
+def test_estimates_and_sigmas_equal_those_of_ceres(
+    options: dict[str, Any],
+) -> None:
+    survey = make_scene(21, **options).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     problem, state = adjustment.problem, adjustment.state
     layout = problem.layout

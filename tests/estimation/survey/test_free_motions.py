@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+import scenes
+from scenes import make_scene
 from scipy.spatial.transform import Rotation
 
 from uavgram.geometry.ground import shapes
+from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
-SCENE = {"frames": 2, "labels": 8, "lines": 9, "telemetry": False, "gauge": "plane"}
+SCENE: dict[str, Any] = {"frames": 2, "labels": 8, "lines": 9, "telemetry": False, "gauge": "plane"}
 
 
-def motion(seed):
+def motion(seed: int) -> tuple[Floats, Floats]:
     """A turn about the vertical and a shift along the plane."""
     rng = np.random.default_rng(seed)
     turn = Rotation.from_euler("z", rng.uniform(-np.pi, np.pi)).as_matrix()
     return turn, np.append(rng.uniform(-500, 500, 2), 0.0)
 
 
-def distances(survey):
+def distances(survey: Survey) -> tuple[Floats, Floats, Floats]:
     """All distances between labels in the order of their names, and their sigmas."""
     adjustment = refine(survey, SolveOptions())[0].adjustment
     assert adjustment.minimum.converged
@@ -40,10 +45,8 @@ def distances(survey):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_scene_that_was_shifted_and_turned_has_the_same_distances(
-    scenes, scene_factory, seed
-) -> None:
-    scene = scene_factory(20 + seed, **SCENE)
+def test_a_scene_that_was_shifted_and_turned_has_the_same_distances(seed: int) -> None:
+    scene = make_scene(20 + seed, **SCENE)
     turn, shift = motion(seed)
     survey, truth = scene.survey, scene.truth
     world = scene.world @ turn.T + shift
@@ -70,8 +73,8 @@ def test_a_scene_that_was_shifted_and_turned_has_the_same_distances(
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_another_frame_as_the_gauge_moves_the_points_but_no_distance(scene_factory, seed) -> None:
-    survey = scene_factory(20 + seed, **SCENE).survey
+def test_another_frame_as_the_gauge_moves_the_points_but_no_distance(seed: int) -> None:
+    survey = make_scene(20 + seed, **SCENE).survey
     other = replace(survey, frame_id=survey.frame_id[::-1], pick_frame=1 - survey.pick_frame)
     here, there = distances(survey), distances(other)
     np.testing.assert_allclose(there[0], here[0], rtol=1e-6)
@@ -80,10 +83,8 @@ def test_another_frame_as_the_gauge_moves_the_points_but_no_distance(scene_facto
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_no_observation_notices_a_shift_and_a_turn_of_the_adjusted_state(
-    scene_factory, seed
-) -> None:
-    adjustment = refine(scene_factory(20 + seed, **SCENE).survey, SolveOptions())[0].adjustment
+def test_no_observation_notices_a_shift_and_a_turn_of_the_adjusted_state(seed: int) -> None:
+    adjustment = refine(make_scene(20 + seed, **SCENE).survey, SolveOptions())[0].adjustment
     turn, shift = motion(seed)
     state = adjustment.state
     moved = replace(
@@ -93,13 +94,14 @@ def test_no_observation_notices_a_shift_and_a_turn_of_the_adjusted_state(
         rotation=turn @ state.rotation,
     )
     blocks, before = adjustment.problem.evaluate(moved), adjustment.minimum.blocks
+    assert blocks is not None
     for name in ("pixels", "lengths", "calibration"):
         np.testing.assert_allclose(blocks[name].residual, before[name].residual, atol=1e-6)
     assert np.abs(blocks["gauge"].residual).max() > 1e3  # which is what the gauge is for
 
 
-def test_known_coordinates_do_notice_it(scene_factory) -> None:
-    scene = scene_factory(20, frames=2, labels=8, lines=0, control=5, telemetry=False)
+def test_known_coordinates_do_notice_it() -> None:
+    scene = make_scene(20, frames=2, labels=8, lines=0, control=5, telemetry=False)
     turn, shift = motion(0)
     known = scene.survey.control_world_m
     moved = replace(scene.survey, control_world_m=known @ turn.T + shift)

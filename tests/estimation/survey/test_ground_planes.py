@@ -6,20 +6,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes import make_scene
 
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.ground_planes import GroundPlanes, area_centroids, first_planes
+from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
 VERGE = (1, 3)
 
 
 @pytest.fixture
-def survey(scene_factory):
-    return scene_factory(0, labels=5, verge=VERGE).survey
+def survey() -> Survey:
+    return make_scene(0, labels=5, verge=VERGE).survey
 
 
-def test_every_label_lies_on_the_plane_of_its_area(survey) -> None:
+def test_every_label_lies_on_the_plane_of_its_area(survey: Survey) -> None:
     pivot = np.array([[0.0, 0.0], [10.0, 20.0]])
     planes = np.array([1.0, 0.1, 0.0, 5.0, 0.0, -0.2])
     label = np.array([0, 1, 3])
@@ -30,7 +34,7 @@ def test_every_label_lies_on_the_plane_of_its_area(survey) -> None:
     assert GroundPlanes(survey, pivot).columns(label).tolist() == [[0, 1, 2], [3, 4, 5], [3, 4, 5]]
 
 
-def test_a_plane_that_is_the_gauge_is_no_unknown(survey) -> None:
+def test_a_plane_that_is_the_gauge_is_no_unknown(survey: Survey) -> None:
     ground = GroundPlanes(replace(survey, gauge="plane"), np.zeros(2))
     label = np.array([0, 1])
     assert ground.size == 3
@@ -42,30 +46,28 @@ def test_a_plane_that_is_the_gauge_is_no_unknown(survey) -> None:
     assert prior.mean[0] == pytest.approx(0.4)  # above the first area's plane
 
 
-def test_first_planes_lie_as_far_apart_as_stated(survey) -> None:
+def test_first_planes_lie_as_far_apart_as_stated(survey: Survey) -> None:
     np.testing.assert_allclose(first_planes(survey.grounds, 7.0), [7.0, 0, 0, 7.4, 0, 0])
 
 
-def test_an_area_that_lost_its_points_has_the_middle_of_the_scene(survey) -> None:
-    alone = replace(survey, area=np.zeros(5))
+def test_an_area_that_lost_its_points_has_the_middle_of_the_scene(survey: Survey) -> None:
+    alone = replace(survey, area=np.zeros(5, dtype=int))
     point = np.arange(10.0).reshape(5, 2)
     np.testing.assert_array_equal(area_centroids(alone, point), [[4.0, 5.0]] * 2)
     np.testing.assert_array_equal(area_centroids(survey, point), [[4.0, 5.0], [4.0, 5.0]])
 
 
-def points_of(scene_factory, roughness, **options):
-    scene = scene_factory(
-        6, frames=1, labels=6, lines=0, noise=0.0, tilt=0.8, roughness=roughness, **options
-    )
+def points_of(roughness: float) -> tuple[Adjustment, Floats]:
+    scene = make_scene(6, frames=1, labels=6, lines=0, noise=0.0, tilt=0.8, roughness=roughness)
     adjustment = refine(scene.survey, SolveOptions())[0].adjustment
     return adjustment, adjustment.points()[1][:, :2, :2]
 
 
-def test_rough_ground_lengthens_an_ellipse_along_the_ray(scene_factory) -> None:
+def test_rough_ground_lengthens_an_ellipse_along_the_ray() -> None:
     # A point dz above the plane shifts by dz tan(view angle), away from the camera's foot.
     rough, smooth = 0.2, 0.0
-    _, before = points_of(scene_factory, smooth)
-    adjustment, after = points_of(scene_factory, rough)
+    _, before = points_of(smooth)
+    adjustment, after = points_of(rough)
     state = adjustment.state
     world = adjustment.points()[0]
     ray = world - state.center[0]
@@ -75,8 +77,8 @@ def test_rough_ground_lengthens_an_ellipse_along_the_ray(scene_factory) -> None:
     np.testing.assert_allclose(after, expected, rtol=0.02, atol=1e-4)
 
 
-def test_only_the_area_that_is_rough_has_longer_ellipses(scene_factory) -> None:
-    scene = scene_factory(6, frames=1, labels=6, lines=0, noise=0.0, tilt=0.8, verge=VERGE)
+def test_only_the_area_that_is_rough_has_longer_ellipses() -> None:
+    scene = make_scene(6, frames=1, labels=6, lines=0, noise=0.0, tilt=0.8, verge=VERGE)
     verge = replace(scene.survey.grounds[1], roughness_sigma_m=0.2)
     rough = replace(scene.survey, grounds=(scene.survey.ground, verge))
     plain, uneven = (

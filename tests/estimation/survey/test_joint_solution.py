@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
+import scenes
+from scenes import Scene, make_scene
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation, Slerp
 
 from uavgram.estimation.solver import normal_equations
-from uavgram.estimation.solver.levenberg_marquardt import minimise
+from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.unknowns import advance, move
+from uavgram.estimation.survey.unknowns import State, advance, move
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.log import Track
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
-CASES = {
+CASES: dict[str, dict[str, Any]] = {
     "telemetry": {},
     "telemetry without lines": {"lines": 0},
     "one frame": {"frames": 1},
@@ -40,8 +48,8 @@ class Oracle:
     stands in pixels and is therefore compared apart.
     """
 
-    def __init__(self, scenes, survey, start, pivot) -> None:
-        self.scenes, self.survey, self.start, self.pivot = scenes, survey, start, pivot
+    def __init__(self, survey: Survey, start: State, pivot: Floats) -> None:
+        self.survey, self.start, self.pivot = survey, start, pivot
         self.k, self.f = len(survey.label), len(survey.frame_id)
         self.rough = survey.ground.roughness_sigma_m > 0
         self.world = survey.gauge == "world"
@@ -54,7 +62,7 @@ class Oracle:
         ]
         self.size = sum(sizes)
 
-    def unpack(self, x):
+    def unpack(self, x: Floats) -> tuple[Floats, Floats, list[Floats], Floats, Floats, Floats]:
         points, frames, intrinsics, plane, telemetry = (x[p] for p in self.parts)
         frames = frames.reshape(self.f, 6)
         rotation = [
@@ -66,7 +74,7 @@ class Oracle:
         telemetry = self.start.telemetry + telemetry
         return point, self.start.center + frames[:, :3], rotation, intrinsics, plane, telemetry
 
-    def residuals(self, x):
+    def residuals(self, x: Floats) -> Floats:
         s = self.survey
         point, center, rotation, intrinsics, plane, shared = self.unpack(x)
         up = np.array(s.height_above_m)
@@ -80,9 +88,7 @@ class Oracle:
         out = []
         for f in range(self.f):
             rows = np.flatnonzero(s.pick_frame == f)
-            pixel, _ = self.scenes.cv_pixels(
-                camera, center[f], rotation[f], world[s.pick_label[rows]]
-            )
+            pixel, _ = scenes.cv_pixels(camera, center[f], rotation[f], world[s.pick_label[rows]])
             out.append((pixel - s.pixel_px[rows]) / s.pick_sigma_px[rows, None])
         apart = world[s.line_start] - world[s.line_end]
         out.append((np.sqrt((apart**2).sum(1)) - s.length_m) / s.length_sigma_m)
@@ -103,8 +109,10 @@ class Oracle:
             out += self.telemetry(center, rotation, shared)
         return np.concatenate([np.ravel(o) for o in out])
 
-    def telemetry(self, center, rotation, shared):
+    def telemetry(self, center: Floats, rotation: list[Floats], shared: Floats) -> list[Floats]:
         prior, track = self.survey.telemetry, self.survey.track
+        assert prior is not None
+        assert isinstance(track, Track)
         at = prior.time_s - shared[10] - shared[11] * (prior.time_s - prior.middle_s)
         position = [np.interp(at, track.position_time_s, c) for c in track.position_world_m.T]
         slerp = Slerp(track.attitude_time_s, Rotation.from_quat(track.world_from_body_xyzw))
@@ -127,8 +135,8 @@ class Oracle:
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_estimates_and_sigmas_equal_those_of_scipy(scenes, scene_factory, options) -> None:
-    survey = scene_factory(11, **options).survey
+def test_estimates_and_sigmas_equal_those_of_scipy(options: dict[str, Any]) -> None:
+    survey = make_scene(11, **options).survey
     refined, _ = refine(survey, SolveOptions())
     adjustment = refined.adjustment
     assert refined.alternatives == ()
@@ -145,10 +153,10 @@ def test_estimates_and_sigmas_equal_those_of_scipy(scenes, scene_factory, option
     ours = np.zeros(layout.size)
     ours[part] = problem.intrinsics(state) - survey.calibration.parameters
 
-    oracle = Oracle(scenes, survey, state, problem.pivot_m)
+    oracle = Oracle(survey, state, problem.pivot_m)
     offset = 0.3 * np.random.default_rng(0).normal(size=layout.size)
 
-    def scaled(z):
+    def scaled(z: Floats) -> Floats:
         return oracle.residuals(ours + sigma * z)
 
     found = least_squares(scaled, offset, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15)
@@ -164,7 +172,7 @@ def test_estimates_and_sigmas_equal_those_of_scipy(scenes, scene_factory, option
     np.testing.assert_allclose(theirs, 1.0, rtol=1e-5)
 
 
-def central(function, x):
+def central(function: Callable[[Floats], Floats], x: Floats) -> Floats:
     """Fourth-order central differences, a hundredth of a sigma apart."""
     columns = []
     for step in 1e-2 * np.eye(len(x)):
@@ -174,7 +182,7 @@ def central(function, x):
     return np.stack(columns, axis=1)
 
 
-def settled(scene, update):
+def settled(scene: Scene, update: Callable[..., Any]) -> Minimum[State]:
     """The minimum from the truth, by one way to take a step."""
     survey = scene.survey
     problem = SurveyProblem(survey, scene.pivot, np.ones(len(survey.line_start), dtype=bool))
@@ -196,10 +204,12 @@ def settled(scene, update):
     ],
     ids=["free gauge", "picks far better than the telemetry"],
 )
-def test_turning_steps_reach_the_same_minimum_in_half_the_number(scene_factory, options) -> None:
+def test_turning_steps_reach_the_same_minimum_in_half_the_number(
+    options: dict[str, Any],
+) -> None:
     steps = []
     for seed in range(30, 34):
-        scene = scene_factory(seed, labels=8, spread=7.0, **options)
+        scene = make_scene(seed, labels=8, spread=7.0, **options)
         straight, turning = settled(scene, move), settled(scene, advance)
         assert turning.converged
         assert turning.cost == pytest.approx(straight.cost, abs=1e-6)
@@ -209,8 +219,8 @@ def test_turning_steps_reach_the_same_minimum_in_half_the_number(scene_factory, 
     assert turning_steps < straight_steps / 2
 
 
-def test_a_turning_step_is_a_straight_one_to_first_order(scene_factory) -> None:
-    scene = scene_factory(4, frames=2)
+def test_a_turning_step_is_a_straight_one_to_first_order() -> None:
+    scene = make_scene(4, frames=2)
     survey = scene.survey
     layout = SurveyProblem(survey, scene.pivot, np.ones(len(survey.line_start), dtype=bool)).layout
     step = np.random.default_rng(0).normal(size=layout.size)
@@ -231,11 +241,11 @@ def test_a_turning_step_is_a_straight_one_to_first_order(scene_factory) -> None:
     ids=["log", "gauge plane", "two areas"],
 )
 def test_sights_of_all_frames_have_the_covariance_of_each(
-    scene_factory, monkeypatch: pytest.MonkeyPatch, options, sparse
+    monkeypatch: pytest.MonkeyPatch, options: dict[str, Any], sparse: bool
 ) -> None:
     if sparse:
         monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
-    adjustment = refine(scene_factory(3, frames=5, **options).survey, SolveOptions())[0].adjustment
+    adjustment = refine(make_scene(3, frames=5, **options).survey, SolveOptions())[0].adjustment
     layout, lens = adjustment.problem.layout, adjustment.problem.intrinsic_basis
     plane = 0 if layout.free_gauge else 3
     frames = np.array([4, 0, 2])

@@ -1,14 +1,18 @@
 """The likelihood's residuals and Jacobians."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from scenes import make_scene
 
+from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.likelihood import SurveyProblem, covariance_root
 from uavgram.estimation.survey.unknowns import move
+from uavgram.model.arrays import Floats
 
-CASES = {
+CASES: dict[str, dict[str, Any]] = {
     "telemetry": {},
     "rough ground and control": {"roughness": 0.05, "control": 3},
     "lengths alone": {"telemetry": False, "gauge": "plane"},
@@ -19,8 +23,10 @@ CASES = {
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_every_jacobian_equals_central_differences(scene_factory, options) -> None:
-    scene = scene_factory(3, **options)
+def test_every_jacobian_equals_central_differences(
+    options: dict[str, Any],
+) -> None:
+    scene = make_scene(3, **options)
     lines = np.ones(len(scene.survey.line_start), dtype=bool)
     problem = SurveyProblem(scene.survey, scene.pivot, lines)
     layout = problem.layout
@@ -39,6 +45,8 @@ def test_every_jacobian_equals_central_differences(scene_factory, options) -> No
             step[column] = h
             ahead = problem.evaluate(move(layout, state, step)) if names else {}
             behind = problem.evaluate(move(layout, state, -step)) if names else {}
+            assert ahead is not None
+            assert behind is not None
             for name in names:
                 change = ahead[name].residual - behind[name].residual
                 numeric[name][:, :, column] = change / (2 * h)
@@ -48,7 +56,7 @@ def test_every_jacobian_equals_central_differences(scene_factory, options) -> No
         assert scale > 0, name
 
 
-def dense(block, size):
+def dense(block: Block, size: int) -> Floats:
     """(n, r, size) Jacobian of a block by all unknowns."""
     n, r, _ = block.jacobian.shape
     whole = np.zeros((n, r, size))
@@ -57,17 +65,18 @@ def dense(block, size):
     return whole
 
 
-def test_exact_data_have_no_residual_at_the_truth(scene_factory) -> None:
-    scene = scene_factory(5, noise=0.0, control=3)
+def test_exact_data_have_no_residual_at_the_truth() -> None:
+    scene = make_scene(5, noise=0.0, control=3)
     problem = SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
     blocks = problem.evaluate(scene.truth)
 
+    assert blocks is not None
     for name in ("pixels", "lengths", "control"):
         assert np.abs(blocks[name].residual).max() < 1e-8, name
 
 
-def test_a_point_behind_its_camera_makes_the_state_impossible(scene_factory) -> None:
-    scene = scene_factory(5, noise=0.0)
+def test_a_point_behind_its_camera_makes_the_state_impossible() -> None:
+    scene = make_scene(5, noise=0.0)
     problem = SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
     flipped = scene.truth.rotation @ np.diag([1.0, -1.0, -1.0])
 

@@ -1,13 +1,14 @@
 """Covariances within the survey: what all points share is taken out."""
 
 import numpy as np
+from scenes import make_scene
 
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
 
 
-def test_relative_covariance_equals_the_s_transformed_joint_covariance(scene_factory) -> None:
-    adjustment = refine(scene_factory(2, roughness=0.05).survey, SolveOptions())[0].adjustment
+def test_relative_covariance_equals_the_s_transformed_joint_covariance() -> None:
+    adjustment = refine(make_scene(2, roughness=0.05).survey, SolveOptions())[0].adjustment
     count = len(adjustment.survey.label)
     position, joint = adjustment.joint_points(np.arange(count))
     planar = np.concatenate([[3 * k, 3 * k + 1] for k in range(count)])
@@ -23,8 +24,8 @@ def test_relative_covariance_equals_the_s_transformed_joint_covariance(scene_fac
         np.testing.assert_allclose(relative[k], block, rtol=1e-6, atol=1e-12)
 
 
-def test_a_bias_of_the_flight_does_not_show_within_the_survey(scene_factory) -> None:
-    adjustment = refine(scene_factory(2).survey, SolveOptions())[0].adjustment
+def test_a_bias_of_the_flight_does_not_show_within_the_survey() -> None:
+    adjustment = refine(make_scene(2).survey, SolveOptions())[0].adjustment
     _, absolute = adjustment.points()
     relative = adjustment.relative_points()
 

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
+from scenes import make_scene
 
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
 
-CASES = {
+CASES: dict[str, dict[str, Any]] = {
     "telemetry": {},
     "rough ground": {"roughness": 0.05, "control": 2},
     "two areas": {"verge": (0, 3, 5, 7)},
@@ -16,7 +21,7 @@ CASES = {
 }
 
 
-def dense_inverse(adjustment):
+def dense_inverse(adjustment: Adjustment) -> Floats:
     """Of all unknowns, from the whitened rows themselves."""
     size = adjustment.problem.layout.size
     normal = np.zeros((size, size))
@@ -31,8 +36,10 @@ def dense_inverse(adjustment):
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_it_is_the_part_of_the_dense_inverse_in_plain_units(scene_factory, options) -> None:
-    survey = scene_factory(3, **options).survey
+def test_it_is_the_part_of_the_dense_inverse_in_plain_units(
+    options: dict[str, Any],
+) -> None:
+    survey = make_scene(3, **options).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     problem, layout = adjustment.problem, adjustment.problem.layout
     inverse = dense_inverse(adjustment)

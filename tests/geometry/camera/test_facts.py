@@ -6,10 +6,16 @@ import pytest
 from opencv_rays import undistort
 
 from uavgram.geometry.camera.facts import camera_facts
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 
 
-def camera(parameters, sigma=1.0, size=(4000, 3000), model="brown"):
+def camera(
+    parameters: Floats | list[float],
+    sigma: float = 1.0,
+    size: tuple[int, int] = (4000, 3000),
+    model: str = "brown",
+) -> Calibration:
     n = len(parameters)
     covariance = np.full((n, n), 0.5 * sigma**2) + 0.5 * sigma**2 * np.eye(n)
     return Calibration(

@@ -6,13 +6,14 @@ import pytest
 
 from uavgram.geometry.camera.projection import project
 from uavgram.geometry.camera.rescale import cropped, scaled
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 
 PARAMETERS = np.array([2300.0, 2310, 1950, 1480, -0.05, 0.02, 4e-4, -2e-4, 0.001])
 
 
 @pytest.fixture
-def camera():
+def camera() -> Calibration:
     root = np.random.default_rng(1).normal(size=(9, 9)) * np.array([[5, 6, 7, 8, *[1e-3] * 5]]).T
     return Calibration(
         name="c",
@@ -24,19 +25,21 @@ def camera():
     )
 
 
-def blob(u, v, width=160, height=120):
+def blob(u: float, v: float, width: int = 160, height: int = 120) -> Floats:
     """An image with one smooth spot."""
     y, x = np.mgrid[:height, :width]
     return np.exp(-((x - u) ** 2 + (y - v) ** 2) / 50.0)
 
 
-def centroid(image):
+def centroid(image: Floats) -> Floats:
     y, x = np.mgrid[: image.shape[0], : image.shape[1]]
     return np.array([(image * x).sum(), (image * y).sum()]) / image.sum()
 
 
 @pytest.mark.parametrize("size", [(80, 60), (320, 240), (160, 60)])
-def test_a_point_is_seen_where_opencv_puts_it_when_it_resizes_the_photo(camera, size) -> None:
+def test_a_point_is_seen_where_opencv_puts_it_when_it_resizes_the_photo(
+    camera: Calibration, size: tuple[int, int]
+) -> None:
     small = scaled(camera, 160, 120)
     point = np.array([0.1, -0.2, 1.0])
     u, v = project("brown", small.parameters, point)
@@ -51,7 +54,7 @@ def test_a_point_is_seen_where_opencv_puts_it_when_it_resizes_the_photo(camera, 
     )
 
 
-def test_a_point_is_seen_where_it_lies_in_the_cropped_photo(camera) -> None:
+def test_a_point_is_seen_where_it_lies_in_the_cropped_photo(camera: Calibration) -> None:
     part = cropped(camera, 100, 375, 3800, 2250)
     points = np.random.default_rng(0).uniform([-0.3, -0.3, 1], [0.3, 0.3, 2], (20, 3))
 
@@ -64,11 +67,11 @@ def test_a_point_is_seen_where_it_lies_in_the_cropped_photo(camera) -> None:
     np.testing.assert_array_equal(part.covariance, camera.covariance)
 
 
-def test_the_covariance_of_a_resized_camera_is_that_of_its_pixels(camera) -> None:
+def test_the_covariance_of_a_resized_camera_is_that_of_its_pixels(camera: Calibration) -> None:
     small = scaled(camera, 1000, 1500)
     step = np.eye(9) * [1, 1, 1, 1, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3]
 
-    def moved(by):
+    def moved(by: Floats) -> Floats:
         return scaled(
             Calibration(**{**vars(camera), "parameters": PARAMETERS + by}), 1000, 1500
         ).parameters
@@ -79,7 +82,7 @@ def test_the_covariance_of_a_resized_camera_is_that_of_its_pixels(camera) -> Non
     )
 
 
-def test_there_and_back_is_the_same_camera(camera) -> None:
+def test_there_and_back_is_the_same_camera(camera: Calibration) -> None:
     back = scaled(scaled(camera, 1234, 777), 4000, 3000)
 
     np.testing.assert_allclose(back.parameters, PARAMETERS, rtol=1e-13)
@@ -87,6 +90,6 @@ def test_there_and_back_is_the_same_camera(camera) -> None:
 
 
 @pytest.mark.parametrize("part", [(-1, 0, 10, 10), (0, 0, 4001, 10), (3995, 0, 10, 10)])
-def test_a_part_outside_the_photo_is_refused(camera, part) -> None:
+def test_a_part_outside_the_photo_is_refused(camera: Calibration, part: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match="does not lie inside"):
         cropped(camera, *part)

@@ -58,7 +58,7 @@ def test_distances_and_azimuths_are_those_of_geodesics() -> None:
 
 
 @pytest.mark.parametrize("origin", [ORIGIN, (0.0, 179.9999, 0.0), (-89.9, 12.0, 2800.0)])
-def test_the_way_back_returns_to_the_start(origin) -> None:
+def test_the_way_back_returns_to_the_start(origin: tuple[float, float, float]) -> None:
     enu = np.random.default_rng(2).uniform(-3000, 3000, (100, 3))
     lat, lon, height = geodetic_from_enu(enu, origin)
     np.testing.assert_allclose(enu_from_geodetic(lat, lon, height, origin), enu, atol=1e-6)

@@ -30,7 +30,7 @@ STEPS = [
 
 
 @pytest.mark.parametrize(("count", "month"), list(enumerate(STEPS, 1)))
-def test_leap_seconds_step_on_the_days_of_the_bulletin(count, month) -> None:
+def test_leap_seconds_step_on_the_days_of_the_bulletin(count: int, month: tuple[int, int]) -> None:
     midnight = utc(*month, 1)
     np.testing.assert_array_equal(leap_seconds([midnight - 0.5, midnight]), [count - 1, count])
 
@@ -39,7 +39,7 @@ def test_leap_seconds_step_on_the_days_of_the_bulletin(count, month) -> None:
     ("date", "expected"),
     [((1970, 1, 1), 0), ((1980, 1, 6), 0), ((2000, 1, 1), 13), ((2026, 1, 1), 18)],
 )
-def test_leap_seconds_of_known_dates(date, expected) -> None:
+def test_leap_seconds_of_known_dates(date: tuple[int, int, int], expected: int) -> None:
     assert leap_seconds(utc(*date)) == expected
 
 

@@ -20,7 +20,7 @@ from uavgram.geometry.earth.map_projection import (
     ("latitude", "longitude"),
     [(48.1, 11.6), (-33.7, 151.3), (0.1, -179.9), (-54.0, 179.9), (35.0, -0.1), (83.9, 45.0)],
 )
-def test_the_zone_is_that_of_proj(latitude, longitude) -> None:
+def test_the_zone_is_that_of_proj(latitude: float, longitude: float) -> None:
     (info,) = query_utm_crs_info(
         datum_name="WGS 84", area_of_interest=AreaOfInterest(*2 * (longitude, latitude))
     )
@@ -39,7 +39,7 @@ def test_the_zone_is_that_of_proj(latitude, longitude) -> None:
         (50.0, 191.0, 32602),  # longitudes may be counted to 360
     ],
 )
-def test_the_exceptions_of_the_standard(latitude, longitude, code) -> None:
+def test_the_exceptions_of_the_standard(latitude: float, longitude: float, code: int) -> None:
     assert utm_crs(latitude, longitude) == f"EPSG:{code}"
 
 
@@ -55,6 +55,6 @@ def test_a_map_distance_is_the_ground_distance_times_the_scale() -> None:
 
 
 @pytest.mark.parametrize("wrong", ["EPSG:4326", "EPSG:2263", "nonsense"])
-def test_degrees_feet_and_nonsense_are_refused_by_name(wrong) -> None:
+def test_degrees_feet_and_nonsense_are_refused_by_name(wrong: str) -> None:
     with pytest.raises(GeometryError, match=wrong):
         checked_crs(wrong)

@@ -43,7 +43,7 @@ def test_axes_are_those_of_the_eigenvectors() -> None:
         ([[1, 1 + 1e-13], [1 + 1e-13, 1]], (np.sqrt(2), 0, np.pi / 4)),
     ],
 )
-def test_ellipses_by_hand(covariance, expected) -> None:
+def test_ellipses_by_hand(covariance: list[list[float]], expected: tuple[float, ...]) -> None:
     np.testing.assert_allclose(error_ellipse(np.array(covariance, float)), expected, atol=1e-12)
 
 
@@ -51,13 +51,17 @@ def test_ellipses_by_hand(covariance, expected) -> None:
     "wrong",
     [[[1, 2], [2, 1]], [[-1, 0], [0, -2]], [[np.nan, 0], [0, 1]], [[1e-12, 2e-12], [2e-12, 1e-12]]],
 )
-def test_what_is_no_covariance_has_no_ellipse(wrong) -> None:
+def test_what_is_no_covariance_has_no_ellipse(
+    wrong: list[list[float] | list[int]] | list[list[int]],
+) -> None:
     assert np.isnan(error_ellipse(np.array(wrong, float))).all()
 
 
 @settings(derandomize=True, deadline=None)
 @given(st.floats(0.01, 100), st.floats(0, 0.99), st.floats(0, 3.14), st.floats(-3, 3))
-def test_turning_the_covariance_turns_the_ellipse(major, ratio, azimuth, turn) -> None:
+def test_turning_the_covariance_turns_the_ellipse(
+    major: float, ratio: float, azimuth: float, turn: float
+) -> None:
     def covariance(angle: float) -> np.ndarray:
         axis = np.array([np.sin(angle), np.cos(angle)])
         other = np.array([axis[1], -axis[0]])

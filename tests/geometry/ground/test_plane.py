@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from derivatives import assert_derivative, central_differences
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -52,7 +53,7 @@ def test_points_lie_on_the_plane_at_their_height_and_on_the_ray() -> None:
         ((0, 0, 50), (np.nan, 0, -1)),
     ],
 )
-def test_no_meeting_is_nan_throughout(center, ray) -> None:
+def test_no_meeting_is_nan_throughout(center: tuple[int, int, int], ray: tuple[float, ...]) -> None:
     answers = intersect_ground_with_jacobian(
         np.array(center, float), np.array(ray, float), np.zeros(3), np.zeros(2)
     )
@@ -60,19 +61,19 @@ def test_no_meeting_is_nan_throughout(center, ray) -> None:
     assert [answer.shape for answer in answers] == [(3,), (3, 3), (3, 3), (3, 3)]
 
 
-def test_derivatives_equal_central_differences(differences, same_derivative) -> None:
+def test_derivatives_equal_central_differences() -> None:
     center, ray, above = scene()
     point, d_center, d_ray, d_plane = intersect_ground_with_jacobian(
         center, ray, PLANE, PIVOT, above
     )
     np.testing.assert_array_equal(point, intersect_ground(center, ray, PLANE, PIVOT, above))
     meet = intersect_ground
-    by_center = differences(lambda c: meet(c, ray, PLANE, PIVOT, above), center, 1e-3)
-    by_ray = differences(lambda r: meet(center, r, PLANE, PIVOT, above), ray, 1e-4)
-    by_plane = differences(lambda p: meet(center, ray, p, PIVOT, above), PLANE, 1e-4)
-    same_derivative(d_center, by_center)
-    same_derivative(d_ray, by_ray)
-    same_derivative(d_plane, by_plane)
+    by_center = central_differences(lambda c: meet(c, ray, PLANE, PIVOT, above), center, 1e-3)
+    by_ray = central_differences(lambda r: meet(center, r, PLANE, PIVOT, above), ray, 1e-4)
+    by_plane = central_differences(lambda p: meet(center, ray, p, PIVOT, above), PLANE, 1e-4)
+    assert_derivative(d_center, by_center)
+    assert_derivative(d_ray, by_ray)
+    assert_derivative(d_plane, by_plane)
 
 
 def test_one_centre_serves_many_rays() -> None:
@@ -85,7 +86,9 @@ def test_one_centre_serves_many_rays() -> None:
 
 @settings(derandomize=True, deadline=None)
 @given(st.floats(0.01, 100), st.tuples(*[st.floats(-100, 100)] * 3))
-def test_length_of_the_ray_and_place_of_the_origin_mean_nothing(scale, shift) -> None:
+def test_length_of_the_ray_and_place_of_the_origin_mean_nothing(
+    scale: float, shift: tuple[float, float, float]
+) -> None:
     center, ray, above = scene(5)
     plain = intersect_ground(center, ray, PLANE, PIVOT, above)
     np.testing.assert_allclose(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from derivatives import assert_derivative, central_differences
 
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.plane_pose import (
@@ -13,12 +14,14 @@ from uavgram.geometry.ground.plane_pose import (
     pose_above_plane,
     reach_of,
 )
+from uavgram.model.arrays import Floats
 
 
 def planes() -> np.ndarray:
     normal = np.array([[0.0, 0, 1], [0.1, 0.5, 0.8], [-0.6, 0.2, 0.7], [0, -0.3, 0.9]])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    return normal / np.array([[40.0], [55], [12], [80]])
+    result: np.ndarray = normal / np.array([[40.0], [55], [12], [80]])
+    return result
 
 
 def rays(seed: int) -> np.ndarray:
@@ -49,30 +52,26 @@ def test_lengths_are_those_between_the_ground_points_of_the_pose() -> None:
 
 
 @pytest.mark.parametrize("plane", planes())
-def test_derivatives_by_the_plane_equal_central_differences(
-    plane, differences, same_derivative
-) -> None:
+def test_derivatives_by_the_plane_equal_central_differences(plane: Floats) -> None:
     ends = pairs(rays(1), rays(2))
     on_plane = lengths_on_plane(plane[:, None], ends)
     found = by_plane(on_plane, reach_of(on_plane))
-    numeric = differences(lambda m: lengths_on_plane(m[:, None], ends).length, plane, 1e-5)
-    same_derivative(found.T, numeric)
+    numeric = central_differences(lambda m: lengths_on_plane(m[:, None], ends).length, plane, 1e-5)
+    assert_derivative(found.T, numeric)
 
 
 @pytest.mark.parametrize("plane", planes())
-def test_derivatives_by_the_ends_equal_central_differences(
-    plane, differences, same_derivative
-) -> None:
+def test_derivatives_by_the_ends_equal_central_differences(plane: Floats) -> None:
     ends = pairs(rays(1), rays(2))
     on_plane = lengths_on_plane(plane[:, None], ends)
     found = by_ends(on_plane, reach_of(on_plane))
 
-    def moved(shift):
+    def moved(shift: Floats) -> Floats:
         by = np.append(shift.reshape(2, 2), [[0.0, 0.0]], axis=0)
         return lengths_on_plane(plane[:, None], ends + by[:, :, None]).length
 
-    numeric = differences(moved, np.zeros(4), 1e-4)
-    same_derivative(found.reshape(4, -1).T, numeric)
+    numeric = central_differences(moved, np.zeros(4), 1e-4)
+    assert_derivative(found.reshape(4, -1).T, numeric)
 
 
 def test_beyond_the_horizon_there_is_no_length() -> None:
@@ -86,7 +85,7 @@ def test_beyond_the_horizon_there_is_no_length() -> None:
 
 
 @pytest.mark.parametrize("plane", [*planes(), np.array([0, 0.1, 0])])
-def test_pose_stands_over_the_origin_with_image_up_to_the_north(plane) -> None:
+def test_pose_stands_over_the_origin_with_image_up_to_the_north(plane: Floats) -> None:
     center, rotation = pose_above_plane(plane)
     np.testing.assert_allclose(center, [0, 0, 1 / np.linalg.norm(plane)])
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-15)

@@ -58,7 +58,7 @@ def by_kernels(at: View, pixel: np.ndarray, change: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_covariance_is_that_of_central_differences(lens) -> None:
+def test_covariance_is_that_of_central_differences(lens: str) -> None:
     at, pixel = view(lens), pixels(60)
     if lens == "fisheye":  # its corners see the sky
         pixel = 0.4 * pixel + [1200.0, 1200.0]

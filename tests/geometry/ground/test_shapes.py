@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
+from derivatives import central_differences
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -48,7 +52,7 @@ def test_area_of_a_notched_polygon_by_hand() -> None:
 
 
 @pytest.mark.parametrize("degrees", [1e-4, 30, 90, 120, 179.9999])
-def test_angle_is_the_one_at_the_middle(degrees) -> None:
+def test_angle_is_the_one_at_the_middle(degrees: float) -> None:
     a = np.radians(degrees)
     points = np.array([[5, 0, 0], [0, 0, 0], [2 * np.cos(a), 0, 2 * np.sin(a)]]) + 7.0
     assert np.degrees(shapes.angle(points)[0]) == pytest.approx(degrees, rel=1e-9)
@@ -62,10 +66,10 @@ def test_line_distance_is_perpendicular_also_beyond_the_ends() -> None:
 
 
 @pytest.mark.parametrize("measure", COUNT)
-def test_gradients_equal_central_differences(measure, differences) -> None:
+def test_gradients_equal_central_differences(measure: Callable[..., Any]) -> None:
     for seed in range(20):
         points = np.random.default_rng(seed).uniform(-20, 20, (COUNT[measure], 3))
-        numeric = differences(
+        numeric = central_differences(
             lambda x, shape=points.shape: np.array(measure(x.reshape(shape))[0]), points.ravel()
         )
         gradient = measure(points)[1].ravel()
@@ -79,7 +83,12 @@ def test_gradients_equal_central_differences(measure, differences) -> None:
     shift=st.tuples(*[st.floats(-1e3, 1e3)] * 3),
     scale=st.floats(0.1, 10),
 )
-def test_moving_and_turning_change_nothing_and_scaling_scales(measure, turn, shift, scale) -> None:
+def test_moving_and_turning_change_nothing_and_scaling_scales(
+    measure: Callable[..., Any],
+    turn: tuple[float, float, float],
+    shift: tuple[float, float, float],
+    scale: float,
+) -> None:
     points = np.random.default_rng(1).uniform(-20, 20, (COUNT[measure], 3))
     power = {shapes.area: 2, shapes.angle: 0}.get(measure, 1)
     moved = scale * points @ exp_so3(np.array(turn)).T + np.array(shift)
@@ -102,7 +111,9 @@ def test_moving_and_turning_change_nothing_and_scaling_scales(measure, turn, shi
         (shapes.distance, [[1, 2, np.nan], [1, 2, 3]]),
     ],
 )
-def test_what_has_no_derivative_is_nan(measure, points) -> None:
+def test_what_has_no_derivative_is_nan(
+    measure: Callable[..., Any], points: list[list[int]]
+) -> None:
     value, gradient = measure(np.array(points, float))
     assert np.isnan(value)
     assert np.isnan(gradient).all()
@@ -110,7 +121,7 @@ def test_what_has_no_derivative_is_nan(measure, points) -> None:
 
 
 @pytest.mark.parametrize("measure", COUNT)
-def test_the_wrong_number_of_points_is_refused(measure) -> None:
+def test_the_wrong_number_of_points_is_refused(measure: Callable[..., Any]) -> None:
     with pytest.raises(ValueError, match="points of shape"):
         measure(np.zeros((1, 3)))
     with pytest.raises(ValueError, match="points of shape"):
@@ -135,7 +146,9 @@ def test_the_wrong_number_of_points_is_refused(measure) -> None:
         ([(0, 0), (1, 0), (1, 1), (2, 1), (2, 0), (3, 0), (3, 2), (0, 2)], False),
     ],
 )
-def test_outlines_that_cross_or_touch_themselves(outline, crosses) -> None:
+def test_outlines_that_cross_or_touch_themselves(
+    outline: list[tuple[int, int]], crosses: bool
+) -> None:
     outline = np.array(outline, float)
     assert shapes.polygon_self_intersects(outline) is crosses
     assert shapes.polygon_self_intersects(outline[::-1]) is crosses
@@ -143,7 +156,7 @@ def test_outlines_that_cross_or_touch_themselves(outline, crosses) -> None:
 
 
 @pytest.mark.parametrize("measure", COUNT)
-def test_inputs_stay_as_they_were(measure) -> None:
+def test_inputs_stay_as_they_were(measure: Callable[..., Any]) -> None:
     points = np.random.default_rng(1).uniform(-20, 20, (COUNT[measure], 3))
     points.flags.writeable = False
     measure(points)

@@ -10,14 +10,15 @@ from scipy.spatial.transform import Rotation
 from top_views import LENSES, ORIGIN, UTM, cv_project, looking, make_view
 
 from uavgram.geometry.earth.map_projection import projected_from_enu
-from uavgram.geometry.ground.top_view import MOST_OFF_NADIR, FrameKnowledge, place_sigma
+from uavgram.geometry.ground.top_view import MOST_OFF_NADIR, FrameKnowledge, View, place_sigma
+from uavgram.model.arrays import Floats
 from uavgram.model.maps.raster import GroundRaster
 
 PLANE, PIVOT = (1.5, 0.04, -0.03), (3.0, -2.0)
 
 
 @pytest.fixture(scope="module")
-def oblique():
+def oblique() -> View:
     return make_view([[2.0, -20.0, 30.0]], [looking(35, 12, 4)], plane=PLANE, pivot=PIVOT)
 
 
@@ -27,7 +28,7 @@ def local_raster(**changes):
 
 
 @pytest.mark.parametrize("crs", [None, UTM, "EPSG:3857"])
-def test_ground_positions_are_those_of_pyproj_on_the_plane(crs) -> None:
+def test_ground_positions_are_those_of_pyproj_on_the_plane(crs: str | None) -> None:
     view = make_view([[0, 0, 40.0]], [looking()], plane=PLANE, pivot=PIVOT, crs=crs)
     place = {"west_m": -12.0, "north_m": 15.0}
     if crs:
@@ -47,7 +48,7 @@ def test_ground_positions_are_those_of_pyproj_on_the_plane(crs) -> None:
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_a_place_is_seen_where_opencv_projects_it(lens) -> None:
+def test_a_place_is_seen_where_opencv_projects_it(lens: str) -> None:
     center, rotation = np.array([1.0, 2.0, 30.0]), looking(15, 200, 3)
     view = make_view([center], [rotation], lens=lens)
     world = np.random.default_rng(1).uniform([-9, -9, -1], [9, 9, 1], (200, 3))
@@ -68,7 +69,7 @@ def test_what_is_above_the_camera_is_not_seen() -> None:
     assert not view.shows(np.full(3, 400.0), np.full(3, 300.0), off_nadir).any()
 
 
-def test_a_photo_shows_its_pixels_to_their_outer_edges_and_no_flat_ground(oblique) -> None:
+def test_a_photo_shows_its_pixels_to_their_outer_edges_and_no_flat_ground(oblique: View) -> None:
     u = np.array([-0.5, -0.51, 799.5, 799.51, 100, 100, 100, np.nan])
     v = np.array([10, 10, 10, 10, 599.5, 599.6, 100, 10])
     off_nadir = np.array([1.0] * 6 + [MOST_OFF_NADIR * 1.001, 1.0])
@@ -87,7 +88,9 @@ def test_the_least_height_is_that_above_the_sloping_plane() -> None:
     assert view.least_height_m == pytest.approx(18.0)
 
 
-def meet(lens, center, rotation, parameters, surface, pixel):
+def meet(
+    lens: str, center: Floats, rotation: Floats, parameters: Floats, surface: Floats, pixel: Floats
+) -> Floats:
     """(N, 2) east and north of pixels, by OpenCV's undistortion and the plane's equation."""
     fx, fy, cx, cy = parameters[:4]
     matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
@@ -101,11 +104,12 @@ def meet(lens, center, rotation, parameters, surface, pixel):
     normal = np.array([-surface[1], -surface[2], 1.0])
     level = surface[0] - surface[1:] @ PIVOT
     far = (level - center @ normal) / (ray @ normal)
-    return (center + far[:, None] * ray)[:, :2]
+    result: Floats = (center + far[:, None] * ray)[:, :2]
+    return result
 
 
 @pytest.mark.parametrize("lens", ["brown", "fisheye"])
-def test_sigma_is_that_of_everything_moved_by_its_joint_covariance(lens) -> None:
+def test_sigma_is_that_of_everything_moved_by_its_joint_covariance(lens: str) -> None:
     center, rotation = np.array([2.0, -20.0, 30.0]), looking(35, 12, 4)
     view = make_view([center], [rotation], lens=lens, plane=PLANE, pivot=PIVOT)
     parameters = LENSES[lens]
@@ -121,13 +125,13 @@ def test_sigma_is_that_of_everything_moved_by_its_joint_covariance(lens) -> None
     pixel = rng.uniform([60, 60], [740, 540], (30, 2))
     known = FrameKnowledge(covariance[None], pixel_sigma_px=0.8, roughness_sigma_m=0.06)
 
-    def place(change, on_pixel=0.0):
+    def place(change: Floats, on_pixel: Floats | float = 0.0) -> Floats:
         moved = rotation @ Rotation.from_rotvec(change[3:6]).as_matrix()
         surface = np.array(PLANE) + change[-3:]
         lens_now = parameters + change[6:-3]
         return meet(lens, center + change[:3], moved, lens_now, surface, pixel + on_pixel)
 
-    def by(step):
+    def by(step: Floats) -> Floats:
         return (place(step) - place(-step)) / 2
 
     part = np.stack(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
@@ -13,6 +16,7 @@ from uavgram.geometry.motion.interpolation import (
     interpolate_rotation,
 )
 from uavgram.geometry.motion.rotation import exp_so3
+from uavgram.model.arrays import Floats
 
 EPOCH_S = 1_700_000_000.0
 
@@ -25,11 +29,13 @@ def flight() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     return time, rng.normal(size=(50, 3)), xyzw, np.concatenate([at, time])
 
 
-def smooth_position(time: np.ndarray, position: np.ndarray, at: np.ndarray):
+def smooth_position(
+    time: np.ndarray, position: np.ndarray, at: np.ndarray
+) -> tuple[Floats, Floats]:
     return SmoothPositions(time, position).at(at)
 
 
-def smooth_rotation(time: np.ndarray, xyzw: np.ndarray, at: np.ndarray):
+def smooth_rotation(time: np.ndarray, xyzw: np.ndarray, at: np.ndarray) -> tuple[Floats, Floats]:
     return SmoothRotations(time, xyzw).at(at)
 
 
@@ -64,7 +70,7 @@ def test_two_samples_are_joined_by_a_straight_line() -> None:
 
 
 @pytest.mark.parametrize("smooth", ["position", "rotation"])
-def test_rates_are_derivatives_and_have_no_steps_at_the_samples(smooth) -> None:
+def test_rates_are_derivatives_and_have_no_steps_at_the_samples(smooth: str) -> None:
     time, position, xyzw, _ = flight()
     time = time - EPOCH_S
     step = Rotation.from_quat(xyzw[0])
@@ -72,7 +78,7 @@ def test_rates_are_derivatives_and_have_no_steps_at_the_samples(smooth) -> None:
     track = [step := step * Rotation.from_rotvec(t) for t in turns]
     xyzw = np.array([t.as_quat() for t in track])
 
-    def at(instants):
+    def at(instants: Floats) -> tuple[Floats, Floats]:
         if smooth == "position":
             return smooth_position(time, position, instants)
         return smooth_rotation(time, xyzw, instants)
@@ -122,7 +128,7 @@ def test_the_sign_of_a_quaternion_means_nothing() -> None:
 
 
 @pytest.mark.parametrize("interpolate", [interpolate_rotation, smooth_rotation])
-def test_rate_is_the_angular_velocity_in_body_axes(interpolate) -> None:
+def test_rate_is_the_angular_velocity_in_body_axes(interpolate: Callable[..., Any]) -> None:
     rate = np.array([0.3, -0.2, 0.5])
     time = np.arange(5.0)
     start = Rotation.from_rotvec([0.4, 1.0, -2.0])
@@ -147,7 +153,9 @@ def test_a_turn_through_north_goes_the_short_way() -> None:
     ("interpolate", "samples"),
     [(smooth_position, np.zeros((2, 3))), (interpolate_rotation, np.eye(4)[2:])],
 )
-def test_nothing_is_extrapolated(interpolate, samples, at) -> None:
+def test_nothing_is_extrapolated(
+    interpolate: Callable[..., Any], samples: Floats, at: float
+) -> None:
     with pytest.raises(ValueError, match="1 of 2 instants lie outside"):
         interpolate(np.array([0.0, 1.0]), samples, np.array([0.5, at]))
 

@@ -10,24 +10,27 @@ import pytest
 
 from uavgram.geometry.camera.projection import project
 from uavgram.imaging.demo_scene.render import ground_map, render_photos, scene_from_world
-from uavgram.imaging.raster import GroundRaster, Painter, box
+from uavgram.imaging.raster import GroundRaster, Image, Painter, box
+from uavgram.model.arrays import Floats
+from uavgram.model.demo.road import Mark
 from uavgram.model.demo.scenario import DemoScenario
-from uavgram.stages.simulate import simulate
+from uavgram.model.demo.simulated import SimulatedSurvey
+from uavgram.stages.simulate.survey import simulate
 
 FRAMES = (0, 4)
 
 
 @pytest.fixture(scope="module")
-def survey():
+def survey() -> SimulatedSurvey:
     return simulate(DemoScenario())
 
 
 @pytest.fixture(scope="module")
-def photos(survey):
+def photos(survey: SimulatedSurvey) -> dict[int, Image]:
     return dict(zip(FRAMES, islice(render_photos(survey), 0, 5, 4), strict=True))
 
 
-def true_marks(survey, index, kind):
+def true_marks(survey: SimulatedSurvey, index: int, kind: Mark) -> list[tuple[str, Floats]]:
     """Labels and true pixels of the marks of a kind that lie well inside a photo."""
     truth = survey.truth
     offset = truth.point_world_m - truth.center_world_m[index]
@@ -42,7 +45,9 @@ def true_marks(survey, index, kind):
 
 
 @pytest.mark.parametrize("index", FRAMES)
-def test_checker_targets_lie_where_they_are_projected(survey, photos, index) -> None:
+def test_checker_targets_lie_where_they_are_projected(
+    survey: SimulatedSurvey, photos: dict[int, Image], index: int
+) -> None:
     gray = cv2.cvtColor(photos[index], cv2.COLOR_BGR2GRAY)
     marks = true_marks(survey, index, "checker")
     assert len(marks) >= 2
@@ -53,7 +58,9 @@ def test_checker_targets_lie_where_they_are_projected(survey, photos, index) -> 
     assert error.max() < 0.15, dict(zip([label for label, _ in marks], error, strict=True))
 
 
-def test_sprayed_crosses_lie_where_they_are_projected(survey, photos) -> None:
+def test_sprayed_crosses_lie_where_they_are_projected(
+    survey: SimulatedSurvey, photos: dict[int, Image]
+) -> None:
     photo = photos[4].astype(float)
     yellow = photo[..., 2] - photo[..., 0]
     alone = {"P5", "P7", "P8"}  # nothing yellow or red within reach
@@ -72,7 +79,9 @@ def test_sprayed_crosses_lie_where_they_are_projected(survey, photos) -> None:
         assert np.linalg.norm(center - pixel) < 0.15, label
 
 
-def test_the_coarse_grid_of_rays_costs_less_than_two_hundredths_of_a_pixel(survey) -> None:
+def test_the_coarse_grid_of_rays_costs_less_than_two_hundredths_of_a_pixel(
+    survey: SimulatedSurvey,
+) -> None:
     truth, axes = survey.truth, scene_from_world(survey)
     width, height = survey.calibration.width_px, survey.calibration.height_px
     map_x, map_y = ground_map(truth, 2, axes, (width, height))
@@ -88,7 +97,9 @@ def test_the_coarse_grid_of_rays_costs_less_than_two_hundredths_of_a_pixel(surve
     assert np.abs(back - np.stack([u, v], axis=1)).max() < 0.02
 
 
-def test_photos_have_the_cameras_size_and_are_neither_dark_nor_burnt_out(survey, photos) -> None:
+def test_photos_have_the_cameras_size_and_are_neither_dark_nor_burnt_out(
+    survey: SimulatedSurvey, photos: dict[int, Image]
+) -> None:
     for photo in photos.values():
         assert photo.shape == (survey.calibration.height_px, survey.calibration.width_px, 3)
         assert photo.dtype == np.uint8
@@ -96,7 +107,9 @@ def test_photos_have_the_cameras_size_and_are_neither_dark_nor_burnt_out(survey,
         assert np.mean(photo == 255) < 0.01
 
 
-def test_the_same_survey_gives_the_same_photo(survey, photos) -> None:
+def test_the_same_survey_gives_the_same_photo(
+    survey: SimulatedSurvey, photos: dict[int, Image]
+) -> None:
     assert np.array_equal(next(render_photos(survey)), photos[0])
 
 

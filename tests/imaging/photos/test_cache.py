@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 
 import pytest
 
@@ -10,9 +11,19 @@ from uavgram.errors import InputError
 from uavgram.imaging.photos.cache import LruCache
 
 
+def noted(made: list[int]) -> Callable[[int], int]:
+    """Makes of every key the key itself, and writes it down."""
+
+    def make(key: int) -> int:
+        made.append(key)
+        return key
+
+    return make
+
+
 def test_the_longest_unused_goes_first_and_the_newest_stays() -> None:
-    made = []
-    kept = LruCache(lambda key: made.append(key) or key, lambda key: key, 10)
+    made: list[int] = []
+    kept = LruCache(noted(made), lambda key: key, 10)
     for key in (4, 5, 4, 6, 4):
         kept.get(key)
     assert made == [4, 5, 6]
@@ -24,8 +35,8 @@ def test_the_longest_unused_goes_first_and_the_newest_stays() -> None:
 
 
 def test_values_that_are_held_stay_though_they_are_large() -> None:
-    made = []
-    kept = LruCache(lambda key: made.append(key) or key, lambda _: 7, 10)
+    made: list[int] = []
+    kept = LruCache(noted(made), lambda _: 7, 10)
     kept.hold({1, 2})
     for key in (1, 2, 1, 2, 1, 2):
         kept.get(key)
@@ -41,8 +52,9 @@ def test_values_that_are_held_stay_though_they_are_large() -> None:
 
 
 def test_threads_share_the_making_of_a_value() -> None:
-    made, begun = [], threading.Barrier(4)
-    kept = LruCache(lambda key: made.append(key) or key, lambda _: 1, 10)
+    made: list[int] = []
+    begun = threading.Barrier(4)
+    kept = LruCache(noted(made), lambda _: 1, 10)
 
     def ask() -> None:
         begun.wait()
@@ -57,9 +69,9 @@ def test_threads_share_the_making_of_a_value() -> None:
 
 
 def test_a_value_whose_making_failed_is_made_again() -> None:
-    tries = []
+    tries: list[int] = []
 
-    def make(key):
+    def make(key: int) -> int:
         tries.append(key)
         if len(tries) == 1:
             raise OSError("not now")
@@ -72,9 +84,13 @@ def test_a_value_whose_making_failed_is_made_again() -> None:
 
 
 def test_room_is_made_before_a_value_is_and_not_after() -> None:
-    others = []
-    kept = LruCache(
-        lambda key: others.append(set(kept._kept) - {key}),
+    others: list[set[int]] = []
+
+    def make(key: int) -> None:
+        others.append(set(kept._kept) - {key})
+
+    kept: LruCache[int, None] = LruCache(
+        make,
         lambda _: 7,
         10,
         expected_bytes=lambda _: 7,
@@ -85,9 +101,10 @@ def test_room_is_made_before_a_value_is_and_not_after() -> None:
 
 
 def test_a_value_that_is_being_made_is_not_let_go() -> None:
-    go_on, made = threading.Event(), []
+    made: list[int] = []
+    go_on = threading.Event()
 
-    def make(key):
+    def make(key: int) -> int:
         made.append(key)
         if key == 1:
             go_on.wait(60)
@@ -103,9 +120,10 @@ def test_a_value_that_is_being_made_is_not_let_go() -> None:
 
 
 def test_a_value_that_is_made_ahead_is_there_when_it_is_asked_for() -> None:
-    made, begun, go_on = [], threading.Event(), threading.Event()
+    made: list[int] = []
+    begun, go_on = threading.Event(), threading.Event()
 
-    def make(key):
+    def make(key: int) -> int:
         begun.set()
         go_on.wait(60)
         made.append(key)
@@ -123,7 +141,7 @@ def test_a_value_that_is_made_ahead_is_there_when_it_is_asked_for() -> None:
 def test_a_fault_met_ahead_is_told_when_the_value_is_asked_for() -> None:
     ended = threading.Event()
 
-    def make(_) -> None:
+    def make(_: int) -> None:
         try:
             raise InputError("photo.jpg", "is no photo")
         finally:

@@ -11,15 +11,17 @@ import pytest
 
 from uavgram.errors import InputError
 from uavgram.imaging.photos.preview import (
+    Pixels,
     decode_preview,
     jpeg_of_width,
     jpeg_size,
     preview_of,
     read_preview,
 )
+from uavgram.model.arrays import Floats
 
 
-def photo(width, height, colour=(1, 1, 1)):
+def photo(width: int, height: int, colour: tuple[int, int, int] = (1, 1, 1)) -> Pixels:
     """RGB photo with a bright blob a quarter from the left and a third from the top."""
     rgb = np.full((height, width, 3), 40, np.uint8)
     u, v = np.meshgrid(np.arange(width), np.arange(height))
@@ -29,16 +31,17 @@ def photo(width, height, colour=(1, 1, 1)):
     return rgb
 
 
-def write(path, rgb):
+def write(path: Path, rgb: Pixels) -> Path:
     assert cv2.imwrite(str(path), rgb[:, :, ::-1])
     return path
 
 
-def centroid(rgb):
+def centroid(rgb: Pixels) -> Floats:
     weight = rgb[..., 0].astype(float) - 60
     weight[weight < 0] = 0
     v, u = np.indices(weight.shape)
-    return np.array([(u * weight).sum(), (v * weight).sum()]) / weight.sum()
+    place: Floats = np.array([(u * weight).sum(), (v * weight).sum()]) / weight.sum()
+    return place
 
 
 @pytest.mark.parametrize("suffix", ["jpg", "png"])
@@ -47,7 +50,7 @@ def centroid(rgb):
     [(1603, 1201, 400), (1603, 1201, 333), (803, 602, 700), (301, 202, 800)],
 )
 def test_the_scale_leads_back_to_original_pixels(
-    tmp_path: Path, suffix, width, height, asked
+    tmp_path: Path, suffix: str, width: int, height: int, asked: int
 ) -> None:
     rgb = photo(width, height)
     preview, pixels = read_preview(write(tmp_path / f"photo.{suffix}", rgb), asked)
@@ -79,7 +82,9 @@ def test_the_rotation_in_exif_is_not_applied(tmp_path: Path) -> None:
     path.write_bytes(plain[:2] + header + segment + plain[2:])
     preview, _ = read_preview(path, 400)
 
-    assert cv2.imread(str(path)).shape[:2] == (400, 300)  # OpenCV would turn it
+    read = cv2.imread(str(path))
+    assert read is not None
+    assert read.shape[:2] == (400, 300)  # OpenCV would turn it
     assert (preview.width_px, preview.height_px) == (400, 300)
 
 
@@ -92,7 +97,9 @@ def test_the_size_in_the_header_is_that_of_the_pixels(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"no photo", b"\xff\xd8\xff\xe0\x00\x10JFIF"])
-def test_a_file_that_is_no_photo_is_an_input_error_that_names_it(tmp_path: Path, content) -> None:
+def test_a_file_that_is_no_photo_is_an_input_error_that_names_it(
+    tmp_path: Path, content: bytes
+) -> None:
     path = tmp_path / "photo.jpg"
     path.write_bytes(content)
     with pytest.raises(InputError, match=r"photo\.jpg: is no photo"):
@@ -106,7 +113,9 @@ def test_a_missing_photo_is_an_input_error_that_names_it(tmp_path: Path) -> None
 
 def test_a_real_photo_keeps_its_shape(data_dir: Path) -> None:
     preview, _ = read_preview(data_dir / "brighton_beach" / "DJI_0025.JPG", 1000)
-    width, height = jpeg_size((data_dir / "brighton_beach" / "DJI_0025.JPG").read_bytes())
+    size = jpeg_size((data_dir / "brighton_beach" / "DJI_0025.JPG").read_bytes())
+    assert size is not None
+    width, height = size
 
     assert preview.width_px * preview.scale[0] == pytest.approx(width, abs=8)
     assert preview.height_px * preview.scale[1] == pytest.approx(height, abs=8)
@@ -115,7 +124,8 @@ def test_a_real_photo_keeps_its_shape(data_dir: Path) -> None:
 
 def test_a_decoded_photo_is_reduced_as_its_file_is() -> None:
     rng = np.random.default_rng(0)
-    grey = cv2.GaussianBlur(rng.integers(0, 255, (900, 1200)).astype(np.uint8), (0, 0), 8)
+    noise = rng.integers(0, 255, (900, 1200)).astype(np.uint8)
+    grey = np.asarray(cv2.GaussianBlur(noise, (0, 0), 8), np.uint8)
     preview = preview_of(grey, 400)
     assert (preview.width_px, preview.height_px) == (400, 300)
     assert preview.scale == (3.0, 3.0)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -11,14 +13,15 @@ import pytest
 
 from uavgram.errors import InputError
 from uavgram.imaging.photos import tiled_photos as module
+from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.photos.tiled_photos import PhotoFile, TiledPhotos
-from uavgram.imaging.photos.tiles import FIRST_COARSE, TILE_PX, fine_tile, overview_of
+from uavgram.imaging.photos.tiles import FIRST_COARSE, TILE_PX, fine_tile, overview_of, read_pixels
 
 WIDTH, HEIGHT = 1500, 1100
 
 
 @pytest.fixture
-def files(tmp_path: Path):
+def files(tmp_path: Path) -> list[PhotoFile]:
     """Three photos."""
     for k in range(3):
         pixels = np.random.default_rng(k).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
@@ -27,20 +30,20 @@ def files(tmp_path: Path):
 
 
 @pytest.fixture
-def decoded(monkeypatch: pytest.MonkeyPatch):
+def decoded(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Names of the files that were decoded; so little is kept that only one photo's pixels are."""
-    names, read = [], module.read_pixels
+    names: list[str] = []
 
-    def counted(path, size_px):
+    def counted(path: str, size_px: tuple[int, int] | None) -> Pixels:
         names.append(path.rsplit("/", 1)[1])
-        return read(path, size_px)
+        return read_pixels(path, size_px)
 
     monkeypatch.setattr(module, "read_pixels", counted)
     monkeypatch.setattr(module, "PIXELS_BYTES", WIDTH * HEIGHT * 4)
     return names
 
 
-def every_tile(photos, photo):
+def every_tile(photos: TiledPhotos, photo: int) -> list[bytes | None]:
     return [
         photos.tile(photo, level, column, row)
         for level in range(4)
@@ -49,26 +52,29 @@ def every_tile(photos, photo):
     ]
 
 
-def test_tiles_are_the_same_before_and_after_a_photo_made_room_for_another(files, decoded) -> None:
+def test_tiles_are_the_same_before_and_after_a_photo_made_room_for_another(
+    files: list[PhotoFile], decoded: list[str]
+) -> None:
     photos = TiledPhotos(files)
     before = every_tile(photos, 0)
     every_tile(photos, 1)
     assert every_tile(photos, 0) == before
-    pixels = cv2.imread(files[0].path)
+    pixels = np.asarray(cv2.imread(files[0].path), np.uint8)
     assert before[0] == fine_tile(pixels, 0, 0, 0)
     assert photos.tile(0, FIRST_COARSE, 0, 0) == overview_of(pixels).tile(FIRST_COARSE, 0, 0)
     assert decoded[:3] == ["0.bmp", "1.bmp", "0.bmp"]
 
 
 def test_the_whole_of_a_photo_is_shown_again_without_waiting_for_its_pixels(
-    files, decoded, monkeypatch: pytest.MonkeyPatch
+    files: list[PhotoFile], decoded: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     photos = TiledPhotos(files)
     shown = photos.tile(0, FIRST_COARSE, 0, 0)
     photos.tile(1, FIRST_COARSE, 0, 0)
-    read, go_on, begun = module.read_pixels, threading.Event(), threading.Event()
+    read: Callable[..., Pixels] = vars(module)["read_pixels"]  # as `decoded` counts it
+    go_on, begun = threading.Event(), threading.Event()
 
-    def later(path, size_px):
+    def later(path: str, size_px: tuple[int, int] | None) -> Pixels:
         begun.set()
         go_on.wait(60)
         return read(path, size_px)
@@ -81,7 +87,9 @@ def test_the_whole_of_a_photo_is_shown_again_without_waiting_for_its_pixels(
     assert decoded == ["0.bmp", "1.bmp", "0.bmp"]
 
 
-def test_photos_that_a_page_shows_side_by_side_are_decoded_once_each(files, decoded) -> None:
+def test_photos_that_a_page_shows_side_by_side_are_decoded_once_each(
+    files: list[PhotoFile], decoded: list[str]
+) -> None:
     photos = TiledPhotos(files)
     for _ in range(3):
         for photo in range(3):
@@ -90,7 +98,9 @@ def test_photos_that_a_page_shows_side_by_side_are_decoded_once_each(files, deco
     assert sorted(decoded) == ["0.bmp", "1.bmp", "2.bmp"]
 
 
-def test_what_one_page_shows_is_not_taken_from_it_by_another(files, decoded) -> None:
+def test_what_one_page_shows_is_not_taken_from_it_by_another(
+    files: list[PhotoFile], decoded: list[str]
+) -> None:
     photos = TiledPhotos(files)
     for _ in range(3):
         for photo in range(2):
@@ -100,10 +110,10 @@ def test_what_one_page_shows_is_not_taken_from_it_by_another(files, decoded) -> 
 
 
 def test_a_page_that_is_closed_keeps_nothing(
-    files, decoded, monkeypatch: pytest.MonkeyPatch
+    files: list[PhotoFile], decoded: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = [0.0]
-    monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
     photos = TiledPhotos(files)
     photos.show("closed", (0,))
     photos.tile(0, 0, 0, 0)
@@ -116,7 +126,7 @@ def test_a_page_that_is_closed_keeps_nothing(
 
 @pytest.mark.usefixtures("decoded")
 def test_what_cannot_be_decoded_any_more_is_said_and_the_rest_lives_on(
-    files, tmp_path: Path
+    files: list[PhotoFile], tmp_path: Path
 ) -> None:
     photos = TiledPhotos(files)
     shown = photos.tile(0, FIRST_COARSE, 0, 0)
@@ -131,11 +141,15 @@ def test_what_cannot_be_decoded_any_more_is_said_and_the_rest_lives_on(
 
 @pytest.mark.parametrize("level", [0, FIRST_COARSE])
 @pytest.mark.parametrize("photo", [-1, 3])
-def test_there_is_no_tile_of_a_photo_that_is_not_there(files, photo, level) -> None:
+def test_there_is_no_tile_of_a_photo_that_is_not_there(
+    files: list[PhotoFile], photo: int, level: int
+) -> None:
     assert TiledPhotos(files).tile(photo, level, 0, 0) is None
 
 
-def test_a_photo_that_is_read_ahead_is_decoded_once(files, decoded) -> None:
+def test_a_photo_that_is_read_ahead_is_decoded_once(
+    files: list[PhotoFile], decoded: list[str]
+) -> None:
     photos = TiledPhotos(files)
     photos.read_ahead(2)
     assert photos.tile(2, FIRST_COARSE, 0, 0) is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
+from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.photos.tiles import (
     FIRST_COARSE,
     TILE_PX,
@@ -27,7 +29,9 @@ TURNED = (
 
 
 @pytest.mark.parametrize("shape", [(8, 6, 3), (7, 5, 3), (1, 9, 3), (101, 64, 3)])
-def test_a_half_is_the_mean_of_two_by_two_with_odd_edges_repeated(shape) -> None:
+def test_a_half_is_the_mean_of_two_by_two_with_odd_edges_repeated(
+    shape: tuple[int, int, int],
+) -> None:
     pixels = np.random.default_rng(1).integers(0, 256, shape, np.uint8)
     even = np.pad(pixels, ((0, shape[0] % 2), (0, shape[1] % 2), (0, 0)), mode="edge")
     height, width = even.shape[:2]
@@ -35,15 +39,17 @@ def test_a_half_is_the_mean_of_two_by_two_with_odd_edges_repeated(shape) -> None
     assert np.abs(half(pixels) - mean).max() <= 0.5
 
 
-def decoded(jpeg):
-    return cv2.imdecode(np.frombuffer(jpeg, np.uint8), 1)
+def decoded(jpeg: bytes) -> Pixels:
+    pixels = cv2.imdecode(np.frombuffer(jpeg, np.uint8), 1)
+    assert pixels is not None
+    return np.asarray(pixels, np.uint8)
 
 
-def tiles_of(pixels):
+def tiles_of(pixels: Pixels) -> Callable[[int, int, int], bytes | None]:
     """What gives the tiles of a photo."""
     overview = overview_of(pixels)
 
-    def tile(level, column, row):
+    def tile(level: int, column: int, row: int) -> bytes | None:
         if level < FIRST_COARSE:
             return fine_tile(pixels, level, column, row)
         return overview.tile(level, column, row)
@@ -51,7 +57,7 @@ def tiles_of(pixels):
     return tile
 
 
-def joined(tile, level):
+def joined(tile: Callable[[int, int, int], bytes | None], level: int) -> Pixels:
     """A whole level from its tiles."""
     rows = []
     for row in range(99):
@@ -78,12 +84,17 @@ def test_marks_stay_where_they_are_on_every_level() -> None:
 
 @pytest.mark.parametrize("shape", [(2051, 3077, 3), (4096, 2048, 3), (1537, 5, 3)])
 def test_levels_that_are_made_of_parts_are_those_of_the_whole_photo(
-    shape, monkeypatch: pytest.MonkeyPatch
+    shape: tuple[int, int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pixels = np.random.default_rng(3).integers(0, 256, shape, np.uint8)
     tile = tiles_of(pixels)
-    cut = []
-    monkeypatch.setattr(cv2, "imencode", lambda _, part, __: cut.append(part) or (0, part))
+    cut: list[Pixels] = []
+
+    def encoded(_: str, part: Pixels, __: list[int]) -> tuple[bool, Pixels]:
+        cut.append(part)
+        return False, part
+
+    monkeypatch.setattr(cv2, "imencode", encoded)
     whole = pixels
     for level in range(level_count(shape[1], shape[0])):
         height, width = whole.shape[:2]
@@ -107,7 +118,7 @@ def test_tiles_join_to_the_photo() -> None:
     "place",
     [(0, 3, 0), (0, 0, 2), (9, 0, 0), (-1, 0, 0), (0, -1, 0), (2, 1, 0), (2, 0, 1), (2, -1, 0)],
 )
-def test_there_is_no_tile_outside_the_photo(place) -> None:
+def test_there_is_no_tile_outside_the_photo(place: tuple[int, int, int]) -> None:
     assert tiles_of(np.zeros((600, 1100, 3), np.uint8))(*place) is None
 
 
@@ -121,7 +132,9 @@ def test_levels_are_as_many_as_the_page_is_told() -> None:
     tile = tiles_of(np.zeros((1401, 2003, 3), np.uint8))
     last = level_count(2003, 1401) - 1
     assert tile(last + 1, 0, 0) is None
-    assert max(decoded(tile(last, 0, 0)).shape) <= TILE_PX
+    whole = tile(last, 0, 0)
+    assert whole is not None
+    assert max(decoded(whole).shape) <= TILE_PX
 
 
 def test_exif_orientation_turns_nothing(tmp_path: Path) -> None:
@@ -129,7 +142,9 @@ def test_exif_orientation_turns_nothing(tmp_path: Path) -> None:
     encoded = cv2.imencode(".jpg", pixels)[1].tobytes()
     turned = tmp_path / "turned.jpg"
     turned.write_bytes(encoded[:2] + TURNED + encoded[2:])
-    assert cv2.imread(str(turned)).shape[:2] == (60, 40)  # whoever follows the tag turns it
+    read = cv2.imread(str(turned))
+    assert read is not None
+    assert read.shape[:2] == (60, 40)  # whoever follows the tag turns it
     stored = cv2.imdecode(np.frombuffer(encoded, np.uint8), 1)
     for size_px in (None, (60, 40), (40, 60)):  # unknown, known, and said wrongly
         np.testing.assert_array_equal(read_pixels(turned, size_px), stored)
@@ -137,7 +152,9 @@ def test_exif_orientation_turns_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("size_px", [None, (60, 40)])
 @pytest.mark.parametrize("content", [b"", b"no photo", b"cut"])
-def test_what_is_no_photo_is_said(tmp_path: Path, content, size_px) -> None:
+def test_what_is_no_photo_is_said(
+    tmp_path: Path, content: bytes, size_px: tuple[int, int] | None
+) -> None:
     path = tmp_path / "photo.jpg"
     if content == b"cut":
         pixels = np.random.default_rng(2).integers(0, 256, (40, 60, 3), np.uint8)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -10,18 +11,21 @@ import numpy as np
 import pytest
 from board_photos import Sensor, look, photograph, true_corners
 
+from uavgram.imaging.raster import Image
 from uavgram.imaging.targets import chessboard as module
 from uavgram.imaging.targets.chessboard import sight_chessboard
 from uavgram.imaging.targets.detect import detect_in_photos
 from uavgram.imaging.targets.observations import collect_observations
 from uavgram.io.photos.board_photos import read_grey
-from uavgram.model.camera.board import LensSetting, flat_board
+from uavgram.model.arrays import Floats
+from uavgram.model.camera.board import Board, LensSetting, flat_board
+from uavgram.model.camera.calibration import LensModel
 
 
 @pytest.mark.parametrize("model", ["brown", "fisheye"])
 @pytest.mark.parametrize("k", [0, 1, 2])
 def test_every_corner_of_a_rendered_board_has_its_number_and_its_place(
-    chessboard, shoot, model, k
+    chessboard: Board, shoot: Callable[..., tuple[Image, Floats]], model: LensModel, k: int
 ) -> None:
     photo, truth = shoot(chessboard, model, k, Sensor(0.7, 2.0, 0.3, jpeg_quality=90))
     seen = sight_chessboard(photo, chessboard)
@@ -32,7 +36,9 @@ def test_every_corner_of_a_rendered_board_has_its_number_and_its_place(
     assert np.abs(error).max() < 0.1
 
 
-def test_corners_are_nearer_to_the_truth_than_the_sector_detectors_own(chessboard, shoot) -> None:
+def test_corners_are_nearer_to_the_truth_than_the_sector_detectors_own(
+    chessboard: Board, shoot: Callable[..., tuple[Image, Floats]]
+) -> None:
     photo, truth = shoot(chessboard, "brown", 1)
     ours = sight_chessboard(photo, chessboard).pixel_px - truth
     found, corners = cv2.findChessboardCornersSB(photo, (9, 6), flags=cv2.CALIB_CB_ACCURACY)
@@ -44,7 +50,7 @@ def test_corners_are_nearer_to_the_truth_than_the_sector_detectors_own(chessboar
 
 
 def test_a_large_photo_searched_on_a_reduced_copy_is_measured_at_full_size(
-    monkeypatch: pytest.MonkeyPatch, chessboard
+    monkeypatch: pytest.MonkeyPatch, chessboard: Board
 ) -> None:
     size, lens = (1701, 1301), [1200.0, 1200.0, 850.0, 650.0, -0.1, 0.02, 0.0, 0.0, 0.0]
     pose = look(chessboard, tilt_deg=30, azimuth_deg=200, roll_deg=5, distance_m=0.32)
@@ -62,7 +68,7 @@ def test_a_large_photo_searched_on_a_reduced_copy_is_measured_at_full_size(
 
 
 def test_a_board_that_is_cut_by_the_image_is_numbered_from_its_first_corner(
-    chessboard, shoot
+    chessboard: Board, shoot: Callable[..., tuple[Image, Floats]]
 ) -> None:
     photo, truth = shoot(
         chessboard, "brown", 0, tilt_deg=10, roll_deg=0, distance_m=0.22, shift_m=(0.09, 0.0)
@@ -81,7 +87,9 @@ def test_a_board_that_is_cut_by_the_image_is_numbered_from_its_first_corner(
         assert len(set((theirs - ours).tolist())) == 1 or len(set((theirs + ours).tolist())) == 1
 
 
-def test_a_larger_board_is_another_board_and_its_size_is_said(chessboard, shoot) -> None:
+def test_a_larger_board_is_another_board_and_its_size_is_said(
+    chessboard: Board, shoot: Callable[..., tuple[Image, Floats]]
+) -> None:
     photo, _ = shoot(chessboard, "brown", 0)
     seen = sight_chessboard(photo, flat_board(7, 5, 0.025))
     assert seen.is_other_board
@@ -89,15 +97,18 @@ def test_a_larger_board_is_another_board_and_its_size_is_said(chessboard, shoot)
     assert len(seen.corner) == 0
 
 
-def test_a_photo_without_a_board_holds_no_corner(chessboard) -> None:
+def test_a_photo_without_a_board_holds_no_corner(chessboard: Board) -> None:
     rng = np.random.default_rng(0)
-    noise = cv2.GaussianBlur(rng.integers(0, 255, (480, 640)).astype(np.uint8), (0, 0), 2.0)
-    seen = sight_chessboard(noise, chessboard)
+    noise = rng.integers(0, 255, (480, 640)).astype(np.uint8)
+    photo = np.asarray(cv2.GaussianBlur(noise, (0, 0), 2.0), np.uint8)
+    seen = sight_chessboard(photo, chessboard)
     assert len(seen.corner) == 0
     assert seen.found_size is None
 
 
-def test_numbers_turn_with_the_board_but_are_never_mirrored(chessboard, shoot) -> None:
+def test_numbers_turn_with_the_board_but_are_never_mirrored(
+    chessboard: Board, shoot: Callable[..., tuple[Image, Floats]]
+) -> None:
     for roll in (90, 180):
         photo, truth = shoot(chessboard, "brown", 0, roll_deg=roll)
         seen = sight_chessboard(photo, chessboard)
@@ -105,7 +116,9 @@ def test_numbers_turn_with_the_board_but_are_never_mirrored(chessboard, shoot) -
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_all_of_opencvs_sample_photos_are_found_whole(data_dir: Path, chessboard, side) -> None:
+def test_all_of_opencvs_sample_photos_are_found_whole(
+    data_dir: Path, chessboard: Board, side: str
+) -> None:
     paths = [str(path) for path in sorted((data_dir / "opencv_chess").glob(f"{side}??.jpg"))]
     assert len(paths) == 13
     seen = list(detect_in_photos(paths, chessboard, read_grey))

@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from board_photos import Sensor
 
+from uavgram.imaging.raster import Image
 from uavgram.imaging.targets import saddle
 from uavgram.imaging.targets.gradient import gradient_corners
 from uavgram.imaging.targets.saddle import cut_windows, fit_saddles
 from uavgram.imaging.targets.sighting import SIGMA_FLOOR_PX, grid_axes, measure_corners
+from uavgram.model.arrays import Floats
+from uavgram.model.camera.board import Board
 
 
 def drawn_saddle(
-    rng: np.random.Generator, count, *, blur=1.0, noise=4.0, bleed=0.0, half=11, truth=None
-):
+    rng: np.random.Generator,
+    count: int,
+    *,
+    blur: float = 1.0,
+    noise: float = 4.0,
+    bleed: float = 0.0,
+    half: int = 11,
+    truth: Floats | None = None,
+) -> tuple[Floats, Floats, Floats]:
     """Corners by formula, independent of the renderer: (N, K, K) in one tall image."""
     side = 2 * half + 3
     truth = rng.uniform(-0.5, 0.5, (count, 2)) if truth is None else truth
@@ -43,7 +55,7 @@ def test_the_saddles_derivatives_are_those_of_its_values() -> None:
 
 
 @pytest.mark.parametrize("blur", [0.7, 2.0])
-def test_both_operators_err_as_much_as_they_say_under_white_noise(blur) -> None:
+def test_both_operators_err_as_much_as_they_say_under_white_noise(blur: float) -> None:
     """Chi-square of 400 corners, two coordinates each: bounds of six sigma about one."""
     rng = np.random.default_rng(2)
     image, truth, axes = drawn_saddle(rng, 400, blur=blur)
@@ -76,7 +88,11 @@ def test_bleeding_and_blur_do_not_shift_a_corner() -> None:
 @pytest.mark.parametrize("kind", ["chessboard", "charuco"])
 @pytest.mark.parametrize(("blur", "noise"), [(0.6, 2.0), (0.6, 8.0), (1.2, 4.0), (2.0, 8.0)])
 def test_corners_of_rendered_boards_err_as_much_as_they_say(
-    request: pytest.FixtureRequest, shoot, kind, blur, noise
+    request: pytest.FixtureRequest,
+    shoot: Callable[..., tuple[Image, Floats]],
+    kind: str,
+    blur: float,
+    noise: float,
 ) -> None:
     """Where the floor rules (little noise), less than stated; never much more."""
     board = request.getfixturevalue(kind)
@@ -96,12 +112,14 @@ def test_corners_of_rendered_boards_err_as_much_as_they_say(
     assert seen.sigma_px.min() >= SIGMA_FLOOR_PX
 
 
-def test_sharpened_and_overexposed_photos_show_a_misfit(chessboard, shoot) -> None:
+def test_sharpened_and_overexposed_photos_show_a_misfit(
+    chessboard: Board, shoot: Callable[..., tuple[Image, Floats]]
+) -> None:
     import cv2
 
     plain, _ = shoot(chessboard, "brown", 0, Sensor(1.5, 2.0))
     soft = cv2.GaussianBlur(plain, (0, 0), 3.0)
-    sharp = cv2.addWeighted(plain, 4.0, soft, -3.0, 60.0)
+    sharp = np.asarray(cv2.addWeighted(plain, 4.0, soft, -3.0, 60.0), np.uint8)
     _, truth = shoot(chessboard, "brown", 0)
     grid = np.round(truth).reshape(6, 9, 2)
     misfit = [measure_corners(photo, grid, 0.35, (9, 6)).misfit for photo in (plain, sharp)]

@@ -13,30 +13,32 @@ from uavgram.imaging.photos.preview import jpeg_size
 from uavgram.imaging.targets.draw_board import draw_board
 from uavgram.imaging.targets.observations import collect_observations
 from uavgram.imaging.targets.sighting import Sighting
-from uavgram.model.camera.board import LensSetting, flat_board
+from uavgram.model.camera.board import Board, BoardObservations, LensSetting, flat_board
+from uavgram.model.message import Message
 from uavgram.stages.tell import told
 
 SIZE_PX = (640, 480)
 
 
-def sighting(k=0, *, columns=9, rows=6, **changes):
+def sighting(k: int = 0, *, columns: int = 9, rows: int = 6, misfit: float = 0.005) -> Sighting:
     """The corners of a board as a regular grid, moved by k."""
     v, u = np.divmod(np.arange(columns * rows), columns)
     pixel = np.stack([u * 40.0 + 100 + 7 * k, v * 40.0 + 90 + 5 * k], axis=1)
     n = len(pixel)
-    plain = Sighting(
+    return Sighting(
         corner=v * 9 + u,
         pixel_px=pixel,
         sigma_px=np.full(n, 0.05),
         gradient_px=pixel + 0.25,
         gradient_sigma_px=np.full(n, 0.1),
-        misfit=0.005,
+        misfit=misfit,
         found_size=(max(columns, rows), min(columns, rows)),
     )
-    return replace(plain, **changes)
 
 
-def collect(sightings, board=None):
+def collect(
+    sightings: list[Sighting], board: Board | None = None
+) -> tuple[BoardObservations, tuple[Message, ...]]:
     files = [f"{k}.jpg" for k in range(len(sightings))]
     settings = [LensSetting(camera=file) for file in files]
     return collect_observations(
@@ -69,7 +71,9 @@ def test_every_photo_with_a_board_becomes_an_observation() -> None:
         ([sighting(0), sighting(1), sighting(2), sighting(1)], "3.jpg", "1.jpg"),
     ],
 )
-def test_what_cannot_be_calibrated_is_one_error_that_names_a_photo(sightings, file, words) -> None:
+def test_what_cannot_be_calibrated_is_one_error_that_names_a_photo(
+    sightings: list[Sighting], file: str, words: str
+) -> None:
     with pytest.raises(InputError, match=words) as caught:
         collect(sightings)
     assert caught.value.path == file
@@ -114,7 +118,9 @@ def test_the_picture_of_a_photo_shows_marks_where_the_corners_are() -> None:
     grey = np.full((480, 640), 100, np.uint8)
     encoded = draw_board(grey, board, photo, max_width_px=320, residual_px=np.zeros((54, 2)))
     assert jpeg_size(encoded) == (320, 240)
-    picture = cv2.imdecode(np.frombuffer(encoded, np.uint8), cv2.IMREAD_COLOR).astype(int)
+    decoded = cv2.imdecode(np.frombuffer(encoded, np.uint8), cv2.IMREAD_COLOR)
+    assert decoded is not None
+    picture = decoded.astype(int)
     marked = np.abs(picture - 100).max(axis=2) > 30
     v, u = np.nonzero(marked)
     low, high = photo.pixel_px.min(axis=0) / 2, photo.pixel_px.max(axis=0) / 2

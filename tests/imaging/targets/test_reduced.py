@@ -9,7 +9,7 @@ from uavgram.imaging.targets.reduced import reduced_copies, to_full_size
 
 
 @pytest.mark.parametrize("shape", [(403, 605), (605, 403)])
-def test_a_spot_is_where_the_copy_says(shape) -> None:
+def test_a_spot_is_where_the_copy_says(shape: tuple[int, int]) -> None:
     v, u = np.indices(shape)
     spot = np.array([222.3, 301.8]) if shape[0] > shape[1] else np.array([301.8, 222.3])
     light = 200.0 * np.exp(-0.5 * ((u - spot[0]) ** 2 + (v - spot[1]) ** 2) / 15.0**2)

@@ -2,48 +2,53 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import synthetic_survey
 
 from uavgram.imaging.photos.preview import Preview, decode_preview
 from uavgram.imaging.top_view import mosaic
-from uavgram.imaging.top_view.mosaic import Mosaic
+from uavgram.imaging.top_view.mosaic import GroundTexture, Mosaic
 from uavgram.imaging.top_view.mosaic_grid import Cameras, Grid, choose
+from uavgram.model.arrays import Floats
+from uavgram.model.result.result import Result
 
 SCALE = 4
 
 
-@pytest.fixture(scope="module")
-def survey():
-    import synthetic_survey
-
-    return synthetic_survey
-
-
-def previews(survey, result, paint=None):
+def previews(
+    result: Result, paint: Callable[[int], tuple[int, int, int]] | None = None
+) -> dict[str, Preview]:
     made = {}
     for i in np.flatnonzero(result.has_refined):
         poses = result.frames.refined
-        rgb = survey.render(poses.center_world_m[i], poses.world_from_camera[i], SCALE)
+        rgb = synthetic_survey.render(poses.center_world_m[i], poses.world_from_camera[i], SCALE)
         if paint is not None:
-            rgb[:] = paint(i)
+            rgb[:] = paint(int(i))
         made[result.frames.frame_id[i]] = Preview(
-            survey.jpeg(rgb), rgb.shape[1], rgb.shape[0], (float(SCALE), float(SCALE))
+            synthetic_survey.jpeg(rgb), rgb.shape[1], rgb.shape[0], (float(SCALE), float(SCALE))
         )
     return made
 
 
-def ground_texture(result, photos, *size):
+def ground_texture(result: Result, photos: dict[str, Preview], *size: int) -> GroundTexture:
     """The mosaic of these photos, added from the last to the first."""
+    texture = texture_of(result, photos, *size)
+    assert texture is not None
+    return texture
+
+
+def texture_of(result: Result, photos: dict[str, Preview], *size: int) -> GroundTexture | None:
     made = Mosaic(result, photos, SCALE, *size)
     for name in reversed(photos):
         made.add(name, decode_preview(photos[name])[..., ::-1])
     return made.texture()
 
 
-def spots(texture):
+def spots(texture: GroundTexture) -> Floats:
     """(H, W, 2) world east and north of the pixels' centres."""
     rows, columns = texture.covered.shape
     east = texture.west_m + (np.arange(columns) + 0.5) * texture.pixel_size_m
@@ -51,11 +56,11 @@ def spots(texture):
     return np.stack(np.meshgrid(east, north), axis=-1)
 
 
-def test_the_mosaic_shows_the_ground_where_it_is(survey) -> None:
-    result = survey.build()
-    texture = ground_texture(result, previews(survey, result))
+def test_the_mosaic_shows_the_ground_where_it_is() -> None:
+    result = synthetic_survey.build()
+    texture = ground_texture(result, previews(result))
     at = spots(texture)
-    truth = survey.ground_rgb(at[..., 0], at[..., 1]).astype(float)
+    truth = synthetic_survey.ground_rgb(at[..., 0], at[..., 1]).astype(float)
     difference = np.abs(texture.rgb - truth).mean(axis=-1)[texture.covered]
 
     assert texture.covered.mean() > 0.6
@@ -67,9 +72,9 @@ def test_the_mosaic_shows_the_ground_where_it_is(survey) -> None:
     assert edge == pytest.approx(-29, abs=1.5 * texture.pixel_size_m)
 
 
-def test_each_spot_comes_from_the_frame_most_above_it(survey) -> None:
-    result = survey.build(clean=True)
-    texture = ground_texture(result, previews(survey, result, paint=lambda i: (12 * i, 60, 60)))
+def test_each_spot_comes_from_the_frame_most_above_it() -> None:
+    result = synthetic_survey.build(clean=True)
+    texture = ground_texture(result, previews(result, paint=lambda i: (12 * i, 60, 60)))
     at = spots(texture)[8::16, 8::16]
     shown = texture.rgb[8::16, 8::16, 0].astype(float) / 12
     centers = result.frames.refined.center_world_m
@@ -83,9 +88,9 @@ def test_each_spot_comes_from_the_frame_most_above_it(survey) -> None:
     assert np.mean(np.round(shown[inside]) == nearest[inside]) > 0.97
 
 
-def test_frames_fade_into_each_other_at_seams(survey) -> None:
-    result = survey.build(clean=True)
-    texture = ground_texture(result, previews(survey, result, paint=lambda i: (200 * (i % 2),) * 3))
+def test_frames_fade_into_each_other_at_seams() -> None:
+    result = synthetic_survey.build(clean=True)
+    texture = ground_texture(result, previews(result, paint=lambda i: (200 * (i % 2),) * 3))
     red, covered = texture.rgb[..., 0].astype(int), texture.covered
     step = np.abs(np.diff(red, axis=1))[covered[:, 1:] & covered[:, :-1]]
 
@@ -94,38 +99,38 @@ def test_frames_fade_into_each_other_at_seams(survey) -> None:
     assert np.quantile(step, 0.999) < 20  # a hard seam steps by 200
 
 
-def test_a_sloping_plane_is_met_at_its_slope(survey) -> None:
-    result = survey.build()
+def test_a_sloping_plane_is_met_at_its_slope() -> None:
+    result = synthetic_survey.build()
     plane = replace(
         result.plane,
-        height_m=replace(result.plane.height_m, value=[2.0]),
-        slope_deg=replace(result.plane.slope_deg, value=[45.0, 0.0]),
-        pivot_m=[10.0, 0.0],
+        height_m=replace(result.plane.height_m, value=np.array([2.0])),
+        slope_deg=replace(result.plane.slope_deg, value=np.array([45.0, 0.0])),
+        pivot_m=np.array([10.0, 0.0]),
     )
     height = plane.height_at(np.array([[10.0, 5.0], [13.0, -7.0]]))
 
     np.testing.assert_allclose(height, [2.0, 5.0])
 
 
-def test_the_mosaic_stays_within_its_size(survey) -> None:
-    result = survey.build()
-    texture = ground_texture(result, previews(survey, result), 200)
+def test_the_mosaic_stays_within_its_size() -> None:
+    result = synthetic_survey.build()
+    texture = ground_texture(result, previews(result), 200)
 
     assert max(texture.covered.shape) <= 200 + mosaic.CELL_PX
 
 
-def test_without_photos_or_refined_frames_there_is_no_mosaic(survey) -> None:
-    result = survey.build()
+def test_without_photos_or_refined_frames_there_is_no_mosaic() -> None:
+    result = synthetic_survey.build()
     nowhere = np.full_like(result.frames.refined.center_world_m, np.nan)
     refined = replace(result.frames.refined, center_world_m=nowhere)
     unposed = replace(result, frames=replace(result.frames, refined=refined))
 
-    assert ground_texture(result, {}) is None
-    assert ground_texture(unposed, previews(survey, result)) is None
+    assert texture_of(result, {}) is None
+    assert texture_of(unposed, previews(result)) is None
 
 
-def test_a_frame_that_shows_all_of_a_cell_goes_before_one_that_shows_some(survey) -> None:
-    result = survey.build(clean=True)
+def test_a_frame_that_shows_all_of_a_cell_goes_before_one_that_shows_some() -> None:
+    result = synthetic_survey.build(clean=True)
     poses = result.frames.refined
     cameras = Cameras(poses.center_world_m, poses.world_from_camera)
     grid = Grid(result, -60.0, 50.0, 0.15, 64, (10, 12))
@@ -147,34 +152,35 @@ def test_a_frame_that_shows_all_of_a_cell_goes_before_one_that_shows_some(survey
     assert ((choice >= 0) & ~whole.any(axis=0)).any()
 
 
-def test_a_mosaic_much_coarser_than_the_photos_does_not_flicker(survey) -> None:
-    result = survey.build(clean=True)
+def test_a_mosaic_much_coarser_than_the_photos_does_not_flicker() -> None:
+    result = synthetic_survey.build(clean=True)
     noise = np.random.default_rng(5)
-    photos = previews(survey, result, paint=lambda _: (0, 0, 0))
+    photos = previews(result, paint=lambda _: (0, 0, 0))
     made = Mosaic(result, photos, SCALE, 60)
     for name in photos:
         made.add(
             name, noise.choice(np.array([0, 255], np.uint8), (1232 // SCALE, 1640 // SCALE, 3))
         )
     texture = made.texture()
+    assert texture is not None
 
     # one pixel of it stands for dozens of black and white ones
     assert texture.rgb[texture.covered].std() < 255 / 2 / 3
     assert texture.rgb[texture.covered].mean() == pytest.approx(127.5, abs=5)
 
 
-def test_hundreds_of_frames_choose_in_coarser_cells(survey) -> None:
-    result = survey.build(frame_count=500)
-    some = dict(list(previews(survey, survey.build(frame_count=20)).items()))
+def test_hundreds_of_frames_choose_in_coarser_cells() -> None:
+    result = synthetic_survey.build(frame_count=500)
+    some = dict(list(previews(synthetic_survey.build(frame_count=20)).items()))
     texture = ground_texture(result, some)
 
     assert texture.covered.any()
 
 
 @pytest.mark.parametrize(("grey", "gain"), [(20, 3.0), (80, 2.5), (120, 1.0), (250, 1.0)])
-def test_dark_ground_is_brightened_to_be_seen_and_says_by_how_much(survey, grey, gain) -> None:
-    result = survey.build(clean=True)
-    photos = previews(survey, result, paint=lambda _: (grey, grey, grey))
+def test_dark_ground_is_brightened_to_be_seen_and_says_by_how_much(grey: int, gain: float) -> None:
+    result = synthetic_survey.build(clean=True)
+    photos = previews(result, paint=lambda _: (grey, grey, grey))
     texture = ground_texture(result, dict(list(photos.items())[:2]))
 
     assert texture.gain == gain

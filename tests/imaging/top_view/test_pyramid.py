@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.top_view.pyramid import halved
+from uavgram.model.arrays import Floats
 
 
-def blocks(rgba):
+def blocks(rgba: Pixels) -> Floats:
     """(h, w, 4, channels) of the four pixels behind each of an even picture."""
     height, width = rgba.shape[0] // 2, rgba.shape[1] // 2
     split = rgba.astype(float).reshape(height, 2, width, 2, -1)
@@ -16,7 +18,7 @@ def blocks(rgba):
 
 
 @pytest.fixture
-def picture():
+def picture() -> Pixels:
     """Noise, of which a random part is transparent (and then black), some of it half."""
     rng = np.random.default_rng(3)
     rgba = rng.integers(0, 256, (64, 96, 4)).astype(np.uint8)
@@ -25,7 +27,7 @@ def picture():
     return rgba
 
 
-def test_colours_are_means_weighted_by_opacity(picture) -> None:
+def test_colours_are_means_weighted_by_opacity(picture: Pixels) -> None:
     four = blocks(picture)
     weight = four[..., 3:]
     with np.errstate(invalid="ignore"):
@@ -38,7 +40,7 @@ def test_colours_are_means_weighted_by_opacity(picture) -> None:
     assert np.abs(half[..., 3] - four[..., 3].mean(axis=2)).max() <= 0.5
 
 
-def test_where_all_is_opaque_it_is_the_plain_mean(picture) -> None:
+def test_where_all_is_opaque_it_is_the_plain_mean(picture: Pixels) -> None:
     picture[..., 3] = 255
 
     assert np.abs(halved(picture) - blocks(picture).mean(axis=2)).max() <= 0.5

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NotRequired, TypedDict
 
 import numpy as np
 import pytest
@@ -20,15 +22,26 @@ from top_views import (
 )
 
 from uavgram.errors import InputError
-from uavgram.geometry.ground.top_view import MOST_OFF_NADIR
-from uavgram.imaging.top_view.photo_cache import MARGIN_PX, photo_cache, read_photo
+from uavgram.geometry.ground.top_view import MOST_OFF_NADIR, View
+from uavgram.imaging.photos.preview import Pixels
+from uavgram.imaging.top_view.photo_cache import MARGIN_PX, PhotoCache, photo_cache, read_photo
 from uavgram.imaging.top_view.warp import REACH, warp_window
 from uavgram.imaging.top_view.warp_maps import lay_lattice, look_from
+from uavgram.model.arrays import Floats
 from uavgram.model.maps.raster import GroundRaster
 from uavgram.stages.products.top_view import lay_raster
 
+
+class Case(TypedDict):
+    """A photo: how it was taken, and where the ground lies."""
+
+    rotation: Floats
+    lens: str
+    crs: NotRequired[str]
+
+
 SLOPE = {"plane": (1.0, 0.05, -0.02), "pivot": (2.0, 1.0)}
-CASES = {
+CASES: dict[str, Case] = {
     "nadir": {"rotation": looking(3, 40, 2), "lens": "brown"},
     "on the map": {"rotation": looking(3, 40, 2), "lens": "brown", "crs": UTM},
     "oblique": {"rotation": looking(40, 100), "lens": "brown"},
@@ -38,17 +51,19 @@ CASES = {
 }
 
 
-def scene(tmp_path: Path, rotation, lens, crs=None, rgb=None):
+def scene(
+    tmp_path: Path, rotation: Floats, lens: str, crs: str | None = None, rgb: Pixels | None = None
+) -> View:
     path = write_photo(tmp_path / "a.png", pattern() if rgb is None else rgb)
     return make_view([[1.0, -2.0, 31.0]], [rotation], lens=lens, crs=crs, paths=[path], **SLOPE)
 
 
-def cache(view, reduction=1):
+def cache(view: View, reduction: int = 1) -> PhotoCache:
     paths = view.result.frames.path
     return photo_cache(paths, [reduction] * len(paths))
 
 
-def whole(view, raster, photos=None):
+def whole(view: View, raster: GroundRaster, photos: PhotoCache | None = None) -> Pixels:
     """(height, width, 4) the top view put together from windows that do not divide it."""
     out = np.zeros((raster.height, raster.width, 4), np.uint8)
     photos = photos or cache(view)
@@ -62,7 +77,7 @@ def whole(view, raster, photos=None):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_top_view_is_the_exact_warp_of_every_pixel(tmp_path: Path, name) -> None:
+def test_a_top_view_is_the_exact_warp_of_every_pixel(tmp_path: Path, name: str) -> None:
     case = CASES[name]
     view = scene(tmp_path, **case)
     raster = lay_raster(view, {"horizon": 0.4, "fisheye": 0.4, "oblique": 0.15}.get(name, 0.1))
@@ -93,27 +108,28 @@ def test_a_top_view_is_the_exact_warp_of_every_pixel(tmp_path: Path, name) -> No
     assert apart.max() < 3.0
 
 
-def camera_rays(view, raster):
+def camera_rays(view: View, raster: GroundRaster) -> Floats:
     """(h, w, 2) x / z and y / z in the camera."""
     row, column = np.mgrid[: raster.height, : raster.width].reshape(2, -1).astype(float)
     poses = view.result.frames.refined
     camera = (world_of(view, raster, column, row) - poses.center_world_m[0]) @ (
         poses.world_from_camera[0]
     )
-    return (camera[:, :2] / camera[:, 2:]).reshape(raster.height, raster.width, 2)
+    ray: Floats = (camera[:, :2] / camera[:, 2:]).reshape(raster.height, raster.width, 2)
+    return ray
 
 
-def exact_steepness(view, raster):
+def exact_steepness(view: View, raster: GroundRaster) -> Floats:
     row, column = np.mgrid[: raster.height, : raster.width].reshape(2, -1).astype(float)
     away = world_of(view, raster, column, row) - view.result.frames.refined.center_world_m[0]
-    steep = np.hypot(away[:, 0], away[:, 1]) / -away[:, 2]
+    steep: Floats = np.hypot(away[:, 0], away[:, 1]) / -away[:, 2]
     return steep.reshape(raster.height, raster.width)
 
 
 @pytest.mark.parametrize("size", [0.02, 0.3, 1.0, 3.0])
 @pytest.mark.parametrize("name", ["nadir", "oblique", "fisheye"])
 def test_places_between_the_nodes_are_good_to_a_hundredth_of_a_pixel(
-    tmp_path: Path, name, size
+    tmp_path: Path, name: str, size: float
 ) -> None:
     case = CASES[name]
     view = scene(tmp_path, **case)
@@ -152,7 +168,12 @@ def test_nodes_are_close_where_a_pixel_is_coarse_for_the_height(tmp_path: Path) 
     assert steps == [32, 9, 3, 1]
 
 
-def two(tmp_path: Path, greys, centers=((-6.0, 0, 30.0), (6.0, 1.0, 30.0)), rotations=None):
+def two(
+    tmp_path: Path,
+    greys: tuple[int, ...],
+    centers: Sequence[tuple[float, float, float]] = ((-6.0, 0, 30.0), (6.0, 1.0, 30.0)),
+    rotations: list[Floats] | None = None,
+) -> View:
     """Photos of one grey value each."""
     paths = [
         write_photo(tmp_path / f"{k}.png", np.full((SIZE_PX[1], SIZE_PX[0], 3), grey, np.uint8))
@@ -162,7 +183,7 @@ def two(tmp_path: Path, greys, centers=((-6.0, 0, 30.0), (6.0, 1.0, 30.0)), rota
     return make_view(centers, turns, paths=paths)
 
 
-def tangents(view, raster):
+def tangents(view: View, raster: GroundRaster) -> tuple[Floats, Floats]:
     """(h, w, photos) tangent from the vertical, and whether each photo shows it, by OpenCV."""
     row, column = np.mgrid[: raster.height, : raster.width].reshape(2, -1).astype(float)
     world = world_of(view, raster, column, row)
@@ -233,7 +254,9 @@ def test_a_photo_that_ends_fades_into_the_one_below_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("lens", "tilt"), [("brown", 5), ("folded", 5), ("brown", 72)])
-def test_a_mosaic_shows_all_that_any_of_its_photos_shows(tmp_path: Path, lens, tilt) -> None:
+def test_a_mosaic_shows_all_that_any_of_its_photos_shows(
+    tmp_path: Path, lens: str, tilt: float
+) -> None:
     centers, turns = [[-6.0, 0, 30.0], [6.0, 1.0, 30.0]], [looking(tilt, 20), looking(tilt, 340)]
     path = write_photo(tmp_path / "a.png", np.full((SIZE_PX[1], SIZE_PX[0], 3), 80, np.uint8))
     both = make_view(centers, turns, lens=lens, paths=[path, path])
@@ -279,7 +302,9 @@ def test_a_coarse_top_view_averages_the_photo_instead_of_skipping_pixels(tmp_pat
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg"])
 @pytest.mark.parametrize("reduction", [2, 8, 16])
-def test_reduced_photos_lie_where_the_whole_ones_do(tmp_path: Path, suffix, reduction) -> None:
+def test_reduced_photos_lie_where_the_whole_ones_do(
+    tmp_path: Path, suffix: str, reduction: int
+) -> None:
     u, v = np.meshgrid(np.arange(SIZE_PX[0]), np.arange(SIZE_PX[1]))
     slopes = [np.minimum(4 * np.abs(axis % 128 - 64), 255) for axis in (u, v)]
     path = write_photo(tmp_path / f"a{suffix}", np.stack([*slopes, 0 * u], -1).astype(np.uint8))
@@ -296,7 +321,8 @@ def test_reduced_photos_lie_where_the_whole_ones_do(tmp_path: Path, suffix, redu
 
 def test_the_outermost_half_pixels_are_as_bright_as_the_border(tmp_path: Path) -> None:
     path = write_photo(tmp_path / "a.png", np.full((6, 8, 3), 200, np.uint8))
-    u, v = np.meshgrid(np.float32([-0.5, 0, 7, 7.5]), np.float32([-0.5, 0, 5, 5.5]))
+    sides = (np.array(side, np.float32) for side in ([-0.5, 0, 7, 7.5], [-0.5, 0, 5, 5.5]))
+    u, v = np.meshgrid(*sides)
 
     assert (read_photo(path).sample(u, v) == [200, 200, 200, 255]).all()
 

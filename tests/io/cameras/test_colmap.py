@@ -1,7 +1,9 @@
 """COLMAP's cameras.txt: one point by COLMAP's own formulas, written out."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import pytest
@@ -11,13 +13,18 @@ from uavgram.geometry.camera.projection import project
 from uavgram.io.cameras.colmap import colmap_text, is_colmap_cameras, read_colmap_camera
 from uavgram.model.camera.calibration import Calibration
 
+
+class Write(Protocol):
+    def __call__(self, *lines: str, name: str = ...) -> Path: ...
+
+
 X, Y, Z = 0.31, -0.22, 1.1
 U, V = X / Z, Y / Z
 R2 = U * U + V * V
 HEAD = "# Camera list\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
 
 
-def colmap_pixel(model, p):
+def colmap_pixel(model: str, p: Sequence[float]) -> tuple[float, float]:
     """src/colmap/sensor/models.h: the corner of the top-left pixel is (0, 0)."""
     if model in {"SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"}:
         f, cx, cy, *k = p
@@ -60,8 +67,8 @@ MODELS = {
 
 
 @pytest.fixture
-def write(tmp_path: Path):
-    def _write(*lines, name="cameras.txt"):
+def write(tmp_path: Path) -> Write:
+    def _write(*lines: str, name: str = "cameras.txt") -> Path:
         path = tmp_path / name
         path.write_text(HEAD + "\n".join(lines) + "\n")
         return path
@@ -69,12 +76,12 @@ def write(tmp_path: Path):
     return _write
 
 
-def line(model, number=1, values=None) -> str:
+def line(model: str, number: int = 1, values: Sequence[float] | None = None) -> str:
     return f"{number} {model} 4000 3000 {' '.join(map(repr, values or MODELS[model]))}"
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_a_point_lands_where_colmap_puts_it_half_a_pixel_aside(write, model) -> None:
+def test_a_point_lands_where_colmap_puts_it_half_a_pixel_aside(write: Write, model: str) -> None:
     path = write(line(model))
     camera, messages = read_colmap_camera(path)
     pixel = project(camera.model, camera.parameters, np.array([X, Y, Z]))
@@ -86,7 +93,7 @@ def test_a_point_lands_where_colmap_puts_it_half_a_pixel_aside(write, model) -> 
 
 
 @pytest.mark.parametrize("model", ["OPENCV", "FULL_OPENCV", "OPENCV_FISHEYE"])
-def test_what_is_written_is_read_back(write, tmp_path: Path, model) -> None:
+def test_what_is_written_is_read_back(write: Write, tmp_path: Path, model: str) -> None:
     camera, _ = read_colmap_camera(write(line(model)))
     path = tmp_path / "again.txt"
     path.write_text(colmap_text(camera))
@@ -120,7 +127,7 @@ def test_a_third_radial_coefficient_takes_the_full_model(tmp_path: Path) -> None
     )
 
 
-def test_one_of_several_cameras_has_to_be_chosen(write) -> None:
+def test_one_of_several_cameras_has_to_be_chosen(write: Write) -> None:
     path = write(line("PINHOLE", 1), line("OPENCV", 7))
 
     with pytest.raises(InputError, match=r"holds 2 cameras \('1', '7'\).*--camera '1'"):
@@ -142,7 +149,7 @@ def test_one_of_several_cameras_has_to_be_chosen(write) -> None:
         ("", "holds no camera"),
     ],
 )
-def test_a_mistake_is_told(write, content, words) -> None:
+def test_a_mistake_is_told(write: Write, content: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         read_colmap_camera(write(content))
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ import pytest
 from uavgram.errors import InputError
 from uavgram.geometry.camera.projection import project
 from uavgram.io.cameras.odm import is_odm_cameras, read_odm_camera
+
+Write = Callable[[object], Path]
 
 X, Y, Z = 0.31, -0.22, 1.1
 LANDSCAPE, PORTRAIT = (4000, 2250), (2250, 4000)
@@ -42,7 +45,7 @@ CAMERAS = {
 }
 
 
-def opensfm_pixel(kind, c, width, height):
+def opensfm_pixel(kind: str, c: dict[str, float], width: int, height: int) -> tuple[float, float]:
     """opensfm/src/geometry/camera_projections_functions.h, then denormalized_image_coordinates."""
     x, y = X / Z, Y / Z
     r2 = x * x + y * y
@@ -58,21 +61,21 @@ def opensfm_pixel(kind, c, width, height):
             x * d + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
             y * d + 2 * p2 * x * y + p1 * (r2 + 2 * y * y),
         )
-    fx = c.get("focal_x", c.get("focal"))
-    fy = c.get("focal_y", c.get("focal"))
+    fx = c.get("focal_x", c.get("focal", math.nan))
+    fy = c.get("focal_y", c.get("focal", math.nan))
     x, y = fx * x + c.get("c_x", 0.0), fy * y + c.get("c_y", 0.0)
     size = max(width, height)
     return x * size - 0.5 + width / 2.0, y * size - 0.5 + height / 2.0
 
 
-def entry(kind, size=LANDSCAPE, **changes):
+def entry(kind: str, size: tuple[int, int] = LANDSCAPE, **changes: object) -> dict[str, object]:
     sizes = dict(zip(("width", "height"), size, strict=True))
     return {"projection_type": kind, **sizes, **CAMERAS[kind], **changes}
 
 
 @pytest.fixture
-def write(tmp_path: Path):
-    def _write(content):
+def write(tmp_path: Path) -> Write:
+    def _write(content: object) -> Path:
         path = tmp_path / "cameras.json"
         path.write_text(content if isinstance(content, str) else json.dumps(content, indent=1))
         return path
@@ -82,7 +85,9 @@ def write(tmp_path: Path):
 
 @pytest.mark.parametrize("size", [LANDSCAPE, PORTRAIT])
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_a_point_lands_where_opensfm_puts_it(write, kind, size) -> None:
+def test_a_point_lands_where_opensfm_puts_it(
+    write: Write, kind: str, size: tuple[int, int]
+) -> None:
     path = write({"v2 dji fc300x": entry(kind, size)})
     camera, messages = read_odm_camera(path)
     pixel = project(camera.model, camera.parameters, np.array([X, Y, Z]))
@@ -93,7 +98,7 @@ def test_a_point_lands_where_opensfm_puts_it(write, kind, size) -> None:
     assert [m.code for m in messages] == ["camera-sigma-assumed"]
 
 
-def test_one_of_several_cameras_has_to_be_chosen(write) -> None:
+def test_one_of_several_cameras_has_to_be_chosen(write: Write) -> None:
     path = write({"wide": entry("brown"), "tele": entry("perspective")})
 
     with pytest.raises(InputError, match=r"2 cameras \('wide', 'tele'\).*--camera 'wide'"):
@@ -117,7 +122,7 @@ def test_one_of_several_cameras_has_to_be_chosen(write) -> None:
         ('{"c": {\n "projection_type" 1}}', ":2: is no JSON"),
     ],
 )
-def test_a_mistake_is_told(write, content, words) -> None:
+def test_a_mistake_is_told(write: Write, content: object, words: str) -> None:
     with pytest.raises(InputError, match=words):
         read_odm_camera(write(content))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -10,16 +11,37 @@ import pytest
 
 from uavgram.errors import InputError
 from uavgram.io.cameras.opencv import is_opencv_calibration, read_opencv_calibration
+from uavgram.model.arrays import Floats
+
+
+class Write(Protocol):
+    """What `write` gives; `more` are further keys of the file."""
+
+    def __call__(
+        self,
+        name: str = ...,
+        matrix: Floats = ...,
+        distortion: Floats = ...,
+        size: tuple[int, int] | None = ...,
+        **more: float | str | Floats,
+    ) -> Path: ...
+
 
 K = np.array([[1500.0, 0, 960], [0, 1510, 540], [0, 0, 1]])
 D = np.array([[0.1, -0.2, 0.001, -0.002, 0.05]])
 
 
 @pytest.fixture
-def write(tmp_path: Path):
+def write(tmp_path: Path) -> Write:
     """Write a calibration by cv2.FileStorage itself."""
 
-    def _write(name="camera.yml", matrix=K, distortion=D, size=(1920, 1080), **more):
+    def _write(
+        name: str = "camera.yml",
+        matrix: Floats = K,
+        distortion: Floats = D,
+        size: tuple[int, int] | None = (1920, 1080),
+        **more: float | str | Floats,
+    ) -> Path:
         path = tmp_path / name
         storage = cv2.FileStorage(str(path), cv2.FileStorage_WRITE)
         if size:
@@ -36,7 +58,7 @@ def write(tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", ["camera.yml", "camera.yaml", "camera.json", "camera.xml"])
-def test_what_opencv_writes_is_read_in_each_of_its_formats(write, name) -> None:
+def test_what_opencv_writes_is_read_in_each_of_its_formats(write: Write, name: str) -> None:
     sigma = np.arange(1.0, 19.0)[:, None]
     path = write(name, std_deviation_intrinsics=sigma)
 
@@ -49,7 +71,7 @@ def test_what_opencv_writes_is_read_in_each_of_its_formats(write, name) -> None:
     assert [m.code for m in messages] == ["camera-sigma-from-file"]
 
 
-def test_without_errors_wide_ones_are_assumed_and_said(write) -> None:
+def test_without_errors_wide_ones_are_assumed_and_said(write: Write) -> None:
     camera, messages = read_opencv_calibration(write())
     sigma = np.sqrt(np.diag(camera.covariance))
 
@@ -58,7 +80,7 @@ def test_without_errors_wide_ones_are_assumed_and_said(write) -> None:
     assert [(m.level, m.code) for m in messages] == [("warning", "camera-sigma-assumed")]
 
 
-def test_the_order_of_the_coefficients_is_that_of_project_points(write) -> None:
+def test_the_order_of_the_coefficients_is_that_of_project_points(write: Write) -> None:
     camera, _ = read_opencv_calibration(write())
     fx, fy, cx, cy = camera.parameters[:4]
     point = np.array([[0.3, -0.2, 1.0]])
@@ -69,14 +91,16 @@ def test_the_order_of_the_coefficients_is_that_of_project_points(write) -> None:
     np.testing.assert_array_equal(found, expected)
 
 
-def test_four_coefficients_leave_k3_at_zero(write) -> None:
+def test_four_coefficients_leave_k3_at_zero(write: Write) -> None:
     camera, _ = read_opencv_calibration(write(distortion=D[:, :4]))
 
     assert camera.parameters[8] == 0.0
 
 
 @pytest.mark.parametrize("flag", [{"fisheye_model": 1}, {"distortion_model": "equidistant"}])
-def test_a_fisheye_calibration_is_recognised_by_its_flag(write, flag) -> None:
+def test_a_fisheye_calibration_is_recognised_by_its_flag(
+    write: Write, flag: dict[str, Any]
+) -> None:
     camera, _ = read_opencv_calibration(write(distortion=D[:, :4], **flag))
 
     assert camera.model == "fisheye"
@@ -84,7 +108,7 @@ def test_a_fisheye_calibration_is_recognised_by_its_flag(write, flag) -> None:
     assert camera.covariance.shape == (8, 8)
 
 
-def test_a_fixed_aspect_ratio_ties_fx_to_fy(write) -> None:
+def test_a_fixed_aspect_ratio_ties_fx_to_fy(write: Write) -> None:
     sigma = np.array([0, 3.0, 1, 1, 1, 1, 1, 1, 1])  # as calibrateCameraExtended gives them
     camera, _ = read_opencv_calibration(write(std_deviation_intrinsics=sigma, flags=2))
     ratio = 1500 / 1510
@@ -92,7 +116,7 @@ def test_a_fixed_aspect_ratio_ties_fx_to_fy(write) -> None:
     np.testing.assert_allclose(camera.covariance[0, :2], [9 * ratio**2, 9 * ratio])
 
 
-def test_interactive_calibration_writes_its_sigmas_in_two_pieces(write) -> None:
+def test_interactive_calibration_writes_its_sigmas_in_two_pieces(write: Write) -> None:
     camera, messages = read_opencv_calibration(
         write(
             size=None,
@@ -137,12 +161,14 @@ def test_a_ros_camera_info_file_has_no_yaml_header(tmp_path: Path) -> None:
         ({"std_deviation_intrinsics": -np.ones(9)}, "none negative"),
     ],
 )
-def test_a_calibration_that_cannot_be_used_is_refused(write, change, words) -> None:
+def test_a_calibration_that_cannot_be_used_is_refused(
+    write: Write, change: dict[str, Any], words: str
+) -> None:
     with pytest.raises(InputError, match=words):
         read_opencv_calibration(write(**change))
 
 
-def test_zero_coefficients_of_a_larger_model_do_no_harm(write) -> None:
+def test_zero_coefficients_of_a_larger_model_do_no_harm(write: Write) -> None:
     distortion = np.zeros((1, 14))
     distortion[:, :5] = D
 
@@ -162,7 +188,9 @@ def test_zero_coefficients_of_a_larger_model_do_no_harm(write) -> None:
         ("a.yml", "%YAML:1.0\n---\ncamera_matrix: abc\n", "no matrix of numbers"),
     ],
 )
-def test_a_broken_file_is_an_input_error(tmp_path: Path, name, content, words) -> None:
+def test_a_broken_file_is_an_input_error(
+    tmp_path: Path, name: str, content: str, words: str
+) -> None:
     path = tmp_path / name
     path.write_text(content)
 

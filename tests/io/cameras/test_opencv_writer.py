@@ -2,6 +2,7 @@
 
 import dataclasses
 from pathlib import Path
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -11,13 +12,18 @@ from uavgram.errors import InputError
 from uavgram.geometry.camera.projection import project
 from uavgram.io.cameras.opencv import is_opencv_calibration, read_opencv_calibration
 from uavgram.io.cameras.opencv_writer import opencv_text
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.calibration import Calibration, LensModel
+
+
+class Write(Protocol):
+    def __call__(self, calibration: Calibration, old: str = ..., new: str = ...) -> Path: ...
+
 
 VALUES = [2300.1, 2305.7, 2005, 1490, -0.05, 0.02, 1e-3, -5e-4, 0.01, 0.1, 0.02, 0.03]
 CASES = [(9, "brown"), (12, "brown"), (8, "fisheye")]
 
 
-def camera(count, model, name="c"):
+def camera(count: int, model: LensModel, name: str = "c") -> Calibration:
     rng = np.random.default_rng(count)
     root = rng.normal(size=(count, count)) * np.array([5, 5, 8, 8, *[1e-3] * 8])[:count, None]
     covariance = root @ root.T
@@ -32,8 +38,8 @@ def camera(count, model, name="c"):
 
 
 @pytest.fixture
-def write(tmp_path: Path):
-    def _write(calibration, old="", new=""):
+def write(tmp_path: Path) -> Write:
+    def _write(calibration: Calibration, old: str = "", new: str = "") -> Path:
         path = tmp_path / "calibration.yml"
         text = opencv_text(calibration, "2026-01-05T10:00:00+00:00")
         path.write_text(text.replace(old, new) if old else text, encoding="utf-8")
@@ -43,7 +49,7 @@ def write(tmp_path: Path):
 
 
 @pytest.mark.parametrize(("count", "model"), CASES)
-def test_every_digit_comes_back(write, count, model) -> None:
+def test_every_digit_comes_back(write: Write, count: int, model: LensModel) -> None:
     written = camera(count, model, name='a "b": é')
     path = write(written)
     read, messages = read_opencv_calibration(path)
@@ -56,7 +62,9 @@ def test_every_digit_comes_back(write, count, model) -> None:
 
 
 @pytest.mark.parametrize(("count", "model"), CASES)
-def test_opencv_projects_with_the_file_as_this_program_does(write, count, model) -> None:
+def test_opencv_projects_with_the_file_as_this_program_does(
+    write: Write, count: int, model: LensModel
+) -> None:
     written = camera(count, model)
     points = np.random.default_rng(0).uniform([-0.5, -0.4, 1], [0.5, 0.4, 2], (30, 1, 3))
     storage = cv2.FileStorage(str(write(written)), cv2.FILE_STORAGE_READ)
@@ -77,7 +85,7 @@ def test_opencv_projects_with_the_file_as_this_program_does(write, count, model)
     )
 
 
-def test_without_the_covariance_its_sigmas_serve(write) -> None:
+def test_without_the_covariance_its_sigmas_serve(write: Write) -> None:
     written = camera(9, "brown")
     read, _ = read_opencv_calibration(write(written, "intrinsics_covariance", "someone_elses_key"))
 
@@ -97,7 +105,9 @@ def test_a_covariance_of_another_size_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("element", "factor"), [((0, 1), -1.0), (([0, 1], [1, 0]), 50.0)], ids=["lopsided", "too much"]
 )
-def test_a_matrix_that_is_no_covariance_is_refused(write, element, factor) -> None:
+def test_a_matrix_that_is_no_covariance_is_refused(
+    write: Write, element: tuple[int | list[int], int | list[int]], factor: float
+) -> None:
     good = camera(9, "brown")
     bad = good.covariance.copy()
     bad[element] *= factor

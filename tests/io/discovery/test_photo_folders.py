@@ -15,7 +15,7 @@ PHOTO = cv2.imencode(".jpg", np.zeros((30, 40, 3), np.uint8))[1].tobytes()
 
 
 @pytest.fixture
-def project(tmp_path: Path):
+def project(tmp_path: Path) -> Path:
     """A project's folder beside others, with photos of all sorts."""
     folder = tmp_path / "flights" / "project"
     for place in (
@@ -41,7 +41,7 @@ def project(tmp_path: Path):
     return folder
 
 
-def test_folders_in_the_project_and_beside_it_are_found(project) -> None:
+def test_folders_in_the_project_and_beside_it_are_found(project: Path) -> None:
     found = {folder.path for folder in folders_with_photos(project, 3)}
     beside = project.parent
     assert found == {
@@ -52,20 +52,20 @@ def test_folders_in_the_project_and_beside_it_are_found(project) -> None:
     }
 
 
-def test_each_says_how_many_photos_it_holds_and_of_which_size(project) -> None:
+def test_each_says_how_many_photos_it_holds_and_of_which_size(project: Path) -> None:
     one = next(one for one in folders_with_photos(project, 3) if one.path.name == "photos")
     assert [path.name for path in one.files] == ["P0.JPG", "P1.JPG", "P2.JPG"]
     assert one.size_px == (40, 30)
 
 
 def test_a_folder_that_is_too_large_is_not_looked_through(
-    project, monkeypatch: pytest.MonkeyPatch
+    project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(photo_folders, "MOST_FOLDERS", 1)
     assert [one.path for one in folders_with_photos(project, 3)] == [project]
 
 
-def test_what_leads_elsewhere_is_not_followed(project, tmp_path: Path) -> None:
+def test_what_leads_elsewhere_is_not_followed(project: Path, tmp_path: Path) -> None:
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     for k in range(3):

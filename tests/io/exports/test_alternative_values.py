@@ -13,15 +13,16 @@ from unsure import unsure
 from uavgram.io.exports.geojson import dump_geojson
 from uavgram.io.exports.measurements_csv import dump_measurements_csv
 from uavgram.io.results.results_json import dump_results, load_results
+from uavgram.model.result.result import Result
 
 
 @pytest.fixture
-def marked(sample_result):
+def marked(sample_result: Result) -> Result:
     return unsure(sample_result, "o", (31.25, 44.9))
 
 
 def test_results_json_has_them_with_the_measurement_and_gives_them_back(
-    marked, tmp_path: Path
+    marked: Result, tmp_path: Path
 ) -> None:
     path = tmp_path / "results.json"
     path.write_text(dump_results(marked), encoding="utf-8")
@@ -35,7 +36,7 @@ def test_results_json_has_them_with_the_measurement_and_gives_them_back(
     assert dump_results(back) == dump_results(marked)
 
 
-def test_a_file_of_before_has_none(marked, tmp_path: Path) -> None:
+def test_a_file_of_before_has_none(marked: Result, tmp_path: Path) -> None:
     path, content = tmp_path / "results.json", json.loads(dump_results(marked))
     for record in content["measurements"]:
         del record["alternative_values"]
@@ -44,13 +45,13 @@ def test_a_file_of_before_has_none(marked, tmp_path: Path) -> None:
     assert not load_results(path).measurements.is_ambiguous.any()
 
 
-def test_the_csv_joins_them(marked) -> None:
+def test_the_csv_joins_them(marked: Result) -> None:
     rows = list(csv.DictReader(io.StringIO(dump_measurements_csv(marked))))
 
     assert [row["alternatives"] for row in rows] == ["", "", "31.25000;44.90000", "", "", ""]
 
 
-def test_the_geojson_lists_them(marked) -> None:
+def test_the_geojson_lists_them(marked: Result) -> None:
     features = json.loads(dump_geojson(marked))["features"]
     kept = {
         f["properties"]["name"]: f["properties"]["alternative_values"]

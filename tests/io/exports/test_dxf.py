@@ -8,19 +8,26 @@ from pathlib import Path
 import ezdxf
 import numpy as np
 import pytest
+from ezdxf.document import Drawing
+from ezdxf.entities.insert import Insert
+from ezdxf.filemanagement import readfile
 from ezdxf.math import ConstructionEllipse
 
 from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
+from uavgram.model.maps.layers import Features
+from uavgram.model.result.result import Result
 
 
 @pytest.fixture(scope="module", params=["local", "map"])
-def drawing(request: pytest.FixtureRequest, features, tmp_path_factory: pytest.TempPathFactory):
+def drawing(
+    request: pytest.FixtureRequest, features: Features, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[str, Drawing]:
     path = tmp_path_factory.mktemp("dxf") / f"{request.param}.dxf"
     (write_local_dxf if request.param == "local" else write_map_dxf)(features, path)
-    return request.param, ezdxf.readfile(path)
+    return request.param, readfile(path)
 
 
-def test_the_auditor_finds_nothing_to_mend(drawing) -> None:
+def test_the_auditor_finds_nothing_to_mend(drawing: tuple[str, Drawing]) -> None:
     _, document = drawing
     audit = document.audit()
 
@@ -30,13 +37,13 @@ def test_the_auditor_finds_nothing_to_mend(drawing) -> None:
 
 
 def test_distances_between_points_are_the_results_to_a_tenth_of_a_millimetre(
-    drawing, result
+    drawing: tuple[str, Drawing], result: Result
 ) -> None:
     kind, document = drawing
     place = {
         insert.get_attrib_text("LABEL"): np.array(insert.dxf.insert)
         for insert in document.modelspace().query("INSERT")
-        if insert.dxf.name == "SURVEY_POINT"
+        if isinstance(insert, Insert) and insert.dxf.name == "SURVEY_POINT"
     }
     assert set(place) == set(result.points.label)
     if kind == "map":
@@ -51,7 +58,9 @@ def test_distances_between_points_are_the_results_to_a_tenth_of_a_millimetre(
     assert tried == 2
 
 
-def test_each_measured_distance_is_a_dimension_with_the_grounds_value(drawing, result) -> None:
+def test_each_measured_distance_is_a_dimension_with_the_grounds_value(
+    drawing: tuple[str, Drawing], result: Result
+) -> None:
     _, document = drawing
     said = {d.dxf.text for d in document.modelspace().query("DIMENSION")}
     rows = result.measurements
@@ -60,7 +69,9 @@ def test_each_measured_distance_is_a_dimension_with_the_grounds_value(drawing, r
             assert f"{rows.value[i]:.3f} ±{rows.sigma[i]:.3f} m" in said
 
 
-def test_an_ellipse_has_the_axes_and_the_azimuth_of_the_result(drawing, result) -> None:
+def test_an_ellipse_has_the_axes_and_the_azimuth_of_the_result(
+    drawing: tuple[str, Drawing], result: Result
+) -> None:
     kind, document = drawing
     drawn = list(document.modelspace().query('ELLIPSE[layer=="ELLIPSES_95"]'))
     assert len(drawn) == len(result.points.label)
@@ -77,7 +88,9 @@ def test_an_ellipse_has_the_axes_and_the_azimuth_of_the_result(drawing, result) 
         assert min(turned, math.pi - turned) < (1e-6 if kind == "local" else 0.05)
 
 
-def test_the_drawing_says_what_its_coordinates_are(drawing, features) -> None:
+def test_the_drawing_says_what_its_coordinates_are(
+    drawing: tuple[str, Drawing], features: Features
+) -> None:
     kind, document = drawing
     (note,) = (t.dxf.text for t in document.modelspace().query('TEXT[layer=="NOTES"]'))
 
@@ -85,16 +98,16 @@ def test_the_drawing_says_what_its_coordinates_are(drawing, features) -> None:
     assert (features.crs in note) == (kind == "map")
 
 
-def test_a_survey_without_a_place_has_no_map(adrift, tmp_path: Path) -> None:
+def test_a_survey_without_a_place_has_no_map(adrift: Features, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="lies on the earth"):
         write_map_dxf(adrift, tmp_path / "map.dxf")
     write_local_dxf(adrift, tmp_path / "local.dxf")
-    assert ezdxf.readfile(tmp_path / "local.dxf").audit().errors == []
+    assert readfile(tmp_path / "local.dxf").audit().errors == []
 
 
-def test_it_opens_on_the_points_and_without_the_background(drawing) -> None:
+def test_it_opens_on_the_points_and_without_the_background(drawing: tuple[str, Drawing]) -> None:
     _, document = drawing
-    (port,) = document.viewports.get("*Active")
+    (port,) = document.viewports.get_config("*Active")
     inserts = document.modelspace().query('INSERT[name=="SURVEY_POINT"]')
     place = np.array([tuple(insert.dxf.insert)[:2] for insert in inserts])
 
@@ -105,7 +118,9 @@ def test_it_opens_on_the_points_and_without_the_background(drawing) -> None:
     assert hidden == {"PHOTO_FOOTPRINTS", "ELLIPSES_95"}
 
 
-def test_every_point_has_its_label_as_a_text_beside_it(drawing, result) -> None:
+def test_every_point_has_its_label_as_a_text_beside_it(
+    drawing: tuple[str, Drawing], result: Result
+) -> None:
     _, document = drawing
     labels = document.modelspace().query('TEXT[layer=="LABELS"]')
     assert [text.dxf.text for text in labels] == list(result.points.label)
@@ -115,7 +130,9 @@ def test_every_point_has_its_label_as_a_text_beside_it(drawing, result) -> None:
         assert all(attribute.is_invisible for attribute in insert.attribs)
 
 
-def test_dimensions_have_letters_of_the_labels_size_in_every_program(drawing) -> None:
+def test_dimensions_have_letters_of_the_labels_size_in_every_program(
+    drawing: tuple[str, Drawing],
+) -> None:
     """LibreCAD draws all dimensions as the header says, whatever their style is."""
     _, document = drawing
     label = next(iter(document.modelspace().query('TEXT[layer=="LABELS"]')))

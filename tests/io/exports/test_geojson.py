@@ -5,29 +5,34 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 from pyproj import Geod
 
 from uavgram.io.exports.geojson import dump_geojson, write_geojson
+from uavgram.model.result.result import Result
+
+Feature = dict[str, Any]
 
 GEOD = Geod(ellps="WGS84")
 
 
 @pytest.fixture
-def features(sample_result):
+def features(sample_result: Result) -> list[Feature]:
     content = json.loads(dump_geojson(sample_result))
     assert content["type"] == "FeatureCollection"
     assert all(set(f) == {"type", "geometry", "properties"} for f in content["features"])
-    return content["features"]
+    found: list[Feature] = content["features"]
+    return found
 
 
-def of_type(features, kind):
+def of_type(features: list[Feature], kind: str) -> list[Feature]:
     return [f for f in features if f["properties"]["type"] == kind]
 
 
-def test_points_are_longitude_then_latitude(features) -> None:
+def test_points_are_longitude_then_latitude(features: list[Feature]) -> None:
     first = of_type(features, "point")[0]
 
     assert first["geometry"] == {"type": "Point", "coordinates": [-104.6, 50.1]}
@@ -36,7 +41,9 @@ def test_points_are_longitude_then_latitude(features) -> None:
     assert np.shape(first["properties"]["covariance_m2"]) == (2, 2)
 
 
-def test_an_ellipse_has_its_axes_in_metres_and_its_azimuth_from_north(features) -> None:
+def test_an_ellipse_has_its_axes_in_metres_and_its_azimuth_from_north(
+    features: list[Feature],
+) -> None:
     ring = np.array(of_type(features, "ellipse_95")[2]["geometry"]["coordinates"][0])
     centre = np.tile([-104.5999, 50.1001], (len(ring), 1))
 
@@ -47,7 +54,7 @@ def test_an_ellipse_has_its_axes_in_metres_and_its_azimuth_from_north(features) 
     assert azimuth[farthest] % 180 == pytest.approx(np.rad2deg(3.1), abs=1e-4)
 
 
-def test_every_ring_is_closed_and_counterclockwise(features) -> None:
+def test_every_ring_is_closed_and_counterclockwise(features: list[Feature]) -> None:
     rings = [f["geometry"]["coordinates"][0] for f in features if _is_polygon(f)]
 
     assert len(rings) == 4
@@ -57,11 +64,11 @@ def test_every_ring_is_closed_and_counterclockwise(features) -> None:
         assert np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) > 0
 
 
-def _is_polygon(feature) -> bool:
+def _is_polygon(feature: Feature) -> bool:
     return feature["geometry"] is not None and feature["geometry"]["type"] == "Polygon"
 
 
-def test_measurements_are_drawn_by_their_kind(features) -> None:
+def test_measurements_are_drawn_by_their_kind(features: list[Feature]) -> None:
     shapes = {f["properties"]["kind"]: f["geometry"] for f in of_type(features, "measurement")}
 
     assert shapes["distance"] == {
@@ -74,7 +81,7 @@ def test_measurements_are_drawn_by_their_kind(features) -> None:
     assert shapes["skid_speed"] is None  # one of its points was never seen
 
 
-def test_a_line_distance_is_drawn_perpendicular_to_its_line(features) -> None:
+def test_a_line_distance_is_drawn_perpendicular_to_its_line(features: list[Feature]) -> None:
     shapes = {f["properties"]["kind"]: f["geometry"] for f in of_type(features, "measurement")}
     point, foot = shapes["line_distance"]["coordinates"]
 
@@ -85,7 +92,7 @@ def test_a_line_distance_is_drawn_perpendicular_to_its_line(features) -> None:
     assert (along - on_line + 90) % 180 == pytest.approx(90, abs=0.01)
 
 
-def test_values_that_cannot_be_computed_are_null(features) -> None:
+def test_values_that_cannot_be_computed_are_null(features: list[Feature]) -> None:
     skid = next(f for f in features if f["properties"].get("kind") == "skid_speed")
 
     assert skid["properties"]["value"] is None
@@ -94,7 +101,7 @@ def test_values_that_cannot_be_computed_are_null(features) -> None:
 
 @pytest.mark.parametrize("gauge", ["plane", "world"])
 def test_without_a_place_on_earth_it_is_empty_and_says_why(
-    sample_result, tmp_path: Path, gauge
+    sample_result: Result, tmp_path: Path, gauge: Literal["plane", "world"]
 ) -> None:
     world = replace(sample_result.world, origin=None, gauge=gauge)
     path = tmp_path / "points.geojson"

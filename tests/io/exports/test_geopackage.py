@@ -3,33 +3,40 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from pyogrio import list_layers, read_info
 from pyogrio.raw import read
 from pyproj import CRS, Geod, Proj, Transformer
 
 from uavgram.io.exports.geopackage import write_geopackage
+from uavgram.model.arrays import Floats
+from uavgram.model.maps.layers import Features
+from uavgram.model.result.result import Result
+
+Objects = NDArray[np.object_]
 
 
 @pytest.fixture(scope="module")
-def path(features, tmp_path_factory: pytest.TempPathFactory):
+def path(features: Features, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("gpkg") / "survey.gpkg"
     write_geopackage(features, path)
     return path
 
 
-def columns(path, layer):
+def columns(path: Path, layer: str) -> tuple[Objects, dict[str, NDArray[Any]]]:
     meta, _, geometry, fields = read(path, layer=layer)
     return geometry, dict(zip(meta["fields"], fields, strict=True))
 
 
-def points_of(geometry):
+def points_of(geometry: Objects) -> Floats:
     return np.array([np.frombuffer(wkb[5:], "<f8") for wkb in geometry])
 
 
-def test_every_layer_is_there_with_its_crs_and_all_its_rows(path, features) -> None:
+def test_every_layer_is_there_with_its_crs_and_all_its_rows(path: Path, features: Features) -> None:
     assert [name for name, _ in list_layers(path)] == [layer.name for layer in features.layers]
     for layer in features.layers:
         info = read_info(path, layer=layer.name)
@@ -38,7 +45,7 @@ def test_every_layer_is_there_with_its_crs_and_all_its_rows(path, features) -> N
         assert list(info["fields"]) == list(layer.attributes)
 
 
-def test_points_lie_where_their_latitude_and_longitude_say(path, result) -> None:
+def test_points_lie_where_their_latitude_and_longitude_say(path: Path, result: Result) -> None:
     geometry, fields = columns(path, "points")
     to_earth = Transformer.from_crs(result.world.crs, "EPSG:4326", always_xy=True)
     longitude, latitude = to_earth.transform(*points_of(geometry)[:, :2].T)
@@ -50,9 +57,12 @@ def test_points_lie_where_their_latitude_and_longitude_say(path, result) -> None
     assert np.max(apart) < 1e-4
 
 
-def test_distances_over_the_maps_scale_are_those_between_the_points(path, result) -> None:
+def test_distances_over_the_maps_scale_are_those_between_the_points(
+    path: Path, result: Result
+) -> None:
     geometry, _ = columns(path, "points")
     on_map, true = points_of(geometry), result.points.position_world_m
+    assert result.world.origin is not None
     factors = Proj(result.world.crs).get_factors(
         result.world.origin.longitude_deg, result.world.origin.latitude_deg
     )
@@ -64,7 +74,7 @@ def test_distances_over_the_maps_scale_are_those_between_the_points(path, result
     np.testing.assert_allclose(planar, expected, rtol=2e-5, atol=1e-4)
 
 
-def test_missing_numbers_are_null_not_a_number_to_sort_by(path, result) -> None:
+def test_missing_numbers_are_null_not_a_number_to_sort_by(path: Path, result: Result) -> None:
     _, fields = columns(path, "known_lengths")
     unseen = np.array([s == "unseen" for s in result.lines.status])
 
@@ -73,7 +83,7 @@ def test_missing_numbers_are_null_not_a_number_to_sort_by(path, result) -> None:
     np.testing.assert_array_equal(fields["length_m"], result.lines.length_m)
 
 
-def test_without_a_place_on_earth_it_holds_local_metres(adrift, tmp_path: Path) -> None:
+def test_without_a_place_on_earth_it_holds_local_metres(adrift: Features, tmp_path: Path) -> None:
     write_geopackage(adrift, tmp_path / "local.gpkg")
     geometry, fields = columns(tmp_path / "local.gpkg", "points")
 

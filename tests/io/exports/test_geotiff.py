@@ -5,28 +5,32 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 import rasterio
+from numpy.typing import NDArray
 from rasterio.enums import ColorInterp, MaskFlags
 
 from uavgram.io.exports.geotiff import read_reduced, write_colour_geotiff, write_float_geotiff
 from uavgram.model.maps.raster import GroundRaster
 
+Pixels = NDArray[np.uint8]
+
 CRS = "EPSG:32632"
 WIDTH, HEIGHT = 1300, 900
 
 
-def raster(crs=CRS):
+def raster(crs: str | None = CRS) -> GroundRaster:
     return GroundRaster(
         west_m=691000.2, north_m=5334000.6, pixel_m=0.05, width=WIDTH, height=HEIGHT, crs=crs
     )
 
 
 @pytest.fixture(scope="module")
-def picture():
+def picture() -> Pixels:
     """(H, W, 4) opaque left of a slanting line, nothing right of it."""
     row, column = np.mgrid[:HEIGHT, :WIDTH]
     rgba = np.stack([column % 256, row % 256, np.full_like(row, 200), np.full_like(row, 255)], -1)
@@ -34,7 +38,7 @@ def picture():
     return rgba.astype(np.uint8)
 
 
-def windows(picture):
+def windows(picture: Pixels) -> Iterator[tuple[tuple[int, int, int, int], Pixels]]:
     """In an order of their own, as threads may hand them over."""
     for row in range(0, HEIGHT, 512)[::-1]:
         for column in range(0, WIDTH, 512):
@@ -43,13 +47,13 @@ def windows(picture):
 
 
 @pytest.fixture(scope="module")
-def path(picture, tmp_path_factory: pytest.TempPathFactory):
+def path(picture: Pixels, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("tiff") / "a.tif"
     write_colour_geotiff(raster(), windows(picture), {"survey": "crossing"}, path)
     return path
 
 
-def test_place_and_coordinate_system_are_read_back(path) -> None:
+def test_place_and_coordinate_system_are_read_back(path: Path) -> None:
     with rasterio.open(path) as file:
         assert file.crs.to_string() == CRS
         assert (file.width, file.height) == (WIDTH, HEIGHT)
@@ -58,13 +62,13 @@ def test_place_and_coordinate_system_are_read_back(path) -> None:
         assert file.tags()["survey"] == "crossing"
 
 
-def test_pixels_come_back_as_they_were(path, picture) -> None:
+def test_pixels_come_back_as_they_were(path: Path, picture: Pixels) -> None:
     with rasterio.open(path) as file:
         assert file.dtypes == ("uint8",) * 4
         np.testing.assert_array_equal(np.moveaxis(file.read(), 0, 2), picture)
 
 
-def test_it_is_tiled_compressed_and_has_overviews_down_to_a_tile(path) -> None:
+def test_it_is_tiled_compressed_and_has_overviews_down_to_a_tile(path: Path) -> None:
     with rasterio.open(path) as file:
         assert file.block_shapes == [(256, 256)] * 4
         assert file.profile["tiled"]
@@ -74,14 +78,14 @@ def test_it_is_tiled_compressed_and_has_overviews_down_to_a_tile(path) -> None:
     assert path.stat().st_size < WIDTH * HEIGHT
 
 
-def test_the_fourth_band_is_opacity(path, picture) -> None:
+def test_the_fourth_band_is_opacity(path: Path, picture: Pixels) -> None:
     with rasterio.open(path) as file:
         assert file.colorinterp[3] == ColorInterp.alpha
         assert MaskFlags.alpha in file.mask_flag_enums[0]
         np.testing.assert_array_equal(file.dataset_mask(), picture[..., 3])
 
 
-def test_overviews_are_not_darker_where_the_picture_ends(path) -> None:
+def test_overviews_are_not_darker_where_the_picture_ends(path: Path) -> None:
     with rasterio.open(path, overview_level=0) as file:
         blue, alpha = file.read(3), file.read(4)
     assert alpha.shape == (HEIGHT // 2, WIDTH // 2)
@@ -89,14 +93,16 @@ def test_overviews_are_not_darker_where_the_picture_ends(path) -> None:
     assert not blue[alpha == 0].any()
 
 
-def test_a_picture_to_print_comes_from_the_smallest_overview_that_will_do(path) -> None:
+def test_a_picture_to_print_comes_from_the_smallest_overview_that_will_do(path: Path) -> None:
     assert read_reduced(path, 2000).shape == (HEIGHT, WIDTH, 4)
     assert read_reduced(path, 651).shape == (HEIGHT, WIDTH, 4)
     assert read_reduced(path, 650).shape == (HEIGHT // 2, WIDTH // 2, 4)
     assert read_reduced(path, 10).shape == (HEIGHT // 4, WIDTH // 4, 4)
 
 
-def test_local_metres_have_a_place_but_no_coordinate_system(picture, tmp_path: Path) -> None:
+def test_local_metres_have_a_place_but_no_coordinate_system(
+    picture: Pixels, tmp_path: Path
+) -> None:
     write_colour_geotiff(raster(crs=None), windows(picture), {}, tmp_path / "a.tif")
     with rasterio.open(tmp_path / "a.tif") as file:
         assert file.crs is None
@@ -131,7 +137,7 @@ def test_windows_without_a_picture_are_transparent(tmp_path: Path) -> None:
     assert not alpha[512:].any()
 
 
-def test_gdalinfo_reads_coordinate_system_and_overviews(path) -> None:
+def test_gdalinfo_reads_coordinate_system_and_overviews(path: Path) -> None:
     program = shutil.which("gdalinfo")
     if program is None:
         pytest.skip("gdalinfo is not installed (Debian: gdal-bin)")

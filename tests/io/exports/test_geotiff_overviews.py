@@ -13,7 +13,7 @@ from uavgram.io.exports.geotiff_overviews import mark_overviews
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 
 
-def write(path, **options) -> None:
+def write(path: Path, **options: str) -> None:
     """Two pictures, of which the second is half the size and twice as bright."""
     for size, grey, further in ((64, 50, {}), (32, 100, {"append_subdataset": True})):
         profile = {"driver": "GTiff", "width": size, "height": size, "count": 1, "dtype": "uint8"}
@@ -22,7 +22,7 @@ def write(path, **options) -> None:
 
 
 @pytest.mark.parametrize("bigtiff", ["no", "yes"])
-def test_the_second_picture_becomes_an_overview(tmp_path: Path, bigtiff) -> None:
+def test_the_second_picture_becomes_an_overview(tmp_path: Path, bigtiff: str) -> None:
     path = tmp_path / "a.tif"
     write(path, bigtiff=bigtiff)
     with rasterio.open(path) as file:

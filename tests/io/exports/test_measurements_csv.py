@@ -6,12 +6,13 @@ from pathlib import Path
 import pytest
 
 from uavgram.io.exports.measurements_csv import rounded, write_measurements_csv
+from uavgram.model.result.result import Result
 
 INTERVAL = ("20.00000", "20.25000")
 
 
 def test_the_table_holds_the_measurements_with_empty_cells_for_what_is_not_known(
-    sample_result, tmp_path: Path
+    sample_result: Result, tmp_path: Path
 ) -> None:
     write_measurements_csv(sample_result, tmp_path / "m.csv")
     with (tmp_path / "m.csv").open(newline="", encoding="utf-8") as stream:
@@ -37,5 +38,7 @@ def test_the_table_holds_the_measurements_with_empty_cells_for_what_is_not_known
         (float("nan"), 1.0, ""),
     ],
 )
-def test_a_number_has_two_digits_more_than_its_sigma_deserves(value, sigma, text) -> None:
+def test_a_number_has_two_digits_more_than_its_sigma_deserves(
+    value: float, sigma: float, text: str
+) -> None:
     assert rounded(value, sigma) == text

@@ -13,9 +13,11 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.io.exports.colmap import write_colmap_model
 from uavgram.io.exports.opendronemap import write_gcp_list
+from uavgram.model.maps.layers import Features
+from uavgram.model.result.result import Result
 
 
-def test_colmap_poses_and_points_project_to_the_picks(result, tmp_path: Path) -> None:
+def test_colmap_poses_and_points_project_to_the_picks(result: Result, tmp_path: Path) -> None:
     write_colmap_model(result, tmp_path)
     points = {
         int(row[0]): np.array(row[1:4], float)
@@ -47,7 +49,9 @@ def test_colmap_poses_and_points_project_to_the_picks(result, tmp_path: Path) ->
     assert np.abs(np.median(apart, axis=0)).max() < 0.2  # half a pixel would show
 
 
-def test_the_covariances_beside_the_model_are_those_of_the_centres(result, tmp_path: Path) -> None:
+def test_the_covariances_beside_the_model_are_those_of_the_centres(
+    result: Result, tmp_path: Path
+) -> None:
     write_colmap_model(result, tmp_path)
     rows = list(csv.DictReader((tmp_path / "pose_priors.csv").read_text("utf-8").splitlines()))
     at = {name: k for k, name in enumerate(result.frames.frame_id)}
@@ -60,7 +64,7 @@ def test_the_covariances_beside_the_model_are_those_of_the_centres(result, tmp_p
 
 
 def test_ground_control_has_the_place_and_the_pixel_of_each_used_pick(
-    result, features, tmp_path: Path
+    result: Result, features: Features, tmp_path: Path
 ) -> None:
     write_gcp_list(result, features, tmp_path / "gcp_list.txt")
     head, *lines = (tmp_path / "gcp_list.txt").read_text().splitlines()

@@ -15,7 +15,7 @@ HEAD = "EPSG:32632\n"
 ROW = "691000.25 5334000.5 520.125 1539.25 1337 DSC_1.JPG A\n"
 
 
-def write(tmp_path: Path, text):
+def write(tmp_path: Path, text: str) -> Path:
     path = tmp_path / "gcp_list.txt"
     path.write_text(text, encoding="utf-8")
     return path
@@ -27,6 +27,7 @@ def test_picks_and_places_are_those_of_the_file(tmp_path: Path) -> None:
     np.testing.assert_array_equal(picks.pixel_px, [[1539.25, 1337.0]])
     assert (picks.image, picks.label) == (("DSC_1.JPG",), ("A",))
     to_map = Transformer.from_crs("EPSG:4326", "EPSG:32632", always_xy=True)
+    assert picks.known is not None
     latitude, longitude, height = picks.known.coordinates[0]
     np.testing.assert_allclose(
         to_map.transform(longitude, latitude), [691000.25, 5334000.5], atol=1e-4
@@ -58,7 +59,7 @@ def test_points_without_a_label_are_the_same_where_their_place_is(tmp_path: Path
         (HEAD + ROW + ROW, r":3: label 'A' is picked in 'DSC_1.JPG' in line 2 already"),
     ],
 )
-def test_mistakes_are_told_by_file_and_line(tmp_path: Path, text, said) -> None:
+def test_mistakes_are_told_by_file_and_line(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(
         InputError, match=r"gcp_list\.txt" + (said if said[0] == ":" else f".*{said}")
     ):
@@ -95,11 +96,14 @@ def test_blanks_tabs_and_further_cells_are_no_matter(tmp_path: Path) -> None:
         ("SWEREF99 TM", 3006),
     ],
 )
-def test_coordinate_systems_by_the_names_that_people_write(tmp_path: Path, first, code) -> None:
+def test_coordinate_systems_by_the_names_that_people_write(
+    tmp_path: Path, first: str, code: int
+) -> None:
     place = "500000 5600000" if code != 2180 else "500000 500000"
     picks = read_gcp_list(
         write(tmp_path, f"{first}\n{place} 3 10 20 a.jpg A\n"), GcpSigmas(sigma_m=1)
     )
+    assert picks.known is not None
     latitude, longitude, _ = picks.known.coordinates[0]
     back = Transformer.from_crs("EPSG:4326", f"EPSG:{code}", always_xy=True)
     expected = [float(value) for value in place.split()]
@@ -111,6 +115,7 @@ ZERO = "1 2 0 10 20 a.jpg A\n1 3 0.0 10 30 a.jpg B\n"
 
 def test_heights_of_0_get_no_weight_and_a_warning(tmp_path: Path) -> None:
     picks = read_gcp_list(write(tmp_path, "EPSG:4326\n" + ZERO), GcpSigmas(sigma_m=0.02))
+    assert picks.known is not None
     assert picks.known.sigma_m.tolist() == [[0.02, 0.02, 10_000.0]] * 2
     assert [message.code for message in picks.messages] == ["gcp-zero-heights"]
     assert "all points have the height 0" in picks.messages[0].text
@@ -118,6 +123,7 @@ def test_heights_of_0_get_no_weight_and_a_warning(tmp_path: Path) -> None:
     known = read_gcp_list(
         write(tmp_path, "EPSG:4326\n" + ZERO), GcpSigmas(sigma_m=0.02, sigma_up_m=0.05)
     )
+    assert known.known is not None
     assert known.known.sigma_m.tolist() == [[0.02, 0.02, 0.05]] * 2
     assert known.messages == ()
 
@@ -126,6 +132,7 @@ def test_points_may_have_sigmas_of_their_own(tmp_path: Path) -> None:
     rows = "1 2 5 10 20 a.jpg A 0.01 0.03\n1 3 5 10 30 a.jpg B 0.02\n1 4 5 10 40 a.jpg C\n"
     path = write(tmp_path, "EPSG:4326\n" + rows)
     picks = read_gcp_list(path, GcpSigmas(sigma_m=0.5, in_columns=True))
+    assert picks.known is not None
     assert picks.known.sigma_m.tolist() == [[0.01, 0.01, 0.03], [0.02] * 3, [0.5] * 3]
     with pytest.raises(InputError, match=r":4: label 'C' has no sigma behind it"):
         read_gcp_list(path, GcpSigmas(in_columns=True))
@@ -136,6 +143,6 @@ def test_points_may_have_sigmas_of_their_own(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("label", ["A;B", "A\u202eB"])
-def test_a_label_that_no_table_can_hold_is_told(tmp_path: Path, label) -> None:
+def test_a_label_that_no_table_can_hold_is_told(tmp_path: Path, label: str) -> None:
     with pytest.raises(InputError, match=r":2: label .* holds"):
         read_gcp_list(write(tmp_path, f"EPSG:4326\n1 2 5 10 20 a.jpg {label}\n"))

@@ -16,7 +16,7 @@ SIZE = (60, 40)  # stored
 SPOT = (41, 7)  # stored column and row of the only white pixel
 
 
-def photo(folder, orientation):
+def photo(folder: Path, orientation: int) -> tuple[tuple[int, ...], tuple[float, float]]:
     pixels = np.zeros((SIZE[1], SIZE[0]), np.uint8)
     pixels[SPOT[1], SPOT[0]] = 255
     image = Image.fromarray(pixels)
@@ -28,7 +28,9 @@ def photo(folder, orientation):
     return shown.shape[::-1], (column + 0.5, row + 0.5)  # LabelMe counts from the corner
 
 
-def labelme(folder, size, shapes, name="a.json"):
+def labelme(
+    folder: Path, size: tuple[int, ...], shapes: list[dict[str, object]], name: str = "a.json"
+) -> Path:
     content = {
         "version": "5.4.1",
         "imagePath": "a.png",
@@ -40,12 +42,14 @@ def labelme(folder, size, shapes, name="a.json"):
     return folder / name
 
 
-def shape(label, *points, kind="point"):
+def shape(label: str, *points: tuple[float, float], kind: str = "point") -> dict[str, object]:
     return {"label": label, "points": [list(map(float, p)) for p in points], "shape_type": kind}
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
-def test_picks_in_a_turned_photo_come_back_to_the_stored_pixel(tmp_path: Path, orientation) -> None:
+def test_picks_in_a_turned_photo_come_back_to_the_stored_pixel(
+    tmp_path: Path, orientation: int
+) -> None:
     size, spot = photo(tmp_path, orientation)
     picks = read_labelme(labelme(tmp_path, size, [shape("P", spot)]))
 
@@ -111,7 +115,7 @@ def test_without_the_photo_a_warning_says_what_was_not_checked(tmp_path: Path) -
         ),
     ],
 )
-def test_a_file_that_is_none_is_told_by_name(tmp_path: Path, text, said) -> None:
+def test_a_file_that_is_none_is_told_by_name(tmp_path: Path, text: str, said: str) -> None:
     (tmp_path / "x.json").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=rf"x\.json.*{said}"):
         read_labelme(tmp_path / "x.json")
@@ -130,7 +134,7 @@ def test_a_file_as_labelme_writes_it_is_read(tmp_path: Path) -> None:
     point = shape("P", (12.25, 8.75)) | {
         "group_id": None, "description": "", "flags": {}, "mask": None,
     }  # fmt: skip
-    content = {
+    content: dict[str, object] = {
         "version": "5.5.0", "flags": {}, "shapes": [point], "imagePath": "..\\a.png",
         "imageData": None, "imageHeight": SIZE[1], "imageWidth": SIZE[0],
     }  # fmt: skip

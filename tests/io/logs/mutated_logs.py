@@ -14,18 +14,37 @@ import sys
 import tempfile
 import time
 import traceback
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TypedDict
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from uavgram.errors import UavgramError
 from uavgram.io.logs.flight_log import read_flight_log
+from uavgram.model.flight.log import Boot
+from uavgram.model.flight.log_summary import BootSummary, LogSummary
 from uavgram.stages.log_summary import summarise_log
+
+Demand = tuple[str, ArrayLike]
+"""What is asked of a log, and whether it is so, value by value."""
+
+
+class Told(TypedDict):
+    """What the process prints."""
+
+    read: int
+    refused: int
+    slowest_s: float
+    wrong: list[str]
+    growth_bytes: int
+
 
 SLOWEST_S = 5.0
 
 
-def flipped(data, rng: np.random.Generator):
+def flipped(data: bytes, rng: np.random.Generator) -> bytes:
     """Some bits turned over."""
     damaged = np.frombuffer(data, dtype=np.uint8).copy()
     at = rng.integers(0, len(damaged), int(10 ** rng.uniform(0, 2.5)))
@@ -33,20 +52,20 @@ def flipped(data, rng: np.random.Generator):
     return damaged.tobytes()
 
 
-def cut(data, rng: np.random.Generator):
+def cut(data: bytes, rng: np.random.Generator) -> bytes:
     """A piece left out, or the end."""
     a, b = sorted(rng.integers(0, len(data), 2).tolist())
     return data[:a] if rng.random() < 0.4 else data[:a] + data[b:]
 
 
-def spliced(data, rng: np.random.Generator):
+def spliced(data: bytes, rng: np.random.Generator) -> bytes:
     """A piece put somewhere else once more."""
     a, b = sorted(rng.integers(0, len(data), 2).tolist())
     at = int(rng.integers(0, len(data)))
     return data[:at] + data[a : min(b, a + len(data) // 3)] + data[at:]
 
 
-def zeroed(data, rng: np.random.Generator):
+def zeroed(data: bytes, rng: np.random.Generator) -> bytes:
     """A piece filled with zeros, or with one other byte."""
     a = int(rng.integers(0, len(data)))
     b = min(len(data), a + int(10 ** rng.uniform(0, 4)))
@@ -57,7 +76,7 @@ def zeroed(data, rng: np.random.Generator):
 MUTATIONS = (flipped, cut, spliced, zeroed)
 
 
-def mutated(data, seed):
+def mutated(data: bytes, seed: int) -> bytes:
     """One to three of the mutations, by the seed."""
     rng = np.random.default_rng(seed)
     for _ in range(int(rng.integers(1, 4))):
@@ -67,10 +86,10 @@ def mutated(data, seed):
     return data
 
 
-def check(summary):
+def check(summary: LogSummary) -> list[str]:
     """Say what of a log that was read is not plausible; an empty list where all is."""
     undulation = summary.log.undulation_m
-    demands = [("undulation", not np.isfinite(undulation) or abs(undulation) < 150)]
+    demands: list[Demand] = [("undulation", not np.isfinite(undulation) or abs(undulation) < 150)]
     for part in summary.boots:
         demands += [*of_track(part), *of_angles(part.boot), *of_events(part.boot)]
         if (clock := part.clock) is not None:
@@ -80,7 +99,7 @@ def check(summary):
     return [what for what, truth in demands if not np.all(truth)]
 
 
-def of_track(part):
+def of_track(part: BootSummary) -> Iterator[Demand]:
     """Where, how fast, how well known."""
     if (p := part.boot.positions) is not None:
         step = np.diff(p.time_boot_s)
@@ -97,7 +116,7 @@ def of_track(part):
         yield "home", (np.abs(h.latitude_deg) <= 90) & (np.abs(h.height_m) < 20000)
 
 
-def of_angles(boot):
+def of_angles(boot: Boot) -> Iterator[Demand]:
     """How it was turned."""
     if (a := boot.attitudes) is not None:
         yield "attitude", np.abs(np.linalg.norm(a.ned_from_body_xyzw, axis=1) - 1) < 1e-6
@@ -107,21 +126,21 @@ def of_angles(boot):
         yield "gimbal", np.abs(angles) <= np.radians(361)
 
 
-def of_events(boot):
+def of_events(boot: Boot) -> Iterator[Demand]:
     """When it took photos."""
     if (e := boot.events) is not None:
         yield "times of events", (np.diff(e.time_boot_s) > 0) & (e.time_boot_s[0] >= 0)
         yield "image numbers", (e.image_number >= -1) & (e.image_number < 1e6)
 
 
-def peak_bytes():
+def peak_bytes() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
-def examine(source, suffix, first_seed, count):
+def examine(source: str, suffix: str, first_seed: int, count: int) -> Told:
     """Read `count` damaged forms of one log."""
     data = Path(source).read_bytes()
-    told = {"read": 0, "refused": 0, "slowest_s": 0.0, "wrong": []}
+    told = Told(read=0, refused=0, slowest_s=0.0, wrong=[], growth_bytes=0)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"log{suffix}"
         path.write_bytes(data)

@@ -1,7 +1,9 @@
 """One damaged row of a log: left out and named, never taken and never the whole table's end."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import pytest
@@ -11,17 +13,28 @@ from uavgram.io.logs.dataflash.binary import index_binary
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.logs.quality.neighbours import off_neighbours
 from uavgram.io.logs.quality.rows import is_spike, plausible_rows, restarts
+from uavgram.model.flight.log import FlightLog
+
+ReadText = Callable[[str], FlightLog]
+Change = Callable[[np.number], np.number]
+"""Of a number as the log stores it: a scalar of the field's own type."""
+
+
+class ReadChanged(Protocol):
+    def __call__(
+        self, message: str, rows: int | list[int] | slice, **fields: Change
+    ) -> FlightLog: ...
 
 
 @pytest.fixture(scope="module")
-def good_text(repository: Path):
+def good_text(repository: Path) -> str:
     """The first ten seconds of the flight as text."""
     return short_logs(repository / "logs")[".log"].decode("latin-1")
 
 
 @pytest.fixture
-def read_text(tmp_path: Path):
-    def read(text):
+def read_text(tmp_path: Path) -> ReadText:
+    def read(text: str) -> FlightLog:
         path = tmp_path / "flight.log"
         path.write_text(text, encoding="latin-1")
         return read_flight_log(path)
@@ -30,13 +43,15 @@ def read_text(tmp_path: Path):
 
 
 @pytest.fixture
-def read_changed(repository: Path, tmp_path: Path):
+def read_changed(repository: Path, tmp_path: Path) -> ReadChanged:
     """Read the binary log with fields of some rows changed (raw numbers, as they are stored)."""
 
-    def read(message, rows, **fields):
+    def read(message: str, rows: int | list[int] | slice, **fields: Change) -> FlightLog:
         data = bytearray((repository / "logs" / "twin_short.BIN").read_bytes())
         (piece,) = index_binary("", bytes(data)).pieces[message]
         dtype = piece.format.dtype()
+        assert dtype is not None
+        assert dtype.fields is not None
         for row in np.atleast_1d(np.arange(len(piece.starts))[rows]):
             for name, change in fields.items():
                 kind, offset = dtype.fields[name][:2]
@@ -50,39 +65,47 @@ def read_changed(repository: Path, tmp_path: Path):
     return read
 
 
-def test_the_undamaged_log_has_no_remark(read_text, good_text) -> None:
+def test_the_undamaged_log_has_no_remark(read_text: ReadText, good_text: str) -> None:
     assert read_text(good_text).notes == ()
 
 
 @pytest.mark.parametrize("number", ["nan", "-1", "7", "9" * 5000, ""])
-def test_one_damaged_instance_does_not_cost_the_gimbal(read_text, good_text, number) -> None:
-    rows = len(read_text(good_text).boots[0].gimbal.time_boot_s)
+def test_one_damaged_instance_does_not_cost_the_gimbal(
+    read_text: ReadText, good_text: str, number: str
+) -> None:
+    whole = read_text(good_text).boots[0].gimbal
+    assert whole is not None
     log = read_text(
         re.sub(r"^(MNT, \d+), 0,", rf"\1, {number},", good_text, count=1, flags=re.MULTILINE)
     )
-    assert len(log.boots[0].gimbal.time_boot_s) == rows - 1
+    assert log.boots[0].gimbal is not None
+    assert len(log.boots[0].gimbal.time_boot_s) == len(whole.time_boot_s) - 1
     assert any("MNT" in note and "dropped" in note for note in log.notes), log.notes
 
 
-def test_a_format_stated_anew_in_mid_log_holds_from_there_on(read_text, good_text) -> None:
+def test_a_format_stated_anew_in_mid_log_holds_from_there_on(
+    read_text: ReadText, good_text: str
+) -> None:
     lines = good_text.splitlines()
     mounts = [k for k, line in enumerate(lines) if line.startswith("MNT,")]
     (stated,) = (line for line in lines if line.startswith("FMT,") and ", MNT," in line)
     lines.insert(mounts[len(mounts) // 2], stated.replace("Pitch", "Patch"))
     whole, half = read_text(good_text), read_text("\n".join(lines))
+    assert half.boots[0].gimbal is not None
     kept = half.boots[0].gimbal.pitch_rad
+    assert whole.boots[0].gimbal is not None
     assert np.array_equal(kept, whole.boots[0].gimbal.pitch_rad[: len(kept)])
     assert len(kept) > 0.4 * len(mounts)
     assert any(note.startswith("the format of MNT changes at byte") for note in half.notes)
     assert any("MNT rows make no sense" in note for note in half.notes)
 
 
-def test_a_format_number_of_5000_digits_is_skipped(read_text, good_text) -> None:
+def test_a_format_number_of_5000_digits_is_skipped(read_text: ReadText, good_text: str) -> None:
     log = read_text(f"FMT, {'9' * 5000}, 20, NEW, Q, TimeUS\n{good_text}")
     assert any("format message at byte 0 makes no sense" in note for note in log.notes)
 
 
-def test_rows_without_a_pitch_are_told_not_forgotten(read_text, good_text) -> None:
+def test_rows_without_a_pitch_are_told_not_forgotten(read_text: ReadText, good_text: str) -> None:
     stated = re.sub(r"^(FMT,.* MNT,.*),Pitch", r"\1,Patch", good_text, flags=re.MULTILINE)
     log = read_text(stated)
     assert log.boots[0].gimbal is None
@@ -94,7 +117,7 @@ def test_rows_without_a_pitch_are_told_not_forgotten(read_text, good_text) -> No
     [("MNT", "Roll", "Pitch"), ("MNT", "TimeUS", "YawB"), ("ATT", "Roll", "Yaw")],
 )
 def test_field_names_that_were_exchanged_are_told(
-    read_text, good_text, message, first, second
+    read_text: ReadText, good_text: str, message: str, first: str, second: str
 ) -> None:
     (stated,) = (x for x in good_text.splitlines() if x.startswith("FMT,") and f", {message}," in x)
     names = stated.rsplit(", ", 1)[1].split(",")
@@ -115,7 +138,7 @@ def test_field_names_that_were_exchanged_are_told(
     ],
 )
 def test_a_row_off_its_neighbours_is_left_out_by_name(
-    read_changed, message, field, change, size
+    read_changed: ReadChanged, message: str, field: str, change: Change, size: str
 ) -> None:
     row = {"MNT": 42}.get(message, 40)
     log = read_changed(message, row, **{field: change})
@@ -123,27 +146,29 @@ def test_a_row_off_its_neighbours_is_left_out_by_name(
     assert re.search(rf"\({message}: {size}", note), note
     boot = log.boots[0]
     table = {"MNT": boot.gimbal, "ATT": boot.attitudes, "POS": boot.positions}[message]
+    assert table is not None
     assert len(table.time_boot_s) == (229 if message == "MNT" else 219)
 
 
-def test_a_home_that_positions_contradict_is_left_out(read_changed) -> None:
+def test_a_home_that_positions_contradict_is_left_out(read_changed: ReadChanged) -> None:
     log = read_changed("ORGN", 3, Alt=lambda old: old - 4096)
+    assert log.boots[0].home is not None
     assert log.boots[0].home.height_m.tolist() == [584.08]
     assert any("home by ORGN at 41.94 s" in n and "-41.0 m" in n for n in log.notes), log.notes
 
 
-def test_a_home_far_from_another_is_told(read_changed) -> None:
+def test_a_home_far_from_another_is_told(read_changed: ReadChanged) -> None:
     log = read_changed("ORGN", 3, Lat=lambda old: old + (1 << 16))
     assert any("home by ORGN moves by 727 m" in note for note in log.notes), log.notes
 
 
-def test_attitudes_that_another_message_contradicts_are_told(read_changed) -> None:
+def test_attitudes_that_another_message_contradicts_are_told(read_changed: ReadChanged) -> None:
     log = read_changed("ATT", slice(100, 160), Roll=lambda old: old + 20)
     (note,) = log.notes
     assert "attitudes by ATT and by XKF1 contradict each other at 60 of 220 times" in note
 
 
-def test_positions_that_the_receiver_contradicts_are_told(read_changed) -> None:
+def test_positions_that_the_receiver_contradicts_are_told(read_changed: ReadChanged) -> None:
     log = read_changed("POS", slice(100, 160), Lat=lambda old: old + 8000)
     (note,) = log.notes
     assert "positions by POS and by the receiver (GPS) contradict each other" in note
@@ -151,7 +176,7 @@ def test_positions_that_the_receiver_contradicts_are_told(read_changed) -> None:
 
 
 def test_a_step_that_stays_and_a_turn_are_no_damage() -> None:
-    time = np.arange(40) * 0.1
+    time = np.arange(40, dtype=np.float64) * 0.1
     step = np.where(time > 2, 100.0, 0.0)[:, None]
     assert off_neighbours(time, step).max() == 0
     turn = np.column_stack([np.cos(time), np.sin(time)])
@@ -176,13 +201,13 @@ def test_a_time_that_is_no_number_is_a_spike_and_no_restart() -> None:
     ],
 )
 def test_a_home_that_jumps_or_lies_off_the_estimators_origin_is_told(
-    read_changed, rows, said
+    read_changed: ReadChanged, rows: int | list[int] | slice, said: str
 ) -> None:
     log = read_changed("ORGN", rows, Lat=lambda old: old - 2048)
     assert any(re.search(said, note) for note in log.notes), log.notes
 
 
-def test_rows_out_of_the_order_of_time_are_told(read_changed) -> None:
+def test_rows_out_of_the_order_of_time_are_told(read_changed: ReadChanged) -> None:
     log = read_changed("ATT", 40, TimeUS=lambda old: old - 198_000)
     assert any(
         note.startswith("1 ATT rows stand out of the order of time (the first at 153.85 s")
@@ -190,7 +215,9 @@ def test_rows_out_of_the_order_of_time_are_told(read_changed) -> None:
     ), log.notes
 
 
-def test_the_gimbals_messages_under_a_damaged_name_are_told(read_text, good_text) -> None:
+def test_the_gimbals_messages_under_a_damaged_name_are_told(
+    read_text: ReadText, good_text: str
+) -> None:
     log = read_text(good_text.replace("MNT,", "MNU,"))
     assert log.boots[0].gimbal is None
     assert any(note.startswith("MNU messages look like the gimbal's (MNT)") for note in log.notes)

@@ -14,13 +14,18 @@ from uavgram.io.logs.flight_log import read_flight_log
     ("name", "kind", "positions", "events"),
     [("twin_short.BIN", "dataflash", 220, 11), ("twin_short.tlog", "tlog", 220, 11)],
 )
-def test_our_own_short_logs_are_read(repository: Path, name, kind, positions, events) -> None:
+def test_our_own_short_logs_are_read(
+    repository: Path, name: str, kind: str, positions: int, events: int
+) -> None:
     log = read_flight_log(repository / "logs" / name)
     (boot,) = log.boots
     assert log.kind == kind
+    assert boot.positions is not None
     assert len(boot.positions.time_boot_s) == positions
+    assert boot.events is not None
     assert len(boot.events.time_boot_s) == events
     assert boot.gimbal is not None
+    assert boot.home is not None
     assert boot.home.height_m[0] == 584.08
     assert log.notes == ()
 
@@ -30,19 +35,21 @@ def test_both_short_logs_tell_the_same_flight(repository: Path) -> None:
         read_flight_log(repository / "logs" / f"twin_short.{kind}").boots[0]
         for kind in ("BIN", "tlog")
     )
+    tracks = first.positions, second.positions
     time = np.arange(151.0, 171.0, 0.5)
     for name, tolerance in (("latitude_deg", 2e-7), ("longitude_deg", 2e-7), ("height_m", 0.02)):
         a, b = (
-            np.interp(time, boot.positions.time_boot_s, getattr(boot.positions, name))
-            for boot in (first, second)
+            np.interp(time, track.time_boot_s, getattr(track, name)) for track in tracks if track
         )
         assert np.abs(a - b).max() < tolerance, name
+    assert first.events is not None
+    assert second.events is not None
     assert np.abs(first.events.time_boot_s - second.events.time_boot_s).max() < 0.001
 
 
 @pytest.mark.parametrize(("source", "name"), [("BIN", "a.tlog"), ("tlog", "a.dat")])
 def test_the_content_decides_what_the_suffix_does_not_tell(
-    repository: Path, tmp_path: Path, source, name
+    repository: Path, tmp_path: Path, source: str, name: str
 ) -> None:
     path = tmp_path / name
     path.write_bytes((repository / "logs" / f"twin_short.{source}").read_bytes())
@@ -61,10 +68,10 @@ def test_a_missing_log_is_an_input_error(tmp_path: Path) -> None:
         read_flight_log(tmp_path / "none.BIN")
 
 
-def sdlog2_head():
+def sdlog2_head() -> bytes:
     """Formats and a message as PX4's sdlog2 begins a file: DataFlash's framing, other contents."""
 
-    def fmt(number, length, name, characters, fields):
+    def fmt(number: int, length: int, name: bytes, characters: bytes, fields: bytes) -> bytes:
         body = name.ljust(4, b"\0") + characters.ljust(16, b"\0") + fields.ljust(64, b"\0")
         return b"\xa3\x95\x80" + bytes([number, length]) + body
 
@@ -73,7 +80,7 @@ def sdlog2_head():
 
 
 @pytest.mark.parametrize("name", ["flight.px4log", "flight.bin", "flight.tlog"])
-def test_an_sdlog2_file_is_refused_by_name(tmp_path: Path, name) -> None:
+def test_an_sdlog2_file_is_refused_by_name(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
     path.write_bytes(sdlog2_head())
     with pytest.raises(InputError, match=r"is a PX4 log of the old form sdlog2.*give the ground"):
@@ -83,7 +90,7 @@ def test_an_sdlog2_file_is_refused_by_name(tmp_path: Path, name) -> None:
 @pytest.mark.parametrize("cut", [0, 7])
 @pytest.mark.parametrize("name", ["flight.bin", "flight.tlog", "flight.raw"])
 def test_a_stream_without_time_stamps_is_refused_by_name(
-    repository: Path, tmp_path: Path, name, cut
+    repository: Path, tmp_path: Path, name: str, cut: int
 ) -> None:
     records = log_mutants.records((repository / "logs" / "twin_short.tlog").read_bytes())
     path = tmp_path / name

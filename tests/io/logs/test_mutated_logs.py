@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import ulog_writer
 from pymavlink import DFReader
 
 SCRIPT = Path(__file__).with_name("mutated_logs.py")
@@ -13,7 +14,7 @@ COUNT, WORKERS = 5000, 2
 ARENAS = 64 << 20  # the interpreter's and numpy's own; the logs are a few hundred kB at most
 
 
-def text_log(binary):
+def text_log(binary: Path) -> bytes:
     """The first seconds of a binary log in its text form."""
     reader = DFReader.DFReader_binary(str(binary))
     lines = []
@@ -26,33 +27,34 @@ def text_log(binary):
     return "\n".join(lines).encode("latin-1")
 
 
-def small_ulog(write):
-    topics = write.flight(15.0)
-    topics["camera_capture"] = (write.CAPTURE, [write.capture(11 + k, k) for k in range(8)])
+def small_ulog() -> bytes:
+    topics = ulog_writer.flight(15.0)
+    topics["camera_capture"] = (
+        ulog_writer.CAPTURE,
+        [ulog_writer.capture(11 + k, k) for k in range(8)],
+    )
     topics["camera_trigger"] = (
-        write.TRIGGER,
-        [(write.us(10.9 + k), 0, k, False) for k in range(8)]
-        + [(write.us(11 + k), 0, k, True) for k in range(8)],
+        ulog_writer.TRIGGER,
+        [(ulog_writer.us(10.9 + k), 0, k, False) for k in range(8)]
+        + [(ulog_writer.us(11 + k), 0, k, True) for k in range(8)],
     )
     topics["gimbal_device_attitude_status"] = (
-        write.GIMBAL,
-        [(write.us(10 + k / 10), (1.0, 0.0, 0.0, 0.0), 32) for k in range(150)],
+        ulog_writer.GIMBAL,
+        [(ulog_writer.us(10 + k / 10), (1.0, 0.0, 0.0, 0.0), 32) for k in range(150)],
     )
-    return write.ulog(topics)
+    return ulog_writer.ulog(topics)
 
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("suffix", [".BIN", ".log", ".tlog", ".ulg"])
-def test_damaged_logs_are_read_or_refused(
-    suffix, repository: Path, ulog_writer, tmp_path: Path
-) -> None:
+def test_damaged_logs_are_read_or_refused(suffix: str, repository: Path, tmp_path: Path) -> None:
     binary = repository / "logs" / "twin_short.BIN"
     source = tmp_path / f"source{suffix}"
     contents = {
         ".BIN": lambda: binary.read_bytes()[:60_000],
         ".log": lambda: text_log(binary),
         ".tlog": lambda: binary.with_suffix(".tlog").read_bytes()[:20_000],
-        ".ulg": lambda: small_ulog(ulog_writer),
+        ".ulg": small_ulog,
     }
     source.write_bytes(contents[suffix]())
     share = COUNT // WORKERS

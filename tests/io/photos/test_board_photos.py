@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,11 +13,13 @@ import pytest
 
 from uavgram.errors import InputError
 from uavgram.io.photos import board_photos as calibration_photos
-from uavgram.io.photos.board_photos import find_calibration_photos, read_grey
+from uavgram.io.photos.board_photos import CalibrationFiles, find_calibration_photos, read_grey
+from uavgram.io.photos.camera_tags import read_all_camera_tags
+from uavgram.model.camera.tags import CameraTags
 
 
 @pytest.fixture
-def folder(tmp_path: Path):
+def folder(tmp_path: Path) -> Path:
     """Four small photos, all different."""
     for k in range(4):
         photo = np.full((48, 64), 40 * k, np.uint8)
@@ -24,11 +28,11 @@ def folder(tmp_path: Path):
     return tmp_path
 
 
-def find(folder):
+def find(folder: Path) -> CalibrationFiles:
     return find_calibration_photos([str(folder / "*.png")])
 
 
-def test_photos_are_found_once_in_the_order_of_their_names(folder) -> None:
+def test_photos_are_found_once_in_the_order_of_their_names(folder: Path) -> None:
     files = find_calibration_photos([str(folder / "2.png"), str(folder / "*.png")])
     assert [path[-5:] for path in files.path] == ["0.png", "1.png", "2.png", "3.png"]
     assert (files.width_px, files.height_px) == (64, 48)
@@ -37,7 +41,7 @@ def test_photos_are_found_once_in_the_order_of_their_names(folder) -> None:
     assert files.setting[0].focal_length_mm is None
 
 
-def test_grey_values_are_those_of_the_file(folder) -> None:
+def test_grey_values_are_those_of_the_file(folder: Path) -> None:
     grey = read_grey(folder / "1.png")
     assert grey.shape == (48, 64)
     assert grey[5, 7] == 255
@@ -45,7 +49,7 @@ def test_grey_values_are_those_of_the_file(folder) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"no photo", b"\xff\xd8\xff\xe0 cut"])
-def test_what_is_no_photo_is_named(folder, content) -> None:
+def test_what_is_no_photo_is_named(folder: Path, content: bytes) -> None:
     (folder / "1.png").write_bytes(content)
     with pytest.raises(InputError, match="no photo") as caught:
         read_grey(folder / "1.png")
@@ -54,26 +58,26 @@ def test_what_is_no_photo_is_named(folder, content) -> None:
         find(folder)
 
 
-def test_a_missing_photo_is_named(folder) -> None:
+def test_a_missing_photo_is_named(folder: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
         read_grey(folder / "9.png")
     with pytest.raises(InputError, match="matches no file"):
         find_calibration_photos([str(folder / "*.jpg")])
 
 
-def test_one_photo_is_too_few(folder) -> None:
+def test_one_photo_is_too_few(folder: Path) -> None:
     with pytest.raises(InputError, match="1 of the 3 photos"):
         find_calibration_photos([str(folder / "1.png")])
 
 
-def test_a_copy_is_named_with_its_original(folder) -> None:
+def test_a_copy_is_named_with_its_original(folder: Path) -> None:
     shutil.copy(folder / "1.png", folder / "5.png")
     with pytest.raises(InputError, match=r"copy of .*1\.png") as caught:
         find(folder)
     assert caught.value.path.endswith("5.png")
 
 
-def test_mixed_sizes_are_refused(folder) -> None:
+def test_mixed_sizes_are_refused(folder: Path) -> None:
     cv2.imwrite(str(folder / "4.png"), np.zeros((64, 48), np.uint8))
     with pytest.raises(InputError, match="48 x 64 pixels") as caught:
         find(folder)
@@ -89,16 +93,18 @@ def test_mixed_sizes_are_refused(folder) -> None:
     ],
 )
 def test_two_cameras_or_zooms_are_refused(
-    folder, monkeypatch: pytest.MonkeyPatch, field, value, words
+    folder: Path, monkeypatch: pytest.MonkeyPatch, field: str, value: str | float, words: str
 ) -> None:
     from dataclasses import replace
 
-    real = calibration_photos.read_all_camera_tags
+    other: dict[str, Any] = {field: value}
 
-    def tagged(paths):
-        facts = {"make": "DJI", "model": "FC300X", "serial": "A1", "focal_mm": 3.61}
-        tags = [replace(tag, **facts) for tag in real(paths)]
-        return (*tags[:2], replace(tags[2], **{field: value}), tags[3])
+    def tagged(paths: Iterable[str]) -> tuple[CameraTags, ...]:
+        tags = [
+            replace(tag, make="DJI", model="FC300X", serial="A1", focal_mm=3.61)
+            for tag in read_all_camera_tags(paths)
+        ]
+        return (*tags[:2], replace(tags[2], **other), tags[3])
 
     monkeypatch.setattr(calibration_photos, "read_all_camera_tags", tagged)
     with pytest.raises(InputError, match=words) as caught:

@@ -2,14 +2,22 @@
 
 import math
 from pathlib import Path
+from typing import Protocol, Unpack
 
 import numpy as np
 import pytest
+from camera_facts import CameraFacts
 from camera_photos import camera_photo
 from PIL.TiffImagePlugin import IFDRational
 
 from uavgram.errors import InputError
 from uavgram.io.photos.camera_tags import read_all_camera_tags, read_camera_tags
+from uavgram.model.camera.tags import CameraTags
+
+
+class TagsOf(Protocol):
+    def __call__(self, **facts: Unpack[CameraFacts]) -> CameraTags: ...
+
 
 # As a Phantom 4 RTK writes it (published in Agisoft's forum, topic 10220).
 DEWARP = (
@@ -19,14 +27,14 @@ DEWARP = (
 
 
 @pytest.fixture
-def tags_of(tmp_path: Path):
-    def read(**tags):
-        return read_camera_tags(camera_photo(tmp_path / "photo.jpg", **tags))
+def tags_of(tmp_path: Path) -> TagsOf:
+    def read(**facts: Unpack[CameraFacts]) -> CameraTags:
+        return read_camera_tags(camera_photo(tmp_path / "photo.jpg", **facts))
 
     return read
 
 
-def test_what_exif_says_is_read(tags_of) -> None:
+def test_what_exif_says_is_read(tags_of: TagsOf) -> None:
     tags = tags_of(
         make="DJI", model="FC220", focal=(47, 10), equivalent=26, distance=(5, 2), serial="0AB"
     )
@@ -38,7 +46,7 @@ def test_what_exif_says_is_read(tags_of) -> None:
     assert (tags.dewarp, tags.dewarped) == ((), False)
 
 
-def test_what_exif_does_not_say_is_unknown(tags_of) -> None:
+def test_what_exif_does_not_say_is_unknown(tags_of: TagsOf) -> None:
     tags = tags_of(focal=(0, 0), equivalent=0, zoom=(0, 0), distance=(0, 1))
 
     assert all(map(math.isnan, (tags.focal_mm, tags.focal_35mm_mm, tags.focus_m)))
@@ -46,12 +54,12 @@ def test_what_exif_does_not_say_is_unknown(tags_of) -> None:
     assert tags.camera_name == ""
 
 
-def test_digital_zoom_is_read(tags_of) -> None:
+def test_digital_zoom_is_read(tags_of: TagsOf) -> None:
     assert tags_of(zoom=(2, 1)).digital_zoom == 2.0
 
 
 @pytest.mark.parametrize("text", [DEWARP, " " + DEWARP.replace(",", ", ")])
-def test_djis_calibration_is_read(tags_of, text) -> None:
+def test_djis_calibration_is_read(tags_of: TagsOf, text: str) -> None:
     tags = tags_of(dji={"DewarpData": text, "DewarpFlag": "0"})
 
     assert tags.dewarp[:4] == (3684.48, 3677.57, 2.24, 22.05)
@@ -60,20 +68,20 @@ def test_djis_calibration_is_read(tags_of, text) -> None:
     assert tags_of(dji={"DewarpData": text, "DewarpFlag": "1"}).dewarped
 
 
-def test_the_one_with_twelve_parameters_goes_first(tags_of) -> None:
+def test_the_one_with_twelve_parameters_goes_first(tags_of: TagsOf) -> None:
     longer = DEWARP + ",0.1,0.2,0.3"
 
     assert tags_of(dji={"DewarpData": DEWARP, "DewarpDataK6": longer}).dewarp[9:] == (0.1, 0.2, 0.3)
 
 
-def test_a_camera_that_was_never_calibrated_says_zeros(tags_of) -> None:
+def test_a_camera_that_was_never_calibrated_says_zeros(tags_of: TagsOf) -> None:
     assert tags_of(dji={"DewarpData": "2020-01-01;0,0,0,0,0,0,0,0,0"}).dewarp == ()
 
 
 @pytest.mark.parametrize(
     "text", ["2018-09-06;1,2,3", DEWARP.replace("2.24", "x"), "nan," * 8 + "1"]
 )
-def test_a_broken_calibration_is_refused_by_name(tags_of, text) -> None:
+def test_a_broken_calibration_is_refused_by_name(tags_of: TagsOf, text: str) -> None:
     with pytest.raises(InputError, match=r"photo\.jpg: its tag DewarpData is no calibration"):
         tags_of(dji={"DewarpData": text})
     with pytest.raises(InputError, match="no positive focal lengths"):
@@ -92,7 +100,9 @@ def test_real_photos_say_their_camera(data_dir: Path) -> None:
     ("value", "focal", "step"),
     [((473, 100), 4.73, 0.01), (4.73, 4.73, 0.01), (50.0, 50.0, 1.0), (np.pi, np.pi, 0.0)],
 )
-def test_a_focal_length_of_any_number_type_is_read(tags_of, value, focal, step) -> None:
+def test_a_focal_length_of_any_number_type_is_read(
+    tags_of: TagsOf, value: tuple[int, int] | float, focal: float, step: float
+) -> None:
     """Pillow writes a float as a double: it was a TypeError."""
     tags = tags_of(focal=value)
 
@@ -100,7 +110,7 @@ def test_a_focal_length_of_any_number_type_is_read(tags_of, value, focal, step) 
     assert tags.focal_step_mm == pytest.approx(step)
 
 
-def test_all_numbers_may_be_doubles(tags_of) -> None:
+def test_all_numbers_may_be_doubles(tags_of: TagsOf) -> None:
     names = {41486: 137.5, 41487: 138.0, 41988: 2.0, 41989: 35.0, 37382: 12.5, 40962: 800.0}
     tags = tags_of(focal=10.0, details={**names, 40963: 600.0, 41488: 4})
 
@@ -110,16 +120,21 @@ def test_all_numbers_may_be_doubles(tags_of) -> None:
 
 
 @pytest.mark.parametrize("unit", [(None, 25.4), (2, 25.4), (3, 10.0), (4, 1.0), (5, 0.001)])
-def test_the_sensors_resolution_is_read_in_its_unit(tags_of, unit) -> None:
+def test_the_sensors_resolution_is_read_in_its_unit(
+    tags_of: TagsOf, unit: tuple[int | None, float]
+) -> None:
     code, mm = unit
-    stated = {41486: IFDRational(5616000, 1459), **({} if code is None else {41488: code})}
+    stated: dict[int, float | IFDRational] = {
+        41486: IFDRational(5616000, 1459),
+        **({} if code is None else {41488: code}),
+    }
     across, down = tags_of(details=stated).focal_plane_per_mm
 
     assert across == down == pytest.approx(5616000 / 1459 / mm)
 
 
 @pytest.mark.parametrize("code", [1, 6, 77])
-def test_a_resolution_without_a_length_is_unknown(tags_of, code) -> None:
+def test_a_resolution_without_a_length_is_unknown(tags_of: TagsOf, code: int) -> None:
     assert all(map(math.isnan, tags_of(details={41486: 3849.0, 41488: code}).focal_plane_per_mm))
 
 
@@ -134,5 +149,5 @@ def test_a_resolution_without_a_length_is_unknown(tags_of, code) -> None:
         ("Canon", "", "Canon"),
     ],
 )
-def test_a_make_is_said_once(tags_of, make, model, name) -> None:
+def test_a_make_is_said_once(tags_of: TagsOf, make: str, model: str, name: str) -> None:
     assert tags_of(make=make, model=model).camera_name == name

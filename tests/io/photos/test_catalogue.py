@@ -3,6 +3,7 @@
 import datetime as dt
 import os
 from pathlib import Path
+from typing import Protocol
 
 import cv2
 import exifread
@@ -14,14 +15,19 @@ from uavgram.io.photos.catalogue import read_photos
 from uavgram.io.photos.size import image_size
 from uavgram.model.options import TimeOptions
 
+
+class Photo(Protocol):
+    def __call__(self, name: str, width: int = ..., height: int = ..., **exif: str) -> Path: ...
+
+
 FILENAME = TimeOptions(source="filename", filename_format="%Y%m%d%H%M%S%fZ")
 
 
 @pytest.fixture
-def photo(tmp_path: Path):
+def photo(tmp_path: Path) -> Photo:
     """Write a small photo, with EXIF entries if asked for."""
 
-    def write(name, width=8, height=6, **exif):
+    def write(name: str, width: int = 8, height: int = 6, **exif: str) -> Path:
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         assert cv2.imwrite(str(path), np.zeros((height, width, 3), np.uint8))
@@ -36,7 +42,7 @@ def photo(tmp_path: Path):
 TAGS = {"original": 0x9003, "subsec": 0x9291, "zone": 0x9011}
 
 
-def app1(exif):
+def app1(exif: dict[str, str]) -> bytes:
     """An EXIF segment with text entries of the Exif IFD (TIFF 6.0, little-endian)."""
     entries = sorted((TAGS[k], v.encode() + b"\0") for k, v in exif.items())
     offset = 8 + 18 + 2 + 12 * len(entries) + 4
@@ -52,24 +58,29 @@ def app1(exif):
     return b"\xff\xe1" + (len(body) + 2).to_bytes(2, "big") + body
 
 
-def utc(*fields):
-    return dt.datetime(*fields, tzinfo=dt.UTC).timestamp()
+def utc(
+    year: int, month: int, day: int, hour: int, minute: int, second: int, microsecond: int = 0
+) -> float:
+    moment = dt.datetime(year, month, day, hour, minute, second, microsecond, tzinfo=dt.UTC)
+    return moment.timestamp()
 
 
 @pytest.mark.parametrize("suffix", ["jpg", "png", "tif", "bmp"])
-def test_sizes_are_those_of_the_stored_image(photo, suffix) -> None:
+def test_sizes_are_those_of_the_stored_image(photo: Photo, suffix: str) -> None:
     assert image_size(photo(f"a.{suffix}", 37, 21)) == (37, 21)
 
 
 def test_sizes_of_real_photos_equal_opencvs(data_dir: Path) -> None:
     for path in sorted(data_dir.glob("*/*.[jJ][pP][gG]")):
         flags = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
-        height, width = cv2.imread(str(path), flags).shape[:2]
+        decoded = cv2.imread(str(path), flags)
+        assert decoded is not None, path
+        height, width = decoded.shape[:2]
         assert image_size(path) == (width, height), path
 
 
 @pytest.mark.parametrize("content", [b"", b"hello", b"\xff\xd8\xff\xe0\x00", b"\x89PNG\r\n\x1a\n"])
-def test_what_is_no_photo_is_refused_by_name(tmp_path: Path, content) -> None:
+def test_what_is_no_photo_is_refused_by_name(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.jpg"
     path.write_bytes(content)
     with pytest.raises(InputError, match="no photo") as caught:
@@ -96,7 +107,7 @@ def test_exif_times_have_milliseconds_in_the_twins(data_dir: Path) -> None:
     assert messages == ()
 
 
-def test_a_stated_zone_is_taken_off_and_a_missing_one_is_said(photo, tmp_path: Path) -> None:
+def test_a_stated_zone_is_taken_off_and_a_missing_one_is_said(photo: Photo, tmp_path: Path) -> None:
     photo("a.jpg", original="2024:05:06 12:00:00", subsec="25", zone="+02:00")
     photos, messages = read_photos((str(tmp_path / "*.jpg"),), TimeOptions(source="exif"))
     assert photos.file_time_s[0] == pytest.approx(utc(2024, 5, 6, 10, 0, 0, 250000), abs=1e-6)
@@ -109,7 +120,7 @@ def test_a_stated_zone_is_taken_off_and_a_missing_one_is_said(photo, tmp_path: P
     assert [m.code for m in messages] == ["photo-zone-unknown"]
 
 
-def test_the_exif_segment_of_these_tests_is_one(photo) -> None:
+def test_the_exif_segment_of_these_tests_is_one(photo: Photo) -> None:
     path = photo("a.jpg", original="2024:05:06 12:00:00", subsec="25")
     with path.open("rb") as file:
         tags = exifread.process_file(file, details=False)
@@ -117,7 +128,7 @@ def test_the_exif_segment_of_these_tests_is_one(photo) -> None:
 
 
 def test_auto_takes_exif_where_most_photos_have_it_and_names_one_that_has_not(
-    photo, tmp_path: Path
+    photo: Photo, tmp_path: Path
 ) -> None:
     photo("a.jpg", original="2024:05:06 12:00:00")
     photo("b.jpg")
@@ -134,7 +145,7 @@ def test_auto_takes_exif_where_most_photos_have_it_and_names_one_that_has_not(
     "name", [b"IMG_\xff3.jpg", b"IMG\n3.jpg", b"IMG\x1b[3.jpg", "IMG\u202e3.jpg".encode()]
 )
 def test_a_name_that_cannot_be_written_is_refused_in_words_that_can(
-    photo, tmp_path: Path, name
+    photo: Photo, tmp_path: Path, name: bytes
 ) -> None:
     photo("a.jpg").rename(os.fsdecode(os.fsencode(tmp_path) + b"/" + name))
     with pytest.raises(InputError, match=r"IMG.*3\.jpg: the photo's name .*rename it") as caught:
@@ -143,7 +154,7 @@ def test_a_name_that_cannot_be_written_is_refused_in_words_that_can(
     assert str(caught.value).encode()
 
 
-def test_auto_leaves_exif_alone_where_few_photos_have_it(photo, tmp_path: Path) -> None:
+def test_auto_leaves_exif_alone_where_few_photos_have_it(photo: Photo, tmp_path: Path) -> None:
     photo("a.jpg", original="2024:05:06 12:00:00")
     photo("b.jpg")
     photos, messages = read_photos((str(tmp_path / "*.jpg"),), TimeOptions())
@@ -152,14 +163,14 @@ def test_auto_leaves_exif_alone_where_few_photos_have_it(photo, tmp_path: Path) 
     assert [m.code for m in messages] == ["photo-times-ignored"]
 
 
-def test_exif_asked_for_but_nowhere_stated_is_an_error(photo, tmp_path: Path) -> None:
+def test_exif_asked_for_but_nowhere_stated_is_an_error(photo: Photo, tmp_path: Path) -> None:
     path = photo("a.jpg")
     with pytest.raises(InputError, match=r"no capture time.*time\.source") as caught:
         read_photos((str(tmp_path / "*.jpg"),), TimeOptions(source="exif"))
     assert caught.value.path == str(path)
 
 
-def test_a_clock_that_was_never_set_states_no_time(photo, tmp_path: Path) -> None:
+def test_a_clock_that_was_never_set_states_no_time(photo: Photo, tmp_path: Path) -> None:
     photo("a.jpg", original="2024:05:06 12:00:00")
     photo("b.jpg", original="0000:00:00 00:00:00")
     options = TimeOptions(source="exif")
@@ -169,21 +180,21 @@ def test_a_clock_that_was_never_set_states_no_time(photo, tmp_path: Path) -> Non
     assert "b.jpg" in messages[0].text
 
 
-def test_a_name_that_does_not_fit_the_pattern_is_named(photo, tmp_path: Path) -> None:
+def test_a_name_that_does_not_fit_the_pattern_is_named(photo: Photo, tmp_path: Path) -> None:
     path = photo("IMG_1.jpg")
     with pytest.raises(InputError, match="filename_format") as caught:
         read_photos((str(tmp_path / "*.jpg"),), FILENAME)
     assert caught.value.path == str(path)
 
 
-def test_two_photos_of_one_name_are_refused(photo, tmp_path: Path) -> None:
+def test_two_photos_of_one_name_are_refused(photo: Photo, tmp_path: Path) -> None:
     photo("one/a.jpg")
     photo("two/a.jpg")
     with pytest.raises(InputError, match="has the name of"):
         read_photos((str(tmp_path / "*" / "a.jpg"),), TimeOptions())
 
 
-def test_one_photo_in_two_patterns_counts_once(photo, tmp_path: Path) -> None:
+def test_one_photo_in_two_patterns_counts_once(photo: Photo, tmp_path: Path) -> None:
     photo("b.jpg")
     photo("a.jpg")
     patterns = (str(tmp_path / "*.jpg"), str(tmp_path / "a.jpg"))

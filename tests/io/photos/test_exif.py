@@ -5,6 +5,7 @@ import struct
 import tracemalloc
 import zlib
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -114,7 +115,9 @@ def test_a_tiff_that_says_it_is_huge_is_not_decoded(tmp_path: Path) -> None:
     assert image_size(path) == (30_000, 30_000)
 
 
-def tiff_file(path, tag, kind, data, count=1, order="<"):
+def tiff_file(
+    path: Path, tag: int, kind: int, data: bytes, count: int = 1, order: Literal["<", ">"] = "<"
+) -> Path:
     """A TIFF file whose GPS directory has one entry (two for a place's half)."""
     first = struct.pack(order + "HIHHIII", 42, 8, 1, 0x8825, 4, 1, 26)[0:]
     head = (b"II" if order == "<" else b"MM") + struct.pack(order + "HI", 42, 8)
@@ -145,7 +148,12 @@ def tiff_file(path, tag, kind, data, count=1, order="<"):
     ],
 )
 def test_a_number_of_any_type_that_exif_has_is_read(
-    tmp_path: Path, order, kind, code, values, number
+    tmp_path: Path,
+    order: Literal["<", ">"],
+    kind: int,
+    code: str,
+    values: list[float | bytes],
+    number: float,
 ) -> None:
     data = struct.pack(order + code, *values)
     count = len(data) if kind == 2 else 1
@@ -156,7 +164,7 @@ def test_a_number_of_any_type_that_exif_has_is_read(
 
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf")])
-def test_a_number_that_is_none_counts_as_absent(tmp_path: Path, number) -> None:
+def test_a_number_that_is_none_counts_as_absent(tmp_path: Path, number: float) -> None:
     path = tiff_file(tmp_path / "a.tif", 6, 12, struct.pack("<d", number))
 
     assert exif_numbers(read_exif_tags(path)["GPS GPSAltitude"]) == []

@@ -15,12 +15,12 @@ from uavgram.io.photos.files import matching_files
 
 
 @pytest.fixture
-def project(tmp_path: Path):
+def project(tmp_path: Path) -> Path:
     return small_project(tmp_path / "flight")
 
 
 def test_a_pipe_among_the_photos_is_named_as_one(
-    project, capsys: pytest.CaptureFixture[str]
+    project: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in ("picks", "lines", "measure"):
         text = project.read_text(encoding="utf-8").replace(f"{name}: {name}.csv\n", "")
@@ -42,7 +42,7 @@ def test_a_pipe_among_the_photos_is_named_as_one(
         ("absent.jpg", "absent.jpg: matches no file; correct it"),
     ],
 )
-def test_what_is_no_file_is_named_as_what_it_is(tmp_path: Path, name, said) -> None:
+def test_what_is_no_file_is_named_as_what_it_is(tmp_path: Path, name: str, said: str) -> None:
     (tmp_path / "gone.jpg").symlink_to("nowhere.jpg")
     with pytest.raises(InputError) as caught:
         matching_files(str(tmp_path / name), "correct it")
@@ -58,7 +58,7 @@ def test_folders_that_a_wildcard_meets_are_passed_over(tmp_path: Path) -> None:
 
 
 def test_pipes_in_place_of_tables_logs_and_projects_do_not_hold_anyone_up(
-    project, capsys: pytest.CaptureFixture[str]
+    project: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = project.parent
     os.mkfifo(folder / "flight.BIN")
@@ -79,7 +79,10 @@ def test_pipes_in_place_of_tables_logs_and_projects_do_not_hold_anyone_up(
     "command", ["log F", "camera F", "picks import F.txt --output p.csv", "camera F.jpg"]
 )
 def test_no_command_waits_for_a_pipe(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    command: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("F", "F.txt", "F.jpg"):
@@ -90,7 +93,7 @@ def test_no_command_waits_for_a_pipe(
 
 @pytest.mark.parametrize("pattern", ["**", "**/*.jpg", "deep/**/*.jpg", "*"])
 def test_a_pattern_beyond_reason_ends_early(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pattern
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pattern: str
 ) -> None:
     (tmp_path / "deep").mkdir()
     for k in range(12):
@@ -120,7 +123,7 @@ def test_new_in_a_folder_of_everything_says_so(
 
 
 def test_invisible_characters_in_a_project_are_told_by_line(
-    project, capsys: pytest.CaptureFixture[str]
+    project: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = project.read_text(encoding="utf-8")
     project.write_text(f"{text}\noperator: \u202eecila\n", encoding="utf-8")

@@ -18,7 +18,7 @@ from uavgram.io.photos.name_times import name_format
         (["100% 20240301_123005.25", "100% 20240301_123005.75"], "100%% %Y%m%d_%H%M%S.%f"),
     ],
 )
-def test_the_form_of_a_time_is_found(stems, form) -> None:
+def test_the_form_of_a_time_is_found(stems: list[str], form: str) -> None:
     assert name_format(stems) == form
     datetime.strptime(stems[0], form)  # noqa: DTZ007
 
@@ -35,5 +35,5 @@ def test_the_form_of_a_time_is_found(stems, form) -> None:
         ["2024030112", "2024030113"],
     ],
 )
-def test_what_is_no_time_of_one_form_is_none(stems) -> None:
+def test_what_is_no_time_of_one_form_is_none(stems: list[str]) -> None:
     assert name_format(stems) is None

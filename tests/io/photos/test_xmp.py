@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+import tagged_jpeg
 
 from uavgram.errors import InputError
 from uavgram.io.photos.xmp import DJI, PIX4D, parse_xmp, read_xmp
@@ -14,7 +15,7 @@ ELEMENTS = (
 )
 
 
-def test_attributes_and_elements_say_the_same(tagged_jpeg) -> None:
+def test_attributes_and_elements_say_the_same() -> None:
     as_attributes = parse_xmp(tagged_jpeg.dji(GimbalYawDegree="+9.50", GimbalPitchDegree="-16.60"))
     as_elements = parse_xmp(tagged_jpeg.packet(ELEMENTS))
 
@@ -22,20 +23,20 @@ def test_attributes_and_elements_say_the_same(tagged_jpeg) -> None:
     assert as_attributes == as_elements == expected
 
 
-def test_the_prefix_does_not_matter_and_the_last_slash_of_a_namespace_neither(tagged_jpeg) -> None:
+def test_the_prefix_does_not_matter_and_the_last_slash_of_a_namespace_neither() -> None:
     inner = '<rdf:Description xmlns:q="http://pix4d.com/camera/1.0" q:Yaw="4"/>'
 
     assert parse_xmp(tagged_jpeg.packet(inner))[PIX4D, "Yaw"] == "4"
 
 
-def test_a_photo_without_a_packet_has_no_tags(tmp_path: Path, tagged_jpeg) -> None:
+def test_a_photo_without_a_packet_has_no_tags(tmp_path: Path) -> None:
     path = tmp_path / "a.jpg"
     path.write_bytes(tagged_jpeg.jpeg())
 
     assert read_xmp(path) == {}
 
 
-def test_a_packet_behind_the_pixels_is_not_read(tmp_path: Path, tagged_jpeg) -> None:
+def test_a_packet_behind_the_pixels_is_not_read(tmp_path: Path) -> None:
     path = tmp_path / "a.jpg"
     path.write_bytes(tagged_jpeg.jpeg() + tagged_jpeg.dji(GimbalYawDegree="1"))
 
@@ -50,13 +51,13 @@ def test_a_packet_behind_the_pixels_is_not_read(tmp_path: Path, tagged_jpeg) -> 
         '<!DOCTYPE a SYSTEM "http://example.org/a.dtd">',
     ],
 )
-def test_entities_and_document_types_are_refused(tagged_jpeg, declaration) -> None:
+def test_entities_and_document_types_are_refused(declaration: str) -> None:
     bomb = declaration.encode() + tagged_jpeg.packet("<rdf:Description/>")
     with pytest.raises(ValueError, match="declares"):
         parse_xmp(bomb)
 
 
-def test_a_broken_packet_is_an_error_that_names_the_photo(tmp_path: Path, tagged_jpeg) -> None:
+def test_a_broken_packet_is_an_error_that_names_the_photo(tmp_path: Path) -> None:
     path = tmp_path / "a.jpg"
     path.write_bytes(tagged_jpeg.jpeg(tagged_jpeg.packet("<rdf:Description>")))
 

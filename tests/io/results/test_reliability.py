@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -20,16 +21,24 @@ from uavgram.model.result.reliability import (
     SecondOrder,
     WeakestLinks,
 )
+from uavgram.model.result.result import Result
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 NAN = np.nan
 
 
 @pytest.fixture
-def judged(sample_result):
+def judged(sample_result: Result) -> Result:
     """A result in which everything is known of its reliability."""
     names = sample_result.measurements.name
     count = len(names)
-    effects = Effects(on=(names[0], "", names[-1]), change=[0.04, NAN, -1 / 3], sigmas=[2, NAN, 1])
+    effects = Effects(
+        on=(names[0], "", names[-1]),
+        change=np.array([0.04, NAN, -1 / 3]),
+        sigmas=np.array([2, NAN, 1]),
+    )
     evidence = Evidence(
         lines=effects,
         picks=effects,
@@ -38,17 +47,17 @@ def judged(sample_result):
             name=("image x axis", "k1", "clock offset"),
             frame_id=("a.jpg", "", ""),
             unit=("deg", "1", "s"),
-            residual=[1.5, 0.0, -0.1],
-            w=[6.1, 0.0, -0.2],
-            redundancy=[0.9, 0.0, 0.3],
-            bias=[4.0, NAN, 0.7],
+            residual=np.array([1.5, 0.0, -0.1]),
+            w=np.array([6.1, 0.0, -0.2]),
+            redundancy=np.array([0.9, 0.0, 0.3]),
+            bias=np.array([4.0, NAN, 0.7]),
             effects=effects,
         ),
         weakest=WeakestLinks(
             what=("length 'n'",) + ("",) * (count - 1),
-            bias=[0.09] + [NAN] * (count - 1),
+            bias=np.array([0.09] + [NAN] * (count - 1)),
             unit=("m",) + ("",) * (count - 1),
-            change=[-0.04] + [NAN] * (count - 1),
+            change=np.array([-0.04] + [NAN] * (count - 1)),
             unchecked=(("pick of 'P' in 'a.jpg'", "k1"),) + ((),) * (count - 1),
         ),
     )
@@ -57,9 +66,9 @@ def judged(sample_result):
         evidence=evidence,
         second_order=SecondOrder(
             bias=np.linspace(0, 0.1, count),
-            sigma=[*np.linspace(0.1, 0.2, count - 1), NAN],
+            sigma=np.array([*np.linspace(0.1, 0.2, count - 1), NAN]),
             curvature=np.linspace(0, 1, count),
-            off=[False] * (count - 1) + [True],
+            off=np.array([False] * (count - 1) + [True]),
         ),
         removals=(
             RemovalRecord(
@@ -78,7 +87,7 @@ def judged(sample_result):
     )
 
 
-def same(one, other) -> None:
+def same(one: DataclassInstance, other: DataclassInstance) -> None:
     for field in fields(one):
         a, b = getattr(one, field.name), getattr(other, field.name)
         if isinstance(a, np.ndarray):
@@ -89,7 +98,7 @@ def same(one, other) -> None:
             np.testing.assert_equal(a, b)
 
 
-def test_what_is_known_of_the_reliability_comes_back(judged, tmp_path: Path) -> None:
+def test_what_is_known_of_the_reliability_comes_back(judged: Result, tmp_path: Path) -> None:
     path = tmp_path / "results.json"
     path.write_text(dump_results(judged), encoding="utf-8")
     back = load_results(path)
@@ -99,7 +108,7 @@ def test_what_is_known_of_the_reliability_comes_back(judged, tmp_path: Path) -> 
     assert dump_results(back) == dump_results(judged)
 
 
-def test_it_stands_with_the_rows_that_it_is_of(judged) -> None:
+def test_it_stands_with_the_rows_that_it_is_of(judged: Result) -> None:
     content = json.loads(dump_results(judged))
     line, measurement = content["lines"][0], content["measurements"][0]
     assert line["external"] == 0.04
@@ -117,17 +126,19 @@ def test_it_stands_with_the_rows_that_it_is_of(judged) -> None:
     assert content["checks_overall"]["count"] == 4
 
 
-def test_a_file_of_before_has_none_of_it(sample_result, tmp_path: Path) -> None:
+def test_a_file_of_before_has_none_of_it(sample_result: Result, tmp_path: Path) -> None:
     path = tmp_path / "results.json"
     content = json.loads(dump_results(sample_result))
     del content["removals"], content["checks_overall"]
     path.write_text(json.dumps(content), encoding="utf-8")
     back = load_results(path)
-    assert back.evidence is back.second_order is back.checks_overall is None
+    assert back.evidence is None
+    assert back.second_order is None
+    assert back.checks_overall is None
     assert back.removals == ()
 
 
-def test_a_flag_that_is_no_truth_value_is_refused(judged, tmp_path: Path) -> None:
+def test_a_flag_that_is_no_truth_value_is_refused(judged: Result, tmp_path: Path) -> None:
     path = tmp_path / "results.json"
     content = json.loads(dump_results(judged))
     content["measurements"][0]["first_order_off"] = "no"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import pytest
@@ -13,37 +15,47 @@ from uavgram.errors import InputError
 from uavgram.io.results.results_json import dump_results, load_results, write_results
 from uavgram.model.result.result import Result
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
-def assert_same(a, b, where="result") -> None:
+Table = TypeVar("Table", bound="DataclassInstance")
+
+
+def assert_same(a: object, b: object, where: str = "result") -> None:
     """Compare nested dataclasses: every field, exactly, NaN equal to NaN, signs of zeros too."""
     assert type(a) is type(b), where
     if is_dataclass(a):
         for field in fields(a):
             assert_same(getattr(a, field.name), getattr(b, field.name), f"{where}.{field.name}")
     elif isinstance(a, np.ndarray):
+        assert isinstance(b, np.ndarray)
         assert a.tobytes() == np.asarray(b, a.dtype).tobytes(), where
         assert a.shape == b.shape, where
     elif isinstance(a, tuple):
+        assert isinstance(b, tuple)
         assert len(a) == len(b), where
         for i, (one, other) in enumerate(zip(a, b, strict=True)):
             assert_same(one, other, f"{where}[{i}]")
     else:
-        both_nan = isinstance(a, float) and np.isnan(a) and np.isnan(b)
+        both_nan = isinstance(a, float) and isinstance(b, float) and np.isnan(a) and np.isnan(b)
         assert a == b or both_nan, where
 
 
-def no_rows_of(table):
+def no_rows_of(table: Table) -> Table:
     """Cut a table of rows, and the tables in it, down to no row."""
     parts = {field.name: getattr(table, field.name) for field in fields(table)}
     return replace(
         table,
-        **{k: no_rows_of(v) if is_dataclass(v) else v[:0] for k, v in parts.items()},
+        **{
+            k: no_rows_of(v) if is_dataclass(v) and not isinstance(v, type) else v[:0]
+            for k, v in parts.items()
+        },
     )
 
 
 def without_records(result: Result) -> Result:
     """Cut every table of a result down to no row, and leave out what a plane gauge lacks."""
-    empty = {}
+    empty: dict[str, Any] = {}
     for field in fields(result):
         part = getattr(result, field.name)
         if field.name in {"points", "lines", "picks", "point_checks", "line_checks"}:
@@ -51,26 +63,31 @@ def without_records(result: Result) -> Result:
     rows = result.measurements
     no_rows = {f.name: getattr(rows, f.name)[:0] for f in fields(rows)}
     no_rows["correlation"] = np.empty((0, 0))
-    names = ("boresight_deg", "lever_arm_m", "heading_bias_deg", "clock_offset_s")
     world = replace(result.world, origin=None, gauge="plane")
     return replace(
         result,
         **empty,
         measurements=replace(rows, **no_rows),
-        shared=replace(result.shared, **dict.fromkeys(names)),
+        shared=replace(
+            result.shared,
+            boresight_deg=None,
+            lever_arm_m=None,
+            heading_bias_deg=None,
+            clock_offset_s=None,
+        ),
         world=world,
         messages=(),
     )
 
 
-def test_a_result_comes_back_as_the_same_object(sample_result, tmp_path: Path) -> None:
+def test_a_result_comes_back_as_the_same_object(sample_result: Result, tmp_path: Path) -> None:
     write_results(sample_result, tmp_path / "results.json")
 
     assert_same(sample_result, load_results(tmp_path / "results.json"))
 
 
 def test_a_result_without_any_row_comes_back_as_the_same_object(
-    sample_result, tmp_path: Path
+    sample_result: Result, tmp_path: Path
 ) -> None:
     result = without_records(sample_result)
     write_results(result, tmp_path / "results.json")
@@ -78,7 +95,7 @@ def test_a_result_without_any_row_comes_back_as_the_same_object(
     assert_same(result, load_results(tmp_path / "results.json"))
 
 
-def test_the_comparison_above_sees_a_last_bit(sample_result) -> None:
+def test_the_comparison_above_sees_a_last_bit(sample_result: Result) -> None:
     points = sample_result.points
     turned = np.nextafter(points.ellipse_azimuth_rad, 4.0)
 
@@ -86,14 +103,14 @@ def test_the_comparison_above_sees_a_last_bit(sample_result) -> None:
         assert_same(points, replace(points, ellipse_azimuth_rad=turned))
 
 
-def test_the_same_result_gives_the_same_text(sample_result, tmp_path: Path) -> None:
+def test_the_same_result_gives_the_same_text(sample_result: Result, tmp_path: Path) -> None:
     text = dump_results(sample_result)
     (tmp_path / "results.json").write_text(text, encoding="utf-8")
 
     assert dump_results(load_results(tmp_path / "results.json")) == text
 
 
-def test_the_keys_of_the_contract_are_there(sample_result) -> None:
+def test_the_keys_of_the_contract_are_there(sample_result: Result) -> None:
     content = json.loads(dump_results(sample_result))
 
     assert content["schema"] == 1
@@ -146,14 +163,16 @@ def test_the_keys_of_the_contract_are_there(sample_result) -> None:
         ("messages", "level code text"),
     ],
 )
-def test_every_record_has_the_keys_of_the_contract(sample_result, table, keys) -> None:
+def test_every_record_has_the_keys_of_the_contract(
+    sample_result: Result, table: str, keys: str
+) -> None:
     records = json.loads(dump_results(sample_result))[table]
 
     assert records
     assert all(set(keys.split()) <= set(record) for record in records)
 
 
-def test_numbers_stand_under_the_keys_that_name_them(sample_result) -> None:
+def test_numbers_stand_under_the_keys_that_name_them(sample_result: Result) -> None:
     content = json.loads(dump_results(sample_result))
 
     frame = content["frames"][0]
@@ -182,7 +201,7 @@ def test_numbers_stand_under_the_keys_that_name_them(sample_result) -> None:
     assert content["solution"]["groups"][0]["name"] == "pixels"
 
 
-def test_no_infinite_number_is_ever_written(sample_result) -> None:
+def test_no_infinite_number_is_ever_written(sample_result: Result) -> None:
     solution = replace(sample_result.solution, variance_factor=float("inf"))
 
     with pytest.raises(ValueError, match="Out of range"):
@@ -209,7 +228,7 @@ def test_no_infinite_number_is_ever_written(sample_result) -> None:
     ],
 )
 def test_a_broken_file_is_an_input_error_with_the_way_out(
-    sample_result, tmp_path: Path, change, words
+    sample_result: Result, tmp_path: Path, change: Callable[[str], str], words: str
 ) -> None:
     path = tmp_path / "results.json"
     path.write_text(change(dump_results(sample_result)), encoding="utf-8")
@@ -218,7 +237,7 @@ def test_a_broken_file_is_an_input_error_with_the_way_out(
         load_results(path)
 
 
-def test_a_cut_file_names_the_line(sample_result, tmp_path: Path) -> None:
+def test_a_cut_file_names_the_line(sample_result: Result, tmp_path: Path) -> None:
     path = tmp_path / "results.json"
     lines = dump_results(sample_result).splitlines()
     path.write_text("\n".join(lines[:12]), encoding="utf-8")

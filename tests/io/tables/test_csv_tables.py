@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavgram.errors import InputError
-from uavgram.io.tables.csv_tables import Columns, own_columns, parse_number, read_table
+from uavgram.io.tables.csv_tables import Columns, Table, own_columns, parse_number, read_table
 from uavgram.model.limits import unshowable
+
+Read = Callable[[str | bytes], Table]
+ReadOwn = Callable[[str], Table]
 
 COLUMNS = Columns(
     text=("name",), numbers=("length_m",), optional_text=("use",), optional_numbers=("sigma_m",)
@@ -20,8 +24,8 @@ OWN = Columns(text=("name",), numbers=("length_m",), optional_numbers=("sigma_m"
 
 
 @pytest.fixture
-def read(tmp_path: Path):
-    def _read(content: str | bytes):
+def read(tmp_path: Path) -> Read:
+    def _read(content: str | bytes) -> Table:
         path = tmp_path / "t.csv"
         path.write_bytes(content.encode() if isinstance(content, str) else content)
         table = read_table(path, COLUMNS)
@@ -32,8 +36,8 @@ def read(tmp_path: Path):
 
 
 @pytest.fixture
-def read_own(tmp_path: Path):
-    def _read(content: str):
+def read_own(tmp_path: Path) -> ReadOwn:
+    def _read(content: str) -> Table:
         path = tmp_path / "own.csv"
         path.write_text(content, encoding="utf-8", newline="")
         return read_table(path, OWN)
@@ -51,7 +55,7 @@ def read_own(tmp_path: Path):
     ],
     ids=["plain", "spreadsheet", "other order, blank lines", "quotes"],
 )
-def test_the_same_table_in_several_dialects(read, content) -> None:
+def test_the_same_table_in_several_dialects(read: Read, content: str | bytes) -> None:
     table = read(content)
 
     assert table.text == {"name": ("a", "b"), "use": ("", "check")}
@@ -59,7 +63,7 @@ def test_the_same_table_in_several_dialects(read, content) -> None:
     np.testing.assert_array_equal(table.numbers["sigma_m"], [np.nan, 0.1])
 
 
-def test_absent_optional_columns_are_empty(read) -> None:
+def test_absent_optional_columns_are_empty(read: Read) -> None:
     table = read("name,length_m\na,1\n")
 
     assert table.text["use"] == ("",)
@@ -67,7 +71,9 @@ def test_absent_optional_columns_are_empty(read) -> None:
     assert table.header == ("name", "length_m")
 
 
-def test_rows_keep_their_line_numbers_across_blank_lines_and_quoted_breaks(read_own) -> None:
+def test_rows_keep_their_line_numbers_across_blank_lines_and_quoted_breaks(
+    read_own: ReadOwn,
+) -> None:
     table = read_own('name,length_m,remark\n\na,1,"of\ntwo lines"\n,,\nc,2,\n')
 
     assert table.line.tolist() == [3, 6]
@@ -113,7 +119,9 @@ def test_rows_keep_their_line_numbers_across_blank_lines_and_quoted_breaks(read_
         ("name,length_m\na,1\n".encode("utf-16-be"), 1, "UTF-16"),
     ],
 )
-def test_a_mistake_is_named_with_its_line(read, content, line, words) -> None:
+def test_a_mistake_is_named_with_its_line(
+    read: Read, content: str | bytes, line: int, words: str
+) -> None:
     with pytest.raises(InputError) as caught:
         read(content)
 
@@ -122,7 +130,7 @@ def test_a_mistake_is_named_with_its_line(read, content, line, words) -> None:
     assert "\n" not in caught.value.message
 
 
-def test_all_mistakes_come_at_once(read) -> None:
+def test_all_mistakes_come_at_once(read: Read) -> None:
     with pytest.raises(InputError) as caught:
         read("name,length_m\na,x\n,2\nc,y\n")
 
@@ -142,11 +150,11 @@ CELL = st.sampled_from(["a", " b ", "", "1", "1e3", "1_0", "nan", "\t", "'=x", "
     end=st.sampled_from(["\n", "\r\n", "\r"]),
 )
 def test_what_is_read_many_rows_at_a_time_is_what_is_read_one_by_one(
-    tmp_path_factory: pytest.TempPathFactory, rows, end
+    tmp_path_factory: pytest.TempPathFactory, rows: list[list[str]], end: str
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "plain.csv"
 
-    def content(header):
+    def content(header: str) -> object:
         path.write_bytes(end.join([header, *map(",".join, rows)]).encode())
         try:
             table = read_table(path, COLUMNS)
@@ -159,7 +167,7 @@ def test_what_is_read_many_rows_at_a_time_is_what_is_read_one_by_one(
 
 
 @pytest.mark.parametrize("text", ["1", "-2.5", "+.5", "3.", "1e-3", "007"])
-def test_decimal_numbers_are_read(text) -> None:
+def test_decimal_numbers_are_read(text: str) -> None:
     assert parse_number(text) == float(text)
 
 
@@ -175,7 +183,7 @@ def test_columns_of_a_persons_own_are_left_alone_where_a_table_may_have_them(
 @pytest.mark.parametrize(
     "header", ["name,length_m,sigma", "name,length_m,Sigma_m", "name,length_m,"]
 )
-def test_what_may_be_a_misspelt_column_is_not_a_persons_own(tmp_path: Path, header) -> None:
+def test_what_may_be_a_misspelt_column_is_not_a_persons_own(tmp_path: Path, header: str) -> None:
     path = tmp_path / "table.csv"
     path.write_text(header + "\na,1,1\n")
     with pytest.raises(InputError, match="unknown column"):
@@ -183,7 +191,7 @@ def test_what_may_be_a_misspelt_column_is_not_a_persons_own(tmp_path: Path, head
 
 
 @pytest.mark.parametrize("sigma", ["0", "-1", "1e-300", "1e7"])
-def test_what_can_be_no_standard_deviation_is_named(read_own, sigma) -> None:
+def test_what_can_be_no_standard_deviation_is_named(read_own: ReadOwn, sigma: str) -> None:
     table = read_own(f"name,length_m,sigma_m\na,1,0.01\nb,1,\nc,2,{sigma}\n")
     table.require_sigma("sigma_m")
     ((line, text),) = table.faults
@@ -194,18 +202,18 @@ def test_what_can_be_no_standard_deviation_is_named(read_own, sigma) -> None:
 @pytest.mark.parametrize(
     "code", [*range(0x202A, 0x202F), *range(0x2066, 0x206A), 0x200E, 0x200F, 0x061C, 0xFEFF, 0xAD]
 )
-def test_what_turns_or_hides_what_is_read_is_no_part_of_a_name(code) -> None:
+def test_what_turns_or_hides_what_is_read_is_no_part_of_a_name(code: int) -> None:
     assert f"U+{code:04X}" in unshowable(f"kerb{chr(code)}1")
 
 
 @pytest.mark.parametrize(
     "name", ["بهـ\u200cها", "क्\u200dष", "👩\u200d🚒", "Straße 3", "ß é ñ 漢字"]
 )
-def test_names_in_any_script_are_names(name) -> None:
+def test_names_in_any_script_are_names(name: str) -> None:
     assert not unshowable(name)
 
 
-def test_semicolons_and_decimal_commas_are_read_as_spreadsheets_write_them(read) -> None:
+def test_semicolons_and_decimal_commas_are_read_as_spreadsheets_write_them(read: Read) -> None:
     plain = read("name,length_m,sigma_m\na,1.5,0.010\nb,-22.125,\n")
     table = read("name;length_m;sigma_m\na;1,5;0,010\nb;-22,125;\n")
 
@@ -214,9 +222,9 @@ def test_semicolons_and_decimal_commas_are_read_as_spreadsheets_write_them(read)
         np.testing.assert_array_equal(table.numbers[name], numbers)
 
 
-def test_one_comma_that_is_clear_answers_for_the_whole_table(read) -> None:
+def test_one_comma_that_is_clear_answers_for_the_whole_table(read: Read) -> None:
     assert read("name;length_m;sigma_m\na;12,001;0,02\n").numbers["length_m"].tolist() == [12.001]
 
 
-def test_a_quoted_decimal_comma_between_commas_is_read_too(read) -> None:
+def test_a_quoted_decimal_comma_between_commas_is_read_too(read: Read) -> None:
     assert read('name,length_m\na,"1,5"\n').numbers["length_m"].tolist() == [1.5]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from uavgram.io.tables.lines import read_lines
 from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picks import read_picks
 
+Write = Callable[[str], Path]
+
 PICKS = "image,label,u_px,v_px,sigma_px,height_m\n"
 LINES = "name,from,to,length_m,sigma_m,use\n"
 MEASURE = "name,kind,points,parameters\n"
@@ -21,8 +24,8 @@ LOCAL = "label,east_m,north_m,up_m,sigma_east_m,sigma_north_m,sigma_up_m\n"
 
 
 @pytest.fixture
-def write(tmp_path: Path):
-    def _write(content: str):
+def write(tmp_path: Path) -> Write:
+    def _write(content: str) -> Path:
         path = tmp_path / "table.csv"
         path.write_text(content)
         return path
@@ -30,7 +33,7 @@ def write(tmp_path: Path):
     return _write
 
 
-def test_picks_arrive_with_their_own_sigmas_and_heights(write) -> None:
+def test_picks_arrive_with_their_own_sigmas_and_heights(write: Write) -> None:
     picks = read_picks(write(PICKS + "a.jpg,P,1.5,2,,\nb.jpg,P,3,4,0.5,0.2\n"))
 
     assert picks.image == ("a.jpg", "b.jpg")
@@ -40,7 +43,7 @@ def test_picks_arrive_with_their_own_sigmas_and_heights(write) -> None:
     np.testing.assert_array_equal(picks.height_m, [np.nan, 0.2])
 
 
-def test_picks_arrive_with_their_area_and_their_line(write) -> None:
+def test_picks_arrive_with_their_area_and_their_line(write: Write) -> None:
     picks = read_picks(write("area,image,label,u_px,v_px\n,a.jpg,P,1,2\n\nverge,b.jpg,P,3,4\n"))
 
     assert picks.area == ("", "verge")
@@ -48,11 +51,11 @@ def test_picks_arrive_with_their_area_and_their_line(write) -> None:
     assert picks.line_of(1) == 4
 
 
-def test_a_file_without_areas_names_none(write) -> None:
+def test_a_file_without_areas_names_none(write: Write) -> None:
     assert read_picks(write(PICKS + "a.jpg,P,1.5,2,,\n")).area == ("",)
 
 
-def test_lines_are_observations_unless_withheld(write) -> None:
+def test_lines_are_observations_unless_withheld(write: Write) -> None:
     lines = read_lines(write(LINES + "n,a,b,1.5,0.01,\nm,b,c,2,0.02,check\no,a,c,3,1,adjust\n"))
 
     assert (lines.name, lines.start, lines.end) == (
@@ -65,7 +68,7 @@ def test_lines_are_observations_unless_withheld(write) -> None:
     assert lines.adjust.tolist() == [True, False, True]
 
 
-def test_measurements_arrive_with_points_in_order_and_parameters(write) -> None:
+def test_measurements_arrive_with_points_in_order_and_parameters(write: Write) -> None:
     requests = read_measure(
         write(MEASURE + "d,distance,b; a,\ns,skid_speed,a;b;c,mu_sigma = 0.05; mu=0.7\n")
     )
@@ -75,7 +78,7 @@ def test_measurements_arrive_with_points_in_order_and_parameters(write) -> None:
     assert requests[0].parameters == ()
 
 
-def test_known_points_are_geodetic_or_local(write) -> None:
+def test_known_points_are_geodetic_or_local(write: Write) -> None:
     geodetic = read_known_points(write(GEODETIC + "a,50.5,-104.25,577,0.02\n"))
     local = read_known_points(write(LOCAL + "a,1,2,3,0.1,0.2,0.3\nb,4,5,6,1,2,3\n"))
 
@@ -87,7 +90,7 @@ def test_known_points_are_geodetic_or_local(write) -> None:
     np.testing.assert_array_equal(local.sigma_m, [[0.1, 0.2, 0.3], [1, 2, 3]])
 
 
-def test_a_header_alone_is_a_table_without_rows(write) -> None:
+def test_a_header_alone_is_a_table_without_rows(write: Write) -> None:
     assert read_lines(write(LINES)).name == ()
     assert read_measure(write(MEASURE)) == ()
     assert read_known_points(write(GEODETIC)).sigma_m.shape == (0, 3)
@@ -170,7 +173,9 @@ def test_a_header_alone_is_a_table_without_rows(write) -> None:
         (read_known_points, GEODETIC + "a,9,6,5,1\na,9,6,5,1\n", 3, "label 'a' stands in line 2"),
     ],
 )
-def test_a_mistake_is_named_with_its_line(write, read, content, line, words) -> None:
+def test_a_mistake_is_named_with_its_line(
+    write: Write, read: Callable[[Path], object], content: str, line: int, words: str
+) -> None:
     with pytest.raises(InputError) as caught:
         read(write(content))
 
@@ -179,7 +184,7 @@ def test_a_mistake_is_named_with_its_line(write, read, content, line, words) -> 
     assert "\n" not in caught.value.message
 
 
-def test_mistakes_of_cells_and_of_meaning_come_in_one_error(write) -> None:
+def test_mistakes_of_cells_and_of_meaning_come_in_one_error(write: Write) -> None:
     with pytest.raises(InputError) as caught:
         read_lines(write(LINES + "n,a,a,1,1,\nm,a,b,x,1,\no,a,b,1,-1,\n"))
 
@@ -187,7 +192,7 @@ def test_mistakes_of_cells_and_of_meaning_come_in_one_error(write) -> None:
 
 
 @pytest.mark.parametrize("flight", ["cuav", "calm_nadir", "wind_oblique"])
-def test_the_real_tables_load(data_dir: Path, flight) -> None:
+def test_the_real_tables_load(data_dir: Path, flight: str) -> None:
     folder = data_dir / flight
     picks, lines = read_picks(folder / "picks.csv"), read_lines(folder / "lines.csv")
     requests = read_measure(folder / "measure.csv")

@@ -2,7 +2,9 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -17,6 +19,9 @@ from uavgram.io.tables.rewrite import new_table, rewritten_table
 from uavgram.io.tables.spreadsheet_cells import readable
 from uavgram.model.survey.observations import KnownLines, MeasurementRequest, Picks
 
+PickRow = tuple[str, str, *tuple[float, ...]]
+"""Image, label, u, v and, where given, sigma and height."""
+
 PICKS = (
     b"\xef\xbb\xbflabel,note,image,v_px, u_px ,sigma_px\r\n"
     b"A,corner of the kerb,P1.jpg,2.50,01.0,0.80\r\n"
@@ -28,39 +33,43 @@ PICKS = (
 
 
 @pytest.fixture
-def picks_file(tmp_path: Path):
+def picks_file(tmp_path: Path) -> Path:
     path = tmp_path / "picks.csv"
     path.write_bytes(PICKS)
     return path
 
 
-def picks_of(rows):
+def picks_of(rows: Sequence[PickRow]) -> Picks:
     """Picks from rows of image, label, u, v and, where given, sigma and height."""
-    padded = [(*row, *(np.nan,) * (6 - len(row))) for row in rows]
+    numbers = [(*row[2:], *(np.nan,) * (6 - len(row))) for row in rows]
     return Picks(
-        image=tuple(row[0] for row in padded),
-        label=tuple(row[1] for row in padded),
-        pixel_px=np.array([row[2:4] for row in padded], float).reshape(-1, 2),
-        sigma_px=np.array([row[4] for row in padded], float),
-        height_m=np.array([row[5] for row in padded], float),
+        image=tuple(row[0] for row in rows),
+        label=tuple(row[1] for row in rows),
+        pixel_px=np.array([row[:2] for row in numbers], float).reshape(-1, 2),
+        sigma_px=np.array([row[2] for row in numbers], float),
+        height_m=np.array([row[3] for row in numbers], float),
     )
 
 
-ROWS = [("P1.jpg", "A", 1.0, 2.5, 0.8), ("P1.jpg", "B", 3.0, 4.0), ("P2.jpg", "A", 5.0, 6.0, 1.0)]
+ROWS: list[PickRow] = [
+    ("P1.jpg", "A", 1.0, 2.5, 0.8),
+    ("P1.jpg", "B", 3.0, 4.0),
+    ("P2.jpg", "A", 5.0, 6.0, 1.0),
+]
 
 
-def test_nothing_changed_is_the_same_bytes(picks_file) -> None:
+def test_nothing_changed_is_the_same_bytes(picks_file: Path) -> None:
     picks = read_picks(picks_file)
     assert picks_content(PICKS, picks, picks) == PICKS
 
 
-def test_a_moved_pick_changes_its_two_numbers_and_nothing_else(picks_file) -> None:
+def test_a_moved_pick_changes_its_two_numbers_and_nothing_else(picks_file: Path) -> None:
     rows = [*ROWS[:1], ("P1.jpg", "B", 3.25, 4.0), *ROWS[2:]]
     written = picks_content(PICKS, read_picks(picks_file), picks_of(rows))
     assert written == PICKS.replace(b"P1.jpg,4,3e0,", b"P1.jpg,4,3.25,")
 
 
-def test_a_renamed_and_moved_row_keeps_its_note_and_its_place(picks_file) -> None:
+def test_a_renamed_and_moved_row_keeps_its_note_and_its_place(picks_file: Path) -> None:
     rows = [("P1.jpg", "kerb", 1.5, 2.5, 0.8), *ROWS[1:]]
     written = picks_content(PICKS, read_picks(picks_file), picks_of(rows))
     assert written == PICKS.replace(
@@ -68,7 +77,7 @@ def test_a_renamed_and_moved_row_keeps_its_note_and_its_place(picks_file) -> Non
     )
 
 
-def test_a_new_pick_comes_last_and_the_file_still_ends_without_line_break(picks_file) -> None:
+def test_a_new_pick_comes_last_and_the_file_still_ends_without_line_break(picks_file: Path) -> None:
     rows = [*ROWS, ("P2.jpg", "C", 7.125, 8.0)]
     written = picks_content(PICKS, read_picks(picks_file), picks_of(rows))
     assert written == PICKS + b"\r\nC,,P2.jpg,8.0,7.125,"
@@ -83,15 +92,16 @@ def test_a_new_pick_does_not_inherit_the_note_of_one_that_was_removed_last(tmp_p
     assert written == b"image,label,u_px,v_px,note\nP1.jpg,Z,9.0,9.0,\n"
 
 
-def test_a_removed_pick_takes_its_line_alone(picks_file) -> None:
+def test_a_removed_pick_takes_its_line_alone(picks_file: Path) -> None:
     written = picks_content(PICKS, read_picks(picks_file), picks_of([ROWS[0], ROWS[2]]))
     lines = PICKS.splitlines(keepends=True)
     assert written == b"".join(line for line in lines if not line.startswith(b'"B"'))
 
 
-def test_a_column_is_added_only_where_a_value_needs_it(picks_file) -> None:
+def test_a_column_is_added_only_where_a_value_needs_it(picks_file: Path) -> None:
     high = [*ROWS[:2], (*ROWS[2], 0.12)]
     written = picks_content(PICKS, read_picks(picks_file), picks_of(high))
+    assert written is not None
     assert written.startswith(b"\xef\xbb\xbflabel,note,image,v_px, u_px ,sigma_px,height_m\r\n")
     assert written.endswith(b"A,,P2.jpg,6.000,5,1,0.12")
     assert b'"B","says ""hello"", twice",P1.jpg,4,3e0,,\r\n' in written
@@ -111,7 +121,9 @@ def test_a_table_with_semicolons_and_decimal_commas_stays_one(tmp_path: Path) ->
         sigma_m=np.array([0.02, 0.02]),
         adjust=np.array([True, True]),
     )
-    path.write_bytes(lines_content(path.read_bytes(), before, after))
+    content = lines_content(path.read_bytes(), before, after)
+    assert content is not None
+    path.write_bytes(content)
     assert path.read_bytes() == (
         b'name;from;to;length_m;sigma_m;note\nL1;A;B;12,001;0,02;"a;b"\nL2;C;D;3,5;0,02;\n'
     )
@@ -157,6 +169,7 @@ def test_new_files_are_made_where_there_are_none_and_only_where_they_hold_someth
     )
     assert measure_content(None, (), ()) is None
     content = measure_content(None, (), (request,))
+    assert content is not None
     path = tmp_path / "measure.csv"
     path.write_bytes(content)
     assert read_measure(path) == (request,)
@@ -168,16 +181,18 @@ TABLES = st.lists(st.tuples(TEXTS, TEXTS, TEXTS), max_size=7)
 
 @settings(max_examples=60)
 @given(before=TABLES, after=TABLES, end=st.sampled_from(["\n", "\r\n"]), quote=st.booleans())
-def test_any_table_becomes_what_it_should_hold_and_back_again(before, after, end, quote) -> None:
+def test_any_table_becomes_what_it_should_hold_and_back_again(
+    before: list[tuple[str, str, str]], after: list[tuple[str, str, str]], end: str, *, quote: bool
+) -> None:
     """The truth is Python's own csv, which wrote the file and reads the outcome."""
 
-    def rows_of(cells):
+    def rows_of(cells: list[tuple[str, str, str]]) -> list[dict[str, str]]:
         unique = {f"k{k}": row for k, row in enumerate(cells)}
         return [{"key": key, "a": a, "b": b} for key, (a, b, _) in unique.items()]
 
     out = io.StringIO()
     # Python's writer leaves a lone carriage return without quotes.
-    style = (
+    style: Literal[0, 1] = (
         csv.QUOTE_ALL
         if quote or any("\r" in text for row in before for text in row)
         else csv.QUOTE_MINIMAL

@@ -11,10 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavgram.io.tables.csv_tables import UNSHOWABLE, Columns, read_table
+from uavgram.io.tables.csv_tables import Columns, read_table
 from uavgram.io.tables.new_picks import write_new_picks
 from uavgram.io.tables.rewrite import new_table
 from uavgram.io.tables.spreadsheet_cells import guarded, readable, runs
+from uavgram.model.limits import UNSHOWABLE
 from uavgram.model.survey.imported import ImportedPicks
 
 COMMAND = "=cmd|' /C calc'!A0"
@@ -24,7 +25,7 @@ TEXT = st.text(st.sampled_from("=+-@\t\r\n＝＋－＠'; \"a5.e\0,"), max_size=9
 
 
 @given(TEXT)
-def test_every_text_comes_back_and_no_part_of_it_begins_a_formula(text) -> None:
+def test_every_text_comes_back_and_no_part_of_it_begins_a_formula(text: str) -> None:
     cell = guarded(text)
     assert readable(cell) == text
     for part in cell.split(";"):
@@ -51,7 +52,7 @@ def test_every_text_comes_back_and_no_part_of_it_begins_a_formula(text) -> None:
         ("", ""),
     ],
 )
-def test_what_runs_gets_an_apostrophe_and_what_does_not_stays(text, cell) -> None:
+def test_what_runs_gets_an_apostrophe_and_what_does_not_stays(text: str, cell: str) -> None:
     assert guarded(text) == cell
     assert readable(text if cell == text else cell) == text
 
@@ -63,7 +64,9 @@ def test_what_runs_gets_an_apostrophe_and_what_does_not_stays(text, cell) -> Non
         max_size=3,
     )
 )
-def test_a_table_reads_what_the_page_wrote(tmp_path_factory: pytest.TempPathFactory, names) -> None:
+def test_a_table_reads_what_the_page_wrote(
+    tmp_path_factory: pytest.TempPathFactory, names: list[str]
+) -> None:
     path = tmp_path_factory.getbasetemp() / "written.csv"
     path.write_bytes(new_table(["name", "kind"], [{"name": n, "kind": "x"} for n in names]))
     table = read_table(path, Columns(text=("name", "kind")))

@@ -6,7 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from uavgram.model.survey.observations import MeasurementKind
 from uavgram.picking.document import commands as c
+from uavgram.picking.document.commands import Command
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.document.state import State
@@ -44,11 +46,20 @@ CHANGES = st.one_of(
 )
 
 
-def place(session, label, u=1.0, v=2.0, image="1.jpg", step=0):
+def place(
+    session: Session,
+    label: str,
+    u: float = 1.0,
+    v: float = 2.0,
+    image: str = "1.jpg",
+    step: int = 0,
+) -> Session:
     return apply(session, c.Place(image=image, label=label, u_px=u, v_px=v), step)
 
 
-def line(session, name="L1", was="", start="A", end="B"):
+def line(
+    session: Session, name: str = "L1", was: str = "", start: str = "A", end: str = "B"
+) -> Session:
     command = c.SetLine(
         was=was, name=name, start=start, end=end, length_m=3.0, sigma_m=0.01, adjust=True
     )
@@ -57,7 +68,7 @@ def line(session, name="L1", was="", start="A", end="B"):
 
 @settings(max_examples=60)
 @given(st.lists(CHANGES, max_size=25))
-def test_undo_goes_back_through_every_state_and_redo_forward_again(changes) -> None:
+def test_undo_goes_back_through_every_state_and_redo_forward_again(changes: list[Command]) -> None:
     session = Session(state=State())
     seen = [session.state]
     for change in changes:
@@ -146,7 +157,9 @@ def test_forgetting_a_label_takes_its_lengths_and_measurements_along() -> None:
         ("polyline", ("A", "A", "B")),
     ],
 )
-def test_measurements_that_mean_nothing_are_refused(kind, points) -> None:
+def test_measurements_that_mean_nothing_are_refused(
+    kind: MeasurementKind, points: tuple[str, ...]
+) -> None:
     command = c.SetMeasurement(was="", name="M", kind=kind, points=points)
     with pytest.raises(RefusedError, match="labels"):
         apply(Session(state=State()), command)

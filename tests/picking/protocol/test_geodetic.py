@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -14,11 +15,13 @@ from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.world import World
 from uavgram.picking.protocol.encode_survey import adjusted_json, linearised_json
 from uavgram.picking.protocol.geodetic import places_on_earth
-from uavgram.pipeline.pick.live import LiveSurvey, Observed
+from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
+
+Surveyed = tuple[LiveSurvey, Adjusted, dict[str, int]]
 
 
 @pytest.fixture(scope="module")
-def surveyed(data_dir: Path):
+def surveyed(data_dir: Path) -> Surveyed:
     """A survey in which the coordinate of one point is measured, and the numbers of its photos."""
     live = LiveSurvey.open(data_dir / "calm_nadir" / "project.yaml")
     inputs = live.inputs
@@ -28,7 +31,7 @@ def surveyed(data_dir: Path):
     return live, live.adjust(observed), index
 
 
-def test_only_what_is_asked_for_has_a_place_and_it_is_the_results(surveyed) -> None:
+def test_only_what_is_asked_for_has_a_place_and_it_is_the_results(surveyed: Surveyed) -> None:
     _, adjusted, index = surveyed
     points = adjusted.result.points
     k = points.label.index("R1")
@@ -37,13 +40,14 @@ def test_only_what_is_asked_for_has_a_place_and_it_is_the_results(surveyed) -> N
     assert found["R1"] == pytest.approx([points.latitude_deg[k], points.longitude_deg[k]], abs=1e-9)
 
 
-def test_the_place_follows_a_pick_that_moves(surveyed) -> None:
+def test_the_place_follows_a_pick_that_moves(surveyed: Surveyed) -> None:
     live, adjusted, index = surveyed
     picks = adjusted.observed.picks
     pixel = picks.pixel_px.copy()
     pixel[[label == "R1" for label in picks.label]] += (4.0, -3.0)
     observed = replace(adjusted.observed, picks=replace(picks, pixel_px=pixel))
     quick = live.linearised(adjusted, observed)
+    assert quick is not None
     k = adjusted.adjustment.survey.label.index("R1")
     moved_m = (quick.world_m - adjusted.result.points.position_world_m)[k, :2]
     (lat0, lon0), (lat1, lon1) = (
@@ -59,7 +63,7 @@ def test_the_place_follows_a_pick_that_moves(surveyed) -> None:
 def test_a_survey_that_nothing_ties_to_the_earth_has_no_places() -> None:
     nowhere = World(origin=None, height_datum="msl", gauge="plane")
     asked = MeasurementRequest(name="C1", kind="coordinate", points=("A",))
-    adjusted = SimpleNamespace(
+    stand_in = SimpleNamespace(  # all that is asked for
         result=SimpleNamespace(world=nowhere), observed=SimpleNamespace(requests=(asked,))
     )
-    assert places_on_earth(adjusted, ["A"], np.zeros((1, 3))) == {}
+    assert places_on_earth(cast("Adjusted", stand_in), ["A"], np.zeros((1, 3))) == {}

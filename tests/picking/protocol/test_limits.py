@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picks import read_picks
 from uavgram.model.limits import LONGEST_NAME
 from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.protocol.parse import PhotoSize, parse_message
 
 PHOTOS = (PhotoSize("P1.jpg", 640, 480),)
@@ -20,8 +22,8 @@ NUMBERS = (
     *(-1e11, -1e10, -1.0, -1e-9, 0.0, 5e-324, 1e-9, 9.9e-7, 1e-6, 0.5, 1e4, 1.1e4),
     *(1e6, 1.1e6, 1e7, 1.1e7, 1e10, 1.1e10, 1e16, 1e300),
 )
-PLACE = {"t": "place", "image": 0, "label": "A", "u_px": 5, "v_px": 6}
-LINE = {
+PLACE: Json = {"t": "place", "image": 0, "label": "A", "u_px": 5, "v_px": 6}
+LINE: Json = {
     "t": "line",
     "was": "",
     "name": "L",
@@ -30,9 +32,10 @@ LINE = {
     "length_m": 2,
     "sigma_m": 0.1,
 }
-SKID = {"t": "measure", "was": "", "name": "S", "kind": "skid_speed", "points": ["A", "B"]}
+SKID: Json = {"t": "measure", "was": "", "name": "S", "kind": "skid_speed", "points": ["A", "B"]}
 
-FIELDS = {
+Reader = Callable[[Path], object]
+FIELDS: dict[str, tuple[Callable[[float], Json], Reader, str]] = {
     "sigma of a pick": (
         lambda x: PLACE | {"sigma_px": x},
         read_picks,
@@ -71,7 +74,7 @@ FIELDS = {
 }
 
 
-def page_takes(message) -> bool:
+def page_takes(message: Json) -> bool:
     try:
         parse_message(json.dumps({"seq": 1, **message}), PHOTOS)
     except RefusedError:
@@ -79,7 +82,7 @@ def page_takes(message) -> bool:
     return True
 
 
-def reader_takes(read, path, text) -> bool:
+def reader_takes(read: Reader, path: Path, text: str) -> bool:
     path.write_text(text, encoding="utf-8")
     try:
         read(path)
@@ -89,7 +92,7 @@ def reader_takes(read, path, text) -> bool:
 
 
 @pytest.mark.parametrize("field", FIELDS)
-def test_the_page_takes_the_numbers_that_the_reader_takes(field, tmp_path: Path) -> None:
+def test_the_page_takes_the_numbers_that_the_reader_takes(field: str, tmp_path: Path) -> None:
     message, read, table = FIELDS[field]
     on_the_page = {x: page_takes(message(x)) for x in NUMBERS}
     in_the_table = {
@@ -100,11 +103,11 @@ def test_the_page_takes_the_numbers_that_the_reader_takes(field, tmp_path: Path)
 
 
 @pytest.mark.parametrize("length", [1, 64, 65, LONGEST_NAME, LONGEST_NAME + 1])
-def test_the_page_takes_the_names_that_the_readers_take(length, tmp_path: Path) -> None:
+def test_the_page_takes_the_names_that_the_readers_take(length: int, tmp_path: Path) -> None:
     name, path = "x" * length, tmp_path / "t.csv"
     measured = SKID | {"parameters": {"mu": 0.5, "mu_sigma": 0.1}}
     end = "mu=0.5;mu_sigma=0.1"
-    pairs = [
+    pairs: list[tuple[Json, Reader, str]] = [
         (PLACE | {"label": name}, read_picks, f"image,label,u_px,v_px\nP1.jpg,{name},5,6\n"),
         (
             LINE | {"name": name},

@@ -9,8 +9,11 @@ from pathlib import Path
 from open_projects import change, opened
 from pick_pages import small_project
 
+from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.session.project import OpenProject
 
-def results_of(folder, *names) -> None:
+
+def results_of(folder: Path, *names: str) -> None:
     """As a run in a terminal writes them, with what it read."""
     inputs = {
         name: {"sha256": hashlib.sha256((folder / name).read_bytes()).hexdigest(), "bytes": 1}
@@ -21,13 +24,14 @@ def results_of(folder, *names) -> None:
     (folder / "out" / "results.json").write_text(text)
 
 
-def outputs_after_a_look(project, said):
+def outputs_after_a_look(project: OpenProject, said: list[Json]) -> Json:
     """What the pages are told at the server's next look at the files."""
     said.clear()
     project.outputs.look()
     project.look_outside()
     (message,) = [one for one in said if one["t"] == "outputs"]
-    return message["outputs"]
+    told: Json = message["outputs"]
+    return told
 
 
 def test_a_run_elsewhere_makes_them_current_and_an_edit_makes_them_old(tmp_path: Path) -> None:

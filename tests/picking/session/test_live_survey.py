@@ -7,28 +7,30 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from uavgram.errors import UavgramError
+from uavgram.model.arrays import Bools, Ints
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.pick.live import LiveSurvey, Observed
+from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
 from uavgram.pipeline.pick.other_photos import same_ground
 
 
 @pytest.fixture(scope="module")
-def survey(data_dir: Path):
+def survey(data_dir: Path) -> tuple[LiveSurvey, Observed]:
     live = LiveSurvey.open(data_dir / "calm_nadir" / "project.yaml")
     inputs = live.inputs
     return live, Observed(picks=inputs.picks, lines=inputs.lines, requests=inputs.requests[:12])
 
 
 @pytest.fixture(scope="module")
-def adjusted(survey):
+def adjusted(survey: tuple[LiveSurvey, Observed]) -> Adjusted:
     live, observed = survey
     return live.adjust(observed)
 
 
-def moved(observed, shift_px, length_m=0.0):
+def moved(observed: Observed, shift_px: ArrayLike, length_m: float = 0.0) -> Observed:
     pixel = observed.picks.pixel_px.copy()
     pixel[20] += shift_px
     length = observed.lines.length_m.copy()
@@ -40,7 +42,7 @@ def moved(observed, shift_px, length_m=0.0):
     )
 
 
-def only(observed, rows):
+def only(observed: Observed, rows: Ints | Bools) -> Observed:
     picks = observed.picks
     return replace(
         observed,
@@ -57,17 +59,20 @@ def only(observed, rows):
     )
 
 
-def test_live_numbers_are_those_of_a_run(adjusted, data_dir: Path) -> None:
+def test_live_numbers_are_those_of_a_run(adjusted: Adjusted, data_dir: Path) -> None:
     inputs = read_inputs(data_dir / "calm_nadir" / "project.yaml")
     run = compute(replace(inputs, requests=inputs.requests[:12]), curved=False).result
     np.testing.assert_array_equal(adjusted.result.measurements.value, run.measurements.value)
     np.testing.assert_array_equal(adjusted.result.measurements.sigma, run.measurements.sigma)
 
 
-def test_first_order_answers_are_exact_for_small_moves(survey, adjusted) -> None:
+def test_first_order_answers_are_exact_for_small_moves(
+    survey: tuple[LiveSurvey, Observed], adjusted: Adjusted
+) -> None:
     live, observed = survey
     change = moved(observed, [0.4, -0.3], 0.01)
     quick, full = live.linearised(adjusted, change), live.adjust(change)
+    assert quick is not None
     before, after = adjusted.result.measurements, full.result.measurements
     step = np.abs(after.value - before.value).max()
     assert step > 1e-4
@@ -76,19 +81,23 @@ def test_first_order_answers_are_exact_for_small_moves(survey, adjusted) -> None
     np.testing.assert_allclose(quick.residual_px, full.result.picks.residual_px, atol=0.01)
 
 
-def test_a_new_pick_is_not_linearised(survey, adjusted) -> None:
+def test_a_new_pick_is_not_linearised(
+    survey: tuple[LiveSurvey, Observed], adjusted: Adjusted
+) -> None:
     live, observed = survey
     fewer = only(observed, np.arange(len(observed.picks.image)) != 3)
     assert live.linearised(adjusted, fewer) is None
 
 
-def test_without_picks_it_says_in_words_what_is_missing(survey) -> None:
+def test_without_picks_it_says_in_words_what_is_missing(
+    survey: tuple[LiveSurvey, Observed],
+) -> None:
     live, observed = survey
     with pytest.raises(UavgramError, match="Nothing is picked yet"):
         live.adjust(only(observed, np.zeros(0, dtype=int)))
 
 
-def test_predictions_hold_the_picks_that_were_left_out(survey) -> None:
+def test_predictions_hold_the_picks_that_were_left_out(survey: tuple[LiveSurvey, Observed]) -> None:
     """Squared Mahalanobis distances of held-out picks: mean 2, within four sigmas of the mean."""
     live, observed = survey
     rng = np.random.default_rng(3)
@@ -108,7 +117,9 @@ def test_predictions_hold_the_picks_that_were_left_out(survey) -> None:
     assert abs(np.mean(squared) - 2.0) < 4.0 * 2.0 / np.sqrt(len(squared))
 
 
-def test_a_photo_without_picks_is_predicted_as_if_its_picks_said_nothing(survey) -> None:
+def test_a_photo_without_picks_is_predicted_as_if_its_picks_said_nothing(
+    survey: tuple[LiveSurvey, Observed],
+) -> None:
     """Picks of a thousand pixels' sigma bring a photo into the adjustment, and nothing else."""
     live, observed = survey
     image = np.array(observed.picks.image)
@@ -142,7 +153,9 @@ def test_a_photo_without_picks_is_predicted_as_if_its_picks_said_nothing(survey)
     assert compared > 10
 
 
-def test_the_same_ground_is_where_a_label_is_picked_in_another_photo(survey, adjusted) -> None:
+def test_the_same_ground_is_where_a_label_is_picked_in_another_photo(
+    survey: tuple[LiveSurvey, Observed], adjusted: Adjusted
+) -> None:
     live, observed = survey
     picks = observed.picks
     keys = zip(picks.image, picks.label, strict=True)
@@ -157,7 +170,9 @@ def test_the_same_ground_is_where_a_label_is_picked_in_another_photo(survey, adj
         assert 0.8 < scale < 1.25
 
 
-def test_before_any_adjustment_the_telemetry_says_where_the_same_ground_is(survey) -> None:
+def test_before_any_adjustment_the_telemetry_says_where_the_same_ground_is(
+    survey: tuple[LiveSurvey, Observed],
+) -> None:
     live, _ = survey
     places = same_ground(live, None, "IMG_0045.jpg", (1500.0, 1100.0))
     assert len(places) == len(live.inputs.photos.frame_id) - 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
@@ -11,24 +12,26 @@ import pytest
 from pick_pages import LONGEST_WAIT_S, Page, Server, ask, cookie_of, small_project
 from small_recording import write_small_recording
 
+from uavgram.picking.protocol.encode_survey import Json
+
 PICKS = b"image,label,u_px,v_px,note\r\nP1.jpg,A,10.50,20,seen\r\n"
 
 
 @pytest.fixture
-def project(tmp_path: Path):
+def project(tmp_path: Path) -> Path:
     project = small_project(tmp_path)
     (tmp_path / "picks.csv").write_bytes(PICKS)
     return project
 
 
 @pytest.fixture
-def server(project):
+def server(project: Path) -> Iterator[Server]:
     server = Server(project)
     yield server
     server.stop()
 
 
-def ask_project(page, kind, **fields):
+def ask_project(page: Page, kind: str, **fields: object) -> Json:
     """Ask something of the project as a whole, and wait for the answer."""
     seq = page.send(kind, **fields)
     while True:
@@ -37,12 +40,12 @@ def ask_project(page, kind, **fields):
             return said
 
 
-def labels(said):
+def labels(said: Json) -> set[str]:
     return {pick["label"] for pick in said["state"]["picks"]}
 
 
 def test_a_table_that_was_edited_outside_is_taken_on_request_and_loses_nothing(
-    server, tmp_path: Path
+    server: Server, tmp_path: Path
 ) -> None:
     edited = PICKS + b"P2.jpg,Z,7,8,from a spreadsheet\r\n"
     with Page(server) as page, Page(server, page.cookie) as other:
@@ -70,7 +73,7 @@ def test_a_table_that_was_edited_outside_is_taken_on_request_and_loses_nothing(
 
 
 def test_what_the_page_has_is_saved_before_the_project_is_read_again(
-    server, project, tmp_path: Path
+    server: Server, project: Path, tmp_path: Path
 ) -> None:
     with Page(server) as page, Page(server, page.cookie) as other:
         page.do("place", image=1, label="B", u_px=50, v_px=60)
@@ -86,7 +89,9 @@ def test_what_the_page_has_is_saved_before_the_project_is_read_again(
     assert b"P2.jpg,B,50" in (tmp_path / "picks.csv").read_bytes()
 
 
-def test_a_project_that_cannot_be_read_any_more_leaves_the_page_as_it_was(server, project) -> None:
+def test_a_project_that_cannot_be_read_any_more_leaves_the_page_as_it_was(
+    server: Server, project: Path
+) -> None:
     sound = project.read_text(encoding="utf-8")
     with Page(server) as page:
         project.write_text(sound + "imagse: x\n", encoding="utf-8")
@@ -100,7 +105,9 @@ def test_a_project_that_cannot_be_read_any_more_leaves_the_page_as_it_was(server
         assert page.until("outside")["files"] == []
 
 
-def test_outputs_are_handed_out_by_name_and_a_report_can_do_nothing(server, tmp_path: Path) -> None:
+def test_outputs_are_handed_out_by_name_and_a_report_can_do_nothing(
+    server: Server, tmp_path: Path
+) -> None:
     headers = {"Cookie": cookie_of(server)}
     with httpx.Client(base_url=server.origin, headers=headers, timeout=LONGEST_WAIT_S) as browser:
         assert browser.get("/output/report.html").status_code == 404
@@ -122,7 +129,7 @@ def test_outputs_are_handed_out_by_name_and_a_report_can_do_nothing(server, tmp_
 
 
 def test_the_recording_opens_in_a_viewer_of_this_machine_that_ends_with_the_page(
-    server, tmp_path: Path
+    server: Server, tmp_path: Path
 ) -> None:
     headers = {"Cookie": cookie_of(server)}
     with httpx.Client(base_url=server.origin, headers=headers, timeout=LONGEST_WAIT_S) as browser:
@@ -140,7 +147,7 @@ def test_the_recording_opens_in_a_viewer_of_this_machine_that_ends_with_the_page
         ask(address)
 
 
-def until_calibrated(page):
+def until_calibrated(page: Page) -> Json:
     latest = time.monotonic() + LONGEST_WAIT_S
     while time.monotonic() < latest:
         said = page.until("calibration")
@@ -150,7 +157,7 @@ def until_calibrated(page):
 
 
 @pytest.fixture
-def board(data_dir: Path, tmp_path: Path):
+def board(data_dir: Path, tmp_path: Path) -> Path:
     folder = tmp_path / "board"
     folder.mkdir()
     for k in range(1, 7):
@@ -161,7 +168,7 @@ def board(data_dir: Path, tmp_path: Path):
 
 @pytest.mark.usefixtures("board")
 def test_a_camera_is_calibrated_on_a_folder_beside_and_taken_into_the_project(
-    server, project, tmp_path: Path
+    server: Server, project: Path, tmp_path: Path
 ) -> None:
     before = project.read_text(encoding="utf-8")
     with Page(server) as page:
@@ -189,7 +196,9 @@ def test_a_camera_is_calibrated_on_a_folder_beside_and_taken_into_the_project(
 
 
 @pytest.mark.usefixtures("board")
-def test_a_calibration_takes_no_path_and_no_board_that_is_none(server, tmp_path: Path) -> None:
+def test_a_calibration_takes_no_path_and_no_board_that_is_none(
+    server: Server, tmp_path: Path
+) -> None:
     with Page(server) as page:
         fields = {"board": "chessboard:9x6:25mm", "model": "brown"}
         for folder in ("/etc", "../..", -1, 10**6, 0.5, None):
@@ -205,7 +214,7 @@ def test_a_calibration_takes_no_path_and_no_board_that_is_none(server, tmp_path:
 
 @pytest.mark.usefixtures("board")
 def test_a_calibration_that_finds_no_board_or_is_stopped_leaves_nothing(
-    server, tmp_path: Path
+    server: Server, tmp_path: Path
 ) -> None:
     with Page(server) as page:
         (folder, *_) = ask_project(page, "folders")["folders"]

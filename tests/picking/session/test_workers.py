@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable, Iterator
 from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
 from uavgram.errors import UavgramError
 from uavgram.picking.document.state import Pick, State
+from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.session import workers as module
 from uavgram.picking.session.workers import Live, Task
+from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
 
 LONGEST_WAIT_S = 60.0
 
 
-def state(count):
+def state(count: int) -> State:
     return State(
         picks=tuple(Pick(image="1.jpg", label=f"P{k}", u_px=0.0, v_px=0.0) for k in range(count))
     )
@@ -27,13 +31,14 @@ class Survey:
 
     inputs = SimpleNamespace(messages=())
 
-    def __init__(self, seconds) -> None:
+    def __init__(self, seconds: float) -> None:
         self.seconds = seconds
-        self.adjusted, self.linearised_ = [], []
+        self.adjusted: list[int] = []
+        self.linearised_: list[int] = []
         self.go_on, self.begun = threading.Event(), threading.Event()
         self.go_on.set()
 
-    def adjust(self, observed):
+    def adjust(self, observed: Observed) -> SimpleNamespace:
         self.begun.set()
         self.go_on.wait(LONGEST_WAIT_S)
         count = len(observed.picks.image)
@@ -42,23 +47,28 @@ class Survey:
             raise UavgramError("Nothing is picked yet.")
         return SimpleNamespace(seconds=self.seconds, count=count)
 
-    def linearised(self, base, observed):
+    def linearised(self, base: Adjusted, observed: Observed) -> SimpleNamespace:
         self.linearised_.append(len(observed.picks.image))
         return SimpleNamespace(base=base)
 
 
+Answers = list[tuple[int, Json]]
+Start = Callable[[Survey], tuple[Live, Answers]]
+
+
 @pytest.fixture
-def worker(monkeypatch: pytest.MonkeyPatch):
+def worker(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
     monkeypatch.setattr(
         module, "adjusted_json", lambda found, _: {"mode": "adjusted", "n": found.count}
     )
     monkeypatch.setattr(module, "linearised_json", lambda _, __: {"mode": "linearised"})
     monkeypatch.setattr(module, "REST_S", 0.05)
-    running = []
+    running: list[Live] = []
 
-    def start(survey):
-        answers = []
-        live = Live(survey, {"1.jpg": 0}, lambda version, said: answers.append((version, said)))
+    def start(survey: Survey) -> tuple[Live, Answers]:
+        answers: Answers = []
+        stand_in = cast("LiveSurvey", survey)  # has all that the workers ask for
+        live = Live(stand_in, {"1.jpg": 0}, lambda version, said: answers.append((version, said)))
         live.start()
         running.append(live)
         return live, answers
@@ -68,21 +78,21 @@ def worker(monkeypatch: pytest.MonkeyPatch):
         live.stop()
 
 
-def wait_for(answers, count) -> None:
+def wait_for(answers: Answers, count: int) -> None:
     until = time.monotonic() + LONGEST_WAIT_S
     while len(answers) < count and time.monotonic() < until:
         time.sleep(0.005)
     assert len(answers) >= count
 
 
-def wait_for_adjusted(answers, version) -> None:
+def wait_for_adjusted(answers: Answers, version: int) -> None:
     until = time.monotonic() + LONGEST_WAIT_S
     while (version, "adjusted") not in [(v, said["mode"]) for v, said in answers]:
         assert time.monotonic() < until, answers
         time.sleep(0.005)
 
 
-def test_states_that_wait_are_passed_over_for_the_newest(worker) -> None:
+def test_states_that_wait_are_passed_over_for_the_newest(worker: Start) -> None:
     survey = Survey(1.0)
     survey.go_on.clear()
     live, answers = worker(survey)
@@ -95,7 +105,7 @@ def test_states_that_wait_are_passed_over_for_the_newest(worker) -> None:
     assert survey.adjusted == [1, 9]
 
 
-def test_a_drag_is_linearised_where_the_full_adjustment_is_slow(worker) -> None:
+def test_a_drag_is_linearised_where_the_full_adjustment_is_slow(worker: Start) -> None:
     survey = Survey(1.0)
     live, answers = worker(survey)
     live.submit(Task(1, state(1), final=True))
@@ -107,7 +117,7 @@ def test_a_drag_is_linearised_where_the_full_adjustment_is_slow(worker) -> None:
     assert answers[2][1]["mode"] == "adjusted"
 
 
-def test_a_drag_is_adjusted_in_full_where_that_is_fast(worker) -> None:
+def test_a_drag_is_adjusted_in_full_where_that_is_fast(worker: Start) -> None:
     survey = Survey(0.01)
     live, answers = worker(survey)
     live.submit(Task(1, state(1), final=True))
@@ -118,7 +128,7 @@ def test_a_drag_is_adjusted_in_full_where_that_is_fast(worker) -> None:
     assert not survey.linearised_
 
 
-def test_numbers_follow_a_drag_while_an_older_state_is_adjusted_in_full(worker) -> None:
+def test_numbers_follow_a_drag_while_an_older_state_is_adjusted_in_full(worker: Start) -> None:
     survey = Survey(1.0)
     live, answers = worker(survey)
     live.submit(Task(1, state(1), final=True))
@@ -138,7 +148,7 @@ def test_numbers_follow_a_drag_while_an_older_state_is_adjusted_in_full(worker) 
     wait_for_adjusted(answers, 5)
 
 
-def test_what_cannot_be_adjusted_is_said_in_words(worker) -> None:
+def test_what_cannot_be_adjusted_is_said_in_words(worker: Start) -> None:
     live, answers = worker(Survey(0.01))
     live.submit(Task(1, state(0), final=True))
     wait_for(answers, 1)
@@ -147,17 +157,17 @@ def test_what_cannot_be_adjusted_is_said_in_words(worker) -> None:
 
 
 def test_a_fault_of_the_program_is_told_and_the_next_state_is_adjusted(
-    worker, caplog: pytest.LogCaptureFixture
+    worker: Start, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     survey = Survey(seconds=0.0)
     adjust = survey.adjust
 
-    def faulty(observed):
+    def faulty(observed: Observed) -> SimpleNamespace:
         if len(observed.picks.image) == 1:
             raise ZeroDivisionError("planted")
         return adjust(observed)
 
-    survey.adjust = faulty
+    monkeypatch.setattr(survey, "adjust", faulty)
     live, answers = worker(survey)
     live.submit(Task(1, state(1), final=True))
     wait_for(answers, 1)

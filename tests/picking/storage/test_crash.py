@@ -12,6 +12,8 @@ from pathlib import Path
 from pick_pages import HEIGHT, WIDTH, Page, Server, running, small_project
 from websockets.exceptions import ConnectionClosed
 
+from uavgram.picking.protocol.encode_survey import Json
+
 KILLS = 20
 SAVE_AFTER_S = 0.05  # sooner than for people, so that many kills fall into the writing
 LABELS = [f"L{k}" for k in range(12)]
@@ -20,12 +22,12 @@ LABELS = [f"L{k}" for k in range(12)]
 class Model:
     """What the page should hold, in the simplest words: whole states and a list of earlier ones."""
 
-    def __init__(self, initial_state: dict, tables: dict) -> None:
+    def __init__(self, initial_state: Json, tables: Json) -> None:
         self.state = _sorted(initial_state["state"])
-        self.past: list[dict] = [tables] if initial_state["recovered"] else []
-        self.future: list[dict] = []
+        self.past: list[Json] = [tables] if initial_state["recovered"] else []
+        self.future: list[Json] = []
 
-    def after(self, kind: str, fields: dict) -> dict:
+    def after(self, kind: str, fields: Json) -> Json:
         """The state that a command would lead to."""
         if kind == "undo":
             return self.past[-1] if self.past else self.state
@@ -35,7 +37,7 @@ class Model:
         _CHANGES[kind](state, fields)
         return _sorted(state)
 
-    def take(self, kind: str, fields: dict) -> None:
+    def take(self, kind: str, fields: Json) -> None:
         """Do it: it was confirmed."""
         after = self.after(kind, fields)
         if kind == "undo":
@@ -50,12 +52,12 @@ class Model:
         self.state = after
 
 
-def _sorted(state: dict) -> dict:
+def _sorted(state: Json) -> Json:
     picks = sorted(state["picks"], key=lambda pick: (pick["image"], pick["label"]))
     return {"picks": picks, "lines": state["lines"], "measurements": state["measurements"]}
 
 
-def _tables(folder: Path) -> dict:
+def _tables(folder: Path) -> Json:
     """What the CSV files hold, as the page would be told it."""
 
     def rows(name: str) -> list[dict[str, str]]:
@@ -100,7 +102,7 @@ def _tables(folder: Path) -> dict:
     return _sorted({"picks": picks, "lines": lines, "measurements": measurements})
 
 
-def _place(state: dict, do: dict) -> None:
+def _place(state: Json, do: Json) -> None:
     where = {"u_px": do["u_px"], "v_px": do["v_px"]}
     for pick in state["picks"]:
         if (pick["image"], pick["label"]) == (do["image"], do["label"]):
@@ -110,13 +112,13 @@ def _place(state: dict, do: dict) -> None:
     state["picks"].append({"image": do["image"], "label": do["label"], **where, **rest})
 
 
-def _unpick(state: dict, do: dict) -> None:
+def _unpick(state: Json, do: Json) -> None:
     state["picks"] = [
         p for p in state["picks"] if (p["image"], p["label"]) != (do["image"], do["label"])
     ]
 
 
-def _rename(state: dict, do: dict) -> None:
+def _rename(state: Json, do: Json) -> None:
     ends = {line[end] for line in state["lines"] for end in ("start", "end")}
     used = {pick["label"] for pick in state["picks"]} | ends
     used |= {label for one in state["measurements"] for label in one["points"]}
@@ -134,13 +136,13 @@ def _rename(state: dict, do: dict) -> None:
         one["points"] = [named(label) for label in one["points"]]
 
 
-def _line(state: dict, do: dict) -> None:
+def _line(state: Json, do: Json) -> None:
     line = {name: do[name] for name in ("name", "start", "end", "length_m", "sigma_m")}
     if line["name"] not in {one["name"] for one in state["lines"]}:
         state["lines"] = [*state["lines"], {**line, "adjust": True}]
 
 
-def _measure(state: dict, do: dict) -> None:
+def _measure(state: Json, do: Json) -> None:
     one = {"name": do["name"], "kind": do["kind"], "points": do["points"], "parameters": {}}
     if one["name"] not in {other["name"] for other in state["measurements"]}:
         state["measurements"] = [*state["measurements"], one]
@@ -155,7 +157,7 @@ _CHANGES = {
 }
 
 
-def _command(state: dict, rng: random.Random) -> tuple[str, dict]:
+def _command(state: Json, rng: random.Random) -> tuple[str, Json]:
     """Something that a person might do next."""
     roll = rng.random()
     if len(state["picks"]) < 4 or roll < 0.55:
@@ -179,7 +181,7 @@ def _command(state: dict, rng: random.Random) -> tuple[str, dict]:
 
 def _work_until_killed(
     page: Page, model: Model, rng: random.Random, server: Server
-) -> tuple[str, dict]:
+) -> tuple[str, Json]:
     """Do one thing after the other; the one that was not confirmed any more.
 
     The kill is a random moment after so many things: a busy machine gets as far as an idle one.
@@ -203,7 +205,7 @@ def test_twenty_kills_lose_nothing_that_the_page_had_confirmed(tmp_path: Path) -
     project = small_project(tmp_path)
     rng = random.Random(7)  # noqa: S311  (clicks, not keys)
     confirmed, recoveries = 0, 0
-    expected: list[dict] = []
+    expected: list[Json] = []
     for _ in range(KILLS):
         server = Server(project, SAVE_AFTER_S)
         try:

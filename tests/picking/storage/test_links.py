@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -19,7 +20,7 @@ from uavgram.pipeline.measure.run import run
 
 
 @pytest.fixture
-def project(tmp_path: Path):
+def project(tmp_path: Path) -> Iterator[Path]:
     path = small_project(tmp_path / "project")
     (path.parent / "picks.csv").write_text("image,label,u_px,v_px\nP1.jpg,A,5,6\n")
     (tmp_path / "elsewhere").mkdir()
@@ -31,7 +32,7 @@ def project(tmp_path: Path):
 
 @pytest.mark.parametrize("name", [LOCK, JOURNAL])
 @pytest.mark.parametrize("there", ["victim", "nothing yet"])
-def test_lock_and_journal_are_written_through_no_link(project, name, there) -> None:
+def test_lock_and_journal_are_written_through_no_link(project: Path, name: str, there: str) -> None:
     (project.parent / "out").mkdir()
     link = project.parent / "out" / name
     link.symlink_to(f"../../elsewhere/{there}")
@@ -57,7 +58,9 @@ def test_lock_and_journal_are_written_through_no_link(project, name, there) -> N
         ("../elsewhere", "", "lies outside the project's folder"),
     ],
 )
-def test_an_output_folder_elsewhere_is_refused(project, output, link, said) -> None:
+def test_an_output_folder_elsewhere_is_refused(
+    project: Path, output: str, link: str, said: str
+) -> None:
     if link:
         (project.parent / link).symlink_to("../elsewhere")
     project.write_text(PROJECT.replace("output: out", f"output: {output}"))
@@ -71,7 +74,7 @@ def test_an_output_folder_elsewhere_is_refused(project, output, link, said) -> N
             run(project)
 
 
-def test_a_table_elsewhere_is_refused(project) -> None:
+def test_a_table_elsewhere_is_refused(project: Path) -> None:
     elsewhere = project.parent.parent / "elsewhere"
     picks = project.parent / "picks.csv"
     picks.unlink()
@@ -84,7 +87,7 @@ def test_a_table_elsewhere_is_refused(project) -> None:
         Tables(read_inputs(project, unfinished=True))
 
 
-def test_links_inside_the_project_are_followed(project) -> None:
+def test_links_inside_the_project_are_followed(project: Path) -> None:
     (project.parent / "kept").mkdir()
     (project.parent / "out").symlink_to("kept")
     server = Server(project)
@@ -92,7 +95,7 @@ def test_links_inside_the_project_are_followed(project) -> None:
     assert (project.parent / "kept" / JOURNAL).is_file()
 
 
-def test_nothing_is_read_through_a_link_among_the_outputs(project) -> None:
+def test_nothing_is_read_through_a_link_among_the_outputs(project: Path) -> None:
     out = project.parent / "out"
     out.mkdir()
     for name in (RESULTS, "report.html", RECORDING, "pick-journal-1.jsonl"):

@@ -10,16 +10,17 @@ from open_projects import ask, change, opened
 from pick_pages import small_project
 
 from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.protocol.encode_survey import Json
 
 PICKS = b"image,label,u_px,v_px\nP1.jpg,A,10,20\nP1.jpg,B,30,40\n"
 
 
-def labels(said):
+def labels(said: Json) -> set[str]:
     return {pick["label"] for pick in said["state"]["picks"]}
 
 
 @pytest.fixture
-def project(tmp_path: Path):
+def project(tmp_path: Path) -> Path:
     """A session was killed before it had saved; then somebody edited its tables."""
     path = small_project(tmp_path)
     (tmp_path / "picks.csv").write_bytes(PICKS)
@@ -34,12 +35,14 @@ def project(tmp_path: Path):
     return path
 
 
-def place_of(begun, label):
+def place_of(begun: Json, label: str) -> tuple[float, float, float | None]:
     pick = next(pick for pick in begun["state"]["picks"] if pick["label"] == label)
     return pick["u_px"], pick["v_px"], pick["height_m"]
 
 
-def test_it_is_taken_over_in_one_step_beside_what_the_other_did(project, tmp_path: Path) -> None:
+def test_it_is_taken_over_in_one_step_beside_what_the_other_did(
+    project: Path, tmp_path: Path
+) -> None:
     with opened(project) as (open_project, sent):
         begun = open_project.initial_state()
         assert begun["aside"] == 6
@@ -62,7 +65,7 @@ def test_it_is_taken_over_in_one_step_beside_what_the_other_did(project, tmp_pat
     assert kept.name.endswith(".jsonl.taken")
 
 
-def test_it_is_discarded_and_kept_and_not_offered_again(project, tmp_path: Path) -> None:
+def test_it_is_discarded_and_kept_and_not_offered_again(project: Path, tmp_path: Path) -> None:
     with opened(project) as (open_project, sent):
         assert ask(open_project, "discard-aside")["t"] == "done"
         assert labels(sent[-1]) == {"A", "B", "Z"}
@@ -72,9 +75,9 @@ def test_it_is_discarded_and_kept_and_not_offered_again(project, tmp_path: Path)
     assert kept.name.endswith(".jsonl.discarded")
 
 
-def test_what_is_no_change_of_the_page_is_not_taken(project, tmp_path: Path) -> None:
+def test_what_is_no_change_of_the_page_is_not_taken(project: Path, tmp_path: Path) -> None:
     """A journal in an archive can hold anything; all of it goes the way of a page's message."""
-    state = {"picks": [], "lines": [], "requests": []}
+    state: Json = {"picks": [], "lines": [], "requests": []}
     place = {"do": "Place", "step": 0, "image": "P1.jpg", "label": "Q", "u_px": 1, "v_px": 1}
     entries = [
         {"do": "open", "pid": 1, "state": state, "files": {}, "resumed": False},

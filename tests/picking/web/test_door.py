@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import socket
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -14,15 +15,17 @@ import pytest
 from pick_pages import LONGEST_WAIT_S, Page, Server, ask, cookie_of, small_project
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
+from websockets.typing import Origin
 
+from uavgram.model.limits import LONGEST_NAME
 from uavgram.picking.document.history import MOST_ITEMS
 from uavgram.picking.document.history import changed as state_after
-from uavgram.picking.protocol.parse import LONGEST_MESSAGE, LONGEST_NAME
+from uavgram.picking.protocol.parse import LONGEST_MESSAGE
 from uavgram.picking.web.guard import Pace
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory):
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     project = small_project(tmp_path_factory.mktemp("door"))
     (project.parent / "out").mkdir()
     (project.parent / "out" / "report.html").write_text("<p>a report</p>", encoding="utf-8")
@@ -32,12 +35,12 @@ def server(tmp_path_factory: pytest.TempPathFactory):
 
 
 @pytest.fixture(scope="module")
-def cookie(server):
+def cookie(server: Server) -> str:
     return cookie_of(server)
 
 
 @pytest.fixture
-def page(server, cookie):
+def page(server: Server, cookie: str) -> Iterator[Page]:
     with Page(server, cookie) as page:
         yield page
         assert server.is_alive
@@ -48,18 +51,18 @@ def page(server, cookie):
 
 
 @pytest.fixture
-def browser(server, cookie):
+def browser(server: Server, cookie: str) -> Iterator[httpx.Client]:
     with httpx.Client(
         base_url=server.origin, headers={"Cookie": cookie}, timeout=LONGEST_WAIT_S
     ) as client:
         yield client
 
 
-def logged(server):
+def logged(server: Server) -> str:
     return server.log.read_text(encoding="utf-8")
 
 
-def test_other_addresses_of_this_machine_do_not_answer(server) -> None:
+def test_other_addresses_of_this_machine_do_not_answer(server: Server) -> None:
     port = urlsplit(server.origin).port
     others = {
         info[4][0]
@@ -73,7 +76,7 @@ def test_other_addresses_of_this_machine_do_not_answer(server) -> None:
 
 
 @pytest.mark.usefixtures("cookie")
-def test_the_token_serves_once(server) -> None:
+def test_the_token_serves_once(server: Server) -> None:
     used = ask(server.address, follow_redirects=False)
     assert used.status_code == 403
     assert "set-cookie" not in used.headers
@@ -104,13 +107,15 @@ def test_the_token_becomes_a_cookie_that_scripts_and_other_sites_cannot_use(tmp_
         "/output/report.html",
     ],
 )
-def test_nothing_is_given_without_the_cookie_and_all_of_it_with_it(server, browser, path) -> None:
+def test_nothing_is_given_without_the_cookie_and_all_of_it_with_it(
+    server: Server, browser: httpx.Client, path: str
+) -> None:
     for headers in ({}, {"Cookie": f"{browser.headers['Cookie'].split('=')[0]}=wrong"}):
         assert ask(server.origin + path, headers=headers).status_code == 403
     assert browser.get(path).status_code == 200
 
 
-def test_every_answer_carries_strict_headers(server, browser) -> None:
+def test_every_answer_carries_strict_headers(server: Server, browser: httpx.Client) -> None:
     refused = ask(server.origin + "/")
     for answer in (
         browser.get("/"),
@@ -132,32 +137,39 @@ def test_every_answer_carries_strict_headers(server, browser) -> None:
 @pytest.mark.parametrize(
     "host", ["evil.example", "127.0.0.1", "localhost:1", "127.0.0.1.evil.example", ""]
 )
-def test_a_foreign_host_is_refused_and_logged(server, browser, host) -> None:
+def test_a_foreign_host_is_refused_and_logged(
+    server: Server, browser: httpx.Client, host: str
+) -> None:
     answer = browser.get("/", headers={"Host": host})
     assert answer.status_code in {400, 403}
     if answer.status_code == 403:
         assert f"foreign host {host!r}" in logged(server)
 
 
-def refused_socket(server, origin, headers):
+def refused_socket(server: Server, origin: str | None, headers: dict[str, str]) -> int:
     """Status of a socket that is asked for and not given."""
     netloc = urlsplit(server.origin).netloc
+    stated = None if origin is None else Origin(origin)
     with pytest.raises(InvalidStatus) as refused:
-        connect(f"ws://{netloc}/socket", origin=origin, additional_headers=headers, proxy=None)
+        connect(f"ws://{netloc}/socket", origin=stated, additional_headers=headers, proxy=None)
     return refused.value.response.status_code
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", None])
-def test_a_foreign_origin_gets_no_socket_though_it_has_the_cookie(server, cookie, origin) -> None:
+def test_a_foreign_origin_gets_no_socket_though_it_has_the_cookie(
+    server: Server, cookie: str, origin: str | None
+) -> None:
     assert refused_socket(server, origin, {"Cookie": cookie}) == 403
     assert f"foreign origin {str(origin)!r}" in logged(server)
 
 
-def test_our_own_origin_gets_no_socket_without_the_cookie(server) -> None:
+def test_our_own_origin_gets_no_socket_without_the_cookie(server: Server) -> None:
     assert refused_socket(server, server.origin, {}) == 403
 
 
-def test_a_foreign_origin_gets_no_page_and_other_sites_cannot_embed_our_photos(browser) -> None:
+def test_a_foreign_origin_gets_no_page_and_other_sites_cannot_embed_our_photos(
+    browser: httpx.Client,
+) -> None:
     assert browser.get("/", headers={"Origin": "http://evil.example"}).status_code == 403
     for site in ("cross-site", "same-site"):  # another port of this machine is the same site
         headers = {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "no-cors"}
@@ -206,7 +218,7 @@ PATHS = [
 
 
 @pytest.mark.parametrize("path", PATHS, ids=range(len(PATHS)))
-def test_photos_go_by_number_and_no_path_leads_out(server, cookie, path) -> None:
+def test_photos_go_by_number_and_no_path_leads_out(server: Server, cookie: str, path: str) -> None:
     """Sent as they are: a client library would tidy them up."""
     parts = urlsplit(server.origin)
     with socket.create_connection((parts.hostname, parts.port), timeout=LONGEST_WAIT_S) as line:
@@ -224,7 +236,7 @@ def test_photos_go_by_number_and_no_path_leads_out(server, cookie, path) -> None
 
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "TRACE"])
-def test_the_page_is_only_read(browser, method) -> None:
+def test_the_page_is_only_read(browser: httpx.Client, method: str) -> None:
     assert browser.request(method, "/").status_code == 405
 
 
@@ -232,7 +244,7 @@ NUMBERS = ["NaN", "Infinity", "-Infinity", "1e999", "-1e308", "1e17", "9" * 400,
 
 
 @pytest.mark.parametrize("number", NUMBERS, ids=range(len(NUMBERS)))
-def test_numbers_that_are_none_or_huge_are_refused(page, number) -> None:
+def test_numbers_that_are_none_or_huge_are_refused(page: Page, number: str) -> None:
     for field in ("u_px", "v_px", "sigma_px"):
         fields = {"u_px": "5", "v_px": "5", "sigma_px": "1", field: number}
         text = ",".join(f'"{name}":{value}' for name, value in fields.items())
@@ -268,13 +280,13 @@ MESSAGES = [
 
 
 @pytest.mark.parametrize("text", MESSAGES, ids=range(len(MESSAGES)))
-def test_messages_that_are_none_are_refused(page, text) -> None:
+def test_messages_that_are_none_are_refused(page: Page, text: str) -> None:
     page.socket.send(text)
     assert page.until("refused")["why"]
     assert page.picks == {}
 
 
-def test_labels_are_kept_as_text_whatever_they_look_like(page, server) -> None:
+def test_labels_are_kept_as_text_whatever_they_look_like(page: Page, server: Server) -> None:
     names = ['<img src=x onerror="alert(1)">', "</script><b>&amp", '=cmd|"/c calc"!A0', "%s%n{0}"]
     for name in names:
         assert page.do("place", image=0, label=name, u_px=3, v_px=4)["t"] == "changed"
@@ -289,7 +301,7 @@ def test_labels_are_kept_as_text_whatever_they_look_like(page, server) -> None:
         page.do("undo")
 
 
-def read_to_the_end(page):
+def read_to_the_end(page: Page) -> ConnectionClosed:
     """Why a page's socket was closed."""
     try:
         while True:
@@ -299,10 +311,12 @@ def read_to_the_end(page):
 
 
 @pytest.mark.usefixtures("page")
-def test_a_message_that_is_too_long_ends_its_own_page_only(server, cookie) -> None:
+def test_a_message_that_is_too_long_ends_its_own_page_only(server: Server, cookie: str) -> None:
     with Page(server, cookie) as loud:
         loud.socket.send("x" * (LONGEST_MESSAGE + 1))
-        assert read_to_the_end(loud).rcvd.code == 1009
+        told = read_to_the_end(loud).rcvd
+        assert told is not None
+        assert told.code == 1009
     with Page(server, cookie) as loud:
         loud.socket.send(b"\x00\x01")
         read_to_the_end(loud)
@@ -312,7 +326,9 @@ def test_a_message_that_is_too_long_ends_its_own_page_only(server, cookie) -> No
     assert "too long" in logged(server)
 
 
-def test_a_flood_is_slowed_down_while_another_page_goes_on(page, server, cookie) -> None:
+def test_a_flood_is_slowed_down_while_another_page_goes_on(
+    page: Page, server: Server, cookie: str
+) -> None:
     """Far more than people can make; a million takes the same road, only longer."""
     with Page(server, cookie) as loud:
         flood = json.dumps({"seq": 1, "t": "place", "image": 9, "label": "A", "u_px": 1, "v_px": 1})
@@ -345,7 +361,7 @@ def test_the_pace_lets_people_through_and_slows_down_machines() -> None:
 
 
 @pytest.mark.usefixtures("page")
-def test_more_pages_than_people_open_are_refused(server, cookie) -> None:
+def test_more_pages_than_people_open_are_refused(server: Server, cookie: str) -> None:
     with ExitStack() as pages:
         for _ in range(15):  # and the one that is open
             pages.enter_context(Page(server, cookie))

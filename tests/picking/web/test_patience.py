@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import socket
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from pick_pages import Page, ask, small_project
-from picking_server import served
+from pick_pages import Page, ask, cookie_of, small_project
+from picking_server import Served, served
 
 from uavgram.picking.web import patience
 
 
 @pytest.fixture
-def server(tmp_path: Path):
+def server(tmp_path: Path) -> Iterator[Served]:
     with served(small_project(tmp_path)) as server:
         yield server
 
 
-def calls(server, count, said):
+def calls(server: Served, count: int, said: bytes) -> list[socket.socket]:
     made = []
     for k in range(count):
         made.append(socket.create_connection(("127.0.0.1", server.port), timeout=30))
@@ -28,7 +29,7 @@ def calls(server, count, said):
     return made
 
 
-def test_half_a_request_is_not_waited_for(server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_half_a_request_is_not_waited_for(server: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(patience, "HEADERS_S", 0.3)
     half = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\nCookie: x".encode()
     silent = calls(server, 300, half)
@@ -48,11 +49,10 @@ def test_half_a_request_is_not_waited_for(server, monkeypatch: pytest.MonkeyPatc
 
 
 def test_who_is_in_stays_and_who_comes_later_gets_in(
-    server, monkeypatch: pytest.MonkeyPatch
+    server: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(patience, "HEADERS_S", 0.3)
-    server.origin = f"http://127.0.0.1:{server.port}"
-    cookie = ask(server.guard.address(), follow_redirects=False).headers["set-cookie"].split(";")[0]
+    cookie = cookie_of(server)
     with Page(server, cookie) as page:
         monkeypatch.setattr(patience, "HEADERS_S", 60.0)
         silent = calls(server, patience.MOST_SILENT * 2, b"GET /")
@@ -65,7 +65,7 @@ def test_who_is_in_stays_and_who_comes_later_gets_in(
             call.close()
 
 
-def is_closed(call):
+def is_closed(call: socket.socket) -> bool:
     call.settimeout(0.001)
     try:
         return call.recv(1) == b""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Never
+from typing import Never, cast
 
 import httpx
 import pytest
@@ -11,29 +11,31 @@ from own_loop import run_alone
 from starlette.applications import Starlette
 
 from uavgram.errors import InputError
+from uavgram.picking.session.project import OpenProject
 from uavgram.picking.web.routes import file_routes
 
 
 @pytest.fixture
-def picking():
-    shown = []
+def picking() -> SimpleNamespace:
+    shown: list[tuple[object, ...]] = []
     return SimpleNamespace(
         shown=shown, show=lambda *said: shown.append(said), tile=lambda *_: b"tile"
     )
 
 
-def tile(picking, **headers):
+def tile(picking: SimpleNamespace, **headers: str) -> httpx.Response:
     """The answer to a page that asks for a tile."""
 
-    async def ask():
-        door = httpx.ASGITransport(Starlette(routes=file_routes(SimpleNamespace(picking=picking))))
+    async def ask() -> httpx.Response:
+        stand_in = cast("OpenProject", SimpleNamespace(picking=picking))  # all that is asked for
+        door = httpx.ASGITransport(Starlette(routes=file_routes(stand_in)))
         async with httpx.AsyncClient(transport=door, base_url="http://page") as page:
             return await page.get("/photo/3/0/1/2.jpg", headers=headers)
 
     return run_alone(ask())
 
 
-def test_a_page_says_with_each_tile_which_photos_it_shows(picking) -> None:
+def test_a_page_says_with_each_tile_which_photos_it_shows(picking: SimpleNamespace) -> None:
     assert tile(picking, **{"x-shown": "k3f9x 3,12"}).content == b"tile"
     assert picking.shown == [("k3f9x", (3, 12))]
 
@@ -42,13 +44,15 @@ def test_a_page_says_with_each_tile_which_photos_it_shows(picking) -> None:
     "said",
     ["", "k3f9x", "k3f9x 1,2,3,4,5", "k3f9x -1", "k3f9x 1;2", "k3f9x 1 ", "K 1", f"{'k' * 17} 1"],
 )
-def test_what_does_not_say_so_is_passed_over_and_the_tile_comes(picking, said) -> None:
+def test_what_does_not_say_so_is_passed_over_and_the_tile_comes(
+    picking: SimpleNamespace, said: str
+) -> None:
     assert tile(picking, **{"x-shown": said}).content == b"tile"
     assert picking.shown == []
 
 
-def test_why_a_photo_cannot_be_shown_is_said(picking) -> None:
-    def refuse(*_) -> Never:
+def test_why_a_photo_cannot_be_shown_is_said(picking: SimpleNamespace) -> None:
+    def refuse(*_: object) -> Never:
         raise InputError("photo.jpg", "is no photo that can be decoded")
 
     picking.tile = refuse

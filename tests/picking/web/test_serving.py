@@ -27,11 +27,11 @@ def test_who_comes_before_the_server_is_up_waits_at_the_door() -> None:
 
 
 def test_small_messages_are_sent_at_once() -> None:
-    async def nodelay():
-        accepted = asyncio.get_running_loop().create_future()
+    async def nodelay() -> int:
+        accepted: asyncio.Future[int] = asyncio.get_running_loop().create_future()
 
-        def come(_, writer) -> None:
-            its = writer.get_extra_info("socket")
+        def come(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            its: socket.socket = writer.get_extra_info("socket")
             accepted.set_result(its.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
             writer.close()
 

@@ -17,7 +17,7 @@ from uavgram.pipeline.cameras.nearby import board_folders, calibrate_folder, use
 
 
 @pytest.fixture
-def project(tmp_path: Path):
+def project(tmp_path: Path) -> Path:
     return small_project(tmp_path)
 
 
@@ -35,7 +35,7 @@ def project(tmp_path: Path):
         ("name: a\n", None),
     ],
 )
-def test_one_line_names_the_camera_and_nothing_else_changes(before, after) -> None:
+def test_one_line_names_the_camera_and_nothing_else_changes(before: str, after: str | None) -> None:
     assert with_camera(before, "new/c.yaml") == after
 
 
@@ -44,7 +44,7 @@ def test_a_name_that_yaml_would_misread_is_quoted() -> None:
 
 
 def test_a_calibrated_camera_takes_the_place_of_one_that_nobody_knows(
-    project, tmp_path: Path
+    project: Path, tmp_path: Path
 ) -> None:
     text = project.read_text()
     project.write_text(text.replace("camera: camera.yaml", "camera: unknown  # so far"))
@@ -54,7 +54,9 @@ def test_a_calibrated_camera_takes_the_place_of_one_that_nobody_knows(
     assert load_project(project, unfinished=True).camera_file == str(tmp_path / "camera.yaml")
 
 
-def test_a_camera_that_is_not_there_leaves_the_project_as_it_was(project, tmp_path: Path) -> None:
+def test_a_camera_that_is_not_there_leaves_the_project_as_it_was(
+    project: Path, tmp_path: Path
+) -> None:
     before = project.read_bytes()
     with pytest.raises(InputError, match="no such file"):
         use_camera(project, tmp_path / "gone.yaml")
@@ -62,7 +64,7 @@ def test_a_camera_that_is_not_there_leaves_the_project_as_it_was(project, tmp_pa
 
 
 def test_a_project_whose_camera_stands_in_no_line_says_what_to_write(
-    project, tmp_path: Path
+    project: Path, tmp_path: Path
 ) -> None:
     project.write_text(project.read_text().replace("camera: camera.yaml", "camera:\n  camera.yaml"))
     with pytest.raises(InputError, match=r"write `camera: calibration/camera\.yaml`"):
@@ -70,7 +72,7 @@ def test_a_project_whose_camera_stands_in_no_line_says_what_to_write(
 
 
 def test_every_calibration_gets_a_folder_of_its_own(
-    project, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     written = []
     monkeypatch.setattr(calibrate_nearby, "calibrate", lambda *args, **_: written.append(args))

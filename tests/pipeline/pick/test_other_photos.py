@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from uavgram.model.arrays import Floats
 from uavgram.model.survey.observations import KnownPoints
 from uavgram.pipeline.pick.live import LiveSurvey, Observed
-from uavgram.pipeline.pick.other_photos import known_places
+from uavgram.pipeline.pick.other_photos import KnownPlaces, known_places
 
 
 @pytest.fixture(scope="module")
-def survey(data_dir: Path):
+def survey(data_dir: Path) -> LiveSurvey:
     """A flight whose points are known as surveyed, in latitude, longitude and height."""
     truth = json.loads((data_dir / "truth" / "calm_nadir.json").read_text())
     live = LiveSurvey.open(data_dir / "calm_nadir" / "project.yaml")
@@ -35,7 +36,7 @@ def survey(data_dir: Path):
     return LiveSurvey(replace(live.inputs, check=known))
 
 
-def standardised(survey, places):
+def standardised(survey: LiveSurvey, places: KnownPlaces) -> Floats:
     """Squared distances of picks from where they were expected, in their covariances."""
     picks = survey.inputs.picks
     row = {key: k for k, key in enumerate(zip(picks.image, picks.label, strict=True))}
@@ -44,10 +45,13 @@ def standardised(survey, places):
     mine, theirs = np.array(pairs).T
     off = picks.pixel_px[theirs] - places.pixel_px[mine]
     covariance = places.covariance_px2[mine] + np.eye(2) * 0.8**2
-    return np.einsum("ni,ni->n", off, np.linalg.solve(covariance, off[..., None])[..., 0])
+    squared: Floats = np.einsum(
+        "ni,ni->n", off, np.linalg.solve(covariance, off[..., None])[..., 0]
+    )
+    return squared
 
 
-def test_before_any_pick_the_telemetry_says_where_they_are(survey) -> None:
+def test_before_any_pick_the_telemetry_says_where_they_are(survey: LiveSurvey) -> None:
     places = known_places(survey, None)
     distance = standardised(survey, places)
     assert len(distance) > 100
@@ -55,7 +59,7 @@ def test_before_any_pick_the_telemetry_says_where_they_are(survey) -> None:
     assert distance.max() < chi2.ppf(0.9999, 2)
 
 
-def test_after_an_adjustment_they_are_known_far_better(survey) -> None:
+def test_after_an_adjustment_they_are_known_far_better(survey: LiveSurvey) -> None:
     inputs = survey.inputs
     last = survey.adjust(Observed(picks=inputs.picks, lines=inputs.lines, requests=()))
     before, after = known_places(survey, None), known_places(survey, last)
@@ -64,14 +68,16 @@ def test_after_an_adjustment_they_are_known_far_better(survey) -> None:
     assert area[1] < area[0]
 
 
-def test_a_wrong_height_falls_out(survey) -> None:
+def test_a_wrong_height_falls_out(survey: LiveSurvey) -> None:
     check = survey.inputs.check
     higher = replace(check, coordinates=check.coordinates + np.array([0.0, 5e-4, 0.0]))
     moved = LiveSurvey(replace(survey.inputs, check=higher))
     assert standardised(moved, known_places(moved, None)).max() > chi2.ppf(0.9999, 2)
 
 
-def test_without_known_points_or_poses_there_is_nothing_to_expect(survey, data_dir: Path) -> None:
+def test_without_known_points_or_poses_there_is_nothing_to_expect(
+    survey: LiveSurvey, data_dir: Path
+) -> None:
     plain = LiveSurvey.open(data_dir / "calm_nadir" / "project.yaml")
     assert known_places(plain, None).frame_id == ()
     unposed = LiveSurvey(replace(survey.inputs, log=None))

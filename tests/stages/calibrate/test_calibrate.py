@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import board_scenes as scenes
 import cv2
@@ -11,7 +13,10 @@ import numpy as np
 import pytest
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.calibration import outliers
 from uavgram.estimation.calibration.normals import UndeterminedError
+from uavgram.estimation.calibration.outliers import Snooped
+from uavgram.estimation.calibration.problem import Corners, Lens, State
 from uavgram.estimation.calibration.projection_uncertainty import length_uncertainty
 from uavgram.model.camera.board import (
     BoardObservations,
@@ -20,22 +25,25 @@ from uavgram.model.camera.board import (
     LensSetting,
     flat_board,
 )
-from uavgram.stages.calibrate import calibrate, choice
+from uavgram.model.camera.calibration_result import CalibrationResult
+from uavgram.stages.calibrate import choice
+from uavgram.stages.calibrate.calibrate import calibrate
 
+Phantom = tuple[BoardObservations, dict[str, Any], CalibrationResult]
 REMOVE = CalibrationOptions(outliers="remove")
 
 
-def codes(result):
+def codes(result: CalibrationResult) -> set[str]:
     return {message.code for message in result.messages}
 
 
-def some(observations, index):
+def some(observations: BoardObservations, index: Iterable[int]) -> BoardObservations:
     photos = tuple(observations.photos[i] for i in index)
     return BoardObservations(board=observations.board, photos=photos)
 
 
 @pytest.fixture(scope="module")
-def phantom(data_dir: Path):
+def phantom(data_dir: Path) -> Phantom:
     observations, published = scenes.phantom3(data_dir)
     return observations, published, calibrate(observations, CalibrationOptions())
 
@@ -86,7 +94,7 @@ WIDE = np.array([380.0, 379, 512, 380, 0.06, 0.02, 0.0, 0.0])
 """A fisheye lens, which a rational one follows far better than a polynomial."""
 
 
-def wide_scene(seed):
+def wide_scene(seed: int) -> BoardObservations:
     return scenes.make_scene(
         seed, WIDE, "fisheye", photos=6, whole=False, distance=(3, 6)
     ).observations
@@ -112,17 +120,16 @@ def test_a_rational_lens_that_the_photos_determine_stays_the_choice() -> None:
 
 @pytest.mark.parametrize("lost", [{8}, {5, 8}])
 def test_candidates_that_the_photos_leave_undetermined_drop_out(
-    monkeypatch: pytest.MonkeyPatch, lost
+    monkeypatch: pytest.MonkeyPatch, lost: set[int]
 ) -> None:
     """Whether 8 are regular is decided by rounding on some machines: any step may find it out."""
     scene = scenes.make_scene(2, scenes.BROWN3, photos=6)
-    real = choice.snoop
 
-    def snoop(lens, *arguments):
+    def snoop(lens: Lens, *arguments: *tuple[Corners, State, CalibrationOptions]) -> Snooped:
         count = np.count_nonzero(np.abs(lens.basis).sum(axis=1)) - 4
         if count in lost:
             raise UndeterminedError(f"the photos do not determine k{count}")
-        return real(lens, *arguments)
+        return outliers.snoop(lens, *arguments)
 
     monkeypatch.setattr(choice, "snoop", snoop)
     monkeypatch.setattr(choice, "simplest_good", lambda held: len(held) - 1)
@@ -147,11 +154,14 @@ def test_a_rational_lens_is_a_camera_of_twelve_parameters() -> None:
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_a_real_set_tells_the_photo_that_does_not_fit_and_true_sigmas(data_dir: Path, side) -> None:
+def test_a_real_set_tells_the_photo_that_does_not_fit_and_true_sigmas(
+    data_dir: Path, side: str
+) -> None:
     observations = scenes.opencv_chess(data_dir, side)
     result = calibrate(observations, REMOVE)
     reported = calibrate(observations, CalibrationOptions())
     assert reported.corners.status.count("removed") == 0
+    assert result.quality.held_out_px is not None
     assert result.quality.held_out_px < 0.3
     assert {"photos-disagree", "image-not-covered", "correlated-parameters"} <= codes(result)
     assert "one-roll" not in codes(result)
@@ -159,13 +169,16 @@ def test_a_real_set_tells_the_photo_that_does_not_fit_and_true_sigmas(data_dir: 
     assert "fx and fy 0.9" in text
     assert "k1 and k2 -0.9" in text
     factor = result.quality.photo_factor
+    assert factor is not None
     np.testing.assert_allclose(result.calibration.covariance, factor * result.covariance_corners)
     np.testing.assert_allclose(
         result.covariance_corners, result.quality.sigma_scale**2 * result.covariance_given_sigma
     )
 
 
-def test_six_photos_give_the_published_camera_of_thirty_within_three_sigma(phantom) -> None:
+def test_six_photos_give_the_published_camera_of_thirty_within_three_sigma(
+    phantom: Phantom,
+) -> None:
     _, published, result = phantom
     camera = result.calibration
     expected = np.array(
@@ -179,7 +192,7 @@ def test_six_photos_give_the_published_camera_of_thirty_within_three_sigma(phant
         assert (np.abs(camera.parameters - expected) < 3 * combined).all()
 
 
-def test_photos_of_one_roll_are_told_and_cy_gets_its_large_sigma(phantom) -> None:
+def test_photos_of_one_roll_are_told_and_cy_gets_its_large_sigma(phantom: Phantom) -> None:
     *_, result = phantom
     assert {"one-roll", "pixels-not-square", "few-photos", "photos-disagree"} <= codes(result)
     sigma = np.sqrt(np.diag(result.covariance_corners))
@@ -190,7 +203,7 @@ def test_photos_of_one_roll_are_told_and_cy_gets_its_large_sigma(phantom) -> Non
     assert "quarter turn" in text
 
 
-def test_lengths_on_a_photo_left_out_are_right_to_six_per_mille(phantom) -> None:
+def test_lengths_on_a_photo_left_out_are_right_to_six_per_mille(phantom: Phantom) -> None:
     observations, *_ = phantom
     board = observations.board.corner_board_m
     square = CalibrationOptions(aspect=1.0, coefficients=3)
@@ -254,8 +267,12 @@ def test_a_prior_says_what_was_learnt(data_dir: Path) -> None:
 def test_exif_is_compared_with_what_was_found() -> None:
     scene = scenes.make_scene(5)
 
-    def told(**changes):
-        setting = {"camera": "DJI FC330", "focal_length_mm": 3.6, "focal_length_px": 800.0}
+    def told(**changes: Sequence[object]) -> set[str]:
+        setting: dict[str, Any] = {
+            "camera": "DJI FC330",
+            "focal_length_mm": 3.6,
+            "focal_length_px": 800.0,
+        }
         photos = [
             replace(
                 photo,
@@ -319,7 +336,7 @@ def test_what_cannot_be_used_is_said() -> None:
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
-def test_too_few_photos_are_one_clear_message(count) -> None:
+def test_too_few_photos_are_one_clear_message(count: int) -> None:
     observations = some(scenes.make_scene(8, photos=3).observations, range(count))
     with pytest.raises(GeometryError, match=f"^{count} usable photo.* do not determine a camera"):
         calibrate(observations, REMOVE)

@@ -15,13 +15,15 @@ from uavgram.estimation.calibration.problem import State, lens_of, pad
 from uavgram.estimation.calibration.reliability import photo_effect, photo_tests
 from uavgram.estimation.calibration.two_cameras import best_split
 from uavgram.estimation.calibration.validation import HeldOut
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import BoardObservations, CalibrationOptions
-from uavgram.stages.calibrate import calibrate, two_cameras
+from uavgram.stages.calibrate import two_cameras
 from uavgram.stages.calibrate.assessed import AssessedCalibration
+from uavgram.stages.calibrate.calibrate import calibrate
 from uavgram.stages.calibrate.two_cameras import refuse_two_cameras
 
 
-def judged(observations, start):
+def judged(observations: BoardObservations, start: State) -> AssessedCalibration:
     """Adjusted from the truth, as one camera on a flat board."""
     options = CalibrationOptions()
     corners = pad(observations, options.bow)
@@ -33,7 +35,7 @@ def judged(observations, start):
     return AssessedCalibration(observations, options, corners, snooped, fit, held, effect)
 
 
-def joined(*parts):
+def joined(*parts: scenes.Scene) -> AssessedCalibration:
     """Scenes of one board as one set of photos, numbered through."""
     photos = [photo for scene in parts for photo in scene.observations.photos]
     named = tuple(replace(photo, file=f"p{i:02d}.jpg") for i, photo in enumerate(photos))
@@ -47,7 +49,9 @@ def joined(*parts):
     return judged(BoardObservations(board=parts[0].observations.board, photos=named), start)
 
 
-def two(seed, change, first=8, second=8):
+def two(
+    seed: int, change: tuple[float, ...], first: int = 8, second: int = 8
+) -> AssessedCalibration:
     """Photos of a camera, and of another one that differs by so much."""
     other = scenes.BROWN5 + np.array(change)
     return joined(
@@ -61,9 +65,10 @@ SHIFT = (0.0, 0.0, 15.0, -10.0, 0, 0, 0, 0, 0)
 
 
 @pytest.mark.parametrize("change", [ZOOM, SHIFT])
-def test_each_photo_is_put_with_its_own_camera(change) -> None:
+def test_each_photo_is_put_with_its_own_camera(change: tuple[float, ...]) -> None:
     split = best_split(two(1, change, 7, 9).fit)
 
+    assert split is not None
     assert split.group.tolist() == [0] * 7 + [1] * 9
     assert split.distance > 3
     assert split.decision > 0.3
@@ -110,7 +115,7 @@ def test_the_left_and_the_right_camera_of_a_pair_are_told_apart(data_dir: Path) 
     assert "right01.jpg to right14.jpg (13 photos)" in str(refused.value)
 
 
-def held_in_two_ways(seed, bow):
+def held_in_two_ways(seed: int, bow: Floats) -> AssessedCalibration:
     """A bent board, near and tilted in half of the photos, far and level in the others."""
     return joined(
         scenes.make_scene(seed, photos=8, bow=bow, distance=(6, 7), tilt_deg=45),
@@ -122,12 +127,14 @@ def test_a_bent_board_is_no_second_camera_however_it_was_held() -> None:
     found = held_in_two_ways(7, np.random.default_rng(7).normal(0, 0.1, 2))
 
     assert found.effect.probability < 0.01
-    assert best_split(found.fit).distance > 0.8  # as a flat board it would seem one
+    split = best_split(found.fit)
+    assert split is not None
+    assert split.distance > 0.8  # as a flat board it would seem one
     assert refuse_two_cameras(found) == ()
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_a_rolling_shutter_is_no_second_camera(seed) -> None:
+def test_a_rolling_shutter_is_no_second_camera(seed: int) -> None:
     scene = scenes.make_scene(seed, photos=14)
     drift = np.random.default_rng(seed).normal(0, 3, (14, 2))
     photos = tuple(

@@ -1,9 +1,12 @@
 """Cameras from tags: the makers' published formulas, and calibrations that were really made."""
 
+from __future__ import annotations
+
 import json
 import math
 import re
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 import numpy as np
 import pytest
@@ -14,20 +17,40 @@ from uavgram.errors import InputError
 from uavgram.geometry.camera.projection import project
 from uavgram.io.cameras.drone_table import drone_cameras
 from uavgram.io.photos.camera_tags import read_camera_tags
+from uavgram.model.arrays import Floats
 from uavgram.model.camera import assumed_errors
 from uavgram.model.camera.assumed_errors import AssumedErrors, assumed_covariance
+from uavgram.model.camera.calibration import Calibration
 from uavgram.model.camera.tags import CameraTags
+from uavgram.model.message import Message
 from uavgram.stages.camera.assume import assume_camera
 
 DEWARP = (3684.48, 3677.57, 2.24, 22.05, -0.263482, 0.106788, 3.71107e-05, -3.27247e-04, -0.0300783)
 
 
-def assume(*, may_be_unknown=False, size=(4000, 3000), **tags):
+class Tags(TypedDict, total=False):
+    """What a photo says of its camera."""
+
+    make: str
+    model: str
+    focal_mm: float
+    focal_step_mm: float
+    focal_35mm_mm: float
+    focal_plane_per_mm: tuple[float, float]
+    original_px: tuple[float, float]
+    digital_zoom: float
+    dewarp: tuple[float, ...]
+    dewarped: bool
+
+
+def assume(
+    *, may_be_unknown: bool = False, size: tuple[int, int] = (4000, 3000), **tags: Unpack[Tags]
+) -> tuple[Calibration, tuple[Message, ...]]:
     given = CameraTags(path="photo.jpg", width_px=size[0], height_px=size[1], **tags)
     return assume_camera(given, drone_cameras(), may_be_unknown=may_be_unknown)
 
 
-def sigma_of(camera):
+def sigma_of(camera: Calibration) -> Floats:
     return np.sqrt(np.diag(camera.covariance))
 
 
@@ -116,7 +139,7 @@ def test_an_unknown_camera_has_its_35_mm_equivalent() -> None:
 
 
 @pytest.mark.parametrize("size", [(4000, 2250), (2250, 4000)])
-def test_a_strip_of_a_sensor_is_known_less_well(size) -> None:
+def test_a_strip_of_a_sensor_is_known_less_well(size: tuple[int, int]) -> None:
     camera, messages = assume(focal_35mm_mm=20.0, size=size)
 
     # a strip of 4000 x 3000: 20 mm over 43.27 mm, times 5000 px
@@ -134,7 +157,7 @@ def test_a_strip_of_a_sensor_is_known_less_well(size) -> None:
         ({"make": "DJI", "model": "FC220", "focal_mm": 4.7, "digital_zoom": 2}, "digital zoom"),
     ],
 )
-def test_what_nothing_is_known_of_is_refused_with_the_way_out(tags, words) -> None:
+def test_what_nothing_is_known_of_is_refused_with_the_way_out(tags: Tags, words: str) -> None:
     with pytest.raises(InputError, match=rf"photo\.jpg: .*{words}.*uavgram calibrate") as refused:
         assume(**tags)
     assert ("camera: unknown" in str(refused.value)) == ("fisheye" not in words)
@@ -186,7 +209,9 @@ def test_the_said_corner_error_is_that_of_the_assumed_distortion() -> None:
         moved = project("brown", parameters, corner)[0] - middle
         at.append(np.hypot(*moved) - 2500)
 
-    said = float(re.search(r"± (\d+) px at the corners", messages[0].text)[1])
+    found = re.search(r"± (\d+) px at the corners", messages[0].text)
+    assert found is not None
+    said = float(found[1])
     assert said == pytest.approx(np.hypot.reduce(at), abs=0.5)
 
 
@@ -228,9 +253,12 @@ def test_a_better_source_is_used_though_the_camera_may_be_unknown() -> None:
 
 @pytest.mark.parametrize("more", [{"digital_zoom": 2.0}, {"focal_35mm_mm": 24.0}, {}])
 @pytest.mark.parametrize("may_be_unknown", [False, True])
-def test_a_fisheye_is_never_taken_for_a_perspective_lens(may_be_unknown, more) -> None:
+def test_a_fisheye_is_never_taken_for_a_perspective_lens(
+    *, may_be_unknown: bool, more: Tags
+) -> None:
+    given: Tags = {"make": "parrot", "model": "BEBOP 2", **more}
     with pytest.raises(InputError, match=r"fisheye lens \(parrot BEBOP 2\).*uavgram calibrate"):
-        assume(may_be_unknown=may_be_unknown, make="parrot", model="BEBOP 2", **more)
+        assume(may_be_unknown=may_be_unknown, **given)
 
 
 def test_assumed_sigmas_hold_for_calibrations_that_were_really_made(data_dir: Path) -> None:
@@ -270,16 +298,24 @@ def test_assumed_focal_lengths_go_together_as_far_as_pixels_are_square() -> None
     np.testing.assert_allclose(np.sqrt(np.diag(covariance))[:4], [40, 40, 20, 20])
 
 
-CANON = {"make": "Canon", "model": "Canon EOS 5D Mark II", "focal_mm": 50.0, "focal_step_mm": 1.0}
+CANON: Tags = {
+    "make": "Canon",
+    "model": "Canon EOS 5D Mark II",
+    "focal_mm": 50.0,
+    "focal_step_mm": 1.0,
+}
 PER_MM = (3849.211789 / 25.4, 3908.141962 / 25.4)
 """As this camera states it, of 5616 x 3744 px (photoqas.blogspot.com, October 2016)."""
 
 
 @pytest.mark.parametrize("size", [(5616, 3744), (3744, 5616), (2808, 1872), (1024, 683)])
-def test_the_sensors_resolution_gives_the_focal_length_of_photos_of_any_size(size) -> None:
+def test_the_sensors_resolution_gives_the_focal_length_of_photos_of_any_size(
+    size: tuple[int, int],
+) -> None:
     """Canon's specification: a sensor of 35.8 mm."""
     original = (5616.0, 3744.0) if size[0] > size[1] else (3744.0, 5616.0)
-    camera, messages = assume(size=size, focal_plane_per_mm=PER_MM, original_px=original, **CANON)
+    given: Tags = {**CANON, "focal_plane_per_mm": PER_MM, "original_px": original}
+    camera, messages = assume(size=size, **given)
     expected = 50.0 / 35.8 * max(size)
 
     assert camera.parameters[0] == pytest.approx(expected, rel=0.03)
@@ -291,15 +327,25 @@ def test_the_sensors_resolution_gives_the_focal_length_of_photos_of_any_size(siz
 
 
 def test_the_sensors_resolution_goes_before_the_35_mm_equivalent() -> None:
-    stated = {"focal_plane_per_mm": (100.0, 100.0), "original_px": (3600.0, 2400.0)}
-    camera, _ = assume(focal_mm=36.0, focal_35mm_mm=38.0, size=(3600, 2400), **stated)
+    camera, _ = assume(
+        focal_mm=36.0,
+        focal_35mm_mm=38.0,
+        size=(3600, 2400),
+        focal_plane_per_mm=(100.0, 100.0),
+        original_px=(3600.0, 2400.0),
+    )
 
     assert camera.parameters[0] == pytest.approx(3600.0)
 
 
 def test_the_sensors_resolution_keeps_the_tables_distortion() -> None:
-    stated = {"focal_plane_per_mm": (640.0, 640.0), "original_px": (4000.0, 3000.0)}
-    camera, messages = assume(make="DJI", model="FC220", focal_mm=4.73, **stated)
+    camera, messages = assume(
+        make="DJI",
+        model="FC220",
+        focal_mm=4.73,
+        focal_plane_per_mm=(640.0, 640.0),
+        original_px=(4000.0, 3000.0),
+    )
 
     assert camera.parameters[0] == pytest.approx(4.73 * 640.0)
     assert camera.parameters[4] == 0.032984
@@ -307,8 +353,13 @@ def test_the_sensors_resolution_keeps_the_tables_distortion() -> None:
 
 
 def test_a_copy_whose_exif_calls_its_own_size_the_originals_is_told_by_the_equivalent() -> None:
-    stated = {"focal_plane_per_mm": PER_MM, "original_px": (1404.0, 936.0)}
-    camera, messages = assume(size=(1404, 936), focal_35mm_mm=50.0, **stated, **CANON)
+    stated: Tags = {
+        **CANON,
+        "focal_plane_per_mm": PER_MM,
+        "original_px": (1404.0, 936.0),
+        "focal_35mm_mm": 50.0,
+    }
+    camera, messages = assume(size=(1404, 936), **stated)
 
     assert camera.parameters[0] == pytest.approx(50 / 43.2666 * math.hypot(1404, 936), rel=1e-4)
     assert "FocalPlaneXResolution in EXIF contradicts that" in messages[0].text
@@ -324,7 +375,7 @@ def test_a_copy_whose_exif_calls_its_own_size_the_originals_is_told_by_the_equiv
         {"digital_zoom": 2.0},
     ],
 )
-def test_a_resolution_that_does_not_fit_the_photo_is_not_used(stated) -> None:
-    given = {"focal_plane_per_mm": PER_MM, "original_px": (5616.0, 3744.0), **CANON, **stated}
+def test_a_resolution_that_does_not_fit_the_photo_is_not_used(stated: Tags) -> None:
+    given: Tags = {"focal_plane_per_mm": PER_MM, "original_px": (5616.0, 3744.0), **CANON, **stated}
     with pytest.raises(InputError):
         assume(size=(5616, 3744), **given)

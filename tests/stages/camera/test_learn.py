@@ -1,10 +1,13 @@
 """What a survey taught of its camera, in numbers and in words."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.result.learnt_camera import learnt_camera
+from uavgram.model.result.learnt_camera import LearntCamera, learnt_camera
 from uavgram.model.result.shared import Estimate
 from uavgram.stages.camera.learn import what_was_learnt
 
@@ -12,7 +15,7 @@ VALUE = np.array([2300.0, 2300, 2000, 1500, 0, 0, 0, 0, 0])
 PRIOR = np.array([40.0, 40, 20, 20, 0.02, 0.1, 0.006, 0.006, 0.0])
 
 
-def learnt(value=VALUE, sigma=PRIOR, prior=PRIOR):
+def learnt(value: Floats = VALUE, sigma: Floats = PRIOR, prior: Floats = PRIOR) -> LearntCamera:
     calibration = Calibration(
         name="c",
         model="brown",
@@ -24,7 +27,7 @@ def learnt(value=VALUE, sigma=PRIOR, prior=PRIOR):
     return learnt_camera(calibration, Estimate(value=value, sigma=sigma))
 
 
-def changed(at, by, array):
+def changed(at: int, by: float, array: Floats) -> Floats:
     array = array.copy()
     array[at] = by
     return array
@@ -60,7 +63,9 @@ def test_a_fixed_camera_needs_no_words() -> None:
 
 
 @pytest.mark.parametrize(("shift_px", "count"), [(119.0, 1), (121.0, 2), (-121.0, 2)])
-def test_a_survey_that_contradicts_its_calibration_is_a_warning(shift_px, count) -> None:
+def test_a_survey_that_contradicts_its_calibration_is_a_warning(
+    shift_px: float, count: int
+) -> None:
     messages = what_was_learnt(learnt(changed(0, 2300 + shift_px, VALUE), changed(0, 10.0, PRIOR)))
 
     assert len(messages) == count

@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from scenes import Scene
 from scipy.stats import chi2
 
 from uavgram.estimation.measuring.propagation import propagate
+from uavgram.estimation.survey.adjustment import Adjustment, Refined
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.camera.board import OutlierRule
+from uavgram.model.flight.frames import Frames
+from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
+from uavgram.model.result.reliability import ChecksOverall
 from uavgram.model.survey.observations import (
     KnownLines,
     KnownWorldPoints,
     MeasurementRequest,
     Picks,
 )
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.judge import (
     judge_groups,
     judge_lines,
@@ -28,19 +38,21 @@ from uavgram.stages.judge import (
     judge_weakest,
     run_tests,
     swapped_labels,
+    tested_survey,  # its class itself would be taken for tests
 )
 from uavgram.stages.refine import refine
 
 ALPHA = 0.001
 
 
-def changed(survey, name, index, by):
+def changed(survey: Survey, name: str, index: int | tuple[int, int], by: float) -> Survey:
     values = np.array(getattr(survey, name))
     values[index] += by
-    return replace(survey, **{name: values})
+    changes: dict[str, Any] = {name: values}
+    return replace(survey, **changes)
 
 
-def table(survey, index=None):
+def table(survey: Survey, index: Ints | None = None) -> tuple[Picks, Floats, Ints]:
     index = np.arange(len(survey.pick_frame)) if index is None else index
     sigma = survey.pick_sigma_px
     picks = Picks(
@@ -53,7 +65,7 @@ def table(survey, index=None):
     return picks, sigma, index
 
 
-def lines_of(survey, adjust=None):
+def lines_of(survey: Survey, adjust: Bools | None = None) -> KnownLines:
     n = len(survey.line_start)
     return KnownLines(
         name=tuple(f"L{i}" for i in range(n)),
@@ -65,25 +77,38 @@ def lines_of(survey, adjust=None):
     )
 
 
-def solve(survey, outliers="report"):
+def solve(survey: Survey, outliers: OutlierRule = "report") -> Refined:
     if not survey.line_name:
         survey = replace(survey, line_name=lines_of(survey).name)
     return refine(survey, SolveOptions(outliers=outliers))[0]
 
 
-def named(lines, i) -> str:
+def named(lines: KnownLines, i: int) -> str:
     return f"length {lines.name[i]!r} ({lines.start[i]!r} to {lines.end[i]!r})"
 
+
+NO_TIMES = Frames(
+    frame_id=(),
+    time_utc_s=np.zeros(0),
+    sigma_time_s=np.zeros(0),
+    matched=np.zeros(0, dtype=bool),
+    reason=(),
+    clock_offset_s=0.0,
+    clock_offset_sigma_s=0.0,
+)
+"""A distance asks for none."""
 
 WHOLE = (MeasurementRequest(name="whole", kind="distance", points=("P0", "P1")),)
 
 
-def examined(refined, requests=WHOLE):
-    measured = propagate(refined.adjustment, requests, None)
+def examined(
+    refined: Refined, requests: tuple[MeasurementRequest, ...] = WHOLE
+) -> tested_survey.TestedSurvey:
+    measured = propagate(refined.adjustment, requests, NO_TIMES)
     return run_tests(refined, measured, ALPHA)
 
 
-def test_a_clean_survey_has_nothing_to_say(scene_factory) -> None:
+def test_a_clean_survey_has_nothing_to_say(scene_factory: Callable[..., Scene]) -> None:
     survey = scene_factory(9, frames=6).survey
     refined = solve(survey)
     given = examined(refined)
@@ -101,7 +126,9 @@ def test_a_clean_survey_has_nothing_to_say(scene_factory) -> None:
 
 
 @pytest.mark.parametrize(("outliers", "status"), [("report", "suspect"), ("remove", "removed")])
-def test_a_wrong_pick_and_a_wrong_length_are_named(scene_factory, outliers, status) -> None:
+def test_a_wrong_pick_and_a_wrong_length_are_named(
+    scene_factory: Callable[..., Scene], outliers: OutlierRule, status: str
+) -> None:
     survey = scene_factory(6, frames=6, lines=8).survey
     survey = changed(changed(survey, "pixel_px", (17, 0), 15.0), "length_m", 2, 0.5)
     refined = solve(survey, outliers)
@@ -123,7 +150,9 @@ def test_a_wrong_pick_and_a_wrong_length_are_named(scene_factory, outliers, stat
         assert np.isfinite(lines.adjusted_sigma_m[2])
 
 
-def test_residuals_and_redundancies_stand_with_their_own_picks(scene_factory) -> None:
+def test_residuals_and_redundancies_stand_with_their_own_picks(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(6, frames=3).survey
     refined = solve(survey)
     count = len(survey.pick_frame)
@@ -148,7 +177,9 @@ def test_residuals_and_redundancies_stand_with_their_own_picks(scene_factory) ->
     assert np.isnan(found.w[-1])
 
 
-def test_a_withheld_length_is_judged_by_its_error_over_the_joint_sigma(scene_factory) -> None:
+def test_a_withheld_length_is_judged_by_its_error_over_the_joint_sigma(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(6, frames=6)
     survey = scene.survey
     adjust = np.ones(6, dtype=bool)
@@ -180,7 +211,7 @@ def test_a_withheld_length_is_judged_by_its_error_over_the_joint_sigma(scene_fac
 
 
 def test_a_length_to_a_label_never_picked_is_unseen_with_the_nearest_spelling(
-    scene_factory,
+    scene_factory: Callable[..., Scene],
 ) -> None:
     survey = scene_factory(6).survey
     lines = lines_of(survey)
@@ -200,7 +231,7 @@ def test_a_length_to_a_label_never_picked_is_unseen_with_the_nearest_spelling(
     assert "'P33' (did you mean 'P3'?)" in messages[0].text
 
 
-def test_check_points_are_judged_with_both_covariances(scene_factory) -> None:
+def test_check_points_are_judged_with_both_covariances(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(6)
     adjustment = solve(scene.survey).adjustment
     known = KnownWorldPoints(
@@ -222,7 +253,9 @@ def test_check_points_are_judged_with_both_covariances(scene_factory) -> None:
     assert [m.code for m in messages] == ["check-unseen"]
 
 
-def test_a_group_whose_sigmas_are_far_too_small_is_named(scene_factory) -> None:
+def test_a_group_whose_sigmas_are_far_too_small_is_named(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(6, frames=6).survey
     survey = replace(survey, pick_sigma_px=survey.pick_sigma_px / 4)
     groups, messages = judge_groups(solve(survey).adjustment, ALPHA)
@@ -231,14 +264,17 @@ def test_a_group_whose_sigmas_are_far_too_small_is_named(scene_factory) -> None:
     assert any("picks" in m.text for m in messages)
 
 
-def test_a_boresight_and_a_frame_far_from_their_priors_are_named(scene_factory) -> None:
+def test_a_boresight_and_a_frame_far_from_their_priors_are_named(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(6, frames=6, control=6).survey
     prior = survey.telemetry
-    strained = replace(survey, telemetry=replace(prior, boresight_sigma_rad=1e-5))
+    assert prior is not None
+    sure = replace(prior, boresight_sigma_rad=1e-5)
     turned = prior.gimbal_from_camera @ np.array(
         [[1, 0, 0], [0, 0.9801, -0.1987], [0, 0.1987, 0.9801]]
     )
-    strained = replace(strained, telemetry=replace(strained.telemetry, gimbal_from_camera=turned))
+    strained = replace(survey, telemetry=replace(sure, gimbal_from_camera=turned))
     messages = judge_suspects(examined(solve(strained)))
     assert any("boresight x" in m.text for m in messages)
 
@@ -250,7 +286,9 @@ def test_a_boresight_and_a_frame_far_from_their_priors_are_named(scene_factory) 
     assert any("'f2'" in m.text for m in messages if m.code == "telemetry-strained")
 
 
-def test_every_prior_has_a_row_with_its_name_unit_and_effect(scene_factory) -> None:
+def test_every_prior_has_a_row_with_its_name_unit_and_effect(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(6, frames=4, control=2, roughness=0.05, verge=(4, 5, 9)).survey
     refined = solve(survey)
     priors = judge_priors(examined(refined))
@@ -268,6 +306,7 @@ def test_every_prior_has_a_row_with_its_name_unit_and_effect(scene_factory) -> N
     blocks = refined.adjustment.minimum.blocks
     telemetry = [i for i, kind in enumerate(priors.kind) if kind == "telemetry"]
     prior = survey.telemetry
+    assert prior is not None
     white = np.linalg.inv(np.linalg.cholesky(prior.covariance))
     physical = np.einsum("nij,nj->ni", np.linalg.inv(white), blocks["telemetry"].residual)
     sigma = np.sqrt(np.einsum("nii->ni", prior.covariance))
@@ -276,7 +315,9 @@ def test_every_prior_has_a_row_with_its_name_unit_and_effect(scene_factory) -> N
     assert set(priors.effects.on) <= {"", "whole"}
 
 
-def test_a_suspect_in_one_frame_names_its_group_and_blames_nobody_else(scene_factory) -> None:
+def test_a_suspect_in_one_frame_names_its_group_and_blames_nobody_else(
+    scene_factory: Callable[..., Scene],
+) -> None:
     pairs = ((0, 6), (1, 7), (2, 8), (3, 9), (4, 10), (5, 11))
     scene = scene_factory(
         3, frames=1, telemetry=False, gauge="plane", tilt=0.4, ends=pairs,
@@ -295,22 +336,22 @@ def test_a_suspect_in_one_frame_names_its_group_and_blames_nobody_else(scene_fac
     assert [i for i, s in enumerate(picks.status) if s == "suspect"] == [1, 7]
 
 
-def test_the_record_of_a_removal_tells_what_it_did(scene_factory) -> None:
+def test_the_record_of_a_removal_tells_what_it_did(scene_factory: Callable[..., Scene]) -> None:
     survey = changed(scene_factory(6, frames=6, lines=8).survey, "length_m", 2, 0.5)
     before, after = solve(survey), solve(survey, "remove")
     lines = lines_of(survey)
-    record, *_ = judge_removals(after, lines, np.arange(8), WHOLE, None)
+    record, *_ = judge_removals(after, lines, np.arange(8), WHOLE, NO_TIMES)
     assert record.what == named(lines, 2)
     (said,) = [m for m in judge_suspects(examined(before)) if m.lengths == ("L2",)]
     assert said.text.startswith(f"The {named(lines, 2)} does not fit")  # one name in both modes
     assert abs(record.w) == pytest.approx(abs(after.removals[0].suspicion.w))
     assert record.variance_factor_before > record.variance_factor_after
     steps = [before, *(r.before for r in after.removals[1:]), after]
-    values = [propagate(r.adjustment, WHOLE, None).value for r in steps[:2]]
+    values = [propagate(r.adjustment, WHOLE, NO_TIMES).value for r in steps[:2] if r is not None]
     np.testing.assert_allclose(record.change, values[1] - values[0], atol=1e-9)
 
 
-def test_the_weakest_link_is_named_with_its_size(scene_factory) -> None:
+def test_the_weakest_link_is_named_with_its_size(scene_factory: Callable[..., Scene]) -> None:
     survey = scene_factory(6, frames=6, lines=8).survey
     given = examined(solve(survey))
     links = judge_weakest(given)
@@ -325,7 +366,17 @@ def test_the_weakest_link_is_named_with_its_size(scene_factory) -> None:
     )
 
 
-def test_checks_are_judged_together_with_their_joint_covariance(scene_factory) -> None:
+def judged_together(
+    adjustment: Adjustment, lines: KnownLines, known: KnownWorldPoints
+) -> tuple[ChecksOverall, tuple[Message, ...]]:
+    overall, messages = judge_overall(adjustment, lines, known, ALPHA)
+    assert overall is not None
+    return overall, messages
+
+
+def test_checks_are_judged_together_with_their_joint_covariance(
+    scene_factory: Callable[..., Scene],
+) -> None:
     squared = []
     for seed in range(30):
         scene = scene_factory(100 + seed, frames=3, lines=2)
@@ -349,17 +400,17 @@ def test_checks_are_judged_together_with_their_joint_covariance(scene_factory) -
         adjustment = solve(survey).adjustment
         if not {f"P{k}" for k in range(6)} <= set(adjustment.survey.label):
             continue
-        overall, _ = judge_overall(adjustment, lines, known, ALPHA)
+        overall, _ = judged_together(adjustment, lines, known)
         assert overall.count == 9
         squared.append(overall.chi2)
-    low, high = chi2.ppf([5e-6, 1 - 5e-6], 9 * len(squared))
+    low, high = chi2.ppf(np.array([5e-6, 1 - 5e-6]), 9 * len(squared))
     assert low < np.sum(squared) < high
 
-    assert judge_overall(adjustment, lines, NO_POINTS, ALPHA)[0].count == 3
+    assert judged_together(adjustment, lines, NO_POINTS)[0].count == 3
     points_alone = replace(lines, adjust=~lines.adjust)
-    assert judge_overall(adjustment, points_alone, known, ALPHA)[0].count == 6
+    assert judged_together(adjustment, points_alone, known)[0].count == 6
     far = replace(known, world_m=known.world_m + np.array([0.0, 0.0, 9.0]))
-    overall, messages = judge_overall(adjustment, lines, far, ALPHA)
+    overall, messages = judged_together(adjustment, lines, far)
     assert overall.rms_error_m == pytest.approx(np.sqrt(2 * 81 / 9), rel=0.2)
     assert [m.code for m in messages] == ["checks-misfit"]
     assert judge_overall(adjustment, replace(lines, adjust=~lines.adjust), NO_POINTS, ALPHA) == (
@@ -367,8 +418,11 @@ def test_checks_are_judged_together_with_their_joint_covariance(scene_factory) -
     )  # fmt: skip
 
 
-def test_a_length_left_out_beforehand_is_named_with_both_values_and_its_unit(scene_factory) -> None:
+def test_a_length_left_out_beforehand_is_named_with_both_values_and_its_unit(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(6, frames=6, ends=tuple((k, k + 6) for k in range(6))).survey
+    assert survey.seeds is not None
     covariance = np.tile(np.diag([1.0, 1, 1.5, 0.03, 0.03, 0.04]) ** 2, (6, 1, 1))
     survey = replace(survey, seeds=replace(survey.seeds, covariance=covariance))
     for factors, unit in (({2: 1000.0}, "in millimetres?"), ({1: 3.2808, 2: 3.2808}, "in feet?")):
@@ -389,14 +443,16 @@ def test_a_length_left_out_beforehand_is_named_with_both_values_and_its_unit(sce
             assert found.adjusted_m[line] == pytest.approx(survey.length_m[line], abs=0.1)
         assert unit in messages[0].text
         assert judge_suspects(given) == ()
-        records = judge_removals(refined, lines, np.arange(6), WHOLE, None)
+        records = judge_removals(refined, lines, np.arange(6), WHOLE, NO_TIMES)
         assert [r.what for r in records] == [named(lines, line) for line in factors]
         assert messages[0].lengths == tuple(f"L{line}" for line in factors)
         assert all(np.isnan([r.variance_factor_before, *r.change]).all() for r in records)
         assert 0.3 < records[0].variance_factor_after < 2.0
 
 
-def test_a_suspect_without_which_all_fits_is_the_only_one_named(scene_factory) -> None:
+def test_a_suspect_without_which_all_fits_is_the_only_one_named(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(6, frames=6, ends=tuple((k, k + 6) for k in range(6))).survey
     wrong = changed(survey, "length_m", 2, 0.25 * survey.length_m[2])
     refined = solve(wrong)
@@ -409,7 +465,7 @@ def test_a_suspect_without_which_all_fits_is_the_only_one_named(scene_factory) -
 
 
 def test_tests_of_an_adjustment_not_at_rest_accuse_nobody(
-    scene_factory, monkeypatch: pytest.MonkeyPatch
+    scene_factory: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     survey = changed(scene_factory(6, frames=2, lines=1).survey, "length_m", 0, 2.5)
     monkeypatch.setattr("uavgram.estimation.solver.levenberg_marquardt.AT_REST", -1.0)
@@ -423,7 +479,9 @@ def test_tests_of_an_adjustment_not_at_rest_accuse_nobody(
     assert judge_groups(refined.adjustment, ALPHA)[1] == ()
 
 
-def test_a_check_point_that_is_wrong_is_named_before_the_checks_as_a_whole(scene_factory) -> None:
+def test_a_check_point_that_is_wrong_is_named_before_the_checks_as_a_whole(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(6)
     adjustment = solve(scene.survey).adjustment
     truth = scene.world[[2, 7, 8]]
@@ -444,7 +502,9 @@ def test_a_check_point_that_is_wrong_is_named_before_the_checks_as_a_whole(scene
         assert "that is 'P7' alone; the other 2 fit" in message.text
 
 
-def test_check_points_that_are_all_off_are_told_in_one_message(scene_factory) -> None:
+def test_check_points_that_are_all_off_are_told_in_one_message(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(6)
     adjustment = solve(scene.survey).adjustment
     known = KnownWorldPoints(
@@ -469,7 +529,7 @@ NO_POINTS = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empt
 
 @pytest.mark.parametrize("outliers", ["report", "remove"])
 def test_swapped_labels_are_told_as_such_and_their_picks_are_not_blamed(
-    scene_factory, outliers
+    scene_factory: Callable[..., Scene], outliers: OutlierRule
 ) -> None:
     survey = scene_factory(6, frames=6).survey
     one, other = np.flatnonzero(survey.pick_frame == 2)[[1, 4]]
@@ -487,7 +547,9 @@ def test_swapped_labels_are_told_as_such_and_their_picks_are_not_blamed(
     assert "seem to be swapped in 'f2'" in messages[0].text
 
 
-def test_two_wrong_picks_of_one_photo_are_no_swapped_labels(scene_factory) -> None:
+def test_two_wrong_picks_of_one_photo_are_no_swapped_labels(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(6, frames=6).survey
     one, other = np.flatnonzero(survey.pick_frame == 2)[[1, 4]]
     wrong = changed(changed(survey, "pixel_px", (one, 0), 60.0), "pixel_px", (other, 1), 60.0)

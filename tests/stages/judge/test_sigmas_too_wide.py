@@ -1,13 +1,16 @@
 """Everything fits far better than stated: it is said, with the groups that are too wide."""
 
+from __future__ import annotations
+
 from scenes import make_scene
 
+from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.stages.judge.groups import judge_groups
 from uavgram.stages.refine import refine
 
 
-def messages_of(noise):
+def messages_of(noise: float) -> tuple[Message, ...]:
     scene = make_scene(5, frames=4, labels=14, noise=noise)
     refined, _ = refine(scene.survey, SolveOptions())
     return judge_groups(refined.adjustment, 0.001)[1]

@@ -1,11 +1,17 @@
 """Poses as tags: place, both conventions of angles, accuracies."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from uavgram.errors import GeometryError
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.geotag import GeoTags
 from uavgram.model.flight.pose import Poses
 from uavgram.model.survey.world import Geodetic, World
 from uavgram.stages.products.geotags import geotag
@@ -13,19 +19,19 @@ from uavgram.stages.products.geotags import geotag
 WORLD = World(origin=Geodetic(-33.7, 151.3, 2.0), height_datum="msl", gauge="world")
 
 
-def looking(forward, up):
+def looking(forward: Sequence[float], up: Sequence[float]) -> Floats:
     """Rotation of a camera with its optical axis and image up along directions in the world."""
     z, y = np.array(forward, float), -np.array(up, float)
     return np.column_stack([np.cross(y, z), y, z])
 
 
-def tags_of(rotation, covariance=None):
+def tags_of(rotation: Floats, covariance: Floats | None = None) -> GeoTags:
     covariance = np.eye(6) if covariance is None else covariance
     poses = Poses(
         frame_id=("a.jpg",),
-        center_world_m=[[10.0, 20.0, 50.0]],
-        world_from_camera=[rotation],
-        covariance=[covariance],
+        center_world_m=np.array([[10.0, 20.0, 50.0]]),
+        world_from_camera=rotation[None],
+        covariance=covariance[None],
     )
     return geotag(poses, ("/a.jpg",), ("seed",), WORLD)
 
@@ -39,7 +45,12 @@ def tags_of(rotation, covariance=None):
         ((0, 0.6, -0.8), (0, 0.8, 0.6), (0, np.degrees(np.arcsin(0.6)), 0), (0, None, 0)),
     ],
 )
-def test_angles_follow_the_documented_examples(forward, up, nadir_deg, gimbal_deg) -> None:
+def test_angles_follow_the_documented_examples(
+    forward: tuple[float, ...],
+    up: tuple[float, ...],
+    nadir_deg: tuple[float, ...],
+    gimbal_deg: tuple[float | None, ...],
+) -> None:
     tags = tags_of(looking(forward, up))
     expected = [np.degrees(-np.arcsin(0.8)) if a is None else a for a in gimbal_deg]
 

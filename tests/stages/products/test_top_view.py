@@ -10,8 +10,10 @@ import pytest
 from top_views import BROWN, SIZE_PX, UTM, cv_project, looking, make_view
 
 from uavgram.errors import GeometryError
-from uavgram.geometry.ground.top_view import MOST_OFF_NADIR
+from uavgram.geometry.ground.top_view import MOST_OFF_NADIR, View
+from uavgram.model.arrays import Floats
 from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PoseTable
 from uavgram.stages.products.top_view import (
     boxes,
@@ -23,12 +25,12 @@ from uavgram.stages.products.top_view import (
 
 
 @pytest.fixture(scope="module")
-def three():
+def three() -> View:
     centers = [[-10.0, 0, 40.0], [0, 0, 40.0], [12.0, 3.0, 40.0]]
     return make_view(centers, [looking(), looking(5, 30), looking(4, 200)])
 
 
-def without(view, row):
+def without(view: View, row: int) -> Result:
     """The result with one frame that has no adjusted pose."""
     poses = view.result.frames.refined
     center, rotation, covariance = (
@@ -40,18 +42,18 @@ def without(view, row):
     return replace(view.result, frames=replace(view.result.frames, refined=table, status=status))
 
 
-def test_all_adjusted_frames_are_taken_or_the_one_that_is_named(three) -> None:
+def test_all_adjusted_frames_are_taken_or_the_one_that_is_named(three: View) -> None:
     assert choose_view(three.result).frame_id == ("0.png", "1.png", "2.png")
     assert choose_view(three.result, "1.png").frame_id == ("1.png",)
     assert choose_view(without(three, 1)).frame_id == ("0.png", "2.png")
 
 
-def test_an_unknown_frame_is_named_with_the_one_that_was_meant(three) -> None:
+def test_an_unknown_frame_is_named_with_the_one_that_was_meant(three: View) -> None:
     with pytest.raises(GeometryError, match=r"'1\.pgn'.*did you mean '1\.png'"):
         choose_view(three.result, "1.pgn")
 
 
-def test_a_frame_without_a_pose_says_what_to_do(three) -> None:
+def test_a_frame_without_a_pose_says_what_to_do(three: View) -> None:
     with pytest.raises(GeometryError, match=r"'1\.png' has no adjusted pose: pick points in it"):
         choose_view(without(three, 1), "1.png")
 
@@ -62,7 +64,7 @@ def test_without_any_pose_there_is_nothing_to_rectify() -> None:
         choose_view(without(view, 0))
 
 
-def ground_of_border(view, index):
+def ground_of_border(view: View, index: int) -> Floats:
     """(n, 2) where a photo's border meets z = 0, by OpenCV's undistortion."""
     share = np.linspace(0, 1, 200)
     u, v = (
@@ -77,10 +79,11 @@ def ground_of_border(view, index):
     poses = view.result.frames.refined
     ray = np.concatenate([ray, np.ones((len(ray), 1))], 1) @ poses.world_from_camera[index].T
     center = poses.center_world_m[index]
-    return (center - ray * (center[2] / ray[:, 2:]))[:, :2]
+    ground: Floats = (center - ray * (center[2] / ray[:, 2:]))[:, :2]
+    return ground
 
 
-def test_the_raster_covers_what_the_photos_show_and_no_more(three) -> None:
+def test_the_raster_covers_what_the_photos_show_and_no_more(three: View) -> None:
     raster = lay_raster(three, 0.1)
     border = np.concatenate([ground_of_border(three, k) for k in range(3)])
     low, high = border.min(axis=0), border.max(axis=0)
@@ -94,7 +97,7 @@ def test_the_raster_covers_what_the_photos_show_and_no_more(three) -> None:
     assert west / 0.1 == pytest.approx(round(west / 0.1), abs=1e-6)  # pixels on round coordinates
 
 
-def test_the_size_of_a_pixel_is_that_of_the_photos_to_two_digits(three) -> None:
+def test_the_size_of_a_pixel_is_that_of_the_photos_to_two_digits(three: View) -> None:
     exact = 40.0 / np.sqrt(BROWN[0] * BROWN[1])
     assert photo_pixels_m(three) == pytest.approx(exact, rel=0.02)
     size = lay_raster(three).pixel_m
@@ -113,11 +116,12 @@ def test_an_oblique_photo_reaches_as_far_as_rays_are_steep() -> None:
     assert width < 2 * far
 
 
-def test_a_coarse_raster_reduces_the_photos_and_a_fine_one_does_not(three) -> None:
+def test_a_coarse_raster_reduces_the_photos_and_a_fine_one_does_not(three: View) -> None:
     ground = 40.0 / 620.0
 
-    def of(size):
-        return reductions(three, lay_raster(three, size)).tolist()
+    def of(size: float) -> list[int]:
+        found: list[int] = reductions(three, lay_raster(three, size)).tolist()
+        return found
 
     assert of(ground) == [1, 1, 1]
     assert of(0.4 * ground) == [1, 1, 1]
@@ -126,7 +130,7 @@ def test_a_coarse_raster_reduces_the_photos_and_a_fine_one_does_not(three) -> No
 
 
 @pytest.mark.parametrize("size", [1e-9, 1e-300, 4e-4])
-def test_too_many_pixels_are_refused_with_a_size_that_works(three, size) -> None:
+def test_too_many_pixels_are_refused_with_a_size_that_works(three: View, size: float) -> None:
     with pytest.raises(GeometryError, match=r"too many.*--pixel-size (\S+) or more") as told:
         lay_raster(three, size)
     wanted = float(str(told.value).split("--pixel-size ")[1].split()[0])
@@ -134,7 +138,9 @@ def test_too_many_pixels_are_refused_with_a_size_that_works(three, size) -> None
 
 
 @pytest.mark.parametrize("size", [30.0, 1e6, 1e300])
-def test_pixels_larger_than_what_is_shown_are_refused_with_a_size_that_works(three, size) -> None:
+def test_pixels_larger_than_what_is_shown_are_refused_with_a_size_that_works(
+    three: View, size: float
+) -> None:
     with pytest.raises(GeometryError, match=r"too large.*--pixel-size (\S+) or less") as told:
         lay_raster(three, size)
     wanted = float(str(told.value).split("--pixel-size ")[1].split()[0])
@@ -154,7 +160,7 @@ def test_where_no_middle_lies_on_the_ground_the_size_must_be_stated() -> None:
 
 
 @pytest.mark.parametrize("crs", [None, UTM])
-def test_boxes_hold_every_place_that_a_photo_shows(crs) -> None:
+def test_boxes_hold_every_place_that_a_photo_shows(crs: str | None) -> None:
     view = make_view([[-10.0, 0, 40.0], [12, 3, 30.0]], [looking(20, 50), looking()], crs=crs)
     raster = lay_raster(view, 0.25)
     reach = boxes(view, raster)

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scenes import Scene
 
-from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS
+from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS, Minimum
+from uavgram.estimation.survey.unknowns import State
 from uavgram.io.cameras.drone_table import drone_cameras
 from uavgram.model.camera.tags import CameraTags
+from uavgram.model.survey.survey import Survey
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.assemble import Observations, assemble
 from uavgram.stages.camera.assume import assume_camera
-from uavgram.stages.refine import minima, poor_camera
+from uavgram.stages.refine import poor_camera
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.poor_camera import iterations_for, settled
 
@@ -23,13 +27,13 @@ TOO_WIDE = 22.0 / 25.9
 
 
 @pytest.fixture(scope="module")
-def strip(data_dir: Path):
+def strip(data_dir: Path) -> Callable[..., Survey]:
     """``strip(share)``: a twin's photos without their log, the focal length that far off."""
     inputs = read_inputs(data_dir / "wind_oblique" / "project.yaml")
-    size = {"width_px": 3000, "height_px": 2250}
-    camera, _ = assume_camera(CameraTags(path="", **size), drone_cameras(), may_be_unknown=True)
+    tags = CameraTags(path="", width_px=3000, height_px=2250)
+    camera, _ = assume_camera(tags, drone_cameras(), may_be_unknown=True)
 
-    def make(share=1.0):
+    def make(share: float = 1.0) -> Survey:
         parameters, covariance = np.array(camera.parameters), np.array(camera.covariance)
         parameters[:2] *= share
         covariance[:2, :2] *= share**2
@@ -47,13 +51,15 @@ def strip(data_dir: Path):
     return make
 
 
-def adjusted(survey):
+def adjusted(survey: Survey) -> Minimum[State]:
     every, no_line = np.ones(len(survey.pick_frame), bool), np.zeros(len(survey.line_start), bool)
     return best_minima(Participants(survey, every, no_line, {})).adjustment.minimum
 
 
 @pytest.mark.parametrize("share", [TOO_WIDE, 24.0 / 25.9, 1.2])
-def test_a_wrong_focal_length_leads_to_the_same_minimum(strip, share) -> None:
+def test_a_wrong_focal_length_leads_to_the_same_minimum(
+    strip: Callable[..., Survey], share: float
+) -> None:
     right, other = adjusted(strip()), adjusted(strip(share))
 
     assert right.converged
@@ -62,7 +68,9 @@ def test_a_wrong_focal_length_leads_to_the_same_minimum(strip, share) -> None:
     assert other.cost == pytest.approx(right.cost, abs=4)
 
 
-def test_without_soft_picks_first_it_would_not(strip, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_soft_picks_first_it_would_not(
+    strip: Callable[..., Survey], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(poor_camera, "SOFTER", ())
     lost = adjusted(strip(TOO_WIDE))
 
@@ -71,7 +79,7 @@ def test_without_soft_picks_first_it_would_not(strip, monkeypatch: pytest.Monkey
 
 
 def test_a_camera_that_is_known_or_a_log_leaves_first_values_and_iterations_as_they_are(
-    scene_factory,
+    scene_factory: Callable[..., Scene],
 ) -> None:
     scene = scene_factory(1)
     used = np.ones(len(scene.survey.line_start), bool)
@@ -86,4 +94,4 @@ def test_a_camera_that_is_known_or_a_log_leaves_first_values_and_iterations_as_t
     assert iterations_for(scene.survey.calibration) == MAX_ITERATIONS
     softened = replace(no_log.survey, calibration=camera)
     assert settled(softened, no_log.truth, no_log.pivot, used) is not no_log.truth
-    assert minima.iterations_for(camera) > MAX_ITERATIONS
+    assert iterations_for(camera) > MAX_ITERATIONS

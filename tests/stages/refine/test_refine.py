@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from scenes import Scene
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.survey.adjustment import LeftOutCause
+from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause
 from uavgram.geometry.ground import shapes
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
 REPORT, REMOVE = SolveOptions(), SolveOptions(outliers="remove")
@@ -19,38 +25,45 @@ NO_LOG = {"telemetry": False, "gauge": "plane"}
 PAIRS = tuple((k, k + 6) for k in range(6))
 
 
-def codes(messages):
+def codes(messages: tuple[Message, ...]) -> list[str]:
     return [m.code for m in messages]
 
 
-def changed(survey, name, index, by):
+def changed(
+    survey: Survey, name: str, index: int | tuple[int, int], by: float | list[float]
+) -> Survey:
     values = np.array(getattr(survey, name))
     values[index] += by
-    return replace(survey, **{name: values})
+    changes: dict[str, Any] = {name: values}
+    return replace(survey, **changes)
 
 
-def without_picks(survey, drop):
+def without_picks(survey: Survey, drop: Ints) -> Survey:
     keep = np.setdiff1d(np.arange(len(survey.pick_frame)), drop)
     names = ("pick_frame", "pick_label", "pixel_px", "pick_sigma_px")
     return replace(survey, **{n: getattr(survey, n)[keep] for n in names})
 
 
-def only_lines(survey, count):
+def only_lines(survey: Survey, count: int) -> Survey:
     names = ("line_start", "line_end", "length_m", "length_sigma_m")
     return replace(survey, **{n: getattr(survey, n)[:count] for n in names})
 
 
-def distances(adjustment):
+def distances(adjustment: Adjustment) -> Floats:
     world, _ = adjustment.points()
-    return np.linalg.norm(world[:, None] - world[None], axis=2)
+    length: Floats = np.linalg.norm(world[:, None] - world[None], axis=2)
+    return length
 
 
-def true_distances(scene):
-    return np.linalg.norm(scene.world[:, None] - scene.world[None], axis=2)
+def true_distances(scene: Scene) -> Floats:
+    length: Floats = np.linalg.norm(scene.world[:, None] - scene.world[None], axis=2)
+    return length
 
 
 @pytest.mark.parametrize("options", [{}, NO_LOG], ids=["log", "no log"])
-def test_remove_takes_out_a_wrong_tape_reading_and_says_so(scene_factory, options) -> None:
+def test_remove_takes_out_a_wrong_tape_reading_and_says_so(
+    scene_factory: Callable[..., Scene], options: dict[str, object]
+) -> None:
     scene = scene_factory(2, frames=6, ends=PAIRS, **options)
     survey = changed(scene.survey, "length_m", 4, 0.5)
     refined, messages = refine(survey, REMOVE)
@@ -65,7 +78,7 @@ def test_remove_takes_out_a_wrong_tape_reading_and_says_so(scene_factory, option
     assert shift.max() < 0.1
 
 
-def test_remove_takes_out_a_wrong_pick_and_says_so(scene_factory) -> None:
+def test_remove_takes_out_a_wrong_pick_and_says_so(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(2, frames=6)
     survey = changed(scene.survey, "pixel_px", (17, 0), 15.0)
     refined, messages = refine(survey, REMOVE)
@@ -80,7 +93,7 @@ def test_remove_takes_out_a_wrong_pick_and_says_so(scene_factory) -> None:
     assert repr(frame) in messages[0].text
 
 
-def test_report_keeps_everything(scene_factory) -> None:
+def test_report_keeps_everything(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(2, frames=6)
     survey = changed(changed(scene.survey, "pixel_px", (17, 0), 15.0), "length_m", 4, 0.5)
     refined, messages = refine(survey, REPORT)
@@ -92,7 +105,9 @@ def test_report_keeps_everything(scene_factory) -> None:
     assert len(refined.pick_index) == len(survey.pick_frame)
 
 
-def test_two_blunders_are_removed_one_at_a_time_the_larger_first(scene_factory) -> None:
+def test_two_blunders_are_removed_one_at_a_time_the_larger_first(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(2, frames=6, lines=8)
     survey = changed(changed(scene.survey, "pixel_px", (17, 0), 15.0), "length_m", 4, 0.5)
     refined, _ = refine(survey, REMOVE)
@@ -102,7 +117,9 @@ def test_two_blunders_are_removed_one_at_a_time_the_larger_first(scene_factory) 
     assert sizes == sorted(sizes, reverse=True)
 
 
-def test_a_blunder_that_cannot_be_located_is_kept_and_reported(scene_factory) -> None:
+def test_a_blunder_that_cannot_be_located_is_kept_and_reported(
+    scene_factory: Callable[..., Scene],
+) -> None:
     # Four lines seen by one frame: one redundancy, every standardised residual is the same.
     scene = scene_factory(5, labels=8, frames=1, ends=((0, 4), (1, 5), (2, 6), (3, 7)), **NO_LOG)
     survey = changed(scene.survey, "length_m", 1, 1.0)
@@ -114,7 +131,7 @@ def test_a_blunder_that_cannot_be_located_is_kept_and_reported(scene_factory) ->
     assert "blunder-not-located" not in codes(messages)
 
 
-def test_telemetry_alone_without_any_line(scene_factory) -> None:
+def test_telemetry_alone_without_any_line(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(3, lines=0)
     refined, messages = refine(scene.survey, REPORT)
 
@@ -126,7 +143,7 @@ def test_telemetry_alone_without_any_line(scene_factory) -> None:
     assert abs(value - true_distances(scene)[0, 9]) < 4 * sigma < 0.3 * value
 
 
-def test_one_frame_with_telemetry(scene_factory) -> None:
+def test_one_frame_with_telemetry(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(3, frames=1, lines=2)
     refined, _ = refine(scene.survey, REPORT)
     assert refined.adjustment.minimum.converged
@@ -134,7 +151,9 @@ def test_one_frame_with_telemetry(scene_factory) -> None:
 
 @pytest.mark.parametrize("frames", [1, 4])
 @pytest.mark.parametrize("lines", [4, 6])
-def test_lengths_alone_give_the_truth_of_exact_data(scene_factory, frames, lines) -> None:
+def test_lengths_alone_give_the_truth_of_exact_data(
+    scene_factory: Callable[..., Scene], frames: int, lines: int
+) -> None:
     scene = scene_factory(4, frames=frames, ends=PAIRS[:lines], noise=0.0, **NO_LOG)
     refined, messages = refine(scene.survey, REPORT)
 
@@ -144,13 +163,13 @@ def test_lengths_alone_give_the_truth_of_exact_data(scene_factory, frames, lines
     np.testing.assert_allclose(refined.adjustment.state.center[0], scene.truth.center[0], atol=1e-5)
 
 
-def test_three_lengths_warn_that_nothing_checks_them(scene_factory) -> None:
+def test_three_lengths_warn_that_nothing_checks_them(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(4, frames=1, ends=PAIRS[:3], **NO_LOG)
     _, messages = refine(scene.survey, REPORT)
     assert "three-lengths" in codes(messages)
 
 
-def test_a_triangle_reports_its_other_solutions(scene_factory) -> None:
+def test_a_triangle_reports_its_other_solutions(scene_factory: Callable[..., Scene]) -> None:
     several = 0
     for seed in range(8):
         scene = scene_factory(
@@ -168,7 +187,7 @@ def test_a_triangle_reports_its_other_solutions(scene_factory) -> None:
     assert several >= 5
 
 
-def test_three_lines_left_after_a_removal_warn_too(scene_factory) -> None:
+def test_three_lines_left_after_a_removal_warn_too(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(2, frames=6, ends=PAIRS[:4], **NO_LOG)
     survey = changed(scene.survey, "length_m", 1, 0.3)
     refined, messages = refine(survey, REMOVE)
@@ -176,7 +195,9 @@ def test_three_lines_left_after_a_removal_warn_too(scene_factory) -> None:
     assert "three-lengths" in codes(messages)
 
 
-def test_a_removed_length_no_longer_leads_the_first_values(scene_factory) -> None:
+def test_a_removed_length_no_longer_leads_the_first_values(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(2, frames=6, ends=PAIRS, **NO_LOG)
     survey = changed(scene.survey, "length_m", 1, 5.0)
     refined, _ = refine(survey, REMOVE)
@@ -184,7 +205,9 @@ def test_a_removed_length_no_longer_leads_the_first_values(scene_factory) -> Non
     assert np.abs(distances(refined.adjustment) - true_distances(scene)).max() < 0.15
 
 
-def test_frames_are_joined_over_shared_points_without_log(scene_factory) -> None:
+def test_frames_are_joined_over_shared_points_without_log(
+    scene_factory: Callable[..., Scene],
+) -> None:
     # Only the first frame sees all lines; the others hang on it by their points.
     scene = scene_factory(6, frames=5, labels=14, ends=PAIRS[:5], noise=0.0, along=25.0, **NO_LOG)
     refined, messages = refine(scene.survey, REPORT)
@@ -197,7 +220,9 @@ def test_frames_are_joined_over_shared_points_without_log(scene_factory) -> None
     np.testing.assert_allclose(distances(refined.adjustment), expected, atol=1e-4)
 
 
-def test_a_frame_that_shares_too_little_is_left_out_with_a_reason(scene_factory) -> None:
+def test_a_frame_that_shares_too_little_is_left_out_with_a_reason(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(6, frames=4, ends=PAIRS, **NO_LOG)
     last = np.flatnonzero(scene.survey.pick_frame == 3)
     survey = without_picks(scene.survey, last[3:])
@@ -209,7 +234,9 @@ def test_a_frame_that_shares_too_little_is_left_out_with_a_reason(scene_factory)
     assert "four points" in messages[0].text
 
 
-def test_distances_and_their_sigmas_do_not_depend_on_the_gauge(scene_factory) -> None:
+def test_distances_and_their_sigmas_do_not_depend_on_the_gauge(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(6, frames=4, ends=PAIRS, **NO_LOG)
     survey = scene.survey
     order = np.array([2, 0, 3, 1])  # new number of each frame: another one comes first
@@ -220,12 +247,14 @@ def test_distances_and_their_sigmas_do_not_depend_on_the_gauge(scene_factory) ->
         adjustment = refine(each, REPORT)[0].adjustment
         world, covariance = adjustment.joint_points(np.array([0, 9]))
         value, gradient = shapes.distance(world)
-        found.append((value, np.sqrt(gradient.ravel() @ covariance @ gradient.ravel())))
+        found.append((value, float(np.sqrt(gradient.ravel() @ covariance @ gradient.ravel()))))
     assert found[0][0] == pytest.approx(found[1][0], abs=1e-4 * found[0][1])
     assert found[0][1] == pytest.approx(found[1][1], rel=1e-4)
 
 
-def test_a_pick_that_the_lens_cannot_invert_is_left_out(scene_factory) -> None:
+def test_a_pick_that_the_lens_cannot_invert_is_left_out(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(2)
     survey = scene.survey
     parameters = np.array(survey.calibration.parameters)
@@ -241,7 +270,9 @@ def test_a_pick_that_the_lens_cannot_invert_is_left_out(scene_factory) -> None:
 
 
 @pytest.mark.parametrize("options", [{}, NO_LOG], ids=["log", "no log"])
-def test_a_pick_above_the_horizon_is_left_out_and_the_rest_solved(scene_factory, options) -> None:
+def test_a_pick_above_the_horizon_is_left_out_and_the_rest_solved(
+    scene_factory: Callable[..., Scene], options: dict[str, object]
+) -> None:
     scene = scene_factory(5, frames=3, tilt=0.5, ends=PAIRS, **options)
     survey = scene.survey
     assert refine(survey, REPORT)[0].pick_reason == {}
@@ -265,7 +296,9 @@ def test_a_pick_above_the_horizon_is_left_out_and_the_rest_solved(scene_factory,
     assert codes(messages) == ["pick-left-out"]
 
 
-def test_a_sky_pick_and_a_lost_frame_each_get_their_own_reason(scene_factory) -> None:
+def test_a_sky_pick_and_a_lost_frame_each_get_their_own_reason(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(2, frames=4, tilt=0.6, ends=PAIRS, **NO_LOG)
     last = np.flatnonzero(scene.survey.pick_frame == 3)
     survey = without_picks(scene.survey, last[3:])
@@ -288,7 +321,9 @@ def test_a_sky_pick_and_a_lost_frame_each_get_their_own_reason(scene_factory) ->
 
 
 @pytest.mark.parametrize("options", [{}, NO_LOG], ids=["log", "no log"])
-def test_labels_with_known_height_stand_above_the_plane(scene_factory, options) -> None:
+def test_labels_with_known_height_stand_above_the_plane(
+    scene_factory: Callable[..., Scene], options: dict[str, object]
+) -> None:
     heights = {3: 1.2, 7: -0.3, 8: 2.0}
     scene = scene_factory(2, frames=5, heights=heights, ends=PAIRS, noise=0.0, **options)
     refined, messages = refine(scene.survey, REPORT)
@@ -296,21 +331,25 @@ def test_labels_with_known_height_stand_above_the_plane(scene_factory, options) 
     np.testing.assert_allclose(distances(refined.adjustment), true_distances(scene), atol=1e-4)
 
 
-def test_two_control_points_and_three_lines_place_a_world_without_log(scene_factory) -> None:
+def test_two_control_points_and_three_lines_place_a_world_without_log(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(4, frames=2, ends=PAIRS, control=2, telemetry=False, noise=0.0)
     refined, _ = refine(scene.survey, REPORT)
     world, _ = refined.adjustment.points()
     np.testing.assert_allclose(world, scene.world, atol=1e-3)
 
 
-def test_poor_seeds_lead_to_the_same_solution(scene_factory) -> None:
+def test_poor_seeds_lead_to_the_same_solution(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(2, frames=6)
     first = refine(scene.survey, REPORT)[0].adjustment
     turn = np.array([[1, 0, 0], [0, np.cos(0.2), -np.sin(0.2)], [0, np.sin(0.2), np.cos(0.2)]])
+    seeds = scene.survey.seeds
+    assert seeds is not None
     seeds = replace(
-        scene.survey.seeds,
-        world_from_camera=scene.survey.seeds.world_from_camera @ turn,
-        center_world_m=scene.survey.seeds.center_world_m + np.array([5.0, -4.0, 3.0]),
+        seeds,
+        world_from_camera=seeds.world_from_camera @ turn,
+        center_world_m=seeds.center_world_m + np.array([5.0, -4.0, 3.0]),
     )
     second = refine(replace(scene.survey, seeds=seeds), REPORT)[0].adjustment
     # The slopes turn about the mean of the first values: a few metres apart, that moves the
@@ -321,7 +360,9 @@ def test_poor_seeds_lead_to_the_same_solution(scene_factory) -> None:
     assert (np.abs(second.points()[0] - world) < 0.1 * sigma).all()
 
 
-def test_hundreds_of_frames_come_to_rest_and_are_honest(scene_factory) -> None:
+def test_hundreds_of_frames_come_to_rest_and_are_honest(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(1, frames=300, labels=1200, lines=0, along=3000.0)
     ends = np.arange(0, 1190, 100)
     world = scene.world
@@ -349,26 +390,28 @@ def test_hundreds_of_frames_come_to_rest_and_are_honest(scene_factory) -> None:
 # What is missing is named.
 
 
-def test_two_lengths_without_log_say_how_many_are_needed(scene_factory) -> None:
+def test_two_lengths_without_log_say_how_many_are_needed(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = only_lines(scene_factory(4, ends=PAIRS, **NO_LOG).survey, 2)
     with pytest.raises(GeometryError, match=r"three known lengths.*most here: 2 in 'f0'"):
         refine(survey, REPORT)
 
 
-def test_two_control_points_alone_say_what_is_needed(scene_factory) -> None:
+def test_two_control_points_alone_say_what_is_needed(scene_factory: Callable[..., Scene]) -> None:
     survey = scene_factory(4, telemetry=False, control=2, lines=0).survey
     with pytest.raises(GeometryError, match="four control points in one frame"):
         refine(survey, REPORT)
 
 
-def test_no_pick_that_meets_the_ground_says_so(scene_factory) -> None:
+def test_no_pick_that_meets_the_ground_says_so(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(4, tilt=0.6)
     pixel = np.tile([1000.0, -30000.0], (len(scene.survey.pick_frame), 1))
     with pytest.raises(GeometryError, match="no usable pick is left"):
         refine(replace(scene.survey, pixel_px=pixel), REPORT)
 
 
-def test_lines_that_share_one_end_pose_no_riddle(scene_factory) -> None:
+def test_lines_that_share_one_end_pose_no_riddle(scene_factory: Callable[..., Scene]) -> None:
     # A star: three lengths from one point. Whatever comes of it, it is no crash.
     scene = scene_factory(4, frames=1, labels=5, ends=((0, 1), (0, 2), (0, 3)), **NO_LOG)
     refined, messages = refine(scene.survey, REPORT)
@@ -376,13 +419,13 @@ def test_lines_that_share_one_end_pose_no_riddle(scene_factory) -> None:
     assert refined.adjustment.minimum.converged
 
 
-def test_one_line_taped_three_times_is_one_line(scene_factory) -> None:
+def test_one_line_taped_three_times_is_one_line(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(4, frames=1, labels=5, ends=((0, 1), (0, 1), (0, 1)), **NO_LOG)
     with pytest.raises(GeometryError, match=r"three known lengths .* \(most here: 1 in 'f0'\)"):
         refine(scene.survey, REPORT)
 
 
-def test_the_same_survey_twice_gives_the_same_bits(scene_factory) -> None:
+def test_the_same_survey_twice_gives_the_same_bits(scene_factory: Callable[..., Scene]) -> None:
     survey = scene_factory(9).survey
     one, two = (refine(survey, REMOVE)[0].adjustment for _ in range(2))
     assert (one.state.point == two.state.point).all()

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from random_scenes import MEASURED, Kind, random_scene
+from scenes import Scene
 from scipy.spatial.transform import Rotation
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.flight.log import Track
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.starts import first_values
 
@@ -21,7 +26,9 @@ PAIRS = tuple((k, k + 6) for k in range(6))
 TRIANGLE = ((0, 1), (1, 2), (2, 0))
 
 
-def with_log(scene, rng: np.random.Generator, degrees, share, off=1.0):
+def with_log(
+    scene: Scene, rng: np.random.Generator, degrees: float, share: float, off: float = 1.0
+) -> Survey:
     """A log whose sigmas are so many degrees of level and that share of the height.
 
     It is wrong by `off` of them in every frame, to any side.
@@ -32,7 +39,11 @@ def with_log(scene, rng: np.random.Generator, degrees, share, off=1.0):
     axis = np.stack([np.cos(side), np.sin(side), np.zeros(frames)], axis=1)
     turn = Rotation.from_rotvec(off * np.deg2rad(degrees) * axis)
     rise = off * share * sign * truth.center[:, 2]
-    track, times = survey.track, len(survey.track.position_time_s) // frames
+    track, telemetry, seeds = survey.track, survey.telemetry, survey.seeds
+    assert isinstance(track, Track)
+    assert telemetry is not None
+    assert seeds is not None
+    times = len(track.position_time_s) // frames
     position = np.array(track.position_world_m)
     position[:, 2] += np.repeat(rise, times)
     body = Rotation.from_quat(track.world_from_body_xyzw)
@@ -44,9 +55,9 @@ def with_log(scene, rng: np.random.Generator, degrees, share, off=1.0):
     return replace(
         survey,
         track=replace(track, position_world_m=position, world_from_body_xyzw=logged.as_quat()),
-        telemetry=replace(survey.telemetry, covariance=covariance),
+        telemetry=replace(telemetry, covariance=covariance),
         seeds=replace(
-            survey.seeds,
+            seeds,
             center_world_m=center,
             world_from_camera=turn.as_matrix() @ truth.rotation,
             covariance=covariance,
@@ -54,7 +65,8 @@ def with_log(scene, rng: np.random.Generator, degrees, share, off=1.0):
     )
 
 
-def started_at_truth(survey, truth):
+def started_at_truth(survey: Survey, truth: State) -> Survey:
+    assert survey.seeds is not None
     seeds = replace(survey.seeds, center_world_m=truth.center, world_from_camera=truth.rotation)
     return replace(survey, seeds=seeds)
 
@@ -63,7 +75,7 @@ def started_at_truth(survey, truth):
 @pytest.mark.parametrize(("frames", "number"), [(1, 16), (4, 8)])
 @pytest.mark.parametrize("tilt", [0.0, 0.35])
 def test_seeds_20_degrees_and_40_percent_wrong_lead_to_the_minimum_nearest_the_truth(
-    scene_factory, frames, number, tilt
+    scene_factory: Callable[..., Scene], frames: int, number: int, tilt: float
 ) -> None:
     rng = np.random.default_rng(frames)
     reached = 0
@@ -84,7 +96,9 @@ def test_seeds_20_degrees_and_40_percent_wrong_lead_to_the_minimum_nearest_the_t
     assert reached >= 0.75 * number
 
 
-def test_a_step_that_brings_a_picked_point_behind_its_camera_is_refused(scene_factory) -> None:
+def test_a_step_that_brings_a_picked_point_behind_its_camera_is_refused(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(2)
     used = np.ones(len(scene.survey.line_start), dtype=bool)
     problem = SurveyProblem(scene.survey, scene.pivot, used)
@@ -94,7 +108,9 @@ def test_a_step_that_brings_a_picked_point_behind_its_camera_is_refused(scene_fa
     assert problem.evaluate(replace(scene.truth, rotation=turned)) is None
 
 
-def test_a_log_keeps_those_other_solutions_that_it_allows_and_says_so(scene_factory) -> None:
+def test_a_log_keeps_those_other_solutions_that_it_allows_and_says_so(
+    scene_factory: Callable[..., Scene],
+) -> None:
     kept, allowed = 0, 0
     for seed in range(4):
         scene = scene_factory(seed, frames=1, labels=6, ends=TRIANGLE, noise=0.0)
@@ -115,7 +131,9 @@ def test_a_log_keeps_those_other_solutions_that_it_allows_and_says_so(scene_fact
     assert kept >= 2
 
 
-def nonsense(survey, frame, rng: np.random.Generator, spread=1400.0):
+def nonsense(
+    survey: Survey, frame: int, rng: np.random.Generator, spread: float = 1400.0
+) -> Survey:
     """The survey with one frame's picks anywhere in the image."""
     pixel = np.array(survey.pixel_px)
     picks = survey.pick_frame == frame
@@ -126,7 +144,7 @@ def nonsense(survey, frame, rng: np.random.Generator, spread=1400.0):
 @pytest.mark.parametrize("options", [{}, NO_LOG], ids=["log", "no log"])
 @pytest.mark.parametrize("frame", [0, 3])
 def test_a_frame_of_nonsense_is_left_out_by_name_and_the_rest_goes_on(
-    scene_factory, options, frame
+    scene_factory: Callable[..., Scene], options: dict[str, object], frame: int
 ) -> None:
     for seed in (0, 2):
         scene = scene_factory(seed, frames=6, ends=PAIRS, **options)
@@ -147,7 +165,9 @@ def test_a_frame_of_nonsense_is_left_out_by_name_and_the_rest_goes_on(
             assert np.median(squared) < 12
 
 
-def test_lengths_that_leave_the_plane_open_leave_it_to_the_log(scene_factory) -> None:
+def test_lengths_that_leave_the_plane_open_leave_it_to_the_log(
+    scene_factory: Callable[..., Scene],
+) -> None:
     ends = ((0, 1), (1, 0), (0, 1), (2, 3))
     scene = scene_factory(4, frames=2, labels=6, ends=ends)
     assert len(first_values(scene.survey)) == 1
@@ -156,7 +176,9 @@ def test_lengths_that_leave_the_plane_open_leave_it_to_the_log(scene_factory) ->
 
 
 @pytest.mark.parametrize("options", [{}, NO_LOG], ids=["log", "no log"])
-def test_two_frames_of_nonsense_do_not_hide_each_other(scene_factory, options) -> None:
+def test_two_frames_of_nonsense_do_not_hide_each_other(
+    scene_factory: Callable[..., Scene], options: dict[str, object]
+) -> None:
     rng = np.random.default_rng(1)
     scene = scene_factory(2, frames=8, ends=PAIRS, **options)
     survey = nonsense(nonsense(scene.survey, 2, rng), 5, rng)
@@ -167,7 +189,9 @@ def test_two_frames_of_nonsense_do_not_hide_each_other(scene_factory, options) -
     assert refined.adjustment.minimum.converged
 
 
-def test_a_length_that_only_one_frame_shows_is_suspected_before_the_frame(scene_factory) -> None:
+def test_a_length_that_only_one_frame_shows_is_suspected_before_the_frame(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(2, frames=6, ends=PAIRS).survey
     # The ends of the first line stay in one frame alone, and its tape is metres off.
     ends = survey.line_start[0], survey.line_end[0]
@@ -187,7 +211,9 @@ def test_a_length_that_only_one_frame_shows_is_suspected_before_the_frame(scene_
     assert "f3" in refined.adjustment.survey.frame_id
 
 
-def test_one_wrong_pick_is_no_reason_to_leave_a_frame_out(scene_factory) -> None:
+def test_one_wrong_pick_is_no_reason_to_leave_a_frame_out(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = scene_factory(2, frames=6, ends=PAIRS).survey
     pixel = np.array(survey.pixel_px)
     pixel[17, 0] += 60.0
@@ -196,7 +222,9 @@ def test_one_wrong_pick_is_no_reason_to_leave_a_frame_out(scene_factory) -> None
     assert messages == ()
 
 
-def test_lines_that_run_one_way_are_named_with_the_line_to_tape_next(scene_factory) -> None:
+def test_lines_that_run_one_way_are_named_with_the_line_to_tape_next(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(4, frames=1, labels=12, noise=0.0, **NO_LOG)
     # Five lines of one direction, at both sides of the scene.
     world = scene.world
@@ -220,7 +248,7 @@ def test_lines_that_run_one_way_are_named_with_the_line_to_tape_next(scene_facto
     assert refined.adjustment.minimum.converged
 
 
-def test_well_spread_lines_need_no_word(scene_factory) -> None:
+def test_well_spread_lines_need_no_word(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(4, frames=1, ends=PAIRS, **NO_LOG)
     _, messages = refine(scene.survey, REPORT)
     assert [m.code for m in messages] == []
@@ -244,7 +272,9 @@ def test_three_lengths_at_which_two_poses_merge_are_told_with_the_way_out() -> N
 
 
 @pytest.mark.parametrize("number", [76, 133, 198])
-def test_a_pose_that_nothing_determines_is_still_told_beside_the_one_that_is_found(number) -> None:
+def test_a_pose_that_nothing_determines_is_still_told_beside_the_one_that_is_found(
+    number: int,
+) -> None:
     """The true one, in these scenes; alone, the other is 10 to 77 sigmas off."""
     kind = Kind(sources=("pixels", "lengths"), telemetry=("absent",), lines=(3, 3), frames=(1,))
     scene = random_scene((3, number), kind)
@@ -261,7 +291,7 @@ def test_a_pose_that_nothing_determines_is_still_told_beside_the_one_that_is_fou
 
 @pytest.mark.parametrize("number", [76, 28, 52])
 def test_a_rival_that_nothing_determines_does_not_stop_a_survey_with_an_unknown_camera(
-    number,
+    number: int,
 ) -> None:
     kind = Kind(sources=("pixels", "lengths"), telemetry=("absent",), lines=(3, 3), frames=(1,))
     survey = random_scene((3, number), kind).survey

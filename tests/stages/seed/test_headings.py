@@ -1,27 +1,34 @@
 """Photos with a place and no attitude: minutes apart, turned as they like, nothing left out."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from place_only_scenes import place_only
+from place_only_scenes import PlaceOnly, place_only
 from scenes import make_scene
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from uavgram.estimation.survey.adjustment import Refined
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.photo_poses import PhotoExposures
+from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.seed.headings import find_headings
 
 
-def adjusted(scene):
+def adjusted(scene: PlaceOnly) -> tuple[Refined, tuple[Message, ...]]:
     survey, _ = find_headings(scene.survey)
     refined, messages = refine(survey, SolveOptions())
     return refined, messages
 
 
 @pytest.mark.parametrize(("seed", "pitch_deg"), [(3, -90.0), (4, -90.0), (2, -45.0), (4, -45.0)])
-def test_every_photo_stays_in_and_finds_its_heading(seed, pitch_deg) -> None:
+def test_every_photo_stays_in_and_finds_its_heading(seed: int, pitch_deg: float) -> None:
     scene = place_only(seed, frames=5, labels=11, pitch_deg=pitch_deg)
     refined, messages = adjusted(scene)
 
@@ -62,12 +69,14 @@ def test_a_wrong_label_does_not_turn_a_photo() -> None:
 def test_a_course_that_the_picks_contradict_counts_as_unknown() -> None:
     scene = place_only(0, frames=5, labels=11)
     survey = scene.survey
-    track = survey.track
+    seeds, track = survey.seeds, survey.track
+    assert seeds is not None
+    assert isinstance(track, PhotoExposures)
     heading = np.where(np.arange(5) == 3, 177.0, 0.0)
     wrong = Rotation.from_euler("z", heading[:, None], degrees=True).as_matrix()
     course = replace(
         survey,
-        seeds=replace(survey.seeds, world_from_camera=wrong @ scene.rotation),
+        seeds=replace(seeds, world_from_camera=wrong @ scene.rotation),
         track=replace(
             track,
             world_from_gimbal=wrong
@@ -89,13 +98,15 @@ def test_a_course_that_the_picks_contradict_counts_as_unknown() -> None:
 def test_a_photo_without_neighbour_or_attitude_is_placed_by_its_picks() -> None:
     scene = place_only(1, frames=5, labels=11)
     survey = scene.survey
-    track = survey.track
+    seeds, track = survey.seeds, survey.track
+    assert seeds is not None
+    assert isinstance(track, PhotoExposures)
     known = np.arange(5) != 4
     from_gimbal = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0.0]])
-    rotation = np.where(known[:, None, None], scene.rotation, survey.seeds.world_from_camera)
+    rotation = np.where(known[:, None, None], scene.rotation, seeds.world_from_camera)
     stated = replace(
         survey,
-        seeds=replace(survey.seeds, world_from_camera=rotation),
+        seeds=replace(seeds, world_from_camera=rotation),
         track=replace(
             track,
             world_from_gimbal=rotation @ from_gimbal.T,
@@ -105,6 +116,7 @@ def test_a_photo_without_neighbour_or_attitude_is_placed_by_its_picks() -> None:
     )
     turned, _ = find_headings(stated)
 
+    assert turned.seeds is not None
     np.testing.assert_array_equal(turned.seeds.world_from_camera[:4], rotation[:4])
     assert off_deg(turned, scene)[4] < 30.0
 
@@ -122,11 +134,13 @@ def test_pose_errors_follow_their_sigmas() -> None:
     assert np.sum(errors**2) < chi2.isf(0.001, errors.size)
 
 
-def tilts(scene):
+def tilts(scene: PlaceOnly) -> Floats:
     return scene.pose_errors(adjusted(scene)[0].adjustment)[:, 3:5]
 
 
-def off_deg(survey, scene):
+def off_deg(survey: Survey, scene: PlaceOnly) -> Floats:
     """(F,) angle between seeds and truth."""
+    assert survey.seeds is not None
     between = np.swapaxes(survey.seeds.world_from_camera, 1, 2) @ scene.rotation
-    return np.degrees(np.linalg.norm(Rotation.from_matrix(between).as_rotvec(), axis=1))
+    angle: Floats = np.degrees(np.linalg.norm(Rotation.from_matrix(between).as_rotvec(), axis=1))
+    return angle

@@ -1,6 +1,10 @@
 """Photo poses in the local world: origin, attitudes stated and guessed, sigmas, seeds."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TypedDict, Unpack
 
 import numpy as np
 import pytest
@@ -9,8 +13,10 @@ from scipy.spatial.transform import Rotation
 from uavgram.errors import UavgramError
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.geometry.motion.telemetry_pose import exposures_by_time
+from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.photo_poses import PhotoPoses
+from uavgram.model.flight.photo_poses import PhotoExposures, PhotoPoses
+from uavgram.model.message import Message
 from uavgram.model.options import MountOptions, TelemetryOptions
 from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
 from uavgram.stages.seed.seed import seed
@@ -22,9 +28,23 @@ ROUTE = np.array(
 )
 
 
+class Changes(TypedDict, total=False):
+    """What other photos say."""
+
+    height_home_m: Floats
+    time_utc_s: Floats
+    sigma_horizontal_m: Floats
+    sigma_vertical_m: Floats
+    sigma_attitude_rad: Floats
+
+
 @pytest.fixture
-def make_poses():
-    def make(route=ROUTE, ypr_deg=(np.nan,) * 3, **changes):
+def make_poses() -> Callable[..., PhotoPoses]:
+    def make(
+        route: Floats = ROUTE,
+        ypr_deg: tuple[float, float, float] = (np.nan,) * 3,
+        **changes: Unpack[Changes],
+    ) -> PhotoPoses:
         count = len(route)
         enu = np.column_stack([route, np.full(count, 40.0)])
         latitude, longitude, height = geodetic_from_enu(enu, ORIGIN)
@@ -50,24 +70,32 @@ def make_poses():
     return make
 
 
-def place(poses, mount=None, telemetry=None, every_s=2.0):
+def place(
+    poses: PhotoPoses,
+    mount: MountOptions | None = None,
+    telemetry: TelemetryOptions | None = None,
+    every_s: float = 2.0,
+) -> tuple[PhotoExposures, tuple[Message, ...]]:
     """Place photos that were taken so many seconds apart."""
     return place_photos(
         poses,
         ORIGIN,
         mount or MountOptions(),
         telemetry or TelemetryOptions(),
-        np.arange(len(poses.frame_id)) * every_s,
+        np.arange(float(len(poses.frame_id))) * every_s,
     )
 
 
-def headings_deg(exposures):
+def headings_deg(exposures: PhotoExposures) -> Floats:
     """Where image up points, seen from above, for a camera that looks down."""
     up = -exposures.world_from_gimbal[:, :, 2]
-    return np.round(np.degrees(np.arctan2(up[:, 0], up[:, 1])), 3) % 360
+    degrees: Floats = np.degrees(np.arctan2(up[:, 0], up[:, 1]))
+    return np.round(degrees, 3) % 360
 
 
-def test_home_is_below_the_first_photo_at_altitude_minus_relative_altitude(make_poses) -> None:
+def test_home_is_below_the_first_photo_at_altitude_minus_relative_altitude(
+    make_poses: Callable[..., PhotoPoses],
+) -> None:
     poses = make_poses()
     origin, messages = find_photo_home(poses)
 
@@ -76,19 +104,21 @@ def test_home_is_below_the_first_photo_at_altitude_minus_relative_altitude(make_
     assert "msl" in messages[0].text
 
 
-def test_without_relative_altitude_there_is_no_home_and_the_way_out_is_told(make_poses) -> None:
+def test_without_relative_altitude_there_is_no_home_and_the_way_out_is_told(
+    make_poses: Callable[..., PhotoPoses],
+) -> None:
     with pytest.raises(UavgramError, match=r"set world\.origin"):
         find_photo_home(make_poses(height_home_m=np.full(8, np.nan)))
 
 
-def test_positions_are_those_of_the_world(make_poses) -> None:
+def test_positions_are_those_of_the_world(make_poses: Callable[..., PhotoPoses]) -> None:
     exposures, _ = place(make_poses(ypr_deg=(0, -90, 0)))
 
     np.testing.assert_allclose(exposures.position_world_m[:, :2], ROUTE, atol=1e-6)
     np.testing.assert_allclose(exposures.position_world_m[:, 2], 40.0, atol=1e-6)
 
 
-def test_the_gimbal_looks_where_its_angles_say(make_poses) -> None:
+def test_the_gimbal_looks_where_its_angles_say(make_poses: Callable[..., PhotoPoses]) -> None:
     exposures, messages = place(make_poses(ypr_deg=(30, -20, 0)))
     axis = exposures.world_from_gimbal[0][:, 0]
 
@@ -98,7 +128,9 @@ def test_the_gimbal_looks_where_its_angles_say(make_poses) -> None:
     assert messages == ()
 
 
-def test_sigmas_default_to_three_metres_and_degrees_and_stated_ones_win(make_poses) -> None:
+def test_sigmas_default_to_three_metres_and_degrees_and_stated_ones_win(
+    make_poses: Callable[..., PhotoPoses],
+) -> None:
     sigma = np.array([0.05, *[np.nan] * 7])
     poses = make_poses(ypr_deg=(0, -90, 0), sigma_horizontal_m=sigma, sigma_attitude_rad=sigma)
     exposures, _ = place(poses)
@@ -112,7 +144,7 @@ def test_sigmas_default_to_three_metres_and_degrees_and_stated_ones_win(make_pos
     np.testing.assert_allclose(asked.sigma_attitude_rad[0], np.radians([4.0, 5.0]))
 
 
-def test_a_bias_that_drowns_rtk_is_told(make_poses) -> None:
+def test_a_bias_that_drowns_rtk_is_told(make_poses: Callable[..., PhotoPoses]) -> None:
     centimetres = np.full(8, 0.05)
     poses = make_poses(
         ypr_deg=(0, -90, 0), sigma_horizontal_m=centimetres, sigma_vertical_m=2 * centimetres
@@ -125,7 +157,9 @@ def test_a_bias_that_drowns_rtk_is_told(make_poses) -> None:
     assert quiet == ()
 
 
-def test_without_attitude_the_course_gives_the_heading(make_poses) -> None:
+def test_without_attitude_the_course_gives_the_heading(
+    make_poses: Callable[..., PhotoPoses],
+) -> None:
     exposures, messages = place(make_poses())
 
     # at both ends of the turn the shorter leg, along the line, decides
@@ -136,7 +170,9 @@ def test_without_attitude_the_course_gives_the_heading(make_poses) -> None:
     assert [m.code for m in messages] == ["attitude-from-course"]
 
 
-def test_times_decide_the_order_where_the_source_has_them(make_poses) -> None:
+def test_times_decide_the_order_where_the_source_has_them(
+    make_poses: Callable[..., PhotoPoses],
+) -> None:
     shuffled = np.array([3, 0, 5, 1, 7, 2, 6, 4])
     poses = make_poses(time_utc_s=np.arange(8.0)).rows(shuffled)
     exposures, _ = place(poses)
@@ -145,13 +181,15 @@ def test_times_decide_the_order_where_the_source_has_them(make_poses) -> None:
     np.testing.assert_allclose(headings_deg(exposures), expected, atol=1e-3)
 
 
-def test_the_mount_turns_the_camera_against_the_course(make_poses) -> None:
+def test_the_mount_turns_the_camera_against_the_course(
+    make_poses: Callable[..., PhotoPoses],
+) -> None:
     exposures, _ = place(make_poses(), mount=MountOptions(yaw_deg=90.0))
 
     np.testing.assert_allclose(headings_deg(exposures)[:3], 90.0, atol=1e-3)
 
 
-def test_a_course_over_minutes_is_no_attitude(make_poses) -> None:
+def test_a_course_over_minutes_is_no_attitude(make_poses: Callable[..., PhotoPoses]) -> None:
     exposures, messages = place(make_poses(), every_s=10.0)
 
     np.testing.assert_allclose(np.degrees(exposures.sigma_attitude_rad[:, 1]), 180.0)
@@ -162,7 +200,9 @@ def test_a_course_over_minutes_is_no_attitude(make_poses) -> None:
     np.testing.assert_allclose(np.degrees(timeless.sigma_attitude_rad[:, 1]), 180.0)
 
 
-def test_an_oblique_camera_without_attitude_has_an_unknown_heading(make_poses) -> None:
+def test_an_oblique_camera_without_attitude_has_an_unknown_heading(
+    make_poses: Callable[..., PhotoPoses],
+) -> None:
     exposures, _ = place(make_poses(), mount=MountOptions(pitch_deg=-20.0), every_s=60.0)
 
     down = exposures.world_from_gimbal[:, 2, 0]
@@ -170,14 +210,14 @@ def test_an_oblique_camera_without_attitude_has_an_unknown_heading(make_poses) -
     np.testing.assert_allclose(np.degrees(exposures.sigma_attitude_rad), [[6.0, 180.0]] * 8)
 
 
-def test_a_hovering_drone_has_no_course(make_poses) -> None:
+def test_a_hovering_drone_has_no_course(make_poses: Callable[..., PhotoPoses]) -> None:
     exposures, messages = place(make_poses(route=np.zeros((3, 2))))
 
     np.testing.assert_allclose(np.degrees(exposures.sigma_attitude_rad[:, 1]), 180.0)
     assert [m.code for m in messages] == ["attitude-unknown"]
 
 
-def test_photos_without_course_stay_in_and_are_told(make_poses) -> None:
+def test_photos_without_course_stay_in_and_are_told(make_poses: Callable[..., PhotoPoses]) -> None:
     route = np.vstack([ROUTE[:3], [[0, 41.0], [0, 42.0], [0, 43.0]]])  # hovers at the end
     exposures, messages = place(make_poses(route=route))
 
@@ -187,7 +227,9 @@ def test_photos_without_course_stay_in_and_are_told(make_poses) -> None:
     assert [m.code for m in messages] == ["attitude-from-course", "attitude-unknown"]
 
 
-def test_stated_sigmas_hold_for_a_guessed_attitude_too_but_make_it_no_better(make_poses) -> None:
+def test_stated_sigmas_hold_for_a_guessed_attitude_too_but_make_it_no_better(
+    make_poses: Callable[..., PhotoPoses],
+) -> None:
     wide, _ = place(make_poses(), telemetry=TelemetryOptions(attitude_sigma_deg=(4.0, 120.0)))
     sharp, _ = place(make_poses(), telemetry=TelemetryOptions(attitude_sigma_deg=(4.0, 2.0)))
 
@@ -195,7 +237,9 @@ def test_stated_sigmas_hold_for_a_guessed_attitude_too_but_make_it_no_better(mak
     np.testing.assert_allclose(np.degrees(sharp.sigma_attitude_rad[0]), [4.0, 15.0])
 
 
-def test_exposures_of_photos_stand_still_and_go_by_name(make_poses) -> None:
+def test_exposures_of_photos_stand_still_and_go_by_name(
+    make_poses: Callable[..., PhotoPoses],
+) -> None:
     exposures, _ = place(make_poses(ypr_deg=(0, -90, 0)))
     found = exposures_by_time(exposures, ("p5.jpg", "p1.jpg"))(np.array([1e9, np.nan]))
 
@@ -204,13 +248,15 @@ def test_exposures_of_photos_stand_still_and_go_by_name(make_poses) -> None:
     assert not found.mount_rate.any()
 
 
-def test_seeds_carry_the_stated_sigmas_and_what_is_shared(make_poses) -> None:
+def test_seeds_carry_the_stated_sigmas_and_what_is_shared(
+    make_poses: Callable[..., PhotoPoses],
+) -> None:
     exposures, _ = place(make_poses(ypr_deg=(30, -60, 0)))
     frames = Frames(
         frame_id=(*exposures.frame_id, "lost.jpg"),
         time_utc_s=np.full(9, np.nan),
         sigma_time_s=np.full(9, np.nan),
-        matched=[True] * 8 + [False],
+        matched=np.array([True] * 8 + [False]),
         reason=("",) * 8 + ("no pose",),
         clock_offset_s=0.0,
         clock_offset_sigma_s=1.0,

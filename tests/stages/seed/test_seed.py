@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
+from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import Track
+from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.options import MountOptions, TelemetryOptions
 from uavgram.stages.seed.seed import nominal_mount, seed
 
@@ -16,6 +20,7 @@ CAMERA_IN_GIMBAL = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
 TINY = 1e-7
 LEAST = 1e-6  # the smallest sigma that options take
 DRAWS = 3000
+NOTHING = np.zeros(3)
 
 # Which way camera axes point in the body (forward, right, down), by pencil and paper.
 S70, C70 = np.sin(np.deg2rad(70)), np.cos(np.deg2rad(70))
@@ -31,7 +36,12 @@ MOUNTS = {
 
 
 @pytest.mark.parametrize(("angles", "axis", "up", "right"), MOUNTS.values(), ids=MOUNTS)
-def test_a_fixed_camera_looks_where_the_contract_says(angles, axis, up, right) -> None:
+def test_a_fixed_camera_looks_where_the_contract_says(
+    angles: tuple[float, float, float],
+    axis: tuple[float, float, float],
+    up: tuple[float, float, float],
+    right: tuple[float, float, float],
+) -> None:
     yaw, pitch, roll = angles
     mount = MountOptions(yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll)
     body_from_camera = nominal_mount(mount, gimbal=False)
@@ -51,7 +61,7 @@ TIME = np.arange(0.0, 5.0)
 POSITION = np.array([4.0, 3.0, 40.0]) + TIME[:, None] * [4.0, -2.5, 0.8]
 
 
-def steady_turn(yaw, pitch, roll, rate):
+def steady_turn(yaw: float, pitch: float, roll: float, rate: list[float]) -> Floats:
     """Quaternions at TIME: Z-Y-X angles [deg] from north-east-down at 2.2 s, constant body rate.
 
     On a steady way every interpolation gives the same.
@@ -61,7 +71,7 @@ def steady_turn(yaw, pitch, roll, rate):
     return (Rotation.from_matrix(ENU_FROM_NED) * turn * spin).as_quat()
 
 
-def track(*, gimbal, position=TINY, attitude=TINY):
+def track(*, gimbal: bool, position: float = TINY, attitude: float = TINY) -> Track:
     """Two sigmas each: horizontal and vertical, tilt and yaw."""
     empty = np.zeros(0), np.zeros((0, 4))
     mount = (TIME, steady_turn(70, -50, 4, [2, 4, -5])) if gimbal else empty
@@ -79,7 +89,7 @@ def track(*, gimbal, position=TINY, attitude=TINY):
     )
 
 
-def frames(*, own=TINY, clock=TINY, drift=TINY):
+def frames(*, own: float = TINY, clock: float = TINY, drift: float = TINY) -> Frames:
     at = np.array([0.7, 2.2, 3.4, np.nan])
     return Frames(
         frame_id=("a", "b", "c", "lost"),
@@ -93,7 +103,15 @@ def frames(*, own=TINY, clock=TINY, drift=TINY):
     )
 
 
-def truth(flight, mount, at, boresight=(0, 0, 0), lever=None, bias=(0, 0, 0), heading=0.0):
+def truth(
+    flight: Track,
+    mount: MountOptions,
+    at: Floats,
+    boresight: Floats = NOTHING,
+    lever: Floats | None = None,
+    bias: Floats = NOTHING,
+    heading: Floats | float = 0.0,
+) -> tuple[Floats, Rotation]:
     """Poses by scipy: centre, rotation."""
     position = np.stack([np.interp(at, TIME, c) for c in flight.position_world_m.T], axis=1)
     body = Slerp(TIME, Rotation.from_quat(flight.world_from_body_xyzw))(at)
@@ -110,21 +128,21 @@ def truth(flight, mount, at, boresight=(0, 0, 0), lever=None, bias=(0, 0, 0), he
     return center, turn * carrier * inner * camera
 
 
-QUIET = {"position_bias_sigma_m": (LEAST, LEAST), "heading_bias_sigma_deg": LEAST}
-QUIET_MOUNT = {
-    "lever_arm_m": (0.4, -0.2, 0.3),
-    "boresight_sigma_deg": LEAST,
-    "lever_arm_sigma_m": LEAST,
-    "yaw_deg": 10.0,
-    "pitch_deg": -70.0,
-    "roll_deg": 3.0,
-}
+QUIET = TelemetryOptions(position_bias_sigma_m=(LEAST, LEAST), heading_bias_sigma_deg=LEAST)
+QUIET_MOUNT = MountOptions(
+    lever_arm_m=(0.4, -0.2, 0.3),
+    boresight_sigma_deg=LEAST,
+    lever_arm_sigma_m=LEAST,
+    yaw_deg=10.0,
+    pitch_deg=-70.0,
+    roll_deg=3.0,
+)
 
 
 @pytest.mark.parametrize("gimbal", [False, True])
-def test_seeds_equal_those_of_scipy_and_leave_out_what_is_unmatched(gimbal) -> None:
-    mount, flight = MountOptions(**QUIET_MOUNT), track(gimbal=gimbal)
-    seeds = seed(frames(), flight, mount, TelemetryOptions(**QUIET))
+def test_seeds_equal_those_of_scipy_and_leave_out_what_is_unmatched(*, gimbal: bool) -> None:
+    mount, flight = QUIET_MOUNT, track(gimbal=gimbal)
+    seeds = seed(frames(), flight, mount, QUIET)
     center, rotation = truth(flight, mount, np.array([0.7, 2.2, 3.4]))
     assert seeds.poses.frame_id == ("a", "b", "c")
     np.testing.assert_allclose(seeds.poses.center_world_m, center, atol=1e-12)
@@ -133,7 +151,7 @@ def test_seeds_equal_those_of_scipy_and_leave_out_what_is_unmatched(gimbal) -> N
     np.testing.assert_array_equal(seeds.prior.frame_index, [0, 1, 2])
 
 
-def deviations(seeds, index, center, rotation):
+def deviations(seeds: Telemetry, index: int, center: Floats, rotation: Rotation) -> Floats:
     """(draws, 6) of (δcentre in world, δθ in camera), true R = R exp(δθ)."""
     back = Rotation.from_matrix(seeds.poses.world_from_camera[index]).inv()
     return np.concatenate(
@@ -141,7 +159,7 @@ def deviations(seeds, index, center, rotation):
     )
 
 
-def assert_covariance(sampled, expected) -> None:
+def assert_covariance(sampled: Floats, expected: Floats) -> None:
     """Every element within 5.5 standard deviations of a sampled covariance (Wishart)."""
     found = sampled.T @ sampled / len(sampled)
     sigma = np.sqrt(np.diag(expected))
@@ -153,29 +171,32 @@ def assert_covariance(sampled, expected) -> None:
 SIGMA_DEG, SIGMA_M, SIGMA_S, SIGMA_DRIFT = 0.3, 0.05, 0.02, 0.1
 
 
-def draws(source, rng: np.random.Generator):
+def draws(
+    source: str, rng: np.random.Generator
+) -> tuple[TelemetryOptions, MountOptions, Frames, dict[str, Floats]]:
     """Options with that source on, and its draws as arguments of ``truth`` (or of the time)."""
-    telemetry, mount, stamps, names = dict(QUIET), dict(QUIET_MOUNT), {}, {}
+    telemetry, mount, stamps = QUIET, QUIET_MOUNT, frames()
+    names: dict[str, Floats] = {}
     normal = rng.normal(size=(DRAWS, 3))
     if source == "boresight":
-        mount["boresight_sigma_deg"] = SIGMA_DEG
+        mount = replace(mount, boresight_sigma_deg=SIGMA_DEG)
         names = {"boresight": np.deg2rad(SIGMA_DEG) * normal}
     elif source == "lever arm":
-        mount["lever_arm_sigma_m"] = SIGMA_M
-        names = {"lever": np.array(mount["lever_arm_m"]) + SIGMA_M * normal}
+        mount = replace(mount, lever_arm_sigma_m=SIGMA_M)
+        names = {"lever": np.array(mount.lever_arm_m) + SIGMA_M * normal}
     elif source == "position bias":
-        telemetry["position_bias_sigma_m"] = (SIGMA_M, 2 * SIGMA_M)
+        telemetry = replace(telemetry, position_bias_sigma_m=(SIGMA_M, 2 * SIGMA_M))
         names = {"bias": SIGMA_M * normal * [1, 1, 2]}
     elif source == "heading bias":
-        telemetry["heading_bias_sigma_deg"] = SIGMA_DEG
+        telemetry = replace(telemetry, heading_bias_sigma_deg=SIGMA_DEG)
         names = {"heading": np.deg2rad(SIGMA_DEG) * normal[:, 0]}
     elif source == "clock":
-        stamps, names = {"clock": SIGMA_S}, {"at": SIGMA_S * normal[:, 0]}
+        stamps, names = frames(clock=SIGMA_S), {"at": SIGMA_S * normal[:, 0]}
     elif source == "clock drift":  # 0.15 s after the middle of 0.7 and 3.4 s
-        stamps, names = {"drift": SIGMA_DRIFT}, {"at": 0.15 * SIGMA_DRIFT * normal[:, 0]}
+        stamps, names = frames(drift=SIGMA_DRIFT), {"at": 0.15 * SIGMA_DRIFT * normal[:, 0]}
     elif source == "own time":
-        stamps, names = {"own": SIGMA_S}, {"at": SIGMA_S * normal[:, 0]}
-    return TelemetryOptions(**telemetry), MountOptions(**mount), frames(**stamps), names
+        stamps, names = frames(own=SIGMA_S), {"at": SIGMA_S * normal[:, 0]}
+    return telemetry, mount, stamps, names
 
 
 SHARED = ("boresight", "lever arm", "position bias", "heading bias", "clock", "clock drift")
@@ -183,12 +204,12 @@ SHARED = ("boresight", "lever arm", "position bias", "heading bias", "clock", "c
 
 @pytest.mark.parametrize("gimbal", [False, True])
 @pytest.mark.parametrize("source", [*SHARED, "own time"])
-def test_the_marginal_is_that_of_draws_of_one_source(source, gimbal) -> None:
+def test_the_marginal_is_that_of_draws_of_one_source(source: str, *, gimbal: bool) -> None:
     telemetry, mount, stamps, values = draws(source, np.random.default_rng(3))
     flight = track(gimbal=gimbal)
     seeds = seed(stamps, flight, mount, telemetry)
     index = 1
-    at = np.full(DRAWS, 2.2) - values.pop("at", 0.0)
+    at = np.full(DRAWS, 2.2) - values.pop("at", np.zeros(DRAWS))
     if "heading" in values:
         pairs = [truth(flight, mount, at[:1], heading=h) for h in values["heading"]]
         center = np.concatenate([c for c, _ in pairs])
@@ -210,8 +231,8 @@ def test_the_logs_position_sigma_is_horizontal_and_vertical() -> None:
     seeds = seed(
         frames(),
         track(gimbal=False, position=0.5),
-        MountOptions(**QUIET_MOUNT),
-        TelemetryOptions(**QUIET),
+        QUIET_MOUNT,
+        QUIET,
     )
     expected = np.diag([0.25, 0.25, 1.0])
     np.testing.assert_allclose(seeds.prior.covariance[0][:3, :3], expected, atol=1e-9)
@@ -221,9 +242,9 @@ def test_the_logs_position_sigma_is_horizontal_and_vertical() -> None:
 def test_the_logs_attitude_sigma_is_that_of_drawn_roll_pitch_and_yaw() -> None:
     # Roll and pitch stay small, as they do in flight: their axes are taken as horizontal.
     sigma = np.deg2rad(SIGMA_DEG)
-    mount = MountOptions(**(QUIET_MOUNT | {"lever_arm_m": (4.0, -2.0, 3.0)}))
+    mount = replace(QUIET_MOUNT, lever_arm_m=(4.0, -2.0, 3.0))
     flight = track(gimbal=False, attitude=sigma)
-    seeds = seed(frames(), flight, mount, TelemetryOptions(**QUIET))
+    seeds = seed(frames(), flight, mount, QUIET)
     rng = np.random.default_rng(5)
     turn = rng.normal(size=(DRAWS, 3)) * sigma * [1, 1, 2]  # about east, north, up
     body = Slerp(TIME, Rotation.from_quat(flight.world_from_body_xyzw))(2.2)
@@ -242,13 +263,11 @@ def test_the_logs_attitude_sigma_is_that_of_drawn_roll_pitch_and_yaw() -> None:
 
 def test_sigmas_follow_the_log_in_time_and_hold_beyond_its_ends() -> None:
     flight = track(gimbal=False)
-    varying = Track(
-        **{
-            **{name: getattr(flight, name) for name in flight.__dataclass_fields__},
-            "sigma_time_s": np.array([1.2, 3.2]),
-            "sigma_position_m": np.array([[1.0, 2.0], [3.0, 6.0]]),
-            "sigma_attitude_rad": np.full((2, 2), 0.01),
-        }
+    varying = replace(
+        flight,
+        sigma_time_s=np.array([1.2, 3.2]),
+        sigma_position_m=np.array([[1.0, 2.0], [3.0, 6.0]]),
+        sigma_attitude_rad=np.full((2, 2), 0.01),
     )
     seeds = seed(frames(), varying, MountOptions(), TelemetryOptions())
     sigma = np.sqrt(np.einsum("nii->ni", seeds.prior.covariance))

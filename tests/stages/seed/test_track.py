@@ -1,7 +1,11 @@
 """Tracks in the local world: against simulated flights with truth, and conventions by hand."""
 
+from __future__ import annotations
+
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import Literal, TypedDict, Unpack
 
 import numpy as np
 import pytest
@@ -12,6 +16,7 @@ from uavgram.estimation.clocks.boot_clock import fit_boot_clock
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.interpolation import SmoothPositions, SmoothRotations
 from uavgram.io.logs.flight_log import read_flight_log
+from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import (
     AttitudeSamples,
@@ -21,7 +26,9 @@ from uavgram.model.flight.log import (
     GimbalSamples,
     HomeSamples,
     PositionSamples,
+    Track,
 )
+from uavgram.model.message import Message
 from uavgram.model.options import MountOptions, TelemetryOptions
 from uavgram.stages.seed.track import build_track, find_home, track_gaps
 
@@ -31,10 +38,23 @@ TIME = np.arange(10.0, 20.0, 0.5)
 N = len(TIME)
 
 
-def boot(yaw_deg=0.0, gimbal=None, home=None, sigmas=None, **replaced):
+class Tables(TypedDict, total=False):
+    """Tables that stand in a log instead of the usual ones."""
+
+    positions: PositionSamples | None
+    attitudes: AttitudeSamples | None
+
+
+def boot(
+    yaw_deg: float = 0.0,
+    gimbal: GimbalSamples | None = None,
+    home: HomeSamples | None = None,
+    sigmas: EstimatorSigmas | None = None,
+    **replaced: Unpack[Tables],
+) -> Boot:
     quaternion = Rotation.from_euler("ZYX", [yaw_deg, 0, 0], degrees=True).as_quat()
-    tables = {
-        "positions": PositionSamples(
+    usual = Boot(
+        positions=PositionSamples(
             time_boot_s=TIME,
             latitude_deg=np.full(N, -35.0),
             longitude_deg=np.full(N, 149.0),
@@ -43,19 +63,21 @@ def boot(yaw_deg=0.0, gimbal=None, home=None, sigmas=None, **replaced):
             datum="msl",
             source="POS",
         ),
-        "attitudes": AttitudeSamples(
+        attitudes=AttitudeSamples(
             time_boot_s=TIME, ned_from_body_xyzw=np.tile(quaternion, (N, 1)), source="ATT"
         ),
-        "gimbal": gimbal,
-        "sigmas": sigmas,
-        "events": None,
-        "home": home,
-        "clocks": (),
-    }
-    return Boot(**{**tables, **replaced})
+        gimbal=gimbal,
+        sigmas=sigmas,
+        events=None,
+        home=home,
+        clocks=(),
+    )
+    return replace(usual, **replaced)
 
 
-def gimbal_of(frame, yaw_deg, pitch_deg=0.0, time=TIME):
+def gimbal_of(
+    frame: Literal["earth", "vehicle"], yaw_deg: float, pitch_deg: float = 0.0, time: Floats = TIME
+) -> GimbalSamples:
     n = len(time)
     return GimbalSamples(
         time_boot_s=time,
@@ -67,7 +89,9 @@ def gimbal_of(frame, yaw_deg, pitch_deg=0.0, time=TIME):
     )
 
 
-def track_of(tables, mount=None, telemetry=None):
+def track_of(
+    tables: Boot, mount: MountOptions | None = None, telemetry: TelemetryOptions | None = None
+) -> tuple[Track, tuple[Message, ...]]:
     return build_track(
         tables, CLOCK, ORIGIN, mount or MountOptions(), telemetry or TelemetryOptions()
     )
@@ -79,7 +103,7 @@ def track_of(tables, mount=None, telemetry=None):
     [("calm_nadir", 0.21, 0.25, 1.0), ("wind_oblique", 1.0, 1.8, 3.0)],
 )
 def test_the_twins_tracks_are_as_good_as_the_estimator(
-    data_dir: Path, flight, kind, rms_m, most_m, yaw_deg
+    data_dir: Path, flight: str, kind: str, rms_m: float, most_m: float, yaw_deg: float
 ) -> None:
     truth = json.loads((data_dir / "truth" / f"{flight}.json").read_text())
     tables = read_flight_log(data_dir / flight / f"flight.{kind}").boots[0]
@@ -131,7 +155,7 @@ def test_positions_are_metres_above_the_origin() -> None:
 
 @pytest.mark.parametrize(("frame", "axis_deg"), [("earth", 30.0), ("vehicle", 120.0)])
 def test_the_gimbals_yaw_is_turned_by_the_vehicles_only_where_it_is_the_vehicles(
-    frame, axis_deg
+    frame: Literal["earth", "vehicle"], axis_deg: float
 ) -> None:
     track, _ = track_of(boot(yaw_deg=90, gimbal=gimbal_of(frame, 30.0)))
     axis = Rotation.from_quat(track.world_from_gimbal_xyzw).apply([1, 0, 0])[0]
@@ -186,11 +210,11 @@ def test_a_gimbal_that_ends_early_is_held_with_a_warning() -> None:
 
 def test_sigmas_have_floors_and_follow_the_log_above_them() -> None:
     stated = EstimatorSigmas(
-        time_boot_s=[10.0, 15.0],
-        horizontal_m=[0.2, 1.4],
-        vertical_m=[np.nan, 2.0],
+        time_boot_s=np.array([10.0, 15.0]),
+        horizontal_m=np.array([0.2, 1.4]),
+        vertical_m=np.array([np.nan, 2.0]),
         tilt_rad=np.radians([0.1, 3.0]),
-        yaw_rad=[np.nan, np.nan],
+        yaw_rad=np.array([np.nan, np.nan]),
         source="XKV1",
     )
     track, _ = track_of(boot(sigmas=stated))
@@ -219,10 +243,10 @@ def test_stated_sigmas_override_the_log() -> None:
 
 def test_home_is_the_one_in_force_at_the_first_exposure() -> None:
     home = HomeSamples(
-        time_boot_s=[5.0, 12.0, 18.0],
-        latitude_deg=[-35.0, -35.1, -35.2],
-        longitude_deg=[149.0, 149.1, 149.2],
-        height_m=[500.0, 510.0, 520.0],
+        time_boot_s=np.array([5.0, 12.0, 18.0]),
+        latitude_deg=np.array([-35.0, -35.1, -35.2]),
+        longitude_deg=np.array([149.0, 149.1, 149.2]),
+        height_m=np.array([500.0, 510.0, 520.0]),
         datum="msl",
         source="ORGN",
     )
@@ -259,7 +283,9 @@ def test_a_log_without_attitude_or_positions_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("pause", "told"), [(0, False), (1, False), (4, True)])
-def test_photos_taken_while_the_log_is_silent_about_the_gimbal_are_named(pause, told) -> None:
+def test_photos_taken_while_the_log_is_silent_about_the_gimbal_are_named(
+    pause: int, *, told: bool
+) -> None:
     time = np.delete(TIME, np.arange(8, 8 + pause))
     track, _ = track_of(boot(gimbal=gimbal_of("earth", 30.0, time=time)))
     at = CLOCK.offset_s + np.array([11.0, 14.6, 19.0])

@@ -1,5 +1,7 @@
 """Seeds of simulated flights with truth: as good as the estimator, and sigmas that hold."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 
@@ -12,6 +14,9 @@ from uavgram.config.project import load_project
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.photos.catalogue import read_photos
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.log import Track
+from uavgram.model.flight.telemetry import Telemetry
 from uavgram.stages.seed.seed import seed
 from uavgram.stages.seed.track import build_track, find_home
 from uavgram.stages.synchronise import synchronise
@@ -19,7 +24,9 @@ from uavgram.stages.synchronise import synchronise
 CASES = [(flight, kind) for flight in ("calm_nadir", "wind_oblique") for kind in ("BIN", "tlog")]
 
 
-def seeds_of(data_dir: Path, flight, kind):
+def seeds_of(
+    data_dir: Path, flight: str, kind: str
+) -> tuple[Telemetry, Track, Floats, Floats, Floats, Floats]:
     """Seeds, the track, and the truth in the seeds' world."""
     folder = data_dir / flight
     project = load_project(folder / "project.yaml")
@@ -42,13 +49,13 @@ def seeds_of(data_dir: Path, flight, kind):
     return seeds, track, time, center, rotation, arm
 
 
-def errors_of(seeds, center, rotation):
+def errors_of(seeds: Telemetry, center: Floats, rotation: Floats) -> Floats:
     """(F, 6) true - seed: centre in the world, rotation vector in the camera."""
     turn = np.swapaxes(seeds.poses.world_from_camera, 1, 2) @ rotation
     return np.hstack([center - seeds.poses.center_world_m, Rotation.from_matrix(turn).as_rotvec()])
 
 
-def estimated(track, time, arm):
+def estimated(track: Track, time: Floats, arm: Floats) -> Floats:
     """(F, 3) camera by the estimator's own output at these instants, linear between samples."""
     columns = track.position_world_m.T
     position = np.stack([np.interp(time, track.position_time_s, c) for c in columns], axis=1)
@@ -57,13 +64,13 @@ def estimated(track, time, arm):
     return position + attitude(time - start).apply(arm)
 
 
-def rms(values):
+def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
 @pytest.mark.parametrize(("flight", "kind"), CASES)
 def test_a_seed_is_as_near_as_the_estimator_at_the_true_instant(
-    data_dir: Path, flight, kind
+    data_dir: Path, flight: str, kind: str
 ) -> None:
     seeds, track, time, center, _, arm = seeds_of(data_dir, flight, kind)
     best = np.linalg.norm((center - estimated(track, time, arm))[:, :2], axis=1)
@@ -73,7 +80,9 @@ def test_a_seed_is_as_near_as_the_estimator_at_the_true_instant(
 
 
 @pytest.mark.parametrize(("flight", "kind"), CASES)
-def test_every_seeds_error_is_what_its_covariance_says(data_dir: Path, flight, kind) -> None:
+def test_every_seeds_error_is_what_its_covariance_says(
+    data_dir: Path, flight: str, kind: str
+) -> None:
     seeds, _, _, center, rotation, _ = seeds_of(data_dir, flight, kind)
     error, covariance = errors_of(seeds, center, rotation), seeds.poses.covariance
     whole = np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error)
@@ -85,7 +94,9 @@ def test_every_seeds_error_is_what_its_covariance_says(data_dir: Path, flight, k
 
 
 @pytest.mark.parametrize(("flight", "kind"), CASES)
-def test_frame_to_frame_scatter_is_what_the_prior_says(data_dir: Path, flight, kind) -> None:
+def test_frame_to_frame_scatter_is_what_the_prior_says(
+    data_dir: Path, flight: str, kind: str
+) -> None:
     # Without what all frames share: departures from their mean against each frame's own sigma.
     seeds, _, _, center, rotation, _ = seeds_of(data_dir, flight, kind)
     error = errors_of(seeds, center, rotation)
@@ -97,7 +108,9 @@ def test_frame_to_frame_scatter_is_what_the_prior_says(data_dir: Path, flight, k
 
 
 @pytest.mark.parametrize(("flight", "kind"), CASES)
-def test_a_seeds_covariance_is_the_sum_of_its_stated_causes(data_dir: Path, flight, kind) -> None:
+def test_a_seeds_covariance_is_the_sum_of_its_stated_causes(
+    data_dir: Path, flight: str, kind: str
+) -> None:
     # Honest is not wide: bias 2 and 3 m, floors 0.5 m (the log claims less), lever arm 0.05 m,
     # timing times speed, and nothing else.
     seeds, track, time, _, _, _ = seeds_of(data_dir, flight, kind)

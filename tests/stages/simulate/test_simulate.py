@@ -12,12 +12,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from uavgram.model.arrays import Floats
 from uavgram.model.demo.road import ScenePoint
 from uavgram.model.demo.scenario import DemoScenario, ErrorSpec
+from uavgram.model.demo.simulated import SimulatedSurvey
 from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.stages.simulate import simulate
 from uavgram.stages.simulate.motion import gauss_markov
 from uavgram.stages.simulate.quantities import measured_values
+from uavgram.stages.simulate.survey import simulate
 
 FAULTLESS = ErrorSpec(
     position_bias_m=(0.0, 0.0),
@@ -35,16 +37,16 @@ FAULTLESS = ErrorSpec(
 
 
 @pytest.fixture(scope="module")
-def survey():
+def survey() -> SimulatedSurvey:
     return simulate(DemoScenario())
 
 
-def logged_poses(survey):
+def logged_poses(survey: SimulatedSurvey) -> tuple[Floats, Rotation, Rotation]:
     """Camera poses from the log alone, by scipy and PROJ: nothing of ours but the names."""
     log = survey.log
     events = log.event_time_s[survey.event_has_photo]
 
-    def at(times, columns):
+    def at(times: Floats, columns: Floats) -> Floats:
         return np.stack([np.interp(events, times, c) for c in columns.T], axis=1)
 
     geodetic = at(log.position_time_s, log.position_geodetic)
@@ -68,7 +70,9 @@ def logged_poses(survey):
     return position, body, gimbal * camera_axes
 
 
-def test_the_same_scenario_gives_the_same_survey_and_another_seed_another(survey) -> None:
+def test_the_same_scenario_gives_the_same_survey_and_another_seed_another(
+    survey: SimulatedSurvey,
+) -> None:
     again = simulate(DemoScenario())
     assert np.array_equal(again.picks.pixel_px, survey.picks.pixel_px)
     assert np.array_equal(again.log.gimbal_rpy_rad, survey.log.gimbal_rpy_rad)
@@ -77,7 +81,7 @@ def test_the_same_scenario_gives_the_same_survey_and_another_seed_another(survey
 
 
 @pytest.mark.parametrize("seed", [DemoScenario().seed, 1, 2])
-def test_every_point_is_seen_in_three_photos_or_more(seed) -> None:
+def test_every_point_is_seen_in_three_photos_or_more(seed: int) -> None:
     survey = simulate(DemoScenario().with_seed(seed))
     seen = Counter(survey.picks.label)
     assert set(seen) == set(survey.truth.label)
@@ -110,7 +114,7 @@ def test_each_shared_error_is_in_the_log_with_its_sign() -> None:
     assert np.rad2deg(turn.magnitude()).max() < 0.1
 
 
-def test_picks_are_opencv_projections_with_the_stated_noise(survey) -> None:
+def test_picks_are_opencv_projections_with_the_stated_noise(survey: SimulatedSurvey) -> None:
     truth, picks = survey.truth, survey.picks
     k = truth.intrinsics
     matrix = np.array([[k[0], 0, k[2]], [0, k[1], k[3]], [0, 0, 1]])
@@ -126,20 +130,24 @@ def test_picks_are_opencv_projections_with_the_stated_noise(survey) -> None:
             k[4:],
         )
         residual.append((pixel - expected.ravel()) / survey.scenario.errors.pick_px)
-    residual = np.array(residual)
-    low, high = chi2.interval(0.9999, residual.size)
-    assert low < np.sum(residual**2) < high
-    assert np.abs(residual).max() < 5
+    whole = np.array(residual)
+    low, high = chi2.interval(0.9999, whole.size)
+    assert low < np.sum(whole**2) < high
+    assert np.abs(whole).max() < 5
 
 
-def test_the_scene_lies_on_the_plane_that_truth_states(survey) -> None:
+def test_the_scene_lies_on_the_plane_that_truth_states(survey: SimulatedSurvey) -> None:
     truth = survey.truth
-    plane = truth.plane_height_m
-    plane = plane + (truth.point_world_m[:, :2] - truth.plane_pivot_m) @ truth.plane_slope
+    plane = (
+        truth.plane_height_m
+        + (truth.point_world_m[:, :2] - truth.plane_pivot_m) @ truth.plane_slope
+    )
     np.testing.assert_allclose(truth.point_world_m[:, 2], plane, atol=1e-12)
 
 
-def test_the_cameras_look_down_and_ahead_with_image_up_along_the_flight(survey) -> None:
+def test_the_cameras_look_down_and_ahead_with_image_up_along_the_flight(
+    survey: SimulatedSurvey,
+) -> None:
     optical_axis = survey.truth.world_from_camera[:, :, 2]
     down_deg = np.rad2deg(np.arccos(-optical_axis[:, 2]))
     assert np.all((down_deg > 5) & (down_deg < 15))
@@ -149,7 +157,9 @@ def test_the_cameras_look_down_and_ahead_with_image_up_along_the_flight(survey) 
     assert np.abs(off).max() < 8
 
 
-def test_photo_times_carry_the_clock_offset_and_one_exposure_has_no_photo(survey) -> None:
+def test_photo_times_carry_the_clock_offset_and_one_exposure_has_no_photo(
+    survey: SimulatedSurvey,
+) -> None:
     offset = survey.file_time_utc_s - survey.truth.time_utc_s
     assert np.abs(offset - 2.6).max() < 0.05
     assert len(survey.log.event_time_s) == len(survey.frame_id) + 1
@@ -158,7 +168,7 @@ def test_photo_times_carry_the_clock_offset_and_one_exposure_has_no_photo(survey
     assert np.abs(events - survey.truth.time_utc_s).max() < 0.03
 
 
-def test_tapes_are_wrong_by_centimetres_and_one_is_withheld(survey) -> None:
+def test_tapes_are_wrong_by_centimetres_and_one_is_withheld(survey: SimulatedSurvey) -> None:
     error = survey.lines.length_m - survey.truth.line_length_m
     assert 1e-4 < np.abs(error).max() < 0.05
     assert survey.lines.adjust.tolist() == [True] * 5 + [False]
@@ -207,17 +217,17 @@ def test_a_scenario_that_contradicts_itself_is_refused() -> None:
 
 
 def test_the_road_is_as_slippery_as_it_is_and_not_as_people_state_it() -> None:
-    def true_mu(seed):
+    def true_mu(seed: int) -> float:
         truth = simulate(DemoScenario().with_seed(seed)).truth
         values = dict(zip(truth.measurement_name, truth.measurement_value, strict=True))
-        return values["speed from skid"] ** 2 / (2 * 9.80665 * values["skid left"])
+        return float(values["speed from skid"] ** 2 / (2 * 9.80665 * values["skid left"]))
 
     z = (np.array([true_mu(seed) for seed in range(20)]) - 0.7) / 0.05
     low, high = chi2.interval(0.999, len(z))
     assert low < np.sum(z**2) < high
 
 
-def test_the_road_leads_where_the_site_says_and_left_is_left(survey) -> None:
+def test_the_road_leads_where_the_site_says_and_left_is_left(survey: SimulatedSurvey) -> None:
     position = dict(zip(survey.truth.label, survey.truth.point_world_m, strict=True))
     east, north, _ = position["R4"] - position["R1"]  # both at y = 5.4
     assert np.rad2deg(np.arctan2(east, north)) == pytest.approx(62.0)
@@ -226,7 +236,7 @@ def test_the_road_leads_where_the_site_says_and_left_is_left(survey) -> None:
     assert np.cross(along, to_left)[2] > 0
 
 
-def test_the_vehicle_flies_nose_first(survey) -> None:
+def test_the_vehicle_flies_nose_first(survey: SimulatedSurvey) -> None:
     log = survey.log
     speed = np.hypot(*log.velocity_ned_m_s[:, :2].T)
     first, last = log.event_time_s[[0, 5]]

@@ -1,5 +1,7 @@
 """Photos on the flight's clock: against simulated flights with truth, and what is refused."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 
@@ -9,8 +11,9 @@ import pytest
 from uavgram.errors import UavgramError
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.photos.catalogue import read_photos
+from uavgram.model.arrays import Floats
 from uavgram.model.demo.scenario import DemoScenario
-from uavgram.model.flight.frames import Photos
+from uavgram.model.flight.frames import Photos, TimeSource
 from uavgram.model.flight.log import (
     AttitudeSamples,
     Boot,
@@ -29,7 +32,13 @@ CUAV = TimeOptions(
 )
 
 
-def flight(event_s=None, confirmed=None, start=10.0, end=400.0, gap=None):
+def flight(
+    event_s: Floats | None = None,
+    confirmed: Floats | None = None,
+    start: float = 10.0,
+    end: float = 400.0,
+    gap: tuple[float, float] | None = None,
+) -> Boot:
     """A flight with 10 Hz tables on the boot clock, UTC = EPOCH + boot."""
     time = np.arange(start, end, 0.1)
     if gap is not None:
@@ -64,7 +73,7 @@ def flight(event_s=None, confirmed=None, start=10.0, end=400.0, gap=None):
     )
 
 
-def log_of(*boots):
+def log_of(*boots: Boot) -> FlightLog:
     return FlightLog(
         path="flight.BIN",
         kind="dataflash",
@@ -77,7 +86,7 @@ def log_of(*boots):
     )
 
 
-def photos_at(time_s, resolution=0.001, source="exif"):
+def photos_at(time_s: Floats, resolution: float = 0.001, source: TimeSource = "exif") -> Photos:
     n = len(time_s)
     return Photos(
         frame_id=tuple(f"{k:03d}.jpg" for k in range(n)),
@@ -90,12 +99,12 @@ def photos_at(time_s, resolution=0.001, source="exif"):
     )
 
 
-def uneven(count, seed=1, start=50.0, least=1.2):
+def uneven(count: int, seed: int = 1, start: float = 50.0, least: float = 1.2) -> Floats:
     return start + np.cumsum(np.random.default_rng(seed).uniform(least, least + 1.6, count))
 
 
 @pytest.mark.parametrize("kind", ["BIN", "tlog"])
-def test_the_twins_unknown_clock_offset_is_found_from_its_events(data_dir: Path, kind) -> None:
+def test_the_twins_unknown_clock_offset_is_found_from_its_events(data_dir: Path, kind: str) -> None:
     folder = data_dir / "wind_oblique"
     options = TimeOptions(source="exif", offset_sigma_s=0.05)
     photos, _ = read_photos((str(folder / "photos" / "*.jpg"),), options)
@@ -110,7 +119,7 @@ def test_the_twins_unknown_clock_offset_is_found_from_its_events(data_dir: Path,
 
 
 @pytest.mark.parametrize("kind", ["BIN", "tlog"])
-def test_the_calm_twins_instants_are_right(data_dir: Path, kind) -> None:
+def test_the_calm_twins_instants_are_right(data_dir: Path, kind: str) -> None:
     folder = data_dir / "calm_nadir"
     options = TimeOptions(source="exif", offset_s=0.0, offset_sigma_s=0.05)
     photos, _ = read_photos((str(folder / "photos" / "*.jpg"),), options)
@@ -121,7 +130,7 @@ def test_the_calm_twins_instants_are_right(data_dir: Path, kind) -> None:
 
 
 @pytest.mark.parametrize("kind", ["BIN", "tlog"])
-def test_the_calm_twins_even_events_leave_its_offset_open(data_dir: Path, kind) -> None:
+def test_the_calm_twins_even_events_leave_its_offset_open(data_dir: Path, kind: str) -> None:
     # Ten photos, all but two of them 1.52 s apart to the simulator's step of 20 ms.
     folder = data_dir / "calm_nadir"
     options = TimeOptions(source="exif")
@@ -166,7 +175,7 @@ def test_photos_without_times_are_paired_in_order_only_where_counts_agree() -> N
 
 
 def test_evenly_spaced_events_are_refused_with_the_candidates() -> None:
-    events = 50 + 2.0 * np.arange(40)
+    events = 50 + 2.0 * np.arange(40.0)
     photos = photos_at(EPOCH + events[5:20] + 0.5)
     with pytest.raises(UavgramError, match=r"clearly best: \+0\.500 s \(15 of 15 photos\)"):
         synchronise(photos, log_of(flight(events)), TimeOptions())
@@ -190,6 +199,7 @@ def test_a_doubtful_pair_keeps_its_file_time_with_a_sigma_that_covers_it() -> No
     photos = photos_at(np.floor(EPOCH + events + 0.3), resolution=1.0)
     result = synchronise(photos, log_of(flight(events)), TimeOptions())
     frames, doubtful = result.frames, [29, 30]
+    assert result.pairing is not None
     assert {result.pairing.status[k] for k in doubtful} == {"crowded"}
     assert (frames.sigma_time_s[doubtful] > 0.28).all()
     error = np.abs(frames.time_utc_s - EPOCH - events)
@@ -206,6 +216,7 @@ def test_every_pair_has_its_residual_and_what_stays_alone_is_told_on_both_sides(
     photo[10] += 0.004
     result = synchronise(photos_at(photo), log_of(flight(events, confirmed)), TimeOptions())
     pairing = result.pairing
+    assert pairing is not None
     assert pairing.event_index.tolist() == [*taken, -1]
     assert pairing.residual_s[10] == pytest.approx(0.004, abs=2e-4)
     assert np.abs(np.delete(pairing.residual_s[:-1], 10)).max() < 5e-4
@@ -224,6 +235,7 @@ def test_a_drifting_camera_clock_is_told_and_followed_off_the_events() -> None:
     held = np.delete(events, [2, 147])
     result = synchronise(photos_at(reading), log_of(flight(held, end=600.0)), TimeOptions())
     assert np.abs(result.frames.time_utc_s - EPOCH - events).max() < 1e-3
+    assert result.pairing is not None
     assert result.pairing.drift == pytest.approx(drift, abs=3 * result.pairing.drift_sigma)
     assert result.pairing.drift_sigma < 2e-5
     assert "drifting by +" in next(m.text for m in result.messages if m.code == "time-aligned")
@@ -236,11 +248,12 @@ def test_the_log_of_another_flight_is_refused_without_a_guess() -> None:
 
 
 @pytest.mark.parametrize("seed", [13, 16])
-def test_the_demos_photos_all_find_their_events(seed) -> None:
+def test_the_demos_photos_all_find_their_events(seed: int) -> None:
     survey = simulate(DemoScenario().with_seed(seed))
     event = survey.log.event_time_s
     photos = photos_at(survey.file_time_utc_s - survey.log.boot_utc_s + EPOCH)
     result = synchronise(photos, log_of(flight(event)), TimeOptions())
+    assert result.pairing is not None
     assert set(result.pairing.status) == {"certain"}
     assert np.array_equal(result.pairing.event_index, np.flatnonzero(survey.event_has_photo))
     assert "photo-without-event" not in {m.code for m in result.messages}

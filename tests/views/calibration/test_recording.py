@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from calibration_accounts import make_account, make_previews
-from rerun.chunk import RrdReader
+from rerun.chunk import Chunk, RrdReader
 
 from uavgram.errors import OutputError
 from uavgram.model.camera.board import CalibrationOptions
+from uavgram.model.camera.calibration_account import CalibrationAccount
 from uavgram.views.calibration.drawing import residual_factor
 from uavgram.views.calibration.recording.write import write_calibration_recording
 
@@ -18,15 +20,17 @@ PHOTO = "/around_the_board/current_camera/photo"
 
 
 @pytest.fixture(scope="module")
-def account():
+def account() -> CalibrationAccount:
     return make_account(spoil=3, photos=8, options=CalibrationOptions(outliers="remove"))
 
 
 @pytest.fixture(scope="module")
-def chunks(account, tmp_path_factory: pytest.TempPathFactory):
+def chunks(
+    account: CalibrationAccount, tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, list[Chunk]]:
     path = tmp_path_factory.mktemp("recording") / "calibration.rrd"
     write_calibration_recording(account, make_previews(account), path)
-    found: dict[str, list] = {}
+    found: dict[str, list[Chunk]] = {}
     reader = RrdReader(str(path))
     assert len(reader.blueprints()) == 1
     for chunk in reader.stream().to_chunks():
@@ -34,7 +38,7 @@ def chunks(account, tmp_path_factory: pytest.TempPathFactory):
     return found
 
 
-def column(chunks, path, name):
+def column(chunks: dict[str, list[Chunk]], path: str, name: str) -> list[Any]:
     """Rows of a component, by frame where it moves; None where a chunk has it not."""
     rows = []
     for chunk in chunks[path]:
@@ -45,7 +49,7 @@ def column(chunks, path, name):
     return rows
 
 
-def test_all_that_is_promised_is_there(chunks) -> None:
+def test_all_that_is_promised_is_there(chunks: dict[str, list[Chunk]]) -> None:
     assert {
         "/around_the_board/board", "/around_the_board/cameras", "/around_the_board/current_camera",
         "/before_the_camera/boards", "/before_the_camera/this_board", PHOTO, f"{PHOTO}/picture",
@@ -58,7 +62,7 @@ def test_all_that_is_promised_is_there(chunks) -> None:
 
 
 def test_corners_lie_half_a_pixel_on_and_residuals_are_exaggerated_as_stated(
-    chunks, account
+    chunks: dict[str, list[Chunk]], account: CalibrationAccount
 ) -> None:
     corners = account.result.corners
     used = np.array([status == "used" for status in corners.status])
@@ -73,7 +77,9 @@ def test_corners_lie_half_a_pixel_on_and_residuals_are_exaggerated_as_stated(
         np.testing.assert_allclose(along, factor * corners.residual_px[rows], atol=1e-3)
 
 
-def test_boards_before_the_camera_project_into_the_photo(chunks, account) -> None:
+def test_boards_before_the_camera_project_into_the_photo(
+    chunks: dict[str, list[Chunk]], account: CalibrationAccount
+) -> None:
     camera = account.result.calibration
     boards = np.array(column(chunks, "/before_the_camera/this_board", "strips"))[:, 0]
     assert boards.shape == (8, 5, 3)
@@ -86,12 +92,16 @@ def test_boards_before_the_camera_project_into_the_photo(chunks, account) -> Non
         assert (pixel[k].max(axis=0) > found.max(axis=0) - rough).all()
 
 
-def test_numbers_of_the_maps_are_the_results(chunks, account) -> None:
+def test_numbers_of_the_maps_are_the_results(
+    chunks: dict[str, list[Chunk]], account: CalibrationAccount
+) -> None:
     labels = column(chunks, "/maps/coverage/numbers", "labels")[0]
     assert labels == [str(n) for n in account.result.maps.corners.ravel().tolist()]
 
 
-def test_pages_name_every_parameter_and_every_photo(chunks, account) -> None:
+def test_pages_name_every_parameter_and_every_photo(
+    chunks: dict[str, list[Chunk]], account: CalibrationAccount
+) -> None:
     summary = column(chunks, "/documents/summary", "text")[0][0]
     for name, value in zip(
         account.result.calibration.parameter_names, account.result.calibration.parameters,
@@ -106,6 +116,8 @@ def test_pages_name_every_parameter_and_every_photo(chunks, account) -> None:
     assert "Corners that do not fit" in sheets[1]
 
 
-def test_a_folder_that_is_not_there_is_an_output_error(account, tmp_path: Path) -> None:
+def test_a_folder_that_is_not_there_is_an_output_error(
+    account: CalibrationAccount, tmp_path: Path
+) -> None:
     with pytest.raises(OutputError, match="recording cannot be written"):
         write_calibration_recording(account, make_previews(account), tmp_path / "no" / "c.rrd")

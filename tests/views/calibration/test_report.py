@@ -10,6 +10,7 @@ import pytest
 from calibration_accounts import make_account, make_previews
 
 from uavgram.model.camera.board import CalibrationOptions
+from uavgram.model.camera.calibration_account import CalibrationAccount
 from uavgram.views.calibration import maps as calibration_maps
 from uavgram.views.calibration.drawing import tilt_directions, uncertainty_shares
 from uavgram.views.calibration.report import render_calibration_report
@@ -18,30 +19,32 @@ from uavgram.views.calibration.verdict import judge_calibration
 
 
 @pytest.fixture(scope="module")
-def account():
+def account() -> CalibrationAccount:
     return make_account(
         name='<b>"mine"</b>', spoil=3, options=CalibrationOptions(coefficients=0, outliers="remove")
     )
 
 
-def page(account):
+def page(account: CalibrationAccount) -> str:
     pictures = {name: preview.jpeg for name, preview in make_previews(account).items()}
     return render_calibration_report(account, pictures)
 
 
 @pytest.fixture(scope="module")
-def html(account):
+def html(account: CalibrationAccount) -> str:
     return page(account)
 
 
-def test_nothing_is_loaded_from_elsewhere_and_names_are_escaped(html) -> None:
+def test_nothing_is_loaded_from_elsewhere_and_names_are_escaped(html: str) -> None:
     assert not re.findall(r'(?:src|href)="(?!data:)', html)
     assert "http" not in html
     assert '<b>"mine"</b>' not in html
     assert "&lt;b&gt;" in html
 
 
-def test_every_parameter_stands_with_its_sigma_and_correlations(html, account) -> None:
+def test_every_parameter_stands_with_its_sigma_and_correlations(
+    html: str, account: CalibrationAccount
+) -> None:
     camera = account.result.calibration
     sigma = np.sqrt(np.diag(camera.covariance))
     for value, error in zip(camera.parameters[:4], sigma[:4], strict=True):
@@ -50,7 +53,7 @@ def test_every_parameter_stands_with_its_sigma_and_correlations(html, account) -
     assert f"{account.result.calibration.correlation[0, 1]:+.2f}" in html
 
 
-def test_every_photo_message_and_sum_is_there(html, account) -> None:
+def test_every_photo_message_and_sum_is_there(html: str, account: CalibrationAccount) -> None:
     for file in (*account.result.photos.file, "wall.jpg"):
         assert f"<td>{file}</td>" in html
     for one in account.provenance.inputs:
@@ -63,7 +66,7 @@ def test_every_photo_message_and_sum_is_there(html, account) -> None:
         assert ("cannot do without" if held is None else f"{held:.3f} px") in html
 
 
-def test_removed_corners_are_listed_worst_first(html, account) -> None:
+def test_removed_corners_are_listed_worst_first(html: str, account: CalibrationAccount) -> None:
     section = html[html.index("Corners that do not fit") : html.index("<h2>Method")]
     rows = re.findall(r'<td>(photo\d+\.jpg)</td><td class="n">(\d+)</td>', section)
     corners, files = account.result.corners, account.result.photos.file
@@ -73,24 +76,28 @@ def test_removed_corners_are_listed_worst_first(html, account) -> None:
     assert rows == [(files[corners.photo[i]], str(corners.corner[i])) for i in odd]
 
 
-def test_coverage_counts_and_the_residuals_scale_are_stated(account) -> None:
+def test_coverage_counts_and_the_residuals_scale_are_stated(account: CalibrationAccount) -> None:
     result = account.result
     view = calibration_maps.coverage_map(result)
     assert [int(cell.text) for cell in view.cells] == result.maps.corners.ravel().tolist()
     empty = [cell.fill == calibration_maps.EMPTY for cell in view.cells]
     assert empty == (result.maps.corners.ravel() == 0).tolist()
     residuals = calibration_maps.residual_map(result)
-    factor = int(re.search(r"Drawn (\d+) times", residuals.note).group(1))
+    drawn = re.search(r"Drawn (\d+) times", residuals.note)
+    assert drawn is not None
+    factor = int(drawn.group(1))
     removed = np.array([status == "removed" for status in result.corners.status])
     first = np.flatnonzero(~removed)[0]
     start = (result.corners.pixel_px[first] + 0.5) * 520 / 1024
     end = start + factor * result.corners.residual_px[first] * 520 / 1024
     path = residuals.paths[0][0]
-    numbers = [float(x) for x in re.match(r"M(\S+) (\S+)L(\S+) (\S+?)M", path).groups()]
+    stroke = re.match(r"M(\S+) (\S+)L(\S+) (\S+?)M", path)
+    assert stroke is not None
+    numbers = [float(x) for x in stroke.groups()]
     np.testing.assert_allclose(numbers, [*start, *end], atol=0.051)
 
 
-def test_dark_cells_are_uncertain_ones(account) -> None:
+def test_dark_cells_are_uncertain_ones(account: CalibrationAccount) -> None:
     share, low, high = uncertainty_shares(np.array([0.1, 0.4, np.nan, 1.6]))
     np.testing.assert_allclose(share, [0, 0.5, 1, 1])
     assert (low, high) == (0.1, 1.6)
@@ -100,7 +107,7 @@ def test_dark_cells_are_uncertain_ones(account) -> None:
     assert light[int(np.nanargmin(values))] > light[int(np.nanargmax(values))]
 
 
-def test_the_dial_points_where_the_board_goes_away(account) -> None:
+def test_the_dial_points_where_the_board_goes_away(account: CalibrationAccount) -> None:
     result = account.result
     tilt = tilt_directions(result)
     np.testing.assert_allclose(np.linalg.norm(tilt, axis=1), result.photos.tilt_deg)
@@ -126,7 +133,7 @@ def test_a_fisheye_a_folding_lens_and_poses_without_ground_are_drawn() -> None:
     assert "nan" not in html.replace("Kannala", "")
 
 
-def test_the_verdict_goes_from_good_to_not_usable(account) -> None:
+def test_the_verdict_goes_from_good_to_not_usable(account: CalibrationAccount) -> None:
     quiet = replace(account, messages=(), without_board=())
     good = judge_calibration(quiet)
     assert (good.level, good.reasons) == ("good", ())
@@ -149,11 +156,14 @@ def test_the_verdict_goes_from_good_to_not_usable(account) -> None:
     )
 
 
-def test_the_verdict_follows_what_the_lens_alone_costs_a_length(account) -> None:
+def test_the_verdict_follows_what_the_lens_alone_costs_a_length(
+    account: CalibrationAccount,
+) -> None:
     quiet = replace(account, messages=(), without_board=())
 
-    def sentence(fitted):
+    def sentence(fitted: float) -> str:
         lengths = account.effects[0].lengths
+        assert lengths is not None
         worse = replace(lengths, pose_fitted=np.full(len(lengths.length), fitted))
         effects = (replace(account.effects[0], lengths=worse), *account.effects[1:])
         return judge_calibration(replace(quiet, effects=effects)).sentence
@@ -167,7 +177,7 @@ def test_the_verdict_follows_what_the_lens_alone_costs_a_length(account) -> None
     assert "estimate fewer coefficients" in verdict.reasons[0]
 
 
-def test_the_terminal_shows_the_photos_that_fit_worst(account) -> None:
+def test_the_terminal_shows_the_photos_that_fit_worst(account: CalibrationAccount) -> None:
     lines = calibration_lines(account)
     start = next(k for k, line in enumerate(lines) if line.startswith("photo "))
     files = [line.split()[0] for line in lines[start + 2 : start + 10]]

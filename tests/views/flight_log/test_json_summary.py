@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Never
+from typing import Any, Never
 
 import numpy as np
 import pytest
@@ -12,12 +12,13 @@ from uavgram.stages.log_summary import summarise_log
 from uavgram.views.flight_log.json_summary import log_summary_json
 
 
-def told_of(path):
-    def refuse(constant) -> Never:
+def told_of(path: Path) -> dict[str, Any]:
+    def refuse(constant: str) -> Never:
         raise AssertionError(f"{constant} is no JSON")
 
     summary = summarise_log(read_flight_log(path, positions_needed=False))
-    return json.loads(log_summary_json(summary), parse_constant=refuse)
+    told: dict[str, Any] = json.loads(log_summary_json(summary), parse_constant=refuse)
+    return told
 
 
 def test_a_flight_is_told_truly(data_dir: Path) -> None:
@@ -45,6 +46,7 @@ def test_the_path_over_ground_is_that_of_the_positions(data_dir: Path) -> None:
 
     path = data_dir / "calm_nadir" / "flight.BIN"
     positions = read_flight_log(path).boots[0].positions
+    assert positions is not None
     expected = Geod(ellps="WGS84").line_length(positions.longitude_deg, positions.latitude_deg)
     assert told_of(path)["boots"][0]["path_m"] == pytest.approx(expected, rel=1e-3)
     assert np.isfinite(expected)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from uavgram.imaging.photos.preview import Pixels
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.stages.log_summary import summarise_log
 from uavgram.views.flight_log.plot import log_plot_png
@@ -15,12 +16,12 @@ from uavgram.views.flight_log.plot import log_plot_png
 ORANGE, RED, BLUE = (217, 115, 13), (201, 42, 42), (47, 111, 181)
 
 
-def drawn(path):
+def drawn(path: Path) -> Pixels:
     summary = summarise_log(read_flight_log(path, positions_needed=False))
     return np.asarray(Image.open(io.BytesIO(log_plot_png(summary))).convert("RGB"))
 
 
-def has(picture, colour):
+def has(picture: Pixels, colour: tuple[int, int, int]) -> int:
     return int((np.abs(picture.astype(int) - colour).max(axis=2) < 8).sum())
 
 
@@ -37,7 +38,7 @@ def test_track_events_and_missed_shots_are_drawn(data_dir: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "boots"), [("dronekit_flight.tlog", 2), ("sample.ulg", 1), ("pymavlink_test.BIN", 1)]
 )
-def test_every_boot_has_its_panels(data_dir: Path, name, boots) -> None:
+def test_every_boot_has_its_panels(data_dir: Path, name: str, boots: int) -> None:
     assert drawn(data_dir / "logs" / name).shape[0] == round(110 * (0.8 + 7.2 * boots))
 
 

@@ -7,7 +7,7 @@ from uavgram.stages.log_summary import summarise_log
 from uavgram.views.flight_log.text import log_summary_lines
 
 
-def text_of(path):
+def text_of(path: Path) -> str:
     return "\n".join(log_summary_lines(summarise_log(read_flight_log(path))))
 
 

@@ -6,6 +6,7 @@ import math
 import pickle
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -14,12 +15,15 @@ from typing import Never
 import numpy as np
 import pytest
 import rerun as rr
+import rerun.blueprint as rrb
+import synthetic_survey as survey
 from recording_contents import Contents
 from rerun.chunk import RrdReader
 
 from uavgram.errors import OutputError
 from uavgram.imaging.photos.preview import Preview, decode_preview
 from uavgram.imaging.top_view.mosaic import Mosaic
+from uavgram.model.result.result import Result
 from uavgram.views.recording import write_recording
 from uavgram.views.recording.blueprint import blueprint
 from uavgram.views.recording.curves.plots import frame_curves, suspicion_limit
@@ -31,7 +35,7 @@ PHOTO = "/survey/current_camera/photo"
 SCALE = 8
 
 
-def previews(survey, result, frames=None):
+def previews(result: Result, frames: list[int] | None = None) -> dict[str, Preview]:
     shown = range(len(result.frames.frame_id)) if frames is None else frames
     made = {}
     for i in shown:
@@ -51,17 +55,17 @@ def no_ground() -> None:
 
 
 @pytest.fixture(scope="module")
-def result(survey):
+def result() -> Result:
     return survey.build()
 
 
 @pytest.fixture(scope="module")
-def contents(survey, result, tmp_path_factory: pytest.TempPathFactory):
+def contents(result: Result, tmp_path_factory: pytest.TempPathFactory) -> Contents:
     path = tmp_path_factory.mktemp("recording") / "recording.rrd"
-    photos = previews(survey, result)
+    photos = previews(result)
     mosaic = Mosaic(result, photos, SCALE, 256)
 
-    def passing():
+    def passing() -> Iterator[tuple[str, Preview]]:
         for name, photo in photos.items():
             mosaic.add(name, decode_preview(photo)[..., ::-1])
             yield name, photo
@@ -70,19 +74,19 @@ def contents(survey, result, tmp_path_factory: pytest.TempPathFactory):
     return Contents(path)
 
 
-def test_tracks_are_the_centres_in_the_order_of_flight(result, contents) -> None:
+def test_tracks_are_the_centres_in_the_order_of_flight(result: Result, contents: Contents) -> None:
     for name, poses in (("flight_log", result.frames.seed), ("refined", result.frames.refined)):
         known = poses.center_world_m[np.isfinite(poses.center_world_m[:, 0])]
         (track,) = contents.static[f"/survey/{name}/track"]["LineStrips3D:strips"]
         np.testing.assert_allclose(track, known, atol=1e-4)
 
 
-def test_every_posed_frame_has_a_frustum_in_one_static_batch(contents) -> None:
+def test_every_posed_frame_has_a_frustum_in_one_static_batch(contents: Contents) -> None:
     assert len(contents.static["/survey/flight_log/cameras"]["LineStrips3D:strips"]) == 19
     assert len(contents.static["/survey/refined/cameras"]["LineStrips3D:strips"]) == 17
 
 
-def test_lines_of_each_status_are_apart_and_in_their_own_colour(contents) -> None:
+def test_lines_of_each_status_are_apart_and_in_their_own_colour(contents: Contents) -> None:
     colours = {
         status: contents.static[f"/survey/known_lengths/{status}"]["LineStrips3D:colors"][0]
         for status in ("used", "suspect", "checked")
@@ -95,7 +99,7 @@ def test_lines_of_each_status_are_apart_and_in_their_own_colour(contents) -> Non
 
 
 def test_ellipses_within_the_survey_are_at_true_size_and_once_more_enlarged_as_said(
-    result, contents
+    result: Result, contents: Contents
 ) -> None:
     within = result.points.relative
     true = contents.static["/survey/points/ellipse_95_true_size/0"]
@@ -113,7 +117,9 @@ def test_ellipses_within_the_survey_are_at_true_size_and_once_more_enlarged_as_s
     assert f"within the survey, drawn ×{factor}" in text
 
 
-def test_the_major_axis_of_a_flat_ellipsoid_lies_along_its_azimuth(result, contents) -> None:
+def test_the_major_axis_of_a_flat_ellipsoid_lies_along_its_azimuth(
+    result: Result, contents: Contents
+) -> None:
     x, y, z, w = np.array(
         contents.static["/survey/points/ellipse_95_true_size/0"]["Ellipsoids3D:quaternions"]
     ).T
@@ -123,7 +129,7 @@ def test_the_major_axis_of_a_flat_ellipsoid_lies_along_its_azimuth(result, conte
     np.testing.assert_allclose(azimuth, result.points.relative.ellipse_azimuth_rad, atol=1e-5)
 
 
-def test_measured_lengths_are_labelled_with_value_and_sigma(contents) -> None:
+def test_measured_lengths_are_labelled_with_value_and_sigma(contents: Contents) -> None:
     labels = contents.static["/survey/labels"]["Points3D:labels"]
 
     assert "LEAST CERTAIN LENGTH (by 0.19 %): road width 6.310 m ± 0.012" in labels
@@ -132,7 +138,7 @@ def test_measured_lengths_are_labelled_with_value_and_sigma(contents) -> None:
     assert len(labels) <= 14
 
 
-def test_the_photo_is_put_back_into_original_pixels(contents) -> None:
+def test_the_photo_is_put_back_into_original_pixels(contents: Contents) -> None:
     picture = contents.by_frame[f"{PHOTO}/picture"]
 
     assert sorted(picture["EncodedImage:blob"]) == list(range(20))
@@ -141,7 +147,7 @@ def test_the_photo_is_put_back_into_original_pixels(contents) -> None:
 
 
 def test_picks_lie_on_their_original_pixels_half_a_pixel_from_rerun_s_corner(
-    result, contents
+    result: Result, contents: Contents
 ) -> None:
     frame = 7
     image = np.array(result.picks.image) == result.frames.frame_id[frame]
@@ -151,7 +157,7 @@ def test_picks_lie_on_their_original_pixels_half_a_pixel_from_rerun_s_corner(
     assert shown[5] == []  # unmatched: nothing may stay from the frame before
 
 
-def test_residuals_are_exaggerated_by_the_stated_factor(result, contents) -> None:
+def test_residuals_are_exaggerated_by_the_stated_factor(result: Result, contents: Contents) -> None:
     frame = 7
     image = np.array(result.picks.image) == result.frames.frame_id[frame]
     strips = np.array(
@@ -167,7 +173,7 @@ def test_residuals_are_exaggerated_by_the_stated_factor(result, contents) -> Non
 
 
 def test_reprojections_are_opencv_s_and_only_those_inside_the_photo(
-    survey, result, contents
+    result: Result, contents: Contents
 ) -> None:
     frame = 7
     poses = result.frames.refined
@@ -186,7 +192,7 @@ def test_reprojections_are_opencv_s_and_only_those_inside_the_photo(
         assert ((spots >= 0) & (spots <= [1640, 1232])).all()
 
 
-def test_a_line_in_the_photo_is_bent_and_stays_inside(contents) -> None:
+def test_a_line_in_the_photo_is_bent_and_stays_inside(contents: Contents) -> None:
     bent = False
     for strips in contents.by_frame[f"{PHOTO}/known_lengths/used"]["LineStrips2D:strips"].values():
         for strip in map(np.array, strips):
@@ -197,7 +203,7 @@ def test_a_line_in_the_photo_is_bent_and_stays_inside(contents) -> None:
     assert bent
 
 
-def test_every_frame_has_a_state_a_sheet_and_the_unmatched_one_too(contents) -> None:
+def test_every_frame_has_a_state_a_sheet_and_the_unmatched_one_too(contents: Contents) -> None:
     states = contents.by_frame["/frame_status"]["StateChange:state"]
 
     # and an end where the next frame would be, or the last would have no width
@@ -215,13 +221,13 @@ def test_every_frame_has_a_state_a_sheet_and_the_unmatched_one_too(contents) -> 
     )
 
 
-def test_a_frame_without_a_pose_shows_no_frustum(contents) -> None:
+def test_a_frame_without_a_pose_shows_no_frustum(contents: Contents) -> None:
     depth = contents.by_frame[PHOTO]["Pinhole:image_plane_distance"]
 
     assert depth[5][0] < 1e-5 < depth[4][0]
 
 
-def test_curves_have_values_only_where_there_are_any(result, contents) -> None:
+def test_curves_have_values_only_where_there_are_any(result: Result, contents: Contents) -> None:
     rms = contents.by_frame["/plots/residual/refined"]["Scalars:scalars"]
     worst = contents.by_frame["/plots/worst_w/worst"]["Scalars:scalars"]
     image = np.array(result.picks.image) == result.frames.frame_id[7]
@@ -233,7 +239,7 @@ def test_curves_have_values_only_where_there_are_any(result, contents) -> None:
     assert height["Measurements:variances"][7] == [pytest.approx(0.15**2)]
 
 
-def test_plots_show_what_picks_and_tests_allow_in_every_frame(contents) -> None:
+def test_plots_show_what_picks_and_tests_allow_in_every_frame(contents: Contents) -> None:
     sigma = contents.by_frame["/plots/residual/sigma_of_picks"]["Scalars:scalars"]
     limit = contents.by_frame["/plots/worst_w/limit"]["Scalars:scalars"]
 
@@ -242,16 +248,16 @@ def test_plots_show_what_picks_and_tests_allow_in_every_frame(contents) -> None:
     assert [limit[i][0] for i in range(20)] == pytest.approx([3.2905] * 20, abs=1e-4)
 
 
-def test_the_limit_is_that_of_the_run_s_own_significance(result) -> None:
+def test_the_limit_is_that_of_the_run_s_own_significance(result: Result) -> None:
     options = (("solve.significance", 0.01),)
     stricter = replace(result, provenance=replace(result.provenance, options=options))
 
     assert suspicion_limit(stricter) == pytest.approx(2.5758, abs=1e-4)
 
 
-def test_heights_are_above_the_ground_below_the_camera(survey, tmp_path: Path) -> None:
+def test_heights_are_above_the_ground_below_the_camera(tmp_path: Path) -> None:
     result = survey.build(frame_count=3)
-    plane = replace(result.plane, height_m=replace(result.plane.height_m, value=[2]))
+    plane = replace(result.plane, height_m=replace(result.plane.height_m, value=np.array([2.0])))
     path = tmp_path / "recording.rrd"
     write_recording(replace(result, areas=(plane,)), (), no_ground, path)
     shown = Contents(path).by_frame["/plots/height/refined"]["Measurements:values"]
@@ -260,27 +266,30 @@ def test_heights_are_above_the_ground_below_the_camera(survey, tmp_path: Path) -
     assert [shown[i][0] for i in range(3)] == pytest.approx(expected)
 
 
-def test_every_plot_starts_at_zero(result) -> None:
+def test_every_plot_starts_at_zero(result: Result) -> None:
     scene, picks = measure_scene(result), project_picks(result)
     layout = blueprint(result, scene, frame_curves(result, picks), pose_curves(result))
     plots = [view for view in views(layout.root_container) if view.class_identifier == "TimeSeries"]
 
     assert len(plots) == 7
     for plot in plots:
-        (bounds,) = plot.properties["ScalarAxis"].range.as_arrow_array().to_pylist()
+        axis = plot.properties["ScalarAxis"]
+        assert isinstance(axis, rrb.ScalarAxis)
+        assert axis.range is not None
+        (bounds,) = axis.range.as_arrow_array().to_pylist()
         assert bounds[0] == 0.0 < bounds[1]
 
 
-def views(container):
+def views(container: rrb.Container) -> Iterator[rrb.View]:
     for item in container.contents:
-        if hasattr(item, "class_identifier"):
+        if isinstance(item, rrb.View):
             yield item
         else:
             yield from views(item)
 
 
 @pytest.fixture(scope="module")
-def crowded(survey):
+def crowded() -> Result:
     """Many measurements: every third pair of points."""
     labels = [f"P{i:02d}" for i in range(30)]
     pairs = list(combinations(labels, 2))[::3]
@@ -288,7 +297,7 @@ def crowded(survey):
 
 
 def test_many_measurements_are_thin_lines_of_which_the_least_certain_are_labelled(
-    crowded, tmp_path: Path
+    crowded: Result, tmp_path: Path
 ) -> None:
     path = tmp_path / "recording.rrd"
     write_recording(crowded, (), no_ground, path)
@@ -306,7 +315,7 @@ def test_many_measurements_are_thin_lines_of_which_the_least_certain_are_labelle
 
 
 def test_a_photo_shows_the_measurements_whose_points_are_all_picked_in_it(
-    crowded, tmp_path: Path
+    crowded: Result, tmp_path: Path
 ) -> None:
     path = tmp_path / "recording.rrd"
     write_recording(crowded, (), no_ground, path)
@@ -327,18 +336,21 @@ def test_a_photo_shows_the_measurements_whose_points_are_all_picked_in_it(
     assert by_frame[f"{PHOTO}/known_lengths/used"]["LineStrips2D:strips"][0]
 
 
-def test_the_photo_is_shown_whole(result) -> None:
+def test_the_photo_is_shown_whole(result: Result) -> None:
     scene, picks = measure_scene(result), project_picks(result)
     layout = blueprint(result, scene, frame_curves(result, picks), pose_curves(result))
     (photo,) = [view for view in views(layout.root_container) if str(view.name).startswith("Photo")]
-    bounds = photo.properties["VisualBounds2D"].range.as_arrow_array().to_pylist()[0]
+    visible = photo.properties["VisualBounds2D"]
+    assert isinstance(visible, rrb.VisualBounds2D)
+    assert visible.range is not None
+    bounds = visible.range.as_arrow_array().to_pylist()[0]
 
-    for axis, size in (("x_range", 1640), ("y_range", 1232)):
-        assert bounds[axis][0] <= 0
-        assert bounds[axis][1] >= size
+    for side, size in (("x_range", 1640), ("y_range", 1232)):
+        assert bounds[side][0] <= 0
+        assert bounds[side][1] >= size
 
 
-def test_the_summary_opens_with_what_is_wrong(contents) -> None:
+def test_the_summary_opens_with_what_is_wrong(contents: Contents) -> None:
     text = contents.static["/documents/summary"]["TextDocument:text"][0]
 
     assert text.startswith("# ⚠ Look at this first\n\n- Known length 'R3 hedge' disagrees")
@@ -346,19 +358,19 @@ def test_the_summary_opens_with_what_is_wrong(contents) -> None:
     assert "2 more are on the page *Measured*" in text
 
 
-def test_there_are_two_timelines_and_the_origin_is_a_property(contents) -> None:
+def test_there_are_two_timelines_and_the_origin_is_a_property(contents: Contents) -> None:
     assert contents.timelines == {"frame", "capture_time"}
 
 
-def test_the_layout_is_inside(survey, tmp_path: Path) -> None:
+def test_the_layout_is_inside(tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
     write_recording(survey.build(frame_count=2), (), no_ground, path)
 
     assert len(RrdReader(str(path)).blueprints()) == 1
 
 
-def test_nothing_in_the_recording_is_infinite_or_nan(contents) -> None:
-    def numbers(value):
+def test_nothing_in_the_recording_is_infinite_or_nan(contents: Contents) -> None:
+    def numbers(value: object) -> Iterator[float]:
         if isinstance(value, float):
             yield value
         elif isinstance(value, list):
@@ -368,8 +380,8 @@ def test_nothing_in_the_recording_is_infinite_or_nan(contents) -> None:
     for entity, columns in contents.static.items():
         for name, value in columns.items():
             assert all(map(math.isfinite, numbers(value))), (entity, name)
-    for entity, columns in contents.by_frame.items():
-        for name, rows in columns.items():
+    for entity, moving in contents.by_frame.items():
+        for name, rows in moving.items():
             assert all(map(math.isfinite, numbers(list(rows.values())))), (entity, name)
 
 
@@ -387,17 +399,17 @@ def test_nothing_in_the_recording_is_infinite_or_nan(contents) -> None:
     ],
     ids=str,
 )
-def test_unusual_surveys_have_a_recording_too(survey, tmp_path: Path, variant) -> None:
+def test_unusual_surveys_have_a_recording_too(tmp_path: Path, variant: survey.Variant) -> None:
     path = tmp_path / "recording.rrd"
     result = survey.build(**variant)
-    write_recording(result, previews(survey, result, [0]).items(), no_ground, path)
+    write_recording(result, previews(result, [0]).items(), no_ground, path)
 
     contents = Contents(path)
     states = contents.by_frame["/frame_status"]["StateChange:state"]
     assert len(states) == len(result.frames.status) + 1
 
 
-def test_without_telemetry_there_is_no_map_and_the_summary_says_why(survey, tmp_path: Path) -> None:
+def test_without_telemetry_there_is_no_map_and_the_summary_says_why(tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
     write_recording(survey.build(telemetry=False), (), no_ground, path)
     contents = Contents(path)
@@ -407,20 +419,20 @@ def test_without_telemetry_there_is_no_map_and_the_summary_says_why(survey, tmp_
     assert "/survey/flight_log/track" not in contents.static
 
 
-def test_a_frame_without_a_photo_does_not_show_the_one_before_it(survey, tmp_path: Path) -> None:
+def test_a_frame_without_a_photo_does_not_show_the_one_before_it(tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
     result = survey.build(frame_count=4)
-    write_recording(result, previews(survey, result, [0, 1, 3]).items(), no_ground, path)
+    write_recording(result, previews(result, [0, 1, 3]).items(), no_ground, path)
     picture = Contents(path).by_frame[f"{PHOTO}/picture"]
 
     assert [picture["EncodedImage:opacity"][i] for i in range(4)] == [[1.0], [1.0], [0.0], [1.0]]
     assert sorted(picture["EncodedImage:blob"]) == [0, 1, 3]
 
 
-def test_the_same_result_gives_the_same_recording(survey, result, tmp_path: Path) -> None:
+def test_the_same_result_gives_the_same_recording(result: Result, tmp_path: Path) -> None:
     for name in ("a", "b"):
         write_recording(
-            result, previews(survey, result, [0, 1]).items(), no_ground, tmp_path / f"{name}.rrd"
+            result, previews(result, [0, 1]).items(), no_ground, tmp_path / f"{name}.rrd"
         )
     a, b = (Contents(tmp_path / f"{name}.rrd") for name in "ab")
     ids = [RrdReader(str(tmp_path / f"{name}.rrd")).recordings()[0].recording_id for name in "ab"]
@@ -430,7 +442,7 @@ def test_the_same_result_gives_the_same_recording(survey, result, tmp_path: Path
     assert ids[0] == ids[1]
 
 
-def test_rerun_s_strictness_is_left_as_it_was(survey, tmp_path: Path) -> None:
+def test_rerun_s_strictness_is_left_as_it_was(tmp_path: Path) -> None:
     before = rr.strict_mode()
     try:
         for mode in (False, True):
@@ -441,7 +453,7 @@ def test_rerun_s_strictness_is_left_as_it_was(survey, tmp_path: Path) -> None:
         rr.set_strict_mode(before)
 
 
-def test_a_recording_that_cannot_be_written_is_an_output_error(survey, tmp_path: Path) -> None:
+def test_a_recording_that_cannot_be_written_is_an_output_error(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot be written"):
         write_recording(
             survey.build(frame_count=1), (), no_ground, tmp_path / "nowhere" / "recording.rrd"
@@ -449,9 +461,9 @@ def test_a_recording_that_cannot_be_written_is_an_output_error(survey, tmp_path:
 
 
 def test_a_failed_recording_leaves_the_earlier_one(
-    survey, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail(*_) -> Never:
+    def fail(*_: object) -> Never:
         raise RuntimeError("planted")
 
     path = tmp_path / "recording.rrd"
@@ -482,7 +494,7 @@ for limit in map(int, sys.argv[3:]):
 
 
 def test_a_disk_that_is_full_while_rerun_writes_is_left_to_who_chose_the_folder(
-    survey, tmp_path: Path
+    tmp_path: Path,
 ) -> None:
     pytest.importorskip("resource", reason="file size limits exist on POSIX systems only")
     result, path = survey.build(frame_count=4), tmp_path / "out" / "recording.rrd"
@@ -498,9 +510,9 @@ def test_a_disk_that_is_full_while_rerun_writes_is_left_to_who_chose_the_folder(
         assert "File too large" in told
 
 
-def test_rerun_s_own_verification_finds_no_fault(survey, result, tmp_path: Path) -> None:
+def test_rerun_s_own_verification_finds_no_fault(result: Result, tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
-    write_recording(result, previews(survey, result, [0, 1]).items(), no_ground, path)
+    write_recording(result, previews(result, [0, 1]).items(), no_ground, path)
     command = [sys.executable, "-m", "rerun", "rrd", "verify", str(path)]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import rerun.blueprint as rrb
+import synthetic_survey as survey
 from large_result import large_result
 from pyproj import Geod
 from recording_contents import Contents
@@ -15,6 +18,8 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.imaging.photos.preview import Preview
 from uavgram.imaging.top_view.mosaic import GroundTexture
+from uavgram.model.arrays import Floats
+from uavgram.model.result.result import Result
 from uavgram.model.result.shared import AreaPlane, Estimate
 from uavgram.views.recording import write_recording
 from uavgram.views.recording.blueprint import blueprint
@@ -36,18 +41,18 @@ def no_ground() -> None:
 
 
 @pytest.fixture(scope="module")
-def result(survey):
+def result() -> Result:
     return survey.build()
 
 
 @pytest.fixture(scope="module")
-def contents(result, tmp_path_factory: pytest.TempPathFactory):
+def contents(result: Result, tmp_path_factory: pytest.TempPathFactory) -> Contents:
     path = tmp_path_factory.mktemp("recording") / "recording.rrd"
     write_recording(result, (), no_ground, path)
     return Contents(path)
 
 
-def test_each_photo_says_its_name_and_state_above_itself(contents) -> None:
+def test_each_photo_says_its_name_and_state_above_itself(contents: Contents) -> None:
     names = contents.by_frame[f"{PHOTO}/name"]
 
     assert names["Points2D:labels"][5] == ["DSC_0005.jpg: not in the log"]
@@ -56,7 +61,7 @@ def test_each_photo_says_its_name_and_state_above_itself(contents) -> None:
 
 
 def test_the_border_of_a_photo_on_the_ground_is_where_its_corners_look(
-    survey, result, contents
+    result: Result, contents: Contents
 ) -> None:
     frame = 7
     (ring,) = contents.by_frame["/survey/footprint_of_this_photo"]["LineStrips3D:strips"][frame]
@@ -73,7 +78,9 @@ def test_the_border_of_a_photo_on_the_ground_is_where_its_corners_look(
     assert contents.by_frame["/survey/footprint_of_this_photo"]["LineStrips3D:strips"][5] == []
 
 
-def test_a_photo_shows_the_borders_of_those_before_and_after(survey, result, contents) -> None:
+def test_a_photo_shows_the_borders_of_those_before_and_after(
+    result: Result, contents: Contents
+) -> None:
     frame, other = 7, 8
     strips = contents.by_frame[f"{PHOTO}/footprints_before_and_after"]["LineStrips2D:strips"][frame]
     (ring,) = contents.by_frame["/survey/footprint_of_this_photo"]["LineStrips3D:strips"][other]
@@ -90,7 +97,7 @@ def test_a_photo_shows_the_borders_of_those_before_and_after(survey, result, con
     assert not contents.by_frame[f"{PHOTO}/footprints_before_and_after"]["LineStrips2D:strips"][5]
 
 
-def test_corrections_of_the_attitude_are_scipy_s(result, contents) -> None:
+def test_corrections_of_the_attitude_are_scipy_s(result: Result, contents: Contents) -> None:
     seed, refined = result.frames.seed, result.frames.refined
     tilt = contents.by_frame["/plots/attitude_correction/tilt"]["Scalars:scalars"]
     turn = contents.by_frame["/plots/attitude_correction/turn"]["Scalars:scalars"]
@@ -104,11 +111,11 @@ def test_corrections_of_the_attitude_are_scipy_s(result, contents) -> None:
 
     assert sorted(tilt) == sorted(turn) == both.tolist()
     expected = np.degrees(np.arctan2(np.linalg.norm(axis[:, :2], axis=1), axis[:, 2]))
-    assert [tilt[i][0] for i in both] == pytest.approx(expected, abs=1e-9)
-    assert [turn[i][0] for i in both] == pytest.approx(np.abs(twist), abs=1e-9)
+    assert [tilt[i][0] for i in both.tolist()] == pytest.approx(expected, abs=1e-9)
+    assert [turn[i][0] for i in both.tolist()] == pytest.approx(np.abs(twist), abs=1e-9)
 
 
-def test_sigmas_are_those_of_the_least_certain_axis(contents) -> None:
+def test_sigmas_are_those_of_the_least_certain_axis(contents: Contents) -> None:
     plots = contents.by_frame
 
     assert plots["/plots/attitude_sigma/flight_log"]["Scalars:scalars"][3][0] == pytest.approx(
@@ -120,7 +127,7 @@ def test_sigmas_are_those_of_the_least_certain_axis(contents) -> None:
     assert plots["/plots/position_sigma/flight_log"]["Scalars:scalars"][3] == [pytest.approx(2.0)]
 
 
-def test_rejected_frames_and_those_to_check_stand_out_in_the_survey(contents) -> None:
+def test_rejected_frames_and_those_to_check_stand_out_in_the_survey(contents: Contents) -> None:
     rejected = contents.static["/survey/frames_rejected"]["LineStrips3D:strips"]
     to_check = contents.static["/survey/frames_to_check"]["LineStrips3D:strips"]
 
@@ -129,7 +136,7 @@ def test_rejected_frames_and_those_to_check_stand_out_in_the_survey(contents) ->
     assert "REJECTED DSC_0011.jpg" in contents.static["/survey/labels"]["Points3D:labels"]
 
 
-def test_a_good_survey_marks_no_frame(survey, tmp_path: Path) -> None:
+def test_a_good_survey_marks_no_frame(tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
     write_recording(survey.build(clean=True), (), no_ground, path)
     labels = Contents(path).static["/survey/labels"]["Points3D:labels"]
@@ -139,7 +146,7 @@ def test_a_good_survey_marks_no_frame(survey, tmp_path: Path) -> None:
 
 
 def test_the_map_shows_flight_footprints_and_lines_at_their_true_distances(
-    result, contents
+    result: Result, contents: Contents
 ) -> None:
     (flight,) = contents.static["/map/refined"]["GeoLineStrings:line_strings"]
     known = contents.static["/map/known_lengths"]["GeoLineStrings:line_strings"]
@@ -156,11 +163,13 @@ def test_the_map_shows_flight_footprints_and_lines_at_their_true_distances(
     assert len(contents.static["/map/measured"]["GeoLineStrings:line_strings"]) == 7
 
 
-def survey_height(centers):
+def survey_height(centers: Floats) -> float:
     return float(centers[:2, 2].mean())
 
 
-def test_the_scale_bar_of_the_close_up_is_as_long_as_it_says(result, contents) -> None:
+def test_the_scale_bar_of_the_close_up_is_as_long_as_it_says(
+    result: Result, contents: Contents
+) -> None:
     bar = contents.static["/close_up/scale_bar"]
     west, east = np.array(bar["LineStrips3D:strips"][0])
     largest = result.points.relative.ellipse_95_m[:, 0].max()
@@ -173,13 +182,11 @@ def test_the_scale_bar_of_the_close_up_is_as_long_as_it_says(result, contents) -
 @pytest.mark.parametrize(
     ("most", "round_one"), [(0.0999, 0.05), (0.1, 0.1), (0.7, 0.5), (3.0, 2.0), (19.0, 10.0)]
 )
-def test_scale_bars_have_round_lengths(most, round_one) -> None:
+def test_scale_bars_have_round_lengths(most: float, round_one: float) -> None:
     assert round_length(most) == pytest.approx(round_one)
 
 
-def test_the_end_of_the_last_frame_lies_one_step_after_it_in_time_too(
-    survey, tmp_path: Path
-) -> None:
+def test_the_end_of_the_last_frame_lies_one_step_after_it_in_time_too(tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
     result = survey.build(frame_count=4)
     write_recording(result, (), no_ground, path)
@@ -196,7 +203,7 @@ def test_the_end_of_the_last_frame_lies_one_step_after_it_in_time_too(
     assert np.diff(seconds) == pytest.approx([2.0] * 4, abs=1e-3)
 
 
-def test_points_of_a_lower_area_are_not_hidden_by_the_ground(survey) -> None:
+def test_points_of_a_lower_area_are_not_hidden_by_the_ground() -> None:
     result = survey.build()
     position = result.points.position_world_m.copy()
     position[7, 2] = -2.5
@@ -207,7 +214,7 @@ def test_points_of_a_lower_area_are_not_hidden_by_the_ground(survey) -> None:
     assert not measure_scene(result).ground_is_lowered
 
 
-def test_the_lowered_ground_is_drawn_lower_and_the_summary_says_so(survey, tmp_path: Path) -> None:
+def test_the_lowered_ground_is_drawn_lower_and_the_summary_says_so(tmp_path: Path) -> None:
     result = survey.build(frame_count=2)
     position = result.points.position_world_m.copy()
     position[7, 2] = -2.5
@@ -224,7 +231,7 @@ def test_the_lowered_ground_is_drawn_lower_and_the_summary_says_so(survey, tmp_p
     assert "too low" in contents.static["/documents/summary"]["TextDocument:text"][0]
 
 
-def test_the_summary_says_whose_plane_the_ground_lies_on(survey) -> None:
+def test_the_summary_says_whose_plane_the_ground_lies_on() -> None:
     result = survey.build()
     zero = Estimate(value=np.zeros(1), sigma=np.ones(1))
     flat = Estimate(value=np.zeros(2), sigma=np.ones(2))
@@ -241,7 +248,7 @@ def test_the_summary_says_whose_plane_the_ground_lies_on(survey) -> None:
 
 
 @pytest.mark.parametrize("variant", [{}, {"clean": True}, {"telemetry": False}], ids=str)
-def test_the_legend_is_not_cut_off(survey, variant) -> None:
+def test_the_legend_is_not_cut_off(variant: survey.Variant) -> None:
     result = survey.build(**variant)
     image = np.asarray(draw_legend(result, measure_scene(result), 2.5))
 
@@ -250,7 +257,7 @@ def test_the_legend_is_not_cut_off(survey, variant) -> None:
     assert (image != BACKGROUND).any()
 
 
-def test_the_legend_says_that_the_ground_is_brightened(result) -> None:
+def test_the_legend_says_that_the_ground_is_brightened(result: Result) -> None:
     scene = measure_scene(result)
     plain, said = (np.asarray(draw_legend(result, scene, gain)) for gain in (1.0, 2.5))
     changed = (plain != said).any(axis=(0, 2))
@@ -260,7 +267,7 @@ def test_the_legend_says_that_the_ground_is_brightened(result) -> None:
     assert np.argmax(changed) > WIDTH_PX // 2
 
 
-def test_every_view_has_a_name_and_something_to_show(result, contents) -> None:
+def test_every_view_has_a_name_and_something_to_show(result: Result, contents: Contents) -> None:
     scene, picks = measure_scene(result), project_picks(result)
     layout = blueprint(result, scene, frame_curves(result, picks), pose_curves(result))
     entities = {*contents.static, *contents.by_frame}
@@ -275,22 +282,22 @@ def test_every_view_has_a_name_and_something_to_show(result, contents) -> None:
     assert "Messages: 1 error, 1 warning" in names
 
 
-def views(container):
+def views(container: rrb.Container) -> Iterator[rrb.View]:
     for item in container.contents:
-        if hasattr(item, "class_identifier"):
+        if isinstance(item, rrb.View):
             yield item
         else:
             yield from views(item)
 
 
-def test_photos_pass_through_a_few_at_a_time(survey, tmp_path: Path) -> None:
+def test_photos_pass_through_a_few_at_a_time(tmp_path: Path) -> None:
     result = survey.build(frame_count=40, clean=True)
     picture = cv2.imencode(".jpg", np.zeros((8, 8, 3), np.uint8))[1].tobytes()
     jpeg = picture + np.random.default_rng(1).bytes(200_000)
     path = tmp_path / "recording.rrd"
     sizes = []
 
-    def photos():
+    def photos() -> Iterator[tuple[str, Preview]]:
         for name in reversed(result.frames.frame_id):
             unfinished = path.with_name(f".{path.name}.unfinished")
             sizes.append(unfinished.stat().st_size)
@@ -305,7 +312,7 @@ def test_photos_pass_through_a_few_at_a_time(survey, tmp_path: Path) -> None:
 
 
 def test_more_points_than_ellipses_can_be_drawn_are_coloured_themselves(
-    survey, contents, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    contents: Contents, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("uavgram.views.recording.world.survey.MOST_OUTLINES", 29)
     path = tmp_path / "recording.rrd"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import synthetic_survey as survey
 from full_report import full
 from html_page import Page
 
@@ -29,7 +30,7 @@ VARIANTS = [
 
 
 @pytest.mark.parametrize("variant", VARIANTS, ids=str)
-def test_the_page_is_well_formed_and_loads_nothing(survey, variant) -> None:
+def test_the_page_is_well_formed_and_loads_nothing(variant: survey.Variant) -> None:
     for result in (survey.build(**variant), full(survey.build(**variant))):
         page = Page(render_report(result))
 
@@ -38,7 +39,7 @@ def test_the_page_is_well_formed_and_loads_nothing(survey, variant) -> None:
         assert not [n for n in attributes if n in ("src", "href") or n.startswith("on")]
 
 
-def test_the_page_forbids_itself_scripts_and_loading(survey) -> None:
+def test_the_page_forbids_itself_scripts_and_loading() -> None:
     """So it looks the same where JavaScript is off: there is none."""
     (policy,) = [
         attrs["content"]
@@ -49,7 +50,7 @@ def test_the_page_forbids_itself_scripts_and_loading(survey) -> None:
     assert policy == "default-src 'none'; style-src 'unsafe-inline'"
 
 
-def test_measurements_come_first_with_their_intervals(survey) -> None:
+def test_measurements_come_first_with_their_intervals() -> None:
     html = render_report(survey.build())
     rows = Page(html).rows
     by_name = {row[0]: row for row in rows}
@@ -59,7 +60,7 @@ def test_measurements_come_first_with_their_intervals(survey) -> None:
     assert by_name["to the tree"][3] == "not computed"
 
 
-def test_names_that_people_wrote_are_harmless(survey) -> None:
+def test_names_that_people_wrote_are_harmless() -> None:
     nasty = "<script>alert({})</script>"
     html = render_report(survey.build(label=nasty, lines=(), measures=()))
 
@@ -67,7 +68,7 @@ def test_names_that_people_wrote_are_harmless(survey) -> None:
     assert "&lt;script&gt;alert(7)" in html
 
 
-def test_checks_say_inside_or_outside(survey) -> None:
+def test_checks_say_inside_or_outside() -> None:
     result = survey.build()
     error = result.point_checks.error_m.copy()
     error[1] = [0.0, 0.1, 0.0]  # of 0.03
@@ -84,7 +85,7 @@ def test_checks_say_inside_or_outside(survey) -> None:
     assert "3 of 3 lie inside three sigma." in render_report(result)
 
 
-def test_the_chain_of_custody_is_complete(survey) -> None:
+def test_the_chain_of_custody_is_complete() -> None:
     result = survey.build()
     html = render_report(result)
 
@@ -98,7 +99,7 @@ def test_the_chain_of_custody_is_complete(survey) -> None:
     assert html.count("(UTC) by Ada Lovelace") == 2
 
 
-def test_every_message_frame_line_and_point_is_on_the_page(survey) -> None:
+def test_every_message_frame_line_and_point_is_on_the_page() -> None:
     result = survey.build()
     cells = {cell for row in Page(render_report(result)).rows for cell in row}
     ends = zip(result.lines.start, result.lines.end, strict=True)
@@ -113,7 +114,7 @@ def test_every_message_frame_line_and_point_is_on_the_page(survey) -> None:
         assert text in cells
 
 
-def test_points_have_their_ellipse_within_the_survey_and_on_the_earth(survey) -> None:
+def test_points_have_their_ellipse_within_the_survey_and_on_the_earth() -> None:
     html = render_report(survey.build())
     (row,) = [row for row in Page(html).rows if row and row[0] == "P00"]
 
@@ -122,38 +123,40 @@ def test_points_have_their_ellipse_within_the_survey_and_on_the_earth(survey) ->
     assert "cancels in lengths" in html
 
 
-def test_the_facts_stand_on_top(survey) -> None:
+def test_the_facts_stand_on_top() -> None:
     html = render_report(survey.build())
 
     assert html.index("20 frames: 17 refined") < html.index("<h2>Measurements")
     assert html.index("P24: 4.7 cm × 2.8 cm") < html.index("<h2>Measurements")
 
 
-def test_without_telemetry_the_page_says_what_that_means(survey) -> None:
+def test_without_telemetry_the_page_says_what_that_means() -> None:
     html = render_report(survey.build(telemetry=False))
 
     assert "there is no map" in html
     assert "up in photo 1" in html
 
 
-def test_the_same_result_gives_the_same_page(survey, tmp_path: Path) -> None:
+def test_the_same_result_gives_the_same_page(tmp_path: Path) -> None:
     write_report(survey.build(), tmp_path / "a.html")
     write_report(survey.build(), tmp_path / "b.html")
 
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
 
 
-def test_a_page_that_cannot_be_written_is_an_output_error(survey, tmp_path: Path) -> None:
+def test_a_page_that_cannot_be_written_is_an_output_error(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot be written"):
         write_report(survey.build(frame_count=1), tmp_path / "nowhere" / "report.html")
 
 
-def test_a_bar_for_each_measurement_is_as_long_as_its_shares(survey) -> None:
+def test_a_bar_for_each_measurement_is_as_long_as_its_shares() -> None:
     result = full(survey.build())
+    budget = result.error_budget
+    assert budget is not None
     page = Page(render_report(result))
     share = {
-        name: dict(zip(result.error_budget.source, row, strict=True))
-        for name, row in zip(result.measurements.name, result.error_budget.share, strict=True)
+        name: dict(zip(budget.source, row, strict=True))
+        for name, row in zip(result.measurements.name, budget.share, strict=True)
     }
     bars = {row[0]: drawn for row, drawn in zip(page.rows, page.drawn, strict=True) if drawn}
     bars = {name: [d for d in drawn if d["height"] == "14"] for name, drawn in bars.items()}
@@ -163,20 +166,19 @@ def test_a_bar_for_each_measurement_is_as_long_as_its_shares(survey) -> None:
     for name, drawn in bars.items():
         order = ["picks", "lens", "known lengths", "flight log", "friction and times"]
         expected = [100 * share[name][source] for source in order]
-        widths = [float(part["width"]) for part in drawn]
+        widths = [float(part["width"] or "") for part in drawn]
         np.testing.assert_allclose(widths, [e for e in expected if e >= 0.05], atol=0.006)
         assert sum(expected) == pytest.approx(100)
-        starts = [float(part["x"]) for part in drawn]
+        starts = [float(part["x"] or "") for part in drawn]
         np.testing.assert_allclose(starts[1:], np.cumsum(widths)[:-1], atol=0.06)
 
 
-def test_the_largest_source_of_each_measurement_is_said(survey) -> None:
+def test_the_largest_source_of_each_measurement_is_said() -> None:
     result = full(survey.build())
-    html = render_report(result)
-    largest = [
-        result.error_budget.source[k] for k in np.argmax(result.error_budget.share[:-1], axis=1)
-    ]
-    rows = [row for row in Page(html).rows if len(row) == 3 + len(result.error_budget.source)]
+    html, budget = render_report(result), result.error_budget
+    assert budget is not None
+    largest = [budget.source[k] for k in np.argmax(budget.share[:-1], axis=1)]
+    rows = [row for row in Page(html).rows if len(row) == 3 + len(budget.source)]
     by_name = {row[0]: row[2] for row in rows}
 
     assert [by_name[name] for name in result.measurements.name[:-1]] == largest
@@ -193,13 +195,13 @@ def test_every_group_of_observations_has_words() -> None:
     assert set(SOURCES) - {"other"} == set(GROUP_WORDS)
 
 
-def test_withheld_lengths_stand_among_the_checks_only(survey) -> None:
+def test_withheld_lengths_stand_among_the_checks_only() -> None:
     rows = [row for row in Page(render_report(survey.build())).rows if row]
 
     assert len([row for row in rows if row[0].startswith("R4 wall")]) == 1
 
 
-def test_planes_of_several_areas_replace_that_of_one(survey) -> None:
+def test_planes_of_several_areas_replace_that_of_one() -> None:
     one, several = render_report(survey.build()), render_report(full(survey.build()))
 
     assert "height of the ground plane" in one
@@ -207,9 +209,10 @@ def test_planes_of_several_areas_replace_that_of_one(survey) -> None:
     assert "bank &lt;of the river&gt;" in several
 
 
-def test_where_first_order_is_not_enough_the_way_out_is_said(survey) -> None:
+def test_where_first_order_is_not_enough_the_way_out_is_said() -> None:
     result = full(survey.build())
     off = np.arange(len(result.measurements.name)) == 2
+    assert result.second_order is not None
     doubtful = replace(result, second_order=replace(result.second_order, off=off))
 
     assert "they change a sigma by 2.1 % at most, and move a mean by 0.03" in render_report(result)
@@ -220,7 +223,7 @@ def test_where_first_order_is_not_enough_the_way_out_is_said(survey) -> None:
     assert [row[0] for row in flagged] == [result.measurements.name[2]]
 
 
-def test_another_solution_shows_what_it_changes_most(survey) -> None:
+def test_another_solution_shows_what_it_changes_most() -> None:
     result = full(survey.build())
     (other,) = result.solution.alternatives
     sigmas = np.abs(np.array(other.values) - result.measurements.value) / result.measurements.sigma
@@ -231,7 +234,7 @@ def test_another_solution_shows_what_it_changes_most(survey) -> None:
     assert [float(row[4]) for row in rows] == pytest.approx(np.sort(sigmas[:-1])[::-1], abs=0.0501)
 
 
-def test_a_removal_names_the_measurements_that_it_moved_most(survey) -> None:
+def test_a_removal_names_the_measurements_that_it_moved_most() -> None:
     result = survey.build()
     change = np.where(np.arange(10) == 4, 5.0, 1e-3)  # in sigmas
     record = RemovalRecord(
@@ -250,15 +253,16 @@ def test_a_removal_names_the_measurements_that_it_moved_most(survey) -> None:
 
 
 @pytest.mark.parametrize(("name", "sigmas", "at"), [("end", 9.0, 100.0), ("middle", 0.0, 50.0)])
-def test_a_gauge_shows_sigmas_within_its_ends(name, sigmas, at) -> None:
+def test_a_gauge_shows_sigmas_within_its_ends(name: str, sigmas: float, at: float) -> None:
     mark = gauge(sigmas, 3.0)
 
+    assert mark is not None
     assert (mark.at, mark.low, mark.high) == (at, 25.0, 75.0), name
     assert mark.outside == (sigmas > 3)
     assert gauge(np.nan, 3.0) is None
 
 
-def test_the_method_names_what_its_formulas_take(survey) -> None:
+def test_the_method_names_what_its_formulas_take() -> None:
     html = render_report(survey.build())
 
     assert "2.4477 = √(−2 ln 0.05)" in html

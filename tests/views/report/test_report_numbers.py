@@ -5,14 +5,19 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import synthetic_survey as survey
 from full_report import full
 from html_page import Page
 
 from uavgram.io.results.results_json import write_results
+from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.views.report import render_report
@@ -30,7 +35,7 @@ AMOUNT = re.compile(
 class Said:
     """What results.json and the page say of one result."""
 
-    file: dict
+    file: dict[str, Any]
     tables: dict[tuple[str, ...], list[list[str]]]
     """Rows of the page by the heads of their table."""
 
@@ -41,9 +46,9 @@ class Said:
         return found[0] if found else []
 
 
-def said(result, folder) -> Said:
+def said(result: Result, folder: Path) -> Said:
     write_results(result, folder / "results.json")
-    tables: dict = {}
+    tables: dict[tuple[str, ...], list[list[str]]] = {}
     head: tuple[str, ...] = ()
     page = Page(render_report(result))
     rows = iter(page.rows)
@@ -60,17 +65,17 @@ def said(result, folder) -> Said:
     return Said(json.loads((folder / "results.json").read_text(encoding="utf-8")), tables)
 
 
-def agree(cells, *wanted) -> None:
+def agree(cells: Iterable[str], *wanted: float | None) -> None:
     """All numbers of these cells are the wanted ones, and none is left over."""
     found = NUMBER.findall(" ".join(cells))
-    wanted = [value for value in wanted if value is not None]
-    assert len(found) == len(wanted), (cells, wanted)
-    for shown, value in zip(found, wanted, strict=True):
+    numbers = [value for value in wanted if value is not None]
+    assert len(found) == len(numbers), (cells, numbers)
+    for shown, value in zip(found, numbers, strict=True):
         assert abs(float(shown) - value) <= 0.5001 * 10.0 ** -len(shown.partition(".")[2])
 
 
 @pytest.fixture(scope="module", params=["full", "shape only", "a real flight"])
-def both(request: pytest.FixtureRequest, survey, tmp_path_factory: pytest.TempPathFactory) -> Said:
+def both(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Said:
     tmp_path = tmp_path_factory.mktemp("results")
     if request.param == "full":
         return said(full(survey.build()), tmp_path)
@@ -80,7 +85,7 @@ def both(request: pytest.FixtureRequest, survey, tmp_path_factory: pytest.TempPa
     return said(compute(read_inputs(project)).result, tmp_path)
 
 
-def test_measurements(both) -> None:
+def test_measurements(both: Said) -> None:
     rows = {row[0]: row for row in both.table("name", "kind")}
     sampled = both.file["monte_carlo"]
 
@@ -98,7 +103,7 @@ def test_measurements(both) -> None:
             agree(cells[6:8], sampled["sigma"][i], *sampled["interval_95"][i])
 
 
-def test_error_budget(both) -> None:
+def test_error_budget(both: Said) -> None:
     budget = both.file.get("error_budget")
     if budget is None:
         assert not both.table("name", "share of the variance")
@@ -116,10 +121,10 @@ def test_error_budget(both) -> None:
     for row in rows:
         share = shares[row[0]]
         agree(row[3:], *(100 * share[source] for source in sources))
-        assert row[2] == max(share, key=share.get)
+        assert row[2] == max(share, key=lambda source: share[source])
 
 
-def test_known_lengths(both) -> None:
+def test_known_lengths(both: Said) -> None:
     rows = {row[0]: row for row in both.table("name and ends")}
     lines = {
         f"{one['name']}{one['from']} – {one['to']}": one
@@ -129,14 +134,21 @@ def test_known_lengths(both) -> None:
 
     assert set(rows) == set(lines)
     for name, one in lines.items():
-        keys = ("length_m", "sigma_m", "adjusted_m", "adjusted_sigma_m", "residual_m", "w")
+        keys: tuple[str, ...] = (
+            "length_m",
+            "sigma_m",
+            "adjusted_m",
+            "adjusted_sigma_m",
+            "residual_m",
+            "w",
+        )
         keys += ("redundancy", "mdb_m")
         agree(rows[name][1:7], *(one[key] for key in keys))
         if one.get("external_on"):
             agree([rows[name][7].partition(" in ")[0].rstrip("²")], one["external"])
 
 
-def test_checks(both) -> None:
+def test_checks(both: Said) -> None:
     lengths = {row[0]: row for row in both.table("withheld length")}
     points = {row[0]: row for row in both.table("check point")}
     lines = {one["name"]: one for one in both.file["lines"]}
@@ -153,11 +165,11 @@ def test_checks(both) -> None:
         else:
             line = lines[one["name"]]
             cells = lengths[f"{line['name']}{line['from']} – {line['to']}"]
-            keys = ("length_m", "sigma_m", "adjusted_m", "adjusted_sigma_m")
+            keys: tuple[str, ...] = ("length_m", "sigma_m", "adjusted_m", "adjusted_sigma_m")
             agree(cells[1:5], *(line[k] for k in keys), one["error_m"], one["sigma_m"], one["z"])
 
 
-def test_points(both) -> None:
+def test_points(both: Said) -> None:
     rows = {row[0]: row for row in both.table("label", "east, north, up [m]")}
     nowhere = both.file["world"]["gauge"] == "plane"
 
@@ -177,7 +189,7 @@ def test_points(both) -> None:
         agree(cells[6:7], len(one["frames"]))
 
 
-def test_fit(both) -> None:
+def test_fit(both: Said) -> None:
     solution = both.file["solution"]
     rows = both.table("observations", "how many")
 
@@ -187,7 +199,7 @@ def test_fit(both) -> None:
         agree(row[1:4], group["observations"], group["redundancy"], group["variance_factor"])
 
 
-def test_alternatives(both) -> None:
+def test_alternatives(both: Said) -> None:
     rows = both.table("name", "in this result")
     measured = {one["name"]: i for i, one in enumerate(both.file["measurements"])}
 
@@ -201,7 +213,7 @@ def test_alternatives(both) -> None:
         agree(row[1:5], here, there, there - here, abs(there - here) / sigma)
 
 
-def test_areas_and_camera(both) -> None:
+def test_areas_and_camera(both: Said) -> None:
     areas = both.table("area", "height [m]")
     lens = both.file["shared"]["intrinsics"]
 
@@ -216,7 +228,7 @@ def test_areas_and_camera(both) -> None:
         agree(row[1:5], *(lens[key][k] for key in keys))
 
 
-def test_photos(both) -> None:
+def test_photos(both: Said) -> None:
     rows = {row[0]: row for row in both.table("photo", "exposure (UTC)")}
     counts = Counter(one["image"] for one in both.file["picks"])
 
@@ -232,10 +244,13 @@ def test_photos(both) -> None:
         agree(cells[4:7], height, sigma[:3].max(), np.degrees(sigma[3:].max()))
 
 
-def test_what_was_found_along(both) -> None:
-    rows = dict(
-        cells for head, rows in both.tables.items() for cells in (head, *rows) if len(cells) == 2
-    )
+def test_what_was_found_along(both: Said) -> None:
+    rows = {
+        cells[0]: cells[1]
+        for head, found in both.tables.items()
+        for cells in (head, *found)
+        if len(cells) == 2
+    }
     shared, clock = both.file["shared"], both.file["clock"] or {}
     plane = shared["plane"]
     words = {
@@ -257,19 +272,20 @@ def test_what_was_found_along(both) -> None:
             agree([rows[name]], *np.stack([values, sigmas], axis=1).ravel())
 
 
-def test_undetected_errors(both) -> None:
+def test_undetected_errors(both: Said) -> None:
     rows = {row[0]: row for row in both.table("name", "weakest link")}
     links = {one["name"]: one["weakest"] for one in both.file["measurements"] if "weakest" in one}
 
     assert set(rows) == set(links)
     for name, link in links.items():
         found = AMOUNT.match(rows[name][1])
+        assert found is not None
         assert found["what"] == link["what"]
         assert float(found["bias"]) == pytest.approx(link["mdb"], rel=5e-3)
         agree([found["change"]], abs(link["change"]))
 
 
-def test_priors(both) -> None:
+def test_priors(both: Said) -> None:
     priors = both.file.get("priors") or []
     rows = both.table("what", "photo", "moved by [its sigmas]")
     worst = sorted(priors, key=lambda one: -abs(one["w"] or 0.0))[: len(rows)]
@@ -283,7 +299,7 @@ def test_priors(both) -> None:
             agree([row[6].partition(" in ")[0].rstrip("²")], one["external"])
 
 
-def test_picks_that_do_not_fit(both) -> None:
+def test_picks_that_do_not_fit(both: Said) -> None:
     rows = {(row[0], row[1]): row for row in both.table("point", "photo")}
     bad = [one for one in both.file["picks"] if one["status"] in ("suspect", "removed")]
 
@@ -293,7 +309,7 @@ def test_picks_that_do_not_fit(both) -> None:
         agree(cells[2:5], *one["residual_px"], one["w"], one["redundancy"])
 
 
-def test_inputs(both) -> None:
+def test_inputs(both: Said) -> None:
     rows = both.table("input", "bytes")
 
     assert {row[0]: row[1:] for row in rows} == {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import synthetic_survey as survey
 
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.stages.products import map_layers as features
@@ -11,7 +12,7 @@ from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH, measure_scene
 from uavgram.views.survey import drawing
 
 
-def test_an_outline_is_the_95_percent_contour_of_its_covariance(survey) -> None:
+def test_an_outline_is_the_95_percent_contour_of_its_covariance() -> None:
     points = survey.build().points
     outline = features.ellipse_outlines(
         points.position_world_m[:, :2], points.ellipse_95_m, points.ellipse_azimuth_rad, 1.0
@@ -22,7 +23,7 @@ def test_an_outline_is_the_95_percent_contour_of_its_covariance(survey) -> None:
     np.testing.assert_allclose(squared, 2.4477**2, rtol=1e-9)
 
 
-def test_an_exaggerated_outline_is_as_many_times_as_large(survey) -> None:
+def test_an_exaggerated_outline_is_as_many_times_as_large() -> None:
     points = survey.build().points
     args = (points.position_world_m[:, :2], points.ellipse_95_m, points.ellipse_azimuth_rad)
     center = points.position_world_m[:, None, :2]
@@ -34,7 +35,7 @@ def test_an_exaggerated_outline_is_as_many_times_as_large(survey) -> None:
     )
 
 
-def test_lines_are_bent_as_opencv_bends_them(survey) -> None:
+def test_lines_are_bent_as_opencv_bends_them() -> None:
     result = survey.build()
     frame = 7
     poses = result.frames.refined
@@ -49,7 +50,7 @@ def test_lines_are_bent_as_opencv_bends_them(survey) -> None:
     assert np.isnan(ours[~seen]).all()
 
 
-def test_a_frustum_points_where_the_camera_looks(survey) -> None:
+def test_a_frustum_points_where_the_camera_looks() -> None:
     result = survey.build(frame_count=3)
     strips = drawing.frusta(result, result.frames.refined, 5.0)
     apex = strips[:, 5]
@@ -61,7 +62,7 @@ def test_a_frustum_points_where_the_camera_looks(survey) -> None:
     assert (np.einsum("ij,ij->i", direction, axis) > 0.999).all()
 
 
-def test_frames_without_a_pose_have_no_frustum_and_break_no_track(survey) -> None:
+def test_frames_without_a_pose_have_no_frustum_and_break_no_track() -> None:
     result = survey.build()
 
     assert len(drawing.frusta(result, result.frames.refined, 5.0)) == 17
@@ -69,7 +70,7 @@ def test_frames_without_a_pose_have_no_frustum_and_break_no_track(survey) -> Non
     assert len(drawing.track(result, result.frames.seed)) == 19
 
 
-def test_the_track_follows_time_not_names(survey) -> None:
+def test_the_track_follows_time_not_names() -> None:
     result = survey.build(clean=True)
     backwards = result.frames.time_utc_s[::-1]
     frames = type(result.frames)(**{**vars(result.frames), "time_utc_s": backwards})
@@ -87,7 +88,7 @@ def test_a_polyline_that_leaves_the_photo_and_returns_is_two_pieces() -> None:
     assert [run[:, 0].tolist() for run in runs] == [[0, 1], [3, 4, 5]]
 
 
-def test_the_distance_from_a_line_is_drawn_at_right_angles_to_it(survey) -> None:
+def test_the_distance_from_a_line_is_drawn_at_right_angles_to_it() -> None:
     result = survey.build()
     row = result.measurements.name.index("road width")
     (strip,) = features.measured_strips(result)[row]
@@ -98,7 +99,7 @@ def test_the_distance_from_a_line_is_drawn_at_right_angles_to_it(survey) -> None
     assert (strip[1] - strip[0]) @ (p15 - p12) == pytest.approx(0, abs=1e-9)
 
 
-def test_an_area_is_closed_and_what_was_not_computed_is_not_drawn(survey) -> None:
+def test_an_area_is_closed_and_what_was_not_computed_is_not_drawn() -> None:
     result = survey.build()
     strips = features.measured_strips(result)
     (patch,) = strips[result.measurements.name.index("patch")]
@@ -110,7 +111,9 @@ def test_an_area_is_closed_and_what_was_not_computed_is_not_drawn(survey) -> Non
 @pytest.mark.parametrize(
     ("size", "factor"), [(0.1, 20), (0.11, 10), (5.0, 1), (0.0, 1), (np.nan, 1)]
 )
-def test_exaggerations_are_round_numbers_that_stay_within_the_limit(size, factor) -> None:
+def test_exaggerations_are_round_numbers_that_stay_within_the_limit(
+    size: float, factor: int
+) -> None:
     assert drawing.nice_factor(size, 2.0) == factor
 
 
@@ -121,7 +124,7 @@ def test_texts_do_not_cover_each_other() -> None:
     assert drawing.uncovered(anchors, np.full(4, 1.0), 2.0, 2).tolist() == [0, 2]
 
 
-def test_the_first_view_has_points_frusta_and_ground_in_it_and_nothing_to_spare(survey) -> None:
+def test_the_first_view_has_points_frusta_and_ground_in_it_and_nothing_to_spare() -> None:
     result = survey.build()
     covered = np.ones((64, 96), dtype=bool)
     texture = GroundTexture(np.zeros((64, 96, 3), np.uint8), covered, -60.0, 40.0, 1.25)
@@ -138,7 +141,7 @@ def test_the_first_view_has_points_frusta_and_ground_in_it_and_nothing_to_spare(
     assert max(min(t.max(), -t.min()) for t in tight) > 0.95
 
 
-def test_frusta_are_small_beside_the_flying_height(survey) -> None:
+def test_frusta_are_small_beside_the_flying_height() -> None:
     scene = measure_scene(survey.build())
 
     assert scene.frustum_m <= 0.06 * scene.height_m

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import synthetic_survey as survey
 
 from uavgram.views.survey.key_facts import key_facts, largest_ellipse, least_certain_length
 
 
-def test_the_facts_answer_the_four_questions(survey) -> None:
+def test_the_facts_answer_the_four_questions() -> None:
     facts = dict(key_facts(survey.build()))
 
     assert facts["frames"].startswith("20 frames")
@@ -20,7 +21,7 @@ def test_the_facts_answer_the_four_questions(survey) -> None:
     assert facts["largest 95 % ellipse within the survey (half axes)"] == "P24: 4.7 cm × 2.8 cm"
 
 
-def test_the_largest_ellipse_is_that_within_the_survey(survey) -> None:
+def test_the_largest_ellipse_is_that_within_the_survey() -> None:
     points = survey.build().points
     within = points.relative.ellipse_95_m.copy()
     within[7] = [0.5, 0.1]
@@ -31,7 +32,7 @@ def test_the_largest_ellipse_is_that_within_the_survey(survey) -> None:
     assert np.argmax(points.ellipse_95_m[:, 0]) != 7
 
 
-def test_areas_angles_and_coordinates_are_no_lengths(survey) -> None:
+def test_areas_angles_and_coordinates_are_no_lengths() -> None:
     result = survey.build()
     sigma = result.measurements.sigma.copy()
     for name in ("patch", "bend", "rest position east", "skid speed"):
@@ -39,16 +40,17 @@ def test_areas_angles_and_coordinates_are_no_lengths(survey) -> None:
     worse = replace(result, measurements=replace(result.measurements, sigma=sigma))
     row = least_certain_length(worse)
 
+    assert row is not None
     assert result.measurements.name[row] == "road width"
 
 
-def test_a_survey_without_points_has_only_frames_to_tell(survey) -> None:
+def test_a_survey_without_points_has_only_frames_to_tell() -> None:
     facts = key_facts(survey.build(lines=(), measures=(), point_count=0))
 
     assert [question for question, _ in facts] == ["frames"]
 
 
-def test_a_single_point_has_no_shape(survey) -> None:
+def test_a_single_point_has_no_shape() -> None:
     result = survey.build(point_count=1, lines=(), measures=())
     nothing = replace(result.points.relative, ellipse_95_m=np.zeros((1, 2)))
     alone = replace(result, points=replace(result.points, relative=nothing))

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import pytest
+import synthetic_survey as survey
 from html_page import Page
 from unsure import unsure
 
+from uavgram.model.result.result import Result
 from uavgram.views.recording.pages.tables import measured_page
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.world.labels import measured_text, survey_labels
@@ -20,18 +22,18 @@ NAME, OTHERS = "skid left", "or 31.200, 44.900 m"
 
 
 @pytest.fixture(scope="module")
-def sure(survey):
+def sure() -> Result:
     return survey.build()
 
 
 @pytest.fixture(scope="module")
-def marked(sure):
+def marked(sure: Result) -> Result:
     """The most certain measurement of all, which other solutions change."""
     return unsure(sure, NAME, (31.2, 44.9))
 
 
 def test_the_terminal_shows_the_other_values_beside_the_first_and_says_what_they_are(
-    sure, marked
+    sure: Result, marked: Result
 ) -> None:
     header, _, missing, first, *rest, note = measurement_table(marked).splitlines()
 
@@ -45,7 +47,7 @@ def test_the_terminal_shows_the_other_values_beside_the_first_and_says_what_they
     assert "fits as well" not in measurement_table(sure)
 
 
-def test_the_farther_the_other_values_the_earlier_the_row(marked, sure) -> None:
+def test_the_farther_the_other_values_the_earlier_the_row(marked: Result, sure: Result) -> None:
     near = unsure(sure, "road width", (6.4,)).measurements.alternative_values
     others = tuple(
         a or b for a, b in zip(near, marked.measurements.alternative_values, strict=True)
@@ -56,7 +58,7 @@ def test_the_farther_the_other_values_the_earlier_the_row(marked, sure) -> None:
     assert [rows.name[i] for i in computed_first(rows)[:2]] == [NAME, "road width"]
 
 
-def test_the_report_marks_the_row_and_says_what_that_means(sure, marked) -> None:
+def test_the_report_marks_the_row_and_says_what_that_means(sure: Result, marked: Result) -> None:
     page = render_report(marked)
     rows = [row for row in Page(page).rows if len(row) == 6 and "not unique" in row[1]]
 
@@ -66,7 +68,7 @@ def test_the_report_marks_the_row_and_says_what_that_means(sure, marked) -> None
     assert "not unique" not in render_report(sure).lower()
 
 
-def test_the_verdict_looks_there_first(sure, marked) -> None:
+def test_the_verdict_looks_there_first(sure: Result, marked: Result) -> None:
     verdict = judge(marked)
 
     assert verdict.reasons[0].startswith("1 measurement not unique")
@@ -74,11 +76,11 @@ def test_the_verdict_looks_there_first(sure, marked) -> None:
     assert not [reason for reason in judge(sure).reasons if "not unique" in reason]
 
 
-def test_the_least_certain_length_is_that_one_with_its_other_values(marked) -> None:
+def test_the_least_certain_length_is_that_one_with_its_other_values(marked: Result) -> None:
     assert dict(key_facts(marked))["least certain length for its size"].endswith(OTHERS)
 
 
-def test_the_recording_marks_it_in_its_table_and_on_its_label(sure, marked) -> None:
+def test_the_recording_marks_it_in_its_table_and_on_its_label(sure: Result, marked: Result) -> None:
     (row,) = [line for line in measured_page(marked).splitlines() if line.startswith(f"| {NAME}")]
     at = marked.measurements.name.index(NAME)
     labels = survey_labels(marked, measure_scene(marked))
@@ -90,8 +92,11 @@ def test_the_recording_marks_it_in_its_table_and_on_its_label(sure, marked) -> N
     assert [t for t in labels.text if t.startswith("NOT UNIQUE: ") and t.endswith(OTHERS)]
 
 
-def test_the_drawing_of_the_report_doubts_it(sure, marked) -> None:
-    said = {text.text for text in top_view(marked).texts}
+def test_the_drawing_of_the_report_doubts_it(sure: Result, marked: Result) -> None:
+    doubted, trusted = top_view(marked), top_view(sure)
+    assert doubted is not None
+    assert trusted is not None
+    said = {text.text for text in doubted.texts}
 
     assert [text for text in said if text.startswith(NAME) and text.endswith(" ?")]
-    assert not [text.text for text in top_view(sure).texts if text.text.endswith(" ?")]
+    assert not [text.text for text in trusted.texts if text.text.endswith(" ?")]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import synthetic_survey as survey
 
 from uavgram.model.result.reliability import (
     ChecksOverall,
@@ -15,18 +16,19 @@ from uavgram.model.result.reliability import (
     SecondOrder,
     WeakestLinks,
 )
+from uavgram.model.result.result import Result
 from uavgram.views.report import render_report
 
 
-def judged(result):
+def judged(result: Result) -> Result:
     rows = result.measurements
     count, first = len(rows.name), rows.name[0]
 
-    def effects(n, change):
+    def effects(n: int, change: float) -> Effects:
         return Effects(
             on=(first,) + ("",) * (n - 1),
-            change=[change] + [np.nan] * (n - 1),
-            sigmas=[1.0] + [np.nan] * (n - 1),
+            change=np.array([change] + [np.nan] * (n - 1)),
+            sigmas=np.array([1.0] + [np.nan] * (n - 1)),
         )
 
     return replace(
@@ -39,25 +41,25 @@ def judged(result):
                 name=("image x axis",),
                 frame_id=("IMG_<7>.jpg",),
                 unit=("deg",),
-                residual=[5.7],
-                w=[6.2],
-                redundancy=[0.9],
-                bias=[4.31],
+                residual=np.array([5.7]),
+                w=np.array([6.2]),
+                redundancy=np.array([0.9]),
+                bias=np.array([4.31]),
                 effects=effects(1, -0.0133),
             ),
             weakest=WeakestLinks(
                 what=("length 'south'",) * count,
-                bias=[0.0912] * count,
+                bias=np.array([0.0912] * count),
                 unit=("m",) * count,
-                change=[0.0421] * count,
+                change=np.array([0.0421] * count),
                 unchecked=(tuple(f"pick of 'P{k}' in 'a.jpg'" for k in range(8)),) * count,
             ),
         ),
         second_order=SecondOrder(
-            bias=[0.125] * count,
-            sigma=[0.377] * count,
-            curvature=[0.5] * count,
-            off=[True] + [False] * (count - 1),
+            bias=np.array([0.125] * count),
+            sigma=np.array([0.377] * count),
+            curvature=np.array([0.5] * count),
+            off=np.array([True] + [False] * (count - 1)),
         ),
         removals=(
             RemovalRecord(
@@ -76,7 +78,7 @@ def judged(result):
     )
 
 
-def test_the_report_says_what_could_be_wrong_unseen(survey) -> None:
+def test_the_report_says_what_could_be_wrong_unseen() -> None:
     page = render_report(judged(survey.build()))
     page = page.replace("&#39;", "'")
     assert "an undetected error of 0.0912 m in the length 'south' would move it by 0.042" in page
@@ -92,7 +94,7 @@ def test_the_report_says_what_could_be_wrong_unseen(survey) -> None:
     assert "7 numbers, root mean square error 0.057 m, lengths 0.42 % on average" in page
 
 
-def test_a_result_of_before_has_a_report_without_all_this(survey) -> None:
+def test_a_result_of_before_has_a_report_without_all_this() -> None:
     page = render_report(survey.build())
     assert "What could be wrong without being seen" not in page
     assert "Taken out as blunders" not in page

@@ -7,13 +7,22 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import synthetic_survey as survey
 
-from uavgram.views.survey.top_view import top_view
+from uavgram.model.result.result import Result
+from uavgram.views.survey.top_view import TopView, top_view
 
 
-def test_the_drawing_is_to_scale_and_north_is_up(survey) -> None:
-    result = survey.build()
+def drawing(result: Result) -> TopView:
+    """The drawing of a result that has one."""
     view = top_view(result)
+    assert view is not None
+    return view
+
+
+def test_the_drawing_is_to_scale_and_north_is_up() -> None:
+    result = survey.build()
+    view = drawing(result)
     drawn = np.array(view.dots)
     world = result.points.position_world_m[:, :2]
     per_metre = view.bar / view.bar_m
@@ -22,8 +31,8 @@ def test_the_drawing_is_to_scale_and_north_is_up(survey) -> None:
     np.testing.assert_allclose(np.diff(drawn[:, 1]), -np.diff(world[:, 1]) * per_metre, atol=1e-6)
 
 
-def test_everything_lies_on_the_sheet(survey) -> None:
-    view = top_view(survey.build())
+def test_everything_lies_on_the_sheet() -> None:
+    view = drawing(survey.build())
     strokes = (*view.lines, *view.ellipses)
     spots = np.array(
         [p.split(",") for stroke in strokes for p in stroke.points.split()], dtype=float
@@ -33,58 +42,60 @@ def test_everything_lies_on_the_sheet(survey) -> None:
     assert (spots <= [view.width, view.height]).all()
 
 
-def test_ellipses_as_large_as_the_scene_are_neither_filled_nor_enlarged(survey) -> None:
+def test_ellipses_as_large_as_the_scene_are_neither_filled_nor_enlarged() -> None:
     result = survey.build()
     within = result.points.relative
     wide = replace(result.points, relative=replace(within, ellipse_95_m=within.ellipse_95_m + 5.0))
-    view = top_view(replace(result, points=wide))
+    view = drawing(replace(result, points=wide))
 
     assert (view.ellipse_factor, view.fill_ellipses) == (1, False)
-    assert top_view(result).fill_ellipses
+    assert drawing(result).fill_ellipses
 
 
-def test_ellipses_are_those_within_the_survey(survey) -> None:
+def test_ellipses_are_those_within_the_survey() -> None:
     result = survey.build()
-    view = top_view(result)
-    outline = np.array([p.split(",") for p in view.ellipses[3].points.split()], dtype=float)
-    reach = np.linalg.norm(outline - view.dots[3], axis=1).max() * view.bar_m / view.bar
+    view = drawing(result)
+    outline = np.array([p.split(",") for p in view.ellipses[3].points.split()], dtype=np.float64)
+    reach = np.linalg.norm(outline - np.array(view.dots[3]), axis=1).max() * view.bar_m / view.bar
 
     expected = view.ellipse_factor * result.points.relative.ellipse_95_m[3, 0]
     assert reach == pytest.approx(expected, rel=0.02)
 
 
-def test_many_measured_lines_are_thin_and_few_are_named(survey) -> None:
+def test_many_measured_lines_are_thin_and_few_are_named() -> None:
     labels = [f"P{i:02d}" for i in range(30)]
     pairs = enumerate(pairwise(labels))
-    measures = tuple((f"D{i}", "distance", pair, "m") for i, pair in pairs)
-    view = top_view(survey.build(measures=measures))
+    measures: tuple[survey.Measure, ...] = tuple(
+        (f"D{i}", "distance", pair, "m") for i, pair in pairs
+    )
+    view = drawing(survey.build(measures=measures))
 
     assert {stroke.width for stroke in view.lines} == {0.5, 2.0}
     assert 0 < len([text for text in view.texts if text.kind == "measured"]) <= 12
 
 
-def test_without_telemetry_north_is_not_claimed(survey) -> None:
-    assert top_view(survey.build()).north_known
-    assert not top_view(survey.build(telemetry=False)).north_known
+def test_without_telemetry_north_is_not_claimed() -> None:
+    assert drawing(survey.build()).north_known
+    assert not drawing(survey.build(telemetry=False)).north_known
 
 
-def test_one_point_alone_can_be_drawn_and_none_is_no_drawing(survey) -> None:
-    assert top_view(survey.build(point_count=1, lines=(), measures=())).dots
+def test_one_point_alone_can_be_drawn_and_none_is_no_drawing() -> None:
+    assert drawing(survey.build(point_count=1, lines=(), measures=())).dots
     assert top_view(survey.build(point_count=0, lines=(), measures=())) is None
 
 
 @pytest.mark.parametrize("name", ["R3 hedge 11.21 m", "path 38.212 m"])
-def test_lines_and_measurements_are_named(survey, name) -> None:
-    assert name in [text.text for text in top_view(survey.build()).texts]
+def test_lines_and_measurements_are_named(name: str) -> None:
+    assert name in [text.text for text in drawing(survey.build()).texts]
 
 
-def test_no_text_is_cut_off_or_covers_another(survey) -> None:
+def test_no_text_is_cut_off_or_covers_another() -> None:
     labels = [f"P{i:02d}" for i in range(30)]
-    measures = tuple(
+    measures: tuple[survey.Measure, ...] = tuple(
         (f"a distance with a very long name {i}", "distance", pair, "m")
         for i, pair in enumerate(pairwise(labels))
     )
-    view = top_view(survey.build(measures=measures))
+    view = drawing(survey.build(measures=measures))
     # letters of 11 units are at most 0.7 of that wide on average, bold ones of DejaVu Sans
     half = np.array([11 * 0.7 * len(text.text) / 2 for text in view.texts])
     x, y = np.array([(text.x, text.y) for text in view.texts]).T
@@ -97,11 +108,11 @@ def test_no_text_is_cut_off_or_covers_another(survey) -> None:
     assert not (np.triu(aside & level, 1) & bold & bold[:, None]).any()
 
 
-def test_many_known_lengths_are_thin_but_the_suspect_ones(survey) -> None:
-    lines = tuple(
+def test_many_known_lengths_are_thin_but_the_suspect_ones() -> None:
+    lines: tuple[survey.Line, ...] = tuple(
         (f"L{k}", f"P{k:02d}", f"P{k + 3:02d}", "suspect" if k == 7 else "used", 0.004)
         for k in range(25)
     )
-    view = top_view(survey.build(lines=lines, measures=()))
+    view = drawing(survey.build(lines=lines, measures=()))
 
     assert [stroke.width for stroke in view.lines] == [1.0] * 7 + [2.0] + [1.0] * 17

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+import synthetic_survey as survey
 
 from uavgram.views.survey.verdict import judge
 
 
-def test_a_survey_without_a_flaw_is_good(survey) -> None:
+def test_a_survey_without_a_flaw_is_good() -> None:
     verdict = judge(survey.build(clean=True))
 
     assert verdict.level == "good"
@@ -18,7 +20,7 @@ def test_a_survey_without_a_flaw_is_good(survey) -> None:
     assert verdict.counts.startswith("20 of 20 frames refined, 4 of 5 known lengths used")
 
 
-def test_a_suspect_length_is_named_first_with_its_error(survey) -> None:
+def test_a_suspect_length_is_named_first_with_its_error() -> None:
     verdict = judge(survey.build())
 
     assert verdict.level == "look"
@@ -26,7 +28,7 @@ def test_a_suspect_length_is_named_first_with_its_error(survey) -> None:
     assert verdict.reasons[0] in verdict.sentence
 
 
-def test_every_flaw_of_the_survey_is_among_the_reasons(survey) -> None:
+def test_every_flaw_of_the_survey_is_among_the_reasons() -> None:
     reasons = " ".join(judge(survey.build()).reasons)
 
     for flaw in (
@@ -48,14 +50,14 @@ def test_every_flaw_of_the_survey_is_among_the_reasons(survey) -> None:
         ({"chi2_probability": 1e-5}, "disagree more than their sigmas"),
     ],
 )
-def test_a_doubtful_adjustment_is_not_good(survey, change, words) -> None:
+def test_a_doubtful_adjustment_is_not_good(change: dict[str, Any], words: str) -> None:
     result = survey.build(clean=True)
     doubtful = replace(result, solution=replace(result.solution, **change))
 
     assert words in judge(doubtful).sentence
 
 
-def test_a_check_outside_three_sigma_is_not_good(survey) -> None:
+def test_a_check_outside_three_sigma_is_not_good() -> None:
     result = survey.build(clean=True)
     error = result.point_checks.error_m.copy()
     error[1, 2] = 0.1  # of 0.03
@@ -64,14 +66,14 @@ def test_a_check_outside_three_sigma_is_not_good(survey) -> None:
     assert "three sigma: P29" in judge(replace(result, point_checks=checks)).sentence
 
 
-def test_a_withheld_length_outside_three_sigma_is_not_good(survey) -> None:
+def test_a_withheld_length_outside_three_sigma_is_not_good() -> None:
     result = survey.build(clean=True)
     checks = replace(result.line_checks, z=np.full(len(result.line_checks.z), -3.2))
 
     assert "three sigma: R4 wall" in judge(replace(result, line_checks=checks)).sentence
 
 
-def test_other_solutions_of_the_lengths_are_told(survey) -> None:
+def test_other_solutions_of_the_lengths_are_told() -> None:
     verdict = judge(survey.build(telemetry=False, clean=True))
 
     assert "1 other camera position" in verdict.sentence

@@ -12,9 +12,10 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Never
+from typing import NamedTuple, Never, TypedDict, Unpack
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
@@ -25,13 +26,21 @@ from uavgram.views.viewer import proxy as viewer_gate
 from uavgram.views.viewer import server as viewer
 
 
+class StartOptions(TypedDict):
+    """What a process of the viewer is started with."""
+
+    stdin: int
+    env: dict[str, str]
+    start_new_session: bool
+
+
 @pytest.fixture
-def recording(tmp_path: Path):
+def recording(tmp_path: Path) -> Path:
     return write_small_recording(tmp_path / "a.rrd")
 
 
 @pytest.mark.parametrize("show", [viewer.open_viewer, lambda p: viewer.serve_viewer(p, print)])
-def test_what_is_no_recording_is_named(tmp_path: Path, show) -> None:
+def test_what_is_no_recording_is_named(tmp_path: Path, show: Callable[[Path], None]) -> None:
     with pytest.raises(InputError, match=r"gone\.rrd: cannot be read"):
         show(tmp_path / "gone.rrd")
     (tmp_path / "text.rrd").write_text("RRFx: no recording")
@@ -41,18 +50,18 @@ def test_what_is_no_recording_is_named(tmp_path: Path, show) -> None:
 
 @pytest.mark.parametrize("status", [0, 1])
 def test_the_viewer_listens_on_this_machine_only_and_its_failure_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, status
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, status: int
 ) -> None:
     path = tmp_path / "a.rrd"
     path.write_bytes(b"RRF2 and more")
-    calls = []
+    calls: list[list[str]] = []
     start = subprocess.Popen
 
-    def popen(command, **options):
+    def popen(command: list[str], **options: Unpack[StartOptions]) -> subprocess.Popen[bytes]:
         calls.append(command)
         return start([sys.executable, "-c", f"raise SystemExit({status})"], **options)
 
-    monkeypatch.setattr(viewer.subprocess, "Popen", popen)
+    monkeypatch.setattr(subprocess, "Popen", popen)
     if status:
         with pytest.raises(UavgramError, match=r"needs a screen.*a\.rrd --web"):
             viewer.open_viewer(path)
@@ -63,13 +72,13 @@ def test_the_viewer_listens_on_this_machine_only_and_its_failure_is_told(
     assert calls[0][1] == "-P"  # no module from the folder that somebody stands in
 
 
-def processes_of(parent):
+def processes_of(parent: int) -> list[int]:
     """Its number, and those of all that it started."""
     children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
     return [parent, *(pid for child in children for pid in processes_of(int(child)))]
 
 
-def listening(pids):
+def listening(pids: list[int]) -> set[tuple[str, int]]:
     """(address in hex, port) of every TCP socket that these processes listen on (proc(5))."""
     owned = set()
     for pid in pids:
@@ -88,59 +97,74 @@ def listening(pids):
     return found
 
 
+class Seen(NamedTuple):
+    """What was there while the recording was served."""
+
+    pids: list[int]
+    sockets: set[tuple[str, int]]
+    address: str
+    page: bytes
+    policy: str
+    recording: bytes
+    guessed: int
+    foreign: list[int]
+
+
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs Linux's /proc")
 def test_in_a_browser_it_is_served_to_this_machine_only_and_ends_whole(
-    recording, monkeypatch: pytest.MonkeyPatch
+    recording: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    seen, servers = {}, []
+    looks: list[Seen] = []
+    servers: list[subprocess.Popen[bytes]] = []
     start = subprocess.Popen
 
-    def popen(*arguments, **options):
-        servers.append(start(*arguments, **options))
+    def popen(command: list[str], **options: Unpack[StartOptions]) -> subprocess.Popen[bytes]:
+        servers.append(start(command, **options))
         return servers[-1]
 
-    monkeypatch.setattr(viewer.subprocess, "Popen", popen)
+    monkeypatch.setattr(subprocess, "Popen", popen)
 
-    def started(address) -> Never:
-        seen["pids"] = processes_of(servers[0].pid)
-        seen["sockets"] = listening(seen["pids"])
-        seen["address"] = address
-        with urllib.request.urlopen(address, timeout=60) as page:  # noqa: S310
-            seen["page"], seen["policy"] = page.read(), page.headers["content-security-policy"]
+    def started(address: str) -> Never:
+        pids = processes_of(servers[0].pid)
+        sockets = listening(pids)
+        with urllib.request.urlopen(address, timeout=60) as answer:  # noqa: S310
+            page, policy = answer.read(), answer.headers["content-security-policy"]
         source = parse_qs(urlsplit(address).query)["url"][0]
         with urllib.request.urlopen(source, timeout=60) as file:  # noqa: S310
-            seen["recording"] = file.read()
+            content = file.read()
         others = ({"Host": "evil.example"}, {"Sec-Fetch-Site": "same-site"})
-        seen["guessed"] = status_of(f"http://{urlsplit(address).netloc}/recording.rrd", {})
-        seen["foreign"] = [status_of(source, headers) for headers in others]
+        guessed = status_of(f"http://{urlsplit(address).netloc}/recording.rrd", {})
+        foreign = [status_of(source, headers) for headers in others]
+        looks.append(Seen(pids, sockets, address, page, policy, content, guessed, foreign))
         raise KeyboardInterrupt  # as Ctrl-C does
 
     with pytest.raises(KeyboardInterrupt):
         viewer.serve_viewer(recording, started)
 
-    address = urlsplit(seen["address"])
+    (seen,) = looks
+    address = urlsplit(seen.address)
     source = urlsplit(parse_qs(address.query)["url"][0])
     assert source.netloc == address.netloc
     assert re.fullmatch(r"/[-\w]{43}/recording\.rrd", source.path)  # no other user can guess it
-    assert seen["guessed"] == 404
+    assert seen.guessed == 404
     assert address.hostname == "127.0.0.1"
-    assert len(seen["sockets"]) == 2
-    assert {place for place, _ in seen["sockets"]} == {"0100007F"}  # 127.0.0.1, little-endian
-    assert b"<html" in seen["page"].lower()
-    assert b"<link" in seen["page"]
-    assert not re.search(rb"<link[^>]*https?://", seen["page"])  # nothing is fetched elsewhere
-    assert "//" not in seen["policy"]
-    assert "connect-src 'self';" in seen["policy"]
-    assert seen["recording"] == recording.read_bytes()
-    assert seen["foreign"] == [403, 403]
-    assert len(seen["pids"]) == 2
-    for port in {address.port, *(port for _, port in seen["sockets"])}:  # nothing is left behind
+    assert len(seen.sockets) == 2
+    assert {place for place, _ in seen.sockets} == {"0100007F"}  # 127.0.0.1, little-endian
+    assert b"<html" in seen.page.lower()
+    assert b"<link" in seen.page
+    assert not re.search(rb"<link[^>]*https?://", seen.page)  # nothing is fetched elsewhere
+    assert "//" not in seen.policy
+    assert "connect-src 'self';" in seen.policy
+    assert seen.recording == recording.read_bytes()
+    assert seen.foreign == [403, 403]
+    assert len(seen.pids) == 2
+    for port in {address.port, *(port for _, port in seen.sockets)}:  # nothing is left behind
         with pytest.raises(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
             pass
 
 
 def test_the_gate_waits_for_no_one_who_says_nothing(
-    recording, monkeypatch: pytest.MonkeyPatch
+    recording: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(viewer_gate, "HEADERS_S", 0.2)
     gate = viewer_gate.ViewerGate(1, recording)
@@ -159,7 +183,7 @@ def test_the_gate_waits_for_no_one_who_says_nothing(
         gate.close()
 
 
-def status_of(address, headers):
+def status_of(address: str, headers: dict[str, str]) -> int:
     """Of a request that is refused."""
     request = urllib.request.Request(address, headers=headers)  # noqa: S310
     with pytest.raises(urllib.error.HTTPError) as refused:
@@ -168,24 +192,26 @@ def status_of(address, headers):
     return refused.value.code
 
 
-def test_a_server_that_ends_at_once_is_told(recording, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_server_that_ends_at_once_is_told(
+    recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(viewer, "sys", type("S", (), {"executable": "/bin/false"}))
 
     with pytest.raises(UavgramError, match="did not start"):
         viewer.serve_viewer(recording, print)
 
 
-def test_a_server_that_is_killed_is_told(recording, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_server_that_is_killed_is_told(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     started = threading.Event()
     start = subprocess.Popen
 
-    def popen(*_arguments, **options):
+    def popen(command: list[str], **options: Unpack[StartOptions]) -> subprocess.Popen[bytes]:
         code = (
             "import socket, sys, time;"
             "held = [socket.create_server(('127.0.0.1', int(p))) for p in sys.argv[1:]];"
             "time.sleep(60)"
         )
-        ports = [_arguments[0][i + 1] for i, a in enumerate(_arguments[0]) if a.endswith("port")]
+        ports = [command[i + 1] for i, a in enumerate(command) if a.endswith("port")]
         server = start([sys.executable, "-c", code, *ports], **options)
 
         def kill() -> None:
@@ -195,7 +221,7 @@ def test_a_server_that_is_killed_is_told(recording, monkeypatch: pytest.MonkeyPa
         threading.Thread(target=kill, daemon=True).start()
         return server
 
-    monkeypatch.setattr(viewer.subprocess, "Popen", popen)
+    monkeypatch.setattr(subprocess, "Popen", popen)
 
     with pytest.raises(UavgramError, match="ended with status -9"):
         viewer.serve_viewer(recording, lambda _: started.set())
@@ -203,7 +229,9 @@ def test_a_server_that_is_killed_is_told(recording, monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs Linux's /proc")
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
-def test_the_viewer_ends_with_the_program_however_that_ends(recording, tmp_path: Path, how) -> None:
+def test_the_viewer_ends_with_the_program_however_that_ends(
+    recording: Path, tmp_path: Path, how: signal.Signals
+) -> None:
     (tmp_path / "rerun_cli.py").write_text("raise SystemExit('taken from the folder')")
     home = {"HOME": str(tmp_path), "FORCE_RERUN_ANALYTICS": "1"}
     with subprocess.Popen(
@@ -213,6 +241,7 @@ def test_the_viewer_ends_with_the_program_however_that_ends(recording, tmp_path:
         stdout=subprocess.PIPE,
         text=True,
     ) as program:
+        assert program.stdout is not None
         assert program.stdout.readline().startswith("open http://127.0.0.1:")
         pids = processes_of(program.pid)
         assert len(pids) == 3
@@ -225,7 +254,7 @@ def test_the_viewer_ends_with_the_program_however_that_ends(recording, tmp_path:
     assert not (tmp_path / ".config").exists()  # Rerun's analytics keep a file there
 
 
-def is_running(pid):
+def is_running(pid: int) -> bool:
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2][0] != "Z"
     except OSError:

@@ -84,7 +84,7 @@ class Windows:
 
 
 def cut_windows(
-    image: Image, start_px: Floats, axes_px: Floats, half_px: int, reach: float
+    image: Image | Floats, start_px: Floats, axes_px: Floats, half_px: int, reach: float
 ) -> Windows:
     """Cut the surroundings of corners out of a photo.
 

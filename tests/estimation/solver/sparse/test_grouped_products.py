@@ -10,7 +10,9 @@ from uavgram.estimation.solver.sparse.grouped_products import GroupedProducts
 
 
 @pytest.mark.parametrize("chunk", [1, 250_000])
-def test_every_product_is_added_once_to_its_group(monkeypatch: pytest.MonkeyPatch, chunk) -> None:
+def test_every_product_is_added_once_to_its_group(
+    monkeypatch: pytest.MonkeyPatch, chunk: int
+) -> None:
     monkeypatch.setattr(grouped_products, "CHUNK", chunk)
     rng = np.random.default_rng(0)
     left, right = rng.normal(size=(30, 2, 3)), rng.normal(size=(20, 2, 4))

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from uavgram.estimation.solver.sparse.nested_dissection import LEAF, dissect
+from uavgram.model.arrays import Ints
 
 
-def graph_of(points, radius):
+def graph_of(points: NDArray[Any], radius: float) -> csr_matrix:
     pairs = cKDTree(points).query_pairs(radius, output_type="ndarray")
     ends = (np.concatenate(pairs.T), np.concatenate(pairs[:, ::-1].T))
     return sp.csr_matrix((np.ones(2 * len(pairs)), ends), shape=(len(points),) * 2)
 
 
-def grid(width, height):
+def grid(width: int, height: int) -> Ints:
     return np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).reshape(-1, 2)
 
 
@@ -35,13 +40,13 @@ GRAPHS = {
 
 
 @pytest.mark.parametrize("graph", GRAPHS.values(), ids=GRAPHS.keys())
-def test_every_block_is_in_one_node_and_edges_lead_only_to_ancestors(graph) -> None:
+def test_every_block_is_in_one_node_and_edges_lead_only_to_ancestors(graph: csr_matrix) -> None:
     nodes = dissect(graph)
 
     own = np.concatenate([node.own for node in nodes])
     np.testing.assert_array_equal(np.sort(own), np.arange(graph.shape[0]))
     assert nodes[-1].parent == -1
-    ancestors = [set() for _ in nodes]
+    ancestors: list[set[int]] = [set() for _ in nodes]
     for position in range(len(nodes) - 2, -1, -1):
         above = nodes[position].parent
         assert above > position

@@ -2,6 +2,7 @@
 
 import struct
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 import pytest
@@ -12,6 +13,20 @@ from uavgram.errors import InputError
 from uavgram.io.logs.mavlink_dialect import message_name
 from uavgram.io.logs.tlog.frames import scan_frames
 from uavgram.io.logs.tlog.reader import read_tlog
+
+Link = tuple[Any, bool]
+"""An encoder of pymavlink, which has no types, and whether it is to speak MAVLink 1."""
+
+
+class Message(Protocol):
+    """Of pymavlink, which has no types."""
+
+    def pack(self, mav: object, *, force_mavlink1: bool) -> bytes: ...
+
+
+class Save(Protocol):
+    def __call__(self, data: bytes | bytearray, name: str = ...) -> Path: ...
+
 
 REAL = (
     "cuav/flight.tlog",
@@ -43,10 +58,10 @@ UTC_S = 1_700_000_000.0
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_every_field_equals_pymavlinks(data_dir: Path, name) -> None:
+def test_every_field_equals_pymavlinks(data_dir: Path, name: str) -> None:
     path = data_dir / name
     connection = mavutil.mavlink_connection(str(path), dialect="all")
-    expected = {}
+    expected: dict[str, list[Any]] = {}
     while (message := connection.recv_msg()) is not None:
         if message.get_type() in USED:
             expected.setdefault(message.get_type(), []).append(message)
@@ -81,9 +96,10 @@ class Recorder:
 
     def __init__(self) -> None:
         self.data = bytearray()
-        self.links = {}
 
-    def link(self, system=1, component=1, *, version=2, key=None):
+    def link(
+        self, system: int = 1, component: int = 1, *, version: int = 2, key: bytes | None = None
+    ) -> Link:
         """An encoder for one sender."""
         mav = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
         mav.robust_parsing = True
@@ -94,12 +110,20 @@ class Recorder:
             mav.signing.timestamp = 1
         return mav, version == 1
 
-    def add(self, link, receive_s, message) -> None:
+    def add(self, link: Link, receive_s: float, message: Message) -> None:
         mav, first_version = link
         frame = message.pack(mav, force_mavlink1=first_version)
         self.data += struct.pack(">Q", int(receive_s * 1e6)) + frame
 
-    def flight(self, link, *, start_s=10.0, seconds=20, delay_s=0.05, utc=UTC_S) -> None:
+    def flight(
+        self,
+        link: Link,
+        *,
+        start_s: float = 10.0,
+        seconds: int = 20,
+        delay_s: float = 0.05,
+        utc: float | None = UTC_S,
+    ) -> None:
         """Heartbeats, positions, attitudes and SYSTEM_TIME at 10 Hz."""
         for k in range(seconds * 10):
             boot = start_s + k / 10
@@ -115,7 +139,7 @@ class Recorder:
                 clock = dialect.MAVLink_system_time_message(round((utc + boot) * 1e6), ms)
                 self.add(link, receive, clock)
 
-    def feedback(self, link, receive_s, time_usec, number) -> None:
+    def feedback(self, link: Link, receive_s: float, time_usec: int, number: int) -> None:
         message = dialect.MAVLink_camera_feedback_message(
             time_usec, 0, 0, number, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0
         )
@@ -123,10 +147,10 @@ class Recorder:
 
 
 @pytest.fixture
-def save(tmp_path: Path):
+def save(tmp_path: Path) -> Save:
     """Write bytes to a log of their own."""
 
-    def write(data, name="flight.tlog"):
+    def write(data: bytes | bytearray, name: str = "flight.tlog") -> Path:
         path = tmp_path / name
         path.write_bytes(bytes(data))
         return path
@@ -134,7 +158,7 @@ def save(tmp_path: Path):
     return write
 
 
-def test_both_versions_signed_frames_and_other_systems_are_told_apart(save) -> None:
+def test_both_versions_signed_frames_and_other_systems_are_told_apart(save: Save) -> None:
     log = Recorder()
     log.flight(log.link(version=1), start_s=10, seconds=5)
     log.flight(log.link(version=2), start_s=15, seconds=5)
@@ -145,7 +169,9 @@ def test_both_versions_signed_frames_and_other_systems_are_told_apart(save) -> N
     log.add(station, UTC_S + 26, far)
     read = read_tlog(save(log.data))
     (boot,) = read.boots
+    assert boot.positions is not None
     assert len(boot.positions.time_boot_s) == 150
+    assert boot.attitudes is not None
     assert boot.attitudes.source == "ATTITUDE"
     assert read.vehicle == "quadrotor"
     assert read.notes == ()
@@ -166,7 +192,8 @@ def test_a_trimmed_payload_is_filled_with_zeros() -> None:
 def test_a_clock_that_starts_again_makes_another_boot(data_dir: Path) -> None:
     log = read_tlog(data_dir / "logs" / "dronekit_flight.tlog")
     assert len(log.boots) == 2
-    assert [len(b.positions.time_boot_s) for b in log.boots] == [491, 2193]
+    assert [b.positions and len(b.positions.time_boot_s) for b in log.boots] == [491, 2193]
+    assert log.boots[0].gimbal is not None
     assert log.boots[0].gimbal.source == "MOUNT_STATUS"
 
 
@@ -175,32 +202,36 @@ def test_feedback_in_utc_is_brought_to_the_boot_clock(data_dir: Path) -> None:
 
     for name in ("calm_nadir", "wind_oblique"):
         events = read_tlog(data_dir / name / "flight.tlog").boots[0].events
+        assert events is not None
         reference = read_dataflash(data_dir / name / "flight.BIN").boots[0].events
+        assert reference is not None
         confirmed = reference.confirmed > 0
         assert np.array_equal(events.image_number, reference.image_number[confirmed])
         gap = np.abs(events.time_boot_s - reference.time_boot_s[confirmed])
         assert gap.max() < 0.001  # SYSTEM_TIME counts whole milliseconds
 
 
-def test_feedback_since_boot_that_wrapped_is_unwrapped(save) -> None:
+def test_feedback_since_boot_that_wrapped_is_unwrapped(save: Save) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link, start_s=5000)
     log.feedback(link, UTC_S + 5010.05, round(5010.0 * 1e6) % 2**32, 1)
     events = read_tlog(save(log.data)).boots[0].events
+    assert events is not None
     assert events.time_boot_s.tolist() == pytest.approx([5010.0], abs=1e-6)
 
 
-def test_feedback_in_a_nonsense_utc_is_placed_by_the_same_nonsense(save) -> None:
+def test_feedback_in_a_nonsense_utc_is_placed_by_the_same_nonsense(save: Save) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link, utc=29_618_000_000.0)  # the year 2908
     log.feedback(link, UTC_S + 20.1, round((29_618_000_000.0 + 20.0) * 1e6), 1)
     events = read_tlog(save(log.data)).boots[0].events
+    assert events is not None
     assert events.time_boot_s.tolist() == pytest.approx([20.0], abs=1e-4)
 
 
-def test_feedback_in_utc_without_system_time_is_left_out_with_a_note(save) -> None:
+def test_feedback_in_utc_without_system_time_is_left_out_with_a_note(save: Save) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link, utc=None)
@@ -211,7 +242,7 @@ def test_feedback_in_utc_without_system_time_is_left_out_with_a_note(save) -> No
 
 
 @pytest.mark.parametrize(("flags", "frame"), [(32, "vehicle"), (64, "earth"), (16, "earth")])
-def test_the_gimbals_yaw_frame_is_what_its_flags_say(save, flags, frame) -> None:
+def test_the_gimbals_yaw_frame_is_what_its_flags_say(save: Save, flags: int, frame: str) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link)
@@ -222,11 +253,12 @@ def test_the_gimbals_yaw_frame_is_what_its_flags_say(save, flags, frame) -> None
         )
         log.add(link, UTC_S + 12, message)
     gimbal = read_tlog(save(log.data)).boots[0].gimbal
+    assert gimbal is not None
     assert gimbal.yaw_frame == frame
     assert np.degrees(gimbal.yaw_rad) == pytest.approx([30] * 5, abs=1e-5)
 
 
-def test_a_failed_checksum_drops_the_frame_and_is_counted(save) -> None:
+def test_a_failed_checksum_drops_the_frame_and_is_counted(save: Save) -> None:
     log = Recorder()
     log.flight(log.link())
     data = bytearray(log.data)
@@ -234,6 +266,7 @@ def test_a_failed_checksum_drops_the_frame_and_is_counted(save) -> None:
     row = first.rows("GLOBAL_POSITION_INT")[7]
     data[first.payload_start[row] + 4] ^= 0xFF
     read = read_tlog(save(data))
+    assert read.boots[0].positions is not None
     assert len(read.boots[0].positions.time_boot_s) == 199
     assert "1 frames failed their checksum and were dropped" in read.notes
 
@@ -265,14 +298,14 @@ def test_a_corrupt_length_does_not_swallow_what_follows() -> None:
         (np.random.default_rng(2).bytes(100_000), "no intact MAVLink frame"),
     ],
 )
-def test_what_is_no_log_is_refused_by_name(save, content, words) -> None:
+def test_what_is_no_log_is_refused_by_name(save: Save, content: bytes, words: str) -> None:
     path = save(content)
     with pytest.raises(InputError, match=words) as caught:
         read_tlog(path)
     assert caught.value.path == str(path)
 
 
-def test_a_log_without_positions_says_what_it_holds(save) -> None:
+def test_a_log_without_positions_says_what_it_holds(save: Save) -> None:
     log = Recorder()
     log.add(log.link(), UTC_S, dialect.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3))
     with pytest.raises(InputError, match="it holds HEARTBEAT"):
@@ -280,7 +313,9 @@ def test_a_log_without_positions_says_what_it_holds(save) -> None:
 
 
 @pytest.mark.parametrize(("pinned", "instant"), [(True, "feedback"), (False, "command")])
-def test_feedbacks_time_base_tells_whether_a_pin_confirmed_it(save, pinned, instant) -> None:
+def test_feedbacks_time_base_tells_whether_a_pin_confirmed_it(
+    save: Save, *, pinned: bool, instant: str
+) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link)
@@ -289,13 +324,14 @@ def test_feedbacks_time_base_tells_whether_a_pin_confirmed_it(save, pinned, inst
         stamp = event if pinned else UTC_S + event
         log.feedback(link, UTC_S + event + 0.05, round(stamp * 1e6), number)
     events = read_tlog(save(log.data)).boots[0].events
+    assert events is not None
     assert events.instant == instant
     assert events.time_boot_s.tolist() == pytest.approx([12, 13, 14, 15], abs=1e-3)
     assert (events.repeated, events.lost) == ((2,), (3,))
 
 
 @pytest.mark.parametrize("base_s", [0.0, UTC_S])
-def test_camera_trigger_states_commands_in_either_clock(save, base_s) -> None:
+def test_camera_trigger_states_commands_in_either_clock(save: Save, base_s: float) -> None:
     log = Recorder()
     link = log.link()
     log.flight(link)
@@ -303,12 +339,13 @@ def test_camera_trigger_states_commands_in_either_clock(save, base_s) -> None:
         message = dialect.MAVLink_camera_trigger_message(round((base_s + 12.0 + k) * 1e6), k)
         log.add(link, UTC_S + 12.1 + k, message)
     events = read_tlog(save(log.data)).boots[0].events
+    assert events is not None
     assert events.source == "CAMERA_TRIGGER"
     assert events.time_boot_s.tolist() == pytest.approx([12, 13, 14], abs=1e-3)
     assert events.confirmed.tolist() == [0, 0, 0]
 
 
-def test_image_captured_asked_for_again_is_one_event(save) -> None:
+def test_image_captured_asked_for_again_is_one_event(save: Save) -> None:
     log = Recorder()
     link, camera = log.link(), log.link(1, 100)
     log.flight(link)
@@ -321,6 +358,7 @@ def test_image_captured_asked_for_again_is_one_event(save) -> None:
         )
         log.add(camera, UTC_S + received, message)
     events = read_tlog(save(log.data)).boots[0].events
+    assert events is not None
     assert events.source == "CAMERA_IMAGE_CAPTURED"
     assert events.time_boot_s.tolist() == pytest.approx([12, 13, 14])
     assert events.confirmed.tolist() == [1, 1, 0]
@@ -330,6 +368,7 @@ def test_image_captured_asked_for_again_is_one_event(save) -> None:
 def test_servo_angles_of_an_old_mount_are_turned_by_the_vehicle(data_dir: Path) -> None:
     log = read_tlog(data_dir / "logs" / "dronekit_flight.tlog")
     gimbal = log.boots[1].gimbal
+    assert gimbal is not None
     # the vehicle pitches by 7 and rolls by 4 degrees (one sigma), the camera does not
     assert np.degrees(np.std(gimbal.pitch_rad)) < 1.0
     assert np.degrees(np.std(gimbal.roll_rad)) < 1.0
@@ -337,7 +376,7 @@ def test_servo_angles_of_an_old_mount_are_turned_by_the_vehicle(data_dir: Path) 
     assert any("servo angles" in note for note in log.notes)
 
 
-def test_the_receiver_stands_in_where_the_estimator_is_silent(save) -> None:
+def test_the_receiver_stands_in_where_the_estimator_is_silent(save: Save) -> None:
     log = Recorder()
     link = log.link()
     for k in range(50):
@@ -350,6 +389,7 @@ def test_the_receiver_stands_in_where_the_estimator_is_silent(save) -> None:
         )
         log.add(link, UTC_S + boot, fix)
     read = read_tlog(save(log.data))
+    assert read.boots[0].positions is not None
     assert read.boots[0].positions.source == "GPS_RAW_INT"
     assert any("receiver's own" in note for note in read.notes)
 

@@ -1,9 +1,11 @@
 """PX4 logs: columns against pyulog, meaning against written flights, old and new names, damage."""
 
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import pytest
+import ulog_writer
 from pyulog import ULog
 
 from uavgram.errors import InputError
@@ -11,6 +13,11 @@ from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.logs.ulog.reader import read_ulog
 from uavgram.io.logs.ulog.samples import _from_local, _is_global
 from uavgram.io.logs.ulog.topics import Topic, read_tables
+
+
+class Save(Protocol):
+    def __call__(self, data: bytes, name: str = ...) -> Path: ...
+
 
 REAL = (
     "sample.ulg",
@@ -22,8 +29,8 @@ REAL = (
 
 
 @pytest.fixture
-def save(tmp_path: Path):
-    def write(data, name="flight.ulg"):
+def save(tmp_path: Path) -> Save:
+    def write(data: bytes, name: str = "flight.ulg") -> Path:
         path = tmp_path / name
         path.write_bytes(data)
         return path
@@ -32,7 +39,7 @@ def save(tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_every_field_equals_pyulogs(data_dir: Path, name) -> None:
+def test_every_field_equals_pyulogs(data_dir: Path, name: str) -> None:
     path = data_dir / "logs" / name
     tables = read_tables(str(path), path.read_bytes())
     expected = [d for d in ULog(str(path)).data_list if len(d.data["timestamp"])]
@@ -59,10 +66,11 @@ def test_every_field_equals_pyulogs(data_dir: Path, name) -> None:
     ],
 )
 def test_the_best_position_that_a_log_has_is_taken(
-    data_dir: Path, name, source, rows, firmware
+    data_dir: Path, name: str, source: str, rows: int, firmware: str
 ) -> None:
     log = read_flight_log(data_dir / "logs" / name)
     positions = log.boots[0].positions
+    assert positions is not None
     assert (log.kind, positions.source, len(positions.time_boot_s)) == ("ulog", source, rows)
     assert log.firmware.startswith(firmware)
 
@@ -71,6 +79,7 @@ def test_a_log_without_positions_is_read_but_refused_where_they_are_needed(data_
     path = data_dir / "logs" / "sample.ulg"
     log = read_flight_log(path, positions_needed=False)
     assert log.boots[0].positions is None
+    assert log.boots[0].attitudes is not None
     assert len(log.boots[0].attitudes.time_boot_s) == 6461
     with pytest.raises(InputError, match="holds no usable position"):
         read_flight_log(path)
@@ -80,6 +89,8 @@ def test_the_local_frame_is_put_on_the_earth_as_px4_does(data_dir: Path) -> None
     path = data_dir / "logs" / "sample_px4_events.ulg"
     tables = read_tables(str(path), path.read_bytes())
     local, world = tables.topic("vehicle_local_position"), tables.topic("vehicle_global_position")
+    assert local is not None
+    assert world is not None
     latitude, longitude, height = _from_local(local)
     # both topics are published with one time by the estimator
     tied = _is_global(local)
@@ -108,6 +119,7 @@ def test_the_local_frame_is_an_azimuthal_equidistant_projection() -> None:
 
 def test_the_simulators_boot_clock_of_the_day_is_counted_from_the_start(data_dir: Path) -> None:
     log = read_ulog(data_dir / "logs" / "sample_px4_events.ulg")
+    assert log.boots[0].positions is not None
     assert 10 < log.boots[0].positions.time_boot_s[0] < 11
     assert any("time of day" in note for note in log.notes)
 
@@ -120,34 +132,36 @@ def test_the_undulation_is_the_receivers(data_dir: Path) -> None:
 
 
 @pytest.mark.parametrize("gps", ["old", "new"])
-def test_old_and_new_names_of_the_receivers_fields_are_read(save, ulog_writer, gps) -> None:
+def test_old_and_new_names_of_the_receivers_fields_are_read(save: Save, gps: str) -> None:
     log = read_ulog(save(ulog_writer.ulog(ulog_writer.flight(gps=gps))))
     (boot,) = log.boots
     assert log.undulation_m == pytest.approx(ulog_writer.UNDULATION_M, abs=1e-3)
     np.testing.assert_allclose(
         boot.clocks[0].utc_s - boot.clocks[0].time_boot_s, ulog_writer.UTC_S, atol=1e-6
     )
+    assert boot.sigmas is not None
     assert np.median(boot.sigmas.horizontal_m) == pytest.approx(0.8)  # the larger of 0.5 and 0.8
+    assert boot.home is not None
     assert boot.home.height_m[0] == 440.0
     topics = ulog_writer.flight(gps=gps)
     del topics["vehicle_global_position"]
     found = read_ulog(save(ulog_writer.ulog(topics))).boots[0].positions
+    assert found is not None
     assert found.source == "vehicle_gps_position"
     assert found.latitude_deg[0] == pytest.approx(ulog_writer.LATITUDE, abs=1e-7)
     assert found.height_m[0] == pytest.approx(500.0)
 
 
-def test_attitude_is_body_to_ned(save, ulog_writer) -> None:
+def test_attitude_is_body_to_ned(save: Save) -> None:
     from scipy.spatial.transform import Rotation
 
     boot = read_ulog(save(ulog_writer.ulog(ulog_writer.flight()))).boots[0]
+    assert boot.attitudes is not None
     yaw = Rotation.from_quat(boot.attitudes.ned_from_body_xyzw).as_euler("ZYX", degrees=True)[:, 0]
     np.testing.assert_allclose(yaw, 90.0, atol=1e-4)
 
 
-def test_commands_without_feedback_are_missed_shots_by_time_not_by_number(
-    save, ulog_writer
-) -> None:
+def test_commands_without_feedback_are_missed_shots_by_time_not_by_number(save: Save) -> None:
     topics = ulog_writer.flight()
     shots = [12.0, 14.0, 18.0, 20.0]  # none after the command at 15.9
     commands = [11.9, 13.9, 15.9, 17.9, 19.9]
@@ -161,6 +175,7 @@ def test_commands_without_feedback_are_missed_shots_by_time_not_by_number(
         + [(ulog_writer.us(t), 0, k, True) for k, t in enumerate(shots)],
     )
     events = read_ulog(save(ulog_writer.ulog(topics))).boots[0].events
+    assert events is not None
     assert events.source == "camera_capture+camera_trigger"
     assert events.instant == "feedback"
     assert events.time_boot_s.tolist() == pytest.approx([12.0, 14.0, 15.9, 18.0, 20.0])
@@ -168,13 +183,14 @@ def test_commands_without_feedback_are_missed_shots_by_time_not_by_number(
     assert events.image_number.tolist() == [0, 1, -1, 2, 3]
 
 
-def test_triggers_alone_are_commands(save, ulog_writer) -> None:
+def test_triggers_alone_are_commands(save: Save) -> None:
     topics = ulog_writer.flight()
     topics["camera_trigger"] = (
         ulog_writer.TRIGGER,
         [(ulog_writer.us(t), 0, k, False) for k, t in enumerate((12.0, 14.0, 18.0))],
     )
     events = read_ulog(save(ulog_writer.ulog(topics))).boots[0].events
+    assert events is not None
     assert (events.source, events.instant) == ("camera_trigger", "command")
     assert events.confirmed.tolist() == [0, 0, 0]
 
@@ -193,20 +209,25 @@ def test_triggers_alone_are_commands(save, ulog_writer) -> None:
         ("mount_orientation", "MOUNT", ((0.0, -1.5, 0.5),), "vehicle", 28.6479),
     ],
 )
-def test_both_gimbal_topics_are_read(save, ulog_writer, topic, fields, row, frame, yaw_deg) -> None:
+def test_both_gimbal_topics_are_read(
+    save: Save, topic: str, fields: str, row: tuple[object, ...], frame: str, yaw_deg: float
+) -> None:
     topics = ulog_writer.flight()
     rows = [(ulog_writer.us(11 + k / 10), *row) for k in range(50)]
     topics[topic] = (getattr(ulog_writer, fields), rows)
     gimbal = read_ulog(save(ulog_writer.ulog(topics))).boots[0].gimbal
+    assert gimbal is not None
     assert (gimbal.source, gimbal.yaw_frame) == (topic, frame)
     np.testing.assert_allclose(np.degrees(gimbal.yaw_rad), yaw_deg, atol=1e-3)
 
 
-def test_a_cut_log_is_read_as_far_as_it_goes(data_dir: Path, save) -> None:
+def test_a_cut_log_is_read_as_far_as_it_goes(data_dir: Path, save: Save) -> None:
     data = (data_dir / "logs" / "sample_px4_events.ulg").read_bytes()
     whole = read_ulog(data_dir / "logs" / "sample_px4_events.ulg")
     part = read_ulog(save(data[: len(data) // 2 + 1]))
+    assert part.boots[0].attitudes is not None
     assert 100 < len(part.boots[0].attitudes.time_boot_s) < 500
+    assert whole.boots[0].attitudes is not None
     assert len(whole.boots[0].attitudes.time_boot_s) == 622
 
 
@@ -216,7 +237,7 @@ def test_appended_data_is_read_and_said(data_dir: Path) -> None:
     assert "data was appended after a crash of the autopilot" in log.notes
 
 
-def test_a_log_cut_in_its_definitions_ends(save, ulog_writer) -> None:
+def test_a_log_cut_in_its_definitions_ends(save: Save) -> None:
     data = ulog_writer.ulog(ulog_writer.flight())
     at = data.index(b"vehicle_attitude:") - 3
     with pytest.raises(InputError, match=r"damaged beyond use|no complete message"):
@@ -224,6 +245,6 @@ def test_a_log_cut_in_its_definitions_ends(save, ulog_writer) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"ULog", b"hello" * 100, b"ULog\x01\x12\x35" + bytes(9)])
-def test_what_is_no_ulog_is_refused(save, content) -> None:
+def test_what_is_no_ulog_is_refused(save: Save, content: bytes) -> None:
     with pytest.raises(InputError):
         read_ulog(save(content))

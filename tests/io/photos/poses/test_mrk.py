@@ -1,31 +1,37 @@
 """DJI's image log: a real one, joined by the number in the photos' names."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 import pytest
+import tagged_jpeg
 
 from uavgram.errors import InputError
 from uavgram.io.photos.poses.mrk import read_mrk
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.frames import Photos
 
 LEAP_S, GPS_EPOCH_S = 18, 315964800
 
 
 @pytest.fixture
-def real(data_dir: Path):
+def real(data_dir: Path) -> Path:
     return data_dir / "logs" / "101FTASK_Timestamp.mrk"
 
 
-def named(tagged_jpeg, numbers, times=None, form="100_0101_{:04d}.JPG"):
+def named(
+    numbers: Iterable[int], times: Floats | None = None, form: str = "100_0101_{:04d}.JPG"
+) -> Photos:
     return tagged_jpeg.photos([Path(form.format(n)) for n in numbers], times)
 
 
-def utc(tow):
+def utc(tow: float) -> float:
     return GPS_EPOCH_S + 2211 * 604800 + tow - LEAP_S
 
 
-def test_a_real_log_is_read_to_its_last_digit(real, tagged_jpeg) -> None:
-    poses, messages = read_mrk(real, named(tagged_jpeg, [2, 3, 177]))
+def test_a_real_log_is_read_to_its_last_digit(real: Path) -> None:
+    poses, messages = read_mrk(real, named([2, 3, 177]))
 
     np.testing.assert_array_equal(poses.latitude_deg, [47.6436873208, 47.6436479170, 47.6433253243])
     np.testing.assert_array_equal(
@@ -43,30 +49,30 @@ def test_a_real_log_is_read_to_its_last_digit(real, tagged_jpeg) -> None:
     assert messages == ()
 
 
-def test_names_of_later_drones_fit_too(real, tagged_jpeg) -> None:
-    photos = named(tagged_jpeg, [5], form="DJI_20220525101810_{:04d}_V.JPG")
+def test_names_of_later_drones_fit_too(real: Path) -> None:
+    photos = named([5], form="DJI_20220525101810_{:04d}_V.JPG")
 
     assert read_mrk(real, photos)[0].latitude_deg[0] == 47.6435557461
 
 
-def test_a_missing_photo_shifts_nothing(real, tagged_jpeg) -> None:
-    every = read_mrk(real, named(tagged_jpeg, range(2, 100)))[0]
-    some = read_mrk(real, named(tagged_jpeg, [n for n in range(2, 100) if n % 7]))[0]
+def test_a_missing_photo_shifts_nothing(real: Path) -> None:
+    every = read_mrk(real, named(range(2, 100)))[0]
+    some = read_mrk(real, named([n for n in range(2, 100) if n % 7]))[0]
 
     of_all = dict(zip(every.frame_id, every.latitude_deg, strict=True))
     assert [of_all[name] for name in some.frame_id] == some.latitude_deg.tolist()
 
 
-def test_capture_times_guard_the_join_against_renamed_photos(real, tagged_jpeg) -> None:
+def test_capture_times_guard_the_join_against_renamed_photos(real: Path) -> None:
     numbers = np.arange(10, 40)
-    good = named(tagged_jpeg, numbers)
+    good = named(numbers)
     when = np.floor(read_mrk(real, good)[0].time_utc_s) + 7200  # a clock two hours ahead, to 1 s
 
-    assert len(read_mrk(real, named(tagged_jpeg, numbers, when))[0].frame_id) == 30
+    assert len(read_mrk(real, named(numbers, when))[0].frame_id) == 30
     renamed = when.copy()
     renamed[20:] += 6.0  # one lost, the rest renumbered: four exposures further
     with pytest.raises(InputError, match="away from where its number says"):
-        read_mrk(real, named(tagged_jpeg, numbers, renamed))
+        read_mrk(real, named(numbers, renamed))
 
 
 @pytest.mark.parametrize(
@@ -77,38 +83,40 @@ def test_capture_times_guard_the_join_against_renamed_photos(real, tagged_jpeg) 
         ([3], "{:04d}.JPG", "has none at its end"),
     ],
 )
-def test_photos_that_do_not_fit_are_refused(real, tagged_jpeg, numbers, form, text) -> None:
+def test_photos_that_do_not_fit_are_refused(
+    real: Path, numbers: Iterable[int], form: str, text: str
+) -> None:
     with pytest.raises(InputError, match=text):
-        read_mrk(real, named(tagged_jpeg, numbers, form=form))
+        read_mrk(real, named(numbers, form=form))
 
 
-def test_two_folders_in_one_project_are_refused(real, tagged_jpeg) -> None:
+def test_two_folders_in_one_project_are_refused(real: Path) -> None:
     photos = tagged_jpeg.photos([Path("100_0101_0003.JPG"), Path("100_0102_0003.JPG")])
 
     with pytest.raises(InputError, match="have the same one"):
         read_mrk(real, photos)
 
 
-def test_malformed_and_doubled_lines_are_named(real, tmp_path: Path, tagged_jpeg) -> None:
+def test_malformed_and_doubled_lines_are_named(real: Path, tmp_path: Path) -> None:
     lines = real.read_text().splitlines()
     path = tmp_path / "a.mrk"
     path.write_text("\n".join([lines[0], "x" + lines[1], lines[2]]))
     with pytest.raises(InputError, match=r"a\.mrk:2: is no line"):
-        read_mrk(path, named(tagged_jpeg, [2]))
+        read_mrk(path, named([2]))
     path.write_text("\n".join([lines[0], lines[1], lines[0]]))
     with pytest.raises(InputError, match=r"a\.mrk:3: photo 2 stands in it twice"):
-        read_mrk(path, named(tagged_jpeg, [2]))
+        read_mrk(path, named([2]))
 
 
 def test_loose_solutions_keep_their_sigmas_and_lost_ones_are_left_out(
-    real, tmp_path: Path, tagged_jpeg
+    real: Path, tmp_path: Path
 ) -> None:
     lines = real.read_text().splitlines()[:3]
     path = tmp_path / "a.mrk"
     lines[1] = lines[1].replace("50,Q", "16,Q").replace("0.014268, 0.013609, 0.029783", "3, 4, 5")
     lines[2] = lines[2].replace("50,Q", "0,Q")
     path.write_text("\n".join(lines))
-    poses, messages = read_mrk(path, named(tagged_jpeg, [2, 3, 4]))
+    poses, messages = read_mrk(path, named([2, 3, 4]))
 
     assert len(poses.frame_id) == 2
     assert poses.sigma_horizontal_m[1] == pytest.approx(np.sqrt(12.5))

@@ -1,9 +1,11 @@
 """Poses in files that people write: geo.txt of OpenDroneMap, and a CSV."""
 
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import pytest
+import tagged_jpeg
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 
@@ -13,6 +15,11 @@ from uavgram.io.photos.poses.csv_table import read_pose_csv
 from uavgram.io.photos.poses.geo_txt import read_geo_txt
 from uavgram.io.photos.poses.read import read_photo_poses
 
+
+class Write(Protocol):
+    def __call__(self, text: str, name: str = ...) -> Path: ...
+
+
 # the example of OpenDroneMap's documentation
 EXAMPLE = """EPSG:4326
 DJI_0028.JPG -91.9942096111111 46.84252125 198.609
@@ -21,8 +28,8 @@ DJI_0032.JPG -91.9938293055556 46.8424584444444 198.609
 
 
 @pytest.fixture
-def write(tmp_path: Path):
-    def write(text, name="geo.txt"):
+def write(tmp_path: Path) -> Write:
+    def write(text: str, name: str = "geo.txt") -> Path:
         path = tmp_path / name
         path.write_text(text)
         return path
@@ -30,7 +37,7 @@ def write(tmp_path: Path):
     return write
 
 
-def test_the_documented_example_is_read(write) -> None:
+def test_the_documented_example_is_read(write: Write) -> None:
     poses, messages = read_geo_txt(write(EXAMPLE), "msl")
 
     assert poses.frame_id == ("DJI_0028.JPG", "DJI_0032.JPG")
@@ -53,7 +60,9 @@ def test_the_documented_example_is_read(write) -> None:
         ("EPSG:4326+5773", 4326, "msl"),
     ],
 )
-def test_projections_are_undone_and_tell_the_datum(write, header, epsg, datum) -> None:
+def test_projections_are_undone_and_tell_the_datum(
+    write: Write, header: str, epsg: int, datum: str
+) -> None:
     to = Transformer.from_crs(4326, epsg, always_xy=True)
     x, y = to.transform(-91.9942, 46.8425)
     poses, _ = read_geo_txt(write(f"{header}\na.jpg {x!r} {y!r} 7.5\n"), "msl")
@@ -74,7 +83,10 @@ def test_projections_are_undone_and_tell_the_datum(write, header, epsg, datum) -
     ],
 )
 def test_angles_are_those_of_a_body_above_a_nadir_camera(
-    write, nadir, optical_axis_ned, image_up_ned
+    write: Write,
+    nadir: tuple[float, float, float],
+    optical_axis_ned: tuple[float, float, float],
+    image_up_ned: tuple[float, float, float],
 ) -> None:
     angles = " ".join(str(a) for a in nadir)
     poses, _ = read_geo_txt(write(f"EPSG:4326\na.jpg 1 2 3 {angles} 0.5 0.7\n"), "msl")
@@ -98,7 +110,9 @@ def test_angles_are_those_of_a_body_above_a_nadir_camera(
         ("EPSG:4326\na.jpg 1 nan 3\n", r"geo\.txt:2: must be a number"),
     ],
 )
-def test_mistakes_in_a_geo_txt_are_named_with_their_line(write, text, expected) -> None:
+def test_mistakes_in_a_geo_txt_are_named_with_their_line(
+    write: Write, text: str, expected: str
+) -> None:
     with pytest.raises(InputError, match=expected):
         read_geo_txt(write(text), "msl")
 
@@ -106,7 +120,7 @@ def test_mistakes_in_a_geo_txt_are_named_with_their_line(write, text, expected) 
 CSV = "image,latitude_deg,longitude_deg,height_m,yaw_deg,pitch_deg,roll_deg,sigma_attitude_deg\n"
 
 
-def test_a_csv_has_angles_of_the_optical_axis(write) -> None:
+def test_a_csv_has_angles_of_the_optical_axis(write: Write) -> None:
     poses = read_pose_csv(
         write(f"{CSV}a.jpg,1,2,3,90,-90,0,0.5\nb.jpg,1,2,3,,,,\n", "p.csv"), "msl"
     )
@@ -128,12 +142,12 @@ def test_a_csv_has_angles_of_the_optical_axis(write) -> None:
         ("", "holds no photo"),
     ],
 )
-def test_mistakes_in_a_csv_are_named(write, row, expected) -> None:
+def test_mistakes_in_a_csv_are_named(write: Write, row: str, expected: str) -> None:
     with pytest.raises(InputError, match=expected):
         read_pose_csv(write(f"{CSV}{row}\n", "p.csv"), "msl")
 
 
-def test_rows_follow_the_photos_and_foreign_rows_are_told(write, tagged_jpeg) -> None:
+def test_rows_follow_the_photos_and_foreign_rows_are_told(write: Write) -> None:
     path = write(EXAMPLE + "other.JPG 1 2 3\n")
     photos = tagged_jpeg.photos([Path("DJI_0032.JPG"), Path("DJI_0040.JPG"), Path("DJI_0028.JPG")])
     poses, messages = read_photo_poses(str(path), photos, "msl")
@@ -144,7 +158,7 @@ def test_rows_follow_the_photos_and_foreign_rows_are_told(write, tagged_jpeg) ->
     assert codes == ["geo-without-angles", "height-datum-assumed", "pose-without-photo"]
 
 
-def test_a_file_about_other_photos_is_refused_with_a_hint(write, tagged_jpeg) -> None:
+def test_a_file_about_other_photos_is_refused_with_a_hint(write: Write) -> None:
     photos = tagged_jpeg.photos([Path("DJI_0028.jpeg")])
 
     with pytest.raises(InputError, match=r"did you mean 'DJI_0028\.jpeg'"):

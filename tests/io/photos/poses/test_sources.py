@@ -1,12 +1,19 @@
 """Several sources of poses: each quantity from the one that knows it best, and it is said."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+import tagged_jpeg
 
 from uavgram.errors import InputError
 from uavgram.io.photos.poses.sources import read_pose_sources
+from uavgram.model.flight.frames import Photos
+
+Tags = dict[str, str]
+Project = tuple[Callable[..., Photos], str]
+"""What makes photos with the DJI tags of each, and the image log's path."""
 
 NAMES = ("MAX_0002.JPG", "MAX_0003.JPG", "MAX_0004.JPG")
 GIMBAL = {"GimbalYawDegree": "30", "GimbalPitchDegree": "-80", "GimbalRollDegree": "0"}
@@ -19,10 +26,10 @@ PLACE = {
 
 
 @pytest.fixture
-def project(tmp_path: Path, tagged_jpeg, data_dir: Path):
+def project(tmp_path: Path, data_dir: Path) -> Project:
     """Photos of an image log; which tags they carry, by photo."""
 
-    def make(*tags):
+    def make(*tags: Tags) -> Photos:
         for name, own in zip(NAMES, tags, strict=True):
             xmp = tagged_jpeg.dji(**own) if own else None
             (tmp_path / name).write_bytes(tagged_jpeg.jpeg(xmp))
@@ -33,7 +40,9 @@ def project(tmp_path: Path, tagged_jpeg, data_dir: Path):
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_centimetre_places_and_the_gimbals_angles_are_one_pose(project, order) -> None:
+def test_centimetre_places_and_the_gimbals_angles_are_one_pose(
+    project: Project, order: tuple[int, int]
+) -> None:
     make, mrk = project
     photos = make(GIMBAL | PLACE, GIMBAL, {})
     sources = [(mrk, "exif")[k] for k in order]
@@ -55,7 +64,7 @@ def test_centimetre_places_and_the_gimbals_angles_are_one_pose(project, order) -
     assert "height-datum-assumed" not in said  # heights of the tags are not used
 
 
-def test_the_smaller_sigma_wins_whatever_comes_first(project, tmp_path: Path) -> None:
+def test_the_smaller_sigma_wins_whatever_comes_first(project: Project, tmp_path: Path) -> None:
     make, mrk = project
     photos = make(GIMBAL, GIMBAL, GIMBAL)
     table = tmp_path / "angles.csv"
@@ -71,7 +80,7 @@ def test_the_smaller_sigma_wins_whatever_comes_first(project, tmp_path: Path) ->
     assert "angles.csv (1 photos)" in messages[-1].text
 
 
-def test_heights_above_different_datums_are_not_mixed(project, tmp_path: Path) -> None:
+def test_heights_above_different_datums_are_not_mixed(project: Project, tmp_path: Path) -> None:
     make, mrk = project
     photos = make({}, {}, {})
     short = tmp_path / "two.mrk"
@@ -87,7 +96,7 @@ def test_heights_above_different_datums_are_not_mixed(project, tmp_path: Path) -
     assert both.frame_id == NAMES
 
 
-def test_tags_that_state_nothing_are_said_and_do_no_harm(project) -> None:
+def test_tags_that_state_nothing_are_said_and_do_no_harm(project: Project) -> None:
     make, mrk = project
     poses, messages = read_pose_sources([mrk, "exif"], make({}, {}, {}), "msl")
 
@@ -95,7 +104,7 @@ def test_tags_that_state_nothing_are_said_and_do_no_harm(project) -> None:
     assert [m.code for m in messages] == ["no-pose-tags", "pose-sources"]
 
 
-def test_angles_alone_place_nothing(project, tmp_path: Path) -> None:
+def test_angles_alone_place_nothing(project: Project, tmp_path: Path) -> None:
     make, _ = project
     photos = make(GIMBAL, GIMBAL, GIMBAL)
     table = tmp_path / "angles.csv"

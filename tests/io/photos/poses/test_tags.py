@@ -1,23 +1,34 @@
 """Poses from the tags of photos: real DJI photos, and every form that DJI's tags take."""
 
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import pytest
+import tagged_jpeg
 from scipy.spatial.transform import Rotation
 
 from uavgram.errors import InputError
 from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.io.photos.poses.tags import first_maker, read_photo_tags
+from uavgram.model.flight.photo_poses import PhotoPoses
+from uavgram.model.message import Message
+
+Poses = tuple[PhotoPoses, tuple[Message, ...]]
+
+
+class Read(Protocol):
+    def __call__(self, *rows: dict[str, str] | None) -> Poses: ...
+
 
 PLACE = {"GpsLatitude": "46.5", "GpsLongitude": "-91.9", "AbsoluteAltitude": "+200.5"}
 
 
 @pytest.fixture
-def read(tmp_path: Path, tagged_jpeg):
+def read(tmp_path: Path) -> Read:
     """Read photos with the given DJI tags."""
 
-    def read(*rows):
+    def read(*rows: dict[str, str] | None) -> Poses:
         paths = []
         for k, tags in enumerate(rows):
             paths.append(tmp_path / f"DJI_{k:04d}.JPG")
@@ -29,7 +40,7 @@ def read(tmp_path: Path, tagged_jpeg):
     return read
 
 
-def test_a_real_mavic_photo(data_dir: Path, tagged_jpeg) -> None:
+def test_a_real_mavic_photo(data_dir: Path) -> None:
     path = data_dir / "narrabeen_mavic" / "snapshotNarrabeen.JPG"
     poses, messages = read_photo_tags(tagged_jpeg.photos([path]))
 
@@ -46,21 +57,21 @@ def test_a_real_mavic_photo(data_dir: Path, tagged_jpeg) -> None:
     assert messages == ()
 
 
-def test_a_photo_without_a_fix_has_no_place(data_dir: Path, tagged_jpeg) -> None:
+def test_a_photo_without_a_fix_has_no_place(data_dir: Path) -> None:
     path = data_dir / "phantom3_lenscalib" / "DJI_0002.jpg"
 
     with pytest.raises(InputError, match="has no place and height"):
         read_photo_tags(tagged_jpeg.photos([path]))
 
 
-def test_the_misspelt_longitude_of_old_firmware_is_read(read) -> None:
+def test_the_misspelt_longitude_of_old_firmware_is_read(read: Read) -> None:
     tags = {("GpsLongtitude" if k == "GpsLongitude" else k): v for k, v in PLACE.items()}
     poses, _ = read(tags)
 
     assert poses.longitude_deg[0] == -91.9
 
 
-def test_rtk_gives_sigmas_with_a_floor_and_ellipsoidal_heights(read) -> None:
+def test_rtk_gives_sigmas_with_a_floor_and_ellipsoidal_heights(read: Read) -> None:
     rtk = {"RtkFlag": "50", "RtkStdLat": "0.3", "RtkStdLon": "0.4", "RtkStdHgt": "0.02"}
     poses, _ = read(PLACE | rtk)
 
@@ -69,13 +80,13 @@ def test_rtk_gives_sigmas_with_a_floor_and_ellipsoidal_heights(read) -> None:
     assert poses.sigma_vertical_m[0] == 0.10
 
 
-def test_photos_with_two_height_datums_are_refused(read) -> None:
+def test_photos_with_two_height_datums_are_refused(read: Read) -> None:
     with pytest.raises(InputError, match=r"DJI_0001.JPG.*above ellipsoid.*was RTK lost"):
         read(PLACE, PLACE | {"RtkFlag": "50"})
 
 
 @pytest.mark.parametrize("roll", ["+180.00", "-180.00"])
-def test_the_roll_180_form_of_nadir_is_yaw_turned_by_180(read, roll) -> None:
+def test_the_roll_180_form_of_nadir_is_yaw_turned_by_180(read: Read, roll: str) -> None:
     gimbal = {"GimbalYawDegree": "+30.00", "GimbalPitchDegree": "-90.00"}
     poses, messages = read(PLACE | gimbal | {"GimbalRollDegree": roll})
 
@@ -88,19 +99,19 @@ def test_the_roll_180_form_of_nadir_is_yaw_turned_by_180(read, roll) -> None:
     assert [m.code for m in messages] == ["gimbal-roll-180"]
 
 
-def test_a_camera_upside_down_elsewhere_is_told(read) -> None:
+def test_a_camera_upside_down_elsewhere_is_told(read: Read) -> None:
     gimbal = {"GimbalYawDegree": "0", "GimbalPitchDegree": "-10", "GimbalRollDegree": "180"}
 
     assert [m.code for m in read(PLACE | gimbal)[1]] == ["gimbal-upside-down"]
 
 
-def test_photos_without_place_are_left_out_and_others_stay(read) -> None:
+def test_photos_without_place_are_left_out_and_others_stay(read: Read) -> None:
     poses, _ = read(PLACE, None, {"GimbalYawDegree": "1"}, PLACE)
 
     assert poses.frame_id == ("DJI_0000.JPG", "DJI_0003.JPG")
 
 
-def test_numbers_that_are_none_count_as_absent(read) -> None:
+def test_numbers_that_are_none_count_as_absent(read: Read) -> None:
     poses, _ = read(PLACE | {"RelativeAltitude": "nan", "GimbalYawDegree": "1e999"})
 
     assert np.isnan(poses.height_home_m[0])
@@ -108,7 +119,7 @@ def test_numbers_that_are_none_count_as_absent(read) -> None:
 
 
 def test_the_hint_names_the_maker_only_where_there_is_an_attitude(
-    data_dir: Path, tagged_jpeg, tmp_path: Path
+    data_dir: Path, tmp_path: Path
 ) -> None:
     plain = tmp_path / "a.jpg"
     plain.write_bytes(tagged_jpeg.jpeg())

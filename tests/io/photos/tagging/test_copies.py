@@ -6,6 +6,7 @@ import cv2
 import exifread
 import numpy as np
 import pytest
+import tagged_jpeg
 
 from uavgram.errors import InputError
 from uavgram.geometry.motion.nadir_angles import nadir_from_gimbal
@@ -20,47 +21,45 @@ from uavgram.io.photos.xmp import DJI, read_xmp
 from uavgram.model.flight.geotag import GeoTags
 
 
-@pytest.fixture
-def make_tags():
-    def make(path, **changes):
-        gimbal = np.radians([[200.0, -35.0, 2.0]])
-        values = {
-            "frame_id": (path.name,),
-            "path": (str(path),),
-            "pose": ("refined",),
-            "latitude_deg": [-33.123456789],
-            "longitude_deg": [-179.987654321],
-            "height_m": [98.765],
-            "datum": "ellipsoid",
-            "gimbal_ypr_rad": gimbal,
-            "nadir_ypr_rad": nadir_from_gimbal(gimbal),
-            "sigma_horizontal_m": [1.25],
-            "sigma_vertical_m": [2.5],
-        }
-        return GeoTags(**(values | changes))
+def make_tags(
+    path: Path,
+    latitude_deg: float = -33.123456789,
+    longitude_deg: float = -179.987654321,
+    height_m: float = 98.765,
+) -> GeoTags:
+    gimbal = np.radians([[200.0, -35.0, 2.0]])
+    return GeoTags(
+        frame_id=(path.name,),
+        path=(str(path),),
+        pose=("refined",),
+        latitude_deg=np.array([latitude_deg]),
+        longitude_deg=np.array([longitude_deg]),
+        height_m=np.array([height_m]),
+        datum="ellipsoid",
+        gimbal_ypr_rad=gimbal,
+        nadir_ypr_rad=nadir_from_gimbal(gimbal),
+        sigma_horizontal_m=np.array([1.25]),
+        sigma_vertical_m=np.array([2.5]),
+    )
 
-    return make
 
-
-def real_photo(data_dir: Path):
+def real_photo(data_dir: Path) -> Path:
     return data_dir / "narrabeen_mavic" / "snapshotNarrabeen.JPG"
 
 
-def write_copy(tags, folder):
+def write_copy(tags: GeoTags, folder: Path) -> Path:
     target = folder / "copy.jpg"
     write_tagged_photo(tags, 0, target)
     return target
 
 
-def all_exif(path):
+def all_exif(path: Path) -> dict[str, str]:
     with path.open("rb") as file:
         tags = exifread.process_file(file, details=True)
     return {k: str(v) for k, v in tags.items() if not k.startswith(("GPS", "Image GPSInfo"))}
 
 
-def test_a_tagged_copy_is_read_back_as_written(
-    data_dir: Path, tmp_path: Path, make_tags, tagged_jpeg
-) -> None:
+def test_a_tagged_copy_is_read_back_as_written(data_dir: Path, tmp_path: Path) -> None:
     copy = write_copy(make_tags(real_photo(data_dir)), tmp_path)
     poses, _ = read_photo_tags(tagged_jpeg.photos([copy]))
 
@@ -74,13 +73,16 @@ def test_a_tagged_copy_is_read_back_as_written(
     assert poses.sigma_vertical_m[0] == 2.5
 
 
-def test_pixels_and_all_other_tags_stay(data_dir: Path, tmp_path: Path, make_tags) -> None:
+def test_pixels_and_all_other_tags_stay(data_dir: Path, tmp_path: Path) -> None:
     original = real_photo(data_dir)
     before = original.read_bytes()
     copy = write_copy(make_tags(original), tmp_path)
 
     assert original.read_bytes() == before
-    assert parse_jpeg(copy.read_bytes()).scan == parse_jpeg(before).scan
+    tagged, untagged = parse_jpeg(copy.read_bytes()), parse_jpeg(before)
+    assert tagged is not None
+    assert untagged is not None
+    assert tagged.scan == untagged.scan
     assert all_exif(copy) == all_exif(original)
     assert len(all_exif(copy)) > 30
     old, new = read_xmp(original), read_xmp(copy)
@@ -92,17 +94,17 @@ def test_pixels_and_all_other_tags_stay(data_dir: Path, tmp_path: Path, make_tag
     assert new[DJI, "GimbalPitchDegree"] == "-35.00"
 
 
-def test_a_photo_without_any_tags_gets_them(tmp_path: Path, make_tags, tagged_jpeg) -> None:
+def test_a_photo_without_any_tags_gets_them(tmp_path: Path) -> None:
     path = tmp_path / "a.jpg"
     path.write_bytes(tagged_jpeg.jpeg())
-    copy = write_copy(make_tags(path, height_m=[-3.5]), tmp_path)
+    copy = write_copy(make_tags(path, height_m=-3.5), tmp_path)
 
     assert read_exif_place(copy).altitude_m == -3.5
     assert not any(namespace == DJI for namespace, _ in read_xmp(copy))
     np.testing.assert_array_equal(cv2.imread(str(copy)), cv2.imread(str(path)))
 
 
-def test_only_jpegs_can_be_tagged(tmp_path: Path, make_tags) -> None:
+def test_only_jpegs_can_be_tagged(tmp_path: Path) -> None:
     path = tmp_path / "a.png"
     path.write_bytes(cv2.imencode(".png", np.zeros((4, 4, 3), np.uint8))[1].tobytes())
 
@@ -111,12 +113,10 @@ def test_only_jpegs_can_be_tagged(tmp_path: Path, make_tags) -> None:
 
 
 @pytest.mark.parametrize("degrees", [0.0, 59.99999999999, -0.999999999999, 179.123456789, -45.5])
-def test_degrees_minutes_and_seconds_never_overflow(
-    tmp_path: Path, tagged_jpeg, make_tags, degrees
-) -> None:
+def test_degrees_minutes_and_seconds_never_overflow(tmp_path: Path, degrees: float) -> None:
     path = tmp_path / "a.jpg"
     path.write_bytes(tagged_jpeg.jpeg())
-    copy = write_copy(make_tags(path, latitude_deg=[12.0], longitude_deg=[degrees]), tmp_path)
+    copy = write_copy(make_tags(path, latitude_deg=12.0, longitude_deg=degrees), tmp_path)
     with copy.open("rb") as file:
         parts = exifread.process_file(file)["GPS GPSLongitude"].values
 
@@ -128,7 +128,7 @@ def test_degrees_minutes_and_seconds_never_overflow(
 @pytest.mark.parametrize(
     "block", [b"II", b"XX\x2a\x00\x08\x00\x00\x00", b"II\x2a\x00\xff\xff\x00\x00"]
 )
-def test_a_broken_exif_block_is_refused(block) -> None:
+def test_a_broken_exif_block_is_refused(block: bytes) -> None:
     gps = ExifGps(latitude_deg=1, longitude_deg=1, height_m=1, sigma_horizontal_m=1)
     with pytest.raises(TiffError):
         with_gps(block, gps)
@@ -143,9 +143,7 @@ def test_writing_again_moves_nothing_that_was_there() -> None:
     assert again[: len(first)][8:] == first[8:]  # all but the pointer to the first directory
 
 
-def test_damaged_photos_are_read_or_refused_and_never_crash(
-    data_dir: Path, tmp_path: Path, make_tags, tagged_jpeg
-) -> None:
+def test_damaged_photos_are_read_or_refused_and_never_crash(data_dir: Path, tmp_path: Path) -> None:
     rng = np.random.default_rng(8)
     whole = real_photo(data_dir).read_bytes()[:60_000]
     refused = 0
@@ -167,7 +165,7 @@ def test_damaged_photos_are_read_or_refused_and_never_crash(
     assert 10 < refused < 110
 
 
-def test_geo_txt_has_the_documented_order_and_reads_back(tmp_path: Path, make_tags) -> None:
+def test_geo_txt_has_the_documented_order_and_reads_back(tmp_path: Path) -> None:
     path = tmp_path / "geo.txt"
     tags = make_tags(tmp_path / "a.jpg")
     write_geo_txt(tags, path)
@@ -183,9 +181,7 @@ def test_geo_txt_has_the_documented_order_and_reads_back(tmp_path: Path, make_ta
     np.testing.assert_allclose(np.degrees(poses.ypr_rad) % 360, [[200, 325, 2]], atol=2e-4)
 
 
-def test_the_pix4d_table_puts_latitude_first_and_has_nine_columns(
-    tmp_path: Path, make_tags
-) -> None:
+def test_the_pix4d_table_puts_latitude_first_and_has_nine_columns(tmp_path: Path) -> None:
     path = tmp_path / "pix4d.csv"
     write_pix4d_csv(make_tags(tmp_path / "a.jpg"), path)
     lines = path.read_text().splitlines()

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes import Scene
 from scipy.stats import chi2
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.blunders.gross_control import doubtful_control
 from uavgram.stages.refine.blunders.gross_lengths import doubtful, wrong_beyond_doubt
@@ -22,25 +27,26 @@ PAIRS = tuple((k, k + 6) for k in range(6))
 SEED_SIGMA = np.array([1.0, 1.0, 1.5, 0.03, 0.03, 0.04])
 
 
-def logged(scene, pose_sigma=SEED_SIGMA):
+def logged(scene: Scene, pose_sigma: Floats = SEED_SIGMA) -> Survey:
     """The survey with seeds that know how well they are known."""
     survey = scene.survey
     covariance = np.tile(np.diag(pose_sigma**2), (len(survey.frame_id), 1, 1))
+    assert survey.seeds is not None
     return replace(survey, seeds=replace(survey.seeds, covariance=covariance))
 
 
-def times(survey, factors):
+def times(survey: Survey, factors: dict[int, float]) -> Survey:
     length = np.array(survey.length_m)
     for line, factor in factors.items():
         length[line] *= factor
     return replace(survey, length_m=length)
 
 
-def left_out(refined):
+def left_out(refined: Refined) -> dict[int, Refined | None]:
     return {r.index: r.before for r in refined.removals}
 
 
-def all_picks(survey):
+def all_picks(survey: Survey) -> Bools:
     return np.ones(len(survey.pick_frame), dtype=bool)
 
 
@@ -49,7 +55,7 @@ def all_picks(survey):
     [(1000.0, REMOVE), (1000.0, REPORT), (1 / 0.3048, REPORT), (0.1, REPORT), (2.3, REPORT)],
 )
 def test_a_length_in_another_unit_is_left_out_alone_and_the_rest_is_as_without_it(
-    scene_factory, factor, options
+    scene_factory: Callable[..., Scene], factor: float, options: SolveOptions
 ) -> None:
     scene = scene_factory(2, frames=6, ends=PAIRS)
     survey = logged(scene)
@@ -66,7 +72,9 @@ def test_a_length_in_another_unit_is_left_out_alone_and_the_rest_is_as_without_i
 
 
 @pytest.mark.parametrize("factor", [1000.0, 0.1])
-def test_without_log_leaving_each_out_in_turn_finds_the_wrong_one(scene_factory, factor) -> None:
+def test_without_log_leaving_each_out_in_turn_finds_the_wrong_one(
+    scene_factory: Callable[..., Scene], factor: float
+) -> None:
     scene = scene_factory(2, frames=4, ends=PAIRS, **NO_LOG)
     refined, messages = refine(times(scene.survey, {4: factor}), REPORT)
     assert left_out(refined) == {4: None}
@@ -74,7 +82,9 @@ def test_without_log_leaving_each_out_in_turn_finds_the_wrong_one(scene_factory,
     assert refined.adjustment.minimum.converged
 
 
-def test_two_of_six_in_another_unit_do_not_hide_each_other(scene_factory) -> None:
+def test_two_of_six_in_another_unit_do_not_hide_each_other(
+    scene_factory: Callable[..., Scene],
+) -> None:
     for options in ({}, NO_LOG):
         scene = scene_factory(2, frames=4, ends=PAIRS, **options)
         survey = logged(scene) if scene.survey.seeds is not None else scene.survey
@@ -82,20 +92,24 @@ def test_two_of_six_in_another_unit_do_not_hide_each_other(scene_factory) -> Non
         assert left_out(refined) == {0: None, 4: None}
 
 
-def test_two_of_six_in_feet_are_found_by_leaving_out_pairs_without_log(scene_factory) -> None:
+def test_two_of_six_in_feet_are_found_by_leaving_out_pairs_without_log(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(2, frames=2, ends=PAIRS, **NO_LOG)
     refined, _ = refine(times(scene.survey, {0: 1 / 0.3048, 4: 1 / 0.3048}), REPORT)
     assert left_out(refined) == {0: None, 4: None}
 
 
-def test_an_innocent_length_is_not_left_out_where_the_rest_does_not_fit(scene_factory) -> None:
+def test_an_innocent_length_is_not_left_out_where_the_rest_does_not_fit(
+    scene_factory: Callable[..., Scene],
+) -> None:
     # Without the third, the others agree in a pose that the camera and the picks contradict.
     scene = scene_factory(2, frames=3, ends=PAIRS[:5], **NO_LOG)
     refined, _ = refine(times(scene.survey, {0: 1 / 0.3048, 4: 1 / 0.3048}), REPORT)
     assert left_out(refined) == {}
 
 
-def test_all_lengths_in_a_wrong_unit_yield_to_the_log(scene_factory) -> None:
+def test_all_lengths_in_a_wrong_unit_yield_to_the_log(scene_factory: Callable[..., Scene]) -> None:
     survey = logged(scene_factory(2, frames=6, ends=PAIRS))
     refined, _ = refine(times(survey, dict.fromkeys(range(6), 1000.0)), REPORT)
     assert refined.line_removed.all()
@@ -104,14 +118,17 @@ def test_all_lengths_in_a_wrong_unit_yield_to_the_log(scene_factory) -> None:
     assert not doubtful(times(survey, dict.fromkeys(range(6), 2.0)), all_picks(survey)).any()
 
 
-def misled(scene, shift):
+def misled(scene: Scene, shift: list[float]) -> Survey:
     """A survey whose log is right, but whose seeds stand elsewhere and are sure of it."""
     survey = logged(scene, np.full(6, 0.01))
+    assert survey.seeds is not None
     seeds = replace(survey.seeds, center_world_m=survey.seeds.center_world_m + shift)
     return replace(survey, seeds=seeds)
 
 
-def test_a_length_that_only_seems_wrong_to_the_seeds_comes_back(scene_factory) -> None:
+def test_a_length_that_only_seems_wrong_to_the_seeds_comes_back(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = misled(scene_factory(2, frames=6, ends=PAIRS[:1]), [0.0, 0.0, 50.0])
     assert doubtful(survey, all_picks(survey)).all()
     refined, _ = refine(survey, REPORT)
@@ -119,7 +136,9 @@ def test_a_length_that_only_seems_wrong_to_the_seeds_comes_back(scene_factory) -
     assert left_out(refined) == {}
 
 
-def test_a_control_point_that_only_seems_wrong_to_the_seeds_comes_back(scene_factory) -> None:
+def test_a_control_point_that_only_seems_wrong_to_the_seeds_comes_back(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = misled(scene_factory(3, frames=4, control=2), [30.0, 0.0, 0.0])
     assert doubtful_control(survey, all_picks(survey)).all()
     refined, messages = refine(survey, REPORT)
@@ -127,7 +146,7 @@ def test_a_control_point_that_only_seems_wrong_to_the_seeds_comes_back(scene_fac
     assert len(refined.adjustment.survey.control_label) == 2
 
 
-def test_a_clean_survey_starts_with_all_its_lengths(scene_factory) -> None:
+def test_a_clean_survey_starts_with_all_its_lengths(scene_factory: Callable[..., Scene]) -> None:
     for seed in range(20):
         survey = logged(scene_factory(seed, frames=3, control=3))
         assert not doubtful(survey, all_picks(survey)).any(), seed
@@ -135,7 +154,7 @@ def test_a_clean_survey_starts_with_all_its_lengths(scene_factory) -> None:
         assert not doubtful(plain, all_picks(plain)).any(), seed
 
 
-def test_what_seeds_say_of_lengths_has_honest_sigmas(scene_factory) -> None:
+def test_what_seeds_say_of_lengths_has_honest_sigmas(scene_factory: Callable[..., Scene]) -> None:
     z, distance = [], []
     rng = np.random.default_rng(5)
     for seed in range(40):
@@ -143,6 +162,7 @@ def test_what_seeds_say_of_lengths_has_honest_sigmas(scene_factory) -> None:
         sigma = np.array([0.5, 0.5, 1.0, 0.01, 0.01, 0.02])
         survey, truth = logged(scene, sigma), scene.truth
         error = sigma * rng.normal(size=6)
+        assert survey.seeds is not None
         turn = np.array(np.eye(3)) + np.cross(np.eye(3), -error[3:])
         survey = replace(
             survey,
@@ -166,11 +186,13 @@ def test_what_seeds_say_of_lengths_has_honest_sigmas(scene_factory) -> None:
             distance.append(off @ np.linalg.solve(covariance[0], off))
     assert len(z) > 30
     for squared, numbers in ((np.square(z), len(z)), (distance, 3 * len(distance))):
-        low, high = chi2.ppf([5e-4, 1 - 5e-4], numbers)
+        low, high = chi2.ppf(np.array([5e-4, 1 - 5e-4]), numbers)
         assert low < np.sum(squared) < high
 
 
-def test_a_length_a_fifth_off_is_told_by_its_residual_alone_and_stays(scene_factory) -> None:
+def test_a_length_a_fifth_off_is_told_by_its_residual_alone_and_stays(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = logged(scene_factory(2, frames=6, ends=PAIRS))
     refined, _ = refine(times(survey, {1: 1.2}), REPORT)
     assert not refined.line_removed.any()
@@ -179,7 +201,9 @@ def test_a_length_a_fifth_off_is_told_by_its_residual_alone_and_stays(scene_fact
     assert refined.accused_alone
 
 
-def test_beyond_doubt_allows_for_the_tape_and_for_the_solution(scene_factory) -> None:
+def test_beyond_doubt_allows_for_the_tape_and_for_the_solution(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = logged(scene_factory(2, frames=6, ends=PAIRS))
     refined, _ = refine(survey, REPORT)
     vague = replace(survey, length_sigma_m=np.full(6, 20.0))
@@ -192,7 +216,9 @@ def test_beyond_doubt_allows_for_the_tape_and_for_the_solution(scene_factory) ->
     ).any()
 
 
-def test_a_step_to_a_lens_without_focal_length_is_refused(scene_factory) -> None:
+def test_a_step_to_a_lens_without_focal_length_is_refused(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(2)
     problem = SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
     assert problem.evaluate(scene.truth) is not None
@@ -204,7 +230,9 @@ def test_a_step_to_a_lens_without_focal_length_is_refused(scene_factory) -> None
     assert problem.evaluate(state) is None
 
 
-def test_lengths_that_nothing_can_part_are_told_with_their_ratios(scene_factory) -> None:
+def test_lengths_that_nothing_can_part_are_told_with_their_ratios(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(4, frames=1, ends=PAIRS[:3], **NO_LOG)
     survey = times(scene.survey, {1: 1000.0})
     try:
@@ -216,7 +244,9 @@ def test_lengths_that_nothing_can_part_are_told_with_their_ratios(scene_factory)
     assert "'P1' to 'P7' " in said
 
 
-def test_cameras_at_an_odd_height_are_told_with_the_likely_unit(scene_factory) -> None:
+def test_cameras_at_an_odd_height_are_told_with_the_likely_unit(
+    scene_factory: Callable[..., Scene],
+) -> None:
     scene = scene_factory(2, frames=3, ends=PAIRS, **NO_LOG)
     for factor, unit in ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "kilometres")):
         survey = scene.survey
@@ -233,7 +263,7 @@ def test_cameras_at_an_odd_height_are_told_with_the_likely_unit(scene_factory) -
 
 
 def test_a_run_that_does_not_come_to_rest_says_what_pulls_hardest(
-    scene_factory, monkeypatch: pytest.MonkeyPatch
+    scene_factory: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("uavgram.estimation.solver.levenberg_marquardt.AT_REST", -1.0)
     survey = logged(scene_factory(2, frames=2, ends=PAIRS))
@@ -247,7 +277,9 @@ def test_a_run_that_does_not_come_to_rest_says_what_pulls_hardest(
 
 
 @pytest.mark.parametrize("off", [[40.0, 0.0, 0.0], [0.0, -9e6, 0.0]])
-def test_a_control_point_of_another_place_is_left_out_by_name(scene_factory, off) -> None:
+def test_a_control_point_of_another_place_is_left_out_by_name(
+    scene_factory: Callable[..., Scene], off: list[float]
+) -> None:
     scene = scene_factory(3, frames=4, control=4)
     survey = logged(scene)
     world = np.array(survey.control_world_m)
@@ -261,7 +293,9 @@ def test_a_control_point_of_another_place_is_left_out_by_name(scene_factory, off
     assert refined.adjustment.survey.control_label.tolist() == [0, 1, 3]
 
 
-def test_control_points_that_all_lie_elsewhere_together_are_kept(scene_factory) -> None:
+def test_control_points_that_all_lie_elsewhere_together_are_kept(
+    scene_factory: Callable[..., Scene],
+) -> None:
     survey = logged(scene_factory(3, frames=4, control=4))
     world = survey.control_world_m + np.array([60.0, 0.0, 0.0])
     refined, _ = refine(replace(survey, control_world_m=world), REPORT)

@@ -1,21 +1,24 @@
 """One gross pick where points may depart from their plane: named alone, and nothing else moves."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from place_only_scenes import place_only
+from place_only_scenes import PlaceOnly, place_only
 
 from uavgram.estimation.reliability.data_snooping import suspicions
 from uavgram.estimation.reliability.test_statistics import observed
 from uavgram.model.options import GroundOptions, SolveOptions
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.seed.headings import find_headings
 
 ROUGH_M = 0.66
 
 
-def survey_with(frames, off_px, scene_seed=1):
+def survey_with(frames: int, off_px: float, scene_seed: int = 1) -> tuple[Survey, int, PlaceOnly]:
     """A rough survey, one of whose picks is off; and which."""
     ground = GroundOptions(roughness_sigma_m=ROUGH_M, height_sigma_m=1.0)
     scene = place_only(scene_seed, frames=frames, labels=11, ground=ground)
@@ -28,7 +31,7 @@ def survey_with(frames, off_px, scene_seed=1):
 
 
 @pytest.mark.parametrize(("frames", "off_px"), [(3, 60.0), (3, 500.0), (4, 200.0)])
-def test_a_gross_pick_is_named_alone(frames, off_px) -> None:
+def test_a_gross_pick_is_named_alone(frames: int, off_px: float) -> None:
     survey, pick, scene = survey_with(frames, off_px)
     refined, messages = refine(survey, SolveOptions())
     adjustment = refined.adjustment
@@ -42,7 +45,7 @@ def test_a_gross_pick_is_named_alone(frames, off_px) -> None:
 
 
 @pytest.mark.parametrize("off_px", [8.0, 15.0])
-def test_a_moderate_pick_is_left_to_the_tests_and_reported_first(off_px) -> None:
+def test_a_moderate_pick_is_left_to_the_tests_and_reported_first(off_px: float) -> None:
     survey, pick, _ = survey_with(4, off_px)
     refined, _ = refine(survey, SolveOptions())
     accused = next(suspicions(refined.adjustment, observed(refined.adjustment), 0.001)).accused

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import synthetic_survey as survey
 
 from uavgram.model.result.reliability import (
     Effects,
@@ -14,6 +15,7 @@ from uavgram.model.result.reliability import (
     RemovalRecord,
     WeakestLinks,
 )
+from uavgram.model.result.result import Result
 from uavgram.model.result.shared import AreaPlane
 from uavgram.views.markdown import MOST_ROWS, plain, table
 from uavgram.views.recording.curves.plots import frame_curves
@@ -34,18 +36,18 @@ from uavgram.views.survey.verdict import judge
 
 
 @pytest.fixture(scope="module")
-def result(survey):
+def result() -> Result:
     return survey.build()
 
 
-def effects(count):
+def effects(count: int) -> Effects:
     return Effects(
         on=("skid left",) * count, change=np.full(count, 0.042), sigmas=np.full(count, 2.0)
     )
 
 
 @pytest.fixture(scope="module")
-def judged(result):
+def judged(result: Result) -> Result:
     """With external reliability, a removal and two areas of ground."""
     rows = result.measurements
     evidence = Evidence(
@@ -77,13 +79,13 @@ def judged(result):
     )  # fmt: skip
     plane = result.plane
     area = AreaPlane(
-        name="ramp", height_m=replace(plane.height_m, value=[1.25]),
+        name="ramp", height_m=replace(plane.height_m, value=np.array([1.25])),
         slope_deg=plane.slope_deg, pivot_m=np.zeros(2),
     )  # fmt: skip
     return replace(result, evidence=evidence, removals=(removal,), areas=(area,))
 
 
-def test_measurements_have_their_weakest_links_and_what_nothing_checks(judged) -> None:
+def test_measurements_have_their_weakest_links_and_what_nothing_checks(judged: Result) -> None:
     page = measured_page(judged)
 
     assert "| road width | **6.310 ± 0.012 m** |" in page
@@ -92,7 +94,9 @@ def test_measurements_have_their_weakest_links_and_what_nothing_checks(judged) -
     assert "| skid left | known length 'R5 gate' |" in page
 
 
-def test_lengths_come_the_worst_fit_first_with_what_an_unseen_error_would_do(judged) -> None:
+def test_lengths_come_the_worst_fit_first_with_what_an_unseen_error_would_do(
+    judged: Result,
+) -> None:
     rows = [line for line in lengths_page(judged).splitlines() if line.startswith("| R")]
 
     assert [row.split("|")[1].strip() for row in rows[:2]] == ["R3 hedge", "R4 wall"]
@@ -101,7 +105,7 @@ def test_lengths_come_the_worst_fit_first_with_what_an_unseen_error_would_do(jud
     assert "not seen" in rows[-1]
 
 
-def test_checks_tell_three_sigma_the_fit_priors_removals_ground_and_camera(judged) -> None:
+def test_checks_tell_three_sigma_the_fit_priors_removals_ground_and_camera(judged: Result) -> None:
     page = checks_page(judged)
 
     assert "| R4 wall | +0.017 ± 0.016 | +1.1 | inside |" in page
@@ -113,13 +117,13 @@ def test_checks_tell_three_sigma_the_fit_priors_removals_ground_and_camera(judge
     assert "| fx | 1311.31 ± 2 | 1310 ± 1 | learnt |" in page
 
 
-def test_a_check_outside_three_sigma_is_loud(result) -> None:
+def test_a_check_outside_three_sigma_is_loud(result: Result) -> None:
     checks = replace(result.line_checks, z=np.array([3.4]))
 
     assert "**OUTSIDE**" in checks_page(replace(result, line_checks=checks))
 
 
-def test_without_withheld_numbers_the_page_says_that_nothing_checks(survey) -> None:
+def test_without_withheld_numbers_the_page_says_that_nothing_checks() -> None:
     empty = survey.build(lines=(), measures=(), point_count=0)
 
     assert "nothing outside of the adjustment speaks for it" in checks_page(empty)
@@ -128,7 +132,7 @@ def test_without_withheld_numbers_the_page_says_that_nothing_checks(survey) -> N
     assert points_page(empty).endswith("No point was picked.")
 
 
-def test_messages_come_the_worst_first_and_their_tab_counts_them(result, survey) -> None:
+def test_messages_come_the_worst_first_and_their_tab_counts_them(result: Result) -> None:
     page = messages_page(result)
 
     assert page.index("**error**") < page.index("**warning**") < page.index("**info**")
@@ -138,8 +142,10 @@ def test_messages_come_the_worst_first_and_their_tab_counts_them(result, survey)
     assert messages_page(replace(result, messages=())).endswith("None.")
 
 
-def test_the_summary_is_short_however_much_was_measured(survey) -> None:
-    names = tuple((f"D{i}", "distance", ("P00", "P05"), "m") for i in range(300))
+def test_the_summary_is_short_however_much_was_measured() -> None:
+    names: tuple[survey.Measure, ...] = tuple(
+        (f"D{i}", "distance", ("P00", "P05"), "m") for i in range(300)
+    )
     result = survey.build(measures=names)
     page = summary(result, judge(result), measure_scene(result))
 
@@ -147,7 +153,7 @@ def test_the_summary_is_short_however_much_was_measured(survey) -> None:
     assert len(page) < 4000
 
 
-def test_a_sheet_says_how_far_a_frame_was_corrected(result) -> None:
+def test_a_sheet_says_how_far_a_frame_was_corrected(result: Result) -> None:
     picks = project_picks(result)
     poses = pose_curves(result)
     sheet = list(frame_sheets(result, picks, frame_curves(result, picks), poses))[7]
