@@ -85,15 +85,15 @@ def other_pose(pose: Pose, point_m: Floats) -> Pose:
     return middle - turned @ sight, turned
 
 
-def polished(pose: Pose, point_m: Floats, ray: Floats) -> tuple[float, Pose] | None:
+def polished(pose: Pose, world_m: Floats, ray: Floats) -> tuple[float, Pose] | None:
     """The pose that fits the rays best, near another; and its sum of squares.
 
     Parameters
     ----------
     pose
         To start from.
-    point_m
-        (N, 2) on the plane z = 0.
+    world_m
+        (N, 3) points on the plane z = 0 or near it.
     ray
         (N, 3) undistorted, z = 1.
 
@@ -103,10 +103,9 @@ def polished(pose: Pose, point_m: Floats, ray: Floats) -> tuple[float, Pose] | N
         Where a point is not before the camera, or the camera not above the plane.
     """
     center, rotation = pose
-    world = np.column_stack([point_m, np.zeros(len(point_m))])
     cost = np.inf
     for _ in range(POLISHING):
-        seen = (world - center) @ rotation
+        seen = (world_m - center) @ rotation
         if not (seen[:, 2] > 0).all() or center[2] <= 0:
             return None
         off = seen[:, :2] / seen[:, 2:] - ray[:, :2]

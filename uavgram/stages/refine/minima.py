@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.special import chdtri
@@ -21,11 +22,15 @@ from uavgram.estimation.survey.selection import select_lines, select_picks
 from uavgram.estimation.survey.unknowns import Layout, State
 from uavgram.model.arrays import Bools
 from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.doubt import cost_with_lost, doubtful_frames
 from uavgram.stages.refine.poor_camera import SLACK, iterate, iterations_for, settled
-from uavgram.stages.refine.starts import first_values, unusable
+from uavgram.stages.refine.starts import first_values, other_values, unusable
 
 AS_GOOD = 0.001
 """Probability below which an alternative's extra cost rules it out."""
+
+MOST_RETRIES = 3
+"""Rounds in which frames in doubt begin once more: most are cured in one."""
 
 
 class UndeterminedError(GeometryError):
@@ -81,7 +86,63 @@ def best_minima(taking: Participants, most: int | None = None) -> Refined:
     None: as many as such a survey may need.
 
     Picks without first values are left out, and so are frames and points that nothing determines:
-    `pick_reason` of the result says why. The rest goes on.
+    `pick_reason` of the result says why. The rest goes on. Without telemetry, frames in doubt
+    begin once more in another pose, without a say in where others stand.
+    """
+    refined = _minima_from(taking, first_values, most)
+    if taking.survey.telemetry is not None:
+        return refined
+    picks = int(taking.keep.sum())
+    for _ in range(MOST_RETRIES):
+        doubtful = doubtful_frames(taking.survey, refined)
+        other = _begun_elsewhere(taking, refined, doubtful, most) if doubtful else None
+        if other is None or cost_with_lost(other, picks) >= cost_with_lost(refined, picks) - 1.0:
+            return refined
+        refined = other
+    return refined
+
+
+def _begun_elsewhere(
+    taking: Participants, refined: Refined, doubtful: frozenset[str], most: int | None
+) -> Refined | None:
+    """The best minima from where frames in doubt have other poses; None where there are none.
+
+    Parameters
+    ----------
+    taking
+        What takes part.
+    refined
+        Its adjustment so far.
+    doubtful
+        Names of frames.
+    most
+        Iterations.
+    """
+    state, names = refined.adjustment.state, refined.adjustment.survey.frame_id
+    known = {name: (state.center[k], state.rotation[k]) for k, name in enumerate(names)}
+    with suppress(GeometryError):
+        return _minima_from(taking, partial(other_values, known=known, doubtful=doubtful), most)
+    return None
+
+
+def _minima_from(
+    taking: Participants, begin: Callable[[Survey], list[FirstValues]], most: int | None
+) -> Refined:
+    """The best minimum, and its rivals, of those that some first values lead to.
+
+    Parameters
+    ----------
+    taking
+        What takes part.
+    begin
+        First values of a survey; it is asked again whenever picks had to be left out.
+    most
+        Iterations; None: as many as such a survey may need.
+
+    Raises
+    ------
+    GeometryError
+        There are no first values, or none leads to a minimum.
     """
     survey, undetermined = taking.survey, frozenset[int]()
     while True:
@@ -92,7 +153,7 @@ def best_minima(taking: Participants, most: int | None = None) -> Refined:
             )
         selection = select_picks(survey, taking.keep)
         line_used = ~taking.line_removed[selection.line_index]
-        starts = first_values(select_lines(selection.survey, line_used))
+        starts = begin(select_lines(selection.survey, line_used))
         skipped = [unusable(selection.survey, values) for values in starts]
         # Of several poses that explain the lengths, one that sees sky where points were picked
         # comes after those that see ground.
