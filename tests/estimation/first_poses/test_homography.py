@@ -20,8 +20,13 @@ DOWN = np.diag([1.0, -1.0, -1.0])
 def seen_by(pose: Pose, point_m: Floats) -> Floats:
     """(n, 3) rays, z = 1, to points (n, 2) of the plane z = 0."""
     center, rotation = pose
-    seen = (np.column_stack([point_m, np.zeros(len(point_m))]) - center) @ rotation
+    seen = (on_plane(point_m) - center) @ rotation
     return np.asarray(seen / seen[:, 2:])
+
+
+def on_plane(point_m: Floats) -> Floats:
+    """(n, 3) points (n, 2) of the plane z = 0."""
+    return np.column_stack([point_m, np.zeros(len(point_m))])
 
 
 def made_up(seed: int, tilt_deg: float, spread_m: float) -> tuple[Pose, Floats]:
@@ -48,7 +53,7 @@ def test_a_disturbed_pose_is_polished_back_to_the_truth(seed: int) -> None:
     (center, rotation), point = made_up(seed, 25.0, 12.0)
     ray = seen_by((center, rotation), point)
     turned = rotation @ Rotation.from_rotvec([0.05, -0.04, 0.1]).as_matrix()
-    end = polished((center + [1.0, -2.0, 1.5], turned), point, ray)
+    end = polished((center + np.array([1.0, -2.0, 1.5]), turned), on_plane(point), ray)
     assert end is not None
     cost, (found, found_rotation) = end
     assert cost < 1e-12
@@ -59,8 +64,8 @@ def test_a_disturbed_pose_is_polished_back_to_the_truth(seed: int) -> None:
 def test_no_pose_below_the_ground_or_with_points_behind_it() -> None:
     (center, rotation), point = made_up(1, 0.0, 12.0)
     ray = seen_by((center, rotation), point)
-    assert polished((-center, rotation), point, ray) is None
-    assert polished((center, -DOWN), point, ray) is None
+    assert polished((-center, rotation), on_plane(point), ray) is None
+    assert polished((center, -DOWN), on_plane(point), ray) is None
     direct = resect_from_plane(point, ray)
     assert direct is not None
     np.testing.assert_allclose(direct[0], center, atol=1e-6)

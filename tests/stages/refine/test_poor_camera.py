@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scenes import Scene
 
+from uavgram.estimation.first_poses import plane_network
 from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS, Minimum
 from uavgram.estimation.survey.unknowns import State
 from uavgram.io.cameras.drone_table import drone_cameras
@@ -18,7 +19,7 @@ from uavgram.model.survey.survey import Survey
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.assemble import Observations, assemble
 from uavgram.stages.camera.assume import assume_camera
-from uavgram.stages.refine import poor_camera
+from uavgram.stages.refine import minima, poor_camera
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.poor_camera import iterations_for, settled
 
@@ -71,7 +72,10 @@ def test_a_wrong_focal_length_leads_to_the_same_minimum(
 def test_without_soft_picks_first_it_would_not(
     strip: Callable[..., Survey], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """From poses as the homographies give them, and once: better ones lie near enough."""
     monkeypatch.setattr(poor_camera, "SOFTER", ())
+    monkeypatch.setattr(plane_network, "polished", lambda *_: None)
+    monkeypatch.setattr(minima, "MOST_RETRIES", 0)
     lost = adjusted(strip(TOO_WIDE))
 
     assert not lost.converged

@@ -10,7 +10,9 @@ from uavgram.model.arrays import Floats
 Pose = tuple[Floats, Floats]
 """Centre (3,) in the axes of the plane [m], and rotation (3, 3), plane from camera."""
 
-POLISHING = 6
+POLISHING, SETTLED = 6, 1e-3
+"""Iterations; change of the sum of squares, as a share of it, that needs no other."""
+
 FLAT = 1e-9
 """Ratio of the second smallest to the largest singular value below which the points are in line."""
 
@@ -85,15 +87,15 @@ def other_pose(pose: Pose, point_m: Floats) -> Pose:
     return middle - turned @ sight, turned
 
 
-def polished(pose: Pose, point_m: Floats, ray: Floats) -> tuple[float, Pose] | None:
+def polished(pose: Pose, world_m: Floats, ray: Floats) -> tuple[float, Pose] | None:
     """The pose that fits the rays best, near another; and its sum of squares.
 
     Parameters
     ----------
     pose
         To start from.
-    point_m
-        (N, 2) on the plane z = 0.
+    world_m
+        (N, 3) points on the plane z = 0 or near it.
     ray
         (N, 3) undistorted, z = 1.
 
@@ -103,14 +105,15 @@ def polished(pose: Pose, point_m: Floats, ray: Floats) -> tuple[float, Pose] | N
         Where a point is not before the camera, or the camera not above the plane.
     """
     center, rotation = pose
-    world = np.column_stack([point_m, np.zeros(len(point_m))])
     cost = np.inf
     for _ in range(POLISHING):
-        seen = (world - center) @ rotation
+        seen = (world_m - center) @ rotation
         if not (seen[:, 2] > 0).all() or center[2] <= 0:
             return None
         off = seen[:, :2] / seen[:, 2:] - ray[:, :2]
-        cost = float(np.sum(off**2))
+        before, cost = cost, float(np.sum(off**2))
+        if abs(before - cost) <= SETTLED * cost:
+            break
         by_seen = np.zeros((len(seen), 2, 3))
         by_seen[:, [0, 1], [0, 1]] = 1.0 / seen[:, 2:]
         by_seen[:, :, 2] = -seen[:, :2] / seen[:, 2:] ** 2

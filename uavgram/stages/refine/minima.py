@@ -2,38 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import FirstValues
-from uavgram.estimation.measuring.next_length import line_faults
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.ground_planes import area_centroids, first_planes
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.selection import select_lines, select_picks
-from uavgram.estimation.survey.unknowns import Layout, State
+from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools
 from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.doubt import cost_with_lost, doubtful_frames
 from uavgram.stages.refine.poor_camera import SLACK, iterate, iterations_for, settled
-from uavgram.stages.refine.starts import first_values, unusable
+from uavgram.stages.refine.starts import first_values, other_values, unusable
+from uavgram.stages.refine.undetermined import UndeterminedError, hanging_on, weakness
 
 AS_GOOD = 0.001
 """Probability below which an alternative's extra cost rules it out."""
 
-
-class UndeterminedError(GeometryError):
-    """The observations leave something free; `picks` (P,) are those that hang on it alone."""
-
-    def __init__(self, message: str, picks: Bools) -> None:
-        self.picks = picks
-        super().__init__(message)
+MOST_RETRIES, LEAST_GAIN = 3, 1.0
+"""Rounds in which frames in doubt begin once more; fall of the cost that makes another round."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +78,76 @@ def best_minima(taking: Participants, most: int | None = None) -> Refined:
     None: as many as such a survey may need.
 
     Picks without first values are left out, and so are frames and points that nothing determines:
-    `pick_reason` of the result says why. The rest goes on.
+    `pick_reason` of the result says why. The rest goes on. Without telemetry, frames in doubt
+    begin once more in another pose, without a say in where others stand.
+    """
+    refined = _minima_from(taking, first_values, most)
+    if taking.survey.telemetry is not None:
+        return refined
+    picks = int(taking.keep.sum())
+    for _ in range(MOST_RETRIES):
+        doubtful = doubtful_frames(taking.survey, refined)
+        other = _begun_elsewhere(taking, refined, doubtful, most) if doubtful else None
+        if other is None:
+            break
+        gain = cost_with_lost(refined, picks) - cost_with_lost(other, picks)
+        refined = _with_rivals(*((other, refined) if gain > 0 else (refined, other)))
+        if gain < LEAST_GAIN:
+            break
+    return refined
+
+
+def _with_rivals(best: Refined, other: Refined) -> Refined:
+    """An adjustment with minima of another one that explain the same picks nearly as well."""
+    minima = [best.adjustment, *best.alternatives]
+    if np.array_equal(best.pick_index, other.pick_index):
+        for one in (other.adjustment, *other.alternatives):
+            if one.minimum.converged and _is_rival(one.minimum, minima):
+                minima.append(one)
+    return replace(best, alternatives=tuple(minima[1:]))
+
+
+def _begun_elsewhere(
+    taking: Participants, refined: Refined, doubtful: frozenset[str], most: int | None
+) -> Refined | None:
+    """The best minima from where frames in doubt have other poses; None where there are none.
+
+    Parameters
+    ----------
+    taking
+        What takes part.
+    refined
+        Its adjustment so far.
+    doubtful
+        Names of frames.
+    most
+        Iterations.
+    """
+    state, names = refined.adjustment.state, refined.adjustment.survey.frame_id
+    known = {name: (state.center[k], state.rotation[k]) for k, name in enumerate(names)}
+    with suppress(GeometryError):
+        return _minima_from(taking, partial(other_values, known=known, doubtful=doubtful), most)
+    return None
+
+
+def _minima_from(
+    taking: Participants, begin: Callable[[Survey], list[FirstValues]], most: int | None
+) -> Refined:
+    """The best minimum, and its rivals, of those that some first values lead to.
+
+    Parameters
+    ----------
+    taking
+        What takes part.
+    begin
+        First values of a survey; it is asked again whenever picks had to be left out.
+    most
+        Iterations; None: as many as such a survey may need.
+
+    Raises
+    ------
+    GeometryError
+        There are no first values, or none leads to a minimum.
     """
     survey, undetermined = taking.survey, frozenset[int]()
     while True:
@@ -92,7 +158,7 @@ def best_minima(taking: Participants, most: int | None = None) -> Refined:
             )
         selection = select_picks(survey, taking.keep)
         line_used = ~taking.line_removed[selection.line_index]
-        starts = first_values(select_lines(selection.survey, line_used))
+        starts = begin(select_lines(selection.survey, line_used))
         skipped = [unusable(selection.survey, values) for values in starts]
         # Of several poses that explain the lengths, one that sees sky where points were picked
         # comes after those that see ground.
@@ -154,7 +220,6 @@ def _minima(
     if undetermined is not None and not found:
         raise undetermined
     found.sort(key=lambda minimum: minimum[1].cost)
-    limit = found[0][1].cost + float(chdtri(1, AS_GOOD))
     minima = [_adjustment(*found[0])]
     # What explains the observations as well is a rival, though they may not determine it.
     rivals = [one for one in found[1:] if one[1].converged]
@@ -162,7 +227,7 @@ def _minima(
         with suppress(GeometryError):  # not even damped: no observation says anything there
             rivals.append(_minimise(survey, values, line_used, most, SLACK))
     for problem, minimum in rivals:
-        if minimum.cost < limit and all(_apart(known, minimum.state) for known in minima):
+        if _is_rival(minimum, minima):
             minima.append(_adjustment(problem, minimum))
     return minima
 
@@ -191,33 +256,20 @@ def _minimise(
     except SingularError as error:
         raise UndeterminedError(
             f"the observations do not determine {layout.describe(error.index, survey)}: add known "
-            f"lengths or picks there, or leave it out{_weakness(survey, values, line_used)}",
-            _hanging_on(error.index, layout, survey),
+            f"lengths or picks there, or leave it out{weakness(survey, values, line_used)}",
+            hanging_on(error.index, layout, survey),
         ) from error
     return problem, minimum
 
 
-def _hanging_on(index: int, layout: Layout, survey: Survey) -> Bools:
-    """(P,) the picks of the point, or of the frame, that an unknown belongs to."""
-    if index < layout.first_frame:
-        return np.asarray(survey.pick_label == index // layout.point_size)
-    frame = (index - layout.first_frame) // 6
-    return np.asarray((survey.pick_frame == frame) & (index < layout.first_intrinsic))
-
-
-def _weakness(survey: Survey, values: FirstValues, line_used: Bools) -> str:
-    """What is wrong with the lengths as a set, if anything is, as the end of a sentence."""
-    start, end = survey.line_start[line_used], survey.line_end[line_used]
-    if survey.telemetry is not None or len(start) < 3:
-        return ""
-    faults = line_faults(values.point_m[start], values.point_m[end], values.point_m)
-    if not faults and len(start) == 3:
-        faults = ("two of the poses that three lengths allow merge here: tape a fourth line",)
-    return f" ({'; '.join(faults)})" if faults else ""
-
-
 def _adjustment(problem: SurveyProblem, minimum: Minimum[State]) -> Adjustment:
     return Adjustment(problem, minimum, minimum.factor.covariance())
+
+
+def _is_rival(minimum: Minimum[State], minima: list[Adjustment]) -> bool:
+    """Whether it explains the observations nearly as well as the first, otherwise than all."""
+    limit = minima[0].minimum.cost + float(chdtri(1, AS_GOOD))
+    return minimum.cost < limit and all(_apart(known, minimum.state) for known in minima)
 
 
 def _apart(adjustment: Adjustment, other: State) -> bool:

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
 from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.first_poses.homography import Pose
 from uavgram.estimation.first_poses.network import (
-    POOR,
     FirstValues,
-    PlaneNetwork,
-    align_in_plane,
     from_telemetry,
     length_poses,
     lines_per_frame,
 )
+from uavgram.estimation.first_poses.plane_network import PlaneNetwork, align_in_plane
 from uavgram.estimation.first_poses.prior_gate import (
     OUTSIDE,
     allowed,
@@ -26,14 +26,15 @@ from uavgram.estimation.first_poses.prior_gate import (
 from uavgram.estimation.first_poses.resection import LengthPoses
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause
 from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.ground.plane_pose import pose_above_plane
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey
 
 FAR_RAD, FAR_HEIGHT = 0.1, 0.15
 """Tilt, and share of the height, up to which the iterations reach a pose from the seed anyway."""
 
-MOST_OTHERS, MUCH_BETTER = 3, 0.5
-"""Frames to begin with where the first leads nowhere; share of its misfit that makes them count."""
+MOST_BASES = 4
+"""Frames whose lengths begin in turn where those of the first led nowhere."""
 
 NO_GROUND = LeftOut(
     LeftOutCause.NO_GROUND, "its ray does not meet the ground in front of the camera"
@@ -51,10 +52,9 @@ def first_values(survey: Survey) -> list[FirstValues]:
     if survey.telemetry is not None:
         return [from_telemetry(each, ray) for each in _with_seeds(survey)]
     counts = lines_per_frame(survey)
-    candidates = _plausible(length_poses(survey), counts)
-    planes = {f: found.plane for f, found in candidates.items()}
+    planes = _planes(survey, counts)
     if survey.gauge == "world":
-        return [_over_control(survey, ray, planes, poses) for poses in _choices(survey)]
+        return _grown(survey, ray, planes, _choices(survey))
     if not planes:
         raise GeometryError(
             "without a flight log a pose needs three known lengths that one frame sees whole "
@@ -62,41 +62,68 @@ def first_values(survey: Survey) -> list[FirstValues]:
             "ends of more lines in one frame, tape a fourth, or give the log"
         )
     first = max(planes, key=lambda f: (counts[f], -f))
-    networks = _networks(survey, ray, planes, first)
-    least = min(network.misfit for network in networks)
-    if least > POOR:
-        # Its lengths may be explained by a false pose alone: another frame's say otherwise.
-        rest = sorted(planes.keys() - {first}, key=lambda f: (-counts[f], f))[:MOST_OTHERS]
-        others = [one for f in rest for one in _networks(survey, ray, planes, f)]
-        best = min(others, key=lambda network: network.misfit, default=None)
-        if best is not None and best.misfit < MUCH_BETTER * least:
-            networks.insert(0, best)
-    return [_at_gauge(network) for network in networks]
+    return _grown(survey, ray, planes, [{first: pose_above_plane(p)} for p in planes[first]])
 
 
-def _networks(
-    survey: Survey, ray: Floats, planes: dict[int, Floats], first: int
-) -> list[PlaneNetwork]:
-    """All frames joined to one, for each plane (n, 3) that explains the lengths of that one.
+def other_values(
+    survey: Survey, known: Mapping[str, Pose], doubtful: Collection[str]
+) -> list[FirstValues]:
+    """First values that lead elsewhere than an adjustment in which some frames are in doubt.
+
+    All that is in doubt joins the others once more. Where these are false themselves, the lengths
+    of other frames begin.
 
     Parameters
     ----------
     survey
         Without telemetry.
-    ray
-        (P, 3) of its picks.
-    planes
-        Of every frame that has some, likeliest first.
-    first
-        The frame to begin with.
+    known
+        Poses of frames (by name) as adjusted.
+    doubtful
+        Names of those in doubt, and perhaps of others.
+
+    Raises
+    ------
+    GeometryError
+        There are none.
     """
-    networks = []
-    for plane in planes[first]:
-        network = PlaneNetwork(survey, ray)
-        network.start(first, plane)
-        network.grow(planes)
-        networks.append(network)
-    return networks
+    ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
+    counts = lines_per_frame(survey)
+    planes = _planes(survey, counts)
+    named = dict(enumerate(survey.frame_id))
+    trusted = {f: known[name] for f, name in named.items() if name in known.keys() - doubtful}
+    chosen = [trusted]
+    if survey.gauge == "plane":
+        chosen = [trusted] if trusted else []
+        likeliest = sorted(planes, key=lambda f: (-counts[f], f))[:MOST_BASES]
+        chosen += [{f: pose_above_plane(planes[f][0])} for f in likeliest]
+    found = [
+        values
+        for values in _grown(survey, ray, planes, chosen)
+        if any(_elsewhere(values, f, known.get(name)) for f, name in named.items())
+    ]
+    if not found:
+        raise GeometryError("no first values lead elsewhere")
+    return found
+
+
+def _elsewhere(values: FirstValues, frame: int, known: Pose | None) -> bool:
+    """Whether a frame has a pose that it had not, or one that iterations need not leave for it."""
+    if np.isnan(values.center[frame, 0]):
+        return False
+    return known is None or _far(known, (values.center[frame], values.rotation[frame]))
+
+
+def _far(one: Pose, other: Pose) -> bool:
+    """Whether iterations from one pose may not reach the other, wherever it stands and heads."""
+    tilt = np.arccos(np.clip(one[1][2] @ other[1][2], -1.0, 1.0))
+    return bool(tilt > FAR_RAD or abs(one[0][2] - other[0][2]) > FAR_HEIGHT * abs(one[0][2]))
+
+
+def _planes(survey: Survey, counts: Ints) -> dict[int, Floats]:
+    """Planes (n, 3), likeliest first, of frames whose lengths say something of them."""
+    plausible = _plausible(length_poses(survey), counts)
+    return {f: found.plane for f, found in plausible.items()}
 
 
 def _plausible(candidates: dict[int, LengthPoses], counts: Ints) -> dict[int, LengthPoses]:
@@ -158,8 +185,8 @@ def _reseeded(survey: Survey, planes: dict[int, Floats]) -> Survey:
     return replace(survey, seeds=seeds)
 
 
-Chosen = dict[int, tuple[Floats, Floats]]
-"""Centre and rotation of some frames."""
+Chosen = dict[int, Pose]
+"""Centre and rotation of some frames, world from camera."""
 
 MOST_CHOICES = 8
 """Starts from candidate poses: an adjustment each."""
@@ -181,40 +208,62 @@ def _choices(survey: Survey) -> list[Chosen]:
     return [best, *(best | {f: pose} for _, f, pose in rivals[: MOST_CHOICES - 1])]
 
 
-def _over_control(
-    survey: Survey, ray: Floats, planes: dict[int, Floats], poses: Chosen
-) -> FirstValues:
-    """First values over control points; their heights above the label's own give the plane's."""
+def _grown(
+    survey: Survey, ray: Floats, planes: dict[int, Floats], choices: list[Chosen]
+) -> list[FirstValues]:
+    """First values from every choice of poses: over control points, or else at the gauge.
+
+    Heights of control points above the label's own give the plane's.
+
+    Parameters
+    ----------
+    survey
+        Without telemetry.
+    ray
+        (P, 3) of its picks.
+    planes
+        (n, 3) of every frame that has some of its own, likeliest first.
+    choices
+        Poses of some frames, which the others join.
+    """
     label = survey.control_label
-    height = float(np.mean(survey.control_world_m[:, 2] - survey.height_above_m[label]))
-    network = PlaneNetwork(survey, ray)
-    network.point[label] = survey.control_world_m[:, :2]
-    for frame, (center, rotation) in poses.items():
-        network.place(frame, center - [0.0, 0.0, height], rotation)
-    network.grow(planes)
-    if np.isnan(network.center).all():
+    control = survey.gauge == "world"
+    height = 0.0
+    if control:
+        height = float(np.mean(survey.control_world_m[:, 2] - survey.height_above_m[label]))
+    lift = np.array([0.0, 0.0, height])
+    values = []
+    for poses in choices:
+        network = PlaneNetwork(survey, ray)
+        if control:
+            network.point[label] = survey.control_world_m[:, :2]
+        for frame, (center, rotation) in poses.items():
+            network.place(frame, center - lift, rotation)
+        network.grow(planes)
+        grown = FirstValues(network.point, network.center + lift, network.rotation, height)
+        values.append(grown if control else _at_gauge(grown))
+    if all(np.isnan(each.center).all() for each in values):
         raise GeometryError(
             "without a flight log a pose needs four control points in one frame, or two and three "
             "known lengths: pick more of them, or give the log"
         )
-    center = network.center + np.array([0.0, 0.0, height])
-    return FirstValues(network.point, center, network.rotation, height)
+    return values
 
 
-def _at_gauge(network: PlaneNetwork) -> FirstValues:
-    """The network turned and shifted so that its first frame meets the gauge's conditions."""
-    placed = int(np.flatnonzero(np.isfinite(network.center[:, 0]))[0])
-    image_up = -network.rotation[placed][:2, 1]
+def _at_gauge(values: FirstValues) -> FirstValues:
+    """The same turned and shifted so that the first placed frame meets the gauge's conditions."""
+    placed = int(np.flatnonzero(np.isfinite(values.center[:, 0]))[0])
+    image_up = -values.rotation[placed][:2, 1]
     size = np.linalg.norm(image_up)
     north = image_up / size if size > 0 else np.array([0.0, 1.0])
-    center = network.center[placed, :2]
+    center = values.center[placed, :2]
     turn, shift = align_in_plane(
         np.stack([center, center + north]), np.array([[0.0, 0.0], [0.0, 1.0]])
     )
     return FirstValues(
-        network.point @ turn[:2, :2].T + shift[:2],
-        network.center @ turn.T + shift,
-        turn @ network.rotation,
+        values.point_m @ turn[:2, :2].T + shift[:2],
+        values.center @ turn.T + shift,
+        turn @ values.rotation,
         0.0,
     )
 

@@ -13,6 +13,7 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.doubt import cost_with_lost
 from uavgram.stages.refine.minima import Participants, best_minima
 
 GROSS = 20.0
@@ -116,5 +117,4 @@ def misfit(refined: Refined | None, taking: Participants) -> float:
     """
     if refined is None:
         return np.inf
-    picks = int(taking.keep.sum())
-    return refined.adjustment.minimum.cost + GROSS**2 * (picks - len(refined.pick_index))
+    return cost_with_lost(refined, int(taking.keep.sum()))

@@ -1,0 +1,96 @@
+"""Without a log, frames that begin in a false pose end in the true one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scenes import Scene
+
+from uavgram.estimation.first_poses.homography import other_pose
+from uavgram.estimation.first_poses.network import FirstValues
+from uavgram.estimation.survey.adjustment import Refined
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine import minima
+from uavgram.stages.refine.doubt import doubtful_frames
+from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.starts import first_values
+
+SceneFactory = Callable[..., Scene]
+UPSIDE_DOWN = np.diag([1.0, -1.0, -1.0])
+
+
+def made_up(scene_factory: SceneFactory, seed: int) -> Survey:
+    """Six frames of points that lie close together: either tilt shows them nearly alike."""
+    return scene_factory(
+        seed, frames=6, telemetry=False, gauge="plane", spread=3.0, tilt=0.5
+    ).survey
+
+
+def adjusted(survey: Survey) -> Refined:
+    every, no_line = np.ones(len(survey.pick_frame), bool), np.zeros(len(survey.line_start), bool)
+    return best_minima(Participants(survey, every, no_line, {}))
+
+
+def begin_falsely(monkeypatch: pytest.MonkeyPatch, false: tuple[int, ...]) -> None:
+    """Frames begin in the pose of the other tilt, and their points where the others see them."""
+
+    def values(survey: Survey) -> list[FirstValues]:
+        true = first_values(survey)[0]
+        center, rotation = true.center.copy(), true.rotation.copy()
+        for frame in false:
+            seen = true.point_m[survey.pick_label[survey.pick_frame == frame]]
+            center[frame], rotation[frame] = other_pose((center[frame], rotation[frame]), seen)
+        return [true._replace(center=center, rotation=rotation)]
+
+    monkeypatch.setattr(minima, "first_values", values)
+
+
+@pytest.mark.parametrize("false", [(0,), (1, 4), (1, 2, 3, 4, 5)])
+@pytest.mark.parametrize("seed", [0, 2])
+def test_frames_that_begin_with_the_other_tilt_end_where_they_are(
+    seed: int,
+    false: tuple[int, ...],
+    scene_factory: SceneFactory,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    survey = made_up(scene_factory, seed)
+    right = adjusted(survey)
+    begin_falsely(monkeypatch, false)
+    found = adjusted(survey)
+    assert right.adjustment.variance_factor < 1.5
+    assert found.adjustment.minimum.cost == pytest.approx(right.adjustment.minimum.cost, rel=1e-4)
+    monkeypatch.setattr(minima, "MOST_RETRIES", 0)
+    lost = adjusted(survey)  # else the test would say nothing
+    assert lost.adjustment.minimum.cost > right.adjustment.minimum.cost + 80
+    named = {int(name[1:]) for name in doubtful_frames(survey, lost)}
+    assert named & set(false)
+
+
+def test_picks_that_meet_no_ground_in_a_false_pose_come_back(
+    scene_factory: SceneFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    survey = made_up(scene_factory, 0)
+
+    def values(survey: Survey) -> list[FirstValues]:
+        true = first_values(survey)[0]
+        if "f2" not in survey.frame_id:
+            return [true]
+        rotation = true.rotation.copy()
+        rotation[survey.frame_id.index("f2")] @= UPSIDE_DOWN
+        return [true._replace(rotation=rotation)]
+
+    monkeypatch.setattr(minima, "first_values", values)
+    found = adjusted(survey)
+    assert len(found.pick_index) == len(survey.pick_frame)
+    assert not found.pick_reason
+    monkeypatch.setattr(minima, "MOST_RETRIES", 0)
+    lost = adjusted(survey)
+    assert {survey.pick_frame[k] for k in lost.pick_reason} == {2}
+    assert doubtful_frames(survey, lost) == {"f2"}
+
+
+def test_a_frame_in_order_is_not_in_doubt(scene_factory: SceneFactory) -> None:
+    doubted = [doubtful_frames(s, adjusted(s)) for s in (made_up(scene_factory, k) for k in (5, 6))]
+    assert doubted == [frozenset(), frozenset()]

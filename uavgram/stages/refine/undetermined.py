@@ -1,0 +1,39 @@
+"""What the observations of a survey leave free: which picks hang on it, and what would help."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.errors import GeometryError
+from uavgram.estimation.first_poses.network import FirstValues
+from uavgram.estimation.measuring.next_length import line_faults
+from uavgram.estimation.survey.unknowns import Layout
+from uavgram.model.arrays import Bools
+from uavgram.model.survey.survey import Survey
+
+
+class UndeterminedError(GeometryError):
+    """The observations leave something free; `picks` (P,) are those that hang on it alone."""
+
+    def __init__(self, message: str, picks: Bools) -> None:
+        self.picks = picks
+        super().__init__(message)
+
+
+def hanging_on(index: int, layout: Layout, survey: Survey) -> Bools:
+    """(P,) the picks of the point, or of the frame, that an unknown belongs to."""
+    if index < layout.first_frame:
+        return np.asarray(survey.pick_label == index // layout.point_size)
+    frame = (index - layout.first_frame) // 6
+    return np.asarray((survey.pick_frame == frame) & (index < layout.first_intrinsic))
+
+
+def weakness(survey: Survey, values: FirstValues, line_used: Bools) -> str:
+    """What is wrong with the lengths as a set, if anything is, as the end of a sentence."""
+    start, end = survey.line_start[line_used], survey.line_end[line_used]
+    if survey.telemetry is not None or len(start) < 3:
+        return ""
+    faults = line_faults(values.point_m[start], values.point_m[end], values.point_m)
+    if not faults and len(start) == 3:
+        faults = ("two of the poses that three lengths allow merge here: tape a fourth line",)
+    return f" ({'; '.join(faults)})" if faults else ""
