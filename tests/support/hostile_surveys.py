@@ -56,8 +56,8 @@ class HostileSurvey:
         (f,) names; the time of the camera's clock stands in them.
     pick_photo, pick_label, pick_px
         (p,), (p,), (p, 2).
-    line, line_length_m
-        (l, 2) indices of labels; (l,) as read.
+    line, line_length_m, level
+        (l, 2) indices of labels; (l,) as read; whether the tape was held level.
     measure
         Name -> kind and indices of labels.
     truth
@@ -73,6 +73,7 @@ class HostileSurvey:
     pick_px: Floats
     line: Ints
     line_length_m: Floats
+    level: bool
     measure: Mapping[str, tuple[str, tuple[int, ...]]]
     truth: Mapping[str, float]
     log: SimulatedLog | None
@@ -112,6 +113,7 @@ def make_survey(condition: Condition, seed: int) -> HostileSurvey:
         pick_px=pixel,
         line=line,
         line_length_m=read_m,
+        level=condition.horizontal_tape,
         measure=measure,
         truth={name: _value(kind, world_m[list(at)]) for name, (kind, at) in measure.items()},
         log=record(condition, flight, log_rng) if condition.has_log else None,
@@ -199,9 +201,10 @@ def _pick_rows(survey: HostileSurvey) -> Iterator[str]:
 
 
 def _line_rows(survey: HostileSurvey) -> Iterator[str]:
-    yield "name,from,to,length_m,sigma_m"
+    along = ",horizontal" if survey.level else ""
+    yield "name,from,to,length_m,sigma_m" + (",along" if survey.level else "")
     for k, ((a, b), length) in enumerate(zip(survey.line, survey.line_length_m, strict=True)):
-        yield f"L{k},P{a},P{b},{length:.5f},{LENGTH_SIGMA_M}"
+        yield f"L{k},P{a},P{b},{length:.5f},{LENGTH_SIGMA_M}{along}"
 
 
 def _measure_rows(survey: HostileSurvey) -> Iterator[str]:
