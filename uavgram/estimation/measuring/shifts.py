@@ -40,9 +40,9 @@ class Shifts(NamedTuple):
 def shifts(adjustment: Adjustment, measured: MeasuredValues) -> Shifts:
     """What relief and a wrong tape would do to each measured value."""
     none = np.array([row.gradient is None for row in measured.rows], dtype=bool)
-    own = np.array(
-        [[name in row.request.points for row in measured.rows] for name in adjustment.survey.label]
-    ).reshape(-1, len(none))
+    label = adjustment.survey.label
+    own = np.array([[name in row.request.points for row in measured.rows] for name in label])
+    own = own.reshape(len(label), len(none)).astype(bool)  # nothing may be measured
     relief = RELIEF_M * np.where(own, np.abs(by_heights(adjustment, measured)), 0.0).sum(axis=0)
     tape = np.full(len(none), np.nan)
     if (line := adjustment.problem.line_index).size:
