@@ -33,11 +33,11 @@ ALONE: dict[str, Any] = {
 }
 
 
-STATED = SolveOptions(noise="stated")
+LEARNT, STATED = SolveOptions(), SolveOptions(noise="stated")
 
 
 def suspected(
-    survey: Survey, first: Member | None = None, options: SolveOptions = SolveOptions()
+    survey: Survey, first: Member | None = None, options: SolveOptions = LEARNT
 ) -> tuple[Adjustment, list[Suspicion]]:
     refined, _ = refine(survey, options)
     adjustment, first = refined.tested, first or refined.accused
