@@ -246,7 +246,7 @@ def test_areas_of_the_ground_state_what_they_have_of_their_own(load: Load) -> No
 
     assert set(project.ground.areas) == {"verge", "lawn"}
     verge = project.ground.of("verge")
-    assert (verge.height_m, verge.height_sigma_m, verge.slope_sigma_deg) == (0.4, 0.2, 0.5)
+    assert (verge.height_m, verge.height_sigma_m, verge.slope_sigma_deg) == (0.4, 0.2, 3.0)
     assert project.ground.of("never stated").height_m == 0.0
     assert dict(option_pairs(project))["ground.areas.verge.height_m"] == 0.4
     with pytest.raises(TypeError):

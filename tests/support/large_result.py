@@ -67,6 +67,7 @@ def large_result(frames: int, points: int, folder: str = "photos") -> Result:
             reason=("",) * frames,
             seed=seed,
             refined=refined,
+            sweep=np.zeros((frames, 6)),
         ),
         points=_points(labels, spots, names, rng),
         picks=picks,

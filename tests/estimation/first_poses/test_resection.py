@@ -65,7 +65,7 @@ def test_optimum_and_covariance_are_those_of_the_joint_adjustment() -> None:
     found = resect_from_lengths(surveys[0].calibration, frames_of(surveys))
     assert found.converged.all()
     for k, survey in enumerate(surveys):
-        adjustment = refine(survey, SolveOptions())[0].adjustment
+        adjustment = refine(survey, SolveOptions(noise="stated"))[0].adjustment
         plane, covariance = plane_of(adjustment)
         interior = adjustment.problem.intrinsics(adjustment.state)
         sigma = np.sqrt(np.diag(covariance))
@@ -98,7 +98,7 @@ def test_a_shared_end_taken_as_two_points_would_be_noticed() -> None:
 def test_lengths_of_other_pixels_equal_those_of_the_joint_adjustment() -> None:
     # In the joint adjustment, picks that end no known length serve only what is measured.
     survey = make_scene(3, labels=16, ends=UNCONNECTED, **NO_LOG).survey
-    adjustment = refine(survey, SolveOptions())[0].adjustment
+    adjustment = refine(survey, SolveOptions(noise="stated"))[0].adjustment
     poses = resect_from_lengths(survey.calibration, frames_of([survey]))
     at = {label: k for k, label in enumerate(survey.pick_label.tolist())}
     free = [k for k in range(12, 16) if k in at]

@@ -33,9 +33,14 @@ ALONE: dict[str, Any] = {
 }
 
 
-def suspected(survey: Survey, first: Member | None = None) -> tuple[Adjustment, list[Suspicion]]:
-    refined, _ = refine(survey, SolveOptions())
-    adjustment, first = refined.adjustment, first or refined.accused
+LEARNT, STATED = SolveOptions(), SolveOptions(noise="stated")
+
+
+def suspected(
+    survey: Survey, first: Member | None = None, options: SolveOptions = LEARNT
+) -> tuple[Adjustment, list[Suspicion]]:
+    refined, _ = refine(survey, options)
+    adjustment, first = refined.tested, first or refined.accused
     return adjustment, list(suspicions(adjustment, observed(adjustment), ALPHA, first))
 
 
@@ -83,7 +88,7 @@ def test_once_one_is_suspected_the_rest_is_tested_without_it() -> None:
     # The statistics given the first suspicion are those of an adjustment without it.
     survey = make_scene(6, frames=3, lines=8).survey
     wrong = changed(changed(survey, "length_m", 2, 0.3), "length_m", 5, -0.2)
-    adjustment, found = suspected(wrong)
+    adjustment, found = suspected(wrong, options=STATED)
     w = np.abs(observed(adjustment)["lengths"].w[:, 0])
     assert [s.accused for s in found[:2]] == [Member("lengths", 2, 0), Member("lengths", 5, 0)]
     without = replace(
@@ -93,7 +98,7 @@ def test_once_one_is_suspected_the_rest_is_tested_without_it() -> None:
         length_m=np.delete(wrong.length_m, 2),
         length_sigma_m=np.delete(wrong.length_sigma_m, 2),
     )
-    again = refine(without, SolveOptions())[0].adjustment
+    again = refine(without, STATED)[0].adjustment
     assert found[1].w == pytest.approx(observed(again)["lengths"].w[4, 0], rel=0.02)
     assert w[2] == pytest.approx(abs(found[0].w))
 

@@ -59,7 +59,7 @@ def test_the_largest_w_is_that_of_a_planted_blunder(kind: str, index: int) -> No
         pixel = np.array(survey.pixel_px)
         pixel[7 * index, 1] += 15
         survey = replace(survey, pixel_px=pixel)
-    adjustment = refine(survey, SolveOptions())[0].adjustment
+    adjustment = refine(survey, SolveOptions())[0].tested
     largest = {
         name: np.abs(reliability(block, adjustment.covariance).w)
         for name, block in adjustment.minimum.blocks.items()

@@ -13,7 +13,7 @@ from scipy.stats import norm
 from uavgram.estimation.measuring.propagation import propagate, values_at
 from uavgram.estimation.reliability.external import external_reliability
 from uavgram.estimation.reliability.redundancy import minimal_detectable_bias, power
-from uavgram.estimation.reliability.test_statistics import observed
+from uavgram.estimation.reliability.test_statistics import READINGS, observed
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.refit import refit
@@ -74,7 +74,11 @@ def test_calibration_is_one_correlated_observation_in_its_own_parameters() -> No
     residual = basis @ adjustment.state.intrinsic
     variance = np.diag(weight @ (prior - posterior) @ weight)
     np.testing.assert_allclose(group.w[0], weight @ residual / np.sqrt(variance), rtol=1e-5)
-    bias = 4.1321479 / np.sqrt(variance)  # delta0 = z(0.9995) + z(0.8)
+    # Tests of priors share the significance of ten: delta0 = z(1 - 10 alpha / 2 n) + z(0.8).
+    tests = sum(g.w.size for kind, g in observed(adjustment).items() if kind not in READINGS)
+    assert tests > 10
+    delta0 = norm.isf(10 * ALPHA / (2 * tests)) + norm.isf(0.2)
+    bias = delta0 / np.sqrt(variance)
     np.testing.assert_allclose(group.bias(ALPHA)[0], bias, rtol=1e-5)
     expected = residual / np.sqrt(np.diag(prior))
     np.testing.assert_allclose(stated_residuals(group)[0], expected, rtol=1e-6, atol=1e-9)

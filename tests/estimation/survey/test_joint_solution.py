@@ -137,7 +137,7 @@ class Oracle:
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
 def test_estimates_and_sigmas_equal_those_of_scipy(options: dict[str, Any]) -> None:
     survey = make_scene(11, **options).survey
-    refined, _ = refine(survey, SolveOptions())
+    refined, _ = refine(survey, SolveOptions(noise="stated"))
     adjustment = refined.adjustment
     assert refined.alternatives == ()
     assert adjustment.minimum.converged

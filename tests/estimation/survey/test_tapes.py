@@ -20,7 +20,7 @@ Make = Callable[..., Scene]
 
 
 def adjusted(scene: Scene) -> Adjustment:
-    return refine(scene.survey, SolveOptions())[0].adjustment
+    return refine(scene.survey, SolveOptions(noise="stated"))[0].adjustment
 
 
 def test_a_tape_that_is_too_long_has_a_positive_scale_and_reads_short(scene_factory: Make) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -78,10 +78,14 @@ def lines_of(survey: Survey, adjust: Bools | None = None) -> KnownLines:
     )
 
 
-def solve(survey: Survey, outliers: OutlierRule = "report") -> Refined:
+def solve(
+    survey: Survey,
+    outliers: OutlierRule = "report",
+    noise: Literal["estimate", "stated"] = "estimate",
+) -> Refined:
     if not survey.line_name:
         survey = replace(survey, line_name=lines_of(survey).name)
-    return refine(survey, SolveOptions(outliers=outliers))[0]
+    return refine(survey, SolveOptions(outliers=outliers, noise=noise))[0]
 
 
 def named(lines: KnownLines, i: int) -> str:
@@ -178,6 +182,28 @@ def test_residuals_and_redundancies_stand_with_their_own_picks(
     assert np.isnan(found.w[-1])
 
 
+def test_residuals_are_those_of_the_result_whatever_was_learnt_and_weighs_little(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    scene = scene_factory(6, frames=6, lines=8)
+    survey = replace(scene.survey, pick_sigma_px=scene.survey.pick_sigma_px / 3)
+    survey = changed(changed(survey, "pixel_px", (17, 0), 25.0), "length_m", 2, 0.5)
+    refined = solve(survey)
+    adjustment = refined.adjustment
+    assert refined.noise is not None
+    assert refined.noise.picks[0].factor > 2  # learnt
+    assert refined.full_weight is not None  # some weigh little
+    given = examined(refined)
+    picks, _ = judge_picks(given, *table(survey))
+    lines, _, _, _ = judge_lines(given, lines_of(survey), np.arange(8))
+    there = adjustment.pixels(survey.pick_frame, survey.pick_label)
+    np.testing.assert_allclose(picks.residual_px, there - survey.pixel_px, atol=1e-6)
+    said = {message.code: message.text for message in judge_suspects(given)}
+    u, v = picks.residual_px[17]
+    assert f"residual {u:+.1f}, {v:+.1f} px" in said["pick-suspect"]
+    assert f"adjusted {lines.adjusted_m[2]:.3f} m" in said["line-suspect"]
+
+
 def test_a_withheld_length_is_judged_by_its_error_over_the_joint_sigma(
     scene_factory: Callable[..., Scene],
 ) -> None:
@@ -259,7 +285,7 @@ def test_a_group_whose_sigmas_are_far_too_small_is_named(
 ) -> None:
     survey = scene_factory(6, frames=6).survey
     survey = replace(survey, pick_sigma_px=survey.pick_sigma_px / 4)
-    groups, messages = judge_groups(solve(survey).adjustment, ALPHA)
+    groups, messages = judge_groups(solve(survey, noise="stated").adjustment, ALPHA)
     factor = {g.name: g.variance_factor for g in groups}
     assert 10 < factor["pixels"] < 24
     assert any("picks" in m.text for m in messages)
@@ -362,7 +388,8 @@ def test_the_record_of_a_removal_tells_what_it_did(scene_factory: Callable[..., 
     assert abs(record.w) == pytest.approx(abs(after.removals[0].suspicion.w))
     assert record.variance_factor_before > record.variance_factor_after
     steps = [before, *(r.before for r in after.removals[1:]), after]
-    values = [propagate(r.adjustment, WHOLE, NO_TIMES).value for r in steps[:2] if r is not None]
+    # before: at its full weight, not with the little that it has where it is only reported
+    values = [propagate(r.tested, WHOLE, NO_TIMES).value for r in steps[:2] if r is not None]
     np.testing.assert_allclose(record.change, values[1] - values[0], atol=1e-9)
 
 
@@ -475,8 +502,10 @@ def test_a_suspect_without_which_all_fits_is_the_only_one_named(
     (message,) = judge_suspects(examined(refined))
     assert "'L2'" in message.text
     assert "Without it, everything else fits." in message.text
-    assert judge_groups(refined.adjustment, ALPHA)[1] != ()
-    assert judge_groups(refined.adjustment, ALPHA, explained=True)[1] == ()
+    assert judge_groups(refined.tested, ALPHA)[1] != ()
+    assert judge_groups(refined.tested, ALPHA, explained=True)[1] == ()
+    # with the little weight that its misfit deserves, nothing is left of it
+    assert judge_groups(refined.adjustment, ALPHA)[1] == ()
 
 
 def test_tests_of_an_adjustment_not_at_rest_accuse_nobody(

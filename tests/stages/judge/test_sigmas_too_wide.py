@@ -12,7 +12,7 @@ from uavgram.stages.refine import refine
 
 def messages_of(noise: float) -> tuple[Message, ...]:
     scene = make_scene(5, frames=4, labels=14, noise=noise)
-    refined, _ = refine(scene.survey, SolveOptions())
+    refined, _ = refine(scene.survey, SolveOptions(noise="stated"))
     return judge_groups(refined.adjustment, 0.001)[1]
 
 

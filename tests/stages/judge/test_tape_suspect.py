@@ -16,7 +16,7 @@ from uavgram.stages.refine import refine
 def test_a_tape_that_is_one_per_cent_long_is_named(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(6, frames=6, labels=14, lines=10, control=8, spread=9.0)
     scene = read_on_tapes(scene, {"red": 0.01}, sigma=0.001)
-    refined, _ = refine(scene.survey, SolveOptions())
+    refined, _ = refine(scene.survey, SolveOptions(noise="stated"))
     examined = run_tests(refined, propagate(refined.adjustment, (), NO_TIMES), 0.001)
     said = [message.text for message in judge_suspects(examined)]
 

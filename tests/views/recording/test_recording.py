@@ -19,6 +19,7 @@ import rerun.blueprint as rrb
 import synthetic_survey as survey
 from recording_contents import Contents
 from rerun.chunk import RrdReader
+from scipy.stats import norm
 
 from uavgram.errors import OutputError
 from uavgram.imaging.photos.preview import Preview, decode_preview
@@ -239,20 +240,29 @@ def test_curves_have_values_only_where_there_are_any(result: Result, contents: C
     assert height["Measurements:variances"][7] == [pytest.approx(0.15**2)]
 
 
-def test_plots_show_what_picks_and_tests_allow_in_every_frame(contents: Contents) -> None:
+def test_plots_show_what_picks_and_tests_allow_in_every_frame(
+    result: Result, contents: Contents
+) -> None:
     sigma = contents.by_frame["/plots/residual/sigma_of_picks"]["Scalars:scalars"]
     limit = contents.by_frame["/plots/worst_w/limit"]["Scalars:scalars"]
 
     assert [sigma[i] for i in range(20)] == [[1.0]] * 20
-    # two-sided quantile of one in a thousand, from a table of the normal distribution
-    assert [limit[i][0] for i in range(20)] == pytest.approx([3.2905] * 20, abs=1e-4)
+    # two-sided quantile of one in a thousand for ten tests, which two for each pick have to share
+    own = norm.isf(10 * 0.001 / (2 * np.isfinite(result.picks.w).sum()) / 2)
+    assert [limit[i][0] for i in range(20)] == pytest.approx([own] * 20, abs=1e-4)
 
 
 def test_the_limit_is_that_of_the_run_s_own_significance(result: Result) -> None:
     options = (("solve.significance", 0.01),)
-    stricter = replace(result, provenance=replace(result.provenance, options=options))
+    wider = replace(result, provenance=replace(result.provenance, options=options))
+    under_test = np.where(np.arange(len(result.picks.w)) < 5, 1.0, np.nan)
+    few = replace(result.picks, w=under_test)
 
-    assert suspicion_limit(stricter) == pytest.approx(2.5758, abs=1e-4)
+    # quantiles from a table of the normal distribution: ten tests have the significance whole
+    assert suspicion_limit(replace(wider, picks=few)) == pytest.approx(2.5758, abs=1e-4)
+    assert suspicion_limit(replace(result, picks=few)) == pytest.approx(3.2905, abs=1e-4)
+    many = 2 * int(np.isfinite(result.picks.w).sum())
+    assert suspicion_limit(wider) == pytest.approx(norm.isf(10 * 0.01 / many / 2), abs=1e-4)
 
 
 def test_heights_are_above_the_ground_below_the_camera(tmp_path: Path) -> None:

@@ -266,7 +266,7 @@ def test_the_method_names_what_its_formulas_take() -> None:
     html = render_report(survey.build())
 
     assert "2.4477 = √(−2 ln 0.05)" in html
-    assert "(|w| beyond 3.29)" in html
+    assert "(|w| beyond 3.29; more than ten tests of one kind share that of ten" in html
     assert "∇ = 4.13 σ" in html
     for name in ("Baarda", "GUM", "Zhang", "S-transformation", "JCGM 101", "√(2 μ g s)"):
         assert name in html

@@ -41,9 +41,8 @@ def shifts(adjustment: Adjustment, measured: MeasuredValues) -> Shifts:
     """What relief and a wrong tape would do to each measured value."""
     none = np.array([row.gradient is None for row in measured.rows], dtype=bool)
     label = adjustment.survey.label
-    own = np.array(
-        [[name in row.request.points for row in measured.rows] for name in label], dtype=bool
-    ).reshape(len(label), len(none))
+    own = np.array([[name in row.request.points for row in measured.rows] for name in label])
+    own = own.reshape(len(label), len(none)).astype(bool)  # nothing may be measured
     relief = RELIEF_M * np.where(own, np.abs(by_heights(adjustment, measured)), 0.0).sum(axis=0)
     tape = np.full(len(none), np.nan)
     if (line := adjustment.problem.line_index).size:

@@ -85,12 +85,7 @@ class Observed:
 def observed(adjustment: Adjustment) -> dict[str, Observed]:
     """All groups of an adjusted survey by name, but for those that nobody observed."""
     blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
-    survey, problem = adjustment.survey, adjustment.problem
-    given = {
-        "pixels": survey.pick_sigma_px[:, None],
-        "lengths": survey.length_sigma_m[problem.line_index, None],
-        "control": survey.control_sigma_m,
-    }
+    problem, given = adjustment.problem, sigmas_of_readings(adjustment)
     groups = {}
     for kind, block in blocks.items():
         if kind in UNTESTED:
@@ -104,6 +99,16 @@ def observed(adjustment: Adjustment) -> dict[str, Observed]:
             sigma = given[kind] if kind in given else 1.0 / block.jacobian[:, :, 0]
             groups[kind] = _independent(kind, block, covariance, sigma)
     return _with_families(groups)
+
+
+def sigmas_of_readings(adjustment: Adjustment) -> dict[str, Floats]:
+    """(n, 1 or 3) standard deviations of picks [px], lengths and control points [m]."""
+    survey = adjustment.survey
+    return {
+        "pixels": survey.pick_sigma_px[:, None],
+        "lengths": survey.length_sigma_m[adjustment.problem.line_index, None],
+        "control": survey.control_sigma_m,
+    }
 
 
 def _with_families(groups: dict[str, Observed]) -> dict[str, Observed]:

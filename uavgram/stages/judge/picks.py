@@ -34,7 +34,7 @@ def judge_picks(
     row = rows_of(survey_index, refined.pick_index, len(refined.pick_removed))
     used = np.flatnonzero(row >= 0)
     at = row[used]
-    residual[used] = group.block.residual[at] * sigma_px[used, None]
+    residual[used] = examined.residuals("pixels")[at]
     w[used] = group.w[at, np.abs(group.w[at]).argmax(axis=1)]
     redundancy[used] = group.redundancy[at].mean(axis=1)
     status: list[PickStatus] = ["unused"] * count

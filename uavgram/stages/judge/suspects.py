@@ -102,9 +102,8 @@ def _message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
 
 def _pick(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
     """What does not fit and where to look, as a sentence; and in a few words."""
-    survey, row = examined.adjustment.survey, suspicion.accused.row
-    block = examined.groups["pixels"].block
-    u, v = block.residual[row] * survey.pick_sigma_px[row]
+    row = suspicion.accused.row
+    u, v = examined.residuals("pixels")[row]
     frame, label = examined.names.pick(row)
     how = f"(w = {suspicion.w:.1f}, residual {u:+.1f}, {v:+.1f} px)"
     what = f"{label!r} in {frame!r}"
@@ -117,8 +116,8 @@ def _pick(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
 def _length(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
     survey, row = examined.adjustment.survey, suspicion.accused.row
     line = examined.adjustment.problem.line_index[row]
-    taped, sigma = survey.length_m[line], survey.length_sigma_m[line]
-    adjusted = taped + examined.groups["lengths"].block.residual[row, 0] * sigma
+    taped = survey.length_m[line]
+    adjusted = taped + examined.residuals("lengths")[row, 0]
     what = examined.names.length(row)
     how = f"taped {taped:.3f} m, adjusted {adjusted:.3f} m (w = {suspicion.w:.1f})"
     alone = " Without it, everything else fits." if examined.refined.accused_alone else ""
@@ -131,7 +130,7 @@ def _length(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
 
 def _control(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
     survey, row = examined.adjustment.survey, suspicion.accused.row
-    residual = examined.groups["control"].block.residual[row] * survey.control_sigma_m[row]
+    residual = examined.residuals("control")[row]
     label = survey.label[survey.control_label[row]]
     how = f"(w = {suspicion.w:.1f}, found minus known {', '.join(f'{r:+.3f}' for r in residual)} m)"
     return (
@@ -152,7 +151,7 @@ def _pose(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
 
 
 def _tape(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
-    adjustment, row = examined.adjustment, suspicion.accused.row
+    adjustment, row = examined.refined.tested, suspicion.accused.row
     # Without its prior the scale would be the estimate over the prior's redundancy.
     free = adjustment.state.tape[row] / examined.groups["tape"].redundancy[row, 0]
     what = examined.names.tape(row)

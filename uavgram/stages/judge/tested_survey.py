@@ -11,7 +11,11 @@ from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.reliability.data_snooping import MOST_SUSPECTS, suspicions
 from uavgram.estimation.reliability.external import Weakest, Worst, external_reliability
 from uavgram.estimation.reliability.redundancy import critical_value
-from uavgram.estimation.reliability.test_statistics import Observed, observed
+from uavgram.estimation.reliability.test_statistics import (
+    Observed,
+    observed,
+    sigmas_of_readings,
+)
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.names import Names
 from uavgram.estimation.survey.suspicion import Member, Suspicion
@@ -70,6 +74,14 @@ class TestedSurvey:
         suspect = np.zeros(len(group.w), dtype=bool)
         suspect[np.array(rows, dtype=np.int64)] = True
         return suspect
+
+    def residuals(self, kind: str) -> Floats:
+        """(n, r) adjusted minus read, of picks [px], lengths or control points [m].
+
+        Those of the result: what stands out, tests take at its full weight.
+        """
+        residual = self.adjustment.minimum.blocks[kind].residual
+        return np.asarray(residual * sigmas_of_readings(self.adjustment)[kind])
 
     def significant(self, w: float) -> bool:
         """Whether a test statistic means that something does not fit."""

@@ -72,10 +72,14 @@ def frame_curves(result: Result, picks: FramePicks) -> Curves:
 
 
 def suspicion_limit(result: Result) -> float:
-    """Critical |w| of the run's own significance (3.29 for one in a thousand)."""
+    """Critical |w| of the run's own significance, which all picks under test share.
+
+    For one in a thousand: 3.29 up to five picks of two coordinates, 4.1 for a hundred.
+    """
     significance = dict(result.provenance.options).get("solve.significance", RARE)
     stated = significance if isinstance(significance, float) else RARE
-    return critical_value(level_of_each(stated, 2 * len(result.picks.label)))
+    under_test = int(np.isfinite(result.picks.w).sum())
+    return critical_value(level_of_each(stated, 2 * under_test))
 
 
 def _rms(residual: Floats) -> float:
