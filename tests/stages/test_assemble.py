@@ -163,7 +163,7 @@ def test_no_usable_frame_is_an_error(calibration: Calibration, flight: Telemetry
 
 def test_slope_sigma_is_turned_to_radians(calibration: Calibration, flight: Telemetry) -> None:
     ground = put_together(calibration, flight).survey.ground
-    assert ground.slope_sigma_rad == pytest.approx(np.deg2rad(0.5))
+    assert ground.slope_sigma_rad == pytest.approx(np.deg2rad(3.0))
     assert ground.height_sigma_m == 0.3
 
 
@@ -184,7 +184,7 @@ def test_an_area_stated_at_one_pick_holds_for_the_label_and_has_a_plane_of_its_o
     assert (road.name, road.height_m, road.height_sigma_m) == ("default", 0.0, 0.2)
     assert (verge.name, verge.height_m, verge.height_sigma_m) == ("verge", 0.4, 0.2)
     assert verge.slope_sigma_rad == pytest.approx(np.deg2rad(2.0))
-    assert road.slope_sigma_rad == pytest.approx(np.deg2rad(0.5))
+    assert road.slope_sigma_rad == pytest.approx(np.deg2rad(3.0))
     assert verge.roughness_sigma_m == 0.01
 
 

@@ -20,6 +20,8 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
 REPORT, REMOVE = SolveOptions(), SolveOptions(outliers="remove")
+AS_STATED = SolveOptions(noise="stated")
+"""For exact data, several blunders, a wrong lens: noise learnt from them has its own message."""
 NO_LOG = {"telemetry": False, "gauge": "plane"}
 # Six unconnected lines of twelve points.
 PAIRS = tuple((k, k + 6) for k in range(6))
@@ -96,13 +98,13 @@ def test_remove_takes_out_a_wrong_pick_and_says_so(scene_factory: Callable[..., 
 def test_report_keeps_everything(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(2, frames=6)
     survey = changed(changed(scene.survey, "pixel_px", (17, 0), 15.0), "length_m", 4, 0.5)
-    refined, messages = refine(survey, REPORT)
-
-    assert messages == ()
-    assert refined.removals == ()
-    assert not refined.pick_removed.any()
-    assert not refined.line_removed.any()
-    assert len(refined.pick_index) == len(survey.pick_frame)
+    assert refine(survey, AS_STATED)[1] == ()
+    for options in (REPORT, AS_STATED):
+        refined, _ = refine(survey, options)
+        assert refined.removals == ()
+        assert not refined.pick_removed.any()
+        assert not refined.line_removed.any()
+        assert len(refined.pick_index) == len(survey.pick_frame)
 
 
 def test_two_blunders_are_removed_one_at_a_time_the_larger_first(
@@ -155,7 +157,7 @@ def test_lengths_alone_give_the_truth_of_exact_data(
     scene_factory: Callable[..., Scene], frames: int, lines: int
 ) -> None:
     scene = scene_factory(4, frames=frames, ends=PAIRS[:lines], noise=0.0, **NO_LOG)
-    refined, messages = refine(scene.survey, REPORT)
+    refined, messages = refine(scene.survey, AS_STATED)
 
     assert codes(messages) == []
     assert refined.alternatives == ()
@@ -210,7 +212,7 @@ def test_frames_are_joined_over_shared_points_without_log(
 ) -> None:
     # Only the first frame sees all lines; the others hang on it by their points.
     scene = scene_factory(6, frames=5, labels=14, ends=PAIRS[:5], noise=0.0, along=25.0, **NO_LOG)
-    refined, messages = refine(scene.survey, REPORT)
+    refined, messages = refine(scene.survey, AS_STATED)
     survey = refined.adjustment.survey
 
     assert codes(messages) == []
@@ -261,7 +263,7 @@ def test_a_pick_that_the_lens_cannot_invert_is_left_out(
     parameters[4:9] = [-0.3, 0, 0, 0, 0]  # folds at r = 1 / sqrt(0.9)
     survey = replace(survey, calibration=replace(survey.calibration, parameters=parameters))
     survey = changed(survey, "pixel_px", 3, [9000.0, 9000.0])
-    refined, messages = refine(survey, REPORT)
+    refined, messages = refine(survey, AS_STATED)
 
     assert 3 not in refined.pick_index
     assert refined.pick_reason[3].cause is LeftOutCause.BEYOND_LENS
@@ -326,7 +328,7 @@ def test_labels_with_known_height_stand_above_the_plane(
 ) -> None:
     heights = {3: 1.2, 7: -0.3, 8: 2.0}
     scene = scene_factory(2, frames=5, heights=heights, ends=PAIRS, noise=0.0, **options)
-    refined, messages = refine(scene.survey, REPORT)
+    refined, messages = refine(scene.survey, AS_STATED)
     assert codes(messages) == []
     np.testing.assert_allclose(distances(refined.adjustment), true_distances(scene), atol=1e-4)
 

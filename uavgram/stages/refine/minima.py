@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_poses.network import FirstValues
+from uavgram.estimation.first_poses.network import FirstValues, align_in_plane
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
@@ -275,11 +275,15 @@ def _is_rival(minimum: Minimum[State], minima: list[Adjustment]) -> bool:
 def _apart(adjustment: Adjustment, other: State) -> bool:
     """Whether another minimum has points or cameras elsewhere.
 
-    Points by more than a thousandth of the scene, cameras by more than a sigma.
+    Points by more than a thousandth of the scene, cameras by more than a sigma. Where a log alone
+    says where the scene lies, one minimum may be reached some hundredths of a sigma from where it
+    was reached before: what all points have in common is left to the cameras.
     """
-    here = adjustment.state.point[:, :2]
-    span = np.ptp(here, axis=0).max()
-    if np.abs(here - other.point[:, :2]).max() > 1e-3 * span:
+    here, there = adjustment.state.point[:, :2], other.point[:, :2]
+    if adjustment.survey.telemetry is not None and len(here) > 1:
+        turn, shift = align_in_plane(there, here)
+        there = there @ turn[:2, :2].T + shift[:2]
+    if np.abs(here - there).max() > 1e-3 * np.ptp(here, axis=0).max():
         return True
     variance = np.einsum("fii->fi", adjustment.frame_covariance())[:, :3]
     return bool(((adjustment.state.center - other.center) ** 2 > variance).any())
