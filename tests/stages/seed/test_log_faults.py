@@ -72,6 +72,8 @@ def flown(draw: int = 0, *, wobble_m_s: float = 3.0) -> tuple[Track, FlightEvide
         velocity_world_m_s=velocity + rng.normal(0, 0.05, velocity.shape),
         receiver_time_s=receiver,
         receiver_world_m=place(receiver - 0.2) + rng.normal(0, 0.4, (len(receiver), 3)),
+        turn_time_s=np.zeros(0),
+        turn_body_rad_s=np.zeros((0, 3)),
         resets=(),
     )
     return track, evidence

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import percentile_filter
 
 from uavgram.model.arrays import Floats, Ints
@@ -34,9 +35,8 @@ def still_runs(time: Floats, value: Floats) -> Sequence[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in runs[long]]
 
 
-def stated_way(evidence: FlightEvidence, time: Floats) -> Floats:
-    """(M, 3) way between instants (M + 1,) by the stated velocity; NaN where it is silent."""
-    known, velocity = evidence.velocity_time_s, evidence.velocity_world_m_s
+def stated_way(known: Floats, velocity: Floats, time: Floats) -> Floats:
+    """(M, 3) way between instants (M + 1,) by velocities (V, 3) at times (V,); NaN outside."""
     if len(known) < 2:
         return np.full((len(time) - 1, 3), np.nan)
     step = np.diff(known)[:, None]
@@ -53,9 +53,8 @@ def stated_way(evidence: FlightEvidence, time: Floats) -> Floats:
     return np.diff(at, axis=0)
 
 
-def velocity_spacing(evidence: FlightEvidence, time: Floats) -> Floats:
-    """(M,) how far apart the velocity's samples are between instants (M + 1,); inf without any."""
-    known = evidence.velocity_time_s
+def spacing(known: Floats, time: Floats) -> Floats:
+    """(M,) how far apart the samples (V,) are between instants (M + 1,); inf without any."""
     if len(known) < 2:
         return np.full(len(time) - 1, np.inf)
     row = np.clip(np.searchsorted(known, time[:-1], side="right") - 1, 0, len(known) - 2)
@@ -70,6 +69,35 @@ def unlike_neighbours(time: Floats, change: Floats) -> Floats:
     left = np.stack([change - r * step_s for r in (before, after, (before + after) / 2)])
     kindest = np.linalg.norm(left, axis=2).argmin(axis=0)
     return np.asarray(left[kindest, np.arange(len(change))])
+
+
+def stated_turn(evidence: FlightEvidence, time: Floats, rotation: Floats) -> tuple[Floats, Floats]:
+    """Turns between instants by the stated rates, NaN where these are silent; how far to trust it.
+
+    Parameters
+    ----------
+    evidence
+        Whose rates are those of the gyroscopes.
+    time
+        (M + 1,).
+    rotation
+        (M + 1, 3, 3) world from body.
+
+    Returns
+    -------
+    (M, 3) about the world's axes, and (M,) the angle by which the rates differ from the sample
+    before the interval to the one behind it: between samples a turn may be faster than both.
+    """
+    known, rate = evidence.turn_time_s, evidence.turn_body_rad_s
+    step_s = np.diff(time)
+    body = stated_way(known, rate, time)
+    body[spacing(known, time) > 2.0 * step_s] = np.nan
+    if not len(known):
+        return body, np.zeros(len(step_s))
+    at = np.stack([np.interp(time, known, column) for column in rate.T], axis=1)
+    four = sliding_window_view(np.pad(at, ((1, 1), (0, 0)), "edge"), 4, axis=0)
+    world = np.einsum("mij,mj->mi", rotation[:-1], body)
+    return world, np.asarray(np.linalg.norm(np.ptp(four, axis=2), axis=1) * step_s)
 
 
 def usual_size(size: Floats) -> Floats:
