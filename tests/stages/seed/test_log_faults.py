@@ -166,6 +166,37 @@ def test_a_place_that_stands_still_is_found_and_its_end_is_no_jump(*, blind: boo
     np.testing.assert_allclose(fault.change, way, atol=3.0 if blind else 0.2)
 
 
+def test_a_place_that_hardly_moves_while_the_vehicle_flies_is_found() -> None:
+    """An estimator that coasts on nothing: centimetres to and fro, 3 s long."""
+    track, evidence = flown()
+    row = np.arange(len(TIME))
+    held = np.where((TIME > 29.0) & (TIME < 32.0), row[TIME > 29.0][0], row)
+    noise = np.random.default_rng(0).normal(0, 0.01, (len(TIME), 3))
+    frozen = replace(track, position_world_m=track.position_world_m[held] + noise)
+    (fault,) = find_faults(frozen, evidence, EXPOSURES)
+    assert fault.kind == "position-frozen"
+    assert fault.end_s - fault.start_s == pytest.approx(2.9, abs=0.15)
+
+
+def test_an_attitude_that_hardly_turns_while_the_gyroscopes_do_is_found() -> None:
+    track, evidence = flown()
+    tilt = 10 * np.sin(TIME)
+    rate = np.radians(10 * np.cos(TIME))
+    evidence = replace(
+        evidence, turn_time_s=TIME, turn_body_rad_s=np.stack([rate, 0 * rate, 0 * rate], axis=1)
+    )
+    held = np.where((TIME > 30.6) & (TIME < 32.2), 10 * np.sin(30.6), tilt)
+    noisy = held + np.random.default_rng(0).normal(0, 0.005, len(TIME))
+    stuck, clean = (
+        replace(
+            track, world_from_body_xyzw=Rotation.from_euler("x", a[:, None], degrees=True).as_quat()
+        )
+        for a in (noisy, tilt)
+    )
+    assert find_faults(clean, evidence, EXPOSURES) == ()
+    assert [f.kind for f in find_faults(stuck, evidence, EXPOSURES)] == ["attitude-frozen"]
+
+
 def test_a_repeated_attitude_is_found_once() -> None:
     track, evidence = flown()
     row = np.arange(len(TIME))
@@ -186,6 +217,39 @@ def test_a_photo_in_a_gap_of_positions_is_found() -> None:
     (fault,) = find_faults(cut, evidence, EXPOSURES)
     assert fault.kind == "position-gap"
     assert find_faults(cut, evidence, np.array([10.0, 28.0, 33.0, 50.0])) == ()
+
+
+@pytest.mark.parametrize(("pause_s", "told"), [(0.0, 0), (0.5, 0), (2.5, 1)])
+def test_a_photo_in_a_gap_of_the_gimbal_is_found(pause_s: float, told: int) -> None:
+    track, evidence = flown()
+    keep = (TIME < 29.0) | (29.0 + pause_s <= TIME)
+    cut = replace(
+        track,
+        gimbal_time_s=TIME[keep],
+        world_from_gimbal_xyzw=track.world_from_body_xyzw[keep],
+    )
+    faults = find_faults(cut, evidence, EXPOSURES)
+    assert [fault.kind for fault in faults] == ["gimbal-gap"] * told
+    for message in fault_messages(faults, evidence, FRAMES):
+        assert message.text.startswith("The log states no gimbal direction for 2.6 s")
+        assert message.frames == ("4.jpg",)
+
+
+def test_a_silence_of_vehicle_and_gimbal_is_told_once() -> None:
+    track, evidence = flown()
+    keep = (TIME < 29.0) | (TIME > 32.0)
+    time, xyzw = TIME[keep], track.world_from_body_xyzw[keep]
+    cut = replace(
+        track,
+        attitude_time_s=time,
+        world_from_body_xyzw=xyzw,
+        gimbal_time_s=time,
+        world_from_gimbal_xyzw=xyzw,
+    )
+    (fault,) = find_faults(cut, evidence, EXPOSURES)
+    assert fault.kind == "attitude-gap"
+    (message,) = fault_messages([fault], evidence, FRAMES)
+    assert message.frames == ("4.jpg",)
 
 
 def test_a_slow_divergence_from_the_receiver_is_found() -> None:

@@ -15,6 +15,7 @@ FaultKind = Literal[
     "attitude-frozen",
     "position-gap",
     "attitude-gap",
+    "gimbal-gap",
     "receiver-apart",
 ]
 

@@ -62,6 +62,7 @@ def _what(fault: LogFault) -> str:
         "attitude-frozen": f"The log repeats one and the same attitude for {lasts}",
         "position-gap": f"The log states no position for {lasts} while photos were taken",
         "attitude-gap": f"The log states no attitude for {lasts} while photos were taken",
+        "gimbal-gap": f"The log states no gimbal direction for {lasts} while photos were taken",
         "receiver-apart": (
             f"The log's position lies up to {along:.1f} m off what the GPS receiver itself states"
         ),

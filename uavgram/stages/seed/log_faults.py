@@ -22,7 +22,9 @@ from uavgram.model.flight.second_opinions import FaultKind, FlightEvidence, LogF
 from uavgram.stages.seed.track_steps import (
     FEWEST_ROWS,
     FROZEN_STEPS,
+    interpolated,
     spacing,
+    stands_still,
     stated_turn,
     stated_way,
     still_runs,
@@ -38,7 +40,7 @@ _ACCELERATION_M_S2 = 6.0
 _TURN_RAD_S2 = np.radians(500.0)
 _GAP_S, _UNUSUAL_GAP = 1.0, 3.0  # as the longest steady turn
 _GUST_M_S2 = 2.0  # of the way between two samples, on which nothing is known
-_TURNING_RAD_S = np.radians(5.0)
+_TURNING_RAD_S, _SLOW_M_S = np.radians(5.0), 1.0
 _UNEVEN = 2.0  # times the angle by which the stated rates change about an interval
 _CALM = 3.0  # times the largest turn beside it, which a jump of attitude exceeds
 _RESET_S = 1.0
@@ -98,7 +100,9 @@ def _places(
     known = evidence.velocity_time_s, evidence.velocity_world_m_s
     frozen = []
     keep = np.ones(len(time), dtype=np.bool_)
-    for start, end in still_runs(time, place):
+    step_s = np.diff(time)
+    still = stands_still(np.diff(place, axis=0), stated_way(*known, time), _SLOW_M_S * step_s)
+    for start, end in still_runs(time, still):
         flown = stated_way(*known, time[[start, end]])[0]
         if np.isnan(flown).any():  # as fast as before
             before = max(start - FROZEN_STEPS, 0)
@@ -140,7 +144,10 @@ def _attitudes(
     turn = log_so3(rotation[1:] @ np.swapaxes(rotation[:-1], 1, 2))
     frozen = []
     keep = np.ones(len(time), dtype=np.bool_)
-    for start, end in still_runs(time, xyzw):
+    turn[(np.diff(xyzw, axis=0) == 0).all(axis=1)] = 0.0  # not what rounding leaves
+    stated = stated_turn(evidence, time, rotation)
+    still = stands_still(turn, stated[0], _TURNING_RAD_S * np.diff(time))
+    for start, end in still_runs(time, still):
         keep[start + 1 : end + 1] = False
         if time[end] >= first and time[start] <= last:
             caught_up = np.abs(turn[min(end, len(turn) - 1)])
@@ -148,25 +155,25 @@ def _attitudes(
             frozen.append(_fault("attitude-frozen", time[start], time[end], may_turn))
     # The turn that ends a standstill is no jump of its own.
     moving = keep[1:] & keep[:-1]
-    return frozen, _turn_steps(evidence, time, rotation, np.where(moving[:, None], turn, np.nan))
+    return frozen, _turn_steps(time, stated, np.where(moving[:, None], turn, np.nan))
 
 
-def _turn_steps(evidence: FlightEvidence, time: Floats, rotation: Floats, turn: Floats) -> _Steps:
+def _turn_steps(time: Floats, stated: tuple[Floats, Floats], turn: Floats) -> _Steps:
     """Turns (M, 3) less what explains them best: the stated rates, or the turns beside them.
 
     Parameters
     ----------
-    evidence
-        With rates of turn, where the log has them.
-    time, rotation
-        (M + 1,), (M + 1, 3, 3) world from body.
+    time
+        (M + 1,).
+    stated
+        As `stated_turn` has it.
     turn
-        Between them, about the world's axes; NaN is none.
+        About the world's axes; NaN is none.
     """
-    stated, uneven = stated_turn(evidence, time, rotation)
-    known = np.isfinite(stated).all(axis=1)
+    by_gyroscopes, uneven = stated
+    known = np.isfinite(by_gyroscopes).all(axis=1)
     change = unlike_neighbours(time, np.nan_to_num(turn))
-    by_rates = np.nan_to_num(turn - stated)
+    by_rates = np.nan_to_num(turn - by_gyroscopes)
     better = known & (np.linalg.norm(by_rates, axis=1) < np.linalg.norm(change, axis=1))
     change = np.where(better[:, None], by_rates, change)
     change[np.isnan(turn).any(axis=1)] = 0.0
@@ -193,17 +200,20 @@ def _jumps(steps: _Steps, kind: FaultKind, first: float, last: float) -> Iterato
 
 
 def _gaps(track: Track, exposure_s: Floats) -> Iterator[LogFault]:
-    """Exposures between two samples that lie far apart."""
-    for kind, time in (
+    """Exposures between two samples that lie far apart; of a camera's direction told once."""
+    kinds: tuple[tuple[FaultKind, Floats], ...] = (
         ("position-gap", track.position_time_s),
         ("attitude-gap", track.attitude_time_s),
-    ):
+        ("gimbal-gap", track.gimbal_time_s),
+    )
+    for kind, time in kinds:
         if len(time) < 3:
             continue
         step = np.diff(time)
         longest = max(_GAP_S, _UNUSUAL_GAP * float(np.median(step)))
         after = np.clip(np.searchsorted(time, exposure_s), 1, len(time) - 1) - 1
-        for row in np.unique(after[step[after] > longest]).tolist():
+        far = step[after] > longest
+        for row in np.unique(after[far]).tolist():
             width = float(step[row])
             if kind == "position-gap":
                 # midway between two places with known speeds (Hermite: a quarter of a parabola)
@@ -211,7 +221,9 @@ def _gaps(track: Track, exposure_s: Floats) -> Iterator[LogFault]:
                 yield _fault("position-gap", time[row], time[row + 1], unknown)
             else:
                 turned = np.full(3, min(_TURNING_RAD_S * width, np.pi / 2))
-                yield _fault("attitude-gap", time[row], time[row + 1], turned)
+                yield _fault(kind, time[row], time[row + 1], turned)
+        if kind == "attitude-gap":
+            exposure_s = exposure_s[~far]
 
 
 def _receiver_apart(
@@ -225,7 +237,7 @@ def _receiver_apart(
     time, other = time[known], evidence.receiver_world_m[inside][known]
     if len(time) < 2 * FEWEST_ROWS:
         return
-    here = _interpolated(time, track.position_time_s, track.position_world_m)
+    here = interpolated(time, track.position_time_s, track.position_world_m)
     apart = (here - other)[:, :2]
     way = np.gradient(here[:, :2], time, axis=0)
     apart = apart - np.median(apart, axis=0)
@@ -282,9 +294,4 @@ def _no_steps() -> _Steps:
 
 def _sigma(track: Track, time: Floats | float) -> Floats:
     """Stated sigmas of a place, horizontal and vertical, (..., 2)."""
-    columns = [np.interp(time, track.sigma_time_s, c) for c in track.sigma_position_m.T]
-    return np.stack(columns, axis=-1)
-
-
-def _interpolated(at: Floats, time: Floats, value: Floats) -> Floats:
-    return np.stack([np.interp(at, time, column) for column in value.T], axis=1)
+    return interpolated(time, track.sigma_time_s, track.sigma_position_m)

@@ -8,23 +8,40 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import percentile_filter
 
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.second_opinions import FlightEvidence
 
 FEWEST_ROWS = 8
 FROZEN_STEPS = 4
 """Repetitions that are no standstill yet: some firmware logs faster than it estimates."""
 _FROZEN_S = 1.0
+_NEARLY = 0.1  # of a stated movement
 # Undamaged logs (ArduPilot, PX4, real and simulated): a change departs from what explains it by at
 # most 3.6 times the ninth decile of those about it.
 _UNUSUAL, _ABOUT = 5.0, 61
 
 
-def still_runs(time: Floats, value: Floats) -> Sequence[tuple[int, int]]:
-    """First and last row of every run of equal rows that is long; none where most rows are."""
+def stands_still(change: Floats, stated: Floats, least: Floats) -> Bools:
+    """(M,) where nothing changes, or hardly anything of a movement that the log states.
+
+    Parameters
+    ----------
+    change
+        (M, 3) from sample to sample.
+    stated
+        (M, 3) how much it should be; NaN where the log is silent.
+    least
+        (M,) of what is stated that counts as a movement.
+    """
+    moves = np.linalg.norm(np.nan_to_num(stated), axis=1)
+    nearly = np.linalg.norm(change, axis=1) < _NEARLY * moves
+    return np.asarray((change == 0).all(axis=1) | (nearly & (moves > least)))
+
+
+def still_runs(time: Floats, same: Bools) -> Sequence[tuple[int, int]]:
+    """First and last row of every long run of steps (M,) that stand still; none where most do."""
     if len(time) < FEWEST_ROWS:
         return []
-    same = (np.diff(value, axis=0) == 0).all(axis=1)
     if same.mean() > 0.5:
         return []
     edges = np.flatnonzero(np.diff(np.r_[False, same, False].astype(np.int8)))
@@ -94,8 +111,9 @@ def stated_turn(evidence: FlightEvidence, time: Floats, rotation: Floats) -> tup
     body[spacing(known, time) > 2.0 * step_s] = np.nan
     if not len(known):
         return body, np.zeros(len(step_s))
-    at = np.stack([np.interp(time, known, column) for column in rate.T], axis=1)
-    four = sliding_window_view(np.pad(at, ((1, 1), (0, 0)), "edge"), 4, axis=0)
+    four = sliding_window_view(
+        np.pad(interpolated(time, known, rate), ((1, 1), (0, 0)), "edge"), 4, axis=0
+    )
     world = np.einsum("mij,mj->mi", rotation[:-1], body)
     return world, np.asarray(np.linalg.norm(np.ptp(four, axis=2), axis=1) * step_s)
 
@@ -105,3 +123,8 @@ def usual_size(size: Floats) -> Floats:
     about = min(_ABOUT, len(size))
     columns = [percentile_filter(column, 90, size=about, mode="nearest") for column in size.T]
     return np.asarray(_UNUSUAL * np.stack(columns, axis=1))
+
+
+def interpolated(at: Floats | float, time: Floats, value: Floats) -> Floats:
+    """(..., K) values (N, K) of times (N,) at others."""
+    return np.stack([np.interp(at, time, column) for column in value.T], axis=-1)

@@ -20,8 +20,8 @@ from uavgram.io.logs.quality.samples import (
     Place,
     attitude_samples,
     position_samples,
-    unit_quaternions,
     turn_rate_samples,
+    unit_quaternions,
     velocity_samples,
 )
 from uavgram.io.logs.quality.sigmas import Stated, merged_sigmas, positions_known

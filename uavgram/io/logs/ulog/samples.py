@@ -14,8 +14,8 @@ from uavgram.io.logs.quality.samples import (
     attitude_samples,
     median_undulation_m,
     position_samples,
-    unit_quaternions,
     turn_rate_samples,
+    unit_quaternions,
     velocity_samples,
 )
 from uavgram.io.logs.quality.sigmas import merged_sigmas, positions_known
