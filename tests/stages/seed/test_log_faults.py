@@ -153,6 +153,38 @@ def test_a_jump_of_heading_is_found_with_its_size() -> None:
     assert "reset of the heading" in message.text
 
 
+def gyroscopes(track: Track, evidence: FlightEvidence) -> FlightEvidence:
+    """The evidence with the rates that a track's attitudes have."""
+    attitude = Rotation.from_quat(track.world_from_body_xyzw)
+    turn = (attitude[:-1].inv() * attitude[1:]).as_rotvec() * RATE_HZ
+    body = np.vstack([turn[:1], (turn[1:] + turn[:-1]) / 2, turn[-1:]])
+    return replace(evidence, turn_time_s=TIME, turn_body_rad_s=body)
+
+
+@pytest.mark.parametrize("degrees", [5.0, 10.0, 30.0])
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.6, 0.8, 0.0)])
+def test_jumps_that_gyroscopes_do_not_feel_are_found(
+    degrees: float, axis: tuple[float, ...]
+) -> None:
+    track, evidence = flown()
+    evidence = gyroscopes(track, evidence)
+    turn = Rotation.from_rotvec(np.outer(TIME > 31.02, np.radians(degrees) * np.array(axis)))
+    xyzw = (turn * Rotation.from_quat(track.world_from_body_xyzw)).as_quat()
+    (fault,) = find_faults(replace(track, world_from_body_xyzw=xyzw), evidence, EXPOSURES)
+    assert fault.kind == "attitude-jump"
+    np.testing.assert_allclose(np.degrees(fault.change), degrees * np.array(axis), atol=0.5)
+
+
+def test_a_hard_turn_that_the_gyroscopes_tell_is_no_jump() -> None:
+    """An aircraft that flips from one lean to the other between two samples."""
+    track, evidence = flown()
+    roll = np.where(TIME > 31.02, 31.0, 0.0) + 0.3 * TIME
+    banked = Rotation.from_euler("x", roll[:, None], degrees=True).as_quat()
+    track = replace(track, world_from_body_xyzw=banked)
+    assert [f.kind for f in find_faults(track, evidence, EXPOSURES)] == ["attitude-jump"]
+    assert find_faults(track, gyroscopes(track, evidence), EXPOSURES) == ()
+
+
 @pytest.mark.parametrize("blind", [False, True])
 def test_a_place_that_stands_still_is_found_and_its_end_is_no_jump(*, blind: bool) -> None:
     track, evidence = flown()
