@@ -339,6 +339,16 @@ def test_the_message_says_how_much_when_and_between_which_photos() -> None:
     assert message.code == "log-position-jump"
 
 
+def test_a_fault_around_all_photos_is_told() -> None:
+    away = LogFault(kind="receiver-apart", start_s=1.0, end_s=59.0, change=(9.0, 0.0, 0.0))
+    (message,) = fault_messages([away], flown()[1], FRAMES)
+    first = (
+        "The log's position lies up to 9.0 m off what the GPS receiver itself states around all "
+    )
+    assert message.text.startswith(first)
+    assert message.frames == NAMES
+
+
 def test_a_stated_reset_without_a_trace_is_told_and_frees_nothing() -> None:
     evidence = replace(flown()[1], resets=((33.0, "change to another estimator"),))
     (message,) = fault_messages([], evidence, FRAMES)

@@ -93,8 +93,10 @@ def _where(start_s: float, end_s: float, frames: Frames) -> str:
     after = [frames.frame_id[k] for k in order if frames.time_utc_s[k] >= end_s]
     if before and after:
         place = f"between photo {before[-1]} and {after[0]}"
-    else:
+    elif after or before:
         place = f"before photo {after[0]}" if after else f"after photo {before[-1]}"
+    else:
+        place = "around all photos"
     return f"{place} ({_clock(start_s)} UTC)"
 
 

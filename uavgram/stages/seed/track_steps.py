@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.ndimage import percentile_filter
+from scipy.ndimage import binary_closing, percentile_filter
 
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.second_opinions import FlightEvidence
@@ -15,7 +15,7 @@ FEWEST_ROWS = 8
 FROZEN_STEPS = 4
 """Repetitions that are no standstill yet: some firmware logs faster than it estimates."""
 _FROZEN_S = 1.0
-_NEARLY = 0.1  # of a stated movement
+_NEARLY = 0.2  # of a stated movement
 # Undamaged logs (ArduPilot, PX4, real and simulated): a change departs from what explains it by at
 # most 3.6 times the ninth decile of those about it.
 _UNUSUAL, _ABOUT = 5.0, 61
@@ -35,7 +35,8 @@ def stands_still(change: Floats, stated: Floats, least: Floats) -> Bools:
     """
     moves = np.linalg.norm(np.nan_to_num(stated), axis=1)
     nearly = np.linalg.norm(change, axis=1) < _NEARLY * moves
-    return np.asarray((change == 0).all(axis=1) | (nearly & (moves > least)))
+    nearly = binary_closing(nearly & (moves > least), np.ones(3))  # one noisy step is no start
+    return np.asarray((change == 0).all(axis=1) | nearly)
 
 
 def still_runs(time: Floats, same: Bools) -> Sequence[tuple[int, int]]:
