@@ -35,7 +35,8 @@ def stands_still(change: Floats, stated: Floats, least: Floats) -> Bools:
     """
     moves = np.linalg.norm(np.nan_to_num(stated), axis=1)
     nearly = np.linalg.norm(change, axis=1) < _NEARLY * moves
-    nearly = binary_closing(nearly & (moves > least), np.ones(3))  # one noisy step is no start
+    # One noisy step in a standstill does not end it.
+    nearly = binary_closing(nearly & (moves > least), np.ones(3, dtype=np.bool_))
     return np.asarray((change == 0).all(axis=1) | nearly)
 
 
