@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from ulog_writer import ulog
 
 from uavgram.io.logs.dataflash.resets import stated_resets
@@ -68,6 +69,21 @@ def test_the_stated_velocity_is_that_of_the_stated_positions(data_dir: Path, nam
     climb = np.gradient(np.interp(time, places.time_boot_s, places.height_m), time)
     down = np.interp(time, velocity.time_boot_s, velocity.ned_m_s[:, 2])
     assert np.abs(climb + down).max() < 0.2
+
+
+def test_the_stated_rates_are_those_of_the_stated_attitudes(data_dir: Path) -> None:
+    """Of a tlog and of a real copter's RATE: integrated they are the turns."""
+    for name in ("calm_nadir/flight.tlog", "logs/copter_3.4.4.bin"):
+        boot = read_flight_log(data_dir / name).boots[0]
+        rates, attitudes = boot.turn_rates, boot.attitudes
+        assert rates is not None
+        assert attitudes is not None
+        time = attitudes.time_boot_s
+        rotation = Rotation.from_quat(attitudes.ned_from_body_xyzw)
+        turn = (rotation[:-1].inv() * rotation[1:]).as_rotvec()
+        at = np.stack([np.interp(time, rates.time_boot_s, c) for c in rates.body_rad_s.T], axis=1)
+        told = (at[1:] + at[:-1]) / 2 * np.diff(time)[:, None]
+        assert np.square(turn - told).sum() < 0.1 * np.square(turn).sum()
 
 
 def test_px4_counts_its_resets(tmp_path: Path) -> None:

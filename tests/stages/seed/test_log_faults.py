@@ -72,6 +72,8 @@ def flown(draw: int = 0, *, wobble_m_s: float = 3.0) -> tuple[Track, FlightEvide
         velocity_world_m_s=velocity + rng.normal(0, 0.05, velocity.shape),
         receiver_time_s=receiver,
         receiver_world_m=place(receiver - 0.2) + rng.normal(0, 0.4, (len(receiver), 3)),
+        turn_time_s=np.zeros(0),
+        turn_body_rad_s=np.zeros((0, 3)),
         resets=(),
     )
     return track, evidence
@@ -151,6 +153,38 @@ def test_a_jump_of_heading_is_found_with_its_size() -> None:
     assert "reset of the heading" in message.text
 
 
+def gyroscopes(track: Track, evidence: FlightEvidence) -> FlightEvidence:
+    """The evidence with the rates that a track's attitudes have."""
+    attitude = Rotation.from_quat(track.world_from_body_xyzw)
+    turn = (attitude[:-1].inv() * attitude[1:]).as_rotvec() * RATE_HZ
+    body = np.vstack([turn[:1], (turn[1:] + turn[:-1]) / 2, turn[-1:]])
+    return replace(evidence, turn_time_s=TIME, turn_body_rad_s=body)
+
+
+@pytest.mark.parametrize("degrees", [5.0, 10.0, 30.0])
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.6, 0.8, 0.0)])
+def test_jumps_that_gyroscopes_do_not_feel_are_found(
+    degrees: float, axis: tuple[float, ...]
+) -> None:
+    track, evidence = flown()
+    evidence = gyroscopes(track, evidence)
+    turn = Rotation.from_rotvec(np.outer(TIME > 31.02, np.radians(degrees) * np.array(axis)))
+    xyzw = (turn * Rotation.from_quat(track.world_from_body_xyzw)).as_quat()
+    (fault,) = find_faults(replace(track, world_from_body_xyzw=xyzw), evidence, EXPOSURES)
+    assert fault.kind == "attitude-jump"
+    np.testing.assert_allclose(np.degrees(fault.change), degrees * np.array(axis), atol=0.5)
+
+
+def test_a_hard_turn_that_the_gyroscopes_tell_is_no_jump() -> None:
+    """An aircraft that flips from one lean to the other between two samples."""
+    track, evidence = flown()
+    roll = np.where(TIME > 31.02, 31.0, 0.0) + 0.3 * TIME
+    banked = Rotation.from_euler("x", roll[:, None], degrees=True).as_quat()
+    track = replace(track, world_from_body_xyzw=banked)
+    assert [f.kind for f in find_faults(track, evidence, EXPOSURES)] == ["attitude-jump"]
+    assert find_faults(track, gyroscopes(track, evidence), EXPOSURES) == ()
+
+
 @pytest.mark.parametrize("blind", [False, True])
 def test_a_place_that_stands_still_is_found_and_its_end_is_no_jump(*, blind: bool) -> None:
     track, evidence = flown()
@@ -162,6 +196,37 @@ def test_a_place_that_stands_still_is_found_and_its_end_is_no_jump(*, blind: boo
     assert fault.end_s - fault.start_s == pytest.approx(2.9, abs=0.15)
     way = track.position_world_m[row[TIME < 32.0][-1]] - track.position_world_m[held[310]]
     np.testing.assert_allclose(fault.change, way, atol=3.0 if blind else 0.2)
+
+
+def test_a_place_that_hardly_moves_while_the_vehicle_flies_is_found() -> None:
+    """An estimator that coasts on nothing: centimetres to and fro, 3 s long."""
+    track, evidence = flown()
+    row = np.arange(len(TIME))
+    held = np.where((TIME > 29.0) & (TIME < 32.0), row[TIME > 29.0][0], row)
+    noise = np.random.default_rng(0).normal(0, 0.01, (len(TIME), 3))
+    frozen = replace(track, position_world_m=track.position_world_m[held] + noise)
+    (fault,) = find_faults(frozen, evidence, EXPOSURES)
+    assert fault.kind == "position-frozen"
+    assert fault.end_s - fault.start_s == pytest.approx(2.9, abs=0.15)
+
+
+def test_an_attitude_that_hardly_turns_while_the_gyroscopes_do_is_found() -> None:
+    track, evidence = flown()
+    tilt = 10 * np.sin(TIME)
+    rate = np.radians(10 * np.cos(TIME))
+    evidence = replace(
+        evidence, turn_time_s=TIME, turn_body_rad_s=np.stack([rate, 0 * rate, 0 * rate], axis=1)
+    )
+    held = np.where((TIME > 30.6) & (TIME < 32.2), 10 * np.sin(30.6), tilt)
+    noisy = held + np.random.default_rng(0).normal(0, 0.005, len(TIME))
+    stuck, clean = (
+        replace(
+            track, world_from_body_xyzw=Rotation.from_euler("x", a[:, None], degrees=True).as_quat()
+        )
+        for a in (noisy, tilt)
+    )
+    assert find_faults(clean, evidence, EXPOSURES) == ()
+    assert [f.kind for f in find_faults(stuck, evidence, EXPOSURES)] == ["attitude-frozen"]
 
 
 def test_a_repeated_attitude_is_found_once() -> None:
@@ -184,6 +249,39 @@ def test_a_photo_in_a_gap_of_positions_is_found() -> None:
     (fault,) = find_faults(cut, evidence, EXPOSURES)
     assert fault.kind == "position-gap"
     assert find_faults(cut, evidence, np.array([10.0, 28.0, 33.0, 50.0])) == ()
+
+
+@pytest.mark.parametrize(("pause_s", "told"), [(0.0, 0), (0.5, 0), (2.5, 1)])
+def test_a_photo_in_a_gap_of_the_gimbal_is_found(pause_s: float, told: int) -> None:
+    track, evidence = flown()
+    keep = (TIME < 29.0) | (29.0 + pause_s <= TIME)
+    cut = replace(
+        track,
+        gimbal_time_s=TIME[keep],
+        world_from_gimbal_xyzw=track.world_from_body_xyzw[keep],
+    )
+    faults = find_faults(cut, evidence, EXPOSURES)
+    assert [fault.kind for fault in faults] == ["gimbal-gap"] * told
+    for message in fault_messages(faults, evidence, FRAMES):
+        assert message.text.startswith("The log states no gimbal direction for 2.6 s")
+        assert message.frames == ("4.jpg",)
+
+
+def test_a_silence_of_vehicle_and_gimbal_is_told_once() -> None:
+    track, evidence = flown()
+    keep = (TIME < 29.0) | (TIME > 32.0)
+    time, xyzw = TIME[keep], track.world_from_body_xyzw[keep]
+    cut = replace(
+        track,
+        attitude_time_s=time,
+        world_from_body_xyzw=xyzw,
+        gimbal_time_s=time,
+        world_from_gimbal_xyzw=xyzw,
+    )
+    (fault,) = find_faults(cut, evidence, EXPOSURES)
+    assert fault.kind == "attitude-gap"
+    (message,) = fault_messages([fault], evidence, FRAMES)
+    assert message.frames == ("4.jpg",)
 
 
 def test_a_slow_divergence_from_the_receiver_is_found() -> None:
@@ -239,6 +337,16 @@ def test_the_message_says_how_much_when_and_between_which_photos() -> None:
     assert message.frames == NAMES[5:]
     assert message.level == "warning"
     assert message.code == "log-position-jump"
+
+
+def test_a_fault_around_all_photos_is_told() -> None:
+    away = LogFault(kind="receiver-apart", start_s=1.0, end_s=59.0, change=(9.0, 0.0, 0.0))
+    (message,) = fault_messages([away], flown()[1], FRAMES)
+    first = (
+        "The log's position lies up to 9.0 m off what the GPS receiver itself states around all "
+    )
+    assert message.text.startswith(first)
+    assert message.frames == NAMES
 
 
 def test_a_stated_reset_without_a_trace_is_told_and_frees_nothing() -> None:

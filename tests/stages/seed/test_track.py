@@ -17,7 +17,6 @@ from uavgram.geometry.earth.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.interpolation import SmoothPositions, SmoothRotations
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import (
     AttitudeSamples,
     Boot,
@@ -30,7 +29,7 @@ from uavgram.model.flight.log import (
 )
 from uavgram.model.message import Message
 from uavgram.model.options import MountOptions, TelemetryOptions
-from uavgram.stages.seed.track import build_track, find_home, track_gaps
+from uavgram.stages.seed.track import build_track, find_home
 
 CLOCK = BootClock(offset_s=1.7e9, rate=1.0, sigma_s=0.1, source="gps")
 ORIGIN = (-35.0, 149.0, 540.0)
@@ -280,28 +279,6 @@ def test_a_log_without_attitude_or_positions_is_refused() -> None:
         track_of(boot(positions=None))
     with pytest.raises(UavgramError, match="no positions"):
         find_home(boot(positions=None), CLOCK, 1.7e9)
-
-
-@pytest.mark.parametrize(("pause", "told"), [(0, False), (1, False), (4, True)])
-def test_photos_taken_while_the_log_is_silent_about_the_gimbal_are_named(
-    pause: int, *, told: bool
-) -> None:
-    time = np.delete(TIME, np.arange(8, 8 + pause))
-    track, _ = track_of(boot(gimbal=gimbal_of("earth", 30.0, time=time)))
-    at = CLOCK.offset_s + np.array([11.0, 14.6, 19.0])
-    frames = Frames(
-        frame_id=("A.jpg", "B.jpg", "C.jpg"),
-        time_utc_s=at,
-        sigma_time_s=np.full(3, 0.1),
-        matched=np.ones(3, dtype=bool),
-        reason=("", "", ""),
-        clock_offset_s=0.0,
-        clock_offset_sigma_s=0.1,
-    )
-    messages = tuple(track_gaps(track, frames))
-    assert [m.code for m in messages] == ["attitude-gap"] * told
-    if told:
-        assert "gimbal's attitude for up to 2.5 s while B.jpg were taken" in messages[0].text
 
 
 def test_a_gimbal_of_a_single_row_is_not_left_out_silently() -> None:

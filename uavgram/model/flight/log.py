@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays, Ints
-from uavgram.model.flight.second_opinions import EstimatorReset, VelocitySamples
+from uavgram.model.flight.second_opinions import EstimatorReset, TurnRateSamples, VelocitySamples
 
 HeightDatum = Literal["msl", "ellipsoid"]
 LogKind = Literal["dataflash", "tlog", "ulog"]
@@ -198,6 +198,7 @@ class Boot:
     home: HomeSamples | None
     clocks: tuple[ClockSamples, ...]
     velocities: VelocitySamples | None = None
+    turn_rates: TurnRateSamples | None = None
     receiver: PositionSamples | None = None
     resets: tuple[EstimatorReset, ...] = ()
 

@@ -15,6 +15,7 @@ FaultKind = Literal[
     "attitude-frozen",
     "position-gap",
     "attitude-gap",
+    "gimbal-gap",
     "receiver-apart",
 ]
 
@@ -35,6 +36,25 @@ class VelocitySamples(FrozenArrays):
 
     time_boot_s: Annotated[Floats, "n"]
     ned_m_s: Annotated[Floats, "n", 3]
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TurnRateSamples(FrozenArrays):
+    """N rates at which the vehicle turns, by its gyroscopes: no reset of an estimator moves them.
+
+    Attributes
+    ----------
+    time_boot_s
+        (N,) increasing.
+    body_rad_s
+        (N, 3) about the body's axes forward, right, down.
+    source
+        The message they come from.
+    """
+
+    time_boot_s: Annotated[Floats, "n"]
+    body_rad_s: Annotated[Floats, "n", 3]
     source: str
 
 
@@ -64,6 +84,8 @@ class FlightEvidence(FrozenArrays):
         (V,) strictly increasing UTC, (V, 3); V = 0 where the log states no velocity.
     receiver_time_s, receiver_world_m
         (R,), (R, 3) places by the receiver alone; R = 0 where the log has none beside the track's.
+    turn_time_s, turn_body_rad_s
+        (T,), (T, 3) rates of the vehicle's turn about its own axes; T = 0 where it states none.
     resets
         (UTC, what) of every stated reset, in the order of time.
     """
@@ -72,6 +94,8 @@ class FlightEvidence(FrozenArrays):
     velocity_world_m_s: Annotated[Floats, "v", 3]
     receiver_time_s: Annotated[Floats, "r"]
     receiver_world_m: Annotated[Floats, "r", 3]
+    turn_time_s: Annotated[Floats, "t"]
+    turn_body_rad_s: Annotated[Floats, "t", 3]
     resets: tuple[tuple[float, str], ...]
 
 

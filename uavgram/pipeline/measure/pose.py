@@ -27,7 +27,7 @@ from uavgram.stages.seed.fault_messages import fault_messages
 from uavgram.stages.seed.flight_evidence import gather_evidence
 from uavgram.stages.seed.log_faults import find_faults
 from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
-from uavgram.stages.seed.track import build_track, find_home, track_gaps
+from uavgram.stages.seed.track import build_track, find_home
 from uavgram.stages.synchronise import Synchronised, synchronise
 
 Place = tuple[float, float, float]
@@ -75,8 +75,7 @@ def _by_log(inputs: Inputs, log: FlightLog) -> Posed:
     evidence = gather_evidence(matched.boot, matched.clock, place)
     faults = find_faults(track, evidence, frames.time_utc_s[frames.matched])
     log_messages = fault_messages(faults, evidence, frames)
-    gaps = track_gaps(track, frames)
-    messages = (*log_messages, *matched.messages, *home_messages, *track_messages, *gaps)
+    messages = (*log_messages, *matched.messages, *home_messages, *track_messages)
     posed = _seeded(inputs, frames, track, (place, datum), messages, faults)
     return replace(posed, pairing=matched.pairing)
 

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_poses.network import FirstValues, align_in_plane
+from uavgram.estimation.first_poses.network import FirstValues
+from uavgram.estimation.first_poses.plane_network import align_in_plane
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined

@@ -62,6 +62,7 @@ def _what(fault: LogFault) -> str:
         "attitude-frozen": f"The log repeats one and the same attitude for {lasts}",
         "position-gap": f"The log states no position for {lasts} while photos were taken",
         "attitude-gap": f"The log states no attitude for {lasts} while photos were taken",
+        "gimbal-gap": f"The log states no gimbal direction for {lasts} while photos were taken",
         "receiver-apart": (
             f"The log's position lies up to {along:.1f} m off what the GPS receiver itself states"
         ),
@@ -92,8 +93,10 @@ def _where(start_s: float, end_s: float, frames: Frames) -> str:
     after = [frames.frame_id[k] for k in order if frames.time_utc_s[k] >= end_s]
     if before and after:
         place = f"between photo {before[-1]} and {after[0]}"
-    else:
+    elif after or before:
         place = f"before photo {after[0]}" if after else f"after photo {before[-1]}"
+    else:
+        place = "around all photos"
     return f"{place} ({_clock(start_s)} UTC)"
 
 

@@ -14,7 +14,7 @@ _NONE = np.zeros(0), np.zeros((0, 3))
 
 
 def gather_evidence(boot: Boot, clock: BootClock, origin: Origin) -> FlightEvidence:
-    """Velocities, the receiver's own places and the stated resets of a boot.
+    """Velocities, the receiver's own places, rates of turn and the stated resets of a boot.
 
     Parameters
     ----------
@@ -23,10 +23,12 @@ def gather_evidence(boot: Boot, clock: BootClock, origin: Origin) -> FlightEvide
     origin
         Latitude, longitude [deg] and height [m] of the world's origin, as for `build_track`.
     """
-    velocity, receiver = _NONE, _NONE
+    velocity, receiver, turn = _NONE, _NONE, _NONE
     if boot.velocities is not None:
         stated = boot.velocities
         velocity = to_utc(clock, stated.time_boot_s), stated.ned_m_s @ ENU_FROM_NED.T
+    if boot.turn_rates is not None:
+        turn = to_utc(clock, boot.turn_rates.time_boot_s), boot.turn_rates.body_rad_s
     other = boot.receiver
     if other is not None and boot.positions is not None and other.source != boot.positions.source:
         place = enu_from_geodetic(other.latitude_deg, other.longitude_deg, other.height_m, origin)
@@ -38,5 +40,7 @@ def gather_evidence(boot: Boot, clock: BootClock, origin: Origin) -> FlightEvide
         velocity_world_m_s=velocity[1],
         receiver_time_s=receiver[0],
         receiver_world_m=receiver[1],
+        turn_time_s=turn[0],
+        turn_body_rad_s=turn[1],
         resets=tuple(zip(at.tolist(), said, strict=True)),
     )

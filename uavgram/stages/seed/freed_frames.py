@@ -70,7 +70,7 @@ def freed_by(faults: Faults, time_s: Floats, unsure_s: Floats) -> Freed:
         if fault.kind.endswith("jump"):
             continue
         inside = (time_s >= fault.start_s - unsure_s) & (time_s <= fault.end_s + unsure_s)
-        part = turned if fault.kind.startswith("attitude") else position
+        part = turned if fault.kind.startswith(("attitude", "gimbal")) else position
         part[inside] += _square(np.array(fault.change))
     turned = np.minimum(turned, _UNKNOWN_RAD**2)
     return Freed(position, turned, position_bias, float(min(turned_bias[2], _UNKNOWN_RAD**2)))

@@ -22,22 +22,26 @@ from uavgram.model.flight.second_opinions import FaultKind, FlightEvidence, LogF
 from uavgram.stages.seed.track_steps import (
     FEWEST_ROWS,
     FROZEN_STEPS,
+    interpolated,
+    spacing,
+    stands_still,
+    stated_turn,
     stated_way,
     still_runs,
     unlike_neighbours,
     usual_size,
-    velocity_spacing,
 )
 
 MARGIN_S = 15.0
 """Of the track looked at before the first exposure and after the last one."""
-_SMALLEST_M, _SMALLEST_RAD = 0.1, np.radians(5.0)
+_SMALLEST_M, _SMALLEST_RAD = 0.1, np.radians(3.0)
 _ACCELERATION_M_S2 = 6.0
 # A multicopter tilts by up to 30 degrees within a quarter of a second.
 _TURN_RAD_S2 = np.radians(500.0)
 _GAP_S, _UNUSUAL_GAP = 1.0, 3.0  # as the longest steady turn
 _GUST_M_S2 = 2.0  # of the way between two samples, on which nothing is known
-_TURNING_RAD_S = np.radians(5.0)
+_TURNING_RAD_S, _SLOW_M_S = np.radians(5.0), 1.0
+_UNEVEN = 1.0  # times the change of the stated rates; 0.4 is the most that clean flights need
 _CALM = 3.0  # times the largest turn beside it, which a jump of attitude exceeds
 _RESET_S = 1.0
 _APART_SIGMAS, _SMOOTH_S = 6.0, 5.0
@@ -77,7 +81,7 @@ def find_faults(track: Track, evidence: FlightEvidence, exposure_s: Floats) -> t
         return ()
     first, last = float(exposure_s.min()), float(exposure_s.max())
     frozen, place = _places(track, evidence, first, last)
-    still, turns = _attitudes(track, first, last)
+    still, turns = _attitudes(track, evidence, first, last)
     jumps = [*_jumps(place, "position-jump", first, last)]
     found = [*frozen, *jumps, *still, *_jumps(turns, "attitude-jump", first, last)]
     found += _gaps(track, exposure_s)
@@ -93,10 +97,13 @@ def _places(
     """Runs of one place, and the changes of place less the way that the velocity makes."""
     rows = _within(track.position_time_s, first, last)
     time, place = track.position_time_s[rows], track.position_world_m[rows]
+    known = evidence.velocity_time_s, evidence.velocity_world_m_s
     frozen = []
     keep = np.ones(len(time), dtype=np.bool_)
-    for start, end in still_runs(time, place):
-        flown = stated_way(evidence, time[[start, end]])[0]
+    step_s = np.diff(time)
+    still = stands_still(np.diff(place, axis=0), stated_way(*known, time), _SLOW_M_S * step_s)
+    for start, end in still_runs(time, still):
+        flown = stated_way(*known, time[[start, end]])[0]
         if np.isnan(flown).any():  # as fast as before
             before = max(start - FROZEN_STEPS, 0)
             share = (time[end] - time[start]) / max(time[start] - time[before], 1e-9)
@@ -113,18 +120,21 @@ def _place_steps(track: Track, evidence: FlightEvidence, time: Floats, place: Fl
     if len(time) < FEWEST_ROWS:
         return _no_steps()
     change, step_s = np.diff(place, axis=0), np.diff(time)
-    flown = stated_way(evidence, time)
+    known = evidence.velocity_time_s
+    flown = stated_way(known, evidence.velocity_world_m_s, time)
     stated = np.asarray(np.isfinite(flown).all(axis=1))
     by_rates = unlike_neighbours(time, change)
     change = np.where(stated[:, None], change - np.nan_to_num(flown), by_rates)
-    known_s = np.where(stated, np.minimum(step_s, velocity_spacing(evidence, time)), step_s)
+    known_s = np.where(stated, np.minimum(step_s, spacing(known, time)), step_s)
     floor = np.maximum(_SMALLEST_M, 0.5 * _ACCELERATION_M_S2 * known_s**2)
     allowed = np.maximum(floor[:, None], _sigma(track, time[1:]))
     return _Steps(time, change, np.maximum(allowed, usual_size(_sizes(change))))
 
 
-def _attitudes(track: Track, first: float, last: float) -> tuple[list[LogFault], _Steps]:
-    """Runs of one attitude, and turns that differ from those before and after."""
+def _attitudes(
+    track: Track, evidence: FlightEvidence, first: float, last: float
+) -> tuple[list[LogFault], _Steps]:
+    """Runs of one attitude, and turns that neither the stated rates nor those about explain."""
     rows = _within(track.attitude_time_s, first, last)
     time, xyzw = track.attitude_time_s[rows], track.world_from_body_xyzw[rows]
     if len(time) < FEWEST_ROWS:
@@ -134,7 +144,10 @@ def _attitudes(track: Track, first: float, last: float) -> tuple[list[LogFault],
     turn = log_so3(rotation[1:] @ np.swapaxes(rotation[:-1], 1, 2))
     frozen = []
     keep = np.ones(len(time), dtype=np.bool_)
-    for start, end in still_runs(time, xyzw):
+    turn[(np.diff(xyzw, axis=0) == 0).all(axis=1)] = 0.0  # not what rounding leaves
+    stated = stated_turn(evidence, time, rotation)
+    still = stands_still(turn, stated[0], _TURNING_RAD_S * np.diff(time))
+    for start, end in still_runs(time, still):
         keep[start + 1 : end + 1] = False
         if time[end] >= first and time[start] <= last:
             caught_up = np.abs(turn[min(end, len(turn) - 1)])
@@ -142,13 +155,37 @@ def _attitudes(track: Track, first: float, last: float) -> tuple[list[LogFault],
             frozen.append(_fault("attitude-frozen", time[start], time[end], may_turn))
     # The turn that ends a standstill is no jump of its own.
     moving = keep[1:] & keep[:-1]
-    change = np.where(moving[:, None], unlike_neighbours(time, turn), 0.0)
-    floor = np.maximum(_SMALLEST_RAD, _TURN_RAD_S2 * np.diff(time) ** 2 / 2)
+    return frozen, _turn_steps(time, stated, np.where(moving[:, None], turn, np.nan))
+
+
+def _turn_steps(time: Floats, stated: tuple[Floats, Floats], turn: Floats) -> _Steps:
+    """Turns (M, 3) less what explains them best: the stated rates, or the turns beside them.
+
+    Parameters
+    ----------
+    time
+        (M + 1,).
+    stated
+        As `stated_turn` has it.
+    turn
+        About the world's axes; NaN is none.
+    """
+    by_gyroscopes, uneven = stated
+    known = np.isfinite(by_gyroscopes).all(axis=1)
+    change = unlike_neighbours(time, np.nan_to_num(turn))
+    by_rates = np.nan_to_num(turn - by_gyroscopes)
+    better = known & (np.linalg.norm(by_rates, axis=1) < np.linalg.norm(change, axis=1))
+    change = np.where(better[:, None], by_rates, change)
+    change[np.isnan(turn).any(axis=1)] = 0.0
+    # Between two known rates a turn can only swell and ebb: half of what it else could.
+    agility = np.where(known, _TURN_RAD_S2 / 4, _TURN_RAD_S2 / 2)
+    floor = np.maximum(_SMALLEST_RAD, agility * np.diff(time) ** 2)
     # A jump stands alone: where the vehicle turns fast before or after, it turns.
     others = np.array([[True], [True], [False], [True], [True]])
-    turning = maximum_filter(_sizes(turn), footprint=others, mode="nearest").max(axis=1)
-    allowed = np.maximum(floor[:, None], usual_size(_sizes(change))) + _CALM * turning[:, None]
-    return frozen, _Steps(time, change, allowed)
+    turning = maximum_filter(_sizes(np.nan_to_num(turn)), footprint=others, mode="nearest")
+    slack = np.where(known, _UNEVEN * uneven, _CALM * turning.max(axis=1))
+    allowed = np.maximum(floor[:, None], usual_size(_sizes(change))) + slack[:, None]
+    return _Steps(time, change, allowed)
 
 
 def _jumps(steps: _Steps, kind: FaultKind, first: float, last: float) -> Iterator[LogFault]:
@@ -165,17 +202,20 @@ def _jumps(steps: _Steps, kind: FaultKind, first: float, last: float) -> Iterato
 
 
 def _gaps(track: Track, exposure_s: Floats) -> Iterator[LogFault]:
-    """Exposures between two samples that lie far apart."""
-    for kind, time in (
+    """Exposures between two samples that lie far apart; of a camera's direction told once."""
+    kinds: tuple[tuple[FaultKind, Floats], ...] = (
         ("position-gap", track.position_time_s),
         ("attitude-gap", track.attitude_time_s),
-    ):
+        ("gimbal-gap", track.gimbal_time_s),
+    )
+    for kind, time in kinds:
         if len(time) < 3:
             continue
         step = np.diff(time)
         longest = max(_GAP_S, _UNUSUAL_GAP * float(np.median(step)))
         after = np.clip(np.searchsorted(time, exposure_s), 1, len(time) - 1) - 1
-        for row in np.unique(after[step[after] > longest]).tolist():
+        far = step[after] > longest
+        for row in np.unique(after[far]).tolist():
             width = float(step[row])
             if kind == "position-gap":
                 # midway between two places with known speeds (Hermite: a quarter of a parabola)
@@ -183,7 +223,9 @@ def _gaps(track: Track, exposure_s: Floats) -> Iterator[LogFault]:
                 yield _fault("position-gap", time[row], time[row + 1], unknown)
             else:
                 turned = np.full(3, min(_TURNING_RAD_S * width, np.pi / 2))
-                yield _fault("attitude-gap", time[row], time[row + 1], turned)
+                yield _fault(kind, time[row], time[row + 1], turned)
+        if kind == "attitude-gap":
+            exposure_s = exposure_s[~far]
 
 
 def _receiver_apart(
@@ -197,7 +239,7 @@ def _receiver_apart(
     time, other = time[known], evidence.receiver_world_m[inside][known]
     if len(time) < 2 * FEWEST_ROWS:
         return
-    here = _interpolated(time, track.position_time_s, track.position_world_m)
+    here = interpolated(time, track.position_time_s, track.position_world_m)
     apart = (here - other)[:, :2]
     way = np.gradient(here[:, :2], time, axis=0)
     apart = apart - np.median(apart, axis=0)
@@ -254,9 +296,4 @@ def _no_steps() -> _Steps:
 
 def _sigma(track: Track, time: Floats | float) -> Floats:
     """Stated sigmas of a place, horizontal and vertical, (..., 2)."""
-    columns = [np.interp(time, track.sigma_time_s, c) for c in track.sigma_position_m.T]
-    return np.stack(columns, axis=-1)
-
-
-def _interpolated(at: Floats, time: Floats, value: Floats) -> Floats:
-    return np.stack([np.interp(at, time, column) for column in value.T], axis=1)
+    return interpolated(time, track.sigma_time_s, track.sigma_position_m)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from uavgram.errors import UavgramError
@@ -18,7 +16,6 @@ from uavgram.geometry.motion.rotation import (
     ypr_from_matrix,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import (
     AttitudeSamples,
     Boot,
@@ -40,7 +37,6 @@ from uavgram.model.options import MountOptions, TelemetryOptions
 POSITION_FLOOR_M = 0.5
 TILT_FLOOR_DEG, YAW_FLOOR_DEG = 1.0, 2.0
 _LONG_HOLD_S = 1.0
-_LONG_GAP_S, _UNUSUAL_GAP = 1.0, 3.0  # between two rows; and times the usual step
 
 Home = tuple[float, float, float]
 
@@ -205,34 +201,6 @@ def _gimbal_track(
     ned_from_gimbal = matrix_from_ypr(yaw, gimbal.pitch_rad[inside], gimbal.roll_rad[inside])
     xyzw = xyzw_from_matrix(ENU_FROM_NED @ ned_from_gimbal)
     return _held_to(time, xyzw, (float(vehicle_time[0]), float(vehicle_time[-1])), gimbal.source)
-
-
-def track_gaps(track: Track, frames: Frames) -> Iterator[Message]:
-    """A warning where photos were taken while the log is silent about a direction for long.
-
-    What lies between two rows is taken for a steady turn, which in a second it need not be.
-    """
-    matched = np.flatnonzero(frames.matched)
-    for what, time in (
-        ("the vehicle's attitude", track.attitude_time_s),
-        ("the gimbal's attitude", track.gimbal_time_s),
-    ):
-        if len(time) < 3:
-            continue
-        after = np.clip(np.searchsorted(time, frames.time_utc_s[matched]), 1, len(time) - 1)
-        step = np.diff(time)
-        gap = step[after - 1]
-        far = np.flatnonzero(gap > max(_LONG_GAP_S, _UNUSUAL_GAP * float(np.median(step))))
-        if not len(far):
-            continue
-        named = ", ".join(frames.frame_id[matched[k]] for k in far[:5])
-        more = f" and {len(far) - 5} more" if len(far) > 5 else ""
-        text = (
-            f"the log does not state {what} for up to {gap[far].max():.1f} s while {named}{more} "
-            "were taken: a steady turn was assumed, so their directions may be wrong; pick known "
-            "lengths in them, or leave them out"
-        )
-        yield Message("warning", "attitude-gap", text)
 
 
 def _held_to(

@@ -5,25 +5,45 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.ndimage import percentile_filter
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import binary_closing, percentile_filter
 
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.second_opinions import FlightEvidence
 
 FEWEST_ROWS = 8
 FROZEN_STEPS = 4
 """Repetitions that are no standstill yet: some firmware logs faster than it estimates."""
 _FROZEN_S = 1.0
+_NEARLY = 0.2  # of a stated movement
 # Undamaged logs (ArduPilot, PX4, real and simulated): a change departs from what explains it by at
 # most 3.6 times the ninth decile of those about it.
 _UNUSUAL, _ABOUT = 5.0, 61
 
 
-def still_runs(time: Floats, value: Floats) -> Sequence[tuple[int, int]]:
-    """First and last row of every run of equal rows that is long; none where most rows are."""
+def stands_still(change: Floats, stated: Floats, least: Floats) -> Bools:
+    """(M,) where nothing changes, or hardly anything of a movement that the log states.
+
+    Parameters
+    ----------
+    change
+        (M, 3) from sample to sample.
+    stated
+        (M, 3) how much it should be; NaN where the log is silent.
+    least
+        (M,) of what is stated that counts as a movement.
+    """
+    moves = np.linalg.norm(np.nan_to_num(stated), axis=1)
+    nearly = np.linalg.norm(change, axis=1) < _NEARLY * moves
+    # One noisy step in a standstill does not end it.
+    nearly = binary_closing(nearly & (moves > least), np.ones(3, dtype=np.bool_))
+    return np.asarray((change == 0).all(axis=1) | nearly)
+
+
+def still_runs(time: Floats, same: Bools) -> Sequence[tuple[int, int]]:
+    """First and last row of every long run of steps (M,) that stand still; none where most do."""
     if len(time) < FEWEST_ROWS:
         return []
-    same = (np.diff(value, axis=0) == 0).all(axis=1)
     if same.mean() > 0.5:
         return []
     edges = np.flatnonzero(np.diff(np.r_[False, same, False].astype(np.int8)))
@@ -34,9 +54,8 @@ def still_runs(time: Floats, value: Floats) -> Sequence[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in runs[long]]
 
 
-def stated_way(evidence: FlightEvidence, time: Floats) -> Floats:
-    """(M, 3) way between instants (M + 1,) by the stated velocity; NaN where it is silent."""
-    known, velocity = evidence.velocity_time_s, evidence.velocity_world_m_s
+def stated_way(known: Floats, velocity: Floats, time: Floats) -> Floats:
+    """(M, 3) way between instants (M + 1,) by velocities (V, 3) at times (V,); NaN outside."""
     if len(known) < 2:
         return np.full((len(time) - 1, 3), np.nan)
     step = np.diff(known)[:, None]
@@ -53,9 +72,8 @@ def stated_way(evidence: FlightEvidence, time: Floats) -> Floats:
     return np.diff(at, axis=0)
 
 
-def velocity_spacing(evidence: FlightEvidence, time: Floats) -> Floats:
-    """(M,) how far apart the velocity's samples are between instants (M + 1,); inf without any."""
-    known = evidence.velocity_time_s
+def spacing(known: Floats, time: Floats) -> Floats:
+    """(M,) how far apart the samples (V,) are between instants (M + 1,); inf without any."""
     if len(known) < 2:
         return np.full(len(time) - 1, np.inf)
     row = np.clip(np.searchsorted(known, time[:-1], side="right") - 1, 0, len(known) - 2)
@@ -72,8 +90,43 @@ def unlike_neighbours(time: Floats, change: Floats) -> Floats:
     return np.asarray(left[kindest, np.arange(len(change))])
 
 
+def stated_turn(evidence: FlightEvidence, time: Floats, rotation: Floats) -> tuple[Floats, Floats]:
+    """Turns between instants by the stated rates, NaN where these are silent; how far to trust it.
+
+    Parameters
+    ----------
+    evidence
+        Whose rates are those of the gyroscopes.
+    time
+        (M + 1,).
+    rotation
+        (M + 1, 3, 3) world from body.
+
+    Returns
+    -------
+    (M, 3) about the world's axes, and (M,) the angle by which the rates differ from the sample
+    before the interval to the one behind it: between samples a turn may be faster than both.
+    """
+    known, rate = evidence.turn_time_s, evidence.turn_body_rad_s
+    step_s = np.diff(time)
+    body = stated_way(known, rate, time)
+    body[spacing(known, time) > 2.0 * step_s] = np.nan
+    if not len(known):
+        return body, np.zeros(len(step_s))
+    four = sliding_window_view(
+        np.pad(interpolated(time, known, rate), ((1, 1), (0, 0)), "edge"), 4, axis=0
+    )
+    world = np.einsum("mij,mj->mi", rotation[:-1], body)
+    return world, np.asarray(np.linalg.norm(np.ptp(four, axis=2), axis=1) * step_s)
+
+
 def usual_size(size: Floats) -> Floats:
     """(M, K) above which sizes (M, K) are unusual among those about them."""
     about = min(_ABOUT, len(size))
     columns = [percentile_filter(column, 90, size=about, mode="nearest") for column in size.T]
     return np.asarray(_UNUSUAL * np.stack(columns, axis=1))
+
+
+def interpolated(at: Floats | float, time: Floats, value: Floats) -> Floats:
+    """(..., K) values (N, K) of times (N,) at others."""
+    return np.stack([np.interp(at, time, column) for column in value.T], axis=-1)

@@ -99,6 +99,7 @@ def _boot(tables: Tables) -> tuple[Boot, tuple[str, ...]]:
         sigmas=dataflash_pose.sigmas(tables, core),
         home=dataflash_events.home(tables),
         clocks=clocks,
+        turn_rates=dataflash_pose.turn_rates(tables),
     )
     receiver, attitude = dataflash_pose.second_opinions(tables, core)
     boot = replace(

@@ -20,13 +20,14 @@ from uavgram.io.logs.quality.samples import (
     Place,
     attitude_samples,
     position_samples,
+    turn_rate_samples,
     unit_quaternions,
     velocity_samples,
 )
 from uavgram.io.logs.quality.sigmas import Stated, merged_sigmas, positions_known
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import AttitudeSamples, EstimatorSigmas, PositionSamples
-from uavgram.model.flight.second_opinions import VelocitySamples
+from uavgram.model.flight.second_opinions import TurnRateSamples, VelocitySamples
 
 
 def boot_time_s(columns: Columns) -> Floats:
@@ -222,6 +223,15 @@ def velocities(tables: Tables, core: int) -> VelocitySamples | None:
         return None
     north, east, down = (numbers(columns, k) for k in ("VN", "VE", "VD"))
     return velocity_samples(name, boot_time_s(columns), (north, east, down))
+
+
+def turn_rates(tables: Tables) -> TurnRateSamples | None:
+    """RATE's, in degrees a second: those that the vehicle has, not those that it should."""
+    columns = tables.columns("RATE")
+    if not columns:
+        return None
+    roll, pitch, yaw = (np.radians(numbers(columns, k)) for k in ("R", "P", "Y"))
+    return turn_rate_samples("RATE", boot_time_s(columns), (roll, pitch, yaw))
 
 
 def sigmas(tables: Tables, core: int) -> EstimatorSigmas | None:

@@ -20,6 +20,7 @@ from uavgram.model.flight.log import (
     HomeSamples,
     PositionSamples,
 )
+from uavgram.model.flight.second_opinions import TurnRateSamples
 
 _MARGIN_S = 600.0  # a home or an event may come before the first position
 _FARTHEST_DEG = 1.0  # of a home from the flight
@@ -34,6 +35,7 @@ def checked_boot(
     sigmas: EstimatorSigmas | None,
     home: HomeSamples | None,
     clocks: tuple[ClockSamples, ...],
+    turn_rates: TurnRateSamples | None,
 ) -> tuple[Boot, tuple[str, ...]]:
     """A boot of what its messages say, less what cannot be; and what was odd about them.
 
@@ -41,7 +43,7 @@ def checked_boot(
     ----------
     positions, attitudes, gimbal, events
         With the remarks of those who read them.
-    sigmas, home, clocks
+    sigmas, home, clocks, turn_rates
         As in `Boot`.
     """
     boot = Boot(
@@ -52,6 +54,7 @@ def checked_boot(
         sigmas=sigmas,
         home=home,
         clocks=clocks,
+        turn_rates=turn_rates,
     )
     boot, remarks = _consistent(boot)
     return boot, (*positions[1], *attitudes[1], *gimbal[1], *events[1], *remarks)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import median_filter
 
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
@@ -17,6 +18,7 @@ from uavgram.geometry.motion.rotation import matrix_from_ypr, xyzw_from_matrix
 from uavgram.io.logs.quality.samples import rows_of
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Boot, PositionSamples
+from uavgram.model.flight.second_opinions import TurnRateSamples
 
 _FEWEST_ROWS = 5
 _NAMED = 4  # rows in one remark
@@ -50,7 +52,9 @@ def without_damaged_rows(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
         notes += _remark(positions.source, positions.time_boot_s, off_m, "m")
         positions = rows_of(positions, off_m == 0)
     if attitudes is not None:
-        off = _off(attitudes.time_boot_s, _continuous(attitudes.ned_from_body_xyzw), _TURN)
+        time_s = attitudes.time_boot_s
+        told = _uneven_turn(time_s, boot.turn_rates) / 2  # of quaternions: half the angle
+        off = _off(time_s, _continuous(attitudes.ned_from_body_xyzw), _TURN, told)
         notes += _remark(attitudes.source, attitudes.time_boot_s, _degrees(off), "degrees")
         attitudes = rows_of(attitudes, off == 0)
     if gimbal is not None:
@@ -91,8 +95,29 @@ def _off_line(time_s: Floats, values: Floats, first: int, second: int) -> Floats
     return np.where(there, np.linalg.norm(apart, axis=1), np.inf)
 
 
-def _off(time_s: Floats, values: Floats, usual: _Agility) -> Floats:
-    """(N,) distance from the neighbours where it is too much, else 0."""
+def _uneven_turn(time_s: Floats, rates: TurnRateSamples | None) -> Floats:
+    """(N,) angles by which stated rates let a row lie off its neighbours: 0 in a steady turn."""
+    if rates is None or len(time_s) < _FEWEST_ROWS:
+        return np.zeros(len(time_s))
+    columns = [np.interp(time_s, rates.time_boot_s, c) for c in rates.body_rad_s.T]
+    span = [np.ptp(sliding_window_view(np.pad(c, 2, "edge"), 5), axis=1) for c in columns]
+    return np.asarray(np.linalg.norm(span, axis=0) * np.gradient(time_s))
+
+
+def _off(time_s: Floats, values: Floats, usual: _Agility, told: Floats | float = 0.0) -> Floats:
+    """(N,) distance from the neighbours where it is too much, else 0.
+
+    Parameters
+    ----------
+    time_s
+        (N,) strictly increasing.
+    values
+        (N, K) what is continuous in time.
+    usual
+        How far a row may lie off.
+    told
+        (N,) how much farther, as the log itself tells.
+    """
     if len(time_s) < _FEWEST_ROWS:
         return np.zeros(len(time_s))
     off = off_neighbours(time_s, values)
@@ -102,7 +127,9 @@ def _off(time_s: Floats, values: Floats, usual: _Agility) -> Floats:
     # Two rows at almost one instant: what they differ by becomes a speed without bounds.
     share = np.minimum(nearest_s / (_CROWDED * float(np.median(step_s))), 1.0)
     unrest = median_filter(off, size=15, mode="nearest")
-    allowed = usual.floor * share + usual.acceleration * share * widest_s**2 + _UNREST * unrest
+    allowed = (
+        usual.floor * share + usual.acceleration * share * widest_s**2 + _UNREST * unrest + told
+    )
     return np.where(off > allowed, off, 0.0)
 
 

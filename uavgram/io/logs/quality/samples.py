@@ -24,10 +24,11 @@ from uavgram.model.flight.log import (
     HomeSamples,
     PositionSamples,
 )
-from uavgram.model.flight.second_opinions import VelocitySamples
+from uavgram.model.flight.second_opinions import TurnRateSamples, VelocitySamples
 
 _LARGEST_UNDULATION_M = 150  # no geoid lies further from the ellipsoid
 _FASTEST_M_S = 200.0
+_FASTEST_RAD_S = 40.0  # beyond what gyroscopes of autopilots measure
 
 T = TypeVar("T")
 Found = tuple[T | None, tuple[str, ...]]
@@ -130,6 +131,29 @@ def velocity_samples(
     if len(rows) < 2:
         return None
     return VelocitySamples(time_boot_s=time_s[rows], ned_m_s=ned[rows], source=source)
+
+
+def turn_rate_samples(
+    source: str, time_s: Floats, forward_right_down: tuple[Floats, Floats, Floats]
+) -> TurnRateSamples | None:
+    """Rates of turn that a gyroscope can measure.
+
+    Parameters
+    ----------
+    source
+        The message's name.
+    time_s
+        (N,) since boot.
+    forward_right_down
+        (N,) each, about these axes of the body [rad/s].
+    """
+    body = np.stack(forward_right_down, axis=1)
+    # Firmware that knows no rates sends zeros throughout.
+    known = np.asarray((np.abs(body) < _FASTEST_RAD_S).all(axis=1)) & body.any()
+    rows = plausible_rows(time_s, known)
+    if len(rows) < 2:
+        return None
+    return TurnRateSamples(time_boot_s=time_s[rows], body_rad_s=body[rows], source=source)
 
 
 def unit_quaternions(xyzw: Floats) -> Floats:

@@ -86,6 +86,7 @@ def _boot(stream: Stream) -> tuple[Boot, tuple[str, ...]]:
         sigmas=tlog_pose.sigmas(stream),
         home=_home(stream),
         clocks=_clocks(stream),
+        turn_rates=tlog_pose.turn_rates(stream),
     )
     receiver, attitude = tlog_pose.second_opinions(stream)
     boot = replace(

@@ -19,6 +19,7 @@ from uavgram.io.logs.quality.samples import (
     attitude_samples,
     first_found,
     position_samples,
+    turn_rate_samples,
     unit_quaternions,
     velocity_samples,
 )
@@ -32,7 +33,7 @@ from uavgram.model.flight.log import (
     GimbalSamples,
     PositionSamples,
 )
-from uavgram.model.flight.second_opinions import VelocitySamples
+from uavgram.model.flight.second_opinions import TurnRateSamples, VelocitySamples
 
 _LARGEST_RAD = 7.0  # of an angle: some say 2 pi for 0
 
@@ -114,6 +115,21 @@ def velocities(stream: Stream) -> VelocitySamples | None:
         return None
     time_s = columns["time_boot_ms"] * 1e-3
     return velocity_samples("GLOBAL_POSITION_INT", time_s, (north, east, down))
+
+
+def turn_rates(stream: Stream) -> TurnRateSamples | None:
+    """Of ATTITUDE_QUATERNION, else of ATTITUDE."""
+    for name in ("ATTITUDE_QUATERNION", "ATTITUDE"):
+        columns, _ = stream.columns(name)
+        if columns:
+            roll, pitch, yaw = (
+                as_numbers(columns[k]) for k in ("rollspeed", "pitchspeed", "yawspeed")
+            )
+            time_s = columns["time_boot_ms"] * 1e-3
+            found = turn_rate_samples(name, time_s, (roll, pitch, yaw))
+            if found is not None:
+                return found
+    return None
 
 
 def gimbal(stream: Stream, attitudes: AttitudeSamples | None) -> Found[GimbalSamples]:

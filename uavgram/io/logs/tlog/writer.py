@@ -107,7 +107,8 @@ def _positions(log: SimulatedLog) -> Timed:
 
 def _attitudes(log: SimulatedLog) -> Timed:
     """ATTITUDE and ATTITUDE_QUATERNION, with rates of change of the angles as body rates."""
-    rates = np.gradient(log.attitude_rpy_rad, log.attitude_time_s, axis=0).tolist()
+    steady = np.unwrap(log.attitude_rpy_rad, axis=0)
+    rates = np.gradient(steady, log.attitude_time_s, axis=0).tolist()
     angles = log.attitude_rpy_rad.copy()
     angles[:, 2] = np.angle(np.exp(1j * angles[:, 2]))
     rows = zip(log.attitude_time_s.tolist(), angles.tolist(), _wxyz(angles), rates, strict=True)

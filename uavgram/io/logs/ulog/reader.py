@@ -43,6 +43,7 @@ def read_ulog(path: str | Path) -> FlightLog:
         sigmas=ulog_pose.sigmas(tables),
         home=ulog_events.home(tables),
         clocks=ulog_events.gps_clock(tables),
+        turn_rates=ulog_pose.turn_rates(tables),
     )
     boot = replace(
         boot,

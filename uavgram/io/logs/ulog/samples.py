@@ -14,6 +14,7 @@ from uavgram.io.logs.quality.samples import (
     attitude_samples,
     median_undulation_m,
     position_samples,
+    turn_rate_samples,
     unit_quaternions,
     velocity_samples,
 )
@@ -26,7 +27,7 @@ from uavgram.model.flight.log import (
     GimbalSamples,
     PositionSamples,
 )
-from uavgram.model.flight.second_opinions import VelocitySamples
+from uavgram.model.flight.second_opinions import TurnRateSamples, VelocitySamples
 
 # PX4 src/lib/geo/geo.h, CONSTANTS_RADIUS_OF_EARTH
 _EARTH_RADIUS_M = 6371000.0
@@ -68,6 +69,21 @@ def velocities(tables: UlogTables) -> VelocitySamples | None:
         if topic is not None:
             north, east, down = (topic.column(field) for field in fields)
             found = velocity_samples(name, topic.time_s, (north, east, down))
+            if found is not None:
+                return found
+    return None
+
+
+def turn_rates(tables: UlogTables) -> TurnRateSamples | None:
+    """vehicle_angular_velocity; in old firmware vehicle_attitude."""
+    for name, fields in (
+        ("vehicle_angular_velocity", ("xyz[0]", "xyz[1]", "xyz[2]")),
+        ("vehicle_attitude", ("rollspeed", "pitchspeed", "yawspeed")),
+    ):
+        topic = tables.topic(name)
+        if topic is not None:
+            forward, right, down = (topic.column(field) for field in fields)
+            found = turn_rate_samples(name, topic.time_s, (forward, right, down))
             if found is not None:
                 return found
     return None
