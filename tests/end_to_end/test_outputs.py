@@ -43,6 +43,7 @@ PROVENANCE = {
 WORLD = {"latitude_deg", "longitude_deg", "height_m", "height_datum", "gauge"}
 SHARED = {
     "boresight_deg", "lever_arm_m", "position_bias_m", "heading_bias_deg", "plane", "intrinsics",
+    "readout_s", "tape_scale",
 }  # fmt: skip
 RECORDS = {
     "frames": {"frame_id", "time_utc_s", "status", "reason", "seed", "refined"},
@@ -99,7 +100,9 @@ def test_results_have_every_promised_key(content: Content) -> None:
 
 def test_shared_unknowns_have_value_and_sigma(content: Content) -> None:
     shared = content["shared"]
-    estimates = [shared[key] for key in SHARED - {"plane"}]
+    estimates = [shared[key] for key in SHARED - {"plane", "tape_scale"}]
+    assert shared["tape_scale"].keys() == {""}  # the one tape, which has no name
+    estimates.append(shared["tape_scale"][""])
     estimates += [shared["plane"]["height_m"], shared["plane"]["slope_deg"]]
     for estimate in estimates:
         assert np.shape(estimate["value"]) == np.shape(estimate["sigma"])

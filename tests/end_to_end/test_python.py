@@ -8,6 +8,7 @@ import inspect
 import pkgutil
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,11 @@ def assert_same(one: object, other: object, where: str = "result") -> None:
         assert len(one) == len(other), where
         for k, pair in enumerate(zip(one, other, strict=True)):
             assert_same(*pair, f"{where}[{k}]")
+    elif isinstance(one, Mapping):
+        assert isinstance(other, Mapping)
+        assert list(one) == list(other), where
+        for key, value in one.items():
+            assert_same(value, other[key], f"{where}[{key!r}]")
     elif isinstance(one, float) and np.isnan(one):
         assert isinstance(other, float)
         assert np.isnan(other), where

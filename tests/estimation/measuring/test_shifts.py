@@ -85,6 +85,14 @@ def test_in_a_single_photo_a_point_moves_along_its_ray(scene_factory: Make) -> N
     assert shifts(adjustment, values).relief[0] == pytest.approx(expected, rel=0.1)
 
 
+@pytest.mark.parametrize("lines", [0, 6])
+def test_nothing_measured_has_no_shifts(scene_factory: Make, lines: int) -> None:
+    adjustment, _ = measured(scene_factory(8, frames=3, lines=lines).survey)
+    found = shifts(adjustment, propagate(adjustment, (), NO_TIMES))
+
+    assert found.relief.shape == found.tape.shape == (0,)
+
+
 def test_without_lengths_no_tape_shifts_anything(scene_factory: Make) -> None:
     scene = scene_factory(8, frames=3, lines=0)
     adjustment, values = measured(scene.survey)
