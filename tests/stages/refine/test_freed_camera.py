@@ -26,9 +26,13 @@ def test_another_zoom_is_said_and_distances_are_right(factor: float) -> None:
     refined, messages = refine(stated_zoom(scene, factor), SolveOptions())
     assert "camera-freed" in [message.code for message in messages]
     adjustment = refined.adjustment
-    found = adjustment.problem.intrinsics(adjustment.state)[0]
+    problem, layout = adjustment.problem, adjustment.problem.layout
+    focal = problem.intrinsics(adjustment.state)[0]
+    basis = problem.intrinsic_basis[0]
+    variance = basis @ adjustment.shared(layout.first_intrinsic, layout.intrinsics) @ basis
     true = scene.survey.calibration.parameters[0]
-    assert found == pytest.approx(true, rel=0.02)
+    assert abs(focal - true) < 3.0 * np.sqrt(variance)
+    assert focal == pytest.approx(true, rel=0.07)  # 25 and 30 % off as stated
     start, end = (adjustment.label_rows([label]) for label in ("P0", "P7"))
     length, gradient, unknowns = adjustment.problem.lengths_between(adjustment.state, start, end)
     sigma = np.sqrt(adjustment.minimum.factor.variances(unknowns, gradient))

@@ -17,7 +17,7 @@ from uavgram.model.message import Message
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.blunders.outstanding import outstanding
 
-CONTRADICTED = 4.0
+CONTRADICTED = 2.5
 """Root mean square of the calibration's residuals, in its sigmas, that no chance explains."""
 
 ROUNDS = 4
