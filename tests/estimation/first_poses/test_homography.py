@@ -48,7 +48,7 @@ def test_a_disturbed_pose_is_polished_back_to_the_truth(seed: int) -> None:
     (center, rotation), point = made_up(seed, 25.0, 12.0)
     ray = seen_by((center, rotation), point)
     turned = rotation @ Rotation.from_rotvec([0.05, -0.04, 0.1]).as_matrix()
-    end = polished((center + [1.0, -2.0, 1.5], turned), point, ray)
+    end = polished((center + np.array([1.0, -2.0, 1.5]), turned), point, ray)
     assert end is not None
     cost, (found, found_rotation) = end
     assert cost < 1e-12

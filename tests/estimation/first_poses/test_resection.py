@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from scenes import make_scene
+from scenes import Scene, make_scene
 
 from uavgram.estimation.first_poses.length_conditions import LengthFrames
 from uavgram.estimation.first_poses.network import length_poses, seen_lines
@@ -148,7 +149,9 @@ def test_a_poor_start_leads_to_the_same_poses_and_a_lost_frame_takes_none_along(
     assert np.abs((found.plane - good.plane)[:2] / sigma).max() < 1e-4
 
 
-def test_a_frame_whose_conditions_are_singular_takes_none_along(scene_factory) -> None:
+def test_a_frame_whose_conditions_are_singular_takes_none_along(
+    scene_factory: Callable[..., Scene],
+) -> None:
     """The factorisation of many matrices at once gives up at the first singular one."""
     survey = scene_factory(2, ends=UNCONNECTED, **NO_LOG).survey
     frames = frames_of([survey] * 2)
@@ -157,7 +160,7 @@ def test_a_frame_whose_conditions_are_singular_takes_none_along(scene_factory) -
     for column in one_line_only[2:]:
         column[1] = column[1, 0]
     one_line_only[5][1] = 0.0  # and without an error of its own, so equal to the last digit
-    found = resect_from_lengths(survey.calibration, LengthFrames(*one_line_only), good.plane)
+    found = resect_from_lengths(survey.calibration, LengthFrames._make(one_line_only), good.plane)
     assert found.converged.tolist() == [True, False]
     sigma = np.sqrt(np.diag(good.covariance[0]))[:3]
     assert np.abs((found.plane[0] - good.plane[0]) / sigma).max() < 1e-4
