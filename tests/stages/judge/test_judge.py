@@ -204,6 +204,25 @@ def test_residuals_are_those_of_the_result_whatever_was_learnt_and_weighs_little
     assert f"adjusted {lines.adjusted_m[2]:.3f} m" in said["line-suspect"]
 
 
+def test_effects_of_errors_are_those_at_full_weight_where_the_tests_are(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    survey = changed(scene_factory(6, frames=6, lines=8).survey, "length_m", 2, 0.5)
+    refined = solve(survey)
+    tested = refined.full_weight
+    assert tested is not None
+    _, _, effects, _ = judge_lines(examined(refined), lines_of(survey), np.arange(8))
+    whole = run_tests(
+        replace(refined, adjustment=tested, full_weight=None),
+        propagate(tested, WHOLE, NO_TIMES),
+        ALPHA,
+    )
+    _, _, expected, _ = judge_lines(whole, lines_of(survey), np.arange(8))
+    assert effects.on == expected.on
+    # The values are linear about the result, not about the adjustment that the blunder bends.
+    np.testing.assert_allclose(effects.change, expected.change, rtol=0.06)
+
+
 def test_a_withheld_length_is_judged_by_its_error_over_the_joint_sigma(
     scene_factory: Callable[..., Scene],
 ) -> None:

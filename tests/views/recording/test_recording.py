@@ -27,10 +27,11 @@ from uavgram.imaging.top_view.mosaic import Mosaic
 from uavgram.model.result.result import Result
 from uavgram.views.recording import write_recording
 from uavgram.views.recording.blueprint import blueprint
-from uavgram.views.recording.curves.plots import frame_curves, suspicion_limit
+from uavgram.views.recording.curves.plots import frame_curves
 from uavgram.views.recording.curves.pose_curves import pose_curves
 from uavgram.views.recording.photo.frame_picks import project_picks
 from uavgram.views.recording.scene import measure_scene
+from uavgram.views.survey.limits import pick_limit
 
 PHOTO = "/survey/current_camera/photo"
 SCALE = 8
@@ -259,10 +260,10 @@ def test_the_limit_is_that_of_the_run_s_own_significance(result: Result) -> None
     few = replace(result.picks, w=under_test)
 
     # quantiles from a table of the normal distribution: ten tests have the significance whole
-    assert suspicion_limit(replace(wider, picks=few)) == pytest.approx(2.5758, abs=1e-4)
-    assert suspicion_limit(replace(result, picks=few)) == pytest.approx(3.2905, abs=1e-4)
+    assert pick_limit(replace(wider, picks=few)) == pytest.approx(2.5758, abs=1e-4)
+    assert pick_limit(replace(result, picks=few)) == pytest.approx(3.2905, abs=1e-4)
     many = 2 * int(np.isfinite(result.picks.w).sum())
-    assert suspicion_limit(wider) == pytest.approx(norm.isf(10 * 0.01 / many / 2), abs=1e-4)
+    assert pick_limit(wider) == pytest.approx(norm.isf(10 * 0.01 / many / 2), abs=1e-4)
 
 
 def test_heights_are_above_the_ground_below_the_camera(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import synthetic_survey as survey
+from scipy.stats import norm
 
 from uavgram.model.result.reliability import (
     ChecksOverall,
@@ -18,6 +19,7 @@ from uavgram.model.result.reliability import (
 )
 from uavgram.model.result.result import Result
 from uavgram.views.report import render_report
+from uavgram.views.survey.reliability import prior_rows
 
 
 def judged(result: Result) -> Result:
@@ -76,6 +78,28 @@ def judged(result: Result) -> Result:
             count=7, chi2=8.25, probability=0.31, rms_error_m=0.0567, mean_error_percent=0.42
         ),
     )
+
+
+def test_priors_are_marked_from_the_limit_that_they_share() -> None:
+    result = judged(survey.build())
+    assert result.evidence is not None
+    one = result.evidence.priors
+    limit = norm.isf(10 * 0.001 / 40 / 2)  # of forty; three coordinates of control have theirs
+    w = np.array([limit + 0.01, limit - 0.01] + [0.0] * 38 + [3.3, -3.28, 0.0])
+    priors = replace(
+        one,
+        kind=("telemetry",) * 40 + ("control",) * 3,
+        name=one.name * 43,
+        frame_id=one.frame_id * 43,
+        unit=one.unit * 43,
+        residual=w,
+        w=w,
+        redundancy=np.full(43, 0.9),
+        bias=np.ones(43),
+        effects=Effects(on=("",) * 43, change=np.full(43, np.nan), sigmas=np.full(43, np.nan)),
+    )
+    rows = prior_rows(replace(result, evidence=replace(result.evidence, priors=priors)))
+    assert [row["bad"] for row in rows[:4]] == [True, False, True, False]
 
 
 def test_the_report_says_what_could_be_wrong_unseen() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
@@ -140,7 +140,7 @@ def run_tests(refined: Refined, measured: MeasuredValues, significance: float) -
         Of the test for blunders.
     """
     groups = observed(refined.tested)
-    worst, weakest = external_reliability(groups, measured, significance)
+    worst, weakest = external_reliability(groups, _at_full_weight(refined, measured), significance)
     return TestedSurvey(
         refined=refined,
         groups=groups,
@@ -151,6 +151,13 @@ def run_tests(refined: Refined, measured: MeasuredValues, significance: float) -
         measured=measured,
         significance=significance,
     )
+
+
+def _at_full_weight(refined: Refined, measured: MeasuredValues) -> MeasuredValues:
+    """The measured values as they hang on the observations that are tested."""
+    if refined.full_weight is None or not measured.rows:
+        return measured
+    return replace(measured, solved=refined.full_weight.minimum.factor.solve(measured.gradient))
 
 
 def _suspicions(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from uavgram.estimation.reliability.redundancy import POWER, critical_value, noncentrality
 from uavgram.geometry.ground.ellipse import ELLIPSE_95
-from uavgram.model.options import SolveOptions
 from uavgram.model.result.result import Result
+from uavgram.views.survey.limits import significance_of
 from uavgram.views.wording import number
 
 
@@ -15,9 +15,7 @@ def method_facts(result: Result) -> dict[str, str | bool]:
     The lens is ``brown``, ``rational`` or ``fisheye``; a log may be photo poses; the ellipse is in
     sigmas; the rest belongs to the tests of single observations.
     """
-    camera, options = result.camera, dict(result.provenance.options)
-    stated = options.get("solve.significance")
-    significance = float(stated) if isinstance(stated, float) else SolveOptions().significance
+    camera, significance = result.camera, significance_of(result)
     rational = camera.model == "brown" and len(camera.parameters) > 9
     return {
         "lens": "rational" if rational else camera.model,

@@ -27,8 +27,8 @@ from uavgram.views.report.method import method_facts
 from uavgram.views.survey.departures import departures
 from uavgram.views.survey.drawing import largest_sigmas
 from uavgram.views.survey.key_facts import key_facts
+from uavgram.views.survey.limits import line_limits
 from uavgram.views.survey.reliability import (
-    SUSPECT_W,
     effect_words,
     prior_rows,
     removal_rows,
@@ -110,7 +110,7 @@ def render_report(result: Result) -> str:
             removals=removal_rows(result),
             checks=checks_summary(result),
             three_sigma=THREE_SIGMA,
-            suspect_w=SUSPECT_W,
+            suspect_w=line_limits(result),
             weakest=weakest_links(result),
             picks=worst_fit_first(result.picks.w),
             camera=learnt_camera(result.camera, result.shared.intrinsics),

@@ -6,6 +6,7 @@ import numpy as np
 
 from uavgram.model.result.reliability import Effects, PriorResults, RemovalRecord
 from uavgram.model.result.result import Result
+from uavgram.views.survey.limits import prior_limits
 from uavgram.views.wording import UNIT_WORDS, chance, number
 
 MOST_PRIORS = 20
@@ -19,9 +20,6 @@ MOST_MOVED = 5
 
 LARGE = 1000.0
 """From here on numbers are shown whole."""
-
-SUSPECT_W = 3.29
-"""Test statistic that chance exceeds once in a thousand."""
 
 
 def weakest_links(result: Result) -> list[dict[str, str]]:
@@ -71,6 +69,7 @@ def prior_rows(result: Result) -> list[dict[str, str | bool]]:
     if result.evidence is None:
         return []
     priors: PriorResults = result.evidence.priors
+    limit = prior_limits(result)
     order = np.argsort(-np.abs(priors.w), kind="stable")[:MOST_PRIORS]
     return [
         {
@@ -81,7 +80,7 @@ def prior_rows(result: Result) -> list[dict[str, str | bool]]:
             "redundancy": number(priors.redundancy[i], 2),
             "bias": _amount(priors.bias[i], priors.unit[i]),
             "effect": effect_words(result, priors.effects, int(i)),
-            "bad": bool(abs(priors.w[i]) > SUSPECT_W),
+            "bad": bool(abs(priors.w[i]) > limit[i]),
         }
         for i in order
     ]

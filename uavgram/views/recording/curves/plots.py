@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
-from uavgram.estimation.reliability.redundancy import critical_value, level_of_each
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PoseTable
@@ -16,6 +15,7 @@ from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import BAD, FRAME_COLOURS, OBSERVED, REFINED, SEED, Rgb
 from uavgram.views.survey.drawing import largest_known
 from uavgram.views.survey.frame_states import frame_states
+from uavgram.views.survey.limits import pick_limit
 from uavgram.views.wording import FRAME_STATE_WORDS
 
 RESIDUAL_REFINED = "plots/residual"
@@ -23,9 +23,6 @@ WORST_W = "plots/worst_w"
 RESIDUAL_SEED = "plots/residual_of_flight_log/flight_log"
 HEIGHT = "plots/height"
 STATUS = "frame_status"
-
-# The project's default, where a result does not state its own.
-RARE = 0.001
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,21 +62,10 @@ def frame_curves(result: Result, picks: FramePicks) -> Curves:
         refined_rms_px=np.array([_rms(result.picks.residual_px[rows]) for rows in picks.rows]),
         sigma_px=np.where(np.isfinite(sigma), sigma, _rms(own)),
         worst_w=np.array([largest_known(w[rows]) for rows in picks.rows]),
-        limit_w=suspicion_limit(result),
+        limit_w=pick_limit(result),
         seed_height_m=_height(result, result.frames.seed),
         refined_height_m=_height(result, result.frames.refined),
     )
-
-
-def suspicion_limit(result: Result) -> float:
-    """Critical |w| of the run's own significance, which all picks under test share.
-
-    For one in a thousand: 3.29 up to five picks of two coordinates, 4.1 for a hundred.
-    """
-    significance = dict(result.provenance.options).get("solve.significance", RARE)
-    stated = significance if isinstance(significance, float) else RARE
-    under_test = int(np.isfinite(result.picks.w).sum())
-    return critical_value(level_of_each(stated, 2 * under_test))
 
 
 def _rms(residual: Floats) -> float:

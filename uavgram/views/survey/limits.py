@@ -1,0 +1,44 @@
+"""Beyond which test statistics a run suspects observations: see `level_of_each`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.estimation.reliability.redundancy import critical_value, level_of_each
+from uavgram.model.arrays import Floats
+from uavgram.model.options import SolveOptions
+from uavgram.model.result.result import Result
+
+
+def significance_of(result: Result) -> float:
+    """Significance that a run took; the default where its result does not say."""
+    stated = dict(result.provenance.options).get("solve.significance")
+    return stated if isinstance(stated, float) else SolveOptions().significance
+
+
+def pick_limit(result: Result) -> float:
+    """Critical |w| of the picks under test, of two coordinates each.
+
+    For one in a thousand: 3.29 up to five picks, 4.1 for a hundred.
+    """
+    return _limit(result, 2 * int(np.isfinite(result.picks.w).sum()))
+
+
+def line_limits(result: Result) -> Floats:
+    """(L,) critical |w| of each known length; every withheld one is tested by itself."""
+    checked = np.array([status == "checked" for status in result.lines.status], dtype=bool)
+    together = int((np.isfinite(result.lines.w) & ~checked).sum())
+    return np.where(checked, _limit(result, 1), _limit(result, together))
+
+
+def prior_limits(result: Result) -> Floats:
+    """(N,) critical |w| of each prior of the evidence; control points share their own."""
+    if result.evidence is None:
+        return np.zeros(0)
+    control = np.array([kind == "control" for kind in result.evidence.priors.kind], dtype=bool)
+    counts = int(control.sum()), int((~control).sum())
+    return np.where(control, *(_limit(result, count) for count in counts))
+
+
+def _limit(result: Result, tests: int) -> float:
+    return critical_value(level_of_each(significance_of(result), tests))
