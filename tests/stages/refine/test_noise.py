@@ -125,3 +125,13 @@ def test_stated_sigmas_are_kept_where_that_is_asked_for() -> None:
     assert refined.noise is None
     assert refined.stated is None
     assert (refined.adjustment.survey.pick_sigma_px == 0.35).all()
+
+
+def test_what_was_learnt_is_told_though_a_blunder_was_taken_out() -> None:
+    scene = make_scene(2, frames=6)
+    pixel = np.array(scene.survey.pixel_px)
+    pixel[17, 0] += 15.0
+    refined, _ = refine(replace(scene.survey, pixel_px=pixel), SolveOptions(outliers="remove"))
+
+    assert [removal.index for removal in refined.removals] == [17]
+    assert refined.noise is not None

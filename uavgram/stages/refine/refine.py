@@ -77,7 +77,9 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     if options.noise == "estimate":
         survey, refined = with_noise_learnt(survey, refined)
     if options.outliers == "remove":
+        noise = refined.noise
         refined, search = _without_blunders(survey, refined, options.significance)
+        refined = replace(refined, noise=noise)  # that it was adjusted with
     else:
         refined, search = _with_the_accused(survey, refined, options.significance), []
         if options.noise == "estimate":
