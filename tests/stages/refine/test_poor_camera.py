@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scenes import Scene
 
-from uavgram.estimation.first_poses import plane_network
 from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS, Minimum
 from uavgram.estimation.survey.unknowns import State
 from uavgram.io.cameras.drone_table import drone_cameras
@@ -19,7 +18,7 @@ from uavgram.model.survey.survey import Survey
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.assemble import Observations, assemble
 from uavgram.stages.camera.assume import assume_camera
-from uavgram.stages.refine import minima, poor_camera
+from uavgram.stages.refine import poor_camera
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.poor_camera import iterations_for, settled
 
@@ -72,20 +71,12 @@ def test_a_wrong_focal_length_leads_to_the_same_minimum(
 def test_without_soft_picks_first_it_takes_longer_than_any_other_survey_may(
     strip: Callable[..., Survey], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-<<<<<<< HEAD
-    """From poses as the homographies give them, and once: better ones lie near enough."""
-    monkeypatch.setattr(poor_camera, "SOFTER", ())
-    monkeypatch.setattr(plane_network, "polished", lambda *_: None)
-    monkeypatch.setattr(minima, "MOST_RETRIES", 0)
-    lost = adjusted(strip(TOO_WIDE))
-=======
     # None is lost any more since photos join by the pose of either tilt that fits them best; 22 mm
     # used to be.
     survey = strip(TOO_LONG)
     soft = adjusted(survey)
     monkeypatch.setattr(poor_camera, "SOFTER", ())
     hard = adjusted(survey)
->>>>>>> f3
 
     assert soft.converged
     assert soft.iterations <= MAX_ITERATIONS < hard.iterations
