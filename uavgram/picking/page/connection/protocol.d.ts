@@ -79,7 +79,7 @@ export type ServerMessage = { seq?: number | null } & (
 // From the page: changes of what is picked, and questions.
 
 export interface Place { t: "place"; image: number; label: string; u_px: number; v_px: number; sigma_px?: Maybe; step?: number; final?: boolean }
-export interface SetLine extends Line { t: "line"; was: string }
+export interface SetLine extends Omit<Line, "tape" | "along">, Partial<Pick<Line, "tape" | "along">> { t: "line"; was: string }
 export interface SetMeasurement extends Measurement { t: "measure"; was: string }
 export type Change = Place | SetLine | SetMeasurement
   | { t: "unpick"; image: number; label: string } | { t: "forget"; label: string } | { t: "rename"; label: string; new: string }
