@@ -7,7 +7,9 @@ type Maybe = number | null; // null where Python has NaN
 export interface Spread { major_px: Maybe; minor_px: Maybe; turn_deg: Maybe }
 
 export interface Pick { image: number; label: string; u_px: number; v_px: number; sigma_px: Maybe; height_m: Maybe; area: string }
-export interface Line { name: string; start: string; end: string; length_m: number; sigma_m: number; adjust: boolean; tape: string; along: "slope" | "horizontal" }
+interface Reading { name: string; start: string; end: string; length_m: number; sigma_m: number; adjust: boolean }
+type Along = "slope" | "horizontal";
+export interface Line extends Reading { tape: string; along: Along }
 export type Kind = "distance" | "polyline" | "area" | "angle" | "line_distance" | "skid_speed" | "coordinate" | "speed";
 export interface Measurement { name: string; kind: Kind; points: string[]; parameters?: Record<string, number> }
 export interface Remark { level: "error" | "warning" | "info"; code: string; text: string }
@@ -79,7 +81,7 @@ export type ServerMessage = { seq?: number | null } & (
 // From the page: changes of what is picked, and questions.
 
 export interface Place { t: "place"; image: number; label: string; u_px: number; v_px: number; sigma_px?: Maybe; step?: number; final?: boolean }
-export interface SetLine extends Omit<Line, "tape" | "along">, Partial<Pick<Line, "tape" | "along">> { t: "line"; was: string }
+export interface SetLine extends Reading { t: "line"; was: string; tape?: string; along?: Along }
 export interface SetMeasurement extends Measurement { t: "measure"; was: string }
 export type Change = Place | SetLine | SetMeasurement
   | { t: "unpick"; image: number; label: string } | { t: "forget"; label: string } | { t: "rename"; label: string; new: string }
