@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -31,7 +30,6 @@ from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
 from uavgram.stages.refine.blunders.outstanding import outstanding, with_little_weight
 from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
 from uavgram.stages.refine.continued import continued
-from uavgram.stages.refine.freed_camera import with_freed_camera
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.noise import with_noise_learnt
 from uavgram.stages.refine.noise_remarks import noise_remarks
@@ -68,10 +66,6 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     keep, reason = _in_lens(survey)
     no_pick = np.zeros(len(survey.pick_frame), dtype=bool)
     survey, refined, left_out = _without_gross_control(survey, keep, reason)
-    camera: tuple[Message, ...] = ()
-    if options.noise == "estimate":
-        again = partial(_without_gross_control, keep=keep, reason=reason)
-        survey, refined, camera = with_freed_camera(survey, refined, lambda one: again(one)[:2])
     refined = replace(refined, pick_removed=no_pick)
     survey, refined, readout = with_sound_readout(survey, refined)
     if options.noise == "estimate":
@@ -85,7 +79,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         if options.noise == "estimate":
             refined = _with_little_weight(refined)
     refined = with_gross_lengths(survey, refined)
-    found = (*left_out, *camera, *readout, *noise_remarks(refined.noise), *remarks(survey, refined))
+    found = (*left_out, *readout, *noise_remarks(refined.noise), *remarks(survey, refined))
     return refined, (*found, *search)
 
 
