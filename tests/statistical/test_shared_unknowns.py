@@ -7,7 +7,7 @@ import pytest
 from scenes import make_scene
 from scipy.stats import chi2
 
-from uavgram.estimation.survey.likelihood import TELEMETRY_PARTS
+from uavgram.estimation.survey.telemetry_terms import TELEMETRY_PARTS
 from uavgram.geometry.motion import telemetry_pose
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions

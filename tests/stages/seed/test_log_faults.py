@@ -147,7 +147,7 @@ def test_a_jump_of_heading_is_found_with_its_size() -> None:
     (fault,) = find_faults(replace(track, world_from_body_xyzw=xyzw), evidence, EXPOSURES)
     assert fault.kind == "attitude-jump"
     assert np.degrees(fault.change[2]) == pytest.approx(12.0, abs=0.5)
-    assert fault.why == "reset of the heading"
+    assert fault.resets == ("reset of the heading",)
     (message,) = fault_messages([fault], evidence, FRAMES)
     assert message.text.startswith("The log's attitude jumps by 12 degrees of heading between")
     assert "reset of the heading" in message.text

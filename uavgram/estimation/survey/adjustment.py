@@ -225,6 +225,15 @@ class LeftOutCause(Enum):
     SWAPPED = "swapped"
     GROSS = "gross"
 
+    @property
+    def is_of_frame(self) -> bool:
+        """Whether it speaks of the pick's whole frame, and not of the pick alone."""
+        return self in (
+            LeftOutCause.NOT_JOINED,
+            LeftOutCause.UNDETERMINED,
+            LeftOutCause.MISPLACED_FRAME,
+        )
+
 
 @dataclass(frozen=True)
 class LeftOut:

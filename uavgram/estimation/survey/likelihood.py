@@ -7,47 +7,25 @@ biases, clock) predict for it, and each shared unknown against its own prior.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.ground_planes import GroundPlanes
+from uavgram.estimation.survey.priors import independent_prior
 from uavgram.estimation.survey.tapes import Taped, tape_rows, taped_lines, tapes_of
+from uavgram.estimation.survey.telemetry_terms import TelemetryTerms, telemetry_prior
 from uavgram.estimation.survey.unknowns import Layout, State, layout_of
 from uavgram.geometry.camera.projection import project_with_jacobian
-from uavgram.geometry.motion.rotation import exp_so3, hat, log_so3, right_jacobian_inverse
+from uavgram.geometry.motion.rotation import exp_so3, hat
 from uavgram.geometry.motion.row_poses import row_share
-from uavgram.geometry.motion.telemetry_pose import (
-    BORESIGHT,
-    CLOCK,
-    CLOCK_DRIFT,
-    HEADING_BIAS,
-    LEVER_ARM,
-    POSITION_BIAS,
-    SHARED_SIZE,
-    Exposures,
-    corrected_time,
-    exposures_by_time,
-    predict_pose,
-)
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.camera.readout import Readout
 from uavgram.model.survey.survey import Survey
 
 GAUGE_SIGMA = np.array([1e-4, 1e-4, 1e-6])
 """Of the three conditions that fix a free gauge [m, m, rad]: they are met exactly at the minimum,
 so their size moves no estimate; small enough to add nothing to a covariance."""
-
-TELEMETRY_PARTS = {
-    "boresight": BORESIGHT,
-    "lever_arm": LEVER_ARM,
-    "position_bias": POSITION_BIAS,
-    "heading_bias": HEADING_BIAS,
-    "clock": CLOCK,
-    "clock_drift": CLOCK_DRIFT,
-}
 
 
 class SurveyProblem:
@@ -74,7 +52,8 @@ class SurveyProblem:
         telemetry = survey.telemetry
         if telemetry is not None:
             self.telemetry_whitening = np.linalg.inv(np.linalg.cholesky(telemetry.covariance))
-            self.telemetry_mean, self.telemetry_sigma = _shared_prior(survey)
+            self.telemetry_mean, self.telemetry_sigma = telemetry_prior(telemetry)
+            self._telemetry = TelemetryTerms(survey, self.layout)
 
     @property
     def pivot_m(self) -> Floats:
@@ -130,19 +109,19 @@ class SurveyProblem:
         if len(self.line_index):
             blocks["lengths"] = self._lengths(state)
         if self.tapes:
-            sigma = self.survey.tape_scale_sigma
-            weight = np.full(len(self.tapes), 1.0 / sigma)
-            blocks["tape"] = _prior(state.tape / sigma, self.layout.first_tape, weight)
+            blocks["tape"] = self._tape(state)
         if len(self.survey.control_label):
             blocks["control"] = self._control(state)
         blocks |= self._grounds(state)
         if self.survey.rolling is not None:
-            blocks["readout"] = self._readout(state, self.survey.rolling.readout)
+            known, first = self.survey.rolling.readout, self.layout.first_readout
+            off = state.readout - known.value_s
+            blocks["readout"] = independent_prior(off, np.array([known.sigma_s]), first)
         if self.layout.free_gauge:
             blocks["gauge"] = self._gauge(state)
         if self.survey.telemetry is not None:
             try:
-                blocks |= self._telemetry(state)
+                blocks |= self._telemetry.blocks(state, self.telemetry_whitening)
             except ValueError:  # the clock correction leads out of the log
                 return None
         return blocks
@@ -280,7 +259,8 @@ class SurveyProblem:
         return Block(residual, columns, jacobian * weight[:, :, None])
 
     def _calibration(self, state: State) -> Block:
-        return _prior(state.intrinsic, self.layout.first_intrinsic)
+        sigma = np.ones(self.layout.intrinsics)
+        return independent_prior(state.intrinsic, sigma, self.layout.first_intrinsic)
 
     def _roughness(self, state: State) -> Block:
         rough = self.ground.roughness_sigma_m > 0
@@ -298,10 +278,6 @@ class SurveyProblem:
             blocks["relief"] = self._relief(state)
         return blocks | self._planes(state)
 
-    def _readout(self, state: State, known: Readout) -> Block:
-        scaled = (state.readout - known.value_s) / known.sigma_s
-        return _prior(scaled, self.layout.first_readout, np.array([1.0 / known.sigma_s]))
-
     def _planes(self, state: State) -> dict[str, Block]:
         """Priors by area; the first area's has the name of old, ``plane``."""
         unknown = state.plane[len(state.plane) - self.layout.plane :]
@@ -309,17 +285,17 @@ class SurveyProblem:
         for prior in self.ground.priors():
             own = unknown[prior.first : prior.first + len(prior.mean)]
             name = "plane" if prior.area == self.survey.ground.name else f"plane of {prior.area}"
-            blocks[name] = _prior(
-                (own - prior.mean) / prior.sigma,
-                self.layout.first_plane + prior.first,
-                1.0 / prior.sigma,
-            )
+            first = self.layout.first_plane + prior.first
+            blocks[name] = independent_prior(own - prior.mean, prior.sigma, first)
         return blocks
 
+    def _tape(self, state: State) -> Block:
+        sigma = np.full(len(self.tapes), self.survey.tape_scale_sigma)
+        return independent_prior(state.tape, sigma, self.layout.first_tape)
+
     def _relief(self, state: State) -> Block:
-        sigma = self.ground.relief_sigma_m[:, None]
-        columns = self.layout.first_relief + np.arange(self.layout.relief)
-        return Block(state.relief[:, None] / sigma, columns[:, None], 1.0 / sigma[:, :, None])
+        sigma = self.ground.relief_sigma_m
+        return independent_prior(state.relief, sigma, self.layout.first_relief)
 
     def _gauge(self, state: State) -> Block:
         """First frame above x = y = 0, its image up towards north.
@@ -336,52 +312,6 @@ class SurveyProblem:
         whitened = (residual / GAUGE_SIGMA)[None]
         return Block(whitened, columns, (jacobian / GAUGE_SIGMA[:, None])[None])
 
-    def _telemetry(self, state: State) -> dict[str, Block]:
-        prior, layout = self.survey.telemetry, self.layout
-        assert prior is not None  # noqa: S101  (the caller asked)
-        at_s = corrected_time(state.telemetry, prior.time_s, prior.middle_s)
-        center, rotation, d_shared = predict_pose(
-            self._exposures(at_s),
-            prior.gimbal_from_camera,
-            state.telemetry,
-            prior.time_s - prior.middle_s,
-        )
-        frame = prior.frame_index
-        turn = log_so3(np.swapaxes(rotation, 1, 2) @ state.rotation[frame])
-        residual = np.concatenate([state.center[frame] - center, turn], axis=1)
-        # turn = log(P^T R): by R exp(a) it moves by Jr^-1(turn) a, by P exp(b) by -Jr^-1(-turn) b
-        # (Sola et al. 2018, eq. 68 to 70); Jr^-1(-turn) is the transpose of Jr^-1(turn).
-        by_turn = right_jacobian_inverse(turn)
-        jacobian = np.zeros((len(frame), 6, 6 + layout.telemetry))
-        jacobian[:, :3, :3] = np.eye(3)
-        jacobian[:, 3:, 3:6] = by_turn
-        jacobian[:, :3, 6:] = -d_shared[:, :3]
-        jacobian[:, 3:, 6:] = -by_turn.swapaxes(1, 2) @ d_shared[:, 3:]
-        white = self.telemetry_whitening
-        whitened = (white @ residual[..., None])[..., 0]
-        blocks = {"telemetry": Block(whitened, self._telemetry_columns, white @ jacobian)}
-        scaled = (state.telemetry - self.telemetry_mean) / self.telemetry_sigma
-        for name, part in TELEMETRY_PARTS.items():
-            first = layout.first_telemetry + part.start
-            blocks[name] = _prior(scaled[part], first, 1.0 / self.telemetry_sigma[part])
-        return blocks
-
-    @cached_property
-    def _exposures(self) -> Callable[[Floats], Exposures]:
-        """Where the flight has the frames, by their instants."""
-        prior, track = self.survey.telemetry, self.survey.track
-        assert prior is not None  # noqa: S101  (the caller asked)
-        assert track is not None  # noqa: S101
-        return exposures_by_time(track, [self.survey.frame_id[i] for i in prior.frame_index])
-
-    @cached_property
-    def _telemetry_columns(self) -> Ints:
-        prior, layout = self.survey.telemetry, self.layout
-        assert prior is not None  # noqa: S101  (the caller asked)
-        frame = prior.frame_index
-        shared = layout.shared_columns(layout.first_telemetry, layout.telemetry, len(frame))
-        return np.concatenate([layout.frame_columns(frame), shared], axis=1)
-
 
 def covariance_root(covariance: Floats) -> Floats:
     """(P, r) matrix L with L L^T = covariance; r leaves out what is known exactly.
@@ -394,27 +324,3 @@ def covariance_root(covariance: Floats) -> Floats:
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     kept = values > 1e-12
     return np.asarray(scale[:, None] * vectors[:, kept] * np.sqrt(values[kept]))
-
-
-def _prior(scaled: Floats, first: int, weight: Floats | None = None) -> Block:
-    """Block of independent priors on neighbouring unknowns, residuals already in sigmas."""
-    n = len(scaled)
-    columns = (first + np.arange(n))[:, None]
-    weight = np.ones(n) if weight is None else weight
-    return Block(scaled[:, None], columns, weight[:, None, None])
-
-
-def _shared_prior(survey: Survey) -> tuple[Floats, Floats]:
-    """Mean and sigma (12,) of the telemetry's shared unknowns."""
-    prior = survey.telemetry
-    assert prior is not None  # noqa: S101  (the caller asked)
-    mean = np.zeros(SHARED_SIZE)
-    mean[LEVER_ARM] = prior.lever_arm_m
-    sigma = np.empty(SHARED_SIZE)
-    sigma[BORESIGHT] = prior.boresight_sigma_rad
-    sigma[LEVER_ARM] = prior.lever_arm_sigma_m
-    sigma[POSITION_BIAS] = prior.position_bias_sigma_m
-    sigma[HEADING_BIAS] = prior.heading_bias_sigma_rad
-    sigma[CLOCK] = prior.clock_sigma_s
-    sigma[CLOCK_DRIFT] = prior.clock_drift_sigma
-    return mean, sigma

@@ -113,15 +113,25 @@ class LogFault:
         East, north, up: of a jump what no movement explains [m], or the turn about these axes
         [rad]; of other faults how wrong the log may be from `start_s` to `end_s`, in the same
         units.
-    why
-        What the autopilot itself says of it; empty where it is silent.
+    resets
+        What the autopilot itself noted then; empty where it is silent.
     """
 
     kind: FaultKind
     start_s: float
     end_s: float
     change: tuple[float, float, float]
-    why: str = ""
+    resets: tuple[str, ...] = ()
+
+    @property
+    def is_jump(self) -> bool:
+        """Whether the log is right before and behind it, but for what lies between the two."""
+        return self.kind in ("position-jump", "attitude-jump")
+
+    @property
+    def is_of_attitude(self) -> bool:
+        """Whether it leaves directions in doubt, and not places."""
+        return self.kind.startswith(("attitude", "gimbal"))
 
     @property
     def horizontal(self) -> float:

@@ -274,12 +274,15 @@ def _unjudged(inputs: Inputs, world: World) -> tuple[Message, ...]:
 def _frames(
     inputs: Inputs, posed: Posed, assembled: Assembled, refined: Refined, duplicates: Duplicates
 ) -> FrameResults:
-    """All frames; those with picks with the first reason why one of these was left out."""
+    """All frames; those with picks with a reason why some were left out, the frame's own first."""
     reasons = {image: duplicates.reason(image) for image in dict.fromkeys(inputs.picks.image)}
-    for image, index in zip(inputs.picks.image, assembled.pick_index.tolist(), strict=True):
-        left_out = refined.pick_reason.get(index)
-        if left_out is not None and not reasons[image]:
-            reasons[image] = left_out.text
+    left_out = [
+        (refined.pick_reason[index], image)
+        for image, index in zip(inputs.picks.image, assembled.pick_index.tolist(), strict=True)
+        if index in refined.pick_reason
+    ]
+    for why, image in sorted(left_out, key=lambda one: not one[0].cause.is_of_frame):
+        reasons[image] = reasons[image] or why.text
     seeds = None if posed.telemetry is None else posed.telemetry.poses
     return summarise_frames(posed.frames, inputs.photos.path, seeds, refined, reasons)
 

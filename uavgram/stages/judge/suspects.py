@@ -27,7 +27,7 @@ CODES = {
 }
 
 
-TOLD_TOGETHER = {
+READINGS_TOGETHER = {
     "pixels": ("{count} picks do not fit", "Look at their places and at their labels."),
     "lengths": (
         "{count} known lengths do not fit",
@@ -84,7 +84,7 @@ def _message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
         "tape": _tape,
     }
     text, item = words.get(kind, _prior)(examined, suspicion)
-    opening, ending = TOLD_TOGETHER.get(kind, PRIORS_TOGETHER)
+    opening, ending = READINGS_TOGETHER.get(kind, PRIORS_TOGETHER)
     others = []
     if suspicion.group:
         others.append(f"The {names.group(suspicion)}: {names.look(suspicion)}.")

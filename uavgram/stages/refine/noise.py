@@ -121,23 +121,23 @@ def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined
 
     tried = (estimated(model, stated, None) for model in models)
     fitted = max(tried, key=lambda one: one.merit)
+    if fitted.model.shape is None and np.abs(np.log(fitted.found.factor)).max() < SAME:
+        return survey, replace(refined, noise=_noise(fitted, stated, stated.survey))
     adjustment = stated
     for _ in range(PASSES):
-        before = fitted.found.factor
-        if fitted.model.shape is None and np.abs(np.log(before)).max() < SAME:
-            break
+        used = fitted
         try:
-            adjustment = continued(adjustment, _learnt(fitted, stated.survey))
+            adjustment = continued(adjustment, _learnt(used, stated.survey))
         except SingularError:
             return survey, refined
-        fitted = estimated(fitted.model, adjustment, before)
-        if np.abs(np.log(fitted.found.factor / before)).max() < SAME:
+        fitted = estimated(used.model, adjustment, used.found.factor)
+        if np.abs(np.log(fitted.found.factor / used.found.factor)).max() < SAME:
             break
-    noise = _noise(fitted, adjustment, stated.survey)
-    if adjustment is stated:
-        return survey, replace(refined, noise=noise)
-    learnt = _learnt(fitted, survey)
-    return learnt, replace(refined, adjustment=adjustment, noise=noise, stated=stated)
+    # What is told is what the result was adjusted with.
+    noise = _noise(used, adjustment, stated.survey)
+    return _learnt(used, survey), replace(
+        refined, adjustment=adjustment, noise=noise, stated=stated
+    )
 
 
 def _as_stated(stated: Adjustment, redundancy: float) -> _Model:
@@ -297,13 +297,8 @@ def _learnt(fitted: _Fitted, survey: Survey) -> Survey:
 def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey) -> Noise:
     """What was learnt, for people."""
     factor, sigma = fitted.found.factor, fitted.found.factor * fitted.found.sigma
-    rough = {
-        area: sigma[k]
-        for k, (one, area) in enumerate(
-            zip(fitted.model.components, fitted.model.areas, strict=True)
-        )
-        if one.block == "roughness"
-    }
+    components = zip(fitted.model.components, fitted.model.areas, sigma.tolist(), strict=True)
+    rough = {area: own for one, area, own in components if one.block == "roughness"}
     units = fitted.model.problem.survey.grounds
     hand = PickNoise(
         source="hand",
@@ -316,7 +311,7 @@ def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey) -> Noise:
             area=ground.name,
             stated_m=stated.grounds[area].roughness_sigma_m,
             estimated_m=ground.roughness_sigma_m,
-            sigma_m=float(rough.get(area, 0.0) * units[area].roughness_sigma_m),
+            sigma_m=rough.get(area, 0.0) * units[area].roughness_sigma_m,
             shape="plane" if ground.relief is None else ground.relief.kind,
             relief_m=adjustment.relief_m(area),
         )

@@ -13,7 +13,7 @@ from uavgram.model.message import Message
 from uavgram.stages.seed.freed_frames import Faults, freed_by, unsure_s
 
 _MOST_NAMED = 5
-_RESET_TOLD = "estimator-reset"
+_RESET = "estimator-reset"
 _LOOK = (
     "Pick points that these photos share with the others, and known lengths or points in them, or "
     "leave them out."
@@ -40,8 +40,8 @@ def fault_messages(faults: Faults, evidence: FlightEvidence, frames: Frames) -> 
         for k, fault in enumerate(alike):
             # Jumps free photos together: which, follows from all of them.
             last = k == len(alike) - 1
-            own = freed if code.endswith("jump") else _freed([fault], frames)
-            effect = _effect(own) if last or not code.endswith("jump") else ""
+            own = freed if fault.is_jump else _freed([fault], frames)
+            effect = _effect(own) if last or not fault.is_jump else ""
             text = f"{_what(fault)} {_where(fault.start_s, fault.end_s, frames)}.{_why(fault)}"
             yield Message("warning", f"log-{code}", text + effect, frames=own)
     yield from _untraced(faults, evidence, frames)
@@ -53,8 +53,10 @@ def _what(fault: LogFault) -> str:
     along, up = fault.horizontal, abs(fault.change[2])
     tilt, yaw = np.degrees([along, up])
     return {
-        "position-jump": f"The log's position jumps by {_meters(along, up)}",
-        "attitude-jump": f"The log's attitude jumps by {_degrees(tilt, yaw)}",
+        "position-jump": "The log's position jumps by "
+        + _larger_part((along, "{:.1f} m"), (up, "{:.1f} m in height")),
+        "attitude-jump": "The log's attitude jumps by "
+        + _larger_part((tilt, "{:.0f} degrees of tilt"), (yaw, "{:.0f} degrees of heading")),
         "position-frozen": (
             f"The log's position stands still for {lasts} while the vehicle flies on by "
             f"{along:.1f} m"
@@ -69,21 +71,10 @@ def _what(fault: LogFault) -> str:
     }[fault.kind]
 
 
-def _meters(along: float, up: float) -> str:
-    """Sizes of a jump: the larger part, and the other one where it counts."""
-    if up < 0.2 * along:
-        return f"{along:.1f} m"
-    if along < 0.2 * up:
-        return f"{up:.1f} m in height"
-    return f"{along:.1f} m and {up:.1f} m in height"
-
-
-def _degrees(tilt: float, yaw: float) -> str:
-    if tilt < 0.2 * yaw:
-        return f"{yaw:.0f} degrees of heading"
-    if yaw < 0.2 * tilt:
-        return f"{tilt:.0f} degrees of tilt"
-    return f"{tilt:.0f} degrees of tilt and {yaw:.0f} of heading"
+def _larger_part(one: tuple[float, str], other: tuple[float, str]) -> str:
+    """Two parts of a jump, each with its format; a part below a fifth of the other is left out."""
+    largest = max(one[0], other[0])
+    return " and ".join(form.format(size) for size, form in (one, other) if size >= 0.2 * largest)
 
 
 def _where(start_s: float, end_s: float, frames: Frames) -> str:
@@ -105,7 +96,8 @@ def _clock(time_s: float) -> str:
 
 
 def _why(fault: LogFault) -> str:
-    return f" The autopilot itself noted then: {fault.why}." if fault.why else ""
+    noted = " and ".join(fault.resets)
+    return f" The autopilot itself noted then: {noted}." if noted else ""
 
 
 def _freed(faults: list[LogFault], frames: Frames) -> tuple[str, ...]:
@@ -128,14 +120,14 @@ def _effect(names: tuple[str, ...]) -> str:
 
 def _untraced(faults: Faults, evidence: FlightEvidence, frames: Frames) -> Iterator[Message]:
     times = frames.time_utc_s[frames.matched]
-    said = {what for fault in faults for what in fault.why.split(" and ") if fault.why}
-    told: dict[str, float] = {}
+    traced = {what for fault in faults for what in fault.resets}
+    untraced: dict[str, float] = {}
     for time, what in evidence.resets:
-        if len(times) and times.min() < time < times.max() and what not in said:
-            told.setdefault(what, time)
-    for what, time in told.items():
+        if len(times) and times.min() < time < times.max() and what not in traced:
+            untraced.setdefault(what, time)
+    for what, time in untraced.items():
         text = (
             f"The autopilot noted a {what} {_where(time, time, frames)}; positions and attitudes "
             "in the log show no jump there, so nothing was changed."
         )
-        yield Message("info", _RESET_TOLD, text)
+        yield Message("info", _RESET, text)

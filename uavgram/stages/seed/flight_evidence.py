@@ -34,7 +34,7 @@ def gather_evidence(boot: Boot, clock: BootClock, origin: Origin) -> FlightEvide
         place = enu_from_geodetic(other.latitude_deg, other.longitude_deg, other.height_m, origin)
         receiver = to_utc(clock, other.time_boot_s), place
     at = to_utc(clock, np.array([reset.time_boot_s for reset in boot.resets]))
-    said = (reset.what for reset in boot.resets)
+    what = (reset.what for reset in boot.resets)
     return FlightEvidence(
         velocity_time_s=velocity[0],
         velocity_world_m_s=velocity[1],
@@ -42,5 +42,5 @@ def gather_evidence(boot: Boot, clock: BootClock, origin: Origin) -> FlightEvide
         receiver_world_m=receiver[1],
         turn_time_s=turn[0],
         turn_body_rad_s=turn[1],
-        resets=tuple(zip(at.tolist(), said, strict=True)),
+        resets=tuple(zip(at.tolist(), what, strict=True)),
     )

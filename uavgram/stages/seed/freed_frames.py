@@ -49,6 +49,9 @@ class Freed(NamedTuple):
 def freed_by(faults: Faults, time_s: Floats, unsure_s: Floats) -> Freed:
     """What faults of a log add to the variances of N frames.
 
+    Horizontal directions are treated alike: the size of a jump is known, which of the places about
+    it is right is not.
+
     Parameters
     ----------
     faults
@@ -57,9 +60,6 @@ def freed_by(faults: Faults, time_s: Floats, unsure_s: Floats) -> Freed:
         (N,) instants of the frames.
     unsure_s
         (N,) by how much these may be wrong: so near a jump, a frame may be on its other side.
-
-    Horizontal directions are treated alike: the size of a jump is known, which of the places about
-    it is right is not.
     """
     jumps, turns = (
         [f for f in faults if f.kind == kind] for kind in ("position-jump", "attitude-jump")
@@ -67,10 +67,10 @@ def freed_by(faults: Faults, time_s: Floats, unsure_s: Floats) -> Freed:
     position, position_bias = _by_jumps(jumps, time_s, unsure_s)
     turned, turned_bias = _by_jumps(turns, time_s, unsure_s)
     for fault in faults:
-        if fault.kind.endswith("jump"):
+        if fault.is_jump:
             continue
         inside = (time_s >= fault.start_s - unsure_s) & (time_s <= fault.end_s + unsure_s)
-        part = turned if fault.kind.startswith(("attitude", "gimbal")) else position
+        part = turned if fault.is_of_attitude else position
         part[inside] += _square(np.array(fault.change))
     turned = np.minimum(turned, _UNKNOWN_RAD**2)
     return Freed(position, turned, position_bias, float(min(turned_bias[2], _UNKNOWN_RAD**2)))

@@ -10,6 +10,7 @@ exposure parts photos from each other.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -260,25 +261,17 @@ def _receiver_apart(
 
 def _explained(fault: LogFault, evidence: FlightEvidence) -> LogFault:
     """The fault with what the autopilot says of that moment."""
-    said = [
+    noted = [
         what
         for time, what in evidence.resets
         if fault.start_s - _RESET_S <= time <= fault.end_s + _RESET_S
     ]
-    return _fault(
-        fault.kind,
-        fault.start_s,
-        fault.end_s,
-        np.array(fault.change),
-        " and ".join(dict.fromkeys(said)),
-    )
+    return replace(fault, resets=tuple(dict.fromkeys(noted)))
 
 
-def _fault(kind: FaultKind, start: float, end: float, change: Floats, why: str = "") -> LogFault:
+def _fault(kind: FaultKind, start: float, end: float, change: Floats) -> LogFault:
     east, north, up = (float(part) for part in change)
-    return LogFault(
-        kind=kind, start_s=float(start), end_s=float(end), change=(east, north, up), why=why
-    )
+    return LogFault(kind=kind, start_s=float(start), end_s=float(end), change=(east, north, up))
 
 
 def _within(time: Floats, first: float, last: float) -> Bools:

@@ -37,8 +37,8 @@ def stated_resets(tables: Tables) -> tuple[EstimatorReset, ...]:
             if what is not None and np.isfinite(time):
                 found.append(EstimatorReset(float(time), what))
     texts = tables.columns("MSG")
-    said = texts.get("Message", np.zeros(0))
-    if said.dtype.kind in "SO":  # damaged formats make numbers of it
-        words = (bytes(text).split(b"\0")[0].decode("latin-1") for text in said)
-        found.extend(resets_in_texts(boot_time_s(texts).tolist(), words))
+    words = texts.get("Message", np.zeros(0))
+    if words.dtype.kind in "SO":  # damaged formats make numbers of it
+        lines = (bytes(text).split(b"\0")[0].decode("latin-1") for text in words)
+        found.extend(resets_in_texts(boot_time_s(texts).tolist(), lines))
     return in_order(found)

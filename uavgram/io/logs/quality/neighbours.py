@@ -2,7 +2,7 @@
 
 A vehicle is heavy: where it is and how it is turned follow from the rows about. A row that no
 line through its neighbours explains, from neither side, has damaged bytes; a step that stays (a
-new fix, a gimbal sent to another angle) is explained by the rows after it.
+new fix, a gimbal sent to another angle) is allowed by the rows after it.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ def without_damaged_rows(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
         positions = rows_of(positions, off_m == 0)
     if attitudes is not None:
         time_s = attitudes.time_boot_s
-        told = _uneven_turn(time_s, boot.turn_rates) / 2  # of quaternions: half the angle
-        off = _off(time_s, _continuous(attitudes.ned_from_body_xyzw), _TURN, told)
+        slack = _uneven_turn(time_s, boot.turn_rates) / 2  # of quaternions: half the angle
+        off = _off(time_s, _continuous(attitudes.ned_from_body_xyzw), _TURN, slack)
         notes += _remark(attitudes.source, attitudes.time_boot_s, _degrees(off), "degrees")
         attitudes = rows_of(attitudes, off == 0)
     if gimbal is not None:
@@ -104,7 +104,7 @@ def _uneven_turn(time_s: Floats, rates: TurnRateSamples | None) -> Floats:
     return np.asarray(np.linalg.norm(span, axis=0) * np.gradient(time_s))
 
 
-def _off(time_s: Floats, values: Floats, usual: _Agility, told: Floats | float = 0.0) -> Floats:
+def _off(time_s: Floats, values: Floats, usual: _Agility, slack: Floats | float = 0.0) -> Floats:
     """(N,) distance from the neighbours where it is too much, else 0.
 
     Parameters
@@ -115,7 +115,7 @@ def _off(time_s: Floats, values: Floats, usual: _Agility, told: Floats | float =
         (N, K) what is continuous in time.
     usual
         How far a row may lie off.
-    told
+    slack
         (N,) how much farther, as the log itself tells.
     """
     if len(time_s) < _FEWEST_ROWS:
@@ -128,7 +128,7 @@ def _off(time_s: Floats, values: Floats, usual: _Agility, told: Floats | float =
     share = np.minimum(nearest_s / (_CROWDED * float(np.median(step_s))), 1.0)
     unrest = median_filter(off, size=15, mode="nearest")
     allowed = (
-        usual.floor * share + usual.acceleration * share * widest_s**2 + _UNREST * unrest + told
+        usual.floor * share + usual.acceleration * share * widest_s**2 + _UNREST * unrest + slack
     )
     return np.where(off > allowed, off, 0.0)
 

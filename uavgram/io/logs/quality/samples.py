@@ -15,7 +15,7 @@ from uavgram.io.logs.quality.rows import (
     near_its_track,
     plausible_rows,
 )
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import (
     AttitudeSamples,
     CameraEvents,
@@ -127,7 +127,7 @@ def velocity_samples(
         (N,) each [m/s].
     """
     ned = np.stack(north_east_down, axis=1)
-    rows = plausible_rows(time_s, np.asarray((np.abs(ned) < _FASTEST_M_S).all(axis=1)))
+    rows = _below(_FASTEST_M_S, time_s, ned)
     if len(rows) < 2:
         return None
     return VelocitySamples(time_boot_s=time_s[rows], ned_m_s=ned[rows], source=source)
@@ -148,12 +148,15 @@ def turn_rate_samples(
         (N,) each, about these axes of the body [rad/s].
     """
     body = np.stack(forward_right_down, axis=1)
-    # Firmware that knows no rates sends zeros throughout.
-    known = np.asarray((np.abs(body) < _FASTEST_RAD_S).all(axis=1)) & body.any()
-    rows = plausible_rows(time_s, known)
-    if len(rows) < 2:
+    rows = _below(_FASTEST_RAD_S, time_s, body)
+    if len(rows) < 2 or not body.any():  # firmware that knows no rates sends zeros throughout
         return None
     return TurnRateSamples(time_boot_s=time_s[rows], body_rad_s=body[rows], source=source)
+
+
+def _below(largest: float, time_s: Floats, rates: Floats) -> Ints:
+    """Rows in order of time whose rates (N, 3) are possible."""
+    return plausible_rows(time_s, np.asarray((np.abs(rates) < largest).all(axis=1)))
 
 
 def unit_quaternions(xyzw: Floats) -> Floats:

@@ -5,6 +5,9 @@ Field meanings: PX4-Autopilot msg/*.msg; names of fields changed over the years,
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from typing import TypeVar
+
 import numpy as np
 
 from uavgram.io.logs.quality import gimbal as gimbal_forms
@@ -28,6 +31,8 @@ from uavgram.model.flight.log import (
     PositionSamples,
 )
 from uavgram.model.flight.second_opinions import TurnRateSamples, VelocitySamples
+
+Rates = TypeVar("Rates", VelocitySamples, TurnRateSamples)
 
 # PX4 src/lib/geo/geo.h, CONSTANTS_RADIUS_OF_EARTH
 _EARTH_RADIUS_M = 6371000.0
@@ -61,29 +66,49 @@ def positions(tables: UlogTables) -> Found[PositionSamples]:
 
 def velocities(tables: UlogTables) -> VelocitySamples | None:
     """vehicle_local_position; in old firmware also vehicle_global_position."""
-    for name, fields in (
-        ("vehicle_local_position", ("vx", "vy", "vz")),
-        ("vehicle_global_position", ("vel_n", "vel_e", "vel_d")),
-    ):
-        topic = tables.topic(name)
-        if topic is not None:
-            north, east, down = (topic.column(field) for field in fields)
-            found = velocity_samples(name, topic.time_s, (north, east, down))
-            if found is not None:
-                return found
-    return None
+    return _first_stated(
+        tables,
+        {
+            "vehicle_local_position": ("vx", "vy", "vz"),
+            "vehicle_global_position": ("vel_n", "vel_e", "vel_d"),
+        },
+        velocity_samples,
+    )
 
 
 def turn_rates(tables: UlogTables) -> TurnRateSamples | None:
     """vehicle_angular_velocity; in old firmware vehicle_attitude."""
-    for name, fields in (
-        ("vehicle_angular_velocity", ("xyz[0]", "xyz[1]", "xyz[2]")),
-        ("vehicle_attitude", ("rollspeed", "pitchspeed", "yawspeed")),
-    ):
+    return _first_stated(
+        tables,
+        {
+            "vehicle_angular_velocity": ("xyz[0]", "xyz[1]", "xyz[2]"),
+            "vehicle_attitude": ("rollspeed", "pitchspeed", "yawspeed"),
+        },
+        turn_rate_samples,
+    )
+
+
+def _first_stated(
+    tables: UlogTables,
+    fields: Mapping[str, tuple[str, str, str]],
+    make: Callable[[str, Floats, tuple[Floats, Floats, Floats]], Rates | None],
+) -> Rates | None:
+    """Samples of the first of some topics that has any.
+
+    Parameters
+    ----------
+    tables
+        Of the log.
+    fields
+        Name of each topic, and of its three columns.
+    make
+        Name, times and columns of a topic to its samples; None where none is possible.
+    """
+    for name, (first, second, third) in fields.items():
         topic = tables.topic(name)
         if topic is not None:
-            forward, right, down = (topic.column(field) for field in fields)
-            found = turn_rate_samples(name, topic.time_s, (forward, right, down))
+            columns = topic.column(first), topic.column(second), topic.column(third)
+            found = make(name, topic.time_s, columns)
             if found is not None:
                 return found
     return None

@@ -73,11 +73,12 @@ def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
     worst = sorted(falls, reverse=True)[: max(1, int(FEW * len(falls)))]
     rest = squares - sum(fall for fall, *_ in worst)
     noise = max(rest / max(degrees - 2.0 * len(worst), 1.0), 1.0)
-    limit = {name: noise * _limit(blocks[name]) for _, name, _ in worst}
+    limit = {name: noise * _limit(blocks[name]) for name in blocks}
     worst = [one for one in worst if one[0] > limit[one[1]]]
     gone = sum(blocks[name].residual.shape[1] for _, name, _ in worst)
     fits = upper_tail(squares - sum(fall for fall, *_ in worst), degrees - gone) >= MISFIT
-    return {name: _of_group(adjustment, name, worst, falls) for _, name, _ in worst}, fits
+    groups = dict.fromkeys(name for _, name, _ in worst)
+    return {name: _of_group(adjustment, name, worst, falls) for name in groups}, fits
 
 
 def _limit(block: Block) -> float:
