@@ -181,3 +181,32 @@ def test_the_package_says_that_it_is_typed(repository: Path) -> None:
 
 def test_no_page_names_a_place_on_one_machine(page: str) -> None:
     assert re.findall(r"(?<![\w.])/(?:work|home|tmp|root)\b", page) == []
+
+
+def public_functions(path: Path) -> Iterator[ast.FunctionDef]:
+    """Functions and methods of a file that others may call."""
+    for owner in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(owner, ast.Module) or (
+            isinstance(owner, ast.ClassDef) and not owner.name.startswith("_")
+        ):
+            yield from (
+                one
+                for one in owner.body
+                if isinstance(one, ast.FunctionDef) and not one.name.startswith("_")
+            )
+
+
+def test_public_functions_with_three_arguments_describe_them(repository: Path) -> None:
+    files = sorted((repository / "uavgram").rglob("*.py"))
+    found = [(path, function) for path in files for function in public_functions(path)]
+    assert len(found) > 500
+    bare = [
+        f"{path.relative_to(repository)}:{function.lineno} {function.name}"
+        for path, function in found
+        if len(
+            {one.arg for one in (*function.args.args, *function.args.kwonlyargs)} - {"self", "cls"}
+        )
+        >= 3
+        and "Parameters\n" not in (ast.get_docstring(function) or "")
+    ]
+    assert not bare

@@ -20,6 +20,7 @@ CAUSES = (
     ("line-removed", "pick-removed", "blunder-not-located", "blunder-kept"),
     ("pick-suspect", "line-suspect", "control-suspect", "telemetry-strained", "prior-strained"),
     ("check-suspect", "lengths-contradict", "odd-height"),
+    ("ground-not-plane", "picks-less-exact"),
 )
 """Codes of what explains other messages, what explains most of them first."""
 

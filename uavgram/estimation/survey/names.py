@@ -193,7 +193,15 @@ class Names:
 
 
 def named_ends(name: str, start: str, end: str) -> str:
-    """``'L2' ('R3' to 'R4')``: a length; by its ends alone where it has no name."""
+    """``'L2' ('R3' to 'R4')``: a length; by its ends alone where it has no name.
+
+    Parameters
+    ----------
+    name
+        Of the length; may be empty.
+    start, end
+        Labels of its ends.
+    """
     return f"{name!r} ({start!r} to {end!r})" if name else f"{start!r} to {end!r}"
 
 

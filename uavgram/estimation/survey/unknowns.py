@@ -181,7 +181,17 @@ class State:
 
 
 def layout_of(survey: Survey, intrinsics: int, tapes: int) -> Layout:
-    """Which unknowns a survey has."""
+    """Which unknowns a survey has.
+
+    Parameters
+    ----------
+    survey
+        The observations.
+    intrinsics
+        Number of unknown combinations of the interior orientation.
+    tapes
+        Number of tapes with a scale to find.
+    """
     return Layout(
         points=len(survey.label),
         point_size=3 if any(ground.roughness_sigma_m > 0 for ground in survey.grounds) else 2,

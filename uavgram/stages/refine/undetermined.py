@@ -21,7 +21,17 @@ class UndeterminedError(GeometryError):
 
 
 def hanging_on(index: int, layout: Layout, survey: Survey) -> Bools:
-    """(P,) the picks of the point, or of the frame, that an unknown belongs to."""
+    """(P,) the picks of the point, or of the frame, that an unknown belongs to.
+
+    Parameters
+    ----------
+    index
+        Column of the unknown.
+    layout
+        Where each unknown stands.
+    survey
+        With P picks.
+    """
     if index < layout.first_frame:
         return np.asarray(survey.pick_label == index // layout.point_size)
     frame = (index - layout.first_frame) // 6
@@ -29,7 +39,17 @@ def hanging_on(index: int, layout: Layout, survey: Survey) -> Bools:
 
 
 def weakness(survey: Survey, values: FirstValues, line_used: Bools) -> str:
-    """What is wrong with the lengths as a set, if anything is, as the end of a sentence."""
+    """What is wrong with the lengths as a set, if anything is, as the end of a sentence.
+
+    Parameters
+    ----------
+    survey
+        With L known lengths.
+    values
+        First values, among them the places of the points.
+    line_used
+        (L,) lengths that take part.
+    """
     start, end = survey.line_start[line_used], survey.line_end[line_used]
     if survey.telemetry is not None or len(start) < 3:
         return ""

@@ -55,7 +55,15 @@ def still_runs(time: Floats, same: Bools) -> Sequence[tuple[int, int]]:
 
 
 def stated_way(known: Floats, velocity: Floats, time: Floats) -> Floats:
-    """(M, 3) way between instants (M + 1,) by velocities (V, 3) at times (V,); NaN outside."""
+    """(M, 3) way between instants by what is stated of the velocity; NaN outside of that.
+
+    Parameters
+    ----------
+    known, velocity
+        (V,) times [s] and (V, 3) velocities, or rates of turn.
+    time
+        (M + 1,) instants [s].
+    """
     if len(known) < 2:
         return np.full((len(time) - 1, 3), np.nan)
     step = np.diff(known)[:, None]
@@ -128,5 +136,13 @@ def usual_size(size: Floats) -> Floats:
 
 
 def interpolated(at: Floats | float, time: Floats, value: Floats) -> Floats:
-    """(..., K) values (N, K) of times (N,) at others."""
+    """(..., K) values at other times, on straight lines between those that are known.
+
+    Parameters
+    ----------
+    at
+        (...) times.
+    time, value
+        (N,) and (N, K) what is known.
+    """
     return np.stack([np.interp(at, time, column) for column in value.T], axis=-1)

@@ -16,7 +16,17 @@ CENTRE_PX = 0.5
 def log_camera_poses(
     recorder: Recorder, path: str, center_m: Floats, world_from_camera: Floats
 ) -> None:
-    """Log where the camera of each frame is: (F, 3) centres and (F, 3, 3) rotations."""
+    """Log where the camera of each frame is.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    path
+        Of the entity.
+    center_m, world_from_camera
+        (F, 3) and (F, 3, 3), world from camera.
+    """
     recorder.each(
         path,
         lambda some: rr.Transform3D.columns(
@@ -128,7 +138,19 @@ def log_texts(recorder: Recorder, path: str, anchors: list[Floats], texts: list[
 
 
 def log_batches(recorder: Recorder, path: str, lengths: list[int], columns: Columns) -> None:
-    """One row per frame, an empty one too: it wipes out what the frame before has drawn."""
+    """One row per frame, an empty one too: it wipes out what the frame before has drawn.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    path
+        Of the entity.
+    lengths
+        (F,) number of things in each frame.
+    columns
+        What makes rows of the things in some frames.
+    """
     counts = np.array(lengths, dtype=np.int64)
     if counts.any():
         recorder.each(path, lambda some: columns(some).partition(counts[some]))
