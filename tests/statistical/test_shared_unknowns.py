@@ -58,6 +58,6 @@ def test_a_drift_that_the_model_leaves_out_breaks_the_bounds(
         corrected: Floats = time_s - shared[telemetry_pose.CLOCK]
         return corrected
 
-    monkeypatch.setattr("uavgram.estimation.survey.likelihood.corrected_time", without_drift)
+    monkeypatch.setattr("uavgram.estimation.survey.telemetry_terms.corrected_time", without_drift)
     squares, _ = found_and_true("clock_drift", trials=3)
     assert off_bounds(squares, 1)
