@@ -17,7 +17,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.unknowns import State, advance
 from uavgram.model.arrays import Floats
 
-FAST = 0.1
+FAST = 0.5
 """Ratio of the squared lengths of successive steps above which a new normal matrix pays."""
 
 
