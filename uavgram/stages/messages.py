@@ -16,7 +16,7 @@ LEVELS = ("error", "warning", "info")
 CAUSES = (
     ("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
     ("log-position-gap", "log-attitude-gap", "log-gimbal-gap", "log-receiver-apart"),
-    ("mount-turned", "line-left-out", "control-left-out", "labels-swapped"),
+    ("mount-turned", "other-zoom", "line-left-out", "control-left-out", "labels-swapped"),
     ("line-removed", "pick-removed", "blunder-not-located", "blunder-kept"),
     ("pick-suspect", "line-suspect", "control-suspect", "telemetry-strained", "prior-strained"),
     ("check-suspect", "lengths-contradict", "odd-height"),
