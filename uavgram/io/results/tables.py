@@ -129,7 +129,12 @@ def _load_ellipses(records: Sequence[Record]) -> Record:
     }
 
 
-_LATER: Record = {"alternative_values": [], "shift_relief_10cm": None, "shift_tape_1pct": None}
+_LATER: Record = {
+    "alternative_values": [],
+    "shift_relief_10cm": None,
+    "shift_tape_1pct": None,
+    "parameters": "",
+}
 """What earlier files do not have."""
 
 
