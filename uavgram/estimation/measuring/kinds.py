@@ -15,7 +15,7 @@ import numpy as np
 from uavgram.errors import near_miss
 from uavgram.geometry.ground import measurable, shapes
 from uavgram.geometry.ground.measurable import UnmeasurableError
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.survey import Survey
@@ -176,34 +176,65 @@ def _over_ground(
     survey: Survey,
     error: Callable[[str], float],
 ) -> Measurand:
-    """What is measured from the ground below, which is rough: it departs from the smooth one.
-
-    Where a point stands as high over the ground as is stated, or on it, that tells where the
-    ground is, whatever its departure.
-    """
+    """What is measured from the ground below, and how its roughness adds to the sigma."""
     label = np.array([survey.label.index(one) for one in request.points])
-    told = survey.height_sigma_m[label] == 0
-    if request.kind == "height" and told.all():
+    below = ground_below(survey, label, points, feet)
+    if request.kind == "height" and below.told.all():
         raise UnmeasurableError(_stated(request.points[0], float(survey.height_above_m[label][0])))
-    rough = [survey.grounds[a].roughness_sigma_m for a in survey.area[label]]
-    sigma = np.where(told, 0.0, rough)
     sources = [f"roughness of the ground below {one}" for one in request.points]
-    up = np.array([0.0, 0.0, 1.0])
-    below = points - np.outer(survey.height_above_m[label], up)
-    rough_feet = feet + np.outer(sigma * [error(one) for one in sources], up)
-    feet = np.where(told[:, None], below, rough_feet)
+    lifted = below.feet.copy()
+    lifted[:, 2] += below.sigma_m * [error(one) for one in sources]
     value, by_points, by_feet = measurable.over_ground(
-        request.kind, points, feet, dict(request.parameters)
+        request.kind, points, lifted, dict(request.parameters)
     )
-    effects = dict(zip(sources, (by_feet[:, 2] * sigma).tolist(), strict=True))
+    effects = dict(zip(sources, (by_feet[:, 2] * below.sigma_m).tolist(), strict=True))
+    told = below.told[:, None]
     return Measurand(
         request.name,
         request,
         value,
-        by_points + np.where(told[:, None], by_feet, 0.0),
+        by_points + np.where(told, by_feet, 0.0),
         {source: effect for source, effect in effects.items() if effect},
-        np.where(told[:, None], 0.0, by_feet),
+        np.where(told, 0.0, by_feet),
     )
+
+
+class GroundBelow(NamedTuple):
+    """The ground straight below k points.
+
+    Attributes
+    ----------
+    feet
+        (k, 3) places on it [m].
+    told
+        (k,) where the point tells them: it stands on the ground, or as high over it as is stated
+        without a sigma. Then the foot moves with the point.
+    sigma_m
+        (k,) how rough the ground is there: its own departure from the smooth one. 0 where the
+        point tells where it is.
+    """
+
+    feet: Floats
+    told: Bools
+    sigma_m: Floats
+
+
+def ground_below(survey: Survey, label: Ints, points: Floats, feet: Floats) -> GroundBelow:
+    """The ground below points, of which it is known that some stand on it.
+
+    Parameters
+    ----------
+    survey
+        Which do.
+    label
+        (k,) of the points, by index.
+    points, feet
+        (k, 3) and the places on the smooth ground straight below them [m].
+    """
+    told = np.asarray(survey.height_sigma_m[label] == 0)
+    roughness = np.array([survey.grounds[a].roughness_sigma_m for a in survey.area[label]])
+    below = points - np.outer(survey.height_above_m[label], [0.0, 0.0, 1.0])
+    return GroundBelow(np.where(told[:, None], below, feet), told, np.where(told, 0.0, roughness))
 
 
 def _stated(label: str, height_m: float) -> str:

@@ -204,6 +204,8 @@ def profile(points: Floats) -> Profile:
     gradient[:, 0, 0] -= turn
     gradient[:, 1, -1] -= tilt
     gradient[:, 1, 0] += tilt
+    value[[0, -1], 1] = 0.0  # by definition, and without a rest of rounding
+    gradient[[0, -1], 1] = 0.0
     if not np.isfinite(length):
         return Profile(np.full_like(value, np.nan), np.full_like(gradient, np.nan))
     return Profile(value, gradient)
