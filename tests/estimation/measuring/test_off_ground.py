@@ -249,6 +249,8 @@ def test_a_profile_has_the_sigmas_of_its_measurements() -> None:
     np.testing.assert_allclose(table.sigma_m[1:4, 2], single.sigma[1:4])
     # Height over the first point less that over the ground is the ground's.
     assert table.place_m[1, 2] - table.place_m[1, 3] == pytest.approx(single.value[4])
+    less = np.array([0.0, 1, 0, 0, -1])
+    assert table.sigma_m[1, 3] == pytest.approx(np.sqrt(less @ single.covariance @ less))
     assert table.place_m[3, 3] == table.place_m[3, 2]  # a point on the ground is the ground
     assert (table.sigma_m[0] == 0).all()
     assert (table.sigma_m[[0, -1], 1] == 0).all()
