@@ -132,7 +132,7 @@ def _without_blunders(
     survey: Survey, refined: Refined, significance: float
 ) -> tuple[Refined, list[Message]]:
     """Take out one blunder at a time and adjust anew, until none is left or can be chosen."""
-    most = int(MOST * (len(survey.pick_frame) + len(survey.line_start)))
+    most = int(MOST * (len(survey.pick_frame) + len(survey.line_start) + len(survey.known)))
     while True:
         choices, undecided = blunders(refined, significance)
         if not choices:
@@ -197,9 +197,16 @@ def _tried(
     tried = []
     for choice in choices:
         pick, line = refined.pick_removed.copy(), refined.line_removed.copy()
-        (pick if choice.kind == "pick" else line)[choice.index] = True
+        known = refined.known_removed
+        if choice.kind == "known":
+            known |= {choice.index}
+        else:
+            (pick if choice.kind == "pick" else line)[choice.index] = True
         try:
-            after = best_minima(replace(taking, keep=taking.keep & ~pick, line_removed=line), TRIAL)
+            without = replace(
+                taking, keep=taking.keep & ~pick, line_removed=line, known_removed=known
+            )
+            after = best_minima(without, TRIAL)
         except GeometryError as why:
             if choice is choices[0]:
                 return why
@@ -212,7 +219,8 @@ def _participants(survey: Survey, refined: Refined) -> Participants:
     """What takes part in an adjustment."""
     used = np.zeros(len(survey.pick_frame), dtype=bool)
     used[refined.pick_index] = True
-    return Participants(survey, used, refined.line_removed, refined.pick_reason)
+    reason, known = refined.pick_reason, refined.known_removed
+    return Participants(survey, used, refined.line_removed, reason, known)
 
 
 def _in_lens(survey: Survey) -> tuple[Bools, dict[int, LeftOut]]:
