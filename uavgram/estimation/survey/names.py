@@ -50,11 +50,11 @@ COUNTS = ("none", "one", "both", "all three", "all four", "all five", "all six")
 
 KNOWN_WORDS = {
     "line_distance": "distance from a line",
-    "collinear": "points in line",
-    "parallel": "parallel lines",
-    "coplanar": "points in a plane",
-    "level": "points at one height",
-    "vertical": "vertical line",
+    "collinear": "straight line",
+    "parallel": "pair of parallel lines",
+    "coplanar": "plane",
+    "level": "level line",
+    "equal_lengths": "set of equal lengths",
     "polyline": "length along points",
 }
 """Of kinds of known things whose own name says less."""

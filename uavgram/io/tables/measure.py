@@ -99,7 +99,9 @@ def points_of(table: Table, row: int, kind: str, count: tuple[int, int | None]) 
             f"kind {kind} needs {wanted} labels joined by ';' (got {len(points)}: {written!r})",
         )
     if kind == "equal_lengths":  # the second line may begin where the first one ends
-        for label in dict.fromkeys(a for a, b in zip(points[::2], points[1::2], strict=False) if a == b):
+        for label in dict.fromkeys(
+            a for a, b in zip(points[::2], points[1::2], strict=False) if a == b
+        ):
             table.blame(row, f"points names a line from {label!r} to itself")
         return points
     # A polyline may come back to a point, but nothing may go from a point to itself.

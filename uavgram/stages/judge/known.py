@@ -66,6 +66,7 @@ def judge_known(
         status=tuple(status),
         **columns,
     )
+    messages += [_left_out(examined, results, i) for i in _gross(examined)]
     messages += [_does_not_fit(results, t.index) for t in withheld if _is_off(examined, results, t)]
     return results, tuple(messages)
 
@@ -140,6 +141,22 @@ def _suspect(examined: TestedSurvey) -> set[int]:
 def _is_off(examined: TestedSurvey, results: KnownResults, thing: KnownThing) -> bool:
     w = float(results.w[thing.index])
     return results.status[thing.index] == "checked" and examined.significant(w)
+
+
+def _gross(examined: TestedSurvey) -> list[int]:
+    """Numbers of those that were left out before anything was tested."""
+    removals = examined.refined.removals
+    return [r.index for r in removals if r.kind == "known" and r.before is None]
+
+
+def _left_out(examined: TestedSurvey, results: KnownResults, i: int) -> Message:
+    what = named_thing(results.kind[i], results.name[i], results.points[i])
+    found = f" (sigma {results.adjusted_sigma[i]:.2g})" if results.adjusted_sigma[i] > 0 else ""
+    text = (
+        f"The known {what} was left out: {stated(results, i)}{found}. With so gross an error, "
+        "nothing else would fit. Look at its value and unit, and at the labels of its points."
+    )
+    return Message("warning", "known-left-out", text, labels=results.points[i])
 
 
 def _unseen(adjustment: Adjustment, known: KnownThings, i: int) -> Message:

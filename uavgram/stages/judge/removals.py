@@ -6,10 +6,11 @@ import numpy as np
 
 from uavgram.estimation.measuring.propagation import values_at
 from uavgram.estimation.survey.adjustment import Refined
-from uavgram.estimation.survey.names import Names, named_ends
+from uavgram.estimation.survey.names import Names, named_ends, named_thing
 from uavgram.model.arrays import Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.result.reliability import RemovalRecord
+from uavgram.model.survey.known import KnownThings
 from uavgram.model.survey.observations import KnownLines, MeasurementRequest
 
 
@@ -17,6 +18,7 @@ def judge_removals(
     refined: Refined,
     lines: KnownLines,
     line_index: Ints,
+    known: KnownThings,
     requests: tuple[MeasurementRequest, ...],
     frames: Frames,
 ) -> tuple[RemovalRecord, ...]:
@@ -28,6 +30,8 @@ def judge_removals(
         The adjusted survey, with its removals.
     lines, line_index
         All known lengths, and where each stands in the survey handed to refine.
+    known
+        Everything known.
     requests, frames
         What is measured, before and after each step.
     """
@@ -45,7 +49,10 @@ def judge_removals(
         assert after is not None  # noqa: S101  (that step is there)
         group: tuple[str, ...] = ()
         rivals: tuple[str, ...] = ()
-        if removal.before is None:
+        if removal.before is None and removal.kind == "known":
+            i = removal.index
+            what = f"known {named_thing(known.kind[i], known.name[i], known.points[i])}"
+        elif removal.before is None:
             i = at[removal.index]
             what = f"length {named_ends(lines.name[i], lines.start[i], lines.end[i])}"
         else:

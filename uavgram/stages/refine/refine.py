@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from uavgram.stages.refine.blunders.gross_control import (
     doubtful_control,
     without_control,
 )
+from uavgram.stages.refine.blunders.gross_known import known_beyond_doubt, with_gross_known
 from uavgram.stages.refine.blunders.gross_lengths import (
     doubtful,
     fits,
@@ -78,7 +80,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         refined, search = _with_the_accused(survey, refined, options.significance), []
         if options.noise == "estimate":
             refined = _with_little_weight(refined)
-    refined = with_gross_lengths(survey, refined)
+    refined = with_gross_lengths(survey, with_gross_known(survey, refined))
     found = (*left_out, *readout, *noise_remarks(refined.noise), *remarks(survey, refined))
     return refined, (*found, *search)
 
@@ -94,7 +96,7 @@ def _without_gross_control(
     out = doubtful_control(survey, keep)
     while True:
         rest = without_control(survey, out)
-        refined = _without_gross_lengths(rest, keep, reason)
+        refined = _without_gross_known(rest, keep, reason)
         control = np.flatnonzero(out)
         wrong = control_beyond_doubt(survey, refined, control)
         if wrong.all():
@@ -103,16 +105,53 @@ def _without_gross_control(
         out[control[~wrong]] = False
 
 
-def _without_gross_lengths(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> Refined:
+def _without_gross_known(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> Refined:
+    """Adjusted without the known things, and the lengths, that are wrong beyond doubt.
+
+    Only where all does not fit together is it asked what fits without any known thing.
+    """
+    refined = failed = None
+    try:
+        refined = _without_gross_lengths(survey, keep, reason)
+    except GeometryError as why:
+        failed = why
+    if survey.known and (refined is None or not fits(refined)):
+        everything = frozenset(thing.index for thing in survey.known)
+        with suppress(GeometryError):
+            rest = _without_gross_lengths(survey, keep, reason, everything)
+            wrong = known_beyond_doubt(survey, rest) if fits(rest) else frozenset[int]()
+            if wrong:
+                return _without_gross_lengths(survey, keep, reason, wrong)
+    if refined is None:
+        assert failed is not None  # noqa: S101  (one of the two is always there)
+        raise failed
+    return refined
+
+
+def _without_gross_lengths(
+    survey: Survey,
+    keep: Bools,
+    reason: dict[int, LeftOut],
+    known_removed: frozenset[int] = frozenset(),
+) -> Refined:
     """Adjusted without the lengths that are wrong beyond doubt.
 
     It starts without all that are in doubt; those that the result does not rule out come back, and
     so do all where too few are left.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    keep, reason
+        (P,) picks that take part, and why others do not.
+    known_removed
+        Numbers of known things that do not.
     """
     out = doubtful(survey, keep)
     while True:
         try:
-            refined = adjust_survey(Participants(survey, keep, out, reason))
+            refined = adjust_survey(Participants(survey, keep, out, reason, known_removed))
         except GeometryError as why:
             if survey.telemetry is not None:
                 raise
