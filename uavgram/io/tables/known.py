@@ -31,7 +31,7 @@ _CONDITION_COUNTS: dict[str, tuple[int, int | None]] = {
     "vertical": (2, 2),
     "equal_lengths": (4, None),
 }
-_COUNTS: dict[str, tuple[int, int | None]] = {**POINT_COUNTS, **_CONDITION_COUNTS}
+_COUNTS = {str(kind): count for kind, count in POINT_COUNTS.items()} | _CONDITION_COUNTS
 
 _POSITIVE = ("distance", "polyline", "area", "horizontal_distance")
 

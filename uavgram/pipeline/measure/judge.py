@@ -95,7 +95,7 @@ def judge_survey(
             weakest=judge_weakest(examined),
         ),
         checks_overall=overall,
-        removals=judge_removals(refined, lines, index, inputs.known, inputs.requests, frames),
+        removals=judge_removals(refined, lines, index, inputs.requests, frames, inputs.known),
         messages=(
             *judge_suspects(examined, swapped_labels(examined, picks)),
             *line_messages,

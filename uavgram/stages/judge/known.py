@@ -66,7 +66,7 @@ def judge_known(
         status=tuple(status),
         **columns,
     )
-    messages += [_left_out(examined, results, i) for i in _gross(examined)]
+    messages += [_left_out(results, i) for i in _gross(examined)]
     messages += [_does_not_fit(results, t.index) for t in withheld if _is_off(examined, results, t)]
     return results, tuple(messages)
 
@@ -149,7 +149,7 @@ def _gross(examined: TestedSurvey) -> list[int]:
     return [r.index for r in removals if r.kind == "known" and r.before is None]
 
 
-def _left_out(examined: TestedSurvey, results: KnownResults, i: int) -> Message:
+def _left_out(results: KnownResults, i: int) -> Message:
     what = named_thing(results.kind[i], results.name[i], results.points[i])
     found = f" (sigma {results.adjusted_sigma[i]:.2g})" if results.adjusted_sigma[i] > 0 else ""
     text = (

@@ -10,7 +10,7 @@ from uavgram.estimation.survey.names import Names, named_ends, named_thing
 from uavgram.model.arrays import Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.result.reliability import RemovalRecord
-from uavgram.model.survey.known import KnownThings
+from uavgram.model.survey.known import NO_KNOWN, KnownThings
 from uavgram.model.survey.observations import KnownLines, MeasurementRequest
 
 
@@ -18,9 +18,9 @@ def judge_removals(
     refined: Refined,
     lines: KnownLines,
     line_index: Ints,
-    known: KnownThings,
     requests: tuple[MeasurementRequest, ...],
     frames: Frames,
+    known: KnownThings = NO_KNOWN,
 ) -> tuple[RemovalRecord, ...]:
     """What was taken out, step by step.
 
@@ -30,10 +30,10 @@ def judge_removals(
         The adjusted survey, with its removals.
     lines, line_index
         All known lengths, and where each stands in the survey handed to refine.
-    known
-        Everything known.
     requests, frames
         What is measured, before and after each step.
+    known
+        Everything known.
     """
     at = {int(index): i for i, index in enumerate(line_index) if index >= 0}
     steps = [removal.before for removal in refined.removals] + [refined]

@@ -19,7 +19,8 @@ MOST = 0.25
 """Share of the observations beyond which what is taken out is no blunder but the model."""
 
 MOST_LENGTHS = 12
-"""Lengths and known things up to which each is left out once, where the statistics may point at the wrong one."""
+"""Lengths and known things up to which each is left out once, where the statistics may point at the
+wrong one."""
 
 LARGE = 20.0
 """Test statistic from which on a blunder has bent the adjustment out of the linear model."""
@@ -31,8 +32,8 @@ class Blunders(NamedTuple):
     Attributes
     ----------
     choices
-        Picks, lengths or known things that could be the blunder, likeliest first; none where everything fits
-        or nothing can be chosen.
+        Picks, lengths or known things that could be the blunder, likeliest first; none where
+        everything fits or nothing can be chosen.
     undecided
         Suspicions in which none can be chosen.
     """
@@ -44,10 +45,10 @@ class Blunders(NamedTuple):
 def blunders(refined: Refined, significance: float) -> Blunders:
     """The picks, lengths or known things one of which to take out.
 
-    Of a length (or a known thing) and the picks of its ends that no test can part, the length goes: its points keep
-    their places. A group with two lengths, with two picks alone, or with a prior in it, stays:
-    nothing tells which of them is wrong. Where a prior alone is suspected, nothing is taken out
-    on its account.
+    Of a length and the picks of its ends that no test can part, the length goes: its points keep
+    their places; and so with whatever else is known. A group with two lengths, with two picks
+    alone, or with a prior in it, stays: nothing tells which of them is wrong. Where a prior alone
+    is suspected, nothing is taken out on its account.
 
     Notes
     -----
@@ -114,7 +115,7 @@ def _first_rows(group: Observed) -> list[int]:
     """A row of each observation of a group."""
     if group.thing is None:
         return list(range(len(group.w)))
-    return np.unique(group.thing, return_index=True)[1].tolist()
+    return [int(row) for row in np.unique(group.thing, return_index=True)[1]]
 
 
 def best_of(tried: list[tuple[Removal, Refined]]) -> tuple[Removal, Refined]:
