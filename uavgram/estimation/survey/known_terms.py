@@ -115,4 +115,4 @@ def things_of_rows(places: Places, things: Sequence[KnownThing]) -> Ints:
 
 def on_ground(places: Places, thing: KnownThing) -> bool:
     """Whether all points of a thing lie on the ground."""
-    return not places.survey.height_above_m[list(thing.label)].any()
+    return not places.survey.off_ground[list(thing.label)].any()
