@@ -225,9 +225,8 @@ class Names:
             return {"frames": (self.frame(row),)}
         if member.kind == "control":
             return {"labels": (survey.label[survey.control_label[row]],)}
-        if member.kind in ("roughness", "heights"):
-            return {"labels": (self.label(member),)}
-        return {}
+        is_height = member.kind in ("roughness", "heights")
+        return {"labels": (self.label(member),)} if is_height else {}
 
 
 def named_ends(name: str, start: str, end: str) -> str:
