@@ -195,10 +195,12 @@ def with_known(
     point = np.column_stack([planar, world[:, 2] - surface]) if free.any() else planar
     problem = SurveyProblem(survey, pivot, np.ones(len(survey.line_start), dtype=bool))
     intrinsics = problem.intrinsics(scene.truth)
-    pixels = np.stack([
-        cv_pixels(intrinsics, center, rotation, world)[0]
-        for center, rotation in zip(scene.truth.center, scene.truth.rotation, strict=True)
-    ])
+    pixels = np.stack(
+        [
+            cv_pixels(intrinsics, center, rotation, world)[0]
+            for center, rotation in zip(scene.truth.center, scene.truth.rotation, strict=True)
+        ]
+    )
     frame, label = np.divmod(np.arange(pixels.shape[0] * pixels.shape[1]), pixels.shape[1])
     pixel = pixels.reshape(-1, 2)
     start, end = survey.line_start, survey.line_end
