@@ -113,7 +113,7 @@ def sigmas_of_readings(adjustment: Adjustment) -> dict[str, Floats]:
     Of known things each in its unit.
     """
     survey = adjustment.survey
-    known = np.array([thing.sigma for thing in survey.known])
+    known = np.array([thing.sigma for thing in adjustment.problem.known])
     return {
         "pixels": survey.pick_sigma_px[:, None],
         "lengths": survey.length_sigma_m[adjustment.problem.line_index, None],

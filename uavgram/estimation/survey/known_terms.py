@@ -113,6 +113,23 @@ def things_of_rows(places: Places, things: Sequence[KnownThing]) -> Ints:
     return np.repeat(np.arange(len(things)), counts)
 
 
+def says_something(survey: Survey, thing: KnownThing) -> bool:
+    """Whether a thing can be an observation: not of what the ground alone says, or forbids.
+
+    Of points on the ground none is above another; on smooth ground all lie in its plane, and on
+    that of a free gauge all are level.
+    """
+    label = list(thing.label)
+    if survey.off_ground[label].any():
+        return True
+    areas = set(survey.area[label].tolist())
+    rough = any(survey.grounds[a].roughness_sigma_m > 0 for a in areas)
+    if rough or len(areas) > 1 or survey.grounds[min(areas)].relief is not None:
+        return thing.kind != "vertical"
+    is_gauge = survey.gauge == "plane" and areas == {0}
+    return thing.kind not in ("vertical", "coplanar", *(("level",) * is_gauge))
+
+
 def on_ground(places: Places, thing: KnownThing) -> bool:
     """Whether all points of a thing lie on the ground."""
     return not places.survey.off_ground[list(thing.label)].any()

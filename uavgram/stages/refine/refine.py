@@ -216,7 +216,7 @@ def _with_little_weight(refined: Refined) -> Refined:
     located = any(one.located.any() for one in few.values())
     if not located or not fits or not adjustment.minimum.converged:
         return refined
-    softer = with_little_weight(adjustment.survey, adjustment.problem.line_index, few)
+    softer = with_little_weight(adjustment.problem, few)
     try:
         after = continued(adjustment, softer)
     except SingularError:
