@@ -59,8 +59,8 @@ def errors(name: str) -> tuple[Floats, Floats]:
 
 def is_honest(error: Floats) -> bool:
     """Whether the mean square of errors in sigmas is what chance allows."""
-    low, high = chi2.ppf([TAIL, 1 - TAIL], len(error))
-    return bool(low <= float(error @ error) <= high)
+    squares, degrees = float(error @ error), len(error)
+    return bool(chi2.ppf(TAIL, degrees) <= squares <= chi2.ppf(1 - TAIL, degrees))
 
 
 @pytest.mark.parametrize("name", PLACES)

@@ -76,6 +76,20 @@ def on_a_line(rng: np.random.Generator, sigma: float) -> Placed:
     return Placed(ground((1, 1 + off), (-4, 1), (5, 1)), 0.0, np.array([off]))
 
 
+def height(rng: np.random.Generator, sigma: float) -> Placed:
+    return stated(np.array([[1.0, 2.0, 1.4]]), 1.4, rng, sigma)
+
+
+def slope(rng: np.random.Generator, sigma: float) -> Placed:
+    rise = float(np.rad2deg(np.arctan2(1.0, 5.0)))
+    return stated(np.array([[-1, 0, 0.5], [3, 3, 1.5]]), rise, rng, sigma)
+
+
+def plane_distance(rng: np.random.Generator, sigma: float) -> Placed:
+    world = np.array([[1, 1, 2.1], [-3, -2, 1.8], [3, -2, 1.8], [0, 4, 1.8]])
+    return stated(world, 0.3, rng, sigma)
+
+
 def right_angle(rng: np.random.Generator, sigma: float) -> Placed:
     off = sigma * rng.normal()
     turn = np.deg2rad(90.0 - off)
@@ -133,6 +147,9 @@ PLACES: dict[str, tuple[str, Place]] = {
     "angle": ("angle", angle),
     "line_distance": ("line_distance", line_distance),
     "on a line": ("line_distance", on_a_line),
+    "height": ("height", height),
+    "slope": ("slope", slope),
+    "plane_distance": ("plane_distance", plane_distance),
     "right_angle": ("right_angle", right_angle),
     "collinear": ("collinear", collinear),
     "collinear in the air": ("collinear", collinear_in_the_air),

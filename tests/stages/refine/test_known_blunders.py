@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -27,8 +28,8 @@ THINGS = {
 
 def scene_with(off: dict[str, float], *, telemetry: bool = True) -> Scene:
     """A scene in which five things are known, some of them wrong by so much."""
-    how = {} if telemetry else {"telemetry": False, "gauge": "plane"}
-    scene = make_scene(6, frames=6, lines=8, **how)
+    gauge: Literal["world", "plane"] = "world" if telemetry else "plane"
+    scene = make_scene(6, frames=6, lines=8, telemetry=telemetry, gauge=gauge)
     rng = np.random.default_rng(5)
     things = []
     for i, (name, (kind, label)) in enumerate(THINGS.items()):

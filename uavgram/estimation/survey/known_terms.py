@@ -8,7 +8,12 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.known_functions import departures, row_count
+from uavgram.estimation.survey.ground_below import ground_below
+from uavgram.estimation.survey.known_functions import (
+    departures,
+    refers_to_ground,
+    row_count,
+)
 from uavgram.estimation.survey.unknowns import Layout, State
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.known import KnownThing
@@ -25,6 +30,10 @@ class Places(Protocol):
         """World coordinates of labels, and their derivatives."""
         ...
 
+    def ground_points(self, state: State, label: Ints) -> tuple[Floats, Floats, Floats]:
+        """Places on the ground straight below labels, and their derivatives."""
+        ...
+
     def plane_columns(self, label: Ints) -> Ints:
         """Unknowns of the ground under labels."""
         ...
@@ -38,7 +47,8 @@ class KnownRows(NamedTuple):
     thing
         (R,) which of the things each row is of.
     sigma
-        (R,) standard deviation of each, in the unit of the thing.
+        (R,) standard deviation of each, in the unit of the thing; with what the roughness of the
+        ground below adds.
     value
         (R,) departure from what is known, in the same unit.
     gradient
@@ -78,33 +88,56 @@ def known_rows(places: Places, state: State, things: Sequence[KnownThing]) -> Kn
     All rows have as many points as that with the most: others name their first point again,
     without a derivative.
     """
-    layout = places.layout
     most = max(len(thing.label) for thing in things)
     label = np.array([(*t.label, *t.label[:1] * (most - len(t.label))) for t in things])
-    world, d_point, d_plane = places.world_points(state, label.ravel())
-    by_point = world.reshape(len(things), most, 3)
-    found = [
-        departures(thing, by_point[i, : len(thing.label)], on_ground=on_ground(places, thing))
-        for i, thing in enumerate(things)
-    ]
+    world, by_world = _located(places.world_points(state, label.ravel()), label)
+    feet, by_feet = world, by_world
+    if any(refers_to_ground(thing) for thing in things):
+        feet, by_feet = _located(places.ground_points(state, label.ravel()), label)
+    found = []
+    for i, thing in enumerate(things):
+        own = slice(len(thing.label))
+        below = ground_below(places.survey, label[i, own], world[i, own], feet[i, own])
+        flat = on_ground(places, thing)
+        found.append(departures(thing, world[i, own], below, on_ground=flat))
     row = things_of_rows(places, things)
-    gradient = np.zeros((len(row), most, 3))
-    first = 0
-    for each in found:
-        rows, count, _ = each.gradient.shape
-        gradient[first : first + rows, :count] = each.gradient
-        first += rows
-    own, ground = layout.point_columns(label.ravel()), places.plane_columns(label.ravel())
-    columns = np.concatenate([own, ground], axis=1).reshape(len(things), -1)
-    by_unknowns = np.concatenate([d_point, d_plane], axis=2).reshape(len(things), most, 3, -1)
-    chained = np.einsum("rpi,rpij->rpj", gradient, by_unknowns[row])
+    stated = np.array([things[i].sigma for i in row])
+    point, plane = places.layout.point_columns(label.ravel()), places.plane_columns(label.ravel())
+    columns = np.concatenate([point, plane], axis=1).reshape(len(things), -1)
+    gradient = _chained([each.gradient for each in found], by_world[row])
+    gradient += _chained([each.by_feet for each in found], by_feet[row])
     return KnownRows(
         thing=row,
-        sigma=np.array([things[i].sigma for i in row]),
+        sigma=np.hypot(stated, np.concatenate([each.rough for each in found])),
         value=np.concatenate([each.value for each in found]),
-        gradient=chained.reshape(len(row), columns.shape[1]),
+        gradient=gradient,
         columns=columns[row],
     )
+
+
+def _located(points: tuple[Floats, Floats, Floats], label: Ints) -> tuple[Floats, Floats]:
+    """(N, k, 3) places of labels (N, k), and their derivatives (N, k, 3, j) by all unknowns."""
+    world, d_point, d_plane = points
+    by_unknowns = np.concatenate([d_point, d_plane], axis=2)
+    return world.reshape(*label.shape, 3), by_unknowns.reshape(*label.shape, 3, -1)
+
+
+def _chained(gradients: Sequence[Floats], by_unknowns: Floats) -> Floats:
+    """(R, k j) derivatives of rows by the unknowns of their points.
+
+    Parameters
+    ----------
+    gradients
+        Of each thing (r, k', 3) by its points.
+    by_unknowns
+        (R, k, 3, j) of the points by the unknowns.
+    """
+    rows, most = by_unknowns.shape[:2]
+    gradient, first = np.zeros((rows, most, 3)), 0
+    for each in gradients:
+        gradient[first : first + len(each), : each.shape[1]] = each
+        first += len(each)
+    return np.asarray(np.einsum("rpi,rpij->rpj", gradient, by_unknowns).reshape(rows, -1))
 
 
 def things_of_rows(places: Places, things: Sequence[KnownThing]) -> Ints:
@@ -120,6 +153,8 @@ def says_something(survey: Survey, thing: KnownThing) -> bool:
     that of a free gauge all are level.
     """
     label = list(thing.label)
+    if thing.kind == "height" and len(label) == 1:  # what is exactly stated cannot be known again
+        return bool(survey.is_free[label[0]] or survey.height_sigma_m[label[0]] > 0)
     if survey.off_ground[label].any():
         return True
     areas = set(survey.area[label].tolist())

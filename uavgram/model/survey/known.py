@@ -31,10 +31,10 @@ KNOWN_KINDS: tuple[str, ...] = (
 )
 """All kinds of known things: what can be measured, and the conditions."""
 
-DEGREES = ("angle", "right_angle", "parallel")
+DEGREES = ("angle", "slope", "right_angle", "parallel")
 """Kinds whose sigma (and value, if there is one) is in degrees."""
 
-UNITS = {"area": "m2"}
+UNITS = {"area": "m2", "volume": "m3"}
 """Units of kinds in other units than metres and degrees."""
 
 

@@ -101,12 +101,12 @@ def _values(
         if len(own) == 1:
             columns["adjusted_sigma"][at] = np.sqrt(joint[own[0], own[0]])
         if at in withheld:
-            columns["w"][at] = _deviate(off, joint[np.ix_(own, own)], thing.sigma)
+            columns["w"][at] = _deviate(off, joint[np.ix_(own, own)], rows.sigma[own])
 
 
-def _deviate(off: Floats, joint: Floats, sigma: float) -> float:
+def _deviate(off: Floats, joint: Floats, sigma: Floats) -> float:
     """Errors over their joint sigma; of several, the normal deviate as unlikely as chi-square."""
-    whole = joint + sigma**2 * np.eye(len(off))
+    whole = joint + np.diag(sigma**2)
     if len(off) == 1:
         return float(off[0] / np.sqrt(whole[0, 0]))
     probability = upper_tail(float(off @ np.linalg.solve(whole, off)), len(off))
