@@ -89,9 +89,7 @@ def _points(
 ) -> tuple[str, ...]:
     points = points_of(table, row, kind, _COUNTS[kind])
     if kind in POINT_COUNTS and points:
-        request = MeasurementRequest(
-            name="", kind=kind, points=points, parameters=parameters
-        )
+        request = MeasurementRequest(name="", kind=kind, points=points, parameters=parameters)
         if fault := request_fault(request):
             table.blame(row, fault)
     if kind == "equal_lengths" and len(points) % 2:
