@@ -45,6 +45,8 @@ def _witnesses(adjustment: Adjustment) -> list[str]:
         names.append("the photos' own positions" if is_photo else "the log")
     if len(survey.control_label):
         names.append("the control points")
+    if any(thing.gives_scale for thing in adjustment.problem.known):
+        names.append("the other known distances")
     return names or ["the stated heights"]
 
 

@@ -55,6 +55,8 @@ class KnownRows(NamedTuple):
         (R, m) by the unknowns.
     columns
         (R, m) which unknowns.
+    label, by_up
+        (R, k) points of each row, and derivatives by how high each lies, the ground below it too.
     """
 
     thing: Ints
@@ -62,6 +64,8 @@ class KnownRows(NamedTuple):
     value: Floats
     gradient: Floats
     columns: Ints
+    label: Ints
+    by_up: Floats
 
     def block(self) -> Block:
         """As a group of observations of one number each."""
@@ -104,14 +108,18 @@ def known_rows(places: Places, state: State, things: Sequence[KnownThing]) -> Kn
     stated = np.array([things[i].sigma for i in row])
     point, plane = places.layout.point_columns(label.ravel()), places.plane_columns(label.ravel())
     columns = np.concatenate([point, plane], axis=1).reshape(len(things), -1)
-    gradient = _chained([each.gradient for each in found], by_world[row])
-    gradient += _chained([each.by_feet for each in found], by_feet[row])
+    by_point = _together([each.gradient for each in found], most)
+    by_foot = _together([each.by_feet for each in found], most)
+    gradient = np.einsum("rpi,rpij->rpj", by_point, by_world[row])
+    gradient += np.einsum("rpi,rpij->rpj", by_foot, by_feet[row])
     return KnownRows(
         thing=row,
         sigma=np.hypot(stated, np.concatenate([each.rough for each in found])),
         value=np.concatenate([each.value for each in found]),
-        gradient=gradient,
+        gradient=gradient.reshape(len(row), -1),
         columns=columns[row],
+        label=label[row],
+        by_up=by_point[..., 2] + by_foot[..., 2],
     )
 
 
@@ -122,22 +130,10 @@ def _located(points: tuple[Floats, Floats, Floats], label: Ints) -> tuple[Floats
     return world.reshape(*label.shape, 3), by_unknowns.reshape(*label.shape, 3, -1)
 
 
-def _chained(gradients: Sequence[Floats], by_unknowns: Floats) -> Floats:
-    """(R, k j) derivatives of rows by the unknowns of their points.
-
-    Parameters
-    ----------
-    gradients
-        Of each thing (r, k', 3) by its points.
-    by_unknowns
-        (R, k, 3, j) of the points by the unknowns.
-    """
-    rows, most = by_unknowns.shape[:2]
-    gradient, first = np.zeros((rows, most, 3)), 0
-    for each in gradients:
-        gradient[first : first + len(each), : each.shape[1]] = each
-        first += len(each)
-    return np.asarray(np.einsum("rpi,rpij->rpj", gradient, by_unknowns).reshape(rows, -1))
+def _together(gradients: Sequence[Floats], most: int) -> Floats:
+    """(R, most, 3) gradients of all rows, from those of each thing (r, k, 3)."""
+    whole = [np.pad(each, ((0, 0), (0, most - each.shape[1]), (0, 0))) for each in gradients]
+    return np.concatenate(whole)
 
 
 def things_of_rows(places: Places, things: Sequence[KnownThing]) -> Ints:
