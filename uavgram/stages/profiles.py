@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.measuring.kinds import ground_below
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.ground_below import ground_below
 from uavgram.geometry.ground.heights import profile
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.profiles import COLUMNS, ProfileResults

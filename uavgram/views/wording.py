@@ -42,6 +42,16 @@ KIND_WORDS = {
     "profile": "profile: its length",
 }
 
+KNOWN_WORDS = KIND_WORDS | {
+    "right_angle": "right angle",
+    "collinear": "on a straight line",
+    "parallel": "parallel lines",
+    "coplanar": "in one plane",
+    "level": "at one height",
+    "vertical": "one above the other",
+    "equal_lengths": "equally long",
+}
+
 SIGNED_KINDS = frozenset({"coordinate", "height", "vertical_distance", "plane_distance"})
 """Metres of which a value near zero says nothing of how well it is known."""
 
@@ -52,6 +62,7 @@ LINE_STATUS_WORDS = {
     "checked": "withheld, judged",
     "unseen": "not seen",
 }
+KNOWN_STATUS_WORDS = LINE_STATUS_WORDS | {"idle": "says nothing"}
 
 FRAME_STATUS_WORDS = {
     "refined": "refined",
@@ -64,6 +75,7 @@ FRAME_STATUS_WORDS = {
 GROUP_WORDS = {
     "pixels": "picked pixels",
     "lengths": "known lengths",
+    "known": "known things",
     "calibration": "lens calibration",
     "telemetry": "flight log: position and attitude of each photo",
     "boresight": "camera against its mount",

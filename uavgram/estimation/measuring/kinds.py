@@ -13,9 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import near_miss
+from uavgram.estimation.survey.ground_below import ground_below
 from uavgram.geometry.ground import measurable, shapes
 from uavgram.geometry.ground.measurable import UnmeasurableError
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.survey import Survey
@@ -197,44 +198,6 @@ def _over_ground(
         {source: effect for source, effect in effects.items() if effect},
         np.where(told, 0.0, by_feet),
     )
-
-
-class GroundBelow(NamedTuple):
-    """The ground straight below k points.
-
-    Attributes
-    ----------
-    feet
-        (k, 3) places on it [m].
-    told
-        (k,) where the point tells them: it stands on the ground, or as high over it as is stated
-        without a sigma. Then the foot moves with the point.
-    sigma_m
-        (k,) how rough the ground is there: its own departure from the smooth one. 0 where the
-        point tells where it is.
-    """
-
-    feet: Floats
-    told: Bools
-    sigma_m: Floats
-
-
-def ground_below(survey: Survey, label: Ints, points: Floats, feet: Floats) -> GroundBelow:
-    """The ground below points, of which it is known that some stand on it.
-
-    Parameters
-    ----------
-    survey
-        Which do.
-    label
-        (k,) of the points, by index.
-    points, feet
-        (k, 3) and the places on the smooth ground straight below them [m].
-    """
-    told = np.asarray((survey.height_sigma_m[label] == 0) & ~survey.is_free[label])
-    roughness = np.array([survey.grounds[a].roughness_sigma_m for a in survey.area[label]])
-    below = points - np.outer(survey.height_above_m[label], [0.0, 0.0, 1.0])
-    return GroundBelow(np.where(told[:, None], below, feet), told, np.where(told, 0.0, roughness))
 
 
 def _stated(label: str, height_m: float) -> str:

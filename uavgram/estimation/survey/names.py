@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.camera.calibration import parameter_names
+from uavgram.model.survey.known import KnownThing
 
 FACTORS = {"deg": float(np.rad2deg(1.0)), "ppm": 1e6, "%": 100.0}
 """How many of a unit there are in the unit inside; else 1."""
@@ -48,6 +50,17 @@ PRIOR_UNITS = {
 COUNTS = ("none", "one", "both", "all three", "all four", "all five", "all six")
 
 
+KNOWN_WORDS = {
+    "line_distance": "distance from a line",
+    "collinear": "straight line",
+    "parallel": "pair of parallel lines",
+    "coplanar": "plane",
+    "level": "level line",
+    "equal_lengths": "set of equal lengths",
+    "polyline": "length along points",
+}
+"""Of kinds of known things whose own name says less."""
+
 STEADY_CHANGE = "something that changes steadily over the flight"
 
 MOST_RIVALS = 4
@@ -74,6 +87,8 @@ class Names:
             return f"pick of {label!r} in {frame!r}"
         if member.kind == "lengths":
             return f"length {self.length(row)}"
+        if member.kind == "known":
+            return f"known {self.known(row)}"
         if member.kind == "telemetry":
             return f"log's pose of {self.frame(row)!r} ({POSE_AXES[member.axis]})"
         if member.kind == "control":
@@ -93,6 +108,17 @@ class Names:
         survey, line = self.adjustment.survey, self.adjustment.problem.line_index[row]
         start, end = survey.label[survey.line_start[line]], survey.label[survey.line_end[line]]
         return named_ends(survey.line_name[line] if survey.line_name else "", start, end)
+
+    def known(self, row: int) -> str:
+        """``right angle 'corner' ('A', 'B', 'C')``: the known thing of a row of its group."""
+        thing = self.known_thing(row)
+        survey = self.adjustment.survey
+        return named_thing(thing.kind, thing.name, [survey.label[k] for k in thing.label])
+
+    def known_thing(self, row: int) -> KnownThing:
+        """The known thing of a row of its group."""
+        problem = self.adjustment.problem
+        return problem.known[int(problem.known_thing[row])]
 
     def prior(self, member: Member) -> str:
         """``boresight x``, ``fx``, and the like."""
@@ -144,6 +170,8 @@ class Names:
         if member.kind == "calibration":
             name = self.prior(member)
             return ("px" if name in ("fx", "fy", "cx", "cy") else "1"), 1.0
+        if member.kind == "known":
+            return self.known_thing(member.row).unit, 1.0
         kind = "plane" if member.kind.startswith(PLANE_OF) else member.kind
         unit = PRIOR_UNITS[kind][member.row if kind in PRIOR_WORDS else member.axis]
         return unit, FACTORS.get(unit, 1.0)
@@ -193,13 +221,15 @@ class Names:
             ends = survey.line_start[line], survey.line_end[line]
             name = survey.line_name[line : line + 1]
             return {"lengths": tuple(name), "labels": tuple(survey.label[k] for k in ends)}
+        if member.kind == "known":
+            thing = self.known_thing(row)
+            return {"labels": tuple(survey.label[k] for k in thing.label)}
         if member.kind == "telemetry":
             return {"frames": (self.frame(row),)}
         if member.kind == "control":
             return {"labels": (survey.label[survey.control_label[row]],)}
-        if member.kind in ("roughness", "heights"):
-            return {"labels": (self.label(member),)}
-        return {}
+        is_height = member.kind in ("roughness", "heights")
+        return {"labels": (self.label(member),)} if is_height else {}
 
 
 def named_ends(name: str, start: str, end: str) -> str:
@@ -213,6 +243,21 @@ def named_ends(name: str, start: str, end: str) -> str:
         Labels of its ends.
     """
     return f"{name!r} ({start!r} to {end!r})" if name else f"{start!r} to {end!r}"
+
+
+def named_thing(kind: str, name: str, points: Sequence[str]) -> str:
+    """``right angle 'corner' ('A', 'B', 'C')``: a known thing.
+
+    Parameters
+    ----------
+    kind, name
+        What it is, and what it is called.
+    points
+        Labels of its points.
+    """
+    return (
+        f"{KNOWN_WORDS.get(kind, kind.replace('_', ' '))} {name!r} ({', '.join(map(repr, points))})"
+    )
 
 
 def _listed(words: list[str]) -> str:

@@ -32,6 +32,7 @@ from uavgram.model.result.reliability import SecondOrder
 from uavgram.model.result.result import Result
 from uavgram.model.result.shared import SharedResult
 from uavgram.model.result.tables import FrameResults, MeasurementResults, MonteCarloResults
+from uavgram.model.survey.known import KnownThings
 from uavgram.model.survey.observations import KnownLines
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.world import World
@@ -129,6 +130,7 @@ def compute(
         points=reconstruct(adjustment, world),
         error_budget=shares(error_budget(adjustment.minimum.blocks, values)),
         lines=judged.lines,
+        known=judged.known,
         picks=judged.picks,
         measurements=measured.table,
         profiles=profiles(adjustment, inputs.requests),
@@ -168,6 +170,13 @@ def _with_duplicates(lines: KnownLines, duplicates: Duplicates, *, adjust: bool)
     return replace(lines, adjust=chosen)
 
 
+def _without_copies(known: KnownThings, duplicates: Duplicates) -> KnownThings:
+    """What is known, those that are not counted withheld from the adjustment."""
+    chosen = np.array(known.adjust)
+    chosen[list(duplicates.known)] = False
+    return replace(known, adjust=chosen)
+
+
 def _assembled(
     inputs: Inputs, counted: KnownLines, posed: Posed, duplicates: Duplicates
 ) -> tuple[Assembled, tuple[Message, ...]]:
@@ -177,6 +186,7 @@ def _assembled(
         calibration=inputs.calibration,
         picks=inputs.picks,
         lines=counted,
+        known=_without_copies(inputs.known, duplicates),
         control=control,
         telemetry=posed.telemetry,
         ground=inputs.project.ground,

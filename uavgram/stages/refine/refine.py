@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from uavgram.stages.refine.blunders.gross_control import (
     doubtful_control,
     without_control,
 )
+from uavgram.stages.refine.blunders.gross_known import known_beyond_doubt, with_gross_known
 from uavgram.stages.refine.blunders.gross_lengths import (
     doubtful,
     fits,
@@ -70,7 +72,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     zoom: tuple[Message, ...] = ()
     if options.noise == "estimate":
         survey, refined, zoom = with_other_zoom(
-            survey, refined, lambda one: _without_gross_lengths(one, keep, reason)
+            survey, refined, lambda one: _without_gross_known(one, keep, reason)
         )
     refined = replace(refined, pick_removed=no_pick)
     survey, refined, readout = with_sound_readout(survey, refined)
@@ -84,7 +86,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         refined, search = _with_the_accused(survey, refined, options.significance), []
         if options.noise == "estimate":
             refined = _with_little_weight(refined)
-    refined = with_gross_lengths(survey, refined)
+    refined = with_gross_lengths(survey, with_gross_known(survey, refined))
     found = (*left_out, *zoom, *readout, *noise_remarks(refined.noise), *remarks(survey, refined))
     return refined, (*found, *search)
 
@@ -100,7 +102,7 @@ def _without_gross_control(
     out = doubtful_control(survey, keep)
     while True:
         rest = without_control(survey, out)
-        refined = _without_gross_lengths(rest, keep, reason)
+        refined = _without_gross_known(rest, keep, reason)
         control = np.flatnonzero(out)
         wrong = control_beyond_doubt(survey, refined, control)
         if wrong.all():
@@ -109,16 +111,52 @@ def _without_gross_control(
         out[control[~wrong]] = False
 
 
-def _without_gross_lengths(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> Refined:
+def _without_gross_known(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> Refined:
+    """Adjusted without the known things, and the lengths, that are wrong beyond doubt.
+
+    Only where all does not fit together at once is it asked what fits without any known thing.
+    """
+    wrong: frozenset[int] = frozenset()
+    if survey.known and not _fits_at_once(survey, keep, reason):
+        everything = frozenset(thing.index for thing in survey.known)
+        with suppress(GeometryError):
+            rest = _without_gross_lengths(survey, keep, reason, everything)
+            wrong = known_beyond_doubt(survey, rest) if fits(rest) else wrong
+    return _without_gross_lengths(survey, keep, reason, wrong)
+
+
+def _fits_at_once(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> bool:
+    """Whether everything fits but for what is in doubt anyway."""
+    try:
+        return fits(best_minima(Participants(survey, keep, doubtful(survey, keep), reason), TRIAL))
+    except GeometryError:
+        return False
+
+
+def _without_gross_lengths(
+    survey: Survey,
+    keep: Bools,
+    reason: dict[int, LeftOut],
+    known_removed: frozenset[int] = frozenset(),
+) -> Refined:
     """Adjusted without the lengths that are wrong beyond doubt.
 
     It starts without all that are in doubt; those that the result does not rule out come back, and
     so do all where too few are left.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    keep, reason
+        (P,) picks that take part, and why others do not.
+    known_removed
+        Numbers of known things that do not.
     """
     out = doubtful(survey, keep)
     while True:
         try:
-            refined = adjust_survey(Participants(survey, keep, out, reason))
+            refined = adjust_survey(Participants(survey, keep, out, reason, known_removed))
         except GeometryError as why:
             if survey.telemetry is not None:
                 raise
@@ -138,7 +176,7 @@ def _without_blunders(
     survey: Survey, refined: Refined, significance: float
 ) -> tuple[Refined, list[Message]]:
     """Take out one blunder at a time and adjust anew, until none is left or can be chosen."""
-    most = int(MOST * (len(survey.pick_frame) + len(survey.line_start)))
+    most = int(MOST * (len(survey.pick_frame) + len(survey.line_start) + len(survey.known)))
     while True:
         choices, undecided = blunders(refined, significance)
         if not choices:
@@ -184,7 +222,7 @@ def _with_little_weight(refined: Refined) -> Refined:
     located = any(one.located.any() for one in few.values())
     if not located or not fits or not adjustment.minimum.converged:
         return refined
-    softer = with_little_weight(adjustment.survey, adjustment.problem.line_index, few)
+    softer = with_little_weight(adjustment.problem, few)
     try:
         after = continued(adjustment, softer)
     except SingularError:
@@ -203,9 +241,16 @@ def _tried(
     tried = []
     for choice in choices:
         pick, line = refined.pick_removed.copy(), refined.line_removed.copy()
-        (pick if choice.kind == "pick" else line)[choice.index] = True
+        known = refined.known_removed
+        if choice.kind == "known":
+            known |= {choice.index}
+        else:
+            (pick if choice.kind == "pick" else line)[choice.index] = True
         try:
-            after = best_minima(replace(taking, keep=taking.keep & ~pick, line_removed=line), TRIAL)
+            without = replace(
+                taking, keep=taking.keep & ~pick, line_removed=line, known_removed=known
+            )
+            after = best_minima(without, TRIAL)
         except GeometryError as why:
             if choice is choices[0]:
                 return why
@@ -218,7 +263,8 @@ def _participants(survey: Survey, refined: Refined) -> Participants:
     """What takes part in an adjustment."""
     used = np.zeros(len(survey.pick_frame), dtype=bool)
     used[refined.pick_index] = True
-    return Participants(survey, used, refined.line_removed, refined.pick_reason)
+    reason, known = refined.pick_reason, refined.known_removed
+    return Participants(survey, used, refined.line_removed, reason, known)
 
 
 def _in_lens(survey: Survey) -> tuple[Bools, dict[int, LeftOut]]:

@@ -15,6 +15,7 @@ from uavgram.views.pages import page_environment
 from uavgram.views.report.budget import budget_table
 from uavgram.views.report.checks import checks_summary
 from uavgram.views.report.gauge import gauge
+from uavgram.views.report.known import known_table
 from uavgram.views.report.measured import (
     alternative_tables,
     learnt_words,
@@ -109,6 +110,7 @@ def render_report(result: Result) -> str:
             why_two_ellipses=WHY_TWO_ELLIPSES,
             budget=budget_table(result),
             lengths=worst_fit_first(result.lines.w),
+            known=known_table(result),
             removals=removal_rows(result),
             checks=checks_summary(result),
             three_sigma=THREE_SIGMA,

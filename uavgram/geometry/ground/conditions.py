@@ -1,0 +1,277 @@
+"""What is known of ground points without a number: that they lie in line, in a plane, in a square.
+
+Every function takes points (..., K, 3) in east, north, up [m] and returns residuals (..., m), zero
+where the condition holds, and their gradients (..., m, K, 3) by the points. Unlike distances and
+angles measured (`shapes`), residuals carry a sign or are components of a vector, so that they have
+derivatives at zero too. Where one has none (points that coincide, first three points of a plane on
+one line), residuals and gradients of that thing are NaN.
+
+Of points on the ground nothing can be said across it that the ground does not say: `on_ground`
+leaves the components along the ground only.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.geometry.ground.line_axes import line_axes, unit_vectors
+from uavgram.model.arrays import Floats
+
+
+class Residuals(NamedTuple):
+    """Residuals (..., m), and their gradients (..., m, K, 3) by the points."""
+
+    value: Floats
+    gradient: Floats
+
+
+def right_angle(points: Floats) -> Residuals:
+    """A right angle at the middle one of three points: 90 minus the angle there [deg].
+
+    Parameters
+    ----------
+    points
+        (..., 3, 3) [m]; the vertex is the second.
+
+    Returns
+    -------
+    Residuals
+        One [deg; deg/m]; NaN where a leg has no length, and for angles of exactly 0 or 180.
+    """
+    points = _checked(points, 3, 3)
+    legs, length = unit_vectors(points[..., [0, 2], :] - points[..., [1], :])
+    cosine = np.sum(legs[..., 0, :] * legs[..., 1, :], axis=-1)
+    sine = np.linalg.norm(np.cross(legs[..., 0, :], legs[..., 1, :]), axis=-1)
+    towards, _ = unit_vectors(legs[..., ::-1, :] - cosine[..., None, None] * legs)
+    ends = towards / length[..., None]  # the angle falls where an end moves towards the other leg
+    gradient = np.stack([ends[..., 0, :], -ends.sum(axis=-2), ends[..., 1, :]], axis=-2)
+    return _defined(np.arctan2(cosine, sine)[..., None], gradient[..., None, :, :], np.degrees(1.0))
+
+
+def collinear(points: Floats, *, on_ground: bool = False) -> Residuals:
+    """Points on one straight line: offsets of those between from the line of first and last [m].
+
+    Parameters
+    ----------
+    points
+        (..., K, 3) [m], K >= 3; the first and the last best stand farthest apart.
+    on_ground
+        Only offsets along the ground.
+
+    Returns
+    -------
+    Residuals
+        Of each point between: its offset along the ground, to the left as seen from the first
+        point; and, unless `on_ground`, that upwards (square to both). Of a line steeper than
+        `line_axes.STEEP`: east and north. NaN where first and last coincide.
+    """
+    points = _checked(points, 3)
+    between = list(range(1, points.shape[-2] - 1))
+    return _offsets(points, between, (0, points.shape[-2] - 1), on_ground=on_ground)
+
+
+def line_offset(points: Floats, *, on_ground: bool = False) -> Residuals:
+    """Offset of the first of three points from the line through the other two [m], signed.
+
+    The distance of `shapes.line_distance` with a sign, or as a vector: where it is known to be
+    zero, or so small that it may be.
+
+    Parameters
+    ----------
+    points
+        (..., 3, 3) [m]: the point, then two of the line.
+    on_ground
+        Only the offset along the ground.
+
+    Returns
+    -------
+    Residuals
+        As of `collinear`: to the left as seen from the line's first point, then upwards.
+    """
+    return _offsets(_checked(points, 3, 3), [0], (1, 2), on_ground=on_ground)
+
+
+def parallel(points: Floats, *, on_ground: bool = False) -> Residuals:
+    """Two parallel lines: the angle from the first to the second [deg].
+
+    Parameters
+    ----------
+    points
+        (..., 4, 3) [m]: two of the one line, two of the other; which way each runs is the same.
+    on_ground
+        Only the angle along the ground.
+
+    Returns
+    -------
+    Residuals
+        The angle along the ground, anticlockwise from above, from -90 to 90; and, unless
+        `on_ground`, that upwards. Of a first line steeper than `line_axes.STEEP`: towards east
+        and north. NaN where a line has no length, and for lines square to each other.
+    """
+    points = _checked(points, 4, 4)
+    axes = line_axes(points[..., 1, :] - points[..., 0, :])
+    second = points[..., 3, :] - points[..., 2, :]
+    ahead = np.sum(second * axes.along, axis=-1)
+    ahead = np.where(ahead == 0, np.nan, ahead)
+    across, across_by_line = axes.components(on_ground=on_ground)
+    aside = np.sum(second[..., None, :] * across, axis=-1)
+    # d atan(aside / ahead) = (ahead d aside - aside d ahead) / (ahead^2 + aside^2)
+    size = (ahead**2)[..., None] + aside**2
+    by_aside, by_ahead = ahead[..., None] / size, -aside / size
+    by_second = by_aside[..., None] * across
+    by_second = by_second + by_ahead[..., None] * axes.along[..., None, :]
+    by_first = by_aside[..., None] * _times(second, across_by_line)
+    by_first = by_first + by_ahead[..., None] * _times(second, axes.along_by_line[..., None, :, :])
+    gradient = np.stack([-by_first, by_first, -by_second, by_second], axis=-2)
+    return _defined(np.arctan(aside / ahead[..., None]), gradient, np.degrees(1.0))
+
+
+def coplanar(points: Floats) -> Residuals:
+    """Points in one plane: distances of the fourth and further from that of the first three [m].
+
+    Parameters
+    ----------
+    points
+        (..., K, 3) [m], K >= 4.
+
+    Returns
+    -------
+    Residuals
+        Of each further point, positive on the side from which the first three run anticlockwise.
+        NaN where the first three lie on one line.
+    """
+    points = _checked(points, 4)
+    first = points[..., 0, :]
+    a, b = points[..., 1, :] - first, points[..., 2, :] - first
+    normal, size = unit_vectors(np.cross(a, b))
+    offset = points[..., 3:, :] - first[..., None, :]
+    value = np.sum(offset * normal[..., None, :], axis=-1)
+    # The normal turns with a and b: dn = (I - n n^T) (da x b + a x db) / |a x b|, and only the
+    # offset's part within the plane, o, sees it: o . (da x b) = da . (b x o).
+    within = (offset - value[..., None] * normal[..., None, :]) / size[..., None, None]
+    by_a, by_b = np.cross(b[..., None, :], within), np.cross(within, a[..., None, :])
+    count = points.shape[-2]
+    gradient = np.zeros((*value.shape, count, 3))
+    gradient[..., 1, :], gradient[..., 2, :] = by_a, by_b
+    for row in range(count - 3):
+        gradient[..., row, row + 3, :] = normal
+    gradient[..., 0, :] = -(by_a + by_b + normal[..., None, :])
+    return _defined(value, gradient)
+
+
+def level(points: Floats) -> Residuals:
+    """Points at one height: heights of the second and further above the first [m].
+
+    Parameters
+    ----------
+    points
+        (..., K, 3) [m], K >= 2.
+
+    Returns
+    -------
+    Residuals
+        Of the second and each further point.
+    """
+    points = _checked(points, 2)
+    further = points.shape[-2] - 1
+    gradient = np.zeros((*points.shape[:-2], further, further + 1, 3))
+    rows = np.arange(further)
+    gradient[..., rows, rows + 1, 2] = 1.0
+    gradient[..., 0, 2] = -1.0
+    return _defined(points[..., 1:, 2] - points[..., :1, 2], gradient)
+
+
+def vertical(points: Floats) -> Residuals:
+    """Two points one above the other: how far the second stands east and north of the first [m].
+
+    Parameters
+    ----------
+    points
+        (..., 2, 3) [m].
+
+    Returns
+    -------
+    Residuals
+        East and north.
+    """
+    points = _checked(points, 2, 2)
+    gradient = np.zeros((*points.shape[:-2], 2, 2, 3))
+    for axis in range(2):
+        gradient[..., axis, :, axis] = [-1.0, 1.0]
+    return _defined(points[..., 1, :2] - points[..., 0, :2], gradient)
+
+
+def equal_lengths(points: Floats) -> Residuals:
+    """Lines of one length: lengths of the second and further lines less that of the first [m].
+
+    Parameters
+    ----------
+    points
+        (..., 2 n, 3) [m], n >= 2: both ends of the first line, then of the second, and so on.
+
+    Returns
+    -------
+    Residuals
+        Of the second and each further line; NaN where a line has no length.
+    """
+    points = _checked(points, 4)
+    if points.shape[-2] % 2:
+        raise ValueError(f"expected two points for each line, got {points.shape[-2]} points")
+    unit, length = unit_vectors(points[..., 1::2, :] - points[..., ::2, :])
+    further = length.shape[-1] - 1
+    gradient = np.zeros((*points.shape[:-2], further, 2 * further + 2, 3))
+    gradient[..., 0, :], gradient[..., 1, :] = unit[..., :1, :], -unit[..., :1, :]
+    for row in range(further):
+        own = unit[..., row + 1, :]
+        gradient[..., row, 2 * row + 2, :], gradient[..., row, 2 * row + 3, :] = -own, own
+    return _defined(length[..., 1:] - length[..., :1], gradient)
+
+
+def _offsets(
+    points: Floats, rows: list[int], line: tuple[int, int], *, on_ground: bool
+) -> Residuals:
+    """Offsets of some of the points from the line through two others: r x c of them."""
+    start, end = line
+    axes, by_line = line_axes(points[..., end, :] - points[..., start, :]).components(
+        on_ground=on_ground
+    )
+    offset = points[..., rows, :] - points[..., [start], :]
+    value = offset @ axes.swapaxes(-1, -2)
+    moved = np.einsum("...ri,...cij->...rcj", offset, by_line)
+    gradient = np.zeros((*value.shape, points.shape[-2], 3))
+    gradient[..., end, :] = moved
+    gradient[..., start, :] = -moved - axes[..., None, :, :]
+    for place, row in enumerate(rows):
+        gradient[..., place, :, row, :] = axes
+    flat = value.shape[-2] * value.shape[-1]
+    return _defined(
+        value.reshape(*value.shape[:-2], flat),
+        gradient.reshape(*gradient.shape[:-4], flat, *gradient.shape[-2:]),
+    )
+
+
+def _times(vector: Floats, by_line: Floats) -> Floats:
+    """(..., c, 3) of vectors (..., 3) and derivatives (..., c, 3, 3): v^T D of each."""
+    return np.asarray(np.einsum("...i,...cij->...cj", vector, by_line))
+
+
+def _checked(points: Floats, least: int, most: int | None = None) -> Floats:
+    points = np.asarray(points, np.float64)
+    if (
+        points.ndim < 2
+        or points.shape[-1] != 3
+        or points.shape[-2] < least
+        or (most is not None and points.shape[-2] > most)
+    ):
+        count = f"{least}" if least == most else f"at least {least}"
+        raise ValueError(f"expected {count} points of shape (..., K, 3), got shape {points.shape}")
+    return points
+
+
+def _defined(value: Floats, gradient: Floats, unit: float = 1.0) -> Residuals:
+    """All residuals of a thing and their gradients, or none; in another unit."""
+    known = np.isfinite(value).all(axis=-1) & np.isfinite(gradient).all(axis=(-3, -2, -1))
+    scale = np.asarray(np.where(known, unit, np.nan))
+    return Residuals(scale[..., None] * value, scale[..., None, None, None] * gradient)
