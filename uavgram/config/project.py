@@ -15,7 +15,17 @@ from uavgram.errors import GeometryError, InputError, near_miss, no_file
 from uavgram.geometry.earth.map_projection import checked_crs
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Project
 
-_INPUT_FILES = ("log", "poses", "camera", "picks", "lines", "measure", "control", "check")
+_INPUT_FILES = (
+    "log",
+    "poses",
+    "camera",
+    "picks",
+    "lines",
+    "known",
+    "measure",
+    "control",
+    "check",
+)
 PROJECT_FILE = "project.yaml"
 PICKED_FILES = ("picks", "lines", "measure")
 """Inputs that the picking page makes: a project that is not finished may lack them."""

@@ -68,11 +68,17 @@ _COMMENTS = {
     "poses": "poses of the photos, where there is no log: exif, or a file",
     "picks": "picked pixels: `uavgram pick` fills it",
     "lines": "known lengths on the ground",
+    "known": "what else is known: distances, angles, heights, right angles, points in line",
     "measure": "what to measure",
     "control": "points with known coordinates, used as observations",
     "check": "points with known coordinates, used only to judge the result",
 }
-_EXAMPLES = {"log": "flight.BIN", "control": "control.csv", "check": "check.csv"}
+_EXAMPLES = {
+    "log": "flight.BIN",
+    "known": "known.csv",
+    "control": "control.csv",
+    "check": "check.csv",
+}
 _WIDTH = 34
 
 _OPTIONS_HEAD = """
@@ -110,7 +116,7 @@ def project_text(project: ProjectText) -> str:
         "camera": _scalar(project.camera),
         "log": project.log and _scalar(project.log),
         "poses": project.poses and _scalar(project.poses),
-        **dict.fromkeys(("picks", "lines", "measure", "control", "check")),
+        **dict.fromkeys(("picks", "lines", "known", "measure", "control", "check")),
         **{key: _scalar(path) for key, path in project.tables.items()},
         "output": "out",
     }

@@ -272,6 +272,7 @@ class Project(_Options):
     log: str | None = None
     poses: str | tuple[str, ...] | None = None
     lines: str | None = None
+    known: str | None = None
     measure: str | None = None
     control: str | None = None
     check: str | None = None
@@ -291,6 +292,7 @@ class Project(_Options):
         texts = [
             "log",
             "lines",
+            "known",
             "measure",
             "control",
             "check",

@@ -58,7 +58,7 @@ def missing(inputs: Inputs) -> Iterator[Message]:
     if not inputs.requests:
         text = "Nothing is asked for yet: say what to measure on the picking page, or in `measure`."
         yield Message("info", "nothing-to-measure", text)
-    known = len(inputs.lines.name) or len(inputs.control.label)
+    known = len(inputs.lines.name) or len(inputs.control.label) or len(inputs.known.name)
     if not known and project.log is None and project.poses is None:
         poses = (
             "poses (though the photos state where they were taken: `poses: exif`, and world.origin)"
@@ -86,6 +86,8 @@ def _unseen(inputs: Inputs) -> list[Message]:
         for name, *ends in zip(inputs.lines.name, inputs.lines.start, inputs.lines.end, strict=True)
         for label in ends
     ]
+    of_known = zip(inputs.known.name, inputs.known.points, strict=True)
+    named += [(f"known thing {name!r}", label) for name, points in of_known for label in points]
     named += [(f"measurement {r.name!r}", p) for r in inputs.requests for p in r.points]
     named += [("the control points", label) for label in inputs.control.label]
     named += [("the check points", label) for label in inputs.check.label]

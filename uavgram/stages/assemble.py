@@ -19,6 +19,7 @@ from uavgram.model.flight.pose import Poses, TelemetryPrior
 from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.message import Message, Several
 from uavgram.model.options import GroundOptions, TapeOptions
+from uavgram.model.survey.known import NO_KNOWN, KnownThing, KnownThings
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.model.survey.survey import DEFAULT_AREA, Ground, Survey
 
@@ -60,6 +61,8 @@ class Observations:
         Of the camera.
     picks, lines
         Picked pixels, and known lengths; those that are withheld stay out.
+    known
+        What else is known of points; what is withheld stays out.
     control
         Points with known coordinates in the world [m].
     telemetry
@@ -79,6 +82,7 @@ class Observations:
     calibration: Calibration
     picks: Picks
     lines: KnownLines
+    known: KnownThings = NO_KNOWN
     control: KnownWorldPoints = NO_CONTROL
     telemetry: Telemetry | None = None
     ground: GroundOptions
@@ -141,6 +145,7 @@ def assemble(observed: Observations) -> Assembled:
         line_tape=tuple(lines.tape_of(i) for i in seen),
         line_along=tuple(lines.along_of(i) for i in seen),
         tape_scale_sigma=observed.tape.scale_sigma,
+        known=_known(observed.known, label_at),
         control_label=np.array([label_at[control.label[i]] for i in known], dtype=np.int64),
         control_world_m=control.world_m[known],
         control_sigma_m=control.sigma_m[known],
@@ -200,6 +205,15 @@ def _of_labels(picks: Picks, value: Floats, label_at: dict[str, int]) -> Floats:
         if picks.label[i] in label_at:
             found[label_at[picks.label[i]]] = value[i]
     return found
+
+
+def _known(known: KnownThings, label_at: dict[str, int]) -> tuple[KnownThing, ...]:
+    """What is known of picked points, but for what is withheld."""
+    return tuple(
+        known.thing(i, tuple(label_at[label] for label in points))
+        for i, points in enumerate(known.points)
+        if known.adjust[i] and all(label in label_at for label in points)
+    )
 
 
 def _areas(picks: Picks, label_at: dict[str, int]) -> list[str]:

@@ -54,6 +54,7 @@ FRAME_STATUS_WORDS = {
 GROUP_WORDS = {
     "pixels": "picked pixels",
     "lengths": "known lengths",
+    "known": "known things",
     "calibration": "lens calibration",
     "telemetry": "flight log: position and attitude of each photo",
     "boresight": "camera against its mount",

@@ -94,8 +94,11 @@ class _Axes:
             kind.append(np.full(n * a, k))
             row.append(np.repeat(np.arange(n), a))
             axis.append(np.tile(np.arange(a), n))
-            whole = group.kind in SET_ASIDE_WHOLE
-            observation.append(first + (row[-1] if whole else np.arange(n * a)))
+            if group.thing is not None:
+                observation.append(first + np.repeat(group.thing, a))
+            else:
+                whole = group.kind in SET_ASIDE_WHOLE
+                observation.append(first + (row[-1] if whole else np.arange(n * a)))
             first = int(observation[-1].max(initial=first - 1)) + 1
         parts = (np.concatenate(p).astype(np.int64) for p in (kind, row, axis, observation))
         return cls(tuple(groups), *parts)

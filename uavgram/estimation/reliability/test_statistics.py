@@ -19,9 +19,9 @@ from uavgram.estimation.reliability.redundancy import (
 )
 from uavgram.estimation.solver.normal_equations import Block, Covariance
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Bools, Floats, Ints
 
-READINGS = ("lengths", "pixels", "control")
+READINGS = ("lengths", "known", "pixels", "control")
 """What people read, and misread: suspected before priors are, unless a prior's odds are better than
 20 to 1 (the nine axes of a calibration, say, mimic many an error of a single length). Of
 inseparable observations, the first of these stands for the group."""
@@ -53,6 +53,8 @@ class Observed:
         (n, a) standardised test statistic; 0 where nothing checks the axis.
     tests
         Axes of this group and of those that are tested along with it.
+    thing
+        (n,) rows with the same number are of one observation; None: each row is one.
     """
 
     kind: str
@@ -62,6 +64,7 @@ class Observed:
     redundancy: Floats
     w: Floats
     tests: int
+    thing: Ints | None = None
 
     @property
     def checked(self) -> Bools:
@@ -99,15 +102,22 @@ def observed(adjustment: Adjustment) -> dict[str, Observed]:
         else:  # a prior's whitened residual changes by the inverse of its sigma
             sigma = given[kind] if kind in given else 1.0 / block.jacobian[:, :, 0]
             groups[kind] = _independent(kind, block, covariance, sigma)
+            if kind == "known":
+                groups[kind] = replace(groups[kind], thing=problem.known_thing)
     return _with_families(groups)
 
 
 def sigmas_of_readings(adjustment: Adjustment) -> dict[str, Floats]:
-    """(n, 1 or 3) standard deviations of picks [px], lengths and control points [m]."""
+    """(n, 1 or 3) standard deviations of picks [px], lengths and control points [m].
+
+    Of known things each in its unit.
+    """
     survey = adjustment.survey
+    known = np.array([thing.sigma for thing in survey.known])
     return {
         "pixels": survey.pick_sigma_px[:, None],
         "lengths": survey.length_sigma_m[adjustment.problem.line_index, None],
+        "known": known[adjustment.problem.known_thing, None] if len(known) else np.zeros((0, 1)),
         "control": survey.control_sigma_m,
     }
 

@@ -258,7 +258,7 @@ class Removal:
     Attributes
     ----------
     kind, index
-        ``pick`` or ``line``, of the survey handed in.
+        ``pick`` or ``line``, of the survey handed in; or ``known``, by its number.
     suspicion
         Its test statistic then, and what no test could part from it.
     before
@@ -266,7 +266,7 @@ class Removal:
         left out beforehand (`suspicion` has then no row).
     """
 
-    kind: Literal["pick", "line"]
+    kind: Literal["pick", "line", "known"]
     index: int
     suspicion: Suspicion
     before: Refined | None
@@ -289,6 +289,8 @@ class Refined:
         Into the picks and lines of the survey that was handed in, for those of `adjustment`.
     pick_removed, line_removed
         (P,), (L,) of the survey handed in: taken out as blunders.
+    known_removed
+        Numbers of the known things that were taken out.
     pick_reason
         Why picks (index into the survey handed in) were left out beforehand.
     undetermined
@@ -317,6 +319,7 @@ class Refined:
     pick_reason: Mapping[int, LeftOut]
     alternatives: tuple[Adjustment, ...]
     undetermined: frozenset[int] = frozenset()
+    known_removed: frozenset[int] = frozenset()
     accused: Member | None = None
     accused_alone: bool = False
     noise: Noise | None = None

@@ -13,6 +13,7 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.ground_planes import GroundPlanes
+from uavgram.estimation.survey.known_terms import known_rows, things_of_rows
 from uavgram.estimation.survey.priors import independent_prior
 from uavgram.estimation.survey.tapes import Taped, tape_rows, taped_lines, tapes_of
 from uavgram.estimation.survey.telemetry_terms import TelemetryTerms, telemetry_prior
@@ -121,6 +122,8 @@ class SurveyProblem:
             blocks["lengths"] = self._lengths(state)
         if self.tapes:
             blocks["tape"] = self._tape(state)
+        if self.survey.known:
+            blocks["known"] = known_rows(self, state, self.survey.known).block()
         if len(self.survey.control_label):
             blocks["control"] = self._control(state)
         blocks |= self._grounds(state)
@@ -136,6 +139,11 @@ class SurveyProblem:
             except ValueError:  # the clock correction leads out of the log
                 return None
         return blocks
+
+    @cached_property
+    def known_thing(self) -> Ints:
+        """(R,) which of the survey's known things each row of their group is of."""
+        return things_of_rows(self, self.survey.known)
 
     def _pixels(self, state: State) -> Block | None:
         survey = self.survey

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,6 +49,17 @@ PRIOR_UNITS = {
 COUNTS = ("none", "one", "both", "all three", "all four", "all five", "all six")
 
 
+KNOWN_WORDS = {
+    "line_distance": "distance from a line",
+    "collinear": "straight line",
+    "parallel": "pair of parallel lines",
+    "coplanar": "plane",
+    "level": "level line",
+    "equal_lengths": "set of equal lengths",
+    "polyline": "length along points",
+}
+"""Of kinds of known things whose own name says less."""
+
 STEADY_CHANGE = "something that changes steadily over the flight"
 
 MOST_RIVALS = 4
@@ -74,6 +86,8 @@ class Names:
             return f"pick of {label!r} in {frame!r}"
         if member.kind == "lengths":
             return f"length {self.length(row)}"
+        if member.kind == "known":
+            return f"known {self.known(row)}"
         if member.kind == "telemetry":
             return f"log's pose of {self.frame(row)!r} ({POSE_AXES[member.axis]})"
         if member.kind == "control":
@@ -93,6 +107,12 @@ class Names:
         survey, line = self.adjustment.survey, self.adjustment.problem.line_index[row]
         start, end = survey.label[survey.line_start[line]], survey.label[survey.line_end[line]]
         return named_ends(survey.line_name[line] if survey.line_name else "", start, end)
+
+    def known(self, row: int) -> str:
+        """``right angle 'corner' ('A', 'B', 'C')``: the known thing of a row of its group."""
+        survey = self.adjustment.survey
+        thing = survey.known[self.adjustment.problem.known_thing[row]]
+        return named_thing(thing.kind, thing.name, [survey.label[k] for k in thing.label])
 
     def prior(self, member: Member) -> str:
         """``boresight x``, ``fx``, and the like."""
@@ -144,6 +164,11 @@ class Names:
         if member.kind == "calibration":
             name = self.prior(member)
             return ("px" if name in ("fx", "fy", "cx", "cy") else "1"), 1.0
+        if member.kind == "known":
+            unit = self.adjustment.survey.known[
+                self.adjustment.problem.known_thing[member.row]
+            ].unit
+            return unit, 1.0
         kind = "plane" if member.kind.startswith(PLANE_OF) else member.kind
         unit = PRIOR_UNITS[kind][member.row if kind in PRIOR_WORDS else member.axis]
         return unit, FACTORS.get(unit, 1.0)
@@ -193,6 +218,9 @@ class Names:
             ends = survey.line_start[line], survey.line_end[line]
             name = survey.line_name[line : line + 1]
             return {"lengths": tuple(name), "labels": tuple(survey.label[k] for k in ends)}
+        if member.kind == "known":
+            thing = survey.known[self.adjustment.problem.known_thing[row]]
+            return {"labels": tuple(survey.label[k] for k in thing.label)}
         if member.kind == "telemetry":
             return {"frames": (self.frame(row),)}
         if member.kind == "control":
@@ -213,6 +241,21 @@ def named_ends(name: str, start: str, end: str) -> str:
         Labels of its ends.
     """
     return f"{name!r} ({start!r} to {end!r})" if name else f"{start!r} to {end!r}"
+
+
+def named_thing(kind: str, name: str, points: Sequence[str]) -> str:
+    """``right angle 'corner' ('A', 'B', 'C')``: a known thing.
+
+    Parameters
+    ----------
+    kind, name
+        What it is, and what it is called.
+    points
+        Labels of its points.
+    """
+    return (
+        f"{KNOWN_WORDS.get(kind, kind.replace('_', ' '))} {name!r} ({', '.join(map(repr, points))})"
+    )
 
 
 def _listed(words: list[str]) -> str:

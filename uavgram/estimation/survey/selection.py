@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,8 +20,8 @@ class Selection:
     Attributes
     ----------
     survey
-        Without the picks left out, and without frames, labels, lines and control points that lost
-        all of theirs.
+        Without the picks left out, and without frames, labels, lines, known things and control
+        points that lost all of theirs.
     pick_index, line_index
         (P',), (L',) into the whole survey.
     """
@@ -51,6 +52,11 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
         **rows_of(survey, labels, "k"),
         **rows_of(survey, picks, "p") | {"pick_frame": pick_frame, "pick_label": pick_label},
         **_some_lines(survey, lines) | {"line_start": start[lines], "line_end": end[lines]},
+        known=tuple(
+            replace(one, label=tuple(new_label[list(one.label)].tolist()))
+            for one in survey.known
+            if (new_label[list(one.label)] >= 0).all()
+        ),
         **rows_of(survey, control, "c")
         | {"control_label": new_label[survey.control_label[control]]},
     )
@@ -60,6 +66,11 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
 def select_lines(survey: Survey, keep: Bools) -> Survey:
     """Keep the known lengths in `keep` (L,), and everything else."""
     return replace(survey, **_some_lines(survey, np.flatnonzero(keep)))
+
+
+def without_known(survey: Survey, left_out: Collection[int]) -> Survey:
+    """Leave out known things, by their number among the project's."""
+    return replace(survey, known=tuple(one for one in survey.known if one.index not in left_out))
 
 
 def _some_lines(survey: Survey, lines: Ints) -> dict[str, Any]:

@@ -26,12 +26,13 @@ _RESULTS = "results.json"
 _CALIBRATION, _CALIBRATED = "calibration.json", "camera.yaml"
 _LARGEST_CAMERA_BYTES = 1_000_000
 
-TableRole = Literal["picks", "lines", "measure", "control", "check", "poses"]
+TableRole = Literal["picks", "lines", "known", "measure", "control", "check", "poses"]
 
 # Columns that tell a table, the most telling first.
 _TABLES: tuple[tuple[TableRole, frozenset[str]], ...] = (
     ("picks", frozenset({"image", "label", "u_px", "v_px"})),
     ("lines", frozenset({"name", "from", "to", "length_m"})),
+    ("known", frozenset({"name", "kind", "points", "sigma"})),
     ("measure", frozenset({"name", "kind", "points"})),
     ("poses", frozenset({"image", "latitude_deg", "longitude_deg", "height_m"})),
     ("control", frozenset({"label", "latitude_deg", "longitude_deg"})),

@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from uavgram.io.results.codec import Json, Record, Table, encode, joined, numbers
+from uavgram.model.result.known import KnownResults
 from uavgram.model.result.reliability import (
     Effects,
     Evidence,
@@ -48,6 +49,7 @@ _POINTS = Table(
 )
 _RELATIVE = Table(PlanarUncertainty, shape={"covariance_m2": (2, 2)}, elsewhere=_ELLIPSE)
 LINES = Table(LineResults, keys={"start": "from", "end": "to"})
+KNOWN = Table(KnownResults)
 PICKS = Table(PickResults, keys={"pixel_px": ("u_px", "v_px")}, shape={"residual_px": (2,)})
 MEASUREMENTS = Table(MeasurementResults, shape={"interval_95": (2,)}, elsewhere=("correlation",))
 POINT_CHECKS = Table(PointChecks, shape={"error_m": (3,), "sigma_m": (3,)})

@@ -54,8 +54,8 @@ def read_measure(path: str | Path) -> tuple[MeasurementRequest, ...]:
             MeasurementRequest(
                 name=table.text["name"][row],
                 kind=kind,
-                points=_points(table, row, kind),
-                parameters=_parameters(table, row, kind),
+                points=points_of(table, row, kind, POINT_COUNTS[kind]),
+                parameters=parameters_of(table, row, kind),
             )
         )
     table.raise_faults()
@@ -71,7 +71,18 @@ def parameter_fault(name: str, value: float) -> str:
     return ""
 
 
-def _points(table: Table, row: int, kind: MeasurementKind) -> tuple[str, ...]:
+def points_of(table: Table, row: int, kind: str, count: tuple[int, int | None]) -> tuple[str, ...]:
+    """Labels in the cell `points` of a row; what is wrong with them is noted.
+
+    Parameters
+    ----------
+    table, row
+        Where they stand.
+    kind
+        Of what they are the points.
+    count
+        Least and greatest number of points; None: any number.
+    """
     written = table.text["points"][row]
     points = tuple(label.strip() for label in written.split(";"))
     if not written:
@@ -80,13 +91,19 @@ def _points(table: Table, row: int, kind: MeasurementKind) -> tuple[str, ...]:
         table.blame(row, f"points: a label {name_fault(label)} (it begins with {label[:32]!r})")
     if not all(points):
         table.blame(row, f"points holds an empty label (got {written!r})")
-    least, most = POINT_COUNTS[kind]
+    least, most = count
     if len(points) < least or (most is not None and len(points) > most):
         wanted = str(least) if least == most else f"at least {least}"
         table.blame(
             row,
             f"kind {kind} needs {wanted} labels joined by ';' (got {len(points)}: {written!r})",
         )
+    if kind == "equal_lengths":  # the second line may begin where the first one ends
+        for label in dict.fromkeys(
+            a for a, b in zip(points[::2], points[1::2], strict=False) if a == b
+        ):
+            table.blame(row, f"points names a line from {label!r} to itself")
+        return points
     # A polyline may come back to a point, but nothing may go from a point to itself.
     for label in dict.fromkeys(a for a, b in itertools.pairwise(points) if a == b):
         table.blame(row, f"points names {label!r} twice in a row")
@@ -95,8 +112,17 @@ def _points(table: Table, row: int, kind: MeasurementKind) -> tuple[str, ...]:
     return points
 
 
-def _parameters(table: Table, row: int, kind: MeasurementKind) -> tuple[tuple[str, float], ...]:
-    wanted = PARAMETERS.get(kind, ())
+def parameters_of(table: Table, row: int, kind: str) -> tuple[tuple[str, float], ...]:
+    """Numbers in the cell `parameters` of a row; what is wrong with them is noted.
+
+    Parameters
+    ----------
+    table, row
+        Where they stand.
+    kind
+        What needs them.
+    """
+    wanted = next((names for one, names in PARAMETERS.items() if one == kind), ())
     found: dict[str, float] = {}
     for part in filter(None, (p.strip() for p in table.text["parameters"][row].split(";"))):
         name, equals, text = (piece.strip() for piece in part.partition("="))

@@ -11,6 +11,7 @@ SOURCES: dict[str, str] = {
     "pixels": "picks",
     "calibration": "lens",
     "lengths": "known lengths",
+    "known": "known things",
     "tape": "tape",
     "telemetry": "flight log",
     "boresight": "flight log",

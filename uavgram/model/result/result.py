@@ -14,6 +14,7 @@ from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import Message
 from uavgram.model.provenance import Provenance
 from uavgram.model.result.error_budget import ErrorBudget
+from uavgram.model.result.known import NOTHING_KNOWN, KnownResults
 from uavgram.model.result.noise import Noise
 from uavgram.model.result.reliability import ChecksOverall, Evidence, RemovalRecord, SecondOrder
 from uavgram.model.result.shared import AreaPlane, SharedResult
@@ -88,6 +89,7 @@ class Result:
     frames: FrameResults
     points: PointResults
     lines: LineResults
+    known: KnownResults = NOTHING_KNOWN
     picks: PickResults
     measurements: MeasurementResults
     monte_carlo: MonteCarloResults | None = None

@@ -11,6 +11,7 @@ from uavgram.model.arrays import Bools, Floats, FrozenArrays, Ints, freeze
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.photo_poses import Flight
 from uavgram.model.flight.pose import CandidatePoses, Poses, TelemetryPrior
+from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.observations import Along
 from uavgram.model.survey.rolling_shutter import RollingShutter
 
@@ -105,6 +106,8 @@ class Survey:
         the tape without a name), and the straight 3-D distance, for all.
     tape_scale_sigma
         Prior of the scale of each tape (see estimation/survey/tapes.py); 0: exact.
+    known
+        What else is known of the points.
     control_label, control_world_m, control_sigma_m
         (C,), (C, 3), (C, 3): points with known coordinates.
     grounds
@@ -141,6 +144,7 @@ class Survey:
     line_tape: tuple[str, ...] = ()
     line_along: tuple[Along, ...] = ()
     tape_scale_sigma: float = 0.0
+    known: tuple[KnownThing, ...] = ()
     control_label: Annotated[Ints, "c"]
     control_world_m: Annotated[Floats, "c", 3]
     control_sigma_m: Annotated[Floats, "c", 3]

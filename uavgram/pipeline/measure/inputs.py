@@ -20,6 +20,7 @@ from uavgram.io.photos.poses.read import FROM_PHOTOS
 from uavgram.io.photos.poses.sources import read_pose_sources
 from uavgram.io.photos.poses.tags import first_maker
 from uavgram.io.tables.csv_tables import own_columns
+from uavgram.io.tables.known import KNOWN_COLUMNS, read_known
 from uavgram.io.tables.known_points import read_known_points
 from uavgram.io.tables.lines import LINES_COLUMNS, read_lines
 from uavgram.io.tables.measure import MEASURE_COLUMNS, read_measure
@@ -32,6 +33,7 @@ from uavgram.model.flight.photo_poses import PhotoPoses
 from uavgram.model.message import Message
 from uavgram.model.options import CAMERA_UNKNOWN, Project
 from uavgram.model.provenance import InputDigest
+from uavgram.model.survey.known import NO_KNOWN, KnownThings
 from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
 from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
 from uavgram.stages.duplicates import Duplicates, find_duplicates
@@ -69,6 +71,7 @@ class Inputs:
     photos: Photos
     picks: Picks
     lines: KnownLines
+    known: KnownThings = NO_KNOWN
     requests: tuple[MeasurementRequest, ...]
     control: KnownPoints
     check: KnownPoints
@@ -116,7 +119,8 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     picks = read_picks(picks_file, may_be_empty=unfinished or unpicked) if picks_file else NO_PICKS
     lines = read_lines(lines_file) if lines_file else NO_LINES
     requests = read_measure(measure_file) if measure_file else ()
-    columns = _column_messages(picks_file, lines_file, measure_file)
+    known = read_known(project.known) if project.known else NO_KNOWN
+    columns = _column_messages(picks_file, lines_file, measure_file, project.known)
     control = read_known_points(project.control) if project.control else NO_POINTS
     check = read_known_points(project.check) if project.check else NO_POINTS
     photos, photo_messages = read_photos(project.images, project.time)
@@ -131,7 +135,8 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     notes = () if log is None else log_messages(log)
     pose_files = [source for source in project.pose_sources if source != FROM_PHOTOS]
     named = (project.camera_file, picks_file, project.log, *pose_files, lines_file, measure_file)
-    files = [str(path), *(f for f in (*named, project.control, project.check) if f), *photos.path]
+    named = (*named, project.known, project.control, project.check)
+    files = [str(path), *(f for f in named if f), *photos.path]
     return Inputs(
         project_path=str(path),
         project=project,
@@ -139,6 +144,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
         photos=photos,
         picks=picks,
         lines=lines,
+        known=known,
         requests=requests,
         control=control,
         check=check,
@@ -166,7 +172,8 @@ def duplicates_of(inputs: Inputs) -> Duplicates:
 
 def _column_messages(*files: str | None) -> Iterator[Message]:
     """Name the columns of picks, lengths and measurements that are not read."""
-    tables = zip(files, (PICKS_COLUMNS, LINES_COLUMNS, MEASURE_COLUMNS), strict=True)
+    columns_of = (PICKS_COLUMNS, LINES_COLUMNS, MEASURE_COLUMNS, KNOWN_COLUMNS)
+    tables = zip(files, columns_of, strict=True)
     for file, columns in tables:
         if file and (own := own_columns(file, columns)):
             names = ", ".join(map(repr, own))

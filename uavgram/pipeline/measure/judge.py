@@ -8,6 +8,7 @@ from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message
+from uavgram.model.result.known import KnownResults
 from uavgram.model.result.reliability import ChecksOverall, Evidence, RemovalRecord
 from uavgram.model.result.result import GroupFactor
 from uavgram.model.result.tables import LineChecks, LineResults, PickResults, PointChecks
@@ -16,6 +17,7 @@ from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.stages.assemble import Assembled
 from uavgram.stages.judge import (
     judge_groups,
+    judge_known,
     judge_lines,
     judge_overall,
     judge_picks,
@@ -35,6 +37,7 @@ class Judgement:
 
     picks: PickResults
     lines: LineResults
+    known: KnownResults
     line_checks: LineChecks
     point_checks: PointChecks
     groups: tuple[GroupFactor, ...]
@@ -72,6 +75,7 @@ def judge_survey(
         examined, inputs.picks, assembled.pick_sigma_px, assembled.pick_index
     )
     line_results, line_checks, line_effects, line_messages = judge_lines(examined, lines, index)
+    known, known_messages = judge_known(examined, inputs.known)
     point_checks, unseen_messages = judge_points(refined.adjustment, check, significance)
     overall, overall_messages = judge_overall(refined.adjustment, lines, check, significance)
     groups, group_messages = judge_groups(
@@ -80,6 +84,7 @@ def judge_survey(
     return Judgement(
         picks=picks,
         lines=line_results,
+        known=known,
         line_checks=line_checks,
         point_checks=point_checks,
         groups=groups,
@@ -90,10 +95,11 @@ def judge_survey(
             weakest=judge_weakest(examined),
         ),
         checks_overall=overall,
-        removals=judge_removals(refined, lines, index, inputs.requests, frames),
+        removals=judge_removals(refined, lines, index, inputs.requests, frames, inputs.known),
         messages=(
             *judge_suspects(examined, swapped_labels(examined, picks)),
             *line_messages,
+            *known_messages,
             *unseen_messages,
             *overall_messages,
             *group_messages,

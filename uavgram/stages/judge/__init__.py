@@ -3,6 +3,7 @@
 from uavgram.stages.judge.checks import judge_overall as judge_overall
 from uavgram.stages.judge.checks import judge_points as judge_points
 from uavgram.stages.judge.groups import judge_groups as judge_groups
+from uavgram.stages.judge.known import judge_known as judge_known
 from uavgram.stages.judge.lines import judge_lines as judge_lines
 from uavgram.stages.judge.picks import judge_picks as judge_picks
 from uavgram.stages.judge.priors import judge_priors as judge_priors

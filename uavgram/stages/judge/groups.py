@@ -12,6 +12,7 @@ from uavgram.model.result.result import GroupFactor
 GROUP_WORDS = {
     "pixels": ("picks", "their sigmas, or a wrong label"),
     "lengths": ("known lengths", "their sigmas, or a wrong reading"),
+    "known": ("known things", "their sigmas, or a wrong value"),
     "control": ("control points", "their sigmas, or a wrong label"),
     "telemetry": ("telemetry", "its sigmas, the gimbal or the times"),
     "calibration": ("calibration of the camera", "its sigmas, or another focus or resolution"),

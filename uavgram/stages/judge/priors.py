@@ -13,7 +13,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.result.reliability import PriorResults, WeakestLinks
 from uavgram.stages.judge.tested_survey import TestedSurvey, effects_on
 
-OBSERVED = ("pixels", "lengths")
+OBSERVED = ("pixels", "lengths", "known")
 """Groups with tables of their own."""
 
 

@@ -6,10 +6,11 @@ import numpy as np
 
 from uavgram.estimation.measuring.propagation import values_at
 from uavgram.estimation.survey.adjustment import Refined
-from uavgram.estimation.survey.names import Names, named_ends
+from uavgram.estimation.survey.names import Names, named_ends, named_thing
 from uavgram.model.arrays import Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.result.reliability import RemovalRecord
+from uavgram.model.survey.known import NO_KNOWN, KnownThings
 from uavgram.model.survey.observations import KnownLines, MeasurementRequest
 
 
@@ -19,6 +20,7 @@ def judge_removals(
     line_index: Ints,
     requests: tuple[MeasurementRequest, ...],
     frames: Frames,
+    known: KnownThings = NO_KNOWN,
 ) -> tuple[RemovalRecord, ...]:
     """What was taken out, step by step.
 
@@ -30,6 +32,8 @@ def judge_removals(
         All known lengths, and where each stands in the survey handed to refine.
     requests, frames
         What is measured, before and after each step.
+    known
+        Everything known.
     """
     at = {int(index): i for i, index in enumerate(line_index) if index >= 0}
     steps = [removal.before for removal in refined.removals] + [refined]
@@ -45,7 +49,10 @@ def judge_removals(
         assert after is not None  # noqa: S101  (that step is there)
         group: tuple[str, ...] = ()
         rivals: tuple[str, ...] = ()
-        if removal.before is None:
+        if removal.before is None and removal.kind == "known":
+            i = removal.index
+            what = f"known {named_thing(known.kind[i], known.name[i], known.points[i])}"
+        elif removal.before is None:
             i = at[removal.index]
             what = f"length {named_ends(lines.name[i], lines.start[i], lines.end[i])}"
         else:

@@ -17,11 +17,13 @@ from uavgram.estimation.survey.suspicion import Suspicion
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message, Several
 from uavgram.model.result.tables import PickResults
+from uavgram.model.survey.known import KnownThing
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
 CODES = {
     "pixels": "pick-suspect",
     "lengths": "line-suspect",
+    "known": "known-suspect",
     "control": "control-suspect",
     "telemetry": "telemetry-strained",
 }
@@ -32,6 +34,10 @@ READINGS_TOGETHER = {
     "lengths": (
         "{count} known lengths do not fit",
         "Look at the readings, at their ends and at their picks.",
+    ),
+    "known": (
+        "{count} known things do not fit",
+        "Look at their values, at their points and at their picks.",
     ),
     "control": (
         "{count} control points do not fit",
@@ -79,6 +85,7 @@ def _message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
     words = {
         "pixels": _pick,
         "lengths": _length,
+        "known": _known,
         "control": _control,
         "telemetry": _pose,
         "tape": _tape,
@@ -126,6 +133,38 @@ def _length(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
         f"picks.{alone}",
         f"{what} {how}",
     )
+
+
+def _known(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
+    problem, row = examined.refined.tested.problem, suspicion.accused.row
+    thing = problem.survey.known[problem.known_thing[row]]
+    own = np.flatnonzero(problem.known_thing == problem.known_thing[row])
+    off = examined.residuals("known")[own, 0]
+    what = examined.names.known(row)
+    how = f"{departure(thing, off)} (w = {suspicion.w:.1f})"
+    alone = " Without it, everything else fits." if examined.refined.accused_alone else ""
+    return (
+        f"The known {what} does not fit: {how}. Look at its value, at its points and at their "
+        f"picks.{alone}",
+        f"{what} {how}",
+    )
+
+
+def departure(thing: KnownThing, off: Floats) -> str:
+    """``given 3.500 m, adjusted 3.612 m``, or of a condition ``off by 0.112 m``.
+
+    Parameters
+    ----------
+    thing
+        What is known.
+    off
+        (r,) its residuals, in its unit.
+    """
+    size, unit = float(np.linalg.norm(off)), thing.unit
+    if thing.is_condition:
+        return f"off by {size:.3f} {unit}"
+    adjusted = thing.value + (float(off[0]) if len(off) == 1 else size)
+    return f"given {thing.value:.3f} {unit}, adjusted {adjusted:.3f} {unit}"
 
 
 def _control(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:

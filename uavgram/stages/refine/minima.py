@@ -18,7 +18,7 @@ from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.ground_planes import area_centroids, first_planes
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.selection import select_lines, select_picks
+from uavgram.estimation.survey.selection import select_lines, select_picks, without_known
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools
 from uavgram.model.survey.survey import Survey
@@ -48,12 +48,15 @@ class Participants:
         (L,) lengths that do not.
     reason
         Why picks do not: by their index.
+    known_removed
+        Numbers of known things that do not.
     """
 
     survey: Survey
     keep: Bools
     line_removed: Bools
     reason: Mapping[int, LeftOut]
+    known_removed: frozenset[int] = frozenset()
 
     def without_picks(self, reason: Mapping[int, LeftOut]) -> Participants:
         """The same without some picks."""
@@ -150,7 +153,7 @@ def _minima_from(
     GeometryError
         There are no first values, or none leads to a minimum.
     """
-    survey, undetermined = taking.survey, frozenset[int]()
+    survey, undetermined = without_known(taking.survey, taking.known_removed), frozenset[int]()
     while True:
         if not taking.keep.any():
             raise GeometryError(
@@ -187,6 +190,7 @@ def _minima_from(
         pick_reason=taking.reason,
         alternatives=tuple(alternatives),
         undetermined=undetermined,
+        known_removed=taking.known_removed,
     )
 
 

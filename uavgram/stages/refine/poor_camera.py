@@ -21,8 +21,9 @@ PATIENCE = 3
 ordinary drone cameras of 20 to 32 mm in the place of its own, the adjustments took 20 to 72."""
 
 SOFTER = (30.0, 5.0)
-"""Factors of the sigmas of picks and lengths, with which such a survey is adjusted first. From
-first values by a wrong focal length and without distortion, exact picks lead along a bent valley
+"""Factors of the sigmas of picks, lengths and known things, with which such a survey is adjusted
+first. From first values by a wrong focal length and without distortion, exact picks lead along a
+bent valley
 (40 to 111 iterations in those strips) or into a wrong one (2 of the 12, before photos joined by the
 pose of either tilt); soft ones leave the lens near its prior until the photos lie about where they
 belong."""
@@ -73,6 +74,7 @@ def settled(survey: Survey, state: State, pivot: Floats, line_used: Bools) -> St
             survey,
             pick_sigma_px=softer * survey.pick_sigma_px,
             length_sigma_m=softer * survey.length_sigma_m,
+            known=tuple(replace(one, sigma=softer * one.sigma) for one in survey.known),
         )
         state = iterate(SurveyProblem(soft, pivot, line_used), state, EACH, SLACK).state
     return state

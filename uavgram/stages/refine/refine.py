@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from uavgram.stages.refine.blunders.gross_control import (
     doubtful_control,
     without_control,
 )
+from uavgram.stages.refine.blunders.gross_known import known_beyond_doubt, with_gross_known
 from uavgram.stages.refine.blunders.gross_lengths import (
     doubtful,
     fits,
@@ -78,7 +80,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         refined, search = _with_the_accused(survey, refined, options.significance), []
         if options.noise == "estimate":
             refined = _with_little_weight(refined)
-    refined = with_gross_lengths(survey, refined)
+    refined = with_gross_lengths(survey, with_gross_known(survey, refined))
     found = (*left_out, *readout, *noise_remarks(refined.noise), *remarks(survey, refined))
     return refined, (*found, *search)
 
@@ -94,7 +96,7 @@ def _without_gross_control(
     out = doubtful_control(survey, keep)
     while True:
         rest = without_control(survey, out)
-        refined = _without_gross_lengths(rest, keep, reason)
+        refined = _without_gross_known(rest, keep, reason)
         control = np.flatnonzero(out)
         wrong = control_beyond_doubt(survey, refined, control)
         if wrong.all():
@@ -103,16 +105,53 @@ def _without_gross_control(
         out[control[~wrong]] = False
 
 
-def _without_gross_lengths(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> Refined:
+def _without_gross_known(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> Refined:
+    """Adjusted without the known things, and the lengths, that are wrong beyond doubt.
+
+    Only where all does not fit together is it asked what fits without any known thing.
+    """
+    refined = failed = None
+    try:
+        refined = _without_gross_lengths(survey, keep, reason)
+    except GeometryError as why:
+        failed = why
+    if survey.known and (refined is None or not fits(refined)):
+        everything = frozenset(thing.index for thing in survey.known)
+        with suppress(GeometryError):
+            rest = _without_gross_lengths(survey, keep, reason, everything)
+            wrong = known_beyond_doubt(survey, rest) if fits(rest) else frozenset[int]()
+            if wrong:
+                return _without_gross_lengths(survey, keep, reason, wrong)
+    if refined is None:
+        assert failed is not None  # noqa: S101  (one of the two is always there)
+        raise failed
+    return refined
+
+
+def _without_gross_lengths(
+    survey: Survey,
+    keep: Bools,
+    reason: dict[int, LeftOut],
+    known_removed: frozenset[int] = frozenset(),
+) -> Refined:
     """Adjusted without the lengths that are wrong beyond doubt.
 
     It starts without all that are in doubt; those that the result does not rule out come back, and
     so do all where too few are left.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    keep, reason
+        (P,) picks that take part, and why others do not.
+    known_removed
+        Numbers of known things that do not.
     """
     out = doubtful(survey, keep)
     while True:
         try:
-            refined = adjust_survey(Participants(survey, keep, out, reason))
+            refined = adjust_survey(Participants(survey, keep, out, reason, known_removed))
         except GeometryError as why:
             if survey.telemetry is not None:
                 raise
@@ -132,7 +171,7 @@ def _without_blunders(
     survey: Survey, refined: Refined, significance: float
 ) -> tuple[Refined, list[Message]]:
     """Take out one blunder at a time and adjust anew, until none is left or can be chosen."""
-    most = int(MOST * (len(survey.pick_frame) + len(survey.line_start)))
+    most = int(MOST * (len(survey.pick_frame) + len(survey.line_start) + len(survey.known)))
     while True:
         choices, undecided = blunders(refined, significance)
         if not choices:
@@ -197,9 +236,16 @@ def _tried(
     tried = []
     for choice in choices:
         pick, line = refined.pick_removed.copy(), refined.line_removed.copy()
-        (pick if choice.kind == "pick" else line)[choice.index] = True
+        known = refined.known_removed
+        if choice.kind == "known":
+            known |= {choice.index}
+        else:
+            (pick if choice.kind == "pick" else line)[choice.index] = True
         try:
-            after = best_minima(replace(taking, keep=taking.keep & ~pick, line_removed=line), TRIAL)
+            without = replace(
+                taking, keep=taking.keep & ~pick, line_removed=line, known_removed=known
+            )
+            after = best_minima(without, TRIAL)
         except GeometryError as why:
             if choice is choices[0]:
                 return why
@@ -212,7 +258,8 @@ def _participants(survey: Survey, refined: Refined) -> Participants:
     """What takes part in an adjustment."""
     used = np.zeros(len(survey.pick_frame), dtype=bool)
     used[refined.pick_index] = True
-    return Participants(survey, used, refined.line_removed, refined.pick_reason)
+    reason, known = refined.pick_reason, refined.known_removed
+    return Participants(survey, used, refined.line_removed, reason, known)
 
 
 def _in_lens(survey: Survey) -> tuple[Bools, dict[int, LeftOut]]:

@@ -150,7 +150,7 @@ def _left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
 def _removal(removal: Removal, before: Refined) -> Message:
     names = Names(before.adjustment)
     what = names.observation(removal.suspicion.accused)
-    plural = {"line": "known lengths", "pick": "picks"}[removal.kind]
+    plural = {"line": "known lengths", "pick": "picks", "known": "known things"}[removal.kind]
     text = f"The {what} was removed as a blunder (w = {removal.w:.1f}); the rest was adjusted anew."
     if removal.suspicion.group:
         text += f" It may be the {names.group(removal.suspicion)}: {names.look(removal.suspicion)}."

@@ -16,6 +16,7 @@ COLOURS = {
     "picks": "#0072b2",
     "lens": "#cc79a7",
     "known lengths": "#009e73",
+    "known things": "#44aa44",
     "tape": "#66c2a5",
     "ground": "#8c6d31",
     "flight log": "#e69f00",
@@ -38,6 +39,10 @@ WORDS = {
     "known lengths": (
         "how exactly the known lengths were taped",
         "More, longer or better taped lengths would help there.",
+    ),
+    "known things": (
+        "how well the known distances, angles and conditions hold (known.csv)",
+        "More or better known things would help there.",
     ),
     "tape": (
         "how well the scale of the tape is known, which all its lengths share",

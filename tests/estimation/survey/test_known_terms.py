@@ -1,0 +1,115 @@
+"""Known things as observations: derivatives at zero and away from it, in every unit and place."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import Scene, make_scene
+
+from uavgram.estimation.survey.known_terms import known_rows
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.unknowns import State, move
+from uavgram.model.arrays import Floats
+from uavgram.model.survey.known import CONDITIONS, KnownThing
+
+# Corners of a square of 4 m and a fifth point in line with two of them; then the same 1.5 m up.
+SQUARE = np.array([[-2.0, 0], [2, 0], [2, 4], [-2, 4], [6, 0]])
+GRID = np.concatenate([SQUARE, SQUARE, [[0.0, 1.0], [1.0, -3.0]]])
+HEIGHTS = dict.fromkeys(range(5, 10), 1.5)
+
+EXACT: dict[str, tuple[str, tuple[int, ...], float]] = {
+    "distance": ("distance", (0, 6), 4.2720018726587655),
+    "polyline": ("polyline", (0, 1, 2, 3), 12.0),
+    "area": ("area", (0, 1, 2, 3), 16.0),
+    "angle": ("angle", (0, 1, 2), 90.0),
+    "from a line": ("line_distance", (2, 0, 1), 4.0),
+    "on a line": ("line_distance", (1, 0, 4), 0.0),
+    "on a line in the air": ("line_distance", (6, 5, 9), 0.0),
+    "right angle": ("right_angle", (0, 1, 2), np.nan),
+    "right angle in the air": ("right_angle", (1, 0, 5), np.nan),
+    "collinear": ("collinear", (0, 1, 4), np.nan),
+    "collinear in the air": ("collinear", (5, 6, 9), np.nan),
+    "parallel": ("parallel", (0, 1, 3, 2), np.nan),
+    "parallel walls": ("parallel", (0, 5, 1, 6), np.nan),
+    "coplanar": ("coplanar", (0, 1, 6, 5, 9), np.nan),
+    "level": ("level", (5, 6, 7), np.nan),
+    "vertical": ("vertical", (1, 6), np.nan),
+    "equal lengths": ("equal_lengths", (0, 1, 1, 2, 5, 6), np.nan),
+}
+
+
+def exact_scene() -> Scene:
+    """A scene of the square and its roof, with all that is known of them met exactly."""
+    scene = make_scene(3, noise=0.0, roughness=0.05, heights=HEIGHTS)
+    things = tuple(
+        KnownThing(index=i, name=name, kind=kind, label=label, value=value, sigma=0.01 * (i + 1))
+        for i, (name, (kind, label, value)) in enumerate(EXACT.items())
+    )
+    point = np.column_stack([GRID, np.zeros(len(GRID))])
+    survey = replace(scene.survey, known=things)
+    return replace(scene, survey=survey, truth=replace(scene.truth, point=point))
+
+
+def problem_of(scene: Scene) -> SurveyProblem:
+    return SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
+
+
+def test_what_is_met_exactly_has_no_residual() -> None:
+    scene = exact_scene()
+    rows = known_rows(problem_of(scene), scene.truth, scene.survey.known)
+
+    assert set(rows.thing.tolist()) == set(range(len(EXACT)))
+    assert np.abs(rows.value).max() < 1e-12
+
+
+@pytest.mark.parametrize("away_m", [0.0, 0.03])
+def test_derivatives_are_central_differences_at_zero_too(away_m: float) -> None:
+    scene = exact_scene()
+    problem = problem_of(scene)
+    layout = problem.layout
+    state = move(layout, scene.truth, away_m * np.random.default_rng(1).normal(size=layout.size))
+    found = known_rows(problem, state, scene.survey.known)
+    analytic = np.zeros((len(found.value), layout.size))
+    np.add.at(analytic, (np.arange(len(analytic))[:, None], found.columns), found.gradient)
+
+    numeric = np.stack([slope(problem, state, k) for k in range(layout.size)], axis=1)
+    scale = np.abs(numeric).max(axis=1, keepdims=True)
+    assert scale.min() > 0.1  # every row says something
+    assert np.abs(analytic - numeric).max(axis=1) == pytest.approx(0.0, abs=1e-6 * scale.max())
+
+
+def slope(problem: SurveyProblem, state: State, column: int) -> Floats:
+    """Central difference of all rows by one unknown."""
+    step = np.zeros(problem.layout.size)
+    step[column] = 1e-6
+    ahead, behind = (
+        known_rows(problem, move(problem.layout, state, way * step), problem.survey.known).value
+        for way in (1, -1)
+    )
+    return np.asarray((ahead - behind) / 2e-6)
+
+
+def test_on_the_ground_only_what_is_along_it_counts() -> None:
+    scene = exact_scene()
+    rows = known_rows(problem_of(scene), scene.truth, scene.survey.known)
+    count = dict(zip(EXACT, np.bincount(rows.thing).tolist(), strict=True))
+
+    assert [count["on a line"], count["collinear"], count["parallel"]] == [1, 1, 1]
+    assert [count["on a line in the air"], count["collinear in the air"]] == [2, 2]
+    assert count["parallel walls"] == 2
+
+
+def test_a_known_thing_is_an_observation_in_its_own_sigmas() -> None:
+    scene = exact_scene()
+    problem = problem_of(scene)
+    layout = problem.layout
+    state = move(layout, scene.truth, 0.02 * np.random.default_rng(2).normal(size=layout.size))
+    blocks = problem.evaluate(state)
+    rows = known_rows(problem, state, scene.survey.known)
+
+    assert blocks is not None
+    sigma = np.array([thing.sigma for thing in scene.survey.known])[rows.thing]
+    np.testing.assert_allclose(blocks["known"].residual[:, 0] * sigma, rows.value, rtol=1e-12)
+    assert {thing.kind for thing in scene.survey.known} >= set(CONDITIONS)

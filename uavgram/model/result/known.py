@@ -1,0 +1,70 @@
+"""What was known of the scene, as given and as adjusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
+from uavgram.model.result.tables import LineStatus
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownResults(FrozenArrays):
+    """N known things; NaN stands for "there is none".
+
+    Attributes
+    ----------
+    name, kind, points
+        (N,) as given.
+    value, sigma
+        (N,) as given, in `unit`; a condition (a right angle, points in line) has no value.
+    unit
+        (N,) m, m2 or deg.
+    adjusted, adjusted_sigma
+        (N,) the value between the adjusted points, and its sigma. Of a condition, by how much it
+        is not met: of several numbers (offsets of points from a line) the root of the sum of
+        squares, without a sigma.
+    residual
+        (N,) adjusted less given; of a condition the same as `adjusted`.
+    w, redundancy, mdb
+        (N,) Baarda's standardised residual, redundancy number and minimal detectable bias; of
+        several numbers the largest w (in magnitude), the mean redundancy, and the largest bias. Of
+        what was withheld w is the error over the joint sigma (of several numbers, a normal
+        deviate as unlikely as their chi-square), the others NaN.
+    status
+        (N,) ``used``, ``suspect``, ``removed``, ``checked`` (withheld), ``unseen``.
+    """
+
+    name: Annotated[tuple[str, ...], "n"]
+    kind: tuple[str, ...]
+    points: tuple[tuple[str, ...], ...]
+    value: Annotated[Floats, "n", NAN_IS_NONE]
+    sigma: Annotated[Floats, "n"]
+    unit: tuple[str, ...]
+    adjusted: Annotated[Floats, "n", NAN_IS_NONE]
+    adjusted_sigma: Annotated[Floats, "n", NAN_IS_NONE]
+    residual: Annotated[Floats, "n", NAN_IS_NONE]
+    w: Annotated[Floats, "n", NAN_IS_NONE]
+    redundancy: Annotated[Floats, "n", NAN_IS_NONE]
+    mdb: Annotated[Floats, "n", NAN_IS_NONE]
+    status: tuple[LineStatus, ...]
+
+
+NOTHING_KNOWN = KnownResults(
+    name=(),
+    kind=(),
+    points=(),
+    value=np.empty(0),
+    sigma=np.empty(0),
+    unit=(),
+    adjusted=np.empty(0),
+    adjusted_sigma=np.empty(0),
+    residual=np.empty(0),
+    w=np.empty(0),
+    redundancy=np.empty(0),
+    mdb=np.empty(0),
+    status=(),
+)

@@ -1,0 +1,202 @@
+"""Adjusted value, residual, test statistic and status of everything known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.special import ndtri
+
+from uavgram.errors import near_miss
+from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.known_terms import known_rows
+from uavgram.estimation.survey.names import named_thing
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.message import Message, Several
+from uavgram.model.result.known import NOTHING_KNOWN, KnownResults
+from uavgram.model.result.tables import LineStatus
+from uavgram.model.survey.known import KnownThing, KnownThings
+from uavgram.stages.judge.tested_survey import TestedSurvey
+
+_COLUMNS = ("adjusted", "adjusted_sigma", "residual", "w", "redundancy", "mdb")
+
+
+def judge_known(
+    examined: TestedSurvey, known: KnownThings
+) -> tuple[KnownResults, tuple[Message, ...]]:
+    """How each known thing fits; messages on those never seen, and withheld ones that do not fit.
+
+    Parameters
+    ----------
+    examined
+        The adjusted survey under test.
+    known
+        Everything that the project knows.
+    """
+    if not known.name:
+        return NOTHING_KNOWN, ()
+    adjustment = examined.adjustment
+    columns = {name: np.full(len(known.name), np.nan) for name in _COLUMNS}
+    things = _seen(adjustment, known)
+    withheld = [thing for thing in things if not known.adjust[thing.index]]
+    _values(adjustment, things, {thing.index for thing in withheld}, columns)
+    _fit_of_observed(examined, columns)
+    used = {thing.index for thing in adjustment.survey.known}
+    suspect = _suspect(examined)
+    status: list[LineStatus] = []
+    messages: list[Message] = []
+    for i in range(len(known.name)):
+        if all(thing.index != i for thing in things):
+            status.append("unseen")
+            messages.append(_unseen(adjustment, known, i))
+        elif not known.adjust[i]:
+            status.append("checked")
+        elif i not in used:
+            status.append("removed")
+        else:
+            status.append("suspect" if i in suspect else "used")
+    results = KnownResults(
+        name=known.name,
+        kind=known.kind,
+        points=known.points,
+        value=known.value,
+        sigma=known.sigma,
+        unit=tuple(known.thing(i, ()).unit for i in range(len(known.name))),
+        status=tuple(status),
+        **columns,
+    )
+    messages += [_left_out(results, i) for i in _gross(examined)]
+    messages += [_does_not_fit(results, t.index) for t in withheld if _is_off(examined, results, t)]
+    return results, tuple(messages)
+
+
+def _seen(adjustment: Adjustment, known: KnownThings) -> list[KnownThing]:
+    """Those of which every point is among the adjusted ones."""
+    place = {label: k for k, label in enumerate(adjustment.survey.label)}
+    return [
+        known.thing(i, tuple(place[label] for label in points))
+        for i, points in enumerate(known.points)
+        if all(label in place for label in points)
+    ]
+
+
+def _values(
+    adjustment: Adjustment, things: list[KnownThing], withheld: set[int], columns: dict[str, Floats]
+) -> None:
+    """What is between the adjusted points; of what is withheld, also how far that is off."""
+    if not things:
+        return
+    rows = known_rows(adjustment.problem, adjustment.state, things)
+    joint = adjustment.minimum.factor.covariances(rows.columns, rows.gradient)
+    for k, thing in enumerate(things):
+        own, at = np.flatnonzero(rows.thing == k), thing.index
+        off = rows.value[own]
+        residual = off[0] if len(own) == 1 else float(np.linalg.norm(off))
+        columns["residual"][at] = residual
+        columns["adjusted"][at] = residual + (0.0 if np.isnan(thing.value) else thing.value)
+        if len(own) == 1:
+            columns["adjusted_sigma"][at] = np.sqrt(joint[own[0], own[0]])
+        if at in withheld:
+            columns["w"][at] = _deviate(off, joint[np.ix_(own, own)], thing.sigma)
+
+
+def _deviate(off: Floats, joint: Floats, sigma: float) -> float:
+    """Errors over their joint sigma; of several, the normal deviate as unlikely as chi-square."""
+    whole = joint + sigma**2 * np.eye(len(off))
+    if len(off) == 1:
+        return float(off[0] / np.sqrt(whole[0, 0]))
+    probability = upper_tail(float(off @ np.linalg.solve(whole, off)), len(off))
+    return float(-ndtri(max(probability, 1e-300) / 2.0))
+
+
+def _fit_of_observed(examined: TestedSurvey, columns: dict[str, Floats]) -> None:
+    if "known" not in examined.groups:
+        return
+    group, bias = examined.groups["known"], examined.groups["known"].bias(examined.significance)
+    for thing, row in _rows(examined):
+        w = group.w[row, 0]
+        columns["w"][thing.index] = w[np.abs(w).argmax()]
+        columns["redundancy"][thing.index] = group.redundancy[row, 0].mean()
+        detectable = bias[row, 0]
+        known = np.isfinite(detectable)
+        columns["mdb"][thing.index] = detectable[known].max() if known.all() else np.nan
+
+
+def _rows(examined: TestedSurvey) -> Iterator[tuple[KnownThing, Ints]]:
+    """Each thing that takes part, and its rows in their group."""
+    tested = examined.refined.tested
+    for k, thing in enumerate(tested.survey.known):
+        yield thing, np.flatnonzero(tested.problem.known_thing == k)
+
+
+def _suspect(examined: TestedSurvey) -> set[int]:
+    """Numbers of the things that do not fit."""
+    if "known" not in examined.groups:
+        return set()
+    suspect = examined.suspect("known")
+    return {thing.index for thing, row in _rows(examined) if suspect[row].any()}
+
+
+def _is_off(examined: TestedSurvey, results: KnownResults, thing: KnownThing) -> bool:
+    w = float(results.w[thing.index])
+    return results.status[thing.index] == "checked" and examined.significant(w)
+
+
+def _gross(examined: TestedSurvey) -> list[int]:
+    """Numbers of those that were left out before anything was tested."""
+    removals = examined.refined.removals
+    return [r.index for r in removals if r.kind == "known" and r.before is None]
+
+
+def _left_out(results: KnownResults, i: int) -> Message:
+    what = named_thing(results.kind[i], results.name[i], results.points[i])
+    found = f" (sigma {results.adjusted_sigma[i]:.2g})" if results.adjusted_sigma[i] > 0 else ""
+    text = (
+        f"The known {what} was left out: {stated(results, i)}{found}. With so gross an error, "
+        "nothing else would fit. Look at its value and unit, and at the labels of its points."
+    )
+    return Message("warning", "known-left-out", text, labels=results.points[i])
+
+
+def _unseen(adjustment: Adjustment, known: KnownThings, i: int) -> Message:
+    labels = adjustment.survey.label
+    missing = [label for label in known.points[i] if label not in labels]
+    words = []
+    for label in missing:
+        hint = f" ({near})" if (near := near_miss(label, labels)) else ""
+        words.append(f"{label!r}{hint}")
+    what = named_thing(known.kind[i], known.name[i], known.points[i])
+    which = f"no usable pick of {' and '.join(words)}"
+    return Message(
+        "warning",
+        "known-unseen",
+        f"The {what} is not used: {which}.",
+        labels=tuple(missing),
+        several=Several("{count} known things are not used", what, which),
+    )
+
+
+def _does_not_fit(results: KnownResults, i: int) -> Message:
+    what = named_thing(results.kind[i], results.name[i], results.points[i])
+    how = f"{stated(results, i)} (w = {results.w[i]:.1f})"
+    return Message(
+        "warning",
+        "known-suspect",
+        f"The withheld {what} does not fit: {how}. Look at its value, at its points and at their "
+        "picks.",
+        labels=results.points[i],
+        several=Several(
+            "{count} withheld known things do not fit",
+            f"{what} {how}",
+            ending="Look at their values, at their points and at their picks.",
+        ),
+    )
+
+
+def stated(results: KnownResults, i: int) -> str:
+    """``given 3.500 m, found 3.612 m``, or of a condition ``off by 0.112 m``."""
+    unit = results.unit[i]
+    if np.isnan(results.value[i]):
+        return f"off by {abs(results.adjusted[i]):.3f} {unit}"
+    return f"given {results.value[i]:.3f} {unit}, found {results.adjusted[i]:.3f} {unit}"
