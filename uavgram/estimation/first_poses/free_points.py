@@ -17,8 +17,8 @@ nothing: as a rule they then come from one place."""
 def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstValues:
     """First values with the places of the points whose height is free.
 
-    A point gets none (NaN) where its rays say nothing, unless a known length or coordinates may
-    tell: such a point begins on the ground, or at its coordinates.
+    A point gets none (NaN) where its rays say nothing, unless its coordinates or something else
+    known of it may tell: such a point begins at its coordinates, or on the ground.
 
     Parameters
     ----------
@@ -45,6 +45,8 @@ def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstV
     anchored = np.zeros(len(survey.label), dtype=np.bool_)
     for known in (survey.control_label, survey.line_start, survey.line_end):
         anchored[known] = True
+    for thing in survey.known:
+        anchored[list(thing.label)] = True
     point[~anchored & (spread > WIDE)] = np.nan
     good = _in_front(met, center, direction, owner) & (spread <= WIDE)
     point[good] = met[good]

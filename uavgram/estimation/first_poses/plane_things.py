@@ -15,7 +15,7 @@ import numpy as np
 from uavgram.geometry.ground import conditions
 from uavgram.geometry.ground.conditions import Residuals
 from uavgram.geometry.ground.line_axes import unit_vectors
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Floats, Ints
 
 _HORIZON = 1e-12
 """Smallest m . v over the length of m: nearer to the horizon a ray meets no ground."""
@@ -58,6 +58,10 @@ class PlaneRows(NamedTuple):
     value: Floats
     by_plane: Floats
     sigma: Floats
+
+    def take(self, planes: Ints) -> PlaneRows:
+        """Those of some planes, by index."""
+        return PlaneRows(*(column[planes] for column in self))
 
 
 def row_count(kind: str, points: int) -> int:

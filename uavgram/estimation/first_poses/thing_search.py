@@ -24,8 +24,8 @@ from uavgram.estimation.first_poses.plane_things import (
 from uavgram.estimation.first_poses.pose_search import PLAUSIBLE, normal_grid
 from uavgram.model.arrays import Bools, Floats, Ints
 
-ITERATIONS = 40
-AT_REST = 1e-8
+ITERATIONS = 30
+AT_REST = 1e-6
 """Step, as a share of the plane's size, below which a candidate stands still."""
 
 SETTLED = 1e-4
@@ -90,7 +90,7 @@ def search_known(ray: Floats, ray_sigma: Floats, things: tuple[PlaneThing, ...])
     plane = _descended(start, ray, ray_sigma, things)
     found = rows_on_planes(plane, ray, ray_sigma, things)
     information, gradient, cost = _normal_equations(found)
-    covariance, determined = _covariances(plane, information)
+    covariance, determined = _covariances(plane, information, cost)
     gain = np.einsum("ci,cij,cj->c", gradient, covariance, gradient)
     resting = np.flatnonzero(gain < SETTLED)
     # Where two solutions merge nothing determines the one that is left; it may be the true one.
@@ -112,29 +112,33 @@ def _descended(
     """Planes (C, 3) at rest, by Levenberg-Marquardt on all together; sigmas follow the planes."""
     plane = plane.copy()
     damping = np.full(len(plane), 1e-3)
-    active = np.arange(len(plane))
+    rows = rows_on_planes(plane, ray, ray_sigma, things)
+    active = np.flatnonzero(np.isfinite(rows.value).all(axis=1))
+    rows = rows.take(active)
     for iteration in range(ITERATIONS):
-        here = rows_on_planes(plane[active], ray, ray_sigma, things)
-        information, gradient, cost = _normal_equations(here)
-        usable = np.isfinite(cost)
-        active, information, gradient = active[usable], information[usable], gradient[usable]
-        cost, sigma = cost[usable], here.sigma[usable]
         if iteration in THINNED:
-            best = _best_of_near(plane[active], cost)
-            active, information, gradient = active[best], information[best], gradient[best]
-            cost, sigma = cost[best], sigma[best]
+            best = _best_of_near(plane[active], np.sum((rows.value / rows.sigma) ** 2, axis=1))
+            active, rows = active[best], rows.take(best)
         if not len(active):
             break
+        information, gradient, cost = _normal_equations(rows)
         diagonal = np.einsum("cii->ci", information)
         ridge = damping[active, None] * diagonal + 1e-12 * diagonal.sum(axis=1, keepdims=True)
         step = -np.linalg.solve(information + np.eye(3) * ridge[:, None], gradient[..., None])
         trial = plane[active] + step[..., 0]
         there = rows_on_planes(trial, ray, ray_sigma, things)
-        better = np.sum((there.value / sigma) ** 2, axis=1) < cost  # NaN is not
+        better = np.sum((there.value / rows.sigma) ** 2, axis=1) < cost  # NaN is not
         plane[active[better]] = trial[better]
+        rows = PlaneRows(
+            *(
+                np.where(better.reshape(-1, *(1,) * (new.ndim - 1)), new, old)
+                for new, old in zip(there, rows, strict=True)
+            )
+        )
         damping[active] = np.where(better, damping[active] / 8, damping[active] * 5)
         moved = np.abs(step[..., 0]).max(axis=1) > AT_REST * np.abs(plane[active]).max(axis=1)
-        active = active[moved & (damping[active] < 1e10)]
+        going = np.flatnonzero(moved & (damping[active] < 1e10))
+        active, rows = active[going], rows.take(going)
     return plane
 
 
@@ -154,11 +158,17 @@ def _normal_equations(rows: PlaneRows) -> tuple[Floats, Floats, Floats]:
     return turned @ jacobian, (turned @ value[..., None])[..., 0], np.sum(value**2, axis=1)
 
 
-def _covariances(plane: Floats, information: Floats) -> tuple[Floats, Bools]:
-    """(C, 3, 3) inverses, no sigma above `UNKNOWN`, and (C,) whether none had been."""
+def _covariances(plane: Floats, information: Floats, cost: Floats) -> tuple[Floats, Bools]:
+    """(C, 3, 3) inverses, no sigma above `UNKNOWN`, and (C,) whether none had been.
+
+    Parameters
+    ----------
+    plane, information, cost
+        (C, 3), (C, 3, 3), (C,): where the cost is NaN nothing is known.
+    """
     size = np.linalg.norm(plane, axis=1)
-    finite = np.isfinite(information).all(axis=(1, 2))
-    usable = np.where(finite[:, None, None], information * (size**2)[:, None, None], 0.0)
-    value, vector = np.linalg.eigh(usable)
+    relative = information * (size**2)[:, None, None]
+    relative[~np.isfinite(cost)] = 0.0
+    value, vector = np.linalg.eigh(relative)
     turned = vector / np.maximum(value, UNKNOWN**-2)[:, None]
     return turned @ vector.swapaxes(1, 2) * (size**2)[:, None, None], value[:, 0] > UNKNOWN**-2
