@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -48,6 +49,8 @@ class Message:
         One sentence or two: what, where, and what to do.
     frames, labels, lengths, measurements, files
         Names of what it speaks of.
+    values
+        Numbers of the text by name, with units in the names; empty where nothing reads them.
     several
         How it is told together with others of its code and opening; None: always alone. No part of
         what is stored.
@@ -61,9 +64,11 @@ class Message:
     lengths: tuple[str, ...] = ()
     measurements: tuple[str, ...] = ()
     files: tuple[str, ...] = ()
+    values: Mapping[str, float] = field(default_factory=dict, hash=False)
     several: Several | None = field(default=None, compare=False, repr=False)
 
-    def record(self) -> dict[str, str | list[str]]:
-        """Everything that is stored: level, code, text, and the subjects that it has."""
+    def record(self) -> dict[str, str | list[str] | dict[str, float]]:
+        """Everything that is stored: level, code, text, the subjects and values that it has."""
         subjects = {what: list(getattr(self, what)) for what in SUBJECTS if getattr(self, what)}
-        return {"level": self.level, "code": self.code, "text": self.text, **subjects}
+        values = {"values": dict(self.values)} if self.values else {}
+        return {"level": self.level, "code": self.code, "text": self.text, **subjects, **values}

@@ -186,7 +186,7 @@ def _refuse_constant(name: str) -> float:
 
 def _load_message(record: Record) -> Message:
     """Of earlier versions, without subjects."""
-    return from_record(Message, dict.fromkeys(SUBJECTS, ()) | record, several=None)
+    return from_record(Message, dict.fromkeys(SUBJECTS, ()) | {"values": {}} | record, several=None)
 
 
 def _dump_world(world: World) -> Record:

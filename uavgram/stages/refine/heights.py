@@ -10,7 +10,9 @@ what the picks show of their own when nothing is asked of the ground.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtrc
@@ -32,7 +34,6 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.continued import carried, continued, lines_used
 from uavgram.stages.refine.height_rivals import one_wrong_pick_explains
-from uavgram.stages.refine.minima import Participants
 from uavgram.stages.refine.poor_camera import iterate
 
 MISFIT = 0.05
@@ -47,13 +48,16 @@ SURE = 0.99
 LEAST_HEIGHT_M, RELIEFS = 0.1, 4.0
 """Departure below which relief explains it: at least so much, and so many times the relief."""
 
+MOST_NOISE = 30.0
+"""Variance factor of the picks beyond which something else is wrong, and nothing can be told."""
+
 KERB_M = 0.1
 """By which points of a plane lie off it, when the plane is looked for."""
 
 MOST_AT_ONCE = 300
 """Labels of which the first plane is made, of surveys with more."""
 
-ROUNDS, EACH, FIRST = 8, 10, 30
+ROUNDS, EACH, FIRST = 10, 10, 30
 """Rounds of the search, iterations of each, and of the first."""
 
 STRAY = 4.0
@@ -71,6 +75,9 @@ TRIMMED = 0.85
 STATED_WEIGHT = 20.0
 """Of the stated sigma of picks beside it, as so many residuals."""
 
+SURE_OF = 3.0
+"""Sigmas of its height in that of a point anywhere, from which on a label tells where it is."""
+
 LEVEL_WITH_M = 0.15
 """Labels within so much of each other's height lie at one level."""
 
@@ -78,34 +85,67 @@ LOWER = 0.25
 """A level below the plane with so many labels, as a share of those on it, may be the ground."""
 
 
-def with_heights_found(taking: Participants, refined: Refined) -> tuple[Refined, Participants]:
-    """The result with free heights of labels that do not lie on the ground, and what takes part.
+class Found(NamedTuple):
+    """All labels that stand off the ground, and the adjustment that shows it."""
+
+    labels: list[str]
+    adjustment: Adjustment
+
+
+def labels_off_ground(adjustment: Adjustment, before: Sequence[str] = ()) -> Found | None:
+    """Labels that do not lie on the ground; None where there are none, or nothing can be told.
 
     Parameters
     ----------
-    taking
-        What takes part.
-    refined
-        Adjusted as stated; it comes back where nothing was found, or nothing can be told.
+    adjustment
+        As stated, or with free heights of some labels.
+    before
+        These labels: they are looked at anew.
     """
-    adjustment = refined.adjustment
     try:
-        search = _searched(adjustment)
-        if search is None:
-            return refined, taking
-        names = [adjustment.survey.label[k] for k in np.flatnonzero(search.off)]
-        after = continued(search.adjustment, with_free(adjustment.survey, names))
+        search = _searched(adjustment, before)
     except SingularError:
-        return refined, taking
-    if not after.minimum.converged:
-        return refined, taking
-    survey = with_free(taking.survey, names)
-    return replace(refined, adjustment=after, alternatives=()), replace(taking, survey=survey)
+        return None
+    if search is None:
+        return None
+    names = [adjustment.survey.label[k] for k in np.flatnonzero(search.off)]
+    return Found(names, search.adjustment)
 
 
-def with_free(survey: Survey, names: list[str]) -> Survey:
-    """The survey in which the heights of these labels are to be found."""
-    return replace(survey, is_free=survey.is_free | np.isin(survey.label, names))
+def with_heights_freed(refined: Refined, found: Found, before: Sequence[str]) -> Refined | None:
+    """The result with free heights of what was found; None where it does not come to rest.
+
+    Parameters
+    ----------
+    refined
+        The result so far.
+    found
+        Labels whose heights are to be free.
+    before
+        Those whose heights it has free, though nobody said so.
+    """
+    survey = with_free(refined.adjustment.survey, found.labels, before)
+    try:
+        after = continued(found.adjustment, survey)
+    except SingularError:
+        return None
+    return replace(refined, adjustment=after, alternatives=()) if after.minimum.converged else None
+
+
+def with_free(survey: Survey, names: Sequence[str], before: Sequence[str] = ()) -> Survey:
+    """The survey in which the heights of these labels are to be found.
+
+    Parameters
+    ----------
+    survey
+        As it was.
+    names
+        Labels.
+    before
+        Those whose heights were to be found, and are no more unless they are among them.
+    """
+    free = survey.is_free & ~np.isin(survey.label, list(before))
+    return replace(survey, is_free=free | np.isin(survey.label, list(names)))
 
 
 def found_free(stated: Survey, refined: Refined) -> list[str]:
@@ -131,6 +171,8 @@ class _Search:
         (K,) those that stand off it.
     relief_m
         Of the ground, as it is found.
+    is_first
+        Whether the adjustment is still the one that was handed in.
     """
 
     stated: Survey
@@ -138,6 +180,7 @@ class _Search:
     candidate: Bools
     off: Bools
     relief_m: float
+    is_first: bool = True
 
     @property
     def noise(self) -> float:
@@ -166,28 +209,40 @@ class _Search:
         survey = replace(
             self.stated,
             height_sigma_m=np.where(self.candidate, sigma, self.stated.height_sigma_m),
-            pick_sigma_px=self.stated.pick_sigma_px * self._stray(),
+            pick_sigma_px=self.stated.pick_sigma_px * self._stray_picks(),
+            length_sigma_m=self.stated.length_sigma_m * self._stray_lengths(),
         )
         now = self.adjustment
         problem = SurveyProblem(survey, now.problem.pivot_m, lines_used(now))
         minimum = iterate(problem, carried(now, problem), most)
         after = Adjustment(problem, minimum, minimum.factor.covariance())
-        return replace(self, adjustment=after)
+        return replace(self, adjustment=after, is_first=False)
 
-    def _stray(self) -> Floats:
+    def _stray_picks(self) -> Floats:
         """(P,) factors of the sigmas of picks; 1 before anything is known of the labels."""
         survey = self.adjustment.survey
-        if survey is self.stated:
+        if self.is_first:
             return np.ones(len(survey.pick_sigma_px))
         size = np.linalg.norm(self.adjustment.minimum.blocks["pixels"].residual, axis=1)
         size = size * survey.pick_sigma_px / self.stated.pick_sigma_px
         usual = max(1.0, float(np.median(size)) / MEDIAN)
         return np.maximum(1.0, size / (STRAY * usual))
 
+    def _stray_lengths(self) -> Floats:
+        """(L,) the same of known lengths."""
+        factor = np.ones(len(self.stated.length_sigma_m))
+        blocks, lines = self.adjustment.minimum.blocks, self.adjustment.problem.line_index
+        survey = self.adjustment.survey
+        if not self.is_first and "lengths" in blocks:
+            size = np.abs(blocks["lengths"].residual[:, 0])
+            size = size * survey.length_sigma_m[lines] / self.stated.length_sigma_m[lines]
+            factor[lines] = np.maximum(1.0, size / STRAY)
+        return factor
 
-def _searched(adjustment: Adjustment) -> _Search | None:
+
+def _searched(adjustment: Adjustment, before: Sequence[str]) -> _Search | None:
     """The search's end; None where all fits, or nothing can be told."""
-    fit, survey = label_misfit(adjustment), adjustment.survey
+    fit, survey = label_misfit(adjustment), with_free(adjustment.survey, (), before)
     candidate = (fit.photos >= 2) & ~survey.off_ground
     if candidate.sum() <= LEAST_GROUND or _all_fit(fit):
         return None
@@ -196,13 +251,13 @@ def _searched(adjustment: Adjustment) -> _Search | None:
     if search is None:
         return None
     for _ in range(ROUNDS):
-        before = search
-        search = _classified(search.readjusted())
-        same = np.array_equal(search.off, before.off)
-        if same and search.relief_m == before.relief_m:
+        last, search = search, _classified(search.readjusted())
+        if np.array_equal(search.off, last.off) and search.relief_m == last.relief_m:
             break
     else:
-        search = replace(search, off=search.off & before.off)
+        return None
+    if search.noise > MOST_NOISE:
+        return None
     sigma_px = survey.pick_sigma_px * np.sqrt(search.noise)
     off = search.off & ~one_wrong_pick_explains(search.adjustment, search.off, sigma_px)
     if not off.any() or not _is_ground(search, off):
@@ -213,8 +268,8 @@ def _searched(adjustment: Adjustment) -> _Search | None:
 def _settled(search: _Search) -> _Search:
     """At rest, with each candidate's height free and little weight for picks that stray."""
     for _ in range(ROUNDS):
-        before, search = search, search.readjusted()
-        change = search.adjustment.survey.pick_sigma_px / before.adjustment.survey.pick_sigma_px
+        last, search = search, search.readjusted()
+        change = search.adjustment.survey.pick_sigma_px / last.adjustment.survey.pick_sigma_px
         if search.adjustment.minimum.converged and np.abs(np.log(change)).max() < SAME:
             break
     return search
@@ -279,7 +334,7 @@ def _is_ground(search: _Search, off: Bools) -> bool:
     No other level holds as many labels as it, and no lower one a good share of them.
     """
     seen, known = search.seen(search.noise)
-    on = ~search.off[known] & (np.sqrt(seen.variance_m2) < ANYWHERE_M / 10)
+    on = ~search.off[known] & (np.sqrt(seen.variance_m2) < ANYWHERE_M / SURE_OF)
     height = np.sort(seen.departure_m[off[known]])
     last = np.searchsorted(height, height + 2.0 * LEVEL_WITH_M, side="right")
     level = last - np.arange(len(height))
