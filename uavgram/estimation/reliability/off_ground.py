@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Floats
 
 ANYWHERE_M = 3.0
 """Standard deviation of the heights of points that stand off the ground."""
@@ -132,11 +132,6 @@ def label_misfit(adjustment: Adjustment) -> LabelMisfit:
     pairs = np.unique(np.stack([label, survey.pick_frame]), axis=1)
     return LabelMisfit(
         np.bincount(pairs[0], minlength=labels).astype(np.float64),
-        np.bincount(label, (block.residual**2).sum(axis=1), labels),
-        np.bincount(label, free.sum(axis=1), labels),
+        np.bincount(label, (block.residual**2).sum(axis=1), labels).astype(np.float64),
+        np.bincount(label, free.sum(axis=1), labels).astype(np.float64),
     )
-
-
-def seen_twice(adjustment: Adjustment) -> Bools:
-    """(K,) which labels two photos show."""
-    return np.asarray(label_misfit(adjustment).photos >= 2)

@@ -31,8 +31,9 @@ def _off_ground(label: str, height_m: float, sigma_m: float, photos: int) -> Mes
     size = f"{abs(height_m):.{digits}f} ± {sigma_m:.{digits}f} m {side} the ground"
     other = " (or one of its two picks is on another thing)" if photos == TWO else ""
     text = (
-        f"{label!r} fits {size}, and not on it{other}. It was adjusted with that height. To confirm "
-        f"it, write 'free' into the column height_m of its picks, or the height if you know it."
+        f"{label!r} fits {size}, and not on it{other}. It was adjusted with that height. To "
+        "confirm it, write 'free' into the column height_m of its picks, or the height if you "
+        "know it."
     )
     several = Several(
         "{count} points fit at a height off the ground, and not on it; they were adjusted so",
@@ -45,6 +46,7 @@ def _off_ground(label: str, height_m: float, sigma_m: float, photos: int) -> Mes
         "point-off-ground",
         text,
         labels=(label,),
-        values={"height_m": height_m, "sigma_m": sigma_m},
+        heights_m=(height_m,),
+        heights_sigma_m=(sigma_m,),
         several=several,
     )

@@ -226,7 +226,7 @@ class _Search:
         size = np.linalg.norm(self.adjustment.minimum.blocks["pixels"].residual, axis=1)
         size = size * survey.pick_sigma_px / self.stated.pick_sigma_px
         usual = max(1.0, float(np.median(size)) / MEDIAN)
-        return np.maximum(1.0, size / (STRAY * usual))
+        return np.asarray(np.maximum(1.0, size / (STRAY * usual)))
 
     def _stray_lengths(self) -> Floats:
         """(L,) the same of known lengths."""
@@ -247,12 +247,13 @@ def _searched(adjustment: Adjustment, before: Sequence[str]) -> _Search | None:
     if candidate.sum() <= LEAST_GROUND or _all_fit(fit):
         return None
     search = _settled(_Search(survey, adjustment, candidate, candidate, 0.0).readjusted(FIRST))
-    search = _about_planes(search)
-    if search is None:
+    about = _about_planes(search)
+    if about is None:
         return None
+    search = _classified(about.readjusted())
     for _ in range(ROUNDS):
         last, search = search, _classified(search.readjusted())
-        if np.array_equal(search.off, last.off) and search.relief_m == last.relief_m:
+        if np.array_equal(search.off, last.off):
             break
     else:
         return None

@@ -55,9 +55,10 @@ def adjust_survey(taking: Participants, *, heights_sought: bool = False) -> Refi
     heights_sought
         Whether labels that do not lie on the ground are looked for (see `heights.py`).
     """
-    refined, failed, stated = None, None, taking.survey
+    refined, failed, stated, searched = None, None, taking.survey, 0
     try:
         refined = _begun(taking)
+        searched = len(refined.pick_index)
         if heights_sought:
             refined, taking = _with_heights(taking, refined, [])
         refined, taking = without_gross_picks(taking, refined)
@@ -73,7 +74,7 @@ def adjust_survey(taking: Participants, *, heights_sought: bool = False) -> Refi
     if refined is None:
         assert failed is not None  # noqa: S101  (one of the two is always there)
         raise failed
-    if heights_sought:  # once more: what was left out may have hidden them
+    if heights_sought and len(refined.pick_index) != searched:  # what was left out hid them
         refined, left = _with_heights(left, refined, found_free(stated, refined))
     return refined if refined.adjustment.minimum.converged else best_minima(left)
 
