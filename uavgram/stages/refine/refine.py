@@ -32,6 +32,8 @@ from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
 from uavgram.stages.refine.blunders.outstanding import outstanding, with_little_weight
 from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
 from uavgram.stages.refine.continued import continued
+from uavgram.stages.refine.height_remarks import off_ground_remarks
+from uavgram.stages.refine.heights import found_free, with_free
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.noise import with_noise_learnt
 from uavgram.stages.refine.noise_remarks import noise_remarks
@@ -74,6 +76,8 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         survey, refined, zoom = with_other_zoom(
             survey, refined, lambda one: _without_gross_known(one, keep, reason)
         )
+    off_ground = found_free(survey, refined)
+    survey = with_free(survey, off_ground)
     refined = replace(refined, pick_removed=no_pick)
     survey, refined, readout = with_sound_readout(survey, refined)
     if options.noise == "estimate":
@@ -87,8 +91,9 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         if options.noise == "estimate":
             refined = _with_little_weight(refined)
     refined = with_gross_lengths(survey, with_gross_known(survey, refined))
-    found = (*left_out, *zoom, *readout, *noise_remarks(refined.noise), *remarks(survey, refined))
-    return refined, (*found, *search)
+    refined = replace(refined, off_ground=frozenset(off_ground))
+    told = (*left_out, *zoom, *off_ground_remarks(refined), *readout, *noise_remarks(refined.noise))
+    return refined, (*told, *remarks(survey, refined), *search)
 
 
 def _without_gross_control(
@@ -156,7 +161,8 @@ def _without_gross_lengths(
     out = doubtful(survey, keep)
     while True:
         try:
-            refined = adjust_survey(Participants(survey, keep, out, reason, known_removed))
+            taking = Participants(survey, keep, out, reason, known_removed)
+            refined = adjust_survey(taking, heights_sought=True)
         except GeometryError as why:
             if survey.telemetry is not None:
                 raise
