@@ -38,7 +38,7 @@ def main() -> None:
     ground = large_survey(frames, per_frame)
     ends = np.concatenate([ground.line_start, ground.line_end])
     on_ground = np.isin(np.arange(len(ground.label)), ends)
-    free = replace(ground, height_sigma_m=np.where(on_ground, 0.0, np.inf))
+    free = replace(ground, is_free=~on_ground)
     spent: dict[str, list[float]] = {"ground": [], "free": []}
     for _ in range(REPEATS):
         for name, survey in (("ground", ground), ("free", free)):

@@ -224,7 +224,9 @@ _STREET = Condition(
 )
 _STREETS = {
     "street": _STREET,
-    "street_no_log": replace(_STREET, has_log=False, picked_share=1.0, farthest_m=25.0),
+    "street_no_log": replace(
+        _STREET, has_log=False, draws_readout=False, picked_share=1.0, farthest_m=25.0
+    ),
     "street_rough_3cm": replace(_STREET, relief_m=0.03),
     "street_real_mix": replace(
         REAL_MIX, picked_share=0.7, labels=14, any_geometry=True, cars=2, walls=1, kerbs=1
