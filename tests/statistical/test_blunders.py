@@ -114,7 +114,7 @@ def truth() -> Truth:
         area=np.zeros(n, dtype=int),
         gauge="plane",
     )  # fmt: skip
-    return survey, FirstValues(POINTS, center[None], rotation[None], 0.0)
+    return survey, FirstValues(POINTS, center[None], rotation[None], 0.0, np.zeros(len(POINTS)))
 
 
 @pytest.fixture(autouse=True)

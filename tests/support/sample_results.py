@@ -37,6 +37,7 @@ def _estimate(rng: np.random.Generator, n: int) -> Estimate:
 
 def _points(rng: np.random.Generator) -> PointResults:
     root = rng.normal(size=(3, 2, 2)) * 0.1
+    solid = np.random.default_rng(3).normal(size=(3, 3, 3)) * 0.1
     return PointResults(
         label=("P", "Q;ü", "R"),
         position_world_m=rng.normal(size=(3, 3)) * 20,
@@ -56,6 +57,9 @@ def _points(rng: np.random.Generator) -> PointResults:
         ),
         departure_m=np.array([0.031, -0.0125, 0.0]),
         departure_sigma_m=np.array([0.01, 0.02, 0.0]),
+        height_above_ground_m=np.array([0.0, 1.4, 0.0]),
+        height_sigma_m=np.array([0.0, 0.021, 0.0]),
+        covariance_m3=solid @ solid.transpose(0, 2, 1),
         latitude_deg=np.array([50.1, 50.1002, 50.1001]),
         longitude_deg=np.array([-104.6, -104.6003, -104.5999]),
         frames=(("a.jpg", "b.jpg"), ("a.jpg",), ()),

@@ -431,6 +431,9 @@ def build(
             relative=points["relative"],
             departure_m=np.zeros(len(labels)),
             departure_sigma_m=np.zeros(len(labels)),
+            height_above_ground_m=np.zeros(len(labels)),
+            height_sigma_m=np.zeros(len(labels)),
+            covariance_m3=np.zeros((len(labels), 3, 3)),
             latitude_deg=points["geo"][:, 0],
             longitude_deg=points["geo"][:, 1],
             frames=tuple(

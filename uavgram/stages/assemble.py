@@ -126,7 +126,9 @@ def assemble(observed: Observations) -> Assembled:
         track=None if telemetry is None else telemetry.track,
         calibration=observed.calibration,
         label=tuple(label_at),
-        height_above_m=_heights(picks, label_at),
+        height_above_m=_of_labels(picks, picks.height_m, label_at),
+        height_sigma_m=_of_labels(picks, picks.height_sigma_m, label_at),
+        is_free=np.isin(list(label_at), np.array(picks.label)[picks.is_free]),
         pick_frame=np.array([frame_at[picks.image[i]] for i in chosen]),
         pick_label=np.array([label_at[picks.label[i]] for i in chosen]),
         pixel_px=picks.pixel_px[chosen],
@@ -191,13 +193,13 @@ def _index(chosen: Ints | list[int], count: int) -> Ints:
     return index
 
 
-def _heights(picks: Picks, label_at: dict[str, int]) -> Floats:
-    """(K,) known height of each label above the plane; stated at one pick, it holds for all."""
-    height = np.zeros(len(label_at))
-    for i, name in enumerate(picks.label):
-        if name in label_at and np.isfinite(picks.height_m[i]):
-            height[label_at[name]] = picks.height_m[i]
-    return height
+def _of_labels(picks: Picks, value: Floats, label_at: dict[str, int]) -> Floats:
+    """(K,) of each label what one of its picks (P,) states, which holds for all; else 0."""
+    found = np.zeros(len(label_at))
+    for i in np.flatnonzero(np.isfinite(value)).tolist():
+        if picks.label[i] in label_at:
+            found[label_at[picks.label[i]]] = value[i]
+    return found
 
 
 def _areas(picks: Picks, label_at: dict[str, int]) -> list[str]:

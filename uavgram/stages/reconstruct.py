@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.departures import departures
+from uavgram.estimation.survey.departures import departures, heights_above_ground
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.geometry.ground.ellipse import ELLIPSE_95, error_ellipse
 from uavgram.model.arrays import Floats
@@ -29,6 +29,7 @@ def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
     absolute = _in_plane(covariance[:, :2, :2])
     latitude, longitude = _geographic(position, world)
     departure, departure_sigma = departures(adjustment)
+    height, height_sigma = heights_above_ground(adjustment)
     order = np.argsort(survey.pick_label, kind="stable")
     ends = np.cumsum(np.bincount(survey.pick_label, minlength=len(survey.label)))
     frames = tuple(
@@ -44,6 +45,9 @@ def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
         relative=_in_plane(adjustment.relative_points()),
         departure_m=departure,
         departure_sigma_m=departure_sigma,
+        height_above_ground_m=height,
+        height_sigma_m=height_sigma,
+        covariance_m3=covariance,
         latitude_deg=latitude,
         longitude_deg=longitude,
         frames=frames,

@@ -67,6 +67,8 @@ GROUP_WORDS = {
     "plane": "plane of the ground",
     "roughness": "unevenness of the ground",
     "relief": "shape of the ground",
+    "heights": "stated heights above the ground",
+    "idle": "heights that nothing uses",
     "control": "control points",
     "gauge": "choice of axes",
 }

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from off_ground import with_third_coordinates
 from scenes import make_scene
 from taped_scenes import read_on_tapes
 
@@ -25,6 +26,9 @@ CASES: dict[str, dict[str, Any]] = {
     "relief": {"verge": (0, 1, 2, 5), "control": 3, "roughness": 0.05},
     "relief, lengths alone": {"verge": (0, 1, 2, 5), "telemetry": False, "gauge": "plane"},
     "two tapes, level and not": {"tapes": True, "heights": {0: 1.5, 3: -2.0}},
+    "free and stated heights": {"thirds": True, "heights": {0: 1.5, 3: 2.0, 4: -0.5}, "control": 2},
+    "free heights on rough ground": {"thirds": True, "verge": (0, 1, 2, 5), "roughness": 0.05},
+    "free heights, lengths alone": {"thirds": True, "telemetry": False, "gauge": "plane"},
     "a tape, lengths alone": {"tapes": True, "telemetry": False, "gauge": "plane"},
 }
 RELIEFS = (
@@ -47,8 +51,10 @@ def with_relief(survey: Survey) -> Survey:
 @pytest.mark.parametrize("case", CASES)
 def test_every_jacobian_equals_central_differences(case: str) -> None:
     wanted = dict(CASES[case])
-    taped = wanted.pop("tapes", False)
+    taped, thirds = wanted.pop("tapes", False), wanted.pop("thirds", False)
     scene = make_scene(3, **wanted)
+    if thirds:
+        scene = with_third_coordinates(scene, free=(0, 7), stated={3: 0.1, 8: 0.02})
     if taped:
         ways: tuple[Along, ...] = ("slope", "horizontal", "slope")
         scene = read_on_tapes(scene, {"": 0.02, "red": -0.03}, sigma=0.001, along=ways)

@@ -17,6 +17,7 @@ from uavgram.io.tables.picks import read_picks
 Write = Callable[[str], Path]
 
 PICKS = "image,label,u_px,v_px,sigma_px,height_m\n"
+HEIGHTS = "image,label,u_px,v_px,height_m,height_sigma_m\n"
 LINES = "name,from,to,length_m,sigma_m,use\n"
 MEASURE = "name,kind,points,parameters\n"
 GEODETIC = "label,latitude_deg,longitude_deg,height_m,sigma_m\n"
@@ -41,6 +42,15 @@ def test_picks_arrive_with_their_own_sigmas_and_heights(write: Write) -> None:
     np.testing.assert_array_equal(picks.pixel_px, [[1.5, 2], [3, 4]])
     np.testing.assert_array_equal(picks.sigma_px, [np.nan, 0.5])
     np.testing.assert_array_equal(picks.height_m, [np.nan, 0.2])
+
+
+def test_a_height_may_be_free_or_have_a_sigma(write: Write) -> None:
+    rows = "a.jpg,P,1,2,Free,\nb.jpg,P,3,4,free,\na.jpg,Q,5,6,1.4,0.02\nb.jpg,Q,5,6,,\n"
+    picks = read_picks(write(HEIGHTS + rows))
+
+    assert picks.is_free.tolist() == [True, True, False, False]
+    np.testing.assert_array_equal(picks.height_m, [np.nan, np.nan, 1.4, np.nan])
+    np.testing.assert_array_equal(picks.height_sigma_m, [np.nan, np.nan, 0.02, np.nan])
 
 
 def test_picks_arrive_with_their_area_and_their_line(write: Write) -> None:
@@ -122,6 +132,15 @@ def test_a_header_alone_is_a_table_without_rows(write: Write) -> None:
             4,
             "height_m of label 'P' is 0.2 here, but 0.1 in line 2",
         ),
+        (
+            read_picks,
+            HEIGHTS + "a.jpg,P,1,2,free,\nb.jpg,P,1,2,1.5,\n",
+            3,
+            "height_m of label 'P' is 1.5 here, but free in line 2",
+        ),
+        (read_picks, HEIGHTS + "a.jpg,P,1,2,free,0.1\n", 2, "'P' is the sigma of no height"),
+        (read_picks, HEIGHTS + "a.jpg,P,1,2,fre,\n", 2, "height_m must be a number (got 'fre')"),
+        (read_picks, HEIGHTS + "a.jpg,P,1,2,1.5,0\n", 2, "height_sigma_m must be greater than 0"),
         (read_lines, LINES + "n,a,b,0,0.1,\n", 2, "length_m must be greater than 0 (got 0)"),
         (read_lines, LINES + "n,a,b,-3.5,0.1,\n", 2, "length_m must be greater than 0 (got -3.5)"),
         (read_lines, LINES + "n,a,b,1,0,\n", 2, "sigma_m must be greater than 0"),

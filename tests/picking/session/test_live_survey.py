@@ -53,6 +53,8 @@ def only(observed: Observed, rows: Ints | Bools) -> Observed:
             pixel_px=picks.pixel_px[rows],
             sigma_px=picks.sigma_px[rows],
             height_m=picks.height_m[rows],
+            height_sigma_m=picks.height_sigma_m[rows],
+            is_free=picks.is_free[rows],
             area=(),
             line=(),
         ),

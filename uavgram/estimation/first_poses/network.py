@@ -27,12 +27,15 @@ class FirstValues(NamedTuple):
         (F, 3), (F, 3, 3) world from camera.
     height_m
         Of the plane.
+    departure_m
+        (K,) by which points whose height is free are first taken to lie above the plane.
     """
 
     point_m: Floats
     center: Floats
     rotation: Floats
     height_m: float
+    departure_m: Floats
 
 
 def from_telemetry(survey: Survey, ray: Floats) -> FirstValues:
@@ -46,7 +49,8 @@ def from_telemetry(survey: Survey, ray: Floats) -> FirstValues:
         seeds.center_world_m[frame], direction, plane, np.zeros(2), survey.height_above_m[label]
     )
     point = _mean_by_label(ground[:, :2], label, len(survey.label))
-    return FirstValues(point, seeds.center_world_m, seeds.world_from_camera, plane[0])
+    poses = seeds.center_world_m, seeds.world_from_camera
+    return FirstValues(point, *poses, plane[0], np.zeros(len(point)))
 
 
 class SeenLines(NamedTuple):
@@ -89,6 +93,7 @@ def seen_lines(survey: Survey) -> SeenLines:
     found &= (survey.area[a] == survey.area[b]) & (
         survey.height_above_m[a] == survey.height_above_m[b]
     )
+    found &= ~(survey.is_free[a] | survey.is_free[b])
     found &= (survey.pixel_px[start] != survey.pixel_px[end]).any(axis=1)
     rows = np.flatnonzero(found)
     rows = rows[np.argsort(survey.pick_frame[start[rows]], kind="stable")]

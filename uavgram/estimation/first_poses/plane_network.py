@@ -51,7 +51,7 @@ class PlaneNetwork:
         self.center[frame], self.rotation[frame] = center, rotation
         picks = self._picks(frame)
         label = self._survey.pick_label[picks]
-        new = np.isnan(self.point[label, 0])
+        new = np.isnan(self.point[label, 0]) & ~self._survey.is_free[label]
         self.point[label[new]] = self._ground_points(center, rotation, picks[new])
 
     def grow(self, planes: Mapping[int, Floats]) -> None:

@@ -26,8 +26,9 @@ READINGS = ("lengths", "pixels", "control")
 20 to 1 (the nine axes of a calibration, say, mimic many an error of a single length). Of
 inseparable observations, the first of these stands for the group."""
 
-UNTESTED = ("gauge", "relief")
-"""Groups that nobody observed: a choice, and the functions that make up a smooth ground."""
+UNTESTED = ("gauge", "relief", "idle")
+"""Groups that nobody observed: a choice, the functions that make up a smooth ground, and unknowns
+that nothing uses."""
 
 
 @dataclass(frozen=True, eq=False)

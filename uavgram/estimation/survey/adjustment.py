@@ -205,8 +205,16 @@ class Adjustment:
 
     def points_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:
         """Points (n, 3), their Jacobians (n, 3, k), and the k unknowns (n, k) of each."""
+        return self._with_columns(label, *self.problem.world_points(self.state, label))
+
+    def ground_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:
+        """The same of the places on the smooth ground straight below points."""
+        return self._with_columns(label, *self.problem.ground_points(self.state, label))
+
+    def _with_columns(
+        self, label: Ints, world: Floats, d_point: Floats, d_plane: Floats
+    ) -> tuple[Floats, Floats, Ints]:
         problem = self.problem
-        world, d_point, d_plane = problem.world_points(self.state, label)
         columns = np.concatenate(
             [problem.layout.point_columns(label), problem.plane_columns(label)], axis=1
         )

@@ -1,4 +1,4 @@
-"""How far the ground of an adjusted survey lies off its planes, point by point."""
+"""Heights of points: of the ground below over its plane, and of themselves over the ground."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ def departures(adjustment: Adjustment) -> tuple[Floats, Floats]:
         return np.zeros(layout.points), np.zeros(layout.points)
     label = np.arange(layout.points)
     relief = ground.at(np.zeros_like(state.plane), state.relief, label, state.point[:, :2])
-    rough = np.ones_like(state.point[:, 2:]) * (ground.roughness_sigma_m > 0)[:, None]
+    rough = np.zeros_like(state.point[:, 2:])
+    rough[adjustment.problem.third.rough] = 1.0
     departure = relief.height_m + np.sum(rough * state.point[:, 2:], axis=1)
     unknowns = adjustment.problem.plane_columns(label)
     by_relief = np.where(unknowns >= layout.first_relief, relief.by_unknowns, 0.0)
@@ -32,3 +33,26 @@ def departures(adjustment: Adjustment) -> tuple[Floats, Floats]:
     joint = adjustment.covariance.blocks(columns)
     variance = np.einsum("ni,nij,nj->n", gradient, joint, gradient, optimize=True)
     return departure, np.sqrt(np.maximum(variance, 0.0))
+
+
+def heights_above_ground(adjustment: Adjustment) -> tuple[Floats, Floats]:
+    """Heights of all points over the smooth ground below them, as stated or found.
+
+    The ground right below a point may depart from the smooth one by its roughness, which the sigma
+    of a height that was found contains.
+
+    Returns
+    -------
+    height_m, sigma_m : (K,)
+        Both 0 of points on the ground.
+    """
+    survey, problem = adjustment.survey, adjustment.problem
+    height, sigma = np.array(survey.height_above_m), np.zeros(len(survey.label))
+    roughness = np.array([ground.roughness_sigma_m for ground in survey.grounds])[survey.area]
+    own = np.union1d(problem.third.stated, problem.third.free)
+    if len(own):
+        height[own] += adjustment.state.point[own, 2]
+        column = problem.layout.point_columns(own)[:, 2:]
+        variance = adjustment.covariance.blocks(column)[:, 0, 0]
+        sigma[own] = np.sqrt(variance + roughness[own] ** 2)
+    return height, sigma

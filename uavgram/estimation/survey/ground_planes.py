@@ -67,8 +67,6 @@ class GroundPlanes:
         self._planes = PLANE_SIZE * (len(grounds) - self._fixed)
         self._reliefs = list(_reliefs(grounds))
         self.size = self._planes + relief_size(survey)
-        roughness = np.array([ground.roughness_sigma_m for ground in grounds])
-        self.roughness_sigma_m = roughness[self._area]
 
     def at(self, planes: Floats, relief: Floats, label: Ints, east_north_m: Floats) -> SurfaceAt:
         """The ground of n labels at their places (n, 2).

@@ -16,6 +16,7 @@ from uavgram.estimation.survey.ground_planes import GroundPlanes
 from uavgram.estimation.survey.priors import independent_prior
 from uavgram.estimation.survey.tapes import Taped, tape_rows, taped_lines, tapes_of
 from uavgram.estimation.survey.telemetry_terms import TelemetryTerms, telemetry_prior
+from uavgram.estimation.survey.third_coordinate import ThirdCoordinate
 from uavgram.estimation.survey.unknowns import Layout, State, layout_of
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.motion.rotation import exp_so3, hat
@@ -45,6 +46,7 @@ class SurveyProblem:
     def __init__(self, survey: Survey, pivot_m: Floats, line_used: Bools) -> None:
         self.survey = survey
         self.ground = GroundPlanes(survey, pivot_m)
+        self.third = ThirdCoordinate.of(survey)
         self.line_index = np.flatnonzero(line_used)
         self.intrinsic_basis = covariance_root(survey.calibration.covariance)
         self.tapes = tapes_of(survey, self.line_index)
@@ -75,20 +77,29 @@ class SurveyProblem:
         d_plane : (n, 3, w)
             By the plane and the relief of its area, the unknowns `plane_columns`.
         """
+        world, d_point, d_plane = self.ground_points(state, label)
+        world[:, 2] += self.survey.height_above_m[label]
+        if self.layout.point_size == 3:
+            departs = self.third.departs[label]
+            world[:, 2] += np.where(departs, state.point[label, 2], 0.0)
+            d_point[:, 2, 2] = departs
+        return world, d_point, d_plane
+
+    def ground_points(self, state: State, label: Ints) -> tuple[Floats, Floats, Floats]:
+        """Places (n, 3) on the smooth ground straight below labels, and their Jacobians.
+
+        Plane and relief, without what a point on rough ground departs from them. Shapes and
+        unknowns are those of `world_points`.
+        """
         own = state.point[label]
         surface = self.ground.at(state.plane, state.relief, label, own[:, :2])
-        up = surface.height_m + self.survey.height_above_m[label]
         d_point = np.zeros((len(label), 3, self.layout.point_size))
         d_point[:, 0, 0] = d_point[:, 1, 1] = 1.0
         d_point[:, 2, :2] = surface.slope
-        if self.layout.point_size == 3:
-            rough = self.ground.roughness_sigma_m[label] > 0
-            up = up + np.where(rough, own[:, 2], 0.0)
-            d_point[:, 2, 2] = rough
         d_plane = np.zeros((len(label), 3, surface.by_unknowns.shape[1]))
         d_plane[:, 2] = surface.by_unknowns
         world = np.empty((len(label), 3))
-        world[:, :2], world[:, 2] = own[:, :2], up
+        world[:, :2], world[:, 2] = own[:, :2], surface.height_m
         return world, d_point, d_plane
 
     def plane_columns(self, label: Ints) -> Ints:
@@ -262,18 +273,11 @@ class SurveyProblem:
         sigma = np.ones(self.layout.intrinsics)
         return independent_prior(state.intrinsic, sigma, self.layout.first_intrinsic)
 
-    def _roughness(self, state: State) -> Block:
-        rough = self.ground.roughness_sigma_m > 0
-        # On smooth ground beside rough one the departure is idle: it moves nothing and stays 0.
-        sigma = np.where(rough, self.ground.roughness_sigma_m, 1.0)[:, None]
-        columns = self.layout.point_columns(np.arange(self.layout.points))[:, 2:]
-        return Block(state.point[:, 2:] / sigma, columns, 1.0 / sigma[:, :, None])
-
     def _grounds(self, state: State) -> dict[str, Block]:
         """Priors of all that makes up the ground."""
-        blocks = {}
+        blocks: dict[str, Block] = {}
         if self.layout.point_size == 3:
-            blocks["roughness"] = self._roughness(state)
+            blocks |= self.third.priors(state.point[:, 2])
         if self.layout.relief:
             blocks["relief"] = self._relief(state)
         return blocks | self._planes(state)

@@ -38,6 +38,7 @@ PRIOR_UNITS = {
     "readout": ("s",),
     "plane": ("m", "deg", "deg"),
     "roughness": ("m",),
+    "heights": ("m",),
     "control": ("m",) * 3,
     "telemetry": ("m",) * 3 + ("deg",) * 3,
     "lengths": ("m",),
@@ -106,13 +107,20 @@ class Names:
             return POSE_AXES[member.axis]
         own = {
             "tape": lambda: f"scale of {self.tape(row)}",
-            "roughness": lambda: f"departure of {survey.label[row]!r} from the plane",
+            "roughness": lambda: f"departure of {self.label(member)!r} from the plane",
+            "heights": lambda: f"height of {self.label(member)!r}",
         }
         if member.kind in own:
             return own[member.kind]()
         if member.kind.startswith(PLANE_OF):
             return f"{PRIOR_WORDS['plane'][row]} of {member.kind.removeprefix(PLANE_OF)!r}"
         return PRIOR_WORDS[member.kind][row]
+
+    def label(self, member: Member) -> str:
+        """Of the point whose height a row is about."""
+        third = self.adjustment.problem.third
+        rows = third.rough if member.kind == "roughness" else third.stated
+        return str(self.adjustment.survey.label[int(rows[member.row])])
 
     def tape(self, row: int) -> str:
         """``the tape``, or ``the tape 'red'``."""
@@ -189,7 +197,9 @@ class Names:
             return {"frames": (self.frame(row),)}
         if member.kind == "control":
             return {"labels": (survey.label[survey.control_label[row]],)}
-        return {"labels": (survey.label[row],)} if member.kind == "roughness" else {}
+        if member.kind in ("roughness", "heights"):
+            return {"labels": (self.label(member),)}
+        return {}
 
 
 def named_ends(name: str, start: str, end: str) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE, fixed_planes, relief_size
+from uavgram.estimation.survey.third_coordinate import ThirdCoordinate
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.geometry.motion.telemetry_pose import SHARED_SIZE
 from uavgram.model.arrays import Floats, Ints
@@ -22,8 +23,8 @@ class Layout:
     Attributes
     ----------
     points
-        K, each with `point_size` unknowns: east, north and, where the ground is rough, the
-        point's own departure from the plane.
+        K, each with `point_size` unknowns: east, north and, where a point of the survey may
+        depart from where the ground and its stated height put it, that departure.
     frames
         F, each with six: δcentre in world [m], δθ in camera [rad].
     intrinsics
@@ -194,7 +195,7 @@ def layout_of(survey: Survey, intrinsics: int, tapes: int) -> Layout:
     """
     return Layout(
         points=len(survey.label),
-        point_size=3 if any(ground.roughness_sigma_m > 0 for ground in survey.grounds) else 2,
+        point_size=3 if ThirdCoordinate.of(survey).is_unknown else 2,
         frames=len(survey.frame_id),
         intrinsics=intrinsics,
         plane=PLANE_SIZE * (len(survey.grounds) - fixed_planes(survey)),

@@ -43,7 +43,7 @@ _POSES = Table(
 )
 _POINTS = Table(
     PointResults,
-    shape={"position_world_m": (3,), "covariance_m2": (2, 2)},
+    shape={"position_world_m": (3,), "covariance_m2": (2, 2), "covariance_m3": (3, 3)},
     elsewhere=(*_ELLIPSE, "relative"),
 )
 _RELATIVE = Table(PlanarUncertainty, shape={"covariance_m2": (2, 2)}, elsewhere=_ELLIPSE)
@@ -65,7 +65,13 @@ _SECOND_ORDER = Table(
 )
 
 
-_EARLIER_POINT: Record = {"departure_m": None, "departure_sigma_m": None}
+_EARLIER_POINT: Record = {
+    "departure_m": None,
+    "departure_sigma_m": None,
+    "height_above_ground_m": None,
+    "height_sigma_m": None,
+    "covariance_m3": [[None] * 3] * 3,
+}
 """What points lack in files of earlier versions."""
 
 

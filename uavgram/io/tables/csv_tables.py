@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -41,6 +41,8 @@ class Columns:
         Columns that every file must have, with no empty cell.
     optional_text, optional_numbers
         Columns that may be absent, or have empty cells.
+    words
+        Of columns of numbers: a word that may stand there instead.
     others
         Whether a person may keep columns of their own in the table, which are not read. A name
         close to that of a column which is not there is a mistake all the same.
@@ -50,6 +52,7 @@ class Columns:
     numbers: tuple[str, ...] = ()
     optional_text: tuple[str, ...] = ()
     optional_numbers: tuple[str, ...] = ()
+    words: Mapping[str, str] = field(default_factory=dict)
     others: bool = False
 
     @property
@@ -83,6 +86,8 @@ class Table:
     text, numbers
         Columns by name, each (N,); an empty cell is "" or NaN. Optional columns are there even
         where the file has none.
+    has_word
+        (N,) by name of a column: whether its word stands there, and no number.
     faults
         Mistakes found so far: pairs of line and message.
     """
@@ -92,6 +97,7 @@ class Table:
     header: tuple[str, ...]
     text: dict[str, tuple[str, ...]]
     numbers: dict[str, Floats]
+    has_word: dict[str, Bools]
     faults: list[tuple[int | None, str]] = field(default_factory=list)
 
     def blame(self, row: int, message: str) -> None:
@@ -193,7 +199,7 @@ def read_table(path: str | Path, columns: Columns) -> Table:
             faults += [(block.line[row], text) for row, text in column.read(by_name[name])]
     if torn:
         raise InputError.of_all(path, torn)
-    table = Table(path, np.array(lines, np.int64), tuple(header), {}, {}, faults)
+    table = Table(path, np.array(lines, np.int64), tuple(header), {}, {}, {}, faults)
     for name in columns.known:
         read = reading.get(name)
         if name in columns.text or name in columns.optional_text:
@@ -201,6 +207,9 @@ def read_table(path: str | Path, columns: Columns) -> Table:
         else:
             parts = read.parts if read else [np.full(len(lines), np.nan)]
             table.numbers[name] = np.concatenate([np.empty(0), *parts])
+        if name in columns.words:
+            rows = read.has_word if read else [False] * len(lines)
+            table.has_word[name] = np.array(rows, dtype=np.bool_)
     return table
 
 
@@ -229,6 +238,8 @@ class _Column:
         self.name = name
         self.texts: list[str] = []
         self.parts: list[Floats] = []
+        self.has_word: list[bool] = []
+        self._word = columns.words.get(name, "")
         self._known: dict[str, str] = {}  # each text once in memory
         self._is_comma = is_comma
         self._is_required = name in columns.required
@@ -240,6 +251,10 @@ class _Column:
         faults: list[tuple[int, str]] = []
         if self._is_required and "" in cells:
             faults += [(i, f"{self.name} is empty") for i, cell in enumerate(cells) if not cell]
+        if self._word:
+            has_word = [cell.casefold() == self._word for cell in cells]
+            self.has_word += has_word
+            cells = ["" if word else cell for cell, word in zip(cells, has_word, strict=True)]
         if not self._is_text:
             numbers, wrong = _numbers(self.name, cells, is_comma=self._is_comma)
             self.parts.append(numbers)

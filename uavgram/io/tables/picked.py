@@ -85,7 +85,8 @@ def _pick_cells(picks: Picks) -> list[Cells]:
             "u_px": repr(float(picks.pixel_px[i, 0])),
             "v_px": repr(float(picks.pixel_px[i, 1])),
             "sigma_px": _optional(float(picks.sigma_px[i])),
-            "height_m": _optional(float(picks.height_m[i])),
+            "height_m": "free" if picks.is_free[i] else _optional(float(picks.height_m[i])),
+            "height_sigma_m": _optional(float(picks.height_sigma_m[i])),
             "area": areas[i],
         }
         for i in range(len(picks.image))

@@ -10,13 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.io.tables.csv_tables import Columns, Table, read_table
+from uavgram.model.arrays import Floats
 from uavgram.model.survey.observations import Picks
 
 PICKS_COLUMNS = Columns(
     text=("image", "label"),
     numbers=("u_px", "v_px"),
     optional_text=("area", "note"),
-    optional_numbers=("sigma_px", "height_m"),
+    optional_numbers=("sigma_px", "height_m", "height_sigma_m"),
+    words={"height_m": "free"},
     others=True,
 )
 _FOLDER, _SEMICOLON = re.compile(r"[/\\]"), re.compile(";")
@@ -38,11 +40,11 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
             (1, "holds no pick: pick points with `uavgram pick`, or add a line each")
         )
     table.require_sigma("sigma_px")
+    table.require_sigma("height_sigma_m")
     table.require_short("label")
     _check_names(table)
     _check_doubles(table)
-    heights = ["" if math.isnan(h) else repr(h) for h in table.numbers["height_m"].tolist()]
-    _check_same(table, "height_m", heights, "has one height")
+    _check_heights(table)
     areas = [area and repr(area) for area in table.text["area"]]
     _check_same(table, "area", areas, "lies in one area")
     table.raise_faults()
@@ -52,9 +54,32 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
         pixel_px=np.stack([table.numbers["u_px"], table.numbers["v_px"]], axis=1),
         sigma_px=table.numbers["sigma_px"],
         height_m=table.numbers["height_m"],
+        height_sigma_m=table.numbers["height_sigma_m"],
+        is_free=table.has_word["height_m"],
         area=table.text["area"],
         line=tuple(table.line.tolist()),
     )
+
+
+def _check_heights(table: Table) -> None:
+    """Note a label with two different heights or sigmas, and a sigma of no height."""
+    is_free, sigmas = table.has_word["height_m"], table.numbers["height_sigma_m"]
+    heights = _written(table.numbers["height_m"])
+    words = ["free" if free else text for free, text in zip(is_free, heights, strict=True)]
+    _check_same(table, "height_m", words, "has one height")
+    _check_same(table, "height_sigma_m", _written(sigmas), "has one height")
+    stated = {label for label, text in zip(table.text["label"], heights, strict=True) if text}
+    for row in np.flatnonzero(np.isfinite(sigmas)).tolist():
+        if table.text["label"][row] not in stated:
+            table.blame(
+                row,
+                f"height_sigma_m of label {table.text['label'][row]!r} is the sigma of no height: "
+                "state height_m too, or leave the sigma away",
+            )
+
+
+def _written(numbers: Floats) -> list[str]:
+    return ["" if math.isnan(number) else repr(number) for number in numbers.tolist()]
 
 
 def _check_names(table: Table) -> None:

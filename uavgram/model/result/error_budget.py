@@ -23,6 +23,8 @@ SOURCES: dict[str, str] = {
     "plane": "ground",
     "roughness": "ground",
     "relief": "ground",
+    "heights": "ground",
+    "idle": "ground",
     "control": "control points",
     "gauge": "choice of axes",
     "other": "friction and times",

@@ -102,6 +102,12 @@ class PointResults(FrozenArrays):
     departure_m, departure_sigma_m
         (K,) how far the ground under the point lies above the plane of its area; both 0 where the
         ground is a plane, NaN in results of versions that did not tell.
+    height_above_ground_m, height_sigma_m
+        (K,) over the ground below, smooth as it was adjusted; both 0 of a point on the ground. The
+        sigma of a point off it contains how rough the ground is. NaN in results of versions that
+        did not tell.
+    covariance_m3
+        (K, 3, 3) of east, north and up [m2]; NaN likewise.
     latitude_deg, longitude_deg
         (K,) NaN with gauge ``plane``.
     frames
@@ -116,9 +122,17 @@ class PointResults(FrozenArrays):
     relative: PlanarUncertainty
     departure_m: Annotated[Floats, "n", NAN_IS_NONE]
     departure_sigma_m: Annotated[Floats, "n", NAN_IS_NONE]
+    height_above_ground_m: Annotated[Floats, "n", NAN_IS_NONE]
+    height_sigma_m: Annotated[Floats, "n", NAN_IS_NONE]
+    covariance_m3: Annotated[Floats, "n", 3, 3, NAN_IS_NONE]
     latitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     longitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     frames: tuple[tuple[str, ...], ...]
+
+    @property
+    def is_off_ground(self) -> Bools:
+        """(K,) whether a point stands off the ground."""
+        return np.asarray((self.height_above_ground_m != 0) | (self.height_sigma_m > 0))
 
     @property
     def departs(self) -> Bools:

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
+import numpy as np
+
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, freeze
+
+
+def _none() -> Floats:
+    return np.zeros(0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -24,6 +30,10 @@ class Picks:
         (P,) of each coordinate; NaN where the file gives none.
     height_m
         (P,) known height of the point above the ground plane; NaN where the file gives none.
+    height_sigma_m
+        (P,) its standard deviation; NaN where the file gives none.
+    is_free
+        (P,) whether the file says that the height is to be found.
     area
         (P,) name of the area whose plane the point lies on, empty where the file gives none; or
         nothing at all where none is given anywhere.
@@ -36,12 +46,17 @@ class Picks:
     pixel_px: Annotated[Floats, "n", 2]
     sigma_px: Annotated[Floats, "n", NAN_IS_NONE]
     height_m: Annotated[Floats, "n", NAN_IS_NONE]
+    height_sigma_m: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=_none)
+    is_free: Annotated[Bools, "n"] = field(default_factory=lambda: np.zeros(0, np.bool_))
     area: tuple[str, ...] = ()
     line: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        freeze(self)
         n = len(self.image)
+        for name, nothing in (("height_sigma_m", np.nan), ("is_free", False)):
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, np.full(n, nothing))
+        freeze(self)
         for name in ("area", "line"):
             if len(getattr(self, name)) not in {0, n}:
                 raise ValueError(f"{name}: {len(getattr(self, name))} entries, expected {n}")

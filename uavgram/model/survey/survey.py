@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from uavgram.model.arrays import Floats, FrozenArrays, Ints, freeze
+import numpy as np
+
+from uavgram.model.arrays import Bools, Floats, FrozenArrays, Ints, freeze
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.photo_poses import Flight
 from uavgram.model.flight.pose import CandidatePoses, Poses, TelemetryPrior
@@ -87,7 +89,11 @@ class Survey:
     calibration
         Interior orientation beforehand.
     label, height_above_m
-        (K,) names of the points, and known heights above their area's plane.
+        (K,) names of the points, and stated heights above the ground of their area; 0: on it.
+    height_sigma_m
+        (K,) standard deviations of these heights; 0: exact. Empty: all are.
+    is_free
+        (K,) whether the height is an unknown of which nothing is known. Empty: of none.
     pick_frame, pick_label, pixel_px, pick_sigma_px
         (P,), (P,), (P, 2), (P,): frame, label, place and sigma of each pick.
     line_start, line_end, length_m, length_sigma_m
@@ -121,6 +127,8 @@ class Survey:
     calibration: Calibration
     label: Annotated[tuple[str, ...], "k"]
     height_above_m: Annotated[Floats, "k"]
+    height_sigma_m: Annotated[Floats, "k"] = field(default_factory=lambda: np.zeros(0))
+    is_free: Annotated[Bools, "k"] = field(default_factory=lambda: np.zeros(0, np.bool_))
     pick_frame: Annotated[Ints, "p"]
     pick_label: Annotated[Ints, "p"]
     pixel_px: Annotated[Floats, "p", 2]
@@ -143,10 +151,19 @@ class Survey:
     gauge: Literal["world", "plane"]
 
     def __post_init__(self) -> None:
+        for name in ("height_sigma_m", "is_free"):
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, np.zeros(len(self.label)))
         freeze(self)
         for texts in (self.line_name, self.line_tape, self.line_along):
             if len(texts) not in (0, len(self.line_start)):
                 raise ValueError(f"{len(texts)} names of {len(self.line_start)} known lengths")
+
+    @property
+    def off_ground(self) -> Bools:
+        """(K,) whether a point is not simply where the ground is."""
+        stated = (self.height_above_m != 0.0) | (self.height_sigma_m > 0.0)
+        return np.asarray(stated | self.is_free)
 
     @property
     def ground(self) -> Ground:

@@ -120,7 +120,8 @@ def _place(state: State, do: c.Place) -> State:
     same = next((pick for pick in state.picks if pick.label == do.label), None)
     new = Pick(**vars(do))
     if same is not None:
-        new = replace(new, height_m=same.height_m, area=same.area)
+        new = replace(new, height_m=same.height_m, height_sigma_m=same.height_sigma_m)
+        new = replace(new, is_free=same.is_free, area=same.area)
     return replace(state, picks=(*state.picks, new))
 
 

@@ -14,7 +14,8 @@ from uavgram.model.survey.observations import Along, KnownLines, MeasurementRequ
 class Pick:
     """One picked pixel of the original, unrotated photo `image` (a file name).
 
-    `sigma_px` and `height_m` are None, and `area` is empty, where the file gives none.
+    `sigma_px`, `height_m` and `height_sigma_m` are None, and `area` is empty, where the file gives
+    none; `is_free` where the file says that the height is to be found.
     """
 
     image: str
@@ -23,6 +24,8 @@ class Pick:
     v_px: float
     sigma_px: float | None = None
     height_m: float | None = None
+    height_sigma_m: float | None = None
+    is_free: bool = False
     area: str = ""
 
     @property
@@ -84,6 +87,8 @@ def state_of(picks: Picks, lines: KnownLines, requests: Iterable[MeasurementRequ
                 v_px=float(picks.pixel_px[i, 1]),
                 sigma_px=_or_none(picks.sigma_px[i]),
                 height_m=_or_none(picks.height_m[i]),
+                height_sigma_m=_or_none(picks.height_sigma_m[i]),
+                is_free=bool(picks.is_free[i]),
                 area=areas[i],
             )
             for i in range(len(picks.image))
@@ -115,6 +120,8 @@ def observations_of(state: State) -> tuple[Picks, KnownLines]:
             pixel_px=np.array([(pick.u_px, pick.v_px) for pick in picks]).reshape(-1, 2),
             sigma_px=np.array([_or_nan(pick.sigma_px) for pick in picks]),
             height_m=np.array([_or_nan(pick.height_m) for pick in picks]),
+            height_sigma_m=np.array([_or_nan(pick.height_sigma_m) for pick in picks]),
+            is_free=np.array([pick.is_free for pick in picks], dtype=np.bool_),
             area=tuple(pick.area for pick in picks),
         ),
         KnownLines(

@@ -210,6 +210,8 @@ def _alike(before: Observed, now: Observed) -> bool:
         (a.image, a.label, a.area) == (b.image, b.label, b.area)
         and np.array_equal(a.sigma_px, b.sigma_px, equal_nan=True)
         and np.array_equal(a.height_m, b.height_m, equal_nan=True)
+        and np.array_equal(a.height_sigma_m, b.height_sigma_m, equal_nan=True)
+        and np.array_equal(a.is_free, b.is_free)
         and (la.name, la.start, la.end) == (lb.name, lb.start, lb.end)
         and (la.tape, la.along) == (lb.tape, lb.along)
         and np.array_equal(la.sigma_m, lb.sigma_m)

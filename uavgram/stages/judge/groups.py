@@ -46,7 +46,7 @@ def judge_groups(
     silent = explained or not adjustment.minimum.converged
     groups, messages = [], []
     for name, block in adjustment.minimum.blocks.items():
-        if name == "gauge":
+        if name in ("gauge", "idle"):
             continue
         fit = group_fit(block, adjustment.minimum.factor, adjustment.covariance)
         groups.append(GroupFactor(name=name, observations=block.residual.size, **fit._asdict()))

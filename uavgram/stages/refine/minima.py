@@ -241,6 +241,8 @@ def _minimise(
     layout = problem.layout
     point = np.zeros((layout.points, layout.point_size))
     point[:, :2] = values.point_m
+    if layout.point_size == 3:
+        point[:, 2] = values.departure_m
     state = State(
         point=point,
         center=np.array(values.center),

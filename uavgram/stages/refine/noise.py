@@ -203,7 +203,7 @@ def _components(
     """
     found, areas = [Component("pixels", None, STATED_WEIGHT, smallest)], [-1]
     for area, ground in enumerate(problem.survey.grounds):
-        rows = np.flatnonzero(stated.area == area)
+        rows = np.flatnonzero(stated.area[problem.third.rough] == area)
         if ground.roughness_sigma_m > 0 and len(rows):
             prior = STATED_ROUGHNESS_WEIGHT * (stated.grounds[area].roughness_sigma_m > 0)
             found.append(Component("roughness", rows, prior))

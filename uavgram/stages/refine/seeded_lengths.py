@@ -78,9 +78,9 @@ def _pairs(survey: Survey, keep: Bools) -> tuple[Ints, Ints, Ints]:
 
 
 def _first_picks(survey: Survey, keep: Bools) -> Ints:
-    """(K,) the first usable pick of each label; -1 where there is none."""
+    """(K,) the first usable pick of each label; -1 where none is, or where its height is free."""
     first = np.full(len(survey.label), -1)
-    picks = np.flatnonzero(keep)[::-1]
+    picks = np.flatnonzero(keep & ~survey.is_free[survey.pick_label])[::-1]
     first[survey.pick_label[picks]] = picks
     return first
 

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.first_poses.free_points import with_free_points
 from uavgram.estimation.first_poses.homography import Pose
 from uavgram.estimation.first_poses.network import (
     FirstValues,
@@ -39,6 +40,11 @@ MOST_BASES = 4
 NO_GROUND = LeftOut(
     LeftOutCause.NO_GROUND, "its ray does not meet the ground in front of the camera"
 )
+ONE_PLACE = LeftOut(
+    LeftOutCause.UNDETERMINED,
+    "the height of its point is to be found, and all photos that show it look from nearly one "
+    "place: pick it in a photo from further aside, or state its height",
+)
 NOT_JOINED = LeftOut(
     LeftOutCause.NOT_JOINED,
     "its frame has neither telemetry, nor three known lengths, nor four points in common with "
@@ -50,7 +56,8 @@ def first_values(survey: Survey) -> list[FirstValues]:
     """Sets of first values, most likely first; picks they leave without a place are NaN."""
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
     if survey.telemetry is not None:
-        return [from_telemetry(each, ray) for each in _with_seeds(survey)]
+        found = [from_telemetry(each, ray) for each in _with_seeds(survey)]
+        return [with_free_points(survey, ray, values) for values in found]
     counts = lines_per_frame(survey)
     planes = _planes(survey, counts)
     if survey.gauge == "world":
@@ -240,8 +247,10 @@ def _grown(
         for frame, (center, rotation) in poses.items():
             network.place(frame, center - lift, rotation)
         network.grow(planes)
-        grown = FirstValues(network.point, network.center + lift, network.rotation, height)
-        values.append(grown if control else _at_gauge(grown))
+        nothing = np.zeros(len(survey.label))
+        poses_found = network.center + lift, network.rotation
+        grown = FirstValues(network.point, *poses_found, height, nothing)
+        values.append(with_free_points(survey, ray, grown if control else _at_gauge(grown)))
     if all(np.isnan(each.center).all() for each in values):
         raise GeometryError(
             "without a flight log a pose needs four control points in one frame, or two and three "
@@ -265,15 +274,19 @@ def _at_gauge(values: FirstValues) -> FirstValues:
         values.center @ turn.T + shift,
         turn @ values.rotation,
         0.0,
+        values.departure_m,
     )
 
 
 def unusable(survey: Survey, values: FirstValues) -> dict[int, LeftOut]:
     """Picks without first values in front of their camera, and why."""
     frame, label = survey.pick_frame, survey.pick_label
-    up = np.full(len(label), values.height_m) + survey.height_above_m[label]
+    up = values.height_m + (survey.height_above_m + values.departure_m)[label]
     world = np.column_stack([values.point_m[label], up])
     depth = np.einsum("ni,ni->n", world - values.center[frame], values.rotation[frame][:, :, 2])
     placed = np.isfinite(values.center[frame, 0])
     usable = placed & (np.nan_to_num(depth, nan=-1.0) > 0)
-    return {int(i): NO_GROUND if placed[i] else NOT_JOINED for i in np.flatnonzero(~usable)}
+    one_place = survey.is_free[label] & np.isnan(values.point_m[label, 0])
+    why = np.where(one_place, 2, placed)
+    causes = (NOT_JOINED, NO_GROUND, ONE_PLACE)
+    return {int(i): causes[why[i]] for i in np.flatnonzero(~usable)}

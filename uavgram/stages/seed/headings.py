@@ -79,7 +79,7 @@ def _plan(survey: Survey, tilt_sigma: Floats, turn_sigma: Floats) -> Plan:
     )
     offset = ground[:, :2] - seeds.center_world_m[frame, :2]
     down = -direction[:, 2] / np.linalg.norm(direction, axis=1)
-    usable = np.isfinite(offset).all(axis=1) & (down > LOWEST)
+    usable = np.isfinite(offset).all(axis=1) & (down > LOWEST) & ~survey.is_free[label]
     above = np.maximum(seeds.center_world_m[:, 2] - height, 1.0)
     variance = np.einsum("fii->fi", seeds.covariance)
     rise = np.sqrt(variance[:, 2] + survey.ground.height_sigma_m**2) / above

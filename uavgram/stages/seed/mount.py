@@ -87,6 +87,7 @@ def _scatter_m(
     meets = np.isfinite(ground).all(axis=1)
     if meets.mean() < SEEN:
         return np.inf
+    meets &= ~survey.is_free[label]
     place, owner = ground[meets], label[meets]
     count = np.bincount(owner)
     shared = count[owner] > 1

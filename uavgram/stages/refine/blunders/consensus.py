@@ -70,7 +70,7 @@ def _places(survey: Survey, picks: Ints, adjustment: Adjustment) -> tuple[Floats
     """Places (n, 2) in the plane of the picks whose points are known, and which these are."""
     label = survey.pick_label[picks]
     at = adjustment.label_rows(survey.label[k] for k in label)
-    known = np.flatnonzero((at >= 0) & (survey.height_above_m[label] == 0.0))
+    known = np.flatnonzero((at >= 0) & ~survey.off_ground[label])
     return adjustment.state.point[at[known], :2], known
 
 

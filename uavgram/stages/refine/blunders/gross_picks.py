@@ -61,7 +61,7 @@ def without_gross_picks(taking: Participants, refined: Refined) -> tuple[Refined
         With all of it.
     """
     most = max(1, int(MOST_LEFT_OUT * taking.keep.sum()))
-    for _ in range(most if _rough(taking.survey) else 0):
+    for _ in range(most if len(refined.adjustment.problem.third.rough) else 0):
         if not _out_of_order(refined.adjustment):
             break
         wrong = _wrong(taking, refined, _tried(taking, refined))
@@ -72,14 +72,17 @@ def without_gross_picks(taking: Participants, refined: Refined) -> tuple[Refined
     return refined, taking
 
 
-def _rough(survey: Survey) -> bool:
-    return any(ground.roughness_sigma_m > 0 for ground in survey.grounds)
+def _departure(adjustment: Adjustment) -> Floats:
+    """(K,) how far points lie off rough ground, in its sigmas; 0 for all others."""
+    departure = np.zeros(len(adjustment.survey.label))
+    rough = adjustment.problem.third.rough
+    if len(rough):
+        departure[rough] = np.abs(adjustment.minimum.blocks["roughness"].residual[:, 0])
+    return departure
 
 
 def _out_of_order(adjustment: Adjustment) -> bool:
-    blocks = adjustment.minimum.blocks
-    departure = np.abs(blocks["roughness"].residual).max(initial=0.0)
-    if departure > DEPARTURE or len(suspects(adjustment)):
+    if _departure(adjustment).max(initial=0.0) > DEPARTURE or len(suspects(adjustment)):
         return True
     return bool(_falls(adjustment).max(initial=0.0) > RESIDUAL**2)
 
@@ -103,8 +106,8 @@ def _promising(adjustment: Adjustment) -> Ints:
     And those of the points that depart most: they have bent it.
     """
     fall = _falls(adjustment)
-    departure = np.abs(adjustment.minimum.blocks["roughness"].residual[:, 0])
     label = adjustment.survey.pick_label
+    departure = _departure(adjustment)
     most = departure[label] >= min(float(departure.max()), DEPARTURE * 2)
     rank: Floats = np.where(most, np.inf, fall)
     first = np.argsort(-fall, kind="stable")[: MOST_TRIED // 2]

@@ -32,7 +32,7 @@ CLEAR = 0.001
 LEAST_REDUNDANCY = 0.05
 """Redundancy number from which on the size of an error can be told."""
 
-CORE = ("pixels", "lengths", "control", "calibration", "roughness", "relief")
+CORE = ("pixels", "lengths", "control", "calibration", "roughness", "heights", "relief")
 """Groups that say whether the model of picks and ground holds: priors of the telemetry are meant to
 be generous."""
 
