@@ -117,8 +117,8 @@ class Likelihood:
             self._add(self._length(line, a, b), [self.point[a], self.point[b], plane], 1)
         for row, k in enumerate(survey.control_label):
             self._add(self._control(row, int(k)), [self.point[k], plane], 3)
-        for k in np.flatnonzero(self.departs & np.isfinite(self.departure_sigma_m)):
-            self._add(self._stated(int(k)), [self.point[k]], 1)
+        for label in np.flatnonzero(self.departs & np.isfinite(self.departure_sigma_m)):
+            self._add(self._stated(int(label)), [self.point[label]], 1)
         root = np.linalg.inv(np.linalg.cholesky(survey.calibration.covariance))
         scale = self.sigma["interior"]
         self._add(lambda interior: root @ (scale * interior), [self.interior], 9)
