@@ -22,7 +22,7 @@ from scipy.linalg import helmert
 from uavgram.estimation.measuring.propagation import MeasuredValues, values_at
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.refit import refit
-from uavgram.estimation.survey.unknowns import State, advance
+from uavgram.estimation.survey.unknowns import State, advance, between, move
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
@@ -96,18 +96,17 @@ def _pairs(
 ) -> Iterator[tuple[Floats, Floats]]:
     """Values of one request at both ends of each direction; NaN where there is no solution."""
     for k, step in enumerate(_directions(adjustment, measured, request, rows)):
-        ends = []
-        for reach in (REACH, -REACH):
-            state: State | None
-            if k < len(rows):
-                state = _adjusted(adjustment, reach * step)
-            else:
-                state = advance(adjustment.problem.layout, adjustment.state, reach * step)
-            ends.append(
-                np.full(len(rows), np.nan)
-                if state is None
-                else values_at(adjustment, state, (request,), frames)
-            )
+        if k < len(rows):
+            states = _adjusted_both_ways(adjustment, REACH * step)
+        else:
+            way = partial(advance, adjustment.problem.layout, adjustment.state)
+            states = way(REACH * step), way(-REACH * step)
+        ends = [
+            np.full(len(rows), np.nan)
+            if state is None
+            else values_at(adjustment, state, (request,), frames)
+            for state in states
+        ]
         yield ends[0], ends[1]
     sources = {source for row in rows for source in measured.rows[row].others}
     for source in sorted(sources):
@@ -119,7 +118,20 @@ def _pairs(
         yield ends[0], ends[1]
 
 
-def _adjusted(adjustment: Adjustment, step: Floats) -> State | None:
+def _adjusted_both_ways(adjustment: Adjustment, step: Floats) -> tuple[State | None, State | None]:
+    """The states that fit observations moved as `step`, and as its opposite, would move them.
+
+    What parts the one from a plain step, in second order parts the other as well: it begins there.
+    """
+    layout, middle = adjustment.problem.layout, adjustment.state
+    ahead = _adjusted(adjustment, step)
+    begin = None
+    if ahead is not None:
+        begin = move(layout, middle, between(layout, middle, ahead) - 2.0 * step)
+    return ahead, _adjusted(adjustment, -step, begin)
+
+
+def _adjusted(adjustment: Adjustment, step: Floats, begin: State | None = None) -> State | None:
     """The state that fits observations moved as `step` would move them; None where there is none.
 
     The gauge is no observation, and stays.
@@ -129,7 +141,7 @@ def _adjusted(adjustment: Adjustment, step: Floats) -> State | None:
         for name, block in adjustment.minimum.blocks.items()
         if name != "gauge"
     }
-    return refit(adjustment, errors, AT_REST)
+    return refit(adjustment, errors, AT_REST, begin)
 
 
 def _error_in(one: str, reach: float, source: str) -> float:
