@@ -36,7 +36,8 @@ import yaml
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 from hostile_conditions import CONDITIONS
-from hostile_surveys import make_survey, write_project
+from hostile_project import write_project
+from hostile_surveys import make_survey
 
 from uavgram.errors import UavgramError
 from uavgram.pipeline.measure.compute import compute

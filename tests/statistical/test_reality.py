@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hostile_conditions import CONDITIONS
-from hostile_surveys import make_survey, write_project
+from hostile_project import write_project
+from hostile_surveys import make_survey
 from scipy.stats import t
 
 from uavgram.model.arrays import Floats

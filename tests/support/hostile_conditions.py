@@ -54,6 +54,11 @@ class Condition:
         Points, in a scene of this radius; the longest distance that is taped or measured.
     tilts_deg, speeds_m_s
         Range of tilts, first photo to last, and of speeds.
+    photos, stride_m, any_geometry
+        How many; how far the place looked at moves on, photo to photo; whether all this and the
+        tilts are drawn for each survey, see `hostile_things.draw_geometry`.
+    cars, walls, kerbs
+        That stand on the ground.
     draws_scale, draws_readout, draws_slope
         Whether tape scale (0.1 %), readout (30 ms) and slopes (the default of
         `ground.slope_sigma_deg`, else 0.5 degrees) are drawn from the program's priors.
@@ -95,6 +100,12 @@ class Condition:
     farthest_m: float = 12.0
     tilts_deg: tuple[float, float] = (0.0, 36.0)
     speeds_m_s: tuple[float, float] = (3.0, 8.0)
+    photos: int = 9
+    stride_m: float = 0.0
+    any_geometry: bool = False
+    cars: int = 0
+    walls: int = 0
+    kerbs: int = 0
     draws_scale: bool = False
     draws_readout: bool = False
     draws_slope: bool = False
@@ -200,6 +211,29 @@ _SINGLE = {
     "single_identification_3cm": Condition(single=True, picked_share=1.0, identification_m=0.03),
     "single_tape_1": Condition(single=True, picked_share=1.0, tape_scale=0.01),
 }
+_STREET = Condition(
+    draws_scale=True,
+    draws_readout=True,
+    draws_slope=True,
+    picked_share=0.7,
+    labels=14,
+    any_geometry=True,
+    cars=2,
+    walls=1,
+    kerbs=1,
+)
+_STREETS = {
+    "street": _STREET,
+    "street_no_log": replace(
+        _STREET, has_log=False, draws_readout=False, picked_share=1.0, farthest_m=25.0
+    ),
+    "street_rough_3cm": replace(_STREET, relief_m=0.03),
+    "street_real_mix": replace(
+        REAL_MIX, picked_share=0.7, labels=14, any_geometry=True, cars=2, walls=1, kerbs=1
+    ),
+}
 
-CONDITIONS = MappingProxyType(_SHARED | _SHARP | _GROUND | _CAMERA | _LENGTHS | _LOG | _SINGLE)
+CONDITIONS = MappingProxyType(
+    _SHARED | _SHARP | _GROUND | _CAMERA | _LENGTHS | _LOG | _SINGLE | _STREETS
+)
 """By their names on the command line."""

@@ -36,7 +36,8 @@ def record(condition: Condition, flight: TrueFlight, rng: np.random.Generator) -
     gps_s = np.arange(start, end, 0.2)
     bias = rng.standard_normal(3) * BIAS_M + [0.0, 0.0, condition.datum_m]
     wander = Smooth(rng, np.full(3, POSITION_SIGMA_M), WANDER_S)
-    middle = float(flight.exposure_s[[4, 5]].mean())
+    half = len(flight.exposure_s) // 2
+    middle = float(flight.exposure_s[half : half + 2].mean())
     azimuth = rng.uniform(0, 2 * np.pi)
     jump = condition.gps_jump_m * np.array([np.sin(azimuth), np.cos(azimuth), 0.0])
 

@@ -1,24 +1,22 @@
 """Surveys with known truth, as users have them, each made hostile in stated ways.
 
-`make_survey` draws one, `write_project` writes the folder that `uavgram run` takes; the study is
-`tests/benchmarks/study_reality.py`. Nothing of the program's own mathematics takes part.
+`make_survey` draws one, `hostile_project.write_project` writes the folder that `uavgram run` takes;
+the studies are `tests/benchmarks/study_reality.py` and `tests/benchmarks/study_heights.py`. Nothing
+of the program's own mathematics takes part.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import lru_cache
 from itertools import combinations
-from pathlib import Path
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from hostile_conditions import Condition
 from hostile_log import START_UTC_S, record
+from hostile_things import draw_geometry, draw_things
 from hostile_world import (
     ORDINARY,
     SHARP,
@@ -32,8 +30,7 @@ from hostile_world import (
 )
 from scipy.spatial import ConvexHull
 
-from uavgram.io.logs.tlog.writer import write_tlog
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.demo.simulated import SimulatedLog
 
 LEAST_APART_M = 2.5
@@ -64,6 +61,11 @@ class HostileSurvey:
         Name -> true value [m, m2, degrees].
     log
         None: there is no log.
+    world_m, height_m, off_ground
+        (k, 3) true points; (k,) true heights over the ground straight below; (k,) which are known
+        to lie off it.
+    center_m
+        (f, 3) where the photos were taken.
     """
 
     camera: StatedCamera
@@ -77,29 +79,36 @@ class HostileSurvey:
     measure: Mapping[str, tuple[str, tuple[int, ...]]]
     truth: Mapping[str, float]
     log: SimulatedLog | None
+    world_m: Floats
+    height_m: Floats
+    off_ground: Bools
+    center_m: Floats
 
 
 def make_survey(condition: Condition, seed: int) -> HostileSurvey:
     """The survey of a seed under a condition; the same seed gives nearly the same clean survey."""
-    rngs = (np.random.default_rng([seed, part]) for part in range(6))
-    ground_rng, flight_rng, pick_rng, line_rng, log_rng, scale_rng = rngs
+    rngs = (np.random.default_rng([seed, part]) for part in range(7))
+    ground_rng, flight_rng, pick_rng, line_rng, log_rng, scale_rng, thing_rng = rngs
+    condition = draw_geometry(condition, thing_rng)
     ground = draw_ground(condition, ground_rng)
     flight = draw_flight(condition, ground.middle, flight_rng)
     drawn = scale_rng.standard_normal(4)
     readout_s = condition.readout_s + 0.03 * drawn[0] * condition.draws_readout
     scale = condition.tape_scale + 0.001 * drawn[1] * condition.draws_scale
-    world_m = _labels(condition, ground, ground_rng)
+    things_m, off = draw_things(condition, ground, thing_rng)
+    world_m = np.concatenate([_labels(condition, ground, ground_rng), things_m])
+    off = np.concatenate([np.zeros(condition.labels, dtype=np.bool_), off])
     camera = SHARP if condition.sharp else ORDINARY
     scene = _Scene(condition, camera, ground, flight, world_m)
     frame, label, pixel = _picks(scene, readout_s, pick_rng)
     if condition.single:
         kept = frame == int(abs(drawn[2]) * 1000) % len(flight.exposure_s)
         frame, label, pixel = frame[kept], label[kept], pixel[kept]
-    line = _pairs(condition, world_m, np.unique(label), line_rng)[:LENGTHS]
+    line = _pairs(condition, world_m, np.unique(label[~off[label]]), line_rng)[:LENGTHS]
     kept = pick_rng.random(len(label)) < condition.picked_share
     kept |= np.isin(label, line)  # who tapes a length picks its ends wherever he sees them
     frame, label, pixel = frame[kept], label[kept], pixel[kept]
-    measure = _wanted(condition, world_m, np.unique(label), line, line_rng)
+    measure = _wanted(scene, _placeable(label, off), off, line, line_rng)
     read_m = _read_lengths(condition, world_m[line], scale, line_rng)
     clock_s = CLOCK_SIGMA_S * drawn[3] + condition.lag_s
     since = flight.exposure_s - flight.exposure_s.mean()
@@ -117,100 +126,16 @@ def make_survey(condition: Condition, seed: int) -> HostileSurvey:
         measure=measure,
         truth={name: _value(kind, world_m[list(at)]) for name, (kind, at) in measure.items()},
         log=record(condition, flight, log_rng) if condition.has_log else None,
+        world_m=world_m,
+        height_m=np.where(off, world_m[:, 2] - ground.up(world_m[:, :2]), 0.0),
+        off_ground=off,
+        center_m=flight.camera(flight.exposure_s)[0][used],
     )
-
-
-def write_project(
-    survey: HostileSurvey, folder: Path, options: Mapping[str, object] | None = None
-) -> Path:
-    """Write a survey as a user would have it, and return its project file.
-
-    Parameters
-    ----------
-    survey
-        To write.
-    folder
-        Made where it is missing.
-    options
-        Further keys of project.yaml, those inside others with dots: ``solve.noise: stated``. One
-        that begins with ``camera.`` goes to camera.yaml.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    size = survey.camera.width_px, survey.camera.height_px
-    for name in survey.photo:  # no two of the same bytes: they would count as copies
-        (folder / f"{name}.jpg").write_bytes(_black_jpeg(*size) + name.encode())
-    tables = {"picks": _pick_rows, "lines": _line_rows, "measure": _measure_rows}
-    for table, rows in tables.items():
-        (folder / f"{table}.csv").write_text("\n".join(rows(survey)) + "\n")
-    camera: dict[str, object] = {
-        "name": "made-up camera",
-        "model": "brown",
-        "width_px": survey.camera.width_px,
-        "height_px": survey.camera.height_px,
-        "parameters": survey.camera.lens.tolist(),
-        "covariance": survey.camera.covariance.tolist(),
-    }
-    project: dict[str, object] = {
-        "name": "made-up survey",
-        "images": "*.jpg",
-        "camera": "camera.yaml",
-        **{table: f"{table}.csv" for table in tables},
-        "picks_sigma_px": PICK_SIGMA_PX,
-    }
-    if survey.log is not None:
-        write_tlog(folder / "flight.tlog", survey.log)
-        project["log"] = "flight.tlog"
-        form = "%Y%m%d_%H%M%S_%f"
-        time = {"source": "filename", "filename_format": form, "offset_s": 0.0}
-        project["time"] = time | {"offset_sigma_s": CLOCK_SIGMA_S}
-    for key, value in (options or {}).items():
-        first, _, rest = key.partition(".")
-        _put(*((camera, rest) if first == "camera" and rest else (project, key)), value)
-    for name, content in {"camera": camera, "project": project}.items():
-        (folder / f"{name}.yaml").write_text(json.dumps(content, indent=1))  # JSON is YAML
-    return folder / "project.yaml"
-
-
-def _put(document: dict[str, object], key: str, value: object) -> None:
-    first, _, rest = key.partition(".")
-    if not rest:
-        document[first] = value
-        return
-    inner = document.setdefault(first, {})
-    assert isinstance(inner, dict)
-    _put(inner, rest, value)
-
-
-@lru_cache
-def _black_jpeg(width_px: int, height_px: int) -> bytes:
-    black = np.zeros((height_px, width_px), np.uint8)
-    return cv2.imencode(".jpg", black)[1].tobytes()
 
 
 def _photo_name(since_start_s: float) -> str:
     moment = datetime.fromtimestamp(START_UTC_S + since_start_s, UTC)
     return f"{moment:%Y%m%d_%H%M%S_%f}"
-
-
-def _pick_rows(survey: HostileSurvey) -> Iterator[str]:
-    yield "image,label,u_px,v_px"
-    for photo, label, (u, v) in zip(
-        survey.pick_photo, survey.pick_label, survey.pick_px, strict=True
-    ):
-        yield f"{survey.photo[photo]}.jpg,P{label},{u:.3f},{v:.3f}"
-
-
-def _line_rows(survey: HostileSurvey) -> Iterator[str]:
-    along = ",horizontal" if survey.level else ""
-    yield "name,from,to,length_m,sigma_m" + (",along" if survey.level else "")
-    for k, ((a, b), length) in enumerate(zip(survey.line, survey.line_length_m, strict=True)):
-        yield f"L{k},P{a},P{b},{length:.5f},{LENGTH_SIGMA_M}{along}"
-
-
-def _measure_rows(survey: HostileSurvey) -> Iterator[str]:
-    yield "name,kind,points"
-    for name, (kind, at) in survey.measure.items():
-        yield f"{name},{kind},{';'.join(f'P{k}' for k in at)}"
 
 
 def _labels(condition: Condition, ground: TrueGround, rng: np.random.Generator) -> Floats:
@@ -259,15 +184,28 @@ def _pairs(condition: Condition, world_m: Floats, seen: Ints, rng: np.random.Gen
     return rng.permutation(pairs[(apart > NEAREST_M) & (apart < condition.farthest_m)])
 
 
+def _placeable(label: Ints, off: Bools) -> Ints:
+    """Labels picked once at least, and twice where off the ground."""
+    picks = np.bincount(label, minlength=len(off))
+    return np.flatnonzero(picks > off)
+
+
 def _wanted(
-    condition: Condition, world_m: Floats, seen: Ints, taped: Ints, rng: np.random.Generator
+    scene: _Scene, seen: Ints, off: Bools, taped: Ints, rng: np.random.Generator
 ) -> dict[str, tuple[str, tuple[int, ...]]]:
-    """What to measure: distances that were not taped, an area, an angle."""
+    """What to measure: distances that were not taped, an area and an angle on the ground.
+
+    Where there are points off the ground, every distance is of one of them from one of the ground.
+    """
+    condition, *_, world_m = scene
     pairs = _pairs(condition, world_m, seen, rng)
+    if off.any():
+        pairs = pairs[off[pairs].sum(axis=1) == 1]
     free = pairs[~(pairs[:, None] == taped).all(axis=-1).any(axis=1)][:DISTANCES]
     measure: dict[str, tuple[str, tuple[int, ...]]] = {
         f"distance {k}": ("distance", (int(a), int(b))) for k, (a, b) in enumerate(free)
     }
+    seen = seen[~off[seen]]
     hull = seen[ConvexHull(world_m[seen, :2]).vertices]
     corners = hull[np.linspace(0, len(hull), 4, endpoint=False).astype(int)]
     measure["area"] = ("area", tuple(corners.tolist()))

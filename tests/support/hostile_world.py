@@ -21,7 +21,7 @@ CAMERA_FROM_GIMBAL = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])  # gimbal: x 
 ENU_FROM_NED = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
 GRAVITY_M_S2 = 9.81
 MOST_LEAN_RAD = 0.25
-PHOTOS, BEYOND = 9, 2  # and as many places flown to before and after them
+BEYOND = 2  # places flown to before the first photo, and after the last
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -154,7 +154,7 @@ class TrueFlight:
     Attributes
     ----------
     exposure_s
-        (9,) seconds since the flight's start.
+        (f,) seconds since the flight's start.
     span_s
         First and last instant of the log.
     lever_arm_m, boresight_rad
@@ -206,14 +206,17 @@ class TrueFlight:
 
 def draw_flight(condition: Condition, middle: Floats, rng: np.random.Generator) -> TrueFlight:
     """A drone that flies past the scene, always looking at it."""
-    count = PHOTOS + 2 * BEYOND
-    step = np.clip((np.arange(count) - BEYOND) / (PHOTOS - 1), 0.0, 1.0)
+    count = condition.photos + 2 * BEYOND
+    step = np.clip((np.arange(count) - BEYOND) / (condition.photos - 1), 0.0, 1.0)
     tilt = np.deg2rad(condition.tilts_deg[0] + step * np.ptp(condition.tilts_deg))
     tilt = np.abs(tilt + np.deg2rad(1.0) * rng.standard_normal(count))
     turn = rng.choice([-1, 1]) * np.deg2rad(10.0 + 6.0 * rng.standard_normal(count))
     yaw = rng.uniform(0, 2 * np.pi) + np.cumsum(turn)
     back = HEIGHT_M * np.tan(tilt)
     aim = middle + 3.0 * rng.standard_normal((count, 2))
+    stride = condition.stride_m * (np.arange(count) - (count - 1) / 2)
+    if condition.stride_m:
+        aim += stride[:, None] * _direction(rng.uniform(0, 2 * np.pi))
     ground = aim - back[:, None] * np.column_stack([np.sin(yaw), np.cos(yaw)])
     place = np.column_stack([ground, HEIGHT_M + 0.5 * rng.standard_normal(count)])
     far = np.linalg.norm(np.diff(place, axis=0), axis=1)
@@ -221,7 +224,7 @@ def draw_flight(condition: Condition, middle: Floats, rng: np.random.Generator) 
     needed = np.maximum(far / speed, 0.4)
     time = np.r_[0.0, np.cumsum(needed)]
     return TrueFlight(
-        exposure_s=time[BEYOND : BEYOND + PHOTOS],
+        exposure_s=time[BEYOND : BEYOND + condition.photos],
         span_s=(0.0, float(time[-1])),
         lever_arm_m=0.1 * rng.standard_normal(3) + condition.lever_m * _unit(rng),
         boresight_rad=np.deg2rad(2.0 * rng.standard_normal(3) + condition.mount_deg * _unit(rng)),

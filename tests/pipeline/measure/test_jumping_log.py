@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 from hostile_conditions import CONDITIONS
-from hostile_surveys import make_survey, write_project
+from hostile_project import write_project
+from hostile_surveys import make_survey
 
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
