@@ -9,7 +9,8 @@ from uavgram.estimation.survey.departures import departures, heights_above_groun
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.geometry.ground.ellipse import ELLIPSE_95, error_ellipse
 from uavgram.model.arrays import Floats
-from uavgram.model.result.tables import PlanarUncertainty, PointResults
+from uavgram.model.result.tables import HeightSource, PlanarUncertainty, PointResults
+from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.world import World
 
 
@@ -51,7 +52,14 @@ def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
         latitude_deg=latitude,
         longitude_deg=longitude,
         frames=frames,
+        height_source=_height_sources(survey),
     )
+
+
+def _height_sources(survey: Survey) -> tuple[HeightSource, ...]:
+    """Where the height of each point over the ground is from."""
+    stated = np.where(survey.off_ground, "stated", "ground")
+    return tuple(np.where(survey.is_free, "found", stated).tolist())
 
 
 def _in_plane(covariance_m2: Floats) -> PlanarUncertainty:

@@ -1,4 +1,8 @@
-"""The survey as a CAD drawing (DXF R2010, metres): points, lines, real dimensions, ellipses."""
+"""The survey as a CAD drawing (DXF R2010, metres): points, lines, real dimensions, ellipses.
+
+Everything lies at its height; a program that shows plans shows it from above. Measured profiles
+have sheets of their own.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +18,7 @@ from ezdxf.filemanagement import new
 from ezdxf.layouts.layout import Modelspace
 
 from uavgram.geometry.earth.map_projection import map_scale, projected_from_enu
+from uavgram.io.exports.dxf_profiles import draw_profiles
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.layers import HIDDEN, Features, Layer
 
@@ -30,11 +35,24 @@ _LAYERS = {
     "measured_areas": ("MEASURED_AREAS", 134),
     "measured_lines": ("MEASURED_LINES", 134),
     "points": ("POINTS", 7),
+    "off_ground": ("POINTS_OFF_GROUND", 1),
+    "verticals": ("HEIGHTS", 1),
 }
 _LABELS, _DIMENSIONS, _NOTES = "LABELS", "DIMENSIONS", "NOTES"
 _UNITS = {"m": "m", "m2": "m²", "m3": "m³", "deg": "°", "m/s": "m/s"}
+_UPRIGHT = {"height", "vertical_distance"}
+"""Kinds of measurement that have no length in a plan."""
+_NOT_IN_SPACE = {*_UPRIGHT, "horizontal_distance", "profile"}
+_IN_SPACE = " (3-D)"
+"""After a length to or from a point off the ground: seen from above it is shorter."""
 _DOUBT = " ?"
 """After a value that is another one in another solution that fits as well."""
+
+_POINT_NUMBERS = (
+    *("sigma_east_m", "sigma_north_m", "sigma_up_m"),
+    *("height_above_ground_m", "height_sigma_m"),
+)
+"""What the block of a point carries, beside its label."""
 
 _TEXT_SHARE = 1 / 80  # of the drawing's extent is the height of its letters
 
@@ -85,6 +103,7 @@ def _write(features: Features, path: Path, place: Place, note: str) -> None:
     _dimension_style(document, text_m)
     for layer in features.layers:
         _draw(sheet, layer)
+    draw_profiles(document, features.profiles, _below(sheet, features), text_m)
     _note(sheet, features, note)
     _look_at_points(sheet, features)
     document.saveas(path)
@@ -117,7 +136,7 @@ def _point_block(document: Drawing, text_m: float) -> None:
     half = 0.4 * text_m
     block.add_line((-half, 0), (half, 0))
     block.add_line((0, -half), (0, half))
-    for row, tag in enumerate(("LABEL", "SIGMA_EAST_M", "SIGMA_NORTH_M")):
+    for row, tag in enumerate(("LABEL", *(key.upper() for key in _POINT_NUMBERS))):
         attribute = block.add_attdef(
             tag,
             (half, half - 1.3 * row * text_m),
@@ -163,21 +182,34 @@ def _points(sheet: _Sheet, layer: Layer, name: str) -> None:
     if not len(layer):
         return
     placed = sheet.place(np.concatenate(layer.vertices_m)).tolist()
-    keys = ("label", "sigma_east_m", "sigma_north_m")
-    rows = zip(placed, *(layer.attributes[key] for key in keys), strict=True)
-    for place, label, east, north in rows:
-        insert = sheet.space.add_blockref(POINT_BLOCK, tuple(place), dxfattribs={"layer": name})
-        insert.add_auto_attribs(
-            {
-                "LABEL": str(label),
-                "SIGMA_EAST_M": f"{float(east):.4f}",
-                "SIGMA_NORTH_M": f"{float(north):.4f}",
-            }
-        )
-        beside = (place[0] + 0.4 * sheet.text_m, place[1] + 0.4 * sheet.text_m)
-        sheet.space.add_text(
-            str(label), height=sheet.text_m, dxfattribs={"layer": _LABELS, "insert": beside}
-        )
+    for row, place in enumerate(placed):
+        one = {key: values[row] for key, values in layer.attributes.items()}
+        off = one["height_source"] in {"stated", "found"}
+        own = _LAYERS["off_ground"][0] if off else name
+        insert = sheet.space.add_blockref(POINT_BLOCK, tuple(place), dxfattribs={"layer": own})
+        numbers = {key.upper(): _decimals(one[key]) for key in _POINT_NUMBERS}
+        insert.add_auto_attribs({"LABEL": str(one["label"]), **numbers})
+        _beside(sheet, place, str(one["label"]), _LABELS, 0.4)
+        if off:
+            _beside(sheet, place, _height_text(one), _LAYERS["verticals"][0], -1.3)
+
+
+def _beside(sheet: _Sheet, place: list[float], text: str, layer: str, rows: float) -> None:
+    """A text to the right of a point, so many rows above it."""
+    insert = (place[0] + 0.4 * sheet.text_m, place[1] + rows * sheet.text_m, place[2])
+    sheet.space.add_text(text, height=sheet.text_m, dxfattribs={"layer": layer, "insert": insert})
+
+
+def _decimals(value: object) -> str:
+    """A number to tenths of a millimetre; empty where there is none."""
+    number = float(str(value))
+    return f"{number:.4f}" if np.isfinite(number) else ""
+
+
+def _height_text(one: dict[str, str | float]) -> str:
+    """How high a point stands over the ground, and how well that is known."""
+    height, sigma = float(one["height_above_ground_m"]), float(one["height_sigma_m"])
+    return f"{height:+.3f} " + (f"±{sigma:.3f}" if sigma > 0 else "stated")
 
 
 def _footprints(sheet: _Sheet, layer: Layer, name: str) -> None:
@@ -222,8 +254,10 @@ def _values(sheet: _Sheet, layer: Layer) -> None:
         one = {key: values[row] for key, values in layer.attributes.items()}
         unit = str(one.get("unit", "m"))
         text = _value_text(one[value], one[sigma], unit)
+        if not is_known and layer.above_ground_m and layer.above_ground_m[row].any():
+            text += "" if one["kind"] in _NOT_IN_SPACE or unit != "m" else _IN_SPACE
         text += _DOUBT if one.get("alternatives") else ""
-        if len(strip) == 2 and unit == "m":
+        if len(strip) == 2 and unit == "m" and one.get("kind") not in _UPRIGHT:
             _dimension(sheet, strip, _LAYERS[layer.name][0] if is_known else _DIMENSIONS, text)
         elif len(strip):
             middle = sheet.place(strip.mean(axis=0, keepdims=True))[0]
@@ -235,10 +269,12 @@ def _value_text(value: object, sigma: object, unit: str) -> str:
 
 
 def _dimension(sheet: _Sheet, ends: Floats, layer: str, text: str) -> None:
-    start, end = sheet.place(ends)[:, :2]
+    """Seen from above, at the height of the middle."""
+    placed = sheet.place(ends)
+    start, end = placed[:, :2]
     if np.linalg.norm(end - start) < 1e-6:
         return
-    sheet.space.add_aligned_dim(
+    drawn = sheet.space.add_aligned_dim(
         p1=tuple(start),
         p2=tuple(end),
         distance=2.5 * sheet.text_m,
@@ -246,6 +282,7 @@ def _dimension(sheet: _Sheet, ends: Floats, layer: str, text: str) -> None:
         dimstyle="UAVGRAM",
         dxfattribs={"layer": layer},
     ).render()
+    drawn.dimension.translate(0.0, 0.0, float(placed[:, 2].mean()))
 
 
 def _text(sheet: _Sheet, at: Floats, text: str, layer: str) -> None:
@@ -254,15 +291,20 @@ def _text(sheet: _Sheet, at: Floats, text: str, layer: str) -> None:
     )
 
 
-def _note(sheet: _Sheet, features: Features, note: str) -> None:
+def _below(sheet: _Sheet, features: Features) -> tuple[float, float]:
+    """Where the notes begin: below all points, to the left."""
     vertices = features.layer("points").vertices_m
-    if not vertices:
+    low = np.concatenate(vertices).min(axis=0, keepdims=True) if vertices else np.zeros((1, 3))
+    east, north, _ = sheet.place(low)[0].tolist()
+    return east, north - 6.0 * sheet.text_m
+
+
+def _note(sheet: _Sheet, features: Features, note: str) -> None:
+    if not len(features.layer("points")):
         return
     layers = (features.layer(name) for name in ("measured_areas", "measured_lines"))
     if any(any(layer.attributes["alternatives"]) for layer in layers):
         note += f";{_DOUBT} = other solutions fit as well and give other values, see the report"
-    low = np.concatenate(vertices).min(axis=0, keepdims=True)
-    corner = sheet.place(low)[0] - np.array([0.0, 6.0 * sheet.text_m, 0.0])
     sheet.space.add_text(
         f"{features.name}: {note}", height=sheet.text_m, dxfattribs={"layer": _NOTES}
-    ).set_placement((corner[0], corner[1]))
+    ).set_placement(_below(sheet, features))
