@@ -6,8 +6,6 @@ have sheets of their own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,30 +13,15 @@ from ezdxf import const, units
 from ezdxf.document import Drawing
 from ezdxf.enums import TextEntityAlignment
 from ezdxf.filemanagement import new
-from ezdxf.layouts.layout import Modelspace
 
 from uavgram.geometry.earth.map_projection import map_scale, projected_from_enu
+from uavgram.io.exports.dxf_points import add_point_block, draw_points
 from uavgram.io.exports.dxf_profiles import draw_profiles
+from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Place, Sheet
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.layers import HIDDEN, Features, Layer
 
-Place = Callable[[Floats], Floats]
-
-POINT_BLOCK = "SURVEY_POINT"
-# Name in the drawing, and colour of AutoCAD's index.
-_LAYERS = {
-    "footprints": ("PHOTO_FOOTPRINTS", 252),
-    "camera_poses": ("CAMERAS", 5),
-    "ellipses_95": ("ELLIPSES_95", 30),
-    "ellipses_95_within_survey": ("ELLIPSES_95_WITHIN_SURVEY", 40),
-    "known_lengths": ("KNOWN_LENGTHS", 6),
-    "measured_areas": ("MEASURED_AREAS", 134),
-    "measured_lines": ("MEASURED_LINES", 134),
-    "points": ("POINTS", 7),
-    "off_ground": ("POINTS_OFF_GROUND", 1),
-    "verticals": ("HEIGHTS", 1),
-}
-_LABELS, _DIMENSIONS, _NOTES = "LABELS", "DIMENSIONS", "NOTES"
+_DIMENSIONS, _NOTES = "DIMENSIONS", "NOTES"
 _UNITS = {"m": "m", "m2": "m²", "m3": "m³", "deg": "°", "m/s": "m/s"}
 _UPRIGHT = {"height", "vertical_distance"}
 """Kinds of measurement that have no length in a plan."""
@@ -48,23 +31,7 @@ _IN_SPACE = " (3-D)"
 _DOUBT = " ?"
 """After a value that is another one in another solution that fits as well."""
 
-_POINT_NUMBERS = (
-    *("sigma_east_m", "sigma_north_m", "sigma_up_m"),
-    *("height_above_ground_m", "height_sigma_m"),
-)
-"""What the block of a point carries, beside its label."""
-
 _TEXT_SHARE = 1 / 80  # of the drawing's extent is the height of its letters
-
-
-@dataclass(frozen=True)
-class _Sheet:
-    """A drawing under way: where local metres go, and the height of letters [m]."""
-
-    document: Drawing
-    space: Modelspace
-    place: Place
-    text_m: float
 
 
 def write_local_dxf(features: Features, path: Path) -> None:
@@ -93,13 +60,13 @@ def write_map_dxf(features: Features, path: Path) -> None:
 
 def _write(features: Features, path: Path, place: Place, note: str) -> None:
     document = new("R2010", setup=["linetypes", "styles"], units=units.M)
-    for name, colour in (*_LAYERS.values(), (_LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
+    for name, colour in (*LAYERS.values(), (LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
         document.layers.add(name, color=colour)
     for hidden in HIDDEN:
-        document.layers.get(_LAYERS[hidden][0]).freeze()  # some programs do not know "off"
+        document.layers.get(LAYERS[hidden][0]).freeze()  # some programs do not know "off"
     text_m = _text_height(features)
-    sheet = _Sheet(document, document.modelspace(), place, text_m)
-    _point_block(document, text_m)
+    sheet = Sheet(document, document.modelspace(), place, text_m)
+    add_point_block(document, text_m)
     _dimension_style(document, text_m)
     for layer in features.layers:
         _draw(sheet, layer)
@@ -109,7 +76,7 @@ def _write(features: Features, path: Path, place: Place, note: str) -> None:
     document.saveas(path)
 
 
-def _look_at_points(sheet: _Sheet, features: Features) -> None:
+def _look_at_points(sheet: Sheet, features: Features) -> None:
     """What a program shows first: all points, with their dimensions."""
     vertices = features.layer("points").vertices_m
     if not vertices:
@@ -130,21 +97,6 @@ def _text_height(features: Features) -> float:
     return max(float(np.ptp(corners, axis=0).max()) * _TEXT_SHARE, 0.01)
 
 
-def _point_block(document: Drawing, text_m: float) -> None:
-    """A cross; label and standard deviations are hidden attributes, for some programs draw none."""
-    block = document.blocks.new(POINT_BLOCK)
-    half = 0.4 * text_m
-    block.add_line((-half, 0), (half, 0))
-    block.add_line((0, -half), (0, half))
-    for row, tag in enumerate(("LABEL", *(key.upper() for key in _POINT_NUMBERS))):
-        attribute = block.add_attdef(
-            tag,
-            (half, half - 1.3 * row * text_m),
-            dxfattribs={"height": text_m, "layer": _LABELS, "flags": const.ATTRIB_INVISIBLE},
-        )
-        attribute.dxf.prompt = tag
-
-
 def _dimension_style(document: Drawing, text_m: float) -> None:
     style = document.dimstyles.duplicate_entry("Standard", "UAVGRAM")
     sizes = {"dimtxt": 1.0, "dimasz": 0.8, "dimexe": 0.3, "dimexo": 0.3, "dimgap": 0.3}
@@ -156,12 +108,12 @@ def _dimension_style(document: Drawing, text_m: float) -> None:
     style.dxf.dimclrd = style.dxf.dimclre = style.dxf.dimclrt = const.BYLAYER
 
 
-def _draw(sheet: _Sheet, layer: Layer) -> None:
-    name = _LAYERS[layer.name][0]
+def _draw(sheet: Sheet, layer: Layer) -> None:
+    name = LAYERS[layer.name][0]
     if layer.name.startswith("ellipses"):
         _ellipses(sheet, layer, name)
     elif layer.name == "points":
-        _points(sheet, layer, name)
+        draw_points(sheet, layer)
     elif layer.name == "footprints":
         _footprints(sheet, layer, name)
     elif layer.kind == "point":
@@ -178,41 +130,7 @@ def _draw(sheet: _Sheet, layer: Layer) -> None:
         _values(sheet, layer)
 
 
-def _points(sheet: _Sheet, layer: Layer, name: str) -> None:
-    if not len(layer):
-        return
-    placed = sheet.place(np.concatenate(layer.vertices_m)).tolist()
-    for row, place in enumerate(placed):
-        one = {key: values[row] for key, values in layer.attributes.items()}
-        off = one["height_source"] in {"stated", "found"}
-        own = _LAYERS["off_ground"][0] if off else name
-        insert = sheet.space.add_blockref(POINT_BLOCK, tuple(place), dxfattribs={"layer": own})
-        numbers = {key.upper(): _decimals(one[key]) for key in _POINT_NUMBERS}
-        insert.add_auto_attribs({"LABEL": str(one["label"]), **numbers})
-        _beside(sheet, place, str(one["label"]), _LABELS, 0.4)
-        if off:
-            _beside(sheet, place, _height_text(one), _LAYERS["verticals"][0], -1.3)
-
-
-def _beside(sheet: _Sheet, place: list[float], text: str, layer: str, rows: float) -> None:
-    """A text to the right of a point, so many rows above it."""
-    insert = (place[0] + 0.4 * sheet.text_m, place[1] + rows * sheet.text_m, place[2])
-    sheet.space.add_text(text, height=sheet.text_m, dxfattribs={"layer": layer, "insert": insert})
-
-
-def _decimals(value: object) -> str:
-    """A number to tenths of a millimetre; empty where there is none."""
-    number = float(str(value))
-    return f"{number:.4f}" if np.isfinite(number) else ""
-
-
-def _height_text(one: dict[str, str | float]) -> str:
-    """How high a point stands over the ground, and how well that is known."""
-    height, sigma = float(one["height_above_ground_m"]), float(one["height_sigma_m"])
-    return f"{height:+.3f} " + (f"±{sigma:.3f}" if sigma > 0 else "stated")
-
-
-def _footprints(sheet: _Sheet, layer: Layer, name: str) -> None:
+def _footprints(sheet: Sheet, layer: Layer, name: str) -> None:
     """Level outlines at their middle height: background, which may be large."""
     for ring in layer.vertices_m:
         placed = sheet.place(ring)
@@ -223,7 +141,7 @@ def _footprints(sheet: _Sheet, layer: Layer, name: str) -> None:
         )
 
 
-def _ellipses(sheet: _Sheet, layer: Layer, name: str) -> None:
+def _ellipses(sheet: Sheet, layer: Layer, name: str) -> None:
     """True ellipses; their axes turn and stretch with the map."""
     if not len(layer):
         return
@@ -244,7 +162,7 @@ def _ellipses(sheet: _Sheet, layer: Layer, name: str) -> None:
         )
 
 
-def _values(sheet: _Sheet, layer: Layer) -> None:
+def _values(sheet: Sheet, layer: Layer) -> None:
     """Dimensions on two-point distances, a text on everything else that has a value."""
     is_known = layer.name == "known_lengths"
     if not is_known and not layer.name.startswith("measured"):
@@ -258,7 +176,7 @@ def _values(sheet: _Sheet, layer: Layer) -> None:
             text += "" if one["kind"] in _NOT_IN_SPACE or unit != "m" else _IN_SPACE
         text += _DOUBT if one.get("alternatives") else ""
         if len(strip) == 2 and unit == "m" and one.get("kind") not in _UPRIGHT:
-            _dimension(sheet, strip, _LAYERS[layer.name][0] if is_known else _DIMENSIONS, text)
+            _dimension(sheet, strip, LAYERS[layer.name][0] if is_known else _DIMENSIONS, text)
         elif len(strip):
             middle = sheet.place(strip.mean(axis=0, keepdims=True))[0]
             _text(sheet, middle, f"{one['name']}: {text}", _DIMENSIONS)
@@ -268,7 +186,7 @@ def _value_text(value: object, sigma: object, unit: str) -> str:
     return f"{float(str(value)):.3f} ±{float(str(sigma)):.3f} {_UNITS.get(unit, unit)}"
 
 
-def _dimension(sheet: _Sheet, ends: Floats, layer: str, text: str) -> None:
+def _dimension(sheet: Sheet, ends: Floats, layer: str, text: str) -> None:
     """Seen from above, at the height of the middle."""
     placed = sheet.place(ends)
     start, end = placed[:, :2]
@@ -285,13 +203,13 @@ def _dimension(sheet: _Sheet, ends: Floats, layer: str, text: str) -> None:
     drawn.dimension.translate(0.0, 0.0, float(placed[:, 2].mean()))
 
 
-def _text(sheet: _Sheet, at: Floats, text: str, layer: str) -> None:
+def _text(sheet: Sheet, at: Floats, text: str, layer: str) -> None:
     sheet.space.add_text(text, height=sheet.text_m, dxfattribs={"layer": layer}).set_placement(
         tuple(at), align=TextEntityAlignment.MIDDLE_CENTER
     )
 
 
-def _below(sheet: _Sheet, features: Features) -> tuple[float, float]:
+def _below(sheet: Sheet, features: Features) -> tuple[float, float]:
     """Where the notes begin: below all points, to the left."""
     vertices = features.layer("points").vertices_m
     low = np.concatenate(vertices).min(axis=0, keepdims=True) if vertices else np.zeros((1, 3))
@@ -299,9 +217,11 @@ def _below(sheet: _Sheet, features: Features) -> tuple[float, float]:
     return east, north - 6.0 * sheet.text_m
 
 
-def _note(sheet: _Sheet, features: Features, note: str) -> None:
+def _note(sheet: Sheet, features: Features, note: str) -> None:
     if not len(features.layer("points")):
         return
+    if any(layer.name == "verticals" for layer in features.layers):
+        note += "; red: points off the ground, and their heights over it"
     layers = (features.layer(name) for name in ("measured_areas", "measured_lines"))
     if any(any(layer.attributes["alternatives"]) for layer in layers):
         note += f";{_DOUBT} = other solutions fit as well and give other values, see the report"

@@ -23,11 +23,11 @@ _AXES, _TEXTS = ("PROFILE_AXES", 8), ("PROFILE_TEXTS", 7)
 _LINE, _GROUND, _INTERVALS = ("PROFILE_POINTS", 5), ("PROFILE_GROUND", 34), ("PROFILE_95", 30)
 _LAYERS = (_AXES, _TEXTS, _LINE, _GROUND, _INTERVALS)
 
-_TEXT_SHARE = 1 / 90  # of a profile's length is the height of its letters
+_TEXT_SHARE = 1 / 110  # of a profile's length is the height of its letters
 _PAPER_MM, _MARGIN_MM = (420.0, 297.0), 20.0  # A3
 _SCALES = (1, 2, 5, 10, 20, 25, 50, 100, 200, 250, 500)  # and tens of these
 _ROWS = ("point", "station", "height", "± 1 sigma", "ground", "± 1 sigma")
-_ROW_SHARE = 8.0  # of the letters is the height of a row: its numbers stand upright
+_ROW_SHARE = 6.0  # of the letters is the height of a row: its numbers stand upright
 
 
 def draw_profiles(
