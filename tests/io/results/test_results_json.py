@@ -126,6 +126,7 @@ def test_the_keys_of_the_contract_are_there(sample_result: Result) -> None:
         "height_datum": "msl",
         "gauge": "world",
         "crs": None,
+        "undulation_m": None,
     }
     assert {"offset_s", "sigma_s"} <= set(content["clock"])
     shared = content["shared"]

@@ -1,9 +1,11 @@
-"""The survey as a CAD drawing (DXF R2010, metres): points, lines, real dimensions, ellipses."""
+"""The survey as a CAD drawing (DXF R2010, metres): points, lines, real dimensions, ellipses.
+
+Everything lies at its height; a program that shows plans shows it from above. Measured profiles
+have sheets of their own.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,42 +13,25 @@ from ezdxf import const, units
 from ezdxf.document import Drawing
 from ezdxf.enums import TextEntityAlignment
 from ezdxf.filemanagement import new
-from ezdxf.layouts.layout import Modelspace
 
 from uavgram.geometry.earth.map_projection import map_scale, projected_from_enu
+from uavgram.io.exports.dxf_points import add_point_block, draw_points
+from uavgram.io.exports.dxf_profiles import draw_profiles
+from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Place, Sheet
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.layers import HIDDEN, Features, Layer
 
-Place = Callable[[Floats], Floats]
-
-POINT_BLOCK = "SURVEY_POINT"
-# Name in the drawing, and colour of AutoCAD's index.
-_LAYERS = {
-    "footprints": ("PHOTO_FOOTPRINTS", 252),
-    "camera_poses": ("CAMERAS", 5),
-    "ellipses_95": ("ELLIPSES_95", 30),
-    "ellipses_95_within_survey": ("ELLIPSES_95_WITHIN_SURVEY", 40),
-    "known_lengths": ("KNOWN_LENGTHS", 6),
-    "measured_areas": ("MEASURED_AREAS", 134),
-    "measured_lines": ("MEASURED_LINES", 134),
-    "points": ("POINTS", 7),
-}
-_LABELS, _DIMENSIONS, _NOTES = "LABELS", "DIMENSIONS", "NOTES"
+_DIMENSIONS, _NOTES = "DIMENSIONS", "NOTES"
 _UNITS = {"m": "m", "m2": "m²", "m3": "m³", "deg": "°", "m/s": "m/s"}
+_UPRIGHT = {"height", "vertical_distance"}
+"""Kinds of measurement that have no length in a plan."""
+_NOT_IN_SPACE = {*_UPRIGHT, "horizontal_distance", "profile"}
+_IN_SPACE = " (3-D)"
+"""After a length to or from a point off the ground: seen from above it is shorter."""
 _DOUBT = " ?"
 """After a value that is another one in another solution that fits as well."""
 
 _TEXT_SHARE = 1 / 80  # of the drawing's extent is the height of its letters
-
-
-@dataclass(frozen=True)
-class _Sheet:
-    """A drawing under way: where local metres go, and the height of letters [m]."""
-
-    document: Drawing
-    space: Modelspace
-    place: Place
-    text_m: float
 
 
 def write_local_dxf(features: Features, path: Path) -> None:
@@ -75,22 +60,23 @@ def write_map_dxf(features: Features, path: Path) -> None:
 
 def _write(features: Features, path: Path, place: Place, note: str) -> None:
     document = new("R2010", setup=["linetypes", "styles"], units=units.M)
-    for name, colour in (*_LAYERS.values(), (_LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
+    for name, colour in (*LAYERS.values(), (LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
         document.layers.add(name, color=colour)
     for hidden in HIDDEN:
-        document.layers.get(_LAYERS[hidden][0]).freeze()  # some programs do not know "off"
+        document.layers.get(LAYERS[hidden][0]).freeze()  # some programs do not know "off"
     text_m = _text_height(features)
-    sheet = _Sheet(document, document.modelspace(), place, text_m)
-    _point_block(document, text_m)
+    sheet = Sheet(document, document.modelspace(), place, text_m)
+    add_point_block(document, text_m)
     _dimension_style(document, text_m)
     for layer in features.layers:
         _draw(sheet, layer)
+    draw_profiles(document, features.profiles, _below(sheet, features), text_m)
     _note(sheet, features, note)
     _look_at_points(sheet, features)
     document.saveas(path)
 
 
-def _look_at_points(sheet: _Sheet, features: Features) -> None:
+def _look_at_points(sheet: Sheet, features: Features) -> None:
     """What a program shows first: all points, with their dimensions."""
     vertices = features.layer("points").vertices_m
     if not vertices:
@@ -111,21 +97,6 @@ def _text_height(features: Features) -> float:
     return max(float(np.ptp(corners, axis=0).max()) * _TEXT_SHARE, 0.01)
 
 
-def _point_block(document: Drawing, text_m: float) -> None:
-    """A cross; label and standard deviations are hidden attributes, for some programs draw none."""
-    block = document.blocks.new(POINT_BLOCK)
-    half = 0.4 * text_m
-    block.add_line((-half, 0), (half, 0))
-    block.add_line((0, -half), (0, half))
-    for row, tag in enumerate(("LABEL", "SIGMA_EAST_M", "SIGMA_NORTH_M")):
-        attribute = block.add_attdef(
-            tag,
-            (half, half - 1.3 * row * text_m),
-            dxfattribs={"height": text_m, "layer": _LABELS, "flags": const.ATTRIB_INVISIBLE},
-        )
-        attribute.dxf.prompt = tag
-
-
 def _dimension_style(document: Drawing, text_m: float) -> None:
     style = document.dimstyles.duplicate_entry("Standard", "UAVGRAM")
     sizes = {"dimtxt": 1.0, "dimasz": 0.8, "dimexe": 0.3, "dimexo": 0.3, "dimgap": 0.3}
@@ -137,12 +108,12 @@ def _dimension_style(document: Drawing, text_m: float) -> None:
     style.dxf.dimclrd = style.dxf.dimclre = style.dxf.dimclrt = const.BYLAYER
 
 
-def _draw(sheet: _Sheet, layer: Layer) -> None:
-    name = _LAYERS[layer.name][0]
+def _draw(sheet: Sheet, layer: Layer) -> None:
+    name = LAYERS[layer.name][0]
     if layer.name.startswith("ellipses"):
         _ellipses(sheet, layer, name)
     elif layer.name == "points":
-        _points(sheet, layer, name)
+        draw_points(sheet, layer)
     elif layer.name == "footprints":
         _footprints(sheet, layer, name)
     elif layer.kind == "point":
@@ -159,28 +130,7 @@ def _draw(sheet: _Sheet, layer: Layer) -> None:
         _values(sheet, layer)
 
 
-def _points(sheet: _Sheet, layer: Layer, name: str) -> None:
-    if not len(layer):
-        return
-    placed = sheet.place(np.concatenate(layer.vertices_m)).tolist()
-    keys = ("label", "sigma_east_m", "sigma_north_m")
-    rows = zip(placed, *(layer.attributes[key] for key in keys), strict=True)
-    for place, label, east, north in rows:
-        insert = sheet.space.add_blockref(POINT_BLOCK, tuple(place), dxfattribs={"layer": name})
-        insert.add_auto_attribs(
-            {
-                "LABEL": str(label),
-                "SIGMA_EAST_M": f"{float(east):.4f}",
-                "SIGMA_NORTH_M": f"{float(north):.4f}",
-            }
-        )
-        beside = (place[0] + 0.4 * sheet.text_m, place[1] + 0.4 * sheet.text_m)
-        sheet.space.add_text(
-            str(label), height=sheet.text_m, dxfattribs={"layer": _LABELS, "insert": beside}
-        )
-
-
-def _footprints(sheet: _Sheet, layer: Layer, name: str) -> None:
+def _footprints(sheet: Sheet, layer: Layer, name: str) -> None:
     """Level outlines at their middle height: background, which may be large."""
     for ring in layer.vertices_m:
         placed = sheet.place(ring)
@@ -191,7 +141,7 @@ def _footprints(sheet: _Sheet, layer: Layer, name: str) -> None:
         )
 
 
-def _ellipses(sheet: _Sheet, layer: Layer, name: str) -> None:
+def _ellipses(sheet: Sheet, layer: Layer, name: str) -> None:
     """True ellipses; their axes turn and stretch with the map."""
     if not len(layer):
         return
@@ -212,7 +162,7 @@ def _ellipses(sheet: _Sheet, layer: Layer, name: str) -> None:
         )
 
 
-def _values(sheet: _Sheet, layer: Layer) -> None:
+def _values(sheet: Sheet, layer: Layer) -> None:
     """Dimensions on two-point distances, a text on everything else that has a value."""
     is_known = layer.name == "known_lengths"
     if not is_known and not layer.name.startswith("measured"):
@@ -222,9 +172,11 @@ def _values(sheet: _Sheet, layer: Layer) -> None:
         one = {key: values[row] for key, values in layer.attributes.items()}
         unit = str(one.get("unit", "m"))
         text = _value_text(one[value], one[sigma], unit)
+        if not is_known and layer.above_ground_m and layer.above_ground_m[row].any():
+            text += "" if one["kind"] in _NOT_IN_SPACE or unit != "m" else _IN_SPACE
         text += _DOUBT if one.get("alternatives") else ""
-        if len(strip) == 2 and unit == "m":
-            _dimension(sheet, strip, _LAYERS[layer.name][0] if is_known else _DIMENSIONS, text)
+        if len(strip) == 2 and unit == "m" and one.get("kind") not in _UPRIGHT:
+            _dimension(sheet, strip, LAYERS[layer.name][0] if is_known else _DIMENSIONS, text)
         elif len(strip):
             middle = sheet.place(strip.mean(axis=0, keepdims=True))[0]
             _text(sheet, middle, f"{one['name']}: {text}", _DIMENSIONS)
@@ -234,11 +186,13 @@ def _value_text(value: object, sigma: object, unit: str) -> str:
     return f"{float(str(value)):.3f} ±{float(str(sigma)):.3f} {_UNITS.get(unit, unit)}"
 
 
-def _dimension(sheet: _Sheet, ends: Floats, layer: str, text: str) -> None:
-    start, end = sheet.place(ends)[:, :2]
+def _dimension(sheet: Sheet, ends: Floats, layer: str, text: str) -> None:
+    """Seen from above, at the height of the middle."""
+    placed = sheet.place(ends)
+    start, end = placed[:, :2]
     if np.linalg.norm(end - start) < 1e-6:
         return
-    sheet.space.add_aligned_dim(
+    drawn = sheet.space.add_aligned_dim(
         p1=tuple(start),
         p2=tuple(end),
         distance=2.5 * sheet.text_m,
@@ -246,23 +200,31 @@ def _dimension(sheet: _Sheet, ends: Floats, layer: str, text: str) -> None:
         dimstyle="UAVGRAM",
         dxfattribs={"layer": layer},
     ).render()
+    drawn.dimension.translate(0.0, 0.0, float(placed[:, 2].mean()))
 
 
-def _text(sheet: _Sheet, at: Floats, text: str, layer: str) -> None:
+def _text(sheet: Sheet, at: Floats, text: str, layer: str) -> None:
     sheet.space.add_text(text, height=sheet.text_m, dxfattribs={"layer": layer}).set_placement(
         tuple(at), align=TextEntityAlignment.MIDDLE_CENTER
     )
 
 
-def _note(sheet: _Sheet, features: Features, note: str) -> None:
+def _below(sheet: Sheet, features: Features) -> tuple[float, float]:
+    """Where the notes begin: below all points, to the left."""
     vertices = features.layer("points").vertices_m
-    if not vertices:
+    low = np.concatenate(vertices).min(axis=0, keepdims=True) if vertices else np.zeros((1, 3))
+    east, north, _ = sheet.place(low)[0].tolist()
+    return east, north - 6.0 * sheet.text_m
+
+
+def _note(sheet: Sheet, features: Features, note: str) -> None:
+    if not len(features.layer("points")):
         return
+    if any(layer.name == "verticals" for layer in features.layers):
+        note += "; red: points off the ground, and their heights over it"
     layers = (features.layer(name) for name in ("measured_areas", "measured_lines"))
     if any(any(layer.attributes["alternatives"]) for layer in layers):
         note += f";{_DOUBT} = other solutions fit as well and give other values, see the report"
-    low = np.concatenate(vertices).min(axis=0, keepdims=True)
-    corner = sheet.place(low)[0] - np.array([0.0, 6.0 * sheet.text_m, 0.0])
     sheet.space.add_text(
         f"{features.name}: {note}", height=sheet.text_m, dxfattribs={"layer": _NOTES}
-    ).set_placement((corner[0], corner[1]))
+    ).set_placement(_below(sheet, features))

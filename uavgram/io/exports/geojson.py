@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 from pyproj import Geod
 
+from uavgram.geometry.earth.geodesy import EARTH_RADIUS_M, geodetic_from_enu
 from uavgram.io.outputs import replace_text
 from uavgram.io.results.codec import Record, records
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults, PointResults
+from uavgram.model.survey.world import World
 
 Geometry = Record | None
 
@@ -36,6 +38,12 @@ _NO_PLACE = (
     "log), so it cannot be drawn on a map. The local coordinates are in results.json."
 )
 
+_NO_ELLIPSOID = (
+    "Heights are known above mean sea level only, and positions in GeoJSON take heights above the "
+    "WGS 84 ellipsoid (RFC 7946): so they have none here. height_m of each point is its height "
+    "above mean sea level; survey.gpkg has it as the third coordinate."
+)
+
 
 def write_geojson(result: Result, path: str | Path) -> None:
     """Write points.geojson.
@@ -49,18 +57,23 @@ def write_geojson(result: Result, path: str | Path) -> None:
 
 
 def dump_geojson(result: Result) -> str:
-    """Write ground points, ellipses and measurements as a FeatureCollection, one feature a line.
+    """Write points, ellipses and measurements as a FeatureCollection, one feature a line.
 
-    Positions are [longitude, latitude] in degrees. They have no third number, because RFC 7946
-    wants a height above the ellipsoid there; `up_m` is a property.
+    Positions are longitude and latitude [deg], and the height above the WGS 84 ellipsoid [m] as
+    the third number (RFC 7946, 3.1.1). Where only heights above sea level are known, a third number
+    would be wrong by up to a hundred metres: positions then have none, and ``message`` says why.
+    `height_m` and `height_datum` are properties of each point in any case.
     """
     members: Record = {"type": "FeatureCollection", "name": result.name}
     features: list[Record] = []
     if result.world.gauge == "plane" or result.world.origin is None:
         members["message"] = _NO_PLACE
     else:
-        features = _points(result.points) + _ellipses(result.points)
-        features += _measurements(result.measurements, result.points)
+        place = _places(result.points, result.world)
+        if place.shape[1] < 3:
+            members["message"] = _NO_ELLIPSOID
+        features = _points(result, place) + _ellipses(result.points, place)
+        features += _measurements(result.measurements, result.points, place)
     head = json.dumps(members, ensure_ascii=False, allow_nan=False)[:-1]
     lines = (json.dumps(f, ensure_ascii=False, allow_nan=False) for f in features)
     body = "\n" + ",\n".join(lines) + "\n" if features else ""
@@ -75,12 +88,13 @@ def _features(what: str, geometries: Iterable[Geometry], /, **columns: object) -
     ]
 
 
-def _points(points: PointResults) -> list[Record]:
+def _points(result: Result, place: Floats) -> list[Record]:
+    points, world = result.points, result.world
     east_m, north_m, up_m = points.position_world_m.T
     sigma_east_m, sigma_north_m = np.sqrt(np.diagonal(points.covariance_m2, axis1=1, axis2=2)).T
     return _features(
         "point",
-        ({"type": "Point", "coordinates": place} for place in _lonlat(points).tolist()),
+        ({"type": "Point", "coordinates": each} for each in place.tolist()),
         label=points.label,
         east_m=east_m,
         north_m=north_m,
@@ -88,6 +102,13 @@ def _points(points: PointResults) -> list[Record]:
         sigma_east_m=sigma_east_m,
         sigma_north_m=sigma_north_m,
         covariance_m2=points.covariance_m2,
+        sigma_up_m=np.sqrt(points.covariance_m3[:, 2, 2]),
+        covariance_m3=points.covariance_m3,
+        height_above_ground_m=points.height_above_ground_m,
+        height_sigma_m=points.height_sigma_m,
+        height_source=points.height_source,
+        height_m=_heights(points, world),
+        height_datum=(world.height_datum,) * len(place),
         semi_major_95_m=points.ellipse_95_m[:, 0],
         semi_minor_95_m=points.ellipse_95_m[:, 1],
         azimuth_deg=np.rad2deg(points.ellipse_azimuth_rad),
@@ -95,10 +116,14 @@ def _points(points: PointResults) -> list[Record]:
     )
 
 
-def _ellipses(points: PointResults) -> list[Record]:
+def _ellipses(points: PointResults, place: Floats) -> list[Record]:
+    """Level ones, at the heights of their points."""
+    rings = _ellipse_rings(points)
+    heights = np.broadcast_to(place[:, None, 2:], (*rings.shape[:2], place.shape[1] - 2))
+    placed = np.concatenate([rings, heights], axis=2)
     return _features(
         "ellipse_95",
-        ({"type": "Polygon", "coordinates": [ring]} for ring in _ellipse_rings(points).tolist()),
+        ({"type": "Polygon", "coordinates": [ring]} for ring in placed.tolist()),
         label=points.label,
         semi_major_m=points.ellipse_95_m[:, 0],
         semi_minor_m=points.ellipse_95_m[:, 1],
@@ -124,12 +149,14 @@ def _ellipse_rings(points: PointResults) -> Floats:
     return rings
 
 
-def _measurements(measurements: MeasurementResults, points: PointResults) -> list[Record]:
-    place = dict(zip(points.label, _lonlat(points).tolist(), strict=True))
+def _measurements(
+    measurements: MeasurementResults, points: PointResults, place: Floats
+) -> list[Record]:
+    place_of = dict(zip(points.label, place.tolist(), strict=True))
     shapes = zip(measurements.kind, measurements.outlines, strict=True)
     return _features(
         "measurement",
-        (_geometry(kind, [place.get(label) for label in labels]) for kind, labels in shapes),
+        (_geometry(kind, [place_of.get(label) for label in labels]) for kind, labels in shapes),
         name=measurements.name,
         kind=measurements.kind,
         points=measurements.points,
@@ -142,10 +169,10 @@ def _measurements(measurements: MeasurementResults, points: PointResults) -> lis
     )
 
 
-def _geometry(kind: str, lonlat: list[list[float] | None]) -> Geometry:
+def _geometry(kind: str, places: list[list[float] | None]) -> Geometry:
     """Shape of a measurement; None where a point has no position (an "unlocated" feature)."""
-    known = [position for position in lonlat if position is not None]
-    if len(known) < len(lonlat):
+    known = [position for position in places if position is not None]
+    if len(known) < len(places):
         return None
     if kind in {"coordinate", "plane_distance"} or len(known) == 1:
         return {"type": "Point", "coordinates": known[0]}
@@ -159,16 +186,17 @@ def _geometry(kind: str, lonlat: list[list[float] | None]) -> Geometry:
 
 
 def _counterclockwise(ring: list[list[float]]) -> list[list[float]]:
-    x, y = np.array(ring).T - np.array(ring[0])[:, None]
+    x, y = (np.array(ring) - ring[0]).T[:2]
     is_clockwise = float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])) < 0
     return ring[::-1] if is_clockwise else ring
 
 
-def _foot(lonlat: list[list[float]]) -> list[float]:
+def _foot(places: list[list[float]]) -> list[float]:
     """Foot of the perpendicular from the first position on the line through the next two."""
-    point, start, end = np.array(lonlat[:3])
-    # Degrees of longitude are shorter than those of latitude by the cosine of the latitude.
-    scale = np.array([np.cos(np.deg2rad(point[1])), 1.0])
+    point, start, end = np.array(places[:3])
+    # In metres: degrees of longitude are shorter by the cosine of the latitude.
+    degree_m = np.deg2rad(EARTH_RADIUS_M)
+    scale = np.array([np.cos(np.deg2rad(point[1])) * degree_m, degree_m, 1.0])[: len(point)]
     along, to_point = (end - start) * scale, (point - start) * scale
     fraction = float(along @ to_point / (along @ along)) if along.any() else 0.0
     foot: list[float] = (start + fraction * (end - start)).tolist()
@@ -177,3 +205,18 @@ def _foot(lonlat: list[list[float]]) -> list[float]:
 
 def _lonlat(points: PointResults) -> Floats:
     return np.stack([points.longitude_deg, points.latitude_deg], axis=1)
+
+
+def _heights(points: PointResults, world: World) -> Floats:
+    """(K,) above the datum of the world."""
+    if world.origin is None:
+        return np.full(len(points.label), np.nan)
+    return geodetic_from_enu(points.position_world_m, world.origin)[2]
+
+
+def _places(points: PointResults, world: World) -> Floats:
+    """(K, 3) longitude, latitude, height above the ellipsoid; (K, 2) where that is not known."""
+    shift = world.ellipsoid_shift_m
+    if shift is None:
+        return _lonlat(points)
+    return np.column_stack([_lonlat(points), _heights(points, world) + shift])

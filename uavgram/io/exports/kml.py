@@ -28,16 +28,21 @@ _NO_PLACE = "Nothing ties this survey to the earth, so nothing of it can be draw
 
 
 def write_kml(features: Features, path: Path) -> None:
-    """Write all layers as folders; shapes lie on the terrain, cameras at their height above it."""
+    """Write all layers as folders.
+
+    Shapes on the ground lie on the globe's terrain; what stands off it is drawn at its height over
+    the ground above that terrain, points with a line down to it, and cameras at their height.
+    """
     root = Element("kml", xmlns=_NAMESPACE)
     document = SubElement(root, "Document")
     SubElement(document, "name").text = features.name
     if features.origin is None:
         SubElement(document, "description").text = _NO_PLACE
     else:
-        for layer in features.layers:
+        shown = [layer for layer in features.layers if layer.name in _LAYERS]
+        for layer in shown:
             _style(document, layer)
-        for layer in features.layers:
+        for layer in shown:
             _folder(document, layer, features.origin)
     ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
 
@@ -47,11 +52,11 @@ def _style(document: Element, layer: Layer) -> None:
     colour = _LAYERS[layer.name][1]
     if layer.kind == "point":
         SubElement(SubElement(style, "IconStyle"), "color").text = colour
-        return
     line = SubElement(style, "LineStyle")
     SubElement(line, "color").text = colour
     SubElement(line, "width").text = "2"
-    SubElement(SubElement(style, "PolyStyle"), "color").text = "1a" + colour[2:]
+    if layer.kind == "polygon":
+        SubElement(SubElement(style, "PolyStyle"), "color").text = "1a" + colour[2:]
 
 
 def _folder(document: Element, layer: Layer, origin: Origin) -> None:
@@ -83,25 +88,31 @@ def _places(layer: Layer, origin: Origin) -> tuple[Floats, ...]:
 
     def on_globe(enu: Floats) -> Floats:
         latitude, longitude, _ = geodetic_from_enu(enu, origin)
-        above = enu[:, 2] if layer.name == "camera_poses" else np.zeros(len(enu))
-        return np.stack([longitude, latitude, above], axis=1)
+        return np.stack([longitude, latitude, np.zeros(len(enu))], axis=1)
 
-    shapes = layer.vertices_m
+    shapes = placed(layer.vertices_m, on_globe)
+    above = layer.above_ground_m
+    if layer.name == "camera_poses":
+        above = tuple(center[:, 2] for center in layer.vertices_m)
+    if above:
+        shapes = tuple(
+            np.column_stack([shape[:, :2], height])
+            for shape, height in zip(shapes, above, strict=True)
+        )
     if layer.kind == "polygon":
         shapes = tuple(np.concatenate([ring, ring[:1]]) for ring in shapes)
-    return placed(shapes, on_globe)
+    return shapes
 
 
 def _geometry(mark: Element, layer: Layer, places: Floats) -> None:
     text = " ".join(["%.11f,%.11f,%.4f"] * len(places)) % tuple(places.ravel().tolist())
-    if layer.kind == "point":
-        shape = SubElement(mark, "Point")
-        if layer.name == "camera_poses":
-            SubElement(shape, "altitudeMode").text = "relativeToGround"
+    shape = SubElement(mark, {"point": "Point", "line": "LineString"}.get(layer.kind, "Polygon"))
+    if bool(places[:, 2].any()) or layer.name == "camera_poses":
+        if layer.name == "points":  # a line down to the ground
+            SubElement(shape, "extrude").text = "1"
+        SubElement(shape, "altitudeMode").text = "relativeToGround"
     elif layer.kind == "line":
-        shape = SubElement(mark, "LineString")
         SubElement(shape, "tessellate").text = "1"
-    else:
-        outer = SubElement(SubElement(mark, "Polygon"), "outerBoundaryIs")
-        shape = SubElement(outer, "LinearRing")
+    if layer.kind == "polygon":
+        shape = SubElement(SubElement(shape, "outerBoundaryIs"), "LinearRing")
     SubElement(shape, "coordinates").text = text

@@ -193,15 +193,20 @@ def _load_message(record: Record) -> Message:
     return from_record(Message, dict.fromkeys((*SUBJECTS, *NUMBERS), ()) | record, several=None)
 
 
+_EARLIER_WORLD: Record = {"crs": None, "undulation_m": None}
+"""What the world lacks in files of earlier versions."""
+
+
 def _dump_world(world: World) -> Record:
     place = dict.fromkeys(Geodetic._fields) if world.origin is None else world.origin._asdict()
-    return {**place, "height_datum": world.height_datum, "gauge": world.gauge, "crs": world.crs}
+    own = {key: getattr(world, key) for key in ("height_datum", "gauge", "crs", "undulation_m")}
+    return {**place, **own}
 
 
 def _load_world(record: Record) -> World:
     place = decode(tuple[float, ...], [record[key] for key in Geodetic._fields])
     known = np.isfinite(place).all()
-    return from_record(World, {"crs": None} | record, origin=Geodetic(*place) if known else None)
+    return from_record(World, _EARLIER_WORLD | record, origin=Geodetic(*place) if known else None)
 
 
 def dump_inputs(inputs: Iterable[InputDigest]) -> Record:

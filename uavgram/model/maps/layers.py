@@ -10,6 +10,7 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import HeightDatum
+from uavgram.model.maps.profile_sheet import ProfileSheet
 
 ShapeKind = Literal["point", "line", "polygon"]
 Attribute = tuple[str, ...] | tuple[float, ...]
@@ -34,12 +35,15 @@ class Layer:
         counterclockwise seen from above; v = 0 where a shape has no place.
     attributes
         Name to N values: text or numbers, NaN where there is none. Names carry the unit.
+    above_ground_m
+        N arrays (v,) of how high each vertex stands over the ground; left out where all lie on it.
     """
 
     name: str
     kind: ShapeKind
     vertices_m: tuple[Floats, ...]
     attributes: dict[str, Attribute]
+    above_ground_m: tuple[Floats, ...] = ()
 
     def __post_init__(self) -> None:
         count = len(self.vertices_m)
@@ -81,6 +85,8 @@ class Features:
         What the origin's height is above.
     crs
         Projected coordinate system for maps, such as ``EPSG:32756``; None without an origin.
+    profiles
+        Drawings of the measured profiles.
     """
 
     name: str
@@ -88,6 +94,7 @@ class Features:
     origin: tuple[float, float, float] | None
     height_datum: HeightDatum
     crs: str | None
+    profiles: tuple[ProfileSheet, ...] = ()
 
     def layer(self, name: str) -> Layer:
         """Return the layer of that name."""

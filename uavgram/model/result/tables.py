@@ -113,6 +113,7 @@ class PointResults(FrozenArrays):
     height_source
         (K,) where the height is from: the ``ground``, ``stated``, ``free`` as someone said, or
         ``found`` by the adjustment though nobody said so; empty in results of earlier versions.
+        Left out, what heights and sigmas tell.
     latitude_deg, longitude_deg
         (K,) NaN with gauge ``plane``.
     frames
@@ -137,13 +138,17 @@ class PointResults(FrozenArrays):
 
     def __post_init__(self) -> None:
         if not self.height_source:
-            object.__setattr__(self, "height_source", ("",) * len(self.label))
+            told = np.isfinite(self.height_above_ground_m)
+            off = np.where(self.height_sigma_m > 0, "free", "stated")
+            words = np.where(self.is_off_ground, off, np.where(told, "ground", ""))
+            object.__setattr__(self, "height_source", tuple(words.tolist()))
         super().__post_init__()
 
     @property
     def is_off_ground(self) -> Bools:
         """(K,) whether a point stands off the ground."""
-        return np.asarray((self.height_above_ground_m != 0) | (self.height_sigma_m > 0))
+        height, sigma = self.height_above_ground_m, self.height_sigma_m
+        return np.asarray((np.nan_to_num(height) != 0) | (sigma > 0))
 
     @property
     def departs(self) -> Bools:

@@ -33,9 +33,21 @@ class World:
     crs
         Projected coordinate system of maps and drawings, such as ``EPSG:32756``; None where
         nothing ties the world to the earth.
+    undulation_m
+        How high mean sea level lies above the ellipsoid there, as the flight log says; None where
+        nothing says it.
     """
 
     origin: Geodetic | None
     height_datum: HeightDatum
     gauge: Literal["world", "plane"]
     crs: str | None = None
+    undulation_m: float | None = None
+
+    @property
+    def ellipsoid_shift_m(self) -> float | None:
+        """What to add to a height above the datum to have it above the WGS 84 ellipsoid [m].
+
+        None where nobody knows: sea level is up to a hundred metres off the ellipsoid.
+        """
+        return 0.0 if self.height_datum == "ellipsoid" else self.undulation_m

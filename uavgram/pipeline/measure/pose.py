@@ -129,7 +129,13 @@ def _seeded(
     telemetry = seed(frames, flight, mount, inputs.project.telemetry, faults)
     far = _far_origin(inputs, telemetry.poses.center_world_m)
     place, datum = origin
-    world = World(origin=Geodetic(*place), height_datum=datum, gauge="world")
+    undulation = np.nan if inputs.log is None else inputs.log.undulation_m
+    world = World(
+        origin=Geodetic(*place),
+        height_datum=datum,
+        gauge="world",
+        undulation_m=float(undulation) if np.isfinite(undulation) else None,
+    )
     return Posed(world=world, frames=frames, telemetry=telemetry, messages=(*messages, *more, *far))
 
 

@@ -11,15 +11,20 @@ from uavgram.model.flight.pose import Poses
 from uavgram.model.maps.layers import Features, Layer
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PlanarUncertainty, PointResults
+from uavgram.stages.products.measured_shapes import ENCLOSED, counterclockwise, shape
+from uavgram.stages.products.off_ground import (
+    HEIGHT_COLUMNS,
+    ground_below,
+    over_ground,
+    verticals,
+)
+from uavgram.stages.products.profile_sheets import profile_sheets
 
 ELLIPSE_VERTICES = 36
 """Of an ellipse drawn as a polygon: its area is short of the curve's by 0.5 %."""
 
 BORDER_SAMPLES = 8
 """On each side of a photo: its border on the ground is curved by the lens."""
-
-_ENCLOSED = frozenset({"area", "volume"})
-"""Kinds of measurement that are drawn as what their points enclose."""
 
 LENGTH_COLUMNS = ("length_m", "sigma_m", "adjusted_m", "adjusted_sigma_m", "residual_m", "w")
 """Numbers of a known length that maps and drawings carry."""
@@ -35,22 +40,24 @@ def features_of(result: Result, crs: str | None) -> Features:
     crs
         Projected coordinate system for maps; None where nothing ties the survey to the earth.
     """
-    world = result.world
+    world, points = result.world, result.points
     return Features(
         name=result.name,
         layers=(
             _footprints(result),
             _cameras(result),
-            _ellipses("ellipses_95", result.points, result.points),
-            _ellipses("ellipses_95_within_survey", result.points, result.points.relative),
+            _ellipses("ellipses_95", points, points),
+            _ellipses("ellipses_95_within_survey", points, points.relative),
             _known_lengths(result),
             _measured("measured_areas", "polygon", result),
             _measured("measured_lines", "line", result),
-            _points(result.points),
+            *([verticals(points)] if points.is_off_ground.any() else []),
+            _points(points, "" if world.origin is None else world.height_datum),
         ),
         origin=world.origin,
         height_datum=world.height_datum,
         crs=crs if world.origin is not None else None,
+        profiles=profile_sheets(result.profiles),
     )
 
 
@@ -76,8 +83,11 @@ def measured_strips(result: Result) -> dict[int, list[Floats]]:
     measured = result.measurements
     for i, (kind, labels) in enumerate(zip(measured.kind, measured.outlines, strict=True)):
         if np.isfinite(measured.value[i]) and all(label in rows for label in labels):
-            corners = result.points.position_world_m[[rows[label] for label in labels]]
-            strips[i] = _shape(kind, corners)
+            at = [rows[label] for label in labels]
+            corners = result.points.position_world_m[at]
+            if kind == "height" and len(at) == 1:  # from the ground below
+                corners = np.concatenate([ground_below(result.points)[at], corners])
+            strips[i] = shape(kind, corners)
     return strips
 
 
@@ -132,7 +142,7 @@ def footprints(result: Result) -> dict[int, Floats]:
         result.plane.pivot_m,
     )
     rings = {int(f): ring[np.isfinite(ring[:, 0])] for f, ring in zip(seen, world, strict=True)}
-    return {f: _counterclockwise(ring) for f, ring in rings.items() if len(ring) >= 3}
+    return {f: counterclockwise(ring) for f, ring in rings.items() if len(ring) >= 3}
 
 
 def shown_poses(result: Result) -> tuple[Ints, Poses]:
@@ -150,37 +160,6 @@ def shown_poses(result: Result) -> tuple[Ints, Poses]:
     return rows, Poses(frame_id=tuple(frames.frame_id[i] for i in rows), **tables)
 
 
-def _shape(kind: str, corners: Floats) -> list[Floats]:
-    if kind == "coordinate" or len(corners) < 2:
-        return []
-    if kind in _ENCLOSED:
-        return [np.concatenate([corners, corners[:1]])]
-    if kind == "plane_distance" and len(corners) == 4:
-        return [np.stack([corners[0], _foot_on_plane(corners)])]
-    if kind == "line_distance" and len(corners) > 2:
-        start, end = corners[1], corners[-1]
-        along = end - start
-        squared = float(along @ along)
-        share = float((corners[0] - start) @ along) / squared if squared > 0 else 0.0
-        return [np.stack([corners[0], start + share * along])]
-    return [corners]
-
-
-def _foot_on_plane(corners: Floats) -> Floats:
-    """(3,) place on the plane through the last three of four points nearest to the first."""
-    across = np.cross(corners[2] - corners[1], corners[3] - corners[1])
-    squared = float(across @ across)
-    share = float((corners[0] - corners[1]) @ across) / squared if squared > 0 else 0.0
-    return np.asarray(corners[0] - share * across)
-
-
-def _counterclockwise(ring: Floats) -> Floats:
-    """The ring (v, 3), seen from above against the clock (shoelace formula)."""
-    east, north = (ring[:, :2] - ring[0, :2]).T
-    doubled = float(np.sum(east * np.roll(north, -1) - np.roll(east, -1) * north))
-    return ring[::-1].copy() if doubled < 0 else ring
-
-
 def _column(values: Floats) -> tuple[float, ...]:
     return tuple(values.tolist())
 
@@ -190,8 +169,10 @@ def _columns(values: Floats, *names: str) -> dict[str, tuple[float, ...]]:
     return {name: _column(column) for name, column in zip(names, values.T, strict=True)}
 
 
-def _points(points: PointResults) -> Layer:
+def _points(points: PointResults, datum: str) -> Layer:
+    """All points; `datum` is what their heights on the map are above, empty without a map."""
     sigma = np.sqrt(np.diagonal(points.covariance_m2, axis1=1, axis2=2))
+    joint = points.covariance_m3
     within = points.relative
     return Layer(
         name="points",
@@ -202,11 +183,22 @@ def _points(points: PointResults) -> Layer:
             **_columns(points.position_world_m, "east_m", "north_m", "up_m"),
             **_columns(sigma, "sigma_east_m", "sigma_north_m"),
             "covariance_east_north_m2": _column(points.covariance_m2[:, 0, 1]),
+            "sigma_up_m": _column(np.sqrt(joint[:, 2, 2])),
+            "covariance_east_up_m2": _column(joint[:, 0, 2]),
+            "covariance_north_up_m2": _column(joint[:, 1, 2]),
+            **{name: _column(getattr(points, name)) for name in HEIGHT_COLUMNS},
+            "height_source": points.height_source,
+            "height_datum": (datum,) * len(sigma),
             **_columns(points.ellipse_95_m, "semi_major_95_m", "semi_minor_95_m"),
             "azimuth_deg": _column(np.rad2deg(points.ellipse_azimuth_rad)),
             "semi_major_95_within_survey_m": _column(within.ellipse_95_m[:, 0]),
             "frames": tuple("; ".join(names) for names in points.frames),
         },
+        above_ground_m=over_ground(
+            points,
+            list(points.position_world_m[:, None]),
+            [(label,) for label in points.label],
+        ),
     )
 
 
@@ -236,10 +228,13 @@ def _ellipses(
 def _known_lengths(result: Result) -> Layer:
     lines, strips = result.lines, reference_strips(result)
     nowhere = np.empty((0, 3))
+    vertices = tuple(strips.get(i, nowhere) for i in range(len(lines.name)))
+    ends = list(zip(lines.start, lines.end, strict=True))
     return Layer(
         name="known_lengths",
         kind="line",
-        vertices_m=tuple(strips.get(i, nowhere) for i in range(len(lines.name))),
+        vertices_m=vertices,
+        above_ground_m=over_ground(result.points, vertices, ends),
         attributes={
             "name": lines.name,
             "from": lines.start,
@@ -253,17 +248,18 @@ def _known_lengths(result: Result) -> Layer:
 def _measured(name: str, kind: str, result: Result) -> Layer:
     """Measurements that are areas (``polygon``), or lines; coordinates are the points' own."""
     measured, strips = result.measurements, measured_strips(result)
-    is_area = np.array([k in _ENCLOSED for k in measured.kind], dtype=bool)
+    is_area = np.array([k in ENCLOSED for k in measured.kind], dtype=bool)
     is_line = ~is_area & np.array([k != "coordinate" for k in measured.kind], dtype=bool)
     rows = np.flatnonzero(is_area if kind == "polygon" else is_line)
     vertices = []
     for i in rows:
         strip = strips[int(i)][0] if strips.get(int(i)) else np.empty((0, 3))
-        vertices.append(_counterclockwise(strip[:-1]) if is_area[i] and len(strip) else strip)
+        vertices.append(counterclockwise(strip[:-1]) if is_area[i] and len(strip) else strip)
     return Layer(
         name=name,
         kind="polygon" if kind == "polygon" else "line",
         vertices_m=tuple(vertices),
+        above_ground_m=over_ground(result.points, vertices, [measured.outlines[i] for i in rows]),
         attributes={
             "name": tuple(measured.name[i] for i in rows),
             "kind": tuple(measured.kind[i] for i in rows),

@@ -21,12 +21,14 @@ MARGIN = 60.0
 LEAST_HEIGHT, MOST_HEIGHT = 260.0, 1000.0
 LINE_HEIGHT = 14.0
 # Half the width of a letter, by CSS class, in the widest of the usual fonts; and around a text.
-HALF_LETTER = {"measured": 3.9, "known": 3.5, "name": 3.5, "off_plane": 3.2}
+HALF_LETTER = {"measured": 3.9, "known": 3.5, "name": 3.5, "off_plane": 3.2, "off_ground": 3.2}
 ASIDE = 2.0
 ELLIPSE_SHARE, FILL_SHARE = 0.03, 0.05
 MOST_ROOM = 0.3
 MOST_NAMES = 60
 NAME_ABOVE, NUMBER_BELOW = 8.0, 13.0
+# Half the diagonal of the mark of a point off the ground.
+DIAMOND = 5.0
 # Departures from the plane are shown to millimetres where they are known better than this.
 WELL_KNOWN_M = 0.01
 # Many lines are drawn thin, and only so many of the measured ones named.
@@ -81,6 +83,8 @@ class TopView:
         (x, y) of the points.
     off_plane
         (x, y) and colour of those whose ground is no plane; empty where it is.
+    off_ground
+        SVG points of a diamond around each point that stands off the ground.
     full_m
         Departure from the plane from which on colours are full; 0 where there is none.
     texts
@@ -99,6 +103,7 @@ class TopView:
     ellipses: tuple[Stroke, ...]
     dots: tuple[tuple[float, float], ...]
     off_plane: tuple[tuple[float, float, str], ...]
+    off_ground: tuple[str, ...]
     full_m: float
     texts: tuple[Text, ...]
     ellipse_factor: int
@@ -151,6 +156,7 @@ def top_view(result: Result) -> TopView | None:
         ellipses=tuple(_ellipses(result, sheet, factor)),
         dots=tuple((float(x), float(y)) for x, y in sheet(position)),
         off_plane=tuple(_off_plane(result, sheet, uneven)) if uneven else (),
+        off_ground=tuple(_diamonds(result, sheet)),
         full_m=uneven.full_m if uneven else 0.0,
         texts=tuple(_texts(result, sheet, uneven)),
         ellipse_factor=factor,
@@ -201,7 +207,24 @@ def _off_plane(
         yield float(x), float(y), hex_colour(colour)
 
 
-def _heights(result: Result, sheet: _Sheet, uneven: Departures) -> Iterator[Text]:
+def _diamonds(result: Result, sheet: _Sheet) -> Iterator[str]:
+    corners = DIAMOND * np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
+    for spot in sheet(result.points.position_world_m[result.points.is_off_ground]):
+        yield _points(spot + corners)
+
+
+def _over_ground(result: Result, sheet: _Sheet) -> Iterator[Text]:
+    """Heights of points over the ground [m], the highest first."""
+    points = result.points
+    off, spots = np.flatnonzero(points.is_off_ground), sheet(points.position_world_m)
+    height, sigma = points.height_above_ground_m, points.height_sigma_m
+    for k in off[np.argsort(-np.abs(height[off]), kind="stable")]:
+        places = decimals_for(float(sigma[k]))
+        text = f"{number(float(height[k]), places, signed=True)} m"
+        yield Text(float(spots[k, 0]), float(spots[k, 1]) + NUMBER_BELOW, text, "off_ground")
+
+
+def _off_their_plane(result: Result, sheet: _Sheet, uneven: Departures) -> Iterator[Text]:
     """How far points lie off their plane [cm], the farthest first."""
     spots = sheet(result.points.position_world_m[uneven.rows])
     for k in np.argsort(-np.abs(uneven.value_m), kind="stable"):
@@ -213,7 +236,8 @@ def _heights(result: Result, sheet: _Sheet, uneven: Departures) -> Iterator[Text
 def _texts(result: Result, sheet: _Sheet, uneven: Departures | None) -> list[Text]:
     """What there is room for: measured values first (the least certain), then known lengths.
 
-    Then names of points, and how far they lie off their plane.
+    Then names of points, how high they stand over the ground, and how far the ground lies off its
+    plane there.
     """
     rows, words = result.measurements, []
     for i, strips in measured_strips(result).items():
@@ -232,10 +256,11 @@ def _texts(result: Result, sheet: _Sheet, uneven: Departures | None) -> list[Tex
         texts.append(Text(*_at(sheet(longest_middle([strip]))), text, "known"))
     for label, spot in zip(result.points.label, sheet(result.points.position_world_m), strict=True):
         texts.append(Text(float(spot[0]), float(spot[1]) - NAME_ABOVE, label, "name"))
-    most = MOST_NAMES
+    heights = list(_over_ground(result, sheet))
     if uneven:
-        texts += _heights(result, sheet, uneven)
-        most += MOST_NAMES
+        heights += _off_their_plane(result, sheet, uneven)
+    texts += heights
+    most = 2 * MOST_NAMES if heights else MOST_NAMES
     half = np.array([HALF_LETTER[text.kind] * len(text.text) + ASIDE for text in texts])
     anchors = np.reshape([(text.x, text.y) for text in texts], (-1, 2))
     # no text is cut off at the sheet's sides

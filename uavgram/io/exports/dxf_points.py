@@ -1,0 +1,68 @@
+"""Points in a CAD drawing: a cross, a label, and over the ground their height."""
+
+from __future__ import annotations
+
+import numpy as np
+from ezdxf import const
+from ezdxf.document import Drawing
+
+from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Sheet
+from uavgram.model.maps.layers import Layer
+
+POINT_BLOCK = "SURVEY_POINT"
+_HEIGHT_SHARE = 0.6  # of the labels' letters are those of heights
+_POINT_NUMBERS = (
+    *("sigma_east_m", "sigma_north_m", "sigma_up_m"),
+    *("height_above_ground_m", "height_sigma_m"),
+)
+"""What the block of a point carries, beside its label."""
+
+
+def add_point_block(document: Drawing, text_m: float) -> None:
+    """A cross; label and standard deviations are hidden attributes, for some programs draw none."""
+    block = document.blocks.new(POINT_BLOCK)
+    half = 0.4 * text_m
+    block.add_line((-half, 0), (half, 0))
+    block.add_line((0, -half), (0, half))
+    for row, tag in enumerate(("LABEL", *(key.upper() for key in _POINT_NUMBERS))):
+        attribute = block.add_attdef(
+            tag,
+            (half, half - 1.3 * row * text_m),
+            dxfattribs={"height": text_m, "layer": LABELS, "flags": const.ATTRIB_INVISIBLE},
+        )
+        attribute.dxf.prompt = tag
+
+
+def draw_points(sheet: Sheet, layer: Layer) -> None:
+    """Points with their labels; those off the ground on their own layer, with their heights."""
+    if not len(layer):
+        return
+    placed = sheet.place(np.concatenate(layer.vertices_m)).tolist()
+    for row, place in enumerate(placed):
+        one = {key: values[row] for key, values in layer.attributes.items()}
+        off = one["height_source"] in {"stated", "free", "found"}
+        own = LAYERS["off_ground"][0] if off else LAYERS["points"][0]
+        insert = sheet.space.add_blockref(POINT_BLOCK, tuple(place), dxfattribs={"layer": own})
+        numbers = {key.upper(): _decimals(one[key]) for key in _POINT_NUMBERS}
+        insert.add_auto_attribs({"LABEL": str(one["label"]), **numbers})
+        east, north, up = place
+        at = (east + 0.4 * sheet.text_m, north + 0.4 * sheet.text_m, up)
+        sheet.space.add_text(
+            str(one["label"]), height=sheet.text_m, dxfattribs={"layer": LABELS, "insert": at}
+        )
+        if off:
+            small = _HEIGHT_SHARE * sheet.text_m
+            below = {"layer": LAYERS["verticals"][0], "insert": (at[0], north - 1.2 * small, up)}
+            sheet.space.add_text(_height_text(one), height=small, dxfattribs=below)
+
+
+def _decimals(value: object) -> str:
+    """A number to tenths of a millimetre; empty where there is none."""
+    number = float(str(value))
+    return f"{number:.4f}" if np.isfinite(number) else ""
+
+
+def _height_text(one: dict[str, str | float]) -> str:
+    """How high a point stands over the ground, and how well that is known."""
+    height, sigma = float(one["height_above_ground_m"]), float(one["height_sigma_m"])
+    return f"{height:+.3f} " + (f"±{sigma:.3f}" if sigma > 0 else "stated")

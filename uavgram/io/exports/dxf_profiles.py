@@ -1,0 +1,235 @@
+"""Sheets of measured profiles in a CAD drawing.
+
+Each is a block in metres: one reference to it stands below the plan, another in a layout of its
+own, to scale on paper.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from ezdxf.document import Drawing
+from ezdxf.enums import TextEntityAlignment
+from ezdxf.layouts.blocklayout import BlockLayout
+
+from uavgram.model.arrays import Floats
+from uavgram.model.maps.profile_sheet import ProfileSheet
+from uavgram.stages.products.profile_sheets import TWO_SIDED_95
+
+# Name in the drawing, and colour of AutoCAD's index.
+_AXES, _TEXTS = ("PROFILE_AXES", 8), ("PROFILE_TEXTS", 7)
+_LINE, _GROUND, _INTERVALS = ("PROFILE_POINTS", 5), ("PROFILE_GROUND", 34), ("PROFILE_95", 30)
+_LAYERS = (_AXES, _TEXTS, _LINE, _GROUND, _INTERVALS)
+
+_TEXT_SHARE = 1 / 110  # of a profile's length is the height of its letters
+_PAPER_MM, _MARGIN_MM = (420.0, 297.0), 20.0  # A3
+_SCALES = (1, 2, 5, 10, 20, 25, 50, 100, 200, 250, 500)  # and tens of these
+_ROWS = ("point", "station", "height", "± 1 sigma", "ground", "± 1 sigma")
+_ROW_SHARE = 6.0  # of the letters is the height of a row: its numbers stand upright
+
+
+def draw_profiles(
+    document: Drawing, sheets: tuple[ProfileSheet, ...], corner: tuple[float, float], text_m: float
+) -> None:
+    """Draw the profiles below the plan, and each on a sheet of A3.
+
+    Parameters
+    ----------
+    document
+        The drawing.
+    sheets
+        What to draw.
+    corner
+        East and north below which there is room.
+    text_m
+        Height of the plan's letters.
+    """
+    if not sheets:
+        return
+    for name, colour in _LAYERS:
+        document.layers.add(name, color=colour)
+    east, top = corner[0], corner[1] - 4.0 * text_m
+    for number, sheet in enumerate(sheets, start=1):
+        block = document.blocks.new(f"PROFILE_{number}")
+        paper = _Paper.of(sheet, block)
+        _draw(paper)
+        at = (east + paper.left, top - paper.above)
+        document.modelspace().add_blockref(block.name, at, dxfattribs={"layer": _TEXTS[0]})
+        top -= paper.above + paper.below + 4.0 * text_m
+        _layout(document, paper, number)
+
+
+@dataclass(frozen=True)
+class _Paper:
+    """A sheet under way: x are stations less the first tick, y heights over the lowest, drawn.
+
+    Attributes
+    ----------
+    sheet, block
+        What is drawn, and where.
+    text
+        Height of the letters [m].
+    across
+        (N,) x of the numbers of each point: they keep clear of each other.
+    """
+
+    sheet: ProfileSheet
+    block: BlockLayout
+    text: float
+    across: Floats
+
+    @classmethod
+    def of(cls, sheet: ProfileSheet, block: BlockLayout) -> _Paper:
+        text = float(np.ptp(sheet.station_ticks_m)) * _TEXT_SHARE
+        return cls(
+            sheet, block, text, spread(sheet.station_m - sheet.station_ticks_m[0], 1.5 * text)
+        )
+
+    @property
+    def left(self) -> float:
+        return 13.0 * self.text
+
+    @property
+    def width(self) -> float:
+        axis = float(np.ptp(self.sheet.station_ticks_m))
+        return self.left + max(axis, float(self.across.max())) + 3.0 * self.text
+
+    @property
+    def above(self) -> float:
+        return self.y(self.sheet.height_ticks_m[-1]) + 8.0 * self.text
+
+    @property
+    def below(self) -> float:
+        return (6.0 + _ROW_SHARE * len(_ROWS)) * self.text
+
+    def x(self, station_m: float) -> float:
+        return float(station_m - self.sheet.station_ticks_m[0])
+
+    def y(self, height_m: float) -> float:
+        return float(height_m - self.sheet.height_ticks_m[0]) * self.sheet.exaggeration
+
+    def line(self, ends: list[tuple[float, float]], layer: tuple[str, int]) -> None:
+        self.block.add_lwpolyline(ends, dxfattribs={"layer": layer[0]})
+
+    def write(
+        self, text: str, at: tuple[float, float], align: TextEntityAlignment, turned: float = 0.0
+    ) -> None:
+        self.block.add_text(
+            text, height=self.text, rotation=turned, dxfattribs={"layer": _TEXTS[0]}
+        ).set_placement(at, align=align)
+
+
+def spread(places: Floats, least: float) -> Floats:
+    """Places (N,) moved apart to the right until no two are closer than `least`."""
+    moved = places.astype(np.float64)
+    order = np.argsort(places, kind="stable")
+    for before, after in itertools.pairwise(order):
+        moved[after] = max(moved[after], moved[before] + least)
+    return moved
+
+
+def _draw(paper: _Paper) -> None:
+    _axes(paper)
+    sheet = paper.sheet
+    x = [paper.x(one) for one in sheet.station_m]
+    lines = (
+        (sheet.ground_m, sheet.ground_sigma_m, _GROUND),
+        (sheet.height_m, sheet.height_sigma_m, _LINE),
+    )
+    for height, sigma, layer in lines:
+        paper.line([(a, paper.y(b)) for a, b in zip(x, height, strict=True)], layer)
+        for a, b, one in zip(x, height, TWO_SIDED_95 * sigma, strict=True):
+            if one > 0:
+                paper.line([(a, paper.y(b - one)), (a, paper.y(b + one))], _INTERVALS)
+    for label, a, height in zip(sheet.label, x, sheet.height_m, strict=True):
+        at = (a, paper.y(height))
+        paper.block.add_circle(at, 0.25 * paper.text, dxfattribs={"layer": _LINE[0]})
+        paper.write(label, (a, at[1] + 0.8 * paper.text), TextEntityAlignment.BOTTOM_CENTER)
+    _band(paper)
+
+
+def _axes(paper: _Paper) -> None:
+    sheet, text = paper.sheet, paper.text
+    right = paper.x(sheet.station_ticks_m[-1])
+    top = paper.y(sheet.height_ticks_m[-1])
+    for height in sheet.height_ticks_m:
+        y = paper.y(height)
+        paper.line([(-0.6 * text, y), (right, y)], _AXES)
+        said = f"{height:.{places_of(sheet.height_ticks_m)}f}"
+        paper.write(said, (-text, y), TextEntityAlignment.MIDDLE_RIGHT)
+    for station in sheet.station_ticks_m:
+        x = paper.x(station)
+        paper.line([(x, -0.6 * text), (x, top)], _AXES)
+        said = f"{station:.{places_of(sheet.station_ticks_m)}f}"
+        paper.write(said, (x, -text), TextEntityAlignment.TOP_CENTER)
+    larger = f"heights drawn {sheet.exaggeration} times as large as lengths"
+    for row, words in enumerate(
+        (
+            f"PROFILE {sheet.name}",
+            f"metres; stations and heights from {sheet.origin}; "
+            + (larger if sheet.exaggeration > 1 else "heights and lengths at one scale")
+            + "; bars: 95 %",
+        )
+    ):
+        at = (0.0, top + (5.5 - 2.0 * row) * text)
+        paper.write(words, at, TextEntityAlignment.BOTTOM_LEFT)
+
+
+def _band(paper: _Paper) -> None:
+    """The numbers of all points below the drawing, upright, as surveyors write them."""
+    sheet, text = paper.sheet, paper.text
+    columns = (
+        list(sheet.label),
+        *(
+            [f"{one:.3f}" for one in values]
+            for values in (
+                *(sheet.station_m, sheet.height_m, sheet.height_sigma_m),
+                *(sheet.ground_m, sheet.ground_sigma_m),
+            )
+        ),
+    )
+    right = paper.width - paper.left
+    for row, (head, cells) in enumerate(zip(_ROWS, columns, strict=True)):
+        top = -(4.0 + _ROW_SHARE * row) * text
+        middle = top - 0.5 * _ROW_SHARE * text
+        paper.line([(-paper.left, top), (right, top)], _AXES)
+        paper.write(head, (-paper.left + text, middle), TextEntityAlignment.MIDDLE_LEFT)
+        for x, cell in zip(paper.across.tolist(), cells, strict=True):
+            paper.write(cell, (x, middle), TextEntityAlignment.MIDDLE_CENTER, 90.0)
+    bottom = -(4.0 + _ROW_SHARE * len(_ROWS)) * text
+    paper.line([(-paper.left, bottom), (right, bottom)], _AXES)
+    for station, x in zip(sheet.station_m, paper.across.tolist(), strict=True):
+        paper.line([(paper.x(station), -2.4 * text), (x, -4.0 * text)], _AXES)
+
+
+def places_of(ticks: Floats) -> int:
+    """Decimals that tell ticks (n,) apart."""
+    return max(0, -int(np.floor(np.log10(ticks[1] - ticks[0]) + 1e-9)))
+
+
+def _layout(document: Drawing, paper: _Paper, number: int) -> None:
+    """A sheet of A3 with the profile at a round scale, in millimetres."""
+    layout = document.layouts.new(f"Profile {number}")
+    layout.page_setup(size=_PAPER_MM, margins=(0.0, 0.0, 0.0, 0.0), units="mm")
+    room = [size - 2.0 * _MARGIN_MM for size in _PAPER_MM]
+    needed = 1000.0 * max(paper.width / room[0], (paper.above + paper.below) / room[1])
+    scale = next(s * 10**p for p in range(9) for s in _SCALES if s * 10**p >= needed)
+    millimetres = 1000.0 / scale
+    at = (
+        _MARGIN_MM + paper.left * millimetres,
+        _PAPER_MM[1] - _MARGIN_MM - paper.above * millimetres,
+    )
+    layout.add_blockref(
+        paper.block.name,
+        at,
+        dxfattribs={
+            "layer": _TEXTS[0],
+            **dict.fromkeys(("xscale", "yscale", "zscale"), millimetres),
+        },
+    )
+    heights = f"{scale / paper.sheet.exaggeration:g}"
+    layout.add_text(
+        f"lengths 1:{scale}, heights 1:{heights} on A3", height=3.0, dxfattribs={"layer": _TEXTS[0]}
+    ).set_placement((_MARGIN_MM, 0.5 * _MARGIN_MM))
