@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -9,7 +11,8 @@ from uavgram.estimation.survey.departures import departures, heights_above_groun
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.geometry.ground.ellipse import ELLIPSE_95, error_ellipse
 from uavgram.model.arrays import Floats
-from uavgram.model.result.tables import PlanarUncertainty, PointResults
+from uavgram.model.result.tables import HeightSource, PlanarUncertainty, PointResults
+from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.world import World
 
 
@@ -42,16 +45,34 @@ def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
         covariance_m2=absolute.covariance_m2,
         ellipse_95_m=absolute.ellipse_95_m,
         ellipse_azimuth_rad=absolute.ellipse_azimuth_rad,
-        relative=_in_plane(adjustment.relative_points()),
+        relative=_within_survey(adjustment),
         departure_m=departure,
         departure_sigma_m=departure_sigma,
         height_above_ground_m=height,
         height_sigma_m=height_sigma,
         covariance_m3=covariance,
+        height_from=_height_from(survey),
         latitude_deg=latitude,
         longitude_deg=longitude,
         frames=frames,
     )
+
+
+def _height_from(survey: Survey) -> tuple[HeightSource, ...]:
+    return tuple(
+        "found" if free else "stated" if off_ground else "ground"
+        for free, off_ground in zip(survey.is_free, survey.off_ground, strict=True)
+    )
+
+
+def _within_survey(adjustment: Adjustment) -> PlanarUncertainty:
+    planar = _in_plane(adjustment.relative_points())
+    off_ground = np.flatnonzero(adjustment.survey.off_ground)
+    if not len(off_ground):
+        return planar
+    in_space = np.full((len(planar.covariance_m2), 3, 3), np.nan)
+    in_space[off_ground] = adjustment.relative_points_in_space(off_ground)
+    return replace(planar, covariance_m3=in_space)
 
 
 def _in_plane(covariance_m2: Floats) -> PlanarUncertainty:

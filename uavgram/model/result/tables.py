@@ -15,6 +15,7 @@ from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, freez
 FrameStatus = Literal["refined", "seeded", "unmatched", "rejected"]
 LineStatus = Literal["used", "suspect", "removed", "checked", "unseen"]
 PickStatus = Literal["used", "suspect", "removed", "unused"]
+HeightSource = Literal["ground", "stated", "found"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,7 +64,7 @@ class FrameResults(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanarUncertainty(FrozenArrays):
-    """Uncertainty of K points in the plane.
+    """Uncertainty of K points in the plane, and in space of those off the ground.
 
     Attributes
     ----------
@@ -73,11 +74,23 @@ class PlanarUncertainty(FrozenArrays):
         (K, 2) semi-major and semi-minor axis of the 95 % ellipse (2.4477 sigma).
     ellipse_azimuth_rad
         (K,) of the major axis, clockwise from north, in [0, pi).
+    covariance_m3
+        (K, 3, 3) of east, north and up, where the turn in space is taken out too; NaN of points on
+        the ground.
     """
 
     covariance_m2: Annotated[Floats, "n", 2, 2]
     ellipse_95_m: Annotated[Floats, "n", 2]
     ellipse_azimuth_rad: Annotated[Floats, "n"]
+    covariance_m3: Annotated[Floats, "n", 3, 3, NAN_IS_NONE] = field(
+        default_factory=lambda: np.zeros((0, 3, 3))
+    )
+
+    def __post_init__(self) -> None:
+        if not len(self.covariance_m3):
+            nothing = np.full((len(self.covariance_m2), 3, 3), np.nan)
+            object.__setattr__(self, "covariance_m3", nothing)
+        super().__post_init__()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,6 +121,8 @@ class PointResults(FrozenArrays):
         did not tell.
     covariance_m3
         (K, 3, 3) of east, north and up [m2]; NaN likewise.
+    height_from
+        (K,) ``ground`` (on it), ``stated`` (known beforehand) or ``found`` (by the adjustment).
     latitude_deg, longitude_deg
         (K,) NaN with gauge ``plane``.
     frames
@@ -128,11 +143,18 @@ class PointResults(FrozenArrays):
     latitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     longitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     frames: tuple[tuple[str, ...], ...]
+    height_from: Annotated[tuple[HeightSource, ...], "n"] = ()
+
+    def __post_init__(self) -> None:
+        if not self.height_from:
+            source: tuple[HeightSource, ...] = ("ground",) * len(self.label)
+            object.__setattr__(self, "height_from", source)
+        super().__post_init__()
 
     @property
     def is_off_ground(self) -> Bools:
         """(K,) whether a point stands off the ground."""
-        return np.asarray((self.height_above_ground_m != 0) | (self.height_sigma_m > 0))
+        return np.array([source != "ground" for source in self.height_from], dtype=np.bool_)
 
     @property
     def departs(self) -> Bools:
