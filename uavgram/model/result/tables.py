@@ -147,8 +147,7 @@ class PointResults(FrozenArrays):
 
     def __post_init__(self) -> None:
         if not self.height_from:
-            source: tuple[HeightSource, ...] = ("ground",) * len(self.label)
-            object.__setattr__(self, "height_from", source)
+            object.__setattr__(self, "height_from", ("ground",) * len(self.label))
         super().__post_init__()
 
     @property
