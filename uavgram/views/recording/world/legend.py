@@ -89,7 +89,7 @@ def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image
     for k, text in enumerate(remarks):
         pen.text((ends[k % 2], ROWS_PX[k % 2]), text, fill=TEXT, font=font)
         ends[k % 2] += int(pen.textlength(text, font=font)) + GAP_PX
-    return image.crop((0, 0, max(WIDTH_PX, *ends), HEIGHT_PX))
+    return image.crop((0, 0, max(WIDTH_PX, max(ends) - GAP_PX // 2), HEIGHT_PX))
 
 
 def _entries(result: Result, scene: Scene) -> list[tuple[int, str, Rgb]]:
