@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pyproj
 import pytest
+from off_ground import with_third_coordinates
 from scenes import Scene, make_scene
 
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -133,3 +134,17 @@ def test_departures_are_right_within_their_sigmas() -> None:
         squares.extend((error / points.departure_sigma_m) ** 2)
     bound = 5.0 * np.sqrt(2.0 * 4.0 / len(squares))  # a factor 4: those of a scene go together
     assert np.mean(squares) == pytest.approx(1.0, abs=bound)
+
+
+def test_points_off_the_ground_say_where_their_heights_are_from() -> None:
+    scene = make_scene(2, heights={0: 1.4, 3: 2.0, 5: 0.8})
+    survey = with_third_coordinates(scene, free=(0,), stated={5: 0.05}).survey
+    adjustment = refine(survey, SolveOptions(noise="stated"))[0].adjustment
+    points = reconstruct(adjustment, WORLD)
+    rows = np.array([0, 3, 5])
+
+    assert [points.height_source[row] for row in rows] == ["free", "stated", "stated"]
+    assert np.flatnonzero(points.is_off_ground).tolist() == rows.tolist()
+    in_space = points.relative.covariance_m3
+    np.testing.assert_array_equal(in_space[rows], adjustment.relative_points_in_space(rows))
+    assert np.isnan(np.delete(in_space, rows, axis=0)).all()

@@ -54,6 +54,11 @@ def _points(rng: np.random.Generator) -> PointResults:
             covariance_m2=root.transpose(0, 2, 1) @ root,
             ellipse_95_m=np.array([[0.02, 0.01], [0.03, 0.03], [0.5, 0.1]]),
             ellipse_azimuth_rad=np.array([0.1, 2.2, 3.05]),
+            covariance_m3=np.where(
+                np.array([False, True, False])[:, None, None],
+                solid.transpose(0, 2, 1) @ solid,
+                np.nan,
+            ),
         ),
         departure_m=np.array([0.031, -0.0125, 0.0]),
         departure_sigma_m=np.array([0.01, 0.02, 0.0]),
@@ -63,6 +68,7 @@ def _points(rng: np.random.Generator) -> PointResults:
         latitude_deg=np.array([50.1, 50.1002, 50.1001]),
         longitude_deg=np.array([-104.6, -104.6003, -104.5999]),
         frames=(("a.jpg", "b.jpg"), ("a.jpg",), ()),
+        height_source=("ground", "free", "ground"),
     )
 
 

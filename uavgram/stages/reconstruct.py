@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
 
@@ -47,7 +48,7 @@ def reconstruct(adjustment: Adjustment, world: World, found: Collection[str] = (
         covariance_m2=absolute.covariance_m2,
         ellipse_95_m=absolute.ellipse_95_m,
         ellipse_azimuth_rad=absolute.ellipse_azimuth_rad,
-        relative=_in_plane(adjustment.relative_points()),
+        relative=_within_survey(adjustment),
         departure_m=departure,
         departure_sigma_m=departure_sigma,
         height_above_ground_m=height,
@@ -66,6 +67,16 @@ def _height_sources(survey: Survey, found: Collection[str]) -> tuple[HeightSourc
     sources: list[HeightSource] = ["ground", "stated", "free", "found"]
     cases = np.select([named, survey.is_free, survey.off_ground], [3, 2, 1])
     return tuple(sources[k] for k in cases.tolist())
+
+
+def _within_survey(adjustment: Adjustment) -> PlanarUncertainty:
+    planar = _in_plane(adjustment.relative_points())
+    off_ground = np.flatnonzero(adjustment.survey.off_ground)
+    if not len(off_ground):
+        return planar
+    in_space = np.full((len(planar.covariance_m2), 3, 3), np.nan)
+    in_space[off_ground] = adjustment.relative_points_in_space(off_ground)
+    return replace(planar, covariance_m3=in_space)
 
 
 def _in_plane(covariance_m2: Floats) -> PlanarUncertainty:

@@ -17,6 +17,7 @@ BAD: Rgb = (255, 59, 48)
 MEASURED: Rgb = (40, 215, 185)
 MEASURED_QUIET: Rgb = (30, 140, 122)
 OBSERVED: Rgb = (255, 255, 255)
+FOUND: Rgb = (150, 235, 70)
 QUIET: Rgb = (140, 145, 155)
 GOOD: Rgb = (40, 150, 80)
 WARNING: Rgb = (200, 140, 20)
@@ -28,6 +29,7 @@ LINE_COLOURS: dict[str, Rgb] = {
     "checked": WITHHELD,
     "unseen": QUIET,
 }
+HEIGHT_COLOURS: dict[str, Rgb] = {"stated": REFERENCE, "free": FOUND, "found": WARNING}
 FRAME_COLOURS: dict[str, Rgb] = {
     "refined": GOOD,
     "check": WARNING,

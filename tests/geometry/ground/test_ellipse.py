@@ -8,7 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from uavgram.geometry.ground.ellipse import ELLIPSE_95, error_ellipse
+from uavgram.geometry.ground.ellipse import (
+    ELLIPSE_95,
+    ELLIPSOID_95,
+    error_ellipse,
+    error_ellipsoid,
+)
 from uavgram.model.arrays import Floats
 
 
@@ -77,3 +82,21 @@ def test_inputs_stay_as_they_were() -> None:
     covariance = np.eye(2)
     covariance.flags.writeable = False
     error_ellipse(covariance)
+
+
+def test_the_ellipsoid_s_level_is_the_root_of_the_chi_square_quantile() -> None:
+    assert pytest.approx(np.sqrt(chi2.ppf(0.95, 3)), rel=1e-14) == ELLIPSOID_95
+
+
+def test_ellipsoids_hold_as_many_draws_as_their_level_says_and_are_right_handed() -> None:
+    rng = np.random.default_rng(4)
+    root = rng.normal(size=(20, 3, 3))
+    covariance = root @ np.swapaxes(root, 1, 2)
+    half_axes, directions = error_ellipsoid(covariance)
+    draws = np.einsum("nij,ndj->ndi", root, rng.normal(size=(20, 4000, 3)))
+    along = np.einsum("ndi,nij->ndj", draws, directions) / (ELLIPSOID_95 * half_axes)[:, None]
+
+    assert np.mean(np.sum(along**2, axis=2) <= 1) == pytest.approx(0.95, abs=0.004)
+    np.testing.assert_allclose(along.std(axis=1), 1 / ELLIPSOID_95, rtol=0.06)
+    np.testing.assert_allclose(np.linalg.det(directions), 1.0, rtol=1e-12)
+    assert (np.diff(half_axes, axis=1) <= 0).all()

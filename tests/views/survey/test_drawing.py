@@ -9,7 +9,8 @@ import synthetic_survey as survey
 from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.stages.products import map_layers as features
-from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH, measure_scene, on_screen
+from uavgram.views.recording.eye import HALF_HEIGHT, HALF_WIDTH
+from uavgram.views.recording.scene import measure_scene
 from uavgram.views.survey import drawing
 
 
@@ -133,7 +134,7 @@ def test_the_first_view_has_points_frusta_and_ground_in_it_and_nothing_to_spare(
     pyramids = drawing.frusta(result, result.frames.refined, 2 * scene.frustum_m)
     ground = np.array([[-60, 40, 0], [40, 40, 0], [-60, -20, 0], [40, -20, 0]], dtype=float)
     everything = np.concatenate([result.points.position_world_m, pyramids.reshape(-1, 3), ground])
-    right, up = on_screen(scene, everything).T
+    right, up = scene.eye.on_screen(everything).T
 
     assert np.abs(right).max() <= HALF_WIDTH + 1e-9
     assert np.abs(up).max() <= HALF_HEIGHT + 1e-9

@@ -16,6 +16,7 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.estimation.survey.tapes import Taped, unlearnt
 from uavgram.estimation.survey.unknowns import State
+from uavgram.estimation.survey.within_survey import Placed, within_survey
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.noise import Noise
@@ -112,37 +113,25 @@ class Adjustment:
         return world, np.einsum("nij,njk,nlk->nil", jacobian, joint, jacobian, optimize=True)
 
     def relative_points(self) -> Floats:
-        """Covariances (K, 2, 2) of east and north within the survey.
-
-        What all points have in common, a shift and a turn, is taken out: the receiver's bias and
-        the heading say nothing about the scene's shape.
-
-        Notes
-        -----
-        S-transformation to the datum of all points (Baarda 1973, "S-transformations and criterion
-        matrices"; inner constraints): with G (2K, 3) the shifts and the turn of all points, Q
-        their covariance and H = (G^T G)^-1 G^T, the blocks of (I - G H) Q (I - G H)^T.
-        """
+        """Covariances (K, 2, 2) of east and north within the survey: see `within_survey`."""
         layout = self.problem.layout
         label = np.arange(layout.points)
         planar = layout.point_columns(label)[:, :2]
-        free = np.zeros((layout.points, 2, 3))
-        from_middle = self.state.point[:, :2] - self.state.point[:, :2].mean(axis=0)
-        free[:, 0, 0] = free[:, 1, 1] = 1.0
-        free[:, 0, 2], free[:, 1, 2] = -from_middle[:, 1], from_middle[:, 0]
+        gradient = np.broadcast_to(np.eye(2), (layout.points, 2, 2))
+        points = Placed(self.state.point[:, :2], gradient, planar)
         own = self.covariance.blocks(planar)
-        gram = np.einsum("nij,nik->jk", free, free)
-        if np.linalg.cond(gram) > 1e12:  # a single point has no shape
-            return np.zeros_like(own)
-        shape = np.einsum("jk,nik->nij", np.linalg.inv(gram), free)
-        right = np.zeros((layout.size, 3))
-        right[planar.ravel()] = shape.reshape(-1, 3)
-        solved = self.minimum.factor.solve(right)
-        cross = solved[planar]
-        common = right.T @ solved
-        mixed = np.einsum("nij,nkj->nik", cross, free)
-        spread = np.einsum("nij,jk,nlk->nil", free, common, free)
-        return np.asarray(own - mixed - np.swapaxes(mixed, 1, 2) + spread)
+        return within_survey(self.minimum.factor, points, label, own)
+
+    def relative_points_in_space(self, label: Ints) -> Floats:
+        """Covariances (n, 3, 3) of east, north and up of some points within the survey.
+
+        The turn of all points in space is taken out as well: how the scene as a whole is tilted.
+        """
+        points = Placed(*self.points_with_jacobian(np.arange(self.problem.layout.points)))
+        gradient = points.gradient[label]
+        joint = self.covariance.blocks(points.columns[label])
+        own = np.einsum("nij,njk,nlk->nil", gradient, joint, gradient, optimize=True)
+        return within_survey(self.minimum.factor, points, label, own)
 
     def joint_points(self, label: Ints) -> tuple[Floats, Floats]:
         """Some points: positions (n, 3), and their joint covariance (3n, 3n)."""

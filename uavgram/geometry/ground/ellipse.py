@@ -1,4 +1,4 @@
-"""Error ellipses of 2x2 covariances in the ground plane."""
+"""Error ellipses of 2x2 covariances in the ground plane, and ellipsoids of 3x3 in space."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ from uavgram.model.arrays import Floats
 #: Half-axes of the ellipse that holds a point with 95 %, in standard deviations: the root of the
 #: chi-square quantile with two degrees of freedom, -2 ln(1 - 0.95) in closed form; 2.4477.
 ELLIPSE_95 = math.sqrt(-2 * math.log(0.05))
+
+#: The same of the ellipsoid: with three degrees of freedom; 2.7955.
+ELLIPSOID_95 = math.sqrt(7.814727903251179)
 
 # A smaller eigenvalue negative by more than this part of the larger one is no rounding error.
 _ROUNDING = 1e-9
@@ -46,3 +49,24 @@ def error_ellipse(covariance: Floats) -> tuple[Floats, Floats, Floats]:
     semi_major = np.sqrt(np.where(valid, major, np.nan))
     semi_minor = np.sqrt(np.where(valid, np.maximum(minor, 0.0), np.nan))
     return semi_major, semi_minor, np.asarray(np.where(valid, azimuth, np.nan))
+
+
+def error_ellipsoid(covariance: Floats) -> tuple[Floats, Floats]:
+    """Half-axes and directions of one-sigma error ellipsoids.
+
+    Parameters
+    ----------
+    covariance
+        (..., 3, 3) of (east, north, up) [m2]; symmetric.
+
+    Returns
+    -------
+    half_axes : (..., 3)
+        Standard deviations along the axes, the largest first [m].
+    directions : (..., 3, 3)
+        Unit vectors along them as columns, a right-handed frame: a rotation.
+    """
+    variance, axes = np.linalg.eigh(covariance)
+    directions = axes[..., ::-1].copy()
+    directions[..., 2] *= np.sign(np.linalg.det(directions))[..., None]
+    return np.sqrt(np.maximum(variance[..., ::-1], 0.0)), directions

@@ -48,7 +48,11 @@ _POINTS = Table(
     shape={"position_world_m": (3,), "covariance_m2": (2, 2), "covariance_m3": (3, 3)},
     elsewhere=(*_ELLIPSE, "relative"),
 )
-_RELATIVE = Table(PlanarUncertainty, shape={"covariance_m2": (2, 2)}, elsewhere=_ELLIPSE)
+_RELATIVE = Table(
+    PlanarUncertainty,
+    shape={"covariance_m2": (2, 2), "covariance_m3": (3, 3)},
+    elsewhere=_ELLIPSE,
+)
 LINES = Table(LineResults, keys={"start": "from", "end": "to"})
 KNOWN = Table(KnownResults)
 PICKS = Table(PickResults, keys={"pixel_px": ("u_px", "v_px")}, shape={"residual_px": (2,)})
@@ -114,6 +118,9 @@ def _load_poses(rows: Sequence[Record | None]) -> PoseTable:
 def dump_points(points: PointResults) -> list[Record]:
     """Ground points; degrees for people, and the radians that they are made of."""
     relative = joined(_RELATIVE.dump(points.relative), _dump_ellipses(points.relative))
+    for row, off_ground in zip(relative, points.is_off_ground, strict=True):
+        if not off_ground:
+            del row["covariance_m3"]
     return joined(
         _POINTS.dump(points), _dump_ellipses(points), [{"relative": row} for row in relative]
     )
@@ -121,7 +128,8 @@ def dump_points(points: PointResults) -> list[Record]:
 
 def load_points(records: Sequence[Record]) -> PointResults:
     """Inverse of `dump_points`."""
-    relative = [row["relative"] for row in records]
+    nothing = {"covariance_m3": _EARLIER_POINT["covariance_m3"]}
+    relative = [nothing | row["relative"] for row in records]
     return _POINTS.load(
         [_EARLIER_POINT | row for row in records],
         **_load_ellipses(records),

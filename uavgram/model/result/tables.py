@@ -65,7 +65,7 @@ class FrameResults(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanarUncertainty(FrozenArrays):
-    """Uncertainty of K points in the plane.
+    """Uncertainty of K points in the plane, and in space of those off the ground.
 
     Attributes
     ----------
@@ -75,11 +75,23 @@ class PlanarUncertainty(FrozenArrays):
         (K, 2) semi-major and semi-minor axis of the 95 % ellipse (2.4477 sigma).
     ellipse_azimuth_rad
         (K,) of the major axis, clockwise from north, in [0, pi).
+    covariance_m3
+        (K, 3, 3) of east, north and up, where the turn in space is taken out too; NaN of points on
+        the ground.
     """
 
     covariance_m2: Annotated[Floats, "n", 2, 2]
     ellipse_95_m: Annotated[Floats, "n", 2]
     ellipse_azimuth_rad: Annotated[Floats, "n"]
+    covariance_m3: Annotated[Floats, "n", 3, 3, NAN_IS_NONE] = field(
+        default_factory=lambda: np.zeros((0, 3, 3))
+    )
+
+    def __post_init__(self) -> None:
+        if not len(self.covariance_m3):
+            nothing = np.full((len(self.covariance_m2), 3, 3), np.nan)
+            object.__setattr__(self, "covariance_m3", nothing)
+        super().__post_init__()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -23,9 +23,11 @@ from uavgram.views.recording.curves.pose_curves import (
     POSITION_SIGMA,
     PoseCurves,
 )
+from uavgram.views.recording.eye import Eye
 from uavgram.views.recording.pages.documents import (
     CHECKS,
     FRAME_SHEET,
+    HEIGHTS,
     LENGTHS,
     MEASURED,
     MESSAGES,
@@ -35,10 +37,11 @@ from uavgram.views.recording.pages.documents import (
 from uavgram.views.recording.pages.tables import messages_title
 from uavgram.views.recording.photo.overlay import NAME_ABOVE, OVERLAYS
 from uavgram.views.recording.photo.photo import PHOTO
-from uavgram.views.recording.scene import TO_THE_EYE, Scene
+from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import FRAME_TIMELINE
 from uavgram.views.recording.world.footprint_marks import ALL, CURRENT
 from uavgram.views.recording.world.geography import MAP, has_map
+from uavgram.views.recording.world.heights import ELLIPSOIDS, RULERS, SIDE_TEXTS
 from uavgram.views.recording.world.legend import LEGEND
 from uavgram.views.recording.world.survey import BAR
 from uavgram.views.style import Rgb
@@ -109,6 +112,8 @@ def layout(views: rrb.Horizontal) -> rrb.Blueprint:
 def _places(result: Result, scene: Scene) -> rrb.Tabs:
     """The survey from all sides."""
     views: list[rrb.View] = [_survey(scene), _plan(scene)]
+    if scene.side_eye is not None:
+        views.append(_from_the_side(scene.side_eye))
     if scene.worst_point is not None:
         views.append(_worst_point(result, scene.worst_point))
     if has_map(result):
@@ -120,6 +125,7 @@ def _pages(result: Result) -> rrb.Tabs:
     pages = (
         *((SUMMARY, "Summary"), (FRAME_SHEET, "Frame"), (MEASURED, "Measured")),
         *((LENGTHS, "Lengths"), (CHECKS, "Checks"), (POINTS, "Points")),
+        *([(HEIGHTS, "Heights")] if result.points.is_off_ground.any() else []),
         (MESSAGES, messages_title(result)),
     )
     views = [rrb.TextDocumentView(origin=origin, name=name) for origin, name in pages]
@@ -137,8 +143,15 @@ def _survey(scene: Scene) -> rrb.Spatial3DView:
     filled = [] if scene.fill_ellipses else ["- /survey/points/ellipse_95_true_size/**"]
     contents = ["+ /survey/**", "- /survey/point_names/**", f"- /{ALL}", *filled, *_NOT_IN_SPACE]
     name = "Survey, north away from you; white: this photo"
-    position = scene.target_m + scene.distance_m * TO_THE_EYE
-    return space_view(name, contents, position, scene.target_m, up=(0, 0, 1))
+    return space_view(name, contents, scene.eye.position_m, scene.eye.target_m, up=(0, 0, 1))
+
+
+def _from_the_side(eye: Eye) -> rrb.Spatial3DView:
+    """Level, so that heights are seen."""
+    shown = ("survey/ground/**", "survey/points/picked", f"{RULERS}/**", SIDE_TEXTS)
+    contents = [f"+ /{one}" for one in (*shown, f"{ELLIPSOIDS}_true_size/**")]
+    name = f"From the side, looking {eye.heading}"
+    return space_view(name, contents, eye.position_m, eye.target_m, up=(0, 0, 1))
 
 
 def space_view(
@@ -254,7 +267,11 @@ def _worst_point(result: Result, row: int) -> rrb.Spatial3DView:
     axes = result.points.relative.ellipse_95_m[row]
     position = spot + np.array([0.0, 0.0, CLOSE_UP * axes[0]])
     shown = ("ground/**", "points/picked", "point_names/**", "points/ellipse_95_true_size/**")
-    contents = [*(f"+ /survey/{one}" for one in shown), f"+ /{BAR}"]
+    contents = [
+        *(f"+ /survey/{one}" for one in shown),
+        f"+ /{ELLIPSOIDS}_true_size/**",
+        f"+ /{BAR}",
+    ]
     name = f"Worst point {result.points.label[row]}, true scale: {axes_text(axes)}"
     return space_view(name, contents, position, spot)
 

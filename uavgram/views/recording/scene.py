@@ -9,9 +9,11 @@ import numpy as np
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
+from uavgram.views.recording.eye import Eye
 from uavgram.views.survey.departures import Departures, departures
 from uavgram.views.survey.drawing import frusta, nice_factor, track
 from uavgram.views.survey.key_facts import largest_ellipse
+from uavgram.views.survey.off_ground import OffGround, off_ground
 
 # Share of the scene's size that the median exaggerated ellipse may fill.
 ELLIPSE_SHARE = 0.06
@@ -36,8 +38,12 @@ GROUND_DROP_SHARE = 5e-4
 
 # From the south, a little from the west, and from above.
 TO_THE_EYE = np.array([-0.185, -0.80, 0.572]) / np.linalg.norm([-0.185, -0.80, 0.572])
-# Tangents of half the angles of view that the scene may fill (Rerun's eye opens 55 degrees).
-HALF_WIDTH, HALF_HEIGHT = 0.70, 0.47
+# The eye of the side view is this much above the level, as a tangent: the ground is no line.
+LEVEL = 0.07
+# Share of the typical height off the ground that the median exaggerated ellipsoid may fill.
+ELLIPSOID_SHARE = 0.5
+# Less is not worth a second drawing.
+LEAST_EXAGGERATION = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +73,12 @@ class Scene:
         By how much the ground is drawn below its plane.
     ground_is_lowered
         Whether that is so much that it must be said: some points lie below the plane.
-    target_m, distance_m
-        (3,) what the first view looks at, and from how far, to show ground, points and cameras.
+    eye
+        Of the first view: shows ground, points and cameras.
+    off_ground, ellipsoid_factor
+        Points off the ground, None where there is none; exaggeration of their ellipsoids.
+    side_eye
+        Of the view from the side, None without points off the ground.
     """
 
     middle_m: Floats
@@ -83,8 +93,10 @@ class Scene:
     worst_point: int | None
     ground_drop_m: float
     ground_is_lowered: bool
-    target_m: Floats
-    distance_m: float
+    eye: Eye
+    off_ground: OffGround | None
+    ellipsoid_factor: int
+    side_eye: Eye | None
 
 
 def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene:
@@ -115,7 +127,7 @@ def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene
     least = GROUND_DROP_SHARE * size
     below = float(np.max(result.plane.height_at(points[:, :2]) - points[:, 2], initial=0.0))
     uneven = departures(result)
-    target, distance = _fit(np.concatenate(shown))
+    standing = off_ground(result)
     return Scene(
         middle_m=middle,
         size_m=size,
@@ -132,8 +144,10 @@ def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene
         worst_point=largest_ellipse(result),
         ground_drop_m=least + below,
         ground_is_lowered=below > least,
-        target_m=target,
-        distance_m=distance,
+        eye=Eye.fitting(np.concatenate(shown), TO_THE_EYE),
+        off_ground=standing,
+        ellipsoid_factor=_ellipsoid_factor(result, standing),
+        side_eye=_from_the_side(result, standing),
     )
 
 
@@ -172,40 +186,22 @@ def _frustum_depth(result: Result, height_m: float) -> float:
     return max(min(FRUSTUM_SHARE * height_m, SPACING_SHARE * spacing), 0.02 * height_m)
 
 
-def _seen_from(points_m: Floats, target_m: Floats) -> tuple[Floats, Floats, Floats]:
-    """(N,) of (N, 3) points about a target: to the right, upward, and towards the eye."""
-    right, up = _axes()
-    offset = points_m - target_m
-    return offset @ right, offset @ up, offset @ TO_THE_EYE
+def _ellipsoid_factor(result: Result, standing: OffGround | None) -> int:
+    if standing is None:
+        return 1
+    height = np.abs(result.points.height_above_ground_m[standing.rows])
+    typical = float(np.median(standing.half_axes_m[:, 0]))
+    factor = nice_factor(typical, ELLIPSOID_SHARE * float(np.median(height)))
+    return factor if factor >= LEAST_EXAGGERATION else 1
 
 
-def _axes() -> tuple[Floats, Floats]:
-    """(3,) to the right and (3,) upward on the screen."""
-    right = np.cross([0.0, 0.0, 1.0], TO_THE_EYE)
-    right /= np.linalg.norm(right)
-    return right, np.cross(TO_THE_EYE, right)
-
-
-def _fit(points_m: Floats) -> tuple[Floats, float]:
-    """What to look at, and from how far, to have all (N, 3) points as large as fit into a view.
-
-    A point r to the right and n nearer than the target is seen if |r - a| <= W (D - n), where the
-    eye is at the distance D and has moved by a: the outermost on both sides give a and D. The same
-    upward; then the larger D serves for both.
-    """
-    middle = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
-    right, upward, nearer = _seen_from(points_m, middle)
-    shifts, distances = [], [1.0]
-    for aside, share in ((right, HALF_WIDTH), (upward, HALF_HEIGHT)):
-        most, least = (share * nearer + aside).max(), (share * nearer - aside).max()
-        shifts.append((most - least) / 2)
-        distances.append(float(most + least) / (2 * share))
-    to_the_right, up = _axes()
-    return middle + shifts[0] * to_the_right + shifts[1] * up, max(distances)
-
-
-def on_screen(scene: Scene, points_m: Floats) -> Floats:
-    """(N, 2) of (N, 3) points in the first view, right and up, as tangents of angles."""
-    right, upward, nearer = _seen_from(points_m, scene.target_m)
-    depth = np.maximum(scene.distance_m - nearer, 1e-9)
-    return np.stack([right / depth, upward / depth], axis=-1)
+def _from_the_side(result: Result, standing: OffGround | None) -> Eye | None:
+    """Level, across the longer side of the points off the ground, and rather from the south."""
+    if standing is None:
+        return None
+    heads = result.points.position_world_m[standing.rows]
+    spread = np.cov(heads[:, :2].T, ddof=0)
+    _, axes = np.linalg.eigh(spread + 1e-9 * np.diag([2.0, 1.0]))
+    across = -axes[:, 0] if axes[1, 0] > 0 else axes[:, 0]
+    towards = np.array([*across, LEVEL])
+    return Eye.fitting(np.concatenate([heads, standing.foot_m]), towards / np.linalg.norm(towards))

@@ -15,7 +15,7 @@ from uavgram.views.calibration.recording.photos import OVERLAYS, PHOTO
 from uavgram.views.calibration.recording.plots import RESIDUAL, STATUS, TILT
 from uavgram.views.calibration.recording.space import AROUND, BEFORE, Room
 from uavgram.views.recording.blueprint import BACKGROUND, layout, plot, space_view
-from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH
+from uavgram.views.recording.eye import HALF_HEIGHT, HALF_WIDTH
 
 MARGIN = 0.02
 # The photo's own drawings lie on the photo, not in space.

@@ -10,6 +10,7 @@ from uavgram.views.recording.curves.pose_curves import PoseCurves
 from uavgram.views.recording.pages.frames import frame_sheets
 from uavgram.views.recording.pages.tables import (
     checks_page,
+    heights_page,
     lengths_page,
     measured_page,
     messages_page,
@@ -27,6 +28,7 @@ MEASURED = "documents/measurements"
 LENGTHS = "documents/known_lengths"
 CHECKS = "documents/checks"
 POINTS = "documents/points"
+HEIGHTS = "documents/heights"
 MESSAGES = "documents/messages"
 
 
@@ -62,4 +64,7 @@ def log_documents(
         (MESSAGES, messages_page(result)),
     ):
         recorder.static(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+    if scene.off_ground is not None:
+        text = heights_page(result, scene.off_ground)
+        recorder.static(HEIGHTS, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
     recorder.sheets(FRAME_SHEET, list(frame_sheets(result, picks, curves, poses)))

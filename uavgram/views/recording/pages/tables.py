@@ -14,6 +14,7 @@ from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.world.survey import has_outlines
 from uavgram.views.survey.departures import departures
 from uavgram.views.survey.key_facts import key_facts
+from uavgram.views.survey.off_ground import OffGround, height_text
 from uavgram.views.survey.reliability import (
     effect_words,
     overall_words,
@@ -108,7 +109,32 @@ def points_page(result: Result) -> str:
         result,
         points_order=order,
         uneven=departures(result),
+        off_ground=bool(result.points.is_off_ground.any()),
+        height_text=height_text,
         azimuth_deg=np.degrees(within.ellipse_azimuth_rad),
+    )
+
+
+def heights_page(result: Result, standing: OffGround) -> str:
+    """Heights of points off the ground, the least certain first.
+
+    Parameters
+    ----------
+    result
+        Of a run.
+    standing
+        Its points off the ground.
+    """
+    points = result.points
+    order = np.argsort(-points.height_sigma_m[standing.rows], kind="stable")
+    return _page(
+        "heights",
+        result,
+        points=points,
+        order=order,
+        rows=standing.rows,
+        half_axes_m=standing.half_axes_m,
+        height_text=height_text,
     )
 
 

@@ -22,10 +22,20 @@ from uavgram.views.recording.world.labels import (
     measured_text,
     reference_text,
 )
-from uavgram.views.style import BAD, LINE_COLOURS, MEASURED, OBSERVED, REFINED, SEED, Rgb
+from uavgram.views.style import (
+    BAD,
+    HEIGHT_COLOURS,
+    LINE_COLOURS,
+    MEASURED,
+    OBSERVED,
+    REFINED,
+    SEED,
+    Rgb,
+)
 from uavgram.views.survey.drawing import in_photo, project_from, sampled, uncovered, visible_runs
 from uavgram.views.survey.frame_states import frame_states
-from uavgram.views.wording import FRAME_STATE_WORDS, worst_first
+from uavgram.views.survey.off_ground import OffGround
+from uavgram.views.wording import FRAME_STATE_WORDS, number, worst_first
 
 # Pixel and text of a label.
 Word = tuple[Floats, str]
@@ -33,6 +43,11 @@ Word = tuple[Floats, str]
 # More labels than this hide the photo: of lines, and of lines and points.
 MOST_LINE_WORDS = 10
 MOST_WORDS = 22
+
+# Below it the rulers from the ground to points off it, by where their heights are from.
+HEIGHTS = "heights"
+# Each is short: its bend needs few samples.
+RULER_SAMPLES, RULER_WIDTH = 9, 2.0
 
 # What is drawn on the photo, by the name of its entity.
 OVERLAYS = (
@@ -45,6 +60,7 @@ OVERLAYS = (
     "labels",
     "known_lengths",
     "measured",
+    *(f"{HEIGHTS}/{source}" for source in HEIGHT_COLOURS),
     "name",
     NEIGHBOURS,
 )
@@ -71,6 +87,8 @@ def log_overlay(
         Path of the photo's entity.
     """
     words = _lines(recorder, result, picks, photo)
+    if scene.off_ground is not None:
+        _rulers(recorder, result, scene.off_ground, picks, photo)
     _residuals(recorder, result, scene, picks, photo)
     _names(recorder, result, picks, words, photo)
     _title(recorder, result, photo)
@@ -177,14 +195,52 @@ def _lines(recorder: Recorder, result: Result, picks: FramePicks, photo: str) ->
     return words
 
 
+def _rulers(
+    recorder: Recorder, result: Result, standing: OffGround, picks: FramePicks, photo: str
+) -> None:
+    """From the ground to each picked point off it: what its height looks like in the photo."""
+    ends = np.stack([standing.foot_m, result.points.position_world_m[standing.rows]], axis=1)
+    place = {result.points.label[row]: k for k, row in enumerate(standing.rows.tolist())}
+    frames = range(len(result.frames.frame_id))
+    lines: dict[str, list[list[Floats]]] = {
+        source: [[] for _ in frames] for source in set(standing.source)
+    }
+    for frame in np.flatnonzero(result.has_refined):
+        labels = [result.picks.label[pick] for pick in picks.rows[frame]]
+        here = [place[label] for label in labels if label in place]
+        if not here:
+            continue
+        strips = np.stack([sampled(ends[k], RULER_SAMPLES) for k in here])
+        pixel = project_from(result, row_poses(result, int(frame)), strips)
+        for k, seen in zip(here, pixel, strict=True):
+            lines[standing.source[k]][frame] += visible_runs(seen)
+    for source, per_frame in lines.items():
+        log_polylines(
+            recorder, f"{photo}/{HEIGHTS}/{source}", per_frame, HEIGHT_COLOURS[source], RULER_WIDTH
+        )
+
+
+def _with_heights(result: Result) -> dict[str, str]:
+    """``V21 +1.40 m`` of each point off the ground."""
+    points = result.points
+    rows = np.flatnonzero(points.is_off_ground).tolist()
+    heights = [number(points.height_above_ground_m[row], 2, signed=True) for row in rows]
+    return {
+        points.label[row]: f"{points.label[row]} {height} m"
+        for row, height in zip(rows, heights, strict=True)
+    }
+
+
 def _names(
     recorder: Recorder, result: Result, picks: FramePicks, words: list[list[Word]], photo: str
 ) -> None:
     """Texts of the lines, then names of the points, as far as they do not cover each other."""
-    anchors, texts = [], []
+    anchors, texts, named = [], [], _with_heights(result)
     for rows, lines in zip(picks.rows, words, strict=True):
         kept = _fitting(result, lines, MOST_LINE_WORDS)
-        names = [(result.picks.pixel_px[p], result.picks.label[p]) for p in rows]
+        labels = [result.picks.label[p] for p in rows]
+        at = result.picks.pixel_px[rows]
+        names = [(spot, named.get(label, label)) for spot, label in zip(at, labels, strict=True)]
         every = _fitting(result, kept + names, MOST_WORDS)
         anchors.append(np.reshape([anchor for anchor, _ in every], (-1, 2)))
         texts.append([text for _, text in every])

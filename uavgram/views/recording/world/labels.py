@@ -9,9 +9,11 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, point_index, reference_strips
-from uavgram.views.recording.scene import Scene, on_screen
+from uavgram.views.recording.eye import Eye
+from uavgram.views.recording.scene import Scene
 from uavgram.views.survey.drawing import longest_middle, uncovered
 from uavgram.views.survey.key_facts import least_certain_length
+from uavgram.views.survey.off_ground import height_text
 from uavgram.views.wording import (
     UNIT_WORDS,
     alternatives_text,
@@ -25,6 +27,8 @@ from uavgram.views.wording import (
 MOST_LABELS = 14
 MOST_MEASURED = 8
 MOST_OF_A_KIND = 3
+# The view from the side shows nothing else.
+MOST_HEIGHTS = 24
 # Size of a letter on a usual screen: half the width of one, and the height of a line. In the survey
 # as tangents of angles of view, in the photo as shares of its width and height.
 HALF_LETTER_ON_SCREEN, LINE_ON_SCREEN = 0.0052, 0.034
@@ -75,8 +79,8 @@ def survey_labels(result: Result, scene: Scene) -> Labels:
     """What deserves to be seen first; a label that would cover one before it is left out.
 
     Suspect lines, the least certain length, the largest ellipse, rejected frames and suspect
-    picks, other measurements (at most MOST_MEASURED, spread out), then the other known lengths: the
-    tables have them all.
+    picks, other measurements (at most MOST_MEASURED, spread out), then the other known lengths and
+    heights of points: the tables have them all.
     """
     known = reference_strips(result)
     suspect = [i for i in known if result.lines.status[i] in ("suspect", "removed")]
@@ -87,14 +91,38 @@ def survey_labels(result: Result, scene: Scene) -> Labels:
     trouble = _trouble(result)
     first += [*worst, *trouble, *measured[1:]]
     most = len(suspect) + len(worst) + len(trouble) + MOST_MEASURED
-    chosen = _take(first, scene, most, spread)
+    chosen = _take(first, scene.eye, most, spread)
     rest = _known(result, [i for i in known if i not in suspect])
-    kept = _take([*chosen, *rest], scene, MOST_LABELS, 1.0)
+    kept = _take([*chosen, *rest, *_heights(result, scene)], scene.eye, MOST_LABELS, 1.0)
     return Labels(
         np.reshape([anchor for anchor, _, _ in kept], (-1, 3)),
         tuple(text for _, text, _ in kept),
         frozenset(row for _, _, row in kept if row >= 0),
     )
+
+
+def height_labels(result: Result, scene: Scene) -> Labels:
+    """Heights of points off the ground as far as they fit into the view from the side."""
+    if scene.side_eye is None:
+        return Labels(np.zeros((0, 3)), (), frozenset())
+    kept = _take(_heights(result, scene), scene.side_eye, MOST_HEIGHTS, 1.0)
+    return Labels(
+        np.reshape([anchor for anchor, _, _ in kept], (-1, 3)),
+        tuple(text for _, text, _ in kept),
+        frozenset(),
+    )
+
+
+def _heights(result: Result, scene: Scene) -> list[Candidate]:
+    """Heights of points off the ground, the highest first."""
+    if scene.off_ground is None:
+        return []
+    points, rows = result.points, scene.off_ground.rows
+    highest = rows[np.argsort(-points.height_above_ground_m[rows], kind="stable")]
+    return [
+        (points.position_world_m[row], f"{points.label[row]} {height_text(points, row)}", -1)
+        for row in highest.tolist()
+    ]
 
 
 def _known(result: Result, rows: list[int]) -> list[Candidate]:
@@ -114,7 +142,7 @@ def _worst_point(
     aside = np.array([0.0, scene.ellipse_factor * axes[0] + LABEL_GAP * scene.size_m, 0.0])
     for side in (0, 1, -1):
         place: Candidate = (spot + side * aside, text, -1)
-        if _take([*before, place], scene, MOST_LABELS, spread)[-1] is place:
+        if _take([*before, place], scene.eye, MOST_LABELS, spread)[-1] is place:
             return [place]
     return []
 
@@ -163,8 +191,8 @@ def _least_certain(result: Result, row: int) -> str:
     return f"LEAST CERTAIN LENGTH (by {share}): "
 
 
-def _take(candidates: list[Candidate], scene: Scene, most: int, spread: float) -> list[Candidate]:
+def _take(candidates: list[Candidate], eye: Eye, most: int, spread: float) -> list[Candidate]:
     anchors = np.reshape([anchor for anchor, _, _ in candidates], (-1, 3))
     half_widths = HALF_LETTER_ON_SCREEN * np.array([len(text) for _, text, _ in candidates])
-    rows = uncovered(on_screen(scene, anchors), spread * half_widths, spread * LINE_ON_SCREEN, most)
+    rows = uncovered(eye.on_screen(anchors), spread * half_widths, spread * LINE_ON_SCREEN, most)
     return [candidates[i] for i in rows]

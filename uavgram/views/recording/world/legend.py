@@ -15,6 +15,7 @@ from uavgram.views.style import (
     BAD,
     BELOW,
     FRAME_COLOURS,
+    HEIGHT_COLOURS,
     MEASURED,
     REFERENCE,
     REFINED,
@@ -27,10 +28,8 @@ from uavgram.views.survey.frame_states import frame_states
 from uavgram.views.wording import size_text
 
 LEGEND = "legend"
-# Twice the size it is shown at, for sharp letters.
+# Twice the size it is shown at, for sharp letters; wider where more must be said.
 WIDTH_PX, HEIGHT_PX = 2400, 108
-# More of it where the ground is no plane: two swatches more.
-WIDER_PX = 440
 BACKGROUND: Rgb = (13, 16, 17)
 TEXT: Rgb = (225, 228, 232)
 FONT_PX = 30
@@ -68,8 +67,7 @@ def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image
     ground_gain
         How many times brighter than in the photos the ground is.
     """
-    width = WIDTH_PX if scene.uneven is None else WIDTH_PX + WIDER_PX
-    image = Image.new("RGB", (width, HEIGHT_PX), BACKGROUND)
+    image = Image.new("RGB", (2 * WIDTH_PX, HEIGHT_PX), BACKGROUND)
     pen = ImageDraw.Draw(image)
     font = ImageFont.load_default(FONT_PX)
     rows = [20.0, 20.0]
@@ -85,13 +83,21 @@ def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image
     remarks = ["± is one sigma"]
     if ground_gain != 1.0:
         remarks.append(f"ground {ground_gain:g} x brighter")
-    for y, text in zip(ROWS_PX, remarks, strict=False):
-        pen.text((right, y), text, fill=TEXT, font=font)
-    return image
+    if scene.off_ground is not None:
+        remarks.append(f"ellipsoids off the ground {enlarged(scene.ellipsoid_factor)}")
+    ends = [right, right]
+    for k, text in enumerate(remarks):
+        pen.text((ends[k % 2], ROWS_PX[k % 2]), text, fill=TEXT, font=font)
+        ends[k % 2] += int(pen.textlength(text, font=font)) + GAP_PX
+    return image.crop((0, 0, max(WIDTH_PX, max(ends) - GAP_PX // 2), HEIGHT_PX))
 
 
 def _entries(result: Result, scene: Scene) -> list[tuple[int, str, Rgb]]:
     """Row, text and colour of each swatch; only of what can be seen."""
+    return [*_cameras_and_lines(result), *_heights(scene)]
+
+
+def _cameras_and_lines(result: Result) -> list[tuple[int, str, Rgb]]:
     status = set(result.lines.status)
     entries: list[tuple[int, str, Rgb]] = []
     if result.has_seed.any():
@@ -110,9 +116,18 @@ def _entries(result: Result, scene: Scene) -> list[tuple[int, str, Rgb]]:
         entries.append((1, "known length, withheld", WITHHELD))
     if np.isfinite(result.measurements.value).any():
         entries.append((1, "measured", MEASURED))
+    return entries
+
+
+def _heights(scene: Scene) -> list[tuple[int, str, Rgb]]:
+    entries: list[tuple[int, str, Rgb]] = []
     if scene.uneven is not None:
         times = "" if scene.departure_factor == 1 else f", bars {scene.departure_factor} x as tall"
         entries += [(0, "ground above its plane", ABOVE), (1, f"below it{times}", BELOW)]
+    sources = scene.off_ground.source if scene.off_ground else ()
+    for row, source in enumerate(HEIGHT_COLOURS):
+        if source in sources:
+            entries.append((row, f"height {source}", HEIGHT_COLOURS[source]))
     return entries
 
 

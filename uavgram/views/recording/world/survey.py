@@ -15,6 +15,7 @@ from uavgram.model.result.tables import PoseTable
 from uavgram.stages.products.map_layers import ellipse_outlines, measured_strips, reference_strips
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
+from uavgram.views.recording.world.heights import MOST_ELLIPSOIDS, log_heights
 from uavgram.views.recording.world.labels import MANY_LINES, Labels, line_width, survey_labels
 from uavgram.views.style import (
     FRAME_COLOURS,
@@ -32,8 +33,7 @@ from uavgram.views.survey.drawing import frusta, round_length, track
 from uavgram.views.survey.frame_states import frame_states
 from uavgram.views.wording import size_text
 
-# Rerun draws at most 60 000 ellipsoids of one entity, and outlines are heavy on the viewer.
-MOST_ELLIPSOIDS = 50_000
+# Outlines are heavy on the viewer.
 MOST_OUTLINES = 5_000
 # Corners of the mesh that carries the mosaic, in pixels of the mosaic.
 MESH_CELL_PX = 8
@@ -198,6 +198,7 @@ def _points(recorder: Recorder, result: Result, scene: Scene) -> None:
     points, position, within = result.points, result.points.position_world_m, result.points.relative
     colours = scale_colours(sigma_shares(result)[0])
     few = len(points.label) <= MOST_POINT_LABELS
+    log_heights(recorder, result, scene, colours)
     recorder.static(
         "survey/points/picked",
         rr.Points3D(
@@ -208,8 +209,9 @@ def _points(recorder: Recorder, result: Result, scene: Scene) -> None:
             show_labels=False,
         ),
     )
-    for start in range(0, len(position), MOST_ELLIPSOIDS):
-        part = slice(start, start + MOST_ELLIPSOIDS)
+    grounded = np.flatnonzero(~points.is_off_ground)
+    for start in range(0, len(grounded), MOST_ELLIPSOIDS):
+        part = grounded[start : start + MOST_ELLIPSOIDS]
         flat = np.full(len(position[part]), FLAT_M)
         recorder.static(
             f"survey/points/ellipse_95_true_size/{start // MOST_ELLIPSOIDS}",
@@ -241,7 +243,8 @@ def _departures(recorder: Recorder, result: Result, scene: Scene, uneven: Depart
 
     All stand up: what hangs down is hidden by the ground.
     """
-    position = result.points.position_world_m[uneven.rows]
+    position = result.points.position_world_m[uneven.rows].copy()
+    position[:, 2] -= np.nan_to_num(result.points.height_above_ground_m[uneven.rows])
     height = scene.departure_factor * np.abs(uneven.value_m)
     top = position + height[:, None] * [0.0, 0.0, 1.0]
     bars = np.stack([position, top], axis=1)

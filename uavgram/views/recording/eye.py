@@ -1,0 +1,82 @@
+"""From where a view in space looks, and at what, so that all that matters is seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+
+# Tangents of half the angles of view that the scene may fill (Rerun's eye opens 55 degrees).
+HALF_WIDTH, HALF_HEIGHT = 0.70, 0.47
+
+WINDS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+
+
+@dataclass(frozen=True, eq=False)
+class Eye:
+    """The eye of a view.
+
+    Attributes
+    ----------
+    towards
+        (3,) unit vector from what it looks at to the eye; not straight up.
+    target_m
+        (3,) what it looks at.
+    distance_m
+        From how far.
+    """
+
+    towards: Floats
+    target_m: Floats
+    distance_m: float
+
+    @classmethod
+    def fitting(cls, points_m: Floats, towards: Floats) -> Eye:
+        """What to look at, and from how far, to have all (N, 3) points as large as fit into a view.
+
+        A point r to the right and n nearer than the target is seen if |r - a| <= W (D - n), where
+        the eye is at the distance D and has moved by a: the outermost on both sides give a and D.
+        The same upward; then the larger D serves for both.
+        """
+        middle = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
+        right, upward, nearer = _seen(points_m - middle, towards)
+        shifts, distances = [], [1.0]
+        for aside, share in ((right, HALF_WIDTH), (upward, HALF_HEIGHT)):
+            most, least = (share * nearer + aside).max(), (share * nearer - aside).max()
+            shifts.append((most - least) / 2)
+            distances.append(float(most + least) / (2 * share))
+        to_the_right, up = _axes(towards)
+        target = middle + shifts[0] * to_the_right + shifts[1] * up
+        return cls(towards, target, max(distances))
+
+    @property
+    def position_m(self) -> Floats:
+        """(3,) where it is."""
+        return np.asarray(self.target_m + self.distance_m * self.towards)
+
+    @property
+    def heading(self) -> str:
+        """Where it looks: one of eight winds."""
+        azimuth = np.arctan2(-self.towards[0], -self.towards[1])
+        return WINDS[round(float(azimuth) / (np.pi / 4)) % 8]
+
+    def on_screen(self, points_m: Floats) -> Floats:
+        """(N, 2) of (N, 3) points, right and up, as tangents of angles."""
+        right, upward, nearer = _seen(points_m - self.target_m, self.towards)
+        depth = np.maximum(self.distance_m - nearer, 1e-9)
+        return np.stack([right / depth, upward / depth], axis=-1)
+
+
+def _seen(offset_m: Floats, towards: Floats) -> tuple[Floats, Floats, Floats]:
+    """(N,) of (N, 3) offsets from a target: to the right, upward, and towards the eye."""
+    right, up = _axes(towards)
+    return offset_m @ right, offset_m @ up, offset_m @ towards
+
+
+def _axes(towards: Floats) -> tuple[Floats, Floats]:
+    """(3,) to the right and (3,) upward on the screen."""
+    right = np.cross([0.0, 0.0, 1.0], towards)
+    right /= np.linalg.norm(right)
+    return right, np.cross(towards, right)

@@ -1,0 +1,106 @@
+"""Points off the ground in 3-D: rulers that stand on the ground below them, and ellipsoids."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import numpy as np
+import rerun as rr
+
+from uavgram.geometry.motion.rotation import xyzw_from_matrix
+from uavgram.imaging.photos.preview import Pixels
+from uavgram.model.result.result import Result
+from uavgram.model.result.tables import HeightSource
+from uavgram.views.recording.scene import Scene
+from uavgram.views.recording.stream import Recorder
+from uavgram.views.recording.world.labels import height_labels
+from uavgram.views.style import HEIGHT_COLOURS, OBSERVED
+from uavgram.views.survey.off_ground import OffGround, height_text
+
+# Rerun draws at most 60 000 ellipsoids of one entity.
+MOST_ELLIPSOIDS = 50_000
+RULERS = "survey/points/heights"
+ELLIPSOIDS = "survey/points/ellipsoid_95"
+SIDE_TEXTS = "from_the_side/heights"
+# Texts float a little above their points, in distances of the eye.
+LABEL_LIFT = 0.02
+# In points of the screen.
+RULER_WIDTH = 2.5
+
+
+def log_heights(recorder: Recorder, result: Result, scene: Scene, colours: Pixels) -> None:
+    """Log what shows how high points are, and how certain in space.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    colours
+        (K, 3) of all points' ellipses.
+    """
+    standing = scene.off_ground
+    if standing is None or scene.side_eye is None:
+        return
+    for source in get_args(HeightSource):
+        _rulers(recorder, result, standing, source)
+    _ellipsoids(recorder, result, standing, "true_size", 1, colours)
+    if scene.ellipsoid_factor > 1:
+        _ellipsoids(recorder, result, standing, "exaggerated", scene.ellipsoid_factor, colours)
+    words = height_labels(result, scene)
+    lift = np.array([0.0, 0.0, LABEL_LIFT * scene.side_eye.distance_m])
+    recorder.static(
+        SIDE_TEXTS,
+        rr.Points3D(
+            words.anchor_m + lift,
+            radii=rr.Radius.ui_points(0.0),
+            colors=OBSERVED,
+            labels=words.text,
+            show_labels=True,
+        ),
+    )
+
+
+def _rulers(recorder: Recorder, result: Result, standing: OffGround, source: HeightSource) -> None:
+    """From the ground to each point; who points at one reads its height."""
+    which = standing.of(source)
+    if not len(which):
+        return
+    points, rows = result.points, standing.rows[which]
+    recorder.static(
+        f"{RULERS}/{source}",
+        rr.LineStrips3D(
+            np.stack([standing.foot_m[which], points.position_world_m[rows]], axis=1),
+            colors=HEIGHT_COLOURS[source],
+            radii=rr.Radius.ui_points(RULER_WIDTH / 2),
+            labels=[f"{points.label[row]} {height_text(points, row)}" for row in rows.tolist()],
+            show_labels=False,
+        ),
+    )
+
+
+def _ellipsoids(
+    recorder: Recorder,
+    result: Result,
+    standing: OffGround,
+    size: str,
+    factor: int,
+    colours: Pixels,
+) -> None:
+    known = np.flatnonzero(standing.half_axes_m[:, 0] > 0)
+    for start in range(0, len(known), MOST_ELLIPSOIDS):
+        part = known[start : start + MOST_ELLIPSOIDS]
+        rows = standing.rows[part]
+        recorder.static(
+            f"{ELLIPSOIDS}_{size}/{start // MOST_ELLIPSOIDS}",
+            rr.Ellipsoids3D(
+                centers=result.points.position_world_m[rows],
+                half_sizes=factor * standing.half_axes_m[part],
+                quaternions=xyzw_from_matrix(standing.directions[part]),
+                colors=colours[rows],
+                fill_mode="TransparentFillMajorWireframe",
+            ),
+        )

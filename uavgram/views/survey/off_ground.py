@@ -1,0 +1,62 @@
+"""Points off the ground: their feet on it, their ellipsoids, and their heights in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.geometry.ground.ellipse import ELLIPSOID_95, error_ellipsoid
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.result.result import Result
+from uavgram.model.result.tables import HeightSource, PointResults
+from uavgram.views.wording import decimals_for, number, with_sigma
+
+
+@dataclass(frozen=True, eq=False)
+class OffGround:
+    """Of n points off the ground.
+
+    Attributes
+    ----------
+    rows
+        (n,) which points.
+    foot_m
+        (n, 3) places on the ground straight below (or above) them.
+    half_axes_m, directions
+        (n, 3) and (n, 3, 3) of the ellipsoids that hold them with 95 % within the survey, the
+        largest axis first, along the columns; 0 where it is not known.
+    source
+        (n,) where the height is from, as in the points of a result.
+    """
+
+    rows: Ints
+    foot_m: Floats
+    half_axes_m: Floats
+    directions: Floats
+    source: tuple[HeightSource, ...]
+
+    def of(self, source: HeightSource) -> Ints:
+        """Which of the n have their heights from there."""
+        return np.flatnonzero([one == source for one in self.source])
+
+
+def off_ground(result: Result) -> OffGround | None:
+    """Points off the ground; None where all are on it."""
+    points = result.points
+    rows = np.flatnonzero(points.is_off_ground)
+    if not len(rows):
+        return None
+    foot = points.position_world_m[rows].copy()
+    foot[:, 2] -= points.height_above_ground_m[rows]
+    half_axes, directions = error_ellipsoid(np.nan_to_num(points.relative.covariance_m3[rows]))
+    source = tuple(points.height_source[row] for row in rows)
+    return OffGround(rows, foot, ELLIPSOID_95 * half_axes, directions, source)
+
+
+def height_text(points: PointResults, row: int) -> str:
+    """``1.40 ± 0.03 m``, or ``1.40 m, exactly as stated``."""
+    height, sigma = float(points.height_above_ground_m[row]), float(points.height_sigma_m[row])
+    if sigma > 0:
+        return with_sigma(height, sigma, "m")
+    return f"{number(height, decimals_for(sigma))} m, exactly as stated"
