@@ -130,8 +130,9 @@ export function entryMessage(entry, form, taken) {
   const was = entry.was ?? "";
   if (!name) return { why: "It needs a name.", field: "name" };
   if (name !== was && taken.includes(name)) return { why: `There is a ${entry.t === "line" ? "length" : "measurement"} ${name} already: choose another name.`, field: "name" };
-  const { found, ...fault } = numbersIn(form, wantedOf(entry, form));
-  if (!found) return fault;
+  const read = numbersIn(form, wantedOf(entry, form));
+  if (!read.found) return read;
+  const { found } = read;
   if (entry.t === "line") return { message: { t: "line", was, name, start: entry.start, end: entry.end, length_m: found.length_m, sigma_m: found.sigma_m, adjust: form.get("use") === "adjust" } };
   return { message: { t: "measure", was, name, kind: entry.kind, points: entry.points, parameters: { ...found, ...flagsOf(entry, form) } } };
 }
@@ -141,7 +142,7 @@ export function entryMessage(entry, form, taken) {
 /** @param {Entry} entry @param {FormData} form */
 const wantedOf = (entry, form) => NUMBERS[entry.t === "line" ? "line" : entry.kind === "volume" ? textIn(form, "base") : entry.kind] ?? [];
 
-/** @param {FormData} form @param {Wanted[]} wanted @returns {{ found: Record<string, number> } | { found?: undefined, why: string, field: string }} */
+/** @param {FormData} form @param {Wanted[]} wanted @returns {{ found: Record<string, number> } | { found?: undefined, message?: undefined, why: string, field: string }} */
 function numbersIn(form, wanted) {
   /** @type {Record<string, number>} */
   const found = {};
