@@ -231,7 +231,7 @@ def ground_below(survey: Survey, label: Ints, points: Floats, feet: Floats) -> G
     points, feet
         (k, 3) and the places on the smooth ground straight below them [m].
     """
-    told = np.asarray(survey.height_sigma_m[label] == 0)
+    told = np.asarray((survey.height_sigma_m[label] == 0) & ~survey.is_free[label])
     roughness = np.array([survey.grounds[a].roughness_sigma_m for a in survey.area[label]])
     below = points - np.outer(survey.height_above_m[label], [0.0, 0.0, 1.0])
     return GroundBelow(np.where(told[:, None], below, feet), told, np.where(told, 0.0, roughness))

@@ -22,6 +22,9 @@ from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
 
+CANCELLED = 1e-12
+"""Share of its parts below which a derivative is their rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class MeasuredValues:
@@ -116,12 +119,15 @@ def _measured(
         feet, feet_jacobian, feet_unknowns = adjustment.ground_with_jacobian(label)
     found = []
     for row in measurands(request, world, survey, frames, feet=feet):
-        column = np.zeros(adjustment.problem.layout.size)
-        if row.gradient is not None:  # a point may occur twice in one outline
-            np.add.at(column, unknowns, np.einsum("ni,nik->nk", row.gradient, jacobian))
-        if row.by_feet is not None:
-            np.add.at(column, feet_unknowns, np.einsum("ni,nik->nk", row.by_feet, feet_jacobian))
-        if not column.any() and not row.others:
+        by_points, by_feet = row.gradient, row.by_feet
+        parts = [] if by_points is None else [(unknowns, by_points, jacobian)]
+        parts += [] if by_feet is None else [(feet_unknowns, by_feet, feet_jacobian)]
+        column, largest = np.zeros(adjustment.problem.layout.size), 0.0
+        for where, gradient, by_unknowns in parts:
+            part = np.einsum("ni,nik->nk", gradient, by_unknowns)
+            np.add.at(column, where, part)  # a point may occur twice in one outline
+            largest = max(largest, float(np.abs(part).max()))
+        if not row.others and np.abs(column).max() <= CANCELLED * largest:
             raise UnmeasurableError(
                 "nothing that was observed bears on it: its heights are all stated, or up is "
                 "only known as at right angles to the ground, for want of a flight log"
