@@ -12,9 +12,8 @@ const ALL = Object.entries(TOOLS).map(([name, tool]) => [/** @type {ToolName} */
 export function buildTools(setTool) {
   const menu = byId("more-tools");
   for (const [name, { key, name: words, what, more }] of ALL) {
-    const act = () => { if (more) menu.hidePopover(); setTool(name); };
     const shown = more ? [node("span", { class: "key" }, key.toUpperCase()), node("span", {}, words), node("span", { class: "dim" }, what)] : [words];
-    (more ? menu : byId("tools")).append(node("button", { role: "radio", "data-tool": name, title: `${words} (${key.toUpperCase()}): ${what}`, onclick: act }, ...shown));
+    (more ? menu : byId("tools")).append(node("button", { role: "radio", "data-tool": name, title: `${words} (${key.toUpperCase()}): ${what}`, onclick: () => setTool(name) }, ...shown));
   }
   menu.addEventListener("toggle", () => {
     if (!menu.matches(":popover-open")) return;
@@ -27,6 +26,7 @@ export function buildTools(setTool) {
 
 /** @param {ToolName} tool */
 export function showTool(tool) {
+  byId("more-tools").hidePopover();
   for (const group of ["tools", "more-tools"]) choose(byId(group), (button) => button.dataset.tool === tool, "aria-checked");
   const { more, name } = TOOLS[tool];
   if (!more) as(HTMLElement, byId("more-tools").firstElementChild).tabIndex = 0;

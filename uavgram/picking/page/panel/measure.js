@@ -72,7 +72,7 @@ function pointsPart(selected, tools) {
     const point = now?.points[label];
     const sigmaMm = point && all.length > 1 ? Math.max(...point.sigma_m.map(Number)) * 1000 : null; // within the survey: one alone has none
     const stands = standsAt(label);
-    return { label, fit: worst.get(label), sigmaMm, count: count.get(label) ?? 0, up: stands ? ` ${withSigma(stands.height, stands.sigma, "m up")}` : "" };
+    return { label, fit: worst.get(label), sigmaMm, count: count.get(label) ?? 0, up: stands ? ` \u2191${withSigma(stands.height, stands.sigma, "m")}` : "" };
   });
   const sign = [selected, facts.map((one) => [one.label, one.fit?.w, one.fit?.status, one.sigmaMm, one.count, one.up])];
   return keep("points", sign, () => pointsTable(facts, selected, tools));
@@ -84,7 +84,7 @@ function pointsTable(facts, selected, tools) {
     const kind = store.control.includes(label) ? " control" : store.check.includes(label) ? " check" : "";
     const chosen = selected === label;
     return node("tr", { class: chosen ? "selected" : "", "data-row": `point ${label}` },
-      node("td", { class: "named", title: label }, node("button", { class: "link", name: "select", "aria-pressed": chosen, onclick: () => tools.select(label) }, label), node("span", { class: "dim" }, `${kind}${up}`)),
+      node("td", { class: "named", title: label }, node("button", { class: "link", name: "select", "aria-pressed": chosen, onclick: () => tools.select(label) }, label), node("span", { class: "dim", title: up && "over the ground" }, `${kind}${up}`)),
       node("td", {}, `${count}`), node("td", { class: "value" }, fixed(sigmaMm, Number(sigmaMm) < 10 ? 1 : 0)), node("td", { class: "value" }, wCell(fit?.w, fit?.status)));
   });
   return titled(`Points (${facts.length})`, table("Points", ["label", "photos", about("\u03c3 mm", `within the survey; ${SIGMA}`), about("worst w", W)], rows));
