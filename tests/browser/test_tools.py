@@ -54,7 +54,8 @@ def test_every_kind_of_measurement_has_a_tool_with_a_key_of_its_own(
 ) -> None:
     with served(planted.path) as server:
         page = open_page(server)
-        tools = page.get_by_role("radiogroup", name="Tool").get_by_role("radio")
+        page.get_by_role("button", name="More").click()  # each says there what it is for
+        tools = page.get_by_role("radiogroup", name="tool").get_by_role("radio")
         titles = {
             tool.get_attribute("data-tool"): tool.get_attribute("title") for tool in tools.all()
         }
@@ -63,7 +64,7 @@ def test_every_kind_of_measurement_has_a_tool_with_a_key_of_its_own(
         assert len(set(keys.values())) == len(keys)
         for kind, key in keys.items():
             page.keyboard.press(key.lower())
-            expect(page.locator(f'#tools [data-tool="{kind}"]')).to_be_checked()
+            expect(page.locator(f'[data-tool="{kind}"]')).to_be_checked()
         page.keyboard.press("?")
         named = page.get_by_role("dialog").locator("dt").all_inner_texts()
         assert set(keys.values()) <= {key for words in named for key in words.split()}

@@ -22,7 +22,13 @@ CHANGES = st.one_of(
     st.builds(c.Unpick, image=IMAGES, label=LABELS),
     st.builds(c.Forget, label=LABELS),
     st.builds(c.Rename, label=LABELS, new=LABELS),
-    st.builds(c.SetHeight, label=LABELS, height_m=st.none() | PIXELS),
+    st.builds(
+        c.SetHeight,
+        label=LABELS,
+        height_m=st.none() | PIXELS,
+        height_sigma_m=st.none() | st.just(0.02),
+        is_free=st.booleans(),
+    ),
     st.builds(c.SetSigma, image=IMAGES, label=LABELS, sigma_px=st.none() | st.just(0.5)),
     st.builds(
         c.SetLine,
@@ -130,6 +136,38 @@ def test_a_further_pick_of_a_label_takes_over_its_height() -> None:
     session = apply(place(Session(state=State()), "A"), c.SetHeight(label="A", height_m=0.4))
     session = place(session, "A", image="2.jpg")
     assert [pick.height_m for pick in session.state.picks] == [0.4, 0.4]
+
+
+def heights(session: Session) -> list[tuple[float | None, float | None, bool]]:
+    return [(p.height_m, p.height_sigma_m, p.is_free) for p in session.state.picks]
+
+
+def test_a_height_is_on_the_ground_or_stated_or_free_and_each_replaces_the_others() -> None:
+    session = place(place(Session(state=State()), "A"), "A", image="2.jpg")
+    stated = apply(session, c.SetHeight(label="A", height_m=1.4, height_sigma_m=0.02))
+    free = apply(stated, c.SetHeight(label="A", height_m=None, is_free=True))
+    ground = apply(free, c.SetHeight(label="A", height_m=None))
+    assert heights(stated) == [(1.4, 0.02, False)] * 2
+    assert heights(free) == [(None, None, True)] * 2
+    assert heights(ground) == [(None, None, False)] * 2
+    back = apply(apply(ground, c.Undo()), c.Undo())
+    assert back.state == stated.state
+    assert apply(back, c.Redo()).state == free.state
+    assert heights(place(free, "A", image="3.jpg")) == [(None, None, True)] * 3
+
+
+@pytest.mark.parametrize(
+    ("command", "why"),
+    [
+        (c.SetHeight(label="A", height_m=1.0, is_free=True), "either stated or free"),
+        (c.SetHeight(label="A", height_m=None, height_sigma_m=0.1), "sigma of no height"),
+        (c.SetHeight(label="A", height_m=None, height_sigma_m=0.1, is_free=True), "of no height"),
+        (c.SetHeight(label="B", height_m=1.0), "not picked"),
+    ],
+)
+def test_a_height_that_no_table_could_hold_is_refused(command: c.SetHeight, why: str) -> None:
+    with pytest.raises(RefusedError, match=why):
+        apply(place(Session(state=State()), "A"), command)
 
 
 def test_moving_a_pick_keeps_its_sigma_and_height() -> None:

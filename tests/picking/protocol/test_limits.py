@@ -33,6 +33,7 @@ LINE: Json = {
     "sigma_m": 0.1,
 }
 SKID: Json = {"t": "measure", "was": "", "name": "S", "kind": "skid_speed", "points": ["A", "B"]}
+VOLUME: Json = {"t": "measure", "was": "", "name": "V", "kind": "volume", "points": list("ABC")}
 
 Reader = Callable[[Path], object]
 FIELDS: dict[str, tuple[Callable[[float], Json], Reader, str]] = {
@@ -50,6 +51,16 @@ FIELDS: dict[str, tuple[Callable[[float], Json], Reader, str]] = {
         lambda x: {"t": "height", "label": "A", "height_m": x},
         read_picks,
         "image,label,u_px,v_px,height_m\nP1.jpg,A,5,6,{}\n",
+    ),
+    "sigma of a height": (
+        lambda x: {"t": "height", "label": "A", "height_m": 1, "height_sigma_m": x},
+        read_picks,
+        "image,label,u_px,v_px,height_m,height_sigma_m\nP1.jpg,A,5,6,1,{}\n",
+    ),
+    "level under a volume": (
+        lambda x: VOLUME | {"parameters": {"level": x}},
+        read_measure,
+        "name,kind,points,parameters\nV,volume,A;B;C,level={}\n",
     ),
     "length": (
         lambda x: LINE | {"length_m": x},

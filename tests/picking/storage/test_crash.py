@@ -57,6 +57,16 @@ def _sorted(state: Json) -> Json:
     return {"picks": picks, "lines": state["lines"], "measurements": state["measurements"]}
 
 
+UNSTATED: Json = {
+    "sigma_px": None,
+    "height_m": None,
+    "height_sigma_m": None,
+    "is_free": False,
+    "area": "",
+}
+"""What nobody said of a pick."""
+
+
 def _tables(folder: Path) -> Json:
     """What the CSV files hold, as the page would be told it."""
 
@@ -73,9 +83,7 @@ def _tables(folder: Path) -> Json:
             "label": row["label"],
             "u_px": float(row["u_px"]),
             "v_px": float(row["v_px"]),
-            "sigma_px": None,
-            "height_m": None,
-            "area": "",
+            **UNSTATED,
         }
         for row in rows("picks.csv")
     ]
@@ -110,8 +118,7 @@ def _place(state: Json, do: Json) -> None:
         if (pick["image"], pick["label"]) == (do["image"], do["label"]):
             pick.update(where)
             return
-    rest = {"sigma_px": None, "height_m": None, "area": ""}
-    state["picks"].append({"image": do["image"], "label": do["label"], **where, **rest})
+    state["picks"].append({"image": do["image"], "label": do["label"], **where, **UNSTATED})
 
 
 def _unpick(state: Json, do: Json) -> None:

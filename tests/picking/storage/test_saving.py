@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Never
 
+import numpy as np
 import pytest
 from pick_pages import Page, RefusedToStartError, Server, running, small_project
 
@@ -402,6 +403,31 @@ def test_a_journal_that_is_none_is_put_aside_and_said(
     assert codes == ["pick-recovered" if taken else "pick-not-recovered"]
     assert len(list((tmp_path / "out").glob("pick-journal-*.jsonl"))) == (not taken)
     work.tables.close()
+
+
+def test_heights_that_were_confirmed_outlive_a_kill_and_are_written(
+    project: Path, tmp_path: Path
+) -> None:
+    lost = Working(project)
+    for label in "QRS":
+        lost.do(c.Place(image="P2.jpg", label=label, u_px=1.0, v_px=2.0))
+    lost.do(c.SetHeight(label="Q", height_m=None, is_free=True))
+    lost.do(c.SetHeight(label="R", height_m=1.4, height_sigma_m=0.02))
+    lost.tables.close()
+    journal = tmp_path / "out" / JOURNAL
+    with journal.open("a") as stream:  # as versions wrote it that knew no sigma and no free height
+        stream.write('{"do": "SetHeight", "step": 0, "label": "S", "height_m": 0.5}\n')
+    work = Working(project)
+    assert work.tables.recovered is not None
+    assert work.tables.save(work.tables.recovered) == ""
+    work.tables.close()
+    picks = read_inputs(project, unfinished=True).picks
+    row = {label: i for i, label in enumerate(picks.label)}
+    assert picks.is_free[row["Q"]]
+    assert (picks.height_m[row["R"]], picks.height_sigma_m[row["R"]]) == (1.4, 0.02)
+    assert picks.height_m[row["S"]] == 0.5
+    assert np.isnan(picks.height_sigma_m[row["S"]])
+    assert picks.is_free.sum() == 1
 
 
 LENGTH = partial(c.SetLine, was="", name="N", start="A", end="B", sigma_m=0.1, adjust=True)

@@ -27,7 +27,8 @@ def project(tmp_path: Path) -> Path:
     with opened(path, killed=True) as (open_project, _):
         change(open_project, "place", image=0, label="A", u_px=11, v_px=21)
         change(open_project, "place", image=1, label="C", u_px=50, v_px=60)
-        change(open_project, "height", label="C", height_m=0.5)
+        change(open_project, "height", label="C", height_m=0.5, height_sigma_m=0.02)
+        change(open_project, "height", label="A", height_m=None, is_free=True)
         change(open_project, "unpick", image=0, label="B")
         change(open_project, "line", was="", name="L", start="A", end="C", length_m=2, sigma_m=0.1)
         change(open_project, "measure", was="", name="D", kind="distance", points=["A", "C"])
@@ -35,9 +36,13 @@ def project(tmp_path: Path) -> Path:
     return path
 
 
-def place_of(begun: Json, label: str) -> tuple[float, float, float | None]:
+Height = tuple[float | None, float | None, bool]
+
+
+def place_of(begun: Json, label: str) -> tuple[float, float, Height]:
     pick = next(pick for pick in begun["state"]["picks"] if pick["label"] == label)
-    return pick["u_px"], pick["v_px"], pick["height_m"]
+    height = pick["height_m"], pick["height_sigma_m"], pick["is_free"]
+    return pick["u_px"], pick["v_px"], height
 
 
 def test_it_is_taken_over_in_one_step_beside_what_the_other_did(
@@ -45,14 +50,14 @@ def test_it_is_taken_over_in_one_step_beside_what_the_other_did(
 ) -> None:
     with opened(project) as (open_project, sent):
         begun = open_project.initial_state()
-        assert begun["aside"] == 6
+        assert begun["aside"] == 7
         assert labels(begun) == {"A", "B", "Z"}
         assert ask(open_project, "take-aside")["refused"] == 0
         begun = sent[-1]  # every page begins anew
         assert begun["t"] == "initial-state"
         assert labels(begun) == {"A", "C", "Z"}
-        assert place_of(begun, "A") == (11, 21, None)
-        assert place_of(begun, "C") == (50, 60, 0.5)
+        assert place_of(begun, "A") == (11, 21, (None, None, True))
+        assert place_of(begun, "C") == (50, 60, (0.5, 0.02, False))
         assert [line["name"] for line in begun["state"]["lines"]] == ["L"]
         assert begun["state"]["measurements"][0]["points"] == ["A", "C"]
         assert (begun["undo"], begun["aside"]) == (1, None)
@@ -87,7 +92,7 @@ def test_what_is_no_change_of_the_page_is_not_taken(project: Path, tmp_path: Pat
         {**place, "label": "a;b", "sigma_px": 1.0},
     ]
     with opened(project) as (open_project, _):
-        assert open_project.initial_state()["aside"] == 6
+        assert open_project.initial_state()["aside"] == 7
         ask(open_project, "discard-aside")
     text = "".join(json.dumps(entry) + "\n" for entry in entries)
     (tmp_path / "out" / "pick-journal-1.jsonl").write_text(text)

@@ -63,10 +63,15 @@ class SetSigma:
 
 @dataclass(frozen=True, kw_only=True)
 class SetHeight:
-    """State a label's height above the ground plane; None: on it."""
+    """State a label's height above the ground, or that it is to be found; else it is on it.
+
+    A height may have a sigma, and then takes part with it; of a free one nothing is stated.
+    """
 
     label: str
     height_m: float | None
+    height_sigma_m: float | None = None
+    is_free: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,6 +143,13 @@ class SameGround:
     v_px: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class SideView:
+    """Where the points of a measurement lie along it, and how high."""
+
+    name: str
+
+
 @dataclass(frozen=True)
 class Export:
     """Save, run the project as `uavgram run` does, and write all its outputs."""
@@ -198,4 +210,4 @@ Command = Change | Undo | Redo
 ProjectAction = (
     Export | Reload | TakeAside | DiscardAside | Folders | Calibrate | StopCalibration | UseCamera
 )
-Question = Snap | SameGround
+Question = Snap | SameGround | SideView

@@ -120,8 +120,7 @@ def _place(state: State, do: c.Place) -> State:
     same = next((pick for pick in state.picks if pick.label == do.label), None)
     new = Pick(**vars(do))
     if same is not None:
-        new = replace(new, height_m=same.height_m, height_sigma_m=same.height_sigma_m)
-        new = replace(new, is_free=same.is_free, area=same.area)
+        new = replace(new, **same.height, area=same.area)
     return replace(state, picks=(*state.picks, new))
 
 
@@ -154,9 +153,13 @@ def _set_sigma(state: State, do: c.SetSigma) -> State:
 def _set_height(state: State, do: c.SetHeight) -> State:
     if do.label not in state.labels:
         raise RefusedError(f"{do.label!r} is not picked")
+    if do.is_free and do.height_m is not None:
+        raise RefusedError("a height is either stated or free: leave one of the two out")
+    if do.height_sigma_m is not None and do.height_m is None:
+        raise RefusedError("this is the sigma of no height: state the height too")
+    stated = {name: value for name, value in vars(do).items() if name != "label"}
     picks = tuple(
-        replace(pick, height_m=do.height_m) if pick.label == do.label else pick
-        for pick in state.picks
+        replace(pick, **stated) if pick.label == do.label else pick for pick in state.picks
     )
     return replace(state, picks=picks)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,11 @@ class Pick:
     def key(self) -> tuple[str, str]:
         """What names a pick: photo and label."""
         return self.image, self.label
+
+    @property
+    def height(self) -> dict[str, Any]:
+        """What it says of its label's height, by field."""
+        return {name: getattr(self, name) for name in ("height_m", "height_sigma_m", "is_free")}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,10 +1,11 @@
 // The page: what it consists of, and how server, panes, panel and keys meet.
 
 import { buildHelp } from "./actions/help.js";
-import { listenToKeys, roving, throughRows, TOOLS } from "./actions/keys.js";
+import { listenToKeys, roving, throughRows } from "./actions/keys.js";
 import { Navigation } from "./actions/navigation.js";
 import { PageState } from "./actions/page_state.js";
 import { ProjectActions } from "./actions/project_actions.js";
+import { buildTools } from "./actions/tool_menu.js";
 import { Tools } from "./actions/tools.js";
 import { Link } from "./connection/link.js";
 import { labels, pickKey, receive, store } from "./connection/store.js";
@@ -13,11 +14,11 @@ import { Notice } from "./elements/notice.js";
 import { drop } from "./elements/table.js";
 import { Header } from "./panel/header.js";
 import { Panel, TABS } from "./panel/panel.js";
+import { SideView } from "./panel/side_view.js";
 import { Filmstrip } from "./photos/filmstrip.js";
 import { Panes } from "./photos/panes.js";
 import { onTile } from "./photos/tiles.js";
 
-/** @import { ToolName } from "./actions/keys.js" */
 /** @import { Change, ServerMessage } from "./connection/protocol.js" */
 
 const [MARKS, VALUES, ALL] = [1, 2, 3]; // how much of the page is to be brought up to date
@@ -51,7 +52,8 @@ class App {
     this.tools = new Tools({ state, link, notice, panes, rebuild: () => this.rebuild(), moved: () => this.refreshSoon(MARKS), showForms: () => this.panel.setTab("measure") });
     this.navigation = new Navigation({ state, notice, panes, tools: this.tools, newStep: () => link.newStep() });
     this.project = new ProjectActions({ state, link, notice, showPanel: () => this.panel.show() });
-    this.panel = new Panel({ state, panes, tools: this.tools, project: this.project });
+    const side = new SideView({ state, link, notice, show: () => this.panel.show() });
+    this.panel = new Panel({ state, panes, side, tools: this.tools, project: this.project });
     onTile((image) => { for (const pane of panes.all) if (pane.image === image) pane.redraw(); });
     this.build();
   }
@@ -59,22 +61,19 @@ class App {
   build() {
     const { tools, panes, navigation, project, state } = this;
     const setPanes = (/** @type {number} */ count) => this.setPanes(count);
-    byId("tools").append(...Object.entries(TOOLS).map(([name, { key, name: words, what }]) => node("button", {
-      role: "radio", "data-tool": name, title: `${words} (${key.toUpperCase()}): ${what}`, onclick: () => tools.setTool(/** @type {ToolName} */ (name)),
-    }, words)));
+    buildTools((tool) => tools.setTool(tool));
     byId("pane-counts").append(...[1, 2, 4].map((count) => node("button", {
       role: "radio", "aria-checked": count === 1, "data-count": count, title: `${count} pane${count === 1 ? "" : "s"} (Ctrl+${count})`, onclick: () => setPanes(count),
     }, count)));
     byId("tabs").append(...TABS.map(([name, words]) => node("button", {
       role: "tab", id: `tab-button-${name}`, "aria-controls": `tab-${name}`, onclick: () => this.panel.setTab(name),
     }, words)));
-    choose(byId("tools"), (button) => button.dataset.tool === state.tool, "aria-checked");
     choose(byId("tabs"), (button) => button.id === `tab-button-${state.tab}`, "aria-selected");
     byId("undo").onclick = () => tools.send({ t: "undo" });
     byId("redo").onclick = () => tools.send({ t: "redo" });
     byId("linked").onclick = () => panes.toggleLink();
     byId("help-button").onclick = () => navigation.help();
-    for (const group of ["tools", "pane-counts", "tabs", "strip"]) roving(byId(group));
+    for (const group of ["pane-counts", "tabs", "strip"]) roving(byId(group));
     throughRows(byId("panel"));
     buildHelp(as(HTMLDialogElement, byId("help")));
     listenToKeys({ state, panes, tools, navigation, project, setPanes });

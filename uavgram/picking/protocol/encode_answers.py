@@ -1,4 +1,4 @@
-"""Answers to questions about places in photos: an exact target, the same ground elsewhere."""
+"""Answers to questions: an exact target, the same ground elsewhere, points from the side."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ from collections.abc import Mapping
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.snap import Snapped, snap_circle, snap_corner
-from uavgram.picking.document.commands import SameGround, Snap
-from uavgram.picking.protocol.encode_survey import Json
+from uavgram.model.result.profiles import COLUMNS
+from uavgram.picking.document.commands import SameGround, SideView, Snap
+from uavgram.picking.protocol.encode_survey import Json, number
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.pick.other_photos import same_ground
+from uavgram.pipeline.pick.side_view import side_view
+
+_DIGITS = 5
 
 
 def snap_json(photo: Pixels, asked: Snap) -> Json:
@@ -37,3 +41,29 @@ def same_ground_json(
     """
     found = same_ground(survey, last, asked.image, (asked.u_px, asked.v_px))
     return {"places": {str(index[name]): list(place) for name, place in found.items()}}
+
+
+def side_json(last: Adjusted | None, asked: SideView) -> Json:
+    """Points of a measurement along it: station, height and ground below [m] with their sigmas.
+
+    Parameters
+    ----------
+    last
+        The last full adjustment, where there is one.
+    asked
+        Which measurement.
+    """
+    found = None if last is None else side_view(last, asked.name)
+    if found is None:
+        return {"points": []}
+    rows = zip(found.label, found.place_m, found.sigma_m, strict=True)
+    return {
+        "points": [
+            {"label": label}
+            | {
+                f"{column}_m": [number(place[k], _DIGITS), number(sigma[k], _DIGITS)]
+                for k, column in enumerate(COLUMNS)
+            }
+            for label, place, sigma in rows
+        ]
+    }

@@ -104,7 +104,10 @@ def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
 
 def messages_json(messages: Iterable[Message]) -> list[Json]:
     """Remarks, each once, warnings and errors first, those of one kind as one."""
-    return [{"level": m.level, "code": m.code, "text": m.text} for m in in_order(*messages)]
+    return [
+        {"level": m.level, "code": m.code, "text": m.text, "labels": list(m.labels)}
+        for m in in_order(*messages)
+    ]
 
 
 def linearised_json(quick: Linearised, index: Mapping[str, int]) -> Json:
@@ -130,9 +133,16 @@ def unadjusted_json(why: str, messages: Iterable[Message]) -> Json:
 
 
 def _points(adjusted: Adjusted) -> Json:
+    """Sigmas east and north within the survey; of points off the ground, how high they stand."""
     points = adjusted.result.points
     sigma = np.sqrt(np.einsum("kii->ki", points.relative.covariance_m2))
-    return {label: {"sigma_m": numbers(sigma[k])} for k, label in enumerate(points.label)}
+    found: Json = {label: {"sigma_m": numbers(sigma[k])} for k, label in enumerate(points.label)}
+    for k in np.flatnonzero(points.is_off_ground):
+        found[points.label[k]] |= {
+            "height_m": number(points.height_above_ground_m[k]),
+            "height_sigma_m": number(points.height_sigma_m[k]),
+        }
+    return found
 
 
 def _picks(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:

@@ -258,6 +258,8 @@ _READERS: dict[str, Callable[[_Fields], object]] = {
     "name": lambda f: f.text("name"),
     "sigma_px": lambda f: f.optional("sigma_px", sigma_fault),
     "height_m": lambda f: f.optional("height_m"),
+    "height_sigma_m": lambda f: f.optional("height_sigma_m", sigma_fault),
+    "is_free": lambda f: f.flag("is_free", default=False),
     "length_m": lambda f: f.number("length_m", length_fault),
     "sigma_m": lambda f: f.number("sigma_m", sigma_fault),
     "adjust": lambda f: f.flag("adjust", default=True),
@@ -295,4 +297,5 @@ _KINDS: dict[str, type[c.Command | c.Question | c.ProjectAction]] = {
     "use-camera": c.UseCamera,
     "snap": c.Snap,
     "ground": c.SameGround,
+    "side": c.SideView,
 }

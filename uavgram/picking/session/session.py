@@ -19,7 +19,7 @@ from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.document.state import State, state_of
-from uavgram.picking.protocol.encode_answers import same_ground_json, snap_json
+from uavgram.picking.protocol.encode_answers import same_ground_json, side_json, snap_json
 from uavgram.picking.protocol.encode_project import (
     camera_json,
     clock_json,
@@ -160,6 +160,8 @@ class PickSession:
         if isinstance(message.body, c.SameGround):
             found = same_ground_json(self.survey, self._live.last, message.body, self.index)
             return {"t": "ground", "seq": message.seq, **found}
+        if isinstance(message.body, c.SideView):
+            return {"t": "side", "seq": message.seq, **side_json(self._live.last, message.body)}
         raise TypeError(f"{type(message.body).__name__} is no question")
 
     def change(self, message: Message) -> Json:

@@ -19,6 +19,9 @@ from uavgram.picking.storage.journal import JOURNAL, left_in
 Json = dict[str, Any]
 Changes = tuple[Json, ...]
 
+ON_GROUND: Json = {"height_m": None, "height_sigma_m": None, "is_free": False}
+"""What a pick says of a height that nobody stated."""
+
 
 @dataclass(frozen=True)
 class SetAside:
@@ -94,7 +97,7 @@ def _removed(kind: str, before: Named, after: Named, now: Named) -> Changes:
 
 def _picks(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
     earlier = {pick.key: pick for pick in aside.before.picks}
-    heights = {pick.label: pick.height_m for pick in aside.before.picks}
+    heights = {pick.label: pick.height for pick in aside.before.picks}
     changes: list[Json] = []
     for pick in aside.after.picks:
         if earlier.get(pick.key) == pick:
@@ -106,9 +109,9 @@ def _picks(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
         there = now.pick(*pick.key)
         if pick.sigma_px is None and there is not None and there.sigma_px is not None:
             changes.append({"t": "sigma", **which, "sigma_px": None})
-        if heights.setdefault(pick.label, None) != pick.height_m:
-            heights[pick.label] = pick.height_m
-            changes.append({"t": "height", "label": pick.label, "height_m": pick.height_m})
+        if heights.setdefault(pick.label, ON_GROUND) != pick.height:
+            heights[pick.label] = pick.height
+            changes.append({"t": "height", "label": pick.label, **pick.height})
     return tuple(changes)
 
 

@@ -1,5 +1,9 @@
 // Everything by key. Keys are letters where they name a thing, and nothing while text is typed.
 
+import { as } from "../elements/dom.js";
+import { snap } from "./snap.js";
+
+/** @import { Kind } from "../connection/protocol.js" */
 /** @import { Panes } from "../photos/panes.js" */
 /** @import { Navigation } from "./navigation.js" */
 /** @import { PageState } from "./page_state.js" */
@@ -17,8 +21,8 @@
  * @property {(count: number) => void} setPanes
  */
 
-/** @typedef {"pick" | "length" | "distance" | "area" | "polyline" | "angle" | "line_distance" | "skid_speed" | "coordinate" | "speed"} ToolName */
-/** @typedef {{ key: string, name: string, prefix: string, least: number, most?: number, apart?: boolean, what: string }} Tool */
+/** @typedef {"pick" | "length" | Kind} ToolName */
+/** @typedef {{ key: string, name: string, prefix: string, least: number, most?: number, apart?: boolean, more?: boolean, what: string }} Tool */
 
 /** @type {[string, [string, string][]][]} */
 export const KEYS = [
@@ -30,17 +34,19 @@ export const KEYS = [
   ["Points", [
     ["click, Enter", "place the label (Enter: in the middle of the photo)"], ["drag, Shift + drag", "move; ten times finer"],
     ["arrows, Shift, Alt", "nudge by 0.1, 1, 10 px"], ["G", "go to where the label is expected"], ["S, Shift+S", "snap to a corner, to a round target"],
-    ["N, B, Tab", "next, previous point"], ["/", "to the label: type one, Enter selects it"], ["F2", "rename"], ["Delete, Shift+Delete", "remove here, everywhere"],
+    ["Q", "height of the point: free (found from two or more photos), or on the ground"], ["N, B, Tab", "next, previous point"], ["/", "to the label: type one, Enter selects it"], ["F2", "rename"], ["Delete, Shift+Delete", "remove here, everywhere"],
   ]],
   ["Lengths and measurements", [
     ["P L D A Y J", "tools: point, length, distance, area, polyline, angle"], ["I V", "distance from a line, skid speed"], ["C H", "coordinate, speed between two photos"],
+    ["3 4 5 6", "height, level distance, difference in height, slope"], ["7 8 9", "distance from a plane, volume, profile"],
     ["click points; N B, Enter", "the points in order; Enter takes the selected one, once more ends"], ["Esc", "stop"],
   ]],
   ["All", [["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"], ["F6, Shift+F6", "next, previous part of the page"], ["X, Shift+X", "next, previous tab: measure, frames, camera"], ["up, down", "in a table: the same in the next row"],
     ["W", "write report and exports"], ["?", "this help"]]],
 ];
 
-// `what` is for who has never used the tool; `apart`: each point is a place of its own, in one photo.
+// `what` is for who has never used the tool; `apart`: each point is a place of its own, in one photo;
+// `more`: it stands in the menu.
 /** @type {Record<ToolName, Tool>} */
 export const TOOLS = {
   pick: { key: "p", name: "Point", prefix: "P", least: 1, what: "marks a place on the ground by a label" },
@@ -48,11 +54,18 @@ export const TOOLS = {
   distance: { key: "d", name: "Distance", prefix: "D", least: 2, most: 2, what: "how far two points are apart" },
   area: { key: "a", name: "Area", prefix: "A", least: 3, what: "what three or more points enclose, in their order" },
   polyline: { key: "y", name: "Polyline", prefix: "W", least: 2, what: "the way along points, in their order" },
-  angle: { key: "j", name: "Angle", prefix: "J", least: 3, most: 3, what: "the angle at the second of three points" },
-  line_distance: { key: "i", name: "From line", prefix: "H", least: 3, most: 3, what: "how far the first point is from the line through the two others" },
-  skid_speed: { key: "v", name: "Skid", prefix: "V", least: 2, what: "the speed before a skid to rest, from the length of its mark and the friction" },
-  coordinate: { key: "c", name: "Coordinate", prefix: "C", least: 1, most: 1, what: "where a point is: east and north, latitude and longitude" },
-  speed: { key: "h", name: "Speed", prefix: "S", least: 2, most: 2, apart: true, what: "the mean speed of what moved between two photos" },
+  height: { key: "3", name: "Height", prefix: "HT", least: 1, most: 2, what: "how high a point stands over the ground, or over the first of two points" },
+  profile: { key: "9", name: "Profile", prefix: "PR", least: 2, what: "heights of points along the line from the first to the last" },
+  angle: { key: "j", name: "Angle", prefix: "J", least: 3, most: 3, more: true, what: "the angle at the second of three points" },
+  line_distance: { key: "i", name: "From line", prefix: "H", least: 3, most: 3, more: true, what: "how far the first point is from the line through the two others" },
+  plane_distance: { key: "7", name: "From plane", prefix: "PD", least: 4, most: 4, more: true, what: "how far the first point is from the plane through the three others: a dent, a rut" },
+  horizontal_distance: { key: "4", name: "Level distance", prefix: "LD", least: 2, most: 2, more: true, what: "how far two points are apart on a map" },
+  vertical_distance: { key: "5", name: "Rise", prefix: "VD", least: 2, most: 2, more: true, what: "by how much the second point is higher than the first" },
+  slope: { key: "6", name: "Slope", prefix: "SL", least: 2, most: 2, more: true, what: "how steep it is from the first point up to the second" },
+  volume: { key: "8", name: "Volume", prefix: "VO", least: 3, more: true, what: "what lies under three or more points around it, over the ground, a level or a plane" },
+  skid_speed: { key: "v", name: "Skid", prefix: "V", least: 2, more: true, what: "the speed before a skid to rest, from the length of its mark and the friction" },
+  coordinate: { key: "c", name: "Coordinate", prefix: "C", least: 1, most: 1, more: true, what: "where a point is: east and north, latitude and longitude" },
+  speed: { key: "h", name: "Speed", prefix: "S", least: 2, most: 2, apart: true, more: true, what: "the mean speed of what moved between two photos" },
 };
 
 const MOVING = ["Tab", "F6", "Enter"]; // who uses these is to see where he is
@@ -77,7 +90,7 @@ export function listenToKeys(acted) {
 export function roving(group) {
   group.addEventListener("keydown", (event) => {
     const [dx, dy] = ARROWS[event.key] ?? [0, 0];
-    const all = [...group.querySelectorAll("button")];
+    const all = [...group.querySelectorAll(":scope > button")].map((button) => as(HTMLButtonElement, button));
     const at = all.findIndex((button) => event.target instanceof Node && button.contains(event.target));
     const last = all.length - 1;
     const to = event.key === "Home" ? 0 : event.key === "End" ? last : (at + dx + dy + all.length) % all.length;
@@ -171,8 +184,9 @@ const NAMED = {
   o: ({ navigation }) => navigation.toggle("predicted"),
   t: ({ navigation }) => navigation.toggle("labels"),
   u: ({ navigation }) => navigation.toggle("lines"),
-  s: ({ tools }) => void tools.snap("corner"),
-  S: ({ tools }) => void tools.snap("circle"),
+  s: ({ tools }) => void snap(tools, "corner"),
+  S: ({ tools }) => void snap(tools, "circle"),
+  q: ({ tools }) => tools.heights.toggle(),
   x: ({ navigation }) => navigation.nextTab(1),
   X: ({ navigation }) => navigation.nextTab(-1),
   w: ({ project }) => void project.exportAll(),

@@ -30,6 +30,8 @@ export class PageState {
     this.lastSigmaM = 0.01; // of a taped length
     /** @type {Tab} */
     this.tab = "measure";
+    /** @type {string | null} */
+    this.side = null; // name of the measurement that is shown from the side
     this.exporting = false;
     /** @type {Folder[] | null} */
     this.folders = null; // in which photos of a board could be

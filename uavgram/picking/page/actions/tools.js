@@ -1,18 +1,22 @@
 // Tools: what a click makes, and which names are free.
 
 import { freeName, labels, pickAt, pickKey, store } from "../connection/store.js";
-import { as, byId, choose } from "../elements/dom.js";
+import { as, byId } from "../elements/dom.js";
 import { entryMessage, noNumber, parse, showFault } from "../panel/entry.js";
 import { placeFault } from "../panel/speed.js";
+import { Heights } from "./heights.js";
 import { TOOLS } from "./keys.js";
+import { showTool } from "./tool_menu.js";
 
-/** @import { Change, Kind, Line, Measurement, Target } from "../connection/protocol.js" */
+/** @import { Change, Kind, Line, Measurement } from "../connection/protocol.js" */
 /** @import { Link } from "../connection/link.js" */
 /** @import { Notice } from "../elements/notice.js" */
 /** @import { Pane } from "../photos/pane.js" */
 /** @import { Panes } from "../photos/panes.js" */
 /** @import { ToolName } from "./keys.js" */
 /** @import { Entry, PageState } from "./page_state.js" */
+
+const ASKED = ["skid_speed", "speed", "volume"]; // kinds that take more than their points
 
 export class Tools {
   /**
@@ -33,6 +37,7 @@ export class Tools {
     this.rebuild = rebuild;
     this.moved = moved;
     this.showForms = showForms;
+    this.heights = new Heights({ state, link, notice });
     this.box = as(HTMLInputElement, byId("label")); // of the label that the next click places
     this.box.addEventListener("keydown", ({ key }) => { if (key === "Enter") this.name(this.label); });
     this.box.addEventListener("input", () => { state.typed = true; });
@@ -46,7 +51,7 @@ export class Tools {
   /** @param {ToolName} tool */
   setTool(tool) {
     Object.assign(this.state, { tool, draft: [], entry: null });
-    choose(byId("tools"), (button) => button.dataset.tool === tool, "aria-checked");
+    showTool(tool);
     this.rebuild();
   }
 
@@ -148,7 +153,7 @@ export class Tools {
       this.notice.show(why);
       return;
     }
-    if (tool === "area" && draft.length >= 3 && label === draft[0]) {
+    if ((tool === "area" || tool === "volume") && draft.length >= 3 && label === draft[0]) {
       this.finish();
       return;
     }
@@ -171,8 +176,9 @@ export class Tools {
   measure(kind, points, name) {
     const there = store.measurements.find((one) => kind === "coordinate" && one.kind === kind && one.points[0] === points[0]);
     if (there) this.notice.show(`${there.name} is the coordinate of ${points[0]} already.`, true);
-    else if (kind === "skid_speed" || kind === "speed") this.ask({ t: "measure", kind, points, name }); // it takes more than its points
+    else if (ASKED.includes(kind)) this.ask({ t: "measure", kind, points, name });
     else this.send({ t: "measure", was: "", name, kind, points });
+    if (kind === "profile") this.state.side = name;
   }
 
   /** @param {string} start @param {string} end */
@@ -212,6 +218,7 @@ export class Tools {
 
   /** @param {Measurement} measurement */
   changeMeasurement(measurement) {
+    this.state.side = measurement.name;
     this.ask({ ...measurement, t: "measure", was: measurement.name });
   }
 
@@ -222,7 +229,7 @@ export class Tools {
     const nothing = !state.draft.length && !state.entry;
     state.draft = [];
     state.entry = null;
-    if (nothing && state.tool === "pick") state.selected = null;
+    if (nothing && state.tool === "pick") Object.assign(state, { selected: null, side: null });
     if (nothing) this.setTool("pick");
     else this.rebuild();
     panes.active?.focus();
@@ -270,26 +277,6 @@ export class Tools {
     if (!label || !active) return;
     if (everywhere) this.send({ t: "forget", label });
     else if (pickAt(active.image, label)) this.send({ t: "unpick", image: active.image, label });
-  }
-
-  // The selected pick, or what is under the pointer, moved to the exact place of a target.
-  /** @param {Target} target */
-  async snap(target) {
-    const pane = this.panes.active;
-    if (!pane) return;
-    const pick = this.state.selected ? pickAt(pane.image, this.state.selected) : null;
-    const [u_px, v_px] = pick ? [pick.u_px, pick.v_px] : pane.inside(...pane.aim);
-    try {
-      const found = await this.link.ask({ t: "snap", image: pane.image, u_px, v_px, target });
-      if (found.why !== undefined) this.notice.show(found.why);
-      else {
-        const label = pick ? pick.label : this.labelFor(pane.image);
-        this.placeAt(pane, label, found.u_px, found.v_px, found.sigma_px);
-        this.notice.show(`${label}: ${target} at u ${found.u_px.toFixed(2)}, v ${found.v_px.toFixed(2)}, sigma ${found.sigma_px.toFixed(2)} px`, true);
-      }
-    } catch (fault) {
-      this.notice.fault(fault);
-    }
   }
 }
 

@@ -6,14 +6,16 @@ type Maybe = number | null; // null where Python has NaN
 // Ellipse of one sigma: half-axes, and the direction of the major one from u towards v.
 export interface Spread { major_px: Maybe; minor_px: Maybe; turn_deg: Maybe }
 
-export interface Pick { image: number; label: string; u_px: number; v_px: number; sigma_px: Maybe; height_m: Maybe; area: string }
+// A height over the ground that was stated, or is to be found from photos; else the point is on the ground.
+export interface Height { height_m: Maybe; height_sigma_m?: Maybe; is_free?: boolean }
+export interface Pick extends Height { image: number; label: string; u_px: number; v_px: number; sigma_px: Maybe; area: string }
 interface Reading { name: string; start: string; end: string; length_m: number; sigma_m: number; adjust: boolean }
 type Along = "slope" | "horizontal";
 export interface Line extends Reading { tape: string; along: Along }
 export type Kind = "distance" | "polyline" | "area" | "angle" | "line_distance" | "skid_speed" | "coordinate" | "speed"
   | "height" | "horizontal_distance" | "vertical_distance" | "slope" | "plane_distance" | "volume" | "profile";
 export interface Measurement { name: string; kind: Kind; points: string[]; parameters?: Record<string, number> }
-export interface Remark { level: "error" | "warning" | "info"; code: string; text: string }
+export interface Remark { level: "error" | "warning" | "info"; code: string; text: string; labels?: string[] }
 
 // The project itself.
 
@@ -40,9 +42,10 @@ export type Calibration = { t: "calibration" } & (
 export interface Fit { image: number; label: string; residual_px: Maybe[]; w: Maybe; status: string; spread: Spread | null }
 export interface Measured { value: Maybe; sigma: Maybe; unit: string; alternatives: Maybe[] }
 export type Places = Record<string, [number, number] | undefined>; // latitude and longitude by label
+export interface AdjustedPoint { sigma_m: Maybe[]; height_m?: Maybe; height_sigma_m?: Maybe } // over the ground, where it is off it
 export interface Adjusted {
   mode: "adjusted"; seconds: number;
-  points: Record<string, { sigma_m: Maybe[] } | undefined>;
+  points: Record<string, AdjustedPoint | undefined>;
   earth_deg: Places;
   picks: Fit[]; predicted: Predicted[];
   lines: Record<string, { adjusted_m: Maybe; sigma_m: Maybe; w: Maybe; status: string } | undefined>;
@@ -84,19 +87,23 @@ export type ServerMessage = { seq?: number | null } & (
 export interface Place { t: "place"; image: number; label: string; u_px: number; v_px: number; sigma_px?: Maybe; step?: number; final?: boolean }
 export interface SetLine extends Reading { t: "line"; was: string; tape?: string; along?: Along }
 export interface SetMeasurement extends Measurement { t: "measure"; was: string }
+export interface SetHeight extends Height { t: "height"; label: string; step?: number }
 export type Change = Place | SetLine | SetMeasurement
   | { t: "unpick"; image: number; label: string } | { t: "forget"; label: string } | { t: "rename"; label: string; new: string }
-  | { t: "sigma"; image: number; label: string; sigma_px: Maybe } | { t: "height"; label: string; height_m: Maybe }
+  | { t: "sigma"; image: number; label: string; sigma_px: Maybe } | SetHeight
   | { t: "remove-line"; name: string } | { t: "remove-measurement"; name: string } | { t: "undo" } | { t: "redo" };
 
 export type Target = "corner" | "circle";
 export type Question =
   | { t: "snap"; image: number; u_px: number; v_px: number; target: Target } | { t: "ground"; image: number; u_px: number; v_px: number }
-  | { t: "export" } | { t: "reload" } | { t: "take-aside" } | { t: "discard-aside" } | { t: "folders" } | { t: "stop-calibration" } | { t: "use-camera" }
+  | { t: "side"; name: string } | { t: "export" } | { t: "reload" } | { t: "take-aside" } | { t: "discard-aside" } | { t: "folders" } | { t: "stop-calibration" } | { t: "use-camera" }
   | { t: "calibrate"; folder: number; board: string; model: string };
+type Placed = [Maybe, Maybe]; // value and sigma [m]
+export interface SidePoint { label: string; station_m: Placed; offset_m: Placed; height_m: Placed; ground_m: Placed } // heights over the first point
 interface Done { t: "done"; why?: string }
 export interface Answers {
   snap: { t: "snapped"; why: string } | { t: "snapped"; why?: undefined; u_px: number; v_px: number; sigma_px: number };
+  side: { t: "side"; points: SidePoint[] };
   ground: { t: "ground"; places: Record<number, [number, number, number] | undefined> }; // u, v [px] and scale
   export: { t: "exported"; why?: string; outputs?: Outputs };
   folders: { t: "folders"; why?: string; folders: Folder[] };

@@ -1,6 +1,6 @@
 // What the server sent: the picked state, and what the adjustment makes of it.
 
-/** @import { Adjusted, Calibration, Camera, Changed, Clock, Fit, FullLive, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, Predicted, Remark, ServerMessage, Standing } from "./protocol.js" */
+/** @import { Adjusted, Calibration, Camera, Changed, Clock, Fit, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, Predicted, Remark, ServerMessage, Standing } from "./protocol.js" */
 
 /**
  * @typedef {object} Store
@@ -169,6 +169,20 @@ export const fitOf = (image, label) => store.fits.get(pickKey(image, label));
 
 /** @param {string} label */
 export const picksOf = (label) => [...store.picks.values()].filter((pick) => pick.label === label);
+
+// What was said of a label's height: at one of its picks, which holds for all.
+/** @param {string} label @returns {Height} */
+export function heightOf(label) {
+  const all = picksOf(label);
+  return all.find(({ is_free, height_m }) => is_free || height_m !== null) ?? all[0] ?? { height_m: null };
+}
+
+// How high a point stands as adjusted, where it is off the ground.
+/** @param {string} label @returns {{ height: number, sigma: number | null } | null} */
+export function standsAt(label) {
+  const { height_m, height_sigma_m } = adjusted()?.points[label] ?? {};
+  return height_m === null || height_m === undefined ? null : { height: height_m, sigma: height_sigma_m ?? null };
+}
 
 export function labels() {
   return [...new Set([...store.picks.values()].map((pick) => pick.label))];

@@ -26,6 +26,18 @@ export function withSigma(value, sigma, unit = "") {
   return `${fixed(value, digits)}${error}${unit && ` ${unit}`}`;
 }
 
+// How high a point stands, in words; `sigma` in the unit that people would say it in.
+/** @param {{ height: number, sigma: number | null }} stands */
+export function heightText({ height, sigma }) {
+  return `${fixed(Math.abs(height), places(sigma))} m ${height < 0 ? "below" : "above"} the ground${sigma ? `, \u00b1 ${sizeText(sigma)}` : ""}`;
+}
+
+/** @param {number} metres */
+function sizeText(metres) {
+  if (metres >= 1) return `${metres.toPrecision(2)} m`;
+  return metres >= 0.01 ? `${Number((100 * metres).toPrecision(2))} cm` : `${Number((1000 * metres).toPrecision(2))} mm`;
+}
+
 const METRES_OF_A_DEGREE = 111_320; // of a great circle
 
 // Latitude or longitude to the digits that its sigma in metres deserves.
@@ -40,6 +52,14 @@ export function degrees(value, sigma) {
 export function valueText({ value, sigma, unit }) {
   const pace = paceOf(unit);
   return withSigma(value === null ? null : pace * value, sigma === null ? null : pace * sigma, UNITS[unit] ?? unit);
+}
+
+// A slope as on a road sign.
+/** @param {Measured} found its angle [deg] */
+export function gradeText({ value, sigma }) {
+  if (value === null) return missing;
+  const [angle, spread] = [value, sigma ?? 0].map((degree) => (degree * Math.PI) / 180);
+  return withSigma(100 * Math.tan(angle), sigma === null ? null : (100 * spread) / Math.cos(angle) ** 2, "%");
 }
 
 // What other solutions, that fit as well, make of a value; empty where there is none.

@@ -6,7 +6,7 @@ import { placeText, speedFacts } from "./speed.js";
 
 /** @import { Entry } from "../actions/page_state.js" */
 /** @import { Tools } from "../actions/tools.js" */
-/** @import { SetLine, SetMeasurement } from "../connection/protocol.js" */
+/** @import { Measurement, SetLine, SetMeasurement } from "../connection/protocol.js" */
 /** @import { Attribute } from "../elements/dom.js" */
 
 /** @type {Record<string, string>} */
@@ -41,7 +41,7 @@ function entryForm(entry, tools) {
       node("option", { value: "check", selected: entry.adjust === false }, "only judged"))),
   ] : [name, ...(entry.kind === "skid_speed" ? [
     field("mu", "Friction \u03bc", entry.parameters?.mu ?? "0.7", number), field("mu_sigma", "Sigma of \u03bc", entry.parameters?.mu_sigma ?? "0.05", number),
-  ] : entry.kind === "speed" ? [node("div", { class: "both needs", role: "status", "aria-label": "What a speed needs" })] : [])];
+  ] : entry.kind === "volume" ? volumeFields(entry, field) : entry.kind === "speed" ? [node("div", { class: "both needs", role: "status", "aria-label": "What a speed needs" })] : [])];
   const what = entry.t === "line" ? `length ${entry.start} to ${entry.end}` : entry.name;
   return node("form", {
     class: "entry", "data-row": "entry", "aria-label": `${entry.was ? "Change" : "New"} ${what}`, novalidate: true,
@@ -49,6 +49,23 @@ function entryForm(entry, tools) {
   }, node("p", { class: "both title" }, title), ...fields, node("p", { class: "both wrong", role: "alert", hidden: true }),
   node("div", { class: "both row" }, node("button", { type: "submit" }, entry.was ? "Change (Enter)" : "Add (Enter)"),
     node("button", { type: "button", onclick: () => tools.cancel() }, "Cancel (Esc)")));
+}
+
+// What a volume stands on, and whether its points are all around it.
+/** @param {Measurement} entry @param {(name: string, caption: string, value: Attribute, more?: Record<string, Attribute>) => HTMLElement} field */
+function volumeFields({ parameters = {} }, field) {
+  const base = "plane" in parameters ? "plane" : "level" in parameters ? "level" : "ground";
+  const level = field("level", "Level, height in metres", parameters.level ?? "", { inputmode: "decimal", required: false });
+  level.hidden = base !== "level";
+  /** @param {string} value @param {string} words */
+  const option = (value, words) => node("option", { value, selected: value === base }, words);
+  return [
+    node("label", {}, "Over", node("select", { name: "base", onchange: ({ target }) => { level.hidden = as(HTMLSelectElement, target).value !== "level"; } },
+      option("ground", "the ground"), option("level", "a level"), option("plane", "a plane through the last three points"))),
+    node("label", {}, "Top", node("select", { name: "top" }, node("option", { value: "" }, "none: all points are around it"),
+      node("option", { value: "1", selected: "top" in parameters }, "the last point (before those of a plane)"))),
+    level,
+  ];
 }
 
 // The photos and times of a speed, and what is in its way: as they are now, while the form is open.
@@ -113,22 +130,41 @@ export function entryMessage(entry, form, taken) {
   const was = entry.was ?? "";
   if (!name) return { why: "It needs a name.", field: "name" };
   if (name !== was && taken.includes(name)) return { why: `There is a ${entry.t === "line" ? "length" : "measurement"} ${name} already: choose another name.`, field: "name" };
-  const wanted = NUMBERS[entry.t === "line" ? "line" : entry.kind] ?? [];
-  /** @type {Record<string, number>} */
-  const found = {};
-  for (const { field, caption, example, zero } of wanted) {
-    const value = parse(textIn(form, field));
-    if (Number.isNaN(value)) return { why: `${caption}: ${noNumber(textIn(form, field), example)}`, field };
-    if (value < 0 || (value === 0 && !zero)) return { why: `${caption}: ${textIn(form, field)} is not greater than 0.`, field };
-    found[field] = value;
-  }
+  const read = numbersIn(form, wantedOf(entry, form));
+  if (!read.found) return read;
+  const { found } = read;
   if (entry.t === "line") return { message: { t: "line", was, name, start: entry.start, end: entry.end, length_m: found.length_m, sigma_m: found.sigma_m, adjust: form.get("use") === "adjust" } };
-  return { message: { t: "measure", was, name, kind: entry.kind, points: entry.points, parameters: found } };
+  return { message: { t: "measure", was, name, kind: entry.kind, points: entry.points, parameters: { ...found, ...flagsOf(entry, form) } } };
 }
 
-// Fields that hold numbers: caption, an example, whether 0 will do.
-/** @type {Record<string, { field: string, caption: string, example: string, zero?: boolean }[] | undefined>} */
+/** @typedef {{ field: string, caption: string, example: string, zero?: boolean, any?: boolean }} Wanted a number: `zero`, `any`: which ones will do beside those greater than 0 */
+
+/** @param {Entry} entry @param {FormData} form */
+const wantedOf = (entry, form) => NUMBERS[entry.t === "line" ? "line" : entry.kind === "volume" ? textIn(form, "base") : entry.kind] ?? [];
+
+/** @param {FormData} form @param {Wanted[]} wanted @returns {{ found: Record<string, number> } | { found?: undefined, message?: undefined, why: string, field: string }} */
+function numbersIn(form, wanted) {
+  /** @type {Record<string, number>} */
+  const found = {};
+  for (const { field, caption, example, zero, any } of wanted) {
+    const value = parse(textIn(form, field));
+    if (Number.isNaN(value)) return { why: `${caption}: ${noNumber(textIn(form, field), example)}`, field };
+    if (!any && (value < 0 || (value === 0 && !zero))) return { why: `${caption}: ${textIn(form, field)} is not greater than 0.`, field };
+    found[field] = value;
+  }
+  return { found };
+}
+
+// Of a volume: whether its last points are a top and a plane.
+/** @param {Entry} entry @param {FormData} form @returns {Record<string, number>} */
+function flagsOf(entry, form) {
+  if (entry.t === "line" || entry.kind !== "volume") return {};
+  return { ...(textIn(form, "top") && { top: 1 }), ...(textIn(form, "base") === "plane" && { plane: 1 }) };
+}
+
+/** @type {Record<string, Wanted[] | undefined>} */
 const NUMBERS = {
   line: [{ field: "length_m", caption: "Length", example: "in metres, such as 11.52" }, { field: "sigma_m", caption: "Sigma", example: "in metres, such as 0.01" }],
+  level: [{ field: "level", caption: "Level", example: "in metres, such as 1.5", any: true }],
   skid_speed: [{ field: "mu", caption: "Friction", example: "such as 0.7" }, { field: "mu_sigma", caption: "Sigma of the friction", example: "such as 0.05", zero: true }],
 };

@@ -1,23 +1,25 @@
 // The tab of measurements: points, lengths, what is measured, and what the program has to say.
 
 import { TOOLS } from "../actions/keys.js";
-import { adjusted, labels, pickAt, picksOf, store } from "../connection/store.js";
+import { adjusted, labels, standsAt, store } from "../connection/store.js";
 import { as, node } from "../elements/dom.js";
-import { alternativesText, degrees, fixed, missing, valueText, withSigma } from "../elements/numbers.js";
+import { alternativesText, degrees, fixed, gradeText, missing, valueText, withSigma } from "../elements/numbers.js";
 import { about, drop, fill, keep, list, remove, table, titled, wCell, withValues } from "../elements/table.js";
 import { entryPart, KINDS } from "./entry.js";
+import { offGround, pointPart } from "./point.js";
 import { placeText } from "./speed.js";
 
+/** @import { SideView } from "./side_view.js" */
 /** @import { PageState } from "../actions/page_state.js" */
 /** @import { Tool } from "../actions/keys.js" */
 /** @import { Tools } from "../actions/tools.js" */
 /** @import { Adjusted, Fit, Line, Measured, Measurement, Remark } from "../connection/protocol.js" */
-/** @typedef {{ label: string, fit: Fit | undefined, sigmaMm: number | null, count: number }} PointFacts */
+/** @typedef {{ label: string, fit: Fit | undefined, sigmaMm: number | null, count: number, up: string }} PointFacts */
 
-/** @param {Element} section @param {PageState} state @param {number | undefined} image the photo in use @param {Tools} tools */
-export function showMeasure(section, state, image, tools) {
+/** @param {Element} section @param {PageState} state @param {number | undefined} image the photo in use @param {Tools} tools @param {SideView} side */
+export function showMeasure(section, state, image, tools, side) {
   fill(section, [
-    missingPart(), hintPart(state), entryPart(state.entry, tools), pickPart(state, image, tools), warningsPart(), measurementsPart(tools), lengthsPart(tools),
+    missingPart(), hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), warningsPart(tools), measurementsPart(tools), lengthsPart(tools),
     advicePart(tools), pointsPart(state.selected, tools), knownPart(tools), remarksPart(),
   ]);
 }
@@ -41,7 +43,7 @@ function hintText({ name, what, least, most, apart }, draft) {
   if (apart && draft.length) return `${name}. ${placeText(draft[0])}. Now show another photo (Page Down or the strip), and click where the same thing is there. Esc stops.`;
   const begin = `${name}: ${draft.length ? draft.join(" \u2013 ") : what}`;
   if (apart) return `${begin}. Choose where it is in this photo (click, or N B and Enter; Esc stops).`;
-  const count = most === least ? least : `${least} or more`;
+  const count = most === least ? least : most ? `${least} or ${most}` : `${least} or more`;
   const more = !draft.length ? `. Choose ${count} point${count === 1 ? "" : "s"}` : draft.length < least ? `, ${least - draft.length} more` : ", another one, or Enter to end";
   return `${begin}${more} (click, or N B and Enter; Esc stops).`;
 }
@@ -69,19 +71,20 @@ function pointsPart(selected, tools) {
   const facts = all.map((label) => {
     const point = now?.points[label];
     const sigmaMm = point && all.length > 1 ? Math.max(...point.sigma_m.map(Number)) * 1000 : null; // within the survey: one alone has none
-    return { label, fit: worst.get(label), sigmaMm, count: count.get(label) ?? 0 };
+    const stands = standsAt(label);
+    return { label, fit: worst.get(label), sigmaMm, count: count.get(label) ?? 0, up: stands ? ` \u2191${withSigma(stands.height, stands.sigma, "m")}` : "" };
   });
-  const sign = [selected, facts.map((one) => [one.label, one.fit?.w, one.fit?.status, one.sigmaMm, one.count])];
+  const sign = [selected, facts.map((one) => [one.label, one.fit?.w, one.fit?.status, one.sigmaMm, one.count, one.up])];
   return keep("points", sign, () => pointsTable(facts, selected, tools));
 }
 
 /** @param {PointFacts[]} facts @param {string | null} selected @param {Tools} tools */
 function pointsTable(facts, selected, tools) {
-  const rows = facts.map(({ label, fit, sigmaMm, count }) => {
+  const rows = facts.map(({ label, fit, sigmaMm, count, up }) => {
     const kind = store.control.includes(label) ? " control" : store.check.includes(label) ? " check" : "";
     const chosen = selected === label;
     return node("tr", { class: chosen ? "selected" : "", "data-row": `point ${label}` },
-      node("td", { class: "named", title: label }, node("button", { class: "link", name: "select", "aria-pressed": chosen, onclick: () => tools.select(label) }, label), node("span", { class: "dim" }, kind)),
+      node("td", { class: "named", title: label }, node("button", { class: "link", name: "select", "aria-pressed": chosen, onclick: () => tools.select(label) }, label), node("span", { class: "dim", title: up && "over the ground" }, `${kind}${up}`)),
       node("td", {}, `${count}`), node("td", { class: "value" }, fixed(sigmaMm, Number(sigmaMm) < 10 ? 1 : 0)), node("td", { class: "value" }, wCell(fit?.w, fit?.status)));
   });
   return titled(`Points (${facts.length})`, table("Points", ["label", "photos", about("\u03c3 mm", `within the survey; ${SIGMA}`), about("worst w", W)], rows));
@@ -89,23 +92,6 @@ function pointsTable(facts, selected, tools) {
 
 const SIGMA = "standard deviation: the true value lies within twice as much 19 times out of 20";
 const W = "how far it is off, in its own standard deviations; what is above about 3 deserves a second look";
-
-// The point that is selected, and its pick in this photo: what a person may say of them.
-/** @param {PageState} state @param {number | undefined} image @param {Tools} tools */
-function pickPart({ selected: label, entry }, image, tools) {
-  const one = label && !entry ? picksOf(label).at(0) : undefined;
-  if (!label || !one || image === undefined) return null;
-  const pick = pickAt(image, label);
-  /** @param {string} name @param {string} caption @param {number | null} value @param {string} usual @param {(input: HTMLInputElement) => void} act */
-  const field = (name, caption, value, usual, act) => node("label", {}, caption, node("input", {
-    name, value: value ?? "", inputmode: "decimal", placeholder: usual, autocomplete: "off", onchange: ({ target }) => act(as(HTMLInputElement, target)),
-  }));
-  return keep("pick", [pick?.image, label, pick?.sigma_px, one.height_m], () => node("form", { class: "entry", "data-row": "pick", "aria-label": `Point ${label}`, onsubmit: (event) => { event.preventDefault(); tools.panes.active?.focus(); } },
-    node("label", { class: "both" }, "Label", node("input", { name: "rename", value: label, maxlength: 200, autocomplete: "off", onchange: ({ target }) => tools.rename(label, as(HTMLInputElement, target).value) })),
-    pick && field("sigma", "Sigma here, px", pick.sigma_px, `${store.pickSigmaPx}`, (input) => tools.number(input, (sigma_px) => tools.send({ t: "sigma", image: pick.image, label, sigma_px }))),
-    field("height", "Height over ground, m", one.height_m, "0", (input) => tools.number(input, (height_m) => tools.send({ t: "height", label, height_m }))),
-    node("button", { type: "submit", hidden: true }, "Done"))); // without it Enter would not end the form
-}
 
 /** @param {Tools} tools */
 function lengthsPart(tools) {
@@ -157,6 +143,7 @@ function valuesOf({ name, kind, points }, now) {
   if (!now || found.length < rows.length) return [missing];
   if (found[0].value === null) return [unmeasured(name)];
   const others = found.filter((one) => one.alternatives.length).map(notUnique);
+  if (kind === "slope") return [`${valueText(found[0])} = ${gradeText(found[0])}`, ...others];
   if (kind !== "coordinate") return [valueText(found[0]), ...others];
   const [east, north] = found;
   const [latitude, longitude] = now.earth_deg[points[0]] ?? [];
@@ -201,9 +188,14 @@ const percent = (part) => `${(100 * part).toPrecision(2)} %`;
 
 const remarks = () => store.live?.messages ?? store.opening;
 
-function warningsPart() {
+/** @param {Tools} tools */
+function warningsPart(tools) {
   const all = remarks().filter((message) => message.level !== "info");
-  return keep("warnings", all, () => node("div", { role: "log", "aria-label": "Warnings" }, ...(all.length ? [node("h2", {}, `Warnings (${all.length})`), list(all.slice(0, MOST_WARNINGS)), furtherPart(all.slice(MOST_WARNINGS))] : [])));
+  const free = offGround();
+  return keep("warnings", [all, free], () => node("div", { role: "log", "aria-label": "Warnings" }, ...(all.length ? [node("h2", {}, `Warnings (${all.length})`), list(all.slice(0, MOST_WARNINGS)),
+    free.length ? node("button", { name: "free", title: "Their heights are then found from their photos, as in picks.csv: height_m free", onclick: () => tools.heights.free(free) },
+      free.length === 1 ? `Free the height of ${free[0]}` : `Free the heights of these ${free.length} points`) : null,
+    furtherPart(all.slice(MOST_WARNINGS))] : [])));
 }
 
 const MOST_WARNINGS = 3; // the rest folds away: numbers come first

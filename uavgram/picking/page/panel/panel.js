@@ -10,14 +10,16 @@ import { showOutputs, showOutside } from "./outputs.js";
 /** @import { ProjectActions } from "../actions/project_actions.js" */
 /** @import { Tools } from "../actions/tools.js" */
 /** @import { Panes } from "../photos/panes.js" */
+/** @import { SideView } from "./side_view.js" */
 
 /** @type {[Tab, string][]} */
 export const TABS = [["measure", "Measure"], ["frames", "Frames"], ["camera", "Camera"]];
 
 export class Panel {
-  /** @param {{ state: PageState, panes: Panes, tools: Tools, project: ProjectActions }} needs */
-  constructor({ state, panes, tools, project }) {
+  /** @param {{ state: PageState, panes: Panes, side: SideView, tools: Tools, project: ProjectActions }} needs */
+  constructor({ state, panes, side, tools, project }) {
     this.state = state;
+    this.side = side;
     this.panes = panes;
     this.tools = tools;
     this.project = project;
@@ -27,7 +29,7 @@ export class Panel {
     const { tab } = this.state;
     const section = byId(`tab-${tab}`);
     for (const [name] of TABS) byId(`tab-${name}`).hidden = name !== tab;
-    if (tab === "measure") showMeasure(section, this.state, this.panes.active?.image, this.tools);
+    if (tab === "measure") showMeasure(section, this.state, this.panes.active?.image, this.tools, this.side);
     else if (tab === "frames") showFrames(section, (image) => this.panes.active?.show(image));
     else showCamera(section, this.state.folders ?? [], this.project);
     this.showFoot();

@@ -1,8 +1,8 @@
 // The marks of one pane as SVG: made when the state changes, moved when the view does.
 
-import { adjusted, fitOf, isSuspect, picksIn, placeOf, predictedIn, store } from "../connection/store.js";
+import { adjusted, fitOf, isSuspect, picksIn, placeOf, predictedIn, standsAt, store } from "../connection/store.js";
 import { put, shape } from "../elements/dom.js";
-import { fixed, missing, valueText, withSigma } from "../elements/numbers.js";
+import { fixed, heightText, missing, places, valueText, withSigma } from "../elements/numbers.js";
 import { showTag } from "./labels.js";
 
 /** @import { Fit, Line, Measurement, Pick, Predicted, Spread } from "../connection/protocol.js" */
@@ -85,11 +85,12 @@ function linesIn(image, selected) {
 function pickPart(pick, selected, shown, scale) {
   const fit = fitOf(pick.image, pick.label);
   const residual = shown.residuals ? residualOf(fit) : null;
+  const tag = tagText(pick.label);
   return {
     key: `pick ${pick.label}`,
-    mark: { label: pick.label, at: [pick.u_px, pick.v_px] },
-    sign: JSON.stringify([Boolean(residual), fit?.spread, isSuspect(fit?.status), fit?.w, selected === pick.label, shown]),
-    make: () => pickGroup(pick, fit, selected, shown, Boolean(residual)),
+    mark: { label: tag, at: [pick.u_px, pick.v_px] },
+    sign: JSON.stringify([tag, Boolean(residual), fit?.spread, isSuspect(fit?.status), fit?.w, selected === pick.label, shown]),
+    make: () => pickGroup(pick, tag, fit, selected, shown, Boolean(residual)),
     move: (group, view) => {
       place(group, view, pick.u_px, pick.v_px);
       showTag(group);
@@ -109,8 +110,8 @@ const seen = (length) => Math.round(length * 2) / 2;
 /** A line with its halo. @param {string} d @param {string} [wide] */
 const stroke = (d, wide = "halo wide") => [shape("path", { class: wide, d }), shape("path", { class: "thin", d })];
 
-/** @param {Pick} pick @param {Fit | undefined} fit @param {string | null} selected @param {Shown} shown @param {boolean} pulled */
-function pickGroup({ label }, fit, selected, shown, pulled) {
+/** @param {Pick} pick @param {string} tag @param {Fit | undefined} fit @param {string | null} selected @param {Shown} shown @param {boolean} pulled */
+function pickGroup({ label }, tag, fit, selected, shown, pulled) {
   const suspect = isSuspect(fit?.status);
   const group = shape("g", { class: `mark placed${suspect ? " suspect" : ""}${selected === label ? " selected" : ""}`, tabindex: 0, role: "button", "data-label": label });
   if (shown.ellipses && fit?.spread) group.append(...ellipse(fit.spread));
@@ -119,8 +120,15 @@ function pickGroup({ label }, fit, selected, shown, pulled) {
   const known = knownAs(label);
   if (known) group.append(...stroke(KNOWN[known]));
   group.append(...stroke(CROSS), shape("circle", { class: "ring", r: 15, fill: "none" }), shape("circle", { class: "hit", r: 12 }));
-  if (shown.labels) group.append(textShape(label, "tag"));
+  if (shown.labels) group.append(textShape(tag, "tag"));
   return group;
+}
+
+// A label, and how high its point stands where it is off the ground.
+/** @param {string} label */
+function tagText(label) {
+  const stands = standsAt(label);
+  return stands ? `${label} \u2191${fixed(stands.height, Math.min(places(stands.sigma), 2))} m` : label;
 }
 
 /** @param {string} label @returns {"control" | "check" | ""} */
@@ -130,7 +138,8 @@ const knownAs = (label) => (store.control.includes(label) ? "control" : store.ch
 function spokenPick(pick, fit) {
   const w = fit === undefined || fit.w === null ? "" : `, w ${fixed(fit.w, 1)}`;
   const known = knownAs(pick.label);
-  return `${pick.label}${known && `, ${known} point`}, u ${pick.u_px.toFixed(2)}, v ${pick.v_px.toFixed(2)}${w}${isSuspect(fit?.status) ? ", suspect" : ""}`;
+  const stands = standsAt(pick.label);
+  return `${pick.label}${known && `, ${known} point`}, u ${pick.u_px.toFixed(2)}, v ${pick.v_px.toFixed(2)}${w}${isSuspect(fit?.status) ? ", suspect" : ""}${stands ? `, ${heightText(stands)}` : ""}`;
 }
 
 /** @param {Predicted} one @param {string | null} selected @param {Shown} shown @returns {Part} */
@@ -193,9 +202,16 @@ function lengthPath(image, line) {
 }
 
 /** @param {number} image @param {Measurement} request */
-function measurementPath(image, { name, kind, points }) {
+function measurementPath(image, { name, kind, points, parameters = {} }) {
   const now = adjusted()?.measurements[name];
-  return points.length < 2 ? null : pathOf(image, points, "measured", `${name} ${now ? valueText(now) : missing}`, kind === "area" || kind === "volume");
+  return points.length < 2 ? null : pathOf(image, outline(kind, points, parameters), "measured", `${name} ${now ? valueText(now) : missing}`, kind === "area" || kind === "volume");
+}
+
+// The points that are drawn: of a volume those around it, without its top and its plane.
+/** @param {string} kind @param {string[]} points @param {Record<string, number>} parameters */
+function outline(kind, points, parameters) {
+  const beside = kind === "volume" ? ("top" in parameters ? 1 : 0) + ("plane" in parameters ? 3 : 0) : 0;
+  return points.slice(0, points.length - beside);
 }
 
 // Lines between labels; none where one of these is not in the photo, or all are only expected there.

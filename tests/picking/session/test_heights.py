@@ -1,0 +1,88 @@
+"""Heights on the page: what is found of free ones, and how points lie seen from the side."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.picking.document.commands import SideView
+from uavgram.picking.protocol.encode_answers import side_json
+from uavgram.picking.protocol.encode_survey import Json, adjusted_json
+from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
+from uavgram.pipeline.pick.side_view import side_view
+
+FREE, ALONE = "R2", "alone"
+REQUESTS = (
+    MeasurementRequest(name="D", kind="distance", points=("R1", FREE)),
+    MeasurementRequest(name="A", kind="area", points=("R1", FREE, "R7", "R4")),
+    MeasurementRequest(name="P", kind="profile", points=("R1", "R7", FREE)),
+    MeasurementRequest(name="height", kind="height", points=(FREE,)),
+    MeasurementRequest(name="unseen", kind="distance", points=("R1", ALONE)),
+)
+
+
+@pytest.fixture(scope="module")
+def adjusted(data_dir: Path) -> Adjusted:
+    """A survey in which one height is free, and another that only one photo shows."""
+    live = LiveSurvey.open(data_dir / "calm_nadir" / "project.yaml")
+    picks = live.inputs.picks
+    first = picks.label.index(FREE)
+    label = list(picks.label)
+    label[next(i for i, name in enumerate(label) if name == "P12")] = ALONE
+    is_free = np.isin(label, [FREE, ALONE])
+    assert picks.label.count(FREE) > 2, first
+    picks = replace(picks, label=tuple(label), is_free=is_free)
+    return live.adjust(Observed(picks=picks, lines=live.inputs.lines, requests=REQUESTS))
+
+
+def test_the_page_is_told_how_high_free_points_stand_and_whose_height_is_not_found(
+    adjusted: Adjusted,
+) -> None:
+    index = {name: k for k, name in enumerate(adjusted.result.frames.frame_id)}
+    told: Json = adjusted_json(adjusted, index)
+    high = {label: point for label, point in told["points"].items() if "height_m" in point}
+    assert list(high) == [FREE]  # of points on the ground nothing is said
+    sigma = high[FREE]["height_sigma_m"]
+    assert 0.0 < sigma < 1.0
+    assert abs(high[FREE]["height_m"]) < 4 * sigma  # in truth it lies on the ground
+    value = told["measurements"]["height"]["value"]
+    assert high[FREE]["height_m"] == pytest.approx(value, abs=1e-6)
+    (left_out,) = (m for m in told["messages"] if m["code"] == "pick-left-out")
+    assert left_out["labels"] == [ALONE]
+
+
+def test_a_side_view_has_the_numbers_of_a_profile(adjusted: Adjusted) -> None:
+    found, profile = side_view(adjusted, "P"), adjusted.result.profiles
+    assert found is not None
+    assert found.label == profile.label == ("R1", "R7", FREE)
+    np.testing.assert_array_equal(found.place_m, profile.place_m)
+    np.testing.assert_array_equal(found.sigma_m, profile.sigma_m)
+
+
+def test_what_is_no_profile_is_seen_across_its_longest_line(adjusted: Adjusted) -> None:
+    points = adjusted.result.points
+    place = dict(zip(points.label, points.position_world_m, strict=True))
+    around = [place[label] for label in REQUESTS[1].points]
+    away = [float(np.hypot(*(one - around[0])[:2])) for one in around]
+    found = side_view(adjusted, "A")
+    assert found is not None
+    assert sorted(found.label) == sorted(REQUESTS[1].points)
+    assert found.label[0] == "R1"
+    assert found.label[-1] == REQUESTS[1].points[int(np.argmax(away))]
+    assert found.place_m[-1, 0] == pytest.approx(max(away))
+    up = [place[label][2] - around[0][2] for label in found.label]
+    np.testing.assert_allclose(found.place_m[:, 2], up, atol=1e-9)
+
+
+def test_a_side_view_of_what_is_not_adjusted_is_empty(adjusted: Adjusted) -> None:
+    for name in ("height", "unseen", "nobody asked for this"):
+        assert side_json(adjusted, SideView(name=name)) == {"points": []}
+    assert side_json(None, SideView(name="D")) == {"points": []}
+    shown = side_json(adjusted, SideView(name="D"))["points"]
+    assert [point["label"] for point in shown] == ["R1", FREE]
+    assert shown[0]["station_m"] == [0.0, 0.0]
+    assert shown[1]["height_m"][1] > 0

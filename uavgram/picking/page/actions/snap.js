@@ -1,0 +1,26 @@
+// A pick moved to the exact place of a target.
+
+import { pickAt } from "../connection/store.js";
+
+/** @import { Target } from "../connection/protocol.js" */
+/** @import { Tools } from "./tools.js" */
+
+// The selected pick, or what is under the pointer.
+/** @param {Tools} tools @param {Target} target */
+export async function snap(tools, target) {
+  const { state, link, notice, panes: { active: pane } } = tools;
+  if (!pane) return;
+  const pick = state.selected ? pickAt(pane.image, state.selected) : null;
+  const [u_px, v_px] = pick ? [pick.u_px, pick.v_px] : pane.inside(...pane.aim);
+  try {
+    const found = await link.ask({ t: "snap", image: pane.image, u_px, v_px, target });
+    if (found.why !== undefined) notice.show(found.why);
+    else {
+      const label = pick ? pick.label : tools.labelFor(pane.image);
+      tools.placeAt(pane, label, found.u_px, found.v_px, found.sigma_px);
+      notice.show(`${label}: ${target} at u ${found.u_px.toFixed(2)}, v ${found.v_px.toFixed(2)}, sigma ${found.sigma_px.toFixed(2)} px`, true);
+    }
+  } catch (fault) {
+    notice.fault(fault);
+  }
+}

@@ -1,0 +1,76 @@
+// The point that is selected, and its pick in this photo: what a person may say of them, and how high
+// it stands.
+
+import { roving } from "../actions/keys.js";
+import { adjusted, heightOf, pickAt, picksOf, stale, standsAt, store } from "../connection/store.js";
+import { as, fillIfNew, node } from "../elements/dom.js";
+import { heightText } from "../elements/numbers.js";
+import { keep } from "../elements/table.js";
+
+/** @import { PageState } from "../actions/page_state.js" */
+/** @import { Tools } from "../actions/tools.js" */
+/** @import { Height, Pick } from "../connection/protocol.js" */
+
+/** @param {PageState} state @param {number | undefined} image @param {Tools} tools */
+export function pointPart({ selected: label, entry }, image, tools) {
+  if (!label || entry || image === undefined || !picksOf(label).length) return null;
+  const pick = pickAt(image, label);
+  const height = heightOf(label);
+  const form = keep("pick", [pick?.image, label, pick?.sigma_px, height.height_m, height.height_sigma_m, height.is_free], () => pointForm(label, pick, height, tools));
+  showHeight(as(HTMLElement, form.querySelector(".stands")), label, tools);
+  return form;
+}
+
+/** @param {string} label @param {Pick | undefined} pick @param {Height} height @param {Tools} tools */
+function pointForm(label, pick, { height_m, height_sigma_m = null, is_free }, tools) {
+  const { heights } = tools;
+  /** @param {string} name @param {string} caption @param {number | null} value @param {string} usual @param {(value: number | null) => void} act */
+  const field = (name, caption, value, usual, act) => node("label", {}, caption, node("input", {
+    name, value: value ?? "", inputmode: "decimal", placeholder: usual, autocomplete: "off", onchange: ({ target }) => tools.number(as(HTMLInputElement, target), act),
+  }));
+  const stated = field("height", "Height over ground, m", height_m, is_free ? "from photos" : "0", (value) => heights.set(label, value, height_sigma_m));
+  /** @param {string} words @param {string} title @param {boolean} chosen @param {() => void} act */
+  const choice = (words, title, chosen, act) => node("button", { type: "button", role: "radio", name: words, title, "aria-checked": chosen, tabindex: chosen ? 0 : -1, onclick: act }, words);
+  const choices = node("div", { class: "both group", role: "radiogroup", "aria-label": "Height" },
+    choice("On the ground", "It lies on the ground (Q)", !is_free && height_m === null, () => heights.set(label, null)),
+    choice("As stated", "Its height over the ground was measured: type it", height_m !== null, () => as(HTMLElement, stated.lastChild).focus()),
+    choice("Free", "Its height is found from two or more photos (Q)", Boolean(is_free), () => heights.free([label])));
+  roving(choices);
+  return node("form", { class: "entry", "data-row": "pick", "aria-label": `Point ${label}`, onsubmit: (event) => { event.preventDefault(); tools.panes.active?.focus(); } },
+    node("label", { class: "both" }, "Label", node("input", { name: "rename", value: label, maxlength: 200, autocomplete: "off", onchange: ({ target }) => tools.rename(label, as(HTMLInputElement, target).value) })),
+    pick && field("sigma", "Sigma here, px", pick.sigma_px, `${store.pickSigmaPx}`, (sigma_px) => tools.send({ t: "sigma", image: pick.image, label, sigma_px })),
+    stated,
+    height_m === null ? null : field("height_sigma", "Sigma of the height, m", height_sigma_m, "exact", (sigma) => heights.set(label, height_m, sigma)),
+    choices, node("div", { class: "both stands", role: "status", "aria-label": "How high it stands" }),
+    node("button", { type: "submit", hidden: true }, "Done")); // without it Enter would not end the form
+}
+
+// How high the point stands as adjusted, or why nothing tells it.
+/** @param {HTMLElement} box @param {string} label @param {Tools} tools */
+function showHeight(box, label, tools) {
+  const stands = standsAt(label);
+  const words = stands ? heightText(stands) : "";
+  const told = offGround().includes(label);
+  const why = told ? "Nobody said so: its picks fit at that height, and not on the ground." : unfound(label);
+  fillIfNew(box, JSON.stringify([label, words, told, why]), () => [
+    ...(words ? [node("p", { class: "value" }, words)] : []),
+    ...(why ? [node("p", { class: "wrong" }, why)] : []),
+    ...(told ? [node("button", { type: "button", name: "free", onclick: () => tools.heights.free([label]) }, "Free its height (Q)")] : []),
+  ]);
+}
+
+// Labels that fit off the ground, which nobody said of them.
+export function offGround() {
+  const all = (store.live?.messages ?? []).flatMap(({ code, labels }) => (code === "point-off-ground" ? labels ?? [] : []));
+  return all.filter((label) => picksOf(label).length && !heightOf(label).is_free);
+}
+
+// Why the height of a free point cannot be found; empty where it can, or where that is not known yet.
+/** @param {string} label */
+function unfound(label) {
+  const now = adjusted();
+  if (!now || stale() || !heightOf(label).is_free || now.points[label]) return "";
+  if (picksOf(label).length === 1) return "Not used: one photo does not tell its height. Pick it in a second photo, taken from further aside, or state its height.";
+  const told = now.messages.find(({ code, labels }) => code === "pick-left-out" && labels?.includes(label));
+  return told?.labels?.length === 1 ? told.text : "Not used: its photos look from nearly one place. Pick it in one from further aside, or state its height.";
+}

@@ -1,0 +1,46 @@
+"""The points of a measurement seen from the side: stations along it, heights, and sigmas."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.model.result.profiles import ProfileResults
+from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.pipeline.pick.live import Adjusted
+from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.stages.profiles import profiles
+
+
+@with_one_blas_thread
+def side_view(adjusted: Adjusted, name: str) -> ProfileResults | None:
+    """A measurement's adjusted points, in order along it.
+
+    A profile is seen across its own line; anything else across the line from its first point to
+    the one furthest from that, seen from above.
+
+    Parameters
+    ----------
+    adjusted
+        A full adjustment.
+    name
+        Of the measurement.
+
+    Returns
+    -------
+    points
+        None where it was not asked for then, or fewer than two of its points are adjusted.
+    """
+    request = next((one for one in adjusted.observed.requests if one.name == name), None)
+    if request is None:
+        return None
+    points = adjusted.result.points
+    place = dict(zip(points.label, points.position_world_m, strict=True))
+    label = [one for one in dict.fromkeys(request.points) if one in place]
+    if len(label) < 2:
+        return None
+    if request.kind != "profile":
+        away = np.array([place[one] for one in label])[:, :2] - place[label[0]][:2]
+        label.append(label.pop(int(np.argmax(np.hypot(*away.T)))))
+    along = MeasurementRequest(name=name, kind="profile", points=tuple(label))
+    found = profiles(adjusted.adjustment, (along,))
+    return found if found.label else None
