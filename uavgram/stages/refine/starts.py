@@ -42,8 +42,8 @@ NO_GROUND = LeftOut(
 )
 ONE_PLACE = LeftOut(
     LeftOutCause.UNDETERMINED,
-    "the height of its point is to be found, which takes photos from two places: pick it in another "
-    "photo, from further aside, or state its height",
+    "the height of its point is to be found, which takes photos from two places: pick it in "
+    "another photo, from further aside, or state its height",
 )
 NOT_JOINED = LeftOut(
     LeftOutCause.NOT_JOINED,

@@ -119,15 +119,22 @@ def _cameras_and_lines(result: Result) -> list[tuple[int, str, Rgb]]:
     return entries
 
 
+_HEIGHTS = {
+    "stated": "height stated",
+    "free": "height found",
+    "found": "height found, unasked",
+}
+
+
 def _heights(scene: Scene) -> list[tuple[int, str, Rgb]]:
     entries: list[tuple[int, str, Rgb]] = []
     if scene.uneven is not None:
         times = "" if scene.departure_factor == 1 else f", bars {scene.departure_factor} x as tall"
         entries += [(0, "ground above its plane", ABOVE), (1, f"below it{times}", BELOW)]
     sources = scene.off_ground.source if scene.off_ground else ()
-    for row, source in enumerate(HEIGHT_COLOURS):
+    for row, source in ((0, "stated"), (1, "free"), (1, "found")):
         if source in sources:
-            entries.append((row, f"height {source}", HEIGHT_COLOURS[source]))
+            entries.append((row, _HEIGHTS[source], HEIGHT_COLOURS[source]))
     return entries
 
 
