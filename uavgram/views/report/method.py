@@ -22,6 +22,7 @@ def method_facts(result: Result) -> dict[str, str | bool]:
         "has_log": bool(result.has_seed.any()),
         "has_heights": bool(result.points.is_off_ground.any()),
         "has_skid": "skid_speed" in result.measurements.kind,
+        "has_volume": "volume" in result.measurements.kind,
         "ellipse": number(ELLIPSE_95, 4),
         "significance": f"{significance:g}",
         "critical": number(critical_value(significance), 2),
