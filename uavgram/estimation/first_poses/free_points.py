@@ -17,8 +17,8 @@ nothing: as a rule they then come from one place."""
 def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstValues:
     """First values with the places of the points whose height is free.
 
-    A point gets none (NaN) where its rays say nothing, unless a known length, coordinates or
-    something else known may tell: such a point begins on the ground, or at its coordinates.
+    A point gets none (NaN) where its rays say nothing, unless its coordinates or something else
+    known of it may tell: such a point begins at its coordinates, or on the ground.
 
     Parameters
     ----------
@@ -43,9 +43,10 @@ def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstV
     point = _means(ground, owner, len(survey.label))
     point[survey.control_label] = survey.control_world_m
     anchored = np.zeros(len(survey.label), dtype=np.bool_)
-    of_known = np.array([k for thing in survey.known for k in thing.label], dtype=np.int64)
-    for known in (survey.control_label, survey.line_start, survey.line_end, of_known):
+    for known in (survey.control_label, survey.line_start, survey.line_end):
         anchored[known] = True
+    for thing in survey.known:
+        anchored[list(thing.label)] = True
     point[~anchored & (spread > WIDE)] = np.nan
     good = _in_front(met, center, direction, owner) & (spread <= WIDE)
     point[good] = met[good]

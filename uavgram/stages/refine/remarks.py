@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.first_poses.plane_things import row_count
 from uavgram.estimation.measuring.next_length import distance_changes, line_faults, next_line
 from uavgram.estimation.reliability.test_statistics import READINGS
 from uavgram.estimation.reliability.wrong_units import likely_unit_of_height
@@ -203,18 +204,36 @@ def _ambiguity(refined: Refined) -> Iterator[Message]:
     if refined.alternatives:
         within = "" if survey.telemetry is None else " within what the telemetry allows"
         how_else = "" if survey.telemetry is not None else ", or give the flight log"
+        also = ", or give another right angle or pair of parallel lines" if survey.known else ""
+        what = "known lengths and things fit" if survey.known else "lengths fit"
         text = (
-            f"The lengths fit {len(refined.alternatives) + 1} different poses about equally well"
+            f"The {what} {len(refined.alternatives) + 1} different poses about equally well"
             f"{within}: {_differences(refined)}. The measured values of the others stand under "
-            f"alternatives. Tape another line that does not close a triangle{how_else}."
+            f"alternatives. Tape another line that does not close a triangle{also}{how_else}."
         )
         yield Message("warning", "ambiguous-pose", text)
-    if survey.telemetry is None and len(refined.adjustment.problem.line_index) == 3:
+    if survey.telemetry is None and _numbers_known(refined) == 3:
+        if survey.known:
+            text = (
+                "Three things alone are known of the ground: nothing checks them, and they may "
+                "have several solutions. Give a fourth: a length, a right angle, two parallel "
+                "lines."
+            )
+            yield Message("warning", "three-known", text)
+            return
         text = (
             "Three lengths alone: nothing checks them, and they may have several solutions. Tape "
             f"a fourth line that does not close a triangle{_suggestion(refined)}."
         )
         yield Message("warning", "three-lengths", text)
+
+
+def _numbers_known(refined: Refined) -> int:
+    """How many numbers lengths and other known things say of a pose over the ground."""
+    survey = refined.adjustment.survey
+    level = [one for one in survey.known if not survey.is_free[list(one.label)].any()]
+    rows = sum(row_count(one.kind, len(one.label)) for one in level)
+    return rows + len(refined.adjustment.problem.line_index)
 
 
 def _differences(refined: Refined) -> str:
@@ -234,11 +253,14 @@ def _weak_lengths(refined: Refined) -> Iterator[Message]:
     if survey.telemetry is not None or survey.gauge == "world":
         return
     point = adjustment.state.point[:, :2]
-    faults = line_faults(point[survey.line_start[used]], point[survey.line_end[used]], point)
+    # Right angles and the like hold what lengths of one direction, or a single one, would not.
+    shape = any(row_count(one.kind, len(one.label)) for one in survey.known)
+    ends = point[survey.line_start[used]], point[survey.line_end[used]]
+    faults = () if shape else line_faults(*ends, point)
     advice = next_line(adjustment)
     if advice is None or (advice.relative_sigma < WEAK and not faults):
         return
-    what = "; ".join(faults) or "the lengths say little of the scene's shape"
+    what = "; ".join(faults) or "they say little of the scene's shape"
     text = (
         f"The known lengths are weak as a set: {what}. Distances between the points are known to "
         f"{100 * advice.relative_sigma:.2g} %{_suggestion(refined)}."

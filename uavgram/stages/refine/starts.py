@@ -11,6 +11,7 @@ from scipy.special import chdtri
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.free_points import with_free_points
 from uavgram.estimation.first_poses.homography import Pose
+from uavgram.estimation.first_poses.known_frames import FrameThings, frame_things, known_planes
 from uavgram.estimation.first_poses.network import (
     FirstValues,
     from_telemetry,
@@ -24,7 +25,6 @@ from uavgram.estimation.first_poses.prior_gate import (
     compare_with_seed,
     seed_on_plane,
 )
-from uavgram.estimation.first_poses.resection import LengthPoses
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane_pose import pose_above_plane
@@ -47,8 +47,9 @@ ONE_PLACE = LeftOut(
 )
 NOT_JOINED = LeftOut(
     LeftOutCause.NOT_JOINED,
-    "its frame has neither telemetry, nor three known lengths, nor four points in common with "
-    "the frames that do, picked where one camera could see them",
+    "its frame has neither telemetry, nor three known lengths (or right angles, parallels and the "
+    "like with them), nor four points in common with the frames that do, picked where one camera "
+    "could see them",
 )
 
 
@@ -58,16 +59,13 @@ def first_values(survey: Survey) -> list[FirstValues]:
     if survey.telemetry is not None:
         found = [from_telemetry(each, ray) for each in _with_seeds(survey)]
         return [with_free_points(survey, ray, values) for values in found]
-    counts = lines_per_frame(survey)
-    planes = _planes(survey, counts)
+    seen = frame_things(survey)
+    counts = _counts(survey, seen)
+    planes = _planes(survey, ray, seen)
     if survey.gauge == "world":
         return _grown(survey, ray, planes, _choices(survey))
     if not planes:
-        raise GeometryError(
-            "without a flight log a pose needs three known lengths that one frame sees whole "
-            f"(most here: {counts.max()} in {survey.frame_id[int(counts.argmax())]!r}): pick both "
-            "ends of more lines in one frame, tape a fourth, or give the log"
-        )
+        raise GeometryError(_too_little(survey, seen))
     first = max(planes, key=lambda f: (counts[f], -f))
     return _grown(survey, ray, planes, [{first: pose_above_plane(p)} for p in planes[first]])
 
@@ -95,8 +93,9 @@ def other_values(
         There are none.
     """
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
-    counts = lines_per_frame(survey)
-    planes = _planes(survey, counts)
+    seen = frame_things(survey)
+    counts = _counts(survey, seen)
+    planes = _planes(survey, ray, seen)
     named = dict(enumerate(survey.frame_id))
     trusted = {f: known[name] for f, name in named.items() if name in known.keys() - doubtful}
     chosen = [trusted]
@@ -127,20 +126,64 @@ def _far(one: Pose, other: Pose) -> bool:
     return bool(tilt > FAR_RAD or abs(one[0][2] - other[0][2]) > FAR_HEIGHT * abs(one[0][2]))
 
 
-def _planes(survey: Survey, counts: Ints) -> dict[int, Floats]:
-    """Planes (n, 3), likeliest first, of frames whose lengths say something of them."""
-    plausible = _plausible(length_poses(survey), counts)
-    return {f: found.plane for f, found in plausible.items()}
+def _counts(survey: Survey, seen: Mapping[int, FrameThings]) -> Ints:
+    """(F,) how many numbers lengths and other known things say of each frame's pose."""
+    counts = lines_per_frame(survey)
+    for frame, known in seen.items():
+        counts[frame] = known.rows
+    return counts
 
 
-def _plausible(candidates: dict[int, LengthPoses], counts: Ints) -> dict[int, LengthPoses]:
-    """Frames whose lengths agree with each other; all of them where none do."""
-    kept = {
-        f: found
-        for f, found in candidates.items()
-        if found.cost[0] <= float(chdtri(max(counts[f] - 3, 1), OUTSIDE))
+def _planes(survey: Survey, ray: Floats, seen: Mapping[int, FrameThings]) -> dict[int, Floats]:
+    """Planes (n, 3), likeliest first, of frames whose known lengths and things say some.
+
+    Of what contradicts itself, only where nothing else is: a frame whose lengths determine its
+    pose needs no more than these.
+    """
+    counts, lines = _counts(survey, seen), lines_per_frame(survey)
+    by_lengths = length_poses(survey)
+    determined = [f for f, found in by_lengths.items() if found.converged.any()]
+    by_things = known_planes(survey, ray, seen, determined)
+    candidates = {
+        **{f: (found.plane, found.cost[0], lines[f]) for f, found in by_lengths.items()},
+        **{f: (found.plane, found.cost[0], counts[f]) for f, found in by_things.items()},
     }
-    return kept or candidates
+    kept = {
+        f: plane
+        for f, (plane, cost, count) in candidates.items()
+        if cost <= float(chdtri(max(count - 3, 1), OUTSIDE))
+    }
+    return kept or {f: plane for f, (plane, _, _) in candidates.items()}
+
+
+def _too_little(survey: Survey, seen: Mapping[int, FrameThings]) -> str:
+    """What a survey lacks that has neither log nor a frame with a pose."""
+    if not seen:
+        counts = lines_per_frame(survey)
+        return (
+            "without a flight log a pose needs three known lengths that one frame sees whole "
+            f"(most here: {counts.max()} in {survey.frame_id[int(counts.argmax())]!r}): pick both "
+            "ends of more lines in one frame, tape a fourth, or give the log"
+        )
+    frame = max(seen, key=lambda f: (seen[f].scaled, seen[f].rows, -f))
+    known, name = seen[frame], survey.frame_id[frame]
+    more = "a length, a right angle, a pair of parallel lines or of equal lengths"
+    if not known.scaled:
+        lack = "none says how large anything is: give a length there"
+    elif known.rows < 3:
+        missing = "two more are" if known.rows == 1 else "one more is"
+        lack = f"{missing} missing there: {more}"
+    else:
+        lack = (
+            "but they leave the pose open: they say the same twice, contradict each other, or two "
+            "of the poses that they allow merge; check them, or give one more there, best in "
+            f"another direction: {more}"
+        )
+    return (
+        "without a flight log a pose needs three things known of points on the ground that one "
+        f"frame sees whole, a length among them; {name!r} sees {known.words()}: {lack}; or give "
+        "the log"
+    )
 
 
 def _with_seeds(survey: Survey) -> list[Survey]:

@@ -51,7 +51,7 @@ def weakness(survey: Survey, values: FirstValues, line_used: Bools) -> str:
         (L,) lengths that take part.
     """
     start, end = survey.line_start[line_used], survey.line_end[line_used]
-    if survey.telemetry is not None or len(start) < 3:
+    if survey.telemetry is not None or survey.known or len(start) < 3:
         return ""
     faults = line_faults(values.point_m[start], values.point_m[end], values.point_m)
     if not faults and len(start) == 3:

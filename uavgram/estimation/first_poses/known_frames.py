@@ -1,0 +1,134 @@
+"""Which frames see which known things whole, and the planes that follow from these together."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.first_poses.network import SeenLines, seen_lines
+from uavgram.estimation.first_poses.plane_things import SCALED, PlaneThing, row_count
+from uavgram.estimation.first_poses.thing_search import KnownPlanes, search_known
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.survey.survey import Survey
+
+WORDS = {
+    "length": ("length", "lengths"),
+    "distance": ("length", "lengths"),
+    "horizontal_distance": ("length", "lengths"),
+    "polyline": ("length", "lengths"),
+    "line_distance": ("distance from a line", "distances from a line"),
+    "area": ("area", "areas"),
+    "angle": ("angle", "angles"),
+    "right_angle": ("right angle", "right angles"),
+    "parallel": ("pair of parallel lines", "pairs of parallel lines"),
+    "equal_lengths": ("pair of equal lengths", "pairs of equal lengths"),
+}
+"""What each kind is called, one and several."""
+
+
+class FrameThings(NamedTuple):
+    """Known lengths and things that a frame sees whole, on one level of the ground.
+
+    Attributes
+    ----------
+    things
+        With picks of the survey.
+    rows
+        How many numbers they say of the pose; lengths between the same two points count once.
+    """
+
+    things: tuple[PlaneThing, ...]
+    rows: int
+
+    @property
+    def scaled(self) -> bool:
+        """Whether one of them says how large things are."""
+        return any(one.kind in SCALED for one in self.things)
+
+    def words(self) -> str:
+        """What they are: "2 lengths and 1 right angle"."""
+        number: Counter[tuple[str, str]] = Counter()
+        for one in self.things:
+            number[WORDS[one.kind]] += row_count(one.kind, len(one.pick))
+        parts = [f"{n} {words[n > 1]}" for words, n in number.items()]
+        return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
+
+
+def frame_things(survey: Survey) -> dict[int, FrameThings]:
+    """What is known of the points of each frame that sees anything but lengths whole."""
+    found = _seen_things(survey)
+    if not found:
+        return {}
+    lines = seen_lines(survey)
+    return {f: _with_lines(survey, lines, f, things) for f, things in sorted(found.items())}
+
+
+def known_planes(
+    survey: Survey, ray: Floats, seen: Mapping[int, FrameThings], without: Collection[int] = ()
+) -> dict[int, KnownPlanes]:
+    """Planes that lengths and other known things together allow, of frames that they determine.
+
+    Parameters
+    ----------
+    survey
+        The observations.
+    ray
+        (P, 3) undistorted rays of its picks, z = 1.
+    seen
+        As `frame_things` finds them.
+    without
+        Frames whose planes are known already.
+    """
+    sigma = survey.pick_sigma_px / survey.calibration.parameters[0]
+    found = {}
+    for frame, known in seen.items():
+        if frame not in without and known.rows >= 3:
+            planes = search_known(ray, sigma, known.things)
+            if len(planes.plane):
+                found[frame] = planes
+    return found
+
+
+def _seen_things(survey: Survey) -> dict[int, list[PlaneThing]]:
+    """Known things, but for lengths of the table, by the frames that see all of their points.
+
+    The points must be on the ground, or stated to be equally high above it, in one area.
+    """
+    found: dict[int, list[PlaneThing]] = {}
+    level: Bools = ~survey.is_free
+    for one in survey.known:
+        label = list(one.label)
+        same = all(len(set(of[label])) == 1 for of in (survey.area, survey.height_above_m))
+        if not row_count(one.kind, len(label)) or not same or not level[label].all():
+            continue
+        picks = [
+            dict(zip(survey.pick_frame[rows].tolist(), rows.tolist(), strict=True))
+            for rows in (np.flatnonzero(survey.pick_label == k) for k in label)
+        ]
+        for frame in set(picks[0]).intersection(*picks[1:]):
+            at = tuple(by_frame[frame] for by_frame in picks)
+            found.setdefault(frame, []).append(PlaneThing(one.kind, at, one.value, one.sigma))
+    return found
+
+
+def _with_lines(
+    survey: Survey, lines: SeenLines, frame: int, things: list[PlaneThing]
+) -> FrameThings:
+    """A frame's things and its known lengths; one pair of points says one number."""
+    rows: Ints = np.flatnonzero(lines.frame == frame)
+    known = [
+        PlaneThing(
+            "distance",
+            (int(lines.start[k]), int(lines.end[k])),
+            float(survey.length_m[lines.line[k]]),
+            float(survey.length_sigma_m[lines.line[k]]),
+        )
+        for k in rows
+    ]
+    together = (*known, *things)
+    different = {(WORDS[one.kind], frozenset(one.pick), one.pick[1:-1]): one for one in together}
+    number = sum(row_count(one.kind, len(one.pick)) for one in different.values())
+    return FrameThings(together, number)
