@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.network import SeenLines, seen_lines
+from uavgram.estimation.first_poses.network import SeenLines, placing, seen_lines
 from uavgram.estimation.first_poses.plane_things import SCALED, PlaneThing, row_count
 from uavgram.estimation.first_poses.thing_search import KnownPlanes, search_known
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey
 
 WORDS = {
@@ -57,6 +57,13 @@ class FrameThings(NamedTuple):
         return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
 
 
+def known_rows(survey: Survey) -> int:
+    """How many numbers known things, but for lengths of the table, say of poses over the ground."""
+    level = placing(survey)
+    things = [one for one in survey.known if level[list(one.label)].all()]
+    return sum(row_count(one.kind, len(one.label)) for one in things)
+
+
 def frame_things(survey: Survey) -> dict[int, FrameThings]:
     """What is known of the points of each frame that sees anything but lengths whole."""
     found = _seen_things(survey)
@@ -98,7 +105,7 @@ def _seen_things(survey: Survey) -> dict[int, list[PlaneThing]]:
     The points must be on the ground, or stated to be equally high above it, in one area.
     """
     found: dict[int, list[PlaneThing]] = {}
-    level: Bools = ~survey.is_free
+    level = placing(survey)
     for one in survey.known:
         label = list(one.label)
         same = all(len(set(of[label])) == 1 for of in (survey.area, survey.height_above_m))
@@ -110,7 +117,8 @@ def _seen_things(survey: Survey) -> dict[int, list[PlaneThing]]:
         ]
         for frame in set(picks[0]).intersection(*picks[1:]):
             at = tuple(by_frame[frame] for by_frame in picks)
-            found.setdefault(frame, []).append(PlaneThing(one.kind, at, one.value, one.sigma))
+            value = 0.0 if one.is_condition else one.value
+            found.setdefault(frame, []).append(PlaneThing(one.kind, at, value, one.sigma))
     return found
 
 
