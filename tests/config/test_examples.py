@@ -13,6 +13,7 @@ import pytest
 from uavgram.config.camera import load_camera
 from uavgram.config.project import load_project
 from uavgram.io.cameras.opencv import is_opencv_calibration, read_opencv_calibration
+from uavgram.io.tables.known import read_known
 from uavgram.io.tables.known_points import read_known_points
 from uavgram.io.tables.lines import read_lines
 from uavgram.io.tables.measure import read_measure
@@ -64,11 +65,14 @@ def test_the_example_tables_belong_together(project: Project) -> None:
     requests = read_measure(project.measure)
     assert project.control is not None
     assert project.check is not None
+    assert project.known is not None
+    things = read_known(project.known)
     known = (read_known_points(project.control), read_known_points(project.check))
 
     labels = set(picks.label)
     assert {*lines.start, *lines.end} <= labels
     assert {label for request in requests for label in request.points} <= labels
+    assert {label for points in things.points for label in points} <= labels
     assert {label for points in known for label in points.label} <= labels
     assert lines.adjust.tolist() == [True, True, True, True, True, False]
     assert {request.kind for request in requests} == {*get_args(MeasurementKind)} - {"speed"}

@@ -58,7 +58,7 @@ def missing(inputs: Inputs) -> Iterator[Message]:
     if not inputs.requests:
         text = "Nothing is asked for yet: say what to measure on the picking page, or in `measure`."
         yield Message("info", "nothing-to-measure", text)
-    known = len(inputs.lines.name) or len(inputs.control.label) or len(inputs.known.name)
+    known = len(inputs.lines.name) or len(inputs.control.label) or inputs.known.gives_scale
     if not known and project.log is None and project.poses is None:
         poses = (
             "poses (though the photos state where they were taken: `poses: exif`, and world.origin)"

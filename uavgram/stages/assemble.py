@@ -198,15 +198,6 @@ def _index(chosen: Ints | list[int], count: int) -> Ints:
     return index
 
 
-def _of_labels(picks: Picks, value: Floats, label_at: dict[str, int]) -> Floats:
-    """(K,) of each label what one of its picks (P,) states, which holds for all; else 0."""
-    found = np.zeros(len(label_at))
-    for i in np.flatnonzero(np.isfinite(value)).tolist():
-        if picks.label[i] in label_at:
-            found[label_at[picks.label[i]]] = value[i]
-    return found
-
-
 def _known(known: KnownThings, label_at: dict[str, int]) -> tuple[KnownThing, ...]:
     """What is known of picked points, but for what is withheld."""
     return tuple(
@@ -214,6 +205,15 @@ def _known(known: KnownThings, label_at: dict[str, int]) -> tuple[KnownThing, ..
         for i, points in enumerate(known.points)
         if known.adjust[i] and all(label in label_at for label in points)
     )
+
+
+def _of_labels(picks: Picks, value: Floats, label_at: dict[str, int]) -> Floats:
+    """(K,) of each label what one of its picks (P,) states, which holds for all; else 0."""
+    found = np.zeros(len(label_at))
+    for i in np.flatnonzero(np.isfinite(value)).tolist():
+        if picks.label[i] in label_at:
+            found[label_at[picks.label[i]]] = value[i]
+    return found
 
 
 def _areas(picks: Picks, label_at: dict[str, int]) -> list[str]:

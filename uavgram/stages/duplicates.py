@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
+from uavgram.model.survey.known import NO_KNOWN, KnownThings
 from uavgram.model.survey.observations import KnownLines, Picks
 
 _MOST_NAMED = 10
@@ -29,11 +32,14 @@ class Duplicates:
         Index of each known length that is not counted -> that of the one which is.
     messages
         All of it in words.
+    known
+        Index of each known thing that is not counted -> what is: a length or another known thing.
     """
 
     photos: Mapping[str, str]
     lines: Mapping[int, int]
     messages: tuple[Message, ...]
+    known: Mapping[int, str] = field(default_factory=dict)
 
     def reason(self, frame_id: str) -> str:
         """Why a photo is not counted; empty where it is."""
@@ -42,7 +48,11 @@ class Duplicates:
 
 
 def find_duplicates(
-    photos: Photos, sha256: Mapping[str, str], picks: Picks, lines: KnownLines
+    photos: Photos,
+    sha256: Mapping[str, str],
+    picks: Picks,
+    lines: KnownLines,
+    known: KnownThings = NO_KNOWN,
 ) -> Duplicates:
     """Find photos and lengths that are there more than once.
 
@@ -52,7 +62,7 @@ def find_duplicates(
         Of the project.
     sha256
         Of their files, by name.
-    picks, lines
+    picks, lines, known
         Every one of them.
     """
     picked = _picked(photos, picks)
@@ -68,6 +78,7 @@ def find_duplicates(
     ]
     saved_anew = _copies(photos.frame_id, by_picks, picked)
     same_lines = _same_lines(lines)
+    same_known = _same_known(lines, known)
     return Duplicates(
         photos={**same_file, **saved_anew},
         lines=same_lines,
@@ -77,7 +88,9 @@ def find_duplicates(
                 "photo-saved-anew", "with the capture time and all the picks of", saved_anew, picked
             ),
             *_line_messages(lines, same_lines),
+            *_known_messages(known, same_known),
         ),
+        known=same_known,
     )
 
 
@@ -121,6 +134,38 @@ def _same_lines(lines: KnownLines) -> dict[int, int]:
         kept = max(group, key=lambda i: bool(lines.adjust[i]))  # the first that is not withheld
         same.update({i: kept for i in group if i != kept})
     return same
+
+
+def _same_known(lines: KnownLines, known: KnownThings) -> dict[int, str]:
+    """Known thing -> the length, or the earlier one, of the same points and value."""
+    first: dict[tuple[object, ...], str] = {}
+    for i in range(len(lines.name)):
+        if lines.adjust[i] and lines.along_of(i) == "slope":
+            ends = frozenset((lines.start[i], lines.end[i]))
+            own: tuple[object, ...] = ("distance", ends, float(lines.length_m[i]), ())
+            first.setdefault(own, f"the length {lines.name[i]!r}")
+    same: dict[int, str] = {}
+    for i in np.flatnonzero(known.adjust).tolist():
+        kind, points, value = known.kind[i], known.points[i], float(known.value[i])
+        places = frozenset(points) if kind == "distance" else min(points, points[::-1])
+        shown = value if math.isfinite(value) else None
+        key = (kind, places, shown, known.parameters[i])
+        if key in first:
+            same[i] = first[key]
+        first.setdefault(key, repr(known.name[i]))
+    return same
+
+
+def _known_messages(known: KnownThings, same: Mapping[int, str]) -> tuple[Message, ...]:
+    """One message on all known things that are not counted."""
+    if not same:
+        return ()
+    parts = [f"{known.name[i]!r} is {kept} again" for i, kept in same.items()]
+    text = (
+        "What is known of the same points, with the same value, was counted once: "
+        f"{'; '.join(parts[:_MOST_NAMED])}{_rest(parts)}. Remove the copies."
+    )
+    return (Message("warning", "known-duplicate", text),)
 
 
 def _photo_message(

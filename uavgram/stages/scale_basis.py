@@ -17,7 +17,7 @@ def scale_basis(adjustment: Adjustment) -> tuple[Message, ...]:
     """One message: what gives the scale, and how far all else bears it out."""
     found = scale_sigmas(adjustment)
     witnesses = _witnesses(adjustment)
-    rest = " and ".join(witnesses)
+    rest = " and ".join([", ".join(witnesses[:-1])] * (len(witnesses) > 1) + witnesses[-1:])
     verb = "bear" if len(witnesses) > 1 or rest.endswith("s") else "bears"
     if not np.isfinite(found.lengths):
         alone = "alone" if len(witnesses) == 1 else "together, without a length"
@@ -45,6 +45,8 @@ def _witnesses(adjustment: Adjustment) -> list[str]:
         names.append("the photos' own positions" if is_photo else "the log")
     if len(survey.control_label):
         names.append("the control points")
+    if any(thing.gives_scale for thing in adjustment.problem.known):
+        names.append("the other known distances")
     return names or ["the stated heights"]
 
 

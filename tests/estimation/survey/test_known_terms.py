@@ -17,7 +17,7 @@ from uavgram.model.survey.known import CONDITIONS, KnownThing
 # Corners of a square of 4 m and a fifth point in line with two of them; then the same 1.5 m up.
 SQUARE = np.array([[-2.0, 0], [2, 0], [2, 4], [-2, 4], [6, 0]])
 GRID = np.concatenate([SQUARE, SQUARE, [[0.0, 1.0], [1.0, -3.0]]])
-HEIGHTS = dict.fromkeys(range(5, 10), 1.5)
+FREE = np.isin(np.arange(12), range(5, 10))
 
 EXACT: dict[str, tuple[str, tuple[int, ...], float]] = {
     "distance": ("distance", (0, 6), 4.2720018726587655),
@@ -27,6 +27,16 @@ EXACT: dict[str, tuple[str, tuple[int, ...], float]] = {
     "from a line": ("line_distance", (2, 0, 1), 4.0),
     "on a line": ("line_distance", (1, 0, 4), 0.0),
     "on a line in the air": ("line_distance", (6, 5, 9), 0.0),
+    "height over the ground": ("height", (6,), 1.5),
+    "height over another point": ("height", (0, 6), 1.5),
+    "level distance": ("horizontal_distance", (0, 6), 4.0),
+    "up": ("vertical_distance", (0, 6), 1.5),
+    "level": ("vertical_distance", (5, 6), 0.0),
+    "slope": ("slope", (0, 6), 20.556045219583467),
+    "level slope": ("slope", (5, 6), 0.0),
+    "from a plane": ("plane_distance", (6, 0, 1, 2), 1.5),
+    "in a plane": ("plane_distance", (9, 5, 6, 7), 0.0),
+    "box over the ground": ("volume", (5, 6, 7, 8), 24.0),
     "right angle": ("right_angle", (0, 1, 2), np.nan),
     "right angle in the air": ("right_angle", (1, 0, 5), np.nan),
     "collinear": ("collinear", (0, 1, 4), np.nan),
@@ -34,7 +44,7 @@ EXACT: dict[str, tuple[str, tuple[int, ...], float]] = {
     "parallel": ("parallel", (0, 1, 3, 2), np.nan),
     "parallel walls": ("parallel", (0, 5, 1, 6), np.nan),
     "coplanar": ("coplanar", (0, 1, 6, 5, 9), np.nan),
-    "level": ("level", (5, 6, 7), np.nan),
+    "level line": ("level", (5, 6, 7), np.nan),
     "vertical": ("vertical", (1, 6), np.nan),
     "equal lengths": ("equal_lengths", (0, 1, 1, 2, 5, 6), np.nan),
 }
@@ -42,13 +52,13 @@ EXACT: dict[str, tuple[str, tuple[int, ...], float]] = {
 
 def exact_scene() -> Scene:
     """A scene of the square and its roof, with all that is known of them met exactly."""
-    scene = make_scene(3, noise=0.0, roughness=0.05, heights=HEIGHTS)
+    scene = make_scene(3, noise=0.0, roughness=0.05)
     things = tuple(
         KnownThing(index=i, name=name, kind=kind, label=label, value=value, sigma=0.01 * (i + 1))
         for i, (name, (kind, label, value)) in enumerate(EXACT.items())
     )
-    point = np.column_stack([GRID, np.zeros(len(GRID))])
-    survey = replace(scene.survey, known=things)
+    point = np.column_stack([GRID, 1.5 * FREE])
+    survey = replace(scene.survey, known=things, is_free=FREE)
     return replace(scene, survey=survey, truth=replace(scene.truth, point=point))
 
 
@@ -111,5 +121,12 @@ def test_a_known_thing_is_an_observation_in_its_own_sigmas() -> None:
 
     assert blocks is not None
     sigma = np.array([thing.sigma for thing in scene.survey.known])[rows.thing]
-    np.testing.assert_allclose(blocks["known"].residual[:, 0] * sigma, rows.value, rtol=1e-12)
+    names = np.array([thing.name for thing in scene.survey.known])[rows.thing]
+    # The ground below is rough, and only the smooth one is adjusted.
+    sigma[names == "height over the ground"] = np.hypot(
+        sigma[names == "height over the ground"], 0.05
+    )
+    simple = names != "box over the ground"
+    found = blocks["known"].residual[:, 0] * sigma
+    np.testing.assert_allclose(found[simple], rows.value[simple], rtol=1e-12)
     assert {thing.kind for thing in scene.survey.known} >= set(CONDITIONS)

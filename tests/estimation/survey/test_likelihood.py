@@ -11,7 +11,7 @@ from taped_scenes import read_on_tapes
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.likelihood import SurveyProblem, covariance_root
-from uavgram.estimation.survey.unknowns import move
+from uavgram.estimation.survey.unknowns import between, move
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.observations import Along
 from uavgram.model.survey.survey import Relief, Survey
@@ -123,3 +123,12 @@ def test_the_root_of_a_singular_covariance_leaves_out_what_is_known_exactly() ->
 
     assert root.shape == (3, 2)
     np.testing.assert_allclose(root @ root.T, covariance, rtol=1e-12, atol=1e-20)
+
+
+def test_between_undoes_a_move() -> None:
+    scene = make_scene(3, control=3, gauge="world")
+    problem = SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
+    step = 0.3 * np.random.default_rng(1).normal(size=problem.layout.size)
+    moved = move(problem.layout, scene.truth, step)
+
+    np.testing.assert_allclose(between(problem.layout, scene.truth, moved), step, atol=1e-12)

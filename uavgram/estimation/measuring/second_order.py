@@ -19,10 +19,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import helmert
 
+from uavgram.estimation.measuring.kinds import refers_to_ground
 from uavgram.estimation.measuring.propagation import MeasuredValues, values_at
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.refit import refit
-from uavgram.estimation.survey.unknowns import State, advance
+from uavgram.estimation.survey.unknowns import State, advance, between, move
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
@@ -96,18 +97,17 @@ def _pairs(
 ) -> Iterator[tuple[Floats, Floats]]:
     """Values of one request at both ends of each direction; NaN where there is no solution."""
     for k, step in enumerate(_directions(adjustment, measured, request, rows)):
-        ends = []
-        for reach in (REACH, -REACH):
-            state: State | None
-            if k < len(rows):
-                state = _adjusted(adjustment, reach * step)
-            else:
-                state = advance(adjustment.problem.layout, adjustment.state, reach * step)
-            ends.append(
-                np.full(len(rows), np.nan)
-                if state is None
-                else values_at(adjustment, state, (request,), frames)
-            )
+        if k < len(rows):
+            states = _adjusted_both_ways(adjustment, REACH * step)
+        else:
+            way = partial(advance, adjustment.problem.layout, adjustment.state)
+            states = way(REACH * step), way(-REACH * step)
+        ends = [
+            np.full(len(rows), np.nan)
+            if state is None
+            else values_at(adjustment, state, (request,), frames)
+            for state in states
+        ]
         yield ends[0], ends[1]
     sources = {source for row in rows for source in measured.rows[row].others}
     for source in sorted(sources):
@@ -119,7 +119,20 @@ def _pairs(
         yield ends[0], ends[1]
 
 
-def _adjusted(adjustment: Adjustment, step: Floats) -> State | None:
+def _adjusted_both_ways(adjustment: Adjustment, step: Floats) -> tuple[State | None, State | None]:
+    """The states that fit observations moved as `step`, and as its opposite, would move them.
+
+    What parts the one from a plain step, in second order parts the other as well: it begins there.
+    """
+    layout, middle = adjustment.problem.layout, adjustment.state
+    ahead = _adjusted(adjustment, step)
+    begin = None
+    if ahead is not None:
+        begin = move(layout, middle, between(layout, middle, ahead) - 2.0 * step)
+    return ahead, _adjusted(adjustment, -step, begin)
+
+
+def _adjusted(adjustment: Adjustment, step: Floats, begin: State | None = None) -> State | None:
     """The state that fits observations moved as `step` would move them; None where there is none.
 
     The gauge is no observation, and stays.
@@ -129,7 +142,7 @@ def _adjusted(adjustment: Adjustment, step: Floats) -> State | None:
         for name, block in adjustment.minimum.blocks.items()
         if name != "gauge"
     }
-    return refit(adjustment, errors, AT_REST)
+    return refit(adjustment, errors, AT_REST, begin)
 
 
 def _error_in(one: str, reach: float, source: str) -> float:
@@ -147,23 +160,35 @@ def _directions(
     """
     survey = adjustment.survey
     label = np.unique([survey.label.index(p) for p in request.points])
+    size = adjustment.problem.layout.size
     _, jacobian, columns = adjustment.points_with_jacobian(label)
-    spread = np.zeros((adjustment.problem.layout.size, 3 * len(label)))
-    at = 3 * np.arange(len(label))[:, None, None] + np.arange(3)[:, None]
-    np.add.at(spread, (columns[:, None, :], at), jacobian)
-    # Their mean apart from what parts them: all may share an error a million times as large.
-    spread = spread @ np.kron(helmert(len(label), full=True).T, np.eye(3))
+    spread = _spread(size, jacobian, columns)
+    if refers_to_ground(request):
+        _, of_feet, _ = adjustment.ground_with_jacobian(label)
+        spread = np.concatenate([spread, _spread(size, jacobian - of_feet, columns)], axis=1)
     solved = adjustment.minimum.factor.solve(spread)
     joint = spread.T @ solved
-    size = np.sqrt(np.diag(joint))
-    size = np.where(size > 0, size, 1.0)
-    variance, axes = np.linalg.eigh(joint / np.outer(size, size))
+    sigma = np.sqrt(np.diag(joint))
+    sigma = np.where(sigma > 0, sigma, 1.0)
+    variance, axes = np.linalg.eigh(joint / np.outer(sigma, sigma))
     kept = variance > FLAT * variance.max()
-    whitened = (axes[:, kept] / np.sqrt(variance[kept])) / size[:, None]
+    whitened = (axes[:, kept] / np.sqrt(variance[kept])) / sigma[:, None]
     steps = solved @ whitened
     towards = steps.T @ measured.gradient[:, rows]
     turned, _ = np.linalg.qr(np.concatenate([towards, np.eye(len(towards))], axis=1))
     return np.asarray((steps @ turned).T)
+
+
+def _spread(size: int, jacobian: Floats, columns: Ints) -> Floats:
+    """(size, 3n) gradients of n places, their mean apart from what parts them.
+
+    All may share an error a million times as large.
+    """
+    n = len(jacobian)
+    spread = np.zeros((size, 3 * n))
+    at = 3 * np.arange(n)[:, None, None] + np.arange(3)[:, None]
+    np.add.at(spread, (columns[:, None, :], at), jacobian)
+    return np.asarray(spread @ np.kron(helmert(n, full=True).T, np.eye(3)))
 
 
 def _collect(pairs: Floats, measured: MeasuredValues, rows: Ints, found: Curvature) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.known_terms import known_rows
 from uavgram.estimation.survey.tapes import taped_lines
 from uavgram.model.arrays import Floats, Ints
 
@@ -63,8 +64,9 @@ def by_heights(adjustment: Adjustment, measured: MeasuredValues) -> Floats:
     label = {name: k for k, name in enumerate(survey.label)}
     total = np.zeros((len(label), len(measured.rows)))
     for m, row in enumerate(measured.rows):
-        if row.gradient is not None:
-            np.add.at(total[:, m], [label[name] for name in row.request.points], row.gradient[:, 2])
+        if row.gradient is not None:  # the ground below a point rises with the surface
+            up = row.gradient[:, 2] + (0.0 if row.by_feet is None else row.by_feet[:, 2])
+            np.add.at(total[:, m], [label[name] for name in row.request.points], up)
     for kind, point, by_height in _residuals_by_height(adjustment):
         block = adjustment.minimum.blocks[kind]
         response = np.einsum(
@@ -92,6 +94,10 @@ def _residuals_by_height(adjustment: Adjustment) -> list[tuple[str, Ints, Floats
             ("lengths", taped.end, slope[:, None]),
             ("lengths", taped.start, -slope[:, None]),
         ]
+    if problem.known:
+        rows = known_rows(problem, adjustment.state, problem.known)
+        by_up = rows.by_up / rows.sigma[:, None]
+        found += [("known", rows.label[:, k], by_up[:, [k]]) for k in range(rows.label.shape[1])]
     if "control" in blocks:
         up = np.zeros((len(survey.control_label), 3))
         up[:, 2] = 1.0 / survey.control_sigma_m[:, 2]

@@ -19,6 +19,7 @@ from uavgram.estimation.reliability.redundancy import (
 )
 from uavgram.estimation.solver.normal_equations import Block, Covariance
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.known_terms import known_rows
 from uavgram.model.arrays import Bools, Floats, Ints
 
 READINGS = ("lengths", "known", "pixels", "control")
@@ -113,11 +114,13 @@ def sigmas_of_readings(adjustment: Adjustment) -> dict[str, Floats]:
     Of known things each in its unit.
     """
     survey = adjustment.survey
-    known = np.array([thing.sigma for thing in survey.known])
+    problem, known = adjustment.problem, np.zeros((0, 1))
+    if problem.known:
+        known = known_rows(problem, adjustment.state, problem.known).sigma[:, None]
     return {
         "pixels": survey.pick_sigma_px[:, None],
         "lengths": survey.length_sigma_m[adjustment.problem.line_index, None],
-        "known": known[adjustment.problem.known_thing, None] if len(known) else np.zeros((0, 1)),
+        "known": known,
         "control": survey.control_sigma_m,
     }
 

@@ -80,6 +80,7 @@ def minimise(
     most: int = MAX_ITERATIONS,
     at_rest: float = 0.0,
     slack: float = 0.0,
+    first: dict[str, Block] | None = None,
 ) -> Minimum[State]:
     """Minimise a sum of squared whitened residuals.
 
@@ -103,6 +104,8 @@ def minimise(
     slack
         Damping of the last factor too: what nothing determines is then an end like any other, with
         sigmas that are large, but mean nothing.
+    first
+        What `evaluate` says of the first values, where that is known already.
 
     Returns
     -------
@@ -123,7 +126,7 @@ def minimise(
     1970, "Iterative solution of nonlinear equations in several variables", ch. 7 (one factor for
     several steps).
     """
-    blocks = evaluate(state)
+    blocks = first or evaluate(state)
     if blocks is None:
         raise ValueError("the first values are impossible")
     normal = NormalEquations(list(blocks.values()), size, structure)

@@ -7,13 +7,15 @@ stands for it.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
-from uavgram.geometry.ground import conditions, shapes
+from uavgram.estimation.survey.ground_below import GroundBelow
+from uavgram.geometry.ground import conditions, measurable
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.known import KnownThing
+from uavgram.model.survey.known import CONDITIONS, KnownThing
+from uavgram.model.survey.observations import MeasurementKind
 
 _FLAT = {"collinear": conditions.collinear, "parallel": conditions.parallel}
 """Conditions of which on the ground only what is along it counts."""
@@ -36,13 +38,21 @@ class Departures(NamedTuple):
         (r,) function less known value, in the unit of the thing's sigma.
     gradient
         (r, k, 3) by the points.
+    by_feet
+        (r, k, 3) by the places on the smooth ground straight below the points.
+    rough
+        (r,) sigma that the roughness of the ground below adds; in the same unit.
     """
 
     value: Floats
     gradient: Floats
+    by_feet: Floats
+    rough: Floats
 
 
-def departures(thing: KnownThing, world: Floats, *, on_ground: bool) -> Departures:
+def departures(
+    thing: KnownThing, world: Floats, below: GroundBelow, *, on_ground: bool
+) -> Departures:
     """By how much points are not as is known.
 
     Parameters
@@ -51,6 +61,8 @@ def departures(thing: KnownThing, world: Floats, *, on_ground: bool) -> Departur
         What is known.
     world
         (k, 3) its points.
+    below
+        The ground below them.
     on_ground
         Whether all of its points lie on the ground.
 
@@ -60,20 +72,54 @@ def departures(thing: KnownThing, world: Floats, *, on_ground: bool) -> Departur
         Where there is no derivative (points that coincide), the gradient is zero, and the value
         what it is on the way there.
     """
-    if thing.kind in _FLAT:
-        value, gradient = _FLAT[thing.kind](world, on_ground=on_ground)
-    elif thing.kind in _CONDITIONS:
-        value, gradient = _CONDITIONS[thing.kind](world)
-    elif thing.kind == "line_distance" and thing.value == 0.0:
-        value, gradient = conditions.line_offset(world, on_ground=on_ground)
-    else:
-        measured, by_points = measured_value(thing, world)
-        value, gradient = np.array([measured - thing.value]), by_points[None]
-    if np.isfinite(value).all() and np.isfinite(gradient).all():
-        return Departures(value, gradient)
+    rows = row_count(thing, on_ground=on_ground)
+    none = np.zeros((rows, len(world), 3))
+    rough = np.zeros(rows)
+    try:
+        if thing.kind in CONDITIONS or is_offset(thing):
+            value, gradient = _condition(thing, world, on_ground=on_ground)
+        elif refers_to_ground(thing):
+            measured, by_points, by_feet = measurable.over_ground(
+                _kind(thing), world, below.feet, dict(thing.parameters)
+            )
+            told = below.told[:, None]
+            gradient = (by_points + np.where(told, by_feet, 0.0))[None]
+            none = np.where(told, 0.0, by_feet)[None]
+            rough = np.array([np.linalg.norm(by_feet[:, 2] * below.sigma_m)])
+            value = np.array([measured - thing.value])
+        else:
+            parameters = dict(thing.parameters)
+            measured, by_points = measurable.shape_of(_kind(thing), world, parameters)
+            value, gradient = np.array([measured - thing.value]), by_points[None]
+        if np.isfinite(value).all() and np.isfinite(gradient).all():
+            return Departures(value, gradient, none, rough)
+    except measurable.UnmeasurableError:
+        pass
     # Points that coincide have no distance, and no way to tell where to move.
-    none = 0.0 if thing.is_condition else -thing.value
-    return Departures(np.full(value.shape, none), np.zeros(gradient.shape))
+    off = 0.0 if thing.is_condition else -thing.value
+    return Departures(np.full(rows, off), np.zeros((rows, len(world), 3)), none, rough)
+
+
+def is_offset(thing: KnownThing) -> bool:
+    """Whether a distance from a line is known to be zero."""
+    return thing.kind == "line_distance" and thing.value == 0.0
+
+
+def refers_to_ground(thing: KnownThing) -> bool:
+    """Whether a thing is measured from the ground straight below its points."""
+    return measurable.refers_to_ground(thing.kind, len(thing.label), dict(thing.parameters))
+
+
+def _condition(thing: KnownThing, world: Floats, *, on_ground: bool) -> conditions.Residuals:
+    if is_offset(thing):
+        return conditions.line_offset(world, on_ground=on_ground)
+    if thing.kind in _FLAT:
+        return _FLAT[thing.kind](world, on_ground=on_ground)
+    return _CONDITIONS[thing.kind](world)
+
+
+def _kind(thing: KnownThing) -> MeasurementKind:
+    return cast("MeasurementKind", thing.kind)
 
 
 def row_count(thing: KnownThing, *, on_ground: bool) -> int:
@@ -87,8 +133,8 @@ def row_count(thing: KnownThing, *, on_ground: bool) -> int:
         Whether all of its points lie on the ground.
     """
     points, across = len(thing.label), 1 if on_ground else 2
-    if thing.kind == "line_distance":
-        return across if thing.value == 0.0 else 1
+    if is_offset(thing):
+        return across
     return {
         "collinear": across * (points - 2),
         "parallel": across,
@@ -97,19 +143,3 @@ def row_count(thing: KnownThing, *, on_ground: bool) -> int:
         "vertical": 2,
         "equal_lengths": points // 2 - 1,
     }.get(thing.kind, 1)
-
-
-def measured_value(thing: KnownThing, world: Floats) -> tuple[float, Floats]:
-    """Value of the measurement of a thing's kind, and its gradient (k, 3), in the thing's unit.
-
-    Parameters
-    ----------
-    thing
-        What is known, no condition.
-    world
-        (k, 3) its points.
-    """
-    value, gradient = getattr(shapes, thing.kind)(world)
-    if thing.kind == "angle":
-        return float(np.rad2deg(value)), np.rad2deg(gradient)
-    return float(value), gradient

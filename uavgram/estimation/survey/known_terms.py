@@ -8,7 +8,12 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.known_functions import departures, row_count
+from uavgram.estimation.survey.ground_below import ground_below
+from uavgram.estimation.survey.known_functions import (
+    departures,
+    refers_to_ground,
+    row_count,
+)
 from uavgram.estimation.survey.unknowns import Layout, State
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.known import KnownThing
@@ -25,6 +30,10 @@ class Places(Protocol):
         """World coordinates of labels, and their derivatives."""
         ...
 
+    def ground_points(self, state: State, label: Ints) -> tuple[Floats, Floats, Floats]:
+        """Places on the ground straight below labels, and their derivatives."""
+        ...
+
     def plane_columns(self, label: Ints) -> Ints:
         """Unknowns of the ground under labels."""
         ...
@@ -38,13 +47,16 @@ class KnownRows(NamedTuple):
     thing
         (R,) which of the things each row is of.
     sigma
-        (R,) standard deviation of each, in the unit of the thing.
+        (R,) standard deviation of each, in the unit of the thing; with what the roughness of the
+        ground below adds.
     value
         (R,) departure from what is known, in the same unit.
     gradient
         (R, m) by the unknowns.
     columns
         (R, m) which unknowns.
+    label, by_up
+        (R, k) points of each row, and derivatives by how high each lies, the ground below it too.
     """
 
     thing: Ints
@@ -52,6 +64,8 @@ class KnownRows(NamedTuple):
     value: Floats
     gradient: Floats
     columns: Ints
+    label: Ints
+    by_up: Floats
 
     def block(self) -> Block:
         """As a group of observations of one number each."""
@@ -78,33 +92,48 @@ def known_rows(places: Places, state: State, things: Sequence[KnownThing]) -> Kn
     All rows have as many points as that with the most: others name their first point again,
     without a derivative.
     """
-    layout = places.layout
     most = max(len(thing.label) for thing in things)
     label = np.array([(*t.label, *t.label[:1] * (most - len(t.label))) for t in things])
-    world, d_point, d_plane = places.world_points(state, label.ravel())
-    by_point = world.reshape(len(things), most, 3)
-    found = [
-        departures(thing, by_point[i, : len(thing.label)], on_ground=on_ground(places, thing))
-        for i, thing in enumerate(things)
-    ]
+    world, by_world = _located(places.world_points(state, label.ravel()), label)
+    feet, by_feet = world, by_world
+    if any(refers_to_ground(thing) for thing in things):
+        feet, by_feet = _located(places.ground_points(state, label.ravel()), label)
+    found = []
+    for i, thing in enumerate(things):
+        own = slice(len(thing.label))
+        below = ground_below(places.survey, label[i, own], world[i, own], feet[i, own])
+        flat = on_ground(places, thing)
+        found.append(departures(thing, world[i, own], below, on_ground=flat))
     row = things_of_rows(places, things)
-    gradient = np.zeros((len(row), most, 3))
-    first = 0
-    for each in found:
-        rows, count, _ = each.gradient.shape
-        gradient[first : first + rows, :count] = each.gradient
-        first += rows
-    own, ground = layout.point_columns(label.ravel()), places.plane_columns(label.ravel())
-    columns = np.concatenate([own, ground], axis=1).reshape(len(things), -1)
-    by_unknowns = np.concatenate([d_point, d_plane], axis=2).reshape(len(things), most, 3, -1)
-    chained = np.einsum("rpi,rpij->rpj", gradient, by_unknowns[row])
+    stated = np.array([things[i].sigma for i in row])
+    point, plane = places.layout.point_columns(label.ravel()), places.plane_columns(label.ravel())
+    columns = np.concatenate([point, plane], axis=1).reshape(len(things), -1)
+    by_point = _together([each.gradient for each in found], most)
+    by_foot = _together([each.by_feet for each in found], most)
+    gradient = np.einsum("rpi,rpij->rpj", by_point, by_world[row])
+    gradient += np.einsum("rpi,rpij->rpj", by_foot, by_feet[row])
     return KnownRows(
         thing=row,
-        sigma=np.array([things[i].sigma for i in row]),
+        sigma=np.hypot(stated, np.concatenate([each.rough for each in found])),
         value=np.concatenate([each.value for each in found]),
-        gradient=chained.reshape(len(row), columns.shape[1]),
+        gradient=gradient.reshape(len(row), -1),
         columns=columns[row],
+        label=label[row],
+        by_up=by_point[..., 2] + by_foot[..., 2],
     )
+
+
+def _located(points: tuple[Floats, Floats, Floats], label: Ints) -> tuple[Floats, Floats]:
+    """(N, k, 3) places of labels (N, k), and their derivatives (N, k, 3, j) by all unknowns."""
+    world, d_point, d_plane = points
+    by_unknowns = np.concatenate([d_point, d_plane], axis=2)
+    return world.reshape(*label.shape, 3), by_unknowns.reshape(*label.shape, 3, -1)
+
+
+def _together(gradients: Sequence[Floats], most: int) -> Floats:
+    """(R, most, 3) gradients of all rows, from those of each thing (r, k, 3)."""
+    whole = [np.pad(each, ((0, 0), (0, most - each.shape[1]), (0, 0))) for each in gradients]
+    return np.concatenate(whole)
 
 
 def things_of_rows(places: Places, things: Sequence[KnownThing]) -> Ints:
@@ -113,6 +142,25 @@ def things_of_rows(places: Places, things: Sequence[KnownThing]) -> Ints:
     return np.repeat(np.arange(len(things)), counts)
 
 
+def says_something(survey: Survey, thing: KnownThing) -> bool:
+    """Whether a thing can be an observation: not of what the ground alone says, or forbids.
+
+    Of points on the ground none is above another; on smooth ground all lie in its plane, and on
+    that of a free gauge all are level.
+    """
+    label = list(thing.label)
+    if thing.kind == "height" and len(label) == 1:  # what is exactly stated cannot be known again
+        return bool(survey.is_free[label[0]] or survey.height_sigma_m[label[0]] > 0)
+    if survey.off_ground[label].any():
+        return True
+    areas = set(survey.area[label].tolist())
+    rough = any(survey.grounds[a].roughness_sigma_m > 0 for a in areas)
+    if rough or len(areas) > 1 or survey.grounds[min(areas)].relief is not None:
+        return thing.kind != "vertical"
+    is_gauge = survey.gauge == "plane" and areas == {0}
+    return thing.kind not in ("vertical", "coplanar", *(("level",) * is_gauge))
+
+
 def on_ground(places: Places, thing: KnownThing) -> bool:
     """Whether all points of a thing lie on the ground."""
-    return not places.survey.height_above_m[list(thing.label)].any()
+    return not places.survey.off_ground[list(thing.label)].any()

@@ -13,7 +13,7 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.ground_planes import GroundPlanes
-from uavgram.estimation.survey.known_terms import known_rows, things_of_rows
+from uavgram.estimation.survey.known_terms import known_rows, says_something, things_of_rows
 from uavgram.estimation.survey.priors import independent_prior
 from uavgram.estimation.survey.tapes import Taped, tape_rows, taped_lines, tapes_of
 from uavgram.estimation.survey.telemetry_terms import TelemetryTerms, telemetry_prior
@@ -49,6 +49,7 @@ class SurveyProblem:
         self.ground = GroundPlanes(survey, pivot_m)
         self.third = ThirdCoordinate.of(survey)
         self.line_index = np.flatnonzero(line_used)
+        self.known = tuple(thing for thing in survey.known if says_something(survey, thing))
         self.intrinsic_basis = covariance_root(survey.calibration.covariance)
         self.tapes = tapes_of(survey, self.line_index)
         self.layout: Layout = layout_of(survey, self.intrinsic_basis.shape[1], len(self.tapes))
@@ -118,14 +119,7 @@ class SurveyProblem:
         if pixels is None:
             return None
         blocks = {"pixels": pixels, "calibration": self._calibration(state)}
-        if len(self.line_index):
-            blocks["lengths"] = self._lengths(state)
-        if self.tapes:
-            blocks["tape"] = self._tape(state)
-        if self.survey.known:
-            blocks["known"] = known_rows(self, state, self.survey.known).block()
-        if len(self.survey.control_label):
-            blocks["control"] = self._control(state)
+        blocks |= self._stated(state)
         blocks |= self._grounds(state)
         if self.survey.rolling is not None:
             known, first = self.survey.rolling.readout, self.layout.first_readout
@@ -140,10 +134,23 @@ class SurveyProblem:
                 return None
         return blocks
 
+    def _stated(self, state: State) -> dict[str, Block]:
+        """What people measured on the scene itself."""
+        blocks = {}
+        if len(self.line_index):
+            blocks["lengths"] = self._lengths(state)
+        if self.tapes:
+            blocks["tape"] = self._tape(state)
+        if self.known:
+            blocks["known"] = known_rows(self, state, self.known).block()
+        if len(self.survey.control_label):
+            blocks["control"] = self._control(state)
+        return blocks
+
     @cached_property
     def known_thing(self) -> Ints:
-        """(R,) which of the survey's known things each row of their group is of."""
-        return things_of_rows(self, self.survey.known)
+        """(R,) which of the known things that take part each row of their group is of."""
+        return things_of_rows(self, self.known)
 
     def _pixels(self, state: State) -> Block | None:
         survey = self.survey

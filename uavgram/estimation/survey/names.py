@@ -10,6 +10,7 @@ import numpy as np
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.camera.calibration import parameter_names
+from uavgram.model.survey.known import KnownThing
 
 FACTORS = {"deg": float(np.rad2deg(1.0)), "ppm": 1e6, "%": 100.0}
 """How many of a unit there are in the unit inside; else 1."""
@@ -110,9 +111,14 @@ class Names:
 
     def known(self, row: int) -> str:
         """``right angle 'corner' ('A', 'B', 'C')``: the known thing of a row of its group."""
+        thing = self.known_thing(row)
         survey = self.adjustment.survey
-        thing = survey.known[self.adjustment.problem.known_thing[row]]
         return named_thing(thing.kind, thing.name, [survey.label[k] for k in thing.label])
+
+    def known_thing(self, row: int) -> KnownThing:
+        """The known thing of a row of its group."""
+        problem = self.adjustment.problem
+        return problem.known[int(problem.known_thing[row])]
 
     def prior(self, member: Member) -> str:
         """``boresight x``, ``fx``, and the like."""
@@ -165,10 +171,7 @@ class Names:
             name = self.prior(member)
             return ("px" if name in ("fx", "fy", "cx", "cy") else "1"), 1.0
         if member.kind == "known":
-            unit = self.adjustment.survey.known[
-                self.adjustment.problem.known_thing[member.row]
-            ].unit
-            return unit, 1.0
+            return self.known_thing(member.row).unit, 1.0
         kind = "plane" if member.kind.startswith(PLANE_OF) else member.kind
         unit = PRIOR_UNITS[kind][member.row if kind in PRIOR_WORDS else member.axis]
         return unit, FACTORS.get(unit, 1.0)
@@ -219,15 +222,14 @@ class Names:
             name = survey.line_name[line : line + 1]
             return {"lengths": tuple(name), "labels": tuple(survey.label[k] for k in ends)}
         if member.kind == "known":
-            thing = survey.known[self.adjustment.problem.known_thing[row]]
+            thing = self.known_thing(row)
             return {"labels": tuple(survey.label[k] for k in thing.label)}
         if member.kind == "telemetry":
             return {"frames": (self.frame(row),)}
         if member.kind == "control":
             return {"labels": (survey.label[survey.control_label[row]],)}
-        if member.kind in ("roughness", "heights"):
-            return {"labels": (self.label(member),)}
-        return {}
+        is_height = member.kind in ("roughness", "heights")
+        return {"labels": (self.label(member),)} if is_height else {}
 
 
 def named_ends(name: str, start: str, end: str) -> str:

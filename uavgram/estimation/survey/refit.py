@@ -22,7 +22,10 @@ FAST = 0.5
 
 
 def refit(
-    adjustment: Adjustment, errors: Mapping[str, Floats], at_rest: float = CONVERGED
+    adjustment: Adjustment,
+    errors: Mapping[str, Floats],
+    at_rest: float = CONVERGED,
+    begin: State | None = None,
 ) -> State | None:
     """The state that fits observations with errors; None where there is none.
 
@@ -35,16 +38,22 @@ def refit(
         r - e. Groups that are not named keep theirs.
     at_rest
         Squared length of a step, in sigmas of the unknowns, from which on it is the last.
+    begin
+        A state near by; None: where the adjustment stands.
     """
     layout, factor = adjustment.problem.layout, adjustment.minimum.factor
-    state, before, previous = adjustment.state, adjustment.state, np.inf
+    state, previous = adjustment.state, np.inf
+    before = state
     blocks: Mapping[str, Block] | None = adjustment.minimum.blocks
+    if begin is not None and (near := adjustment.problem.evaluate(begin)) is not None:
+        state, blocks = begin, near
     while blocks is not None:
-        gradient = gradient_of(with_errors(blocks, errors).values(), layout.size)
+        moved = with_errors(blocks, errors)
+        gradient = gradient_of(moved.values(), layout.size)
         step = -factor.solve(gradient)
         length = float(-gradient @ step)
         if length > FAST * previous:
-            return _in_full(adjustment, state, errors, at_rest)
+            return _in_full(adjustment, state, errors, at_rest, moved)
         before, state, previous = state, advance(layout, state, step), length
         if length < at_rest:
             return state
@@ -63,7 +72,11 @@ def with_errors(blocks: Mapping[str, Block], errors: Mapping[str, Floats]) -> di
 
 
 def _in_full(
-    adjustment: Adjustment, start: State, errors: Mapping[str, Floats], at_rest: float
+    adjustment: Adjustment,
+    start: State,
+    errors: Mapping[str, Floats],
+    at_rest: float,
+    first: dict[str, Block] | None = None,
 ) -> State | None:
     problem, layout = adjustment.problem, adjustment.problem.layout
 
@@ -79,6 +92,7 @@ def _in_full(
             layout.size,
             layout.structure,
             at_rest=min(at_rest, 0.1 * AT_REST),
+            first=first,
         )
     except SingularError:
         return None

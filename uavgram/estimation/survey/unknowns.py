@@ -10,7 +10,7 @@ import numpy as np
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE, fixed_planes, relief_size
 from uavgram.estimation.survey.third_coordinate import ThirdCoordinate
-from uavgram.geometry.motion.rotation import exp_so3
+from uavgram.geometry.motion.rotation import exp_so3, log_so3
 from uavgram.geometry.motion.telemetry_pose import SHARED_SIZE
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey
@@ -233,6 +233,30 @@ def move(layout: Layout, state: State, step: Floats) -> State:
         tape=state.tape + step[layout.first_tape : layout.first_readout],
         readout=state.readout + step[layout.first_readout :],
     )
+
+
+def between(layout: Layout, start: State, end: State) -> Floats:
+    """(size,) the increment by which `move` leads from one state to another.
+
+    Parameters
+    ----------
+    layout
+        Where each unknown stands in the vector.
+    start, end
+        Two states of the same unknowns.
+    """
+    turn = log_so3(np.swapaxes(start.rotation, 1, 2) @ end.rotation)
+    parts = (
+        end.point - start.point,
+        np.concatenate([end.center - start.center, turn], axis=1),
+        end.intrinsic - start.intrinsic,
+        (end.plane - start.plane)[len(start.plane) - layout.plane :],
+        end.relief - start.relief,
+        end.telemetry - start.telemetry,
+        end.tape - start.tape,
+        end.readout - start.readout,
+    )
+    return np.concatenate([part.ravel() for part in parts])
 
 
 def advance(layout: Layout, state: State, step: Floats) -> State:

@@ -8,9 +8,10 @@ import numpy as np
 
 from uavgram.errors import near_miss
 from uavgram.io.tables.csv_tables import Columns, Table, read_table
-from uavgram.io.tables.measure import POINT_COUNTS, parameters_of, points_of
+from uavgram.io.tables.measure import POINT_COUNTS, parameters_of, points_of, request_fault
 from uavgram.model.limits import length_fault, number_fault
 from uavgram.model.survey.known import CONDITIONS, KNOWN_KINDS, NOT_KNOWN, KnownThings
+from uavgram.model.survey.observations import MeasurementRequest
 
 KNOWN_COLUMNS = Columns(
     text=("name", "kind", "points"),
@@ -55,8 +56,8 @@ def read_known(path: str | Path) -> KnownThings:
         if kind and kind not in KNOWN_KINDS:
             table.blame(row, _unknown(kind))
         is_known = kind in KNOWN_KINDS
-        points.append(_points(table, row, kind) if is_known else ())
         parameters.append(parameters_of(table, row, kind) if is_known else ())
+        points.append(_points(table, row, kind, parameters[-1]) if is_known else ())
         if is_known:
             _check_value(table, row, kind)
     for row, word in enumerate(table.text["use"]):
@@ -83,8 +84,14 @@ def _unknown(kind: str) -> str:
     return f"unknown kind {kind!r}: {hint}"
 
 
-def _points(table: Table, row: int, kind: str) -> tuple[str, ...]:
+def _points(
+    table: Table, row: int, kind: str, parameters: tuple[tuple[str, float], ...]
+) -> tuple[str, ...]:
     points = points_of(table, row, kind, _COUNTS[kind])
+    if kind in POINT_COUNTS and points:
+        request = MeasurementRequest(name="", kind=kind, points=points, parameters=parameters)
+        if fault := request_fault(request):
+            table.blame(row, fault)
     if kind == "equal_lengths" and len(points) % 2:
         table.blame(row, f"kind {kind} needs both ends of each line (got {len(points)} points)")
     return points
@@ -104,6 +111,8 @@ def _check_value(table: Table, row: int, kind: str) -> None:
     fault = length_fault(value) if kind in _POSITIVE else number_fault(value)
     if kind == "line_distance" and value < 0:
         fault = "must not be negative"
+    if kind == "slope" and not -90 < value < 90:
+        fault = "must lie between -90 and 90 degrees"
     if kind == "angle" and not 0 < value < 180:
         fault = "must lie between 0 and 180 degrees; for points in line use kind collinear"
     if fault:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 
 from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
-from uavgram.model.result.tables import LineStatus
+
+KnownStatus = Literal["used", "suspect", "removed", "checked", "unseen", "idle"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,7 +36,8 @@ class KnownResults(FrozenArrays):
         what was withheld w is the error over the joint sigma (of several numbers, a normal
         deviate as unlikely as their chi-square), the others NaN.
     status
-        (N,) ``used``, ``suspect``, ``removed``, ``checked`` (withheld), ``unseen``.
+        (N,) ``used``, ``suspect``, ``removed``, ``checked`` (withheld), ``unseen``, ``idle`` (all
+        of its points lie on the ground, of which it says nothing).
     """
 
     name: Annotated[tuple[str, ...], "n"]
@@ -50,7 +52,7 @@ class KnownResults(FrozenArrays):
     w: Annotated[Floats, "n", NAN_IS_NONE]
     redundancy: Annotated[Floats, "n", NAN_IS_NONE]
     mdb: Annotated[Floats, "n", NAN_IS_NONE]
-    status: tuple[LineStatus, ...]
+    status: tuple[KnownStatus, ...]
 
 
 NOTHING_KNOWN = KnownResults(

@@ -16,6 +16,7 @@ from uavgram.model.provenance import Provenance
 from uavgram.model.result.error_budget import ErrorBudget
 from uavgram.model.result.known import NOTHING_KNOWN, KnownResults
 from uavgram.model.result.noise import Noise
+from uavgram.model.result.profiles import NO_PROFILES, ProfileResults
 from uavgram.model.result.reliability import ChecksOverall, Evidence, RemovalRecord, SecondOrder
 from uavgram.model.result.shared import AreaPlane, SharedResult
 from uavgram.model.result.tables import (
@@ -92,6 +93,8 @@ class Result:
     known: KnownResults = NOTHING_KNOWN
     picks: PickResults
     measurements: MeasurementResults
+    profiles: ProfileResults = NO_PROFILES
+    """Points of the measured profiles."""
     monte_carlo: MonteCarloResults | None = None
     """Where sampling was asked for."""
     second_order: SecondOrder | None = None

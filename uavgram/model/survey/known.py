@@ -31,10 +31,10 @@ KNOWN_KINDS: tuple[str, ...] = (
 )
 """All kinds of known things: what can be measured, and the conditions."""
 
-DEGREES = ("angle", "right_angle", "parallel")
+DEGREES = ("angle", "slope", "right_angle", "parallel")
 """Kinds whose sigma (and value, if there is one) is in degrees."""
 
-UNITS = {"area": "m2"}
+UNITS = {"area": "m2", "volume": "m3"}
 """Units of kinds in other units than metres and degrees."""
 
 
@@ -66,6 +66,11 @@ class KnownThings(FrozenArrays):
     sigma: Annotated[Floats, "n"]
     adjust: Annotated[Bools, "n"]
     parameters: Annotated[tuple[tuple[tuple[str, float], ...], ...], "n"]
+
+    @property
+    def gives_scale(self) -> bool:
+        """Whether anything that is an observation says how large things are."""
+        return any(self.thing(i, ()).gives_scale for i in np.flatnonzero(self.adjust).tolist())
 
     def thing(self, index: int, label: tuple[int, ...]) -> KnownThing:
         """One of them, with its points as rows of a survey's labels."""
@@ -106,6 +111,11 @@ class KnownThing:
     def is_condition(self) -> bool:
         """Whether it has no value."""
         return self.kind in CONDITIONS
+
+    @property
+    def gives_scale(self) -> bool:
+        """Whether it says how large anything is."""
+        return self.unit != "deg" and bool(np.isfinite(self.value)) and self.value != 0.0
 
     @property
     def unit(self) -> str:

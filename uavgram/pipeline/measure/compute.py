@@ -32,6 +32,7 @@ from uavgram.model.result.reliability import SecondOrder
 from uavgram.model.result.result import Result
 from uavgram.model.result.shared import SharedResult
 from uavgram.model.result.tables import FrameResults, MeasurementResults, MonteCarloResults
+from uavgram.model.survey.known import KnownThings
 from uavgram.model.survey.observations import KnownLines
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.world import World
@@ -47,6 +48,7 @@ from uavgram.stages.measure import measure, measurement_results
 from uavgram.stages.messages import in_order
 from uavgram.stages.monte_carlo import compare, sample
 from uavgram.stages.other_solutions import with_alternatives
+from uavgram.stages.profiles import profiles
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
 from uavgram.stages.scale_basis import scale_basis
@@ -131,6 +133,7 @@ def compute(
         known=judged.known,
         picks=judged.picks,
         measurements=measured.table,
+        profiles=profiles(adjustment, inputs.requests),
         second_order=measured.curvature,
         monte_carlo=sampled,
         evidence=judged.evidence,
@@ -167,6 +170,13 @@ def _with_duplicates(lines: KnownLines, duplicates: Duplicates, *, adjust: bool)
     return replace(lines, adjust=chosen)
 
 
+def _without_copies(known: KnownThings, duplicates: Duplicates) -> KnownThings:
+    """What is known, those that are not counted withheld from the adjustment."""
+    chosen = np.array(known.adjust)
+    chosen[list(duplicates.known)] = False
+    return replace(known, adjust=chosen)
+
+
 def _assembled(
     inputs: Inputs, counted: KnownLines, posed: Posed, duplicates: Duplicates
 ) -> tuple[Assembled, tuple[Message, ...]]:
@@ -176,7 +186,7 @@ def _assembled(
         calibration=inputs.calibration,
         picks=inputs.picks,
         lines=counted,
-        known=inputs.known,
+        known=_without_copies(inputs.known, duplicates),
         control=control,
         telemetry=posed.telemetry,
         ground=inputs.project.ground,

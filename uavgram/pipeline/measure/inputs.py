@@ -167,7 +167,7 @@ def duplicates_of(inputs: Inputs) -> Duplicates:
     digests = dict(zip(inputs.files, (one.sha256 for one in inputs.digests), strict=True))
     pairs = zip(inputs.photos.frame_id, map(Path, inputs.photos.path), strict=True)
     sha256 = {name: digests[path] for name, path in pairs if path in digests}
-    return find_duplicates(inputs.photos, sha256, inputs.picks, inputs.lines)
+    return find_duplicates(inputs.photos, sha256, inputs.picks, inputs.lines, inputs.known)
 
 
 def _column_messages(*files: str | None) -> Iterator[Message]:

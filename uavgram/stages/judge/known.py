@@ -14,8 +14,7 @@ from uavgram.estimation.survey.known_terms import known_rows
 from uavgram.estimation.survey.names import named_thing
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, Several
-from uavgram.model.result.known import NOTHING_KNOWN, KnownResults
-from uavgram.model.result.tables import LineStatus
+from uavgram.model.result.known import NOTHING_KNOWN, KnownResults, KnownStatus
 from uavgram.model.survey.known import KnownThing, KnownThings
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
@@ -43,8 +42,9 @@ def judge_known(
     _values(adjustment, things, {thing.index for thing in withheld}, columns)
     _fit_of_observed(examined, columns)
     used = {thing.index for thing in adjustment.survey.known}
+    idle = used - {thing.index for thing in adjustment.problem.known}
     suspect = _suspect(examined)
-    status: list[LineStatus] = []
+    status: list[KnownStatus] = []
     messages: list[Message] = []
     for i in range(len(known.name)):
         if all(thing.index != i for thing in things):
@@ -54,6 +54,9 @@ def judge_known(
             status.append("checked")
         elif i not in used:
             status.append("removed")
+        elif i in idle:
+            status.append("idle")
+            messages.append(_idle(known, i))
         else:
             status.append("suspect" if i in suspect else "used")
     results = KnownResults(
@@ -98,12 +101,12 @@ def _values(
         if len(own) == 1:
             columns["adjusted_sigma"][at] = np.sqrt(joint[own[0], own[0]])
         if at in withheld:
-            columns["w"][at] = _deviate(off, joint[np.ix_(own, own)], thing.sigma)
+            columns["w"][at] = _deviate(off, joint[np.ix_(own, own)], rows.sigma[own])
 
 
-def _deviate(off: Floats, joint: Floats, sigma: float) -> float:
+def _deviate(off: Floats, joint: Floats, sigma: Floats) -> float:
     """Errors over their joint sigma; of several, the normal deviate as unlikely as chi-square."""
-    whole = joint + sigma**2 * np.eye(len(off))
+    whole = joint + np.diag(sigma**2)
     if len(off) == 1:
         return float(off[0] / np.sqrt(whole[0, 0]))
     probability = upper_tail(float(off @ np.linalg.solve(whole, off)), len(off))
@@ -126,7 +129,7 @@ def _fit_of_observed(examined: TestedSurvey, columns: dict[str, Floats]) -> None
 def _rows(examined: TestedSurvey) -> Iterator[tuple[KnownThing, Ints]]:
     """Each thing that takes part, and its rows in their group."""
     tested = examined.refined.tested
-    for k, thing in enumerate(tested.survey.known):
+    for k, thing in enumerate(tested.problem.known):
         yield thing, np.flatnonzero(tested.problem.known_thing == k)
 
 
@@ -174,6 +177,18 @@ def _unseen(adjustment: Adjustment, known: KnownThings, i: int) -> Message:
         f"The {what} is not used: {which}.",
         labels=tuple(missing),
         several=Several("{count} known things are not used", what, which),
+    )
+
+
+def _idle(known: KnownThings, i: int) -> Message:
+    """It says nothing, as all of its points lie on the ground."""
+    what = named_thing(known.kind[i], known.name[i], known.points[i])
+    return Message(
+        "warning",
+        "known-idle",
+        f"The {what} is not used: by their picks all of its points lie on the ground, of which it "
+        "says nothing. Where some of them do not, write `free` for their height_m in picks.csv.",
+        labels=known.points[i],
     )
 
 

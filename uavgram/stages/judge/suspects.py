@@ -137,7 +137,7 @@ def _length(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
 
 def _known(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
     problem, row = examined.refined.tested.problem, suspicion.accused.row
-    thing = problem.survey.known[problem.known_thing[row]]
+    thing = problem.known[problem.known_thing[row]]
     own = np.flatnonzero(problem.known_thing == problem.known_thing[row])
     off = examined.residuals("known")[own, 0]
     what = examined.names.known(row)

@@ -108,24 +108,23 @@ def _without_gross_control(
 def _without_gross_known(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> Refined:
     """Adjusted without the known things, and the lengths, that are wrong beyond doubt.
 
-    Only where all does not fit together is it asked what fits without any known thing.
+    Only where all does not fit together at once is it asked what fits without any known thing.
     """
-    refined = failed = None
-    try:
-        refined = _without_gross_lengths(survey, keep, reason)
-    except GeometryError as why:
-        failed = why
-    if survey.known and (refined is None or not fits(refined)):
+    wrong: frozenset[int] = frozenset()
+    if survey.known and not _fits_at_once(survey, keep, reason):
         everything = frozenset(thing.index for thing in survey.known)
         with suppress(GeometryError):
             rest = _without_gross_lengths(survey, keep, reason, everything)
-            wrong = known_beyond_doubt(survey, rest) if fits(rest) else frozenset[int]()
-            if wrong:
-                return _without_gross_lengths(survey, keep, reason, wrong)
-    if refined is None:
-        assert failed is not None  # noqa: S101  (one of the two is always there)
-        raise failed
-    return refined
+            wrong = known_beyond_doubt(survey, rest) if fits(rest) else wrong
+    return _without_gross_lengths(survey, keep, reason, wrong)
+
+
+def _fits_at_once(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> bool:
+    """Whether everything fits but for what is in doubt anyway."""
+    try:
+        return fits(best_minima(Participants(survey, keep, doubtful(survey, keep), reason), TRIAL))
+    except GeometryError:
+        return False
 
 
 def _without_gross_lengths(
@@ -217,7 +216,7 @@ def _with_little_weight(refined: Refined) -> Refined:
     located = any(one.located.any() for one in few.values())
     if not located or not fits or not adjustment.minimum.converged:
         return refined
-    softer = with_little_weight(adjustment.survey, adjustment.problem.line_index, few)
+    softer = with_little_weight(adjustment.problem, few)
     try:
         after = continued(adjustment, softer)
     except SingularError:

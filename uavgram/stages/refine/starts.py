@@ -41,8 +41,8 @@ NO_GROUND = LeftOut(
 )
 ONE_PLACE = LeftOut(
     LeftOutCause.UNDETERMINED,
-    "the height of its point is to be found, and all photos that show it look from nearly one "
-    "place: pick it in a photo from further aside, or state its height",
+    "the height of its point is to be found, which takes photos from two places: pick it in another "
+    "photo, from further aside, or state its height",
 )
 NOT_JOINED = LeftOut(
     LeftOutCause.NOT_JOINED,

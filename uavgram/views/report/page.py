@@ -15,6 +15,7 @@ from uavgram.views.pages import page_environment
 from uavgram.views.report.budget import budget_table
 from uavgram.views.report.checks import checks_summary
 from uavgram.views.report.gauge import gauge
+from uavgram.views.report.known import known_table
 from uavgram.views.report.measured import (
     alternative_tables,
     learnt_words,
@@ -24,6 +25,7 @@ from uavgram.views.report.measured import (
     shift_text,
 )
 from uavgram.views.report.method import method_facts
+from uavgram.views.report.profiles import profile_drawings
 from uavgram.views.survey.departures import departures
 from uavgram.views.survey.drawing import largest_sigmas
 from uavgram.views.survey.key_facts import key_facts
@@ -101,12 +103,14 @@ def render_report(result: Result) -> str:
             sampled=sampled_words(result),
             second_order=second_order_note(result),
             alternatives=alternative_tables(result),
+            profiles=profile_drawings(result),
             view=top_view(result),
             ink=INK,
             place=place(result),
             why_two_ellipses=WHY_TWO_ELLIPSES,
             budget=budget_table(result),
             lengths=worst_fit_first(result.lines.w),
+            known=known_table(result),
             removals=removal_rows(result),
             checks=checks_summary(result),
             three_sigma=THREE_SIGMA,

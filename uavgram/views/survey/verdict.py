@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from uavgram.model.result.result import Result
-from uavgram.views.wording import number
+from uavgram.views.wording import KNOWN_WORDS, UNIT_WORDS, number
 
 # The usual limits of the trade: three sigma for a check, one in a thousand for a chance event.
 THREE_SIGMA = 3.0
@@ -45,6 +45,7 @@ def judge(result: Result) -> Verdict:
         *_not_unique(result),
         *_log(result),
         *_bad_lines(result),
+        *_bad_known(result),
         *_checks(result),
         *_picks(result),
         *_frames(result),
@@ -75,9 +76,11 @@ def _counts(result: Result) -> str:
     withheld = int((lines == "checked").sum())
     checks = f" ({withheld} withheld as a check)" if withheld else ""
     computed = int(np.isfinite(result.measurements.value).sum())
+    taking = sum(state in ("used", "suspect") for state in result.known.status)
+    known = f"{taking} of {len(result.known.name)} other known things used, "
     return (
         f"{int((status == 'refined').sum())} of {len(status)} frames refined, "
-        f"{used} of {len(lines)} known lengths used{checks}, "
+        f"{used} of {len(lines)} known lengths used{checks}, {known if result.known.name else ''}"
         f"{computed} of {len(result.measurements.name)} measurements computed."
     )
 
@@ -130,6 +133,21 @@ def _bad_lines(result: Result) -> list[str]:
     return reasons
 
 
+def _bad_known(result: Result) -> list[str]:
+    known, reasons = result.known, []
+    said = (("suspect", "disagrees with the rest"), ("removed", "was left out, being off"))
+    for wanted, words in said:
+        rows = [i for i, status in enumerate(known.status) if status == wanted]
+        rows.sort(key=lambda i: -abs(float(np.nan_to_num(known.w[i]))))
+        reasons += [
+            f"Known thing '{known.name[i]}' ({KNOWN_WORDS.get(known.kind[i], known.kind[i])}) "
+            f"{words} by {number(abs(known.residual[i]), 3)} "
+            f"{UNIT_WORDS.get(known.unit[i], known.unit[i])}: look at its value and its points."
+            for i in rows[:MOST_NAMES]
+        ]
+    return reasons
+
+
 def _log(result: Result) -> list[str]:
     """Where the flight log contradicts itself."""
     codes = ("log-position-", "log-attitude-", "log-receiver-")
@@ -140,7 +158,12 @@ def _log(result: Result) -> list[str]:
 def _unseen_lines(result: Result) -> list[str]:
     lines = zip(result.lines.name, result.lines.status, strict=True)
     unseen = [name for name, status in lines if status == "unseen"]
-    return [f"Known length never picked, so not used: {_names(unseen)}."] if unseen else []
+    known = zip(result.known.name, result.known.status, strict=True)
+    without = [name for name, status in known if status == "unseen"]
+    reasons = [f"Known length never picked, so not used: {_names(unseen)}."] if unseen else []
+    if without:
+        reasons.append(f"Known thing with a point never picked, so not used: {_names(without)}.")
+    return reasons
 
 
 def _picks(result: Result) -> list[str]:
@@ -162,6 +185,8 @@ def _checks(result: Result) -> list[str]:
     z = np.abs(points.error_m) / points.sigma_m if len(points.label) else np.zeros((0, 3))
     outside = np.flatnonzero(z.max(axis=1, initial=0.0) > THREE_SIGMA)
     bad += [points.label[i] for i in outside]
+    judged = zip(result.known.name, result.known.status, result.known.w.tolist(), strict=True)
+    bad += [name for name, status, w in judged if status == "checked" and abs(w) > THREE_SIGMA]
     return [f"Checks outside three sigma: {_names(bad)}."] if bad else []
 
 

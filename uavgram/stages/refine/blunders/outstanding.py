@@ -17,6 +17,7 @@ from uavgram.estimation.reliability.redundancy import level_of_each, upper_tail
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 
@@ -32,7 +33,7 @@ CLEAR = 0.001
 LEAST_REDUNDANCY = 0.05
 """Redundancy number from which on the size of an error can be told."""
 
-CORE = ("pixels", "lengths", "control", "calibration", "roughness", "heights", "relief")
+CORE = ("pixels", "lengths", "known", "control", "calibration", "roughness", "heights", "relief")
 """Groups that say whether the model of picks and ground holds: priors of the telemetry are meant to
 be generous."""
 
@@ -66,7 +67,7 @@ def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
     squares = sum(float(np.sum(blocks[name].residual ** 2)) for name in core)
     degrees = sum(redundancy_of(adjustment, name) for name in core)
     falls: list[_Fall] = []
-    for name in ("pixels", "lengths"):
+    for name in ("pixels", "lengths", "known"):
         if name in blocks:
             fall = falls_without(blocks[name], covariance)
             falls += [(each, name, row) for row, each in enumerate(fall.tolist())]
@@ -107,7 +108,7 @@ def redundancy_of(adjustment: Adjustment, name: str) -> float:
     return block.residual.size - float(adjustment.covariance.leverage(block).sum())
 
 
-def with_little_weight(survey: Survey, lines: Ints, few: dict[str, Outstanding]) -> Survey:
+def with_little_weight(problem: SurveyProblem, few: dict[str, Outstanding]) -> Survey:
     """The survey with sigmas of what stands out as large as its errors.
 
     The variance-inflation model of an outlier (Cook, Holschuh and Weisberg 1982, "A note on an
@@ -115,13 +116,12 @@ def with_little_weight(survey: Survey, lines: Ints, few: dict[str, Outstanding])
 
     Parameters
     ----------
-    survey
-        Of an adjustment.
-    lines
-        Rows of its known lengths that take part.
+    problem
+        The likelihood of an adjustment.
     few
         What stands out of it.
     """
+    survey = problem.survey
     pick, length = np.array(survey.pick_sigma_px), np.array(survey.length_sigma_m)
     located = {name: (one.rows[one.located], one.errors[one.located]) for name, one in few.items()}
     if "pixels" in located:
@@ -129,5 +129,13 @@ def with_little_weight(survey: Survey, lines: Ints, few: dict[str, Outstanding])
         pick[rows] *= errors
     if "lengths" in located:
         rows, errors = located["lengths"]
-        length[lines[rows]] *= errors
-    return replace(survey, pick_sigma_px=pick, length_sigma_m=length)
+        length[problem.line_index[rows]] *= errors
+    factor: dict[int, float] = {}
+    if "known" in located:
+        for row, error in zip(*located["known"], strict=True):
+            index = problem.known[int(problem.known_thing[row])].index
+            factor[index] = max(float(error), factor.get(index, 1.0))
+    known = tuple(
+        replace(one, sigma=one.sigma * factor.get(one.index, 1.0)) for one in survey.known
+    )
+    return replace(survey, pick_sigma_px=pick, length_sigma_m=length, known=known)

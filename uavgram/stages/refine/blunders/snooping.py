@@ -83,7 +83,7 @@ def _removal(refined: Refined, suspicion: Suspicion) -> Removal:
         return Removal("line", index, suspicion, refined)
     if kind == "known":
         problem = refined.adjustment.problem
-        thing = problem.survey.known[problem.known_thing[row]]
+        thing = problem.known[problem.known_thing[row]]
         return Removal("known", thing.index, suspicion, refined)
     return Removal("pick", int(refined.pick_index[row]), suspicion, refined)
 

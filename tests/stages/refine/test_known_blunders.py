@@ -1,0 +1,104 @@
+"""A wrong known value is found, named, taken out where that is asked for, and bends nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+import pytest
+from scenes import Scene, make_scene
+
+from uavgram.estimation.survey.adjustment import Refined
+from uavgram.geometry.ground import shapes
+from uavgram.model.options import SolveOptions
+from uavgram.model.survey.known import KnownThing
+from uavgram.stages.refine import refine
+from uavgram.stages.refine.blunders.snooping import blunders
+
+REPORT, REMOVE = SolveOptions(noise="stated"), SolveOptions(outliers="remove", noise="stated")
+THINGS = {
+    "wide": ("distance", (0, 1)),
+    "long": ("distance", (2, 3)),
+    "field": ("area", (4, 5, 6, 7)),
+    "corner": ("angle", (0, 4, 2)),
+    "aside": ("line_distance", (8, 2, 3)),
+}
+
+
+def scene_with(off: dict[str, float], *, telemetry: bool = True) -> Scene:
+    """A scene in which five things are known, some of them wrong by so much."""
+    gauge: Literal["world", "plane"] = "world" if telemetry else "plane"
+    scene = make_scene(6, frames=6, lines=8, telemetry=telemetry, gauge=gauge)
+    rng = np.random.default_rng(5)
+    things = []
+    for i, (name, (kind, label)) in enumerate(THINGS.items()):
+        value = float(getattr(shapes, kind)(scene.world[list(label)])[0])
+        value = float(np.rad2deg(value)) if kind == "angle" else value
+        sigma = 0.1 if kind in ("angle", "area") else 0.02
+        value += sigma * rng.normal() + off.get(name, 0.0)
+        things.append(
+            KnownThing(index=i, name=name, kind=kind, label=label, value=value, sigma=sigma)
+        )
+    return replace(scene, survey=replace(scene.survey, known=tuple(things)))
+
+
+def solve(scene: Scene, options: SolveOptions = REPORT) -> tuple[Refined, list[str]]:
+    refined, messages = refine(scene.survey, options)
+    return refined, [message.code for message in messages]
+
+
+def used(refined: Refined) -> list[str]:
+    return [thing.name for thing in refined.adjustment.survey.known]
+
+
+def test_what_is_right_stays() -> None:
+    refined, _ = solve(scene_with({}), REMOVE)
+
+    assert used(refined) == list(THINGS)
+    assert not refined.removals
+
+
+@pytest.mark.parametrize("telemetry", [True, False])
+@pytest.mark.parametrize(("name", "off"), [("long", 0.3), ("corner", 1.5), ("field", -2.0)])
+def test_a_wrong_value_is_the_one_suspected(name: str, off: float, *, telemetry: bool) -> None:
+    refined, _ = solve(scene_with({name: off}, telemetry=telemetry))
+    choices, _ = blunders(refined, 0.001)
+
+    assert (choices[0].kind, choices[0].index) == ("known", list(THINGS).index(name))
+
+
+@pytest.mark.parametrize("telemetry", [True, False])
+def test_a_wrong_value_is_taken_out_alone(*, telemetry: bool) -> None:
+    refined, codes = solve(scene_with({"long": 0.3}, telemetry=telemetry), REMOVE)
+
+    assert used(refined) == [name for name in THINGS if name != "long"]
+    assert [removal.kind for removal in refined.removals] == ["known"]
+    assert "known-removed" in codes
+
+
+@pytest.mark.parametrize("telemetry", [True, False])
+@pytest.mark.parametrize("options", [REPORT, REMOVE])
+def test_a_value_in_another_unit_does_not_take_part(
+    options: SolveOptions, *, telemetry: bool
+) -> None:
+    right, _ = solve(scene_with({}, telemetry=telemetry))
+    refined, _ = solve(scene_with({"wide": 30.0}, telemetry=telemetry), options)
+
+    assert "wide" not in used(refined)
+    assert [name for name in THINGS if name != "wide"] == used(refined)
+    apart = np.linalg.norm(np.diff(refined.adjustment.points()[0][:2], axis=0))
+    expected = np.linalg.norm(np.diff(right.adjustment.points()[0][:2], axis=0))
+    assert apart == pytest.approx(expected, abs=0.1)
+
+
+def test_one_that_loses_a_point_is_not_used() -> None:
+    scene = scene_with({})
+    keep = scene.survey.pick_label != 7
+    names = ("pick_frame", "pick_label", "pixel_px", "pick_sigma_px")
+    survey = replace(scene.survey, **{n: getattr(scene.survey, n)[keep] for n in names})
+    refined, _ = refine(survey, REPORT)
+
+    assert used(refined) == [name for name in THINGS if name != "field"]
+    labels = refined.adjustment.survey.label
+    assert [labels[k] for k in refined.adjustment.survey.known[-1].label] == ["P8", "P2", "P3"]

@@ -1,0 +1,66 @@
+"""Everything known beside lengths, and how well it fits: rows of a table, in words."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.model.result.result import Result
+from uavgram.views.wording import (
+    KNOWN_STATUS_WORDS,
+    KNOWN_WORDS,
+    UNIT_WORDS,
+    decimals_for,
+    number,
+    with_sigma,
+    worst_fit_first,
+)
+
+
+class KnownRow(NamedTuple):
+    """One known thing: what it is, and numbers as they are shown."""
+
+    name: str
+    what: str
+    points: tuple[str, ...]
+    given: str
+    found: str
+    difference: str
+    w: str
+    redundancy: str
+    least: str
+    status: str
+    is_bad: bool
+
+
+def known_table(result: Result) -> tuple[KnownRow, ...]:
+    """Rows of everything known, the worst fit first."""
+    return tuple(_row(result, int(i)) for i in worst_fit_first(result.known.w))
+
+
+def _row(result: Result, i: int) -> KnownRow:
+    known = result.known
+    unit, sigma = known.unit[i], float(known.sigma[i])
+    places = decimals_for(sigma, unit)
+    shown, is_condition = UNIT_WORDS.get(unit, unit), bool(np.isnan(known.value[i]))
+    found = number(float(known.adjusted[i]), places)
+    if known.adjusted_sigma[i] > 0 and not is_condition:
+        found = with_sigma(float(known.adjusted[i]), float(known.adjusted_sigma[i]), unit)
+    return KnownRow(
+        name=known.name[i],
+        what=KNOWN_WORDS.get(known.kind[i], known.kind[i]),
+        points=known.points[i],
+        given=f"± {sigma:.{places}f} {shown}"
+        if is_condition
+        else with_sigma(float(known.value[i]), sigma, unit),
+        found="–" if is_condition else found,
+        difference="–"
+        if np.isnan(known.residual[i])
+        else f"{number(float(known.residual[i]), places, signed=True)} {shown}",
+        w=number(float(known.w[i]), 1, signed=True),
+        redundancy=number(float(known.redundancy[i]), 2),
+        least=number(float(known.mdb[i]), places),
+        status=KNOWN_STATUS_WORDS[known.status[i]],
+        is_bad=known.status[i] in ("suspect", "removed"),
+    )
