@@ -97,6 +97,18 @@ def test_photos_that_see_less_join_the_one_that_is_placed_by_known_things() -> N
     np.testing.assert_allclose(adjustment.state.center[:, 2], scene.truth.center[:, 2], atol=1e-3)
 
 
+def test_the_right_angle_that_is_none_takes_no_part() -> None:
+    for seed in (2, 3):
+        right = lane(seed, noise=1.0).known(LENGTH, *CORNERS, LONG, noise=1.0)
+        wrong = right.known(LENGTH, *CORNERS, LONG, ("right_angle", (0, 1, 4)), noise=0.0)
+        survey = replace(right.survey, known=wrong.survey.known)
+        refined, _ = refine(survey, STATED)
+        assert refined.known_removed == {4}
+        assert [(removal.kind, removal.index) for removal in refined.removals] == [("known", 4)]
+        value, sigma = measured(refined.adjustment)
+        assert abs(value - true_distance(right)) < 3.3 * sigma
+
+
 def test_collinear_points_and_level_ones_place_no_photo() -> None:
     scene = lane(2).known(LENGTH, ("collinear", (0, 4, 1)), ("level", (0, 1, 2)))
     with pytest.raises(GeometryError, match=r"three known lengths .*most here: 1 in 'f0'"):

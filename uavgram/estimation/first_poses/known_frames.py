@@ -13,6 +13,7 @@ from uavgram.estimation.first_poses.network import SeenLines, placing, seen_line
 from uavgram.estimation.first_poses.plane_things import SCALED, PlaneThing, row_count
 from uavgram.estimation.first_poses.prior_gate import OUTSIDE
 from uavgram.estimation.first_poses.thing_search import KnownPlanes, search_known
+from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.survey import Survey
@@ -104,18 +105,12 @@ def known_planes(
     return found
 
 
-def odd_ones_out(survey: Survey, ray: Floats) -> frozenset[int]:
+def odd_ones_out(survey: Survey) -> frozenset[int]:
     """Numbers of known things without which alone all others of their frame agree.
 
     Only where they are enough to say so: the others determine a pose and check it.
-
-    Parameters
-    ----------
-    survey
-        The observations.
-    ray
-        (P, 3) undistorted rays of its picks, z = 1.
     """
+    ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
     sigma = survey.pick_sigma_px / survey.calibration.parameters[0]
     odd = set()
     for known in frame_things(survey).values():
