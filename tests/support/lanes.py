@@ -8,6 +8,8 @@ import numpy as np
 import scenes
 from scenes import cv_pixels, look_down, make_scene
 
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.geometry.ground import shapes
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.survey import Survey
@@ -83,6 +85,19 @@ def _value(kind: str, points: Floats) -> float:
     if kind == "area":
         return float(abs(east @ np.roll(north, -1) - north @ np.roll(east, -1)) / 2)
     return float("nan")
+
+
+def measured(adjustment: Adjustment) -> tuple[float, float]:
+    """The distance between the two points that no known thing names, and its sigma."""
+    rows = adjustment.label_rows(f"P{k}" for k in MEASURED)
+    world, covariance = adjustment.joint_points(rows)
+    value, gradient = shapes.distance(world)
+    return value, float(np.sqrt(gradient.ravel() @ covariance @ gradient.ravel()))
+
+
+def true_distance(scene: Lane) -> float:
+    first, second = scene.world[list(MEASURED)]
+    return float(np.linalg.norm(first - second))
 
 
 def lane(seed: int, *, noise: float = 0.0) -> Lane:
