@@ -60,8 +60,11 @@ MOST_AT_ONCE = 300
 ROUNDS, EACH, FIRST = 10, 10, 30
 """Rounds of the search, iterations of each, and of the first."""
 
-STRAY = 4.0
+STRAY = 2.5
 """Residual of a pick, in sigmas of the others, beyond which the search gives it less weight."""
+
+SCALE, SLACK_M = 0.02, 0.05
+"""By which known lengths may be wrong in the search: a share of each, and metres."""
 
 MEDIAN = 1.1774
 """Of the length of two independent residuals of variance 1: the root of 2 log 2."""
@@ -210,7 +213,7 @@ class _Search:
             self.stated,
             height_sigma_m=np.where(self.candidate, sigma, self.stated.height_sigma_m),
             pick_sigma_px=self.stated.pick_sigma_px * self._stray_picks(),
-            length_sigma_m=self.stated.length_sigma_m * self._stray_lengths(),
+            length_sigma_m=self._length_sigma_m(),
         )
         now = self.adjustment
         problem = SurveyProblem(survey, now.problem.pivot_m, lines_used(now))
@@ -228,16 +231,9 @@ class _Search:
         usual = max(1.0, float(np.median(size)) / MEDIAN)
         return np.asarray(np.maximum(1.0, size / (STRAY * usual)))
 
-    def _stray_lengths(self) -> Floats:
-        """(L,) the same of known lengths."""
-        factor = np.ones(len(self.stated.length_sigma_m))
-        blocks, lines = self.adjustment.minimum.blocks, self.adjustment.problem.line_index
-        survey = self.adjustment.survey
-        if not self.is_first and "lengths" in blocks:
-            size = np.abs(blocks["lengths"].residual[:, 0])
-            size = size * survey.length_sigma_m[lines] / self.stated.length_sigma_m[lines]
-            factor[lines] = np.maximum(1.0, size / STRAY)
-        return factor
+    def _length_sigma_m(self) -> Floats:
+        """(L,) of known lengths, which only say how large all is: a wrong one is no height."""
+        return self.stated.length_sigma_m + SCALE * self.stated.length_m + SLACK_M
 
 
 def _searched(adjustment: Adjustment, before: Sequence[str]) -> _Search | None:
