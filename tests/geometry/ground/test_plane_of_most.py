@@ -32,6 +32,7 @@ def test_exact_points_give_the_exact_plane() -> None:
 
     found = plane_of_most(place, heights(place), np.full(9, 0.03))
 
+    assert found is not None
     np.testing.assert_allclose(found, heights(place), atol=1e-12)
 
 

@@ -142,7 +142,7 @@ def test_a_kerb_of_its_own_area_is_ground_and_a_car_on_it_is_not() -> None:
 
 
 def test_where_most_points_would_be_off_the_ground_nothing_is_said() -> None:
-    most = {k: 1.4 for k in range(14)}
+    most = dict.fromkeys(range(14), 1.4)
 
     assert not refined_of(unstated(make_scene(1, heights=most, **SCENE)))[0].off_ground
 
