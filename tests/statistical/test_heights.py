@@ -21,7 +21,7 @@ from uavgram.pipeline.measure.inputs import read_inputs
 
 pytestmark = pytest.mark.statistical
 
-SURVEYS = 24
+SURVEYS = 20
 
 
 def test_errors_of_free_heights_and_of_distances_from_them_are_as_large_as_stated(

@@ -112,6 +112,9 @@ def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined
     models = [_as_stated(stated, redundancy)]
     if not fits and redundancy > LITTLE:
         models += _grown(stated)
+    elif stated.survey.is_free.any() and redundancy > LITTLE:
+        # Heights rest on the ground below, and picks of free points fit on any: they hide misfits.
+        models.append(_each_its_own(stated))
     simple = len(models) == 1 and len(models[0].components) == 1 and not few
 
     def estimated(model: _Model, adjustment: Adjustment, first: Floats | None) -> _Fitted:
@@ -149,7 +152,7 @@ def _grown(stated: Adjustment) -> list[_Model]:
     """Every other shape of the ground: each point's own departure, and smooth ones."""
     survey, point = stated.survey, stated.state.point[:, :2]
     own = [point[survey.area == area] for area in range(len(survey.grounds))]
-    models = [_model("plane", stated, [None for _ in own])]
+    models = [_each_its_own(stated)]
     if any(len(each) >= LEAST_POINTS for each in own):
         models.append(_model("quadratic", stated, [_quadratic(each) for each in own]))
         models += [
@@ -157,6 +160,11 @@ def _grown(stated: Adjustment) -> list[_Model]:
             for share in RANGES
         ]
     return models
+
+
+def _each_its_own(stated: Adjustment) -> _Model:
+    """Departures of each point, and nothing smooth."""
+    return _model("plane", stated, [None for _ in stated.survey.grounds])
 
 
 def _quadratic(point_m: Floats) -> Relief | None:
