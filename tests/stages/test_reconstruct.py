@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pyproj
 import pytest
+from off_ground import with_third_coordinates
 from scenes import Scene, make_scene
 
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -133,3 +134,19 @@ def test_departures_are_right_within_their_sigmas() -> None:
         squares.extend((error / points.departure_sigma_m) ** 2)
     bound = 5.0 * np.sqrt(2.0 * 4.0 / len(squares))  # a factor 4: those of a scene go together
     assert np.mean(squares) == pytest.approx(1.0, abs=bound)
+
+
+def test_heights_say_where_they_are_from() -> None:
+    scene = with_third_coordinates(
+        make_scene(11, heights={0: 1.5, 4: 0.6, 7: 2.5}), free=(0,), stated={7: 0.05}
+    )
+    refined, _ = refine(scene.survey, SolveOptions(noise="stated"))
+    points = reconstruct(refined.adjustment, WORLD)
+    off = {k: source for k, source in enumerate(points.height_source) if source != "ground"}
+
+    assert off == {0: "found", 4: "stated", 7: "stated"}
+    assert points.is_off_ground.nonzero()[0].tolist() == [0, 4, 7]
+    assert (points.height_above_ground_m[4], points.height_sigma_m[4]) == (0.6, 0.0)
+    again = replace(points, height_source=())  # what heights and sigmas alone tell
+    assert again.height_source[4] == "stated"
+    assert again.height_source[1] == "ground"
