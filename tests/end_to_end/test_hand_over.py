@@ -19,6 +19,7 @@ from pyogrio import list_layers
 from pyogrio.raw import read
 from pyproj import Geod, Proj, Transformer
 
+from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.model.arrays import Floats
 
 Content = dict[str, Any]
@@ -69,6 +70,25 @@ def test_every_distance_in_the_local_drawing_is_that_of_the_results(
     for one, two in itertools.combinations(places, 2):
         true = math.dist(places[one], places[two])
         assert math.dist(drawn[one], drawn[two]) == pytest.approx(true, abs=DISTANCE_M)
+
+
+def test_heights_on_the_map_are_above_the_ellipsoid_as_the_log_says(
+    demo: Demo, content: Content
+) -> None:
+    world = content["world"]
+    log = read_flight_log(next(demo.project.parent.glob("flight.*")))
+    shapes = json.loads((demo.out / "points.geojson").read_text(encoding="utf-8"))
+    assert world["undulation_m"] == pytest.approx(log.undulation_m)
+    assert abs(log.undulation_m) > 10.0
+    assert world["height_datum"] == "msl"
+    drawn = [f for f in shapes["features"] if f["properties"]["type"] == "point"]
+    assert len(drawn) == len(content["points"])
+    for feature, point in zip(drawn, content["points"], strict=True):
+        above_sea = world["height_m"] + point["position_world_m"][2]
+        height = feature["geometry"]["coordinates"][2]
+        # the earth falls away by millimetres below the tangent plane
+        assert height == pytest.approx(above_sea + world["undulation_m"], abs=5e-3)
+        assert feature["properties"]["height_m"] == pytest.approx(above_sea, abs=5e-3)
 
 
 def test_measured_distances_are_the_dimensions_of_the_drawing(demo: Demo, content: Content) -> None:

@@ -22,6 +22,8 @@ def rectify(
 ) -> int:
     """Make a metric top view of the ground: GeoTIFF, a PNG with a scale bar, a map of the sigma.
 
+    What stands above the ground leans in it: measure such things with points of their own.
+
     Parameters
     ----------
     project

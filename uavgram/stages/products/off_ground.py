@@ -28,6 +28,20 @@ def over_ground(
 
     A vertex that is no point of the shape, such as a foot, is taken to have the ground of the
     nearest one.
+
+    Parameters
+    ----------
+    points
+        All points.
+    shapes
+        (v, 3) vertices of each shape; v = 0 where it has no place.
+    labels
+        Points of each shape.
+
+    Returns
+    -------
+    (v,)
+        For each shape [m].
     """
     rows = {label: k for k, label in enumerate(points.label)}
     off, feet = points.is_off_ground, ground_below(points)

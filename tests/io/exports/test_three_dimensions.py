@@ -1,0 +1,299 @@
+"""What stands off the ground: every file has it at the height that results.json says."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from ezdxf.document import Drawing
+from ezdxf.entities.insert import Insert
+from ezdxf.entities.polyline import Polyline
+from ezdxf.filemanagement import readfile
+from numpy.typing import NDArray
+from pyogrio import list_layers
+from pyogrio.raw import read
+from pyproj import Transformer
+from raised_survey import RAISED, raised
+
+from uavgram.io.exports.colmap import write_colmap_model
+from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
+from uavgram.io.exports.geojson import dump_geojson
+from uavgram.io.exports.geopackage import write_geopackage
+from uavgram.io.exports.kml import write_kml
+from uavgram.io.exports.opendronemap import write_gcp_list
+from uavgram.io.results.results_json import dump_results, load_results
+from uavgram.model.arrays import Floats
+from uavgram.model.maps.layers import Features
+from uavgram.model.result.result import Result
+from uavgram.stages.products.map_layers import features_of
+
+UNDULATION_M = 46.3
+KML = "{http://www.opengis.net/kml/2.2}"
+Record = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def solid(result: Result) -> Result:
+    world = replace(result.world, undulation_m=UNDULATION_M)
+    return raised(replace(result, world=world))
+
+
+@pytest.fixture(scope="module")
+def shapes(solid: Result) -> Features:
+    return features_of(solid, solid.world.crs)
+
+
+@pytest.fixture(scope="module")
+def points(solid: Result) -> dict[str, Record]:
+    """Of results.json, by their labels."""
+    return {one["label"]: one for one in json.loads(dump_results(solid))["points"]}
+
+
+def geojson_points(result: Result) -> tuple[Record, dict[str, Record]]:
+    content = json.loads(dump_geojson(result))
+    found = [f for f in content["features"] if f["properties"]["type"] == "point"]
+    return content, {f["properties"]["label"]: f for f in found}
+
+
+def test_results_tell_where_a_height_is_from(
+    solid: Result, points: dict[str, Record], tmp_path: Path
+) -> None:
+    for label, told in RAISED.items():
+        one = points[label]
+        keys = ("height_above_ground_m", "height_sigma_m", "height_source")
+        assert tuple(one[key] for key in keys) == told
+    (tmp_path / "results.json").write_text(dump_results(solid), encoding="utf-8")
+    again = load_results(tmp_path / "results.json")
+    assert again.points.height_source == solid.points.height_source
+    assert again.world == solid.world
+
+
+def test_results_of_earlier_versions_claim_nothing_of_heights(
+    solid: Result, tmp_path: Path
+) -> None:
+    content = json.loads(dump_results(solid))
+    del content["world"]["undulation_m"]
+    for one in content["points"]:
+        for key in ("height_above_ground_m", "height_sigma_m", "height_source", "covariance_m3"):
+            del one[key]
+    (tmp_path / "results.json").write_text(json.dumps(content), encoding="utf-8")
+    again = load_results(tmp_path / "results.json")
+
+    assert set(again.points.height_source) == {"untold"}
+    assert not again.points.is_off_ground.any()
+    assert again.world.ellipsoid_shift_m is None
+
+
+def test_geojson_has_heights_above_the_ellipsoid(solid: Result, points: dict[str, Record]) -> None:
+    """RFC 7946, 3.1.1: what stands third is above the WGS 84 ellipsoid; judged by PROJ."""
+    content, found = geojson_points(solid)
+    origin = solid.world.origin
+    assert origin is not None
+    to_earth = Transformer.from_pipeline(
+        "+proj=pipeline +step +inv +proj=topocentric +ellps=WGS84 "
+        f"+lat_0={origin.latitude_deg} +lon_0={origin.longitude_deg} +h_0={origin.height_m} "
+        "+step +inv +proj=cart +ellps=WGS84"
+    )
+    assert set(found) == set(points)
+    for label, feature in found.items():
+        _, _, height = to_earth.transform(*points[label]["position_world_m"])
+        assert feature["geometry"]["coordinates"][2] == pytest.approx(
+            height + UNDULATION_M, abs=1e-5
+        )
+        own = feature["properties"]
+        assert (own["height_m"], own["height_datum"]) == (pytest.approx(height, abs=1e-5), "msl")
+        for key in ("height_above_ground_m", "height_sigma_m", "height_source", "covariance_m3"):
+            assert own[key] == points[label][key]
+        assert own["sigma_up_m"] == pytest.approx(own["covariance_m3"][2][2] ** 0.5)
+    assert "message" not in content
+    for feature in content["features"]:
+        assert {len(place) for place in vertices(feature["geometry"])} <= {3}
+
+
+def vertices(geometry: Record | None) -> list[list[float]]:
+    if geometry is None:
+        return []
+    places = geometry["coordinates"]
+    if geometry["type"] == "Polygon":
+        return [place for ring in places for place in ring]
+    return [places] if geometry["type"] == "Point" else list(places)
+
+
+def test_geojson_gives_no_height_that_would_be_wrong(solid: Result) -> None:
+    """Sea level taken for the ellipsoid would put the scene up to a hundred metres off."""
+    unknown = replace(solid, world=replace(solid.world, undulation_m=None))
+    content, found = geojson_points(unknown)
+
+    assert "above mean sea level only" in content["message"]
+    for feature in content["features"]:
+        assert {len(place) for place in vertices(feature["geometry"])} <= {2}
+    assert found["P00"]["properties"]["height_m"] == pytest.approx(519.2 + 1.402, abs=1e-3)
+    stated = replace(unknown, world=replace(unknown.world, height_datum="ellipsoid"))
+    _, found = geojson_points(stated)
+    assert found["P00"]["geometry"]["coordinates"][2] == pytest.approx(519.2 + 1.402, abs=1e-3)
+
+
+def test_the_geopackage_has_the_third_coordinate_and_lines_to_the_ground(
+    shapes: Features, points: dict[str, Record], tmp_path: Path
+) -> None:
+    write_geopackage(shapes, tmp_path / "s.gpkg")
+    places, fields = gpkg(tmp_path / "s.gpkg", "points")
+    feet, of = gpkg(tmp_path / "s.gpkg", "verticals")
+
+    for k, label in enumerate(fields["label"]):
+        one = points[label]
+        # the earth falls away below the tangent plane
+        away = one["position_world_m"]
+        fall = (away[0] ** 2 + away[1] ** 2) / 2 / 6.37e6
+        assert places[k][0, 2] == pytest.approx(519.2 + away[2] + fall, abs=1e-4)
+        assert fields["height_above_ground_m"][k] == one["height_above_ground_m"]
+        assert fields["height_sigma_m"][k] == one["height_sigma_m"]
+        assert fields["height_source"][k] == one["height_source"]
+        assert fields["height_datum"][k] == "msl"
+        assert fields["sigma_up_m"][k] == pytest.approx(one["covariance_m3"][2][2] ** 0.5)
+    assert set(of["label"]) == set(RAISED)
+    for label, (foot, top) in zip(of["label"], feet, strict=True):
+        assert top[2] - foot[2] == pytest.approx(RAISED[label][0], abs=1e-6)
+        np.testing.assert_allclose(top[:2], foot[:2], atol=1e-3)
+
+
+def gpkg(path: Path, layer: str) -> tuple[list[Floats], dict[str, NDArray[Any]]]:
+    meta, _, geometry, fields = read(path, layer=layer)
+    head = {"points": 5, "verticals": 9}[layer]  # well-known binary: order, type, [count]
+    shapes = [np.frombuffer(wkb[head:], "<f8").reshape(-1, 3) for wkb in geometry]
+    return shapes, dict(zip(meta["fields"], fields, strict=True))
+
+
+def test_without_anything_off_the_ground_there_is_no_such_layer(
+    features: Features, tmp_path: Path
+) -> None:
+    write_geopackage(features, tmp_path / "s.gpkg")
+    write_kml(features, tmp_path / "s.kml")
+
+    assert "verticals" not in [name for name, _ in list_layers(tmp_path / "s.gpkg")]
+    heights = ET.parse(tmp_path / "s.kml").iter(f"{KML}extrude")  # noqa: S314
+    assert not list(heights)
+
+
+def test_a_globe_draws_points_and_lines_over_its_terrain(shapes: Features, tmp_path: Path) -> None:
+    write_kml(shapes, tmp_path / "s.kml")
+    marks = {
+        mark.findtext(f"{KML}name"): mark
+        for mark in ET.parse(tmp_path / "s.kml").iter(f"{KML}Placemark")  # noqa: S314
+        if mark.findtext(f"{KML}styleUrl") in {"#points", "#measured_lines"}
+    }
+    for label, (height, _, _) in RAISED.items():
+        shape = marks[label].find(f"{KML}Point")
+        assert shape is not None
+        assert (shape[0].text, shape[1].text) == ("1", "relativeToGround")
+        assert heights(shape) == pytest.approx([height], abs=1e-4)
+    ground = marks["P01"].find(f"{KML}Point")
+    assert ground is not None
+    assert [part.tag for part in ground] == [f"{KML}coordinates"]
+    line = marks["skid right"].find(f"{KML}LineString")  # from P07 to P16
+    assert line is not None
+    assert [part.tag for part in line] == [f"{KML}altitudeMode", f"{KML}coordinates"]
+    assert heights(line) == pytest.approx([0.0, 2.25], abs=1e-4)
+
+
+def heights(shape: ET.Element) -> list[float]:
+    text = shape.findtext(f"{KML}coordinates") or ""
+    return [float(place.split(",")[2]) for place in text.split()]
+
+
+@pytest.fixture(scope="module", params=["local", "map"])
+def drawing(
+    request: pytest.FixtureRequest, shapes: Features, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[float, Drawing]:
+    """Height of the world's zero, and the drawing."""
+    path = tmp_path_factory.mktemp("dxf") / "s.dxf"
+    (write_local_dxf if request.param == "local" else write_map_dxf)(shapes, path)
+    document = readfile(path)
+    assert document.audit().errors == []
+    assert document.audit().fixes == []
+    return (0.0 if request.param == "local" else 519.2), document
+
+
+def test_the_drawing_has_points_off_the_ground_on_a_layer_with_verticals(
+    drawing: tuple[float, Drawing], points: dict[str, Record]
+) -> None:
+    zero, document = drawing
+    space = document.modelspace()
+    inserts = {
+        insert.get_attrib_text("LABEL"): insert
+        for insert in space.query('INSERT[name=="SURVEY_POINT"]')
+        if isinstance(insert, Insert)
+    }
+    assert set(inserts) == set(points)
+    for label, insert in inserts.items():
+        off = label in RAISED
+        assert insert.dxf.layer == ("POINTS_OFF_GROUND" if off else "POINTS")
+        up = points[label]["position_world_m"][2]
+        # the map's heights follow the earth, which falls away below the tangent plane
+        assert insert.dxf.insert.z == pytest.approx(zero + up, abs=1e-9 if not zero else 4e-4)
+        said = float(insert.get_attrib_text("HEIGHT_ABOVE_GROUND_M"))
+        assert said == pytest.approx(points[label]["height_above_ground_m"], abs=5e-5)
+    lines = [
+        [vertex.dxf.location for vertex in line.vertices]
+        for line in space.query('POLYLINE[layer=="HEIGHTS"]')
+        if isinstance(line, Polyline)
+    ]
+    assert len(lines) == len(RAISED)
+    tops = [tuple(inserts[label].dxf.insert) for label in points if label in RAISED]
+    for (foot, top), place in zip(lines, tops, strict=True):
+        assert tuple(top) == pytest.approx(place)
+        assert foot.z == pytest.approx(zero, abs=4e-4)
+    said_heights = {text.dxf.text for text in space.query('TEXT[layer=="HEIGHTS"]')}
+    assert said_heights == {"+1.402 ±0.021", "+0.500 stated", "+2.250 ±0.040", "-0.800 ±0.050"}
+
+
+def test_a_length_in_space_says_so_and_lies_at_its_height(
+    drawing: tuple[float, Drawing], solid: Result
+) -> None:
+    zero, document = drawing
+    rows = solid.measurements
+    known = {f"{value:.3f}": name for name, value in zip(rows.name, rows.value, strict=True)}
+    said = {
+        known[dimension.dxf.text.split()[0]]: dimension
+        for dimension in document.modelspace().query('DIMENSION[layer=="DIMENSIONS"]')
+        if dimension.dxf.text.split()[0] in known
+    }
+    assert said["skid right"].dxf.text.endswith(" m (3-D)")
+    assert said["skid left"].dxf.text.endswith(" m")
+    assert said["skid right"].dxf.defpoint2.z == pytest.approx(zero + 2.25 / 2, abs=1e-3)
+
+
+def test_colmap_has_the_points_in_space(
+    solid: Result, points: dict[str, Record], tmp_path: Path
+) -> None:
+    """As pycolmap reads it: POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK."""
+    write_colmap_model(solid, tmp_path)
+    rows = [r.split() for r in (tmp_path / "points3D.txt").read_text().splitlines() if r[0] != "#"]
+    label = {k + 1: name for k, name in enumerate(solid.points.label)}
+    picks = solid.picks
+    used = np.isin(picks.status, ["used", "suspect"])
+
+    assert {label[int(row[0])] for row in rows} >= set(RAISED)
+    for row in rows:
+        name = label[int(row[0])]
+        place = [float(number) for number in row[1:4]]
+        assert place == pytest.approx(points[name]["position_world_m"], abs=1e-6)
+        own = used & (np.array(picks.label) == name)
+        error = np.linalg.norm(picks.residual_px[own], axis=1).mean()
+        assert float(row[7]) == pytest.approx(error, abs=1e-4)
+        assert len(row[8:]) == 2 * own.sum()
+
+
+def test_ground_control_has_the_heights(
+    solid: Result, shapes: Features, points: dict[str, Record], tmp_path: Path
+) -> None:
+    write_gcp_list(solid, shapes, tmp_path / "gcp_list.txt")
+    for line in (tmp_path / "gcp_list.txt").read_text().splitlines()[1:]:
+        cells = line.split()
+        up = points[cells[-1]]["position_world_m"][2]
+        assert float(cells[2]) == pytest.approx(519.2 + up, abs=4e-4)

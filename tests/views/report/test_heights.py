@@ -1,0 +1,119 @@
+"""Heights over the ground in the report: the table of points, the plan, the method."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import synthetic_survey as survey
+from html_page import Page
+from raised_survey import RAISED, raised
+from uneven_ground import uneven
+
+from uavgram.model.result.result import Result
+from uavgram.model.result.tables import HeightSource
+from uavgram.views.report import render_report
+from uavgram.views.survey.top_view import DIAMOND, top_view
+from uavgram.views.wording import height_text
+
+SIGMAS = "east, north, up, and their sigmas on the earth [m]"
+
+
+def table(result: Result) -> tuple[list[str], dict[str, list[str]]]:
+    """Head and rows of the table of points."""
+    rows = Page(render_report(result)).rows
+    start = next(i for i, row in enumerate(rows) if row[:1] == ["label"])
+    return rows[start], {row[0]: row for row in rows[start + 1 :]}
+
+
+def test_each_point_has_its_height_and_says_where_that_is_from() -> None:
+    result = raised(survey.build())
+    head, rows = table(result)
+    told = {label: row[head.index("height over the ground")] for label, row in rows.items()}
+
+    assert told["P00"] == "1.402 ± 0.021 m, found"
+    assert told["P13"] == "0.500 m, as stated"
+    assert told["P16"] == "2.250 ± 0.040 m, stated and adjusted"
+    assert told["P26"] == "-0.800 ± 0.050 m, found"
+    assert {told[label] for label in result.points.label if label not in RAISED} == {"on it"}
+
+
+def test_coordinates_have_three_sigmas() -> None:
+    result = raised(survey.build())
+    head, rows = table(result)
+    for k, label in enumerate(result.points.label):
+        cell = rows[label][head.index(SIGMAS)]
+        place, sigmas = cell.split("± ")
+        wanted = np.sqrt(np.diag(result.points.covariance_m3[k]))
+        np.testing.assert_allclose([float(x) for x in sigmas.split(", ")], wanted, atol=5.001e-4)
+        np.testing.assert_allclose(
+            [float(x) for x in place.split(", ")], result.points.position_world_m[k], atol=5.001e-4
+        )
+
+
+def test_rough_ground_has_sigmas_and_no_heights_and_a_plane_has_neither() -> None:
+    rough, plane = table(uneven(survey.build()))[0], table(survey.build())[0]
+
+    assert SIGMAS in rough
+    assert "height over the ground" not in rough
+    assert "east, north, up [m]" in plane
+    assert "height over the ground" not in plane
+    assert "stand off the ground" not in render_report(survey.build())
+
+
+def test_results_of_earlier_versions_have_no_heights_to_show() -> None:
+    result = survey.build()
+    count = len(result.points.label)
+    nothing = np.full(count, np.nan)
+    points = replace(
+        result.points,
+        height_above_ground_m=nothing,
+        height_sigma_m=nothing,
+        covariance_m3=np.full((count, 3, 3), np.nan),
+        height_source=("untold",) * count,
+    )
+
+    assert "height over the ground" not in table(replace(result, points=points))[0]
+
+
+def test_the_plan_marks_points_off_the_ground_and_writes_their_heights() -> None:
+    result = raised(survey.build(lines=(), measures=()))
+    view = top_view(result)
+    assert view is not None
+    rows = [k for k, label in enumerate(result.points.label) if label in RAISED]
+    marks = np.array([[p.split(",") for p in mark.split()] for mark in view.off_ground], float)
+
+    np.testing.assert_allclose(marks.mean(axis=1), np.array(view.dots)[rows], atol=0.06)
+    assert np.ptp(marks[..., 0]) > 0
+    np.testing.assert_allclose(np.ptp(marks, axis=1), 2 * DIAMOND, atol=0.11)
+    written = {text.text: (text.x, text.y) for text in view.texts if text.kind == "off_ground"}
+    assert set(written) == {"+1.402 m", "+0.50 m", "+2.250 m", "-0.800 m"}
+    x, y = view.dots[rows[0]]
+    assert written["+1.402 m"][0] == pytest.approx(x)
+    assert 0 < written["+1.402 m"][1] - y < 20
+    assert "a point off the ground" in render_report(result)
+
+
+def test_the_plan_of_a_plane_has_no_such_marks() -> None:
+    view = top_view(survey.build())
+    assert view is not None
+    assert view.off_ground == ()
+    assert "a point off the ground" not in render_report(survey.build())
+
+
+def test_the_method_tells_of_heights_where_there_are_some() -> None:
+    with_heights, without = render_report(raised(survey.build())), render_report(survey.build())
+
+    assert "Measured are points of the ground that" in without
+    assert "Measured are points that" in with_heights
+    assert "One that was left free is an unknown" in with_heights
+    assert "One that was left free" not in without
+
+
+@pytest.mark.parametrize(
+    ("source", "sigma", "text"),
+    [("untold", np.nan, "–"), ("ground", 0.0, "on it"), ("found", 0.25, "1.500 ± 0.250 m, found")],
+)
+def test_heights_in_words(source: HeightSource, sigma: float, text: str) -> None:
+    assert height_text(1.5, sigma, source) == text
