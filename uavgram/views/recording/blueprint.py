@@ -43,7 +43,7 @@ from uavgram.views.recording.world.footprint_marks import ALL, CURRENT
 from uavgram.views.recording.world.geography import MAP, has_map
 from uavgram.views.recording.world.heights import ELLIPSOIDS, RULERS, SIDE_TEXTS
 from uavgram.views.recording.world.legend import LEGEND
-from uavgram.views.recording.world.survey import BAR
+from uavgram.views.recording.world.survey import CLOSE_UP
 from uavgram.views.style import Rgb
 from uavgram.views.survey.frame_states import frame_counts
 from uavgram.views.wording import axes_text
@@ -56,7 +56,7 @@ MAP_PX = 300
 MOST_ZOOM = 19.0
 PHOTO_MARGIN = 0.01
 # Of the eye above the worst point, in half axes of its ellipse.
-CLOSE_UP = 6.0
+EYE_ABOVE = 6.0
 # The photo's own drawings lie on the photo, not in space.
 _NOT_IN_SPACE = [f"- {PHOTO}/{name}/**" for name in OVERLAYS]
 
@@ -265,13 +265,9 @@ def _plan(scene: Scene) -> rrb.Spatial3DView:
 def _worst_point(result: Result, row: int) -> rrb.Spatial3DView:
     spot = result.points.position_world_m[row]
     axes = result.points.relative.ellipse_95_m[row]
-    position = spot + np.array([0.0, 0.0, CLOSE_UP * axes[0]])
+    position = spot + np.array([0.0, 0.0, EYE_ABOVE * axes[0]])
     shown = ("ground/**", "points/picked", "point_names/**", "points/ellipse_95_true_size/**")
-    contents = [
-        *(f"+ /survey/{one}" for one in shown),
-        f"+ /{ELLIPSOIDS}_true_size/**",
-        f"+ /{BAR}",
-    ]
+    contents = [*(f"+ /survey/{one}" for one in shown), f"+ /{CLOSE_UP}/**"]
     name = f"Worst point {result.points.label[row]}, true scale: {axes_text(axes)}"
     return space_view(name, contents, position, spot)
 

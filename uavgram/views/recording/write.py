@@ -24,7 +24,7 @@ from uavgram.views.recording.stream import Recorder, open_recording
 from uavgram.views.recording.world.footprint_marks import log_footprints
 from uavgram.views.recording.world.geography import log_map, log_origin
 from uavgram.views.recording.world.legend import log_legend
-from uavgram.views.recording.world.survey import log_scale_bar, log_survey
+from uavgram.views.recording.world.survey import log_close_up, log_survey
 
 log = logging.getLogger(__name__)
 
@@ -89,7 +89,7 @@ def _log_everything(
     curves, poses = frame_curves(result, picks), pose_curves(result)
     log_origin(recorder, result)
     log_survey(recorder, result, scene, ground)
-    log_scale_bar(recorder, result, scene)
+    log_close_up(recorder, result, scene)
     log_legend(recorder, result, scene, 1.0 if ground is None else ground.gain)
     log_camera(recorder, result, scene)
     log_overlay(recorder, result, scene, picks, PHOTO)

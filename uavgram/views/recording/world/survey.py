@@ -9,7 +9,7 @@ import rerun as rr
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.top_view.mosaic import GroundTexture
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PoseTable
 from uavgram.stages.products.map_layers import ellipse_outlines, measured_strips, reference_strips
@@ -45,9 +45,9 @@ LABEL_LIFT = 0.05
 ODD_FRAMES = {"check": "to_check", "rejected": "rejected"}
 # Flat ellipsoids: half a millimetre of height keeps them from flickering with the ground.
 FLAT_M = 1e-3
-# The bar to compare the least certain point's ellipse with, at true scale: south of the point, in
-# half axes of the ellipse.
-BAR = "close_up/scale_bar"
+# The least certain point from near by: a bar to compare its ellipse with, at true scale, south of
+# the point, in half axes of the ellipse.
+CLOSE_UP = "close_up"
 BAR_BELOW = 1.6
 # Of the bars that say how far the ground lies off its plane, in points of the screen.
 BAR_WIDTH = 4.0
@@ -87,8 +87,10 @@ def log_survey(
         _departures(recorder, result, scene, scene.uneven)
 
 
-def log_scale_bar(recorder: Recorder, result: Result, scene: Scene) -> None:
+def log_close_up(recorder: Recorder, result: Result, scene: Scene) -> None:
     """Log a bar of a round length beside the ellipse of the least certain point.
+
+    Of a point off the ground the ellipse too: elsewhere it has an ellipsoid.
 
     Parameters
     ----------
@@ -106,7 +108,7 @@ def log_scale_bar(recorder: Recorder, result: Result, scene: Scene) -> None:
     middle = result.points.position_world_m[scene.worst_point] - [0.0, BAR_BELOW * major, 0.0]
     ends = middle + np.array([[-0.5, 0, 0], [0.5, 0, 0]]) * length
     recorder.static(
-        BAR,
+        f"{CLOSE_UP}/scale_bar",
         rr.LineStrips3D(
             [ends],
             colors=OBSERVED,
@@ -114,6 +116,22 @@ def log_scale_bar(recorder: Recorder, result: Result, scene: Scene) -> None:
             labels=[size_text(length)],
             show_labels=True,
         ),
+    )
+    if result.points.is_off_ground[scene.worst_point]:
+        colours = scale_colours(sigma_shares(result)[0])
+        worst = np.array([scene.worst_point])
+        recorder.static(f"{CLOSE_UP}/ellipse_95", _flat_ellipses(result, worst, colours))
+
+
+def _flat_ellipses(result: Result, rows: Ints, colours: Pixels) -> rr.Ellipsoids3D:
+    """Within the survey, of some points, at true size."""
+    within = result.points.relative
+    return rr.Ellipsoids3D(
+        centers=result.points.position_world_m[rows],
+        half_sizes=np.column_stack([within.ellipse_95_m[rows], np.full(len(rows), FLAT_M)]),
+        quaternions=_yaw_quaternions(within.ellipse_azimuth_rad[rows]),
+        colors=colours[rows],
+        fill_mode="solid",
     )
 
 
@@ -212,16 +230,9 @@ def _points(recorder: Recorder, result: Result, scene: Scene) -> None:
     grounded = np.flatnonzero(~points.is_off_ground)
     for start in range(0, len(grounded), MOST_ELLIPSOIDS):
         part = grounded[start : start + MOST_ELLIPSOIDS]
-        flat = np.full(len(position[part]), FLAT_M)
         recorder.static(
             f"survey/points/ellipse_95_true_size/{start // MOST_ELLIPSOIDS}",
-            rr.Ellipsoids3D(
-                centers=position[part],
-                half_sizes=np.column_stack([within.ellipse_95_m[part], flat]),
-                quaternions=_yaw_quaternions(within.ellipse_azimuth_rad[part]),
-                colors=colours[part],
-                fill_mode="solid",
-            ),
+            _flat_ellipses(result, part, colours),
         )
     if has_outlines(result):
         outlines = ellipse_outlines(
