@@ -43,7 +43,7 @@ from uavgram.views.recording.world.footprint_marks import ALL, CURRENT
 from uavgram.views.recording.world.geography import MAP, has_map
 from uavgram.views.recording.world.heights import ELLIPSOIDS, RULERS, SIDE_TEXTS
 from uavgram.views.recording.world.legend import LEGEND
-from uavgram.views.recording.world.survey import CLOSE_UP
+from uavgram.views.recording.world.points import CLOSE_UP
 from uavgram.views.style import Rgb
 from uavgram.views.survey.frame_states import frame_counts
 from uavgram.views.wording import axes_text

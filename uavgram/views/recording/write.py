@@ -24,7 +24,8 @@ from uavgram.views.recording.stream import Recorder, open_recording
 from uavgram.views.recording.world.footprint_marks import log_footprints
 from uavgram.views.recording.world.geography import log_map, log_origin
 from uavgram.views.recording.world.legend import log_legend
-from uavgram.views.recording.world.survey import log_close_up, log_survey
+from uavgram.views.recording.world.points import log_close_up
+from uavgram.views.recording.world.survey import log_survey
 
 log = logging.getLogger(__name__)
 
