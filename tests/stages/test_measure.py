@@ -43,6 +43,11 @@ class Points:
             frame_id=("f0", "f1"),
             pick_frame=np.array(pick_frame),
             pick_label=np.arange(len(pick_frame)),
+            area=np.zeros(len(LABELS), dtype=int),
+            grounds=(SimpleNamespace(roughness_sigma_m=0.02),),
+            height_above_m=np.zeros(len(LABELS)),
+            height_sigma_m=np.zeros(len(LABELS)),
+            is_free=np.array(LABELS) == "E",
         )
         self.problem = SimpleNamespace(layout=SimpleNamespace(size=size))
         self.minimum = SimpleNamespace(
@@ -53,6 +58,11 @@ class Points:
         """The unknowns are the points' coordinates."""
         columns = 3 * np.asarray(label)[:, None] + np.arange(3)
         return self.world[label], np.tile(np.eye(3), (len(label), 1, 1)), columns
+
+    def ground_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:
+        """The smooth ground is z = 0, known exactly."""
+        world, jacobian, columns = self.points_with_jacobian(label)
+        return world * [1, 1, 0], jacobian * [[1], [1], [0]], columns
 
 
 class Changes(TypedDict, total=False):
@@ -119,6 +129,34 @@ BY_HAND = {
         0.01 * np.sqrt(1 + 0.64**2 + 0.36**2),
         "m",
     ),
+    # E is 12 m over its foot, on ground that is rough by 2 cm.
+    "height": (ask("height", "E"), 12.0, np.hypot(0.01, 0.02), "m"),
+    "height of another": (ask("height", "AE"), 12.0, 0.01 * np.sqrt(2), "m"),
+    "vertical_distance": (ask("vertical_distance", "EA"), -12.0, 0.01 * np.sqrt(2), "m"),
+    "horizontal_distance": (ask("horizontal_distance", "EB"), 5.0, 0.01 * np.sqrt(2), "m"),
+    # 12 up on 5 along, 13 m apart: 1 cm across turns it by 1 / 1300 at each end.
+    "slope": (
+        ask("slope", "BE"),
+        np.degrees(np.arctan2(12, 5)),
+        np.degrees(0.01 * np.sqrt(2) / 13),
+        "deg",
+    ),
+    # The foot (6, 8) of E: shares -3, 2 and 2 of A, C and D, that turn against the clock.
+    "plane_distance": (
+        ask("plane_distance", "EACD"),
+        12.0,
+        0.01 * np.sqrt(1 + 9 + 4 + 4),
+        "m",
+    ),
+    # 12 m2 seen from above, E 12 m high, A and C on the ground: 4 m on average. A corner that moves
+    # sideways takes half of the side opposite to it with it, under 4 m; E up a third of the 12 m2.
+    "volume": (
+        ask("volume", "ACE"),
+        12.0 * 4.0,
+        np.hypot(0.01 * np.sqrt(2**2 * (3**2 + 8**2 + 10**2 + 3**2) + 4**2), 0.02 * 4.0),
+        "m3",
+    ),
+    "profile": (ask("profile", "ACB"), 5.0, 0.01 * np.sqrt(2), "m"),
 }
 
 
@@ -134,6 +172,15 @@ def test_value_sigma_and_unit_by_hand(
     assert results.interval_95[0] == pytest.approx(
         [value - 1.959964 * sigma, value + 1.959964 * sigma]
     )
+
+
+def test_the_area_of_a_wall_is_not_that_of_its_plan() -> None:
+    wall = np.array([[0.0, 0, 0], [3, 1, 0], [3, 1, 2], [0, 0, 2], [9, 9, 9]])
+    results, messages = one(ask("area", "ABCD"), Points(world=wall))
+    assert messages == ()
+    assert results.value[0] == pytest.approx(2 * np.sqrt(10))
+    _, messages = one(ask("area", "ACBD"), Points(world=wall))
+    assert "crosses itself" in messages[0].text
 
 
 def test_a_coordinate_gives_its_east_and_its_north() -> None:

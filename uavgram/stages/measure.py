@@ -13,7 +13,15 @@ from uavgram.model.message import Message, Several
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.survey.observations import MeasurementRequest
 
-UNITS = {"area": "m2", "angle": "deg", "skid_speed": "m/s", "speed": "m/s"}
+UNITS = {
+    "area": "m2",
+    "angle": "deg",
+    "skid_speed": "m/s",
+    "speed": "m/s",
+    "slope": "deg",
+    "volume": "m3",
+}
+"""Of kinds that are no lengths [m]."""
 
 
 def measure(
@@ -68,6 +76,7 @@ def measurement_results(
         correlation=correlation,
         shift_relief_10cm=np.zeros(0) if shifted is None else shifted.relief,
         shift_tape_1pct=np.zeros(0) if shifted is None else shifted.tape,
+        parameters=tuple(row.request.parameters_text for row in measured.rows),
     )
     messages = tuple(
         Message(

@@ -22,7 +22,7 @@ NOT_UNIQUE = (
 LEVEL_RANK = {"error": 0, "warning": 1, "info": 2}
 """Order in which messages are shown."""
 
-UNIT_WORDS = {"m": "m", "m2": "m²", "deg": "°", "m/s": "m/s"}
+UNIT_WORDS = {"m": "m", "m2": "m²", "m3": "m³", "deg": "°", "m/s": "m/s"}
 
 KIND_WORDS = {
     "distance": "distance",
@@ -33,7 +33,17 @@ KIND_WORDS = {
     "coordinate": "coordinate",
     "skid_speed": "speed from skid",
     "speed": "speed",
+    "height": "height",
+    "horizontal_distance": "level distance",
+    "vertical_distance": "difference in height",
+    "slope": "slope",
+    "plane_distance": "distance from plane",
+    "volume": "volume",
+    "profile": "profile: its length",
 }
+
+SIGNED_KINDS = frozenset({"coordinate", "height", "vertical_distance", "plane_distance"})
+"""Metres of which a value near zero says nothing of how well it is known."""
 
 LINE_STATUS_WORDS = {
     "used": "used",
@@ -249,7 +259,7 @@ def measurement_text(rows: MeasurementResults, row: int) -> MeasurementText:
         points=rows.points[row],
         value=with_sigma(value, sigma, unit),
         interval=interval(low, high, sigma, unit),
-        relative="–" if rows.kind[row] == "coordinate" else relative(value, sigma, unit),
+        relative="–" if rows.kind[row] in SIGNED_KINDS else relative(value, sigma, unit),
         others=alternatives_text(rows, row),
     )
 
@@ -296,8 +306,9 @@ def worst_first(measurements: MeasurementResults) -> Ints:
     """Order in which to show measurements: no value, not the only value, then the least certain.
 
     Uncertainty is compared relative to the value; for angles as the angle itself in radians; for
-    coordinates, whose value says nothing of scale, relative to the median measured distance. Where
-    other solutions give other values, the farthest of these counts in place of sigma.
+    coordinates and heights, whose value says nothing of scale, relative to the median measured
+    distance. Where other solutions give other values, the farthest of these counts in place of
+    sigma.
 
     Returns
     -------
@@ -305,9 +316,10 @@ def worst_first(measurements: MeasurementResults) -> Ints:
     """
     value, sigma = np.abs(measurements.value), measurements.sigma
     kind, unit = np.array(measurements.kind, dtype=str), np.array(measurements.unit, dtype=str)
-    lengths = value[(unit == "m") & (kind != "coordinate") & np.isfinite(value)]
+    signed = np.isin(kind, list(SIGNED_KINDS))
+    lengths = value[(unit == "m") & ~signed & np.isfinite(value)]
     typical_m = float(np.median(lengths)) if lengths.size else 1.0
-    scale = np.where(kind == "coordinate", max(typical_m, 1e-9), np.maximum(value, 1e-9))
+    scale = np.where(signed, max(typical_m, 1e-9), np.maximum(value, 1e-9))
     away = [
         max((abs(other - here) for other in others), default=0.0)
         for others, here in zip(measurements.alternative_values, measurements.value, strict=True)

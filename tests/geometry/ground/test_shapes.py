@@ -23,6 +23,7 @@ COUNT: dict[Measure, int] = {
     shapes.area: 6,
     shapes.angle: 3,
     shapes.line_distance: 3,
+    shapes.plane_distance: 4,
 }
 
 
@@ -65,6 +66,23 @@ def test_line_distance_is_perpendicular_also_beyond_the_ends() -> None:
     value, gradient = shapes.line_distance(points)
     assert value == 5
     np.testing.assert_allclose(gradient @ [0, 0.6, 0.8], [1, 4, -5])
+
+
+def test_plane_distance_is_positive_where_the_three_go_round_against_the_clock() -> None:
+    points = np.array([[7.0, -5, 0.3], [0, 0, 0], [4, 0, 0], [0, 3, 0]])
+    value, gradient = shapes.plane_distance(points)
+    assert value == pytest.approx(0.3)
+    # By hand: 7 / 4 and -5 / 3 are the foot's shares of the two legs.
+    np.testing.assert_allclose(gradient[:, 2], [1, -1 + 7 / 4 - 5 / 3, -7 / 4, 5 / 3])
+    assert shapes.plane_distance(points[[0, 1, 3, 2]])[0] == pytest.approx(-0.3)
+
+
+def test_plane_distance_equals_the_height_of_a_tetrahedron() -> None:
+    points = np.random.default_rng(5).normal(size=(4, 3))
+    legs = points[1:] - points[0]
+    base = shapes.area(points[1:])[0]
+    six_volumes = abs(np.linalg.det(legs))
+    assert abs(shapes.plane_distance(points)[0]) == pytest.approx(six_volumes / 2 / base)
 
 
 @pytest.mark.parametrize("measure", COUNT)
@@ -113,6 +131,8 @@ def test_moving_and_turning_change_nothing_and_scaling_scales(
         (shapes.angle, [[-1, 0, 0], [0, 0, 0], [2, 0, 0]]),
         (shapes.line_distance, [[0, 1, 0], [2, 0, 0], [2, 0, 0]]),
         (shapes.line_distance, [[1, 0, 0], [0, 0, 0], [2, 0, 0]]),
+        (shapes.plane_distance, [[1, 0, 5], [0, 0, 0], [0.1, 0.1, 0.1], [0.3, 0.3, 0.3]]),
+        (shapes.plane_distance, [[1, 0, 5], [0, 0, 0], [0, 0, 0], [1, 3, 0]]),
         (shapes.distance, [[1, 2, np.nan], [1, 2, 3]]),
     ],
 )
@@ -156,6 +176,14 @@ def test_outlines_that_cross_or_touch_themselves(
     assert shapes.polygon_self_intersects(corner) is crosses
     assert shapes.polygon_self_intersects(corner[::-1]) is crosses
     assert shapes.polygon_self_intersects(np.roll(corner, 1, axis=0)) is crosses
+
+
+@pytest.mark.parametrize("turn", [(0.0, 0, 0), (np.pi / 2, 0, 0), (0.9, 1.1, -0.4)])
+def test_the_outline_of_a_wall_is_judged_in_its_own_plane(turn: tuple[float, ...]) -> None:
+    wall = SQUARE @ exp_so3(np.array(turn)).T + [30.0, -8, 2]
+    assert not shapes.outline_crosses_itself(wall)
+    assert shapes.outline_crosses_itself(wall[[0, 2, 1, 3]])
+    assert not shapes.outline_crosses_itself(wall[[0, 1, 0, 1]])  # in line: there is none
 
 
 @pytest.mark.parametrize("measure", COUNT)

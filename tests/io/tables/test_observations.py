@@ -150,7 +150,12 @@ def test_a_header_alone_is_a_table_without_rows(write: Write) -> None:
         (read_lines, LINES + "n,a,b,1,1,chek\n", 2, "(got 'chek'): did you mean 'check'?"),
         (read_lines, LINES + "n,a,b,NaN,1,\n", 2, "must be a number (got 'NaN')"),
         (read_measure, MEASURE + "m,distnace,a;b,\n", 2, "did you mean 'distance'?"),
-        (read_measure, MEASURE + "m,volume,a;b,\n", 2, "unknown kind 'volume': known are distance"),
+        (
+            read_measure,
+            MEASURE + "m,curvature,a;b,\n",
+            2,
+            "unknown kind 'curvature': known are distance",
+        ),
         (read_measure, MEASURE + "m,distance,a;b;c,\n", 2, "needs 2 labels joined by ';' (got 3"),
         (read_measure, MEASURE + "m,area,a;b,\n", 2, "needs at least 3 labels"),
         (read_measure, MEASURE + "m,angle,a;b,\n", 2, "needs 3 labels"),
@@ -166,6 +171,13 @@ def test_a_header_alone_is_a_table_without_rows(write: Write) -> None:
         (read_measure, MEASURE + "m,skid_speed,a;b,mu=x;mu_sigma=0\n", 2, "must be a number"),
         (read_measure, MEASURE + "m,skid_speed,a;b,mu=1;mu=2;mu_sigma=0\n", 2, "there twice"),
         (read_measure, MEASURE + "m,skid_speed,a;b,mu 1;mu_sigma=0;mu=1\n", 2, "name=number"),
+        (read_measure, MEASURE + "m,height,a;b;c,\n", 2, "needs 1 or 2 labels"),
+        (read_measure, MEASURE + "m,plane_distance,a;b;c,\n", 2, "needs 4 labels"),
+        (read_measure, MEASURE + "m,volume,a;b;c,top=1\n", 2, "at least 4 labels"),
+        (read_measure, MEASURE + "m,volume,a;b;c;d;e,plane=1\n", 2, "three of the plane below"),
+        (read_measure, MEASURE + "m,volume,a;b;c;d,top=0\n", 2, "can only be 1"),
+        (read_measure, MEASURE + "m,volume,a;b;c;d;e;f,plane=1;level=2\n", 2, "remove one"),
+        (read_measure, MEASURE + "m,volume,a;b;c,hight=2\n", 2, "it has top, level, plane"),
         (read_measure, MEASURE + "m,distance,a;b,mu=1\n", 2, "unknown parameter 'mu'"),
         (read_measure, MEASURE + "m,distance,a;b,\nm,area,a;b;c,\n", 3, "'m' stands in line 2"),
         (read_known_points, "label,sigma_m\na,1\n", 1, "give either latitude_deg"),
@@ -219,3 +231,16 @@ def test_the_real_tables_load(data_dir: Path, flight: str) -> None:
     assert len(picks.label) == len((folder / "picks.csv").read_text().splitlines()) - 1
     assert {*lines.start, *lines.end} <= set(picks.label)
     assert len(requests) > 0
+
+
+def test_a_volume_may_have_a_top_and_something_to_lie_on(write: Write) -> None:
+    rows = "v,volume,a;b;c,\nt,volume,a;b;c;d,top=1\np,volume,a;b;c;d;e;f,plane=1\n"
+    requests = read_measure(write(MEASURE + rows + "l,volume,a;b;c,level=-1.5\nh,height,a,\n"))
+
+    assert [r.parameters for r in requests] == [
+        (),
+        (("top", 1.0),),
+        (("plane", 1.0),),
+        (("level", -1.5),),
+        (),
+    ]

@@ -16,7 +16,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.demo.road import ScenePoint
 from uavgram.model.demo.scenario import DemoScenario, ErrorSpec
 from uavgram.model.demo.simulated import SimulatedSurvey
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
 from uavgram.stages.simulate.motion import gauss_markov
 from uavgram.stages.simulate.quantities import measured_values
 from uavgram.stages.simulate.survey import simulate
@@ -206,6 +206,37 @@ def test_true_values_of_measurements_are_those_of_known_figures() -> None:
     np.testing.assert_allclose(values, expected, rtol=1e-12)
     assert names[-2:] == ("place east", "place north")
     assert units == ("m", "m", "m2", "deg", "m", "m/s", "m", "m")
+
+
+def test_true_heights_slopes_and_volumes_are_those_of_known_figures() -> None:
+    rows = {label: i for i, label in enumerate("abcdefgh")}
+    base = [[0.0, 0, 0], [3, 0, 0], [3, 4, 0], [0, 4, 0]]
+    points = np.array([*base, [1, 1, 6], [1, 1, 9], [4, 5, 6], [4, 1, 6]])
+
+    def ask(kind: MeasurementKind, labels: str, **parameters: float) -> MeasurementRequest:
+        return MeasurementRequest(
+            name=kind, kind=kind, points=tuple(labels), parameters=tuple(parameters.items())
+        )
+
+    requests = (
+        ask("height", "ae"),
+        ask("height", "e"),
+        ask("vertical_distance", "fe"),
+        ask("horizontal_distance", "eg"),
+        ask("slope", "ag"),
+        ask("plane_distance", "eabc"),
+        ask("plane_distance", "eacb"),
+        ask("profile", "abg"),
+        ask("volume", "abcd"),
+        ask("volume", "abcd", level=-2.0),
+        ask("volume", "abcde", level=0.0, top=1.0),  # a pyramid
+        ask("volume", "abcdegh", plane=1.0),  # below z = 6
+    )
+    _, values, units = measured_values(requests, rows, points)
+    slope = np.degrees(np.arctan2(6, np.hypot(4, 5)))
+    expected = [6, 0, -3, 5, slope, 6, -6, np.hypot(4, 5), 0, 24, 24, -72]
+    np.testing.assert_allclose(values, expected, atol=1e-12)
+    assert units == (*"mmmm", "deg", *"mmm", *["m3"] * 4)
 
 
 def test_a_scenario_that_contradicts_itself_is_refused() -> None:

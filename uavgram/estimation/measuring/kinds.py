@@ -1,7 +1,8 @@
 """What can be measured: each kind's value, and how it depends on its points.
 
-A kind is one function of the world coordinates of its points; stages turn the gradients into
-sigmas, or sample the values.
+A kind is one function of the world coordinates of its points, and where it is measured from the
+ground, of the places on it straight below them; stages turn the gradients into sigmas, or sample
+the values.
 """
 
 from __future__ import annotations
@@ -12,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import near_miss
-from uavgram.geometry.ground import shapes
-from uavgram.model.arrays import Floats
+from uavgram.geometry.ground import measurable, shapes
+from uavgram.geometry.ground.measurable import UnmeasurableError
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.survey import Survey
@@ -22,6 +24,9 @@ STANDARD_GRAVITY = 9.80665
 """m/s^2 (CGPM 1901); the local value differs by less than 0.3 %, a speed by less than 0.15 %."""
 
 AXES = ("east", "north")
+
+BELOW = "roughness of the ground below "
+"""Before the label in the name of such a source of error."""
 
 
 class Measurand(NamedTuple):
@@ -35,10 +40,8 @@ class Measurand(NamedTuple):
     others: Mapping[str, float]
     """Other sources of error by name (``time of IMG_1.jpg``): signed derivative times sigma.
     Two values that share a source are correlated through it."""
-
-
-class UnmeasurableError(ValueError):
-    """Why a measurement has no value."""
+    by_feet: Floats | None = None
+    """(k, 3) by the places on the smooth ground straight below the points; None: not at all."""
 
 
 def exact(source: str) -> float:  # noqa: ARG001  (the error of every source)
@@ -69,6 +72,7 @@ def measurands(
     survey: Survey,
     frames: Frames,
     error: Callable[[str], float] = exact,
+    feet: Floats | None = None,
 ) -> list[Measurand]:
     """Values of one request, with gradients.
 
@@ -79,9 +83,13 @@ def measurands(
     points
         (k, 3) world coordinates of its points.
     survey, frames
-        For ``speed``: which frames see the points, and their times.
+        For ``speed``: which frames see the points, and their times. For what is measured from the
+        ground: which points are off it, and how rough it is.
     error
         Name of another source (friction, a time) to its error, in its sigmas; to sample them.
+    feet
+        (k, 3) places on the smooth ground straight below the points; needed where
+        `refers_to_ground` says so.
 
     Raises
     ------
@@ -98,21 +106,18 @@ def measurands(
         return [_skid_speed(request, points, error)]
     if kind == "speed":
         return [_speed(request, points, survey, frames, error)]
-    value, gradient = getattr(shapes, kind)(points)
-    measurable = np.isfinite(value) and np.isfinite(gradient).all()
-    if kind == "area" and _crosses_itself(points):
-        raise UnmeasurableError("its outline crosses itself: give the points in order around it")
-    if not measurable:
-        raise UnmeasurableError("its points coincide or lie in line")
-    if kind == "angle":
-        value, gradient = np.rad2deg(value), np.rad2deg(gradient)
-    return [Measurand(request.name, request, float(value), gradient, {})]
+    if refers_to_ground(request):
+        if feet is None:
+            raise ValueError(f"{kind} of {request.points} needs the feet of its points")
+        return [_over_ground(request, points, feet, survey, error)]
+    value, gradient = measurable.shape_of(kind, points, dict(request.parameters))
+    return [Measurand(request.name, request, value, gradient, {})]
 
 
-def _crosses_itself(outline: Floats) -> bool:
-    """Whether an outline (k, 3) with an extent in two directions does."""
-    in_line = np.linalg.matrix_rank(np.diff(outline, axis=0)) < 2
-    return not in_line and shapes.polygon_self_intersects(outline[:, :2])
+def refers_to_ground(request: MeasurementRequest) -> bool:
+    """Whether a request is measured from the ground straight below its points."""
+    parameters = dict(request.parameters)
+    return measurable.refers_to_ground(request.kind, len(request.points), parameters)
 
 
 def _skid_speed(
@@ -165,6 +170,83 @@ def _speed(
         for (source, sigma), derivative in zip(sources, by_time, strict=True)
     }
     return Measurand(request.name, request, speed, gradient / abs(elapsed), timing)
+
+
+def _over_ground(
+    request: MeasurementRequest,
+    points: Floats,
+    feet: Floats,
+    survey: Survey,
+    error: Callable[[str], float],
+) -> Measurand:
+    """What is measured from the ground below, and how its roughness adds to the sigma."""
+    label = np.array([survey.label.index(one) for one in request.points])
+    below = ground_below(survey, label, points, feet)
+    if request.kind == "height" and below.told.all():
+        raise UnmeasurableError(_stated(request.points[0], float(survey.height_above_m[label][0])))
+    sources = [f"{BELOW}{one}" for one in request.points]
+    lifted = below.feet.copy()
+    lifted[:, 2] += below.sigma_m * [error(one) for one in sources]
+    value, by_points, by_feet = measurable.over_ground(
+        request.kind, points, lifted, dict(request.parameters)
+    )
+    effects = dict(zip(sources, (by_feet[:, 2] * below.sigma_m).tolist(), strict=True))
+    told = below.told[:, None]
+    return Measurand(
+        request.name,
+        request,
+        value,
+        by_points + np.where(told, by_feet, 0.0),
+        {source: effect for source, effect in effects.items() if effect},
+        np.where(told, 0.0, by_feet),
+    )
+
+
+class GroundBelow(NamedTuple):
+    """The ground straight below k points.
+
+    Attributes
+    ----------
+    feet
+        (k, 3) places on it [m].
+    told
+        (k,) where the point tells them: it stands on the ground, or as high over it as is stated
+        without a sigma. Then the foot moves with the point.
+    sigma_m
+        (k,) how rough the ground is there: its own departure from the smooth one. 0 where the
+        point tells where it is.
+    """
+
+    feet: Floats
+    told: Bools
+    sigma_m: Floats
+
+
+def ground_below(survey: Survey, label: Ints, points: Floats, feet: Floats) -> GroundBelow:
+    """The ground below points, of which it is known that some stand on it.
+
+    Parameters
+    ----------
+    survey
+        Which do.
+    label
+        (k,) of the points, by index.
+    points, feet
+        (k, 3) and the places on the smooth ground straight below them [m].
+    """
+    told = np.asarray((survey.height_sigma_m[label] == 0) & ~survey.is_free[label])
+    roughness = np.array([survey.grounds[a].roughness_sigma_m for a in survey.area[label]])
+    below = points - np.outer(survey.height_above_m[label], [0.0, 0.0, 1.0])
+    return GroundBelow(np.where(told[:, None], below, feet), told, np.where(told, 0.0, roughness))
+
+
+def _stated(label: str, height_m: float) -> str:
+    """Why the height of a point is none that could be measured."""
+    where = f"stands {height_m:g} m over it, as stated" if height_m else "is a point on it"
+    return (
+        f"the height is that over the ground, and {label!r} {where}: write `free` as the "
+        "height_m of its picks, to have it found"
+    )
 
 
 def unmeasured(request: MeasurementRequest) -> list[Measurand]:

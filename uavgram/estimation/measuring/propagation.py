@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from uavgram.estimation.measuring.kinds import (
     Measurand,
-    UnmeasurableError,
     exact,
     measurands,
+    refers_to_ground,
     require_picked,
     unmeasured,
 )
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.unknowns import State
+from uavgram.geometry.ground.measurable import UnmeasurableError
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
+
+CANCELLED = 1e-12
+"""Share of its parts below which a derivative is their rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,19 +87,12 @@ def propagate(
     size = adjustment.problem.layout.size
     for request in requests:
         try:
-            require_picked(request, adjustment.survey.label)
-            label = np.array([place[p] for p in request.points], dtype=np.int64)
-            world, jacobian, unknowns = adjustment.points_with_jacobian(label)
-            found = measurands(request, world, adjustment.survey, frames)
+            found = _measured(adjustment, request, frames, place)
         except UnmeasurableError as why:
-            found = unmeasured(request)
+            found = [(row, np.zeros(size)) for row in unmeasured(request)]
             why_not.append((request.name, str(why)))
-        for row in found:
-            column = np.zeros(size)
-            if row.gradient is not None:  # a point may occur twice in one outline
-                np.add.at(column, unknowns, np.einsum("ni,nik->nk", row.gradient, jacobian))
-            columns.append(column)
-        rows += found
+        rows += [row for row, _ in found]
+        columns += [column for _, column in found]
     gradient = np.stack(columns, axis=1) if columns else np.zeros((size, 0))
     solved = adjustment.minimum.factor.solve(gradient) if columns else gradient
     covariance = gradient.T @ solved + _of_others(rows)
@@ -104,6 +101,39 @@ def propagate(
     return MeasuredValues(
         tuple(rows), gradient, solved, 0.5 * (covariance + covariance.T), tuple(why_not)
     )
+
+
+def _measured(
+    adjustment: Adjustment,
+    request: MeasurementRequest,
+    frames: Frames,
+    place: Mapping[str, int],
+) -> list[tuple[Measurand, Floats]]:
+    """Values of one request, and the gradient of each (size,) by the unknowns."""
+    survey = adjustment.survey
+    require_picked(request, survey.label)
+    label = np.array([place[p] for p in request.points], dtype=np.int64)
+    world, jacobian, unknowns = adjustment.points_with_jacobian(label)
+    feet, feet_jacobian, feet_unknowns = (None, jacobian, unknowns)
+    if refers_to_ground(request):
+        feet, feet_jacobian, feet_unknowns = adjustment.ground_with_jacobian(label)
+    found = []
+    for row in measurands(request, world, survey, frames, feet=feet):
+        by_points, by_feet = row.gradient, row.by_feet
+        parts = [] if by_points is None else [(unknowns, by_points, jacobian)]
+        parts += [] if by_feet is None else [(feet_unknowns, by_feet, feet_jacobian)]
+        column, largest = np.zeros(adjustment.problem.layout.size), 0.0
+        for where, gradient, by_unknowns in parts:
+            part = np.einsum("ni,nik->nk", gradient, by_unknowns)
+            np.add.at(column, where, part)  # a point may occur twice in one outline
+            largest = max(largest, float(np.abs(part).max()))
+        if not row.others and np.abs(column).max() <= CANCELLED * largest:
+            raise UnmeasurableError(
+                "nothing that was observed bears on it: its heights are all stated, or up is "
+                "only known as at right angles to the ground, for want of a flight log"
+            )
+        found.append((row, column))
+    return found
 
 
 def _of_others(rows: list[Measurand]) -> Floats:
@@ -145,7 +175,10 @@ def values_at(
             require_picked(request, survey.label)
             label = np.array([place[p] for p in request.points], dtype=np.int64)
             world, _, _ = adjustment.problem.world_points(state, label)
-            found = measurands(request, world, survey, frames, error)
+            feet = None
+            if refers_to_ground(request):
+                feet, _, _ = adjustment.problem.ground_points(state, label)
+            found = measurands(request, world, survey, frames, error, feet)
         except UnmeasurableError:
             found = unmeasured(request)
         values += [row.value for row in found]

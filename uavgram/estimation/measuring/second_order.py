@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import helmert
 
+from uavgram.estimation.measuring.kinds import refers_to_ground
 from uavgram.estimation.measuring.propagation import MeasuredValues, values_at
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.refit import refit
@@ -147,23 +148,35 @@ def _directions(
     """
     survey = adjustment.survey
     label = np.unique([survey.label.index(p) for p in request.points])
+    size = adjustment.problem.layout.size
     _, jacobian, columns = adjustment.points_with_jacobian(label)
-    spread = np.zeros((adjustment.problem.layout.size, 3 * len(label)))
-    at = 3 * np.arange(len(label))[:, None, None] + np.arange(3)[:, None]
-    np.add.at(spread, (columns[:, None, :], at), jacobian)
-    # Their mean apart from what parts them: all may share an error a million times as large.
-    spread = spread @ np.kron(helmert(len(label), full=True).T, np.eye(3))
+    spread = _spread(size, jacobian, columns)
+    if refers_to_ground(request):
+        _, of_feet, _ = adjustment.ground_with_jacobian(label)
+        spread = np.concatenate([spread, _spread(size, jacobian - of_feet, columns)], axis=1)
     solved = adjustment.minimum.factor.solve(spread)
     joint = spread.T @ solved
-    size = np.sqrt(np.diag(joint))
-    size = np.where(size > 0, size, 1.0)
-    variance, axes = np.linalg.eigh(joint / np.outer(size, size))
+    sigma = np.sqrt(np.diag(joint))
+    sigma = np.where(sigma > 0, sigma, 1.0)
+    variance, axes = np.linalg.eigh(joint / np.outer(sigma, sigma))
     kept = variance > FLAT * variance.max()
-    whitened = (axes[:, kept] / np.sqrt(variance[kept])) / size[:, None]
+    whitened = (axes[:, kept] / np.sqrt(variance[kept])) / sigma[:, None]
     steps = solved @ whitened
     towards = steps.T @ measured.gradient[:, rows]
     turned, _ = np.linalg.qr(np.concatenate([towards, np.eye(len(towards))], axis=1))
     return np.asarray((steps @ turned).T)
+
+
+def _spread(size: int, jacobian: Floats, columns: Ints) -> Floats:
+    """(size, 3n) gradients of n places, their mean apart from what parts them.
+
+    All may share an error a million times as large.
+    """
+    n = len(jacobian)
+    spread = np.zeros((size, 3 * n))
+    at = 3 * np.arange(n)[:, None, None] + np.arange(3)[:, None]
+    np.add.at(spread, (columns[:, None, :], at), jacobian)
+    return np.asarray(spread @ np.kron(helmert(n, full=True).T, np.eye(3)))
 
 
 def _collect(pairs: Floats, measured: MeasuredValues, rows: Ints, found: Curvature) -> None:

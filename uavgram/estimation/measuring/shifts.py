@@ -63,8 +63,9 @@ def by_heights(adjustment: Adjustment, measured: MeasuredValues) -> Floats:
     label = {name: k for k, name in enumerate(survey.label)}
     total = np.zeros((len(label), len(measured.rows)))
     for m, row in enumerate(measured.rows):
-        if row.gradient is not None:
-            np.add.at(total[:, m], [label[name] for name in row.request.points], row.gradient[:, 2])
+        if row.gradient is not None:  # the ground below a point rises with the surface
+            up = row.gradient[:, 2] + (0.0 if row.by_feet is None else row.by_feet[:, 2])
+            np.add.at(total[:, m], [label[name] for name in row.request.points], up)
     for kind, point, by_height in _residuals_by_height(adjustment):
         block = adjustment.minimum.blocks[kind]
         response = np.einsum(

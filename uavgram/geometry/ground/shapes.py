@@ -2,7 +2,7 @@
 
 Every function takes (K, 3) points [m] and returns the value and its gradient (K, 3) by the points.
 Where the value has no derivative (coincident points, a flat angle, a point on the line), both are
-NaN: no standard deviation could be given for it.
+NaN: no standard deviation could be given for it. What tells up from sideways is in `heights`.
 """
 
 from __future__ import annotations
@@ -12,6 +12,9 @@ import numpy as np
 from uavgram.model.arrays import Bools, Floats
 
 Measured = tuple[float, Floats]
+
+IN_LINE = 1e-12
+"""Sine between two directions, or width over length, below which it is rounding."""
 
 
 def distance(points: Floats) -> Measured:
@@ -27,7 +30,7 @@ def distance(points: Floats) -> Measured:
     value, gradient
         Metres, and (2, 3) without unit; NaN for coincident points.
     """
-    return polyline(_checked(points, exactly=2))
+    return polyline(checked(points, exactly=2))
 
 
 def polyline(points: Floats) -> Measured:
@@ -43,12 +46,12 @@ def polyline(points: Floats) -> Measured:
     value, gradient
         Metres, and (K, 3) without unit; NaN where two neighbours coincide.
     """
-    points = _checked(points, at_least=2)
+    points = checked(points, at_least=2)
     unit, length = _unit(points[1:] - points[:-1])
     gradient = np.zeros_like(points)
     gradient[1:] += unit
     gradient[:-1] -= unit
-    return _defined(float(length.sum()), gradient)
+    return defined(float(length.sum()), gradient)
 
 
 def area(points: Floats) -> Measured:
@@ -67,11 +70,11 @@ def area(points: Floats) -> Measured:
     value, gradient
         Square metres, and (K, 3) in metres; NaN where the points lie on one line.
     """
-    points = _checked(points, at_least=3)
+    points = checked(points, at_least=3)
     local = points - points.mean(axis=0)  # far from the origin the products would cancel
     after, before = np.roll(local, -1, axis=0), np.roll(local, 1, axis=0)
     normal, size = _unit(0.5 * np.cross(local, after).sum(axis=0))
-    return _defined(float(size), 0.5 * np.cross(after - before, normal))
+    return defined(float(size), 0.5 * np.cross(after - before, normal))
 
 
 def angle(points: Floats) -> Measured:
@@ -88,14 +91,14 @@ def angle(points: Floats) -> Measured:
         Radians from 0 to pi, and (3, 3) in rad/m; NaN where a leg has no length, and for angles of
         exactly 0 or pi.
     """
-    points = _checked(points, exactly=3)
+    points = checked(points, exactly=3)
     legs, lengths = _unit(points[[0, 2]] - points[1])
     cosine = float(legs[0] @ legs[1])
     # Kahan: atan2 keeps its digits where the arc cosine loses them.
     value = float(np.arctan2(np.linalg.norm(np.cross(legs[0], legs[1])), cosine))
     across, _ = _unit(legs[::-1] - cosine * legs)  # from each leg towards the other
     ends = -across / lengths[:, None]
-    return _defined(value, np.stack([ends[0], -ends.sum(axis=0), ends[1]]))
+    return defined(value, np.stack([ends[0], -ends.sum(axis=0), ends[1]]))
 
 
 def line_distance(points: Floats) -> Measured:
@@ -112,13 +115,52 @@ def line_distance(points: Floats) -> Measured:
         Metres, and (3, 3) without unit; NaN where the two points coincide, or the first lies on
         the line.
     """
-    points = _checked(points, exactly=3)
+    points = checked(points, exactly=3)
     along, length = _unit(points[2] - points[1])
     offset = points[0] - points[1]
     foot = offset @ along
     normal, value = _unit(offset - foot * along)
     share = foot / length  # 0 where the foot is the line's first point, 1 at its second
-    return _defined(float(value), np.stack([normal, (share - 1) * normal, -share * normal]))
+    return defined(float(value), np.stack([normal, (share - 1) * normal, -share * normal]))
+
+
+def plane_distance(points: Floats) -> Measured:
+    """Measure the perpendicular distance [m] of a point from a plane, with its side.
+
+    Parameters
+    ----------
+    points
+        (4, 3) [m]: the point, then three points of the plane.
+
+    Returns
+    -------
+    value, gradient
+        Metres, positive on the side from which the three are seen to go round against the clock,
+        and (4, 3) without unit; NaN where the three lie in line.
+    """
+    points = checked(points, exactly=4)
+    legs = points[2:] - points[1]
+    across = np.cross(legs[0], legs[1])
+    normal, size = _unit(across)
+    if not size > IN_LINE * np.linalg.norm(legs, axis=1).prod():
+        return defined(np.nan, np.zeros_like(points))
+    offset = points[0] - points[1]
+    # The foot of the point on the plane: its shares of the two legs (Cramer's rule).
+    second = float(np.cross(offset, legs[1]) @ normal / size)
+    third = float(np.cross(legs[0], offset) @ normal / size)
+    weight = np.array([1.0, second + third - 1.0, -second, -third])
+    return defined(float(offset @ normal), weight[:, None] * normal)
+
+
+def outline_crosses_itself(outline: Floats) -> bool:
+    """Whether an outline (K, 3) does, seen at right angles to the plane that fits it best.
+
+    Points in line make no outline that could.
+    """
+    local = outline - outline.mean(axis=0)
+    _, size, axes = np.linalg.svd(local, full_matrices=False)
+    flat = size[1] > IN_LINE * size[0]
+    return bool(flat) and polygon_self_intersects(local @ axes[:2].T)
 
 
 def polygon_self_intersects(points_2d: Floats) -> bool:
@@ -163,7 +205,16 @@ def _share_a_point(a: Floats, b: Floats, c: Floats, d: Floats) -> Bools:
     return np.asarray(straddle & (low <= high).all(axis=1))
 
 
-def _checked(points: Floats, *, exactly: int | None = None, at_least: int = 2) -> Floats:
+def checked(points: Floats, *, exactly: int | None = None, at_least: int = 2) -> Floats:
+    """The points as an array, in the number that is needed.
+
+    Parameters
+    ----------
+    points
+        (K, 3) [m].
+    exactly, at_least
+        How many are needed.
+    """
     points = np.asarray(points, np.float64)
     wanted = exactly if exactly is not None else max(at_least, len(points))
     if points.shape != (wanted, 3):
@@ -179,7 +230,7 @@ def _unit(vector: Floats) -> tuple[Floats, Floats]:
     return vector / length[..., None], length
 
 
-def _defined(value: float, gradient: Floats) -> Measured:
+def defined(value: float, gradient: Floats) -> Measured:
     """Both or neither."""
     if np.isfinite(value) and np.isfinite(gradient).all():
         return value, gradient

@@ -32,7 +32,7 @@ _LAYERS = {
     "points": ("POINTS", 7),
 }
 _LABELS, _DIMENSIONS, _NOTES = "LABELS", "DIMENSIONS", "NOTES"
-_UNITS = {"m": "m", "m2": "m²", "deg": "°", "m/s": "m/s"}
+_UNITS = {"m": "m", "m2": "m²", "m3": "m³", "deg": "°", "m/s": "m/s"}
 _DOUBT = " ?"
 """After a value that is another one in another solution that fits as well."""
 

@@ -19,7 +19,18 @@ Geometry = Record | None
 
 VERTICES = 36  # of an ellipse: its area is short of the curve's by 0.5 %
 
-_OPEN = {"distance", "polyline", "skid_speed", "speed", "angle"}
+_OPEN = {
+    "distance",
+    "polyline",
+    "skid_speed",
+    "speed",
+    "angle",
+    "horizontal_distance",
+    "vertical_distance",
+    "slope",
+    "profile",
+    "height",
+}
 _NO_PLACE = (
     "The result has no geographic position (nothing ties its world to the earth, such as a flight "
     "log), so it cannot be drawn on a map. The local coordinates are in results.json."
@@ -115,7 +126,7 @@ def _ellipse_rings(points: PointResults) -> Floats:
 
 def _measurements(measurements: MeasurementResults, points: PointResults) -> list[Record]:
     place = dict(zip(points.label, _lonlat(points).tolist(), strict=True))
-    shapes = zip(measurements.kind, measurements.points, strict=True)
+    shapes = zip(measurements.kind, measurements.outlines, strict=True)
     return _features(
         "measurement",
         (_geometry(kind, [place.get(label) for label in labels]) for kind, labels in shapes),
@@ -136,9 +147,9 @@ def _geometry(kind: str, lonlat: list[list[float] | None]) -> Geometry:
     known = [position for position in lonlat if position is not None]
     if len(known) < len(lonlat):
         return None
-    if kind == "coordinate":
+    if kind in {"coordinate", "plane_distance"} or len(known) == 1:
         return {"type": "Point", "coordinates": known[0]}
-    if kind == "area":
+    if kind in {"area", "volume"}:
         return {"type": "Polygon", "coordinates": [_counterclockwise([*known, known[0]])]}
     if kind == "line_distance":  # from the first point to its foot on the line of the others
         return {"type": "LineString", "coordinates": [known[0], _foot(known)]}

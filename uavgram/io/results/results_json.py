@@ -66,6 +66,7 @@ def dump_results(result: Result) -> str:
         "picks": tables.PICKS.dump(result.picks),
         "measurements": tables.MEASUREMENTS.dump(result.measurements),
         "measurement_correlation": encode(result.measurements.correlation),
+        "profiles": tables.PROFILES.dump(result.profiles),
         "monte_carlo": encode(result.monte_carlo),
         "removals": [
             {"step": step} | encode(one) for step, one in enumerate(result.removals, start=1)
@@ -127,6 +128,7 @@ def _result(content: Record) -> Result:
         lines=tables.LINES.load(content["lines"]),
         picks=tables.PICKS.load(content["picks"]),
         measurements=tables.load_measurements(rows, content["measurement_correlation"]),
+        profiles=tables.PROFILES.load(content.get("profiles", [])),
         monte_carlo=decode(MonteCarloResults | None, content["monte_carlo"]),
         second_order=tables.load_second_order(rows),
         evidence=tables.load_evidence(content),

@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from uavgram.io.results.codec import Json, Record, Table, encode, joined, numbers
+from uavgram.model.result.profiles import COLUMNS, ProfileResults
 from uavgram.model.result.reliability import (
     Effects,
     Evidence,
@@ -54,6 +55,13 @@ _RELATIVE = Table(
 LINES = Table(LineResults, keys={"start": "from", "end": "to"})
 PICKS = Table(PickResults, keys={"pixel_px": ("u_px", "v_px")}, shape={"residual_px": (2,)})
 MEASUREMENTS = Table(MeasurementResults, shape={"interval_95": (2,)}, elsewhere=("correlation",))
+PROFILES = Table(
+    ProfileResults,
+    keys={
+        "place_m": tuple(f"{name}_m" for name in COLUMNS),
+        "sigma_m": tuple(f"{name}_sigma_m" for name in COLUMNS),
+    },
+)
 POINT_CHECKS = Table(PointChecks, shape={"error_m": (3,), "sigma_m": (3,)})
 LINE_CHECKS = Table(LineChecks)
 _PRIORS = Table(
@@ -144,7 +152,12 @@ def _load_ellipses(records: Sequence[Record]) -> Record:
     }
 
 
-_LATER: Record = {"alternative_values": [], "shift_relief_10cm": None, "shift_tape_1pct": None}
+_LATER: Record = {
+    "alternative_values": [],
+    "shift_relief_10cm": None,
+    "shift_tape_1pct": None,
+    "parameters": "",
+}
 """What earlier files do not have."""
 
 

@@ -25,8 +25,19 @@ POINT_COUNTS: dict[MeasurementKind, tuple[int, int | None]] = {
     "coordinate": (1, 1),
     "skid_speed": (2, None),
     "speed": (2, 2),
+    "height": (1, 2),
+    "horizontal_distance": (2, 2),
+    "vertical_distance": (2, 2),
+    "slope": (2, 2),
+    "plane_distance": (4, 4),
+    "volume": (3, None),
+    "profile": (2, None),
 }
+THERE_AND_BACK: frozenset[MeasurementKind] = frozenset({"polyline", "skid_speed"})
+"""Kinds in which a point may come twice, though not twice in a row."""
+
 PARAMETERS: dict[MeasurementKind, tuple[str, ...]] = {"skid_speed": ("mu", "mu_sigma")}
+OPTIONAL_PARAMETERS: dict[MeasurementKind, tuple[str, ...]] = {"volume": ("top", "level", "plane")}
 
 
 def read_measure(path: str | Path) -> tuple[MeasurementRequest, ...]:
@@ -50,14 +61,15 @@ def read_measure(path: str | Path) -> tuple[MeasurementRequest, ...]:
                 hint = near_miss(kind, known) or f"known are {', '.join(known)}"
                 table.blame(row, f"unknown kind {kind!r}: {hint}")
             continue
-        requests.append(
-            MeasurementRequest(
-                name=table.text["name"][row],
-                kind=kind,
-                points=_points(table, row, kind),
-                parameters=_parameters(table, row, kind),
-            )
+        request = MeasurementRequest(
+            name=table.text["name"][row],
+            kind=kind,
+            points=_points(table, row, kind),
+            parameters=_parameters(table, row, kind),
         )
+        if fault := request_fault(request):
+            table.blame(row, fault)
+        requests.append(request)
     table.raise_faults()
     return tuple(requests)
 
@@ -68,7 +80,36 @@ def parameter_fault(name: str, value: float) -> str:
         return "must be greater than 0"
     if name == "mu_sigma" and value < 0:
         return "must not be negative"
+    if name in {"top", "plane"} and value != 1:
+        return "can only be 1: leave it out where it is not wanted"
     return ""
+
+
+def counted(least: int, most: int | None) -> str:
+    """How many labels a kind needs, in words."""
+    if most is None:
+        return f"at least {least}"
+    return str(least) if least == most else f"{least} or {most}"
+
+
+def request_fault(request: MeasurementRequest) -> str:
+    """Say why the parameters of a request do not go with each other, or with its points."""
+    given = dict(request.parameters)
+    if request.kind != "volume" or len(request.points) < POINT_COUNTS["volume"][0]:
+        return ""
+    if {"level", "plane"} <= given.keys():
+        return "a volume is over a level or over a plane: remove one of the two parameters"
+    least = 3 + ("top" in given) + 3 * ("plane" in given)
+    if len(request.points) >= least:
+        return ""
+    more = [words for name, words in _MORE_POINTS.items() if name in given]
+    return (
+        f"this volume needs at least {least} labels: three or more around it, "
+        f"{' and '.join(more)} (got {len(request.points)})"
+    )
+
+
+_MORE_POINTS = {"top": "one of its top", "plane": "three of the plane below"}
 
 
 def _points(table: Table, row: int, kind: MeasurementKind) -> tuple[str, ...]:
@@ -82,29 +123,30 @@ def _points(table: Table, row: int, kind: MeasurementKind) -> tuple[str, ...]:
         table.blame(row, f"points holds an empty label (got {written!r})")
     least, most = POINT_COUNTS[kind]
     if len(points) < least or (most is not None and len(points) > most):
-        wanted = str(least) if least == most else f"at least {least}"
         table.blame(
             row,
-            f"kind {kind} needs {wanted} labels joined by ';' (got {len(points)}: {written!r})",
+            f"kind {kind} needs {counted(least, most)} labels joined by ';' "
+            f"(got {len(points)}: {written!r})",
         )
     # A polyline may come back to a point, but nothing may go from a point to itself.
     for label in dict.fromkeys(a for a, b in itertools.pairwise(points) if a == b):
         table.blame(row, f"points names {label!r} twice in a row")
-    if kind not in {"polyline", "skid_speed"} and len(set(points)) < len(points):
+    if kind not in THERE_AND_BACK and len(set(points)) < len(points):
         table.blame(row, f"kind {kind} needs different points (got {written!r})")
     return points
 
 
 def _parameters(table: Table, row: int, kind: MeasurementKind) -> tuple[tuple[str, float], ...]:
     wanted = PARAMETERS.get(kind, ())
+    known = wanted + OPTIONAL_PARAMETERS.get(kind, ())
     found: dict[str, float] = {}
     for part in filter(None, (p.strip() for p in table.text["parameters"][row].split(";"))):
         name, equals, text = (piece.strip() for piece in part.partition("="))
         number = parse_number(text)
         if not equals:
             table.blame(row, f"parameters must be name=number joined by ';' (got {part!r})")
-        elif name not in wanted:
-            hint = near_miss(name, wanted) or f"it has {', '.join(wanted) or 'none'}"
+        elif name not in known:
+            hint = near_miss(name, known) or f"it has {', '.join(known) or 'none'}"
             table.blame(row, f"unknown parameter {name!r} of kind {kind}: {hint}")
         elif name in found:
             table.blame(row, f"parameter {name!r} is there twice: remove one")
@@ -121,4 +163,4 @@ def _parameters(table: Table, row: int, kind: MeasurementKind) -> tuple[tuple[st
     for name, value in found.items():
         if fault := parameter_fault(name, value):
             table.blame(row, f"parameter {name} {fault} (got {value:g})")
-    return tuple((name, found[name]) for name in wanted if name in found)
+    return tuple((name, found[name]) for name in known if name in found)

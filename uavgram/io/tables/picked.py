@@ -115,7 +115,7 @@ def _request_cells(requests: Sequence[MeasurementRequest]) -> list[Cells]:
             "name": request.name,
             "kind": request.kind,
             "points": ";".join(request.points),
-            "parameters": ";".join(f"{name}={value!r}" for name, value in request.parameters),
+            "parameters": request.parameters_text,
         }
         for request in requests
     ]

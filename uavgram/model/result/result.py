@@ -15,6 +15,7 @@ from uavgram.model.message import Message
 from uavgram.model.provenance import Provenance
 from uavgram.model.result.error_budget import ErrorBudget
 from uavgram.model.result.noise import Noise
+from uavgram.model.result.profiles import NO_PROFILES, ProfileResults
 from uavgram.model.result.reliability import ChecksOverall, Evidence, RemovalRecord, SecondOrder
 from uavgram.model.result.shared import AreaPlane, SharedResult
 from uavgram.model.result.tables import (
@@ -90,6 +91,8 @@ class Result:
     lines: LineResults
     picks: PickResults
     measurements: MeasurementResults
+    profiles: ProfileResults = NO_PROFILES
+    """Points of the measured profiles."""
     monte_carlo: MonteCarloResults | None = None
     """Where sampling was asked for."""
     second_order: SecondOrder | None = None

@@ -239,7 +239,7 @@ class MeasurementResults:
     value, sigma
         (M,) in `unit`; NaN where it cannot be computed.
     unit
-        (M,) m, m2, deg or m/s.
+        (M,) m, m2, m3, deg or m/s.
     interval_95
         (M, 2) lower and upper bound.
     correlation
@@ -255,6 +255,8 @@ class MeasurementResults:
         lower than taken; NaN where there is no value, or (left out) it was not computed.
     shift_tape_1pct
         (M,) by how much it shifts if the tapes read 1 % more; NaN likewise, and without lengths.
+    parameters
+        (M,) as measure.csv has them, such as ``mu=0.7;mu_sigma=0.05``; left out, there are none.
     """
 
     name: Annotated[tuple[str, ...], "n"]
@@ -269,16 +271,28 @@ class MeasurementResults:
     sigma_stated: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=_none)
     shift_relief_10cm: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=_none)
     shift_tape_1pct: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=_none)
+    parameters: Annotated[tuple[str, ...], "n"] = ()
 
     def __post_init__(self) -> None:
         if not len(self.sigma_stated):
             object.__setattr__(self, "sigma_stated", self.sigma)
+        if not self.parameters:
+            object.__setattr__(self, "parameters", ("",) * len(self.name))
         if not self.alternative_values:
             object.__setattr__(self, "alternative_values", ((),) * len(self.name))
         for name in ("shift_relief_10cm", "shift_tape_1pct"):
             if not len(getattr(self, name)):
                 object.__setattr__(self, name, np.full(len(self.name), np.nan))
         freeze(self)
+
+    @property
+    def outlines(self) -> tuple[tuple[str, ...], ...]:
+        """(M,) labels that are drawn: of a volume those around it, without its top and plane."""
+        beside = [("top=" in text) + 3 * ("plane=" in text) for text in self.parameters]
+        return tuple(
+            labels[: len(labels) - more] if kind == "volume" else labels
+            for labels, kind, more in zip(self.points, self.kind, beside, strict=True)
+        )
 
     @property
     def is_ambiguous(self) -> Bools:

@@ -155,6 +155,13 @@ MeasurementKind = Literal[
     "coordinate",
     "skid_speed",
     "speed",
+    "height",
+    "horizontal_distance",
+    "vertical_distance",
+    "slope",
+    "plane_distance",
+    "volume",
+    "profile",
 ]
 
 
@@ -169,10 +176,15 @@ class MeasurementRequest:
     points
         Labels in order.
     parameters
-        Numbers that the kind needs, such as mu and mu_sigma of a skid speed.
+        Numbers that the kind needs or may have, such as mu and mu_sigma of a skid speed.
     """
 
     name: str
     kind: MeasurementKind
     points: tuple[str, ...]
     parameters: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def parameters_text(self) -> str:
+        """The parameters as measure.csv has them."""
+        return ";".join(f"{name}={value!r}" for name, value in self.parameters)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
-from uavgram.io.tables.measure import POINT_COUNTS
+from uavgram.io.tables.measure import POINT_COUNTS, THERE_AND_BACK, counted, request_fault
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.refused import RefusedError
@@ -178,14 +178,13 @@ def _remove_line(state: State, do: c.RemoveLine) -> State:
 def _set_measurement(state: State, do: c.SetMeasurement) -> State:
     least, most = POINT_COUNTS[do.kind]
     if len(do.points) < least or (most is not None and len(do.points) > most):
-        wanted = str(least) if least == most else f"at least {least}"
-        raise RefusedError(f"a measurement of kind {do.kind} needs {wanted} labels")
+        raise RefusedError(f"a measurement of kind {do.kind} needs {counted(least, most)} labels")
     twice = any(a == b for a, b in itertools.pairwise(do.points))
-    if twice or (
-        do.kind not in {"polyline", "skid_speed"} and len(set(do.points)) < len(do.points)
-    ):
+    if twice or (do.kind not in THERE_AND_BACK and len(set(do.points)) < len(do.points)):
         raise RefusedError(f"a measurement of kind {do.kind} needs different labels")
     request = MeasurementRequest(**_without_was(do))
+    if fault := request_fault(request):
+        raise RefusedError(fault)
     return replace(state, requests=_with_named(state.requests, do.was, request, "measurement"))
 
 

@@ -14,7 +14,12 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, NoReturn, TypeVar, get_args
 
-from uavgram.io.tables.measure import PARAMETERS, POINT_COUNTS, parameter_fault
+from uavgram.io.tables.measure import (
+    OPTIONAL_PARAMETERS,
+    PARAMETERS,
+    POINT_COUNTS,
+    parameter_fault,
+)
 from uavgram.model.camera.calibration import LensModel
 from uavgram.model.limits import (
     LONGEST_NAME,
@@ -227,11 +232,12 @@ class _Fields:
         return tuple(_Fields({name: value}, ()).label(name) for value in values)
 
     def parameters(self) -> tuple[tuple[str, float], ...]:
-        wanted = PARAMETERS.get(self.kind, ())
+        may = OPTIONAL_PARAMETERS.get(self.kind, ())
         values = self._data.pop("parameters", {})
         if not isinstance(values, dict):
             _refuse("parameters must be an object")
         inner = _Fields(values, ())
+        wanted = PARAMETERS.get(self.kind, ()) + tuple(name for name in may if inner.has(name))
         found = tuple((name, inner.number(name, partial(parameter_fault, name))) for name in wanted)
         inner.nothing_else()
         return found

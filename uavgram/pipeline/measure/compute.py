@@ -47,6 +47,7 @@ from uavgram.stages.measure import measure, measurement_results
 from uavgram.stages.messages import in_order
 from uavgram.stages.monte_carlo import compare, sample
 from uavgram.stages.other_solutions import with_alternatives
+from uavgram.stages.profiles import profiles
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
 from uavgram.stages.scale_basis import scale_basis
@@ -130,6 +131,7 @@ def compute(
         lines=judged.lines,
         picks=judged.picks,
         measurements=measured.table,
+        profiles=profiles(adjustment, inputs.requests),
         second_order=measured.curvature,
         monte_carlo=sampled,
         evidence=judged.evidence,

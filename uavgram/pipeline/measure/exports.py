@@ -13,6 +13,7 @@ from uavgram.io.exports.geotags import write_geo_txt
 from uavgram.io.exports.kml import write_kml
 from uavgram.io.exports.measurements_csv import write_measurements_csv
 from uavgram.io.exports.opendronemap import write_gcp_list
+from uavgram.io.exports.profiles_csv import write_profiles_csv
 from uavgram.model.flight.geotag import GeoTags, PoseChoice
 from uavgram.model.result.result import Result
 from uavgram.stages.products.geotags import geotag
@@ -36,6 +37,8 @@ def exports(result: Result) -> Writers:
         "survey_local.dxf": lambda path: write_local_dxf(features, path),
         "colmap": lambda path: write_colmap_model(result, path),
     }
+    if result.profiles.profile:
+        writers["profiles.csv"] = lambda path: write_profiles_csv(result, path)
     if features.crs is not None:
         writers["survey_map.dxf"] = lambda path: write_map_dxf(features, path)
         writers["opendronemap/gcp_list.txt"] = lambda path: write_gcp_list(result, features, path)

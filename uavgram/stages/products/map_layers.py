@@ -18,6 +18,9 @@ ELLIPSE_VERTICES = 36
 BORDER_SAMPLES = 8
 """On each side of a photo: its border on the ground is curved by the lens."""
 
+_ENCLOSED = frozenset({"area", "volume"})
+"""Kinds of measurement that are drawn as what their points enclose."""
+
 LENGTH_COLUMNS = ("length_m", "sigma_m", "adjusted_m", "adjusted_sigma_m", "residual_m", "w")
 """Numbers of a known length that maps and drawings carry."""
 
@@ -71,7 +74,7 @@ def measured_strips(result: Result) -> dict[int, list[Floats]]:
     """(n, 3) polylines that show each computed measurement, by its row; coordinates have none."""
     rows, strips = point_index(result), {}
     measured = result.measurements
-    for i, (kind, labels) in enumerate(zip(measured.kind, measured.points, strict=True)):
+    for i, (kind, labels) in enumerate(zip(measured.kind, measured.outlines, strict=True)):
         if np.isfinite(measured.value[i]) and all(label in rows for label in labels):
             corners = result.points.position_world_m[[rows[label] for label in labels]]
             strips[i] = _shape(kind, corners)
@@ -150,8 +153,10 @@ def shown_poses(result: Result) -> tuple[Ints, Poses]:
 def _shape(kind: str, corners: Floats) -> list[Floats]:
     if kind == "coordinate" or len(corners) < 2:
         return []
-    if kind == "area":
+    if kind in _ENCLOSED:
         return [np.concatenate([corners, corners[:1]])]
+    if kind == "plane_distance" and len(corners) == 4:
+        return [np.stack([corners[0], _foot_on_plane(corners)])]
     if kind == "line_distance" and len(corners) > 2:
         start, end = corners[1], corners[-1]
         along = end - start
@@ -159,6 +164,14 @@ def _shape(kind: str, corners: Floats) -> list[Floats]:
         share = float((corners[0] - start) @ along) / squared if squared > 0 else 0.0
         return [np.stack([corners[0], start + share * along])]
     return [corners]
+
+
+def _foot_on_plane(corners: Floats) -> Floats:
+    """(3,) place on the plane through the last three of four points nearest to the first."""
+    across = np.cross(corners[2] - corners[1], corners[3] - corners[1])
+    squared = float(across @ across)
+    share = float((corners[0] - corners[1]) @ across) / squared if squared > 0 else 0.0
+    return np.asarray(corners[0] - share * across)
 
 
 def _counterclockwise(ring: Floats) -> Floats:
@@ -240,7 +253,7 @@ def _known_lengths(result: Result) -> Layer:
 def _measured(name: str, kind: str, result: Result) -> Layer:
     """Measurements that are areas (``polygon``), or lines; coordinates are the points' own."""
     measured, strips = result.measurements, measured_strips(result)
-    is_area = np.array([k == "area" for k in measured.kind], dtype=bool)
+    is_area = np.array([k in _ENCLOSED for k in measured.kind], dtype=bool)
     is_line = ~is_area & np.array([k != "coordinate" for k in measured.kind], dtype=bool)
     rows = np.flatnonzero(is_area if kind == "polygon" else is_line)
     vertices = []

@@ -14,7 +14,7 @@ from scipy.constants import g as GRAVITY_M_S2  # noqa: N812
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.observations import MeasurementRequest
 
-UNITS = {"area": "m2", "angle": "deg", "skid_speed": "m/s"}
+UNITS = {"area": "m2", "angle": "deg", "skid_speed": "m/s", "slope": "deg", "volume": "m3"}
 """Of kinds that are no lengths [m]."""
 
 
@@ -30,7 +30,7 @@ def measured_values(
     row
         Index of each label in `points_world_m`.
     points_world_m
-        (K, 3).
+        (K, 3), all of them on the ground.
     """
     names: list[str] = []
     values: list[float] = []
@@ -77,5 +77,43 @@ def _value(request: MeasurementRequest, at: Floats) -> float:
     if request.kind == "angle":
         a, b = at[0] - at[1], at[2] - at[1]
         return float(np.rad2deg(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
-    along = at[2] - at[1]
-    return float(np.linalg.norm(np.cross(at[0] - at[1], along)) / np.linalg.norm(along))
+    if request.kind == "volume":
+        return _volume(dict(request.parameters), at)
+    return _of_lines_and_planes(request, at)
+
+
+def _of_lines_and_planes(request: MeasurementRequest, at: Floats) -> float:
+    east, north, up = at[-1] - at[0]
+    if request.kind == "line_distance":
+        along = at[2] - at[1]
+        return float(np.linalg.norm(np.cross(at[0] - at[1], along)) / np.linalg.norm(along))
+    if request.kind == "plane_distance":
+        legs = at[1:] - at[0]
+        twice = np.cross(legs[1] - legs[0], legs[2] - legs[0])
+        return float(-np.linalg.det(legs) / np.linalg.norm(twice))
+    if request.kind == "slope":
+        return float(np.rad2deg(np.arcsin(up / np.linalg.norm(at[1] - at[0]))))
+    if request.kind in {"horizontal_distance", "profile"}:
+        return float(np.hypot(east, north))
+    return float(up)  # of a single point, over the ground on which it lies: 0
+
+
+def _volume(parameters: Mapping[str, float], at: Floats) -> float:
+    """Prisms under a fan of triangles; over the ground, on which all points lie, there is none."""
+    corner, base = at, at[:, 2]
+    if "plane" in parameters:
+        corner = at[:-3]
+        plane = np.linalg.solve(np.column_stack([at[-3:, :2], np.ones(3)]), at[-3:, 2])
+        base = np.column_stack([corner[:, :2], np.ones(len(corner))]) @ plane
+    elif "level" in parameters:
+        base = np.full(len(at), parameters["level"])
+    solid = np.column_stack([corner[:, :2], corner[:, 2] - base])
+    middle = solid[-1] if "top" in parameters else solid.mean(axis=0)
+    around = solid[:-1] if "top" in parameters else solid
+    pairs = zip(around, np.roll(around, -1, axis=0), strict=True)
+    prisms = [
+        (np.linalg.det([a[:2] - middle[:2], b[:2] - middle[:2]]), (a[2] + b[2] + middle[2]) / 6)
+        for a, b in pairs
+    ]
+    sense = np.sign(sum(area for area, _ in prisms))
+    return float(sense * sum(area * height for area, height in prisms))

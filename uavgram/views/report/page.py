@@ -24,6 +24,7 @@ from uavgram.views.report.measured import (
     shift_text,
 )
 from uavgram.views.report.method import method_facts
+from uavgram.views.report.profiles import profile_drawings
 from uavgram.views.survey.departures import departures
 from uavgram.views.survey.drawing import largest_sigmas
 from uavgram.views.survey.key_facts import key_facts
@@ -101,6 +102,7 @@ def render_report(result: Result) -> str:
             sampled=sampled_words(result),
             second_order=second_order_note(result),
             alternatives=alternative_tables(result),
+            profiles=profile_drawings(result),
             view=top_view(result),
             ink=INK,
             place=place(result),

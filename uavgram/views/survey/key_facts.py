@@ -7,6 +7,7 @@ import numpy as np
 from uavgram.model.result.result import Result
 from uavgram.views.survey.frame_states import frame_counts
 from uavgram.views.wording import (
+    SIGNED_KINDS,
     alternatives_text,
     axes_text,
     number,
@@ -33,7 +34,7 @@ def least_certain_length(result: Result) -> int | None:
     """Row of the measured length with the largest sigma relative to its value."""
     rows = result.measurements
     for i in worst_first(rows):
-        is_length = rows.unit[i] == "m" and rows.kind[i] != "coordinate"
+        is_length = rows.unit[i] == "m" and rows.kind[i] not in SIGNED_KINDS
         if is_length and np.isfinite(rows.value[i]):
             return int(i)
     return None

@@ -10,7 +10,8 @@ export interface Pick { image: number; label: string; u_px: number; v_px: number
 interface Reading { name: string; start: string; end: string; length_m: number; sigma_m: number; adjust: boolean }
 type Along = "slope" | "horizontal";
 export interface Line extends Reading { tape: string; along: Along }
-export type Kind = "distance" | "polyline" | "area" | "angle" | "line_distance" | "skid_speed" | "coordinate" | "speed";
+export type Kind = "distance" | "polyline" | "area" | "angle" | "line_distance" | "skid_speed" | "coordinate" | "speed"
+  | "height" | "horizontal_distance" | "vertical_distance" | "slope" | "plane_distance" | "volume" | "profile";
 export interface Measurement { name: string; kind: Kind; points: string[]; parameters?: Record<string, number> }
 export interface Remark { level: "error" | "warning" | "info"; code: string; text: string }
 

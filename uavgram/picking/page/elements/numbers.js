@@ -51,7 +51,7 @@ export function alternativesText({ alternatives, sigma, unit }) {
 }
 
 /** @type {Record<string, string | undefined>} */
-const UNITS = { m2: "m\u00b2", deg: "\u00b0", "m/s": "km/h" };
+const UNITS = { m2: "m\u00b2", m3: "m\u00b3", deg: "\u00b0", "m/s": "km/h" };
 
 /** @param {string} unit */
 const paceOf = (unit) => (unit === "m/s" ? 3.6 : 1);

@@ -13,6 +13,8 @@ import { placeText, speedFacts } from "./speed.js";
 export const KINDS = {
   distance: "Distance", polyline: "Polyline", area: "Area", angle: "Angle",
   line_distance: "Distance from a line", skid_speed: "Skid speed", coordinate: "Coordinate", speed: "Speed",
+  height: "Height", horizontal_distance: "Level distance", vertical_distance: "Difference in height", slope: "Slope",
+  plane_distance: "Distance from a plane", volume: "Volume", profile: "Profile",
 };
 
 /** @param {Entry | null} entry @param {Tools} tools */

@@ -195,7 +195,7 @@ function lengthPath(image, line) {
 /** @param {number} image @param {Measurement} request */
 function measurementPath(image, { name, kind, points }) {
   const now = adjusted()?.measurements[name];
-  return points.length < 2 ? null : pathOf(image, points, "measured", `${name} ${now ? valueText(now) : missing}`, kind === "area");
+  return points.length < 2 ? null : pathOf(image, points, "measured", `${name} ${now ? valueText(now) : missing}`, kind === "area" || kind === "volume");
 }
 
 // Lines between labels; none where one of these is not in the photo, or all are only expected there.

@@ -1,0 +1,90 @@
+"""Profiles in the report, in profiles.csv and in results.json."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import synthetic_survey as survey
+from html_page import Page
+
+from uavgram.io.exports.profiles_csv import dump_profiles_csv
+from uavgram.io.results.results_json import dump_results, load_results
+from uavgram.model.result.profiles import ProfileResults
+from uavgram.model.result.result import Result
+from uavgram.pipeline.measure.exports import exports
+from uavgram.views.report import render_report
+from uavgram.views.report.profiles import BOTTOM, LEFT, MOST_HEIGHT, RIGHT, TOP, profile_drawings
+
+PLACE = np.array([
+    [0.0, 0.0, 0.0, 0.0], [5.0, -0.25, 0.5, 0.1], [10.0, 0.0, 0.2, 0.2],
+    [0.0, 0.0, 0.0, 0.0], [2.0, 0.0, -1.0, -1.0],
+])  # fmt: skip
+SIGMA = np.array([
+    [0.0, 0, 0, 0], [0.0123, 0.02, 0.03, 0.05], [0.01, 0, 0.02, 0.02],
+    [0.0, 0, 0, 0], [0.01, 0, 0.02, 0.02],
+])  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def result() -> Result:
+    table = ProfileResults(
+        profile=("kerb",) * 3 + ("<b>bank",) * 2,
+        label=("A", "B", "C", "A", "=D"),
+        place_m=PLACE,
+        sigma_m=SIGMA,
+    )
+    return replace(survey.build(), profiles=table)
+
+
+def test_a_drawing_is_to_scale(result: Result) -> None:
+    kerb, bank = profile_drawings(result)
+    assert [kerb.name, bank.name] == ["kerb", "<b>bank"]
+    line = np.array([at.split(",") for at in kerb.line.split()], float)
+    across = kerb.width - LEFT - RIGHT
+    np.testing.assert_allclose(line[:, 0], LEFT + across * np.array([0, 0.5, 1]), atol=0.05)
+    steep = across / 10.0 * kerb.exaggeration
+    np.testing.assert_allclose(line[:, 1] - line[0, 1], -steep * PLACE[:3, 2], atol=0.1)
+    assert TOP <= line[:, 1].min() < line[:, 1].max() <= kerb.height - BOTTOM
+    assert kerb.height <= TOP + MOST_HEIGHT + BOTTOM
+    ((x, top, bottom),) = kerb.rulers  # B alone is off the ground
+    assert (x, top) == pytest.approx(line[1], abs=0.05)
+    assert bottom - top == pytest.approx(0.4 * steep)
+    _, high, low = kerb.bars[1]
+    assert low - high == pytest.approx(2 * 1.959964 * 0.03 * steep)
+    assert [text for _, text in kerb.names] == ["A", "B", "C"]
+    assert kerb.bar == pytest.approx(kerb.bar_m * across / 10.0)
+
+
+def test_the_report_has_a_table_and_a_drawing_of_each_profile(result: Result) -> None:
+    html = render_report(result)
+    rows = {row[0]: row for row in Page(html).rows if len(row) == 5}
+    assert rows["B"][1:] == ["5.000 ± 0.012", "-0.250 ± 0.020", "0.500 ± 0.030", "0.100 ± 0.050"]
+    assert rows["C"][1:3] == ["10.000 ± 0.010", "0.000"]
+    assert html.count('aria-label="Profile ') == 2
+    assert "<b>bank" not in html
+    assert "<h2>Profiles" not in render_report(survey.build())
+
+
+def test_the_table_is_a_file_where_there_is_a_profile(result: Result) -> None:
+    rows = list(csv.reader(io.StringIO(dump_profiles_csv(result))))
+    assert rows[0][:4] == ["profile", "label", "station_m", "station_sigma_m"]
+    assert rows[0][-2:] == ["ground_m", "ground_sigma_m"]
+    assert rows[2][:6] == ["kerb", "B", "5.00000", "0.01230", "-0.25000", "0.02000"]
+    assert rows[5][1] == "'=D"  # no spreadsheet takes it for a formula
+    assert "profiles.csv" in exports(result)
+    assert "profiles.csv" not in exports(survey.build())
+
+
+def test_results_give_the_profiles_back(result: Result, tmp_path: Path) -> None:
+    path = tmp_path / "results.json"
+    path.write_text(dump_results(result), encoding="utf-8")
+    again = load_results(path).profiles
+    assert again.profile == result.profiles.profile
+    assert again.label == result.profiles.label
+    np.testing.assert_array_equal(again.place_m, PLACE)
+    np.testing.assert_array_equal(again.sigma_m, SIGMA)

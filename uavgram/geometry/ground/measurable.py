@@ -1,0 +1,170 @@
+"""Kinds of measurement that hang on nothing but places: values, gradients, and why there is none.
+
+What is measured here can also be known: the same functions serve as observations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.geometry.ground import heights, shapes
+from uavgram.model.arrays import Floats
+from uavgram.model.survey.observations import MeasurementKind
+
+
+class UnmeasurableError(ValueError):
+    """Why a measurement has no value."""
+
+
+_SHAPES: dict[MeasurementKind, Callable[[Floats], shapes.Measured]] = {
+    "distance": shapes.distance,
+    "polyline": shapes.polyline,
+    "area": shapes.area,
+    "angle": shapes.angle,
+    "line_distance": shapes.line_distance,
+    "plane_distance": shapes.plane_distance,
+    "height": heights.vertical_distance,
+    "vertical_distance": heights.vertical_distance,
+    "horizontal_distance": heights.horizontal_distance,
+    "slope": heights.slope,
+    "profile": heights.profile_length,
+}
+
+_UPRIGHT = "its points lie one above the other"
+_WHY: dict[MeasurementKind, str] = {
+    "horizontal_distance": _UPRIGHT,
+    "slope": f"{_UPRIGHT}, and a vertical line has no slope",
+    "plane_distance": "the last three points lie in line, and many planes go through them",
+    "profile": "its first and last point lie one above the other, and give it no direction",
+    "volume": "its points lie in line, seen from above",
+}
+_IN_LINE = "its points coincide or lie in line"
+_CROSSES = "its outline crosses itself: give the points in order around it"
+
+
+def refers_to_ground(kind: str, count: int, parameters: Mapping[str, float]) -> bool:
+    """Whether a kind with so many points is measured from the ground straight below them.
+
+    Parameters
+    ----------
+    kind
+        Of measurement.
+    count
+        Number of points.
+    parameters
+        By name.
+    """
+    if kind == "height":
+        return count == 1
+    return kind == "volume" and not {"level", "plane"} & parameters.keys()
+
+
+def shape_of(
+    kind: MeasurementKind, points: Floats, parameters: Mapping[str, float]
+) -> tuple[float, Floats]:
+    """Value of a kind in its unit, and gradient by its points.
+
+    Parameters
+    ----------
+    kind
+        One that hangs on nothing but its points.
+    points
+        (k, 3) [m].
+    parameters
+        By name.
+
+    Returns
+    -------
+    value, gradient
+        In metres, square or cubic metres, or degrees, and (k, 3) in that by metre.
+
+    Raises
+    ------
+    UnmeasurableError
+        There is no value, or no derivative.
+    """
+    if kind == "volume":
+        return _volume_over_plane(points, parameters)
+    if kind == "area" and shapes.outline_crosses_itself(points):
+        raise UnmeasurableError(_CROSSES)
+    value, gradient = _SHAPES[kind](points)
+    if not np.isfinite(value):
+        raise UnmeasurableError(_WHY.get(kind, _IN_LINE))
+    if kind in {"angle", "slope"}:
+        return float(np.rad2deg(value)), np.rad2deg(gradient)
+    return value, gradient
+
+
+class OverGround(NamedTuple):
+    """A value measured from the ground, and its gradients (k, 3) by points and feet."""
+
+    value: float
+    by_points: Floats
+    by_feet: Floats
+
+
+def over_ground(
+    kind: MeasurementKind, points: Floats, feet: Floats, parameters: Mapping[str, float]
+) -> OverGround:
+    """Height of one point over the ground, or volume over it.
+
+    Parameters
+    ----------
+    kind
+        One that `refers_to_ground`.
+    points, feet
+        (k, 3), and the places on the ground straight below them [m].
+    parameters
+        By name.
+
+    Raises
+    ------
+    UnmeasurableError
+        There is no value, or no derivative.
+    """
+    if kind == "height":
+        up = np.array([[0.0, 0.0, 1.0]])
+        return OverGround(float(points[0, 2] - feet[0, 2]), up, -up)
+    found = _volume(points, feet[:, 2], parameters)
+    return OverGround(found.value, found.by_points, np.outer(found.by_base, [0.0, 0.0, 1.0]))
+
+
+def _volume_over_plane(points: Floats, parameters: Mapping[str, float]) -> tuple[float, Floats]:
+    """Volume over a level plane, or over the plane through the last three points."""
+    if "level" in parameters:
+        level = np.full(len(points), parameters["level"])
+        found = _volume(points, level, parameters)
+        return found.value, found.by_points
+    upper, three = points[:-3], points[-3:]
+    base = heights.plane_below(upper[:, :2], three)
+    if not np.isfinite(base.height_m).all():
+        raise UnmeasurableError(
+            "the last three points lie in line, or their plane is upright: nothing is above it"
+        )
+    found = _volume(upper, base.height_m, parameters)
+    gradient = np.zeros_like(points)
+    gradient[:-3] = found.by_points
+    gradient[:-3, :2] += found.by_base[:, None] * base.slope
+    gradient[-3:] = np.einsum("n,nij->ij", found.by_base, base.by_three)
+    return found.value, gradient
+
+
+def _volume(points: Floats, base_m: Floats, parameters: Mapping[str, float]) -> heights.Volume:
+    top = "top" in parameters
+    outline = points[:-1] if top else points
+    if len(outline) < 3:
+        raise UnmeasurableError("its outline has fewer than three points")
+    if shapes.outline_crosses_itself(outline * heights.LEVEL):
+        raise UnmeasurableError(_CROSSES)
+    if top and not heights.sees_all(points):
+        raise UnmeasurableError(
+            "its last point, the top, has to lie inside the outline and in sight of all its "
+            "sides: measure the parts one by one"
+        )
+    found = heights.volume(points, base_m, top=top)
+    if not np.isfinite(found.value):
+        raise UnmeasurableError(_WHY["volume"])
+    return found

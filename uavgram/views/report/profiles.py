@@ -1,0 +1,159 @@
+"""Drawings of the measured profiles: metres along and up to coordinates of a drawing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.result.profiles import COLUMNS
+from uavgram.model.result.result import Result
+from uavgram.views.survey.drawing import nice_factor, round_length, uncovered
+from uavgram.views.wording import decimals_for, number
+
+WIDTH, LEFT, RIGHT, TOP, BOTTOM = 900.0, 70.0, 30.0, 34.0, 30.0
+MOST_HEIGHT, LEAST_HEIGHT = 200.0, 24.0
+"""Of what is drawn: heights are exaggerated as far as the first allows."""
+
+HALF_LETTER, NAME_ABOVE, LETTERS, MOST_NAMES = 3.5, 9.0, 12.0, 60
+GRID_LINES = 4
+WIDE = 1.959964
+"""Half of a 95 % interval, in sigmas."""
+
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class ProfileDrawing:
+    """Everything the template draws of one profile.
+
+    Attributes
+    ----------
+    name
+        Of the profile.
+    width, height
+        Of the drawing.
+    line, ground
+        SVG points of the line through the points, and of the smooth ground below them.
+    dots
+        Places of the points.
+    bars
+        (x, top, bottom) of the 95 % interval of each height.
+    rulers
+        (x, top, bottom) from the ground to each point off it.
+    names
+        Places and texts of the labels that cover no other.
+    grid
+        y of level lines, and their heights over the first point as texts.
+    exaggeration
+        Of heights against stations.
+    bar_m, bar
+        Length of the scale bar in the world and in the drawing.
+    rows
+        Of the table: label, then a cell for each of `COLUMNS`.
+    """
+
+    name: str
+    width: float
+    height: float
+    line: str
+    ground: str
+    dots: tuple[Place, ...]
+    bars: tuple[tuple[float, float, float], ...]
+    rulers: tuple[tuple[float, float, float], ...]
+    names: tuple[tuple[Place, str], ...]
+    grid: tuple[tuple[float, str], ...]
+    exaggeration: int
+    bar_m: float
+    bar: float
+    rows: tuple[tuple[str, ...], ...]
+
+
+def profile_drawings(result: Result) -> tuple[ProfileDrawing, ...]:
+    """All profiles of a result."""
+    return tuple(_drawn(result, name, rows) for name, rows in result.profiles.each())
+
+
+@dataclass(frozen=True)
+class _Sheet:
+    """Where metres along and up go."""
+
+    first_m: float
+    high_m: float
+    scale: float
+    steep: float
+
+    def x(self, along_m: Floats) -> Floats:
+        return np.asarray(LEFT + (along_m - self.first_m) * self.scale)
+
+    def y(self, up_m: Floats) -> Floats:
+        return np.asarray(TOP + (self.high_m - up_m) * self.steep)
+
+
+def _drawn(result: Result, name: str, rows: Ints) -> ProfileDrawing:
+    profiles = result.profiles
+    station, _, up, ground = profiles.place_m[rows].T
+    reach = WIDE * profiles.sigma_m[rows, 2]
+    low = min((up - reach).min(), ground.min())
+    high = max((up + reach).max(), ground.max())
+    rise, run = max(high - low, 1e-6), max(float(np.ptp(station)), 1e-6)
+    scale = (WIDTH - LEFT - RIGHT) / run
+    factor = nice_factor(rise * scale, MOST_HEIGHT)
+    sheet = _Sheet(float(station.min()), float(high), scale, scale * factor)
+    x, y, below = sheet.x(station), sheet.y(up), sheet.y(ground)
+    in_order = np.argsort(station, kind="stable")
+    bars = (x, sheet.y(up + reach), sheet.y(up - reach))
+    off = up != ground
+    bar_m = round_length(run / 4.0)
+    return ProfileDrawing(
+        name=name,
+        width=WIDTH,
+        height=TOP + max(rise * sheet.steep, LEAST_HEIGHT) + BOTTOM,
+        line=_points(x, y),
+        ground=_points(x[in_order], below[in_order]),
+        dots=tuple(zip(x.tolist(), y.tolist(), strict=True)),
+        bars=_uprights(*bars),
+        rulers=_uprights(x[off], y[off], below[off]),
+        names=_names([profiles.label[i] for i in rows], *bars[:2]),
+        grid=_grid(sheet, low, high),
+        exaggeration=factor,
+        bar_m=bar_m,
+        bar=bar_m * scale,
+        rows=tuple((profiles.label[i], *_cells(result, int(i))) for i in rows),
+    )
+
+
+def _names(labels: list[str], x: Floats, top: Floats) -> tuple[tuple[Place, str], ...]:
+    """Labels above their bars, but those that would cover others."""
+    anchors = np.column_stack([x, top - NAME_ABOVE])
+    half = HALF_LETTER * np.array([len(label) for label in labels]) + 2.0
+    shown = uncovered(anchors, half, LETTERS, MOST_NAMES)
+    return tuple(((float(anchors[i, 0]), float(anchors[i, 1])), labels[i]) for i in shown)
+
+
+def _grid(sheet: _Sheet, low: float, high: float) -> tuple[tuple[float, str], ...]:
+    step = round_length(max(high - low, 1e-6) / GRID_LINES * 2.0)
+    levels = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1)
+    places = max(0, int(np.ceil(-np.log10(step))))
+    return tuple((float(sheet.y(level)), number(float(level), places)) for level in levels)
+
+
+def _points(x: Floats, y: Floats) -> str:
+    return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+
+
+def _uprights(x: Floats, top: Floats, bottom: Floats) -> tuple[tuple[float, float, float], ...]:
+    return tuple(zip(x.tolist(), top.tolist(), bottom.tolist(), strict=True))
+
+
+def _cells(result: Result, row: int) -> tuple[str, ...]:
+    """Place and sigma of each of `COLUMNS`; what is so by definition has no sigma."""
+    cells = []
+    for column in range(len(COLUMNS)):
+        place = float(result.profiles.place_m[row, column])
+        sigma = float(result.profiles.sigma_m[row, column])
+        places = decimals_for(sigma) if sigma > 0 else 3
+        known = f" ± {number(sigma, places)}" if sigma > 0 else ""
+        cells.append(f"{number(place, places)}{known}")
+    return tuple(cells)
