@@ -44,8 +44,10 @@ from uavgram.views.recording.world.geography import MAP, has_map
 from uavgram.views.recording.world.heights import ELLIPSOIDS, RULERS, SIDE_TEXTS
 from uavgram.views.recording.world.legend import LEGEND
 from uavgram.views.recording.world.points import CLOSE_UP
+from uavgram.views.recording.world.profiles import GAP, PROFILES, shown_height
 from uavgram.views.style import Rgb
 from uavgram.views.survey.frame_states import frame_counts
+from uavgram.views.survey.profiles import WIDTH
 from uavgram.views.wording import axes_text
 
 BACKGROUND: Rgb = (13, 16, 17)
@@ -114,6 +116,8 @@ def _places(result: Result, scene: Scene) -> rrb.Tabs:
     views: list[rrb.View] = [_survey(scene), _plan(scene)]
     if scene.side_eye is not None:
         views.append(_from_the_side(scene.side_eye))
+    if result.profiles.profile:
+        views.append(_profiles(result))
     if scene.worst_point is not None:
         views.append(_worst_point(result, scene.worst_point))
     if has_map(result):
@@ -251,6 +255,13 @@ def plot(origin: str, name: str, values: Floats) -> rrb.TimeSeriesView:
         name=name,
         axis_y=rrb.ScalarAxis(range=(0.0, max(top, 1e-3))),
         plot_legend=rrb.PlotLegend(visible=False),
+    )
+
+
+def _profiles(result: Result) -> rrb.Spatial2DView:
+    bounds = rrb.VisualBounds2D(x_range=[0.0, WIDTH], y_range=[-GAP, shown_height(result)])
+    return rrb.Spatial2DView(
+        origin=PROFILES, name="Profiles", background=BACKGROUND, visual_bounds=bounds
     )
 
 

@@ -25,6 +25,7 @@ from uavgram.views.recording.world.footprint_marks import log_footprints
 from uavgram.views.recording.world.geography import log_map, log_origin
 from uavgram.views.recording.world.legend import log_legend
 from uavgram.views.recording.world.points import log_close_up
+from uavgram.views.recording.world.profiles import log_profiles
 from uavgram.views.recording.world.survey import log_survey
 
 log = logging.getLogger(__name__)
@@ -100,4 +101,5 @@ def _log_everything(
     log_status(recorder, result)
     log_documents(recorder, result, scene, picks, curves, poses)
     log_map(recorder, result)
+    log_profiles(recorder, result)
     recorder.stream.send_blueprint(blueprint(result, scene, curves, poses))

@@ -52,7 +52,17 @@ def sigma_shares(result: Result) -> tuple[Floats, float, float]:
 
 
 def log_points(recorder: Recorder, result: Result, scene: Scene) -> None:
-    """Dots, names, and ellipses within the survey: those on the earth are in the tables."""
+    """Log dots, names, and ellipses within the survey: those on the earth are in the tables.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    """
     points, position, within = result.points, result.points.position_world_m, result.points.relative
     colours = scale_colours(sigma_shares(result)[0])
     few = len(points.label) <= MOST_POINT_LABELS
@@ -90,9 +100,20 @@ def log_points(recorder: Recorder, result: Result, scene: Scene) -> None:
 
 
 def log_departures(recorder: Recorder, result: Result, scene: Scene, uneven: Departures) -> None:
-    """Bars on the ground, as tall as it lies off its plane: red above the plane, blue below.
+    """Log bars on the ground, as tall as it lies off its plane: red above it, blue below it.
 
     All stand up: what hangs down is hidden by the ground.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    uneven
+        Where the ground is no plane.
     """
     position = result.points.position_world_m[uneven.rows].copy()
     position[:, 2] -= np.nan_to_num(result.points.height_above_ground_m[uneven.rows])
