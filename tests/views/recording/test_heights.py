@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -108,6 +109,21 @@ def test_points_on_the_ground_stay_flat_ellipses(result: Result, contents: Conte
         shown["Ellipsoids3D:centers"], result.points.position_world_m[on_ground], atol=1e-5
     )
     assert np.array(shown["Ellipsoids3D:half_sizes"])[:, 2].max() < 2e-3
+
+
+def test_the_close_up_of_a_raised_point_has_its_flat_ellipse(
+    result: Result, contents: Contents, flat: Contents, tmp_path: Path
+) -> None:
+    within = result.points.relative.ellipse_95_m.copy()
+    within[rows_of(result, "P14")] = 0.5, 0.25
+    relative = replace(result.points.relative, ellipse_95_m=within)
+    worst = replace(result, points=replace(result.points, relative=relative))
+    write_recording(worst, (), no_ground, tmp_path / "recording.rrd")
+    shown = Contents(tmp_path / "recording.rrd").static["/close_up/ellipse_95"]
+
+    np.testing.assert_allclose(shown["Ellipsoids3D:half_sizes"], [[0.5, 0.25, 1e-3]], rtol=1e-5)
+    for on_ground in (contents, flat):
+        assert "/close_up/ellipse_95" not in on_ground.static
 
 
 def test_small_ellipsoids_are_drawn_once_more_as_much_larger_as_said(

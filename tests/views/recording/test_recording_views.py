@@ -314,7 +314,7 @@ def test_photos_pass_through_a_few_at_a_time(tmp_path: Path) -> None:
 def test_more_points_than_ellipses_can_be_drawn_are_coloured_themselves(
     contents: Contents, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("uavgram.views.recording.world.survey.MOST_OUTLINES", 29)
+    monkeypatch.setattr("uavgram.views.recording.world.points.MOST_OUTLINES", 29)
     path = tmp_path / "recording.rrd"
     write_recording(survey.build(), (), no_ground, path)
     many = Contents(path).static

@@ -43,9 +43,11 @@ from uavgram.views.recording.world.footprint_marks import ALL, CURRENT
 from uavgram.views.recording.world.geography import MAP, has_map
 from uavgram.views.recording.world.heights import ELLIPSOIDS, RULERS, SIDE_TEXTS
 from uavgram.views.recording.world.legend import LEGEND
-from uavgram.views.recording.world.survey import BAR
+from uavgram.views.recording.world.points import CLOSE_UP
+from uavgram.views.recording.world.profiles import GAP, PROFILES, shown_height
 from uavgram.views.style import Rgb
 from uavgram.views.survey.frame_states import frame_counts
+from uavgram.views.survey.profiles import WIDTH
 from uavgram.views.wording import axes_text
 
 BACKGROUND: Rgb = (13, 16, 17)
@@ -56,7 +58,7 @@ MAP_PX = 300
 MOST_ZOOM = 19.0
 PHOTO_MARGIN = 0.01
 # Of the eye above the worst point, in half axes of its ellipse.
-CLOSE_UP = 6.0
+EYE_ABOVE = 6.0
 # The photo's own drawings lie on the photo, not in space.
 _NOT_IN_SPACE = [f"- {PHOTO}/{name}/**" for name in OVERLAYS]
 
@@ -114,6 +116,8 @@ def _places(result: Result, scene: Scene) -> rrb.Tabs:
     views: list[rrb.View] = [_survey(scene), _plan(scene)]
     if scene.side_eye is not None:
         views.append(_from_the_side(scene.side_eye))
+    if result.profiles.profile:
+        views.append(_profiles(result))
     if scene.worst_point is not None:
         views.append(_worst_point(result, scene.worst_point))
     if has_map(result):
@@ -254,6 +258,13 @@ def plot(origin: str, name: str, values: Floats) -> rrb.TimeSeriesView:
     )
 
 
+def _profiles(result: Result) -> rrb.Spatial2DView:
+    bounds = rrb.VisualBounds2D(x_range=[0.0, WIDTH], y_range=[-GAP, shown_height(result)])
+    return rrb.Spatial2DView(
+        origin=PROFILES, name="Profiles", background=BACKGROUND, visual_bounds=bounds
+    )
+
+
 def _plan(scene: Scene) -> rrb.Spatial3DView:
     position = scene.middle_m + np.array([0.0, 0.0, 1.25]) * scene.size_m
     filled = [] if scene.fill_ellipses else ["- /survey/points/ellipse_95_true_size/**"]
@@ -265,13 +276,9 @@ def _plan(scene: Scene) -> rrb.Spatial3DView:
 def _worst_point(result: Result, row: int) -> rrb.Spatial3DView:
     spot = result.points.position_world_m[row]
     axes = result.points.relative.ellipse_95_m[row]
-    position = spot + np.array([0.0, 0.0, CLOSE_UP * axes[0]])
+    position = spot + np.array([0.0, 0.0, EYE_ABOVE * axes[0]])
     shown = ("ground/**", "points/picked", "point_names/**", "points/ellipse_95_true_size/**")
-    contents = [
-        *(f"+ /survey/{one}" for one in shown),
-        f"+ /{ELLIPSOIDS}_true_size/**",
-        f"+ /{BAR}",
-    ]
+    contents = [*(f"+ /survey/{one}" for one in shown), f"+ /{CLOSE_UP}/**"]
     name = f"Worst point {result.points.label[row]}, true scale: {axes_text(axes)}"
     return space_view(name, contents, position, spot)
 

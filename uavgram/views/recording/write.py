@@ -24,7 +24,9 @@ from uavgram.views.recording.stream import Recorder, open_recording
 from uavgram.views.recording.world.footprint_marks import log_footprints
 from uavgram.views.recording.world.geography import log_map, log_origin
 from uavgram.views.recording.world.legend import log_legend
-from uavgram.views.recording.world.survey import log_scale_bar, log_survey
+from uavgram.views.recording.world.points import log_close_up
+from uavgram.views.recording.world.profiles import log_profiles
+from uavgram.views.recording.world.survey import log_survey
 
 log = logging.getLogger(__name__)
 
@@ -89,7 +91,7 @@ def _log_everything(
     curves, poses = frame_curves(result, picks), pose_curves(result)
     log_origin(recorder, result)
     log_survey(recorder, result, scene, ground)
-    log_scale_bar(recorder, result, scene)
+    log_close_up(recorder, result, scene)
     log_legend(recorder, result, scene, 1.0 if ground is None else ground.gain)
     log_camera(recorder, result, scene)
     log_overlay(recorder, result, scene, picks, PHOTO)
@@ -99,4 +101,5 @@ def _log_everything(
     log_status(recorder, result)
     log_documents(recorder, result, scene, picks, curves, poses)
     log_map(recorder, result)
+    log_profiles(recorder, result)
     recorder.stream.send_blueprint(blueprint(result, scene, curves, poses))

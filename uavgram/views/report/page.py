@@ -25,11 +25,11 @@ from uavgram.views.report.measured import (
     shift_text,
 )
 from uavgram.views.report.method import method_facts
-from uavgram.views.report.profiles import profile_drawings
 from uavgram.views.survey.departures import departures
 from uavgram.views.survey.drawing import largest_sigmas
 from uavgram.views.survey.key_facts import key_facts
 from uavgram.views.survey.limits import line_limits
+from uavgram.views.survey.profiles import profile_drawings
 from uavgram.views.survey.reliability import (
     effect_words,
     prior_rows,

@@ -11,7 +11,7 @@ from uavgram.model.result.learnt_camera import learnt_camera
 from uavgram.model.result.result import Result
 from uavgram.views.pages import page_environment
 from uavgram.views.recording.scene import Scene
-from uavgram.views.recording.world.survey import has_outlines
+from uavgram.views.recording.world.points import has_outlines
 from uavgram.views.survey.departures import departures
 from uavgram.views.survey.key_facts import key_facts
 from uavgram.views.survey.off_ground import OffGround, height_text

@@ -14,7 +14,8 @@ from uavgram.model.result.tables import HeightSource
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.recording.world.labels import height_labels
-from uavgram.views.style import HEIGHT_COLOURS, OBSERVED
+from uavgram.views.recording.world.marks import texts
+from uavgram.views.style import HEIGHT_COLOURS
 from uavgram.views.survey.off_ground import OffGround, height_text
 
 # Rerun draws at most 60 000 ellipsoids of one entity.
@@ -52,16 +53,7 @@ def log_heights(recorder: Recorder, result: Result, scene: Scene, colours: Pixel
         _ellipsoids(recorder, result, standing, "exaggerated", scene.ellipsoid_factor, colours)
     words = height_labels(result, scene)
     lift = np.array([0.0, 0.0, LABEL_LIFT * scene.side_eye.distance_m])
-    recorder.static(
-        SIDE_TEXTS,
-        rr.Points3D(
-            words.anchor_m + lift,
-            radii=rr.Radius.ui_points(0.0),
-            colors=OBSERVED,
-            labels=words.text,
-            show_labels=True,
-        ),
-    )
+    recorder.static(SIDE_TEXTS, texts(words.anchor_m + lift, words.text))
 
 
 def _rulers(recorder: Recorder, result: Result, standing: OffGround, source: HeightSource) -> None:

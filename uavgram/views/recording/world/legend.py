@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw, ImageFont
 from uavgram.model.result.result import Result
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.recording.world.survey import has_outlines, sigma_shares
+from uavgram.views.recording.world.points import has_outlines, sigma_shares
 from uavgram.views.style import (
     ABOVE,
     BAD,

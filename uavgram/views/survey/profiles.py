@@ -34,10 +34,8 @@ class ProfileDrawing:
         Of the profile.
     width, height
         Of the drawing.
-    line, ground
-        SVG points of the line through the points, and of the smooth ground below them.
-    dots
-        Places of the points.
+    dots, ground
+        Places of the points in their order, and of the smooth ground below them along the line.
     bars
         (x, top, bottom) of the 95 % interval of each height.
     rulers
@@ -57,9 +55,8 @@ class ProfileDrawing:
     name: str
     width: float
     height: float
-    line: str
-    ground: str
     dots: tuple[Place, ...]
+    ground: tuple[Place, ...]
     bars: tuple[tuple[float, float, float], ...]
     rulers: tuple[tuple[float, float, float], ...]
     names: tuple[tuple[Place, str], ...]
@@ -110,9 +107,8 @@ def _drawn(result: Result, name: str, rows: Ints) -> ProfileDrawing:
         name=name,
         width=WIDTH,
         height=TOP + max(rise * sheet.steep, LEAST_HEIGHT) + BOTTOM,
-        line=_points(x, y),
-        ground=_points(x[in_order], below[in_order]),
-        dots=tuple(zip(x.tolist(), y.tolist(), strict=True)),
+        dots=_places(x, y),
+        ground=_places(x[in_order], below[in_order]),
         bars=_uprights(*bars),
         rulers=_uprights(x[off], y[off], below[off]),
         names=_names([profiles.label[i] for i in rows], *bars[:2]),
@@ -139,8 +135,8 @@ def _grid(sheet: _Sheet, low: float, high: float) -> tuple[tuple[float, str], ..
     return tuple((float(sheet.y(level)), number(float(level), places)) for level in levels)
 
 
-def _points(x: Floats, y: Floats) -> str:
-    return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+def _places(x: Floats, y: Floats) -> tuple[Place, ...]:
+    return tuple(zip(x.tolist(), y.tolist(), strict=True))
 
 
 def _uprights(x: Floats, top: Floats, bottom: Floats) -> tuple[tuple[float, float, float], ...]:

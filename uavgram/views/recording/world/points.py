@@ -1,0 +1,178 @@
+"""The picked points in 3-D: dots, names, ellipses, and how far their ground is off its plane."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+
+from uavgram.imaging.photos.preview import Pixels
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.result.result import Result
+from uavgram.stages.products.map_layers import ellipse_outlines
+from uavgram.views.recording.scene import Scene
+from uavgram.views.recording.stream import Recorder
+from uavgram.views.recording.world.heights import MOST_ELLIPSOIDS, log_heights
+from uavgram.views.recording.world.marks import polylines, texts
+from uavgram.views.style import OBSERVED, scale_colours
+from uavgram.views.survey.departures import Departures
+from uavgram.views.survey.drawing import round_length
+from uavgram.views.wording import size_text
+
+# Outlines are heavy on the viewer.
+MOST_OUTLINES = 5_000
+# Rerun hides the labels of larger batches by itself; say so from here on.
+MOST_POINT_LABELS = 30
+# Flat ellipsoids: half a millimetre of height keeps them from flickering with the ground.
+FLAT_M = 1e-3
+# The least certain point from near by: a bar to compare its ellipse with, at true scale, south of
+# the point, in half axes of the ellipse.
+CLOSE_UP = "close_up"
+BAR_BELOW = 1.6
+# Of the bars that say how far the ground lies off its plane, in points of the screen.
+BAR_WIDTH = 4.0
+
+
+def has_outlines(result: Result) -> bool:
+    """Whether enlarged ellipses are drawn; more points than that are coloured themselves."""
+    return len(result.points.label) <= MOST_OUTLINES
+
+
+def sigma_shares(result: Result) -> tuple[Floats, float, float]:
+    """(K,) place of each point's semi-major axis on a scale, and the ends of the scale [m].
+
+    Of the ellipses within the survey: those on the earth all have the receiver's bias in common
+    and would have one colour. The scale reaches from the smallest to the largest, and at least
+    from half the largest: what is nearly equal has nearly the same colour.
+    """
+    major = result.points.relative.ellipse_95_m[:, 0]
+    high = float(major.max())
+    low = min(float(major.min()), high / 2)
+    share = (major - low) / max(high - low, 1e-12)
+    return share, low, high
+
+
+def log_points(recorder: Recorder, result: Result, scene: Scene) -> None:
+    """Log dots, names, and ellipses within the survey: those on the earth are in the tables.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    """
+    points, position, within = result.points, result.points.position_world_m, result.points.relative
+    colours = scale_colours(sigma_shares(result)[0])
+    few = len(points.label) <= MOST_POINT_LABELS
+    log_heights(recorder, result, scene, colours)
+    recorder.static(
+        "survey/points/picked",
+        rr.Points3D(
+            position,
+            radii=rr.Radius.ui_points(2.0 if few else 1.0),
+            colors=OBSERVED if has_outlines(result) else colours,
+            labels=points.label,
+            show_labels=False,
+        ),
+    )
+    grounded = np.flatnonzero(~points.is_off_ground)
+    for start in range(0, len(grounded), MOST_ELLIPSOIDS):
+        part = grounded[start : start + MOST_ELLIPSOIDS]
+        recorder.static(
+            f"survey/points/ellipse_95_true_size/{start // MOST_ELLIPSOIDS}",
+            _flat_ellipses(result, part, colours),
+        )
+    if has_outlines(result):
+        outlines = ellipse_outlines(
+            position[:, :2], within.ellipse_95_m, within.ellipse_azimuth_rad, scene.ellipse_factor
+        )
+        height = np.broadcast_to(
+            position[:, None, 2:] + 0.001 * scene.size_m, (*outlines.shape[:2], 1)
+        )
+        recorder.static(
+            "survey/points/ellipse_95_exaggerated",
+            polylines(np.concatenate([outlines, height], axis=-1), colours, 1.3),
+        )
+    if few:
+        recorder.static("survey/point_names", texts(position, points.label))
+
+
+def log_departures(recorder: Recorder, result: Result, scene: Scene, uneven: Departures) -> None:
+    """Log bars on the ground, as tall as it lies off its plane: red above it, blue below it.
+
+    All stand up: what hangs down is hidden by the ground.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    uneven
+        Where the ground is no plane.
+    """
+    position = result.points.position_world_m[uneven.rows].copy()
+    position[:, 2] -= np.nan_to_num(result.points.height_above_ground_m[uneven.rows])
+    height = scene.departure_factor * np.abs(uneven.value_m)
+    top = position + height[:, None] * [0.0, 0.0, 1.0]
+    bars = np.stack([position, top], axis=1)
+    recorder.static("survey/points/off_plane", polylines(bars, uneven.colours, BAR_WIDTH))
+
+
+def log_close_up(recorder: Recorder, result: Result, scene: Scene) -> None:
+    """Log a bar of a round length beside the ellipse of the least certain point.
+
+    Of a point off the ground the ellipse too: elsewhere it has an ellipsoid.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Of the run.
+    scene
+        Sizes that the pictures are scaled by.
+    """
+    if scene.worst_point is None:
+        return
+    major = float(result.points.relative.ellipse_95_m[scene.worst_point, 0])
+    length = round_length(2 * major)
+    middle = result.points.position_world_m[scene.worst_point] - [0.0, BAR_BELOW * major, 0.0]
+    ends = middle + np.array([[-0.5, 0, 0], [0.5, 0, 0]]) * length
+    recorder.static(
+        f"{CLOSE_UP}/scale_bar",
+        rr.LineStrips3D(
+            [ends],
+            colors=OBSERVED,
+            radii=rr.Radius.ui_points(2.0),
+            labels=[size_text(length)],
+            show_labels=True,
+        ),
+    )
+    if result.points.is_off_ground[scene.worst_point]:
+        colours = scale_colours(sigma_shares(result)[0])
+        worst = np.array([scene.worst_point])
+        recorder.static(f"{CLOSE_UP}/ellipse_95", _flat_ellipses(result, worst, colours))
+
+
+def _flat_ellipses(result: Result, rows: Ints, colours: Pixels) -> rr.Ellipsoids3D:
+    """Within the survey, of some points, at true size."""
+    within = result.points.relative
+    return rr.Ellipsoids3D(
+        centers=result.points.position_world_m[rows],
+        half_sizes=np.column_stack([within.ellipse_95_m[rows], np.full(len(rows), FLAT_M)]),
+        quaternions=_yaw_quaternions(within.ellipse_azimuth_rad[rows]),
+        colors=colours[rows],
+        fill_mode="solid",
+    )
+
+
+def _yaw_quaternions(azimuth_rad: Floats) -> Floats:
+    """(K, 4) xyzw: turn the x axis to an azimuth (clockwise from north), about up."""
+    half = (np.pi / 2 - azimuth_rad) / 2
+    zero = np.zeros_like(half)
+    return np.stack([zero, zero, np.sin(half), np.cos(half)], axis=-1)
