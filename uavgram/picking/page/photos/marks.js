@@ -128,7 +128,7 @@ function pickGroup({ label }, tag, fit, selected, shown, pulled) {
 /** @param {string} label */
 function tagText(label) {
   const stands = standsAt(label);
-  return stands ? `${label} \u2191${fixed(stands.height, Math.min(places(stands.sigma), 2))} m` : label;
+  return stands ? `${label} ${stands.height < 0 ? "\u2193" : "\u2191"}${fixed(Math.abs(stands.height), Math.min(places(stands.sigma), 2))} m` : label;
 }
 
 /** @param {string} label @returns {"control" | "check" | ""} */

@@ -124,6 +124,7 @@ export class Pane {
       before.delete(part.key);
       const group = old?.group ?? part.make();
       if (old && old.part.sign !== part.sign) renew(group, part.make());
+      if (old?.part.mark?.label !== part.mark?.label) this.spread = "";
       /** @type {ChildNode | null} */
       const here = last ? last.nextSibling : this.svg.firstChild;
       if (here !== group) this.svg.insertBefore(group, here);
@@ -131,7 +132,7 @@ export class Pane {
       last = group;
     }
     for (const { group } of before.values()) group.remove();
-    if (this.parts.size !== count) this.spread = "";
+    if (this.parts.size < count) this.spread = "";
     this.moveMarks();
     this.showReadout();
   }
