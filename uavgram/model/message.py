@@ -10,6 +10,9 @@ Level = Literal["info", "warning", "error"]
 SUBJECTS = ("frames", "labels", "lengths", "measurements", "files")
 """Kinds of things that a message may speak of, each a field of `Message`."""
 
+NUMBERS = ("heights_m", "heights_sigma_m")
+"""Fields of `Message` with a number for each of its labels."""
+
 
 @dataclass(frozen=True)
 class Several:
@@ -48,6 +51,8 @@ class Message:
         One sentence or two: what, where, and what to do.
     frames, labels, lengths, measurements, files
         Names of what it speaks of.
+    heights_m, heights_sigma_m
+        Heights above the ground that it tells of, one for each of `labels`; else empty.
     several
         How it is told together with others of its code and opening; None: always alone. No part of
         what is stored.
@@ -61,9 +66,12 @@ class Message:
     lengths: tuple[str, ...] = ()
     measurements: tuple[str, ...] = ()
     files: tuple[str, ...] = ()
+    heights_m: tuple[float, ...] = ()
+    heights_sigma_m: tuple[float, ...] = ()
     several: Several | None = field(default=None, compare=False, repr=False)
 
-    def record(self) -> dict[str, str | list[str]]:
-        """Everything that is stored: level, code, text, and the subjects that it has."""
-        subjects = {what: list(getattr(self, what)) for what in SUBJECTS if getattr(self, what)}
-        return {"level": self.level, "code": self.code, "text": self.text, **subjects}
+    def record(self) -> dict[str, str | list[str] | list[float]]:
+        """Everything that is stored: level, code, text, the subjects and numbers that it has."""
+        more = {what: getattr(self, what) for what in (*SUBJECTS, *NUMBERS)}
+        told = {what: list(values) for what, values in more.items() if values}
+        return {"level": self.level, "code": self.code, "text": self.text, **told}

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain
+from typing import Any
 
-from uavgram.model.message import SUBJECTS, Message, Several
+from uavgram.model.message import NUMBERS, SUBJECTS, Message, Several
 
 MOST_LISTED = 12
 """Things that a sentence lists; the message names all of them as data."""
@@ -17,6 +18,7 @@ CAUSES = (
     ("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
     ("log-position-gap", "log-attitude-gap", "log-gimbal-gap", "log-receiver-apart"),
     ("mount-turned", "line-left-out", "control-left-out", "labels-swapped"),
+    ("point-off-ground",),
     ("line-removed", "pick-removed", "blunder-not-located", "blunder-kept"),
     ("pick-suspect", "line-suspect", "control-suspect", "telemetry-strained", "prior-strained"),
     ("check-suspect", "lengths-contradict", "odd-height"),
@@ -69,15 +71,16 @@ def _joined(group: Sequence[Message]) -> Message:
     first, several = group[0], [m.several for m in group if m.several is not None]
     if len(group) == 1:
         return replace(first, several=None)
-    subjects = {
+    together: dict[str, Any] = {
         what: tuple(dict.fromkeys(chain.from_iterable(getattr(m, what) for m in group)))
         for what in SUBJECTS
     }
+    for what in NUMBERS:
+        together[what] = tuple(chain.from_iterable(getattr(m, what) for m in group))
     opening = several[0].opening.replace("{count}", str(len(group)))
     sentences = (f"{opening}: {_listed(several)}.", several[0].ending)
-    return Message(
-        first.level, first.code, " ".join(filter(None, sentences)), **subjects, several=None
-    )
+    text = " ".join(filter(None, sentences))
+    return replace(first, text=text, several=None, **together)
 
 
 def _listed(several: Sequence[Several]) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -9,11 +11,12 @@ from uavgram.estimation.survey.departures import departures, heights_above_groun
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.geometry.ground.ellipse import ELLIPSE_95, error_ellipse
 from uavgram.model.arrays import Floats
-from uavgram.model.result.tables import PlanarUncertainty, PointResults
+from uavgram.model.result.tables import HeightSource, PlanarUncertainty, PointResults
+from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.world import World
 
 
-def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
+def reconstruct(adjustment: Adjustment, world: World, found: Collection[str] = ()) -> PointResults:
     """Ground points of an adjusted survey, in the order of their labels.
 
     Parameters
@@ -23,6 +26,8 @@ def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
     world
         Where the local world lies; points get latitude and longitude where it is tied to the
         earth.
+    found
+        Names of labels whose heights are unknowns though nobody said so.
     """
     survey = adjustment.survey
     position, covariance = adjustment.points()
@@ -48,10 +53,19 @@ def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
         height_above_ground_m=height,
         height_sigma_m=height_sigma,
         covariance_m3=covariance,
+        height_source=_height_sources(survey, found),
         latitude_deg=latitude,
         longitude_deg=longitude,
         frames=frames,
     )
+
+
+def _height_sources(survey: Survey, found: Collection[str]) -> tuple[HeightSource, ...]:
+    """(K,) where the height of each point is from."""
+    named = np.isin(survey.label, list(found))
+    sources: list[HeightSource] = ["ground", "stated", "free", "found"]
+    cases = np.select([named, survey.is_free, survey.off_ground], [3, 2, 1])
+    return tuple(sources[k] for k in cases.tolist())
 
 
 def _in_plane(covariance_m2: Floats) -> PlanarUncertainty:

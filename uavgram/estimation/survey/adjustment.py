@@ -306,6 +306,9 @@ class Refined:
     full_weight
         The same survey with every observation at its full weight, where `adjustment` gives little
         to some that stand out: what tests are made of.
+    off_ground
+        Names of the labels whose heights are found, though nobody said that they are off the
+        ground.
     """
 
     adjustment: Adjustment
@@ -322,6 +325,7 @@ class Refined:
     noise: Noise | None = None
     stated: Adjustment | None = None
     full_weight: Adjustment | None = None
+    off_ground: frozenset[str] = frozenset()
 
     @property
     def tested(self) -> Adjustment:

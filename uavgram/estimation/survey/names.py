@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypedDict
 
 import numpy as np
 
@@ -52,6 +53,14 @@ STEADY_CHANGE = "something that changes steadily over the flight"
 
 MOST_RIVALS = 4
 """Other possible blunders that are named."""
+
+
+class Subjects(TypedDict, total=False):
+    """Names of what a message speaks of, by the fields of a message."""
+
+    frames: tuple[str, ...]
+    labels: tuple[str, ...]
+    lengths: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +191,7 @@ class Names:
             f"{' or the '.join(named)}{others}."
         )
 
-    def subjects(self, member: Member) -> dict[str, tuple[str, ...]]:
+    def subjects(self, member: Member) -> Subjects:
         """Which frames, labels and lengths an observation is of, as a message carries them."""
         survey, row = self.adjustment.survey, member.row
         if member.kind == "pixels":

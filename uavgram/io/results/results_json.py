@@ -21,7 +21,7 @@ from uavgram.io.outputs import replace_text
 from uavgram.io.results import tables
 from uavgram.io.results.codec import Json, Record, decode, encode, from_record, numbers
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.message import SUBJECTS, Message
+from uavgram.model.message import NUMBERS, SUBJECTS, Message
 from uavgram.model.provenance import InputDigest, Provenance
 from uavgram.model.result.error_budget import ErrorBudget
 from uavgram.model.result.learnt_camera import learnt_camera
@@ -188,7 +188,7 @@ def _refuse_constant(name: str) -> float:
 
 def _load_message(record: Record) -> Message:
     """Of earlier versions, without subjects."""
-    return from_record(Message, dict.fromkeys(SUBJECTS, ()) | record, several=None)
+    return from_record(Message, dict.fromkeys((*SUBJECTS, *NUMBERS), ()) | record, several=None)
 
 
 def _dump_world(world: World) -> Record:

@@ -15,6 +15,8 @@ from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, freez
 FrameStatus = Literal["refined", "seeded", "unmatched", "rejected"]
 LineStatus = Literal["used", "suspect", "removed", "checked", "unseen"]
 PickStatus = Literal["used", "suspect", "removed", "unused"]
+HeightSource = Literal["", "ground", "stated", "free", "found"]
+"""Where a point's height over the ground is from."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,6 +110,9 @@ class PointResults(FrozenArrays):
         did not tell.
     covariance_m3
         (K, 3, 3) of east, north and up [m2]; NaN likewise.
+    height_source
+        (K,) where the height is from: the ``ground``, ``stated``, ``free`` as someone said, or
+        ``found`` by the adjustment though nobody said so; empty in results of earlier versions.
     latitude_deg, longitude_deg
         (K,) NaN with gauge ``plane``.
     frames
@@ -128,6 +133,12 @@ class PointResults(FrozenArrays):
     latitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     longitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     frames: tuple[tuple[str, ...], ...]
+    height_source: Annotated[tuple[HeightSource, ...], "n"] = ()
+
+    def __post_init__(self) -> None:
+        if not self.height_source:
+            object.__setattr__(self, "height_source", ("",) * len(self.label))
+        super().__post_init__()
 
     @property
     def is_off_ground(self) -> Bools:

@@ -126,7 +126,7 @@ def compute(
         shared=shared,
         areas=summarise_areas(adjustment),
         frames=_frames(inputs, posed, assembled, refined, duplicates),
-        points=reconstruct(adjustment, world),
+        points=reconstruct(adjustment, world, refined.off_ground),
         error_budget=shares(error_budget(adjustment.minimum.blocks, values)),
         lines=judged.lines,
         picks=judged.picks,

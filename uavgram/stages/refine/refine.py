@@ -30,6 +30,8 @@ from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
 from uavgram.stages.refine.blunders.outstanding import outstanding, with_little_weight
 from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
 from uavgram.stages.refine.continued import continued
+from uavgram.stages.refine.height_remarks import off_ground_remarks
+from uavgram.stages.refine.heights import found_free, with_free
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.noise import with_noise_learnt
 from uavgram.stages.refine.noise_remarks import noise_remarks
@@ -66,6 +68,8 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     keep, reason = _in_lens(survey)
     no_pick = np.zeros(len(survey.pick_frame), dtype=bool)
     survey, refined, left_out = _without_gross_control(survey, keep, reason)
+    off_ground = found_free(survey, refined)
+    survey = with_free(survey, off_ground)
     refined = replace(refined, pick_removed=no_pick)
     survey, refined, readout = with_sound_readout(survey, refined)
     if options.noise == "estimate":
@@ -79,8 +83,9 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         if options.noise == "estimate":
             refined = _with_little_weight(refined)
     refined = with_gross_lengths(survey, refined)
-    found = (*left_out, *readout, *noise_remarks(refined.noise), *remarks(survey, refined))
-    return refined, (*found, *search)
+    refined = replace(refined, off_ground=frozenset(off_ground))
+    told = (*left_out, *off_ground_remarks(refined), *readout, *noise_remarks(refined.noise))
+    return refined, (*told, *remarks(survey, refined), *search)
 
 
 def _without_gross_control(
@@ -112,7 +117,8 @@ def _without_gross_lengths(survey: Survey, keep: Bools, reason: dict[int, LeftOu
     out = doubtful(survey, keep)
     while True:
         try:
-            refined = adjust_survey(Participants(survey, keep, out, reason))
+            taking = Participants(survey, keep, out, reason)
+            refined = adjust_survey(taking, heights_sought=True)
         except GeometryError as why:
             if survey.telemetry is not None:
                 raise

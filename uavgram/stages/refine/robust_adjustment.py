@@ -23,6 +23,12 @@ from uavgram.stages.refine.blunders.misfit import (
     trial_adjustment,
 )
 from uavgram.stages.refine.blunders.wrong_lengths import without_wrong_lengths
+from uavgram.stages.refine.heights import (
+    found_free,
+    labels_off_ground,
+    with_free,
+    with_heights_freed,
+)
 from uavgram.stages.refine.minima import Participants, best_minima
 
 MOST_MISPLACED = 3
@@ -35,16 +41,26 @@ MISPLACED = LeftOut(
 )
 
 
-def adjust_survey(taking: Participants) -> Refined:
+def adjust_survey(taking: Participants, *, heights_sought: bool = False) -> Refined:
     """`best_minima` of what takes part, without frames that contradict the others.
 
     `pick_reason` of the result says which, and why. Of a frame of which most picks agree with the
     others, only the rest is left out. Of lengths without a log, those that all else rules out are
     left out too: `line_removed` of the result has them.
+
+    Parameters
+    ----------
+    taking
+        What takes part.
+    heights_sought
+        Whether labels that do not lie on the ground are looked for (see `heights.py`).
     """
-    refined = failed = None
+    refined, failed, stated, searched = None, None, taking.survey, 0
     try:
         refined = _begun(taking)
+        searched = len(refined.pick_index)
+        if heights_sought:
+            refined, taking = _with_heights(taking, refined, [])
         refined, taking = without_gross_picks(taking, refined)
     except GeometryError as why:
         failed = why
@@ -58,7 +74,30 @@ def adjust_survey(taking: Participants) -> Refined:
     if refined is None:
         assert failed is not None  # noqa: S101  (one of the two is always there)
         raise failed
+    if heights_sought and len(refined.pick_index) != searched:  # what was left out hid them
+        refined, left = _with_heights(left, refined, found_free(stated, refined))
     return refined if refined.adjustment.minimum.converged else best_minima(left)
+
+
+def _with_heights(
+    taking: Participants, refined: Refined, before: list[str]
+) -> tuple[Refined, Participants]:
+    """The result with free heights of labels that do not lie on the ground, and what takes part.
+
+    Parameters
+    ----------
+    taking
+        What takes part.
+    refined
+        Its result.
+    before
+        Labels whose heights it has free, though nobody said so.
+    """
+    found = labels_off_ground(refined.adjustment, before)
+    if found is None:
+        return refined, taking
+    taking = replace(taking, survey=with_free(taking.survey, found.labels, before))
+    return with_heights_freed(refined, found, before) or _begun(taking), taking
 
 
 def _without_misplaced(
