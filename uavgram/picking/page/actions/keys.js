@@ -28,18 +28,18 @@ import { snap } from "./snap.js";
 export const KEYS = [
   ["Photos", [
     ["wheel, + \u2212", "zoom at the pointer"], ["drag, Space + drag", "pan (middle and right button too)"], ["Ctrl + arrows", "pan; the arrows alone where no point is selected"],
-    ["F   1   Z", "fit; one to one; to the selected point, \u00d74"], ["Page Down, Page Up", "next, previous photo; with Alt only those where the label is expected"],
+    ["F   1   Z", "fit; one to one; to the selected point, \u00d74"], ["Page Down, Page Up", "next, previous photo; Alt: where the label is expected"],
     ["Ctrl+1  2  4", "panes"], ["K", "all panes show the same ground"], ["E R O T U", "ellipses, residuals, predictions, labels, lines"], ["M", "magnifier"],
   ]],
   ["Points", [
     ["click, Enter", "place the label (Enter: in the middle of the photo)"], ["drag, Shift + drag", "move; ten times finer"],
     ["arrows, Shift, Alt", "nudge by 0.1, 1, 10 px"], ["G", "go to where the label is expected"], ["S, Shift+S", "snap to a corner, to a round target"],
-    ["Q", "height of the point: free (found from two or more photos), or on the ground"], ["N, B, Tab", "next, previous point"], ["/", "to the label: type one, Enter selects it"], ["F2", "rename"], ["Delete, Shift+Delete", "remove here, everywhere"],
+    ["Q", "height: free (found from photos), or on the ground"], ["N, B, Tab", "next, previous point"], ["/", "to the label: type one, Enter selects it"], ["F2", "rename"], ["Delete, Shift+Delete", "remove here, everywhere"],
   ]],
   ["Lengths and measurements", [
-    ["P L D A Y J", "tools: point, length, distance, area, polyline, angle"], ["I V", "distance from a line, skid speed"], ["C H", "coordinate, speed between two photos"],
-    ["3 4 5 6", "height, level distance, difference in height, slope"], ["7 8 9", "distance from a plane, volume, profile"],
-    ["click points; N B, Enter", "the points in order; Enter takes the selected one, once more ends"], ["Esc", "stop"],
+    ["P L D A Y J", "tools: point, length, distance, area, polyline, angle"], ["I V C H", "distance from a line, skid, coordinate, speed"],
+    ["3 9 8", "height, profile, volume"], ["4 5 6 7", "level distance, rise, slope, distance from a plane"],
+    ["click points; N B, Enter", "points in order; Enter takes one, once more ends"], ["Esc", "stop"],
   ]],
   ["All", [["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"], ["F6, Shift+F6", "next, previous part of the page"], ["X, Shift+X", "next, previous tab: measure, frames, camera"], ["up, down", "in a table: the same in the next row"],
     ["W", "write report and exports"], ["?", "this help"]]],
@@ -60,7 +60,7 @@ export const TOOLS = {
   line_distance: { key: "i", name: "From line", prefix: "H", least: 3, most: 3, more: true, what: "how far the first point is from the line through the two others" },
   plane_distance: { key: "7", name: "From plane", prefix: "PD", least: 4, most: 4, more: true, what: "how far the first point is from the plane through the three others: a dent, a rut" },
   horizontal_distance: { key: "4", name: "Level distance", prefix: "LD", least: 2, most: 2, more: true, what: "how far two points are apart on a map" },
-  vertical_distance: { key: "5", name: "Rise", prefix: "VD", least: 2, most: 2, more: true, what: "by how much the second point is higher than the first" },
+  vertical_distance: { key: "5", name: "Difference in height", prefix: "VD", least: 2, most: 2, more: true, what: "by how much the second point is higher than the first" },
   slope: { key: "6", name: "Slope", prefix: "SL", least: 2, most: 2, more: true, what: "how steep it is from the first point up to the second" },
   volume: { key: "8", name: "Volume", prefix: "VO", least: 3, more: true, what: "what lies under three or more points around it, over the ground, a level or a plane" },
   skid_speed: { key: "v", name: "Skid", prefix: "V", least: 2, more: true, what: "the speed before a skid to rest, from the length of its mark and the friction" },

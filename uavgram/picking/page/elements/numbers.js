@@ -26,16 +26,19 @@ export function withSigma(value, sigma, unit = "") {
   return `${fixed(value, digits)}${error}${unit && ` ${unit}`}`;
 }
 
-// How high a point stands, in words; `sigma` in the unit that people would say it in.
+// How high a point stands, as people would say it: with one digit of its sigma, or two that begin with 1.
 /** @param {{ height: number, sigma: number | null }} stands */
 export function heightText({ height, sigma }) {
-  return `${fixed(Math.abs(height), places(sigma))} m ${height < 0 ? "below" : "above"} the ground${sigma ? `, \u00b1 ${sizeText(sigma)}` : ""}`;
+  const order = sigma ? Math.floor(Math.log10(sigma)) : -3;
+  const digits = sigma && sigma < 2 * 10 ** order ? 1 - order : -order;
+  const spread = sigma ? `, \u00b1 ${sizeText(Number(sigma.toFixed(Math.max(digits, 0))))}` : "";
+  return `${fixed(Math.abs(height), Math.min(Math.max(digits, 0), 3))} m ${height < 0 ? "below" : "above"} the ground${spread}`;
 }
 
 /** @param {number} metres */
 function sizeText(metres) {
-  if (metres >= 1) return `${metres.toPrecision(2)} m`;
-  return metres >= 0.01 ? `${Number((100 * metres).toPrecision(2))} cm` : `${Number((1000 * metres).toPrecision(2))} mm`;
+  if (metres >= 1) return `${metres} m`;
+  return metres >= 0.01 ? `${Number((100 * metres).toPrecision(3))} cm` : `${Number((1000 * metres).toPrecision(3))} mm`;
 }
 
 const METRES_OF_A_DEGREE = 111_320; // of a great circle

@@ -6,7 +6,7 @@ import { as, node } from "../elements/dom.js";
 import { alternativesText, degrees, fixed, gradeText, missing, valueText, withSigma } from "../elements/numbers.js";
 import { about, drop, fill, keep, list, remove, table, titled, wCell, withValues } from "../elements/table.js";
 import { entryPart, KINDS } from "./entry.js";
-import { offGround, pointPart } from "./point.js";
+import { OFF_GROUND, offGround, pointPart } from "./point.js";
 import { placeText } from "./speed.js";
 
 /** @import { SideView } from "./side_view.js" */
@@ -191,17 +191,21 @@ const remarks = () => store.live?.messages ?? store.opening;
 /** @param {Tools} tools */
 function warningsPart(tools) {
   const all = remarks().filter((message) => message.level !== "info");
-  const free = offGround();
-  return keep("warnings", [all, free], () => node("div", { role: "log", "aria-label": "Warnings" }, ...(all.length ? [node("h2", {}, `Warnings (${all.length})`), list(all.slice(0, MOST_WARNINGS)),
-    free.length ? node("button", { name: "free", title: "Their heights are then found from their photos, as in picks.csv: height_m free", onclick: () => tools.heights.free(free) },
-      free.length === 1 ? `Free the height of ${free[0]}` : `Free the heights of these ${free.length} points`) : null,
-    furtherPart(all.slice(MOST_WARNINGS))] : [])));
+  const high = offGround();
+  /** @param {Remark} message */
+  const button = ({ code }) => (code === OFF_GROUND && high.length ? freeButton(high, tools) : null);
+  return keep("warnings", [all, high], () => node("div", { role: "log", "aria-label": "Warnings" }, ...(all.length ? [node("h2", {}, `Warnings (${all.length})`), list(all.slice(0, MOST_WARNINGS), button),
+    furtherPart(all.slice(MOST_WARNINGS), button)] : [])));
 }
+
+/** @param {string[]} high @param {Tools} tools */
+const freeButton = (high, tools) => node("button", { class: "below", name: "free", title: "Takes it that they stand off the ground, at heights that their photos tell", onclick: () => tools.heights.free(high) },
+  high.length === 1 ? `Free the height of ${high[0]}` : `Free these ${high.length} heights`);
 
 const MOST_WARNINGS = 3; // the rest folds away: numbers come first
 
-/** @param {Remark[]} more */
-const furtherPart = (more) => (more.length ? node("details", {}, node("summary", {}, `${more.length} more`), list(more)) : "");
+/** @param {Remark[]} more @param {(message: Remark) => Node | null} button */
+const furtherPart = (more, button) => (more.length ? node("details", {}, node("summary", {}, `${more.length} more`), list(more, button)) : "");
 
 function remarksPart() {
   const all = remarks().filter((message) => message.level === "info");

@@ -153,6 +153,7 @@ function labelShapes(along, { x, y }) {
 /** @param {SidePoint[]} points */
 function numbersPart(points) {
   const along = [...points].sort((a, b) => known(a.station_m)[0] - known(b.station_m)[0]);
-  return node("details", {}, node("summary", {}, "Numbers"), table("Points from the side", ["point", "station m", "height m", "ground m"], along.map(({ label, station_m, height_m, ground_m }) => node("tr", {},
-    node("td", { class: "named", title: label }, label), ...[station_m, height_m, ground_m].map(([value, sigma]) => node("td", { class: "value" }, withSigma(value, sigma || null)))))));
+  return node("details", {}, node("summary", {}, "Numbers"), table("Points from the side", ["point", "along m", "height m", "ground m"], along.map(({ label, station_m, height_m, ground_m }) => node("tr", {},
+    node("td", { class: "named", title: label }, label), node("td", { class: "value", title: withSigma(...station_m, "m") }, fixed(station_m[0], 2)),
+    ...[height_m, ground_m].map(([value, sigma]) => node("td", { class: "value" }, withSigma(value, sigma || null)))))));
 }

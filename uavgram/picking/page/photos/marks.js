@@ -85,7 +85,9 @@ function linesIn(image, selected) {
 function pickPart(pick, selected, shown, scale) {
   const fit = fitOf(pick.image, pick.label);
   const residual = shown.residuals ? residualOf(fit) : null;
-  const tag = tagText(pick.label);
+  const stands = standsAt(pick.label);
+  const tag = tagText(pick.label, stands);
+  const high = stands ? `, ${heightText(stands)}` : "";
   return {
     key: `pick ${pick.label}`,
     mark: { label: tag, at: [pick.u_px, pick.v_px] },
@@ -98,7 +100,7 @@ function pickPart(pick, selected, shown, scale) {
         put(line, "x2", seen((residual?.[0] ?? 0) * scale));
         put(line, "y2", seen((residual?.[1] ?? 0) * scale));
       }
-      put(group, "aria-label", spokenPick(pick, fit));
+      put(group, "aria-label", `${spokenPick(pick, fit)}${high}`);
     },
   };
 }
@@ -125,10 +127,9 @@ function pickGroup({ label }, tag, fit, selected, shown, pulled) {
 }
 
 // A label, and how high its point stands where it is off the ground.
-/** @param {string} label */
-function tagText(label) {
-  const stands = standsAt(label);
-  return stands ? `${label} \u2191${fixed(stands.height, Math.min(places(stands.sigma), 2))} m` : label;
+/** @param {string} label @param {ReturnType<typeof standsAt>} stands */
+function tagText(label, stands) {
+  return stands ? `${label} ${stands.height < 0 ? "\u2193" : "\u2191"}${fixed(Math.abs(stands.height), Math.min(places(stands.sigma), 2))} m` : label;
 }
 
 /** @param {string} label @returns {"control" | "check" | ""} */
@@ -138,8 +139,7 @@ const knownAs = (label) => (store.control.includes(label) ? "control" : store.ch
 function spokenPick(pick, fit) {
   const w = fit === undefined || fit.w === null ? "" : `, w ${fixed(fit.w, 1)}`;
   const known = knownAs(pick.label);
-  const stands = standsAt(pick.label);
-  return `${pick.label}${known && `, ${known} point`}, u ${pick.u_px.toFixed(2)}, v ${pick.v_px.toFixed(2)}${w}${isSuspect(fit?.status) ? ", suspect" : ""}${stands ? `, ${heightText(stands)}` : ""}`;
+  return `${pick.label}${known && `, ${known} point`}, u ${pick.u_px.toFixed(2)}, v ${pick.v_px.toFixed(2)}${w}${isSuspect(fit?.status) ? ", suspect" : ""}`;
 }
 
 /** @param {Predicted} one @param {string | null} selected @param {Shown} shown @returns {Part} */

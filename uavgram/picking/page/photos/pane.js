@@ -48,6 +48,7 @@ export class Pane {
     this.resting = 0; // timers
     this.spreading = 0;
     this.spread = ""; // the view for which labels were spread
+    this.tags = ""; // what stands beside the marks
     this.asked = false; // for a frame
     /** @type {[number, number] | null} */
     this.pointed = null; // the place in the photo whose numbers are shown
@@ -115,7 +116,6 @@ export class Pane {
   rebuild() {
     if (!this.photo) return;
     const before = new Map([...this.parts].map(([part, group]) => [part.key, { part, group }]));
-    const count = this.parts.size;
     this.parts = new Map();
     /** @type {SVGGElement | null} */
     let last = null;
@@ -131,7 +131,9 @@ export class Pane {
       last = group;
     }
     for (const { group } of before.values()) group.remove();
-    if (this.parts.size !== count) this.spread = "";
+    const tags = [...this.parts.keys()].map(({ mark }) => mark?.label ?? "").join(";");
+    if (this.tags !== tags) this.spread = "";
+    this.tags = tags;
     this.moveMarks();
     this.showReadout();
   }
