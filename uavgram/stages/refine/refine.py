@@ -35,6 +35,7 @@ from uavgram.stages.refine.continued import continued
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.noise import with_noise_learnt
 from uavgram.stages.refine.noise_remarks import noise_remarks
+from uavgram.stages.refine.other_zoom import with_other_zoom
 from uavgram.stages.refine.readout import with_sound_readout
 from uavgram.stages.refine.remarks import (
     contradiction,
@@ -68,6 +69,11 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     keep, reason = _in_lens(survey)
     no_pick = np.zeros(len(survey.pick_frame), dtype=bool)
     survey, refined, left_out = _without_gross_control(survey, keep, reason)
+    zoom: tuple[Message, ...] = ()
+    if options.noise == "estimate":
+        survey, refined, zoom = with_other_zoom(
+            survey, refined, lambda one: _without_gross_lengths(one, keep, reason)
+        )
     refined = replace(refined, pick_removed=no_pick)
     survey, refined, readout = with_sound_readout(survey, refined)
     if options.noise == "estimate":
@@ -81,7 +87,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         if options.noise == "estimate":
             refined = _with_little_weight(refined)
     refined = with_gross_lengths(survey, with_gross_known(survey, refined))
-    found = (*left_out, *readout, *noise_remarks(refined.noise), *remarks(survey, refined))
+    found = (*left_out, *zoom, *readout, *noise_remarks(refined.noise), *remarks(survey, refined))
     return refined, (*found, *search)
 
 
