@@ -72,7 +72,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     zoom: tuple[Message, ...] = ()
     if options.noise == "estimate":
         survey, refined, zoom = with_other_zoom(
-            survey, refined, lambda one: _without_gross_lengths(one, keep, reason)
+            survey, refined, lambda one: _without_gross_known(one, keep, reason)
         )
     refined = replace(refined, pick_removed=no_pick)
     survey, refined, readout = with_sound_readout(survey, refined)
