@@ -17,10 +17,15 @@ LEVELS = ("error", "warning", "info")
 CAUSES = (
     ("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
     ("log-position-gap", "log-attitude-gap", "log-gimbal-gap", "log-receiver-apart"),
-    ("mount-turned", "other-zoom", "line-left-out", "control-left-out", "labels-swapped"),
-    ("point-off-ground",),
-    ("line-removed", "pick-removed", "blunder-not-located", "blunder-kept"),
-    ("pick-suspect", "line-suspect", "control-suspect", "telemetry-strained", "prior-strained"),
+    (
+        *("mount-turned", "other-zoom", "line-left-out", "known-left-out"),
+        *("control-left-out", "labels-swapped", "point-off-ground"),
+    ),
+    ("line-removed", "known-removed", "pick-removed", "blunder-not-located", "blunder-kept"),
+    (
+        *("pick-suspect", "line-suspect", "known-suspect", "control-suspect"),
+        *("telemetry-strained", "prior-strained"),
+    ),
     ("check-suspect", "lengths-contradict", "odd-height"),
     ("ground-not-plane", "picks-less-exact"),
 )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scenes import Scene, make_scene
 
-from uavgram.estimation.survey.known_terms import known_rows
+from uavgram.estimation.survey.known_terms import KnownRows, known_rows
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State, move
 from uavgram.model.arrays import Floats
@@ -100,6 +100,27 @@ def slope(problem: SurveyProblem, state: State, column: int) -> Floats:
         for way in (1, -1)
     )
     return np.asarray((ahead - behind) / 2e-6)
+
+
+def test_rows_say_how_they_change_when_a_point_stands_higher() -> None:
+    scene = exact_scene()
+    found, raised = 6, np.where(np.arange(len(GRID)) == 6, 1e-6, 0.0)
+    ahead, behind = (
+        rows_of(replace(scene, survey=replace(scene.survey, height_above_m=way * raised)))
+        for way in (1, -1)
+    )
+    rows = rows_of(scene)
+    by_up = np.where(rows.label == found, rows.by_up, 0.0).sum(axis=1)
+    from_ground = [i for i, name in enumerate(EXACT) if "over the ground" in name]
+    others = ~np.isin(rows.thing, from_ground)
+
+    assert np.abs(by_up).max() > 1.0
+    expected = (ahead.value - behind.value) / 2e-6
+    np.testing.assert_allclose(by_up[others], expected[others], atol=1e-6)
+
+
+def rows_of(scene: Scene) -> KnownRows:
+    return known_rows(problem_of(scene), scene.truth, scene.survey.known)
 
 
 def test_on_the_ground_only_what_is_along_it_counts() -> None:

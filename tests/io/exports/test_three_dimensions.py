@@ -101,7 +101,7 @@ def test_geojson_has_heights_above_the_ellipsoid(solid: Result, points: dict[str
     )
     assert set(found) == set(points)
     for label, feature in found.items():
-        _, _, height = to_earth.transform(*points[label]["position_world_m"])
+        height = to_earth.transform(*points[label]["position_world_m"])[-1]
         assert feature["geometry"]["coordinates"][2] == pytest.approx(
             height + UNDULATION_M, abs=1e-5
         )

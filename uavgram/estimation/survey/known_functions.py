@@ -11,11 +11,12 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from uavgram.estimation.survey.ground_below import GroundBelow
+from uavgram.estimation.survey.ground_below import ground_below
 from uavgram.geometry.ground import conditions, measurable
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.known import CONDITIONS, KnownThing
+from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.observations import MeasurementKind
+from uavgram.model.survey.survey import Survey
 
 _FLAT = {"collinear": conditions.collinear, "parallel": conditions.parallel}
 """Conditions of which on the ground only what is along it counts."""
@@ -29,81 +30,90 @@ _CONDITIONS = {
 }
 
 
-class Departures(NamedTuple):
-    """Of r rows of a known thing of k points: by how much it is not so.
+class Departure(NamedTuple):
+    """By how much a measured value is not what is known.
 
     Attributes
     ----------
     value
-        (r,) function less known value, in the unit of the thing's sigma.
+        Measured less known value, in the unit of the thing's sigma.
     gradient
-        (r, k, 3) by the points.
+        (k, 3) by the points.
     by_feet
-        (r, k, 3) by the places on the smooth ground straight below the points.
+        (k, 3) by the places on the smooth ground straight below the points.
     rough
-        (r,) sigma that the roughness of the ground below adds; in the same unit.
+        Sigma that the roughness of the ground below adds, in the same unit.
     """
 
-    value: Floats
+    value: float
     gradient: Floats
     by_feet: Floats
-    rough: Floats
+    rough: float
 
 
-def departures(
-    thing: KnownThing, world: Floats, below: GroundBelow, *, on_ground: bool
-) -> Departures:
-    """By how much points are not as is known.
+def measured_departure(thing: KnownThing, world: Floats, survey: Survey, feet: Floats) -> Departure:
+    """By how much what is measured between points is not what is known.
+
+    Where there is no derivative (points that coincide), the gradient is zero, and the value what
+    it is on the way there: there is no way to tell where to move.
 
     Parameters
     ----------
     thing
-        What is known.
+        No condition.
     world
         (k, 3) its points.
-    below
-        The ground below them.
+    survey
+        Which of them stand on the ground.
+    feet
+        (k, 3) the places on the ground below them.
+    """
+    kind, parameters = cast("MeasurementKind", thing.kind), dict(thing.parameters)
+    nothing = np.zeros((len(world), 3))
+    try:
+        if not refers_to_ground(thing):
+            value, gradient = measurable.shape_of(kind, world, parameters)
+            return Departure(value - thing.value, gradient, nothing, 0.0)
+        below = ground_below(survey, np.array(thing.label), world, feet)
+        value, gradient, by_feet = measurable.over_ground(kind, world, below.feet, parameters)
+    except measurable.UnmeasurableError:
+        return Departure(-thing.value, nothing, nothing, 0.0)
+    told = below.told[:, None]
+    return Departure(
+        value - thing.value,
+        gradient + np.where(told, by_feet, 0.0),
+        np.where(told, 0.0, by_feet),
+        float(np.linalg.norm(by_feet[:, 2] * below.sigma_m)),
+    )
+
+
+def condition_departures(
+    thing: KnownThing, world: Floats, *, on_ground: bool
+) -> conditions.Residuals:
+    """By how much a condition is not met, of n things that are alike.
+
+    Parameters
+    ----------
+    thing
+        One of them.
+    world
+        (n, k, 3) points of each.
     on_ground
-        Whether all of its points lie on the ground.
+        Whether all of their points lie on the ground.
 
     Returns
     -------
-    Departures
-        Where there is no derivative (points that coincide), the gradient is zero, and the value
-        what it is on the way there.
+    Residuals
+        (n, m) of the m rows of each, and their gradients (n, m, k, 3). Zero where there is no
+        derivative: there is no way to tell where to move.
     """
-    rows = row_count(thing, on_ground=on_ground)
-    flat = np.zeros((rows, len(world), 3))
-    try:
-        if thing.kind in CONDITIONS or is_offset(thing):
-            value, gradient = _condition(thing, world, on_ground=on_ground)
-            found = Departures(value, gradient, flat, np.zeros(rows))
-        else:
-            found = _measured(thing, world, below)
-        if np.isfinite(found.value).all() and np.isfinite(found.gradient).all():
-            return found
-    except measurable.UnmeasurableError:
-        pass
-    # Points that coincide have no distance, and no way to tell where to move.
-    off = 0.0 if thing.is_condition else -thing.value
-    return Departures(np.full(rows, off), flat, flat, np.zeros(rows))
-
-
-def _measured(thing: KnownThing, world: Floats, below: GroundBelow) -> Departures:
-    """The measurement of a thing's kind, less what is known."""
-    kind, parameters = cast("MeasurementKind", thing.kind), dict(thing.parameters)
-    if not refers_to_ground(thing):
-        value, gradient = measurable.shape_of(kind, world, parameters)
-        nothing = np.zeros((1, len(world), 3))
-        return Departures(np.array([value - thing.value]), gradient[None], nothing, np.zeros(1))
-    value, gradient, by_feet = measurable.over_ground(kind, world, below.feet, parameters)
-    told = below.told[:, None]
-    return Departures(
-        np.array([value - thing.value]),
-        (gradient + np.where(told, by_feet, 0.0))[None],
-        np.where(told, 0.0, by_feet)[None],
-        np.array([np.linalg.norm(by_feet[:, 2] * below.sigma_m)]),
-    )
+    if is_offset(thing):
+        value, gradient = conditions.line_offset(world, on_ground=on_ground)
+    elif thing.kind in _FLAT:
+        value, gradient = _FLAT[thing.kind](world, on_ground=on_ground)
+    else:
+        value, gradient = _CONDITIONS[thing.kind](world)
+    return conditions.Residuals(np.nan_to_num(value), np.nan_to_num(gradient))
 
 
 def is_offset(thing: KnownThing) -> bool:
@@ -111,17 +121,14 @@ def is_offset(thing: KnownThing) -> bool:
     return thing.kind == "line_distance" and thing.value == 0.0
 
 
+def is_condition(thing: KnownThing) -> bool:
+    """Whether its rows are those of a condition."""
+    return thing.is_condition or is_offset(thing)
+
+
 def refers_to_ground(thing: KnownThing) -> bool:
     """Whether a thing is measured from the ground straight below its points."""
     return measurable.refers_to_ground(thing.kind, len(thing.label), dict(thing.parameters))
-
-
-def _condition(thing: KnownThing, world: Floats, *, on_ground: bool) -> conditions.Residuals:
-    if is_offset(thing):
-        return conditions.line_offset(world, on_ground=on_ground)
-    if thing.kind in _FLAT:
-        return _FLAT[thing.kind](world, on_ground=on_ground)
-    return _CONDITIONS[thing.kind](world)
 
 
 def row_count(thing: KnownThing, *, on_ground: bool) -> int:

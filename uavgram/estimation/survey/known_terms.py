@@ -8,9 +8,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.ground_below import ground_below
 from uavgram.estimation.survey.known_functions import (
-    departures,
+    condition_departures,
+    is_condition,
+    measured_departure,
     refers_to_ground,
     row_count,
 )
@@ -98,29 +99,60 @@ def known_rows(places: Places, state: State, things: Sequence[KnownThing]) -> Kn
     feet, by_feet = world, by_world
     if any(refers_to_ground(thing) for thing in things):
         feet, by_feet = _located(places.ground_points(state, label.ravel()), label)
-    found = []
-    for i, thing in enumerate(things):
-        own = slice(len(thing.label))
-        below = ground_below(places.survey, label[i, own], world[i, own], feet[i, own])
-        flat = on_ground(places, thing)
-        found.append(departures(thing, world[i, own], below, on_ground=flat))
-    row = things_of_rows(places, things)
-    stated = np.array([things[i].sigma for i in row])
+    found = _functions(places.survey, things, world, feet)
+    row = found.thing
     point, plane = places.layout.point_columns(label.ravel()), places.plane_columns(label.ravel())
     columns = np.concatenate([point, plane], axis=1).reshape(len(things), -1)
-    by_point = _together([each.gradient for each in found], most)
-    by_foot = _together([each.by_feet for each in found], most)
-    gradient = np.einsum("rpi,rpij->rpj", by_point, by_world[row])
-    gradient += np.einsum("rpi,rpij->rpj", by_foot, by_feet[row])
+    gradient = np.einsum("rpi,rpij->rpj", found.by_point, by_world[row])
+    gradient += np.einsum("rpi,rpij->rpj", found.by_foot, by_feet[row])
     return KnownRows(
         thing=row,
-        sigma=np.hypot(stated, np.concatenate([each.rough for each in found])),
-        value=np.concatenate([each.value for each in found]),
+        sigma=np.hypot(np.array([thing.sigma for thing in things])[row], found.rough),
+        value=found.value,
         gradient=gradient.reshape(len(row), -1),
         columns=columns[row],
         label=label[row],
-        by_up=by_point[..., 2] + by_foot[..., 2],
+        by_up=found.by_point[..., 2] + found.by_foot[..., 2],
     )
+
+
+class _Functions(NamedTuple):
+    """Of R rows: thing (R,), value (R,), gradients (R, k, 3) by points and feet, roughness (R,)."""
+
+    thing: Ints
+    value: Floats
+    by_point: Floats
+    by_foot: Floats
+    rough: Floats
+
+
+def _functions(
+    survey: Survey, things: Sequence[KnownThing], world: Floats, feet: Floats
+) -> _Functions:
+    """The rows as functions of points (N, k, 3) and their feet; those that are alike at once."""
+    row = things_of_rows(survey, things)
+    first = np.searchsorted(row, np.arange(len(things)))
+    value, rough = np.zeros(len(row)), np.zeros(len(row))
+    by_point, by_foot = np.zeros((2, len(row), world.shape[1], 3))
+    alike: dict[tuple[str, int, bool, bool], list[int]] = {}
+    for i, thing in enumerate(things):
+        flat = on_ground(survey, thing)
+        key = thing.kind, len(thing.label), is_condition(thing), flat
+        alike.setdefault(key, []).append(i)
+    for (_, count, conditional, flat), group in alike.items():
+        if conditional:
+            residual, gradient = condition_departures(
+                things[group[0]], world[group, :count], on_ground=flat
+            )
+            rows = first[group][:, None] + np.arange(residual.shape[1])
+            value[rows], by_point[rows, :count] = residual, gradient
+            continue
+        for i in group:
+            at = first[i]
+            one = measured_departure(things[i], world[i, :count], survey, feet[i, :count])
+            value[at], rough[at] = one.value, one.rough
+            by_point[at, :count], by_foot[at, :count] = one.gradient, one.by_feet
+    return _Functions(row, value, by_point, by_foot, rough)
 
 
 def _located(points: tuple[Floats, Floats, Floats], label: Ints) -> tuple[Floats, Floats]:
@@ -130,15 +162,9 @@ def _located(points: tuple[Floats, Floats, Floats], label: Ints) -> tuple[Floats
     return world.reshape(*label.shape, 3), by_unknowns.reshape(*label.shape, 3, -1)
 
 
-def _together(gradients: Sequence[Floats], most: int) -> Floats:
-    """(R, most, 3) gradients of all rows, from those of each thing (r, k, 3)."""
-    whole = [np.pad(each, ((0, 0), (0, most - each.shape[1]), (0, 0))) for each in gradients]
-    return np.concatenate(whole)
-
-
-def things_of_rows(places: Places, things: Sequence[KnownThing]) -> Ints:
+def things_of_rows(survey: Survey, things: Sequence[KnownThing]) -> Ints:
     """(R,) which of some known things each of their rows is of."""
-    counts = [row_count(thing, on_ground=on_ground(places, thing)) for thing in things]
+    counts = [row_count(thing, on_ground=on_ground(survey, thing)) for thing in things]
     return np.repeat(np.arange(len(things)), counts)
 
 
@@ -168,6 +194,6 @@ def says_something(survey: Survey, thing: KnownThing) -> bool:
     return thing.kind not in silent
 
 
-def on_ground(places: Places, thing: KnownThing) -> bool:
+def on_ground(survey: Survey, thing: KnownThing) -> bool:
     """Whether all points of a thing lie on the ground."""
-    return not places.survey.off_ground[list(thing.label)].any()
+    return not survey.off_ground[list(thing.label)].any()

@@ -150,7 +150,7 @@ class SurveyProblem:
     @cached_property
     def known_thing(self) -> Ints:
         """(R,) which of the known things that take part each row of their group is of."""
-        return things_of_rows(self, self.known)
+        return things_of_rows(self.survey, self.known)
 
     def _pixels(self, state: State) -> Block | None:
         survey = self.survey
