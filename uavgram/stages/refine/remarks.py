@@ -253,8 +253,9 @@ def _weak_lengths(refined: Refined) -> Iterator[Message]:
     if advice is None or (advice.relative_sigma < WEAK and not faults):
         return
     what = "; ".join(faults) or "they say little of the scene's shape"
+    known = "lengths and things" if survey.known else "lengths"
     text = (
-        f"The known lengths{' and things' * bool(survey.known)} are weak as a set: {what}. Distances between the points are known to "
+        f"The known {known} are weak as a set: {what}. Distances between the points are known to "
         f"{100 * advice.relative_sigma:.2g} %{_suggestion(refined)}."
     )
     level: Literal["info", "warning"] = "warning" if advice.relative_sigma >= WEAK else "info"
