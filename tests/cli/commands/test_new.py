@@ -184,6 +184,7 @@ def test_tables_that_are_there_are_named_and_left_as_they_are(tmp_path: Path) ->
     folder = bare(tmp_path / "flight")
     (folder / "picks.csv").write_text("image,label,u_px,v_px\nP1.jpg,A,1,2\n", encoding="utf-8")
     (folder / "tape.csv").write_text("name,from,to,length_m,sigma_m\n", encoding="utf-8")
+    (folder / "things.csv").write_text("name,kind,points,value,sigma\n", encoding="utf-8")
     (folder / "check points.csv").write_text(
         "label,east_m,north_m,up_m,sigma_m\nA,0,0,0,1\n", encoding="utf-8"
     )
@@ -191,6 +192,8 @@ def test_tables_that_are_there_are_named_and_left_as_they_are(tmp_path: Path) ->
     assert main(["new", str(folder)]) == 0
     project = load_project(folder / "project.yaml")
     assert project.lines is not None
+    assert project.known is not None
+    assert Path(project.known).name == "things.csv"
     assert project.check is not None
     assert Path(project.lines).name == "tape.csv"
     assert Path(project.check).name == "check points.csv"

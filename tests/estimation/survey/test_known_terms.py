@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -130,3 +131,33 @@ def test_a_known_thing_is_an_observation_in_its_own_sigmas() -> None:
     found = blocks["known"].residual[:, 0] * sigma
     np.testing.assert_allclose(found[simple], rows.value[simple], rtol=1e-12)
     assert {thing.kind for thing in scene.survey.known} >= set(CONDITIONS)
+
+
+@pytest.mark.parametrize(
+    ("kind", "label", "where", "says"),
+    [
+        ("vertical", (0, 1), "rough ground", False),
+        ("vertical", (1, 6), "rough ground", True),
+        ("coplanar", (0, 1, 2, 3), "rough ground", True),
+        ("coplanar", (0, 1, 2, 3), "smooth ground", False),
+        ("coplanar", (0, 1, 2, 6), "smooth ground", True),
+        ("plane_distance", (0, 1, 2, 3), "smooth ground", False),
+        ("level", (0, 1), "smooth ground", True),
+        ("level", (0, 1), "gauge", False),
+        ("slope", (0, 1), "gauge", False),
+        ("collinear", (0, 1, 4), "gauge", True),
+        ("height", (0,), "rough ground", False),
+        ("height", (6,), "smooth ground", True),
+        ("volume", (0, 1, 2, 3), "smooth ground", False),
+    ],
+)
+def test_what_the_ground_says_anyway_is_no_observation(
+    kind: str, label: tuple[int, ...], where: str, *, says: bool
+) -> None:
+    rough = 0.05 if where == "rough ground" else 0.0
+    gauge: Literal["world", "plane"] = "plane" if where == "gauge" else "world"
+    scene = make_scene(3, noise=0.0, roughness=rough, gauge=gauge, telemetry=gauge == "world")
+    thing = KnownThing(index=0, name="k", kind=kind, label=label, value=0.0, sigma=0.1)
+    survey = replace(scene.survey, known=(thing,), is_free=FREE)
+
+    assert [one.name for one in problem_of(replace(scene, survey=survey)).known] == ["k"] * says

@@ -26,13 +26,20 @@ THINGS = {
 }
 
 
+def in_order(scene: Scene, label: tuple[int, ...]) -> tuple[int, ...]:
+    """Points in their order around their middle."""
+    arm = scene.world[list(label), :2] - scene.world[list(label), :2].mean(axis=0)
+    return tuple(np.array(label)[np.argsort(np.arctan2(arm[:, 1], arm[:, 0]))].tolist())
+
+
 def scene_with(off: dict[str, float], *, telemetry: bool = True) -> Scene:
     """A scene in which five things are known, some of them wrong by so much."""
     gauge: Literal["world", "plane"] = "world" if telemetry else "plane"
     scene = make_scene(6, frames=6, lines=8, telemetry=telemetry, gauge=gauge)
     rng = np.random.default_rng(5)
     things = []
-    for i, (name, (kind, label)) in enumerate(THINGS.items()):
+    for i, (name, (kind, given)) in enumerate(THINGS.items()):
+        label = in_order(scene, given) if kind == "area" else given
         value = float(getattr(shapes, kind)(scene.world[list(label)])[0])
         value = float(np.rad2deg(value)) if kind == "angle" else value
         sigma = 0.1 if kind in ("angle", "area") else 0.02

@@ -73,31 +73,37 @@ def departures(
         what it is on the way there.
     """
     rows = row_count(thing, on_ground=on_ground)
-    none = np.zeros((rows, len(world), 3))
-    rough = np.zeros(rows)
+    flat = np.zeros((rows, len(world), 3))
     try:
         if thing.kind in CONDITIONS or is_offset(thing):
             value, gradient = _condition(thing, world, on_ground=on_ground)
-        elif refers_to_ground(thing):
-            measured, by_points, by_feet = measurable.over_ground(
-                _kind(thing), world, below.feet, dict(thing.parameters)
-            )
-            told = below.told[:, None]
-            gradient = (by_points + np.where(told, by_feet, 0.0))[None]
-            none = np.where(told, 0.0, by_feet)[None]
-            rough = np.array([np.linalg.norm(by_feet[:, 2] * below.sigma_m)])
-            value = np.array([measured - thing.value])
+            found = Departures(value, gradient, flat, np.zeros(rows))
         else:
-            parameters = dict(thing.parameters)
-            measured, by_points = measurable.shape_of(_kind(thing), world, parameters)
-            value, gradient = np.array([measured - thing.value]), by_points[None]
-        if np.isfinite(value).all() and np.isfinite(gradient).all():
-            return Departures(value, gradient, none, rough)
+            found = _measured(thing, world, below)
+        if np.isfinite(found.value).all() and np.isfinite(found.gradient).all():
+            return found
     except measurable.UnmeasurableError:
         pass
     # Points that coincide have no distance, and no way to tell where to move.
     off = 0.0 if thing.is_condition else -thing.value
-    return Departures(np.full(rows, off), np.zeros((rows, len(world), 3)), none, rough)
+    return Departures(np.full(rows, off), flat, flat, np.zeros(rows))
+
+
+def _measured(thing: KnownThing, world: Floats, below: GroundBelow) -> Departures:
+    """The measurement of a thing's kind, less what is known."""
+    kind, parameters = cast("MeasurementKind", thing.kind), dict(thing.parameters)
+    if not refers_to_ground(thing):
+        value, gradient = measurable.shape_of(kind, world, parameters)
+        nothing = np.zeros((1, len(world), 3))
+        return Departures(np.array([value - thing.value]), gradient[None], nothing, np.zeros(1))
+    value, gradient, by_feet = measurable.over_ground(kind, world, below.feet, parameters)
+    told = below.told[:, None]
+    return Departures(
+        np.array([value - thing.value]),
+        (gradient + np.where(told, by_feet, 0.0))[None],
+        np.where(told, 0.0, by_feet)[None],
+        np.array([np.linalg.norm(by_feet[:, 2] * below.sigma_m)]),
+    )
 
 
 def is_offset(thing: KnownThing) -> bool:
@@ -116,10 +122,6 @@ def _condition(thing: KnownThing, world: Floats, *, on_ground: bool) -> conditio
     if thing.kind in _FLAT:
         return _FLAT[thing.kind](world, on_ground=on_ground)
     return _CONDITIONS[thing.kind](world)
-
-
-def _kind(thing: KnownThing) -> MeasurementKind:
-    return cast("MeasurementKind", thing.kind)
 
 
 def row_count(thing: KnownThing, *, on_ground: bool) -> int:

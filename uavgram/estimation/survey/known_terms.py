@@ -142,23 +142,30 @@ def things_of_rows(places: Places, things: Sequence[KnownThing]) -> Ints:
     return np.repeat(np.arange(len(things)), counts)
 
 
+_ONE_PLANE = ("coplanar", "plane_distance")
+_LEVEL = ("level", "vertical_distance", "slope", "height")
+
+
 def says_something(survey: Survey, thing: KnownThing) -> bool:
     """Whether a thing can be an observation: not of what the ground alone says, or forbids.
 
-    Of points on the ground none is above another; on smooth ground all lie in its plane, and on
-    that of a free gauge all are level.
+    Of points on the ground none is above another, or above the ground; on smooth ground all lie in
+    its plane, and on that of a free gauge all are level.
     """
     label = list(thing.label)
-    if thing.kind == "height" and len(label) == 1:  # what is exactly stated cannot be known again
-        return bool(survey.is_free[label[0]] or survey.height_sigma_m[label[0]] > 0)
+    if refers_to_ground(thing):
+        return bool((survey.is_free[label] | (survey.height_sigma_m[label] > 0)).any())
     if survey.off_ground[label].any():
         return True
     areas = set(survey.area[label].tolist())
-    rough = any(survey.grounds[a].roughness_sigma_m > 0 for a in areas)
-    if rough or len(areas) > 1 or survey.grounds[min(areas)].relief is not None:
-        return thing.kind != "vertical"
-    is_gauge = survey.gauge == "plane" and areas == {0}
-    return thing.kind not in ("vertical", "coplanar", *(("level",) * is_gauge))
+    smooth = all(
+        survey.grounds[a].roughness_sigma_m == 0 and survey.grounds[a].relief is None for a in areas
+    )
+    silent: tuple[str, ...] = ("vertical",)
+    if smooth and len(areas) == 1:
+        is_gauge = survey.gauge == "plane" and areas == {0}
+        silent += _ONE_PLANE + _LEVEL * is_gauge
+    return thing.kind not in silent
 
 
 def on_ground(places: Places, thing: KnownThing) -> bool:

@@ -214,4 +214,6 @@ def stated(results: KnownResults, i: int) -> str:
     unit = results.unit[i]
     if np.isnan(results.value[i]):
         return f"off by {abs(results.adjusted[i]):.3f} {unit}"
+    if results.kind[i] in ("area", "volume") and results.adjusted[i] == 0.0:
+        return f"given {results.value[i]:.3f} {unit}, but its points go round no area in order"
     return f"given {results.value[i]:.3f} {unit}, found {results.adjusted[i]:.3f} {unit}"
