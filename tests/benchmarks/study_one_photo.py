@@ -28,7 +28,6 @@ LENGTH, ACROSS = ("length", (0, 1)), ("length", (1, 2))
 CORNERS = tuple(("right_angle", c) for c in ((0, 1, 2), (1, 2, 3), (2, 3, 0), (3, 0, 1)))
 EDGES, ENDS = ("parallel", (0, 1, 3, 2)), ("parallel", (1, 2, 0, 3))
 WIDTH = ("line_distance", (2, 0, 1))
-OPPOSITE = (("equal_lengths", (0, 1, 2, 3)), ("equal_lengths", (1, 2, 3, 0)))
 
 KNOWN = {
     "length, right angle": (LENGTH, CORNERS[0]),
@@ -38,7 +37,6 @@ KNOWN = {
     "length, parallel edges, right angle": (LENGTH, EDGES, CORNERS[0]),
     "length, two pairs of parallels": (LENGTH, EDGES, ENDS),
     "length, two pairs of parallels, right angle": (LENGTH, EDGES, ENDS, CORNERS[0]),
-    "length, opposite sides equal": (LENGTH, *OPPOSITE),
     "two lengths, right angle between": (LENGTH, ACROSS, CORNERS[0]),
     "two lengths, parallel edges": (LENGTH, ACROSS, EDGES),
     "two lengths, parallel edges, right angle": (LENGTH, ACROSS, EDGES, CORNERS[0]),
