@@ -255,14 +255,8 @@ def _weak_lengths(refined: Refined) -> Iterator[Message]:
     what = "; ".join(faults) or "they say little of the scene's shape"
     known = "lengths and things" if survey.known else "lengths"
     text = (
-<<<<<<< HEAD
-        f"The known lengths{' and things' * bool(survey.known)} are weak as a set: {what}. "
-        f"Distances between the points are known to {100 * advice.relative_sigma:.2g} %"
-        f"{_suggestion(refined)}."
-=======
         f"The known {known} are weak as a set: {what}. Distances between the points are known to "
         f"{100 * advice.relative_sigma:.2g} %{_suggestion(refined)}."
->>>>>>> i14f
     )
     level: Literal["info", "warning"] = "warning" if advice.relative_sigma >= WEAK else "info"
     yield Message(level, "weak-lengths", text)
