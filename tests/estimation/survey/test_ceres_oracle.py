@@ -95,7 +95,6 @@ def test_estimates_and_sigmas_equal_those_of_ceres(options: dict[str, Any]) -> N
 
 OFF_GROUND: dict[str, tuple[dict[str, Any], dict[int, float]]] = {
     "free, stated with a sigma, stated exactly": (FLIGHT, {0: np.inf, 2: 0.05, 5: 0.0}),
-    "the same on rough ground": (FLIGHT | {"roughness": 0.05}, {0: np.inf, 2: 0.05, 5: 0.0}),
     "free without a log": (
         ONE_FRAME | {"frames": 3, "ends": ((1, 3), (3, 4), (4, 6), (6, 7), (7, 1), (1, 6))},
         dict.fromkeys(RAISED, np.inf),
