@@ -65,13 +65,14 @@ def test_rough_ground_has_sigmas_and_no_heights_and_a_plane_has_neither() -> Non
 def test_results_of_earlier_versions_have_no_heights_to_show() -> None:
     result = survey.build()
     count = len(result.points.label)
+    untold: tuple[HeightSource, ...] = ("untold",) * count
     nothing = np.full(count, np.nan)
     points = replace(
         result.points,
         height_above_ground_m=nothing,
         height_sigma_m=nothing,
         covariance_m3=np.full((count, 3, 3), np.nan),
-        height_source=("untold",) * count,
+        height_source=untold,
     )
 
     assert "height over the ground" not in table(replace(result, points=points))[0]
