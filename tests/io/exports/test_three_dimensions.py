@@ -94,7 +94,7 @@ def test_geojson_has_heights_above_the_ellipsoid(solid: Result, points: dict[str
     content, found = geojson_points(solid)
     origin = solid.world.origin
     assert origin is not None
-    to_earth = Transformer.from_pipeline(
+    to_earth: Any = Transformer.from_pipeline(
         "+proj=pipeline +step +inv +proj=topocentric +ellps=WGS84 "
         f"+lat_0={origin.latitude_deg} +lon_0={origin.longitude_deg} +h_0={origin.height_m} "
         "+step +inv +proj=cart +ellps=WGS84"
@@ -236,8 +236,10 @@ def test_the_drawing_has_points_off_the_ground_on_a_layer_with_verticals(
         up = points[label]["position_world_m"][2]
         # the map's heights follow the earth, which falls away below the tangent plane
         assert insert.dxf.insert.z == pytest.approx(zero + up, abs=1e-9 if not zero else 4e-4)
-        said = float(insert.get_attrib_text("HEIGHT_ABOVE_GROUND_M"))
-        assert said == pytest.approx(points[label]["height_above_ground_m"], abs=5e-5)
+        assert all(attribute.is_invisible for attribute in insert.attribs)
+        for key in ("height_above_ground_m", "height_sigma_m") if off else ():
+            said = float(insert.get_attrib_text(key.upper()))
+            assert said == pytest.approx(points[label][key], abs=5e-5)
     lines = [
         [vertex.dxf.location for vertex in line.vertices]
         for line in space.query('POLYLINE[layer=="HEIGHTS"]')

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import synthetic_survey as survey
+from raised_points import RAISED, raised
 
-from uavgram.stages.products.map_layers import measured_strips
+from uavgram.stages.products.map_layers import features_of, measured_strips
 
 
 def test_a_distance_from_a_plane_is_drawn_to_the_plane() -> None:
@@ -45,3 +46,37 @@ def test_a_volume_is_drawn_as_what_its_points_enclose() -> None:
     )
     (strip,) = measured_strips(replace(result, measurements=rows))[0]
     np.testing.assert_array_equal(strip, result.points.position_world_m[[0, 1, 2, 3, 0]])
+
+
+def test_a_height_is_drawn_from_the_ground_up() -> None:
+    result = raised(survey.build())
+    rows = result.measurements
+    count = len(rows.name)
+    labels = tuple((label,) for label in result.points.label[:count])
+    rows = replace(rows, kind=("height",) * count, points=labels, value=np.ones(count))
+    strips = measured_strips(replace(result, measurements=rows))
+    for k in range(count):
+        ((foot, top),) = strips[k]
+        height = RAISED.get(result.points.label[k], (0.0,))[0]
+        np.testing.assert_array_equal(top, result.points.position_world_m[k])
+        np.testing.assert_allclose(top - foot, [0.0, 0.0, height], atol=1e-12)
+
+
+def test_shapes_of_points_off_the_ground_know_their_heights_over_it() -> None:
+    """A foot beside the points has the ground of the nearest of them."""
+    result = raised(survey.build())
+    layers = {layer.name: layer for layer in features_of(result, None).layers}
+    measured = layers["measured_lines"]
+    row = list(measured.attributes["name"]).index("skid right")  # from P07 to P16
+
+    np.testing.assert_allclose(measured.above_ground_m[row], [0.0, RAISED["P16"][0]], atol=1e-12)
+    known = layers["known_lengths"]
+    np.testing.assert_allclose(known.above_ground_m[0], [RAISED["P00"][0], 0.0], atol=1e-12)
+    assert all(
+        len(above) == len(vertices)
+        for layer in layers.values()
+        if layer.above_ground_m
+        for above, vertices in zip(layer.above_ground_m, layer.vertices_m, strict=True)
+    )
+    flat = features_of(survey.build(), None).layers
+    assert not any(layer.above_ground_m for layer in flat)

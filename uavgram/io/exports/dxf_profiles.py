@@ -143,10 +143,12 @@ def _draw(paper: _Paper) -> None:
         for a, b, one in zip(x, height, TWO_SIDED_95 * sigma, strict=True):
             if one > 0:
                 paper.line([(a, paper.y(b - one)), (a, paper.y(b + one))], _INTERVALS)
-    for label, a, height in zip(sheet.label, x, sheet.height_m, strict=True):
-        at = (a, paper.y(height))
-        paper.block.add_circle(at, 0.25 * paper.text, dxfattribs={"layer": _LINE[0]})
-        paper.write(label, (a, at[1] + 0.8 * paper.text), TextEntityAlignment.BOTTOM_CENTER)
+    tops = sheet.height_m + TWO_SIDED_95 * sheet.height_sigma_m
+    for label, a, height, top in zip(sheet.label, x, sheet.height_m, tops, strict=True):
+        circle = {"layer": _LINE[0]}
+        paper.block.add_circle((a, paper.y(height)), 0.25 * paper.text, dxfattribs=circle)
+        above = (a, paper.y(top) + 0.5 * paper.text)
+        paper.write(label, above, TextEntityAlignment.BOTTOM_CENTER)
     _band(paper)
 
 
