@@ -14,7 +14,6 @@ from ezdxf.bbox import extents
 from ezdxf.document import Drawing
 from ezdxf.entities.lwpolyline import LWPolyline
 from ezdxf.filemanagement import readfile
-from ezdxf.entities import LWPolyline
 from ezdxf.layouts.base import BaseLayout
 from hypothesis import given
 from hypothesis import strategies as st
@@ -61,12 +60,7 @@ def sheet(profiles: ProfileResults) -> ProfileSheet:
 
 def lines(block: BaseLayout, layer: str) -> list[Floats]:
     found = block.query(f'LWPOLYLINE[layer=="{layer}"]')
-<<<<<<< HEAD
-    drawn_lines = (line for line in found if isinstance(line, LWPolyline))
-    return [np.array([vertex[:2] for vertex in line.get_points()]) for line in drawn_lines]
-=======
     return [np.array(list(line.vertices())) for line in found if isinstance(line, LWPolyline)]
->>>>>>> i14x
 
 
 def texts(block: BaseLayout) -> list[str]:
@@ -179,8 +173,4 @@ def test_numbers_keep_clear_of_each_other_and_in_order(places: list[float], leas
 
 @pytest.mark.parametrize(("step", "places"), [(0.05, 2), (0.1, 1), (0.2, 1), (1.0, 0), (50.0, 0)])
 def test_ticks_have_the_decimals_that_they_need(step: float, places: int) -> None:
-<<<<<<< HEAD
-    assert places_of(step * np.arange(3.0)) == places
-=======
     assert places_of(np.array([0.0, step, 2 * step])) == places
->>>>>>> i14x

@@ -72,11 +72,7 @@ def test_results_of_earlier_versions_have_no_heights_to_show() -> None:
         height_above_ground_m=nothing,
         height_sigma_m=nothing,
         covariance_m3=np.full((count, 3, 3), np.nan),
-<<<<<<< HEAD
         height_source=(),
-=======
-        height_source=(untold,) * count,
->>>>>>> i14x
     )
 
     assert "height over the ground" not in table(replace(result, points=points))[0]
