@@ -51,17 +51,25 @@ def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
         height_above_ground_m=height,
         height_sigma_m=height_sigma,
         covariance_m3=covariance,
-        height_from=_height_from(survey),
         latitude_deg=latitude,
         longitude_deg=longitude,
         frames=frames,
+        height_source=_height_sources(survey),
     )
 
 
-def _height_from(survey: Survey) -> tuple[HeightSource, ...]:
-    return tuple(
-        "found" if free else "stated" if off_ground else "ground"
-        for free, off_ground in zip(survey.is_free, survey.off_ground, strict=True)
+def _height_sources(survey: Survey) -> tuple[HeightSource, ...]:
+    """Where the height of each point over the ground is from."""
+    stated = np.where(survey.off_ground, "stated", "ground")
+    return tuple(np.where(survey.is_free, "found", stated).tolist())
+
+
+def _in_plane(covariance_m2: Floats) -> PlanarUncertainty:
+    major, minor, azimuth = error_ellipse(covariance_m2)
+    return PlanarUncertainty(
+        covariance_m2=covariance_m2,
+        ellipse_95_m=ELLIPSE_95 * np.column_stack([major, minor]),
+        ellipse_azimuth_rad=azimuth,
     )
 
 
@@ -73,15 +81,6 @@ def _within_survey(adjustment: Adjustment) -> PlanarUncertainty:
     in_space = np.full((len(planar.covariance_m2), 3, 3), np.nan)
     in_space[off_ground] = adjustment.relative_points_in_space(off_ground)
     return replace(planar, covariance_m3=in_space)
-
-
-def _in_plane(covariance_m2: Floats) -> PlanarUncertainty:
-    major, minor, azimuth = error_ellipse(covariance_m2)
-    return PlanarUncertainty(
-        covariance_m2=covariance_m2,
-        ellipse_95_m=ELLIPSE_95 * np.column_stack([major, minor]),
-        ellipse_azimuth_rad=azimuth,
-    )
 
 
 def _geographic(position: Floats, world: World) -> tuple[Floats, Floats]:

@@ -83,7 +83,7 @@ _EARLIER_POINT: Record = {
     "height_above_ground_m": None,
     "height_sigma_m": None,
     "covariance_m3": [[None] * 3] * 3,
-    "height_from": "ground",
+    "height_source": "untold",
 }
 """What points lack in files of earlier versions."""
 

@@ -15,7 +15,7 @@ from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, freez
 FrameStatus = Literal["refined", "seeded", "unmatched", "rejected"]
 LineStatus = Literal["used", "suspect", "removed", "checked", "unseen"]
 PickStatus = Literal["used", "suspect", "removed", "unused"]
-HeightSource = Literal["ground", "stated", "found"]
+HeightSource = Literal["ground", "stated", "found", "untold"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -121,8 +121,10 @@ class PointResults(FrozenArrays):
         did not tell.
     covariance_m3
         (K, 3, 3) of east, north and up [m2]; NaN likewise.
-    height_from
-        (K,) ``ground`` (on it), ``stated`` (known beforehand) or ``found`` (by the adjustment).
+    height_source
+        (K,) where that height is from: ``ground`` (it is a point on it), ``stated`` (in the picks,
+        exact or up to its sigma), ``found`` (free: from the photos and what else is known of the
+        point). Left out, what heights and sigmas tell; ``untold`` where they do not.
     latitude_deg, longitude_deg
         (K,) NaN with gauge ``plane``.
     frames
@@ -143,17 +145,21 @@ class PointResults(FrozenArrays):
     latitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     longitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     frames: tuple[tuple[str, ...], ...]
-    height_from: Annotated[tuple[HeightSource, ...], "n"] = ()
+    height_source: Annotated[tuple[HeightSource, ...], "n"] = ()
 
     def __post_init__(self) -> None:
-        if not self.height_from:
-            object.__setattr__(self, "height_from", ("ground",) * len(self.label))
+        if not self.height_source:
+            told = np.isfinite(self.height_above_ground_m)
+            found = np.where(self.height_sigma_m > 0, "found", "stated")
+            words = np.where(self.is_off_ground, found, np.where(told, "ground", "untold"))
+            object.__setattr__(self, "height_source", tuple(words.tolist()))
         super().__post_init__()
 
     @property
     def is_off_ground(self) -> Bools:
         """(K,) whether a point stands off the ground."""
-        return np.array([source != "ground" for source in self.height_from], dtype=np.bool_)
+        height, sigma = self.height_above_ground_m, self.height_sigma_m
+        return np.asarray((np.nan_to_num(height) != 0) | (sigma > 0))
 
     @property
     def departs(self) -> Bools:

@@ -10,7 +10,7 @@ from uavgram.geometry.ground.ellipse import ELLIPSOID_95, error_ellipsoid
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import HeightSource, PointResults
-from uavgram.views.wording import decimals_for, number, with_sigma
+from uavgram.views.wording import height_text, number, with_sigma
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,13 +50,19 @@ def off_ground(result: Result) -> OffGround | None:
     foot = points.position_world_m[rows].copy()
     foot[:, 2] -= points.height_above_ground_m[rows]
     half_axes, directions = error_ellipsoid(np.nan_to_num(points.relative.covariance_m3[rows]))
-    source = tuple(points.height_from[row] for row in rows)
+    source = tuple(points.height_source[row] for row in rows)
     return OffGround(rows, foot, ELLIPSOID_95 * half_axes, directions, source)
 
 
-def height_text(points: PointResults, row: int) -> str:
-    """``1.40 ± 0.03 m``, or ``1.40 m, exactly as stated``."""
+def height_of(points: PointResults, row: int) -> str:
+    """``1.402 ± 0.021 m, found``: as every table says it."""
+    height, sigma = points.height_above_ground_m[row], points.height_sigma_m[row]
+    return height_text(float(height), float(sigma), points.height_source[row])
+
+
+def height_label(points: PointResults, row: int) -> str:
+    """``V21 1.40 ± 0.03 m``, short enough for pictures; and that it was stated."""
     height, sigma = float(points.height_above_ground_m[row]), float(points.height_sigma_m[row])
-    if sigma > 0:
-        return with_sigma(height, sigma, "m")
-    return f"{number(height, decimals_for(sigma))} m, exactly as stated"
+    value = with_sigma(height, sigma, "m") if sigma > 0 else f"{number(height, 2)} m"
+    stated = ", stated" if points.height_source[row] == "stated" else ""
+    return f"{points.label[row]} {value}{stated}"

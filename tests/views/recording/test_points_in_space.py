@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import rerun.blueprint as rrb
 import synthetic_survey as survey
-from raised_points import HEIGHTS, raised
+from points_in_space import HEIGHTS, raised
 from recording_contents import Contents
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
@@ -25,7 +25,7 @@ from uavgram.views.recording.photo.frame_picks import project_picks
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.world.legend import BACKGROUND, draw_legend
 from uavgram.views.style import FOUND, REFERENCE
-from uavgram.views.survey.off_ground import height_text
+from uavgram.views.survey.off_ground import height_label, height_of
 
 PHOTO = "/survey/current_camera/photo"
 RULERS = "/survey/points/heights"
@@ -81,8 +81,11 @@ def test_rulers_stand_on_the_ground_in_the_colour_of_where_heights_are_from(
 def test_who_points_at_a_ruler_reads_its_height(contents: Contents) -> None:
     found, stated = (contents.static[f"{RULERS}/{one}"] for one in ("found", "stated"))
 
-    assert found["LineStrips3D:labels"][0] == "P09 1.400 ± 0.030 m"
-    assert stated["LineStrips3D:labels"] == ["P15 0.80 m, exactly as stated", "P20 2.500 ± 0.050 m"]
+    assert found["LineStrips3D:labels"][0] == "P09 1.400 ± 0.030 m, found"
+    assert stated["LineStrips3D:labels"] == [
+        "P15 0.800 m, as stated",
+        "P20 2.500 ± 0.050 m, stated and adjusted",
+    ]
     assert found["LineStrips3D:show_labels"] == [False]
 
 
@@ -253,11 +256,11 @@ def test_the_pages_have_heights_and_where_they_are_from(contents: Contents) -> N
     lines = [line for line in heights.splitlines() if line.startswith("| P")]
 
     assert [line.split("|")[1].strip() for line in lines] == ["P14", "P20", "P21", "P09", "P15"]
-    assert "| P09 | **1.400 ± 0.030 m** | found |" in heights
-    assert "| P15 | **0.80 m, exactly as stated** | stated |" in heights
+    assert "| P09 | **1.400 ± 0.030 m, found** |" in heights
+    assert "| P15 | **0.800 m, as stated** |" in heights
     for page in (heights, points):
         assert len({line.count("|") for line in page.splitlines() if line.startswith("|")}) == 1
-    assert "| -0.300 ± 0.040 m |" in points
+    assert "| -0.300 ± 0.040 m, found |" in points
 
 
 def test_bars_of_the_ground_stand_on_the_ground_below_a_raised_point(tmp_path: Path) -> None:
@@ -279,7 +282,12 @@ def test_the_legend_has_their_colours_and_room_for_them(result: Result) -> None:
     assert (everything[:, -8:] == BACKGROUND).all()
 
 
-def test_heights_are_told_with_their_sigmas(result: Result) -> None:
-    texts = [height_text(result.points, row) for row in rows_of(result, "P21", "P15")]
+def test_labels_say_which_heights_were_stated(result: Result) -> None:
+    rows = rows_of(result, "P21", "P15", "P20")
 
-    assert texts == ["-0.300 ± 0.040 m", "0.80 m, exactly as stated"]
+    assert [height_label(result.points, row) for row in rows] == [
+        "P21 -0.300 ± 0.040 m",
+        "P15 0.80 m, stated",
+        "P20 2.500 ± 0.050 m, stated",
+    ]
+    assert height_of(result.points, rows[0]) == "-0.300 ± 0.040 m, found"

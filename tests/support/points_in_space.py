@@ -34,7 +34,7 @@ def raised(result: Result, factor: float = 1.0) -> Result:
     points = result.points
     rows = [points.label.index(label) for label in HEIGHTS]
     height, sigma = points.height_above_ground_m.copy(), points.height_sigma_m.copy()
-    source, position = list(points.height_from), points.position_world_m.copy()
+    source, position = list(points.height_source), points.position_world_m.copy()
     in_space = np.full((len(points.label), 3, 3), np.nan)
     in_space[rows] = factor * covariances(len(rows))
     for row, (up, uncertain, known) in zip(rows, HEIGHTS.values(), strict=True):
@@ -47,7 +47,7 @@ def raised(result: Result, factor: float = 1.0) -> Result:
             position_world_m=position,
             height_above_ground_m=height,
             height_sigma_m=sigma,
-            height_from=tuple(source),
+            height_source=tuple(source),
             relative=replace(points.relative, covariance_m3=in_space),
         ),
     )
