@@ -143,7 +143,7 @@ def test_points_off_the_ground_say_where_their_heights_are_from() -> None:
     points = reconstruct(adjustment, WORLD)
     rows = np.array([0, 3, 5])
 
-    assert [points.height_source[row] for row in rows] == ["found", "stated", "stated"]
+    assert [points.height_source[row] for row in rows] == ["free", "stated", "stated"]
     assert np.flatnonzero(points.is_off_ground).tolist() == rows.tolist()
     in_space = points.relative.covariance_m3
     np.testing.assert_array_equal(in_space[rows], adjustment.relative_points_in_space(rows))

@@ -13,8 +13,8 @@ from uavgram.model.result.tables import HeightSource
 
 # Height over the ground, its sigma, and where it is from.
 HEIGHTS: dict[str, tuple[float, float, HeightSource]] = {
-    "P09": (1.4, 0.03, "found"),
-    "P14": (6.0, 0.12, "found"),
+    "P09": (1.4, 0.03, "free"),
+    "P14": (6.0, 0.12, "free"),
     "P15": (0.8, 0.0, "stated"),
     "P20": (2.5, 0.05, "stated"),
     "P21": (-0.3, 0.04, "found"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.world import World
 
 
-def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
+def reconstruct(adjustment: Adjustment, world: World, found: Collection[str] = ()) -> PointResults:
     """Ground points of an adjusted survey, in the order of their labels.
 
     Parameters
@@ -26,6 +27,8 @@ def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
     world
         Where the local world lies; points get latitude and longitude where it is tied to the
         earth.
+    found
+        Names of labels whose heights are unknowns though nobody said so.
     """
     survey = adjustment.survey
     position, covariance = adjustment.points()
@@ -54,14 +57,16 @@ def reconstruct(adjustment: Adjustment, world: World) -> PointResults:
         latitude_deg=latitude,
         longitude_deg=longitude,
         frames=frames,
-        height_source=_height_sources(survey),
+        height_source=_height_sources(survey, found),
     )
 
 
-def _height_sources(survey: Survey) -> tuple[HeightSource, ...]:
-    """Where the height of each point over the ground is from."""
-    stated = np.where(survey.off_ground, "stated", "ground")
-    return tuple(np.where(survey.is_free, "found", stated).tolist())
+def _height_sources(survey: Survey, found: Collection[str]) -> tuple[HeightSource, ...]:
+    """(K,) where the height of each point is from."""
+    named = np.isin(survey.label, list(found))
+    sources: list[HeightSource] = ["ground", "stated", "free", "found"]
+    cases = np.select([named, survey.is_free, survey.off_ground], [3, 2, 1])
+    return tuple(sources[k] for k in cases.tolist())
 
 
 def _in_plane(covariance_m2: Floats) -> PlanarUncertainty:

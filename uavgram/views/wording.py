@@ -10,7 +10,7 @@ import numpy as np
 
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
-from uavgram.model.result.tables import HeightSource, MeasurementResults
+from uavgram.model.result.tables import MeasurementResults
 
 NOT_COMPUTED = "not computed"
 
@@ -169,27 +169,6 @@ def each_plus_minus(
     """
     pairs = zip(values, sigmas, strict=True)
     return between.join(plus_minus(*pair, decimals, signed=signed) for pair in pairs)
-
-
-def height_text(height_m: float, sigma_m: float, source: HeightSource) -> str:
-    """``1.402 ± 0.021 m, found``: how high a point stands over the ground, and who says so.
-
-    Parameters
-    ----------
-    height_m, sigma_m
-        Over the ground below; NaN where nobody knows.
-    source
-        Where that is from.
-    """
-    if source == "ground":
-        return "on it"
-    if source == "untold":
-        return "–"
-    if source == "found":
-        return f"{plus_minus(height_m, sigma_m)} m, found"
-    if sigma_m > 0:
-        return f"{plus_minus(height_m, sigma_m)} m, stated and adjusted"
-    return f"{number(height_m)} m, as stated"
 
 
 def parameter_text(value: float, sigma: float) -> str:

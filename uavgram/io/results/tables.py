@@ -83,7 +83,7 @@ _EARLIER_POINT: Record = {
     "height_above_ground_m": None,
     "height_sigma_m": None,
     "covariance_m3": [[None] * 3] * 3,
-    "height_source": "untold",
+    "height_source": "",
 }
 """What points lack in files of earlier versions."""
 

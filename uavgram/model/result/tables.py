@@ -15,7 +15,8 @@ from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, freez
 FrameStatus = Literal["refined", "seeded", "unmatched", "rejected"]
 LineStatus = Literal["used", "suspect", "removed", "checked", "unseen"]
 PickStatus = Literal["used", "suspect", "removed", "unused"]
-HeightSource = Literal["ground", "stated", "found", "untold"]
+HeightSource = Literal["", "ground", "stated", "free", "found"]
+"""Where a point's height over the ground is from."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -122,9 +123,8 @@ class PointResults(FrozenArrays):
     covariance_m3
         (K, 3, 3) of east, north and up [m2]; NaN likewise.
     height_source
-        (K,) where that height is from: ``ground`` (it is a point on it), ``stated`` (in the picks,
-        exact or up to its sigma), ``found`` (free: from the photos and what else is known of the
-        point). Left out, what heights and sigmas tell; ``untold`` where they do not.
+        (K,) where the height is from: the ``ground``, ``stated``, ``free`` as someone said, or
+        ``found`` by the adjustment though nobody said so; empty in results of earlier versions.
     latitude_deg, longitude_deg
         (K,) NaN with gauge ``plane``.
     frames
@@ -149,10 +149,7 @@ class PointResults(FrozenArrays):
 
     def __post_init__(self) -> None:
         if not self.height_source:
-            told = np.isfinite(self.height_above_ground_m)
-            found = np.where(self.height_sigma_m > 0, "found", "stated")
-            words = np.where(self.is_off_ground, found, np.where(told, "ground", "untold"))
-            object.__setattr__(self, "height_source", tuple(words.tolist()))
+            object.__setattr__(self, "height_source", ("",) * len(self.label))
         super().__post_init__()
 
     @property
