@@ -15,8 +15,6 @@ from uavgram.model.result.tables import HeightSource, PlanarUncertainty, PointRe
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.world import World
 
-_NONE_IN_SPACE = np.zeros((0, 3, 3))
-
 
 def reconstruct(adjustment: Adjustment, world: World, found: Collection[str] = ()) -> PointResults:
     """Ground points of an adjusted survey, in the order of their labels.
@@ -70,24 +68,28 @@ def _height_sources(survey: Survey, found: Collection[str]) -> tuple[HeightSourc
     return tuple(sources[k] for k in cases.tolist())
 
 
-def _in_plane(covariance_m2: Floats, covariance_m3: Floats = _NONE_IN_SPACE) -> PlanarUncertainty:
+def _in_plane(covariance_m2: Floats) -> PlanarUncertainty:
     major, minor, azimuth = error_ellipse(covariance_m2)
     return PlanarUncertainty(
         covariance_m2=covariance_m2,
         ellipse_95_m=ELLIPSE_95 * np.column_stack([major, minor]),
         ellipse_azimuth_rad=azimuth,
-        covariance_m3=covariance_m3,
     )
 
 
 def _within_survey(adjustment: Adjustment) -> PlanarUncertainty:
-    planar = adjustment.relative_points()
+    planar = _in_plane(adjustment.relative_points())
     off_ground = np.flatnonzero(adjustment.survey.off_ground)
     if not len(off_ground):
-        return _in_plane(planar)
-    in_space = np.full((len(planar), 3, 3), np.nan)
+        return planar
+    in_space = np.full((len(planar.covariance_m2), 3, 3), np.nan)
     in_space[off_ground] = adjustment.relative_points_in_space(off_ground)
-    return _in_plane(planar, in_space)
+    return PlanarUncertainty(
+        covariance_m2=planar.covariance_m2,
+        ellipse_95_m=planar.ellipse_95_m,
+        ellipse_azimuth_rad=planar.ellipse_azimuth_rad,
+        covariance_m3=in_space,
+    )
 
 
 def _geographic(position: Floats, world: World) -> tuple[Floats, Floats]:
