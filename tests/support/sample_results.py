@@ -68,7 +68,6 @@ def _points(rng: np.random.Generator) -> PointResults:
         latitude_deg=np.array([50.1, 50.1002, 50.1001]),
         longitude_deg=np.array([-104.6, -104.6003, -104.5999]),
         frames=(("a.jpg", "b.jpg"), ("a.jpg",), ()),
-        height_source=("ground", "free", "ground"),
     )
 
 

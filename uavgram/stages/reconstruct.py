@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
 
 import numpy as np
 
@@ -54,10 +53,10 @@ def reconstruct(adjustment: Adjustment, world: World, found: Collection[str] = (
         height_above_ground_m=height,
         height_sigma_m=height_sigma,
         covariance_m3=covariance,
-        height_source=_height_sources(survey, found),
         latitude_deg=latitude,
         longitude_deg=longitude,
         frames=frames,
+        height_source=_height_sources(survey, found),
     )
 
 
@@ -69,6 +68,15 @@ def _height_sources(survey: Survey, found: Collection[str]) -> tuple[HeightSourc
     return tuple(sources[k] for k in cases.tolist())
 
 
+def _in_plane(covariance_m2: Floats) -> PlanarUncertainty:
+    major, minor, azimuth = error_ellipse(covariance_m2)
+    return PlanarUncertainty(
+        covariance_m2=covariance_m2,
+        ellipse_95_m=ELLIPSE_95 * np.column_stack([major, minor]),
+        ellipse_azimuth_rad=azimuth,
+    )
+
+
 def _within_survey(adjustment: Adjustment) -> PlanarUncertainty:
     planar = _in_plane(adjustment.relative_points())
     off_ground = np.flatnonzero(adjustment.survey.off_ground)
@@ -76,15 +84,11 @@ def _within_survey(adjustment: Adjustment) -> PlanarUncertainty:
         return planar
     in_space = np.full((len(planar.covariance_m2), 3, 3), np.nan)
     in_space[off_ground] = adjustment.relative_points_in_space(off_ground)
-    return replace(planar, covariance_m3=in_space)
-
-
-def _in_plane(covariance_m2: Floats) -> PlanarUncertainty:
-    major, minor, azimuth = error_ellipse(covariance_m2)
     return PlanarUncertainty(
-        covariance_m2=covariance_m2,
-        ellipse_95_m=ELLIPSE_95 * np.column_stack([major, minor]),
-        ellipse_azimuth_rad=azimuth,
+        covariance_m2=planar.covariance_m2,
+        ellipse_95_m=planar.ellipse_95_m,
+        ellipse_azimuth_rad=planar.ellipse_azimuth_rad,
+        covariance_m3=in_space,
     )
 
 

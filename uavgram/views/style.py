@@ -17,7 +17,8 @@ BAD: Rgb = (255, 59, 48)
 MEASURED: Rgb = (40, 215, 185)
 MEASURED_QUIET: Rgb = (30, 140, 122)
 OBSERVED: Rgb = (255, 255, 255)
-FOUND: Rgb = (150, 235, 70)
+FREE: Rgb = (150, 235, 70)
+UNASKED: Rgb = (255, 200, 40)
 SPREAD: Rgb = (248, 149, 64)
 GROUND: Rgb = (176, 140, 84)
 QUIET: Rgb = (140, 145, 155)
@@ -31,7 +32,7 @@ LINE_COLOURS: dict[str, Rgb] = {
     "checked": WITHHELD,
     "unseen": QUIET,
 }
-HEIGHT_COLOURS: dict[str, Rgb] = {"stated": REFERENCE, "free": FOUND, "found": WARNING}
+HEIGHT_COLOURS: dict[str, Rgb] = {"free": FREE, "stated": REFERENCE, "found": UNASKED}
 FRAME_COLOURS: dict[str, Rgb] = {
     "refined": GOOD,
     "check": WARNING,

@@ -84,7 +84,7 @@ def test_results_of_earlier_versions_claim_nothing_of_heights(
     (tmp_path / "results.json").write_text(json.dumps(content), encoding="utf-8")
     again = load_results(tmp_path / "results.json")
 
-    assert set(again.points.height_source) == {"untold"}
+    assert set(again.points.height_source) == {""}
     assert not again.points.is_off_ground.any()
     assert again.world.ellipsoid_shift_m is None
 

@@ -65,7 +65,6 @@ def test_rough_ground_has_sigmas_and_no_heights_and_a_plane_has_neither() -> Non
 def test_results_of_earlier_versions_have_no_heights_to_show() -> None:
     result = survey.build()
     count = len(result.points.label)
-    untold: HeightSource = "untold"
     nothing = np.full(count, np.nan)
     points = replace(
         result.points,

@@ -10,7 +10,13 @@ from uavgram.geometry.ground.ellipse import ELLIPSOID_95, error_ellipsoid
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import HeightSource, PointResults
-from uavgram.views.wording import decimals_for, number, with_sigma
+from uavgram.views.wording import number, plus_minus, with_sigma
+
+SOURCE_WORDS: dict[HeightSource, str] = {
+    "stated": "stated and adjusted",
+    "free": "found",
+    "found": "found, though the picks do not say free",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +33,7 @@ class OffGround:
         (n, 3) and (n, 3, 3) of the ellipsoids that hold them with 95 % within the survey, the
         largest axis first, along the columns; 0 where it is not known.
     source
-        (n,) where the height is from, as in the points of a result.
+        (n,) whether the height was ``stated``, left ``free``, or ``found`` though nobody said so.
     """
 
     rows: Ints
@@ -50,13 +56,24 @@ def off_ground(result: Result) -> OffGround | None:
     foot = points.position_world_m[rows].copy()
     foot[:, 2] -= points.height_above_ground_m[rows]
     half_axes, directions = error_ellipsoid(np.nan_to_num(points.relative.covariance_m3[rows]))
-    source = tuple(points.height_source[row] for row in rows)
+    # files of before it was told have nothing there
+    source = tuple(points.height_source[row] or "free" for row in rows)
     return OffGround(rows, foot, ELLIPSOID_95 * half_axes, directions, source)
 
 
-def height_text(points: PointResults, row: int) -> str:
-    """``1.40 ± 0.03 m``, or ``1.40 m, exactly as stated``."""
+def height_of(points: PointResults, row: int) -> str:
+    """``1.402 ± 0.021 m, found``: how high a point stands over the ground, and who says so."""
     height, sigma = float(points.height_above_ground_m[row]), float(points.height_sigma_m[row])
-    if sigma > 0:
-        return with_sigma(height, sigma, "m")
-    return f"{number(height, decimals_for(sigma))} m, exactly as stated"
+    source = points.height_source[row] or "free"
+    if source == "stated" and not sigma > 0:
+        return f"{number(height)} m, as stated"
+    return f"{plus_minus(height, sigma)} m, {SOURCE_WORDS[source]}"
+
+
+def height_label(points: PointResults, row: int) -> str:
+    """``V21 1.40 ± 0.03 m``, short enough for pictures; and where it was not left free."""
+    height, sigma = float(points.height_above_ground_m[row]), float(points.height_sigma_m[row])
+    source = points.height_source[row]
+    value = with_sigma(height, sigma, "m") if sigma > 0 else f"{number(height, 2)} m"
+    word = {"stated": ", stated", "found": ", not free in the picks"}.get(source, "")
+    return f"{points.label[row]} {value}{word}"

@@ -14,7 +14,7 @@ from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.world.points import has_outlines
 from uavgram.views.survey.departures import departures
 from uavgram.views.survey.key_facts import key_facts
-from uavgram.views.survey.off_ground import OffGround, height_text
+from uavgram.views.survey.off_ground import OffGround, height_of
 from uavgram.views.survey.reliability import (
     effect_words,
     overall_words,
@@ -110,7 +110,7 @@ def points_page(result: Result) -> str:
         points_order=order,
         uneven=departures(result),
         off_ground=bool(result.points.is_off_ground.any()),
-        height_text=height_text,
+        height_of=height_of,
         azimuth_deg=np.degrees(within.ellipse_azimuth_rad),
     )
 
@@ -134,7 +134,7 @@ def heights_page(result: Result, standing: OffGround) -> str:
         order=order,
         rows=standing.rows,
         half_axes_m=standing.half_axes_m,
-        height_text=height_text,
+        height_of=height_of,
     )
 
 

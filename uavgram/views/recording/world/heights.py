@@ -16,7 +16,7 @@ from uavgram.views.recording.stream import Recorder
 from uavgram.views.recording.world.labels import height_labels
 from uavgram.views.recording.world.marks import texts
 from uavgram.views.style import HEIGHT_COLOURS
-from uavgram.views.survey.off_ground import OffGround, height_text
+from uavgram.views.survey.off_ground import OffGround, height_of
 
 # Rerun draws at most 60 000 ellipsoids of one entity.
 MOST_ELLIPSOIDS = 50_000
@@ -68,7 +68,7 @@ def _rulers(recorder: Recorder, result: Result, standing: OffGround, source: Hei
             np.stack([standing.foot_m[which], points.position_world_m[rows]], axis=1),
             colors=HEIGHT_COLOURS[source],
             radii=rr.Radius.ui_points(RULER_WIDTH / 2),
-            labels=[f"{points.label[row]} {height_text(points, row)}" for row in rows.tolist()],
+            labels=[f"{points.label[row]} {height_of(points, row)}" for row in rows.tolist()],
             show_labels=False,
         ),
     )

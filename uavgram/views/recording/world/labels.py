@@ -13,7 +13,7 @@ from uavgram.views.recording.eye import Eye
 from uavgram.views.recording.scene import Scene
 from uavgram.views.survey.drawing import longest_middle, uncovered
 from uavgram.views.survey.key_facts import least_certain_length
-from uavgram.views.survey.off_ground import height_text
+from uavgram.views.survey.off_ground import height_label
 from uavgram.views.wording import (
     UNIT_WORDS,
     alternatives_text,
@@ -120,8 +120,7 @@ def _heights(result: Result, scene: Scene) -> list[Candidate]:
     points, rows = result.points, scene.off_ground.rows
     highest = rows[np.argsort(-points.height_above_ground_m[rows], kind="stable")]
     return [
-        (points.position_world_m[row], f"{points.label[row]} {height_text(points, row)}", -1)
-        for row in highest.tolist()
+        (points.position_world_m[row], height_label(points, row), -1) for row in highest.tolist()
     ]
 
 

@@ -35,6 +35,11 @@ TEXT: Rgb = (225, 228, 232)
 FONT_PX = 30
 ROWS_PX = (10, 60)
 GAP_PX = 40
+HEIGHT_WORDS = {
+    "free": "height found",
+    "stated": "height stated",
+    "found": "found, not free in picks",
+}
 
 
 def log_legend(recorder: Recorder, result: Result, scene: Scene, ground_gain: float) -> None:
@@ -119,22 +124,15 @@ def _cameras_and_lines(result: Result) -> list[tuple[int, str, Rgb]]:
     return entries
 
 
-_HEIGHTS = {
-    "stated": "height stated",
-    "free": "height found",
-    "found": "height found, unasked",
-}
-
-
 def _heights(scene: Scene) -> list[tuple[int, str, Rgb]]:
     entries: list[tuple[int, str, Rgb]] = []
     if scene.uneven is not None:
         times = "" if scene.departure_factor == 1 else f", bars {scene.departure_factor} x as tall"
         entries += [(0, "ground above its plane", ABOVE), (1, f"below it{times}", BELOW)]
     sources = scene.off_ground.source if scene.off_ground else ()
-    for row, source in ((0, "stated"), (1, "free"), (1, "found")):
+    for k, (source, colour) in enumerate(HEIGHT_COLOURS.items()):
         if source in sources:
-            entries.append((row, _HEIGHTS[source], HEIGHT_COLOURS[source]))
+            entries.append((k % 2, HEIGHT_WORDS[source], colour))
     return entries
 
 

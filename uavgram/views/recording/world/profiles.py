@@ -8,7 +8,7 @@ import rerun as rr
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.style import FOUND, GROUND, MEASURED, OBSERVED, QUIET, SPREAD, Rgb
+from uavgram.views.style import FREE, GROUND, MEASURED, OBSERVED, QUIET, SPREAD, Rgb
 from uavgram.views.survey.drawing import uncovered
 from uavgram.views.survey.profiles import LEFT, WIDTH, Place, ProfileDrawing, profile_drawings
 
@@ -51,7 +51,7 @@ def log_profiles(recorder: Recorder, result: Result) -> None:
     log_lines("grid", [_lower(line, top) for one, top in both for line in _grid(one)], QUIET, 0.5)
     log_lines("ground", [_lower(one.ground, top) for one, top in both], GROUND, 2.0)
     log_lines("line", [_lower(one.dots, top) for one, top in both], MEASURED, 2.0)
-    log_uprights("rulers", FOUND, 1.0)
+    log_uprights("rulers", FREE, 1.0)
     log_uprights("bars", SPREAD, 3.0)
     dots = np.concatenate([_lower(one.dots, top) for one, top in both])
     recorder.static(
