@@ -62,8 +62,8 @@ function volumeFields({ parameters = {} }, field) {
   return [
     node("label", {}, "Over", node("select", { name: "base", onchange: ({ target }) => { level.hidden = as(HTMLSelectElement, target).value !== "level"; } },
       option("ground", "the ground"), option("level", "a level"), option("plane", "a plane through the last three points"))),
-    node("label", {}, "Top", node("select", { name: "top" }, node("option", { value: "" }, "none: all points are around it"),
-      node("option", { value: "1", selected: "top" in parameters }, "the last point (before those of a plane)"))),
+    node("label", { class: "both" }, "Top", node("select", { name: "top" }, node("option", { value: "" }, "none: all points are around it"),
+      node("option", { value: "1", selected: "top" in parameters }, "the last point (before those of the plane)"))),
     level,
   ];
 }
