@@ -33,12 +33,15 @@ class Lane:
         (6, 3) true places under the photo's camera.
     center, rotation
         (3,), (3, 3) of its camera, world from camera.
+    seed
+        That it was made with.
     """
 
     survey: Survey
     world: Floats
     center: Floats
     rotation: Floats
+    seed: int
 
     def known(self, *things: tuple[str, tuple[int, ...]], noise: float = 0.0) -> Lane:
         """The same lane with known things: kind, and corners; their values are the true ones.
@@ -50,7 +53,7 @@ class Lane:
         noise
             Share of its sigma by which every value that is no condition is wrong, at random.
         """
-        rng = np.random.default_rng(len(things))
+        rng = np.random.default_rng((self.seed, len(things)))
         ends = np.array([p for kind, p in things if kind == "length"], int).reshape(-1, 2)
         length = np.linalg.norm(self.world[ends[:, 0]] - self.world[ends[:, 1]], axis=1)
         rest = [(kind, p) for kind, p in things if kind != "length"]
@@ -60,19 +63,21 @@ class Lane:
             line_end=ends[:, 1],
             length_m=length + noise * SIGMA_M * rng.normal(size=len(ends)),
             length_sigma_m=np.full(len(ends), SIGMA_M),
-            known=tuple(self._thing(k, *one) for k, one in enumerate(rest)),
+            known=tuple(self._thing(k, *one, noise * rng.normal()) for k, one in enumerate(rest)),
         )
         return replace(self, survey=survey)
 
-    def _thing(self, index: int, kind: str, label: tuple[int, ...]) -> KnownThing:
+    def _thing(self, index: int, kind: str, label: tuple[int, ...], error: float) -> KnownThing:
+        """A known thing that is wrong by so many sigmas."""
         sigma = SIGMA_DEG if kind in {"right_angle", "parallel"} else SIGMA_M
+        sigma *= 10.0 if kind == "area" else 1.0
         return KnownThing(
             index=index,
             name=f"{kind} {index}",
             kind=kind,
             label=label,
-            value=_value(kind, self.world[list(label)]),
-            sigma=sigma * (10.0 if kind == "area" else 1.0),
+            value=_value(kind, self.world[list(label)]) + sigma * error,
+            sigma=sigma,
         )
 
 
@@ -134,7 +139,7 @@ def lane(seed: int, *, noise: float = 0.0) -> Lane:
         pixel_px=pixel + noise * scenes.PIXEL_SIGMA * rng.normal(size=(6, 2)),
         pick_sigma_px=np.full(6, scenes.PIXEL_SIGMA),
     )
-    return Lane(survey, world, center, rotation)
+    return Lane(survey, world, center, rotation, seed)
 
 
 def _corners(rng: np.random.Generator, error_rad: Floats) -> Floats:
