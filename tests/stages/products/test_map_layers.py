@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import synthetic_survey as survey
-from raised_points import RAISED, raised
+from raised_survey import RAISED, raised
 
 from uavgram.stages.products.map_layers import features_of, measured_strips
 
