@@ -98,3 +98,13 @@ def test_a_length_to_the_ground_holds_a_point_that_one_photo_shows() -> None:
     height, sigma = heights_above_ground(adjusted(survey))
     assert sigma[0] < 2.0  # by its ray alone it would be anywhere
     assert height[0] == pytest.approx(1.5, abs=3 * sigma[0])
+
+
+def test_a_short_length_does_not_hold_a_point_on_the_wrong_side() -> None:
+    # By the log's poses P4 begins 1 m too low, below the other end of its length of 0.9 m.
+    scene = make_scene(3033, heights=HEIGHTS, ends=((6, 8), (6, 4), (3, 4), (1, 6), (3, 8), (3, 2)))
+    adjustment = adjusted(with_third_coordinates(scene, free=HEIGHTS).survey)
+
+    height, sigma = heights_above_ground(adjustment)
+    assert height[4] == pytest.approx(0.6, abs=4 * sigma[4])
+    assert adjustment.variance_factor < 2.0

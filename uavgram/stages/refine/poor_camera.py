@@ -1,7 +1,12 @@
-"""Surveys whose camera is hardly known: focal length, heights and tilts change together."""
+"""Surveys that begin far from their minimum, led there by softer observations.
+
+Where the camera is hardly known, focal length, heights and tilts change together. A length to a
+point whose height is free is met on two sides, and first poses may begin it on the wrong one.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -28,6 +33,10 @@ bent valley
 pose of either tilt); soft ones leave the lens near its prior until the photos lie about where they
 belong."""
 
+SOFT_LENGTH = 0.5
+"""Sigma of a length to a point whose height is free, as a share of it, until its rays have led to
+the side where it is."""
+
 SLACK = 1e-9
 """Damping, as a share of the normal matrix's diagonal, by which what nothing determines may end."""
 
@@ -46,10 +55,10 @@ def is_hardly_known(camera: Calibration) -> bool:
 
 
 def settled(survey: Survey, state: State, pivot: Floats, line_used: Bools) -> State:
-    """First values nearer to the minimum, where the camera is hardly known; else `state` itself.
+    """First values nearer to the minimum, where they may be far from it; else `state` itself.
 
-    Where telemetry says where the photos lie, they need no such help. What nothing determines is
-    no fault here: the adjustment that follows says so.
+    A camera that is hardly known needs that where no telemetry says where the photos lie. What
+    nothing determines is no fault here: the adjustment that follows says so.
 
     Parameters
     ----------
@@ -67,17 +76,25 @@ def settled(survey: Survey, state: State, pivot: Floats, line_used: Bools) -> St
     SingularError
         No observation says anything of an unknown.
     """
-    if survey.telemetry is not None or not is_hardly_known(survey.calibration):
-        return state
-    for softer in SOFTER:
-        soft = replace(
-            survey,
-            pick_sigma_px=softer * survey.pick_sigma_px,
-            length_sigma_m=softer * survey.length_sigma_m,
-            known=tuple(replace(one, sigma=softer * one.sigma) for one in survey.known),
-        )
+    for soft in _softer(survey):
         state = iterate(SurveyProblem(soft, pivot, line_used), state, EACH, SLACK).state
     return state
+
+
+def _softer(survey: Survey) -> Iterator[Survey]:
+    """The survey with larger sigmas, softest first; nothing where it needs none."""
+    if survey.telemetry is None and is_hardly_known(survey.calibration):
+        for softer in SOFTER:
+            yield replace(
+                survey,
+                pick_sigma_px=softer * survey.pick_sigma_px,
+                length_sigma_m=softer * survey.length_sigma_m,
+                known=tuple(replace(one, sigma=softer * one.sigma) for one in survey.known),
+            )
+    to_free = survey.is_free[survey.line_start] | survey.is_free[survey.line_end]
+    if to_free.any():
+        soft = np.maximum(survey.length_sigma_m, SOFT_LENGTH * survey.length_m)
+        yield replace(survey, length_sigma_m=np.where(to_free, soft, survey.length_sigma_m))
 
 
 def iterate(problem: SurveyProblem, state: State, most: int, slack: float = 0.0) -> Minimum[State]:
