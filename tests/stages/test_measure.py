@@ -174,6 +174,15 @@ def test_value_sigma_and_unit_by_hand(
     )
 
 
+def test_the_area_of_a_wall_is_not_that_of_its_plan() -> None:
+    wall = np.array([[0.0, 0, 0], [3, 1, 0], [3, 1, 2], [0, 0, 2], [9, 9, 9]])
+    results, messages = one(ask("area", "ABCD"), Points(world=wall))
+    assert messages == ()
+    assert results.value[0] == pytest.approx(2 * np.sqrt(10))
+    _, messages = one(ask("area", "ACBD"), Points(world=wall))
+    assert "crosses itself" in messages[0].text
+
+
 def test_a_coordinate_gives_its_east_and_its_north() -> None:
     covariance = np.diag(np.arange(1.0, 16.0) ** 2)
     covariance[3, 4] = covariance[4, 3] = 10.0

@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import get_args
+
 import numpy as np
 import pytest
 import synthetic_survey as survey
 
-from uavgram.views.wording import chance, decimals_for, number, relative, with_sigma, worst_first
+from uavgram.io.tables.measure import POINT_COUNTS
+from uavgram.model.survey.observations import MeasurementKind
+from uavgram.stages.measure import UNITS
+from uavgram.views.wording import (
+    KIND_WORDS,
+    UNIT_WORDS,
+    chance,
+    decimals_for,
+    number,
+    relative,
+    with_sigma,
+    worst_first,
+)
 
 
 @pytest.mark.parametrize(
@@ -56,8 +71,20 @@ def test_the_worst_measurement_comes_first_and_what_has_no_value_before_it() -> 
     assert order[-1] == "skid left"  # 21 mm of 40 m
 
 
+def test_every_kind_of_measurement_has_words_and_a_number_of_points() -> None:
+    kinds = {*get_args(MeasurementKind)}
+    assert {*KIND_WORDS} == kinds == {*POINT_COUNTS}
+    assert {*UNITS.values()} < {*UNIT_WORDS}
+
+
 def test_a_coordinate_near_zero_is_not_the_worst_for_being_small() -> None:
     rows = survey.build().measurements
     order = [rows.name[i] for i in worst_first(rows)]
 
     assert order.index("road width") < order.index("rest position north")  # 12 mm of 6.3 m; 34 mm
+
+
+def test_a_height_near_zero_is_not_the_worst_for_being_small() -> None:
+    rows = survey.build().measurements
+    kinds = tuple("height" if kind == "coordinate" else kind for kind in rows.kind)
+    assert list(worst_first(replace(rows, kind=kinds))) == list(worst_first(rows))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from off_ground import with_third_coordinates
 from scenes import NO_TIMES, make_scene
 
 from uavgram.estimation.measuring.error_budget import error_budget, shares
@@ -89,3 +90,16 @@ def test_sources_without_any_part_are_left_out(case: tuple[Adjustment, MeasuredV
 
     assert ("flight log" in budget.source) == (adjustment.survey.gauge == "world")
     assert "control points" not in budget.source
+
+
+def test_what_is_rough_below_a_point_counts_as_ground() -> None:
+    scene = make_scene(8, roughness=0.05, heights={2: 1.5})
+    scene = with_third_coordinates(scene, free=(2,))
+    adjustment = refine(scene.survey, SolveOptions())[0].adjustment
+    height = MeasurementRequest(name="height", kind="height", points=("P2",))
+    measured = propagate(adjustment, (height,), NO_TIMES)
+    parts = error_budget(adjustment.minimum.blocks, measured)
+    assert parts["roughness"] > adjustment.survey.ground.roughness_sigma_m**2
+    assert parts["other"] == pytest.approx([0.0], abs=1e-9)
+    assert sum(part[0] for part in parts.values()) == pytest.approx(measured.sigma[0] ** 2)
+    assert "friction and times" not in shares(parts).source

@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pytest
 from pyproj import Geod
 
 from uavgram.io.exports.geojson import dump_geojson, write_geojson
+from uavgram.io.tables.measure import POINT_COUNTS
 from uavgram.model.result.result import Result
+from uavgram.model.survey.observations import MeasurementKind
 
 Feature = dict[str, Any]
 
@@ -21,7 +23,11 @@ GEOD = Geod(ellps="WGS84")
 
 @pytest.fixture
 def features(sample_result: Result) -> list[Feature]:
-    content = json.loads(dump_geojson(sample_result))
+    return features_in(sample_result)
+
+
+def features_in(result: Result) -> list[Feature]:
+    content = json.loads(dump_geojson(result))
     assert content["type"] == "FeatureCollection"
     assert all(set(f) == {"type", "geometry", "properties"} for f in content["features"])
     found: list[Feature] = content["features"]
@@ -90,6 +96,35 @@ def test_a_line_distance_is_drawn_perpendicular_to_its_line(features: list[Featu
     on_line, _, _ = GEOD.inv(-104.6003, 50.1002, *foot)
     assert (along - across) % 180 == pytest.approx(90, abs=0.5)
     assert (along - on_line + 90) % 180 == pytest.approx(90, abs=0.01)
+
+
+def test_every_kind_has_a_shape(sample_result: Result) -> None:
+    rows = sample_result.measurements
+    kinds: tuple[MeasurementKind, ...] = get_args(MeasurementKind)
+    for kind in kinds:
+        count = POINT_COUNTS[kind][0]
+        measured = replace(
+            rows,
+            kind=(kind,) * len(rows.name),
+            points=(("P", "Q;ü", "R", "P")[:count],) * len(rows.name),
+        )
+        drawn = of_type(features_in(replace(sample_result, measurements=measured)), "measurement")
+        assert all(feature["geometry"] is not None for feature in drawn), kind
+
+
+def test_a_volume_is_drawn_without_its_top_and_the_points_of_its_plane(
+    sample_result: Result,
+) -> None:
+    rows = sample_result.measurements
+    corners = ("P", "Q;ü", "R")
+    measured = replace(
+        rows,
+        kind=("volume",) * len(rows.name),
+        points=((*corners, "P", "R", "P", "Q;ü"),) * len(rows.name),
+        parameters=("top=1.0;plane=1.0",) * len(rows.name),
+    )
+    drawn = of_type(features_in(replace(sample_result, measurements=measured)), "measurement")
+    assert {len(feature["geometry"]["coordinates"][0]) for feature in drawn} == {4}
 
 
 def test_values_that_cannot_be_computed_are_null(features: list[Feature]) -> None:

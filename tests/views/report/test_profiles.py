@@ -88,3 +88,10 @@ def test_results_give_the_profiles_back(result: Result, tmp_path: Path) -> None:
     assert again.label == result.profiles.label
     np.testing.assert_array_equal(again.place_m, PLACE)
     np.testing.assert_array_equal(again.sigma_m, SIGMA)
+
+
+def test_the_method_says_what_a_volume_is_where_one_is_measured(result: Result) -> None:
+    rows = result.measurements
+    volumes = replace(rows, kind=("volume", *rows.kind[1:]))
+    assert "A volume lies between" in render_report(replace(result, measurements=volumes))
+    assert "A volume lies between" not in render_report(result)

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from uavgram.estimation.measuring.kinds import BELOW
 from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.model.arrays import Floats
@@ -38,13 +39,22 @@ def error_budget(blocks: Mapping[str, Block], measured: MeasuredValues) -> dict[
     -------
     dict
         Of each group (M,) variances in the squared unit of each value; with ``other`` (friction,
-        times) they add up to the value's variance. NaN where there is no value.
+        times) they add up to the value's variance. ``roughness`` holds that of the ground below
+        points off it as well. NaN where there is no value.
     """
     parts = {name: _contribution(block, measured.solved) for name, block in blocks.items()}
     first_order = np.einsum("km,km->m", measured.gradient, measured.solved)
-    parts["other"] = np.maximum(np.diag(measured.covariance) - first_order, 0.0)
+    below = np.array([_below(row.others) for row in measured.rows])
+    if below.any():
+        parts["roughness"] = parts.get("roughness", 0.0) + below
+    rest = np.diag(measured.covariance) - first_order - below
+    parts["other"] = np.maximum(rest, 0.0)
     computed = np.isfinite(np.diag(measured.covariance))
     return {name: np.where(computed, variance, np.nan) for name, variance in parts.items()}
+
+
+def _below(others: Mapping[str, float]) -> float:
+    return sum(effect**2 for source, effect in others.items() if source.startswith(BELOW))
 
 
 def _contribution(block: Block, solved: Floats) -> Floats:

@@ -26,6 +26,9 @@ STANDARD_GRAVITY = 9.80665
 
 AXES = ("east", "north")
 
+BELOW = "roughness of the ground below "
+"""Before the label in the name of such a source of error."""
+
 
 class Measurand(NamedTuple):
     """One measured number and how it depends on its points and on what else has a sigma."""
@@ -182,7 +185,7 @@ def _over_ground(
     below = ground_below(survey, label, points, feet)
     if request.kind == "height" and below.told.all():
         raise UnmeasurableError(_stated(request.points[0], float(survey.height_above_m[label][0])))
-    sources = [f"roughness of the ground below {one}" for one in request.points]
+    sources = [f"{BELOW}{one}" for one in request.points]
     lifted = below.feet.copy()
     lifted[:, 2] += below.sigma_m * [error(one) for one in sources]
     value, by_points, by_feet = measurable.over_ground(

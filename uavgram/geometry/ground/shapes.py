@@ -206,7 +206,15 @@ def _share_a_point(a: Floats, b: Floats, c: Floats, d: Floats) -> Bools:
 
 
 def checked(points: Floats, *, exactly: int | None = None, at_least: int = 2) -> Floats:
-    """The points as an array, in the number that is needed."""
+    """The points as an array, in the number that is needed.
+
+    Parameters
+    ----------
+    points
+        (K, 3) [m].
+    exactly, at_least
+        How many are needed.
+    """
     points = np.asarray(points, np.float64)
     wanted = exactly if exactly is not None else max(at_least, len(points))
     if points.shape != (wanted, 3):

@@ -21,6 +21,7 @@ def method_facts(result: Result) -> dict[str, str | bool]:
         "lens": "rational" if rational else camera.model,
         "has_log": bool(result.has_seed.any()),
         "has_skid": "skid_speed" in result.measurements.kind,
+        "has_volume": "volume" in result.measurements.kind,
         "ellipse": number(ELLIPSE_95, 4),
         "significance": f"{significance:g}",
         "critical": number(critical_value(significance), 2),
