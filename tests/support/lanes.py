@@ -8,6 +8,8 @@ import numpy as np
 import scenes
 from scenes import cv_pixels, look_down, make_scene
 
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.geometry.ground import shapes
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.survey import Survey
@@ -31,12 +33,15 @@ class Lane:
         (6, 3) true places under the photo's camera.
     center, rotation
         (3,), (3, 3) of its camera, world from camera.
+    seed
+        That it was made with.
     """
 
     survey: Survey
     world: Floats
     center: Floats
     rotation: Floats
+    seed: int
 
     def known(self, *things: tuple[str, tuple[int, ...]], noise: float = 0.0) -> Lane:
         """The same lane with known things: kind, and corners; their values are the true ones.
@@ -48,7 +53,7 @@ class Lane:
         noise
             Share of its sigma by which every value that is no condition is wrong, at random.
         """
-        rng = np.random.default_rng(len(things))
+        rng = np.random.default_rng((self.seed, len(things)))
         ends = np.array([p for kind, p in things if kind == "length"], int).reshape(-1, 2)
         length = np.linalg.norm(self.world[ends[:, 0]] - self.world[ends[:, 1]], axis=1)
         rest = [(kind, p) for kind, p in things if kind != "length"]
@@ -58,19 +63,21 @@ class Lane:
             line_end=ends[:, 1],
             length_m=length + noise * SIGMA_M * rng.normal(size=len(ends)),
             length_sigma_m=np.full(len(ends), SIGMA_M),
-            known=tuple(self._thing(k, *one) for k, one in enumerate(rest)),
+            known=tuple(self._thing(k, *one, noise * rng.normal()) for k, one in enumerate(rest)),
         )
         return replace(self, survey=survey)
 
-    def _thing(self, index: int, kind: str, label: tuple[int, ...]) -> KnownThing:
+    def _thing(self, index: int, kind: str, label: tuple[int, ...], error: float) -> KnownThing:
+        """A known thing that is wrong by so many sigmas."""
         sigma = SIGMA_DEG if kind in {"right_angle", "parallel"} else SIGMA_M
+        sigma *= 10.0 if kind == "area" else 1.0
         return KnownThing(
             index=index,
             name=f"{kind} {index}",
             kind=kind,
             label=label,
-            value=_value(kind, self.world[list(label)]),
-            sigma=sigma * (10.0 if kind == "area" else 1.0),
+            value=_value(kind, self.world[list(label)]) + sigma * error,
+            sigma=sigma,
         )
 
 
@@ -83,6 +90,19 @@ def _value(kind: str, points: Floats) -> float:
     if kind == "area":
         return float(abs(east @ np.roll(north, -1) - north @ np.roll(east, -1)) / 2)
     return float("nan")
+
+
+def measured(adjustment: Adjustment) -> tuple[float, float]:
+    """The distance between the two points that no known thing names, and its sigma."""
+    rows = adjustment.label_rows(f"P{k}" for k in MEASURED)
+    world, covariance = adjustment.joint_points(rows)
+    value, gradient = shapes.distance(world)
+    return value, float(np.sqrt(gradient.ravel() @ covariance @ gradient.ravel()))
+
+
+def true_distance(scene: Lane) -> float:
+    first, second = scene.world[list(MEASURED)]
+    return float(np.linalg.norm(first - second))
 
 
 def lane(seed: int, *, noise: float = 0.0) -> Lane:
@@ -119,7 +139,7 @@ def lane(seed: int, *, noise: float = 0.0) -> Lane:
         pixel_px=pixel + noise * scenes.PIXEL_SIGMA * rng.normal(size=(6, 2)),
         pick_sigma_px=np.full(6, scenes.PIXEL_SIGMA),
     )
-    return Lane(survey, world, center, rotation)
+    return Lane(survey, world, center, rotation, seed)
 
 
 def _corners(rng: np.random.Generator, error_rad: Floats) -> Floats:

@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lanes import MEASURED, Lane, lane
+from lanes import Lane, lane, measured, true_distance
+from scenes import make_scene
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.survey.adjustment import Adjustment, Refined
+from uavgram.estimation.survey.adjustment import Refined
 from uavgram.geometry.ground import shapes
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.known import KnownThing
 from uavgram.stages.refine import refine
 
 STATED = SolveOptions(noise="stated")
@@ -19,19 +21,6 @@ LENGTH, OTHER_LENGTH = ("length", (0, 1)), ("length", (1, 2))
 CORNERS = tuple(("right_angle", c) for c in ((0, 1, 2), (1, 2, 3), (2, 3, 0)))
 LONG, SHORT = ("parallel", (0, 1, 3, 2)), ("parallel", (1, 2, 0, 3))
 WIDTH = ("line_distance", (2, 0, 1))
-
-
-def measured(adjustment: Adjustment) -> tuple[float, float]:
-    """The distance between the two points that no known thing names, and its sigma."""
-    rows = adjustment.label_rows(f"P{k}" for k in MEASURED)
-    world, covariance = adjustment.joint_points(rows)
-    value, gradient = shapes.distance(world)
-    return value, float(np.sqrt(gradient.ravel() @ covariance @ gradient.ravel()))
-
-
-def true_distance(scene: Lane) -> float:
-    first, second = scene.world[list(MEASURED)]
-    return float(np.linalg.norm(first - second))
 
 
 def codes(scene: Lane) -> tuple[Refined, set[str]]:
@@ -85,6 +74,39 @@ def test_what_is_missing_is_named() -> None:
         codes(lane(2).known(WIDTH))
     with pytest.raises(GeometryError, match=r"1 length and 3 pairs of parallel .* leave the pose"):
         codes(lane(2, noise=1.0).known(LENGTH, LONG, LONG, ("parallel", (3, 2, 0, 1))))
+
+
+def test_photos_that_see_less_join_the_one_that_is_placed_by_known_things() -> None:
+    scene = make_scene(
+        5, frames=4, labels=12, ends=((0, 1),), telemetry=False, gauge="plane", noise=0.0
+    )
+    corners = ((0, 1, 2), (3, 4, 5), (6, 7, 8), (1, 5, 9))
+    known = tuple(
+        KnownThing(
+            index=k,
+            name=f"angle {k}",
+            kind="angle",
+            label=corner,
+            value=float(np.degrees(shapes.angle(scene.world[list(corner)])[0])),
+            sigma=0.2,
+        )
+        for k, corner in enumerate(corners)
+    )
+    adjustment = refine(replace(scene.survey, known=known), STATED)[0].adjustment
+    assert adjustment.survey.frame_id == scene.survey.frame_id
+    np.testing.assert_allclose(adjustment.state.center[:, 2], scene.truth.center[:, 2], atol=1e-3)
+
+
+def test_the_right_angle_that_is_none_takes_no_part() -> None:
+    for seed in (2, 3):
+        right = lane(seed, noise=1.0).known(LENGTH, *CORNERS, LONG, noise=1.0)
+        wrong = right.known(LENGTH, *CORNERS, LONG, ("right_angle", (0, 1, 4)), noise=0.0)
+        survey = replace(right.survey, known=wrong.survey.known)
+        refined, _ = refine(survey, STATED)
+        assert refined.known_removed == {4}
+        assert [(removal.kind, removal.index) for removal in refined.removals] == [("known", 4)]
+        value, sigma = measured(refined.adjustment)
+        assert abs(value - true_distance(right)) < 3.3 * sigma
 
 
 def test_collinear_points_and_level_ones_place_no_photo() -> None:

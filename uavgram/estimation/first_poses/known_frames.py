@@ -7,11 +7,15 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
-from uavgram.estimation.first_poses.network import SeenLines, seen_lines
+from uavgram.estimation.first_poses.network import SeenLines, placing, seen_lines
 from uavgram.estimation.first_poses.plane_things import SCALED, PlaneThing, row_count
+from uavgram.estimation.first_poses.prior_gate import OUTSIDE
 from uavgram.estimation.first_poses.thing_search import KnownPlanes, search_known
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.survey import Survey
 
 WORDS = {
@@ -36,11 +40,14 @@ class FrameThings(NamedTuple):
     ----------
     things
         With picks of the survey.
+    number
+        Of each among the project's known things; -1: a length of the table.
     rows
         How many numbers they say of the pose; lengths between the same two points count once.
     """
 
     things: tuple[PlaneThing, ...]
+    number: tuple[int, ...]
     rows: int
 
     @property
@@ -55,6 +62,12 @@ class FrameThings(NamedTuple):
             number[WORDS[one.kind]] += row_count(one.kind, len(one.pick))
         parts = [f"{n} {words[n > 1]}" for words, n in number.items()]
         return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
+
+
+def known_rows(survey: Survey) -> int:
+    """How many numbers known things, but for lengths of the table, say of poses over the ground."""
+    things = [one for one in survey.known if _says_something(survey, one)]
+    return sum(row_count(one.kind, len(one.label)) for one in things)
 
 
 def frame_things(survey: Survey) -> dict[int, FrameThings]:
@@ -92,30 +105,67 @@ def known_planes(
     return found
 
 
-def _seen_things(survey: Survey) -> dict[int, list[PlaneThing]]:
-    """Known things, but for lengths of the table, by the frames that see all of their points.
+def odd_ones_out(survey: Survey) -> frozenset[int]:
+    """Numbers of known things without which alone all others of their frame agree.
+
+    Only where they are enough to say so: the others determine a pose and check it.
+    """
+    ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
+    sigma = survey.pick_sigma_px / survey.calibration.parameters[0]
+    odd = set()
+    for known in frame_things(survey).values():
+        if _agree(search_known(ray, sigma, known.things), known.things):
+            continue
+        without = {
+            number: known.things[:k] + known.things[k + 1 :]
+            for k, number in enumerate(known.number)
+        }
+        found = [n for n, rest in without.items() if _agree(search_known(ray, sigma, rest), rest)]
+        odd |= set(found) if len(found) == 1 else set()
+    return frozenset(odd - {-1})
+
+
+def _agree(found: KnownPlanes, things: tuple[PlaneThing, ...]) -> bool:
+    """Whether things determine a plane, check it, and fit it."""
+    checks = sum(row_count(one.kind, len(one.pick)) for one in things) - 3
+    return bool(checks > 0 and len(found.cost) and found.cost[0] <= chdtri(checks, OUTSIDE))
+
+
+def _seen_things(survey: Survey) -> dict[int, list[tuple[int, PlaneThing]]]:
+    """Known things with their numbers, but for the table's lengths, by frames that see them whole.
 
     The points must be on the ground, or stated to be equally high above it, in one area.
     """
-    found: dict[int, list[PlaneThing]] = {}
-    level: Bools = ~survey.is_free
+    found: dict[int, list[tuple[int, PlaneThing]]] = {}
     for one in survey.known:
-        label = list(one.label)
-        same = all(len(set(of[label])) == 1 for of in (survey.area, survey.height_above_m))
-        if not row_count(one.kind, len(label)) or not same or not level[label].all():
+        if not _says_something(survey, one):
             continue
         picks = [
             dict(zip(survey.pick_frame[rows].tolist(), rows.tolist(), strict=True))
-            for rows in (np.flatnonzero(survey.pick_label == k) for k in label)
+            for rows in (np.flatnonzero(survey.pick_label == k) for k in one.label)
         ]
         for frame in set(picks[0]).intersection(*picks[1:]):
             at = tuple(by_frame[frame] for by_frame in picks)
-            found.setdefault(frame, []).append(PlaneThing(one.kind, at, one.value, one.sigma))
+            value = 0.0 if one.is_condition else one.value
+            thing = PlaneThing(one.kind, at, value, one.sigma)
+            found.setdefault(frame, []).append((one.index, thing))
     return found
 
 
+def _says_something(survey: Survey, thing: KnownThing) -> bool:
+    """Whether a thing is of points at one level, and holds not on every plane alike."""
+    label = list(thing.label)
+    level = all(len(set(of[label])) == 1 for of in (survey.area, survey.height_above_m))
+    # In line: a distance of zero from a line, an angle of 0 or 180 degrees.
+    in_line = not thing.is_condition and not 0.0 < thing.value < (
+        180.0 if thing.kind == "angle" else np.inf
+    )
+    rows = row_count(thing.kind, len(label))
+    return bool(rows and level and not in_line and placing(survey)[label].all())
+
+
 def _with_lines(
-    survey: Survey, lines: SeenLines, frame: int, things: list[PlaneThing]
+    survey: Survey, lines: SeenLines, frame: int, things: list[tuple[int, PlaneThing]]
 ) -> FrameThings:
     """A frame's things and its known lengths; one pair of points says one number."""
     rows: Ints = np.flatnonzero(lines.frame == frame)
@@ -128,7 +178,8 @@ def _with_lines(
         )
         for k in rows
     ]
-    together = (*known, *things)
+    together = (*known, *(one for _, one in things))
+    numbers = (*(-1 for _ in known), *(number for number, _ in things))
     different = {(WORDS[one.kind], frozenset(one.pick), one.pick[1:-1]): one for one in together}
     number = sum(row_count(one.kind, len(one.pick)) for one in different.values())
-    return FrameThings(together, number)
+    return FrameThings(together, numbers, number)

@@ -9,11 +9,14 @@ import numpy as np
 from uavgram.estimation.first_poses.length_conditions import LengthFrames
 from uavgram.estimation.first_poses.resection import LengthPoses, resect_from_lengths, search_frames
 from uavgram.geometry.ground.plane import intersect_ground
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 
 SAME = 0.01
 """Distance between two planes, in sigmas, up to which they are the same."""
+
+ROUGHLY_M = 0.3
+"""Sigma of a stated height up to which a point may place cameras: some 10 pixels from 30 m."""
 
 
 class FirstValues(NamedTuple):
@@ -51,6 +54,11 @@ def from_telemetry(survey: Survey, ray: Floats) -> FirstValues:
     point = _mean_by_label(ground[:, :2], label, len(survey.label))
     poses = seeds.center_world_m, seeds.world_from_camera
     return FirstValues(point, *poses, plane[0], np.zeros(len(point)))
+
+
+def placing(survey: Survey) -> Bools:
+    """(K,) points whose height is known well enough to tell where a camera stands."""
+    return np.asarray(~survey.is_free & (survey.height_sigma_m <= ROUGHLY_M))
 
 
 class SeenLines(NamedTuple):
@@ -93,7 +101,8 @@ def seen_lines(survey: Survey) -> SeenLines:
     found &= (survey.area[a] == survey.area[b]) & (
         survey.height_above_m[a] == survey.height_above_m[b]
     )
-    found &= ~(survey.is_free[a] | survey.is_free[b])
+    level = placing(survey)
+    found &= level[a] & level[b]
     found &= (survey.pixel_px[start] != survey.pixel_px[end]).any(axis=1)
     rows = np.flatnonzero(found)
     rows = rows[np.argsort(survey.pick_frame[start[rows]], kind="stable")]

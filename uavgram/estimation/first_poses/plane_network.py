@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.first_poses.homography import Pose, other_pose, polished, resect_from_plane
+from uavgram.estimation.first_poses.network import placing
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.plane_pose import pose_above_plane
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 
 POOR = 3.0
@@ -28,7 +29,7 @@ class PlaneNetwork:
     """Frames joined one by one over the plane z = 0 by the points they share."""
 
     def __init__(self, survey: Survey, ray: Floats) -> None:
-        self._survey, self._ray = survey, ray
+        self._survey, self._ray, self._placing = survey, ray, placing(survey)
         self._by_frame = np.argsort(survey.pick_frame, kind="stable")
         ordered = survey.pick_frame[self._by_frame]
         self._bounds = np.searchsorted(ordered, np.arange(len(survey.frame_id) + 1))
@@ -71,7 +72,7 @@ class PlaneNetwork:
 
     def _next(self, waiting: set[int], planes: Mapping[int, Floats]) -> tuple[int, Pose] | None:
         """The frame to join next, and its pose."""
-        known = np.isfinite(self.point[self._survey.pick_label, 0])
+        known = self._is_known(self._survey.pick_label)
         shared = np.bincount(self._survey.pick_frame[known], minlength=len(self.center))
         poor: list[tuple[float, int, Pose]] = []
         for frame in sorted(waiting, key=lambda f: (-shared[f], f)):
@@ -88,20 +89,29 @@ class PlaneNetwork:
     def _picks(self, frame: int) -> Ints:
         return self._by_frame[self._bounds[frame] : self._bounds[frame + 1]]
 
+    def _is_known(self, label: Ints) -> Bools:
+        """(n,) whether points have a place that may tell where a frame is."""
+        return np.asarray(~self._survey.is_free[label] & np.isfinite(self.point[label, 0]))
+
     def _join(self, frame: int, planes: Floats) -> _Joined | None:
         """The pose that shows the known points best: of either tilt, or over a plane of its own."""
         picks = self._picks(frame)
-        known = picks[np.isfinite(self.point[self._survey.pick_label[picks], 0])]
+        known = picks[self._is_known(self._survey.pick_label[picks])]
+        firm = known[self._placing[self._survey.pick_label[known]]]
+        known = firm if len(firm) >= 4 else known
         label = self._survey.pick_label[known]
         target, ray = self.point[label], self._ray[known]
         starts = self._over(planes, known, target)
-        direct = resect_from_plane(target, ray) if len(known) >= 4 else None
+        height = self._survey.height_above_m[label]
+        flat = height == 0.0 if np.sum(height == 0.0) >= 4 else height < np.inf
+        direct = resect_from_plane(target[flat], ray[flat]) if len(known) >= 4 else None
         if direct is None:
             return _Joined(0.0, starts[0]) if starts else None
-        world = np.column_stack([target, self._survey.height_above_m[label]])
+        world = np.column_stack([target, height])
         sigma = self._survey.pick_sigma_px[known] / self._survey.calibration.parameters[0]
         ends = (
-            polished(pose, world, ray) for pose in (direct, other_pose(direct, target), *starts)
+            polished(pose, world, ray)
+            for pose in (direct, other_pose(direct, target[flat]), *starts)
         )
         found = min(filter(None, ends), key=lambda end: end[0], default=(np.inf, direct))
         return _Joined(float(np.sqrt(found[0] / np.sum(sigma**2))), found[1])

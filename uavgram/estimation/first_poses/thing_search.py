@@ -8,6 +8,7 @@ searched, and every distinct minimum is kept.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -83,13 +84,19 @@ def search_known(ray: Floats, ray_sigma: Floats, things: tuple[PlaneThing, ...])
     used = sorted({k for one in things for k in one.pick})
     at = {pick: k for k, pick in enumerate(used)}
     things = tuple(one._replace(pick=tuple(at[k] for k in one.pick)) for one in things)
-    ray, ray_sigma = ray[used], ray_sigma[used]
+    return _found(ray[used].tobytes(), ray_sigma[used].tobytes(), things)
+
+
+@lru_cache(maxsize=256)
+def _found(rays: bytes, sigmas: bytes, things: tuple[PlaneThing, ...]) -> KnownPlanes:
+    """The planes; once for a frame, though an adjustment begins many times."""
+    ray, ray_sigma = np.frombuffer(rays).reshape(-1, 3), np.frombuffer(sigmas)
+    rows = sum(row_count(one.kind, len(one.pick)) for one in things)
     normal = normal_grid()
     height = fitting_heights(normal, ray, ray_sigma, things)
     start = (normal / height[:, None])[np.isfinite(height)]
     plane = _descended(start, ray, ray_sigma, things)
-    found = rows_on_planes(plane, ray, ray_sigma, things)
-    information, gradient, cost = _normal_equations(found)
+    information, gradient, cost = _normal_equations(rows_on_planes(plane, ray, ray_sigma, things))
     covariance, determined = _covariances(plane, information, cost)
     gain = np.einsum("ci,cij,cj->c", gradient, covariance, gradient)
     resting = np.flatnonzero(gain < SETTLED)
@@ -103,7 +110,10 @@ def search_known(ray: Floats, ray_sigma: Floats, things: tuple[PlaneThing, ...])
         apart = plane[kept] - plane[one]
         if not (np.einsum("ki,ij,kj->k", apart, information[one], apart) < 1.0).any():
             kept.append(int(one))
-    return KnownPlanes(plane[kept], covariance[kept], cost[kept])
+    found = KnownPlanes(plane[kept], covariance[kept], cost[kept])
+    for column in found:
+        column.flags.writeable = False
+    return found
 
 
 def _descended(

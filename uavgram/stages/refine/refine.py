@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.first_poses.known_frames import odd_ones_out
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined, Removal
+from uavgram.estimation.survey.selection import select_picks
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
@@ -114,14 +115,17 @@ def _without_gross_control(
 def _without_gross_known(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> Refined:
     """Adjusted without the known things, and the lengths, that are wrong beyond doubt.
 
-    Only where all does not fit together at once is it asked what fits without any known thing.
+    Only where all does not fit together at once is it asked what fits without any known thing; or,
+    where these place the photos, without which one the others agree.
     """
     wrong: frozenset[int] = frozenset()
     if survey.known and not _fits_at_once(survey, keep, reason):
         everything = frozenset(thing.index for thing in survey.known)
-        with suppress(GeometryError):
+        try:
             rest = _without_gross_lengths(survey, keep, reason, everything)
             wrong = known_beyond_doubt(survey, rest) if fits(rest) else wrong
+        except GeometryError:
+            wrong = odd_ones_out(select_picks(survey, keep).survey)
     return _without_gross_lengths(survey, keep, reason, wrong)
 
 

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_poses.plane_things import row_count
+from uavgram.estimation.first_poses.known_frames import known_rows
 from uavgram.estimation.measuring.next_length import distance_changes, line_faults, next_line
 from uavgram.estimation.reliability.test_statistics import READINGS
 from uavgram.estimation.reliability.wrong_units import likely_unit_of_height
@@ -212,7 +212,8 @@ def _ambiguity(refined: Refined) -> Iterator[Message]:
             f"alternatives. Tape another line that does not close a triangle{also}{how_else}."
         )
         yield Message("warning", "ambiguous-pose", text)
-    if survey.telemetry is None and _numbers_known(refined) == 3:
+    lines = len(refined.adjustment.problem.line_index)
+    if survey.telemetry is None and known_rows(survey) + lines == 3:
         if survey.known:
             text = (
                 "Three things alone are known of the ground: nothing checks them, and they may "
@@ -226,14 +227,6 @@ def _ambiguity(refined: Refined) -> Iterator[Message]:
             f"a fourth line that does not close a triangle{_suggestion(refined)}."
         )
         yield Message("warning", "three-lengths", text)
-
-
-def _numbers_known(refined: Refined) -> int:
-    """How many numbers lengths and other known things say of a pose over the ground."""
-    survey = refined.adjustment.survey
-    level = [one for one in survey.known if not survey.is_free[list(one.label)].any()]
-    rows = sum(row_count(one.kind, len(one.label)) for one in level)
-    return rows + len(refined.adjustment.problem.line_index)
 
 
 def _differences(refined: Refined) -> str:
@@ -254,15 +247,15 @@ def _weak_lengths(refined: Refined) -> Iterator[Message]:
         return
     point = adjustment.state.point[:, :2]
     # Right angles and the like hold what lengths of one direction, or a single one, would not.
-    shape = any(row_count(one.kind, len(one.label)) for one in survey.known)
     ends = point[survey.line_start[used]], point[survey.line_end[used]]
-    faults = () if shape else line_faults(*ends, point)
+    faults = () if known_rows(survey) else line_faults(*ends, point)
     advice = next_line(adjustment)
     if advice is None or (advice.relative_sigma < WEAK and not faults):
         return
     what = "; ".join(faults) or "they say little of the scene's shape"
+    known = "lengths and things" if survey.known else "lengths"
     text = (
-        f"The known lengths are weak as a set: {what}. Distances between the points are known to "
+        f"The known {known} are weak as a set: {what}. Distances between the points are known to "
         f"{100 * advice.relative_sigma:.2g} %{_suggestion(refined)}."
     )
     level: Literal["info", "warning"] = "warning" if advice.relative_sigma >= WEAK else "info"

@@ -6,21 +6,19 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.free_points import with_free_points
 from uavgram.estimation.first_poses.homography import Pose
-from uavgram.estimation.first_poses.known_frames import FrameThings, frame_things, known_planes
 from uavgram.estimation.first_poses.network import (
     FirstValues,
     from_telemetry,
     length_poses,
     lines_per_frame,
+    placing,
 )
 from uavgram.estimation.first_poses.plane_network import PlaneNetwork, align_in_plane
 from uavgram.estimation.first_poses.prior_gate import (
-    OUTSIDE,
     allowed,
     compare_with_seed,
     seed_on_plane,
@@ -28,8 +26,9 @@ from uavgram.estimation.first_poses.prior_gate import (
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane_pose import pose_above_plane
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Floats
 from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.frame_planes import frame_planes, too_little
 
 FAR_RAD, FAR_HEIGHT = 0.1, 0.15
 """Tilt, and share of the height, up to which the iterations reach a pose from the seed anyway."""
@@ -59,13 +58,12 @@ def first_values(survey: Survey) -> list[FirstValues]:
     if survey.telemetry is not None:
         found = [from_telemetry(each, ray) for each in _with_seeds(survey)]
         return [with_free_points(survey, ray, values) for values in found]
-    seen = frame_things(survey)
-    counts = _counts(survey, seen)
-    planes = _planes(survey, ray, seen)
+    begun = frame_planes(survey, ray)
+    counts, planes = begun.counts, begun.planes
     if survey.gauge == "world":
         return _grown(survey, ray, planes, _choices(survey))
     if not planes:
-        raise GeometryError(_too_little(survey, seen))
+        raise GeometryError(too_little(survey, begun))
     first = max(planes, key=lambda f: (counts[f], -f))
     return _grown(survey, ray, planes, [{first: pose_above_plane(p)} for p in planes[first]])
 
@@ -93,9 +91,7 @@ def other_values(
         There are none.
     """
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
-    seen = frame_things(survey)
-    counts = _counts(survey, seen)
-    planes = _planes(survey, ray, seen)
+    _, counts, planes = frame_planes(survey, ray)
     named = dict(enumerate(survey.frame_id))
     trusted = {f: known[name] for f, name in named.items() if name in known.keys() - doubtful}
     chosen = [trusted]
@@ -124,66 +120,6 @@ def _far(one: Pose, other: Pose) -> bool:
     """Whether iterations from one pose may not reach the other, wherever it stands and heads."""
     tilt = np.arccos(np.clip(one[1][2] @ other[1][2], -1.0, 1.0))
     return bool(tilt > FAR_RAD or abs(one[0][2] - other[0][2]) > FAR_HEIGHT * abs(one[0][2]))
-
-
-def _counts(survey: Survey, seen: Mapping[int, FrameThings]) -> Ints:
-    """(F,) how many numbers lengths and other known things say of each frame's pose."""
-    counts = lines_per_frame(survey)
-    for frame, known in seen.items():
-        counts[frame] = known.rows
-    return counts
-
-
-def _planes(survey: Survey, ray: Floats, seen: Mapping[int, FrameThings]) -> dict[int, Floats]:
-    """Planes (n, 3), likeliest first, of frames whose known lengths and things say some.
-
-    Of what contradicts itself, only where nothing else is: a frame whose lengths determine its
-    pose needs no more than these.
-    """
-    counts, lines = _counts(survey, seen), lines_per_frame(survey)
-    by_lengths = length_poses(survey)
-    determined = [f for f, found in by_lengths.items() if found.converged.any()]
-    by_things = known_planes(survey, ray, seen, determined)
-    candidates = {
-        **{f: (found.plane, found.cost[0], lines[f]) for f, found in by_lengths.items()},
-        **{f: (found.plane, found.cost[0], counts[f]) for f, found in by_things.items()},
-    }
-    kept = {
-        f: plane
-        for f, (plane, cost, count) in candidates.items()
-        if cost <= float(chdtri(max(count - 3, 1), OUTSIDE))
-    }
-    return kept or {f: plane for f, (plane, _, _) in candidates.items()}
-
-
-def _too_little(survey: Survey, seen: Mapping[int, FrameThings]) -> str:
-    """What a survey lacks that has neither log nor a frame with a pose."""
-    if not seen:
-        counts = lines_per_frame(survey)
-        return (
-            "without a flight log a pose needs three known lengths that one frame sees whole "
-            f"(most here: {counts.max()} in {survey.frame_id[int(counts.argmax())]!r}): pick both "
-            "ends of more lines in one frame, tape a fourth, or give the log"
-        )
-    frame = max(seen, key=lambda f: (seen[f].scaled, seen[f].rows, -f))
-    known, name = seen[frame], survey.frame_id[frame]
-    more = "a length, a right angle, a pair of parallel lines or of equal lengths"
-    if not known.scaled:
-        lack = "none says how large anything is: give a length there"
-    elif known.rows < 3:
-        missing = "two more are" if known.rows == 1 else "one more is"
-        lack = f"{missing} missing there: {more}"
-    else:
-        lack = (
-            "but they leave the pose open: they say the same twice, contradict each other, or two "
-            "of the poses that they allow merge; check them, or give one more there, best in "
-            f"another direction: {more}"
-        )
-    return (
-        "without a flight log a pose needs three things known of points on the ground that one "
-        f"frame sees whole, a length among them; {name!r} sees {known.words()}: {lack}; or give "
-        "the log"
-    )
 
 
 def _with_seeds(survey: Survey) -> list[Survey]:
@@ -280,7 +216,7 @@ def _grown(
     control = survey.gauge == "world"
     height = 0.0
     if control:
-        height = float(np.mean(survey.control_world_m[:, 2] - survey.height_above_m[label]))
+        height = _control_height(survey)
     lift = np.array([0.0, 0.0, height])
     values = []
     for poses in choices:
@@ -300,6 +236,18 @@ def _grown(
             "known lengths: pick more of them, or give the log"
         )
     return values
+
+
+def _control_height(survey: Survey) -> float:
+    """Height of the ground under control points; those whose own is not known count where all do.
+
+    Then it is the lowest: they stand on it or above it.
+    """
+    label, up = survey.control_label, survey.control_world_m[:, 2]
+    level = placing(survey)[label]
+    if not level.any():
+        return float(up.min())
+    return float(np.mean((up - survey.height_above_m[label])[level]))
 
 
 def _at_gauge(values: FirstValues) -> FirstValues:
