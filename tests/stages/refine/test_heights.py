@@ -130,6 +130,15 @@ def test_without_a_log_and_without_a_plane_of_the_world() -> None:
     assert np.abs(errors(refined, CAR)).max() < 3.5
 
 
+@pytest.mark.parametrize("seed", [2, 3])
+def test_two_photos_at_a_base_to_height_of_a_fifth_are_enough(seed: int) -> None:
+    scene = make_scene(seed, frames=2, labels=24, lines=6, heights=CAR)
+    refined, _ = refined_of(unstated(scene))
+
+    assert refined.off_ground == names(CAR)
+    assert np.abs(errors(refined, CAR)).max() < 3.5
+
+
 def test_a_kerb_of_its_own_area_is_ground_and_a_car_on_it_is_not() -> None:
     verge = tuple(range(12, 24))
     scene = make_scene(2, verge=verge, heights={3: 1.4, 15: 1.5}, **SCENE)
