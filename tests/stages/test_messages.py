@@ -32,6 +32,28 @@ def test_several_of_a_kind_are_one_message_with_a_list_by_reason() -> None:
     assert (message.level, message.code) == ("warning", "frame-left-out")
 
 
+def test_heights_stay_with_their_labels() -> None:
+    several = Several("{count} points fit off the ground", "a point")
+    one, other = (
+        Message(
+            "warning",
+            "point-off-ground",
+            "off",
+            labels=(label,),
+            heights_m=(height,),
+            heights_sigma_m=(0.01 * height,),
+            several=several,
+        )
+        for label, height in (("A", 1.5), ("B", 1.5))
+    )
+
+    (told,) = in_order(one, other)
+
+    assert (told.labels, told.heights_m) == (("A", "B"), (1.5, 1.5))
+    assert told.record()["heights_sigma_m"] == [0.015, 0.015]
+    assert "heights_m" not in Message("info", "a", "b").record()
+
+
 def test_a_long_list_is_cut_in_the_sentence_and_whole_in_the_data() -> None:
     names = tuple(f"{k}.jpg" for k in range(29))
     (message,) = in_order(*map(left_out, names))

@@ -121,6 +121,20 @@ def test_departures_are_heights_over_the_plane_and_their_sigmas_follow_from_all_
     assert not points.departure_m[~points.departs].any()
 
 
+def test_each_height_says_where_it_is_from() -> None:
+    scene = make_scene(2, frames=6, labels=16, heights={3: 1.4, 5: 0.9, 8: 1.5})
+    height = np.where(np.arange(16) == 8, scene.survey.height_above_m, 0.0)
+    free = np.arange(16) == 5
+    survey = replace(scene.survey, height_above_m=height, is_free=free)
+    refined = refine(survey, SolveOptions())[0]
+
+    points = reconstruct(refined.adjustment, WORLD, refined.off_ground)
+
+    sources = dict(zip(points.label, points.height_source, strict=True))
+    off = {"P3": "found", "P5": "free", "P8": "stated"}
+    assert sources == {f"P{k}": off.get(f"P{k}", "ground") for k in range(16)}
+
+
 def test_departures_are_right_within_their_sigmas() -> None:
     """Chi-square of all departures of ten rough scenes, five-sigma bounds of its mean."""
     squares = []

@@ -65,6 +65,7 @@ def _points(rng: np.random.Generator) -> PointResults:
         height_above_ground_m=np.array([0.0, 1.4, 0.0]),
         height_sigma_m=np.array([0.0, 0.021, 0.0]),
         covariance_m3=solid @ solid.transpose(0, 2, 1),
+        height_source=("ground", "found", "ground"),
         latitude_deg=np.array([50.1, 50.1002, 50.1001]),
         longitude_deg=np.array([-104.6, -104.6003, -104.5999]),
         frames=(("a.jpg", "b.jpg"), ("a.jpg",), ()),
@@ -205,5 +206,15 @@ def sample_result() -> Result:
                 ),
             ),
         ),
-        messages=(Message("warning", "label-unseen", "label 'Z' was never picked", labels=("Z",)),),
+        messages=(
+            Message("warning", "label-unseen", "label 'Z' was never picked", labels=("Z",)),
+            Message(
+                "warning",
+                "point-off-ground",
+                "'B' fits 1.4 m above the ground",
+                labels=("B",),
+                heights_m=(1.4,),
+                heights_sigma_m=(0.02,),
+            ),
+        ),
     )

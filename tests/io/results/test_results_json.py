@@ -179,13 +179,14 @@ def test_a_file_of_a_version_that_told_no_departures_is_read(
     content = json.loads(dump_results(sample_result))
     assert content["points"][1]["departure_m"] == -0.0125
     for point in content["points"]:
-        del point["departure_m"], point["departure_sigma_m"]
+        del point["departure_m"], point["departure_sigma_m"], point["height_source"]
     (tmp_path / "results.json").write_text(json.dumps(content))
 
     points = load_results(tmp_path / "results.json").points
     assert np.isnan(points.departure_m).all()
     assert np.isnan(points.departure_sigma_m).all()
     assert not points.departs.any()
+    assert set(points.height_source) == {""}
 
 
 def test_only_points_off_the_ground_have_a_covariance_in_space_within_the_survey(
