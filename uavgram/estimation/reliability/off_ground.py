@@ -30,7 +30,7 @@ LEAST_SHARE, MOST_SHARE = 0.02, 0.5
 ROUNDS = 20
 """Of the share, which converges in a few."""
 
-NOTHING = 1e-3
+NOTHING = 1e-6
 """Share of its prior's information below which the observations say nothing of a departure."""
 
 

@@ -161,7 +161,7 @@ class Search:
         return self.stated.length_sigma_m + SCALE * self.stated.length_m + SLACK_M
 
 
-def searched(adjustment: Adjustment, survey: Survey) -> Search | None:
+def searched(adjustment: Adjustment, survey: Survey, *, again: bool) -> Search | None:
     """The search's end; None where all fits, or nothing can be told.
 
     Parameters
@@ -170,6 +170,8 @@ def searched(adjustment: Adjustment, survey: Survey) -> Search | None:
         Where it begins.
     survey
         Its observations, the heights as they were stated.
+    again
+        Whether labels that were found before have free heights in it, so that it fits.
 
     Raises
     ------
@@ -178,7 +180,7 @@ def searched(adjustment: Adjustment, survey: Survey) -> Search | None:
     """
     fit = label_misfit(adjustment)
     candidate = (fit.photos >= 2) & ~survey.off_ground
-    if candidate.sum() <= LEAST_GROUND or _all_fit(fit):
+    if candidate.sum() <= LEAST_GROUND or (not again and _all_fit(fit)):
         return None
     search = _settled(Search(survey, adjustment, candidate, candidate, 0.0).readjusted(FIRST))
     about = _about_planes(search)
@@ -195,7 +197,7 @@ def searched(adjustment: Adjustment, survey: Survey) -> Search | None:
         return None
     sigma_px = survey.pick_sigma_px * np.sqrt(search.noise)
     off = search.off & ~one_wrong_pick_explains(search.adjustment, search.off, sigma_px)
-    if not off.any() or not _is_ground(search, off):
+    if off.any() and not _is_ground(search, off):
         return None
     return replace(search, off=off)
 
@@ -271,6 +273,8 @@ def _relative_variance(adjustment: Adjustment, label: Ints, whole_m2: Floats) ->
 def _classified(search: Search) -> Search:
     """Each label on the ground or off it, by what all picks say of it and of the others."""
     seen, known = search.seen(search.noise)
+    if not len(known):
+        return replace(search, off=np.zeros_like(search.off))
     rough = search.roughness_m[known]
     now: Mixture = mixture(seen, rough, search.off[known].astype(np.float64))
     least = np.maximum(LEAST_HEIGHT_M, RELIEFS * np.hypot(now.relief_m, rough))

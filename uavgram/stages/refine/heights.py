@@ -29,7 +29,7 @@ class Found(NamedTuple):
 
 
 def labels_off_ground(adjustment: Adjustment, before: Sequence[str] = ()) -> Found | None:
-    """Labels that do not lie on the ground; None where there are none, or nothing can be told.
+    """Labels that do not lie on the ground; None where there are none, or nothing new can be told.
 
     Parameters
     ----------
@@ -39,13 +39,14 @@ def labels_off_ground(adjustment: Adjustment, before: Sequence[str] = ()) -> Fou
         These labels: they are looked at anew.
     """
     try:
-        search = searched(adjustment, with_free(adjustment.survey, (), before))
+        stated = with_free(adjustment.survey, (), before)
+        search = searched(adjustment, stated, again=len(before) > 0)
     except SingularError:
         return None
     if search is None:
         return None
     names = [adjustment.survey.label[k] for k in np.flatnonzero(search.off)]
-    return Found(names, search.adjustment)
+    return Found(names, search.adjustment) if names or before else None
 
 
 def with_heights_freed(refined: Refined, found: Found, before: Sequence[str]) -> Refined | None:
