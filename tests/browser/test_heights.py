@@ -130,6 +130,10 @@ def test_a_profile_and_a_volume_by_keyboard_are_seen_from_the_side(
     side = page.get_by_role("img", name="PR1 from the side")
     expect(side).to_be_visible()
     expect(side.locator("circle")).to_have_count(3)
+    page.get_by_text("Numbers", exact=True).click()
+    table = page.get_by_role("table", name="Points from the side")
+    expect(table.get_by_role("row")).to_have_count(4)
+    assert table.evaluate("box => box.scrollWidth <= box.parentElement.clientWidth")
     keyboard.press("8")
     for label in ("R1", "R2", "R7", "R4"):
         choose(page, label)

@@ -11,7 +11,7 @@ import pytest
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document.commands import SideView
 from uavgram.picking.protocol.encode_answers import side_json
-from uavgram.picking.protocol.encode_survey import Json, adjusted_json
+from uavgram.picking.protocol.encode_survey import Json, adjusted_json, linearised_json
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
 from uavgram.pipeline.pick.side_view import side_view
 
@@ -26,17 +26,21 @@ REQUESTS = (
 
 
 @pytest.fixture(scope="module")
-def adjusted(data_dir: Path) -> Adjusted:
+def survey(data_dir: Path) -> tuple[LiveSurvey, Observed]:
     """A survey in which one height is free, and another that only one photo shows."""
     live = LiveSurvey.open(data_dir / "calm_nadir" / "project.yaml")
     picks = live.inputs.picks
-    first = picks.label.index(FREE)
     label = list(picks.label)
     label[next(i for i, name in enumerate(label) if name == "P12")] = ALONE
     is_free = np.isin(label, [FREE, ALONE])
-    assert picks.label.count(FREE) > 2, first
     picks = replace(picks, label=tuple(label), is_free=is_free)
-    return live.adjust(Observed(picks=picks, lines=live.inputs.lines, requests=REQUESTS))
+    return live, Observed(picks=picks, lines=live.inputs.lines, requests=REQUESTS)
+
+
+@pytest.fixture(scope="module")
+def adjusted(survey: tuple[LiveSurvey, Observed]) -> Adjusted:
+    live, observed = survey
+    return live.adjust(observed)
 
 
 def test_the_page_is_told_how_high_free_points_stand_and_whose_height_is_not_found(
@@ -53,6 +57,23 @@ def test_the_page_is_told_how_high_free_points_stand_and_whose_height_is_not_fou
     assert high[FREE]["height_m"] == pytest.approx(value, abs=1e-6)
     (left_out,) = (m for m in told["messages"] if m["code"] == "pick-left-out")
     assert left_out["labels"] == [ALONE]
+
+
+def test_heights_follow_a_drag_to_first_order(
+    survey: tuple[LiveSurvey, Observed], adjusted: Adjusted
+) -> None:
+    live, observed = survey
+    pixel = observed.picks.pixel_px.copy()
+    pixel[observed.picks.label.index(FREE)] += (0.0, 0.5)
+    moved = replace(observed, picks=replace(observed.picks, pixel_px=pixel))
+    quick = live.linearised(adjusted, moved)
+    assert quick is not None
+    told = linearised_json(quick, {name: k for k, name in enumerate(live.inputs.photos.frame_id)})
+    (row,) = np.flatnonzero(adjusted.result.points.is_off_ground)
+    before = adjusted.result.points.height_above_ground_m[row]
+    after = live.adjust(moved).result.points.height_above_ground_m[row]
+    assert abs(after - before) > 1e-3
+    assert told["heights_m"] == {FREE: pytest.approx(after, abs=0.03 * abs(after - before))}
 
 
 def test_a_side_view_has_the_numbers_of_a_profile(adjusted: Adjusted) -> None:

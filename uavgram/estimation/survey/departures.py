@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 
 
@@ -47,12 +48,20 @@ def heights_above_ground(adjustment: Adjustment) -> tuple[Floats, Floats]:
         Both 0 of points on the ground.
     """
     survey, problem = adjustment.survey, adjustment.problem
-    height, sigma = np.array(survey.height_above_m), np.zeros(len(survey.label))
+    height, sigma = heights_at(adjustment, adjustment.state), np.zeros(len(survey.label))
     roughness = np.array([ground.roughness_sigma_m for ground in survey.grounds])[survey.area]
     own = np.union1d(problem.third.stated, problem.third.free)
     if len(own):
-        height[own] += adjustment.state.point[own, 2]
         column = problem.layout.point_columns(own)[:, 2:]
         variance = adjustment.covariance.blocks(column)[:, 0, 0]
         sigma[own] = np.sqrt(variance + roughness[own] ** 2)
     return height, sigma
+
+
+def heights_at(adjustment: Adjustment, state: State) -> Floats:
+    """(K,) heights over the smooth ground below, at a state of the survey's unknowns."""
+    height = np.array(adjustment.survey.height_above_m)
+    own = np.union1d(adjustment.problem.third.stated, adjustment.problem.third.free)
+    if len(own):
+        height[own] += state.point[own, 2]
+    return height

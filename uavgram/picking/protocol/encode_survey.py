@@ -123,6 +123,10 @@ def linearised_json(quick: Linearised, index: Mapping[str, int]) -> Json:
         ],
         "lengths_m": dict(zip(base.lines.name, numbers(quick.length_m), strict=True)),
         "values": dict(zip(base.measurements.name, numbers(quick.value), strict=True)),
+        "heights_m": {
+            survey.label[k]: number(quick.height_m[k])
+            for k in np.flatnonzero(base.points.is_off_ground)
+        },
         "earth_deg": places_on_earth(quick.base, survey.label, quick.world_m),
     }
 

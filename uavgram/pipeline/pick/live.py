@@ -22,6 +22,7 @@ from uavgram.estimation.measuring.predicted_pixels import (
 )
 from uavgram.estimation.measuring.propagation import values_at
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.departures import heights_at
 from uavgram.estimation.survey.tapes import taped_known
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
@@ -103,8 +104,8 @@ class Linearised:
         (L,) known lengths as adjusted; NaN where an end is not picked.
     residual_px
         (n, 2) of the adjustment's picks: projection minus pick.
-    world_m
-        (K, 3) the adjustment's points.
+    world_m, height_m
+        (K, 3), (K,) the adjustment's points, and their heights over the ground.
     """
 
     base: Adjusted
@@ -112,6 +113,7 @@ class Linearised:
     length_m: Floats
     residual_px: Floats
     world_m: Floats
+    height_m: Floats
 
 
 class LiveSurvey:
@@ -194,6 +196,7 @@ class LiveSurvey:
             length_m=_lengths(base.adjustment, observed.lines, update.state),
             residual_px=update.residual_px,
             world_m=update.world_m,
+            height_m=heights_at(base.adjustment, update.state),
         )
 
     def _flight(self) -> tuple[TelemetryPrior, Flight, tuple[str, ...]] | None:

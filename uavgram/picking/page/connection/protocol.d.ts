@@ -60,7 +60,7 @@ export interface Unadjusted { mode: "none"; why: string; messages: Remark[] }
 export interface Linearised {
   mode: "linearised";
   residuals_px: [number, string, Maybe, Maybe][]; // image, label, u, v
-  lengths_m: Record<string, Maybe>; values: Record<string, Maybe>; earth_deg: Places;
+  lengths_m: Record<string, Maybe>; values: Record<string, Maybe>; heights_m: Record<string, Maybe>; earth_deg: Places;
 }
 export type Live = { t: "live"; for: number; expected?: Predicted[] } & (Adjusted | Unadjusted | Linearised);
 export type FullLive = Exclude<Live, Linearised>;

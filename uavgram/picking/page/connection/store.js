@@ -141,7 +141,7 @@ function live(message) {
 
 // A first-order answer has values alone: sigmas and tests stay those of the last adjustment.
 /** @param {Linearised} message */
-function layOver({ residuals_px, lengths_m, values, earth_deg }) {
+function layOver({ residuals_px, lengths_m, values, heights_m, earth_deg }) {
   const base = adjusted();
   if (!base) return;
   for (const [image, label, u, v] of residuals_px) {
@@ -155,6 +155,10 @@ function layOver({ residuals_px, lengths_m, values, earth_deg }) {
   for (const [name, value] of Object.entries(values)) {
     const there = base.measurements[name];
     if (there) there.value = value;
+  }
+  for (const [label, height] of Object.entries(heights_m)) {
+    const there = base.points[label];
+    if (there) there.height_m = height;
   }
   base.earth_deg = earth_deg;
 }

@@ -155,5 +155,5 @@ function numbersPart(points) {
   const along = [...points].sort((a, b) => known(a.station_m)[0] - known(b.station_m)[0]);
   return node("details", {}, node("summary", {}, "Numbers"), table("Points from the side", ["point", "along m", "height m", "ground m"], along.map(({ label, station_m, height_m, ground_m }) => node("tr", {},
     node("td", { class: "named", title: label }, label), node("td", { class: "value", title: withSigma(...station_m, "m") }, fixed(station_m[0], 2)),
-    ...[height_m, ground_m].map(([value, sigma]) => node("td", { class: "value" }, withSigma(value, sigma || null)))))));
+    node("td", { class: "value" }, withSigma(height_m[0], height_m[1] || null)), node("td", { class: "value", title: withSigma(...ground_m, "m") }, fixed(ground_m[0], places(ground_m[1])))))));
 }
