@@ -12,12 +12,14 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 import pyceres
+from ceres_known import residuals
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Track
+from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.survey import Survey
 
 STEP = 3e-3
@@ -115,6 +117,10 @@ class Likelihood:
         for line in range(len(survey.line_start)):
             a, b = int(survey.line_start[line]), int(survey.line_end[line])
             self._add(self._length(line, a, b), [self.point[a], self.point[b], plane], 1)
+        for thing in survey.known:
+            blocks = [*(self.point[k] for k in thing.label), plane]
+            known = self._known(thing)
+            self._add(known, blocks, len(known(*blocks)))
         for row, k in enumerate(survey.control_label):
             self._add(self._control(row, int(k)), [self.point[k], plane], 3)
         for label in np.flatnonzero(self.departs & np.isfinite(self.departure_sigma_m)):
@@ -157,6 +163,20 @@ class Likelihood:
             apart = self.world(a, first, plane) - self.world(b, second, plane)
             off = np.sqrt(apart @ apart) - survey.length_m[line]
             return float(off / survey.length_sigma_m[line])
+
+        return residual
+
+    def _known(self, thing: KnownThing) -> Callable[..., Floats]:
+        on_ground = not self.survey.off_ground[list(thing.label)].any()
+
+        def residual(*blocks: Floats) -> Floats:
+            *own, plane = blocks
+            found = zip(thing.label, own, strict=True)
+            world = np.array([self.world(k, one, plane) for k, one in found])
+            height, slope = self._plane(plane)
+            feet = world.copy()
+            feet[:, 2] = height + (world[:, :2] - self.pivot) @ slope
+            return residuals(thing, world, feet, on_ground=on_ground)
 
         return residual
 

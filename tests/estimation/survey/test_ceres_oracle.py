@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ceres_known import residuals
 from ceres_likelihood import Likelihood
+from known_scenes import Placed, with_known
 from scenes import make_scene
 
 from uavgram.estimation.solver.normal_equations import NormalEquations
@@ -15,6 +17,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.unknowns import State, advance
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.known import CONDITIONS, DEGREES, KnownThing
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
@@ -125,3 +128,53 @@ def with_heights(survey: Survey, sigma: dict[int, float]) -> Survey:
         height_sigma_m=np.where(free, 0.0, deviation),
         is_free=free,
     )
+
+
+YARD = np.array(
+    [
+        *[(-4, -3, 0), (4, -3, 0), (4, 3, 0), (-4, 3, 0), (0, -3, 0)],
+        *[(-1, 0, 1.4), (1, 0, 1.4), (1, 2, 1.4), (-1, 2, 1.4), (-1, 0, 0)],
+    ]
+)
+"""A rectangle on the ground, the middle of its first side; a car's roof, and the ground below its
+first corner."""
+
+KNOWN: dict[str, tuple[int, ...]] = {
+    "distance": (0, 1),
+    "polyline": (0, 1, 2),
+    "area": (0, 1, 2, 3),
+    "angle": (1, 6, 9),
+    "line_distance": (4, 5, 6),
+    "height": (5,),
+    "horizontal_distance": (9, 6),
+    "vertical_distance": (9, 8),
+    "slope": (1, 6),
+    "plane_distance": (9, 5, 6, 7),
+    "right_angle": (0, 1, 2),
+    "collinear": (0, 4, 1),
+    "parallel": (5, 6, 8, 7),
+    "coplanar": (5, 6, 7, 8),
+    "level": (5, 6, 7),
+    "vertical": (9, 5),
+    "equal_lengths": (0, 1, 3, 2),
+}
+"""Which of its points are known to be so, or at a value."""
+
+
+def test_known_things_equal_those_of_ceres() -> None:
+    """All kinds at once, each near enough to the truth, and of a sigma that lets it tell."""
+    things = []
+    for k, (kind, label) in enumerate(KNOWN.items()):
+        sigma, none = 0.3 if kind in DEGREES else 0.05, np.nan if kind in CONDITIONS else 1e-12
+        thing = KnownThing(index=k, name=kind, kind=kind, label=label, value=none, sigma=1.0)
+        flat = YARD[list(label)] * [1.0, 1.0, 0.0]
+        there = residuals(thing, YARD[list(label)], flat, on_ground=False)[0]
+        things.append(replace(thing, value=none if np.isnan(none) else there, sigma=sigma))
+    scene = make_scene(2, frames=2, labels=len(YARD) + 1, lines=3)
+    placed = Placed(world=YARD, value=np.nan, truth=np.zeros(0))
+    yard = with_known(scene, "area", placed, 1.0, np.random.default_rng(2), 0.0).survey
+    moved, sigmas, cost = compared(replace(yard, known=tuple(things)))
+
+    assert np.abs(moved).max() < 1e-6
+    assert np.abs(sigmas).max() < 1e-5
+    assert abs(cost) < 1e-9
