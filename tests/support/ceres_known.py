@@ -94,7 +94,7 @@ _VALUES = {
     "line_distance": lambda p, _: np.linalg.norm(_offset(*p, on_ground=False)),
     "height": lambda p, feet: p[0, 2] - feet[0, 2] if len(p) == 1 else p[1, 2] - p[0, 2],
     "horizontal_distance": lambda p, _: np.hypot(*(p[1] - p[0])[:2]),
-    "vertical_distance": lambda p, _: abs(p[1, 2] - p[0, 2]),
+    "vertical_distance": lambda p, _: p[1, 2] - p[0, 2],
     "slope": lambda p, _: np.degrees(np.arctan2(p[1, 2] - p[0, 2], np.hypot(*(p[1] - p[0])[:2]))),
     "plane_distance": lambda p, _: _heights(np.roll(p, -1, axis=0))[0],
 }
