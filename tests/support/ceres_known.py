@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -69,7 +71,7 @@ def _heights(points: Floats) -> Floats:
 
 
 def _lengths(points: Floats) -> Floats:
-    return np.linalg.norm(points[1::2] - points[::2], axis=1)
+    return np.asarray(np.linalg.norm(points[1::2] - points[::2], axis=1))
 
 
 def _area(points: Floats) -> float:
@@ -77,7 +79,7 @@ def _area(points: Floats) -> float:
     return float(np.linalg.norm(sides.sum(axis=0)) / 2)
 
 
-_CONDITIONS = {
+_CONDITIONS: dict[str, Callable[[Floats, bool], Any]] = {
     "right_angle": lambda p, _: 90.0 - _angle(p),
     "parallel": _parallel,
     "coplanar": lambda p, _: _heights(p),
@@ -86,7 +88,7 @@ _CONDITIONS = {
     "equal_lengths": lambda p, _: _lengths(p)[1:] - _lengths(p)[0],
 }
 
-_VALUES = {
+_VALUES: dict[str, Callable[[Floats, Floats], Any]] = {
     "distance": lambda p, _: np.linalg.norm(p[1] - p[0]),
     "polyline": lambda p, _: sum(np.linalg.norm(b - a) for a, b in pairwise(p)),
     "area": lambda p, _: _area(p),
