@@ -17,7 +17,7 @@ HEIGHTS: dict[str, tuple[float, float, HeightSource]] = {
     "P14": (6.0, 0.12, "free"),
     "P15": (0.8, 0.0, "stated"),
     "P20": (2.5, 0.05, "stated"),
-    "P21": (-0.3, 0.04, "free"),
+    "P21": (-0.3, 0.04, "found"),
 }
 
 

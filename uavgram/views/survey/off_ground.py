@@ -10,13 +10,7 @@ from uavgram.geometry.ground.ellipse import ELLIPSOID_95, error_ellipsoid
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import HeightSource, PointResults
-from uavgram.views.wording import number, plus_minus, with_sigma
-
-SOURCE_WORDS: dict[HeightSource, str] = {
-    "stated": "stated and adjusted",
-    "free": "found",
-    "found": "found, though the picks do not say free",
-}
+from uavgram.views.wording import height_text, number, with_sigma
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +58,7 @@ def off_ground(result: Result) -> OffGround | None:
 def height_of(points: PointResults, row: int) -> str:
     """``1.402 ± 0.021 m, found``: how high a point stands over the ground, and who says so."""
     height, sigma = float(points.height_above_ground_m[row]), float(points.height_sigma_m[row])
-    source = points.height_source[row] or "free"
-    if source == "stated" and not sigma > 0:
-        return f"{number(height)} m, as stated"
-    return f"{plus_minus(height, sigma)} m, {SOURCE_WORDS[source]}"
+    return height_text(height, sigma, points.height_source[row] or "free")
 
 
 def height_label(points: PointResults, row: int) -> str:
