@@ -7,7 +7,7 @@ the values.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -50,8 +50,19 @@ def exact(source: str) -> float:  # noqa: ARG001  (the error of every source)
     return 0.0
 
 
-def require_picked(request: MeasurementRequest, known: tuple[str, ...]) -> None:
+def require_picked(
+    request: MeasurementRequest, known: tuple[str, ...], picked: Collection[str] = ()
+) -> None:
     """Make sure that every point of a request is among the known labels.
+
+    Parameters
+    ----------
+    request
+        What to measure.
+    known
+        Labels that were adjusted.
+    picked
+        Labels that somebody picked, whose picks may have been left out.
 
     Raises
     ------
@@ -61,8 +72,8 @@ def require_picked(request: MeasurementRequest, known: tuple[str, ...]) -> None:
     words = []
     for label in request.points:
         if label not in known:
-            hint = f" ({near})" if (near := near_miss(label, known)) else ""
-            words.append(f"point {label!r} has no usable pick{hint}")
+            near = "" if label in picked else near_miss(label, known)
+            words.append(f"point {label!r} has no usable pick" + (f" ({near})" if near else ""))
     if words:
         raise UnmeasurableError(", ".join(words))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,7 +67,10 @@ class MeasuredValues:
 
 
 def propagate(
-    adjustment: Adjustment, requests: tuple[MeasurementRequest, ...], frames: Frames
+    adjustment: Adjustment,
+    requests: tuple[MeasurementRequest, ...],
+    frames: Frames,
+    picked: Collection[str] = (),
 ) -> MeasuredValues:
     """Measure what was asked for, with the joint covariance of all values.
 
@@ -79,6 +82,8 @@ def propagate(
         What to measure.
     frames
         Times of the exposures, for ``speed``.
+    picked
+        Labels that somebody picked, be they adjusted or not.
     """
     place = {label: k for k, label in enumerate(adjustment.survey.label)}
     rows: list[Measurand] = []
@@ -87,6 +92,7 @@ def propagate(
     size = adjustment.problem.layout.size
     for request in requests:
         try:
+            require_picked(request, adjustment.survey.label, picked)
             found = _measured(adjustment, request, frames, place)
         except UnmeasurableError as why:
             found = [(row, np.zeros(size)) for row in unmeasured(request)]
@@ -111,7 +117,6 @@ def _measured(
 ) -> list[tuple[Measurand, Floats]]:
     """Values of one request, and the gradient of each (size,) by the unknowns."""
     survey = adjustment.survey
-    require_picked(request, survey.label)
     label = np.array([place[p] for p in request.points], dtype=np.int64)
     world, jacobian, unknowns = adjustment.points_with_jacobian(label)
     feet, feet_jacobian, feet_unknowns = (None, jacobian, unknowns)

@@ -114,7 +114,7 @@ def compute(
     survey, heading_messages = find_headings(assembled.survey)
     refined, refine_messages = _refined(survey, inputs.project.solve)
     adjustment = refined.adjustment
-    values = propagate(adjustment, inputs.requests, posed.frames)
+    values = propagate(adjustment, inputs.requests, posed.frames, set(inputs.picks.label))
     measured = _measured(inputs, posed.frames, refined, values, curved=curved)
     sampled, sampled_messages = _sampled(inputs, posed.frames, adjustment, measured.table, sampling)
     judged = judge_survey(inputs, assembled, refined, values, posed.frames, check)
