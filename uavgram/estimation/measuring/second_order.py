@@ -124,12 +124,14 @@ def _adjusted_both_ways(adjustment: Adjustment, step: Floats) -> tuple[State | N
 
     What parts the one from a plain step, in second order parts the other as well: it begins there.
     """
-    layout, middle = adjustment.problem.layout, adjustment.state
+    layout, way = adjustment.problem.layout, partial(advance, adjustment.problem.layout)
     ahead = _adjusted(adjustment, step)
-    begin = None
-    if ahead is not None:
-        begin = move(layout, middle, between(layout, middle, ahead) - 2.0 * step)
-    return ahead, _adjusted(adjustment, -step, begin)
+    if ahead is None:
+        return None, _adjusted(adjustment, -step)
+    bent = between(layout, way(adjustment.state, step), ahead)
+    begin = move(layout, way(adjustment.state, -step), bent)
+    behind = _adjusted(adjustment, -step, begin)
+    return ahead, _adjusted(adjustment, -step) if behind is None else behind
 
 
 def _adjusted(adjustment: Adjustment, step: Floats, begin: State | None = None) -> State | None:
