@@ -160,7 +160,7 @@ def test_measurements_csv_says_the_same_as_results_json(demo: Demo, content: Con
 def test_points_geojson_says_the_same_as_results_json(demo: Demo, content: Content) -> None:
     features = json.loads((demo.out / "points.geojson").read_text(encoding="utf-8"))["features"]
     places = {
-        f["properties"]["label"]: f["geometry"]["coordinates"]
+        f["properties"]["label"]: f["geometry"]["coordinates"][:2]
         for f in features
         if f["properties"]["type"] == "point"
     }

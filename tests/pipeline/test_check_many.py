@@ -20,6 +20,7 @@ def test_hints_stop_where_they_would_take_long(
     inputs = SimpleNamespace(  # of what was read, all that is asked for
         picks=SimpleNamespace(label=("A", "B", "C", "P11")),
         lines=SimpleNamespace(name=("L",), start=("A",), end=("P1",)),
+        known=SimpleNamespace(name=("k",), points=(("A", "P1", "B"),)),
         requests=(SimpleNamespace(name="m", points=("P1", "B")),),
         control=SimpleNamespace(label=("Q77",)),
         check=SimpleNamespace(label=np.array([])),
@@ -27,6 +28,7 @@ def test_hints_stop_where_they_would_take_long(
     texts = [message.text for message in check._unseen(cast("Inputs", inputs))]
     assert texts == [
         f"Point 'P1' of line 'L' is never picked{hint}.",
+        f"Point 'P1' of known thing 'k' is never picked{hint}.",
         f"Point 'P1' of measurement 'm' is never picked{hint}.",
         "Point 'Q77' of the control points is never picked.",
     ]

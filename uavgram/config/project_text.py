@@ -68,7 +68,7 @@ _COMMENTS = {
     "poses": "poses of the photos, where there is no log: exif, or a file",
     "picks": "picked pixels: `uavgram pick` fills it",
     "lines": "known lengths on the ground",
-    "known": "what else is known: distances, angles, heights, right angles, points in line",
+    "known": "what else is known: angles, heights, right angles, points in line",
     "measure": "what to measure",
     "control": "points with known coordinates, used as observations",
     "check": "points with known coordinates, used only to judge the result",

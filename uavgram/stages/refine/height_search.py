@@ -46,6 +46,10 @@ LEAST_HEIGHT_M, RELIEFS = 0.1, 4.0
 MOST_NOISE = 30.0
 """Variance factor of the picks beyond which something else is wrong, and nothing can be told."""
 
+FEW, FEW_NOISE = 4, 1.6
+"""So few heights have to leave no more variance factor of the picks: where they do, something else
+is wrong, two swapped labels say. Many may stand beside picks that are less exact than stated."""
+
 KERB_M = 0.1
 """By which points of a plane lie off it, when the plane is looked for."""
 
@@ -197,9 +201,13 @@ def searched(adjustment: Adjustment, survey: Survey, *, again: bool) -> Search |
         return None
     sigma_px = survey.pick_sigma_px * np.sqrt(search.noise)
     off = search.off & ~one_wrong_pick_explains(search.adjustment, search.off, sigma_px)
-    if off.any() and not _is_ground(search, off):
+    if off.any() and (_leaves_misfit(search, off) or not _is_ground(search, off)):
         return None
     return replace(search, off=off)
+
+
+def _leaves_misfit(search: Search, off: Bools) -> bool:
+    return bool(off.sum() <= FEW and search.noise > FEW_NOISE)
 
 
 def _settled(search: Search) -> Search:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -53,8 +54,16 @@ def adjust_survey(taking: Participants, *, heights_sought: bool = False) -> Refi
     taking
         What takes part.
     heights_sought
-        Whether labels that do not lie on the ground are looked for (see `heights.py`).
+        Whether labels that do not lie on the ground are looked for (see `heights.py`); where what
+        is found leads nowhere, all stay on it.
     """
+    if heights_sought:
+        with suppress(GeometryError):
+            return _adjusted(taking, heights_sought=True)
+    return _adjusted(taking, heights_sought=False)
+
+
+def _adjusted(taking: Participants, *, heights_sought: bool) -> Refined:
     refined, failed, stated, searched = None, None, taking.survey, 0
     try:
         refined = _begun(taking)
