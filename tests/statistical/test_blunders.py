@@ -44,9 +44,9 @@ from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Ground, Survey
 from uavgram.stages.refine import minima, refine
+from uavgram.stages.refine.begin.starts import first_values
 from uavgram.stages.refine.minima import Participants
 from uavgram.stages.refine.robust_adjustment import adjust_survey
-from uavgram.stages.refine.starts import first_values
 
 pytestmark = pytest.mark.statistical
 

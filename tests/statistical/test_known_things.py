@@ -15,10 +15,10 @@ from scenes import Scene
 from scipy.stats import chi2
 
 from uavgram.estimation.solver.levenberg_marquardt import minimise
-from uavgram.estimation.survey import known_terms
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.known_terms import KnownRows, known_rows
 from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.terms import known_terms
+from uavgram.estimation.survey.terms.known_terms import KnownRows, known_rows
 from uavgram.estimation.survey.unknowns import advance
 from uavgram.model.arrays import Floats
 

@@ -12,7 +12,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
-from uavgram.stages.refine.poor_camera import iterate
+from uavgram.stages.refine.begin.softened import iterate
 
 
 def adjusted(prior_sigma_m: Floats) -> Adjustment:

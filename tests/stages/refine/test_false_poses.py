@@ -13,9 +13,9 @@ from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import minima
-from uavgram.stages.refine.doubt import doubtful_frames
+from uavgram.stages.refine.begin.doubt import doubtful_frames
+from uavgram.stages.refine.begin.starts import first_values
 from uavgram.stages.refine.minima import Participants, best_minima
-from uavgram.stages.refine.starts import first_values
 
 SceneFactory = Callable[..., Scene]
 UPSIDE_DOWN = np.diag([1.0, -1.0, -1.0])

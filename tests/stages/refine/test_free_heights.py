@@ -12,7 +12,7 @@ from uavgram.estimation.survey.departures import heights_above_ground
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.starts import ONE_PLACE
+from uavgram.stages.refine.begin.starts import ONE_PLACE
 
 HEIGHTS = {0: 1.5, 4: 0.6, 7: 2.5}
 STATED = SolveOptions(noise="stated")

@@ -14,8 +14,8 @@ import numpy as np
 
 from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.known_terms import known_rows
-from uavgram.estimation.survey.tapes import taped_lines
+from uavgram.estimation.survey.terms.known_terms import known_rows
+from uavgram.estimation.survey.terms.tapes import taped_lines
 from uavgram.model.arrays import Floats, Ints
 
 RELIEF_M = 0.10

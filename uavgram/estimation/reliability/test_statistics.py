@@ -19,7 +19,7 @@ from uavgram.estimation.reliability.redundancy import (
 )
 from uavgram.estimation.solver.normal_equations import Block, Covariance
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.known_terms import known_rows
+from uavgram.estimation.survey.terms.known_terms import known_rows
 from uavgram.model.arrays import Bools, Floats, Ints
 
 READINGS = ("lengths", "known", "pixels", "control")

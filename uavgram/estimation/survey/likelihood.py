@@ -13,11 +13,11 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.ground_planes import GroundPlanes
-from uavgram.estimation.survey.known_terms import known_rows, says_something, things_of_rows
-from uavgram.estimation.survey.priors import independent_prior
-from uavgram.estimation.survey.tapes import Taped, tape_rows, taped_lines, tapes_of
-from uavgram.estimation.survey.telemetry_terms import TelemetryTerms, telemetry_prior
-from uavgram.estimation.survey.third_coordinate import ThirdCoordinate
+from uavgram.estimation.survey.terms.known_terms import known_rows, says_something, things_of_rows
+from uavgram.estimation.survey.terms.priors import independent_prior
+from uavgram.estimation.survey.terms.tapes import Taped, tape_rows, taped_lines, tapes_of
+from uavgram.estimation.survey.terms.telemetry_terms import TelemetryTerms, telemetry_prior
+from uavgram.estimation.survey.terms.third_coordinate import ThirdCoordinate
 from uavgram.estimation.survey.unknowns import Layout, State, layout_of
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.motion.rotation import exp_so3, hat

@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE, fixed_planes, relief_size
-from uavgram.estimation.survey.third_coordinate import ThirdCoordinate
+from uavgram.estimation.survey.terms.third_coordinate import ThirdCoordinate
 from uavgram.geometry.motion.rotation import exp_so3, log_so3
 from uavgram.geometry.motion.telemetry_pose import SHARED_SIZE
 from uavgram.model.arrays import Floats, Ints
@@ -36,7 +36,7 @@ class Layout:
     telemetry
         12 (see geometry/motion/telemetry_pose.py), or 0 without a log.
     tape
-        Number of tapes with a scale to find (see estimation/survey/tapes.py).
+        Number of tapes with a scale to find (see estimation/survey/terms/tapes.py).
     readout
         1 where the readout time of a rolling shutter is an unknown, else 0.
     free_gauge

@@ -105,7 +105,7 @@ class Survey:
         (L,) name of the tape of each known length, and what was measured; empty: one tape (as is
         the tape without a name), and the straight 3-D distance, for all.
     tape_scale_sigma
-        Prior of the scale of each tape (see estimation/survey/tapes.py); 0: exact.
+        Prior of the scale of each tape (see estimation/survey/terms/tapes.py); 0: exact.
     known
         What else is known of the points.
     control_label, control_world_m, control_sigma_m

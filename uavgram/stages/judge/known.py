@@ -10,8 +10,8 @@ from scipy.special import ndtri
 from uavgram.errors import near_miss
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.known_terms import known_rows
 from uavgram.estimation.survey.names import named_thing
+from uavgram.estimation.survey.terms.known_terms import known_rows
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.result.known import NOTHING_KNOWN, KnownResults, KnownStatus

@@ -8,7 +8,7 @@ from uavgram.errors import near_miss
 from uavgram.estimation.reliability.wrong_units import likely_mistake
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.names import named_ends
-from uavgram.estimation.survey.tapes import taped_known
+from uavgram.estimation.survey.terms.tapes import taped_known
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.photo_poses import PhotoExposures
 from uavgram.model.message import Message, Several

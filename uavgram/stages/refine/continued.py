@@ -11,7 +11,7 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.poor_camera import iterate, iterations_for
+from uavgram.stages.refine.begin.softened import iterate, iterations_for
 
 
 def continued(adjustment: Adjustment, survey: Survey) -> Adjustment:

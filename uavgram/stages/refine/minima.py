@@ -22,9 +22,9 @@ from uavgram.estimation.survey.selection import select_lines, select_picks, with
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.doubt import cost_with_lost, doubtful_frames
-from uavgram.stages.refine.poor_camera import SLACK, iterate, iterations_for, settled
-from uavgram.stages.refine.starts import first_values, other_values, unusable
+from uavgram.stages.refine.begin.doubt import cost_with_lost, doubtful_frames
+from uavgram.stages.refine.begin.softened import SLACK, iterate, iterations_for, settled
+from uavgram.stages.refine.begin.starts import first_values, other_values, unusable
 from uavgram.stages.refine.undetermined import UndeterminedError, hanging_on, weakness
 
 AS_GOOD = 0.001

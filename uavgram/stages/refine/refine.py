@@ -33,11 +33,11 @@ from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
 from uavgram.stages.refine.blunders.outstanding import outstanding, with_little_weight
 from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
 from uavgram.stages.refine.continued import continued
-from uavgram.stages.refine.height_remarks import off_ground_remarks
-from uavgram.stages.refine.heights import found_free, with_free
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.noise import with_noise_learnt
 from uavgram.stages.refine.noise_remarks import noise_remarks
+from uavgram.stages.refine.off_ground.heights import found_free, with_free
+from uavgram.stages.refine.off_ground.remarks import off_ground_remarks
 from uavgram.stages.refine.other_zoom import with_other_zoom
 from uavgram.stages.refine.readout import with_sound_readout
 from uavgram.stages.refine.remarks import (

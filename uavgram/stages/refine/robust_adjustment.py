@@ -24,13 +24,13 @@ from uavgram.stages.refine.blunders.misfit import (
     trial_adjustment,
 )
 from uavgram.stages.refine.blunders.wrong_lengths import without_wrong_lengths
-from uavgram.stages.refine.heights import (
+from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.off_ground.heights import (
     found_free,
     labels_off_ground,
     with_free,
     with_heights_freed,
 )
-from uavgram.stages.refine.minima import Participants, best_minima
 
 MOST_MISPLACED = 3
 """One frame in so many may be left out because it shows something else than the others."""

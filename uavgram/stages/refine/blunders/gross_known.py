@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Refined, Removal
-from uavgram.estimation.survey.known_terms import known_rows
 from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.estimation.survey.terms.known_terms import known_rows
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.blunders.gross_lengths import BEYOND
 

@@ -17,7 +17,7 @@ from uavgram.estimation.first_poses.network import seen_lines
 from uavgram.estimation.reliability.wrong_units import likely_mistake
 from uavgram.estimation.survey.adjustment import Refined, Removal
 from uavgram.estimation.survey.suspicion import Member, Suspicion
-from uavgram.estimation.survey.tapes import taped_lines
+from uavgram.estimation.survey.terms.tapes import taped_lines
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey

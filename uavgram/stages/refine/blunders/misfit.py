@@ -13,7 +13,7 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.doubt import cost_with_lost
+from uavgram.stages.refine.begin.doubt import cost_with_lost
 from uavgram.stages.refine.minima import Participants, best_minima
 
 GROSS = 20.0

@@ -19,9 +19,10 @@ from uavgram.model.survey.survey import Survey
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.assemble import Observations, assemble
 from uavgram.stages.camera.assume import assume_camera
-from uavgram.stages.refine import minima, poor_camera
+from uavgram.stages.refine import minima
+from uavgram.stages.refine.begin import softened
+from uavgram.stages.refine.begin.softened import iterations_for, settled
 from uavgram.stages.refine.minima import Participants, best_minima
-from uavgram.stages.refine.poor_camera import iterations_for, settled
 
 TOO_WIDE = 22.0 / 25.9
 """A camera of 22 mm in the place of an ordinary one; the twins have 26 mm."""
@@ -73,7 +74,7 @@ def test_without_soft_picks_first_it_would_not(
     strip: Callable[..., Survey], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """From poses as the homographies give them, and once: better ones lie near enough."""
-    monkeypatch.setattr(poor_camera, "SOFTER", ())
+    monkeypatch.setattr(softened, "SOFTER", ())
     monkeypatch.setattr(plane_network, "polished", lambda *_: None)
     monkeypatch.setattr(minima, "MOST_RETRIES", 0)
     lost = adjusted(strip(TOO_WIDE))

@@ -18,7 +18,7 @@ from uavgram.model.flight.log import Track
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.starts import first_values
+from uavgram.stages.refine.begin.starts import first_values
 
 REPORT = SolveOptions()
 NO_LOG = {"telemetry": False, "gauge": "plane"}

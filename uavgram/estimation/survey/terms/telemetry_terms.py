@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.priors import independent_prior
+from uavgram.estimation.survey.terms.priors import independent_prior
 from uavgram.estimation.survey.unknowns import Layout, State
 from uavgram.geometry.motion.rotation import log_so3, right_jacobian_inverse
 from uavgram.geometry.motion.telemetry_pose import (

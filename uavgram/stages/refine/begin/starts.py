@@ -28,7 +28,7 @@ from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane_pose import pose_above_plane
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.frame_planes import frame_planes, too_little
+from uavgram.stages.refine.begin.frame_planes import frame_planes, too_little
 
 FAR_RAD, FAR_HEIGHT = 0.1, 0.15
 """Tilt, and share of the height, up to which the iterations reach a pose from the seed anyway."""

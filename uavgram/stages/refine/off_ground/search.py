@@ -27,9 +27,9 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.geometry.ground.plane_of_most import plane_of_most
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.begin.softened import iterate
 from uavgram.stages.refine.continued import carried, lines_used
-from uavgram.stages.refine.height_rivals import one_wrong_pick_explains
-from uavgram.stages.refine.poor_camera import iterate
+from uavgram.stages.refine.off_ground.rivals import one_wrong_pick_explains
 
 MISFIT = 0.05
 """Probability below which the picks of the survey, or of its worst label, ask for a search."""

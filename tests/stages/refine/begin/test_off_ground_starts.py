@@ -16,7 +16,7 @@ from uavgram.estimation.survey.selection import select_picks
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.starts import first_values
+from uavgram.stages.refine.begin.starts import first_values
 
 STATED = SolveOptions(noise="stated")
 ENDS = ((0, 2), (4, 6), (2, 4), (0, 4), (6, 8))

@@ -2,7 +2,7 @@
 
 A roof corner that is taken for a point of the ground bends poses, camera and plane, and the noise
 that is learnt from the residuals would swallow it as relief. So where the picks of a survey do not
-fit, such labels are looked for (`height_search.py`), before noise is learnt and before single picks
+fit, such labels are looked for (`search.py`), before noise is learnt and before single picks
 are accused, and adjusted with free heights from then on.
 """
 
@@ -18,7 +18,7 @@ from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.continued import continued
-from uavgram.stages.refine.height_search import searched
+from uavgram.stages.refine.off_ground.search import searched
 
 
 class Found(NamedTuple):

@@ -8,8 +8,8 @@ from scenes import make_scene
 
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.stages.refine.height_rivals import one_wrong_pick_explains
-from uavgram.stages.refine.poor_camera import iterate
+from uavgram.stages.refine.begin.softened import iterate
+from uavgram.stages.refine.off_ground.rivals import one_wrong_pick_explains
 
 LABEL, HEIGHT_M = 4, 1.4
 

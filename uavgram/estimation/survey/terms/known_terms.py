@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.known_functions import (
+from uavgram.estimation.survey.terms.known_functions import (
     condition_departures,
     is_condition,
     measured_departure,

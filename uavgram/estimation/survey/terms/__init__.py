@@ -1,0 +1,1 @@
+"""Terms of the likelihood that are a subject of their own."""

@@ -1,0 +1,1 @@
+"""Where adjustments begin: first values, and what leads from them."""

@@ -1,0 +1,1 @@
+"""The search for points that stand off the ground though nobody said so."""
