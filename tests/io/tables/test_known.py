@@ -60,6 +60,8 @@ def test_two_equal_lengths_may_share_an_end(tmp_path: Path) -> None:
         ("k,distance,A;B;C,3,0.1,", r"kind distance needs 2 labels joined by ';' \(got 3"),
         ("k,coplanar,A;B;C,,0.1,", r"kind coplanar needs at least 4 labels"),
         ("k,equal_lengths,A;B;C;D;E,,0.1,", r"needs both ends of each line \(got 5 points\)"),
+        ("k,equal_lengths,A;B;B;A,,0.1,", r"kind equal_lengths names one line twice"),
+        ("k,parallel,A;B;A;B,,0.1,", r"kind parallel names one line twice"),
         ("k,equal_lengths,A;A;C;D,,0.1,", r"names a line from 'A' to itself"),
         ("k,distance,A;A,3,0.1,", r"points names 'A' twice in a row"),
         ("k,distance,A;B,,0.1,", r"kind distance needs a value"),

@@ -94,6 +94,10 @@ def _points(
             table.blame(row, fault)
     if kind == "equal_lengths" and len(points) % 2:
         table.blame(row, f"kind {kind} needs both ends of each line (got {len(points)} points)")
+    if kind in ("equal_lengths", "parallel"):
+        lines = [frozenset(points[i : i + 2]) for i in range(0, len(points), 2)]
+        if len(set(lines)) < len(lines):
+            table.blame(row, f"kind {kind} names one line twice: that says nothing")
     return points
 
 

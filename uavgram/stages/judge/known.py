@@ -99,7 +99,7 @@ def _values(
         columns["residual"][at] = residual
         columns["adjusted"][at] = residual + (0.0 if np.isnan(thing.value) else thing.value)
         if len(own) == 1:
-            columns["adjusted_sigma"][at] = np.sqrt(joint[own[0], own[0]])
+            columns["adjusted_sigma"][at] = np.sqrt(max(joint[own[0], own[0]], 0.0))
         if at in withheld:
             columns["w"][at] = _deviate(off, joint[np.ix_(own, own)], rows.sigma[own])
 
