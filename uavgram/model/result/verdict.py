@@ -1,0 +1,44 @@
+"""The one judgement of a result that people act on: red, amber or green, and why."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+VerdictLevel = Literal["green", "amber", "red"]
+"""Red: the observations contradict each other, do not use the numbers. Amber: something does not
+fit, or nothing checks it. Green: everything fits, and something checks it."""
+
+MeasurementStatus = Literal["ok", "not-checked", "doubtful", "contradicted"]
+"""Of one measurement: in order; nothing would show an error in it; something that it rests on does
+not fit; something contradicts it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reason:
+    """Why a result is not green.
+
+    Attributes
+    ----------
+    cause
+        Code of the message that tells it at length (docs/messages.md).
+    text
+        One plain sentence, and what to do.
+    frames, labels, lengths, measurements
+        Names of what it speaks of.
+    """
+
+    cause: str
+    text: str
+    frames: tuple[str, ...] = ()
+    labels: tuple[str, ...] = ()
+    lengths: tuple[str, ...] = ()
+    measurements: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """Level of a whole result, and its reasons, the likeliest cause first; none where green."""
+
+    level: VerdictLevel
+    reasons: tuple[Reason, ...] = ()
