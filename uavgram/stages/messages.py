@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import Any
 
 from uavgram.model.message import NUMBERS, SUBJECTS, Message, Several
+from uavgram.model.survey.mend import Cause
 
 MOST_LISTED = 12
 """Things that a sentence lists; the message names all of them as data."""
@@ -41,6 +42,42 @@ CONSEQUENCES = (
 _RANK = {code: k - len(CAUSES) for k, codes in enumerate(CAUSES) for code in codes} | {
     code: 1 + k for k, codes in enumerate(CONSEQUENCES) for code in codes
 }
+
+
+ACCUSING = (
+    *("line-left-out", "line-suspect", "line-removed", "lengths-contradict"),
+    *("pick-suspect", "pick-left-out", "pick-removed", "frame-left-out"),
+)
+"""Codes of messages that accuse an observation."""
+
+
+def without_the_innocent(messages: Iterable[Message], causes: Sequence[Cause]) -> Iterator[Message]:
+    """The messages, those that accuse what a cause explains as information.
+
+    Parameters
+    ----------
+    messages
+        As the stages gave them.
+    causes
+        What explains that observations do not fit.
+    """
+    settled = {name for cause in causes for name in cause.settles}
+    settled |= {name for cause in causes for name in cause.message.lengths}
+    picks = {
+        (frame, label)
+        for cause in causes
+        for frame in cause.message.frames
+        for label in cause.message.labels
+    }
+    own = {id(cause.message) for cause in causes}
+    for message in messages:
+        named = {*message.lengths} if message.lengths else {*message.frames}
+        pairs = {(f, label) for f in message.frames for label in message.labels}
+        innocent = bool(named) and named <= settled or bool(pairs) and pairs <= picks
+        if message.code in ACCUSING and innocent and id(message) not in own:
+            yield replace(message, level="info")
+        else:
+            yield message
 
 
 def in_order(*messages: Message) -> tuple[Message, ...]:

@@ -243,23 +243,27 @@ class LeftOut:
 
 @dataclass(frozen=True, eq=False)
 class Removal:
-    """An observation that was left out because it does not fit.
+    """An observation that was left out because it does not fit, or what was mended instead.
 
     Attributes
     ----------
     kind, index
-        ``pick`` or ``line``, of the survey handed in; or ``known``, by its number.
+        ``pick`` or ``line``, of the survey handed in; or ``known``, by its number; ``mend`` (-1).
     suspicion
         Its test statistic then, and what no test could part from it.
     before
         The survey adjusted with it; None where it would have bent everything else, so that it was
         left out beforehand (`suspicion` has then no row).
+    cause, mended
+        Of a mend: what was wrong; and in words what it changed, before and after.
     """
 
-    kind: Literal["pick", "line", "known"]
+    kind: Literal["pick", "line", "known", "mend"]
     index: int
     suspicion: Suspicion
     before: Refined | None
+    cause: Cause | None = None
+    mended: tuple[str, str] = ("", "")
 
     @property
     def w(self) -> float:

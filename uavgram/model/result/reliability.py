@@ -123,7 +123,7 @@ class SecondOrder(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True)
 class RemovalRecord:
-    """One observation that was taken out as a blunder.
+    """One observation that was taken out as a blunder, or a mend that was made instead.
 
     Attributes
     ----------
@@ -137,6 +137,10 @@ class RemovalRecord:
         Of the whole adjustment; NaN without redundancy.
     change
         (M,) after minus before, of each measured value.
+    cause
+        Code of the message on what was mended; empty where an observation was taken out.
+    mended
+        What a mend changed, in words: before, and after.
     """
 
     what: str
@@ -146,6 +150,8 @@ class RemovalRecord:
     variance_factor_before: float
     variance_factor_after: float
     change: tuple[float, ...]
+    cause: str = ""
+    mended: tuple[str, str] = ("", "")
 
 
 @dataclass(frozen=True, kw_only=True)

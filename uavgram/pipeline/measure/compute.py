@@ -38,6 +38,7 @@ from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.world import World
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of
 from uavgram.pipeline.measure.judge import judge_survey
+from uavgram.pipeline.measure.mended import with_mends
 from uavgram.pipeline.measure.pose import Posed, known_in_world, pose_frames
 from uavgram.pipeline.versions import account_name, package_versions, stamp
 from uavgram.stages.assemble import Assembled, Observations, assemble
@@ -45,7 +46,7 @@ from uavgram.stages.camera.assume import ASSUMED_CAMERA, UNKNOWN_CAMERA
 from uavgram.stages.camera.learn import what_was_learnt
 from uavgram.stages.duplicates import Duplicates
 from uavgram.stages.measure import measure, measurement_results
-from uavgram.stages.messages import in_order
+from uavgram.stages.messages import in_order, without_the_innocent
 from uavgram.stages.monte_carlo import compare, sample
 from uavgram.stages.other_solutions import with_alternatives
 from uavgram.stages.profiles import profiles
@@ -113,6 +114,8 @@ def compute(
     world = _world(inputs.project, posed.world, assembled.survey.gauge)
     survey, heading_messages = find_headings(assembled.survey)
     refined, refine_messages = _refined(survey, inputs.project.solve)
+    if inputs.project.solve.outliers == "remove":
+        inputs = with_mends(inputs, assembled, refined.causes)
     adjustment = refined.adjustment
     values = propagate(adjustment, inputs.requests, posed.frames, set(inputs.picks.label))
     measured = _measured(inputs, posed.frames, refined, values, curved=curved)
@@ -152,12 +155,12 @@ def compute(
             *_unjudged(inputs, world),
             *assembled.messages,
             *heading_messages,
-            *refine_messages,
+            *without_the_innocent(refine_messages, refined.causes),
             *scale_basis(adjustment),
             *_learnt(inputs, shared),
             *measured.messages,
             *sampled_messages,
-            *judged.messages,
+            *without_the_innocent(judged.messages, refined.causes),
         ),
     )
     return Computed(result, refined)

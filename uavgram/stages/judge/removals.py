@@ -49,7 +49,9 @@ def judge_removals(
         assert after is not None  # noqa: S101  (that step is there)
         group: tuple[str, ...] = ()
         rivals: tuple[str, ...] = ()
-        if removal.before is None and removal.kind == "known":
+        if removal.cause is not None:
+            what = removal.cause.message.text
+        elif removal.before is None and removal.kind == "known":
             i = removal.index
             what = f"known {named_thing(known.kind[i], known.name[i], known.points[i])}"
         elif removal.before is None:
@@ -69,6 +71,8 @@ def judge_removals(
                 variance_factor_before=_factor(steps[k]),
                 variance_factor_after=_factor(steps[later]),
                 change=tuple((after - (np.nan if before is None else before)).tolist()),
+                cause="" if removal.cause is None else removal.cause.message.code,
+                mended=removal.mended,
             )
         )
     return tuple(records)

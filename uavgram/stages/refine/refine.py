@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.blunders.gross_control import (
     control_beyond_doubt,
@@ -32,6 +34,7 @@ from uavgram.stages.refine.blunders.gross_lengths import (
 from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
 from uavgram.stages.refine.blunders.outstanding import outstanding, with_little_weight
 from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
+from uavgram.stages.refine.causes.adapt import adapted
 from uavgram.stages.refine.causes.hypothesis import Standing
 from uavgram.stages.refine.causes.identify import identify
 from uavgram.stages.refine.continued import continued
@@ -51,6 +54,9 @@ from uavgram.stages.refine.remarks import (
 )
 from uavgram.stages.refine.robust_adjustment import adjust_survey
 
+MOST_MENDS = 24
+"""Mends after which a survey is in disorder, and no more are made."""
+
 BEYOND_LENS = LeftOut(LeftOutCause.BEYOND_LENS, "the lens model cannot be inverted at that pixel")
 
 
@@ -62,28 +68,26 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     survey
         Observations and priors.
     options
-        What to do about blunders: with ``remove`` the observation with the largest standardised
+        What to do about blunders: with ``remove`` what was found to be wrong is mended (labels
+        swapped back, a unit put right); then the observation with the largest standardised
         residual above the critical value is taken out and everything adjusted anew, one at a
-        time, until none is left.
+        time, until none is left. With ``report`` all stays as it was written.
 
     Raises
     ------
     GeometryError
         The observations do not determine the survey; the message names what is missing.
     """
-    keep, reason = _in_lens(survey)
-    no_pick = np.zeros(len(survey.pick_frame), dtype=bool)
-    survey, refined, left_out = _without_gross_control(survey, keep, reason)
-    zoom: tuple[Message, ...] = ()
-    if options.noise == "estimate":
-        survey, refined, zoom = with_other_zoom(
-            survey, refined, lambda one: _without_gross_known(one, keep, reason)
-        )
-    off_ground = found_free(survey, refined)
-    survey = with_free(survey, off_ground)
-    refined = replace(refined, pick_removed=no_pick)
-    causes = identify(Standing(_participants(survey, refined), refined))
-    survey, refined, readout = with_sound_readout(survey, refined)
+    begun = _begun(survey, np.zeros(len(survey.pick_frame), dtype=np.bool_), options)
+    mends: tuple[Removal, ...] = ()
+    while options.outliers == "remove" and len(mends) < MOST_MENDS:
+        mended = adapted(begun.given, begun.causes, begun.refined)
+        if not mended.removals:
+            break
+        mends += mended.removals
+        begun = _begun(mended.survey, begun.refined.pick_removed | mended.without, options)
+    taken_out = begun.refined.pick_removed
+    survey, refined, readout = with_sound_readout(begun.survey, begun.refined)
     if options.noise == "estimate":
         survey, refined = with_noise_learnt(survey, refined)
     if options.outliers == "remove":
@@ -95,16 +99,68 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         if options.noise == "estimate":
             refined = _with_little_weight(refined)
     refined = with_gross_lengths(survey, with_gross_known(survey, refined))
-    refined = replace(refined, off_ground=frozenset(off_ground), causes=causes)
-    told = (
-        *(cause.message for cause in causes),
-        *left_out,
-        *zoom,
-        *off_ground_remarks(refined),
-        *readout,
-        *noise_remarks(refined.noise),
+    refined = replace(
+        refined,
+        off_ground=frozenset(begun.off_ground),
+        causes=(*(one.cause for one in mends if one.cause), *begun.causes),
+        removals=(*mends, *refined.removals),
+        pick_removed=refined.pick_removed | taken_out,
     )
+    told = (*(cause.message for cause in begun.causes), *begun.messages)
+    told = (*told, *off_ground_remarks(refined), *readout, *noise_remarks(refined.noise))
     return refined, (*told, *remarks(survey, refined), *search)
+
+
+class _Begun(NamedTuple):
+    """A survey adjusted at the stated noise.
+
+    Attributes
+    ----------
+    given, survey
+        As it was handed over; with what was found of control, zoom and heights.
+    refined
+        Its adjustment.
+    off_ground
+        Labels that stand off the ground though nobody said so.
+    causes
+        What explains that it does not fit.
+    messages
+        On control and zoom.
+    """
+
+    given: Survey
+    survey: Survey
+    refined: Refined
+    off_ground: list[str]
+    causes: tuple[Cause, ...]
+    messages: tuple[Message, ...]
+
+
+def _begun(given: Survey, removed: Bools, options: SolveOptions) -> _Begun:
+    """A survey adjusted at the stated noise, and what explains that it does not fit.
+
+    Parameters
+    ----------
+    given
+        All observations.
+    removed
+        (P,) picks that were taken out.
+    options
+        Whether the noise is to be learnt; where it is not, no zoom is.
+    """
+    keep, reason = _in_lens(given)
+    keep &= ~removed
+    survey, refined, left_out = _without_gross_control(given, keep, reason)
+    zoom: tuple[Message, ...] = ()
+    if options.noise == "estimate":
+        survey, refined, zoom = with_other_zoom(
+            survey, refined, lambda one: _without_gross_known(one, keep, reason)
+        )
+    off_ground = found_free(survey, refined)
+    survey = with_free(survey, off_ground)
+    refined = replace(refined, pick_removed=removed)
+    causes = identify(Standing(_participants(survey, refined), refined))
+    return _Begun(given, survey, refined, off_ground, causes, (*left_out, *zoom))
 
 
 def _without_gross_control(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -18,6 +19,7 @@ from uavgram.estimation.survey.names import Names
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message, Several
+from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.blunders.gross_lengths import odd_in_view, ratios_in_view
 
@@ -149,6 +151,8 @@ def _left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
 
 
 def _removal(removal: Removal, before: Refined) -> Message:
+    if removal.cause is not None:
+        return _mended(removal.cause, *removal.mended)
     names = Names(before.adjustment)
     what = names.observation(removal.suspicion.accused)
     plural = {"line": "known lengths", "pick": "picks", "known": "known things"}[removal.kind]
@@ -167,6 +171,12 @@ def _removal(removal: Removal, before: Refined) -> Message:
             f"{what} (w = {removal.w:.1f})",
         ),
     )
+
+
+def _mended(cause: Cause, before: str, after: str) -> Message:
+    """The message on a cause, with what was done about it."""
+    text = f"{cause.message.text} It was mended: {before}; now {after}."
+    return replace(cause.message, text=text, several=None)
 
 
 def not_located(refined: Refined, suspicion: Suspicion) -> Message:

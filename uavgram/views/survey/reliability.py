@@ -90,8 +90,11 @@ def removal_rows(result: Result) -> list[str]:
     """What was taken out, a sentence each."""
     sentences = []
     for step, one in enumerate(result.removals, start=1):
+        what = f"The {one.what}"
+        if one.cause:
+            what = f"{one.what} It was mended: {one.mended[0]}; now {one.mended[1]}"
         text = (
-            f"{step}. The {one.what} (w = {number(one.w, 1, signed=True)}); variance factor "
+            f"{step}. {what} (w = {number(one.w, 1, signed=True)}); variance factor "
             f"{number(one.variance_factor_before, 2)} before, "
             f"{number(one.variance_factor_after, 2)} after."
         )

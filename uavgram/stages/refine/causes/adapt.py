@@ -1,0 +1,90 @@
+"""A survey put in order: each mend applied, with what it changed, from what to what."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.survey.adjustment import Refined, Removal
+from uavgram.estimation.survey.names import named_ends
+from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.model.arrays import Bools
+from uavgram.model.survey.mend import Cause, Mend
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.causes.hypothesis import mended_survey
+
+MOST_LISTED = 4
+"""Changes of a mend that are spelled out; the cause's message names the rest."""
+
+
+class Adapted(NamedTuple):
+    """A survey that was mended.
+
+    Attributes
+    ----------
+    survey
+        As it is now taken.
+    without
+        (P,) picks that were taken out.
+    removals
+        A record of each mend.
+    """
+
+    survey: Survey
+    without: Bools
+    removals: tuple[Removal, ...]
+
+
+def adapted(survey: Survey, causes: Sequence[Cause], before: Refined) -> Adapted:
+    """The survey with what can be mended of these causes.
+
+    Parameters
+    ----------
+    survey
+        As it was taken before.
+    causes
+        Of its misfits, in the order in which they were found.
+    before
+        Its adjustment.
+    """
+    without = np.zeros(len(survey.pick_frame), dtype=np.bool_)
+    removals = []
+    for cause in causes:
+        if cause.mend is None:
+            continue
+        is_now = mended_survey(survey, cause.mend)
+        without[list(cause.mend.without_picks)] = True
+        size = float(np.sqrt(max(cause.gain, 0.0)))
+        removals.append(
+            Removal(
+                kind="mend",
+                index=-1,
+                suspicion=Suspicion(Member("mend", -1, 0), size, (), ()),
+                before=before,
+                cause=cause,
+                mended=(_words(survey, cause.mend), _words(is_now, cause.mend)),
+            )
+        )
+        survey = is_now
+    return Adapted(survey, without, tuple(removals))
+
+
+def _words(survey: Survey, mend: Mend) -> str:
+    """What a survey has of all that a mend changes."""
+    label, frame = survey.label, survey.frame_id
+    parts = [
+        f"{label[survey.pick_label[pick]]!r} in {frame[survey.pick_frame[pick]]!r} at "
+        f"({survey.pixel_px[pick, 0]:.1f}, {survey.pixel_px[pick, 1]:.1f}) px"
+        for pick in sorted(mend.picks | mend.without_picks)
+    ]
+    for line in sorted(mend.lines | mend.without_lines):
+        name = survey.line_name[line] if survey.line_name else ""
+        ends = named_ends(name, label[survey.line_start[line]], label[survey.line_end[line]])
+        parts.append(f"length {ends} {survey.length_m[line]:.3f} m")
+    for of in sorted(mend.free):
+        height = "at a height to be found" if survey.is_free[of] else "on the ground"
+        parts.append(f"{label[of]!r} {height}")
+    more = len(parts) - MOST_LISTED
+    return "; ".join(parts[:MOST_LISTED]) + (f"; and {more} more" if more > 0 else "")
