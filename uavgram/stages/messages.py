@@ -73,7 +73,7 @@ def without_the_innocent(messages: Iterable[Message], causes: Sequence[Cause]) -
     for message in messages:
         named = {*message.lengths} if message.lengths else {*message.frames}
         pairs = {(f, label) for f in message.frames for label in message.labels}
-        innocent = bool(named) and named <= settled or bool(pairs) and pairs <= picks
+        innocent = (bool(named) and named <= settled) or (bool(pairs) and pairs <= picks)
         if message.code in ACCUSING and innocent and id(message) not in own:
             yield replace(message, level="info")
         else:

@@ -83,8 +83,10 @@ def strays(standing: Standing) -> Strays:
 def wrong_picks(standing: Standing) -> Iterator[Hypothesis]:
     """The picks that stray farthest: each is somewhere else."""
     found = strays(standing)
-    number = len(standing.refined.pick_index)
-    taking = ~standing.spoilt[found.pick]
+    number, label = len(standing.refined.pick_index), standing.survey.pick_label
+    seen = np.bincount(label[standing.refined.pick_index], minlength=len(standing.survey.label))
+    # A point without its only pick is gone, and whatever it bears on: that is no test.
+    taking = ~standing.spoilt[found.pick] & (seen[label[found.pick]] > 1)
     for pick, fall in list(zip(found.pick[taking], found.fall[taking], strict=True))[:MOST_WRONG]:
         yield Hypothesis(
             tell=None,
