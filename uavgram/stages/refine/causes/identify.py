@@ -121,12 +121,14 @@ def _worst(adjustment: Adjustment) -> float:
 
 def _likeliest(standing: Standing) -> _Judged | None:
     """The likeliest hypothesis, if chance does not explain it as well."""
-    judged = _screened(standing)
-    tried = [_tried(standing, one) for one in judged[:MOST_TRIED]]
-    tried = [one for one in tried if one.odds > SURE]
-    if not tried:
-        return None
-    return max(tried, key=lambda one: one.odds)
+    best: _Judged | None = None
+    for one in _screened(standing)[:MOST_TRIED]:
+        if one.odds < 0.0 or (best is not None and best.odds > one.odds + SURE):
+            break  # what the linear model promises the rest is less
+        tried = _tried(standing, one)
+        if tried.odds > (SURE if best is None else best.odds):
+            best = tried
+    return best
 
 
 def _screened(standing: Standing) -> list[_Judged]:
