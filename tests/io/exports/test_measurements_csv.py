@@ -20,7 +20,7 @@ def test_the_table_holds_the_measurements_with_empty_cells_for_what_is_not_known
 
     assert ",".join(rows[0]) == (
         "name,kind,points,value,sigma,unit,lower_95,upper_95,alternatives,"
-        "shift_relief_10cm,shift_tape_1pct,sigma_stated"
+        "shift_relief_10cm,shift_tape_1pct,sigma_stated,status"
     )
     assert rows[1] == [
         "m, long",
