@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from uavgram.estimation.reliability.core import core_squares
+from uavgram.estimation.reliability.core import core_fit as core_fit
+from uavgram.estimation.reliability.core import redundancy_of as redundancy_of
 from uavgram.estimation.reliability.data_snooping import RIVAL
 from uavgram.estimation.reliability.redundancy import level_of_each, upper_tail
 from uavgram.estimation.reliability.test_statistics import falls_without
@@ -60,7 +61,7 @@ class Outstanding(NamedTuple):
 def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
     """Rows of few observations that stand out of all noise; and whether everything else fits."""
     blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
-    squares, degrees = core_squares(adjustment)
+    squares, degrees, _ = core_fit(adjustment)
     falls: list[_Fall] = []
     for name in ("pixels", "lengths", "known"):
         if name in blocks:
