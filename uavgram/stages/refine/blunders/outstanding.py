@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from uavgram.estimation.reliability.core import core_fit as core_fit
-from uavgram.estimation.reliability.core import redundancy_of as redundancy_of
+from uavgram.estimation.reliability.core import core_fit
 from uavgram.estimation.reliability.data_snooping import RIVAL
 from uavgram.estimation.reliability.redundancy import level_of_each, upper_tail
 from uavgram.estimation.reliability.test_statistics import falls_without
