@@ -45,6 +45,7 @@ from uavgram.stages.assemble import Assembled, Observations, assemble
 from uavgram.stages.camera.assume import ASSUMED_CAMERA, UNKNOWN_CAMERA
 from uavgram.stages.camera.learn import what_was_learnt
 from uavgram.stages.duplicates import Duplicates
+from uavgram.stages.judge import pass_verdict
 from uavgram.stages.measure import measure, measurement_results
 from uavgram.stages.messages import in_order, without_the_innocent
 from uavgram.stages.monte_carlo import compare, sample
@@ -122,6 +123,23 @@ def compute(
     sampled, sampled_messages = _sampled(inputs, posed.frames, adjustment, measured.table, sampling)
     judged = judge_survey(inputs, assembled, refined, values, posed.frames, check)
     shared = summarise_shared(adjustment, posed.frames.clock_offset_s)
+    messages = in_order(
+        *inputs.messages,
+        *duplicates.messages,
+        *posed.messages,
+        *known_messages,
+        *check_messages,
+        *_unjudged(inputs, world),
+        *assembled.messages,
+        *heading_messages,
+        *without_the_innocent(refine_messages, refined.causes),
+        *scale_basis(adjustment),
+        *_learnt(inputs, shared),
+        *measured.messages,
+        *sampled_messages,
+        *without_the_innocent(judged.messages, refined.causes),
+    )
+    verdict, status = pass_verdict(messages, judged.fit, judged.examined, measured.table)
     result = Result(
         name=inputs.project.name,
         provenance=_provenance(inputs, sampling),
@@ -135,7 +153,7 @@ def compute(
         lines=judged.lines,
         known=judged.known,
         picks=judged.picks,
-        measurements=measured.table,
+        measurements=replace(measured.table, status=status),
         profiles=profiles(adjustment, inputs.requests),
         second_order=measured.curvature,
         monte_carlo=sampled,
@@ -146,22 +164,8 @@ def compute(
         checks_overall=judged.checks_overall,
         solution=summarise_solution(refined, judged.groups, measured.others),
         noise=refined.noise,
-        messages=in_order(
-            *inputs.messages,
-            *duplicates.messages,
-            *posed.messages,
-            *known_messages,
-            *check_messages,
-            *_unjudged(inputs, world),
-            *assembled.messages,
-            *heading_messages,
-            *without_the_innocent(refine_messages, refined.causes),
-            *scale_basis(adjustment),
-            *_learnt(inputs, shared),
-            *measured.messages,
-            *sampled_messages,
-            *without_the_innocent(judged.messages, refined.causes),
-        ),
+        messages=messages,
+        verdict=verdict,
     )
     return Computed(result, refined)
 
