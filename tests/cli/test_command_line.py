@@ -29,7 +29,7 @@ def test_run_prints_the_measurements_worst_first_and_then_the_messages(
     ]
     assert len(shares) >= 7
     assert shares == sorted(shares, key=float, reverse=True)
-    assert "info: camera clock minus UTC is +2.60" in said
+    assert "info: Camera clock minus UTC is +2.60" in said
 
 
 def test_verbose_says_the_steps_on_stderr(project: Project, command: Command) -> None:
