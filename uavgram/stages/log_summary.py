@@ -105,11 +105,11 @@ def _unusual(boot: Boot) -> Iterator[Message]:
     if boot.attitudes is None:
         yield _warning(
             "attitude-missing",
-            "The log never states the vehicle's attitude: it cannot place photos.",
+            "The vehicle's attitude is never stated: this log cannot place photos.",
         )
     if positions is None:
         yield _warning(
-            "position-missing", "The log never states where the vehicle is: it cannot place photos."
+            "position-missing", "It is never stated where the vehicle is: this log cannot place photos."
         )
         return
     pauses = np.diff(positions.time_boot_s)
