@@ -109,7 +109,8 @@ def _unusual(boot: Boot) -> Iterator[Message]:
         )
     if positions is None:
         yield _warning(
-            "position-missing", "It is never stated where the vehicle is: this log cannot place photos."
+            "position-missing",
+            "It is never stated where the vehicle is: this log cannot place photos.",
         )
         return
     pauses = np.diff(positions.time_boot_s)
