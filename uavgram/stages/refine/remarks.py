@@ -244,11 +244,12 @@ def _ambiguity(refined: Refined) -> Iterator[Message]:
             )
             yield Message("warning", "three-known", text)
             return
+        best, ends = _suggestion(refined)
         text = (
             "Three lengths alone: nothing checks them, and they may have several solutions. Tape "
-            f"a fourth line that does not close a triangle{_suggestion(refined)}."
+            f"a fourth line that does not close a triangle{best}."
         )
-        yield Message("warning", "three-lengths", text)
+        yield Message("warning", "three-lengths", text, labels=ends)
 
 
 def _differences(refined: Refined) -> str:
@@ -276,25 +277,28 @@ def _weak_lengths(refined: Refined) -> Iterator[Message]:
         return
     what = "; ".join(faults) or "they say little of the scene's shape"
     known = "lengths and things" if survey.known else "lengths"
+    best, labels = _suggestion(refined)
     text = (
         f"The known {known} are weak as a set: {what}. Distances between the points are known to "
-        f"{100 * advice.relative_sigma:.2g} %{_suggestion(refined)}."
+        f"{100 * advice.relative_sigma:.2g} %. Tape another line{best}."
     )
     level: Literal["info", "warning"] = "warning" if advice.relative_sigma >= WEAK else "info"
-    yield Message(level, "weak-lengths", text)
+    yield Message(level, "weak-lengths", text, labels=labels)
 
 
-def _suggestion(refined: Refined) -> str:
-    """The line to tape next and what it would bring, as the end of a sentence."""
+def _suggestion(refined: Refined) -> tuple[str, tuple[str, ...]]:
+    """The line to tape next and what it would bring, as the end of a sentence; and its ends."""
     advice = next_line(refined.adjustment)
     if advice is None or not advice.relative_sigma_after < advice.relative_sigma:
-        return ""
+        return "", ()
     label = refined.adjustment.survey.label
-    return (
-        f"; best from {label[advice.start]!r} to {label[advice.end]!r}, about "
-        f"{advice.length_m:.1f} m long: it would bring the sigma of distances from "
-        f"{100 * advice.relative_sigma:.2g} % to {100 * advice.relative_sigma_after:.2g} %"
+    start, end = label[advice.start], label[advice.end]
+    text = (
+        f"; best from {start!r} to {end!r}, about {advice.length_m:.1f} m long: it would bring the "
+        f"sigma of distances from {100 * advice.relative_sigma:.2g} % to "
+        f"{100 * advice.relative_sigma_after:.2g} %"
     )
+    return text, (start, end)
 
 
 def _ambiguous_control(refined: Refined) -> Iterator[Message]:

@@ -36,6 +36,8 @@ from uavgram.model.options import MountOptions, TelemetryOptions
 # through a flight is `position_bias_sigma_m` and `heading_bias_sigma_deg`, shared unknowns.
 POSITION_FLOOR_M = 0.5
 TILT_FLOOR_DEG, YAW_FLOOR_DEG = 1.0, 2.0
+WITHOUT = "use another one, or leave `log` out to measure by known lengths alone"
+
 _LONG_HOLD_S = 1.0
 
 Home = tuple[float, float, float]
@@ -72,7 +74,7 @@ def find_home(
         return _stated_home(boot.home, first_boot_s)
     positions = boot.positions
     if positions is None:
-        raise UavgramError("the log has no positions: there is no home to put the origin at")
+        raise UavgramError(f"the log has no positions, so there is no home: {WITHOUT}")
     above = positions.height_home_m[0]
     height = positions.height_m[0] - (above if np.isfinite(above) else 0.0)
     how = (
@@ -133,12 +135,9 @@ def build_track(
     """
     positions, attitudes = boot.positions, boot.attitudes
     if positions is None or len(positions.time_boot_s) < 2:
-        raise UavgramError("the log has fewer than two positions: a pose cannot be interpolated")
+        raise UavgramError(f"the log has fewer than two positions: {WITHOUT}")
     if attitudes is None or len(attitudes.time_boot_s) < 2:
-        raise UavgramError(
-            "the log has no attitude of the vehicle (ATT, ATTITUDE): a pose cannot be seeded; "
-            "leave `log` out to measure by known lengths alone"
-        )
+        raise UavgramError(f"the log has no attitude of the vehicle (ATT, ATTITUDE): {WITHOUT}")
     center_m = enu_from_geodetic(
         positions.latitude_deg, positions.longitude_deg, positions.height_m, origin
     )
