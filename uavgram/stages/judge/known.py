@@ -159,11 +159,11 @@ def _left_out(results: KnownResults, i: int) -> Message:
     several = Several(
         "{count} known things were left out",
         f"{what} {how}",
-        ending=f"{why} Look at their values and units, and at the labels of their points.",
+        ending=f"Look at their values and units, and at the labels of their points. {why}",
     )
     text = (
-        f"The known {what} was left out: {how}. {why} Look at its value and unit, and at the "
-        "labels of its points."
+        f"The known {what} was left out: {how}. Look at its value and unit, and at the labels of "
+        f"its points. {why}"
     )
     return Message("warning", "known-left-out", text, labels=results.points[i], several=several)
 

@@ -216,8 +216,8 @@ def _text(
             f"say{ask} {listed}."
         )
     return (
-        f"{opening} With so gross an error, nothing else would fit. Look at reading and unit, and "
-        "at the labels of the ends."
+        f"{opening} Look at reading and unit, and at the labels of the ends. With so gross an "
+        "error, nothing else would fit."
     )
 
 

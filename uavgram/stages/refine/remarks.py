@@ -56,10 +56,10 @@ def _not_converged(refined: Refined) -> Message:
     row = int(sizes[kind].argmax())
     names, hardest = Names(refined.adjustment), Member(kind, row, 0)
     text = (
-        "The adjustment did not come to rest: do not trust these numbers, and no test can tell "
-        f"from them what is wrong. The {names.observation(hardest)} pulls hardest (residual of "
-        f"{sizes[kind][row]:.3g} of its sigmas). Look for a swapped label or a wrong length; where "
-        "the camera is only assumed, calibrate it."
+        "The adjustment did not come to rest: do not trust these numbers. Look for a swapped label "
+        "or a wrong length; where the camera is only assumed, calibrate it. "
+        f"The {names.observation(hardest)} pulls hardest (residual of {sizes[kind][row]:.3g} of "
+        "its sigmas), but no test can tell from these numbers what is wrong."
     )
     return Message("error", "not-converged", text, **names.subjects(hardest))
 
@@ -101,8 +101,8 @@ def _listed(survey: Survey, ratio: Floats) -> str:
         for i in _oddest(ratio)
     ]
     return (
-        "Taped over seen, as if from straight above, an ordinary one of the same frames being 1: "
-        f"{', '.join(values)}. Look at the unit and at the labels of the odd one."
+        "Look at the unit and at the labels of the odd one: taped over seen, as if from straight "
+        f"above, an ordinary one of the same photos being 1, are {', '.join(values)}."
     )
 
 
@@ -230,8 +230,8 @@ def _ambiguity(refined: Refined) -> Iterator[Message]:
         what = "known lengths and things fit" if survey.known else "lengths fit"
         text = (
             f"The {what} {len(refined.alternatives) + 1} camera positions about equally well"
-            f"{within}: {_differences(refined)}. The measured values of the others stand under "
-            f"alternatives. Tape another line that does not close a triangle{also}{how_else}."
+            f"{within}: {_differences(refined)}. Tape another line that does not close a "
+            f"triangle{also}{how_else}. The measured values of the others stand under alternatives."
         )
         yield Message("warning", "ambiguous-pose", text)
     lines = len(refined.adjustment.problem.line_index)
@@ -305,9 +305,9 @@ def _ambiguous_control(refined: Refined) -> Iterator[Message]:
     if not refined.alternatives:
         return
     text = (
-        f"The control points fit {len(refined.alternatives) + 1} camera positions equally well; "
-        "the measured values of the others stand under alternatives. Pick more control points, "
-        "wider apart or of other heights, or give the flight log."
+        f"The control points fit {len(refined.alternatives) + 1} camera positions equally well. "
+        "Pick more control points, wider apart or of other heights, or give the flight log. The "
+        "measured values of the others stand under alternatives."
     )
     yield Message("warning", "ambiguous-pose", text)
 
