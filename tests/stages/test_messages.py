@@ -81,7 +81,7 @@ def test_the_cause_comes_first_its_consequences_last_and_errors_before_all() -> 
 
 
 def test_identified_causes_come_before_what_they_explain() -> None:
-    """What spoils everything, what spoils one thing, the log, the accused, and what is left open."""
+    """What spoils everything, what spoils one thing, the log, the accused, what is left open."""
     codes = (
         *("lengths-wrong-unit", "label-elsewhere", "log-position-jump", "line-left-out"),
         *("pick-suspect", "misfit", "ground-not-plane", "nothing-checks", "line-unseen"),
